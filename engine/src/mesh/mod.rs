@@ -1,0 +1,1 @@
+//! Plain mesh data, readers, writers, generators and the check.
