@@ -1,0 +1,243 @@
+//! How laws and solvers meet: an [`EvaluationRequest`] says what is wanted, every law writes into
+//! its own [`LawBuffer`] (so laws never conflict and may run in parallel), and a gather system per
+//! law adds the buffers up in a fixed order.
+//!
+//! A buffer holds private arrays for a fixed set of element ranges. Because elements are sorted by
+//! vertex row, a range touches only a short span of rows and of tangent blocks, and its private
+//! arrays cover just that span. There are no atomics and no colouring, and the sum does not depend
+//! on the number of threads.
+
+use crate::matrix::BlockMatrix;
+use crate::scalar::Scalar;
+use crate::topology::Topology;
+use crate::workers::Workers;
+use bevy_ecs::prelude::Resource;
+use std::marker::PhantomData;
+use std::ops::Range;
+
+/// Which second derivative is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TangentKind {
+    /// The exact Hessian, indefinite in compressed states.
+    Exact,
+    /// Only the part that is positive semi-definite by construction.
+    GaussNewton,
+    /// Exact where it is positive semi-definite, eigenvalues clamped at zero per element elsewhere.
+    Projected,
+}
+
+/// What the next run of [`crate::schedule::ForceSchedule`] has to produce.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub struct EvaluationRequest {
+    /// Elastic energy into [`ElasticEnergy`].
+    pub energy: bool,
+    /// Elastic forces into [`crate::vertex::ElasticForce`].
+    pub force: bool,
+    /// Tangent into [`crate::matrix::Tangent`].
+    pub tangent: Option<TangentKind>,
+}
+
+/// Elastic energy of the last evaluation (J).
+#[derive(Resource, Clone, Debug, Default)]
+pub struct ElasticEnergy {
+    /// Sum over all laws.
+    pub total: f64,
+    /// Contribution of each law, in gather order.
+    pub by_law: Vec<(&'static str, f64)>,
+}
+
+/// A force law: a marker type that names its buffer and its place in the sum.
+pub trait Law: Send + Sync + 'static {
+    /// Name shown in reports.
+    const NAME: &'static str;
+    /// Place in the fixed order in which contributions are added; unique per law.
+    const ORDER: u8;
+}
+
+/// Private arrays of one range of elements.
+#[derive(Clone, Debug)]
+pub struct Span<S> {
+    /// Elements (table rows) of this range.
+    pub elements: Range<usize>,
+    /// Vertex rows they touch, lowest to highest.
+    pub rows: Range<usize>,
+    /// Tangent blocks of those rows.
+    pub blocks: Range<usize>,
+    /// Forces (N), one per row of `rows`; fourth entry padding.
+    pub force: Vec<[S; 4]>,
+    /// Diagonal tangent blocks (N/m), one per row of `rows`, row-major; empty until asked for.
+    pub diagonal: Vec<[S; 9]>,
+    /// Off-diagonal tangent blocks (N/m), one per block of `blocks`; empty until asked for.
+    pub off_diagonal: Vec<[S; 9]>,
+    /// Energy (J).
+    pub energy: f64,
+    /// Elements whose eigenvalues had to be clamped.
+    pub clamped: u64,
+}
+
+impl<S: Scalar> Span<S> {
+    /// Makes the force array zero.
+    pub fn clear_force(&mut self) {
+        self.force.clear();
+        self.force.resize(self.rows.len(), [S::ZERO; 4]);
+    }
+
+    /// Makes the tangent arrays zero, allocating them at first use.
+    pub fn clear_tangent(&mut self) {
+        self.diagonal.clear();
+        self.diagonal.resize(self.rows.len(), [S::ZERO; 9]);
+        self.off_diagonal.clear();
+        self.off_diagonal.resize(self.blocks.len(), [S::ZERO; 9]);
+        self.clamped = 0;
+    }
+
+    /// Adds a force to a vertex row.
+    #[inline(always)]
+    pub fn add_force(&mut self, row: u32, f: [S; 3]) {
+        let p = &mut self.force[row as usize - self.rows.start];
+        p[0] += f[0];
+        p[1] += f[1];
+        p[2] += f[2];
+    }
+
+    /// Adds a diagonal block.
+    #[inline(always)]
+    pub fn add_diagonal(&mut self, row: u32, m: &[S; 9]) {
+        let p = &mut self.diagonal[row as usize - self.rows.start];
+        for i in 0..9 {
+            p[i] += m[i];
+        }
+    }
+
+    /// Adds an off-diagonal block given for (row of `a`, column of `b`); it is transposed when `a`
+    /// is the higher row, since only the upper half is stored.
+    #[inline(always)]
+    pub fn add_off_diagonal(&mut self, block: u32, a: u32, b: u32, m: &[S; 9]) {
+        let p = &mut self.off_diagonal[block as usize - self.blocks.start];
+        if a < b {
+            for i in 0..9 {
+                p[i] += m[i];
+            }
+        } else {
+            for i in 0..3 {
+                for j in 0..3 {
+                    p[3 * i + j] += m[3 * j + i];
+                }
+            }
+        }
+    }
+}
+
+/// Contribution of law `L` to forces, tangent and energy.
+#[derive(Resource, Clone, Debug)]
+pub struct LawBuffer<L: Law, S: Scalar> {
+    /// Fixed ranges of elements with their private arrays.
+    pub spans: Vec<Span<S>>,
+    law: PhantomData<fn() -> L>,
+}
+
+impl<L: Law, S: Scalar> Default for LawBuffer<L, S> {
+    fn default() -> Self {
+        Self { spans: Vec::new(), law: PhantomData }
+    }
+}
+
+/// Elements per range: enough work to be worth a task, few enough ranges to keep overlaps small.
+const ELEMENTS_PER_SPAN: usize = 2048;
+/// Upper limit for the number of ranges.
+const MAX_SPANS: usize = 16;
+
+impl<L: Law, S: Scalar> LawBuffer<L, S> {
+    /// Cuts elements into fixed ranges. `vertices(i)` lists the vertex rows of element `i`.
+    pub fn partition<'a>(
+        &mut self,
+        count: usize,
+        topology: &Topology,
+        vertices: impl Fn(usize) -> &'a [u32],
+    ) {
+        let pieces = (count / ELEMENTS_PER_SPAN).clamp(1, MAX_SPANS);
+        self.spans.clear();
+        for piece in 0..pieces {
+            let elements = count * piece / pieces..count * (piece + 1) / pieces;
+            if elements.is_empty() {
+                continue;
+            }
+            let (mut low, mut high) = (u32::MAX, 0);
+            for i in elements.clone() {
+                for &v in vertices(i) {
+                    low = low.min(v);
+                    high = high.max(v);
+                }
+            }
+            let rows = low as usize..high as usize + 1;
+            let blocks =
+                topology.edge_start[rows.start] as usize..topology.edge_start[rows.end] as usize;
+            self.spans.push(Span {
+                elements,
+                rows,
+                blocks,
+                force: Vec::new(),
+                diagonal: Vec::new(),
+                off_diagonal: Vec::new(),
+                energy: 0.0,
+                clamped: 0,
+            });
+        }
+    }
+
+    /// Number of elements.
+    pub fn element_count(&self) -> usize {
+        self.spans.iter().map(|s| s.elements.len()).sum()
+    }
+
+    /// Sum of the energies of all ranges (J).
+    pub fn energy(&self) -> f64 {
+        self.spans.iter().map(|s| s.energy).sum()
+    }
+
+    /// Adds the forces of all ranges to `total`, range by range for each row.
+    pub fn add_forces_to(&self, workers: &Workers, total: &mut [[S; 4]]) {
+        let work = self.spans.iter().map(|s| s.rows.len()).sum::<usize>() * 2;
+        workers.for_chunks(total, ROW_CHUNK, work, |first, rows| {
+            for span in &self.spans {
+                let from = span.rows.start.max(first);
+                let to = span.rows.end.min(first + rows.len());
+                if from >= to || span.force.is_empty() {
+                    continue;
+                }
+                let source = &span.force[from - span.rows.start..to - span.rows.start];
+                for (t, f) in rows[from - first..to - first].iter_mut().zip(source) {
+                    for k in 0..4 {
+                        t[k] += f[k];
+                    }
+                }
+            }
+        });
+    }
+
+    /// Adds the tangent blocks of all ranges to `total`, range by range for each block.
+    pub fn add_tangent_to(&self, workers: &Workers, total: &mut BlockMatrix<S>) {
+        let work = self.spans.iter().map(|s| s.blocks.len()).sum::<usize>() * 6;
+        let add = |first: usize, into: &mut [[S; 9]], range: &Range<usize>, from: &[[S; 9]]| {
+            let low = range.start.max(first);
+            let high = range.end.min(first + into.len());
+            if low >= high || from.is_empty() {
+                return;
+            }
+            let source = &from[low - range.start..high - range.start];
+            for (t, m) in into[low - first..high - first].iter_mut().zip(source) {
+                for k in 0..9 {
+                    t[k] += m[k];
+                }
+            }
+        };
+        workers.for_chunks(&mut total.diagonal, ROW_CHUNK, work / 7, |first, rows| {
+            self.spans.iter().for_each(|s| add(first, rows, &s.rows, &s.diagonal));
+        });
+        workers.for_chunks(&mut total.off_diagonal, ROW_CHUNK, work, |first, blocks| {
+            self.spans.iter().for_each(|s| add(first, blocks, &s.blocks, &s.off_diagonal));
+        });
+    }
+}
+
+const ROW_CHUNK: usize = 2048;

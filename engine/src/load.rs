@@ -1,0 +1,232 @@
+//! Constraints and loads: entities of their own that name vertex rows, with a time curve.
+//! [`StepSystems::Prepare`](crate::schedule::StepSystems::Prepare) turns them into the vertex
+//! columns [`FixedAxes`], [`PrescribedDisplacement`] and [`ExternalForce`].
+
+use crate::columns::single_table;
+use crate::scalar::Scalar;
+use crate::step::{Gravity, StepClock};
+use crate::vertex::{
+    Displacement, ExternalForce, FixedAxes, Mass, PrescribedDisplacement, RestPosition,
+};
+use bevy_ecs::prelude::*;
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// A factor that varies with time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Curve {
+    /// Always 1.
+    Constant,
+    /// Linear between (time in s, factor) points, constant outside; times ascending.
+    Points(Vec<[f64; 2]>),
+    /// `sin(2 pi frequency t + phase)`; frequency in Hz, phase in rad.
+    Sine {
+        /// Frequency (Hz).
+        frequency: f64,
+        /// Phase (rad).
+        phase: f64,
+    },
+}
+
+impl Curve {
+    /// From 0 at `start` to 1 at `end` (s).
+    pub fn ramp(start: f64, end: f64) -> Self {
+        Self::Points(vec![[start, 0.0], [end, 1.0]])
+    }
+
+    /// Value at a time (s).
+    ///
+    /// ```
+    /// # use sinew_engine::load::Curve;
+    /// assert_eq!(Curve::ramp(1.0, 3.0).value(1.5), 0.25);
+    /// assert_eq!(Curve::ramp(1.0, 3.0).value(9.0), 1.0);
+    /// ```
+    pub fn value(&self, t: f64) -> f64 {
+        match self {
+            Self::Constant => 1.0,
+            Self::Points(points) => {
+                let after = points.partition_point(|p| p[0] <= t);
+                match (points.get(after.wrapping_sub(1)), points.get(after)) {
+                    (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (t - a[0]) / (b[0] - a[0]),
+                    (Some(a), None) | (None, Some(a)) => a[1],
+                    (None, None) => 1.0,
+                }
+            }
+            Self::Sine { frequency, phase } => {
+                (std::f64::consts::TAU * frequency * t + phase).sin()
+            }
+        }
+    }
+}
+
+/// Where constrained vertices go, relative to where they were when the constraint took hold; the
+/// curve scales it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Motion {
+    /// They stay.
+    Hold,
+    /// A common translation (m).
+    Translate(DVec3),
+    /// One translation (m) per vertex of the constraint.
+    TranslateEach(Vec<DVec3>),
+    /// A rotation about an axis.
+    Rotate {
+        /// Point on the axis (m).
+        centre: DVec3,
+        /// Direction of the axis (any length).
+        axis: DVec3,
+        /// Angle (rad) at curve value 1.
+        angle: f64,
+    },
+}
+
+/// Holds or moves vertices while it is active.
+#[derive(Component, Clone, Debug)]
+pub struct Constraint {
+    /// Name for reports and probes.
+    pub name: String,
+    /// Vertex rows.
+    pub rows: Vec<u32>,
+    /// Held axes.
+    pub axes: FixedAxes,
+    /// Prescribed motion.
+    pub motion: Motion,
+    /// Factor on the motion.
+    pub curve: Curve,
+    /// Time (s) from which it acts.
+    pub from: f64,
+    /// Time (s) after which the vertices are free again.
+    pub until: f64,
+    /// Displacements (m) when it took hold; filled by the engine.
+    pub start: Vec<DVec3>,
+}
+
+impl Constraint {
+    /// Holds `rows` where they are, for good.
+    pub fn hold(name: impl Into<String>, rows: Vec<u32>) -> Self {
+        Self::moving(name, rows, Motion::Hold, Curve::Constant)
+    }
+
+    /// Moves `rows`, for good.
+    pub fn moving(name: impl Into<String>, rows: Vec<u32>, motion: Motion, curve: Curve) -> Self {
+        Self {
+            name: name.into(),
+            rows,
+            axes: FixedAxes::ALL,
+            motion,
+            curve,
+            from: f64::NEG_INFINITY,
+            until: f64::INFINITY,
+            start: Vec::new(),
+        }
+    }
+
+    /// Whether it acts on a step that ends at `t` (s).
+    pub fn active(&self, t: f64) -> bool {
+        t >= self.from && t <= self.until
+    }
+}
+
+/// Dead loads: forces (N) on vertex rows, scaled by a curve.
+#[derive(Component, Clone, Debug)]
+pub struct Load {
+    /// Name for reports.
+    pub name: String,
+    /// Vertex rows and their forces (N).
+    pub forces: Vec<(u32, DVec3)>,
+    /// Factor on the forces.
+    pub curve: Curve,
+}
+
+/// Writes [`FixedAxes`] and [`PrescribedDisplacement`] for the end of the step.
+pub fn apply_constraints<S: Scalar>(
+    clock: Res<StepClock>,
+    mut constraints: Query<(Entity, &mut Constraint)>,
+    mut vertices: Query<(
+        &RestPosition,
+        &Displacement<S>,
+        &mut FixedAxes,
+        &mut PrescribedDisplacement<S>,
+    )>,
+    mut order: Local<Vec<Entity>>,
+) {
+    let t = clock.time + clock.dt;
+    let Some((rest, displacement, mut fixed, mut prescribed)) =
+        single_table(vertices.contiguous_iter_mut())
+    else {
+        return;
+    };
+    let fixed = fixed.bypass_change_detection();
+    let prescribed = prescribed.bypass_change_detection();
+    fixed.fill(FixedAxes::NONE);
+    // where constraints overlap the later one wins, in order of creation
+    order.clear();
+    order.extend(constraints.iter().map(|(e, _)| e));
+    order.sort_unstable();
+    for &entity in order.iter() {
+        let Ok((_, mut constraint)) = constraints.get_mut(entity) else { continue };
+        if !constraint.active(t) {
+            continue;
+        }
+        if constraint.start.len() != constraint.rows.len() {
+            constraint.start = constraint
+                .rows
+                .iter()
+                .map(|&r| {
+                    let u = displacement[r as usize].0;
+                    DVec3::new(u[0].to_f64(), u[1].to_f64(), u[2].to_f64())
+                })
+                .collect();
+        }
+        let factor = constraint.curve.value(t);
+        for (i, (&row, &start)) in constraint.rows.iter().zip(&constraint.start).enumerate() {
+            let u = match &constraint.motion {
+                Motion::Hold => start,
+                Motion::Translate(d) => start + *d * factor,
+                Motion::TranslateEach(d) => {
+                    start + d.get(i).copied().unwrap_or(DVec3::ZERO) * factor
+                }
+                Motion::Rotate { centre, axis, angle } => {
+                    let x = rest[row as usize].0 + start;
+                    let turn = DQuat::from_axis_angle(axis.normalize(), angle * factor);
+                    *centre + turn * (x - *centre) - rest[row as usize].0
+                }
+            };
+            fixed[row as usize].0 |= constraint.axes.0;
+            for k in 0..3 {
+                if constraint.axes.holds(k) {
+                    prescribed[row as usize].0[k] = S::from_f64(u[k]);
+                }
+            }
+        }
+    }
+}
+
+/// Writes [`ExternalForce`] for the end of the step: gravity plus loads.
+pub fn apply_loads<S: Scalar>(
+    clock: Res<StepClock>,
+    gravity: Res<Gravity>,
+    loads: Query<(Entity, &Load)>,
+    mut vertices: Query<(&Mass<S>, &mut ExternalForce<S>)>,
+    mut order: Local<Vec<Entity>>,
+) {
+    let t = clock.time + clock.dt;
+    let Some((mass, mut force)) = single_table(vertices.contiguous_iter_mut()) else { return };
+    let force = force.bypass_change_detection();
+    let g = gravity.0.to_array().map(S::from_f64);
+    for (f, m) in force.iter_mut().zip(mass) {
+        f.0 = [m.0 * g[0], m.0 * g[1], m.0 * g[2], S::ZERO];
+    }
+    order.clear();
+    order.extend(loads.iter().map(|(e, _)| e));
+    order.sort_unstable();
+    for &entity in order.iter() {
+        let Ok((_, load)) = loads.get(entity) else { continue };
+        let factor = load.curve.value(t);
+        for &(row, f) in &load.forces {
+            for k in 0..3 {
+                force[row as usize].0[k] += S::from_f64(f[k] * factor);
+            }
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! Symmetric sparse matrix of 3x3 blocks on the edge graph, upper half stored.
+
+use crate::scalar::{Scalar, mat_transpose_vec, mat_vec, xyz};
+use crate::topology::Topology;
+use crate::workers::Workers;
+use bevy_ecs::prelude::Resource;
+use std::ops::Range;
+
+/// Symmetric block matrix: one diagonal block per vertex row and one off-diagonal block per edge of
+/// the edge graph, whose lower row is the block's row. Entries in N/m when it is a tangent,
+/// `K = +d2W/dx2`.
+#[derive(Clone, Debug, Default)]
+pub struct BlockMatrix<S> {
+    /// Diagonal blocks, row-major.
+    pub diagonal: Vec<[S; 9]>,
+    /// Upper off-diagonal blocks, row-major, in the order of [`Topology::edges`].
+    pub off_diagonal: Vec<[S; 9]>,
+}
+
+/// The tangent of the last evaluation that asked for one, and how many elements were clamped in it.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Tangent<S: Scalar> {
+    /// Sum over all laws.
+    pub matrix: BlockMatrix<S>,
+    /// Elements whose eigenvalues were clamped.
+    pub clamped: u64,
+}
+
+/// Work space of [`BlockMatrix::multiply`]: private result arrays of fixed row ranges.
+#[derive(Clone, Debug, Default)]
+pub struct ProductSpans<S> {
+    spans: Vec<ProductSpan<S>>,
+    revision: u64,
+}
+
+#[derive(Clone, Debug)]
+struct ProductSpan<S> {
+    rows: Range<usize>,
+    /// Rows reached by the transposed blocks: `rows.start..reach`.
+    reach: usize,
+    result: Vec<[S; 4]>,
+}
+
+/// Blocks per range of the product.
+const BLOCKS_PER_SPAN: usize = 16_384;
+const MAX_SPANS: usize = 16;
+const ROW_CHUNK: usize = 2048;
+
+impl<S: Scalar> ProductSpans<S> {
+    /// Cuts the rows into fixed ranges of about equal work; does nothing when already done.
+    pub fn prepare(&mut self, topology: &Topology) {
+        if self.revision == topology.revision && !self.spans.is_empty() {
+            return;
+        }
+        self.revision = topology.revision;
+        self.spans.clear();
+        let n = topology.vertex_count();
+        let blocks = topology.edges.len();
+        let pieces = (blocks / BLOCKS_PER_SPAN).clamp(1, MAX_SPANS);
+        let mut row = 0;
+        for piece in 0..pieces {
+            let end = if piece + 1 == pieces {
+                n
+            } else {
+                let target = (blocks * (piece + 1) / pieces) as u32;
+                topology.edge_start.partition_point(|&s| s < target).clamp(row, n)
+            };
+            if row == end {
+                continue;
+            }
+            let (first, last) = (topology.edge_start[row], topology.edge_start[end]);
+            let reach = topology.edges[first as usize..last as usize]
+                .iter()
+                .map(|e| e[1] as usize + 1)
+                .max()
+                .unwrap_or(end)
+                .max(end);
+            self.spans.push(ProductSpan { rows: row..end, reach, result: Vec::new() });
+            row = end;
+        }
+    }
+}
+
+impl<S: Scalar> BlockMatrix<S> {
+    /// Makes every block zero, with the sizes of `topology`.
+    pub fn clear(&mut self, topology: &Topology) {
+        self.diagonal.clear();
+        self.diagonal.resize(topology.vertex_count(), [S::ZERO; 9]);
+        self.off_diagonal.clear();
+        self.off_diagonal.resize(topology.edges.len(), [S::ZERO; 9]);
+    }
+
+    /// `y = A x`; the fourth entries of `y` are zero.
+    pub fn multiply(
+        &self,
+        topology: &Topology,
+        workers: &Workers,
+        spans: &mut ProductSpans<S>,
+        x: &[[S; 4]],
+        y: &mut [[S; 4]],
+    ) {
+        spans.prepare(topology);
+        let work = self.off_diagonal.len() * 2;
+        if let [only] = spans.spans.as_slice() {
+            self.multiply_rows(topology, &only.rows, x, y, 0);
+            return;
+        }
+        workers.for_each(&mut spans.spans, work, |_, span| {
+            // the transposed part reaches beyond the range: private array over its span
+            let mut result = std::mem::take(&mut span.result);
+            result.resize(span.reach - span.rows.start, [S::ZERO; 4]);
+            self.multiply_rows(topology, &span.rows, x, &mut result, span.rows.start);
+            span.result = result;
+        });
+        let spans = &spans.spans;
+        workers.for_chunks(y, ROW_CHUNK, work / 4, |first, rows| {
+            let end = first + rows.len();
+            rows.fill([S::ZERO; 4]);
+            for span in spans {
+                let (from, to) = (span.rows.start.max(first), span.reach.min(end));
+                if from >= to {
+                    continue;
+                }
+                let source = &span.result[from - span.rows.start..to - span.rows.start];
+                for (t, s) in rows[from - first..to - first].iter_mut().zip(source) {
+                    for k in 0..3 {
+                        t[k] += s[k];
+                    }
+                }
+            }
+        });
+    }
+
+    /// Rows `rows` of the upper half and their transposes into `y`, whose first entry is row `y0`.
+    fn multiply_rows(
+        &self,
+        topology: &Topology,
+        rows: &Range<usize>,
+        x: &[[S; 4]],
+        y: &mut [[S; 4]],
+        y0: usize,
+    ) {
+        y.fill([S::ZERO; 4]);
+        for row in rows.clone() {
+            let xr = xyz(x[row]);
+            let mut sum = mat_vec(&self.diagonal[row], xr);
+            let range = topology.edge_start[row] as usize..topology.edge_start[row + 1] as usize;
+            for (edge, m) in topology.edges[range.clone()].iter().zip(&self.off_diagonal[range]) {
+                let column = edge[1] as usize;
+                let a = mat_vec(m, xyz(x[column]));
+                let b = mat_transpose_vec(m, xr);
+                let t = &mut y[column - y0];
+                for k in 0..3 {
+                    sum[k] += a[k];
+                    t[k] += b[k];
+                }
+            }
+            let t = &mut y[row - y0];
+            for k in 0..3 {
+                t[k] += sum[k];
+            }
+        }
+    }
+}

@@ -1,0 +1,269 @@
+//! Running one step, and what can go wrong.
+
+use crate::columns::single_table;
+use crate::element::{
+    RestVolume, ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change,
+};
+use crate::load::{apply_constraints, apply_loads};
+use crate::report::{StepReport, VolumeReport};
+use crate::scalar::{Scalar, xyz};
+use crate::schedule::{Executor, StepSchedule, StepSystems, install};
+use crate::topology::Topology;
+use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
+use crate::workers::Workers;
+use bevy_ecs::prelude::*;
+use bytemuck::TransparentWrapper;
+use glam::DVec3;
+
+/// Simulated time.
+#[derive(Resource, Clone, Copy, Debug, PartialEq)]
+pub struct StepClock {
+    /// Length of the next step (s).
+    pub dt: f64,
+    /// Time at the start of the next step (s).
+    pub time: f64,
+    /// Steps done.
+    pub step: u64,
+}
+
+impl Default for StepClock {
+    fn default() -> Self {
+        Self { dt: 0.01, time: 0.0, step: 0 }
+    }
+}
+
+/// Acceleration of gravity (m/s^2).
+#[derive(Resource, Clone, Copy, Debug, PartialEq)]
+pub struct Gravity(pub DVec3);
+
+impl Default for Gravity {
+    fn default() -> Self {
+        Self(DVec3::new(0.0, 0.0, -9.81))
+    }
+}
+
+/// Why a step was not carried out. The state is what it was before the step.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StepError {
+    /// The step length is not a positive finite number.
+    #[error("step length dt = {dt} s: it must be positive and finite")]
+    InvalidStep {
+        /// Offending value (s).
+        dt: f64,
+    },
+    /// Gravity is not finite.
+    #[error("gravity {gravity} m/s^2 is not finite")]
+    InvalidGravity {
+        /// Offending value (m/s^2).
+        gravity: DVec3,
+    },
+    /// A vertex or element entity is in another table than its fellows.
+    #[error(
+        "{expected} vertex rows expected, the table has {found}: a component was added to or removed \
+         from a vertex entity (or one was despawned) after its body was spawned; keep such data on \
+         entities of your own and refer to vertices by row"
+    )]
+    LayoutChanged {
+        /// Rows that the bodies have.
+        expected: usize,
+        /// Rows in the one table found.
+        found: usize,
+    },
+    /// The state holds a number that is not finite.
+    #[error(
+        "{quantity} of vertex {vertex} of body `{body}` is not finite at t = {time} s: {remedy}"
+    )]
+    NotFinite {
+        /// Which quantity.
+        quantity: &'static str,
+        /// Index in the user's mesh.
+        vertex: u32,
+        /// Name of the body.
+        body: String,
+        /// Simulated time (s).
+        time: f64,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The integrator gave up.
+    #[error("step {step} at t = {time} s failed: {reason}")]
+    Diverged {
+        /// Number of the step.
+        step: u64,
+        /// Simulated time (s).
+        time: f64,
+        /// What happened and what to do.
+        reason: String,
+    },
+    /// A setting cannot be used.
+    #[error("{0}")]
+    InvalidSetting(String),
+    /// No integrator was installed.
+    #[error("no integrator is installed: add one of the solver plugins")]
+    NoIntegrator,
+}
+
+/// Set by the integrator when the step could not be carried out.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct StepFailure(pub Option<StepError>);
+
+/// Marks that an integrator is installed.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub struct IntegratorInstalled;
+
+/// Adds schedules, resources and the systems that every scene needs.
+pub fn install_engine<S: Scalar>(world: &mut World, executor: Executor) {
+    install::<S>(world, executor);
+    world.init_resource::<StepClock>();
+    world.init_resource::<Gravity>();
+    world.init_resource::<StepFailure>();
+    world.init_resource::<StepReport>();
+    world.init_resource::<VolumeReport>();
+    let mut schedules = world.resource_mut::<Schedules>();
+    schedules.entry(StepSchedule).add_systems((
+        (apply_constraints::<S>, apply_loads::<S>).in_set(StepSystems::Prepare),
+        measure_volume_ratios::<S>.in_set(StepSystems::Report),
+        (write_positions::<S>, advance_clock).in_set(StepSystems::Writeback),
+    ));
+}
+
+/// Runs one step of `clock.dt`.
+///
+/// # Errors
+/// When settings or state are invalid, or when the integrator gives up; the state is then what it
+/// was before.
+pub fn run_step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
+    let clock = *world.resource::<StepClock>();
+    if !(clock.dt > 0.0 && clock.dt.is_finite()) {
+        return Err(StepError::InvalidStep { dt: clock.dt });
+    }
+    let gravity = world.resource::<Gravity>().0;
+    if !gravity.is_finite() {
+        return Err(StepError::InvalidGravity { gravity });
+    }
+    if !world.contains_resource::<IntegratorInstalled>() {
+        return Err(StepError::NoIntegrator);
+    }
+    check_state::<S>(world)?;
+    world.resource_mut::<StepFailure>().0 = None;
+    world.run_schedule(StepSchedule);
+    match world.resource_mut::<StepFailure>().0.take() {
+        Some(error) => Err(error),
+        None => Ok(()),
+    }
+}
+
+/// One table of the right size, all numbers finite.
+fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
+    let expected = world.resource::<Topology>().vertex_count();
+    let mut vertices = world.query::<(&Displacement<S>, &Velocity<S>, &RestPosition)>();
+    let mut tables = vertices.contiguous_iter(world).expect("vertex components are table-stored");
+    let first = tables.next();
+    let found = first.as_ref().map_or(0, |(u, _, _)| u.len());
+    if found != expected || tables.next().is_some() {
+        return Err(StepError::LayoutChanged { expected, found });
+    }
+    let Some((u, v, rest)) = first else { return Ok(()) };
+    let bad = |row: usize| {
+        if !u[row].0.iter().all(|x| x.is_finite()) {
+            Some("displacement")
+        } else if !v[row].0.iter().all(|x| x.is_finite()) {
+            Some("velocity")
+        } else if !rest[row].0.is_finite() {
+            Some("rest position")
+        } else {
+            None
+        }
+    };
+    if let Some((row, quantity)) = (0..found).find_map(|row| bad(row).map(|q| (row, q))) {
+        return Err(not_finite(
+            world,
+            row,
+            quantity,
+            "it was set so from outside; the step was not carried out",
+        ));
+    }
+    Ok(())
+}
+
+/// The error that names the vertex of a row.
+pub fn not_finite(
+    world: &mut World,
+    row: usize,
+    quantity: &'static str,
+    remedy: &'static str,
+) -> StepError {
+    let time = world.resource::<StepClock>().time;
+    let mut names = world.query::<(&VertexIndex, &BodyId)>();
+    let (vertex, body) = match single_table(names.contiguous_iter(world)) {
+        Some((index, body)) => (index[row].0, body[row].0),
+        None => (row as u32, 0),
+    };
+    let body = world
+        .resource::<Topology>()
+        .bodies
+        .get(body as usize)
+        .map_or_else(String::new, |b| b.name.clone());
+    StepError::NotFinite { quantity, vertex, body, time, remedy }
+}
+
+/// Smallest `J` and inverted elements of the new state.
+fn measure_volume_ratios<S: Scalar>(
+    workers: Res<Workers>,
+    failure: Res<StepFailure>,
+    mut report: ResMut<VolumeReport>,
+    vertices: Query<&Displacement<S>>,
+    tetrahedra: Query<(&TetrahedronVertices, &ShapeGradients<S>, &RestVolume<S>)>,
+    mut partial: Local<Vec<(f64, u64)>>,
+) {
+    const CHUNK: usize = 4096;
+    report.smallest_ratio = f64::INFINITY;
+    report.inverted = 0;
+    if failure.0.is_some() {
+        return;
+    }
+    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
+    let u = Displacement::peel_slice(u);
+    // pooled and fused bodies keep their tetrahedra in a table each
+    for (nodes, gradients, _) in
+        tetrahedra.contiguous_iter().expect("element components are stored in tables")
+    {
+        partial.clear();
+        partial.resize(nodes.len().div_ceil(CHUNK), (0.0, 0));
+        workers.for_each(&mut partial, nodes.len() * 8, |i, p| {
+            let (mut smallest, mut inverted) = (f64::INFINITY, 0);
+            let range = i * CHUNK..((i + 1) * CHUNK).min(nodes.len());
+            for (n, d) in nodes[range.clone()].iter().zip(&gradients[range]) {
+                let local = n.0.map(|v| xyz(u[v as usize]));
+                let j = volume_change(&displacement_gradient(&d.0, &local)).to_f64() + 1.0;
+                smallest = smallest.min(j);
+                inverted += u64::from(j <= 0.0);
+            }
+            *p = (smallest, inverted);
+        });
+        for &(smallest, inverted) in partial.iter() {
+            report.smallest_ratio = report.smallest_ratio.min(smallest);
+            report.inverted += inverted;
+        }
+    }
+}
+
+fn write_positions<S: Scalar>(
+    mut vertices: Query<(&RestPosition, &Displacement<S>, &mut Position)>,
+) {
+    let Some((rest, displacement, mut position)) = single_table(vertices.contiguous_iter_mut())
+    else {
+        return;
+    };
+    for ((p, x), u) in position.iter_mut().zip(rest).zip(displacement) {
+        p.0 = x.0 + DVec3::new(u.0[0].to_f64(), u.0[1].to_f64(), u.0[2].to_f64());
+    }
+}
+
+fn advance_clock(failure: Res<StepFailure>, mut clock: ResMut<StepClock>) {
+    if failure.0.is_none() {
+        clock.step += 1;
+        clock.time += clock.dt;
+    }
+}

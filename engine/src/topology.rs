@@ -1,0 +1,79 @@
+//! What the bodies of a world share: their row ranges and the edge graph, on which every tangent
+//! lives (all springs of a tetrahedron couple its own vertices).
+
+use crate::layout::starts;
+use bevy_ecs::prelude::Resource;
+use std::ops::Range;
+
+/// Rows of one body.
+#[derive(Clone, Debug)]
+pub struct BodyRows {
+    /// Name that the user gave.
+    pub name: String,
+    /// Rows of the vertex table.
+    pub vertices: Range<u32>,
+    /// Indices into [`Topology::edges`].
+    pub blocks: Range<u32>,
+    /// Vertex row (relative to `vertices.start`) -> index in the user's mesh.
+    pub vertex_order: Vec<u32>,
+    /// Index in the user's mesh -> row relative to `vertices.start`, or [`crate::layout::UNUSED`].
+    pub row_of_vertex: Vec<u32>,
+    /// Tetrahedra in engine order: vertex rows relative to `vertices.start`.
+    pub tetrahedra: Vec<[u32; 4]>,
+    /// Tetrahedron in engine order -> index in the user's mesh.
+    pub tetrahedron_order: Vec<u32>,
+    /// Longest side of the rest bounding box (m).
+    pub size: f64,
+}
+
+impl BodyRows {
+    /// Vertex-table row of a vertex of the user's mesh, `None` when no element uses it.
+    pub fn row(&self, vertex: u32) -> Option<u32> {
+        let local = *self.row_of_vertex.get(vertex as usize)?;
+        (local != crate::layout::UNUSED).then(|| self.vertices.start + local)
+    }
+}
+
+/// Bodies and edge graph of a world.
+#[derive(Resource, Clone, Debug)]
+pub struct Topology {
+    /// Bodies in the order in which they were spawned.
+    pub bodies: Vec<BodyRows>,
+    /// Vertex rows of the edge graph, lower first, sorted: block `i` of a tangent couples `edges[i]`.
+    pub edges: Vec<[u32; 2]>,
+    /// First edge of each lower vertex (compressed rows, one entry more than vertices).
+    pub edge_start: Vec<u32>,
+    /// Counts up whenever rows change; caches built on rows compare it.
+    pub revision: u64,
+}
+
+impl Default for Topology {
+    fn default() -> Self {
+        Self { bodies: Vec::new(), edges: Vec::new(), edge_start: vec![0], revision: 0 }
+    }
+}
+
+impl Topology {
+    /// Number of vertices of all bodies.
+    pub fn vertex_count(&self) -> usize {
+        self.edge_start.len() - 1
+    }
+
+    /// Appends a body whose vertices and edges follow all others; `edges` in local rows.
+    pub fn push(&mut self, mut body: BodyRows, edges: &[[u32; 2]]) {
+        let (v0, e0) = (self.vertex_count() as u32, self.edges.len() as u32);
+        let n = body.vertex_order.len();
+        body.vertices = v0..v0 + n as u32;
+        body.blocks = e0..e0 + edges.len() as u32;
+        let local = starts(n, edges.iter().map(|e| e[0]));
+        self.edge_start.extend(local[1..].iter().map(|s| s + e0));
+        self.edges.extend(edges.iter().map(|e| [e[0] + v0, e[1] + v0]));
+        self.bodies.push(body);
+        self.revision += 1;
+    }
+
+    /// Body of a given name.
+    pub fn body(&self, name: &str) -> Option<&BodyRows> {
+        self.bodies.iter().find(|b| b.name == name)
+    }
+}

@@ -1,0 +1,117 @@
+//! The one thread pool. Work is always cut into *fixed* pieces, by size and never by thread count,
+//! and sums run over the pieces in order: results are the same bit for bit for any thread count.
+
+use bevy_ecs::prelude::Resource;
+use rayon::prelude::*;
+
+/// Below this much work (nanoseconds, estimated) a parallel region costs more than it saves.
+const PARALLEL_THRESHOLD_NS: usize = 40_000;
+
+/// Threads that carry out parallel regions.
+///
+/// rayon rather than bevy's task pool: bevy's pool is one per process and cannot be sized per
+/// simulation, and a region costs about the same in both.
+#[derive(Resource)]
+pub struct Workers {
+    pool: Option<rayon::ThreadPool>,
+    threads: usize,
+}
+
+/// The operating system refused to start the worker threads.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot start {threads} worker threads: {source}; ask for fewer threads")]
+pub struct WorkersError {
+    threads: usize,
+    source: rayon::ThreadPoolBuildError,
+}
+
+impl Default for Workers {
+    fn default() -> Self {
+        Self::serial()
+    }
+}
+
+impl Workers {
+    /// Everything on the calling thread.
+    pub fn serial() -> Self {
+        Self { pool: None, threads: 1 }
+    }
+
+    /// A pool of `threads` threads; 0 means one per core.
+    ///
+    /// # Errors
+    /// When the threads cannot be started.
+    pub fn new(threads: usize) -> Result<Self, WorkersError> {
+        let threads = if threads == 0 {
+            std::thread::available_parallelism().map_or(1, |n| n.get())
+        } else {
+            threads
+        };
+        if threads == 1 {
+            return Ok(Self::serial());
+        }
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|source| WorkersError { threads, source })?;
+        Ok(Self { pool: Some(pool), threads })
+    }
+
+    /// Number of threads.
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// Calls `f(index, item)` for every item, in parallel when the whole is worth it.
+    ///
+    /// `work_ns` is a rough estimate of the total work in nanoseconds.
+    pub fn for_each<T: Send>(
+        &self,
+        items: &mut [T],
+        work_ns: usize,
+        f: impl Fn(usize, &mut T) + Send + Sync,
+    ) {
+        match &self.pool {
+            Some(pool) if items.len() > 1 && work_ns > PARALLEL_THRESHOLD_NS => {
+                pool.install(|| items.par_iter_mut().enumerate().for_each(|(i, t)| f(i, t)));
+            }
+            _ => items.iter_mut().enumerate().for_each(|(i, t)| f(i, t)),
+        }
+    }
+
+    /// Calls `f(first_row, rows)` for consecutive chunks of `chunk` rows.
+    pub fn for_chunks<T: Send>(
+        &self,
+        rows: &mut [T],
+        chunk: usize,
+        work_ns: usize,
+        f: impl Fn(usize, &mut [T]) + Send + Sync,
+    ) {
+        match &self.pool {
+            Some(pool) if rows.len() > chunk && work_ns > PARALLEL_THRESHOLD_NS => {
+                pool.install(|| {
+                    rows.par_chunks_mut(chunk).enumerate().for_each(|(i, c)| f(i * chunk, c))
+                });
+            }
+            _ => rows.chunks_mut(chunk).enumerate().for_each(|(i, c)| f(i * chunk, c)),
+        }
+    }
+
+    /// Sum over `0..n` of `f`, added up per chunk of fixed size and then over chunks in order.
+    pub fn sum(
+        &self,
+        n: usize,
+        work_ns: usize,
+        f: impl Fn(std::ops::Range<usize>) -> f64 + Send + Sync,
+    ) -> f64 {
+        const CHUNK: usize = 2048;
+        if n <= CHUNK {
+            return f(0..n);
+        }
+        let mut partial = vec![0.0; n.div_ceil(CHUNK)];
+        self.for_each(&mut partial, work_ns, |i, p| {
+            *p = f(i * CHUNK..((i + 1) * CHUNK).min(n));
+        });
+        partial.iter().sum()
+    }
+}
