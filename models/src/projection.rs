@@ -30,7 +30,10 @@ pub(crate) fn projected_blocks(e: &Element<f64>, g: &[f64; 9]) -> Option<[[f64; 
     let f = [[1.0 + g[0], g[1], g[2]], [g[3], 1.0 + g[4], g[5]], [g[6], g[7], 1.0 + g[8]]];
     let Svd { u, s, v } = signed_svd(&f);
     // tr E and J - 1 straight from G: exact to rounding near rest, where they are small.
-    let squares = g.iter().fold(0.0, |sum, x| sum + x * x);
+    let mut squares = 0.0;
+    for x in g {
+        squares += x * x;
+    }
     let t = (g[0] + g[4] + g[8]) + 0.5 * squares;
     let m = volume_change(g).min(0.0);
     let p1 = 2.0 * e.compression * m * m * m;
@@ -69,7 +72,7 @@ pub(crate) fn projected_blocks(e: &Element<f64>, g: &[f64; 9]) -> Option<[[f64; 
     }
     if !is_positive_definite(&a) {
         let (values, vectors) = symmetric_eigen(a);
-        if values.iter().any(|&x| x < floor) {
+        if values[0].min(values[1]).min(values[2]) < floor {
             clamp = true;
             for i in 0..3 {
                 for j in 0..3 {
@@ -103,7 +106,7 @@ pub(crate) fn projected_blocks(e: &Element<f64>, g: &[f64; 9]) -> Option<[[f64; 
         let mut inner = [[0.0; 3]; 3];
         for i in 0..3 {
             for k in 0..3 {
-                inner[i][k] = a[i][k] * d[p][i] * d[q][k];
+                inner[i][k] += a[i][k] * d[p][i] * d[q][k];
                 if i != k {
                     let third = 3 - i - k;
                     inner[i][k] += crossed[third] * d[p][k] * d[q][i];
@@ -196,8 +199,8 @@ fn symmetric_eigen(mut a: [[f64; 3]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
     for _sweep in 0..30 {
         let size = a[0][0].abs() + a[1][1].abs() + a[2][2].abs();
         let off = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
-        // False for NaN, so that a broken element ends the loop.
-        if !(off > 1e-3 * f64::EPSILON * size) {
+        // Not finite: nothing to find, and the comparison below would never end the loop.
+        if off <= 1e-3 * f64::EPSILON * size || !off.is_finite() {
             break;
         }
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
@@ -218,8 +221,9 @@ fn symmetric_eigen(mut a: [[f64; 3]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
 /// smaller of the two possible angles. `gamma` is not zero.
 fn jacobi_rotation(alpha: f64, beta: f64, gamma: f64) -> (f64, f64) {
     let zeta = (beta - alpha) / (2.0 * gamma);
-    let tangent = zeta.signum() / (zeta.abs() + zeta.hypot(1.0));
-    let cos = 1.0 / tangent.hypot(1.0);
+    // Overflow of the square only means that there is nothing left to turn.
+    let tangent = zeta.signum() / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
+    let cos = 1.0 / (1.0 + tangent * tangent).sqrt();
     (cos, cos * tangent)
 }
 
