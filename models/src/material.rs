@@ -297,7 +297,7 @@ const PRESETS: [TissuePreset; 8] = [
         note: "A soft water-based gel (gelatine or agar) for bench experiments; all three values \
                are assumed round figures. Recipes span about 1 to 100 kPa: measure yours.",
         source: "Hall et al. 1997, IEEE Trans Ultrason Ferroelectr Freq Control 44:1355-1365 \
-                 (materials and range; the values are assumed)",
+                 (such materials; the values are assumed)",
     },
     TissuePreset {
         name: "skin",

@@ -17,7 +17,7 @@
 
 use sinew_engine::scalar::{cross, dot, scale, sub};
 
-use crate::tetrahedron::{CORE, Element, volume_change};
+use crate::tetrahedron::{CORE, Element, green_strain, second_piola_kirchhoff, volume_change};
 
 /// Eigenvalues above minus this part of the largest entry count as not negative: rounding of `s`
 /// alone moves the zero eigenvalues of a rotation by a few units of it.
@@ -27,17 +27,25 @@ const NEGLIGIBLE: f64 = 16.0 * f64::EPSILON;
 /// clamped at zero, or `None` when there are none to clamp.
 pub(crate) fn projected_blocks(e: &Element<f64>, g: &[f64; 9]) -> Option<[[f64; 9]; 6]> {
     let (lambda, mu) = (e.lambda, e.mu);
-    let f = [[1.0 + g[0], g[1], g[2]], [g[3], 1.0 + g[4], g[5]], [g[6], g[7], 1.0 + g[8]]];
-    let Svd { u, s, v } = signed_svd(&f);
-    // tr E and J - 1 straight from G: exact to rounding near rest, where they are small.
-    let mut squares = 0.0;
-    for x in g {
-        squares += x * x;
-    }
-    let t = (g[0] + g[4] + g[8]) + 0.5 * squares;
     let m = volume_change(g).min(0.0);
+    // Without compression term the matrix is a semidefinite material part plus the stress on its
+    // diagonal: a definite stress settles it without decomposing F.
+    let strain = green_strain(g);
+    if m == 0.0 {
+        let [xx, yy, zz, yz, xz, xy] = second_piola_kirchhoff(e, &strain);
+        let nothing = lambda == 0.0 && mu == 0.0;
+        let material = mu > 0.0 && 3.0 * lambda + 2.0 * mu >= 0.0;
+        if nothing || material && is_positive_definite(&[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        {
+            return None;
+        }
+    }
     let p1 = 2.0 * e.compression * m * m * m;
     let p2 = 6.0 * e.compression * m * m;
+    let f = [[1.0 + g[0], g[1], g[2]], [g[3], 1.0 + g[4], g[5]], [g[6], g[7], 1.0 + g[8]]];
+    let Svd { u, s, v } = signed_svd(&f);
+    // t = tr E, from G rather than from s: exact to rounding near rest, where it is small.
+    let t = strain[0] + strain[1] + strain[2];
     let c = [s[1] * s[2], s[0] * s[2], s[0] * s[1]];
 
     // The 9x9 in the basis of the decomposition.

@@ -586,3 +586,27 @@ proptest! {
         prop_assert!(error <= 1e-5 * unit, "{exponent}: {error:e} of {unit:e}");
     }
 }
+
+#[test]
+fn only_compressed_elements_are_projected() {
+    let points = [[0.0; 3], [0.01, 0.0, 0.0], [0.002, 0.009, 0.0], [0.001, 0.003, 0.011]];
+    let rest = RestTetrahedron::new(points).unwrap();
+    let material = YoungPoisson { young_modulus: 5e3, poisson_ratio: 0.45, density: 1000.0 };
+    let e = Element::<f64>::new(&rest, material.lame().unwrap(), true);
+    for (stretch, compressed) in [(0.2, false), (1e-7, false), (0.0, false), (-0.1, true)] {
+        // The same strain with and without a large rotation.
+        for angle in [0.0, 2.0] {
+            let turn = rotation([1.0, -2.0, 0.5], angle);
+            let u = points.map(|x| sub(mat_vec(&turn, scale(x, 1.0 + stretch)), x));
+            let exact = tetrahedron::tangent(&e, &u, TangentKind::Exact);
+            let projected = tetrahedron::tangent(&e, &u, TangentKind::Projected);
+            assert_eq!(exact != projected, compressed, "{stretch} {angle}");
+            let exact = compression::tangent(&e, &u, TangentKind::Exact);
+            let projected = compression::tangent(&e, &u, TangentKind::Projected);
+            // At the edge J = 1 both are rounding noise.
+            if stretch != 0.0 {
+                assert_eq!(exact != projected, compressed, "compression {stretch} {angle}");
+            }
+        }
+    }
+}
