@@ -1,1 +1,41 @@
-//! Sinew models.
+//! Materials and force laws of Sinew: plain functions on plain values.
+//!
+//! | module | content |
+//! |---|---|
+//! | [`material`] | Young's modulus, Poisson's ratio and density as the user states them, Lamé parameters, tissue presets |
+//! | [`precompute`] | shape vectors and rest volume of a tetrahedron, its 21 biquadratic spring constants |
+//! | [`spring`] | tensile and coupling springs on squared-length changes, one scalar at a time |
+//! | [`tetrahedron`] | the same energy per element in one pass, the compression term, exact and definite tangents |
+//!
+//! Everything is in SI units and driven by the displacement `u` from the rest shape, never by
+//! positions: differences of displacements keep their digits in `f32` where differences of
+//! positions do not. Kernels are generic over [`Scalar`](sinew_engine::scalar::Scalar), allocate
+//! nothing and hold no state.
+//!
+//! ```
+//! use sinew_models::material::YoungPoisson;
+//! use sinew_models::precompute::RestTetrahedron;
+//! use sinew_models::tetrahedron::{self, Element};
+//!
+//! let material = YoungPoisson { young_modulus: 5e3, poisson_ratio: 0.45, density: 1060.0 };
+//! let rest = RestTetrahedron::new([
+//!     [0.0, 0.0, 0.0],
+//!     [0.01, 0.0, 0.0],
+//!     [0.0, 0.01, 0.0],
+//!     [0.0, 0.0, 0.01],
+//! ])?;
+//! let element = Element::<f64>::new(&rest, material.lame()?, true);
+//!
+//! // Lift the last node by a tenth of the altitude: it is pulled back down.
+//! let u = [[0.0; 3], [0.0; 3], [0.0; 3], [0.0, 0.0, 1e-3]];
+//! assert!((tetrahedron::volume_ratio(&element, &u) - 1.1).abs() < 1e-12);
+//! let forces = tetrahedron::forces(&element, &u);
+//! assert!(forces[3][2] < 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+pub mod material;
+pub mod precompute;
+mod projection;
+pub mod spring;
+pub mod tetrahedron;

@@ -1,0 +1,525 @@
+//! St Venant-Kirchhoff tetrahedron with linear shape functions, with an optional compression term,
+//! evaluated per element in one pass from nodal displacements.
+//!
+//! With shape vectors `D_a` (1/m), rest volume `V` and `G = sum_a u_a (x) D_a`, `F = I + G`:
+//!
+//! ```text
+//! E   = (G + G^T + G^T G)/2                       Green-Lagrange strain
+//! S   = lambda (tr E) I + 2 mu E                  second Piola-Kirchhoff stress, Pa
+//! J-1 = tr G + (sum of principal 2x2 minors of G) + det G
+//! m   = min(J-1, 0),  p1 = 2 kappa m^3,  p2 = 6 kappa m^2
+//! W   = V (lambda/2 (tr E)^2 + mu tr E^2 + kappa/2 m^4)                   J
+//! f_a = -dW/du_a = -V (F S + p1 cof F) D_a                                N
+//! K_ab = V [ lambda (F D_a)(F D_b)^T + mu ((F D_b)(F D_a)^T + (D_a.D_b) F F^T)
+//!          + (D_a . S D_b) I
+//!          + p2 (cof F D_a)(cof F D_b)^T + p1 skew(F (D_b x D_a)) ]       N/m
+//! ```
+//!
+//! `K = +d2W/du2`, and `skew(w) v = w x v`: varying `F` by `v (x) D_b` turns `cof F D_a` by
+//! `F (D_b x D_a) x v`, because `cof F (p x q) = F p x F q`.
+//!
+//! The elastic part is the energy of Delingette 2008, section 3 (tetrahedral biquadratic springs);
+//! [`SpringConstants`](crate::precompute::SpringConstants) gives the same energy spring by spring,
+//! and the test `springs_equal_the_fused_element` holds the two together. The compression term is
+//! that of section 4, with `kappa = lambda + mu`; the printed energy lacks the rest volume `V`
+//! (without it the units are Pa, not J) and writes `J` as the determinant of the deformation where
+//! that of its gradient is meant. Energy, force and tangent are then three, two and one times
+//! continuously differentiable at `J = 1`. The term makes compression of one altitude monotone for
+//! every `lambda, mu > 0`; it is no barrier, `J <= 0` costs finite energy, and the flattened state
+//! is not a local minimum as the paper has it, but unstable along the normal unless the face is
+//! stretched.
+//!
+//! Nothing here is a position, and nothing subtracts 1 from a number near 1, so `f32` keeps five
+//! digits of the force at strains of 1e-6. (`m^4` leaves the range of `f32` at `J` = -1e9.)
+
+use sinew_engine::scalar::{Scalar, cross, dot, mat_vec, sub};
+
+use crate::material::LameParameters;
+use crate::precompute::RestTetrahedron;
+use crate::projection;
+
+/// Constants of one tetrahedron.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Element<S> {
+    /// Shape vectors `D_1`, `D_2`, `D_3`, 1/m; `D_0` is minus their sum.
+    pub gradients: [[S; 3]; 3],
+    /// Rest volume, m^3.
+    pub volume: S,
+    /// First Lamé parameter, Pa.
+    pub lambda: S,
+    /// Shear modulus, Pa.
+    pub mu: S,
+    /// Modulus `kappa` of the compression term, Pa: `lambda + mu`, or 0 to leave the term out.
+    pub compression: S,
+}
+
+impl<S: Scalar> Element<S> {
+    /// Element with the given rest shape and material, with or without the compression term.
+    pub fn new(rest: &RestTetrahedron, material: LameParameters, compression: bool) -> Self {
+        let mut gradients = [[S::ZERO; 3]; 3];
+        for a in 0..3 {
+            for x in 0..3 {
+                gradients[a][x] = S::from_f64(rest.gradients[a + 1][x]);
+            }
+        }
+        let kappa = if compression { material.lambda + material.mu } else { 0.0 };
+        Self {
+            gradients,
+            volume: S::from_f64(rest.volume),
+            lambda: S::from_f64(material.lambda),
+            mu: S::from_f64(material.mu),
+            compression: S::from_f64(kappa),
+        }
+    }
+
+    /// The same element in `f64`.
+    #[inline(always)]
+    pub(crate) fn widen(&self) -> Element<f64> {
+        let mut gradients = [[0.0; 3]; 3];
+        for a in 0..3 {
+            for x in 0..3 {
+                gradients[a][x] = self.gradients[a][x].to_f64();
+            }
+        }
+        Element {
+            gradients,
+            volume: self.volume.to_f64(),
+            lambda: self.lambda.to_f64(),
+            mu: self.mu.to_f64(),
+            compression: self.compression.to_f64(),
+        }
+    }
+}
+
+/// Which second derivative, or positive semidefinite stand-in for it, a tangent is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TangentKind {
+    /// The second derivative. Indefinite under any compression.
+    Exact,
+    /// Material part and `p2` part only: the geometric stiffness and the second derivative of `J`
+    /// are dropped. Positive semidefinite for `lambda >= -2/3 mu`, at no extra work.
+    GaussNewton,
+    /// The second derivative with the negative eigenvalues of the 9x9 `dP/dF` set to zero; equal to
+    /// `Exact` where there are none. The element matrix is then positive semidefinite too. Always
+    /// decided and decomposed in `f64`; about four times the work of `Exact` except in elements
+    /// that are stretched in every direction.
+    Projected,
+}
+
+/// Symmetric 12x12 element matrix (N/m) as 3x3 blocks, each row-major.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TetrahedronTangent<S> {
+    /// Blocks of a local vertex with itself; symmetric.
+    pub diagonal: [[S; 9]; 4],
+    /// Blocks of two local vertices in the order of [`EDGES`](crate::precompute::EDGES); rows
+    /// belong to the lower vertex, columns to the higher. The mirrored block is the transpose.
+    pub off: [[S; 9]; 6],
+}
+
+/// Place of the block of local vertices `a < b` in `off`.
+const OFF_INDEX: [[usize; 4]; 4] = [[0, 0, 1, 2], [0, 0, 3, 4], [1, 3, 0, 5], [2, 4, 5, 0]];
+
+impl<S: Scalar> TetrahedronTangent<S> {
+    /// Block with the rows of local vertex `a` and the columns of `b`, row-major.
+    #[inline(always)]
+    pub fn block(&self, a: usize, b: usize) -> [S; 9] {
+        if a == b {
+            self.diagonal[a]
+        } else if a < b {
+            self.off[OFF_INDEX[a][b]]
+        } else {
+            transposed(&self.off[OFF_INDEX[a][b]])
+        }
+    }
+
+    /// Product `K v` (N when `v` is in m).
+    #[inline(always)]
+    pub fn product(&self, v: &[[S; 3]; 4]) -> [[S; 3]; 4] {
+        let mut result = [[S::ZERO; 3]; 4];
+        for a in 0..4 {
+            for b in 0..4 {
+                let part = mat_vec(&self.block(a, b), v[b]);
+                for x in 0..3 {
+                    result[a][x] += part[x];
+                }
+            }
+        }
+        result
+    }
+
+    /// All 144 entries; row and column `3 vertex + axis`.
+    pub fn to_dense(&self) -> [[S; 12]; 12] {
+        let mut dense = [[S::ZERO; 12]; 12];
+        for a in 0..4 {
+            for b in 0..4 {
+                let block = self.block(a, b);
+                for i in 0..3 {
+                    for j in 0..3 {
+                        dense[3 * a + i][3 * b + j] = block[3 * i + j];
+                    }
+                }
+            }
+        }
+        dense
+    }
+}
+
+/// Ratio `J` of deformed to rest volume; zero when flat, negative when turned inside out.
+#[inline(always)]
+pub fn volume_ratio<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
+    S::ONE + volume_change(&displacement_gradient(&e.gradients, u))
+}
+
+/// Energy, J.
+#[inline(always)]
+pub fn energy<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
+    let g = displacement_gradient(&e.gradients, u);
+    e.volume * (elastic_density(e, &green_strain(&g)) + compression_density(e, &g))
+}
+
+/// Forces on the four vertices, N.
+#[inline(always)]
+pub fn forces<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
+    let g = displacement_gradient(&e.gradients, u);
+    let mut p = elastic_stress(&g, &second_piola_kirchhoff(e, &green_strain(&g)));
+    add_compression_stress(e, &g, &mut p);
+    nodal_forces(e, &p)
+}
+
+/// Energy (J) and forces (N) together.
+#[inline(always)]
+pub fn energy_and_forces<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> (S, [[S; 3]; 4]) {
+    let g = displacement_gradient(&e.gradients, u);
+    let strain = green_strain(&g);
+    let energy = e.volume * (elastic_density(e, &strain) + compression_density(e, &g));
+    let mut p = elastic_stress(&g, &second_piola_kirchhoff(e, &strain));
+    add_compression_stress(e, &g, &mut p);
+    (energy, nodal_forces(e, &p))
+}
+
+/// Tangent `+d2W/du2` or a stand-in for it, N/m.
+#[inline(always)]
+pub fn tangent<S: Scalar>(
+    e: &Element<S>,
+    u: &[[S; 3]; 4],
+    kind: TangentKind,
+) -> TetrahedronTangent<S> {
+    match kind {
+        TangentKind::Exact => tangent_parts(e, u, true, true),
+        TangentKind::GaussNewton => tangent_parts(e, u, true, false),
+        TangentKind::Projected => {
+            let wide = e.widen();
+            let g = displacement_gradient(&wide.gradients, &widen_nodes(u));
+            match projection::projected_blocks(&wide, &g) {
+                None => tangent_parts(e, u, true, true),
+                Some(blocks) => assemble(&narrow_blocks(&blocks)),
+            }
+        }
+    }
+}
+
+/// The compression term alone, on the same [`Element`]; its `lambda` and `mu` play no part.
+///
+/// Its exact tangent is indefinite wherever it is not zero. A definite tangent that solvers like
+/// better than the projected sum is the projected elastic part (`compression: 0`) plus
+/// [`GaussNewton`](TangentKind::GaussNewton) of this one.
+pub mod compression {
+    use super::*;
+
+    /// Energy, J.
+    #[inline(always)]
+    pub fn energy<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
+        e.volume * compression_density(e, &displacement_gradient(&e.gradients, u))
+    }
+
+    /// Forces on the four vertices, N; zero for `J >= 1`.
+    #[inline(always)]
+    pub fn forces<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
+        let g = displacement_gradient(&e.gradients, u);
+        let mut p = [S::ZERO; 9];
+        add_compression_stress(e, &g, &mut p);
+        nodal_forces(e, &p)
+    }
+
+    /// Tangent `+d2W/du2` or a stand-in for it, N/m; zero for `J >= 1`.
+    #[inline(always)]
+    pub fn tangent<S: Scalar>(
+        e: &Element<S>,
+        u: &[[S; 3]; 4],
+        kind: TangentKind,
+    ) -> TetrahedronTangent<S> {
+        match kind {
+            TangentKind::Exact => tangent_parts(e, u, false, true),
+            TangentKind::GaussNewton => tangent_parts(e, u, false, false),
+            TangentKind::Projected => {
+                let wide = Element { lambda: 0.0, mu: 0.0, ..e.widen() };
+                let g = displacement_gradient(&wide.gradients, &widen_nodes(u));
+                match projection::projected_blocks(&wide, &g) {
+                    None => tangent_parts(e, u, false, true),
+                    Some(blocks) => assemble(&narrow_blocks(&blocks)),
+                }
+            }
+        }
+    }
+}
+
+/// `G = sum_a u_a (x) D_a`, row-major.
+#[inline(always)]
+pub(crate) fn displacement_gradient<S: Scalar>(gradients: &[[S; 3]; 3], u: &[[S; 3]; 4]) -> [S; 9] {
+    // D_0 = -(D_1 + D_2 + D_3) turns the sum into one over displacements relative to vertex 0.
+    let (w1, w2, w3) = (sub(u[1], u[0]), sub(u[2], u[0]), sub(u[3], u[0]));
+    let [d1, d2, d3] = gradients;
+    let mut g = [S::ZERO; 9];
+    for i in 0..3 {
+        for j in 0..3 {
+            g[3 * i + j] = w1[i] * d1[j] + w2[i] * d2[j] + w3[i] * d3[j];
+        }
+    }
+    g
+}
+
+/// Entries xx, yy, zz, yz, xz, xy of `E = (G + G^T + G^T G)/2`.
+#[inline(always)]
+pub(crate) fn green_strain<S: Scalar>(g: &[S; 9]) -> [S; 6] {
+    let half = S::from_f64(0.5);
+    let (c0, c1, c2) = ([g[0], g[3], g[6]], [g[1], g[4], g[7]], [g[2], g[5], g[8]]);
+    [
+        g[0] + half * dot(c0, c0),
+        g[4] + half * dot(c1, c1),
+        g[8] + half * dot(c2, c2),
+        half * (g[5] + g[7] + dot(c1, c2)),
+        half * (g[2] + g[6] + dot(c0, c2)),
+        half * (g[1] + g[3] + dot(c0, c1)),
+    ]
+}
+
+/// `S = lambda (tr E) I + 2 mu E`, in the order of [`green_strain`].
+#[inline(always)]
+pub(crate) fn second_piola_kirchhoff<S: Scalar>(e: &Element<S>, strain: &[S; 6]) -> [S; 6] {
+    let pressure = e.lambda * (strain[0] + strain[1] + strain[2]);
+    let two_mu = e.mu + e.mu;
+    [
+        pressure + two_mu * strain[0],
+        pressure + two_mu * strain[1],
+        pressure + two_mu * strain[2],
+        two_mu * strain[3],
+        two_mu * strain[4],
+        two_mu * strain[5],
+    ]
+}
+
+/// `lambda/2 (tr E)^2 + mu tr E^2`, Pa.
+#[inline(always)]
+fn elastic_density<S: Scalar>(e: &Element<S>, strain: &[S; 6]) -> S {
+    let [xx, yy, zz, yz, xz, xy] = *strain;
+    let trace = xx + yy + zz;
+    let shear = yz * yz + xz * xz + xy * xy;
+    S::from_f64(0.5) * e.lambda * trace * trace
+        + e.mu * (xx * xx + yy * yy + zz * zz + shear + shear)
+}
+
+/// `kappa/2 m^4`, Pa.
+#[inline(always)]
+fn compression_density<S: Scalar>(e: &Element<S>, g: &[S; 9]) -> S {
+    let m = volume_change(g).min(S::ZERO);
+    let m2 = m * m;
+    S::from_f64(0.5) * e.compression * m2 * m2
+}
+
+/// `J - 1` from the invariants of `G`.
+#[inline(always)]
+pub(crate) fn volume_change<S: Scalar>(g: &[S; 9]) -> S {
+    let m0 = g[4] * g[8] - g[5] * g[7];
+    let m1 = g[0] * g[8] - g[2] * g[6];
+    let m2 = g[0] * g[4] - g[1] * g[3];
+    let det = g[0] * m0 + g[1] * (g[5] * g[6] - g[3] * g[8]) + g[2] * (g[3] * g[7] - g[4] * g[6]);
+    (g[0] + g[4] + g[8]) + (m0 + m1 + m2) + det
+}
+
+/// `cof F = I + (tr G) I - G^T + cof G`, the derivative of `J` by `F`.
+#[inline(always)]
+fn cofactor<S: Scalar>(g: &[S; 9]) -> [S; 9] {
+    [
+        S::ONE + (g[4] + g[8]) + (g[4] * g[8] - g[5] * g[7]),
+        (g[5] * g[6] - g[3] * g[8]) - g[3],
+        (g[3] * g[7] - g[4] * g[6]) - g[6],
+        (g[2] * g[7] - g[1] * g[8]) - g[1],
+        S::ONE + (g[0] + g[8]) + (g[0] * g[8] - g[2] * g[6]),
+        (g[1] * g[6] - g[0] * g[7]) - g[7],
+        (g[1] * g[5] - g[2] * g[4]) - g[2],
+        (g[2] * g[3] - g[0] * g[5]) - g[5],
+        S::ONE + (g[0] + g[4]) + (g[0] * g[4] - g[1] * g[3]),
+    ]
+}
+
+/// First Piola-Kirchhoff stress `F S = S + G S`, row-major.
+#[inline(always)]
+fn elastic_stress<S: Scalar>(g: &[S; 9], s: &[S; 6]) -> [S; 9] {
+    let full = [s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]];
+    let mut p = full;
+    for i in 0..3 {
+        for j in 0..3 {
+            p[3 * i + j] +=
+                g[3 * i] * full[j] + g[3 * i + 1] * full[3 + j] + g[3 * i + 2] * full[6 + j];
+        }
+    }
+    p
+}
+
+/// Adds `p1 cof F`; adds zero for `J >= 1`.
+#[inline(always)]
+fn add_compression_stress<S: Scalar>(e: &Element<S>, g: &[S; 9], p: &mut [S; 9]) {
+    let m = volume_change(g).min(S::ZERO);
+    let p1 = (e.compression + e.compression) * (m * m * m);
+    let cof = cofactor(g);
+    for i in 0..9 {
+        p[i] += p1 * cof[i];
+    }
+}
+
+/// `f_a = -V P D_a`.
+#[inline(always)]
+fn nodal_forces<S: Scalar>(e: &Element<S>, p: &[S; 9]) -> [[S; 3]; 4] {
+    let mut f = [[S::ZERO; 3]; 4];
+    for a in 0..3 {
+        let pd = mat_vec(p, e.gradients[a]);
+        for x in 0..3 {
+            f[a + 1][x] = -(e.volume * pd[x]);
+            f[0][x] += e.volume * pd[x];
+        }
+    }
+    f
+}
+
+/// Pairs of vertices 1, 2, 3 (counted from 0 here) whose blocks determine the whole matrix.
+pub(crate) const CORE: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
+
+/// Sum of the elastic part (on request) and the compression part, each with or without the terms
+/// that can make it indefinite.
+#[inline(always)]
+fn tangent_parts<S: Scalar>(
+    e: &Element<S>,
+    u: &[[S; 3]; 4],
+    elastic: bool,
+    indefinite: bool,
+) -> TetrahedronTangent<S> {
+    let g = displacement_gradient(&e.gradients, u);
+    let mut f = g;
+    f[0] += S::ONE;
+    f[4] += S::ONE;
+    f[8] += S::ONE;
+
+    // Quantities of the element: left Cauchy-Green tensor, stress, compression coefficients.
+    let [r0, r1, r2] = [[f[0], f[1], f[2]], [f[3], f[4], f[5]], [f[6], f[7], f[8]]];
+    let (b01, b02, b12) = (dot(r0, r1), dot(r0, r2), dot(r1, r2));
+    let left = [dot(r0, r0), b01, b02, b01, dot(r1, r1), b12, b02, b12, dot(r2, r2)];
+    let s = second_piola_kirchhoff(e, &green_strain(&g));
+    let stress = [s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]];
+    let m = volume_change(&g).min(S::ZERO);
+    let p1 = (e.compression + e.compression) * (m * m * m);
+    let p2 = S::from_f64(6.0) * e.compression * (m * m);
+    let cof = cofactor(&g);
+
+    // Quantities of vertices 1, 2, 3.
+    let mut fd = [[S::ZERO; 3]; 3];
+    let mut sd = [[S::ZERO; 3]; 3];
+    let mut cd = [[S::ZERO; 3]; 3];
+    for a in 0..3 {
+        fd[a] = mat_vec(&f, e.gradients[a]);
+        sd[a] = mat_vec(&stress, e.gradients[a]);
+        cd[a] = mat_vec(&cof, e.gradients[a]);
+    }
+
+    let mut core = [[S::ZERO; 9]; 6];
+    for (block, [a, b]) in core.iter_mut().zip(CORE) {
+        if elastic {
+            let gab = dot(e.gradients[a], e.gradients[b]);
+            for i in 0..3 {
+                for j in 0..3 {
+                    block[3 * i + j] = e.lambda * fd[a][i] * fd[b][j]
+                        + e.mu * (fd[b][i] * fd[a][j] + gab * left[3 * i + j]);
+                }
+            }
+            if indefinite {
+                let geometric = dot(e.gradients[a], sd[b]);
+                block[0] += geometric;
+                block[4] += geometric;
+                block[8] += geometric;
+            }
+        }
+        for i in 0..3 {
+            for j in 0..3 {
+                block[3 * i + j] += p2 * cd[a][i] * cd[b][j];
+            }
+        }
+        if indefinite {
+            let w = mat_vec(&f, cross(e.gradients[b], e.gradients[a]));
+            block[1] += -(p1 * w[2]);
+            block[2] += p1 * w[1];
+            block[3] += p1 * w[2];
+            block[5] += -(p1 * w[0]);
+            block[6] += -(p1 * w[1]);
+            block[7] += p1 * w[0];
+        }
+        for x in block.iter_mut() {
+            *x *= e.volume;
+        }
+    }
+    assemble(&core)
+}
+
+/// Whole matrix from the [`CORE`] blocks: rigid translations cost nothing, so the row and column
+/// of vertex 0 are minus the sums of the others.
+#[inline(always)]
+fn assemble<S: Scalar>(core: &[[S; 9]; 6]) -> TetrahedronTangent<S> {
+    let [k11, k22, k33, k12, k13, k23] = core;
+    let mut k00 = [S::ZERO; 9];
+    let mut k01 = [S::ZERO; 9];
+    let mut k02 = [S::ZERO; 9];
+    let mut k03 = [S::ZERO; 9];
+    for i in 0..3 {
+        for j in 0..3 {
+            let (x, t) = (3 * i + j, 3 * j + i);
+            k01[x] = -(k11[x] + k12[t] + k13[t]);
+            k02[x] = -(k12[x] + k22[x] + k23[t]);
+            k03[x] = -(k13[x] + k23[x] + k33[x]);
+        }
+    }
+    for i in 0..3 {
+        for j in 0..3 {
+            let (x, t) = (3 * i + j, 3 * j + i);
+            // The two halves make the block symmetric to the last bit.
+            let half = S::from_f64(0.5);
+            k00[x] = -(half * ((k01[x] + k01[t]) + (k02[x] + k02[t]) + (k03[x] + k03[t])));
+        }
+    }
+    TetrahedronTangent { diagonal: [k00, *k11, *k22, *k33], off: [k01, k02, k03, *k12, *k13, *k23] }
+}
+
+/// Transpose of a row-major block.
+#[inline(always)]
+fn transposed<S: Scalar>(m: &[S; 9]) -> [S; 9] {
+    [m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]]
+}
+
+#[inline(always)]
+fn widen_nodes<S: Scalar>(u: &[[S; 3]; 4]) -> [[f64; 3]; 4] {
+    let mut wide = [[0.0; 3]; 4];
+    for a in 0..4 {
+        for x in 0..3 {
+            wide[a][x] = u[a][x].to_f64();
+        }
+    }
+    wide
+}
+
+#[inline(always)]
+fn narrow_blocks<S: Scalar>(blocks: &[[f64; 9]; 6]) -> [[S; 9]; 6] {
+    let mut narrow = [[S::ZERO; 9]; 6];
+    for b in 0..6 {
+        for x in 0..9 {
+            narrow[b][x] = S::from_f64(blocks[b][x]);
+        }
+    }
+    narrow
+}
