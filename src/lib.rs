@@ -1,1 +1,20 @@
-//! Sinew.
+//! Sinew: a data-oriented deformable-body engine for soft tissue.
+pub mod simulation;
+
+pub use sinew_engine as engine;
+pub use sinew_models as models;
+pub use sinew_solvers as solvers;
+
+/// What a first program needs.
+pub mod prelude {
+    pub use crate::simulation::{
+        BodyHandle, Precision, Simulation, SimulationError, SimulationOptions,
+    };
+    pub use glam::{DQuat, DVec3};
+    pub use sinew_engine::load::{Constraint, Curve, Load, Motion};
+    pub use sinew_engine::report::{StepReport, VolumeReport};
+    pub use sinew_engine::step::StepError;
+    pub use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model};
+    pub use sinew_models::material::{MaterialError, YoungPoisson, preset, presets};
+    pub use sinew_solvers::settings::{Integrator, SolverSettings};
+}

@@ -13,7 +13,7 @@
 //!
 //! Edge `i` of a triangle lies opposite its vertex `i`: 0 = (1, 2), 1 = (2, 0), 2 = (0, 1).
 
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, sub};
 use bevy_ecs::prelude::Component;
 
 /// Local vertices of the six edges of a tetrahedron.
@@ -83,28 +83,27 @@ pub struct ShapeGradients<S: Scalar>(pub [[S; 3]; 3]);
 #[repr(transparent)]
 pub struct RestVolume<S: Scalar>(pub S);
 
-/// Displacement gradient `sum_a u_a (x) D_a`, row-major.
+/// `G = sum_a u_a (x) D_a`, row-major.
 #[inline(always)]
 pub fn displacement_gradient<S: Scalar>(gradients: &[[S; 3]; 3], u: &[[S; 3]; 4]) -> [S; 9] {
+    // D_0 = -(D_1 + D_2 + D_3) turns the sum into one over displacements relative to vertex 0.
+    let (w1, w2, w3) = (sub(u[1], u[0]), sub(u[2], u[0]), sub(u[3], u[0]));
+    let [d1, d2, d3] = gradients;
     let mut g = [S::ZERO; 9];
-    for a in 0..3 {
-        for i in 0..3 {
-            let d = u[a + 1][i] - u[0][i];
-            for j in 0..3 {
-                g[3 * i + j] += d * gradients[a][j];
-            }
+    for i in 0..3 {
+        for j in 0..3 {
+            g[3 * i + j] = w1[i] * d1[j] + w2[i] * d2[j] + w3[i] * d3[j];
         }
     }
     g
 }
 
-/// `det(I + G) - 1` from the invariants of `G`: no cancellation at small strain.
+/// `J - 1` from the invariants of `G`.
 #[inline(always)]
 pub fn volume_change<S: Scalar>(g: &[S; 9]) -> S {
-    let trace = g[0] + g[4] + g[8];
-    let minors =
-        (g[0] * g[4] - g[1] * g[3]) + (g[0] * g[8] - g[2] * g[6]) + (g[4] * g[8] - g[5] * g[7]);
-    let det = g[0] * (g[4] * g[8] - g[5] * g[7]) - g[1] * (g[3] * g[8] - g[5] * g[6])
-        + g[2] * (g[3] * g[7] - g[4] * g[6]);
-    trace + minors + det
+    let m0 = g[4] * g[8] - g[5] * g[7];
+    let m1 = g[0] * g[8] - g[2] * g[6];
+    let m2 = g[0] * g[4] - g[1] * g[3];
+    let det = g[0] * m0 + g[1] * (g[5] * g[6] - g[3] * g[8]) + g[2] * (g[3] * g[7] - g[4] * g[6]);
+    (g[0] + g[4] + g[8]) + (m0 + m1 + m2) + det
 }

@@ -34,7 +34,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod body;
+pub mod fused;
 pub mod material;
+pub mod pooled;
 pub mod precompute;
 mod projection;
 pub mod spring;

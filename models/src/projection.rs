@@ -17,7 +17,8 @@
 
 use sinew_engine::scalar::{cross, dot, scale, sub};
 
-use crate::tetrahedron::{CORE, Element, green_strain, second_piola_kirchhoff, volume_change};
+use crate::tetrahedron::{CORE, Element, green_strain, second_piola_kirchhoff};
+use sinew_engine::element::volume_change;
 
 /// Eigenvalues above minus this part of the largest entry count as not negative: rounding of `s`
 /// alone moves the zero eigenvalues of a rotation by a few units of it.

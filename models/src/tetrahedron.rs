@@ -32,7 +32,9 @@
 //! Nothing here is a position, and nothing subtracts 1 from a number near 1, so `f32` keeps five
 //! digits of the force at strains of 1e-6. (`m^4` leaves the range of `f32` at `J` = -1e9.)
 
-use sinew_engine::scalar::{Scalar, cross, dot, mat_vec, sub};
+use sinew_engine::element::{displacement_gradient, volume_change};
+pub use sinew_engine::law::TangentKind;
+use sinew_engine::scalar::{Scalar, cross, dot, mat_vec};
 
 use crate::material::LameParameters;
 use crate::precompute::RestTetrahedron;
@@ -91,21 +93,6 @@ impl<S: Scalar> Element<S> {
     }
 }
 
-/// Which second derivative, or positive semidefinite stand-in for it, a tangent is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TangentKind {
-    /// The second derivative. Indefinite under any compression.
-    Exact,
-    /// Material part and `p2` part only: the geometric stiffness and the second derivative of `J`
-    /// are dropped. Positive semidefinite for `lambda >= -2/3 mu`, at no extra work.
-    GaussNewton,
-    /// The second derivative with the negative eigenvalues of the 9x9 `dP/dF` set to zero; equal to
-    /// `Exact` where there are none. The element matrix is then positive semidefinite too. Always
-    /// decided and decomposed in `f64`; about four times the work of `Exact` except in elements
-    /// that are stretched in every direction.
-    Projected,
-}
-
 /// Symmetric 12x12 element matrix (N/m) as 3x3 blocks, each row-major.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TetrahedronTangent<S> {
@@ -114,12 +101,26 @@ pub struct TetrahedronTangent<S> {
     /// Blocks of two local vertices in the order of [`EDGES`](crate::precompute::EDGES); rows
     /// belong to the lower vertex, columns to the higher. The mirrored block is the transpose.
     pub off: [[S; 9]; 6],
+    /// Whether negative eigenvalues had to be clamped.
+    pub clamped: bool,
 }
 
 /// Place of the block of local vertices `a < b` in `off`.
 const OFF_INDEX: [[usize; 4]; 4] = [[0, 0, 1, 2], [0, 0, 3, 4], [1, 3, 0, 5], [2, 4, 5, 0]];
 
 impl<S: Scalar> TetrahedronTangent<S> {
+    /// Adds another element matrix.
+    #[inline(always)]
+    pub fn add(&mut self, other: &Self) {
+        for (m, n) in self.diagonal.iter_mut().zip(&other.diagonal) {
+            (0..9).for_each(|i| m[i] += n[i]);
+        }
+        for (m, n) in self.off.iter_mut().zip(&other.off) {
+            (0..9).for_each(|i| m[i] += n[i]);
+        }
+        self.clamped |= other.clamped;
+    }
+
     /// Block with the rows of local vertex `a` and the columns of `b`, row-major.
     #[inline(always)]
     pub fn block(&self, a: usize, b: usize) -> [S; 9] {
@@ -212,7 +213,9 @@ pub fn tangent<S: Scalar>(
             let g = displacement_gradient(&wide.gradients, &widen_nodes(u));
             match projection::projected_blocks(&wide, &g) {
                 None => tangent_parts(e, u, true, true),
-                Some(blocks) => assemble(&narrow_blocks(&blocks)),
+                Some(blocks) => {
+                    TetrahedronTangent { clamped: true, ..assemble(&narrow_blocks(&blocks)) }
+                }
             }
         }
     }
@@ -256,26 +259,13 @@ pub mod compression {
                 let g = displacement_gradient(&wide.gradients, &widen_nodes(u));
                 match projection::projected_blocks(&wide, &g) {
                     None => tangent_parts(e, u, false, true),
-                    Some(blocks) => assemble(&narrow_blocks(&blocks)),
+                    Some(blocks) => {
+                        TetrahedronTangent { clamped: true, ..assemble(&narrow_blocks(&blocks)) }
+                    }
                 }
             }
         }
     }
-}
-
-/// `G = sum_a u_a (x) D_a`, row-major.
-#[inline(always)]
-pub(crate) fn displacement_gradient<S: Scalar>(gradients: &[[S; 3]; 3], u: &[[S; 3]; 4]) -> [S; 9] {
-    // D_0 = -(D_1 + D_2 + D_3) turns the sum into one over displacements relative to vertex 0.
-    let (w1, w2, w3) = (sub(u[1], u[0]), sub(u[2], u[0]), sub(u[3], u[0]));
-    let [d1, d2, d3] = gradients;
-    let mut g = [S::ZERO; 9];
-    for i in 0..3 {
-        for j in 0..3 {
-            g[3 * i + j] = w1[i] * d1[j] + w2[i] * d2[j] + w3[i] * d3[j];
-        }
-    }
-    g
 }
 
 /// Entries xx, yy, zz, yz, xz, xy of `E = (G + G^T + G^T G)/2`.
@@ -324,16 +314,6 @@ fn compression_density<S: Scalar>(e: &Element<S>, g: &[S; 9]) -> S {
     let m = volume_change(g).min(S::ZERO);
     let m2 = m * m;
     S::from_f64(0.5) * e.compression * m2 * m2
-}
-
-/// `J - 1` from the invariants of `G`.
-#[inline(always)]
-pub(crate) fn volume_change<S: Scalar>(g: &[S; 9]) -> S {
-    let m0 = g[4] * g[8] - g[5] * g[7];
-    let m1 = g[0] * g[8] - g[2] * g[6];
-    let m2 = g[0] * g[4] - g[1] * g[3];
-    let det = g[0] * m0 + g[1] * (g[5] * g[6] - g[3] * g[8]) + g[2] * (g[3] * g[7] - g[4] * g[6]);
-    (g[0] + g[4] + g[8]) + (m0 + m1 + m2) + det
 }
 
 /// `cof F = I + (tr G) I - G^T + cof G`, the derivative of `J` by `F`.
@@ -493,7 +473,11 @@ fn assemble<S: Scalar>(core: &[[S; 9]; 6]) -> TetrahedronTangent<S> {
             k00[x] = -(half * ((k01[x] + k01[t]) + (k02[x] + k02[t]) + (k03[x] + k03[t])));
         }
     }
-    TetrahedronTangent { diagonal: [k00, *k11, *k22, *k33], off: [k01, k02, k03, *k12, *k13, *k23] }
+    TetrahedronTangent {
+        diagonal: [k00, *k11, *k22, *k33],
+        off: [k01, k02, k03, *k12, *k13, *k23],
+        clamped: false,
+    }
 }
 
 /// Transpose of a row-major block.

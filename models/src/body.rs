@@ -1,0 +1,416 @@
+//! From mesh and material to entities: every stiffness is precomputed here, in `f64`.
+
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use sinew_engine::columns::single_table;
+use sinew_engine::element::{
+    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestEdge, RestVolume, ShapeGradients,
+    TETRAHEDRON_FACES, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices,
+    TriangleEdges,
+};
+use sinew_engine::law::{Law, LawBuffer};
+use sinew_engine::layout::{BodyLayout, starts};
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::{BodyRows, Topology};
+use sinew_engine::vertex::{
+    BodyId, Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, Position,
+    PrescribedDisplacement, RestPosition, Velocity, VertexIndex,
+};
+
+use crate::fused::{self, Compression, FusedStVK, Moduli, PooledProjection};
+use crate::material::{MaterialError, YoungPoisson};
+use crate::pooled::{
+    self, Angular, AngularStiffness, AngularTension, EdgeIncidence, SpringForces, Tensile,
+    TensileStiffness, TensileTension, TriangleVertices, Volumetric, VolumetricStiffness,
+    VolumetricTension,
+};
+use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants};
+
+/// Energy of a body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Model {
+    /// St Venant-Kirchhoff (tetrahedral biquadratic springs).
+    #[serde(rename = "svk")]
+    StVK,
+    /// The same with the compression term of Delingette 2008, section 4 (default).
+    #[default]
+    #[serde(rename = "svk_comp")]
+    CompressibleStVK,
+}
+
+/// How the energy is summed; the result is the same to rounding.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Evaluation {
+    /// One pass over tetrahedra (default, the faster one).
+    #[default]
+    Fused,
+    /// Independent systems over edges, triangles and tetrahedra.
+    Pooled,
+}
+
+/// What a body is made of.
+#[derive(Clone, Debug)]
+pub struct BodyDescription<'a> {
+    /// Name, unique in the world.
+    pub name: &'a str,
+    /// Rest positions (m) in the user's order; vertices that no tetrahedron uses are left out.
+    pub points: &'a [DVec3],
+    /// Tetrahedra, positively oriented ([`sinew_engine::mesh`]'s check repairs orientation).
+    pub tetrahedra: &'a [[u32; 4]],
+    /// Material of the whole body.
+    pub material: YoungPoisson,
+    /// Energy.
+    pub model: Model,
+    /// Evaluation.
+    pub evaluation: Evaluation,
+}
+
+/// A body that cannot be built.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BodyError {
+    /// Material out of range.
+    #[error("body `{body}`: {source}")]
+    Material {
+        /// Name of the body.
+        body: String,
+        /// What is wrong.
+        source: MaterialError,
+    },
+    /// A tetrahedron without a usable rest shape.
+    #[error("body `{body}`, tetrahedron {tetrahedron}: {source}")]
+    Tetrahedron {
+        /// Name of the body.
+        body: String,
+        /// Index in the user's mesh.
+        tetrahedron: usize,
+        /// What is wrong.
+        source: RestTetrahedronError,
+    },
+    /// A tetrahedron names a vertex that does not exist, or one twice.
+    #[error(
+        "body `{body}`, tetrahedron {tetrahedron} has vertices {vertices:?} of {count}: \
+         indices must be distinct and below the number of vertices; run the mesh check"
+    )]
+    Index {
+        /// Name of the body.
+        body: String,
+        /// Index in the user's mesh.
+        tetrahedron: usize,
+        /// Its vertices.
+        vertices: [u32; 4],
+        /// Number of vertices in the mesh.
+        count: usize,
+    },
+    /// No tetrahedra.
+    #[error("body `{body}` has no tetrahedra; membranes of triangles alone are not supported yet")]
+    Empty {
+        /// Name of the body.
+        body: String,
+    },
+    /// The name is taken.
+    #[error("there is a body `{body}` already; names must be unique")]
+    Duplicate {
+        /// Name of the body.
+        body: String,
+    },
+}
+
+/// A body in the world; `index` points into [`Topology::bodies`].
+#[derive(Component, Clone, Debug)]
+pub struct SoftBody {
+    /// Index into [`Topology::bodies`].
+    pub index: usize,
+    /// Material.
+    pub material: YoungPoisson,
+    /// Energy.
+    pub model: Model,
+    /// Evaluation.
+    pub evaluation: Evaluation,
+}
+
+/// Builds a body: orders the mesh, precomputes stiffnesses, spawns one entity per vertex and
+/// tetrahedron (per edge and triangle too when springs are pooled) and puts the laws it needs into
+/// the force schedule.
+///
+/// # Errors
+/// When material or mesh cannot be used; nothing is spawned then.
+pub fn spawn_body<S: Scalar>(
+    world: &mut World,
+    body: &BodyDescription,
+) -> Result<Entity, BodyError> {
+    let name = || body.name.to_string();
+    if world.get_resource_or_init::<Topology>().body(body.name).is_some() {
+        return Err(BodyError::Duplicate { body: name() });
+    }
+    if body.tetrahedra.is_empty() {
+        return Err(BodyError::Empty { body: name() });
+    }
+    let lame =
+        body.material.lame().map_err(|source| BodyError::Material { body: name(), source })?;
+    let count = body.points.len();
+    for (tetrahedron, &t) in body.tetrahedra.iter().enumerate() {
+        let distinct = (0..4).all(|i| (0..i).all(|j| t[i] != t[j]));
+        if !distinct || t.iter().any(|&v| v as usize >= count) {
+            return Err(BodyError::Index { body: name(), tetrahedron, vertices: t, count });
+        }
+    }
+    let layout = BodyLayout::new(count, body.tetrahedra);
+    let rest_of = |row: u32| body.points[layout.vertex_order[row as usize] as usize];
+    let mut rest = Vec::with_capacity(layout.tetrahedra.len());
+    for (t, &original) in layout.tetrahedra.iter().zip(&layout.tetrahedron_order) {
+        let points = t.map(|row| rest_of(row).to_array());
+        rest.push(RestTetrahedron::new(points).map_err(|source| BodyError::Tetrahedron {
+            body: name(),
+            tetrahedron: original as usize,
+            source,
+        })?);
+    }
+
+    // from here on nothing can fail
+    let n = layout.vertex_order.len();
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let mut mass = vec![0.0; n];
+    for row in 0..n as u32 {
+        low = low.min(rest_of(row));
+        high = high.max(rest_of(row));
+    }
+    for (t, r) in layout.tetrahedra.iter().zip(&rest) {
+        for &v in t {
+            mass[v as usize] += body.material.density * r.volume / 4.0;
+        }
+    }
+    let index = world.resource::<Topology>().bodies.len();
+    let id = BodyId(index as u32);
+    world.resource_mut::<Topology>().push(
+        BodyRows {
+            name: name(),
+            vertices: 0..0,
+            blocks: 0..0,
+            vertex_order: layout.vertex_order.clone(),
+            row_of_vertex: layout.row_of_vertex.clone(),
+            tetrahedra: layout.tetrahedra.clone(),
+            tetrahedron_order: layout.tetrahedron_order.clone(),
+            size: (high - low).max_element(),
+        },
+        &layout.edges,
+    );
+    let rows = world.resource::<Topology>().bodies[index].clone();
+    let (v0, block0) = (rows.vertices.start, rows.blocks.start);
+
+    world.spawn_batch(
+        (0..n as u32)
+            .zip(mass)
+            .map(|(row, mass)| {
+                let x = rest_of(row);
+                (
+                    RestPosition(x),
+                    Position(x),
+                    Displacement::<S>::default(),
+                    Velocity::<S>::default(),
+                    ElasticForce::<S>::default(),
+                    ExternalForce::<S>::default(),
+                    PrescribedDisplacement::<S>::default(),
+                    Mass(S::from_f64(mass)),
+                    FixedAxes::NONE,
+                    VertexIndex(layout.vertex_order[row as usize]),
+                    id,
+                )
+            })
+            .collect::<Vec<_>>(),
+    );
+
+    let compression =
+        if body.model == Model::CompressibleStVK { lame.lambda + lame.mu } else { 0.0 };
+    let moduli = Moduli {
+        lambda: S::from_f64(lame.lambda),
+        mu: S::from_f64(lame.mu),
+        compression: S::from_f64(compression),
+    };
+    let geometry: Vec<_> = layout
+        .tetrahedra
+        .iter()
+        .zip(&layout.tetrahedron_edges)
+        .zip(&layout.tetrahedron_order)
+        .zip(&rest)
+        .map(|(((t, e), &original), r)| {
+            let d = [r.gradients[1], r.gradients[2], r.gradients[3]];
+            (
+                TetrahedronVertices(t.map(|v| v + v0)),
+                TetrahedronBlocks(e.map(|b| b + block0)),
+                TetrahedronIndex(original),
+                id,
+                ShapeGradients(d.map(|row| row.map(S::from_f64))),
+                RestVolume(S::from_f64(r.volume)),
+                moduli,
+            )
+        })
+        .collect();
+
+    match body.evaluation {
+        Evaluation::Fused => {
+            world.spawn_batch(geometry);
+            fused::activate::<FusedStVK, S>(world);
+        }
+        Evaluation::Pooled => {
+            spawn_springs::<S>(world, &layout, &rest, body, &rest_of, geometry, v0, block0, id);
+            pooled::activate::<S>(world);
+            fused::activate::<PooledProjection, S>(world);
+            if body.model == Model::CompressibleStVK {
+                fused::activate::<Compression, S>(world);
+            }
+        }
+    }
+    partition_laws::<S>(world);
+    let (material, model, evaluation) = (body.material, body.model, body.evaluation);
+    Ok(world.spawn(SoftBody { index, material, model, evaluation }).id())
+}
+
+/// Edges, triangles and tetrahedra of a pooled body, with constants summed over the tetrahedra.
+fn spawn_springs<S: Scalar>(
+    world: &mut World,
+    layout: &BodyLayout,
+    rest: &[RestTetrahedron],
+    body: &BodyDescription,
+    rest_of: &dyn Fn(u32) -> DVec3,
+    geometry: Vec<(
+        TetrahedronVertices,
+        TetrahedronBlocks,
+        TetrahedronIndex,
+        BodyId,
+        ShapeGradients<S>,
+        RestVolume<S>,
+        Moduli<S>,
+    )>,
+    v0: u32,
+    block0: u32,
+    id: BodyId,
+) {
+    let Ok(lame) = body.material.lame() else { return };
+    let mut tensile = vec![0.0; layout.edges.len()];
+    let mut angular = vec![[0.0; 3]; layout.triangles.len()];
+    let mut volumetric = Vec::with_capacity(rest.len());
+    for (i, r) in rest.iter().enumerate() {
+        let constants = SpringConstants::new(r, lame);
+        for (k, &e) in constants.tensile.iter().zip(&layout.tetrahedron_edges[i]) {
+            tensile[e as usize] += k;
+        }
+        let t = layout.tetrahedra[i];
+        for (c, [apex, j, k]) in constants.angular.iter().zip(ADJACENT_PAIRS) {
+            // the face through the pair lies opposite the one vertex that it does not use
+            let face = (0..4).find(|v| ![apex, j, k].contains(v)).unwrap_or(0);
+            debug_assert!(TETRAHEDRON_FACES[face].contains(&apex));
+            let triangle = layout.tetrahedron_triangles[i][face] as usize;
+            let m = layout.triangles[triangle].iter().position(|&v| v == t[apex]).unwrap_or(0);
+            angular[triangle][m] += c;
+        }
+        volumetric.push(constants.volumetric);
+    }
+
+    let incidence = world.get_resource_or_init::<EdgeIncidence>();
+    let edge0 = incidence.triangle_start.len() as u32 - 1;
+    let triangle0 = incidence.triangles.len() as u32 / 3;
+    let tetrahedron0 = incidence.tetrahedra.len() as u32 / 6;
+
+    world.spawn_batch(
+        layout
+            .edges
+            .iter()
+            .zip(tensile)
+            .enumerate()
+            .map(|(i, (&[a, b], k))| {
+                (
+                    EdgeVertices([a + v0, b + v0]),
+                    EdgeBlock(i as u32 + block0),
+                    id,
+                    RestEdge((rest_of(a) - rest_of(b)).to_array().map(S::from_f64)),
+                    EdgeChange::<S>::default(),
+                    EdgeTension::<S>::default(),
+                    TensileStiffness(S::from_f64(k)),
+                    TensileTension::<S>::default(),
+                )
+            })
+            .collect::<Vec<_>>(),
+    );
+    world.spawn_batch(
+        layout
+            .triangles
+            .iter()
+            .zip(&layout.triangle_edges)
+            .zip(angular)
+            .map(|((t, e), c)| {
+                (
+                    TriangleVertices(t.map(|v| v + v0)),
+                    TriangleEdges(e.map(|e| e + edge0)),
+                    id,
+                    AngularStiffness(c.map(S::from_f64)),
+                    AngularTension::<S>::default(),
+                )
+            })
+            .collect::<Vec<_>>(),
+    );
+    world.spawn_batch(
+        geometry
+            .into_iter()
+            .zip(&layout.tetrahedron_edges)
+            .zip(volumetric)
+            .map(|((geometry, e), d)| {
+                (
+                    geometry,
+                    TetrahedronEdges(e.map(|e| e + edge0)),
+                    VolumetricStiffness(d.map(S::from_f64)),
+                    VolumetricTension::<S>::default(),
+                )
+            })
+            .collect::<Vec<_>>(),
+    );
+
+    let mut incidence = world.resource_mut::<EdgeIncidence>();
+    let EdgeIncidence { triangle_start, triangles, tetrahedron_start, tetrahedra } =
+        &mut *incidence;
+    let n = layout.edges.len();
+    append(n, triangle_start, triangles, layout.triangle_edges.as_flattened(), 3 * triangle0);
+    append(
+        n,
+        tetrahedron_start,
+        tetrahedra,
+        layout.tetrahedron_edges.as_flattened(),
+        6 * tetrahedron0,
+    );
+}
+
+/// Appends compressed rows: `edge_of[slot]` is the edge of each element slot.
+fn append(n: usize, start: &mut Vec<u32>, list: &mut Vec<u32>, edge_of: &[u32], slot0: u32) {
+    let base = list.len() as u32;
+    let mut keys: Vec<(u32, u32)> =
+        edge_of.iter().enumerate().map(|(slot, &e)| (e, slot as u32 + slot0)).collect();
+    keys.sort_unstable();
+    start.extend(starts(n, keys.iter().map(|k| k.0))[1..].iter().map(|s| s + base));
+    list.extend(keys.iter().map(|k| k.1));
+}
+
+/// Cuts the elements of every active law into its fixed ranges.
+fn partition_laws<S: Scalar>(world: &mut World) {
+    partition::<FusedStVK, S, TetrahedronVertices, Without<TetrahedronEdges>>(world, |t| &t.0);
+    partition::<Compression, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
+    partition::<PooledProjection, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
+    partition::<Volumetric, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
+    partition::<Tensile, S, EdgeVertices, ()>(world, |e| &e.0);
+    partition::<SpringForces, S, EdgeVertices, ()>(world, |e| &e.0);
+    partition::<Angular, S, TriangleVertices, ()>(world, |t| &t.0);
+}
+
+fn partition<L: Law, S: Scalar, C: Component, F: bevy_ecs::query::ArchetypeFilter>(
+    world: &mut World,
+    vertices: impl Fn(&C) -> &[u32],
+) {
+    let mut elements = world.query_filtered::<&C, F>();
+    let Some(mut buffer) = world.remove_resource::<LawBuffer<L, S>>() else { return };
+    let topology = world.resource::<Topology>();
+    if let Some(column) = single_table(elements.contiguous_iter(world)) {
+        buffer.partition(column.len(), topology, |i| vertices(&column[i]));
+    }
+    world.insert_resource(buffer);
+}

@@ -1,0 +1,111 @@
+//! What the user chooses of the solver.
+
+use bevy_ecs::prelude::Resource;
+use serde::{Deserialize, Serialize};
+use sinew_engine::step::StepError;
+
+/// Time integrator.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Integrator {
+    /// Linearised implicit Euler with line search and energy cap: one linear system a step, and the
+    /// energy provably never rises between outside actions (default).
+    #[default]
+    Safe,
+    /// Implicit Euler solved to convergence.
+    Newton,
+    /// Equilibrium at the loads and constraints of the step's end; no inertia.
+    QuasiStatic,
+    /// Symplectic Euler, substepped below the stability limit.
+    SymplecticEuler,
+    /// Störmer-Verlet (velocity form), substepped below the stability limit.
+    StormerVerlet,
+}
+
+/// Settings of the solver; the defaults suit interactive use.
+#[derive(Resource, Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SolverSettings {
+    /// Time integrator.
+    pub integrator: Integrator,
+    /// Relative residual at which a linear system counts as solved.
+    pub linear_tolerance: f64,
+    /// Cap on conjugate-gradient iterations per linear system; reaching it is counted and reported.
+    pub max_linear_iterations: u32,
+    /// Newton step (largest displacement) over body size at which Newton has converged.
+    pub newton_tolerance: f64,
+    /// Cap on Newton iterations per step; reaching it is reported.
+    pub max_newton_iterations: u32,
+    /// Rayleigh damping proportional to mass (1/s).
+    pub mass_damping: f64,
+    /// Rayleigh damping proportional to stiffness (s); implicit integrators only.
+    pub stiffness_damping: f64,
+    /// Most explicit substeps per step; a step that needs more is refused.
+    pub max_substeps: u32,
+    /// Fraction of the estimated stability limit used by explicit substeps.
+    pub explicit_safety: f64,
+}
+
+impl Default for SolverSettings {
+    fn default() -> Self {
+        Self {
+            integrator: Integrator::Safe,
+            linear_tolerance: 1e-3,
+            max_linear_iterations: 5_000,
+            newton_tolerance: 1e-9,
+            max_newton_iterations: 100,
+            mass_damping: 0.0,
+            stiffness_damping: 0.0,
+            max_substeps: 100_000,
+            explicit_safety: 0.7,
+        }
+    }
+}
+
+impl SolverSettings {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`StepError::InvalidSetting`] naming the setting, its value and its range.
+    pub fn validate(&self) -> Result<(), StepError> {
+        let fail = |name: &str, value: f64, range: &str| {
+            Err(StepError::InvalidSetting(format!("{name} = {value}: it must be {range}")))
+        };
+        let open_unit = |x: f64| x > 0.0 && x < 1.0;
+        let non_negative = |x: f64| x >= 0.0 && x.is_finite();
+        if !open_unit(self.linear_tolerance) {
+            return fail("linear_tolerance", self.linear_tolerance, "between 0 and 1");
+        }
+        if !open_unit(self.newton_tolerance) {
+            return fail("newton_tolerance", self.newton_tolerance, "between 0 and 1");
+        }
+        if !(self.explicit_safety > 0.0 && self.explicit_safety <= 1.0) {
+            return fail("explicit_safety", self.explicit_safety, "above 0 and at most 1");
+        }
+        if !non_negative(self.mass_damping) {
+            return fail("mass_damping", self.mass_damping, "zero or positive (1/s)");
+        }
+        if !non_negative(self.stiffness_damping) {
+            return fail("stiffness_damping", self.stiffness_damping, "zero or positive (s)");
+        }
+        for (name, value) in [
+            ("max_linear_iterations", self.max_linear_iterations),
+            ("max_newton_iterations", self.max_newton_iterations),
+            ("max_substeps", self.max_substeps),
+        ] {
+            if value == 0 {
+                return fail(name, 0.0, "at least 1");
+            }
+        }
+        let explicit =
+            matches!(self.integrator, Integrator::SymplecticEuler | Integrator::StormerVerlet);
+        if explicit && self.stiffness_damping > 0.0 {
+            return Err(StepError::InvalidSetting(format!(
+                "stiffness_damping = {} with an explicit integrator: it would need a linear system \
+                 every substep; use mass_damping, or integrator = \"safe\"",
+                self.stiffness_damping
+            )));
+        }
+        Ok(())
+    }
+}

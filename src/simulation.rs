@@ -1,0 +1,445 @@
+//! A headless simulation: a world, its schedules and one call per step.
+
+use bevy_app::App;
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use sinew_engine::columns::single_table;
+use sinew_engine::element::{RestVolume, ShapeGradients, TetrahedronVertices};
+use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
+use sinew_engine::load::{Constraint, Load};
+use sinew_engine::report::{StepReport, VolumeReport};
+use sinew_engine::scalar::Scalar;
+use sinew_engine::schedule::{Executor, ForceSchedule};
+use sinew_engine::step::{Gravity, StepClock, StepError, install_engine, run_step};
+use sinew_engine::topology::{BodyRows, Topology};
+use sinew_engine::vertex::{
+    Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, RestPosition, Velocity,
+};
+use sinew_engine::workers::{Workers, WorkersError};
+use sinew_models::body::{BodyDescription, BodyError, spawn_body};
+use sinew_solvers::install_solver;
+use sinew_solvers::settings::SolverSettings;
+
+/// Number type of the state.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// 64-bit (default).
+    #[default]
+    F64,
+    /// 32-bit: about 5e-6 relative force error at any strain.
+    F32,
+}
+
+impl Precision {
+    /// `"f32"` or `"f64"`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::F64 => f64::NAME,
+            Self::F32 => f32::NAME,
+        }
+    }
+}
+
+/// How a simulation is carried out.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SimulationOptions {
+    /// Number type.
+    pub precision: Precision,
+    /// Threads; 0 means one per core. Results do not depend on it.
+    pub threads: usize,
+    /// Executor of the schedules.
+    pub executor: Executor,
+}
+
+/// A simulation that cannot be set up.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SimulationError {
+    /// Threads.
+    #[error(transparent)]
+    Workers(#[from] WorkersError),
+    /// A body.
+    #[error(transparent)]
+    Body(#[from] BodyError),
+    /// A step.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// A constraint or load names a vertex that its body does not have.
+    #[error(
+        "`{name}`: vertex {vertex} of body `{body}` does not exist or belongs to no element, so it \
+         cannot be held or loaded"
+    )]
+    Vertex {
+        /// Constraint or load.
+        name: String,
+        /// Body.
+        body: String,
+        /// Index in the user's mesh.
+        vertex: u32,
+    },
+    /// As many values as vertices are needed.
+    #[error("{given} {what} given for body `{body}` with {expected} vertices")]
+    Length {
+        /// What was given.
+        what: &'static str,
+        /// Body.
+        body: String,
+        /// Entries needed.
+        expected: usize,
+        /// Entries given.
+        given: usize,
+    },
+}
+
+/// A body of a simulation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BodyHandle(pub usize);
+
+/// A world with bodies, and its clock.
+///
+/// Everything in it is ordinary ECS data: [`Simulation::world_mut`] gives access to it. In a Bevy
+/// app use [`crate::SinewPlugins`] instead, which installs the same systems.
+pub struct Simulation {
+    app: App,
+    precision: Precision,
+}
+
+macro_rules! by_precision {
+    ($self:ident, $function:ident ( $($argument:expr),* )) => {
+        match $self.precision {
+            Precision::F64 => $function::<f64>($($argument),*),
+            Precision::F32 => $function::<f32>($($argument),*),
+        }
+    };
+}
+
+impl Simulation {
+    /// An empty world.
+    ///
+    /// # Errors
+    /// When the threads cannot be started.
+    pub fn new(options: SimulationOptions) -> Result<Self, SimulationError> {
+        let workers = Workers::new(options.threads)?;
+        let mut app = App::empty();
+        let world = app.world_mut();
+        match options.precision {
+            Precision::F64 => install_all::<f64>(world, options.executor),
+            Precision::F32 => install_all::<f32>(world, options.executor),
+        }
+        world.insert_resource(workers);
+        world.insert_resource(options.precision);
+        Ok(Self { app, precision: options.precision })
+    }
+
+    /// The world.
+    pub fn world(&self) -> &World {
+        self.app.world()
+    }
+
+    /// The world, writable.
+    pub fn world_mut(&mut self) -> &mut World {
+        self.app.world_mut()
+    }
+
+    /// Number type of the state.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// Builds a body.
+    ///
+    /// # Errors
+    /// When mesh or material cannot be used; nothing is added then.
+    pub fn add_body(&mut self, body: &BodyDescription) -> Result<BodyHandle, BodyError> {
+        let world = self.app.world_mut();
+        by_precision!(self, spawn_body(world, body))?;
+        Ok(BodyHandle(self.topology().bodies.len() - 1))
+    }
+
+    /// Vertex rows of vertices given in the user's order.
+    ///
+    /// # Errors
+    /// When one does not exist or no element uses it; `name` says in the error who asked.
+    pub fn rows(
+        &self,
+        body: BodyHandle,
+        name: &str,
+        vertices: &[u32],
+    ) -> Result<Vec<u32>, SimulationError> {
+        let rows = &self.topology().bodies[body.0];
+        vertices
+            .iter()
+            .map(|&vertex| {
+                rows.row(vertex).ok_or_else(|| SimulationError::Vertex {
+                    name: name.into(),
+                    body: rows.name.clone(),
+                    vertex,
+                })
+            })
+            .collect()
+    }
+
+    /// Adds a constraint on rows of [`Simulation::rows`]; the entity identifies it.
+    pub fn add_constraint(&mut self, constraint: Constraint) -> Entity {
+        self.world_mut().spawn(constraint).id()
+    }
+
+    /// Adds dead loads on rows of [`Simulation::rows`].
+    pub fn add_load(&mut self, load: Load) -> Entity {
+        self.world_mut().spawn(load).id()
+    }
+
+    /// Sets gravity (m/s^2).
+    pub fn set_gravity(&mut self, gravity: DVec3) {
+        self.world_mut().insert_resource(Gravity(gravity));
+    }
+
+    /// Sets the step length (s).
+    pub fn set_dt(&mut self, dt: f64) {
+        self.world_mut().resource_mut::<StepClock>().dt = dt;
+    }
+
+    /// Sets the solver.
+    pub fn set_solver(&mut self, settings: SolverSettings) {
+        self.world_mut().insert_resource(settings);
+    }
+
+    /// Carries out one step.
+    ///
+    /// # Errors
+    /// When settings or state are invalid or the integrator gives up; the state is then unchanged.
+    pub fn step(&mut self) -> Result<(), StepError> {
+        let world = self.app.world_mut();
+        by_precision!(self, run_step(world))
+    }
+
+    /// Simulated time (s).
+    pub fn time(&self) -> f64 {
+        self.world().resource::<StepClock>().time
+    }
+
+    /// Figures of the last step.
+    pub fn report(&self) -> &StepReport {
+        self.world().resource()
+    }
+
+    /// Volume ratios after the last step.
+    pub fn volume_report(&self) -> &VolumeReport {
+        self.world().resource()
+    }
+
+    /// Bodies and edge graph.
+    pub fn topology(&self) -> &Topology {
+        self.world().resource()
+    }
+
+    /// Displacements (m) in the user's order; vertices without an element have none (zero).
+    pub fn displacements(&mut self, body: BodyHandle) -> Vec<DVec3> {
+        by_precision!(self, read_rows(self, body, displacement_column))
+    }
+
+    /// Velocities (m/s) in the user's order.
+    pub fn velocities(&mut self, body: BodyHandle) -> Vec<DVec3> {
+        by_precision!(self, read_rows(self, body, velocity_column))
+    }
+
+    /// Elastic forces (N) of the last evaluation in the user's order; see [`Simulation::evaluate`].
+    pub fn elastic_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
+        by_precision!(self, read_rows(self, body, force_column))
+    }
+
+    /// External forces (N), gravity included, of the last step in the user's order.
+    pub fn external_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
+        by_precision!(self, read_rows(self, body, external_column))
+    }
+
+    /// Lumped masses (kg) in the user's order; zero for vertices without an element.
+    pub fn masses(&mut self, body: BodyHandle) -> Vec<f64> {
+        by_precision!(self, read_rows(self, body, mass_column)).iter().map(|m| m.x).collect()
+    }
+
+    /// Volume ratio J of every tetrahedron of a body, in the user's order.
+    pub fn volume_ratios(&mut self, body: BodyHandle) -> Vec<f64> {
+        by_precision!(self, volume_ratios(self, body))
+    }
+
+    /// Sets displacements (m) and velocities (m/s) in the user's order.
+    ///
+    /// # Errors
+    /// When the lengths differ from the number of vertices.
+    pub fn set_state(
+        &mut self,
+        body: BodyHandle,
+        displacements: &[DVec3],
+        velocities: &[DVec3],
+    ) -> Result<(), SimulationError> {
+        let rows = self.topology().bodies[body.0].clone();
+        let expected = rows.row_of_vertex.len();
+        for (what, values) in [("displacements", displacements), ("velocities", velocities)] {
+            if values.len() != expected {
+                let body = rows.name;
+                return Err(SimulationError::Length { what, body, expected, given: values.len() });
+            }
+        }
+        by_precision!(self, write_state(self, &rows, displacements, velocities));
+        Ok(())
+    }
+
+    /// Evaluates elastic energy (J) and forces at the current state, outside a step.
+    pub fn evaluate(&mut self) -> f64 {
+        let world = self.world_mut();
+        world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: None });
+        world.run_schedule(ForceSchedule);
+        world.resource::<ElasticEnergy>().total
+    }
+
+    /// Force (N) that a constraint exerts on the body at the current state: what is needed at its
+    /// held unknowns to balance elastic and external forces. Inertia of the held vertices is left
+    /// out. Call [`Simulation::evaluate`] first.
+    pub fn reaction(&mut self, constraint: Entity) -> DVec3 {
+        by_precision!(self, reaction(self, constraint))
+    }
+
+    /// 64-bit FNV-1a hash of displacements and velocities, in the user's order: equal hashes mean
+    /// equal results bit for bit.
+    pub fn state_hash(&mut self) -> u64 {
+        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+        for body in 0..self.topology().bodies.len() {
+            let u = self.displacements(BodyHandle(body));
+            let v = self.velocities(BodyHandle(body));
+            for x in u.iter().chain(&v).flat_map(|x| x.to_array()) {
+                for byte in x.to_bits().to_le_bytes() {
+                    hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+                }
+            }
+        }
+        hash
+    }
+}
+
+/// Engine and solver; laws follow with the bodies that use them.
+pub(crate) fn install_all<S: Scalar>(world: &mut World, executor: Executor) {
+    install_engine::<S>(world, executor);
+    install_solver::<S>(world);
+}
+
+fn to_vector<S: Scalar>(x: &[S; 4]) -> DVec3 {
+    DVec3::new(x[0].to_f64(), x[1].to_f64(), x[2].to_f64())
+}
+
+fn displacement_column<S: Scalar>(
+    x: &(Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>),
+) -> DVec3 {
+    to_vector(&x.0.0)
+}
+fn velocity_column<S: Scalar>(
+    x: &(Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>),
+) -> DVec3 {
+    to_vector(&x.1.0)
+}
+fn force_column<S: Scalar>(
+    x: &(Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>),
+) -> DVec3 {
+    to_vector(&x.2.0)
+}
+fn external_column<S: Scalar>(
+    x: &(Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>),
+) -> DVec3 {
+    to_vector(&x.3.0)
+}
+fn mass_column<S: Scalar>(
+    x: &(Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>),
+) -> DVec3 {
+    DVec3::splat(x.4.0.to_f64())
+}
+
+/// One value per vertex of the user's mesh, zero where there is no row.
+fn read_rows<S: Scalar>(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    pick: fn(&(Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>)) -> DVec3,
+) -> Vec<DVec3> {
+    let rows = simulation.topology().bodies[body.0].clone();
+    let mut result = vec![DVec3::ZERO; rows.row_of_vertex.len()];
+    let world = simulation.world_mut();
+    let mut query = world.query::<(
+        &Displacement<S>,
+        &Velocity<S>,
+        &ElasticForce<S>,
+        &ExternalForce<S>,
+        &Mass<S>,
+    )>();
+    if let Some((u, v, f, e, m)) = single_table(query.contiguous_iter(world)) {
+        for (local, &vertex) in rows.vertex_order.iter().enumerate() {
+            let row = rows.vertices.start as usize + local;
+            result[vertex as usize] = pick(&(u[row], v[row], f[row], e[row], m[row]));
+        }
+    }
+    result
+}
+
+fn write_state<S: Scalar>(
+    simulation: &mut Simulation,
+    rows: &BodyRows,
+    displacements: &[DVec3],
+    velocities: &[DVec3],
+) {
+    let world = simulation.world_mut();
+    let mut query = world.query::<(&mut Displacement<S>, &mut Velocity<S>)>();
+    if let Some((mut u, mut v)) = single_table(query.contiguous_iter_mut(world)) {
+        for (local, &vertex) in rows.vertex_order.iter().enumerate() {
+            let row = rows.vertices.start as usize + local;
+            for k in 0..3 {
+                u[row].0[k] = S::from_f64(displacements[vertex as usize][k]);
+                v[row].0[k] = S::from_f64(velocities[vertex as usize][k]);
+            }
+        }
+    }
+}
+
+fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Vec<f64> {
+    use sinew_engine::element::{TetrahedronIndex, displacement_gradient, volume_change};
+    use sinew_engine::scalar::xyz;
+    use sinew_engine::vertex::BodyId;
+    let count = simulation.topology().bodies[body.0].tetrahedra.len();
+    let mut result = vec![1.0; count];
+    let world = simulation.world_mut();
+    let mut vertices = world.query::<&Displacement<S>>();
+    let mut tetrahedra = world.query::<(
+        &TetrahedronVertices,
+        &ShapeGradients<S>,
+        &RestVolume<S>,
+        &TetrahedronIndex,
+        &BodyId,
+    )>();
+    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
+    for (nodes, gradients, _, index, of) in tetrahedra.iter(world) {
+        if of.0 as usize == body.0 {
+            let local = nodes.0.map(|v| xyz(u[v as usize].0));
+            let change = volume_change(&displacement_gradient(&gradients.0, &local));
+            result[index.0 as usize] = 1.0 + change.to_f64();
+        }
+    }
+    result
+}
+
+fn reaction<S: Scalar>(simulation: &mut Simulation, constraint: Entity) -> DVec3 {
+    let world = simulation.world_mut();
+    let Some(constraint) = world.get::<Constraint>(constraint) else { return DVec3::ZERO };
+    let (rows, axes) = (constraint.rows.clone(), constraint.axes);
+    let mut query =
+        world.query::<(&ElasticForce<S>, &ExternalForce<S>, &RestPosition, &FixedAxes)>();
+    let Some((elastic, external, _, _)) = single_table(query.contiguous_iter(world)) else {
+        return DVec3::ZERO;
+    };
+    let mut sum = DVec3::ZERO;
+    for row in rows {
+        let f = to_vector(&elastic[row as usize].0) + to_vector(&external[row as usize].0);
+        for k in 0..3 {
+            if axes.holds(k) {
+                sum[k] -= f[k];
+            }
+        }
+    }
+    sum
+}
