@@ -1,10 +1,41 @@
 //! Sinew solvers: time integrators and linear solvers. They know vertex columns, force totals and
 //! tangents, never a law.
 
+pub mod cg;
+pub mod explicit;
+pub mod implicit;
 pub mod settings;
+pub mod state;
 
-use bevy_ecs::prelude::World;
+use bevy_ecs::prelude::*;
+use settings::{Integrator, SolverSettings};
+use sinew_engine::report::StepReport;
 use sinew_engine::scalar::Scalar;
+use sinew_engine::schedule::{StepSchedule, StepSystems};
+use sinew_engine::step::{IntegratorInstalled, StepFailure};
 
-/// Installs the integrator system.
-pub fn install_solver<S: Scalar>(_world: &mut World) {}
+/// Installs the integrator; [`SolverSettings`] chooses which.
+pub fn install_solver<S: Scalar>(world: &mut World) {
+    world.init_resource::<SolverSettings>();
+    world.init_resource::<IntegratorInstalled>();
+    world
+        .resource_mut::<Schedules>()
+        .entry(StepSchedule)
+        .add_systems(integrate::<S>.in_set(StepSystems::Integrate));
+}
+
+/// The one system of [`StepSystems::Integrate`].
+fn integrate<S: Scalar>(world: &mut World) {
+    let settings = world.resource::<SolverSettings>().clone();
+    let mut report = StepReport::default();
+    let result = settings.validate().and_then(|()| match settings.integrator {
+        Integrator::Safe | Integrator::Newton | Integrator::QuasiStatic => {
+            implicit::implicit_step::<S>(world, &settings, &mut report)
+        }
+        Integrator::SymplecticEuler | Integrator::StormerVerlet => {
+            explicit::explicit_step::<S>(world, &settings, &mut report)
+        }
+    });
+    world.resource_mut::<StepFailure>().0 = result.err();
+    world.insert_resource(report);
+}

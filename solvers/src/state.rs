@@ -1,0 +1,149 @@
+//! Dense copies of the vertex columns for the integrators, and the one way in which they ask for
+//! energies, forces and tangents.
+
+use bevy_ecs::prelude::*;
+use sinew_engine::columns::single_table;
+use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
+use sinew_engine::scalar::Scalar;
+use sinew_engine::schedule::ForceSchedule;
+use sinew_engine::vertex::{
+    Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, PrescribedDisplacement, Velocity,
+};
+
+/// A padded vector per vertex row.
+pub type Rows<S> = Vec<[S; 4]>;
+
+/// What an integrator reads at the start of a step.
+#[derive(Clone, Debug, Default)]
+pub struct NodeState<S> {
+    /// Displacements (m).
+    pub u: Rows<S>,
+    /// Velocities (m/s).
+    pub v: Rows<S>,
+    /// External forces (N) at the end of the step.
+    pub external: Rows<S>,
+    /// Displacements (m) of held axes at the end of the step.
+    pub prescribed: Rows<S>,
+    /// Masses (kg).
+    pub mass: Vec<S>,
+    /// Held axes.
+    pub fixed: Vec<FixedAxes>,
+}
+
+impl<S: Scalar> NodeState<S> {
+    /// Copies the columns.
+    pub fn read(&mut self, world: &mut World) {
+        let mut query = world.query::<(
+            &Displacement<S>,
+            &Velocity<S>,
+            &ExternalForce<S>,
+            &PrescribedDisplacement<S>,
+            &Mass<S>,
+            &FixedAxes,
+        )>();
+        self.u.clear();
+        self.v.clear();
+        self.external.clear();
+        self.prescribed.clear();
+        self.mass.clear();
+        self.fixed.clear();
+        if let Some((u, v, external, prescribed, mass, fixed)) =
+            single_table(query.contiguous_iter(world))
+        {
+            self.u.extend(u.iter().map(|x| x.0));
+            self.v.extend(v.iter().map(|x| x.0));
+            self.external.extend(external.iter().map(|x| x.0));
+            self.prescribed.extend(prescribed.iter().map(|x| x.0));
+            self.mass.extend(mass.iter().map(|x| x.0));
+            self.fixed.extend_from_slice(fixed);
+        }
+    }
+
+    /// Number of vertex rows.
+    pub fn len(&self) -> usize {
+        self.u.len()
+    }
+
+    /// Whether there are no vertices.
+    pub fn is_empty(&self) -> bool {
+        self.u.is_empty()
+    }
+
+    /// Whether an unknown is free.
+    #[inline(always)]
+    pub fn free(&self, row: usize, axis: usize) -> bool {
+        !self.fixed[row].holds(axis)
+    }
+
+    /// Kinetic energy (J) of the free unknowns at velocities `v`.
+    pub fn kinetic_energy(&self, v: &[[S; 4]]) -> f64 {
+        let mut sum = 0.0;
+        for row in 0..self.len() {
+            let mut square = 0.0;
+            for k in 0..3 {
+                if self.free(row, k) {
+                    square += v[row][k].to_f64() * v[row][k].to_f64();
+                }
+            }
+            sum += 0.5 * self.mass[row].to_f64() * square;
+        }
+        sum
+    }
+
+    /// Work (J) of the external forces at displacements `u`.
+    pub fn load_potential(&self, u: &[[S; 4]]) -> f64 {
+        self.external.iter().zip(u).map(|(f, u)| dot3(f, u)).sum()
+    }
+}
+
+/// Scalar product of two padded rows in `f64`, first three entries.
+#[inline(always)]
+pub fn dot3<S: Scalar>(a: &[S; 4], b: &[S; 4]) -> f64 {
+    a[0].to_f64() * b[0].to_f64() + a[1].to_f64() * b[1].to_f64() + a[2].to_f64() * b[2].to_f64()
+}
+
+/// Writes displacements.
+pub fn write_displacement<S: Scalar>(world: &mut World, u: &[[S; 4]]) {
+    let mut query = world.query::<&mut Displacement<S>>();
+    if let Some(mut column) = single_table(query.contiguous_iter_mut(world)) {
+        let column = column.bypass_change_detection();
+        for (x, u) in column.iter_mut().zip(u) {
+            x.0 = *u;
+        }
+    }
+}
+
+/// Writes displacements and velocities.
+pub fn write_state<S: Scalar>(world: &mut World, u: &[[S; 4]], v: &[[S; 4]]) {
+    write_displacement(world, u);
+    let mut query = world.query::<&mut Velocity<S>>();
+    if let Some(mut column) = single_table(query.contiguous_iter_mut(world)) {
+        let column = column.bypass_change_detection();
+        for (x, v) in column.iter_mut().zip(v) {
+            x.0 = *v;
+        }
+    }
+}
+
+/// Copies the elastic forces of the last evaluation.
+pub fn read_force<S: Scalar>(world: &mut World, force: &mut Rows<S>) {
+    force.clear();
+    let mut query = world.query::<&ElasticForce<S>>();
+    if let Some(column) = single_table(query.contiguous_iter(world)) {
+        force.extend(column.iter().map(|f| f.0));
+    }
+}
+
+/// Evaluates at the displacements `u` and returns the elastic energy (J; 0 when not asked for).
+pub fn evaluate<S: Scalar>(
+    world: &mut World,
+    u: &[[S; 4]],
+    energy: bool,
+    force: bool,
+    tangent: Option<TangentKind>,
+) -> f64 {
+    write_displacement(world, u);
+    world.insert_resource(EvaluationRequest { energy, force, tangent });
+    world.run_schedule(ForceSchedule);
+    if energy { world.resource::<ElasticEnergy>().total } else { 0.0 }
+}
