@@ -14,7 +14,7 @@ const ZERO: f64 = 1e-12;
 const SLIVER: f64 = 1e-6;
 /// Below this quality a cell counts as poor.
 const POOR: f64 = 0.05;
-/// Vertices nearer than this share of their longest edge count as one place.
+/// Vertices nearer than this share of their middling edge count as one place.
 const SAME_PLACE: f64 = 1e-9;
 /// Entities that a finding names before it only counts.
 const NAMED: usize = 5;
@@ -596,6 +596,34 @@ fn for_edges(
     }
 }
 
+/// Median length of the edges at each vertex; a few edges to a stray vertex do not change it.
+fn local_lengths(mesh: &Mesh, tets_ok: &[bool], triangles_ok: &[bool]) -> Vec<f64> {
+    let n = mesh.points.len();
+    let mut end = vec![0usize; n + 1];
+    for_edges(mesh, tets_ok, triangles_ok, |i, j| {
+        end[i as usize + 1] += 1;
+        end[j as usize + 1] += 1;
+    });
+    for v in 0..n {
+        end[v + 1] += end[v];
+    }
+    let mut next = end.clone();
+    let mut lengths = vec![0.0f64; end[n]];
+    for_edges(mesh, tets_ok, triangles_ok, |i, j| {
+        let length = (mesh.points[i as usize] - mesh.points[j as usize]).length();
+        for v in [i as usize, j as usize] {
+            lengths[next[v]] = length;
+            next[v] += 1;
+        }
+    });
+    let median = |v: usize| {
+        let list = &mut lengths[end[v]..end[v + 1]];
+        let middle = list.len() / 2;
+        if list.is_empty() { 0.0 } else { *list.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    };
+    (0..n).map(median).collect()
+}
+
 fn duplicate_coordinates(
     mesh: &Mesh,
     tets_ok: &[bool],
@@ -604,16 +632,10 @@ fn duplicate_coordinates(
     found: &mut Findings,
 ) {
     let p = |v: u32| mesh.points[v as usize];
-    let mut longest = vec![0.0f64; mesh.points.len()];
+    let local = local_lengths(mesh, tets_ok, triangles_ok);
     let mut pairs_in_cells = Tally::default();
-    for_edges(mesh, tets_ok, triangles_ok, |i, j| {
-        let length = (p(i) - p(j)).length();
-        for v in [i, j] {
-            longest[v as usize] = longest[v as usize].max(length);
-        }
-    });
     let near = |i: u32, j: u32| {
-        let reach = longest[i as usize].min(longest[j as usize]);
+        let reach = local[i as usize].min(local[j as usize]);
         (p(i) - p(j)).length() <= SAME_PLACE * reach
     };
     let mut joined = std::collections::HashSet::new();
@@ -632,7 +654,7 @@ fn duplicate_coordinates(
             let pair = (v.min(other), v.max(other));
             other != v && near(v, other) && !joined.contains(&pair)
         };
-        let reach = SAME_PLACE * longest[v as usize];
+        let reach = SAME_PLACE * local[v as usize];
         if let Some(other) = search_tree(&mesh.points, &order, &axes, p(v), reach, &accept)
             && v > other
         {
