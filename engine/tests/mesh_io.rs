@@ -171,7 +171,7 @@ fn binary_4(big: bool) -> Vec<u8> {
 #[test]
 fn gmsh_versions_and_encodings_agree() {
     let text = read_gmsh(MSH_2.as_bytes(), "").unwrap();
-    assert_eq!(text.lines.tetrahedra, [19]);
+    assert_eq!(text.lines.tetrahedra, [20]);
     assert_eq!(text.skipped[0].kind, "point");
     assert_eq!((text.tetrahedra.len(), text.triangles.len()), (1, 1));
     let names: Vec<(u8, &str)> =
