@@ -424,8 +424,10 @@ pub fn encode_vtk(data: &VtuData<'_>, binary: bool) -> Result<Vec<u8>, MeshError
     for triangle in data.triangles {
         out.integers([3].iter().chain(triangle).map(|&v| v as i32));
     }
+    out.end_binary();
     out.text(&format!("CELL_TYPES {n_cells}\n"));
     out.integers((0..n_cells).map(|i| if i < n_tets { 10 } else { 5 }));
+    out.end_binary();
 
     let n_groups = data.groups.len();
     let n_arrays = n_groups + data.point_scalars.len();
@@ -482,6 +484,13 @@ impl Output {
             }
         }
         self.text("\n");
+    }
+
+    /// A line end after binary integers, which some readers insist on.
+    fn end_binary(&mut self) {
+        if self.binary {
+            self.text("\n");
+        }
     }
 
     fn integers(&mut self, values: impl Iterator<Item = i32>) {
