@@ -84,25 +84,8 @@ impl TetrahedronLaw for FusedStVK {
         u: &[[S; 3]; 4],
         kind: TangentKind,
     ) -> TetrahedronTangent<S> {
-        tangent(e, u, kind)
+        tetrahedron::tangent(e, u, kind)
     }
-}
-
-/// Tangent of the whole element. The projected one is the projected elastic part plus the
-/// Gauss-Newton part of the compression term, which takes solvers to the minimum in about half the
-/// iterations that the projected sum needs.
-#[inline(always)]
-fn tangent<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4], kind: TangentKind) -> TetrahedronTangent<S> {
-    if kind != TangentKind::Projected {
-        return tetrahedron::tangent(e, u, kind);
-    }
-    let elastic = Element { compression: S::ZERO, ..*e };
-    let mut sum = tetrahedron::tangent(&elastic, u, kind);
-    if e.compression > S::ZERO {
-        let term = tetrahedron::compression::tangent(e, u, TangentKind::GaussNewton);
-        sum.add(&term);
-    }
-    sum
 }
 
 /// The compression term of pooled bodies, an independent law beside their springs.
@@ -167,7 +150,7 @@ impl TetrahedronLaw for PooledProjection {
         u: &[[S; 3]; 4],
         kind: TangentKind,
     ) -> TetrahedronTangent<S> {
-        tangent(e, u, kind)
+        tetrahedron::tangent(e, u, kind)
     }
 }
 
