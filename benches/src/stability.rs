@@ -239,9 +239,8 @@ fn collapse_cases(quick: bool, cases: &mut Vec<Case>) -> Result<(), MeshError> {
 }
 
 fn nearest(points: &[DVec3], to: DVec3) -> usize {
-    let by_distance = |a: &usize, b: &usize| {
-        points[*a].distance(to).total_cmp(&points[*b].distance(to))
-    };
+    let by_distance =
+        |a: &usize, b: &usize| points[*a].distance(to).total_cmp(&points[*b].distance(to));
     (0..points.len()).min_by(by_distance).unwrap_or(0)
 }
 
@@ -443,8 +442,7 @@ fn edge_error(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) -> f64
     let edges = simulation.topology().edges.clone();
     let mut sum = 0.0;
     for [a, b] in &edges {
-        let [a, b] =
-            [a, b].map(|r| rows.vertex_order[(r - rows.vertices.start) as usize] as usize);
+        let [a, b] = [a, b].map(|r| rows.vertex_order[(r - rows.vertices.start) as usize] as usize);
         let rest = mesh.points[a].distance(mesh.points[b]);
         let now = (mesh.points[a] + u[a]).distance(mesh.points[b] + u[b]);
         sum += (now / rest - 1.0).powi(2);
@@ -457,7 +455,16 @@ impl fmt::Display for Suite {
         writeln!(
             f,
             "{:<11} {:<34} {:>5} {:>9} {:>9} {:>9} {:>8} {:>6} {:>6} {:>5}",
-            "group", "case", "pass", "energy+", "inverted", "edge err", "H/H0", "solves", "proj", "cap"
+            "group",
+            "case",
+            "pass",
+            "energy+",
+            "inverted",
+            "edge err",
+            "H/H0",
+            "solves",
+            "proj",
+            "cap"
         )?;
         for r in &self.rows {
             writeln!(

@@ -1,1 +1,2 @@
 //! Sinew demos.
+pub mod validate;
