@@ -2,9 +2,10 @@
 
 use crate::columns::single_table;
 use crate::element::{
-    RestVolume, ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change,
+    EdgeVertices, RestVolume, ShapeGradients, TetrahedronEdges, TetrahedronVertices, TriangleEdges,
+    displacement_gradient, volume_change,
 };
-use crate::load::{apply_constraints, apply_loads};
+use crate::load::{Constraint, Load, apply_constraints, apply_loads};
 use crate::report::{StepReport, SystemTimes, VolumeReport};
 use crate::scalar::{Scalar, xyz};
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
@@ -12,6 +13,7 @@ use crate::topology::Topology;
 use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
 use crate::workers::Workers;
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::ArchetypeFilter;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use std::time::Instant;
@@ -61,11 +63,13 @@ pub enum StepError {
     },
     /// A vertex or element entity is in another table than its fellows.
     #[error(
-        "{expected} vertex rows expected, the table has {found}: a component was added to or removed \
-         from a vertex entity (or one was despawned) after its body was spawned; keep such data on \
-         entities of your own and refer to vertices by row"
+        "{expected} rows of {kind} expected, their table has {found}: a component was added to or \
+         removed from such an entity (or one was despawned) after its body was spawned; keep data of \
+         your own on entities of your own and refer to elements by row"
     )]
     LayoutChanged {
+        /// Kind of element.
+        kind: &'static str,
         /// Rows that the bodies have.
         expected: usize,
         /// Rows in the one table found.
@@ -86,6 +90,14 @@ pub enum StepError {
         time: f64,
         /// What to do.
         remedy: &'static str,
+    },
+    /// A constraint or load cannot be applied.
+    #[error("constraint or load `{name}`: {problem}; correct it or despawn its entity")]
+    InvalidConstraint {
+        /// Its name.
+        name: String,
+        /// What is wrong.
+        problem: &'static str,
     },
     /// The integrator gave up.
     #[error("step {step} at t = {time} s failed: {reason}")]
@@ -159,13 +171,31 @@ pub fn run_step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
 fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     let expected = world.resource::<Topology>().vertex_count();
     let mut vertices = world.query::<(&Displacement<S>, &Velocity<S>, &RestPosition)>();
-    let mut tables = vertices.contiguous_iter(world).expect("vertex components are table-stored");
-    let first = tables.next();
-    let found = first.as_ref().map_or(0, |(u, _, _)| u.len());
-    if found != expected || tables.next().is_some() {
-        return Err(StepError::LayoutChanged { expected, found });
+    check_table::<Displacement<S>, ()>(world, "vertices", expected)?;
+    let elements = world.resource::<Topology>().elements;
+    check_table::<TetrahedronVertices, Without<TetrahedronEdges>>(
+        world,
+        "tetrahedra",
+        elements.fused_tetrahedra,
+    )?;
+    check_table::<TetrahedronVertices, With<TetrahedronEdges>>(
+        world,
+        "pooled tetrahedra",
+        elements.pooled_tetrahedra,
+    )?;
+    check_table::<EdgeVertices, ()>(world, "edges", elements.edges)?;
+    check_table::<TriangleEdges, ()>(world, "triangles", elements.triangles)?;
+    for constraint in world.query::<&Constraint>().iter(world) {
+        if let Some(problem) = constraint.problem(expected) {
+            return Err(StepError::InvalidConstraint { name: constraint.name.clone(), problem });
+        }
     }
-    let Some((u, v, rest)) = first else { return Ok(()) };
+    for load in world.query::<&Load>().iter(world) {
+        if let Some(problem) = load.problem(expected) {
+            return Err(StepError::InvalidConstraint { name: load.name.clone(), problem });
+        }
+    }
+    let Some((u, v, rest)) = single_table(vertices.contiguous_iter(world)) else { return Ok(()) };
     let bad = |row: usize| {
         if !u[row].0.iter().all(|x| x.is_finite()) {
             Some("displacement")
@@ -184,6 +214,21 @@ fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
             quantity,
             "it was set so from outside; the step was not carried out",
         ));
+    }
+    Ok(())
+}
+
+/// One table with the expected number of rows.
+fn check_table<C: Component, F: ArchetypeFilter>(
+    world: &mut World,
+    kind: &'static str,
+    expected: usize,
+) -> Result<(), StepError> {
+    let mut query = world.query_filtered::<&C, F>();
+    let mut tables = query.contiguous_iter(world).expect("element components are table-stored");
+    let found = tables.next().map_or(0, |column| column.len());
+    if tables.next().is_some() || found != expected {
+        return Err(StepError::LayoutChanged { kind, expected, found });
     }
     Ok(())
 }
