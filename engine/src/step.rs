@@ -207,7 +207,7 @@ fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
             None
         }
     };
-    if let Some((row, quantity)) = (0..found).find_map(|row| bad(row).map(|q| (row, q))) {
+    if let Some((row, quantity)) = (0..expected).find_map(|row| bad(row).map(|q| (row, q))) {
         return Err(not_finite(
             world,
             row,
