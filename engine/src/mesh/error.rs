@@ -1,0 +1,201 @@
+//! What can go wrong while a mesh is read, written or generated.
+
+use std::fmt;
+
+/// Where in a file a reader stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Line number, counted from 1 (text files).
+    Line(usize),
+    /// Byte offset from the start of the file (binary files).
+    Byte(usize),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Place::Line(line) => write!(f, "line {line}"),
+            Place::Byte(offset) => write!(f, "byte offset {offset}"),
+        }
+    }
+}
+
+/// Error of a mesh reader, writer or generator; the message says where, what and what to do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshError {
+    /// The operating system refused to open, read or write a file.
+    #[error("{path}: {source}; check that the path exists and may be accessed")]
+    Io {
+        /// Path of the file.
+        path: String,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// Neither extension nor content tells the file format.
+    #[error(
+        "{file}: unknown mesh format, the file starts with `{start}`; \
+         use Gmsh (.msh), VTK (.vtk, .vtu), TetGen (.node and .ele), .obj or .stl"
+    )]
+    UnknownFormat {
+        /// Name of the file.
+        file: String,
+        /// First characters of the file.
+        start: String,
+    },
+    /// The file is sound as far as known, but uses a feature that no reader here understands.
+    #[error("{file}, {place}: {feature} is not supported; {remedy}")]
+    Unsupported {
+        /// Name of the file.
+        file: String,
+        /// Where the feature is used.
+        place: Place,
+        /// The feature and its value in the file.
+        feature: String,
+        /// What to do instead.
+        remedy: &'static str,
+    },
+    /// The file stops before its contents are complete.
+    #[error(
+        "{file}, {place}: the file ends where {expected} should follow; \
+         it was probably cut off, export or copy it again"
+    )]
+    UnexpectedEnd {
+        /// Name of the file.
+        file: String,
+        /// Where the file ends or where the missing data start.
+        place: Place,
+        /// What should have followed.
+        expected: String,
+    },
+    /// A value that cannot stand where it does, such as text in place of a number.
+    #[error(
+        "{file}, {place}: found `{found}` where {expected} should stand; correct or export the file again"
+    )]
+    InvalidValue {
+        /// Name of the file.
+        file: String,
+        /// Where the value stands.
+        place: Place,
+        /// The value as in the file, shortened.
+        found: String,
+        /// What should have stood there.
+        expected: String,
+    },
+    /// A count in the file disagrees with what is there.
+    #[error(
+        "{file}, {place}: {what} should be {expected} but is {found}; correct the count or export the file again"
+    )]
+    CountMismatch {
+        /// Name of the file.
+        file: String,
+        /// Where the disagreement shows.
+        place: Place,
+        /// What was counted.
+        what: String,
+        /// The count that the file announces.
+        expected: u64,
+        /// The count that was found.
+        found: u64,
+    },
+    /// A cell uses a vertex that the file does not define.
+    #[error(
+        "{file}, {place}: {cell} uses vertex {vertex}, which the file does not define; \
+         check whether the vertex numbers start at 0 or 1, or export the file again"
+    )]
+    UnknownVertex {
+        /// Name of the file.
+        file: String,
+        /// Where the cell stands.
+        place: Place,
+        /// The cell, by kind and number.
+        cell: String,
+        /// The vertex number in the file.
+        vertex: i64,
+    },
+    /// Two vertices of a file carry the same number.
+    #[error("{file}, {place}: vertex number {number} is used twice; renumber the vertices")]
+    RepeatedNumber {
+        /// Name of the file.
+        file: String,
+        /// Where the second one stands.
+        place: Place,
+        /// The number.
+        number: i64,
+    },
+    /// A part without which the file is no mesh is absent.
+    #[error("{file}, {place}: the file ends without {section}; it is incomplete, export it again")]
+    MissingSection {
+        /// Name of the file.
+        file: String,
+        /// The end of the file.
+        place: Place,
+        /// The missing part.
+        section: &'static str,
+    },
+    /// Base64 or zlib data that cannot be decoded.
+    #[error(
+        "{file}, {place}: {reason}; the file is damaged or was changed as text, export or copy it again"
+    )]
+    Encoding {
+        /// Name of the file.
+        file: String,
+        /// Where the data start.
+        place: Place,
+        /// What is wrong with them.
+        reason: String,
+    },
+    /// More vertices or cells than 32-bit indices or the memory hold.
+    #[error("{file}: {count} {what} are too many (at most {limit}); use a coarser mesh")]
+    TooMany {
+        /// Name of the file or generator.
+        file: String,
+        /// What there is too much of.
+        what: &'static str,
+        /// How many there are.
+        count: u64,
+        /// The largest number that works.
+        limit: u64,
+    },
+    /// A parameter of a generator lies outside its range.
+    #[error("{generator}: {parameter} = {value} is not valid; {remedy}")]
+    InvalidParameter {
+        /// Name of the generator.
+        generator: &'static str,
+        /// Name of the parameter.
+        parameter: &'static str,
+        /// The value given.
+        value: String,
+        /// Which values are valid.
+        remedy: &'static str,
+    },
+    /// Data handed to a writer do not fit the mesh.
+    #[error("{what}: {found} values for {expected} {entities}; give one value for each")]
+    LengthMismatch {
+        /// Name of the data.
+        what: String,
+        /// What the values belong to.
+        entities: &'static str,
+        /// How many values there should be.
+        expected: usize,
+        /// How many values were given.
+        found: usize,
+    },
+}
+
+/// A piece of a file as text for a message, at most 40 characters.
+pub(crate) fn shown(bytes: &[u8]) -> String {
+    let cut = &bytes[..bytes.len().min(200)];
+    let text: String = String::from_utf8_lossy(cut)
+        .chars()
+        .take(41)
+        .map(|c| if c.is_control() { '.' } else { c })
+        .collect();
+    if text.chars().count() > 40 || bytes.len() > 200 {
+        let mut short: String = text.chars().take(40).collect();
+        short.push_str("...");
+        short
+    } else {
+        text
+    }
+}

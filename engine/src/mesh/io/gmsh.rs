@@ -1,0 +1,924 @@
+//! Gmsh MSH files: versions 1, 2 and 4.1, text or binary of either byte order; writes 2.2 text.
+//!
+//! The published readers of this format know one version each, give no line numbers, or make room for
+//! counts before they have seen the data, so the format is read here.
+
+use super::cells::{Builder, CellKind, CellUse, too_many};
+use super::scan::{Cursor, Numbering, parse, words};
+use crate::mesh::Mesh;
+use crate::mesh::error::{MeshError, shown};
+use glam::DVec3;
+use std::collections::HashMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Cells of the format by type number.
+fn cell_kind(number: i64) -> Option<CellKind> {
+    let kind = CellKind::new;
+    Some(match number {
+        1 => kind("2-node line", 1, 2),
+        2 => CellKind::TRIANGLE,
+        3 => kind("4-node quadrilateral", 2, 4),
+        4 => CellKind::TETRAHEDRON,
+        5 => kind("8-node hexahedron", 3, 8),
+        6 => kind("6-node prism", 3, 6),
+        7 => kind("5-node pyramid", 3, 5),
+        8 => kind("3-node line", 1, 3),
+        9 => kind("6-node triangle", 2, 6),
+        10 => kind("9-node quadrilateral", 2, 9),
+        11 => kind("10-node tetrahedron", 3, 10),
+        12 => kind("27-node hexahedron", 3, 27),
+        13 => kind("18-node prism", 3, 18),
+        14 => kind("14-node pyramid", 3, 14),
+        15 => kind("point", 0, 1),
+        16 => kind("8-node quadrilateral", 2, 8),
+        17 => kind("20-node hexahedron", 3, 20),
+        18 => kind("15-node prism", 3, 15),
+        19 => kind("13-node pyramid", 3, 13),
+        20 => kind("9-node triangle", 2, 9),
+        21 => kind("10-node triangle", 2, 10),
+        22 => kind("12-node triangle", 2, 12),
+        23 | 24 => kind("15-node triangle", 2, 15),
+        25 => kind("21-node triangle", 2, 21),
+        26 => kind("4-node line", 1, 4),
+        27 => kind("5-node line", 1, 5),
+        28 => kind("6-node line", 1, 6),
+        29 => kind("20-node tetrahedron", 3, 20),
+        30 => kind("35-node tetrahedron", 3, 35),
+        31 => kind("56-node tetrahedron", 3, 56),
+        92 => kind("64-node hexahedron", 3, 64),
+        93 => kind("125-node hexahedron", 3, 125),
+        _ => return None,
+    })
+}
+
+/// A cell of a type outside the table; its line is read past.
+const UNKNOWN_KIND: CellKind = CellKind::new("cell of a type unknown to this reader", 4, 0);
+
+const SAVE_AGAIN: &str = "save the mesh from Gmsh as version 2.2 or 4.1 (Mesh.MshFileVersion)";
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Version {
+    One,
+    Two,
+    FourOne,
+}
+
+struct Reader<'a> {
+    cursor: Cursor<'a>,
+    version: Version,
+    /// Integers and reals of a binary file are most significant byte first.
+    big_endian: bool,
+    /// Width in bytes of a binary count.
+    size_width: usize,
+    numbering: Numbering,
+    builder: Builder,
+    names: HashMap<(u8, i64), String>,
+    /// Physical tags of each geometric entity (4.1).
+    entities: HashMap<(u8, i64), Vec<i64>>,
+    /// Group positions by dimension and physical tag.
+    groups: HashMap<(u8, i64), usize>,
+    /// Used cells of version 2 by vertices and geometric entity: position and first physical tag.
+    seen: HashMap<([u32; 4], i64), (usize, i64)>,
+    vertices: Vec<u32>,
+    has_nodes: bool,
+    has_elements: bool,
+}
+
+/// Reads a Gmsh file from its bytes; `source` names it in messages.
+///
+/// Physical groups keep their names, unnamed ones get their tag number. An element that version 2
+/// lists once per group becomes one cell in several groups.
+///
+/// # Errors
+///
+/// Every [`MeshError`] about a file.
+pub fn read_gmsh(data: &[u8], source: &str) -> Result<Mesh, MeshError> {
+    let mut reader = Reader {
+        cursor: Cursor::new(source, data),
+        version: Version::One,
+        big_endian: false,
+        size_width: 8,
+        numbering: Numbering::default(),
+        builder: Builder::new(source),
+        names: HashMap::new(),
+        entities: HashMap::new(),
+        groups: HashMap::new(),
+        seen: HashMap::new(),
+        vertices: Vec::new(),
+        has_nodes: false,
+        has_elements: false,
+    };
+    reader.sections()?;
+    if !reader.has_nodes {
+        return Err(reader.cursor.missing("a $Nodes section"));
+    }
+    if !reader.has_elements {
+        return Err(reader.cursor.missing("an $Elements section"));
+    }
+    Ok(reader.finish())
+}
+
+impl<'a> Reader<'a> {
+    fn sections(&mut self) -> Result<(), MeshError> {
+        let mut first = true;
+        while let Some(line) = self.cursor.filled_line() {
+            match line {
+                b"$MeshFormat" => self.format()?,
+                b"$Comments" => self.skip(line)?,
+                b"$NOD" if first => {
+                    self.nodes_by_line(b"$ENDNOD")?;
+                    first = false;
+                    continue;
+                }
+                _ if first => {
+                    return Err(self
+                        .cursor
+                        .invalid(line, "$MeshFormat or $NOD, the start of a Gmsh file"));
+                }
+                b"$PhysicalNames" => self.physical_names()?,
+                b"$ELM" if self.version == Version::One => self.elements_by_line(b"$ENDELM")?,
+                b"$Entities" if self.version == Version::FourOne => self.entities()?,
+                b"$PartitionedEntities" => {
+                    let feature = "a partitioned mesh".to_owned();
+                    return Err(self.cursor.unsupported(feature, "save it without partitions"));
+                }
+                b"$ParametricNodes" => {
+                    let feature = "$ParametricNodes".to_owned();
+                    return Err(self
+                        .cursor
+                        .unsupported(feature, "save it without parametric coordinates"));
+                }
+                b"$Nodes" => match (self.version, self.cursor.binary) {
+                    (Version::FourOne, _) => self.nodes_by_block()?,
+                    (_, true) => self.nodes_binary()?,
+                    (_, false) => self.nodes_by_line(b"$EndNodes")?,
+                },
+                b"$Elements" => match (self.version, self.cursor.binary) {
+                    (Version::FourOne, _) => self.elements_by_block()?,
+                    (_, true) => self.elements_binary()?,
+                    (_, false) => self.elements_by_line(b"$EndElements")?,
+                },
+                [b'$', ..] => self.skip(line)?,
+                _ => {
+                    return Err(self.cursor.invalid(line, "the start of a section such as $Nodes"));
+                }
+            }
+            first &= line == b"$Comments";
+        }
+        Ok(())
+    }
+
+    fn format(&mut self) -> Result<(), MeshError> {
+        let line = self.cursor.expect_line("the format line after $MeshFormat")?;
+        let mut fields = words(line);
+        let version = fields.next().unwrap_or(b"");
+        self.version = match version {
+            b"2" | b"2.0" | b"2.1" | b"2.2" => Version::Two,
+            b"4.1" => Version::FourOne,
+            _ if parse::<f64>(version).is_some() => {
+                let feature = format!("Gmsh format version {}", shown(version));
+                return Err(self.cursor.unsupported(feature, SAVE_AGAIN));
+            }
+            _ => return Err(self.cursor.invalid(version, "the version of the Gmsh format")),
+        };
+        let mode = fields.next().unwrap_or(b"");
+        let binary = match mode {
+            b"0" => false,
+            b"1" => true,
+            _ => return Err(self.cursor.invalid(mode, "file type 0 (text) or 1 (binary)")),
+        };
+        let width = fields.next().unwrap_or(b"");
+        self.size_width = match (width, self.version) {
+            (b"8", _) => 8,
+            (b"4", Version::FourOne) => 4,
+            _ => return Err(self.cursor.invalid(width, "data size 8")),
+        };
+        if binary {
+            self.cursor.binary = true;
+            let one = self.cursor.take(4, "the number 1 that tells the byte order")?;
+            self.big_endian = match one {
+                [1, 0, 0, 0] => false,
+                [0, 0, 0, 1] => true,
+                _ => {
+                    return Err(self.cursor.invalid(one, "the number 1 that tells the byte order"));
+                }
+            };
+        }
+        self.expect_end(b"$EndMeshFormat", "the format line", 1)
+    }
+
+    /// The next line must close the section; otherwise the announced count was too small.
+    fn expect_end(&mut self, end: &[u8], what: &str, count: u64) -> Result<(), MeshError> {
+        let expected = format!("{} after {count} {what}", shown(end));
+        let line = self.cursor.expect_line(&expected)?;
+        if line == end { Ok(()) } else { Err(self.cursor.invalid(line, &expected)) }
+    }
+
+    /// Moves behind the end of a section that is of no use here.
+    fn skip(&mut self, start: &[u8]) -> Result<(), MeshError> {
+        let name = start.strip_prefix(b"$").unwrap_or(start);
+        let mut end = b"$End".to_vec();
+        end.extend_from_slice(name);
+        let rest = self.cursor.remaining();
+        // Only a `$` can start the end mark, which keeps the search linear in practice.
+        let found = memchr_positions(rest, b'$').find(|&at| rest[at..].starts_with(&end));
+        let Some(at) = found else {
+            return Err(self.cursor.end(&shown(&end)));
+        };
+        self.cursor.skip_counting(at);
+        self.cursor.next_line();
+        Ok(())
+    }
+
+    fn physical_names(&mut self) -> Result<(), MeshError> {
+        let line = self.cursor.expect_line("the number of physical names")?;
+        let count = self.cursor.count(line, "the number of physical names")?;
+        for read in 0..count {
+            let expected = format!("physical name {} of {count}", read + 1);
+            let line = self.cursor.expect_line(&expected)?;
+            if line.starts_with(b"$End") {
+                return Err(self.cursor.mismatch("the number of physical names", count, read));
+            }
+            let mut fields = line.splitn(3, u8::is_ascii_whitespace);
+            let dimension = fields.next().unwrap_or(b"");
+            let Some(dimension) = parse::<u8>(dimension).filter(|&d| d <= 3) else {
+                return Err(self
+                    .cursor
+                    .invalid(line, "a physical name: dimension 0 to 3, tag, name"));
+            };
+            let tag =
+                self.cursor.integer(fields.next().unwrap_or(b""), "the tag of a physical name")?;
+            let name = fields.next().unwrap_or(b"").trim_ascii();
+            let name = name.strip_prefix(b"\"").unwrap_or(name);
+            let name = name.strip_suffix(b"\"").unwrap_or(name);
+            self.names.insert((dimension, tag), String::from_utf8_lossy(name).into_owned());
+            // A name without cells is a group too, an empty one.
+            self.group(dimension, tag);
+        }
+        self.expect_end(b"$EndPhysicalNames", "physical names", count)
+    }
+
+    fn group(&mut self, dimension: u8, tag: i64) -> usize {
+        let builder = &mut self.builder;
+        *self
+            .groups
+            .entry((dimension, tag))
+            .or_insert_with(|| builder.group(tag.to_string(), dimension))
+    }
+
+    fn add_node(&mut self, number: i64, point: DVec3, line: usize) -> Result<(), MeshError> {
+        if !self.numbering.push(number) {
+            return Err(MeshError::RepeatedNumber {
+                file: self.cursor.file.to_owned(),
+                place: self.cursor.place(),
+                number,
+            });
+        }
+        self.builder.point(&self.cursor, point, line)
+    }
+
+    fn nodes_by_line(&mut self, end: &[u8]) -> Result<(), MeshError> {
+        self.has_nodes = true;
+        let line = self.cursor.expect_line("the number of nodes")?;
+        let count = self.cursor.count(line, "the number of nodes")?;
+        for read in 0..count {
+            let line = self.cursor.filled_line();
+            let Some(line) = line else {
+                return Err(self.cursor.end(&format!("node {} of {count}", read + 1)));
+            };
+            if line.starts_with(b"$") {
+                return Err(self.cursor.mismatch("the number of nodes", count, read));
+            }
+            let mut fields = words(line);
+            let number = self.cursor.integer(fields.next().unwrap_or(b""), "a node number")?;
+            let point = self.cursor.point(&mut fields)?;
+            self.add_node(number, point, self.cursor.line)?;
+        }
+        self.expect_end(end, "nodes", count)
+    }
+
+    /// Elements of version 1 (`number type physical elementary n nodes`) and 2
+    /// (`number type n tags nodes`).
+    fn elements_by_line(&mut self, end: &[u8]) -> Result<(), MeshError> {
+        self.has_elements = true;
+        let line = self.cursor.expect_line("the number of elements")?;
+        let count = self.cursor.count(line, "the number of elements")?;
+        let mut fields: Vec<&[u8]> = Vec::new();
+        for read in 0..count {
+            let line = self.cursor.filled_line();
+            let Some(line) = line else {
+                return Err(self.cursor.end(&format!("element {} of {count}", read + 1)));
+            };
+            if line.starts_with(b"$") {
+                return Err(self.cursor.mismatch("the number of elements", count, read));
+            }
+            fields.clear();
+            fields.extend(words(line));
+            let field = |i: usize| fields.get(i).copied().unwrap_or(b"");
+            let number = self.cursor.integer(field(0), "an element number")?;
+            let kind = self.cursor.integer(field(1), "an element type")?;
+            let (physical, elementary, nodes) = if self.version == Version::One {
+                (
+                    self.cursor.integer(field(2), "a physical tag")?,
+                    self.cursor.integer(field(3), "a geometric tag")?,
+                    fields.get(5..).unwrap_or(&[]),
+                )
+            } else {
+                let tags = self.cursor.count(field(2), "the number of tags")?;
+                let integer = |i: u64| match i {
+                    i if i <= tags => self.cursor.integer(field(2 + i as usize), "a tag"),
+                    _ => Ok(0),
+                };
+                let nodes =
+                    usize::try_from(tags).ok().and_then(|tags| fields.get(tags.checked_add(3)?..));
+                (integer(1)?, integer(2)?, nodes.unwrap_or(&[]))
+            };
+            let kind = cell_kind(kind).unwrap_or(UNKNOWN_KIND);
+            let expected = kind.vertices as u64;
+            if expected > 0 && nodes.len() as u64 != expected {
+                let what = format!("the number of nodes of element {number} ({})", kind.name);
+                return Err(self.cursor.mismatch(&what, expected, nodes.len() as u64));
+            }
+            self.vertices.clear();
+            if expected > 0 {
+                for &node in nodes {
+                    let node = self.cursor.integer(node, "a node number")?;
+                    self.push_vertex(node, kind, number)?;
+                }
+            }
+            self.add_cell(kind, physical, elementary, self.cursor.line)?;
+        }
+        self.expect_end(end, "elements", count)
+    }
+
+    fn push_vertex(&mut self, node: i64, kind: CellKind, element: i64) -> Result<(), MeshError> {
+        match self.numbering.index(node) {
+            Some(index) => self.vertices.push(index),
+            None => {
+                return Err(MeshError::UnknownVertex {
+                    file: self.cursor.file.to_owned(),
+                    place: self.cursor.place(),
+                    cell: format!("element {element} ({})", kind.name),
+                    vertex: node,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the cell whose vertices were collected, as version 1 and 2 describe it.
+    fn add_cell(
+        &mut self,
+        kind: CellKind,
+        physical: i64,
+        elementary: i64,
+        line: usize,
+    ) -> Result<(), MeshError> {
+        let vertices = std::mem::take(&mut self.vertices);
+        let slot = match physical {
+            0 => None,
+            tag => Some(self.group(kind.dimension.min(3), tag.saturating_abs())),
+        };
+        let groups = slot.as_slice();
+        let cell = kind.used_as();
+        let mesh = &self.builder.mesh;
+        let next = match cell {
+            CellUse::Tetrahedron => mesh.tetrahedra.len(),
+            CellUse::Triangle => mesh.triangles.len(),
+            CellUse::Skipped => 0,
+        };
+        if next >= u32::MAX as usize {
+            return Err(too_many(self.cursor.file, "cells", next as u64 + 1));
+        }
+        // An element in several groups stands in the file once for each of them.
+        let mut known = None;
+        if cell != CellUse::Skipped && physical != 0 && self.version == Version::Two {
+            let mut key = [u32::MAX; 4];
+            key[..vertices.len()].copy_from_slice(&vertices);
+            let &mut (index, first) =
+                self.seen.entry((key, elementary)).or_insert((next, physical));
+            known = (first != physical).then_some(index);
+        }
+        match known {
+            Some(index) => self.builder.join(cell, index, &vertices, groups),
+            None if kind == UNKNOWN_KIND => self.builder.cell(kind, &[], groups, 0),
+            None => self.builder.cell(kind, &vertices, groups, line),
+        }
+        self.vertices = vertices;
+        Ok(())
+    }
+
+    fn int(&mut self, expected: &str) -> Result<i64, MeshError> {
+        let bytes = self.cursor.take(4, expected)?;
+        let bytes = <[u8; 4]>::try_from(bytes).unwrap_or_default();
+        let value =
+            if self.big_endian { i32::from_be_bytes(bytes) } else { i32::from_le_bytes(bytes) };
+        Ok(i64::from(value))
+    }
+
+    fn size(&mut self, expected: &str) -> Result<u64, MeshError> {
+        let mut wide = [0; 8];
+        let bytes = self.cursor.take(self.size_width, expected)?;
+        if self.big_endian {
+            wide[8 - bytes.len()..].copy_from_slice(bytes);
+            Ok(u64::from_be_bytes(wide))
+        } else {
+            wide[..bytes.len()].copy_from_slice(bytes);
+            Ok(u64::from_le_bytes(wide))
+        }
+    }
+
+    fn tag(&mut self, expected: &str) -> Result<i64, MeshError> {
+        let value = self.size(expected)?;
+        i64::try_from(value)
+            .map_err(|_| self.cursor.invalid(value.to_string().as_bytes(), expected))
+    }
+
+    fn double(&mut self) -> Result<f64, MeshError> {
+        let bytes = self.cursor.take(8, "a coordinate")?;
+        let bytes = <[u8; 8]>::try_from(bytes).unwrap_or_default();
+        Ok(if self.big_endian { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
+    }
+
+    fn binary_point(&mut self) -> Result<DVec3, MeshError> {
+        Ok(DVec3::new(self.double()?, self.double()?, self.double()?))
+    }
+
+    fn nodes_binary(&mut self) -> Result<(), MeshError> {
+        self.has_nodes = true;
+        let line = self.cursor.expect_line("the number of nodes")?;
+        let count = self.cursor.count(line, "the number of nodes")?;
+        self.cursor.room_for(count, 28, "nodes")?;
+        for _ in 0..count {
+            let number = self.int("a node number")?;
+            let point = self.binary_point()?;
+            self.add_node(number, point, 0)?;
+        }
+        self.expect_end(b"$EndNodes", "nodes", count)
+    }
+
+    fn elements_binary(&mut self) -> Result<(), MeshError> {
+        self.has_elements = true;
+        let line = self.cursor.expect_line("the number of elements")?;
+        let count = self.cursor.count(line, "the number of elements")?;
+        let mut read = 0;
+        while read < count {
+            let kind = self.int("an element type")?;
+            let here = self.int("the number of elements in a block")?;
+            let tags = self.int("the number of tags")?;
+            let Some(kind) = cell_kind(kind) else {
+                let feature = format!("element type {kind}");
+                return Err(self.cursor.unsupported(feature, SAVE_AGAIN));
+            };
+            let here = match u64::try_from(here) {
+                Ok(here) if here > 0 && here <= count - read => here,
+                _ => {
+                    let found = here.to_string();
+                    return Err(self
+                        .cursor
+                        .invalid(found.as_bytes(), "the number of elements in a block"));
+                }
+            };
+            let Ok(tags) = u64::try_from(tags) else {
+                return Err(self.cursor.invalid(tags.to_string().as_bytes(), "the number of tags"));
+            };
+            let width = 4 * (1 + tags + kind.vertices as u64);
+            self.cursor.room_for(here, width, "elements")?;
+            for _ in 0..here {
+                let number = self.int("an element number")?;
+                let mut group = [0; 2];
+                for i in 0..tags as usize {
+                    let tag = self.int("a tag")?;
+                    if let Some(slot) = group.get_mut(i) {
+                        *slot = tag;
+                    }
+                }
+                self.vertices.clear();
+                for _ in 0..kind.vertices {
+                    let node = self.int("a node number")?;
+                    self.push_vertex(node, kind, number)?;
+                }
+                self.add_cell(kind, group[0], group[1], 0)?;
+            }
+            read += here;
+        }
+        self.expect_end(b"$EndElements", "elements", count)
+    }
+
+    /// Physical tags of the geometric entities (4.1).
+    fn entities(&mut self) -> Result<(), MeshError> {
+        let mut counts = [0; 4];
+        if self.cursor.binary {
+            for count in &mut counts {
+                *count = self.size("the numbers of entities")?;
+            }
+        } else {
+            let line = self.cursor.expect_line("the numbers of entities")?;
+            let mut fields = words(line);
+            for count in &mut counts {
+                *count =
+                    self.cursor.count(fields.next().unwrap_or(b""), "the numbers of entities")?;
+            }
+        }
+        for (dimension, count) in (0u8..).zip(counts) {
+            let reals = if dimension == 0 { 3 } else { 6 };
+            for read in 0..count {
+                if self.cursor.binary {
+                    self.entity_binary(dimension, reals)?;
+                } else {
+                    self.entity_line(dimension, reals, count, read)?;
+                }
+            }
+        }
+        self.expect_end(
+            b"$EndEntities",
+            "entities",
+            counts.iter().fold(0, |sum, &c| sum.saturating_add(c)),
+        )
+    }
+
+    fn entity_binary(&mut self, dimension: u8, reals: usize) -> Result<(), MeshError> {
+        let tag = self.int("the tag of an entity")?;
+        self.cursor.take(8 * reals, "the box of an entity")?;
+        let count = self.size("the number of physical tags")?;
+        let count = self.cursor.room_for(count, 4, "physical tags")?;
+        let mut physical = Vec::with_capacity(count);
+        for _ in 0..count {
+            physical.push(self.int("a physical tag")?);
+        }
+        if dimension > 0 {
+            let count = self.size("the number of bounding entities")?;
+            let count = self.cursor.room_for(count, 4, "bounding entities")?;
+            self.cursor.take(4 * count, "bounding entities")?;
+        }
+        self.entities.insert((dimension, tag), physical);
+        Ok(())
+    }
+
+    fn entity_line(
+        &mut self,
+        dimension: u8,
+        reals: usize,
+        count: u64,
+        read: u64,
+    ) -> Result<(), MeshError> {
+        let expected = format!("entity {} of {count} of dimension {dimension}", read + 1);
+        let line = self.cursor.expect_line(&expected)?;
+        if line.starts_with(b"$") {
+            let what = format!("the number of entities of dimension {dimension}");
+            return Err(self.cursor.mismatch(&what, count, read));
+        }
+        let mut fields = words(line);
+        let tag = self.cursor.integer(fields.next().unwrap_or(b""), "the tag of an entity")?;
+        for _ in 0..reals {
+            self.cursor.real(fields.next().unwrap_or(b""), "the box of an entity")?;
+        }
+        let count =
+            self.cursor.count(fields.next().unwrap_or(b""), "the number of physical tags")?;
+        let mut physical = Vec::new();
+        for _ in 0..count {
+            physical.push(self.cursor.integer(fields.next().unwrap_or(b""), "a physical tag")?);
+        }
+        self.entities.insert((dimension, tag), physical);
+        Ok(())
+    }
+
+    /// The numbers on a header line of version 4.1, signed where `ints` counts them, or from bytes.
+    fn header<const N: usize>(
+        &mut self,
+        ints: usize,
+        expected: &str,
+    ) -> Result<[i64; N], MeshError> {
+        let mut values = [0; N];
+        if self.cursor.binary {
+            for (i, value) in values.iter_mut().enumerate() {
+                *value = if i < ints { self.int(expected)? } else { self.tag(expected)? };
+            }
+        } else {
+            let line = self.cursor.expect_line(expected)?;
+            let mut fields = words(line);
+            for value in &mut values {
+                *value = self.cursor.integer(fields.next().unwrap_or(b""), expected)?;
+            }
+        }
+        Ok(values)
+    }
+
+    fn positive(&self, value: i64, expected: &str) -> Result<u64, MeshError> {
+        u64::try_from(value)
+            .map_err(|_| self.cursor.invalid(value.to_string().as_bytes(), expected))
+    }
+
+    fn nodes_by_block(&mut self) -> Result<(), MeshError> {
+        self.has_nodes = true;
+        let [blocks, total, _, _] = self.header(0, "the counts of the $Nodes section")?;
+        let total = self.positive(total, "the number of nodes")?;
+        let mut read = 0u64;
+        let mut numbers = Vec::new();
+        for _ in 0..blocks {
+            let [dimension, _, parametric, count] =
+                self.header(3, "the head of a block of nodes")?;
+            let count = self.positive(count, "the number of nodes in a block")?;
+            if count > total - read {
+                let found = read.saturating_add(count);
+                return Err(self.cursor.mismatch("the number of nodes", total, found));
+            }
+            numbers.clear();
+            if self.cursor.binary {
+                let extra = if parametric == 0 { 0 } else { dimension.clamp(0, 3) as usize };
+                let width = self.size_width + 8 * (3 + extra);
+                self.cursor.room_for(count, width as u64, "nodes")?;
+                for _ in 0..count {
+                    numbers.push(self.tag("a node number")?);
+                }
+                for &number in &numbers {
+                    let point = self.binary_point()?;
+                    self.cursor.take(8 * extra, "parametric coordinates")?;
+                    self.add_node(number, point, 0)?;
+                }
+            } else {
+                for i in 0..count {
+                    let line = self.node_line(total, read + i)?;
+                    numbers.push(self.cursor.integer(line, "a node number")?);
+                }
+                for (i, &number) in (0..).zip(&numbers) {
+                    let line = self.node_line(total, read + i)?;
+                    let point = self.cursor.point(&mut words(line))?;
+                    self.add_node(number, point, self.cursor.line)?;
+                }
+            }
+            read += count;
+        }
+        if read != total {
+            return Err(self.cursor.mismatch("the number of nodes", total, read));
+        }
+        self.expect_end(b"$EndNodes", "nodes", total)
+    }
+
+    fn node_line(&mut self, total: u64, read: u64) -> Result<&'a [u8], MeshError> {
+        match self.cursor.filled_line() {
+            None => Err(self.cursor.end(&format!("node {} of {total}", read + 1))),
+            Some(line) if line.starts_with(b"$") => {
+                Err(self.cursor.mismatch("the number of nodes", total, read))
+            }
+            Some(line) => Ok(line),
+        }
+    }
+
+    fn elements_by_block(&mut self) -> Result<(), MeshError> {
+        self.has_elements = true;
+        let [blocks, total, _, _] = self.header(0, "the counts of the $Elements section")?;
+        let total = self.positive(total, "the number of elements")?;
+        if total > u64::from(u32::MAX) {
+            return Err(too_many(self.cursor.file, "cells", total));
+        }
+        let mut read = 0u64;
+        for _ in 0..blocks {
+            let [dimension, entity, kind, count] =
+                self.header(3, "the head of a block of elements")?;
+            let count = self.positive(count, "the number of elements in a block")?;
+            if count > total - read {
+                let found = read.saturating_add(count);
+                return Err(self.cursor.mismatch("the number of elements", total, found));
+            }
+            let number = kind;
+            let kind = cell_kind(number).unwrap_or(UNKNOWN_KIND);
+            if kind == UNKNOWN_KIND && self.cursor.binary {
+                let feature = format!("element type {number}");
+                return Err(self.cursor.unsupported(feature, SAVE_AGAIN));
+            }
+            let Some(dimension) = u8::try_from(dimension).ok().filter(|&d| d <= 3) else {
+                let found = dimension.to_string();
+                return Err(self
+                    .cursor
+                    .invalid(found.as_bytes(), "the dimension 0 to 3 of a block"));
+            };
+            let physical = self.entities.get(&(dimension, entity)).cloned().unwrap_or_default();
+            let mut groups: Vec<usize> =
+                physical.iter().map(|tag| self.group(dimension, tag.saturating_abs())).collect();
+            groups.sort_unstable();
+            groups.dedup();
+            // Keeps the memory linear in the size of the file.
+            if groups.len() > 256 {
+                let feature = format!("an entity in {} physical groups", groups.len());
+                return Err(self
+                    .cursor
+                    .unsupported(feature, "use at most 256 groups for each entity"));
+            }
+            if self.cursor.binary {
+                let width = self.size_width * (1 + kind.vertices);
+                self.cursor.room_for(count, width as u64, "elements")?;
+            }
+            for i in 0..count {
+                self.element_of_block(kind, total, read + i)?;
+                let vertices = std::mem::take(&mut self.vertices);
+                let line = if self.cursor.binary { 0 } else { self.cursor.line };
+                self.builder.cell(kind, &vertices, &groups, line);
+                self.vertices = vertices;
+            }
+            read += count;
+        }
+        if read != total {
+            return Err(self.cursor.mismatch("the number of elements", total, read));
+        }
+        self.expect_end(b"$EndElements", "elements", total)
+    }
+
+    /// Collects the vertices of the next element of a block (4.1).
+    fn element_of_block(&mut self, kind: CellKind, total: u64, read: u64) -> Result<(), MeshError> {
+        self.vertices.clear();
+        if self.cursor.binary {
+            let number = self.tag("an element number")?;
+            for _ in 0..kind.vertices {
+                let node = self.tag("a node number")?;
+                self.push_vertex(node, kind, number)?;
+            }
+            return Ok(());
+        }
+        let line = match self.cursor.filled_line() {
+            None => return Err(self.cursor.end(&format!("element {} of {total}", read + 1))),
+            Some(line) if line.starts_with(b"$") => {
+                return Err(self.cursor.mismatch("the number of elements", total, read));
+            }
+            Some(line) => line,
+        };
+        let mut fields = words(line);
+        let number = self.cursor.integer(fields.next().unwrap_or(b""), "an element number")?;
+        if kind == UNKNOWN_KIND {
+            return Ok(());
+        }
+        for field in fields {
+            let node = self.cursor.integer(field, "a node number")?;
+            self.push_vertex(node, kind, number)?;
+        }
+        if self.vertices.len() != kind.vertices {
+            let what = format!("the number of nodes of element {number} ({})", kind.name);
+            return Err(self.cursor.mismatch(
+                &what,
+                kind.vertices as u64,
+                self.vertices.len() as u64,
+            ));
+        }
+        Ok(())
+    }
+
+    /// Names the groups and puts them in order of dimension and tag.
+    fn finish(mut self) -> Mesh {
+        let mut order: Vec<((u8, i64), usize)> = self.groups.into_iter().collect();
+        order.sort_unstable();
+        let groups = order
+            .into_iter()
+            .map(|(key, slot)| {
+                let mut group = std::mem::take(&mut self.builder.mesh.groups[slot]);
+                if let Some(name) = self.names.remove(&key).filter(|name| !name.is_empty()) {
+                    group.name = name;
+                }
+                group
+            })
+            .collect();
+        self.builder.mesh.groups = groups;
+        self.builder.finish()
+    }
+}
+
+/// Positions of a byte in a slice.
+fn memchr_positions(data: &[u8], byte: u8) -> impl Iterator<Item = usize> {
+    data.iter().enumerate().filter_map(move |(i, &b)| (b == byte).then_some(i))
+}
+
+/// Writes a mesh with its groups as Gmsh 2.2 text.
+///
+/// # Errors
+///
+/// [`MeshError::Io`] when the file cannot be written.
+pub fn write_gmsh(path: &Path, mesh: &Mesh) -> Result<(), MeshError> {
+    super::write_file(path, encode_gmsh(mesh).as_bytes())
+}
+
+/// The text of a mesh in the format Gmsh 2.2.
+///
+/// Numbers are written so that reading gives the same bits. A cell in several groups is listed once
+/// for each. Vertices of a group that none of its cells has are listed as points of a node set of the
+/// same name, except that a group of dimension 1 is first turned into the boundary lines between its
+/// vertices. Quotation marks and control characters in names become apostrophes and spaces.
+pub fn encode_gmsh(mesh: &Mesh) -> String {
+    let mut elements = Elements { text: String::new(), count: 0 };
+    let mut names = Vec::new();
+    let mut tets_of = vec![Vec::new(); mesh.tetrahedra.len()];
+    let mut triangles_of = vec![Vec::new(); mesh.triangles.len()];
+    for (tag, group) in (1..).zip(&mesh.groups) {
+        let mut covered: Vec<u32> = Vec::new();
+        for (cells, of) in
+            [(&group.tetrahedra, &mut tets_of), (&group.triangles, &mut triangles_of)]
+        {
+            for &cell in cells {
+                if let Some(tags) = of.get_mut(cell as usize) {
+                    tags.push(tag);
+                }
+            }
+        }
+        let corner = |cell: &u32| mesh.triangles.get(*cell as usize);
+        covered.extend(group.triangles.iter().filter_map(corner).flatten());
+        let corner = |cell: &u32| mesh.tetrahedra.get(*cell as usize);
+        covered.extend(group.tetrahedra.iter().filter_map(corner).flatten());
+        if group.dimension == 1 {
+            for [a, b] in boundary_edges(mesh) {
+                let inside = |v: u32| group.vertices.binary_search(&v).is_ok();
+                if inside(a) && inside(b) {
+                    elements.push(1, tag, &[a, b]);
+                    covered.extend([a, b]);
+                }
+            }
+        }
+        covered.sort_unstable();
+        let mut alone =
+            group.vertices.iter().filter(|v| covered.binary_search(v).is_err()).peekable();
+        let node_set = group.dimension == 0;
+        if !node_set || group.vertices.is_empty() {
+            names.push((group.dimension, tag, &group.name));
+        }
+        if alone.peek().is_some() {
+            names.push((0, tag, &group.name));
+        }
+        for &vertex in alone {
+            elements.push(15, tag, &[vertex]);
+        }
+    }
+    for (triangle, tags) in mesh.triangles.iter().zip(&triangles_of) {
+        elements.push_each(2, tags, triangle);
+    }
+    for (tet, tags) in mesh.tetrahedra.iter().zip(&tets_of) {
+        elements.push_each(4, tags, tet);
+    }
+
+    let mut text = String::from("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n");
+    // Writing to a string cannot fail.
+    if !names.is_empty() {
+        let _ = writeln!(text, "$PhysicalNames\n{}", names.len());
+        for (dimension, tag, name) in names {
+            let name: String = name
+                .chars()
+                .map(|c| {
+                    if c == '"' {
+                        '\''
+                    } else if c.is_control() {
+                        ' '
+                    } else {
+                        c
+                    }
+                })
+                .collect();
+            let _ = writeln!(text, "{dimension} {tag} \"{name}\"");
+        }
+        text.push_str("$EndPhysicalNames\n");
+    }
+    let _ = writeln!(text, "$Nodes\n{}", mesh.points.len());
+    for (i, p) in mesh.points.iter().enumerate() {
+        let _ = writeln!(text, "{} {:?} {:?} {:?}", i + 1, p.x, p.y, p.z);
+    }
+    let _ = writeln!(text, "$EndNodes\n$Elements\n{}", elements.count);
+    text.push_str(&elements.text);
+    text.push_str("$EndElements\n");
+    text
+}
+
+struct Elements {
+    text: String,
+    count: usize,
+}
+
+impl Elements {
+    fn push(&mut self, kind: u8, tag: usize, vertices: &[u32]) {
+        self.count += 1;
+        let _ = write!(self.text, "{} {kind} 2 {tag} 1", self.count);
+        for &vertex in vertices {
+            let _ = write!(self.text, " {}", u64::from(vertex) + 1);
+        }
+        self.text.push('\n');
+    }
+
+    fn push_each(&mut self, kind: u8, tags: &[usize], vertices: &[u32]) {
+        for &tag in if tags.is_empty() { &[0][..] } else { tags } {
+            self.push(kind, tag, vertices);
+        }
+    }
+}
+
+/// Edges that exactly one triangle has.
+fn boundary_edges(mesh: &Mesh) -> Vec<[u32; 2]> {
+    let n = mesh.points.len();
+    let mut edges = Vec::new();
+    for &[a, b, c] in &mesh.triangles {
+        if [a, b, c].iter().all(|&v| (v as usize) < n) {
+            edges.extend([[a, b], [b, c], [c, a]]);
+        }
+    }
+    let mut boundary = Vec::new();
+    crate::mesh::for_equal_cells(&edges, n, |equal| {
+        if let &[(edge, _)] = equal {
+            boundary.push(edge);
+        }
+    });
+    boundary
+}

@@ -1,0 +1,366 @@
+//! What legacy VTK and VTU files share: cell types, typed arrays and the way groups are stored.
+//!
+//! A group is kept as a pair of 0/1 arrays named `group:<dimension>:<name>`, one on the points and one
+//! on the cells. An integer cell array of any other name with few distinct values gives one group for
+//! each value, named `<array> <value>`.
+
+use super::cells::{Builder, CellKind, CellUse};
+use super::scan::Cursor;
+use crate::mesh::error::{MeshError, Place};
+use crate::mesh::{Group, Mesh};
+use glam::DVec3;
+use std::collections::{BTreeMap, HashMap};
+
+/// Integer arrays with more distinct values than this are numberings, not regions.
+const MOST_REGIONS: usize = 256;
+
+const GROUP_PREFIX: &str = "group:";
+
+/// Cells of the VTK formats by type number.
+fn cell_kind(number: i64) -> CellKind {
+    let kind = CellKind::new;
+    match number {
+        1 => kind("point", 0, 1),
+        2 => kind("set of points", 0, 0),
+        3 => kind("2-node line", 1, 2),
+        4 => kind("line strip", 1, 0),
+        5 => CellKind::TRIANGLE,
+        6 => kind("triangle strip", 2, 0),
+        7 => kind("polygon", 2, 0),
+        8 => kind("pixel", 2, 4),
+        9 => kind("4-node quadrilateral", 2, 4),
+        10 => CellKind::TETRAHEDRON,
+        11 => kind("voxel", 3, 8),
+        12 => kind("8-node hexahedron", 3, 8),
+        13 => kind("6-node prism", 3, 6),
+        14 => kind("5-node pyramid", 3, 5),
+        15 => kind("pentagonal prism", 3, 10),
+        16 => kind("hexagonal prism", 3, 12),
+        21 => kind("3-node line", 1, 3),
+        22 => kind("6-node triangle", 2, 6),
+        23 => kind("8-node quadrilateral", 2, 8),
+        24 => kind("10-node tetrahedron", 3, 10),
+        25 => kind("20-node hexahedron", 3, 20),
+        26 => kind("15-node prism", 3, 15),
+        27 => kind("13-node pyramid", 3, 13),
+        28 => kind("9-node quadrilateral", 2, 9),
+        29 => kind("27-node hexahedron", 3, 27),
+        42 => kind("polyhedron", 3, 0),
+        68 => kind("higher-order line", 1, 0),
+        69 => kind("higher-order triangle", 2, 0),
+        70 => kind("higher-order quadrilateral", 2, 0),
+        71 => kind("higher-order tetrahedron", 3, 0),
+        72 => kind("higher-order hexahedron", 3, 0),
+        _ => kind("cell of a type unknown to this reader", 4, 0),
+    }
+}
+
+/// Type of the numbers in an array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Number {
+    Signed(usize),
+    Unsigned(usize),
+    Real(usize),
+}
+
+impl Number {
+    /// Width in bytes.
+    pub fn width(self) -> usize {
+        match self {
+            Number::Signed(width) | Number::Unsigned(width) | Number::Real(width) => width,
+        }
+    }
+
+    fn wide(self, bytes: &[u8], big_endian: bool) -> u64 {
+        let mut wide = [0; 8];
+        let n = bytes.len().min(8);
+        if big_endian {
+            wide[8 - n..].copy_from_slice(&bytes[..n]);
+            u64::from_be_bytes(wide)
+        } else {
+            wide[..n].copy_from_slice(&bytes[..n]);
+            u64::from_le_bytes(wide)
+        }
+    }
+
+    /// Integers from bytes; values above the range of `i64` become its largest.
+    pub fn integers(self, data: &[u8], big_endian: bool) -> Vec<i64> {
+        let value = |bytes: &[u8]| {
+            let wide = self.wide(bytes, big_endian);
+            match self {
+                Number::Signed(width) => {
+                    let shift = 64 - 8 * width.min(8) as u32;
+                    ((wide << shift) as i64) >> shift
+                }
+                Number::Unsigned(_) => i64::try_from(wide).unwrap_or(i64::MAX),
+                Number::Real(4) => f32::from_bits(wide as u32) as i64,
+                Number::Real(_) => f64::from_bits(wide) as i64,
+            }
+        };
+        data.chunks_exact(self.width()).map(value).collect()
+    }
+
+    /// Reals from bytes.
+    pub fn reals(self, data: &[u8], big_endian: bool) -> Vec<f64> {
+        let value = |bytes: &[u8]| {
+            let wide = self.wide(bytes, big_endian);
+            match self {
+                Number::Real(4) => f64::from(f32::from_bits(wide as u32)),
+                Number::Real(_) => f64::from_bits(wide),
+                Number::Unsigned(_) => wide as f64,
+                Number::Signed(width) => {
+                    let shift = 64 - 8 * width.min(8) as u32;
+                    (((wide << shift) as i64) >> shift) as f64
+                }
+            }
+        };
+        data.chunks_exact(self.width()).map(value).collect()
+    }
+
+    pub fn is_integer(self) -> bool {
+        !matches!(self, Number::Real(_))
+    }
+}
+
+/// An array and where it stands.
+pub(crate) struct Located<T> {
+    pub values: Vec<T>,
+    pub place: Place,
+}
+
+/// One grid as both formats store it.
+pub(crate) struct Piece {
+    /// Three values per point.
+    pub points: Located<f64>,
+    /// Vertices of all cells one after another.
+    pub connectivity: Located<i64>,
+    /// For each cell, where its vertices end in `connectivity`.
+    pub ends: Located<i64>,
+    pub types: Located<i64>,
+    /// Integer arrays with one value per point.
+    pub point_arrays: Vec<(String, Located<i64>)>,
+    /// Integer arrays with one value per cell.
+    pub cell_arrays: Vec<(String, Located<i64>)>,
+}
+
+/// Groups in the making, by dimension and name, over all pieces.
+type Slots = BTreeMap<(u8, String), usize>;
+
+/// Collects the pieces of a file into one mesh.
+pub(crate) struct Assembly {
+    builder: Builder,
+    slots: Slots,
+}
+
+impl Assembly {
+    pub fn new(source: &str) -> Self {
+        Assembly { builder: Builder::new(source), slots: Slots::new() }
+    }
+
+    fn slot(&mut self, dimension: u8, name: &str) -> usize {
+        let builder = &mut self.builder;
+        *self
+            .slots
+            .entry((dimension, name.to_owned()))
+            .or_insert_with(|| builder.group(name.to_owned(), dimension))
+    }
+
+    pub fn add(&mut self, cursor: &Cursor<'_>, piece: &Piece) -> Result<(), MeshError> {
+        let file = cursor.file;
+        let mismatch =
+            |place, what: &str, expected: usize, found: usize| MeshError::CountMismatch {
+                file: file.to_owned(),
+                place,
+                what: what.to_owned(),
+                expected: expected as u64,
+                found: found as u64,
+            };
+        let n_cells = piece.types.values.len();
+        if piece.ends.values.len() != n_cells {
+            let found = piece.ends.values.len();
+            return Err(mismatch(piece.ends.place, "the number of cell offsets", n_cells, found));
+        }
+        let base = self.builder.mesh.points.len();
+        let coordinates = &piece.points.values;
+        if !coordinates.len().is_multiple_of(3) {
+            let whole = coordinates.len() / 3 * 3;
+            let what = "the number of point coordinates";
+            return Err(mismatch(piece.points.place, what, whole, coordinates.len()));
+        }
+        for point in coordinates.chunks_exact(3) {
+            self.builder.point(cursor, DVec3::from_slice(point), 0)?;
+        }
+        let n_points = self.builder.mesh.points.len() - base;
+        for (arrays, n) in [(&piece.point_arrays, n_points), (&piece.cell_arrays, n_cells)] {
+            for (name, array) in arrays {
+                if array.values.len() != n {
+                    let what = format!("the number of values of the array `{name}`");
+                    return Err(mismatch(array.place, &what, n, array.values.len()));
+                }
+            }
+        }
+
+        // Groups of every cell, one array at a time, then the cells.
+        let mut memberships: Vec<(&[i64], HashMap<i64, Membership>)> = Vec::new();
+        for (name, array) in &piece.cell_arrays {
+            if let Some(values) = self.membership(name, &array.values) {
+                memberships.push((&array.values, values));
+            }
+        }
+        let mut start = 0usize;
+        let mut vertices = Vec::new();
+        let mut groups = Vec::new();
+        let ends = piece.ends.values.iter();
+        for (number, (&end, &kind)) in ends.zip(&piece.types.values).enumerate() {
+            let cell =
+                usize::try_from(end).ok().and_then(|end| piece.connectivity.values.get(start..end));
+            let Some(cell) = cell else {
+                return Err(MeshError::InvalidValue {
+                    file: file.to_owned(),
+                    place: piece.ends.place,
+                    found: end.to_string(),
+                    expected: format!(
+                        "the end of cell {number}, from {start} to {}",
+                        piece.connectivity.values.len()
+                    ),
+                });
+            };
+            start += cell.len();
+            let mut kind = cell_kind(kind);
+            if kind.name == "polygon" && cell.len() == 3 {
+                kind = CellKind::TRIANGLE;
+            }
+            if kind.used_as() != CellUse::Skipped && cell.len() != kind.vertices {
+                let what = format!("the number of vertices of cell {number} ({})", kind.name);
+                return Err(mismatch(piece.connectivity.place, &what, kind.vertices, cell.len()));
+            }
+            vertices.clear();
+            for &vertex in cell {
+                match usize::try_from(vertex) {
+                    Ok(index) if index < n_points => vertices.push((base + index) as u32),
+                    _ => {
+                        return Err(MeshError::UnknownVertex {
+                            file: file.to_owned(),
+                            place: piece.connectivity.place,
+                            cell: format!("cell {number} ({})", kind.name),
+                            vertex,
+                        });
+                    }
+                }
+            }
+            groups.clear();
+            let mut exact = Vec::new();
+            for (values, slots) in &memberships {
+                match slots.get(&values[number]) {
+                    Some(Membership::Region(name)) => {
+                        groups.push(self.slot(kind.dimension.min(3), name));
+                    }
+                    Some(&Membership::Group(slot)) => exact.push(slot),
+                    None => {}
+                }
+            }
+            let mesh = &self.builder.mesh;
+            let cell = kind.used_as();
+            let index = match cell {
+                CellUse::Tetrahedron => mesh.tetrahedra.len(),
+                CellUse::Triangle => mesh.triangles.len(),
+                CellUse::Skipped => 0,
+            };
+            self.builder.cell(kind, &vertices, &groups, 0);
+            // The vertices of a written group come from its point array.
+            self.builder.join(cell, index, &[], &exact);
+        }
+        for (name, array) in &piece.point_arrays {
+            let Some((dimension, name)) = group_name(name) else { continue };
+            let slot = self.slot(dimension, name);
+            let members = array.values.iter().enumerate().filter(|&(_, &value)| value != 0);
+            let group: &mut Group = &mut self.builder.mesh.groups[slot];
+            group.vertices.extend(members.map(|(i, _)| (base + i) as u32));
+        }
+        Ok(())
+    }
+
+    /// Which group each value of a cell array stands for; `None` for arrays that are no regions.
+    fn membership(&mut self, name: &str, values: &[i64]) -> Option<HashMap<i64, Membership>> {
+        if let Some((dimension, name)) = group_name(name) {
+            let slot = self.slot(dimension, name);
+            let ones = values.iter().filter(|&&value| value != 0);
+            return Some(ones.map(|&value| (value, Membership::Group(slot))).collect());
+        }
+        let mut regions = HashMap::new();
+        for &value in values {
+            if !regions.contains_key(&value) {
+                if regions.len() == MOST_REGIONS {
+                    return None;
+                }
+                regions.insert(value, Membership::Region(format!("{name} {value}")));
+            }
+        }
+        Some(regions)
+    }
+
+    pub fn finish(self) -> Mesh {
+        self.builder.finish()
+    }
+}
+
+/// What a value of a cell array means.
+enum Membership {
+    /// Member of the region of that name, in the dimension of the cell.
+    Region(String),
+    /// Member of the group at that position.
+    Group(usize),
+}
+
+/// Dimension and name of a group from the name of its array.
+pub(crate) fn group_name(array: &str) -> Option<(u8, &str)> {
+    let (dimension, name) = array.strip_prefix(GROUP_PREFIX)?.split_once(':')?;
+    Some((dimension.parse().ok().filter(|&d| d <= 3)?, name))
+}
+
+/// Name of the arrays that hold a group.
+pub(crate) fn array_name(group: &Group) -> String {
+    format!("{GROUP_PREFIX}{}:{}", group.dimension, group.name)
+}
+
+/// Members as ones in an array of zeros.
+pub(crate) fn mask(n: usize, members: impl Iterator<Item = usize>) -> Vec<u8> {
+    let mut mask = vec![0; n];
+    for member in members {
+        if let Some(value) = mask.get_mut(member) {
+            *value = 1;
+        }
+    }
+    mask
+}
+
+/// The cells of a group as a mask over tetrahedra, then triangles.
+pub(crate) fn cell_mask(group: &Group, n_tetrahedra: usize, n_triangles: usize) -> Vec<u8> {
+    let tets = group.tetrahedra.iter().map(|&i| i as usize);
+    let triangles = group.triangles.iter().map(|&i| n_tetrahedra + i as usize);
+    mask(n_tetrahedra + n_triangles, tets.chain(triangles))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_every_width_and_order() {
+        assert_eq!(Number::Signed(1).integers(&[0xff], false), [-1]);
+        assert_eq!(Number::Unsigned(1).integers(&[0xff], true), [255]);
+        assert_eq!(Number::Signed(2).integers(&[0xff, 0xfe], true), [-2]);
+        assert_eq!(Number::Signed(4).integers(&[1, 0, 0, 0], false), [1]);
+        assert_eq!(Number::Unsigned(8).integers(&[0xff; 8], false), [i64::MAX]);
+        assert_eq!(Number::Real(4).reals(&1.5f32.to_be_bytes(), true), [1.5]);
+        assert_eq!(Number::Real(8).reals(&1e300f64.to_le_bytes(), false), [1e300]);
+        assert_eq!(Number::Signed(8).reals(&(-3i64).to_le_bytes(), false), [-3.0]);
+    }
+
+    #[test]
+    fn group_arrays_have_two_part_names() {
+        assert_eq!(group_name("group:2:left:top"), Some((2, "left:top")));
+        assert_eq!(group_name("group:9:x"), None);
+        assert_eq!(group_name("region"), None);
+    }
+}

@@ -1,0 +1,326 @@
+//! Writers through readers, text against binary, and every reader on damaged files.
+
+use glam::{DVec2, DVec3};
+use proptest::prelude::*;
+use sinew_engine::mesh::generate::{box_tets, triangle_grid};
+use sinew_engine::mesh::io::*;
+use sinew_engine::mesh::{FileLines, Group, Mesh, MeshError};
+
+/// The mesh without what differs between files of equal content.
+fn bare(mut mesh: Mesh) -> Mesh {
+    mesh.source.clear();
+    mesh.lines = FileLines::default();
+    mesh.skipped.clear();
+    mesh
+}
+
+fn cube() -> Mesh {
+    let mut mesh = box_tets(DVec3::new(0.1, 0.2, 1.0 / 3.0), [2, 1, 2]).unwrap();
+    let vertices = vec![0, 4, 7];
+    mesh.groups.push(Group { name: "two words".to_owned(), vertices, ..Group::default() });
+    bare(mesh)
+}
+
+fn by_name(mut mesh: Mesh) -> Mesh {
+    mesh.groups.sort_by(|a, b| (a.dimension, &a.name).cmp(&(b.dimension, &b.name)));
+    bare(mesh)
+}
+
+#[test]
+fn written_files_read_back_the_same() {
+    for mesh in [cube(), bare(triangle_grid(DVec2::ONE, [3, 2]).unwrap())] {
+        let mesh = by_name(mesh);
+        let data = VtuData::of_mesh(&mesh);
+        let vtu = encode_vtu(&data).unwrap();
+        assert_eq!(by_name(read_vtu(&vtu, "a.vtu").unwrap()), mesh);
+        for binary in [false, true] {
+            let vtk = encode_vtk(&data, binary).unwrap();
+            assert_eq!(by_name(read_vtk(&vtk, "a.vtk").unwrap()), mesh);
+        }
+        let msh = encode_gmsh(&mesh);
+        assert_eq!(by_name(read_gmsh(msh.as_bytes(), "a.msh").unwrap()), mesh);
+    }
+}
+
+#[test]
+fn files_on_disk_and_their_data() {
+    let folder = std::env::temp_dir().join(format!("sinew-mesh-io-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let mesh = cube();
+    let zeros = vec![0.0; mesh.points.len()];
+    let data = VtuData {
+        point_vectors: &[("displacement <m>", &mesh.points)],
+        point_scalars: &[("load", &zeros)],
+        single_precision: true,
+        ..VtuData::of_mesh(&mesh)
+    };
+    write_vtu(&folder.join("a.vtu"), &data).unwrap();
+    write_vtk(&folder.join("a.vtk"), &data).unwrap();
+    write_gmsh(&folder.join("a.msh"), &mesh).unwrap();
+    write_pvd(&folder.join("a.pvd"), &[(0.0, "a.vtu".to_owned())]).unwrap();
+    for name in ["a.vtu", "a.vtk", "a.msh"] {
+        let read = Mesh::read(&folder.join(name)).unwrap();
+        assert_eq!(read.source, name);
+        assert_eq!(read.tetrahedra, mesh.tetrahedra);
+        let error = |(a, b): (&DVec3, &DVec3)| (*a - *b).length();
+        assert!(read.points.iter().zip(&mesh.points).map(error).all(|e| e < 1e-7));
+    }
+    assert!(matches!(Mesh::read(&folder.join("none.msh")), Err(MeshError::Io { .. })));
+    std::fs::write(folder.join("a.xyz"), "hello").unwrap();
+    let error = Mesh::read(&folder.join("a.xyz")).unwrap_err();
+    assert!(matches!(error, MeshError::UnknownFormat { .. }), "{error}");
+    std::fs::remove_dir_all(&folder).unwrap();
+    let short = VtuData { point_scalars: &[("load", &zeros[1..])], ..data };
+    assert!(matches!(
+        encode_vtu(&short),
+        Err(MeshError::LengthMismatch { expected: 18, found: 17, .. })
+    ));
+}
+
+const MSH_2: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n2 3 \"face\"\n\
+    $EndPhysicalNames\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n7 0 0 0.5\n$EndNodes\n$Elements\n4\n\
+    1 15 2 9 1 1\n2 2 2 3 1 1 3 2\n3 2 2 4 1 1 3 2\n4 4 2 7 1 1 2 3 7\n$EndElements\n";
+
+const MSH_4: &str = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n2 3 \"face\"\n\
+    $EndPhysicalNames\n$Entities\n1 0 1 1\n5 0 0 0 1 9\n1 0 0 0 1 1 1 2 3 4 0\n\
+    1 0 0 0 1 1 1 1 7 1 1\n$EndEntities\n$Nodes\n1 4 1 7\n3 1 0 4\n1\n2\n3\n7\n0 0 0\n1 0 0\n\
+    0 1 0\n0 0 0.5\n$EndNodes\n$Elements\n3 3 1 4\n0 5 15 1\n1 1\n2 1 2 1\n2 1 3 2\n3 1 4 1\n\
+    4 1 2 3 7\n$EndElements\n";
+
+/// Bytes of either order.
+struct Bytes(Vec<u8>, bool);
+
+impl Bytes {
+    fn text(&mut self, text: &str) {
+        self.0.extend_from_slice(text.as_bytes());
+    }
+    fn raw<const N: usize>(&mut self, mut bytes: [u8; N]) {
+        if self.1 {
+            bytes.reverse();
+        }
+        self.0.extend(bytes);
+    }
+    fn ints(&mut self, values: &[i32]) {
+        values.iter().for_each(|v| self.raw(v.to_le_bytes()));
+    }
+    fn sizes(&mut self, values: &[u64]) {
+        values.iter().for_each(|v| self.raw(v.to_le_bytes()));
+    }
+    fn reals(&mut self, values: &[f64]) {
+        values.iter().for_each(|v| self.raw(v.to_le_bytes()));
+    }
+    fn head(big: bool, version: &str) -> Bytes {
+        let mut b = Bytes(Vec::new(), big);
+        b.text(&format!("$MeshFormat\n{version} 1 8\n"));
+        b.ints(&[1]);
+        b.text("\n$EndMeshFormat\n$PhysicalNames\n1\n2 3 \"face\"\n$EndPhysicalNames\n");
+        b
+    }
+}
+
+const POINTS: [[f64; 3]; 4] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.5]];
+
+fn binary_2(big: bool) -> Vec<u8> {
+    let mut b = Bytes::head(big, "2.2");
+    b.text("$Nodes\n4\n");
+    for (number, point) in [1, 2, 3, 7].into_iter().zip(POINTS) {
+        b.ints(&[number]);
+        b.reals(&point);
+    }
+    b.text("\n$EndNodes\n$Elements\n4\n");
+    b.ints(&[15, 1, 2, 1, 9, 1, 1]);
+    b.ints(&[2, 2, 2, 2, 3, 1, 1, 3, 2, 3, 4, 1, 1, 3, 2]);
+    b.ints(&[4, 1, 2, 4, 7, 1, 1, 2, 3, 7]);
+    b.text("\n$EndElements\n");
+    b.0
+}
+
+fn binary_4(big: bool) -> Vec<u8> {
+    let mut b = Bytes::head(big, "4.1");
+    b.text("$Entities\n");
+    b.sizes(&[1, 0, 1, 1]);
+    b.ints(&[5]);
+    b.reals(&[0.0; 3]);
+    b.sizes(&[1]);
+    b.ints(&[9]);
+    for physical in [&[3, 4][..], &[7]] {
+        b.ints(&[1]);
+        b.reals(&[0.0; 6]);
+        b.sizes(&[physical.len() as u64]);
+        b.ints(physical);
+        b.sizes(&[0]);
+    }
+    b.text("\n$EndEntities\n$Nodes\n");
+    b.sizes(&[1, 4, 1, 7]);
+    b.ints(&[3, 1, 0]);
+    b.sizes(&[4, 1, 2, 3, 7]);
+    POINTS.iter().for_each(|point| b.reals(point));
+    b.text("\n$EndNodes\n$Elements\n");
+    b.sizes(&[3, 3, 1, 4]);
+    for (head, cell) in
+        [([0, 5, 15], &[1, 1][..]), ([2, 1, 2], &[2, 1, 3, 2]), ([3, 1, 4], &[4, 1, 2, 3, 7])]
+    {
+        b.ints(&head);
+        b.sizes(&[1]);
+        b.sizes(cell);
+    }
+    b.text("\n$EndElements\n");
+    b.0
+}
+
+#[test]
+fn gmsh_versions_and_encodings_agree() {
+    let text = read_gmsh(MSH_2.as_bytes(), "").unwrap();
+    assert_eq!(text.lines.tetrahedra, [20]);
+    assert_eq!(text.skipped[0].kind, "point");
+    assert_eq!((text.tetrahedra.len(), text.triangles.len()), (1, 1));
+    let names: Vec<(u8, &str)> =
+        text.groups.iter().map(|g| (g.dimension, g.name.as_str())).collect();
+    assert_eq!(names, [(0, "9"), (2, "face"), (2, "4"), (3, "7")]);
+    assert_eq!(text.group("face").unwrap().triangles, text.group("4").unwrap().triangles);
+    assert_eq!(text.group("7").unwrap().vertices, [0, 1, 2, 3]);
+    let text = bare(text);
+    assert_eq!(bare(read_gmsh(MSH_4.as_bytes(), "").unwrap()), text);
+    for big in [false, true] {
+        assert_eq!(bare(read_gmsh(&binary_2(big), "").unwrap()), text);
+        assert_eq!(bare(read_gmsh(&binary_4(big), "").unwrap()), text);
+    }
+}
+
+const MSH_1: &str =
+    "$NOD\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$ENDNOD\n$ELM\n1\n1 4 7 1 4 1 2 3 4\n$ENDELM\n";
+const VTK: &str = "# vtk DataFile Version 2.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 float\n\
+    0 0 0 1 0 0\n0 1 0 0 0 1\nCELLS 2 9\n4 0 1 2 3\n3 0 2 1\nCELL_TYPES 2\n10\n5\nCELL_DATA 2\n\
+    SCALARS region int 1\nLOOKUP_TABLE default\n3\n8\nPOINT_DATA 4\nVECTORS u float\n0 0 0 0 0 0 0 0 0 0 0 0\n";
+const VTK_5: &str = "# vtk DataFile Version 5.1\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 float\n\
+    0 0 0 1 0 0\n0 1 0 0 0 1\nMETADATA\nINFORMATION 0\n\nCELLS 3 7\nOFFSETS vtktypeint64\n0 4 7\n\
+    CONNECTIVITY vtktypeint64\n0 1 2 3 0 2 1\nCELL_TYPES 2\n10\n5\nCELL_DATA 2\nFIELD f 1\nregion 1 2 int\n3 8\n";
+const VTU: &str = "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" byte_order=\"LittleEndian\">\n\
+    <UnstructuredGrid><Piece NumberOfPoints=\"4\" NumberOfCells=\"2\">\n<Points><DataArray type=\"Float32\" \
+    NumberOfComponents=\"3\" format=\"ascii\">\n0 0 0 1 0 0 0 1 0 0 0 1</DataArray></Points>\n<Cells>\
+    <DataArray type=\"Int32\" Name=\"connectivity\" format=\"ascii\">0 1 2 3 0 2 1</DataArray>\n\
+    <DataArray type=\"Int32\" Name=\"offsets\" format=\"ascii\">4 7</DataArray>\n\
+    <DataArray type=\"UInt8\" Name=\"types\" format=\"ascii\">10 5</DataArray></Cells>\n\
+    <CellData><DataArray type=\"Int32\" Name=\"region\" format=\"ascii\">3 8</DataArray></CellData>\n\
+    </Piece></UnstructuredGrid></VTKFile>\n";
+/// The connectivity in base64, its header padded apart (as VTK writes) or together with the data.
+const BASE64: [&str; 2] = [
+    "HAAAAA==AAAAAAEAAAACAAAAAwAAAAAAAAACAAAAAQAAAA==",
+    "HAAAAAAAAAABAAAAAgAAAAMAAAAAAAAAAgAAAAEAAAA=",
+];
+const NODE: &str =
+    "# made by hand\n4 3 1 1\n0 0 0 0 0.5 1\n1 1 0 0 0.5 0\n2 0 1 0 0.5 1\n3 0 0 1 0.5 0\n";
+const ELE: &str = "1 4 1\n0 0 1 2 3 3\n";
+const FACE: &str = "1 1\n0 0 2 1 5\n";
+const OBJ: &str =
+    "# x\no ball\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\ng cap\nf 1/1/1 2//2 3/3\nf -4 -3 -2 -1\n";
+const STL: &str = "solid top\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n\
+    endloop\nendfacet\nfacet normal 0 0 1\nouter loop\nvertex -0 0 0\nvertex 0 1 0\nvertex -1 0 0\nendloop\nendfacet\nendsolid\n";
+
+#[test]
+fn vtk_formats_agree() {
+    let mesh = bare(read_vtk(VTK.as_bytes(), "").unwrap());
+    assert_eq!(mesh.group("region 3").unwrap().tetrahedra, [0]);
+    assert_eq!(mesh.group("region 8").unwrap().triangles, [0]);
+    assert_eq!(bare(read_vtk(VTK_5.as_bytes(), "").unwrap()), mesh);
+    assert_eq!(bare(read_vtu(VTU.as_bytes(), "").unwrap()), mesh);
+    for text in BASE64 {
+        let vtu = VTU.replace(
+            "\"connectivity\" format=\"ascii\">0 1 2 3 0 2 1",
+            &format!("\"connectivity\" format=\"binary\">\n{text}\n"),
+        );
+        assert_eq!(bare(read_vtu(vtu.as_bytes(), "").unwrap()), mesh);
+    }
+}
+
+#[test]
+fn tetgen_obj_stl_and_gmsh_1() {
+    let mesh =
+        read_tetgen(NODE.as_bytes(), ELE.as_bytes(), Some(FACE.as_bytes()), "a.ele").unwrap();
+    assert_eq!(mesh.group("marker 1").unwrap().vertices, [0, 2]);
+    assert_eq!(mesh.group("region 3").unwrap().tetrahedra, [0]);
+    assert_eq!(mesh.group("marker 5").unwrap().triangles, [0]);
+    let mesh = read_obj(OBJ.as_bytes(), "").unwrap();
+    assert_eq!((mesh.triangles.as_slice(), mesh.skipped[0].count), (&[[0, 1, 2]][..], 1));
+    assert_eq!(mesh.group("cap").unwrap().vertices, [0, 1, 2, 3]);
+    let mesh = read_stl(STL.as_bytes(), "").unwrap();
+    assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
+    assert_eq!(mesh.group("top").unwrap().triangles, [0, 1]);
+    let mut binary = vec![b's'; 80];
+    binary.extend(2u32.to_le_bytes());
+    for triangle in &mesh.triangles {
+        binary.extend([0; 12]);
+        for &v in triangle {
+            let point = mesh.points[v as usize].as_vec3().to_array();
+            point.iter().for_each(|x| binary.extend(x.to_le_bytes()));
+        }
+        binary.extend([0; 2]);
+    }
+    assert_eq!(read_stl(&binary, "").unwrap().points, mesh.points);
+    let mesh = read_gmsh(MSH_1.as_bytes(), "").unwrap();
+    assert_eq!((mesh.tetrahedra.len(), mesh.groups[0].name.as_str()), (1, "7"));
+}
+
+/// Every reader on the same bytes; the answer does not matter, coming back does.
+fn read_all(bytes: &[u8]) {
+    let _ = read_gmsh(bytes, "f");
+    let _ = read_vtk(bytes, "f");
+    let _ = read_vtu(bytes, "f");
+    let _ = read_obj(bytes, "f");
+    let _ = read_stl(bytes, "f");
+    let _ = read_tetgen(bytes, bytes, Some(bytes), "f");
+    let _ = read_tetgen(NODE.as_bytes(), bytes, Some(bytes), "f");
+}
+
+fn samples() -> Vec<Vec<u8>> {
+    let text = [MSH_1, MSH_2, MSH_4, VTK, VTK_5, VTU, NODE, ELE, FACE, OBJ, STL];
+    let mut samples: Vec<Vec<u8>> = text.map(|text| text.as_bytes().to_vec()).into();
+    samples.extend([false, true].into_iter().flat_map(|big| [binary_2(big), binary_4(big)]));
+    let mesh = cube();
+    samples.push(encode_vtu(&VtuData::of_mesh(&mesh)).unwrap());
+    samples.push(encode_vtk(&VtuData::of_mesh(&mesh), true).unwrap());
+    samples
+}
+
+#[test]
+fn every_truncation_is_survived() {
+    for sample in samples() {
+        for length in (0..sample.len()).step_by(1 + sample.len() / 1000) {
+            read_all(&sample[..length]);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(512))]
+
+    #[test]
+    fn arbitrary_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        read_all(&bytes);
+        for start in ["$MeshFormat\n4.1 1 8\n\x01\0\0\0\n$EndMeshFormat\n$Nodes\n", "# vtk DataFile Version 3.0\n\nBINARY\nDATASET UNSTRUCTURED_GRID\n", "<VTKFile type=\"UnstructuredGrid\"><UnstructuredGrid>"] {
+            let mut file = start.as_bytes().to_vec();
+            file.extend(&bytes);
+            read_all(&file);
+        }
+    }
+
+    #[test]
+    fn damaged_files_are_survived(
+        which in any::<prop::sample::Index>(),
+        edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0..4u8), 1..6),
+    ) {
+        let samples = samples();
+        let mut file = samples[which.index(samples.len())].clone();
+        for (at, byte, kind) in edits {
+            let at = at.index(file.len().max(1)).min(file.len().saturating_sub(1));
+            match kind {
+                _ if file.is_empty() => {}
+                0 => file[at] = byte,
+                1 => file[at] = b'0' + byte % 10,
+                2 => { file.remove(at); }
+                _ => file.splice(at..at, *b"99999999999").for_each(drop),
+            }
+        }
+        read_all(&file);
+    }
+}
