@@ -1,1 +1,3 @@
-//! Sinew benches.
+//! Sinew benches: the hard-case suite; criterion benches live in `benches/`.
+
+pub mod stability;

@@ -15,7 +15,7 @@
 //! * [`run`](mod@run): the loop over steps, with an observer for progress.
 //! * [`output`]: VTU frames, their PVD index and the CSV of probes.
 //! * [`summary`]: what a run reports, as data and as text.
-//! * [`check`], [`mesh_tool`]: the other subcommands.
+//! * [`check`], [`mesh_tool`], [`validate`](mod@validate): the other subcommands.
 
 pub mod build;
 pub mod check;
@@ -25,6 +25,7 @@ pub mod output;
 pub mod run;
 pub mod scene;
 pub mod summary;
+pub mod validate;
 
 use std::path::PathBuf;
 

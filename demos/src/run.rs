@@ -6,11 +6,11 @@ use crate::output::{Writer, probe_columns, probe_values};
 use crate::scene::{LoadedScene, Mode, Quantity};
 use crate::summary::{
     BodySummary, ConstraintSummary, EnergySummary, Level, LoadSummary, Machine, RunSummary, SCHEMA,
-    SceneSummary, Settings, SolverSummary, Stage, StepTiming, Timing, Versions, VolumeSummary,
-    Warning,
+    SceneSummary, Settings, SolverSummary, Stage, StepTiming, SystemSummary, Timing, Versions,
+    VolumeSummary, Warning,
 };
 use glam::DVec3;
-use sinew::engine::report::StepReport;
+use sinew::engine::report::{StepReport, SystemTimes};
 use sinew::engine::workers::Workers;
 use sinew::simulation::Precision;
 use sinew::solvers::settings::Integrator;
@@ -126,6 +126,7 @@ pub fn run(
     totals.volume.final_smallest_j = 1.0;
     totals.reactions = vec![None; built.constraints.len()];
     totals.energy.initial = built.simulation.evaluate();
+    built.simulation.world_mut().insert_resource(SystemTimes::default());
     totals.energy.elastic = totals.energy.initial;
     let setup = start.elapsed().as_secs_f64();
 
@@ -222,8 +223,11 @@ fn record(
 ) -> Result<Vec<f64>, RunError> {
     let clock = Instant::now();
     let kinetic = totals.energy.kinetic;
+    // evaluations for probes do not count as time of the steps
+    let times = built.simulation.world().resource::<SystemTimes>().clone();
     let BuiltScene { simulation, bodies, constraints, probes, .. } = built;
     let values = probe_values(simulation, bodies, constraints, probes, kinetic);
+    simulation.world_mut().insert_resource(times);
     let mut at = 0;
     for probe in probes.iter() {
         for quantity in &probe.record {
@@ -379,6 +383,20 @@ fn summarise(
         real_time_factor: (dynamic && stepping > 0.0).then(|| simulated / stepping),
         step: StepTiming::of(totals.step_times),
         stages,
+        systems: built
+            .simulation
+            .world()
+            .resource::<SystemTimes>()
+            .entries
+            .iter()
+            .map(|entry| SystemSummary {
+                name: entry.name,
+                total_s: entry.seconds,
+                runs: entry.runs,
+                per_step_ms: 1e3 * entry.seconds / steps.max(1) as f64,
+                share: if stepping > 0.0 { entry.seconds / stepping } else { 0.0 },
+            })
+            .collect(),
     };
 
     let bodies: Vec<BodySummary> = built

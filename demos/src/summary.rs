@@ -258,6 +258,24 @@ pub struct Timing {
     pub step: StepTiming,
     /// Where the time went.
     pub stages: Vec<Stage>,
+    /// Where the time of the steps went, as far as it is measured. Entries can contain others: the
+    /// integrator runs linear solves and laws.
+    pub systems: Vec<SystemSummary>,
+}
+
+/// Host time of a system or of a part of one.
+#[derive(Clone, Debug, Serialize)]
+pub struct SystemSummary {
+    /// Name.
+    pub name: &'static str,
+    /// All runs (s).
+    pub total_s: f64,
+    /// Number of runs.
+    pub runs: u64,
+    /// Per step (ms).
+    pub per_step_ms: f64,
+    /// Share of the steps (0 to 1).
+    pub share: f64,
 }
 
 /// Host time of a step.
@@ -620,6 +638,18 @@ impl RunSummary {
             .map(|s| format!("{} {} ({:.0} %)", s.name, seconds(s.total_s), 100.0 * s.share))
             .collect();
         block.line("time went to", stages.join(", "))?;
+        for (i, system) in self.timing.systems.iter().enumerate() {
+            block.line(
+                if i == 0 { "time per system" } else { "" },
+                format!(
+                    "{:<24} {:>8} ms per step, {:>3.0} % of the steps, {} runs",
+                    system.name,
+                    short(system.per_step_ms),
+                    100.0 * system.share,
+                    system.runs
+                ),
+            )?;
+        }
         let s = &self.solver;
         let per_step = |total: u64| short(total as f64 / step.count.max(1) as f64);
         if s.newton_iterations > 0 {

@@ -5,7 +5,7 @@ use crate::element::{
     RestVolume, ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change,
 };
 use crate::load::{apply_constraints, apply_loads};
-use crate::report::{StepReport, VolumeReport};
+use crate::report::{StepReport, SystemTimes, VolumeReport};
 use crate::scalar::{Scalar, xyz};
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
 use crate::topology::Topology;
@@ -14,6 +14,7 @@ use crate::workers::Workers;
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
+use std::time::Instant;
 
 /// Simulated time.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
@@ -213,11 +214,13 @@ fn measure_volume_ratios<S: Scalar>(
     workers: Res<Workers>,
     failure: Res<StepFailure>,
     mut report: ResMut<VolumeReport>,
+    mut times: ResMut<SystemTimes>,
     vertices: Query<&Displacement<S>>,
     tetrahedra: Query<(&TetrahedronVertices, &ShapeGradients<S>, &RestVolume<S>)>,
     mut partial: Local<Vec<(f64, u64)>>,
 ) {
     const CHUNK: usize = 4096;
+    let start = Instant::now();
     report.smallest_ratio = f64::INFINITY;
     report.inverted = 0;
     if failure.0.is_some() {
@@ -247,6 +250,7 @@ fn measure_volume_ratios<S: Scalar>(
             report.inverted += inverted;
         }
     }
+    times.add("volume ratios", start.elapsed());
 }
 
 fn write_positions<S: Scalar>(

@@ -11,6 +11,7 @@ use sinew_engine::element::{
 };
 use sinew_engine::law::{Law, LawBuffer};
 use sinew_engine::layout::{BodyLayout, starts};
+use sinew_engine::mesh::Mesh;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{
@@ -65,6 +66,20 @@ pub struct BodyDescription<'a> {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+}
+
+impl<'a> BodyDescription<'a> {
+    /// A body of all tetrahedra of a mesh, with the default model and evaluation.
+    pub fn new(name: &'a str, mesh: &'a Mesh, material: YoungPoisson) -> Self {
+        Self {
+            name,
+            points: &mesh.points,
+            tetrahedra: &mesh.tetrahedra,
+            material,
+            model: Model::default(),
+            evaluation: Evaluation::default(),
+        }
+    }
 }
 
 /// A body that cannot be built.

@@ -109,18 +109,6 @@ pub struct TetrahedronTangent<S> {
 const OFF_INDEX: [[usize; 4]; 4] = [[0, 0, 1, 2], [0, 0, 3, 4], [1, 3, 0, 5], [2, 4, 5, 0]];
 
 impl<S: Scalar> TetrahedronTangent<S> {
-    /// Adds another element matrix.
-    #[inline(always)]
-    pub fn add(&mut self, other: &Self) {
-        for (m, n) in self.diagonal.iter_mut().zip(&other.diagonal) {
-            (0..9).for_each(|i| m[i] += n[i]);
-        }
-        for (m, n) in self.off.iter_mut().zip(&other.off) {
-            (0..9).for_each(|i| m[i] += n[i]);
-        }
-        self.clamped |= other.clamped;
-    }
-
     /// Block with the rows of local vertex `a` and the columns of `b`, row-major.
     #[inline(always)]
     pub fn block(&self, a: usize, b: usize) -> [S; 9] {

@@ -1,0 +1,808 @@
+//! Reference cases: static fields and single elements from finite-element codes, trajectories from
+//! an independent program. Each is run with the engine's own laws and compared with the stored
+//! discrete truth on the same mesh. What cannot be run is listed with its reason, never as passed.
+
+use glam::DVec3;
+use serde::Serialize;
+use serde_json::Value;
+use sinew::engine::mesh::Mesh;
+use sinew::engine::vertex::FixedAxes;
+use sinew::prelude::*;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Relative difference to a static field at which a case passes.
+pub const STATIC_TOLERANCE: f64 = 1e-6;
+/// Difference to an implicit Euler trajectory, over body size, at which a case passes.
+pub const TRAJECTORY_TOLERANCE: f64 = 1e-8;
+
+/// A case file that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CaseError {
+    /// The file cannot be read.
+    #[error("{path}: {source}")]
+    Io {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// The file is not JSON.
+    #[error("{path}: {source}")]
+    Json {
+        /// File.
+        path: PathBuf,
+        /// Cause, with line and column.
+        source: serde_json::Error,
+    },
+    /// A field is missing or has the wrong shape.
+    #[error("{path}: field `{field}` is missing or not {expected}")]
+    Field {
+        /// File.
+        path: PathBuf,
+        /// Field.
+        field: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// The mesh is not found.
+    #[error(
+        "{case}: mesh `{mesh}` is in none of {searched:?}; put the meshes folder beside the cases' \
+         folder or name it with --meshes"
+    )]
+    NoMesh {
+        /// Case file.
+        case: PathBuf,
+        /// Mesh file named by the case.
+        mesh: String,
+        /// Where it was looked for.
+        searched: Vec<PathBuf>,
+    },
+    /// The mesh cannot be read.
+    #[error(transparent)]
+    Mesh(#[from] sinew::engine::mesh::MeshError),
+    /// The simulation cannot be set up or does not run.
+    #[error("{case}: {source}")]
+    Simulation {
+        /// Case file.
+        case: PathBuf,
+        /// Cause.
+        source: SimulationError,
+    },
+}
+
+/// How a case ended.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Status {
+    /// Within the tolerance.
+    Pass,
+    /// Not within the tolerance, or not converged.
+    Fail,
+    /// Not run, with the reason.
+    Unsupported(String),
+}
+
+/// One row of the table: a case and a law.
+#[derive(Clone, Debug, Serialize)]
+pub struct ValidationRow {
+    /// Case name.
+    pub case: String,
+    /// Law, or quantity for trajectories.
+    pub law: String,
+    /// Nodes of the mesh.
+    pub nodes: usize,
+    /// Cells of the mesh.
+    pub cells: usize,
+    /// How it ended.
+    pub status: Status,
+    /// Largest node difference over largest displacement (over body size for trajectories).
+    pub max_difference: f64,
+    /// Root mean square node difference over the same.
+    pub rms_difference: f64,
+    /// Relative difference of energy.
+    pub energy_difference: f64,
+    /// Largest difference of a group's reaction over the largest reaction.
+    pub reaction_difference: f64,
+    /// Difference to the continuum (or to the time-converged trajectory), rms in percent of the
+    /// largest displacement.
+    pub continuum_rms_percent: f64,
+    /// The same, largest node.
+    pub continuum_max_percent: f64,
+    /// Newton iterations.
+    pub newton_iterations: u64,
+    /// Conjugate-gradient iterations.
+    pub cg_iterations: u64,
+    /// Wall time (s).
+    pub seconds: f64,
+    /// Remarks: load steps, follower loads, caps.
+    pub note: String,
+}
+
+impl ValidationRow {
+    fn new(case: &str, law: &str, nodes: usize, cells: usize) -> Self {
+        Self {
+            case: case.into(),
+            law: law.into(),
+            nodes,
+            cells,
+            status: Status::Fail,
+            max_difference: f64::NAN,
+            rms_difference: f64::NAN,
+            energy_difference: f64::NAN,
+            reaction_difference: f64::NAN,
+            continuum_rms_percent: f64::NAN,
+            continuum_max_percent: f64::NAN,
+            newton_iterations: 0,
+            cg_iterations: 0,
+            seconds: 0.0,
+            note: String::new(),
+        }
+    }
+
+    fn unsupported(case: &str, law: &str, nodes: usize, cells: usize, why: String) -> Self {
+        Self { status: Status::Unsupported(why), ..Self::new(case, law, nodes, cells) }
+    }
+}
+
+/// All rows.
+#[derive(Clone, Debug, Serialize)]
+pub struct ValidationReport {
+    /// Schema of the JSON form.
+    pub schema: &'static str,
+    /// Evaluation used.
+    pub evaluation: Evaluation,
+    /// One row per case and law.
+    pub rows: Vec<ValidationRow>,
+}
+
+impl ValidationReport {
+    /// Whether every case that was run passed.
+    pub fn passed(&self) -> bool {
+        self.rows.iter().all(|r| r.status != Status::Fail)
+    }
+}
+
+/// Choices for [`validate`].
+#[derive(Clone, Debug, Default)]
+pub struct ValidateOptions {
+    /// Replaces both default tolerances.
+    pub tolerance: Option<f64>,
+    /// Folder with the meshes; default: `meshes` beside the folder of the case.
+    pub meshes: Option<PathBuf>,
+    /// Evaluation.
+    pub evaluation: Evaluation,
+    /// Threads; 0 means one per core.
+    pub threads: usize,
+}
+
+/// Runs case files in order.
+///
+/// # Errors
+/// When a file cannot be read or does not follow its schema.
+pub fn validate(
+    files: &[PathBuf],
+    options: &ValidateOptions,
+    mut progress: impl FnMut(&ValidationRow),
+) -> Result<ValidationReport, CaseError> {
+    let mut rows = Vec::new();
+    for path in files {
+        let case = Case::read(path)?;
+        let kind = case.value["schema"].as_str().unwrap_or("");
+        let new = match kind {
+            "sinew-fem-ref/1" => case.run_static(options)?,
+            "sinew-fem-elements/1" => case.run_elements(options)?,
+            "" if case.value["implicit_euler"].is_object() => case.run_trajectory(options)?,
+            other => {
+                let why = if other == "sinew-fem-modes/1" {
+                    "modal analysis is not built yet".into()
+                } else {
+                    format!("schema `{other}` is not known")
+                };
+                vec![ValidationRow::unsupported(&case.name(), "-", 0, 0, why)]
+            }
+        };
+        new.iter().for_each(&mut progress);
+        rows.extend(new);
+    }
+    Ok(ValidationReport { schema: "sinew-validate/1", evaluation: options.evaluation, rows })
+}
+
+struct Case {
+    path: PathBuf,
+    value: Value,
+}
+
+/// Laws by their names in the case files.
+const LAWS: [(&str, Model); 2] = [("svk", Model::StVK), ("svk_comp", Model::CompressibleStVK)];
+
+impl Case {
+    fn read(path: &Path) -> Result<Self, CaseError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| CaseError::Io { path: path.into(), source })?;
+        let value = serde_json::from_str(&text)
+            .map_err(|source| CaseError::Json { path: path.into(), source })?;
+        Ok(Self { path: path.into(), value })
+    }
+
+    fn name(&self) -> String {
+        let stem =
+            || self.path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
+        self.value["name"].as_str().map_or_else(stem, String::from)
+    }
+
+    fn field_error(&self, field: &str, expected: &'static str) -> CaseError {
+        CaseError::Field { path: self.path.clone(), field: field.into(), expected }
+    }
+
+    fn number(&self, value: &Value, field: &str) -> Result<f64, CaseError> {
+        value.as_f64().ok_or_else(|| self.field_error(field, "a number"))
+    }
+
+    fn vectors(&self, value: &Value, field: &str) -> Result<Vec<DVec3>, CaseError> {
+        let fail = || self.field_error(field, "a list of triples of numbers");
+        value
+            .as_array()
+            .ok_or_else(fail)?
+            .iter()
+            .map(|row| {
+                let at = |i: usize| row[i].as_f64().ok_or_else(fail);
+                Ok(DVec3::new(at(0)?, at(1)?, at(2)?))
+            })
+            .collect()
+    }
+
+    fn cells(&self, value: &Value, field: &str) -> Result<Vec<[u32; 4]>, CaseError> {
+        let fail = || self.field_error(field, "a list of four vertex indices each");
+        let index = |v: &Value| v.as_u64().and_then(|i| u32::try_from(i).ok()).ok_or_else(fail);
+        value
+            .as_array()
+            .ok_or_else(fail)?
+            .iter()
+            .map(|c| Ok([index(&c[0])?, index(&c[1])?, index(&c[2])?, index(&c[3])?]))
+            .collect()
+    }
+
+    fn simulation_error(&self, source: impl Into<SimulationError>) -> CaseError {
+        CaseError::Simulation { case: self.path.clone(), source: source.into() }
+    }
+
+    fn material(&self, value: &Value) -> Result<YoungPoisson, CaseError> {
+        Ok(YoungPoisson {
+            young_modulus: self.number(&value["E"], "E")?,
+            poisson_ratio: self.number(&value["nu"], "nu")?,
+            density: value["rho"].as_f64().unwrap_or(1000.0),
+        })
+    }
+
+    fn mesh(&self, options: &ValidateOptions) -> Result<Mesh, CaseError> {
+        let name =
+            self.value["mesh"].as_str().ok_or_else(|| self.field_error("mesh", "a file name"))?;
+        let beside = self.path.parent().unwrap_or(Path::new("."));
+        let searched = match &options.meshes {
+            Some(folder) => vec![folder.clone()],
+            None => vec![beside.join("../meshes"), beside.into()],
+        };
+        let file = searched.iter().map(|f| f.join(name)).find(|f| f.is_file());
+        match file {
+            Some(file) => Ok(Mesh::read(&file)?),
+            None => Err(CaseError::NoMesh { case: self.path.clone(), mesh: name.into(), searched }),
+        }
+    }
+
+    fn simulation(
+        &self,
+        points: &[DVec3],
+        tetrahedra: &[[u32; 4]],
+        material: YoungPoisson,
+        model: Model,
+        options: &ValidateOptions,
+    ) -> Result<(Simulation, BodyHandle), CaseError> {
+        let threads = options.threads;
+        let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })
+            .map_err(|e| self.simulation_error(e))?;
+        let body = simulation
+            .add_body(&BodyDescription {
+                name: "body",
+                points,
+                tetrahedra,
+                material,
+                model,
+                evaluation: options.evaluation,
+            })
+            .map_err(|e| self.simulation_error(e))?;
+        simulation.set_gravity(DVec3::ZERO);
+        Ok((simulation, body))
+    }
+
+    fn run_static(&self, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
+        let name = self.name();
+        let count = |key: &str| self.value[key].as_u64().unwrap_or(0) as usize;
+        let (nodes, cells) = (count("nodes"), count("cells"));
+        let results = self.value["results"]
+            .as_object()
+            .ok_or_else(|| self.field_error("results", "an object"))?;
+        let mut rows = Vec::new();
+        let element = self.value["cell_type"].as_str().unwrap_or("?");
+        for (law, result) in results {
+            let unsupported =
+                |why: String| ValidationRow::unsupported(&name, law, nodes, cells, why);
+            let Some(&(_, model)) = LAWS.iter().find(|(n, _)| n == law) else {
+                rows.push(unsupported(format!("law `{law}` is not built yet")));
+                continue;
+            };
+            if element != "tet" {
+                rows.push(unsupported(format!("{element} elements are not built yet")));
+                continue;
+            }
+            if result["status"] != "ok" {
+                let why = result["status"].as_str().unwrap_or("no result");
+                rows.push(unsupported(format!("the reference has no solution: {why}")));
+                continue;
+            }
+            rows.push(self.run_law(&name, law, model, result, options)?);
+        }
+        Ok(rows)
+    }
+
+    fn run_law(
+        &self,
+        name: &str,
+        law: &str,
+        model: Model,
+        result: &Value,
+        options: &ValidateOptions,
+    ) -> Result<ValidationRow, CaseError> {
+        let mesh = self.mesh(options)?;
+        let mut row = ValidationRow::new(name, law, mesh.points.len(), mesh.tetrahedra.len());
+        let truth = self.vectors(&result["u"], "u")?;
+        if truth.len() != mesh.points.len() {
+            return Err(self.field_error("u", "as long as the mesh has nodes"));
+        }
+        let follower = result["follower_load"].as_bool().unwrap_or(false);
+        let loads = if result["final_nodal_loads"].is_array() {
+            if follower {
+                row.note = "follower pressure as its final nodal loads".into();
+            }
+            &result["final_nodal_loads"]
+        } else {
+            &self.value["nodal_loads"]
+        };
+        let fail = || self.field_error("nodal_loads", "a list of [node, fx, fy, fz]");
+        let loads: Vec<(u32, DVec3)> = match loads.as_array() {
+            None => Vec::new(),
+            Some(list) => list
+                .iter()
+                .map(|l| {
+                    let at = |i: usize| l[i].as_f64().ok_or_else(fail);
+                    let node = l[0].as_u64().ok_or_else(fail)? as u32;
+                    Ok((node, DVec3::new(at(1)?, at(2)?, at(3)?)))
+                })
+                .collect::<Result<_, CaseError>>()?,
+        };
+        // prescribed displacements by node, then nodes that are held along the same axes together
+        let mut held: BTreeMap<u32, (u8, DVec3)> = BTreeMap::new();
+        let fail = || self.field_error("dirichlet", "a list of [node, component, value]");
+        for entry in self.value["dirichlet"].as_array().ok_or_else(fail)? {
+            let node = entry[0].as_u64().ok_or_else(fail)? as u32;
+            let axis = entry[1].as_u64().filter(|&a| a < 3).ok_or_else(fail)? as usize;
+            let slot = held.entry(node).or_default();
+            slot.0 |= 1 << axis;
+            slot.1[axis] = entry[2].as_f64().ok_or_else(fail)?;
+        }
+
+        let start = Instant::now();
+        let mut last = None;
+        for load_steps in [1u32, 4, 16, 64] {
+            let (mut simulation, body) = self.simulation(
+                &mesh.points,
+                &mesh.tetrahedra,
+                self.material(&self.value["material"])?,
+                model,
+                options,
+            )?;
+            self.support(&mut simulation, body, &held, &loads)?;
+            simulation.set_dt(1.0 / f64::from(load_steps));
+            simulation.set_solver(SolverSettings {
+                integrator: Integrator::QuasiStatic,
+                linear_tolerance: 1e-9,
+                max_linear_iterations: 50_000,
+                newton_tolerance: 1e-11,
+                max_newton_iterations: 200,
+                ..Default::default()
+            });
+            let mut converged = true;
+            let mut failure = None;
+            for _ in 0..load_steps {
+                if let Err(error) = simulation.step() {
+                    failure = Some(error.to_string());
+                    converged = false;
+                    break;
+                }
+                let report = simulation.report();
+                row.newton_iterations += u64::from(report.newton_iterations);
+                row.cg_iterations += u64::from(report.cg_iterations);
+                converged &= !report.unconverged && report.cg_caps == 0;
+            }
+            let inverted = simulation.volume_report().inverted;
+            let clean = result["min_cell_ratio"].as_f64().is_none_or(|r| r > 0.0);
+            let good = converged && !(clean && inverted > 0);
+            last = Some((simulation, body, load_steps, converged, inverted, failure));
+            if good {
+                break;
+            }
+        }
+        let Some((mut simulation, body, load_steps, converged, inverted, failure)) = last else {
+            return Ok(row);
+        };
+        row.seconds = start.elapsed().as_secs_f64();
+        if load_steps > 1 {
+            row.note = format!("{load_steps} load steps; {}", row.note);
+        }
+        if !converged {
+            row.note = format!("not converged; {}", row.note);
+        }
+        if inverted > 0 {
+            row.note = format!("{inverted} inverted; {}", row.note);
+        }
+        if let Some(failure) = failure {
+            row.note = format!("{failure}; {}", row.note);
+        }
+        let energy = simulation.evaluate();
+        let u = simulation.displacements(body);
+        let scale = largest(&truth);
+        (row.max_difference, row.rms_difference) = difference(&u, &truth, scale);
+        let expected = self.number(&result["energy"], "energy")?;
+        row.energy_difference = (energy - expected).abs() / expected.abs();
+        row.reaction_difference = self.reactions(&mut simulation, body, &mesh, &held, result);
+        if result["continuum"]["u"].is_array() {
+            let continuum = self.vectors(&result["continuum"]["u"], "continuum.u")?;
+            let (max, rms) = difference(&u, &continuum, largest(&continuum));
+            (row.continuum_max_percent, row.continuum_rms_percent) = (100.0 * max, 100.0 * rms);
+        }
+        let tolerance = options.tolerance.unwrap_or(STATIC_TOLERANCE);
+        let energy_tolerance = tolerance.max(1e-12);
+        if converged
+            && row.max_difference <= tolerance
+            && row.energy_difference <= energy_tolerance
+            && (row.reaction_difference.is_nan() || row.reaction_difference <= tolerance)
+        {
+            row.status = Status::Pass;
+        }
+        Ok(row)
+    }
+
+    /// Constraints and loads, both growing with time from 0 to 1.
+    fn support(
+        &self,
+        simulation: &mut Simulation,
+        body: BodyHandle,
+        held: &BTreeMap<u32, (u8, DVec3)>,
+        loads: &[(u32, DVec3)],
+    ) -> Result<(), CaseError> {
+        for mask in 1..=7u8 {
+            let nodes: Vec<u32> =
+                held.iter().filter(|(_, h)| h.0 == mask).map(|(n, _)| *n).collect();
+            if nodes.is_empty() {
+                continue;
+            }
+            let way = nodes.iter().map(|n| held[n].1).collect();
+            let rows =
+                simulation.rows(body, "dirichlet", &nodes).map_err(|e| self.simulation_error(e))?;
+            let mut constraint = Constraint::moving(
+                format!("axes {mask}"),
+                rows,
+                Motion::TranslateEach(way),
+                Curve::ramp(0.0, 1.0),
+            );
+            constraint.axes = FixedAxes(mask);
+            simulation.add_constraint(constraint);
+        }
+        if !loads.is_empty() {
+            let nodes: Vec<u32> = loads.iter().map(|l| l.0).collect();
+            let rows = simulation
+                .rows(body, "nodal_loads", &nodes)
+                .map_err(|e| self.simulation_error(e))?;
+            simulation.add_load(Load {
+                name: "nodal_loads".into(),
+                forces: rows.into_iter().zip(loads.iter().map(|l| l.1)).collect(),
+                curve: Curve::ramp(0.0, 1.0),
+            });
+        }
+        Ok(())
+    }
+
+    /// Largest difference of a group's reaction, over the largest reaction of all groups.
+    fn reactions(
+        &self,
+        simulation: &mut Simulation,
+        body: BodyHandle,
+        mesh: &Mesh,
+        held: &BTreeMap<u32, (u8, DVec3)>,
+        result: &Value,
+    ) -> f64 {
+        let Some(groups) = result["reaction_on_group"].as_object() else { return f64::NAN };
+        let elastic = simulation.elastic_forces(body);
+        let external = simulation.external_forces(body);
+        let mut worst = 0.0_f64;
+        let mut scale = 0.0_f64;
+        let mut compared = false;
+        for (name, expected) in groups {
+            let own = self.value["extra_groups"][name].as_array().map(|list| {
+                list.iter().filter_map(|v| v.as_u64().map(|v| v as u32)).collect::<Vec<u32>>()
+            });
+            let Some(vertices) = own.or_else(|| mesh.group(name).map(|g| g.vertices.clone()))
+            else {
+                continue;
+            };
+            let mut sum = DVec3::ZERO;
+            for v in vertices {
+                let Some((mask, _)) = held.get(&v) else { continue };
+                let f = -(elastic[v as usize] + external[v as usize]);
+                for k in 0..3 {
+                    if mask >> k & 1 == 1 {
+                        sum[k] += f[k];
+                    }
+                }
+            }
+            let expected = DVec3::new(
+                expected[0].as_f64().unwrap_or(0.0),
+                expected[1].as_f64().unwrap_or(0.0),
+                expected[2].as_f64().unwrap_or(0.0),
+            );
+            worst = worst.max(sum.distance(expected));
+            scale = scale.max(expected.length());
+            compared = true;
+        }
+        // a body whose reactions cancel within every group is measured by its nodal forces instead
+        scale = scale.max(largest(&elastic));
+        if compared && scale > 0.0 { worst / scale } else { f64::NAN }
+    }
+
+    fn run_elements(&self, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
+        let material = self.material(&self.value)?;
+        let cases =
+            self.value["cases"].as_array().ok_or_else(|| self.field_error("cases", "a list"))?;
+        let tets: Vec<&Value> = cases.iter().filter(|c| c["cell"] == "tet").collect();
+        let name = self.name();
+        let mut rows = Vec::new();
+        for (law, model) in LAWS {
+            let mut row = ValidationRow::new(&name, law, 4 * tets.len(), tets.len());
+            row.note = "forces and energies of single elements".into();
+            (row.max_difference, row.rms_difference, row.energy_difference) = (0.0, 0.0, 0.0);
+            let start = Instant::now();
+            for case in &tets {
+                let points = self.vectors(&case["points"], "points")?;
+                let u = self.vectors(&case["u"], "u")?;
+                let (mut simulation, body) =
+                    self.simulation(&points, &[[0, 1, 2, 3]], material, model, options)?;
+                simulation
+                    .set_state(body, &u, &vec![DVec3::ZERO; u.len()])
+                    .map_err(|e| self.simulation_error(e))?;
+                let energy = simulation.evaluate();
+                let expected = self.number(&case[law]["energy"], "energy")?;
+                let forces: Vec<DVec3> =
+                    simulation.elastic_forces(body).iter().map(|f| -*f).collect();
+                let truth = self.vectors(&case[law]["f"], "f")?;
+                let (max, rms) = difference(&forces, &truth, largest(&truth));
+                row.max_difference = row.max_difference.max(max);
+                row.rms_difference = row.rms_difference.max(rms);
+                row.energy_difference = row.energy_difference.max((energy / expected - 1.0).abs());
+            }
+            row.seconds = start.elapsed().as_secs_f64();
+            let tolerance = options.tolerance.unwrap_or(STATIC_TOLERANCE);
+            if row.max_difference <= tolerance && row.energy_difference <= tolerance {
+                row.status = Status::Pass;
+            }
+            rows.push(row);
+        }
+        for cell in ["tri", "quad", "hex"] {
+            let count = cases.iter().filter(|c| c["cell"] == cell).count();
+            if count > 0 {
+                let why = format!("{cell} elements are not built yet");
+                rows.push(ValidationRow::unsupported(&name, "-", 0, count, why));
+            }
+        }
+        let why = "law `linear` is not built yet".into();
+        rows.push(ValidationRow::unsupported(&name, "linear", 4 * tets.len(), tets.len(), why));
+        Ok(rows)
+    }
+
+    fn run_trajectory(&self, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
+        let value = &self.value;
+        let name = self.name();
+        if value["elements"] != "tetrahedra" {
+            let nodes = value["vertices"].as_array().map_or(0, Vec::len);
+            let why = "membranes of triangles are not built yet".into();
+            return Ok(vec![ValidationRow::unsupported(&name, "trbs", nodes, 0, why)]);
+        }
+        if value["E"].is_array() {
+            let why = "a Young's modulus per element is not built yet".into();
+            return Ok(vec![ValidationRow::unsupported(&name, "-", 0, 0, why)]);
+        }
+        let rest = self.vectors(&value["vertices"], "vertices")?;
+        let tetrahedra = self.cells(&value["tetrahedra"], "tetrahedra")?;
+        let compression = value["model"].as_str().is_some_and(|m| m.contains("+ compression"));
+        let (law, model) = LAWS[usize::from(compression)];
+        let minus_rest =
+            |x: Vec<DVec3>| -> Vec<DVec3> { x.iter().zip(&rest).map(|(x, r)| *x - *r).collect() };
+        let start_u = minus_rest(self.vectors(&value["initial_positions"], "initial_positions")?);
+        let start_v = self.vectors(&value["initial_velocities"], "initial_velocities")?;
+        let fixed: Vec<u32> = value["fixed_vertices"]
+            .as_array()
+            .ok_or_else(|| self.field_error("fixed_vertices", "a list"))?
+            .iter()
+            .filter_map(|v| v.as_u64().map(|v| v as u32))
+            .collect();
+        let gravity = self.vectors(&Value::Array(vec![value["gravity"].clone()]), "gravity")?[0];
+        let h = self.number(&value["h"], "h")?;
+
+        let mut rows = Vec::new();
+        for integrator in [Integrator::Newton, Integrator::Safe] {
+            let newton = integrator == Integrator::Newton;
+            let label = if newton { "implicit Euler" } else { "safe step" };
+            let mut row =
+                ValidationRow::new(&name, &format!("{law}, {label}"), rest.len(), tetrahedra.len());
+            let (mut simulation, body) =
+                self.simulation(&rest, &tetrahedra, self.material(value)?, model, options)?;
+            simulation.set_state(body, &start_u, &start_v).map_err(|e| self.simulation_error(e))?;
+            // vertices without an element are not part of the body
+            let used: Vec<u32> = fixed
+                .iter()
+                .copied()
+                .filter(|&v| simulation.topology().bodies[body.0].row(v).is_some())
+                .collect();
+            let held =
+                simulation.rows(body, "fixed", &used).map_err(|e| self.simulation_error(e))?;
+            simulation.add_constraint(Constraint::hold("fixed", held));
+            simulation.set_gravity(gravity);
+            simulation.set_dt(h);
+            simulation.set_solver(SolverSettings {
+                integrator,
+                linear_tolerance: 1e-9,
+                newton_tolerance: 1e-12,
+                ..Default::default()
+            });
+            let size = simulation.topology().bodies[body.0].size;
+            let mut converged = true;
+            let mut step = 0;
+            let start = Instant::now();
+            (row.max_difference, row.rms_difference, row.energy_difference) = (0.0, 0.0, 0.0);
+            let states = value["implicit_euler"]["states"]
+                .as_array()
+                .ok_or_else(|| self.field_error("implicit_euler.states", "a list"))?;
+            let mut u_at = Vec::new();
+            for state in states {
+                let target = state["step"].as_u64().unwrap_or(0);
+                while step < target {
+                    simulation.step().map_err(|e| self.simulation_error(e))?;
+                    let report = simulation.report();
+                    row.newton_iterations += u64::from(report.newton_iterations);
+                    row.cg_iterations += u64::from(report.cg_iterations);
+                    converged &= !report.unconverged;
+                    step += 1;
+                }
+                let u = simulation.displacements(body);
+                let truth = minus_rest(self.vectors(&state["positions"], "positions")?);
+                let (max, rms) = difference(&u, &truth, size);
+                row.max_difference = row.max_difference.max(max);
+                row.rms_difference = row.rms_difference.max(rms);
+                let expected = self.number(&state["elastic_energy"], "elastic_energy")?;
+                let energy = simulation.evaluate();
+                row.energy_difference =
+                    row.energy_difference.max((energy - expected).abs() / expected.abs());
+                u_at.push((step as f64 * h, u));
+            }
+            row.seconds = start.elapsed().as_secs_f64();
+            // error of the time integration: against the trajectory converged in time
+            let times = value["fine"]["times"].as_array().cloned().unwrap_or_default();
+            for (i, time) in times.iter().filter_map(Value::as_f64).enumerate() {
+                let Some((_, u)) = u_at.iter().find(|(t, _)| (t - time).abs() < 1e-6 * h) else {
+                    continue;
+                };
+                let fine = minus_rest(self.vectors(&value["fine"]["positions"][i], "fine")?);
+                let scale = value["fine"]["length_scale_of_uncertainty"].as_f64().unwrap_or(size);
+                let (max, rms) = difference(u, &fine, scale);
+                (row.continuum_max_percent, row.continuum_rms_percent) = (100.0 * max, 100.0 * rms);
+            }
+            if newton {
+                row.note = "continuum columns: time error at the last common time".into();
+                let tolerance = options.tolerance.unwrap_or(TRAJECTORY_TOLERANCE);
+                if converged && row.max_difference <= tolerance {
+                    row.status = Status::Pass;
+                }
+            } else {
+                row.status = Status::Unsupported(
+                    "one linearised step: shown for its distance, no criterion".into(),
+                );
+            }
+            rows.push(row);
+        }
+        Ok(rows)
+    }
+}
+
+fn largest(a: &[DVec3]) -> f64 {
+    a.iter().map(|a| a.length()).fold(0.0, f64::max)
+}
+
+/// Largest and root-mean-square distance over `scale`.
+fn difference(a: &[DVec3], b: &[DVec3], scale: f64) -> (f64, f64) {
+    let scale = if scale > 0.0 { scale } else { 1.0 };
+    let mut max = 0.0_f64;
+    let mut sum = 0.0;
+    for (a, b) in a.iter().zip(b) {
+        let d = a.distance(*b) / scale;
+        // a NaN must not disappear in the maximum
+        max = if d > max || d.is_nan() { d } else { max };
+        sum += d * d;
+    }
+    (max, (sum / a.len().max(1) as f64).sqrt())
+}
+
+impl fmt::Display for ValidationReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{:<26} {:<20} {:>5} {:>5} {:>6} {:>8} {:>8} {:>8} {:>8} {:>13} {:>7} {:>8} {:>7}  note",
+            "case",
+            "law",
+            "nodes",
+            "cells",
+            "result",
+            "max rel",
+            "rms rel",
+            "energy",
+            "reaction",
+            "continuum %",
+            "newton",
+            "cg",
+            "s"
+        )?;
+        let scientific = |x: f64| {
+            if x.is_nan() { "-".to_string() } else { format!("{x:.1e}") }
+        };
+        for r in &self.rows {
+            let (result, note) = match &r.status {
+                Status::Pass => ("ok", r.note.clone()),
+                Status::Fail => ("FAIL", r.note.clone()),
+                Status::Unsupported(why) => ("-", why.clone()),
+            };
+            let continuum = if r.continuum_rms_percent.is_nan() {
+                "-".into()
+            } else {
+                format!("{:.2} / {:.2}", r.continuum_rms_percent, r.continuum_max_percent)
+            };
+            writeln!(
+                f,
+                "{:<26} {:<20} {:>5} {:>5} {:>6} {:>8} {:>8} {:>8} {:>8} {:>13} {:>7} {:>8} \
+                 {:>7.2}  {}",
+                r.case,
+                r.law,
+                r.nodes,
+                r.cells,
+                result,
+                scientific(r.max_difference),
+                scientific(r.rms_difference),
+                scientific(r.energy_difference),
+                scientific(r.reaction_difference),
+                continuum,
+                r.newton_iterations,
+                r.cg_iterations,
+                r.seconds,
+                note.trim_end_matches("; "),
+            )?;
+        }
+        let count = |s: fn(&Status) -> bool| self.rows.iter().filter(|r| s(&r.status)).count();
+        writeln!(
+            f,
+            "\n{} passed, {} failed, {} not run",
+            count(|s| *s == Status::Pass),
+            count(|s| *s == Status::Fail),
+            count(|s| matches!(s, Status::Unsupported(_)))
+        )
+    }
+}

@@ -1,0 +1,358 @@
+//! Whole bodies against reference vectors: pooled constants and sums, tangent products, single
+//! implicit steps, converged trajectories.
+
+mod common;
+
+use common::*;
+use glam::DVec3;
+use sinew::engine::columns::single_table;
+use sinew::engine::element::EdgeVertices;
+use sinew::engine::law::{EvaluationRequest, TangentKind};
+use sinew::engine::matrix::{ProductSpans, Tangent};
+use sinew::engine::schedule::ForceSchedule;
+use sinew::engine::vertex::{FixedAxes, Mass};
+use sinew::engine::workers::Workers;
+use sinew::models::pooled::{
+    AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness,
+};
+use sinew::prelude::*;
+use sinew::solvers::cg::{CgScratch, CgStatus, ShiftedTangent};
+
+const BOTH: [Evaluation; 2] = [Evaluation::Pooled, Evaluation::Fused];
+
+fn material(case: &serde_json::Value) -> YoungPoisson {
+    YoungPoisson {
+        young_modulus: number(&case["E"]),
+        poisson_ratio: number(&case["nu"]),
+        density: number(&case["rho"]),
+    }
+}
+
+/// `K dx` of the tangent of the given kind at the current state, in the user's order.
+fn tangent_product(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    kind: TangentKind,
+    dx: &[DVec3],
+) -> Vec<DVec3> {
+    let rows = simulation.topology().bodies[body.0].clone();
+    let world = simulation.world_mut();
+    world.insert_resource(EvaluationRequest { energy: false, force: false, tangent: Some(kind) });
+    world.run_schedule(ForceSchedule);
+    let x: Vec<[f64; 4]> =
+        rows.vertex_order.iter().map(|&v| dx[v as usize]).map(|d| [d.x, d.y, d.z, 0.0]).collect();
+    let mut y = vec![[0.0; 4]; x.len()];
+    world.resource::<Tangent<f64>>().matrix.multiply(
+        world.resource(),
+        world.resource::<Workers>(),
+        &mut ProductSpans::default(),
+        &x,
+        &mut y,
+    );
+    let mut result = vec![DVec3::ZERO; dx.len()];
+    for (row, &vertex) in rows.vertex_order.iter().enumerate() {
+        result[vertex as usize] = DVec3::new(y[row][0], y[row][1], y[row][2]);
+    }
+    result
+}
+
+#[test]
+fn pooled_constants_energies_forces_and_tangents() {
+    let file = reference("reference/pooled_tet_meshes.json");
+    for case in file["cases"].as_array().unwrap() {
+        let name = case["name"].as_str().unwrap();
+        let rest = vectors(&case["rest"]);
+        let deformed = vectors(&case["deformed"]);
+        let tets = indices::<4>(&case["tets"]);
+        let u: Vec<DVec3> = deformed.iter().zip(&rest).map(|(x, r)| *x - *r).collect();
+        let zero = vec![DVec3::ZERO; u.len()];
+        let volume: f64 = numbers(&case["lumped_mass"]).iter().sum::<f64>() / number(&case["rho"]);
+        let modulus = number(&case["lambda"]).max(number(&case["mu"]));
+        let (energy_unit, force_unit) = (modulus * volume, modulus * volume.powf(2.0 / 3.0));
+        let dx = vectors(&case["dx"]);
+
+        for evaluation in BOTH {
+            for model in [Model::StVK, Model::CompressibleStVK] {
+                let options = SimulationOptions::default();
+                let (mut simulation, body) =
+                    simulation(options, &rest, &tets, material(case), model, evaluation);
+                simulation.set_state(body, &u, &zero).unwrap();
+                let with = f64::from(u8::from(model == Model::CompressibleStVK));
+                let sum = |key: &str| -> Vec<DVec3> {
+                    let (a, b) = match key {
+                        "forces" => (&case["tbs"]["forces"], &case["compression"]["forces"]),
+                        "exact" => (&case["tbs_K_dx"], &case["compression_K_dx"]),
+                        _ => (&case["tbs_Kmaterial_dx"], &case["compression_Kgn_dx"]),
+                    };
+                    vectors(a).iter().zip(vectors(b)).map(|(a, b)| *a + b * with).collect()
+                };
+                let energy = simulation.evaluate();
+                let expected =
+                    number(&case["tbs"]["energy"]) + with * number(&case["compression"]["energy"]);
+                let error = (energy - expected).abs() / energy_unit;
+                assert!(error < 1e-12, "{name} {evaluation:?} {model:?}: energy {error:e}");
+                let error =
+                    max_distance(&simulation.elastic_forces(body), &sum("forces")) / force_unit;
+                assert!(error < 1e-11, "{name} {evaluation:?} {model:?}: force {error:e}");
+                for (kind, key) in
+                    [(TangentKind::Exact, "exact"), (TangentKind::GaussNewton, "material")]
+                {
+                    let product = tangent_product(&mut simulation, body, kind, &dx);
+                    let expected = sum(key);
+                    let error = max_distance(&product, &expected) / max_length(&expected);
+                    assert!(error < 1e-11, "{name} {evaluation:?} {model:?} {key}: {error:e}");
+                }
+            }
+        }
+
+        // the constants themselves, in the user's numbering
+        let options = SimulationOptions::default();
+        let (mut simulation, body) =
+            simulation(options, &rest, &tets, material(case), Model::StVK, Evaluation::Pooled);
+        let order = simulation.topology().bodies[body.0].clone();
+        let user = |rows: &[u32]| {
+            let mut v: Vec<u64> =
+                rows.iter().map(|&r| u64::from(order.vertex_order[r as usize])).collect();
+            v.sort_unstable();
+            v
+        };
+        let masses = simulation.masses(body);
+        for (m, expected) in masses.iter().zip(numbers(&case["lumped_mass"])) {
+            assert!((m - expected).abs() < 1e-13 * expected, "{name}: mass {m} {expected}");
+        }
+        let world = simulation.world_mut();
+        let k = numbers(&case["edge_k"]);
+        let largest = k.iter().fold(0.0_f64, |a, b| a.max(*b));
+        let mut edges = world.query::<(&EdgeVertices, &TensileStiffness<f64>)>();
+        let mut seen = 0;
+        for (vertices, stiffness) in edges.iter(world) {
+            let key = user(&vertices.0);
+            let i = case["edges"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .position(|e| e[0] == key[0] && e[1] == key[1])
+                .unwrap();
+            assert!((stiffness.0 - k[i]).abs() < 1e-12 * largest, "{name}: k of {key:?}");
+            seen += 1;
+        }
+        assert_eq!(seen, k.len(), "{name}");
+        let mut triangles = world.query::<(&TriangleVertices, &AngularStiffness<f64>)>();
+        for (vertices, stiffness) in triangles.iter(world) {
+            let key = user(&vertices.0);
+            let i = case["faces"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .position(|f| (0..3).all(|j| f[j] == key[j]))
+                .unwrap();
+            for m in 0..3 {
+                let vertex = u64::from(order.vertex_order[vertices.0[m] as usize]);
+                let j = key.iter().position(|v| *v == vertex).unwrap();
+                let expected = number(&case["face_c"][i][j]);
+                assert!((stiffness.0[m] - expected).abs() < 1e-12 * largest, "{name}: c {key:?}");
+            }
+        }
+        let d = case["tet_d"].as_array().unwrap();
+        let mut tetrahedra =
+            world.query::<(&sinew::engine::element::TetrahedronIndex, &VolumetricStiffness<f64>)>();
+        for (index, stiffness) in tetrahedra.iter(world) {
+            for m in 0..3 {
+                let expected = number(&d[index.0 as usize][m]);
+                assert!((stiffness.0[m] - expected).abs() < 1e-12 * largest, "{name}: d");
+            }
+        }
+    }
+}
+
+#[test]
+fn linearised_implicit_steps() {
+    let file = reference("reference/implicit_steps.json");
+    let mut indefinite = 0;
+    for case in file["cases"].as_array().unwrap() {
+        let name = case["name"].as_str().unwrap();
+        let rest = vectors(&case["rest"]);
+        let x0 = vectors(&case["x0"]);
+        let v0 = vectors(&case["v0"]);
+        let (h, alpha, beta) = (number(&case["h"]), number(&case["alpha"]), number(&case["beta"]));
+        let gravity = vectors(&serde_json::json!([case["gravity"]]))[0];
+        let mass = numbers(&case["mass"]);
+        let pinned = list(&case["pinned"]);
+        for evaluation in BOTH {
+            for (kind, key) in [
+                (TangentKind::Exact, "linear_implicit_exact"),
+                (TangentKind::GaussNewton, "linear_implicit_gauss_newton"),
+            ] {
+                let options = SimulationOptions::default();
+                let (mut simulation, body) = simulation(
+                    options,
+                    &rest,
+                    &indices::<4>(&case["tets"]),
+                    material(case),
+                    Model::CompressibleStVK,
+                    evaluation,
+                );
+                let u: Vec<DVec3> = x0.iter().zip(&rest).map(|(x, r)| *x - *r).collect();
+                simulation.set_state(body, &u, &v0).unwrap();
+                let energy = simulation.evaluate();
+                assert!((energy / number(&case["energy0"]) - 1.0).abs() < 1e-10, "{name}");
+                let force = simulation.elastic_forces(body);
+                let expected = vectors(&case["elastic_force0"]);
+                assert!(max_distance(&force, &expected) < 1e-10 * max_length(&expected), "{name}");
+
+                let kv = tangent_product(&mut simulation, body, kind, &v0);
+                let rhs: Vec<DVec3> = (0..rest.len())
+                    .map(|i| {
+                        let damping = v0[i] * alpha * mass[i] + kv[i] * beta;
+                        (force[i] + gravity * mass[i] - damping - kv[i] * h) * h
+                    })
+                    .collect();
+                let stored = vectors(&case[key]["rhs"]);
+                assert!(max_distance(&rhs, &stored) < 1e-10 * max_length(&stored), "{name} {key}");
+
+                // solve on the free unknowns
+                let rows = simulation.topology().bodies[body.0].clone();
+                let world = simulation.world_mut();
+                let mut query = world.query::<&Mass<f64>>();
+                let masses: Vec<f64> = single_table(query.contiguous_iter(world))
+                    .unwrap()
+                    .iter()
+                    .map(|m| m.0)
+                    .collect();
+                let mut fixed = vec![FixedAxes::NONE; masses.len()];
+                for &p in &pinned {
+                    fixed[rows.row(p).unwrap() as usize] = FixedAxes::ALL;
+                }
+                let b: Vec<[f64; 4]> = rows
+                    .vertex_order
+                    .iter()
+                    .enumerate()
+                    .map(|(row, &v)| {
+                        let r = if fixed[row] == FixedAxes::ALL {
+                            DVec3::ZERO
+                        } else {
+                            rhs[v as usize]
+                        };
+                        [r.x, r.y, r.z, 0.0]
+                    })
+                    .collect();
+                let system = ShiftedTangent {
+                    topology: world.resource(),
+                    workers: world.resource(),
+                    mass: &masses,
+                    mass_factor: 1.0 + h * alpha,
+                    tangent: &world.resource::<Tangent<f64>>().matrix,
+                    tangent_factor: h * h + h * beta,
+                    damping: None,
+                    fixed: &fixed,
+                };
+                let mut dv = vec![[0.0; 4]; b.len()];
+                let outcome = system.solve(&mut CgScratch::default(), &b, &mut dv, 1e-13, 10_000);
+                if number(&case[key]["min_eig_A"]) < 0.0 {
+                    assert_eq!(outcome.status, CgStatus::Indefinite, "{name} {key}");
+                    indefinite += 1;
+                    continue;
+                }
+                assert_eq!(outcome.status, CgStatus::Converged, "{name} {key} {outcome:?}");
+                let expected = vectors(&case[key]["dv"]);
+                let scale = max_length(&expected);
+                for (row, &v) in rows.vertex_order.iter().enumerate() {
+                    let found = DVec3::new(dv[row][0], dv[row][1], dv[row][2]);
+                    let error = found.distance(expected[v as usize]) / scale;
+                    assert!(error < 1e-9, "{name} {key} {evaluation:?}: dv {error:e}");
+                }
+            }
+        }
+    }
+    assert!(indefinite > 0, "no case with an indefinite matrix was run");
+}
+
+#[test]
+fn converged_implicit_steps() {
+    let file = reference("reference/implicit_steps.json");
+    for case in file["cases"].as_array().unwrap() {
+        let name = case["name"].as_str().unwrap();
+        let rest = vectors(&case["rest"]);
+        let x0 = vectors(&case["x0"]);
+        let gravity = vectors(&serde_json::json!([case["gravity"]]))[0];
+        for evaluation in BOTH {
+            let (mut simulation, body) = simulation(
+                SimulationOptions::default(),
+                &rest,
+                &indices::<4>(&case["tets"]),
+                material(case),
+                Model::CompressibleStVK,
+                evaluation,
+            );
+            let u: Vec<DVec3> = x0.iter().zip(&rest).map(|(x, r)| *x - *r).collect();
+            simulation.set_state(body, &u, &vectors(&case["v0"])).unwrap();
+            let rows = simulation.rows(body, "pins", &list(&case["pinned"])).unwrap();
+            simulation.add_constraint(Constraint::hold("pins", rows));
+            simulation.set_gravity(gravity);
+            simulation.set_dt(number(&case["h"]));
+            simulation.set_solver(SolverSettings {
+                integrator: Integrator::Newton,
+                linear_tolerance: 1e-10,
+                newton_tolerance: 1e-12,
+                mass_damping: number(&case["alpha"]),
+                stiffness_damping: number(&case["beta"]),
+                ..Default::default()
+            });
+            simulation.step().unwrap();
+            assert!(!simulation.report().unconverged, "{name}: {:?}", simulation.report());
+            let x: Vec<DVec3> =
+                simulation.displacements(body).iter().zip(&rest).map(|(u, r)| *u + *r).collect();
+            let size = max_distance(&rest, &vec![rest[0]; rest.len()]);
+            let error = max_distance(&x, &vectors(&case["newton"]["x1"])) / size;
+            assert!(error < 1e-9, "{name} {evaluation:?}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn implicit_euler_trajectories() {
+    for file in ["p1_cantilever", "p2_spin_stvk", "p3_compressed_release"] {
+        let case = reference(&format!("reference_dynamics/{file}.json"));
+        let rest = vectors(&case["vertices"]);
+        let start: Vec<DVec3> =
+            vectors(&case["initial_positions"]).iter().zip(&rest).map(|(x, r)| *x - *r).collect();
+        let comp = case["model"].as_str().unwrap().contains("+ compression");
+        let model = if comp { Model::CompressibleStVK } else { Model::StVK };
+        let (mut simulation, body) = simulation(
+            SimulationOptions::default(),
+            &rest,
+            &indices::<4>(&case["tetrahedra"]),
+            material(&case),
+            model,
+            Evaluation::Fused,
+        );
+        simulation.set_state(body, &start, &vectors(&case["initial_velocities"])).unwrap();
+        let energy = simulation.evaluate();
+        let expected = number(&case["initial_elastic_energy"]);
+        assert!((energy - expected).abs() <= 1e-11 * expected.max(1e-9), "{file}: {energy}");
+        let rows = simulation.rows(body, "fixed", &list(&case["fixed_vertices"])).unwrap();
+        simulation.add_constraint(Constraint::hold("fixed", rows));
+        simulation.set_gravity(vectors(&serde_json::json!([case["gravity"]]))[0]);
+        simulation.set_dt(number(&case["h"]));
+        simulation.set_solver(SolverSettings {
+            integrator: Integrator::Newton,
+            linear_tolerance: 1e-9,
+            newton_tolerance: 1e-12,
+            ..Default::default()
+        });
+        let size = simulation.topology().bodies[0].size;
+        let mut step = 0;
+        for state in case["implicit_euler"]["states"].as_array().unwrap() {
+            while step < state["step"].as_u64().unwrap() {
+                simulation.step().unwrap();
+                assert!(!simulation.report().unconverged, "{file} step {step}");
+                step += 1;
+            }
+            let x: Vec<DVec3> =
+                simulation.displacements(body).iter().zip(&rest).map(|(u, r)| *u + *r).collect();
+            let error = max_distance(&x, &vectors(&state["positions"])) / size;
+            assert!(error < 1e-8, "{file} step {step}: {error:e} of body size");
+            println!("{file} step {step}: {error:.1e} of body size");
+        }
+    }
+}
