@@ -8,7 +8,7 @@ use crate::load::{apply_constraints, apply_loads};
 use crate::report::{StepReport, VolumeReport};
 use crate::scalar::{Scalar, xyz};
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
-use crate::topology::Topology;
+use crate::topology::{ElementTables, Topology};
 use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
 use crate::workers::Workers;
 use bevy_ecs::prelude::*;
@@ -58,16 +58,16 @@ pub enum StepError {
         /// Offending value (m/s^2).
         gravity: DVec3,
     },
-    /// A vertex or element entity is in another table than its fellows.
+    /// A vertex or element entity is, or was, in another table than its fellows.
     #[error(
-        "{expected} vertex rows expected, the table has {found}: a component was added to or removed \
-         from a vertex entity (or one was despawned) after its body was spawned; keep such data on \
-         entities of your own and refer to vertices by row"
+        "the tables of the bodies changed ({expected} rows expected, {found} found): a component was \
+         added to or removed from a vertex or element entity (or one was despawned) after its body \
+         was spawned; keep such data on entities of your own and refer to vertices by row"
     )]
     LayoutChanged {
-        /// Rows that the bodies have.
+        /// Rows that the bodies have: vertices, or vertices and elements when these are the matter.
         expected: usize,
-        /// Rows in the one table found.
+        /// Rows found.
         found: usize,
     },
     /// The state holds a number that is not finite.
@@ -163,6 +163,13 @@ fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     let found = first.as_ref().map_or(0, |(u, _, _)| u.len());
     if found != expected || tables.next().is_some() {
         return Err(StepError::LayoutChanged { expected, found });
+    }
+    if let Some(spawned) = world.get_resource::<ElementTables>() {
+        let now = ElementTables::of(world);
+        if now != *spawned {
+            let (expected, found) = (spawned.entities(), now.entities());
+            return Err(StepError::LayoutChanged { expected, found });
+        }
     }
     let Some((u, v, rest)) = first else { return Ok(()) };
     let bad = |row: usize| {
