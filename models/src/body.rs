@@ -13,7 +13,7 @@ use sinew_engine::law::{Law, LawBuffer};
 use sinew_engine::layout::{BodyLayout, starts};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::topology::{BodyRows, Topology};
+use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{
     BodyId, Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, Position,
     PrescribedDisplacement, RestPosition, Velocity, VertexIndex,
@@ -212,15 +212,6 @@ pub fn spawn_body<S: Scalar>(
         },
         &layout.edges,
     );
-    let elements = &mut world.resource_mut::<Topology>().elements;
-    match body.evaluation {
-        Evaluation::Fused => elements.fused_tetrahedra += rest.len(),
-        Evaluation::Pooled => {
-            elements.pooled_tetrahedra += rest.len();
-            elements.edges += layout.edges.len();
-            elements.triangles += layout.triangles.len();
-        }
-    }
     let rows = world.resource::<Topology>().bodies[index].clone();
     let (v0, block0) = (rows.vertices.start, rows.blocks.start);
 
@@ -288,6 +279,8 @@ pub fn spawn_body<S: Scalar>(
         }
     }
     partition_laws::<S>(world);
+    let tables = ElementTables::of(world);
+    world.insert_resource(tables);
     let (material, model, evaluation) = (body.material, body.model, body.evaluation);
     Ok(world.spawn(SoftBody { index, material, model, evaluation }).id())
 }
