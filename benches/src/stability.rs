@@ -9,6 +9,9 @@ use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::prelude::*;
 use std::fmt;
 
+/// Cell size of the cubes (m); how fast a crushed cube springs back, in steps, depends on it.
+const CUBE_CELL: f64 = 0.02;
+
 /// Energy may rise by this much of the case's energy scale: rounding.
 const ENERGY_TOLERANCE: f64 = 1e-6;
 
@@ -138,7 +141,7 @@ fn cantilever_cases(quick: bool, cases: &mut Vec<Case>) -> Result<(), MeshError>
 }
 
 fn release_cases(quick: bool, cases: &mut Vec<Case>) -> Result<(), MeshError> {
-    let mesh = jitter_interior(&box_tets(DVec3::splat(0.1), [4, 4, 4])?, 0.15, 2)?;
+    let mesh = jitter_interior(&box_tets(DVec3::splat(4.0 * CUBE_CELL), [4, 4, 4])?, 0.15, 2)?;
     for squeeze in [0.5, 0.8, 0.95] {
         for nu in [0.3, 0.45, 0.49] {
             for dt in [1.0 / 60.0, 0.1] {
@@ -162,7 +165,7 @@ fn release_cases(quick: bool, cases: &mut Vec<Case>) -> Result<(), MeshError> {
 
 fn collapse_cases(quick: bool, cases: &mut Vec<Case>) -> Result<(), MeshError> {
     for cells in if quick { vec![3] } else { vec![3, 5] } {
-        let size = 0.1;
+        let size = cells as f64 * CUBE_CELL;
         let mesh = jitter_interior(&box_tets(DVec3::splat(size), [cells; 3])?, 0.15, 3)?;
         let x = mesh.points.clone();
         let centre = DVec3::splat(size / 2.0);
@@ -365,7 +368,7 @@ impl Case {
                 let held = 10.0 * self.dt;
                 let steps = ((ramp + held + 1.5) / self.dt).round() as u64;
                 let released_after = ((ramp + held) / self.dt).round() as u64;
-                for (name, way) in [("x0", 0.05), ("x1", -0.05)] {
+                for (name, way) in [("x0", 2.0 * CUBE_CELL), ("x1", -2.0 * CUBE_CELL)] {
                     let rows = simulation.rows(body, name, &face(name))?;
                     let motion = Motion::Translate(DVec3::X * way * *squeeze);
                     let mut constraint =

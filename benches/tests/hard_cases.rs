@@ -5,11 +5,7 @@ use sinew::prelude::*;
 use sinew_benches::stability::{SuiteOptions, run};
 
 /// Cases that fail today; a case that begins to pass must be taken off this list.
-const KNOWN_FAILURES: [&str; 3] = [
-    "release 95 % nu 0.45 h 0.0167",
-    "collapse line 3^3 nu 0.3 h 0.0167",
-    "collapse mirror 3^3 nu 0.3 h 0.0167",
-];
+const KNOWN_FAILURES: [&str; 1] = ["collapse mirror 3^3 nu 0.3 h 0.0167"];
 
 #[test]
 fn safe_step_is_bounded_everywhere() {

@@ -167,12 +167,12 @@ pub fn run_step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
 fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     let expected = world.resource::<Topology>().vertex_count();
     let mut vertices = world.query::<(&Displacement<S>, &Velocity<S>, &RestPosition)>();
-    let mut tables = vertices.contiguous_iter(world).expect("vertex components are table-stored");
-    let found = tables.next().map_or(0, |(u, _, _)| u.len());
-    if found != expected || tables.next().is_some() {
+    let columns = vertices.contiguous_iter(world).expect("vertex components are table-stored");
+    let tables: Vec<usize> = columns.map(|(u, _, _)| u.len()).collect();
+    let found = tables.first().copied().unwrap_or(0);
+    if found != expected || tables.len() > 1 {
         return Err(StepError::LayoutChanged { expected, found });
     }
-    drop(tables);
     if let Some(spawned) = world.get_resource::<ElementTables>() {
         let now = ElementTables::of(world);
         if now != *spawned {
