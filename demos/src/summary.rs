@@ -455,6 +455,15 @@ fn seconds(x: f64) -> String {
 }
 
 impl RunSummary {
+    /// Width of the first column: the longest label.
+    fn label_width(&self) -> usize {
+        let bodies = self.bodies.iter().map(|b| b.name.chars().count());
+        let constraints = self.constraints.iter().map(|c| c.name.chars().count());
+        let loads = self.loads.iter().map(|l| l.name.chars().count());
+        // 5 for "body " and its like
+        bodies.chain(constraints).chain(loads).max().unwrap_or(0).clamp(10, 30) + 5
+    }
+
     fn headline(&self) -> String {
         let steps = self.timing.step.count;
         if !self.completed {
@@ -475,6 +484,7 @@ impl RunSummary {
 struct Block<'f, 'g> {
     f: &'f mut fmt::Formatter<'g>,
     title: &'static str,
+    width: usize,
 }
 
 impl Block<'_, '_> {
@@ -483,7 +493,7 @@ impl Block<'_, '_> {
             writeln!(self.f, "\n{}", self.title)?;
             self.title = "";
         }
-        writeln!(self.f, "  {label:<15} {text}")
+        writeln!(self.f, "  {label:<0$} {text}", self.width)
     }
 }
 
@@ -496,28 +506,31 @@ impl fmt::Display for RunSummary {
         self.what(f)?;
         self.speed(f)?;
         self.accuracy(f)?;
-        let mut block = Block { f, title: "Results at the end" };
-        for (name, value) in &self.final_probes {
-            block.line("", format!("{name:<34} {:>12}", short(*value)))?;
+        if !self.final_probes.is_empty() {
+            writeln!(f, "\nResults at the end")?;
         }
-        let mut block = Block { f, title: "Warnings" };
+        let width = self.final_probes.iter().map(|(name, _)| name.chars().count()).max();
+        for (name, value) in &self.final_probes {
+            writeln!(f, "  {name:<0$}  {1:>9}", width.unwrap_or(0), short(*value))?;
+        }
+        writeln!(f, "\nWarnings")?;
         for warning in &self.warnings {
-            block.line(
-                if warning.level == Level::Note { "note" } else { "warning" },
-                format!("[{}] {}: {}", warning.code, warning.subject, warning.message),
-            )?;
-            block.line("", format!("-> {}", warning.remedy))?;
+            let level = if warning.level == Level::Note { "note" } else { "warning" };
+            let Warning { code, subject, message, remedy, .. } = warning;
+            writeln!(f, "  {level} [{code}] {subject}: {message}\n    -> {remedy}")?;
         }
         if self.warnings.is_empty() {
-            block.line("none", "")?;
+            writeln!(f, "  none")?;
         }
-        let mut block = Block { f, title: "Files" };
+        writeln!(f, "\nFiles")?;
         for file in &self.files {
-            block.line("", file)?;
+            writeln!(f, "  {file}")?;
         }
         if self.files.is_empty() {
-            block
-                .line("none", "use --out DIR for frames and probes, --json FILE for the figures")?;
+            writeln!(
+                f,
+                "  none; use --out DIR for frames and probes, --json FILE for the figures"
+            )?;
         }
         Ok(())
     }
@@ -525,7 +538,7 @@ impl fmt::Display for RunSummary {
 
 impl RunSummary {
     fn what(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut block = Block { f, title: "What was simulated" };
+        let mut block = Block { f, width: self.label_width(), title: "What was simulated" };
         block.line("scene", format!("{} ({})", self.scene.file, self.scene.mode))?;
         for body in &self.bodies {
             let m = &body.material;
@@ -604,7 +617,7 @@ impl RunSummary {
     }
 
     fn speed(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut block = Block { f, title: "How fast" };
+        let mut block = Block { f, width: self.label_width(), title: "How fast" };
         let step = &self.timing.step;
         block.line(
             "per step",
@@ -674,7 +687,7 @@ impl RunSummary {
     }
 
     fn accuracy(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut block = Block { f, title: "How accurately" };
+        let mut block = Block { f, width: self.label_width(), title: "How accurately" };
         let s = &self.solver;
         if s.newton_iterations > 0 {
             block.line(
