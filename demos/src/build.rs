@@ -604,11 +604,11 @@ impl Builder<'_> {
             if !body.mesh.groups.iter().any(|g| g.name == *name) {
                 let known = body.mesh.groups.iter().map(|g| g.name.as_str());
                 let place = self.place(format!("{key}.group"));
-                let hint = format!(
-                    "{} (groups of the mesh: {})",
-                    hint("group", name, known.clone()),
-                    known.collect::<Vec<_>>().join(", ")
-                );
+                let mut hint = hint("group", name, known.clone());
+                if hint.starts_with("did") {
+                    let all: Vec<&str> = known.collect();
+                    hint.push_str(&format!(" groups of the mesh: {}", all.join(", ")));
+                }
                 return Err(SceneError::Unknown { place, kind: "group", name: name.clone(), hint });
             }
             chosen.sort_unstable();

@@ -85,18 +85,22 @@ bad! {
     unknown_key_at_the_top: "dt = 0.01" => "dt = 0.01\ngravitiy = [0.0, 0.0, 0.0]",
         Unknown { .. }, 4, ["`gravitiy`", "did you mean `gravity`?"];
     unknown_key_of_a_material: "young_modulus" => "youngs_modulus",
-        Unknown { .. }, 12, ["`youngs_modulus`", "did you mean `young_modulus`?"];
+        Unknown { .. }, 12, ["`body[0].material`", "`youngs_modulus`", "did you mean `young_modulus`?"];
     unknown_key_of_a_constraint: "select = { group = \"x0\" }" => "selection = { group = \"x0\" }",
-        Unknown { .. }, 16, ["`selection`", "did you mean `select`?"];
+        Unknown { .. }, 16, ["`constraint[0]`", "`selection`", "did you mean `select`?"];
     unknown_integrator: "\"safe\"" => "\"netwon\"",
         Unknown { .. }, 7, ["`netwon`", "did you mean `newton`?"];
     unknown_quantity: "[\"mean_displacement\"]" => "[\"displacement\"]",
         Unknown { .. }, 27, ["`mean_displacement`"];
-    not_toml: "dt = 0.01" => "dt = = 0.01", Syntax { .. }, 3, ["dt"];
-    wrong_type: "dt = 0.01" => "dt = \"fast\"", Syntax { .. }, 3, ["`dt`", "string"];
+    not_toml: "dt = 0.01" => "dt = = 0.01", Syntax { .. }, 3, ["extra `=`"];
+    wrong_type: "dt = 0.01" => "dt = \"fast\"", Syntax { .. }, 3, ["`dt`", "string", "a number"];
     vector_too_short: "gravity = [0.0, 0.0, -9.81]" => "gravity = [0.0, 0.0]",
-        Syntax { .. }, 2, ["`gravity", "length 2"];
-    no_name: "name = \"beam\"\ngravity" => "gravity", Missing { .. }, 0, ["name"];
+        Syntax { .. }, 2, ["`gravity`", "length 2"];
+    no_name: "name = \"beam\"\ngravity" => "gravity", Missing { .. }, 1, ["key `name`"];
+    no_name_of_a_body: "[[body]]\nname = \"beam\"" => "[[body]]",
+        Missing { .. }, 9, ["`body[0]`", "key `name`"];
+    misspelt_group: "\"x0\"" => "\"xx0\"",
+        Unknown { .. }, 16, ["did you mean `x0`", "groups of the mesh"];
     no_dt: "dt = 0.01\n" => "", Missing { .. }, 0, ["dt", "step length"];
     zero_dt: "dt = 0.01" => "dt = 0.0", Value { .. }, 3, ["dt is 0 s", "positive"];
     nan_dt: "dt = 0.01" => "dt = nan", Value { .. }, 3, ["NaN", "positive"];
