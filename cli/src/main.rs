@@ -7,17 +7,20 @@ mod progress;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use progress::Progress;
 use sinew::engine::mesh::Mesh;
+use sinew::prelude::{Evaluation, Integrator};
 use sinew::simulation::Precision;
+use sinew_benches::stability::SuiteOptions;
 use sinew_demos::build::{BuildOptions, generate};
 use sinew_demos::check::check_file;
 use sinew_demos::mesh_tool::{MeshInfo, convert, write};
 use sinew_demos::run::{Observer, RunOptions, Silent, run};
 use sinew_demos::scene::{BoxShape, CylinderShape, Generate, LoadedScene, SphereShape};
+use sinew_demos::validate::{ValidateOptions, validate};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Soft tissue: simulate scenes, check and convert meshes.
+/// Soft tissue: simulate scenes, check meshes, validate against reference solutions.
 #[derive(Parser)]
 #[command(name = "sinew", version, about)]
 struct Cli {
@@ -31,6 +34,10 @@ enum Command {
     Run(RunArguments),
     /// Check a scene or a mesh without simulating it.
     Check(CheckArguments),
+    /// Run reference cases and compare with their stored truth.
+    Validate(ValidateArguments),
+    /// Run the hard cases and print the pass table.
+    Stability(StabilityArguments),
     /// Look at, convert or generate a mesh.
     #[command(subcommand)]
     Mesh(MeshCommand),
@@ -66,10 +73,57 @@ enum PrecisionArgument {
     F64,
 }
 
+impl From<PrecisionArgument> for Precision {
+    fn from(argument: PrecisionArgument) -> Self {
+        match argument {
+            PrecisionArgument::F32 => Self::F32,
+            PrecisionArgument::F64 => Self::F64,
+        }
+    }
+}
+
 #[derive(Args)]
 struct CheckArguments {
     /// Scene (.toml) or mesh (.msh, .vtk, .vtu, .node, .ele, .obj, .stl).
     file: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+struct ValidateArguments {
+    /// Case files (JSON).
+    #[arg(required = true)]
+    cases: Vec<PathBuf>,
+    /// File for the JSON report; `-` prints it instead of the table.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Relative difference at which a case passes [default: 1e-6 static, 1e-8 trajectories].
+    #[arg(long, value_name = "X")]
+    tolerance: Option<f64>,
+    /// Folder with the meshes of the cases [default: meshes beside the folder of the case].
+    #[arg(long, value_name = "DIR")]
+    meshes: Option<PathBuf>,
+    /// Sum the energy spring by spring instead of tetrahedron by tetrahedron.
+    #[arg(long)]
+    pooled: bool,
+    /// Threads, 0 for one per core.
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+}
+
+#[derive(Args)]
+struct StabilityArguments {
+    /// A third of the cases.
+    #[arg(long)]
+    quick: bool,
+    /// Converged implicit Euler instead of the safe step, for comparison.
+    #[arg(long)]
+    newton: bool,
+    /// Number type of the state.
+    #[arg(long, default_value = "f64")]
+    precision: PrecisionArgument,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -155,6 +209,8 @@ fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Run(arguments) => run_scene(arguments),
         Command::Check(arguments) => check_scene_or_mesh(&arguments),
+        Command::Validate(arguments) => validate_cases(arguments),
+        Command::Stability(arguments) => stability(&arguments),
         Command::Mesh(command) => mesh(command),
     };
     match outcome {
@@ -172,10 +228,7 @@ fn run_scene(arguments: RunArguments) -> Outcome {
     let print_json = arguments.json.as_deref().is_some_and(|path| path.as_os_str() == "-");
     let options = RunOptions {
         build: BuildOptions {
-            precision: arguments.precision.map(|precision| match precision {
-                PrecisionArgument::F32 => Precision::F32,
-                PrecisionArgument::F64 => Precision::F64,
-            }),
+            precision: arguments.precision.map(Precision::from),
             threads: arguments.threads,
             steps: arguments.steps,
         },
@@ -194,6 +247,43 @@ fn run_scene(arguments: RunArguments) -> Outcome {
         eprintln!("error: {}: {failure}", arguments.scene.display());
     }
     Ok(summary.completed)
+}
+
+fn validate_cases(arguments: ValidateArguments) -> Outcome {
+    let options = ValidateOptions {
+        tolerance: arguments.tolerance,
+        meshes: arguments.meshes,
+        evaluation: if arguments.pooled { Evaluation::Pooled } else { Evaluation::Fused },
+        threads: arguments.threads,
+    };
+    let report =
+        validate(&arguments.cases, &options, |row| eprintln!("{}: {}", row.case, row.law))?;
+    let text = serde_json::to_string_pretty(&report)?;
+    match arguments.json {
+        Some(path) if path.as_os_str() == "-" => println!("{text}"),
+        json => {
+            print!("{report}");
+            if let Some(path) = json {
+                std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+                println!("written to {}", path.display());
+            }
+        }
+    }
+    Ok(report.passed())
+}
+
+fn stability(arguments: &StabilityArguments) -> Outcome {
+    let suite = sinew_benches::stability::run(SuiteOptions {
+        quick: arguments.quick,
+        integrator: if arguments.newton { Integrator::Newton } else { Integrator::Safe },
+        precision: arguments.precision.into(),
+    })?;
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&suite)?);
+    } else {
+        print!("{suite}");
+    }
+    Ok(suite.passed())
 }
 
 fn check_scene_or_mesh(arguments: &CheckArguments) -> Outcome {

@@ -35,6 +35,9 @@ pub struct StepReport {
     pub refinements: u32,
     /// Largest stable explicit step (s), 0 when not estimated.
     pub stable_step: f64,
+    /// Distance of the accepted decrease of the incremental potential from what the linearised step
+    /// predicted, relative: 0 for a step in which linearisation is exact, near 1 when it says little.
+    pub linearisation_error: f64,
     /// Elastic energy (J) at the end of the step.
     pub elastic_energy: f64,
     /// Kinetic energy (J) of the free unknowns at the end of the step.

@@ -4,11 +4,11 @@ use crate::columns::single_table;
 use crate::element::{
     RestVolume, ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change,
 };
-use crate::load::{apply_constraints, apply_loads};
+use crate::load::{Constraint, Load, apply_constraints, apply_loads};
 use crate::report::{StepReport, SystemTimes, VolumeReport};
 use crate::scalar::{Scalar, xyz};
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
-use crate::topology::Topology;
+use crate::topology::{ElementTables, Topology};
 use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
 use crate::workers::Workers;
 use bevy_ecs::prelude::*;
@@ -59,16 +59,16 @@ pub enum StepError {
         /// Offending value (m/s^2).
         gravity: DVec3,
     },
-    /// A vertex or element entity is in another table than its fellows.
+    /// A vertex or element entity is, or was, in another table than its fellows.
     #[error(
-        "{expected} vertex rows expected, the table has {found}: a component was added to or removed \
-         from a vertex entity (or one was despawned) after its body was spawned; keep such data on \
-         entities of your own and refer to vertices by row"
+        "the tables of the bodies changed ({expected} rows expected, {found} found): a component was \
+         added to or removed from a vertex or element entity (or one was despawned) after its body \
+         was spawned; keep such data on entities of your own and refer to vertices by row"
     )]
     LayoutChanged {
-        /// Rows that the bodies have.
+        /// Rows that the bodies have: vertices, or vertices and elements when these are the matter.
         expected: usize,
-        /// Rows in the one table found.
+        /// Rows found.
         found: usize,
     },
     /// The state holds a number that is not finite.
@@ -86,6 +86,14 @@ pub enum StepError {
         time: f64,
         /// What to do.
         remedy: &'static str,
+    },
+    /// A constraint or load cannot be applied.
+    #[error("constraint or load `{name}`: {problem}; correct it or despawn its entity")]
+    InvalidConstraint {
+        /// Its name.
+        name: String,
+        /// What is wrong.
+        problem: &'static str,
     },
     /// The integrator gave up.
     #[error("step {step} at t = {time} s failed: {reason}")]
@@ -160,12 +168,29 @@ fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     let expected = world.resource::<Topology>().vertex_count();
     let mut vertices = world.query::<(&Displacement<S>, &Velocity<S>, &RestPosition)>();
     let mut tables = vertices.contiguous_iter(world).expect("vertex components are table-stored");
-    let first = tables.next();
-    let found = first.as_ref().map_or(0, |(u, _, _)| u.len());
+    let found = tables.next().map_or(0, |(u, _, _)| u.len());
     if found != expected || tables.next().is_some() {
         return Err(StepError::LayoutChanged { expected, found });
     }
-    let Some((u, v, rest)) = first else { return Ok(()) };
+    drop(tables);
+    if let Some(spawned) = world.get_resource::<ElementTables>() {
+        let now = ElementTables::of(world);
+        if now != *spawned {
+            let (expected, found) = (spawned.entities(), now.entities());
+            return Err(StepError::LayoutChanged { expected, found });
+        }
+    }
+    for constraint in world.query::<&Constraint>().iter(world) {
+        if let Some(problem) = constraint.problem(expected) {
+            return Err(StepError::InvalidConstraint { name: constraint.name.clone(), problem });
+        }
+    }
+    for load in world.query::<&Load>().iter(world) {
+        if let Some(problem) = load.problem(expected) {
+            return Err(StepError::InvalidConstraint { name: load.name.clone(), problem });
+        }
+    }
+    let Some((u, v, rest)) = single_table(vertices.contiguous_iter(world)) else { return Ok(()) };
     let bad = |row: usize| {
         if !u[row].0.iter().all(|x| x.is_finite()) {
             Some("displacement")
@@ -177,7 +202,7 @@ fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
             None
         }
     };
-    if let Some((row, quantity)) = (0..found).find_map(|row| bad(row).map(|q| (row, q))) {
+    if let Some((row, quantity)) = (0..expected).find_map(|row| bad(row).map(|q| (row, q))) {
         return Err(not_finite(
             world,
             row,

@@ -1,8 +1,11 @@
 //! What the bodies of a world share: their row ranges and the edge graph, on which every tangent
 //! lives (all springs of a tetrahedron couple its own vertices).
 
+use crate::element::{EdgeVertices, TetrahedronVertices, TriangleEdges};
 use crate::layout::starts;
-use bevy_ecs::prelude::Resource;
+use crate::vertex::RestPosition;
+use bevy_ecs::archetype::ArchetypeId;
+use bevy_ecs::prelude::{Resource, World};
 use std::ops::Range;
 
 /// Rows of one body.
@@ -75,5 +78,32 @@ impl Topology {
     /// Body of a given name.
     pub fn body(&self, name: &str) -> Option<&BodyRows> {
         self.bodies.iter().find(|b| b.name == name)
+    }
+}
+
+/// Archetypes of vertices and elements, with their entities, as the bodies were spawned. An entity
+/// that leaves its archetype changes the order of rows even if it comes back; since archetypes stay
+/// once they exist, the one it went to gives it away.
+#[derive(Resource, Clone, Debug, Default, PartialEq, Eq)]
+pub struct ElementTables(Vec<(ArchetypeId, usize)>);
+
+impl ElementTables {
+    /// What the world holds now.
+    pub fn of(world: &World) -> Self {
+        let kinds = [
+            world.component_id::<RestPosition>(),
+            world.component_id::<EdgeVertices>(),
+            world.component_id::<TriangleEdges>(),
+            world.component_id::<TetrahedronVertices>(),
+        ];
+        let is_element =
+            |a: &&bevy_ecs::archetype::Archetype| kinds.iter().flatten().any(|&k| a.contains(k));
+        let archetypes = world.archetypes().iter().filter(is_element);
+        Self(archetypes.map(|a| (a.id(), a.len() as usize)).collect())
+    }
+
+    /// Number of entities.
+    pub fn entities(&self) -> usize {
+        self.0.iter().map(|(_, count)| count).sum()
     }
 }

@@ -13,7 +13,7 @@ use sinew_engine::law::{Law, LawBuffer};
 use sinew_engine::layout::{BodyLayout, starts};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::topology::{BodyRows, Topology};
+use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{
     BodyId, Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, Position,
     PrescribedDisplacement, RestPosition, Velocity, VertexIndex,
@@ -279,6 +279,8 @@ pub fn spawn_body<S: Scalar>(
         }
     }
     partition_laws::<S>(world);
+    let tables = ElementTables::of(world);
+    world.insert_resource(tables);
     let (material, model, evaluation) = (body.material, body.model, body.evaluation);
     Ok(world.spawn(SoftBody { index, material, model, evaluation }).id())
 }

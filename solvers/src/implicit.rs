@@ -408,6 +408,10 @@ fn line_search<S: Scalar>(
         if change <= ARMIJO * t * slope + rounding {
             std::mem::swap(&mut s.y, &mut s.trial);
             *elastic = energy;
+            // the solved system has d.A d = -slope
+            let predicted = slope * (t - 0.5 * t * t);
+            report.linearisation_error =
+                if predicted.abs() > rounding { (change / predicted - 1.0).abs() } else { 0.0 };
             return true;
         }
         report.backtracks += 1;

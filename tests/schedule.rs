@@ -1,0 +1,341 @@
+//! The ECS side: schedules without ambiguities, scenes that pay only for what they use, one table
+//! per kind of element, and typed errors where somebody breaks that.
+
+mod common;
+
+use bevy_ecs::prelude::*;
+use bevy_ecs::query::ArchetypeFilter;
+use bevy_ecs::schedule::{ScheduleBuildError, ScheduleBuildWarning, ScheduleLabel};
+use common::*;
+use glam::DVec3;
+use sinew::engine::element::{EdgeVertices, TetrahedronEdges, TetrahedronVertices};
+use sinew::engine::load::apply_constraints;
+use sinew::engine::matrix::Tangent;
+use sinew::engine::mesh::Mesh;
+use sinew::engine::schedule::{
+    ActiveLaws, Executor, ForceSchedule, ForceSystems, StepSchedule, StepSystems,
+};
+use sinew::engine::step::{install_engine, run_step};
+use sinew::engine::vertex::{Displacement, ElasticForce, RestPosition, VertexIndex};
+use sinew::models::pooled::{EdgeIncidence, TriangleVertices};
+use sinew::prelude::*;
+
+type Kind = (Model, Evaluation);
+const FUSED: Kind = (Model::CompressibleStVK, Evaluation::Fused);
+const POOLED: Kind = (Model::CompressibleStVK, Evaluation::Pooled);
+const POOLED_STVK: Kind = (Model::StVK, Evaluation::Pooled);
+
+fn small() -> Mesh {
+    jittered_box([0.2, 0.1, 0.1], [3, 2, 2])
+}
+
+/// One body per kind, side by side.
+fn scene(kinds: &[Kind], executor: Executor) -> Simulation {
+    let options = SimulationOptions { executor, ..Default::default() };
+    let mut simulation = Simulation::new(options).unwrap();
+    for (i, &(model, evaluation)) in kinds.iter().enumerate() {
+        let mesh = small();
+        let points: Vec<DVec3> = mesh.points.iter().map(|x| *x + DVec3::Y * i as f64).collect();
+        simulation
+            .add_body(&BodyDescription {
+                name: &format!("body {i}"),
+                points: &points,
+                tetrahedra: &mesh.tetrahedra,
+                material: soft(1e4, 0.4),
+                model,
+                evaluation,
+            })
+            .unwrap();
+    }
+    simulation
+}
+
+fn build(world: &mut World, label: impl ScheduleLabel) -> Result<(), ScheduleBuildError> {
+    world.schedule_scope(label, |world, schedule| schedule.initialize(world).map(|_| ()))
+}
+
+fn systems(simulation: &mut Simulation, label: impl ScheduleLabel + Clone) -> usize {
+    let world = simulation.world_mut();
+    build(world, label.clone()).unwrap();
+    world.resource::<Schedules>().get(label).unwrap().systems_len()
+}
+
+fn laws(simulation: &Simulation) -> Vec<&'static str> {
+    simulation.world().get_resource::<ActiveLaws>().map(|l| l.0.clone()).unwrap_or_default()
+}
+
+fn is_ambiguity(result: Result<(), ScheduleBuildError>) -> bool {
+    let expected =
+        |e: &_| matches!(e, ScheduleBuildError::Elevated(ScheduleBuildWarning::Ambiguity(_)));
+    result.as_ref().is_err_and(expected)
+}
+
+#[test]
+fn no_scene_has_an_ambiguity() {
+    let scenes: [&[Kind]; 7] = [
+        &[],
+        &[FUSED],
+        &[POOLED],
+        &[POOLED_STVK],
+        &[FUSED, FUSED],
+        &[POOLED_STVK, POOLED],
+        &[POOLED, FUSED, POOLED_STVK, FUSED],
+    ];
+    for kinds in scenes {
+        for executor in [Executor::SingleThreaded, Executor::MultiThreaded] {
+            let mut simulation = scene(kinds, executor);
+            build(simulation.world_mut(), StepSchedule).unwrap_or_else(|e| panic!("{kinds:?} {e}"));
+            build(simulation.world_mut(), ForceSchedule)
+                .unwrap_or_else(|e| panic!("{kinds:?} {e}"));
+            simulation.step().unwrap();
+        }
+    }
+}
+
+fn wind(mut vertices: Query<&mut Displacement<f64>>) {
+    for mut u in &mut vertices {
+        u.0[0] += 1e-6;
+    }
+}
+
+fn own_force(mut vertices: Query<&mut ElasticForce<f64>>) {
+    for mut f in &mut vertices {
+        f.0[0] += 1.0;
+    }
+}
+
+fn own_tangent(mut tangent: ResMut<Tangent<f64>>) {
+    tangent.clamped += 1;
+}
+
+#[test]
+fn a_conflicting_user_system_is_refused() {
+    let add = |system: fn(&mut Schedules)| {
+        let mut simulation = scene(&[FUSED], Executor::SingleThreaded);
+        system(&mut simulation.world_mut().resource_mut::<Schedules>());
+        simulation
+    };
+    // it writes what the systems of the same stage read, without an order
+    let mut simulation = add(|s| {
+        s.entry(StepSchedule).add_systems(wind.in_set(StepSystems::Prepare));
+    });
+    assert!(is_ambiguity(build(simulation.world_mut(), StepSchedule)));
+    let mut simulation = add(|s| {
+        s.entry(StepSchedule).add_systems(wind);
+    });
+    assert!(is_ambiguity(build(simulation.world_mut(), StepSchedule)));
+    for set in [ForceSystems::Gather, ForceSystems::Evaluate] {
+        let mut simulation = scene(&[FUSED], Executor::SingleThreaded);
+        let gather = set == ForceSystems::Gather;
+        simulation
+            .world_mut()
+            .resource_mut::<Schedules>()
+            .entry(ForceSchedule)
+            .add_systems((own_force.in_set(set.clone()), own_tangent.in_set(set)));
+        // the laws do not touch the totals: only the gather does
+        let result = build(simulation.world_mut(), ForceSchedule);
+        assert_eq!(is_ambiguity(result), gather);
+    }
+    // with an order it is welcome, and does what it says
+    let mut simulation = add(|s| {
+        s.entry(StepSchedule)
+            .add_systems(wind.in_set(StepSystems::Prepare).before(apply_constraints::<f64>));
+    });
+    build(simulation.world_mut(), StepSchedule).unwrap();
+    simulation.set_gravity(DVec3::ZERO);
+    simulation.step().unwrap();
+    let u = simulation.displacements(BodyHandle(0));
+    // a rigid shift before the step: neither force nor velocity follows
+    assert!(u.iter().all(|u| u.distance(DVec3::X * 1e-6) < 1e-18), "{u:?}");
+}
+
+/// The frame of the force schedule is one system, which zeroes the totals.
+const FRAME: usize = 1;
+/// Evaluation and gather of one law.
+const LAW: usize = 2;
+
+#[test]
+fn a_scene_pays_only_for_what_it_uses() {
+    let executor = Executor::SingleThreaded;
+    let empty = &mut scene(&[], executor);
+    assert!(laws(empty).is_empty());
+    assert_eq!(systems(empty, ForceSchedule), FRAME);
+    let step_systems = systems(empty, StepSchedule);
+
+    let fused = &mut scene(&[FUSED], executor);
+    assert_eq!(laws(fused), ["fused St Venant-Kirchhoff"]);
+    assert_eq!(systems(fused, ForceSchedule), FRAME + LAW);
+    assert!(!fused.world().contains_resource::<EdgeIncidence>());
+    assert_eq!(count::<EdgeVertices, ()>(fused), 0);
+    assert_eq!(count::<TriangleVertices, ()>(fused), 0);
+    assert_eq!(count::<TetrahedronVertices, ()>(fused), small().tetrahedra.len());
+
+    let springs = [
+        "edge changes",
+        "tensile springs",
+        "angular springs",
+        "volumetric springs",
+        "spring forces",
+        "projected tangent of springs",
+    ];
+    // edge changes and collected tensions come as two systems without a buffer
+    let spring_systems = FRAME + 2 + 5 * LAW;
+    let stvk = &mut scene(&[POOLED_STVK], executor);
+    assert_eq!(laws(stvk), springs);
+    assert_eq!(systems(stvk, ForceSchedule), spring_systems);
+
+    let pooled = &mut scene(&[POOLED], executor);
+    assert_eq!(laws(pooled)[..6], springs);
+    assert_eq!(laws(pooled)[6..], ["compression term"]);
+    assert_eq!(systems(pooled, ForceSchedule), spring_systems + LAW);
+
+    // more bodies of the same kinds add entities, not systems
+    let many = &mut scene(&[POOLED, FUSED, POOLED, FUSED, POOLED_STVK], executor);
+    assert_eq!(systems(many, ForceSchedule), spring_systems + 2 * LAW);
+    // and a step has the same systems whatever the scene
+    assert_eq!(systems(many, StepSchedule), step_systems);
+}
+
+fn count<C: Component, F: ArchetypeFilter + 'static>(simulation: &mut Simulation) -> usize {
+    let world = simulation.world_mut();
+    world.query_filtered::<&C, F>().iter(world).count()
+}
+
+/// Lengths of the slices in which the component is handed out.
+fn slices<C: Component, F: ArchetypeFilter + 'static>(simulation: &mut Simulation) -> Vec<usize> {
+    let world = simulation.world_mut();
+    let mut query = world.query_filtered::<&C, F>();
+    let lengths = query.contiguous_iter(world).unwrap().map(<[C]>::len).collect();
+    lengths
+}
+
+#[test]
+fn one_table_per_kind_of_element() {
+    let mut simulation = scene(&[FUSED, POOLED, FUSED, POOLED_STVK], Executor::SingleThreaded);
+    // what users spawn between bodies does not matter
+    simulation.world_mut().spawn_batch((0..100).map(|i| VertexIndex(i)));
+    simulation.add_constraint(Constraint::hold("nothing", Vec::new()));
+    let s = &mut simulation;
+    let tetrahedra = small().tetrahedra.len();
+    let vertices = small().points.len();
+    assert_eq!(slices::<Displacement<f64>, ()>(s), [4 * vertices]);
+    assert_eq!(slices::<TetrahedronVertices, Without<TetrahedronEdges>>(s), [2 * tetrahedra]);
+    assert_eq!(slices::<TetrahedronVertices, With<TetrahedronEdges>>(s), [2 * tetrahedra]);
+    assert_eq!(slices::<EdgeVertices, ()>(s).len(), 1);
+    assert_eq!(slices::<TriangleVertices, ()>(s).len(), 1);
+    // rows are the order in which the topology counts
+    let rows = s.topology().bodies[2].clone();
+    let points = small().points;
+    let world = s.world_mut();
+    let mut query = world.query::<&RestPosition>();
+    let rest = query.contiguous_iter(world).unwrap().next().unwrap();
+    for (local, &vertex) in rows.vertex_order.iter().enumerate() {
+        let expected = points[vertex as usize] + DVec3::Y * 2.0;
+        assert_eq!(rest[rows.vertices.start as usize + local].0, expected);
+    }
+    simulation.step().unwrap();
+}
+
+#[derive(Component)]
+struct Label;
+
+fn entity_of_row(simulation: &mut Simulation, row: usize) -> Entity {
+    let world = simulation.world_mut();
+    world.query_filtered::<Entity, With<Displacement<f64>>>().iter(world).nth(row).unwrap()
+}
+
+#[test]
+fn a_changed_layout_is_an_error_not_a_panic() {
+    for executor in [Executor::SingleThreaded, Executor::MultiThreaded] {
+        for row in [0, 7, 35] {
+            let mut simulation = scene(&[FUSED], executor);
+            simulation.step().unwrap();
+            let n = simulation.topology().vertex_count();
+            let entity = entity_of_row(&mut simulation, row);
+            simulation.world_mut().despawn(entity);
+            for _ in 0..2 {
+                let error = simulation.step().unwrap_err();
+                let expected = StepError::LayoutChanged { expected: n, found: n - 1 };
+                assert_eq!(error, expected);
+                assert!(error.to_string().contains("keep such data on entities of your own"));
+            }
+
+            let mut simulation = scene(&[POOLED], executor);
+            let entity = entity_of_row(&mut simulation, row);
+            simulation.world_mut().entity_mut(entity).insert(Label);
+            for _ in 0..2 {
+                let error = simulation.step().unwrap_err();
+                assert!(
+                    matches!(error, StepError::LayoutChanged { expected, .. } if expected == n)
+                );
+            }
+            // taking the component off again restores the table but not the order
+            simulation.world_mut().entity_mut(entity).remove::<Label>();
+            let last = n - 1;
+            if row != last {
+                let error = simulation.step().unwrap_err();
+                assert!(matches!(error, StepError::LayoutChanged { .. }), "{error}");
+            }
+        }
+    }
+}
+
+/// Elements may not change table or disappear either.
+#[test]
+fn changed_elements_are_an_error_not_a_panic() {
+    fn first<C: Component>(simulation: &mut Simulation) -> Entity {
+        let world = simulation.world_mut();
+        world.query_filtered::<Entity, With<C>>().iter(world).next().unwrap()
+    }
+    type Find = fn(&mut Simulation) -> Entity;
+    let cases: [(Kind, Find); 4] = [
+        (FUSED, first::<TetrahedronVertices>),
+        (POOLED, first::<TetrahedronVertices>),
+        (POOLED, first::<EdgeVertices>),
+        (POOLED, first::<TriangleVertices>),
+    ];
+    for (kind, find) in cases {
+        for despawn in [true, false] {
+            let mut simulation = scene(&[kind], Executor::SingleThreaded);
+            let entity = find(&mut simulation);
+            if despawn {
+                simulation.world_mut().despawn(entity);
+            } else {
+                simulation.world_mut().entity_mut(entity).insert(Label);
+            }
+            let error = simulation.step().unwrap_err();
+            assert!(matches!(error, StepError::LayoutChanged { .. }), "{error}");
+        }
+    }
+}
+
+#[test]
+fn what_is_missing_or_wrong_is_named() {
+    let mut world = World::new();
+    install_engine::<f64>(&mut world, Executor::SingleThreaded);
+    let error = run_step::<f64>(&mut world).unwrap_err();
+    assert_eq!(error, StepError::NoIntegrator);
+    assert!(error.to_string().contains("add one of the solver plugins"));
+
+    // an empty world steps through time
+    let mut simulation = scene(&[], Executor::SingleThreaded);
+    simulation.set_dt(0.5);
+    simulation.step().unwrap();
+    assert_eq!(simulation.time(), 0.5);
+
+    let mut simulation = scene(&[FUSED], Executor::SingleThreaded);
+    for dt in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        simulation.set_dt(dt);
+        assert!(matches!(simulation.step(), Err(StepError::InvalidStep { .. })), "{dt}");
+    }
+    simulation.set_dt(0.01);
+    simulation.set_gravity(DVec3::new(0.0, f64::NAN, 0.0));
+    assert!(matches!(simulation.step(), Err(StepError::InvalidGravity { .. })));
+    simulation.set_gravity(DVec3::ZERO);
+    simulation.set_solver(SolverSettings { linear_tolerance: 2.0, ..Default::default() });
+    assert!(matches!(simulation.step(), Err(StepError::InvalidSetting(_))));
+    assert_eq!(simulation.time(), 0.0, "time passes only with a step");
+    simulation.set_solver(SolverSettings::default());
+    simulation.step().unwrap();
+    assert_eq!(simulation.time(), 0.01);
+}
