@@ -495,9 +495,9 @@ impl LoadedScene {
     }
 
     /// Place of a key.
-    pub fn place(&self, key: impl Into<String>) -> Place {
+    pub fn place(&self, key: impl Into<String>) -> Box<Place> {
         let key = key.into();
-        Place { file: self.file.clone(), line: self.keys.line(&key), key }
+        Box::new(Place { file: self.file.clone(), line: self.keys.line(&key), key })
     }
 
     /// A file named in the scene, relative to the scene file.
@@ -511,7 +511,7 @@ fn parse_error(text: &str, file: &Path, keys: &KeySpans, error: &toml::de::Error
     let message = error.message();
     let line = error.span().map(|span| line_of(text, span.start));
     let key = error.span().map_or(String::new(), |span| keys.path_of(&span));
-    let place = Place { file: file.into(), line, key };
+    let place = Box::new(Place { file: file.into(), line, key });
     let quoted = |text: &str| -> Vec<String> {
         text.split('`').skip(1).step_by(2).map(str::to_owned).collect()
     };
