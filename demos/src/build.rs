@@ -964,7 +964,7 @@ impl Builder<'_> {
         Ok(built)
     }
 
-    /// Every body of a static scene is held along each axis.
+    /// Every body of a static scene is held against rigid motion, as far as counting tells.
     fn all_held(
         &self,
         bodies: &[BuiltBody],
@@ -977,13 +977,24 @@ impl Builder<'_> {
                 .enumerate()
                 .filter_map(|(k, name)| (held >> k & 1 == 0).then_some(name))
                 .collect();
-            if !free.is_empty() {
-                return Err(SceneError::NotHeld {
-                    place: self.place(format!("body[{i}].name")),
-                    body: body.name.clone(),
-                    axes: free.join(", "),
-                });
-            }
+            // six rigid motions need six held unknowns; a vertex in two constraints counts once
+            let mut unknowns: Vec<(u32, usize)> = constraints
+                .iter()
+                .filter(|c| c.body == i)
+                .flat_map(|c| c.vertices.iter().map(move |&v| (v, c.axes)))
+                .flat_map(|(v, axes)| (0..3).filter(move |&k| axes.holds(k)).map(move |k| (v, k)))
+                .collect();
+            unknowns.sort_unstable();
+            unknowns.dedup();
+            let motion = if !free.is_empty() {
+                format!("translation along {}", free.join(", "))
+            } else if unknowns.len() < 6 {
+                format!("rotation ({} unknowns are held, at least 6 are needed)", unknowns.len())
+            } else {
+                continue;
+            };
+            let (place, body) = (self.place(format!("body[{i}].name")), body.name.clone());
+            return Err(SceneError::NotHeld { place, body, motion });
         }
         Ok(())
     }

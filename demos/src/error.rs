@@ -121,16 +121,16 @@ pub enum SceneError {
     },
     /// A static body that could float away.
     #[error(
-        "{place}: body `{body}` of a static scene is not held along {axes}; without that it has no \
-         equilibrium, add a [[constraint]]"
+        "{place}: body `{body}` of a static scene is not held against {motion}; without that it has \
+         no equilibrium, add a [[constraint]]"
     )]
     NotHeld {
         /// Where the body stands.
         place: Box<Place>,
         /// Name of the body.
         body: String,
-        /// The free axes.
-        axes: String,
+        /// The free motion.
+        motion: String,
     },
     /// A mesh file or a generated shape.
     #[error("{place}: {source}")]

@@ -317,7 +317,7 @@ fn run_warnings(
             "nothing to do; a sign of strong compression or large steps",
         );
     }
-    if mode == Mode::Dynamic {
+    if integrator != Integrator::QuasiStatic {
         let e = &totals.energy;
         let scale = e.initial + e.load_work.abs() + e.constraint_work.abs() + e.elastic_max;
         let explicit =
@@ -356,7 +356,8 @@ fn summarise(
     let precision = built.simulation.precision();
     let settings = &built.plan.settings;
     let steps = totals.step_times.len() as u64;
-    totals.energy.dissipated = dynamic.then(|| totals.dissipated());
+    let equilibrium = settings.integrator == Integrator::QuasiStatic;
+    totals.energy.dissipated = (!equilibrium).then(|| totals.dissipated());
     let mut warnings = std::mem::take(&mut built.warnings);
     warnings.extend(run_warnings(&totals, steps, built.plan.mode, settings.integrator, precision));
 

@@ -378,7 +378,7 @@ pub struct EnergySummary {
     /// Kinetic energy at the end.
     pub kinetic: f64,
     /// `initial + load_work + constraint_work - elastic - kinetic`: taken out by damping and by the
-    /// integrator; `None` for a static scene, whose path has no meaning.
+    /// integrator; `None` for a series of equilibria.
     pub dissipated: Option<f64>,
     /// Largest elastic energy.
     pub elastic_max: f64,

@@ -57,7 +57,6 @@ fn check(from: &str, to: &str, kind: fn(&SceneError) -> bool, line: usize, words
             "{to}: line {line} is not in: {message}"
         );
     }
-    println!("{message}");
     for word in words {
         assert!(message.contains(word), "{to}: `{word}` is not in: {message}");
     }
@@ -190,6 +189,8 @@ fn a_static_scene_must_be_held_and_has_no_time() {
     attempt(&format!("{STATIC}{clamp}")).unwrap();
     let only_z = format!("{STATIC}{clamp}axes = \"z\"\n");
     assert!(attempt(&only_z).unwrap_err().to_string().contains("along x, y;"));
+    let one_vertex = format!("{STATIC}{clamp}").replace("group = \"x0\"", "vertices = [0]");
+    assert!(attempt(&one_vertex).unwrap_err().to_string().contains("rotation"));
     let timed = format!("{STATIC}{clamp}until = 1.0\n");
     assert!(attempt(&timed).unwrap_err().to_string().contains("static scene"));
 }
