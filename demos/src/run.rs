@@ -70,6 +70,11 @@ impl Totals {
         s.evaluations += u64::from(report.evaluations);
         s.worst_residual = s.worst_residual.max(report.cg_residual);
         s.worst_newton_step = s.worst_newton_step.max(report.newton_step);
+        // a running mean: the time of this step is booked already
+        let done = self.step_times.len().max(1) as f64;
+        let error = report.linearisation_error;
+        s.linearisation_error_mean += (error - s.linearisation_error_mean) / done;
+        s.linearisation_error_max = s.linearisation_error_max.max(error);
         s.cg_caps += u64::from(report.cg_caps);
         s.projections += u64::from(report.projections);
         s.clamped_elements += report.clamped_elements;

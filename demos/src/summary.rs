@@ -4,7 +4,7 @@
 use serde::Serialize;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::material::YoungPoisson;
-use sinew::solvers::settings::SolverSettings;
+use sinew::solvers::settings::{Integrator, SolverSettings};
 use std::fmt;
 
 /// Version of the JSON summary.
@@ -342,6 +342,11 @@ pub struct SolverSummary {
     pub worst_residual: f64,
     /// Largest last Newton step over body size.
     pub worst_newton_step: f64,
+    /// Mean over the steps of how far the decrease of the incremental potential was from what the
+    /// last linearisation predicted, relative: 0 exact, near 1 when it said little.
+    pub linearisation_error_mean: f64,
+    /// The largest of them.
+    pub linearisation_error_max: f64,
     /// Linear solves that stopped at the iteration cap.
     pub cg_caps: u64,
     /// Fallbacks: indefinite tangents replaced by the projected one.
@@ -704,6 +709,15 @@ impl RunSummary {
                     s.worst_newton_step, s.unconverged_steps
                 ),
             )?;
+            if self.settings.solver.integrator == Integrator::Safe {
+                block.line(
+                    "linearisation",
+                    format!(
+                        "energy decrease off its prediction by {:.1e} in the mean, {:.1e} at most",
+                        s.linearisation_error_mean, s.linearisation_error_max
+                    ),
+                )?;
+            }
         }
         block.line(
             "safeguards",
