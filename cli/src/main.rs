@@ -1,6 +1,6 @@
 //! The `sinew` command. Results go to stdout, progress and errors to stderr; the exit code is 0 when
 //! all went well, 1 for bad input or a failed run, 2 for a wrong command line.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command speaks to its terminal")]
+#![allow(clippy::print_stderr, reason = "a command speaks to its terminal")]
 
 mod progress;
 
@@ -17,8 +17,25 @@ use sinew_demos::run::{Observer, RunOptions, Silent, run};
 use sinew_demos::scene::{BoxShape, CylinderShape, Generate, LoadedScene, SphereShape};
 use sinew_demos::validate::{ValidateOptions, validate};
 use std::error::Error;
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
+
+/// Prints a result; a reader that has had enough (`sinew ... | head`) is no error.
+fn print(text: std::fmt::Arguments<'_>) -> std::io::Result<()> {
+    match std::io::stdout().write_fmt(text) {
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        result => result,
+    }
+}
+
+macro_rules! say {
+    ($($argument:tt)*) => { print(format_args!($($argument)*))? };
+}
+
+macro_rules! sayln {
+    ($($argument:tt)*) => { print(format_args!("{}\n", format_args!($($argument)*)))? };
+}
 
 /// Soft tissue: simulate scenes, check meshes, validate against reference solutions.
 #[derive(Parser)]
@@ -146,7 +163,7 @@ enum MeshCommand {
         /// Mesh file to write (.msh, .vtk, .vtu).
         to: PathBuf,
         /// Factor on all coordinates (0.001 for a mesh in millimetres).
-        #[arg(long, default_value_t = 1.0)]
+        #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
         scale: f64,
     },
     /// A simple shape; lengths in metres.
@@ -161,7 +178,7 @@ enum Shape {
     /// A box with one corner at the origin; groups x0, x1, y0, y1, z0, z1, body.
     Box {
         /// Edge lengths X Y Z (m).
-        #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], required = true)]
+        #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], required = true, allow_negative_numbers = true)]
         size: Vec<f64>,
         /// Cells along each edge; six tetrahedra in each.
         #[arg(long, num_args = 3, value_names = ["NX", "NY", "NZ"], required = true)]
@@ -173,10 +190,10 @@ enum Shape {
     /// A cylinder along x from the origin; groups x0, x1, side, body.
     Cylinder {
         /// Radius (m).
-        #[arg(long)]
+        #[arg(long, allow_negative_numbers = true)]
         radius: f64,
         /// Length (m).
-        #[arg(long)]
+        #[arg(long, allow_negative_numbers = true)]
         length: f64,
         /// Rings around the axis.
         #[arg(long, default_value_t = 3)]
@@ -191,7 +208,7 @@ enum Shape {
     /// A ball around the origin; groups surface, body.
     Sphere {
         /// Radius (m).
-        #[arg(long)]
+        #[arg(long, allow_negative_numbers = true)]
         radius: f64,
         /// Shells from centre to surface.
         #[arg(long, default_value_t = 6)]
@@ -239,9 +256,9 @@ fn run_scene(arguments: RunArguments) -> Outcome {
     let observer: &mut dyn Observer = if arguments.quiet { &mut Silent } else { &mut progress };
     let summary = run(&scene, &options, observer)?;
     if print_json {
-        println!("{}", serde_json::to_string_pretty(&summary)?);
+        sayln!("{}", serde_json::to_string_pretty(&summary)?);
     } else if !arguments.quiet {
-        print!("{summary}");
+        say!("{summary}");
     }
     if let Some(failure) = &summary.failure {
         eprintln!("error: {}: {failure}", arguments.scene.display());
@@ -260,12 +277,12 @@ fn validate_cases(arguments: ValidateArguments) -> Outcome {
         validate(&arguments.cases, &options, |row| eprintln!("{}: {}", row.case, row.law))?;
     let text = serde_json::to_string_pretty(&report)?;
     match arguments.json {
-        Some(path) if path.as_os_str() == "-" => println!("{text}"),
+        Some(path) if path.as_os_str() == "-" => sayln!("{text}"),
         json => {
-            print!("{report}");
+            say!("{report}");
             if let Some(path) = json {
                 std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
-                println!("written to {}", path.display());
+                sayln!("written to {}", path.display());
             }
         }
     }
@@ -279,9 +296,9 @@ fn stability(arguments: &StabilityArguments) -> Outcome {
         precision: arguments.precision.into(),
     })?;
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&suite)?);
+        sayln!("{}", serde_json::to_string_pretty(&suite)?);
     } else {
-        print!("{suite}");
+        say!("{suite}");
     }
     Ok(suite.passed())
 }
@@ -289,9 +306,9 @@ fn stability(arguments: &StabilityArguments) -> Outcome {
 fn check_scene_or_mesh(arguments: &CheckArguments) -> Outcome {
     let summary = check_file(&arguments.file);
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&summary)?);
+        sayln!("{}", serde_json::to_string_pretty(&summary)?);
     } else {
-        print!("{summary}");
+        say!("{summary}");
     }
     Ok(summary.usable)
 }
@@ -301,15 +318,15 @@ fn mesh(command: MeshCommand) -> Outcome {
         MeshCommand::Info { file, json } => {
             let info = MeshInfo::of(&Mesh::read(&file)?);
             if json {
-                println!("{}", serde_json::to_string_pretty(&info)?);
+                sayln!("{}", serde_json::to_string_pretty(&info)?);
             } else {
-                print!("{info}");
+                say!("{info}");
             }
         }
         MeshCommand::Convert { from, to, scale } => {
             let info = convert(&from, &to, scale)?;
-            print!("{info}");
-            println!("written to {}", to.display());
+            say!("{info}");
+            sayln!("written to {}", to.display());
         }
         MeshCommand::Generate { shape } => {
             let (shape, out) = match shape {
@@ -330,8 +347,8 @@ fn mesh(command: MeshCommand) -> Outcome {
             };
             if let Some(mesh) = generate(&shape)? {
                 write(&out, &mesh)?;
-                print!("{}", MeshInfo::of(&mesh));
-                println!("written to {}", out.display());
+                say!("{}", MeshInfo::of(&mesh));
+                sayln!("written to {}", out.display());
             }
         }
     }

@@ -173,8 +173,10 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
 
     let precision = options.precision.unwrap_or(scene.precision.into());
     let options = SimulationOptions { precision, threads: plan.threads, ..Default::default() };
-    let mut simulation = Simulation::new(options)
-        .map_err(|source| SceneError::Simulation { place: loaded.place("threads"), source })?;
+    let mut simulation = Simulation::new(options).map_err(|source| SceneError::Simulation {
+        place: loaded.place("threads"),
+        source: Box::new(source),
+    })?;
     simulation.set_gravity(plan.gravity);
     simulation.set_dt(plan.dt);
     simulation.set_solver(plan.settings.clone());
@@ -216,7 +218,7 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    fn place(&self, key: impl Into<String>) -> Place {
+    fn place(&self, key: impl Into<String>) -> Box<Place> {
         self.loaded.place(key)
     }
 
@@ -434,13 +436,18 @@ impl Builder<'_> {
     /// Reads or generates the mesh of a body and puts it in place.
     fn mesh(&self, key: &str, body: &Body) -> Result<Mesh, SceneError> {
         let mesh = match (&body.mesh, &body.generate) {
-            (Some(path), None) => Mesh::read(&self.loaded.resolve(path)).map_err(|source| {
-                SceneError::Mesh { place: self.place(format!("{key}.mesh")), source }
-            })?,
+            (Some(path), None) => {
+                Mesh::read(&self.loaded.resolve(path)).map_err(|source| SceneError::Mesh {
+                    place: self.place(format!("{key}.mesh")),
+                    source: Box::new(source),
+                })?
+            }
             (None, Some(shape)) => {
                 let key = format!("{key}.generate");
-                let mesh = generate(shape)
-                    .map_err(|source| SceneError::Mesh { place: self.place(&key), source })?;
+                let mesh = generate(shape).map_err(|source| SceneError::Mesh {
+                    place: self.place(&key),
+                    source: Box::new(source),
+                })?;
                 mesh.ok_or_else(|| {
                     let remedy = "give one of `box`, `cylinder` and `sphere`";
                     self.value(key, "not exactly one shape is given", remedy)
@@ -536,7 +543,10 @@ impl Builder<'_> {
                 model: body.model,
                 evaluation: body.evaluation,
             })
-            .map_err(|source| SceneError::Body { place: self.place(mesh_key), source })?;
+            .map_err(|source| SceneError::Body {
+                place: self.place(mesh_key),
+                source: Box::new(source),
+            })?;
         Ok(BuiltBody {
             name: body.name.clone(),
             handle,
@@ -604,11 +614,11 @@ impl Builder<'_> {
             if !body.mesh.groups.iter().any(|g| g.name == *name) {
                 let known = body.mesh.groups.iter().map(|g| g.name.as_str());
                 let place = self.place(format!("{key}.group"));
-                let hint = format!(
-                    "{} (groups of the mesh: {})",
-                    hint("group", name, known.clone()),
-                    known.collect::<Vec<_>>().join(", ")
-                );
+                let mut hint = hint("group", name, known.clone());
+                if hint.starts_with("did") {
+                    let all: Vec<&str> = known.collect();
+                    hint.push_str(&format!(" groups of the mesh: {}", all.join(", ")));
+                }
                 return Err(SceneError::Unknown { place, kind: "group", name: name.clone(), hint });
             }
             chosen.sort_unstable();
@@ -822,9 +832,10 @@ impl Builder<'_> {
                     });
                 }
             }
-            let rows = simulation
-                .rows(bodies[body].handle, &entry.name, &vertices)
-                .map_err(|source| SceneError::Simulation { place: self.place(&key), source })?;
+            let rows =
+                simulation.rows(bodies[body].handle, &entry.name, &vertices).map_err(|source| {
+                    SceneError::Simulation { place: self.place(&key), source: Box::new(source) }
+                })?;
             let mut constraint = Constraint::moving(entry.name.clone(), rows, motion, curve);
             constraint.axes = axes;
             constraint.from = from;
@@ -875,9 +886,10 @@ impl Builder<'_> {
             let vertices = self.select(&format!("{key}.select"), &entry.select, &bodies[body])?;
             let force = self.finite(&format!("{key}.force"), entry.force)?;
             let curve = self.factor(&key, entry.curve.as_ref(), plan)?;
-            let rows = simulation
-                .rows(bodies[body].handle, &entry.name, &vertices)
-                .map_err(|source| SceneError::Simulation { place: self.place(&key), source })?;
+            let rows =
+                simulation.rows(bodies[body].handle, &entry.name, &vertices).map_err(|source| {
+                    SceneError::Simulation { place: self.place(&key), source: Box::new(source) }
+                })?;
             let share = force / rows.len() as f64;
             let forces = rows.iter().map(|&row| (row, share)).collect();
             let name = entry.name.clone();
@@ -952,7 +964,7 @@ impl Builder<'_> {
         Ok(built)
     }
 
-    /// Every body of a static scene is held along each axis.
+    /// Every body of a static scene is held against rigid motion, as far as counting tells.
     fn all_held(
         &self,
         bodies: &[BuiltBody],
@@ -965,13 +977,24 @@ impl Builder<'_> {
                 .enumerate()
                 .filter_map(|(k, name)| (held >> k & 1 == 0).then_some(name))
                 .collect();
-            if !free.is_empty() {
-                return Err(SceneError::NotHeld {
-                    place: self.place(format!("body[{i}].name")),
-                    body: body.name.clone(),
-                    axes: free.join(", "),
-                });
-            }
+            // six rigid motions need six held unknowns; a vertex in two constraints counts once
+            let mut unknowns: Vec<(u32, usize)> = constraints
+                .iter()
+                .filter(|c| c.body == i)
+                .flat_map(|c| c.vertices.iter().map(move |&v| (v, c.axes)))
+                .flat_map(|(v, axes)| (0..3).filter(move |&k| axes.holds(k)).map(move |k| (v, k)))
+                .collect();
+            unknowns.sort_unstable();
+            unknowns.dedup();
+            let motion = if !free.is_empty() {
+                format!("translation along {}", free.join(", "))
+            } else if unknowns.len() < 6 {
+                format!("rotation ({} unknowns are held, at least 6 are needed)", unknowns.len())
+            } else {
+                continue;
+            };
+            let (place, body) = (self.place(format!("body[{i}].name")), body.name.clone());
+            return Err(SceneError::NotHeld { place, body, motion });
         }
         Ok(())
     }

@@ -48,7 +48,7 @@ pub enum SceneError {
     #[error("{place}: {message}; see demos/scenes/README.md for every key")]
     Syntax {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// What the parser said.
         message: String,
     },
@@ -56,7 +56,7 @@ pub enum SceneError {
     #[error("{place}: unknown {kind} `{name}`; {hint}")]
     Unknown {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// What was looked for: a key, group, body ...
         kind: &'static str,
         /// What was given.
@@ -68,7 +68,7 @@ pub enum SceneError {
     #[error("{place}: {what} is missing; {remedy}")]
     Missing {
         /// Where it should stand.
-        place: Place,
+        place: Box<Place>,
         /// What is missing.
         what: String,
         /// What to write.
@@ -78,7 +78,7 @@ pub enum SceneError {
     #[error("{place}: {found}; {remedy}")]
     Value {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// What was given.
         found: String,
         /// What is valid.
@@ -88,7 +88,7 @@ pub enum SceneError {
     #[error("{place}: the name `{name}` is used by another {kind}; names must be unique")]
     Duplicate {
         /// Where the second one stands.
-        place: Place,
+        place: Box<Place>,
         /// What the entries are.
         kind: &'static str,
         /// The name.
@@ -98,7 +98,7 @@ pub enum SceneError {
     #[error("{place}: no vertex of body `{body}` is selected; {remedy}")]
     EmptySelection {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// Name of the body.
         body: String,
         /// What to do.
@@ -111,7 +111,7 @@ pub enum SceneError {
     )]
     VertexIndex {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// Name of the body.
         body: String,
         /// The index.
@@ -121,31 +121,31 @@ pub enum SceneError {
     },
     /// A static body that could float away.
     #[error(
-        "{place}: body `{body}` of a static scene is not held along {axes}; without that it has no \
-         equilibrium, add a [[constraint]]"
+        "{place}: body `{body}` of a static scene is not held against {motion}; without that it has \
+         no equilibrium, add a [[constraint]]"
     )]
     NotHeld {
         /// Where the body stands.
-        place: Place,
+        place: Box<Place>,
         /// Name of the body.
         body: String,
-        /// The free axes.
-        axes: String,
+        /// The free motion.
+        motion: String,
     },
     /// A mesh file or a generated shape.
     #[error("{place}: {source}")]
     Mesh {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// What is wrong.
         #[source]
-        source: MeshError,
+        source: Box<MeshError>,
     },
     /// A mesh with errors.
     #[error("{place}: {source}")]
     Check {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// What is wrong.
         #[source]
         source: CheckError,
@@ -154,7 +154,7 @@ pub enum SceneError {
     #[error("{place}: {source}")]
     Material {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// What is wrong.
         #[source]
         source: MaterialError,
@@ -163,16 +163,16 @@ pub enum SceneError {
     #[error("{place}: {source}")]
     Body {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// What is wrong.
         #[source]
-        source: BodyError,
+        source: Box<BodyError>,
     },
     /// A setting of the solver.
     #[error("{place}: {source}")]
     Setting {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// What is wrong.
         #[source]
         source: StepError,
@@ -181,10 +181,10 @@ pub enum SceneError {
     #[error("{place}: {source}")]
     Simulation {
         /// Where.
-        place: Place,
+        place: Box<Place>,
         /// What is wrong.
         #[source]
-        source: SimulationError,
+        source: Box<SimulationError>,
     },
 }
 

@@ -70,6 +70,11 @@ impl Totals {
         s.evaluations += u64::from(report.evaluations);
         s.worst_residual = s.worst_residual.max(report.cg_residual);
         s.worst_newton_step = s.worst_newton_step.max(report.newton_step);
+        // a running mean: the time of this step is booked already
+        let done = self.step_times.len().max(1) as f64;
+        let error = report.linearisation_error;
+        s.linearisation_error_mean += (error - s.linearisation_error_mean) / done;
+        s.linearisation_error_max = s.linearisation_error_max.max(error);
         s.cg_caps += u64::from(report.cg_caps);
         s.projections += u64::from(report.projections);
         s.clamped_elements += report.clamped_elements;
@@ -317,7 +322,7 @@ fn run_warnings(
             "nothing to do; a sign of strong compression or large steps",
         );
     }
-    if mode == Mode::Dynamic {
+    if integrator != Integrator::QuasiStatic {
         let e = &totals.energy;
         let scale = e.initial + e.load_work.abs() + e.constraint_work.abs() + e.elastic_max;
         let explicit =
@@ -356,7 +361,8 @@ fn summarise(
     let precision = built.simulation.precision();
     let settings = &built.plan.settings;
     let steps = totals.step_times.len() as u64;
-    totals.energy.dissipated = dynamic.then(|| totals.dissipated());
+    let equilibrium = settings.integrator == Integrator::QuasiStatic;
+    totals.energy.dissipated = (!equilibrium).then(|| totals.dissipated());
     let mut warnings = std::mem::take(&mut built.warnings);
     warnings.extend(run_warnings(&totals, steps, built.plan.mode, settings.integrator, precision));
 

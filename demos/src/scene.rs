@@ -6,7 +6,9 @@ use serde::{Deserialize, Serialize};
 use sinew::models::body::{Evaluation, Model};
 use sinew::simulation::Precision;
 use sinew::solvers::settings::SolverSettings;
+use std::cmp::Reverse;
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// A scene.
@@ -377,13 +379,20 @@ pub struct Output {
     pub probe_every: Option<u64>,
 }
 
-/// Keys of a document and the lines on which they stand.
+/// Keys of a document and where they stand.
 #[derive(Clone, Debug, Default)]
-pub struct KeyLines {
-    lines: HashMap<String, usize>,
+struct KeySpans {
+    spans: HashMap<String, KeySpan>,
 }
 
-impl KeyLines {
+#[derive(Clone, Debug)]
+struct KeySpan {
+    line: usize,
+    key: Range<usize>,
+    value: Range<usize>,
+}
+
+impl KeySpans {
     fn new(text: &str) -> Self {
         let mut keys = Self::default();
         if let Ok(document) = toml::de::DeTable::parse(text) {
@@ -396,13 +405,13 @@ impl KeyLines {
         for (key, value) in table {
             let name = key.get_ref();
             let path = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
-            self.lines.insert(path.clone(), line_of(text, key.span().start).0);
+            self.insert(text, &path, key.span(), value.span());
             match value.get_ref() {
                 toml::de::DeValue::Table(inner) => self.table(text, &path, inner),
                 toml::de::DeValue::Array(entries) => {
                     for (i, entry) in entries.iter().enumerate() {
                         let path = format!("{path}[{i}]");
-                        self.lines.insert(path.clone(), line_of(text, entry.span().start).0);
+                        self.insert(text, &path, entry.span(), entry.span());
                         if let toml::de::DeValue::Table(inner) = entry.get_ref() {
                             self.table(text, &path, inner);
                         }
@@ -413,30 +422,42 @@ impl KeyLines {
         }
     }
 
+    fn insert(&mut self, text: &str, path: &str, key: Range<usize>, value: Range<usize>) {
+        let line = line_of(text, key.start);
+        self.spans.insert(path.to_string(), KeySpan { line, key, value });
+    }
+
     /// Line of a key, or of the nearest key around it that exists.
     fn line(&self, key: &str) -> Option<usize> {
         let mut key = key;
         loop {
-            if let Some(&line) = self.lines.get(key) {
-                return Some(line);
+            if let Some(span) = self.spans.get(key) {
+                return Some(span.line);
             }
             key = &key[..key.rfind(['.', '['])?];
         }
     }
 
-    /// The longest path of a key whose line is at most `line`, for messages of the parser.
-    fn key_at(&self, line: usize) -> Option<&str> {
-        let on = self.lines.iter().filter(|(_, l)| **l == line).map(|(k, _)| k.as_str());
-        on.max_by_key(|k| k.len())
+    /// What an error of the parser is about: the table of a key, or the innermost value around it.
+    fn path_of(&self, error: &Range<usize>) -> String {
+        if let Some((path, _)) = self.spans.iter().find(|(_, span)| span.key == *error)
+            && !path.ends_with(']')
+        {
+            return path.rsplit_once('.').map_or("", |(table, _)| table).to_string();
+        }
+        let around =
+            |span: &KeySpan| span.value.start <= error.start && error.end <= span.value.end;
+        let values = self.spans.iter().filter(|(_, span)| around(span));
+        // an array of one table has the span of the table: the longer path is the inner one
+        let inner = values.min_by_key(|(path, span)| (span.value.len(), Reverse(path.len())));
+        inner.map_or(String::new(), |(path, _)| path.clone())
     }
 }
 
-/// Line and column, counted from 1, of a byte offset.
-fn line_of(text: &str, offset: usize) -> (usize, usize) {
+/// Line, counted from 1, of a byte offset.
+fn line_of(text: &str, offset: usize) -> usize {
     let before = &text.as_bytes()[..offset.min(text.len())];
-    let line = before.iter().filter(|&&b| b == b'\n').count() + 1;
-    let column = before.iter().rev().take_while(|&&b| b != b'\n').count() + 1;
-    (line, column)
+    before.iter().filter(|&&b| b == b'\n').count() + 1
 }
 
 /// A scene and where it came from.
@@ -446,7 +467,7 @@ pub struct LoadedScene {
     pub scene: Scene,
     /// Its file.
     pub file: PathBuf,
-    keys: KeyLines,
+    keys: KeySpans,
 }
 
 impl LoadedScene {
@@ -466,7 +487,7 @@ impl LoadedScene {
     /// # Errors
     /// As [`LoadedScene::read`].
     pub fn parse(text: &str, file: &Path) -> Result<Self, SceneError> {
-        let keys = KeyLines::new(text);
+        let keys = KeySpans::new(text);
         match toml::from_str(text) {
             Ok(scene) => Ok(Self { scene, file: file.into(), keys }),
             Err(error) => Err(parse_error(text, file, &keys, &error)),
@@ -474,9 +495,9 @@ impl LoadedScene {
     }
 
     /// Place of a key.
-    pub fn place(&self, key: impl Into<String>) -> Place {
+    pub fn place(&self, key: impl Into<String>) -> Box<Place> {
         let key = key.into();
-        Place { file: self.file.clone(), line: self.keys.line(&key), key }
+        Box::new(Place { file: self.file.clone(), line: self.keys.line(&key), key })
     }
 
     /// A file named in the scene, relative to the scene file.
@@ -486,11 +507,11 @@ impl LoadedScene {
 }
 
 /// The parser's message, with a hint when a name is unknown.
-fn parse_error(text: &str, file: &Path, keys: &KeyLines, error: &toml::de::Error) -> SceneError {
+fn parse_error(text: &str, file: &Path, keys: &KeySpans, error: &toml::de::Error) -> SceneError {
     let message = error.message();
-    let line = error.span().map(|span| line_of(text, span.start).0);
-    let key = line.and_then(|line| keys.key_at(line)).unwrap_or_default().to_string();
-    let place = Place { file: file.into(), line, key };
+    let line = error.span().map(|span| line_of(text, span.start));
+    let key = error.span().map_or(String::new(), |span| keys.path_of(&span));
+    let place = Box::new(Place { file: file.into(), line, key });
     let quoted = |text: &str| -> Vec<String> {
         text.split('`').skip(1).step_by(2).map(str::to_owned).collect()
     };
@@ -499,11 +520,6 @@ fn parse_error(text: &str, file: &Path, keys: &KeyLines, error: &toml::de::Error
             let names = quoted(rest);
             if let Some((name, known)) = names.split_first() {
                 let hint = hint(kind, name, known.iter().map(String::as_str));
-                // the name stands in the message already
-                let mut place = place;
-                if kind == "key" {
-                    place.key = place.key.rsplit_once('.').map_or("", |(table, _)| table).into();
-                }
                 return SceneError::Unknown { place, kind, name: name.clone(), hint };
             }
         }
@@ -516,7 +532,14 @@ fn parse_error(text: &str, file: &Path, keys: &KeyLines, error: &toml::de::Error
             remedy: "add it; see demos/scenes/README.md for what it holds".into(),
         };
     }
-    SceneError::Syntax { place, message: message.replace('\n', ", ") }
+    let message = message
+        .replace('\n', ", ")
+        .replace("expected f64", "expected a number")
+        .replace("expected a sequence", "expected a list");
+    let whole = ["expected u32", "expected u64", "expected usize"];
+    let message =
+        whole.iter().fold(message, |m, name| m.replace(name, "expected a whole number from 0 up"));
+    SceneError::Syntax { place, message }
 }
 
 #[cfg(test)]
@@ -533,11 +556,5 @@ mod tests {
         assert_eq!(scene.place("body[1].material.preset").line, Some(10));
         assert_eq!(scene.place("body[0].material.density").line, Some(5));
         assert_eq!(scene.place("nothing").line, None);
-    }
-
-    #[test]
-    fn columns_count_from_one() {
-        assert_eq!(line_of("ab\ncd", 4), (2, 2));
-        assert_eq!(line_of("", 7), (1, 1));
     }
 }

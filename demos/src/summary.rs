@@ -4,7 +4,7 @@
 use serde::Serialize;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::material::YoungPoisson;
-use sinew::solvers::settings::SolverSettings;
+use sinew::solvers::settings::{Integrator, SolverSettings};
 use std::fmt;
 
 /// Version of the JSON summary.
@@ -342,6 +342,11 @@ pub struct SolverSummary {
     pub worst_residual: f64,
     /// Largest last Newton step over body size.
     pub worst_newton_step: f64,
+    /// Mean over the steps of how far the decrease of the incremental potential was from what the
+    /// last linearisation predicted, relative: 0 exact, near 1 when it said little.
+    pub linearisation_error_mean: f64,
+    /// The largest of them.
+    pub linearisation_error_max: f64,
     /// Linear solves that stopped at the iteration cap.
     pub cg_caps: u64,
     /// Fallbacks: indefinite tangents replaced by the projected one.
@@ -378,7 +383,7 @@ pub struct EnergySummary {
     /// Kinetic energy at the end.
     pub kinetic: f64,
     /// `initial + load_work + constraint_work - elastic - kinetic`: taken out by damping and by the
-    /// integrator; `None` for a static scene, whose path has no meaning.
+    /// integrator; `None` for a series of equilibria.
     pub dissipated: Option<f64>,
     /// Largest elastic energy.
     pub elastic_max: f64,
@@ -455,6 +460,15 @@ fn seconds(x: f64) -> String {
 }
 
 impl RunSummary {
+    /// Width of the first column: the longest label.
+    fn label_width(&self) -> usize {
+        let bodies = self.bodies.iter().map(|b| b.name.chars().count());
+        let constraints = self.constraints.iter().map(|c| c.name.chars().count());
+        let loads = self.loads.iter().map(|l| l.name.chars().count());
+        // 5 for "body " and its like
+        bodies.chain(constraints).chain(loads).max().unwrap_or(0).clamp(10, 30) + 5
+    }
+
     fn headline(&self) -> String {
         let steps = self.timing.step.count;
         if !self.completed {
@@ -475,6 +489,7 @@ impl RunSummary {
 struct Block<'f, 'g> {
     f: &'f mut fmt::Formatter<'g>,
     title: &'static str,
+    width: usize,
 }
 
 impl Block<'_, '_> {
@@ -483,7 +498,7 @@ impl Block<'_, '_> {
             writeln!(self.f, "\n{}", self.title)?;
             self.title = "";
         }
-        writeln!(self.f, "  {label:<15} {text}")
+        writeln!(self.f, "  {label:<0$} {text}", self.width)
     }
 }
 
@@ -496,28 +511,31 @@ impl fmt::Display for RunSummary {
         self.what(f)?;
         self.speed(f)?;
         self.accuracy(f)?;
-        let mut block = Block { f, title: "Results at the end" };
-        for (name, value) in &self.final_probes {
-            block.line("", format!("{name:<34} {:>12}", short(*value)))?;
+        if !self.final_probes.is_empty() {
+            writeln!(f, "\nResults at the end")?;
         }
-        let mut block = Block { f, title: "Warnings" };
+        let width = self.final_probes.iter().map(|(name, _)| name.chars().count()).max();
+        for (name, value) in &self.final_probes {
+            writeln!(f, "  {name:<0$}  {1:>9}", width.unwrap_or(0), short(*value))?;
+        }
+        writeln!(f, "\nWarnings")?;
         for warning in &self.warnings {
-            block.line(
-                if warning.level == Level::Note { "note" } else { "warning" },
-                format!("[{}] {}: {}", warning.code, warning.subject, warning.message),
-            )?;
-            block.line("", format!("-> {}", warning.remedy))?;
+            let level = if warning.level == Level::Note { "note" } else { "warning" };
+            let Warning { code, subject, message, remedy, .. } = warning;
+            writeln!(f, "  {level} [{code}] {subject}: {message}\n    -> {remedy}")?;
         }
         if self.warnings.is_empty() {
-            block.line("none", "")?;
+            writeln!(f, "  none")?;
         }
-        let mut block = Block { f, title: "Files" };
+        writeln!(f, "\nFiles")?;
         for file in &self.files {
-            block.line("", file)?;
+            writeln!(f, "  {file}")?;
         }
         if self.files.is_empty() {
-            block
-                .line("none", "use --out DIR for frames and probes, --json FILE for the figures")?;
+            writeln!(
+                f,
+                "  none; use --out DIR for frames and probes, --json FILE for the figures"
+            )?;
         }
         Ok(())
     }
@@ -525,7 +543,7 @@ impl fmt::Display for RunSummary {
 
 impl RunSummary {
     fn what(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut block = Block { f, title: "What was simulated" };
+        let mut block = Block { f, width: self.label_width(), title: "What was simulated" };
         block.line("scene", format!("{} ({})", self.scene.file, self.scene.mode))?;
         for body in &self.bodies {
             let m = &body.material;
@@ -604,7 +622,7 @@ impl RunSummary {
     }
 
     fn speed(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut block = Block { f, title: "How fast" };
+        let mut block = Block { f, width: self.label_width(), title: "How fast" };
         let step = &self.timing.step;
         block.line(
             "per step",
@@ -674,7 +692,7 @@ impl RunSummary {
     }
 
     fn accuracy(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut block = Block { f, title: "How accurately" };
+        let mut block = Block { f, width: self.label_width(), title: "How accurately" };
         let s = &self.solver;
         if s.newton_iterations > 0 {
             block.line(
@@ -691,6 +709,15 @@ impl RunSummary {
                     s.worst_newton_step, s.unconverged_steps
                 ),
             )?;
+            if self.settings.solver.integrator == Integrator::Safe {
+                block.line(
+                    "linearisation",
+                    format!(
+                        "energy decrease off its prediction by {:.1e} in the mean, {:.1e} at most",
+                        s.linearisation_error_mean, s.linearisation_error_max
+                    ),
+                )?;
+            }
         }
         block.line(
             "safeguards",

@@ -1,0 +1,269 @@
+//! Whatever is wrong with a scene is said before the first step: where, what, and what to do.
+
+use sinew_demos::build::{BuildOptions, build};
+use sinew_demos::error::SceneError;
+use sinew_demos::scene::{LoadedScene, Scene};
+use sinew_demos::scene_folder;
+use std::collections::BTreeSet;
+
+const GOOD: &str = r#"name = "beam"
+gravity = [0.0, 0.0, -9.81]
+dt = 0.01
+duration = 0.1
+
+[solver]
+integrator = "safe"
+
+[[body]]
+name = "beam"
+generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }
+material = { young_modulus = 1e5, poisson_ratio = 0.4, density = 1000.0 }
+
+[[constraint]]
+name = "clamp"
+select = { group = "x0" }
+
+[[load]]
+name = "end"
+select = { group = "x1" }
+force = [0.0, 0.0, -0.1]
+curve = { ramp = [0.0, 0.05] }
+
+[[probe]]
+name = "tip"
+select = { group = "x1" }
+record = ["mean_displacement"]
+"#;
+
+fn attempt(text: &str) -> Result<(), SceneError> {
+    let file = scene_folder().join("bad.toml");
+    let scene = LoadedScene::parse(text, &file)?;
+    build(&scene, &BuildOptions { threads: Some(1), ..Default::default() }).map(|_| ())
+}
+
+/// Replaces one piece of the good scene; the error is of the given kind, stands on the line of the
+/// replacement (0: no line) and has all the words.
+fn check(from: &str, to: &str, kind: fn(&SceneError) -> bool, line: usize, words: &[&str]) {
+    assert_eq!(GOOD.matches(from).count(), 1, "`{from}` must occur once");
+    let text = GOOD.replace(from, to);
+    let error = attempt(&text).expect_err(to);
+    let message = error.to_string();
+    assert!(kind(&error), "{to}: unexpected kind of error: {error:?}");
+    assert!(message.contains("bad.toml"), "{message}");
+    if line > 0 {
+        assert!(
+            message.contains(&format!("line {line},"))
+                || message.contains(&format!("line {line}:")),
+            "{to}: line {line} is not in: {message}"
+        );
+    }
+    for word in words {
+        assert!(message.contains(word), "{to}: `{word}` is not in: {message}");
+    }
+}
+
+#[test]
+fn the_good_scene_is_good() {
+    attempt(GOOD).unwrap();
+}
+
+macro_rules! bad {
+    ($($name:ident: $from:expr => $to:expr, $kind:pat, $line:expr, $words:expr;)*) => {$(
+        #[test]
+        fn $name() {
+            check($from, $to, |e| matches!(e, $kind), $line, &$words);
+        }
+    )*};
+}
+
+use SceneError::*;
+
+const MATERIAL: &str = "{ young_modulus = 1e5, poisson_ratio = 0.4, density = 1000.0 }";
+
+bad! {
+    unknown_key_at_the_top: "dt = 0.01" => "dt = 0.01\ngravitiy = [0.0, 0.0, 0.0]",
+        Unknown { .. }, 4, ["`gravitiy`", "did you mean `gravity`?"];
+    unknown_key_of_a_material: "young_modulus" => "youngs_modulus",
+        Unknown { .. }, 12, ["`body[0].material`", "`youngs_modulus`", "did you mean `young_modulus`?"];
+    unknown_key_of_a_constraint: "select = { group = \"x0\" }" => "selection = { group = \"x0\" }",
+        Unknown { .. }, 16, ["`constraint[0]`", "`selection`", "did you mean `select`?"];
+    unknown_integrator: "\"safe\"" => "\"netwon\"",
+        Unknown { .. }, 7, ["`netwon`", "did you mean `newton`?"];
+    unknown_quantity: "[\"mean_displacement\"]" => "[\"displacement\"]",
+        Unknown { .. }, 27, ["`mean_displacement`"];
+    not_toml: "dt = 0.01" => "dt = = 0.01", Syntax { .. }, 3, ["extra `=`"];
+    wrong_type: "dt = 0.01" => "dt = \"fast\"", Syntax { .. }, 3, ["`dt`", "string", "a number"];
+    vector_too_short: "gravity = [0.0, 0.0, -9.81]" => "gravity = [0.0, 0.0]",
+        Syntax { .. }, 2, ["`gravity`", "length 2"];
+    no_name: "name = \"beam\"\ngravity" => "gravity", Missing { .. }, 1, ["key `name`"];
+    no_name_of_a_body: "[[body]]\nname = \"beam\"" => "[[body]]",
+        Missing { .. }, 9, ["`body[0]`", "key `name`"];
+    misspelt_group: "\"x0\"" => "\"xx0\"",
+        Unknown { .. }, 16, ["did you mean `x0`", "groups of the mesh"];
+    no_dt: "dt = 0.01\n" => "", Missing { .. }, 0, ["dt", "step length"];
+    zero_dt: "dt = 0.01" => "dt = 0.0", Value { .. }, 3, ["dt is 0 s", "positive"];
+    nan_dt: "dt = 0.01" => "dt = nan", Value { .. }, 3, ["NaN", "positive"];
+    dt_longer_than_duration: "dt = 0.01" => "dt = 1.0", Value { .. }, 3, ["longer", "shorter step"];
+    infinite_duration: "duration = 0.1" => "duration = inf", Value { .. }, 4, ["duration"];
+    infinite_gravity: "-9.81" => "-inf", Value { .. }, 2, ["gravity", "finite"];
+    missing_mesh: "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }"
+        => "mesh = \"nowhere.msh\"", Mesh { .. }, 11, ["nowhere.msh", "check that the path exists"];
+    no_mesh: "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }\n" => "",
+        Missing { .. }, 9, ["mesh", "generate"];
+    not_a_mesh: "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }"
+        => "mesh = \"README.md\"", Mesh { .. }, 11, ["README.md", "format"];
+    flat_box: "0.2, 0.04, 0.04" => "0.2, 0.0, 0.04", Mesh { .. }, 11, ["size.y = 0"];
+    box_without_cells: "[4, 1, 1]" => "[4, 0, 1]", Mesh { .. }, 11, ["cells[1]"];
+    two_shapes: "{ box =" => "{ sphere = { radius = 1.0, shells = 2 }, box =",
+        Value { .. }, 11, ["exactly one shape"];
+    negative_young_modulus: "1e5" => "-1e5",
+        Material { .. }, 12, ["young_modulus", "-100000 Pa", "positive"];
+    incompressible: "poisson_ratio = 0.4" => "poisson_ratio = 0.5",
+        Material { .. }, 12, ["poisson_ratio", "below 0.5"];
+    no_density: "1000.0" => "0.0", Material { .. }, 12, ["density is 0", "positive"];
+    incomplete_material: MATERIAL => "{ young_modulus = 1e5, density = 1000.0 }",
+        Missing { .. }, 12, ["poisson_ratio", "preset"];
+    unknown_preset: MATERIAL => "{ preset = \"livre\" }",
+        Material { .. }, 12, ["'livre'", "did you mean 'liver'?"];
+    unknown_group: "\"x0\"" => "\"left\"",
+        Unknown { .. }, 16, ["group `left`", "x0", "x1", "z1"];
+    empty_selection: "{ group = \"x0\" }" => "{ sphere = { centre = [9.0, 0.0, 0.0], radius = 0.1 } }",
+        EmptySelection { .. }, 16, ["beam", "reaches from"];
+    crossed_box: "{ group = \"x0\" }" => "{ box = { min = [1.0, 0.0, 0.0], max = [0.0, 1.0, 1.0] } }",
+        Value { .. }, 16, ["exchange"];
+    two_selections: "{ group = \"x0\" }" => "{ group = \"x0\", all = true }",
+        Value { .. }, 16, ["exactly one"];
+    index_out_of_range: "{ group = \"x0\" }" => "{ vertices = [0, 20] }",
+        VertexIndex { .. }, 16, ["vertex 20", "20 vertices"];
+    negative_index: "{ group = \"x0\" }" => "{ vertices = [-1] }", Syntax { .. }, 16, ["-1"];
+    unknown_body: "name = \"clamp\"" => "name = \"clamp\"\nbody = \"baem\"",
+        Unknown { .. }, 16, ["body `baem`", "did you mean `beam`?"];
+    overlapping_names: "name = \"end\"" => "name = \"clamp\"", Duplicate { .. }, 19, ["`clamp`"];
+    curve_backwards: "[0.0, 0.05]" => "[0.05, 0.05]",
+        Value { .. }, 22, ["ramp", "ascending"];
+    two_curves: "{ ramp = [0.0, 0.05] }" => "{ ramp = [0.0, 0.05], hold = 1.0 }",
+        Value { .. }, 22, ["exactly one"];
+    curve_without_motion: "name = \"clamp\"" => "name = \"clamp\"\ncurve = { hold = 1.0 }",
+        Value { .. }, 16, ["motion"];
+    never_active: "name = \"clamp\"" => "name = \"clamp\"\nfrom = 2.0\nuntil = 1.0",
+        Value { .. }, 17, ["later"];
+    unknown_axis: "name = \"clamp\"" => "name = \"clamp\"\naxes = \"xw\"",
+        Value { .. }, 16, ["\"xw\""];
+    rotation_without_axis: "name = \"clamp\""
+        => "name = \"clamp\"\nmotion = { rotate = { centre = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 0.0], \
+            degrees = 90.0 } }",
+        Value { .. }, 16, ["axis", "direction"];
+    infinite_force: "-0.1]" => "nan]", Value { .. }, 21, ["force", "finite"];
+    negative_tolerance: "integrator = \"safe\"" => "linear_tolerance = -1.0",
+        Setting { .. }, 7, ["linear_tolerance = -1"];
+    damped_explicit: "integrator = \"safe\""
+        => "stiffness_damping = 0.1\nintegrator = \"symplectic-euler\"",
+        Setting { .. }, 7, ["stiffness_damping", "mass_damping"];
+    reaction_of_nothing: "[\"mean_displacement\"]" => "[\"reaction\"]",
+        Missing { .. }, 24, ["constraint"];
+    nothing_recorded: "[\"mean_displacement\"]" => "[]", Value { .. }, 27, ["nothing to record"];
+    load_steps_in_a_dynamic_scene: "dt = 0.01" => "dt = 0.01\nload_steps = 3",
+        Value { .. }, 4, ["load_steps", "static"];
+    dt_in_a_static_scene: "name = \"beam\"\ngravity" => "name = \"beam\"\nmode = \"static\"\ngravity",
+        Value { .. }, 4, ["dt", "leave it out"];
+    no_body: GOOD => "name = \"empty\"\ndt = 0.1\nduration = 1.0\n", Missing { .. }, 0, ["[[body]]"];
+}
+
+const STATIC: &str = r#"name = "beam"
+mode = "static"
+
+[[body]]
+name = "beam"
+generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }
+material = { preset = "liver" }
+"#;
+
+#[test]
+fn a_static_scene_must_be_held_and_has_no_time() {
+    let error = attempt(STATIC).unwrap_err();
+    assert!(matches!(error, NotHeld { .. }));
+    let message = error.to_string();
+    assert!(message.contains("line 5") && message.contains("x, y, z"), "{message}");
+
+    let clamp = "[[constraint]]\nname = \"clamp\"\nselect = { group = \"x0\" }\n";
+    attempt(&format!("{STATIC}{clamp}")).unwrap();
+    let only_z = format!("{STATIC}{clamp}axes = \"z\"\n");
+    assert!(attempt(&only_z).unwrap_err().to_string().contains("along x, y;"));
+    let one_vertex = format!("{STATIC}{clamp}").replace("group = \"x0\"", "vertices = [0]");
+    assert!(attempt(&one_vertex).unwrap_err().to_string().contains("rotation"));
+    let timed = format!("{STATIC}{clamp}until = 1.0\n");
+    assert!(attempt(&timed).unwrap_err().to_string().contains("static scene"));
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named() {
+    let error = LoadedScene::read("no/such/scene.toml".as_ref()).unwrap_err();
+    assert!(matches!(error, Io { .. }));
+    assert!(error.to_string().contains("no/such/scene.toml"));
+}
+
+#[test]
+fn what_is_repaired_or_unintended_is_a_warning() {
+    let text = GOOD.replace("young_modulus = 1e5", "young_modulus = 25.0").replace(
+        "[[load]]",
+        "[[constraint]]\nname = \"again\"\nselect = { vertices = [0] }\n\
+             motion = { translate = [0.0, 0.0, 0.1] }\n\n[[load]]",
+    );
+    let file = scene_folder().join("odd.toml");
+    let scene = LoadedScene::parse(&text, &file).unwrap();
+    let built = build(&scene, &BuildOptions::default()).unwrap();
+    let codes: Vec<&str> = built.warnings.iter().map(|w| w.code.as_str()).collect();
+    for code in ["material.young.kilopascal", "scene.constraint.overlap", "scene.motion.jump"] {
+        assert!(codes.contains(&code), "{codes:?}");
+    }
+    assert!(built.warnings.iter().all(|w| !w.remedy.is_empty()));
+}
+
+/// Keys that the model knows at a place: an unknown one makes serde list them.
+fn keys_of(text: &str) -> BTreeSet<String> {
+    let message = toml::from_str::<Scene>(text).unwrap_err().message().to_string();
+    assert!(message.starts_with("unknown field `zzz`"), "{text}: {message}");
+    message.split('`').skip(3).step_by(2).map(str::to_owned).collect()
+}
+
+#[test]
+fn the_readme_lists_exactly_the_keys_that_exist() {
+    let body = "name = \"a\"\n[[body]]\nname = \"b\"\n";
+    let constraint = "name = \"a\"\n[[constraint]]\nname = \"b\"\n";
+    let load = "name = \"a\"\n[[load]]\nname = \"b\"\n";
+    let sections = [
+        ("scene", "zzz = 1".to_string()),
+        ("[solver]", "name = \"a\"\n[solver]\nzzz = 1".into()),
+        ("[[body]]", format!("{body}zzz = 1")),
+        ("generate", format!("{body}generate = {{ zzz = 1 }}")),
+        ("generate.box", format!("{body}generate = {{ box = {{ zzz = 1 }} }}")),
+        ("generate.cylinder", format!("{body}generate = {{ cylinder = {{ zzz = 1 }} }}")),
+        ("generate.sphere", format!("{body}generate = {{ sphere = {{ zzz = 1 }} }}")),
+        ("rotate", format!("{body}rotate = {{ zzz = 1 }}")),
+        ("material", format!("{body}material = {{ zzz = 1 }}")),
+        ("select", format!("{constraint}select = {{ zzz = 1 }}")),
+        ("select.box", format!("{constraint}select = {{ box = {{ zzz = 1 }} }}")),
+        ("select.sphere", format!("{constraint}select = {{ sphere = {{ zzz = 1 }} }}")),
+        ("[[constraint]]", format!("{constraint}zzz = 1")),
+        ("motion", format!("{constraint}motion = {{ zzz = 1 }}")),
+        ("motion.rotate", format!("{constraint}motion = {{ rotate = {{ zzz = 1 }} }}")),
+        ("[[load]]", format!("{load}zzz = 1")),
+        ("curve", format!("{load}curve = {{ zzz = 1 }}")),
+        ("curve.sine", format!("{load}curve = {{ sine = {{ zzz = 1 }} }}")),
+        ("[[probe]]", "name = \"a\"\n[[probe]]\nzzz = 1".into()),
+        ("[output]", "name = \"a\"\n[output]\nzzz = 1".into()),
+    ];
+    let readme = std::fs::read_to_string(scene_folder().join("README.md")).unwrap();
+    let documented = |title: &str| -> BTreeSet<String> {
+        let heading = format!("### `{title}`\n");
+        let start = readme.find(&heading).unwrap_or_else(|| panic!("no section {title}"));
+        let text = &readme[start + heading.len()..];
+        let text = &text[..text.find("\n### ").unwrap_or(text.len())];
+        let rows = text.lines().filter_map(|line| line.strip_prefix("| `"));
+        rows.map(|row| row.split('`').next().unwrap().to_owned()).collect()
+    };
+    for (title, text) in &sections {
+        assert_eq!(documented(title), keys_of(text), "section {title} of demos/scenes/README.md");
+    }
+    assert_eq!(readme.matches("\n### `").count(), sections.len());
+}

@@ -1,0 +1,117 @@
+//! `sinew check` and `sinew mesh`, as the command calls them.
+
+use sinew::engine::mesh::Mesh;
+use sinew_demos::build::generate;
+use sinew_demos::check::check_file;
+use sinew_demos::mesh_tool::{ConvertError, MeshInfo, convert, write};
+use sinew_demos::scene::{CylinderShape, Generate, SphereShape};
+use sinew_demos::{scene_folder, shipped_scene};
+use std::path::{Path, PathBuf};
+
+fn file(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("tools");
+    std::fs::create_dir_all(&folder).unwrap();
+    folder.join(name)
+}
+
+#[test]
+fn shipped_scenes_pass_the_check() {
+    for name in ["liver", "cantilever", "crush", "slender_cylinder", "static_beam"] {
+        let summary = check_file(&shipped_scene(name));
+        assert!(summary.usable && summary.kind == "scene", "{summary}");
+        assert!(!summary.plan.is_empty());
+        assert!(summary.to_string().contains("can be simulated"));
+    }
+}
+
+#[test]
+fn a_bad_mesh_is_reported_with_its_entities() {
+    let path = file("bad.vtk");
+    let mut mesh = Mesh {
+        points: [[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
+            .map(glam::DVec3::from_array)
+            .to_vec(),
+        tetrahedra: vec![[0, 1, 3, 2]],
+        ..Mesh::default()
+    };
+    write(&path, &mesh).unwrap();
+    let summary = check_file(&path);
+    assert!(summary.usable, "an inverted winding is repaired: {summary}");
+    assert!(summary.to_string().contains("inverted-winding"), "{summary}");
+    mesh.tetrahedra.push([0, 1, 2, 2]);
+    write(&path, &mesh).unwrap();
+    let summary = check_file(&path);
+    assert!(!summary.usable);
+    assert!(summary.to_string().contains("repeated-vertex-in-cell"), "{summary}");
+    let json = serde_json::to_value(&summary).unwrap();
+    assert_eq!(json["schema"], "sinew-check/1");
+
+    // a scene that uses it
+    let scene = file("bad.toml");
+    std::fs::write(
+        &scene,
+        "name = \"bad\"\ndt = 0.1\nduration = 1.0\n[[body]]\nname = \"b\"\nmesh = \"bad.vtk\"\n\
+         material = { preset = \"liver\" }\n",
+    )
+    .unwrap();
+    let summary = check_file(&scene);
+    assert!(!summary.usable);
+    let error = summary.error.unwrap();
+    assert!(error.contains("line 6") && error.contains("repeated-vertex-in-cell"), "{error}");
+}
+
+#[test]
+fn a_missing_or_foreign_file_is_no_panic() {
+    assert!(!check_file(&file("nothing.msh")).usable);
+    assert!(!check_file(&file("nothing.toml")).usable);
+    assert!(!check_file(&scene_folder().join("README.md")).usable);
+}
+
+#[test]
+fn meshes_survive_every_format() {
+    let liver = scene_folder().join("../meshes/liver.msh");
+    let mut last = liver.clone();
+    for name in ["liver.vtu", "liver.vtk", "liver.msh"] {
+        let next = file(name);
+        convert(&last, &next, 1.0).unwrap();
+        last = next;
+    }
+    let (first, end) = (Mesh::read(&liver).unwrap(), Mesh::read(&last).unwrap());
+    assert_eq!(first.points, end.points);
+    assert_eq!(first.tetrahedra, end.tetrahedra);
+    for name in ["ligament", "tool", "surface", "body"] {
+        let vertices = |mesh: &Mesh| mesh.group(name).map(|g| g.vertices.clone());
+        assert_eq!(vertices(&first), vertices(&end), "{name}");
+    }
+    let half = convert(&liver, &file("half.vtu"), 0.5).unwrap();
+    assert!((half.volume / MeshInfo::of(&first).volume - 0.125).abs() < 1e-12);
+}
+
+#[test]
+fn generated_shapes_have_their_volume_and_groups() {
+    let cylinder = CylinderShape { radius: 0.01, length: 0.1, rings: 4, layers: 5 };
+    let cylinder = Generate { cylinder: Some(cylinder), ..Generate::default() };
+    let info = MeshInfo::of(&generate(&cylinder).unwrap().unwrap());
+    assert_eq!(info.tetrahedra, 18 * 16 * 5);
+    // a polygon of 24 corners
+    let polygon = 12.0 * (std::f64::consts::TAU / 24.0).sin() * 0.01f64.powi(2);
+    assert!((info.volume / (polygon * 0.1) - 1.0).abs() < 1e-12, "{}", info.volume);
+    assert!(info.groups.iter().any(|g| g.name == "x1"));
+    assert!(info.to_string().contains("groups"));
+
+    let sphere = SphereShape { radius: -1.0, shells: 3 };
+    let sphere = Generate { sphere: Some(sphere), ..Generate::default() };
+    assert!(generate(&sphere).unwrap_err().to_string().contains("radius"));
+    assert!(generate(&Generate::default()).unwrap().is_none());
+}
+
+#[test]
+fn unknown_formats_and_scales_are_refused() {
+    let liver = scene_folder().join("../meshes/liver.msh");
+    let error = convert(&liver, &file("liver.stp"), 1.0).unwrap_err();
+    assert!(matches!(error, ConvertError::Format { .. }) && error.to_string().contains(".vtu"));
+    assert!(matches!(
+        convert(&liver, &file("x.vtu"), f64::NAN).unwrap_err(),
+        ConvertError::Scale { .. }
+    ));
+}
