@@ -352,7 +352,6 @@ fn implicit_euler_trajectories() {
                 simulation.displacements(body).iter().zip(&rest).map(|(u, r)| *u + *r).collect();
             let error = max_distance(&x, &vectors(&state["positions"])) / size;
             assert!(error < 1e-8, "{file} step {step}: {error:e} of body size");
-            println!("{file} step {step}: {error:.1e} of body size");
         }
     }
 }
