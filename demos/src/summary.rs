@@ -702,19 +702,20 @@ impl RunSummary {
                     s.worst_residual, self.settings.solver.linear_tolerance, s.cg_caps
                 ),
             )?;
-            block.line(
-                "Newton",
-                format!(
-                    "largest last step {:.1e} of the body size, {} steps unconverged",
-                    s.worst_newton_step, s.unconverged_steps
-                ),
-            )?;
             if self.settings.solver.integrator == Integrator::Safe {
                 block.line(
                     "linearisation",
                     format!(
                         "energy decrease off its prediction by {:.1e} in the mean, {:.1e} at most",
                         s.linearisation_error_mean, s.linearisation_error_max
+                    ),
+                )?;
+            } else {
+                block.line(
+                    "Newton",
+                    format!(
+                        "largest last step {:.1e} of the body size, {} steps unconverged",
+                        s.worst_newton_step, s.unconverged_steps
                     ),
                 )?;
             }

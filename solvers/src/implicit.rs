@@ -141,8 +141,15 @@ fn minimise<S: Scalar>(
     let mut elastic = 0.0;
     let mut budget = None;
     let mut converged = false;
+    // Around inverted elements the exact tangent has negative curvature that a loose solve may not
+    // meet; stepping along it wound one crushed cube in 18, going straight to the projected one none.
+    let first_kind = if !newton && world.resource::<VolumeReport>().inverted > 0 {
+        TangentKind::Projected
+    } else {
+        TangentKind::Exact
+    };
     for iteration in 0..max_iterations {
-        elastic = evaluate(world, &s.y, true, true, Some(TangentKind::Exact));
+        elastic = evaluate(world, &s.y, true, true, Some(first_kind));
         report.evaluations += 1;
         read_force(world, &mut s.force);
         if !elastic.is_finite() {
@@ -153,7 +160,7 @@ fn minimise<S: Scalar>(
             budget = Some(s.node.kinetic_energy(&s.node.v) + elastic - s.node.load_potential(&s.y));
         }
         right_hand_side(world, s, &weights);
-        let solved = newton_direction(world, settings, &weights, newton, iteration, report, s)?;
+        let solved = newton_direction(world, settings, &weights, first_kind, !newton, report, s)?;
         report.newton_iterations += 1;
 
         // the step size is tested before the line search, which drowns in rounding near the minimum
@@ -272,30 +279,30 @@ fn right_hand_side<S: Scalar>(world: &World, s: &mut ImplicitScratch<S>, w: &Wei
     }
 }
 
-/// Solves for the Newton step into `s.step`: exact tangent first, projected when that turns out
-/// indefinite, preconditioned gradient when even that fails. Says whether a system was solved to
-/// its tolerance.
+/// Solves for the Newton step into `s.step` with the tangent of `first_kind`, already evaluated; an
+/// exact one that turns out indefinite gives way to the projected one, and when even that fails to
+/// the preconditioned gradient. Says whether a system was solved to its tolerance.
 fn newton_direction<S: Scalar>(
     world: &mut World,
     settings: &SolverSettings,
     w: &Weights,
-    newton: bool,
-    iteration: u32,
+    first_kind: TangentKind,
+    warm_start: bool,
     report: &mut StepReport,
     s: &mut ImplicitScratch<S>,
 ) -> Result<bool, StepError> {
     let n = s.node.len();
     let tolerance = settings.linear_tolerance;
-    // Around inverted elements the exact tangent has negative curvature that a loose solve may not
-    // meet; stepping along it wound one crushed cube in 18, going straight to the projected one none.
-    let inverted = !newton && world.resource::<VolumeReport>().inverted > 0;
-    for projected in [false, true] {
-        if inverted && !projected {
+    for kind in [TangentKind::Exact, TangentKind::Projected] {
+        let projected = kind == TangentKind::Projected;
+        if !projected && first_kind == TangentKind::Projected {
             continue;
         }
         if projected {
-            evaluate(world, &s.y, false, false, Some(TangentKind::Projected));
-            report.evaluations += 1;
+            if first_kind != kind {
+                evaluate(world, &s.y, false, false, Some(kind));
+                report.evaluations += 1;
+            }
             report.projections += 1;
             report.clamped_elements += world.resource::<Tangent<S>>().clamped;
         }
@@ -303,7 +310,7 @@ fn newton_direction<S: Scalar>(
         s.step.resize(n, [S::ZERO; 4]);
         for row in 0..n {
             for k in 0..3 {
-                let warm = !newton && iteration == 0 && !projected && s.node.free(row, k);
+                let warm = warm_start && kind == first_kind && s.node.free(row, k);
                 s.step[row][k] = if warm { s.inertia[row][k] - s.y[row][k] } else { S::ZERO };
             }
         }

@@ -39,5 +39,5 @@ fn integrate<S: Scalar>(world: &mut World) {
     });
     world.resource_mut::<StepFailure>().0 = result.err();
     world.insert_resource(report);
-    world.resource_mut::<SystemTimes>().add("integrator, everything", start.elapsed());
+    world.resource_mut::<SystemTimes>().add("integrator in all", start.elapsed());
 }
