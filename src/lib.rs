@@ -1,5 +1,8 @@
 //! Sinew: a data-oriented deformable-body engine for soft tissue.
+pub mod plugin;
 pub mod simulation;
+
+pub use plugin::SinewPlugins;
 
 pub use sinew_engine as engine;
 pub use sinew_models as models;
@@ -7,11 +10,13 @@ pub use sinew_solvers as solvers;
 
 /// What a first program needs.
 pub mod prelude {
+    pub use crate::plugin::SinewPlugins;
     pub use crate::simulation::{
         BodyHandle, Precision, Simulation, SimulationError, SimulationOptions,
     };
     pub use glam::{DQuat, DVec3};
     pub use sinew_engine::load::{Constraint, Curve, Load, Motion};
+    pub use sinew_engine::mesh::{CheckOptions, Mesh, check};
     pub use sinew_engine::report::{StepReport, VolumeReport};
     pub use sinew_engine::step::StepError;
     pub use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model};

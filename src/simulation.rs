@@ -1,5 +1,6 @@
 //! A headless simulation: a world, its schedules and one call per step.
 
+use crate::plugin::{EnginePlugin, SolverPlugin};
 use bevy_app::App;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -7,17 +8,17 @@ use sinew_engine::columns::single_table;
 use sinew_engine::element::{RestVolume, ShapeGradients, TetrahedronVertices};
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
 use sinew_engine::load::{Constraint, Load};
+use sinew_engine::mesh::Mesh;
 use sinew_engine::report::{StepReport, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule};
-use sinew_engine::step::{Gravity, StepClock, StepError, install_engine, run_step};
+use sinew_engine::step::{Gravity, StepClock, StepError, run_step};
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{
     Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, RestPosition, Velocity,
 };
 use sinew_engine::workers::{Workers, WorkersError};
 use sinew_models::body::{BodyDescription, BodyError, spawn_body};
-use sinew_solvers::install_solver;
 use sinew_solvers::settings::SolverSettings;
 
 /// Number type of the state.
@@ -77,6 +78,16 @@ pub enum SimulationError {
         /// Index in the user's mesh.
         vertex: u32,
     },
+    /// A mesh has no group of this name.
+    #[error("{mesh} has no group `{group}`; it has {}", known.join(", "))]
+    Group {
+        /// Mesh.
+        mesh: String,
+        /// Group asked for.
+        group: String,
+        /// Groups that exist.
+        known: Vec<String>,
+    },
     /// As many values as vertices are needed.
     #[error("{given} {what} given for body `{body}` with {expected} vertices")]
     Length {
@@ -120,15 +131,14 @@ impl Simulation {
     /// When the threads cannot be started.
     pub fn new(options: SimulationOptions) -> Result<Self, SimulationError> {
         let workers = Workers::new(options.threads)?;
+        let SimulationOptions { precision, executor, .. } = options;
         let mut app = App::empty();
-        let world = app.world_mut();
-        match options.precision {
-            Precision::F64 => install_all::<f64>(world, options.executor),
-            Precision::F32 => install_all::<f32>(world, options.executor),
-        }
-        world.insert_resource(workers);
-        world.insert_resource(options.precision);
-        Ok(Self { app, precision: options.precision })
+        app.add_plugins((
+            EnginePlugin { precision, threads: 1, executor },
+            SolverPlugin { precision },
+        ));
+        app.insert_resource(workers);
+        Ok(Self { app, precision })
     }
 
     /// The world.
@@ -177,6 +187,26 @@ impl Simulation {
                 })
             })
             .collect()
+    }
+
+    /// Vertex rows of a named group of the mesh that the body was made from.
+    ///
+    /// # Errors
+    /// When the mesh has no such group, or a vertex of it belongs to no element.
+    pub fn group_rows(
+        &self,
+        body: BodyHandle,
+        mesh: &Mesh,
+        group: &str,
+    ) -> Result<Vec<u32>, SimulationError> {
+        match mesh.group(group) {
+            Some(found) => self.rows(body, group, &found.vertices),
+            None => Err(SimulationError::Group {
+                mesh: mesh.source.clone(),
+                group: group.into(),
+                known: mesh.groups.iter().map(|g| format!("`{}`", g.name)).collect(),
+            }),
+        }
     }
 
     /// Adds a constraint on rows of [`Simulation::rows`]; the entity identifies it.
@@ -235,27 +265,30 @@ impl Simulation {
 
     /// Displacements (m) in the user's order; vertices without an element have none (zero).
     pub fn displacements(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self, read_rows(self, body, displacement_column))
+        by_precision!(self, read_rows(self, body, |x| to_vector(&x.0.0)))
     }
 
     /// Velocities (m/s) in the user's order.
     pub fn velocities(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self, read_rows(self, body, velocity_column))
+        by_precision!(self, read_rows(self, body, |x| to_vector(&x.1.0)))
     }
 
     /// Elastic forces (N) of the last evaluation in the user's order; see [`Simulation::evaluate`].
     pub fn elastic_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self, read_rows(self, body, force_column))
+        by_precision!(self, read_rows(self, body, |x| to_vector(&x.2.0)))
     }
 
     /// External forces (N), gravity included, of the last step in the user's order.
     pub fn external_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self, read_rows(self, body, external_column))
+        by_precision!(self, read_rows(self, body, |x| to_vector(&x.3.0)))
     }
 
     /// Lumped masses (kg) in the user's order; zero for vertices without an element.
     pub fn masses(&mut self, body: BodyHandle) -> Vec<f64> {
-        by_precision!(self, read_rows(self, body, mass_column)).iter().map(|m| m.x).collect()
+        by_precision!(self, read_rows(self, body, |x| DVec3::splat(x.4.0.to_f64())))
+            .iter()
+            .map(|m| m.x)
+            .collect()
     }
 
     /// Volume ratio J of every tetrahedron of a body, in the user's order.
@@ -317,47 +350,18 @@ impl Simulation {
     }
 }
 
-/// Engine and solver; laws follow with the bodies that use them.
-pub(crate) fn install_all<S: Scalar>(world: &mut World, executor: Executor) {
-    install_engine::<S>(world, executor);
-    install_solver::<S>(world);
-}
-
 fn to_vector<S: Scalar>(x: &[S; 4]) -> DVec3 {
     DVec3::new(x[0].to_f64(), x[1].to_f64(), x[2].to_f64())
 }
 
-fn displacement_column<S: Scalar>(
-    x: &(Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>),
-) -> DVec3 {
-    to_vector(&x.0.0)
-}
-fn velocity_column<S: Scalar>(
-    x: &(Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>),
-) -> DVec3 {
-    to_vector(&x.1.0)
-}
-fn force_column<S: Scalar>(
-    x: &(Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>),
-) -> DVec3 {
-    to_vector(&x.2.0)
-}
-fn external_column<S: Scalar>(
-    x: &(Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>),
-) -> DVec3 {
-    to_vector(&x.3.0)
-}
-fn mass_column<S: Scalar>(
-    x: &(Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>),
-) -> DVec3 {
-    DVec3::splat(x.4.0.to_f64())
-}
+/// The vertex columns that can be read from outside.
+type Vertex<S> = (Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>);
 
 /// One value per vertex of the user's mesh, zero where there is no row.
 fn read_rows<S: Scalar>(
     simulation: &mut Simulation,
     body: BodyHandle,
-    pick: fn(&(Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>)) -> DVec3,
+    pick: fn(&Vertex<S>) -> DVec3,
 ) -> Vec<DVec3> {
     let rows = simulation.topology().bodies[body.0].clone();
     let mut result = vec![DVec3::ZERO; rows.row_of_vertex.len()];

@@ -1,19 +1,339 @@
-//! The `sinew` command.
-fn main() {
-    let files: Vec<std::path::PathBuf> = std::env::args().skip(1).map(Into::into).collect();
-    if files.is_empty() {
-        let suite = sinew_benches::stability::run(sinew_benches::stability::SuiteOptions {
-            quick: false,
-            integrator: Default::default(),
-            precision: Default::default(),
-        })
-        .unwrap();
-        println!("{suite}");
-        return;
+//! The `sinew` command. Results go to stdout, progress and errors to stderr; the exit code is 0 when
+//! all went well, 1 for bad input or a failed run, 2 for a wrong command line.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command speaks to its terminal")]
+
+mod progress;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use progress::Progress;
+use sinew::engine::mesh::Mesh;
+use sinew::prelude::{Evaluation, Integrator};
+use sinew::simulation::Precision;
+use sinew_benches::stability::SuiteOptions;
+use sinew_demos::build::{BuildOptions, generate};
+use sinew_demos::check::check_file;
+use sinew_demos::mesh_tool::{MeshInfo, convert, write};
+use sinew_demos::run::{Observer, RunOptions, Silent, run};
+use sinew_demos::scene::{BoxShape, CylinderShape, Generate, LoadedScene, SphereShape};
+use sinew_demos::validate::{ValidateOptions, validate};
+use std::error::Error;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Soft tissue: simulate scenes, check meshes, validate against reference solutions.
+#[derive(Parser)]
+#[command(name = "sinew", version, about)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Simulate a scene and report what happened.
+    Run(RunArguments),
+    /// Check a scene or a mesh without simulating it.
+    Check(CheckArguments),
+    /// Run reference cases and compare with their stored truth.
+    Validate(ValidateArguments),
+    /// Run the hard cases and print the pass table.
+    Stability(StabilityArguments),
+    /// Look at, convert or generate a mesh.
+    #[command(subcommand)]
+    Mesh(MeshCommand),
+}
+
+#[derive(Args)]
+struct RunArguments {
+    /// Scene file (TOML).
+    scene: PathBuf,
+    /// Folder for frames (VTU, PVD), probes (CSV) and summary (JSON).
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// File for the JSON summary; `-` prints it instead of the report.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Threads, 0 for one per core; results do not depend on it.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Number type of the state.
+    #[arg(long)]
+    precision: Option<PrecisionArgument>,
+    /// Carry out this many steps instead of the whole scene.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+    /// No progress bar and no report.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum PrecisionArgument {
+    F32,
+    F64,
+}
+
+impl From<PrecisionArgument> for Precision {
+    fn from(argument: PrecisionArgument) -> Self {
+        match argument {
+            PrecisionArgument::F32 => Self::F32,
+            PrecisionArgument::F64 => Self::F64,
+        }
     }
-    let r = sinew_demos::validate::validate(&files, &Default::default(), |r| {
-        eprintln!("{} {}", r.case, r.law)
-    })
-    .unwrap();
-    println!("{r}");
+}
+
+#[derive(Args)]
+struct CheckArguments {
+    /// Scene (.toml) or mesh (.msh, .vtk, .vtu, .node, .ele, .obj, .stl).
+    file: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+struct ValidateArguments {
+    /// Case files (JSON).
+    #[arg(required = true)]
+    cases: Vec<PathBuf>,
+    /// File for the JSON report; `-` prints it instead of the table.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Relative difference at which a case passes [default: 1e-6 static, 1e-8 trajectories].
+    #[arg(long, value_name = "X")]
+    tolerance: Option<f64>,
+    /// Folder with the meshes of the cases [default: meshes beside the folder of the case].
+    #[arg(long, value_name = "DIR")]
+    meshes: Option<PathBuf>,
+    /// Sum the energy spring by spring instead of tetrahedron by tetrahedron.
+    #[arg(long)]
+    pooled: bool,
+    /// Threads, 0 for one per core.
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+}
+
+#[derive(Args)]
+struct StabilityArguments {
+    /// A third of the cases.
+    #[arg(long)]
+    quick: bool,
+    /// Converged implicit Euler instead of the safe step, for comparison.
+    #[arg(long)]
+    newton: bool,
+    /// Number type of the state.
+    #[arg(long, default_value = "f64")]
+    precision: PrecisionArgument,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Subcommand)]
+enum MeshCommand {
+    /// What is in a mesh file.
+    Info {
+        /// Mesh file.
+        file: PathBuf,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// From one format to another; extensions tell which.
+    Convert {
+        /// Mesh file to read.
+        from: PathBuf,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        to: PathBuf,
+        /// Factor on all coordinates (0.001 for a mesh in millimetres).
+        #[arg(long, default_value_t = 1.0)]
+        scale: f64,
+    },
+    /// A simple shape; lengths in metres.
+    Generate {
+        #[command(subcommand)]
+        shape: Shape,
+    },
+}
+
+#[derive(Subcommand)]
+enum Shape {
+    /// A box with one corner at the origin; groups x0, x1, y0, y1, z0, z1, body.
+    Box {
+        /// Edge lengths X Y Z (m).
+        #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], required = true)]
+        size: Vec<f64>,
+        /// Cells along each edge; six tetrahedra in each.
+        #[arg(long, num_args = 3, value_names = ["NX", "NY", "NZ"], required = true)]
+        cells: Vec<usize>,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        #[arg(long, short, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// A cylinder along x from the origin; groups x0, x1, side, body.
+    Cylinder {
+        /// Radius (m).
+        #[arg(long)]
+        radius: f64,
+        /// Length (m).
+        #[arg(long)]
+        length: f64,
+        /// Rings around the axis.
+        #[arg(long, default_value_t = 3)]
+        rings: usize,
+        /// Layers along the axis.
+        #[arg(long, default_value_t = 20)]
+        layers: usize,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        #[arg(long, short, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// A ball around the origin; groups surface, body.
+    Sphere {
+        /// Radius (m).
+        #[arg(long)]
+        radius: f64,
+        /// Shells from centre to surface.
+        #[arg(long, default_value_t = 6)]
+        shells: usize,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        #[arg(long, short, value_name = "FILE")]
+        out: PathBuf,
+    },
+}
+
+/// Whether all went well; what did not has been said.
+type Outcome = Result<bool, Box<dyn Error>>;
+
+fn main() -> ExitCode {
+    let outcome = match Cli::parse().command {
+        Command::Run(arguments) => run_scene(arguments),
+        Command::Check(arguments) => check_scene_or_mesh(&arguments),
+        Command::Validate(arguments) => validate_cases(arguments),
+        Command::Stability(arguments) => stability(&arguments),
+        Command::Mesh(command) => mesh(command),
+    };
+    match outcome {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run_scene(arguments: RunArguments) -> Outcome {
+    let scene = LoadedScene::read(&arguments.scene)?;
+    let print_json = arguments.json.as_deref().is_some_and(|path| path.as_os_str() == "-");
+    let options = RunOptions {
+        build: BuildOptions {
+            precision: arguments.precision.map(Precision::from),
+            threads: arguments.threads,
+            steps: arguments.steps,
+        },
+        out: arguments.out,
+        json: arguments.json.filter(|_| !print_json),
+    };
+    let mut progress = Progress::default();
+    let observer: &mut dyn Observer = if arguments.quiet { &mut Silent } else { &mut progress };
+    let summary = run(&scene, &options, observer)?;
+    if print_json {
+        println!("{}", serde_json::to_string_pretty(&summary)?);
+    } else if !arguments.quiet {
+        print!("{summary}");
+    }
+    if let Some(failure) = &summary.failure {
+        eprintln!("error: {}: {failure}", arguments.scene.display());
+    }
+    Ok(summary.completed)
+}
+
+fn validate_cases(arguments: ValidateArguments) -> Outcome {
+    let options = ValidateOptions {
+        tolerance: arguments.tolerance,
+        meshes: arguments.meshes,
+        evaluation: if arguments.pooled { Evaluation::Pooled } else { Evaluation::Fused },
+        threads: arguments.threads,
+    };
+    let report =
+        validate(&arguments.cases, &options, |row| eprintln!("{}: {}", row.case, row.law))?;
+    let text = serde_json::to_string_pretty(&report)?;
+    match arguments.json {
+        Some(path) if path.as_os_str() == "-" => println!("{text}"),
+        json => {
+            print!("{report}");
+            if let Some(path) = json {
+                std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+                println!("written to {}", path.display());
+            }
+        }
+    }
+    Ok(report.passed())
+}
+
+fn stability(arguments: &StabilityArguments) -> Outcome {
+    let suite = sinew_benches::stability::run(SuiteOptions {
+        quick: arguments.quick,
+        integrator: if arguments.newton { Integrator::Newton } else { Integrator::Safe },
+        precision: arguments.precision.into(),
+    })?;
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&suite)?);
+    } else {
+        print!("{suite}");
+    }
+    Ok(suite.passed())
+}
+
+fn check_scene_or_mesh(arguments: &CheckArguments) -> Outcome {
+    let summary = check_file(&arguments.file);
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&summary)?);
+    } else {
+        print!("{summary}");
+    }
+    Ok(summary.usable)
+}
+
+fn mesh(command: MeshCommand) -> Outcome {
+    match command {
+        MeshCommand::Info { file, json } => {
+            let info = MeshInfo::of(&Mesh::read(&file)?);
+            if json {
+                println!("{}", serde_json::to_string_pretty(&info)?);
+            } else {
+                print!("{info}");
+            }
+        }
+        MeshCommand::Convert { from, to, scale } => {
+            let info = convert(&from, &to, scale)?;
+            print!("{info}");
+            println!("written to {}", to.display());
+        }
+        MeshCommand::Generate { shape } => {
+            let (shape, out) = match shape {
+                Shape::Box { size, cells, out } => {
+                    let size = [size[0], size[1], size[2]];
+                    let cells = [cells[0], cells[1], cells[2]];
+                    let cuboid = Some(BoxShape { size, cells });
+                    (Generate { cuboid, ..Generate::default() }, out)
+                }
+                Shape::Cylinder { radius, length, rings, layers, out } => {
+                    let cylinder = Some(CylinderShape { radius, length, rings, layers });
+                    (Generate { cylinder, ..Generate::default() }, out)
+                }
+                Shape::Sphere { radius, shells, out } => {
+                    let sphere = Some(SphereShape { radius, shells });
+                    (Generate { sphere, ..Generate::default() }, out)
+                }
+            };
+            if let Some(mesh) = generate(&shape)? {
+                write(&out, &mesh)?;
+                print!("{}", MeshInfo::of(&mesh));
+                println!("written to {}", out.display());
+            }
+        }
+    }
+    Ok(true)
 }

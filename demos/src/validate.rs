@@ -747,7 +747,7 @@ impl fmt::Display for ValidationReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{:<26} {:<20} {:>5} {:>5} {:>6} {:>8} {:>8} {:>8} {:>8} {:>13} {:>7} {:>8} {:>7}  {}",
+            "{:<26} {:<20} {:>5} {:>5} {:>6} {:>8} {:>8} {:>8} {:>8} {:>13} {:>7} {:>8} {:>7}  note",
             "case",
             "law",
             "nodes",
@@ -760,8 +760,7 @@ impl fmt::Display for ValidationReport {
             "continuum %",
             "newton",
             "cg",
-            "s",
-            "note"
+            "s"
         )?;
         let scientific = |x: f64| {
             if x.is_nan() { "-".to_string() } else { format!("{x:.1e}") }

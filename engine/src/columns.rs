@@ -12,7 +12,7 @@ use bevy_ecs::query::QueryNotDenseError;
 /// struct Charge(f64);
 /// let mut world = World::new();
 /// world.spawn_batch((0..4).map(|i| Charge(i as f64)));
-/// let query = world.query::<&Charge>();
+/// let mut query = world.query::<&Charge>();
 /// let column = single_table(query.contiguous_iter(&world)).unwrap();
 /// assert_eq!(column.iter().map(|c| c.0).sum::<f64>(), 6.0);
 /// ```

@@ -14,6 +14,7 @@ use crate::workers::Workers;
 use bevy_ecs::prelude::Resource;
 use std::marker::PhantomData;
 use std::ops::Range;
+use std::time::Duration;
 
 /// Which second derivative, or positive semidefinite stand-in for it, a tangent is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -144,12 +145,14 @@ impl<S: Scalar> Span<S> {
 pub struct LawBuffer<L: Law, S: Scalar> {
     /// Fixed ranges of elements with their private arrays.
     pub spans: Vec<Span<S>>,
+    /// Host time of the law's last evaluation; the gather books it.
+    pub time: Duration,
     law: PhantomData<fn() -> L>,
 }
 
 impl<L: Law, S: Scalar> Default for LawBuffer<L, S> {
     fn default() -> Self {
-        Self { spans: Vec::new(), law: PhantomData }
+        Self { spans: Vec::new(), time: Duration::ZERO, law: PhantomData }
     }
 }
 

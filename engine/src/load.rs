@@ -34,6 +34,23 @@ impl Curve {
         Self::Points(vec![[start, 0.0], [end, 1.0]])
     }
 
+    /// What is wrong with it, if anything.
+    fn problem(&self) -> Option<&'static str> {
+        match self {
+            Self::Constant => None,
+            Self::Points(points) if points.is_empty() => Some("its curve has no points"),
+            Self::Points(points) if points.iter().flatten().any(|x| !x.is_finite()) => {
+                Some("its curve has a number that is not finite")
+            }
+            Self::Points(points) if points.windows(2).any(|p| p[0][0] > p[1][0]) => {
+                Some("the times of its curve do not ascend")
+            }
+            Self::Points(_) => None,
+            Self::Sine { frequency, phase } => (!frequency.is_finite() || !phase.is_finite())
+                .then_some("its sine has a number that is not finite"),
+        }
+    }
+
     /// Value at a time (s).
     ///
     /// ```
@@ -124,6 +141,54 @@ impl Constraint {
     /// Whether it acts on a step that ends at `t` (s).
     pub fn active(&self, t: f64) -> bool {
         t >= self.from && t <= self.until
+    }
+}
+
+impl Constraint {
+    /// What is wrong with it in a world of `rows` vertices, if anything.
+    pub(crate) fn problem(&self, rows: usize) -> Option<&'static str> {
+        if self.rows.iter().any(|&r| r as usize >= rows) {
+            return Some("it names a vertex row that does not exist");
+        }
+        if self.axes.0 > 7 {
+            return Some("its axes have other bits than x, y, z (1, 2, 4)");
+        }
+        if self.from.is_nan() || self.until.is_nan() {
+            return Some("its times are not numbers");
+        }
+        let motion = match &self.motion {
+            Motion::Hold => None,
+            Motion::Translate(d) => (!d.is_finite()).then_some("its translation is not finite"),
+            Motion::TranslateEach(d) if d.len() != self.rows.len() => {
+                Some("it needs one translation per vertex")
+            }
+            Motion::TranslateEach(d) => {
+                d.iter().any(|d| !d.is_finite()).then_some("one of its translations is not finite")
+            }
+            Motion::Rotate { centre, axis, angle } => {
+                if !(centre.is_finite() && axis.is_finite() && angle.is_finite()) {
+                    Some("its rotation has a number that is not finite")
+                } else if axis.length_squared() == 0.0 {
+                    Some("its axis of rotation has no direction")
+                } else {
+                    None
+                }
+            }
+        };
+        motion.or_else(|| self.curve.problem())
+    }
+}
+
+impl Load {
+    /// What is wrong with it in a world of `rows` vertices, if anything.
+    pub(crate) fn problem(&self, rows: usize) -> Option<&'static str> {
+        if self.forces.iter().any(|&(r, _)| r as usize >= rows) {
+            return Some("it names a vertex row that does not exist");
+        }
+        if self.forces.iter().any(|(_, f)| !f.is_finite()) {
+            return Some("one of its forces is not finite");
+        }
+        self.curve.problem()
     }
 }
 

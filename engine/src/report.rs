@@ -2,6 +2,7 @@
 
 use bevy_ecs::prelude::Resource;
 use serde::Serialize;
+use std::time::Duration;
 
 /// Figures of the last step, written by the integrator.
 #[derive(Resource, Clone, Debug, Default, Serialize)]
@@ -34,6 +35,9 @@ pub struct StepReport {
     pub refinements: u32,
     /// Largest stable explicit step (s), 0 when not estimated.
     pub stable_step: f64,
+    /// Distance of the accepted decrease of the incremental potential from what the linearised step
+    /// predicted, relative: 0 for a step in which linearisation is exact, near 1 when it says little.
+    pub linearisation_error: f64,
     /// Elastic energy (J) at the end of the step.
     pub elastic_energy: f64,
     /// Kinetic energy (J) of the free unknowns at the end of the step.
@@ -61,5 +65,37 @@ pub struct VolumeReport {
 impl Default for VolumeReport {
     fn default() -> Self {
         Self { smallest_ratio: f64::INFINITY, inverted: 0 }
+    }
+}
+
+/// Host time spent in each system since the start, in order of first appearance.
+#[derive(Resource, Clone, Debug, Default, Serialize)]
+pub struct SystemTimes {
+    /// One entry per system or stage.
+    pub entries: Vec<SystemTime>,
+}
+
+/// Time spent in one system.
+#[derive(Clone, Debug, Serialize)]
+pub struct SystemTime {
+    /// System, law or stage.
+    pub name: &'static str,
+    /// Total host time (s).
+    pub seconds: f64,
+    /// Number of runs.
+    pub runs: u64,
+}
+
+impl SystemTimes {
+    /// Books a run.
+    pub fn add(&mut self, name: &'static str, time: Duration) {
+        let seconds = time.as_secs_f64();
+        match self.entries.iter_mut().find(|e| e.name == name) {
+            Some(entry) => {
+                entry.seconds += seconds;
+                entry.runs += 1;
+            }
+            None => self.entries.push(SystemTime { name, seconds, runs: 1 }),
+        }
     }
 }

@@ -4,6 +4,7 @@
 use crate::columns::single_table;
 use crate::law::{ElasticEnergy, EvaluationRequest, Law, LawBuffer};
 use crate::matrix::Tangent;
+use crate::report::SystemTimes;
 use crate::scalar::Scalar;
 use crate::topology::Topology;
 use crate::vertex::ElasticForce;
@@ -13,6 +14,7 @@ use bevy_ecs::schedule::{
     LogLevel, MultiThreadedExecutor, ScheduleBuildSettings, ScheduleLabel, SingleThreadedExecutor,
 };
 use bytemuck::TransparentWrapper;
+use std::time::Instant;
 
 /// Where Sinew runs inside a host schedule (a Bevy app's `FixedUpdate`, for example).
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
@@ -86,6 +88,7 @@ pub fn install<S: Scalar>(world: &mut World, executor: Executor) {
     world.init_resource::<ElasticEnergy>();
     world.init_resource::<Tangent<S>>();
     world.init_resource::<Workers>();
+    world.init_resource::<SystemTimes>();
     world.insert_resource(executor);
 
     let mut step = Schedule::new(StepSchedule);
@@ -192,11 +195,14 @@ fn clear_totals<S: Scalar>(
 fn gather_law<L: Law, S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
-    buffer: Res<LawBuffer<L, S>>,
+    mut buffer: ResMut<LawBuffer<L, S>>,
     mut energy: ResMut<ElasticEnergy>,
     mut tangent: ResMut<Tangent<S>>,
+    mut times: ResMut<SystemTimes>,
     mut forces: Query<&mut ElasticForce<S>>,
 ) {
+    let start = Instant::now();
+    times.add(L::NAME, std::mem::take(&mut buffer.time));
     if request.energy {
         let own = buffer.energy();
         energy.total += own;
@@ -212,4 +218,5 @@ fn gather_law<L: Law, S: Scalar>(
         buffer.add_tangent_to(&workers, &mut tangent.matrix);
         tangent.clamped += buffer.spans.iter().map(|s| s.clamped).sum::<u64>();
     }
+    times.add("gather", start.elapsed());
 }

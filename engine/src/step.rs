@@ -2,18 +2,21 @@
 
 use crate::columns::single_table;
 use crate::element::{
-    RestVolume, ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change,
+    EdgeVertices, RestVolume, ShapeGradients, TetrahedronEdges, TetrahedronVertices, TriangleEdges,
+    displacement_gradient, volume_change,
 };
-use crate::load::{apply_constraints, apply_loads};
-use crate::report::{StepReport, VolumeReport};
+use crate::load::{Constraint, Load, apply_constraints, apply_loads};
+use crate::report::{StepReport, SystemTimes, VolumeReport};
 use crate::scalar::{Scalar, xyz};
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
 use crate::topology::{ElementTables, Topology};
 use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
 use crate::workers::Workers;
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::ArchetypeFilter;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
+use std::time::Instant;
 
 /// Simulated time.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
@@ -58,18 +61,27 @@ pub enum StepError {
         /// Offending value (m/s^2).
         gravity: DVec3,
     },
-    /// A vertex or element entity is, or was, in another table than its fellows.
+    /// A vertex or element entity is in another table than its fellows.
     #[error(
-        "the tables of the bodies changed ({expected} rows expected, {found} found): a component was \
-         added to or removed from a vertex or element entity (or one was despawned) after its body \
-         was spawned; keep such data on entities of your own and refer to vertices by row"
+        "{expected} rows of {kind} expected, their table has {found}: a component was added to or \
+         removed from such an entity (or one was despawned) after its body was spawned; keep data of \
+         your own on entities of your own and refer to elements by row"
     )]
     LayoutChanged {
-        /// Rows that the bodies have: vertices, or vertices and elements when these are the matter.
+        /// Kind of element.
+        kind: &'static str,
+        /// Rows that the bodies have.
         expected: usize,
-        /// Rows found.
+        /// Rows in the one table found.
         found: usize,
     },
+    /// A vertex or element entity was in another table for a while.
+    #[error(
+        "the rows of the bodies are no longer in order: a component was added to a vertex or element \
+         entity and taken off again after its body was spawned; keep data of your own on entities of \
+         your own and refer to elements by row"
+    )]
+    OrderChanged,
     /// The state holds a number that is not finite.
     #[error(
         "{quantity} of vertex {vertex} of body `{body}` is not finite at t = {time} s: {remedy}"
@@ -85,6 +97,14 @@ pub enum StepError {
         time: f64,
         /// What to do.
         remedy: &'static str,
+    },
+    /// A constraint or load cannot be applied.
+    #[error("constraint or load `{name}`: {problem}; correct it or despawn its entity")]
+    InvalidConstraint {
+        /// Its name.
+        name: String,
+        /// What is wrong.
+        problem: &'static str,
     },
     /// The integrator gave up.
     #[error("step {step} at t = {time} s failed: {reason}")]
@@ -158,20 +178,37 @@ pub fn run_step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
 fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     let expected = world.resource::<Topology>().vertex_count();
     let mut vertices = world.query::<(&Displacement<S>, &Velocity<S>, &RestPosition)>();
-    let mut tables = vertices.contiguous_iter(world).expect("vertex components are table-stored");
-    let first = tables.next();
-    let found = first.as_ref().map_or(0, |(u, _, _)| u.len());
-    if found != expected || tables.next().is_some() {
-        return Err(StepError::LayoutChanged { expected, found });
+    check_table::<Displacement<S>, ()>(world, "vertices", expected)?;
+    let elements = world.resource::<Topology>().elements;
+    check_table::<TetrahedronVertices, Without<TetrahedronEdges>>(
+        world,
+        "tetrahedra",
+        elements.fused_tetrahedra,
+    )?;
+    check_table::<TetrahedronVertices, With<TetrahedronEdges>>(
+        world,
+        "pooled tetrahedra",
+        elements.pooled_tetrahedra,
+    )?;
+    check_table::<EdgeVertices, ()>(world, "edges", elements.edges)?;
+    check_table::<TriangleEdges, ()>(world, "triangles", elements.triangles)?;
+    if world
+        .get_resource::<ElementTables>()
+        .is_some_and(|spawned| *spawned != ElementTables::of(world))
+    {
+        return Err(StepError::OrderChanged);
     }
-    if let Some(spawned) = world.get_resource::<ElementTables>() {
-        let now = ElementTables::of(world);
-        if now != *spawned {
-            let (expected, found) = (spawned.entities(), now.entities());
-            return Err(StepError::LayoutChanged { expected, found });
+    for constraint in world.query::<&Constraint>().iter(world) {
+        if let Some(problem) = constraint.problem(expected) {
+            return Err(StepError::InvalidConstraint { name: constraint.name.clone(), problem });
         }
     }
-    let Some((u, v, rest)) = first else { return Ok(()) };
+    for load in world.query::<&Load>().iter(world) {
+        if let Some(problem) = load.problem(expected) {
+            return Err(StepError::InvalidConstraint { name: load.name.clone(), problem });
+        }
+    }
+    let Some((u, v, rest)) = single_table(vertices.contiguous_iter(world)) else { return Ok(()) };
     let bad = |row: usize| {
         if !u[row].0.iter().all(|x| x.is_finite()) {
             Some("displacement")
@@ -183,13 +220,28 @@ fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
             None
         }
     };
-    if let Some((row, quantity)) = (0..found).find_map(|row| bad(row).map(|q| (row, q))) {
+    if let Some((row, quantity)) = (0..expected).find_map(|row| bad(row).map(|q| (row, q))) {
         return Err(not_finite(
             world,
             row,
             quantity,
             "it was set so from outside; the step was not carried out",
         ));
+    }
+    Ok(())
+}
+
+/// One table with the expected number of rows.
+fn check_table<C: Component, F: ArchetypeFilter>(
+    world: &mut World,
+    kind: &'static str,
+    expected: usize,
+) -> Result<(), StepError> {
+    let mut query = world.query_filtered::<&C, F>();
+    let mut tables = query.contiguous_iter(world).expect("element components are table-stored");
+    let found = tables.next().map_or(0, |column| column.len());
+    if tables.next().is_some() || found != expected {
+        return Err(StepError::LayoutChanged { kind, expected, found });
     }
     Ok(())
 }
@@ -220,11 +272,13 @@ fn measure_volume_ratios<S: Scalar>(
     workers: Res<Workers>,
     failure: Res<StepFailure>,
     mut report: ResMut<VolumeReport>,
+    mut times: ResMut<SystemTimes>,
     vertices: Query<&Displacement<S>>,
     tetrahedra: Query<(&TetrahedronVertices, &ShapeGradients<S>, &RestVolume<S>)>,
     mut partial: Local<Vec<(f64, u64)>>,
 ) {
     const CHUNK: usize = 4096;
+    let start = Instant::now();
     report.smallest_ratio = f64::INFINITY;
     report.inverted = 0;
     if failure.0.is_some() {
@@ -254,6 +308,7 @@ fn measure_volume_ratios<S: Scalar>(
             report.inverted += inverted;
         }
     }
+    times.add("volume ratios", start.elapsed());
 }
 
 fn write_positions<S: Scalar>(

@@ -7,6 +7,11 @@
 //! displacements keep full relative accuracy at any strain and any distance from the origin, which
 //! is what makes `f32` usable.
 
+#![allow(
+    clippy::multiple_bound_locations,
+    reason = "the derive macros of bytemuck repeat the bound on S"
+)]
+
 use crate::scalar::Scalar;
 use bevy_ecs::prelude::Component;
 use bytemuck::{Pod, TransparentWrapper, Zeroable};

@@ -11,6 +11,7 @@ use sinew_engine::element::{
 };
 use sinew_engine::law::{Law, LawBuffer};
 use sinew_engine::layout::{BodyLayout, starts};
+use sinew_engine::mesh::Mesh;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{
@@ -65,6 +66,20 @@ pub struct BodyDescription<'a> {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+}
+
+impl<'a> BodyDescription<'a> {
+    /// A body of all tetrahedra of a mesh, with the default model and evaluation.
+    pub fn new(name: &'a str, mesh: &'a Mesh, material: YoungPoisson) -> Self {
+        Self {
+            name,
+            points: &mesh.points,
+            tetrahedra: &mesh.tetrahedra,
+            material,
+            model: Model::default(),
+            evaluation: Evaluation::default(),
+        }
+    }
 }
 
 /// A body that cannot be built.
@@ -197,6 +212,15 @@ pub fn spawn_body<S: Scalar>(
         },
         &layout.edges,
     );
+    let elements = &mut world.resource_mut::<Topology>().elements;
+    match body.evaluation {
+        Evaluation::Fused => elements.fused_tetrahedra += rest.len(),
+        Evaluation::Pooled => {
+            elements.pooled_tetrahedra += rest.len();
+            elements.edges += layout.edges.len();
+            elements.triangles += layout.triangles.len();
+        }
+    }
     let rows = world.resource::<Topology>().bodies[index].clone();
     let (v0, block0) = (rows.vertices.start, rows.blocks.start);
 

@@ -17,6 +17,8 @@ use sinew_engine::schedule::{ForceSystems, activate_law};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
+use std::time::Instant;
+
 use crate::tetrahedron::{self, Element, TetrahedronTangent};
 
 /// Elastic moduli of a tetrahedron (Pa).
@@ -207,6 +209,7 @@ fn evaluate<L: TetrahedronLaw, S: Scalar>(
         L::Bodies,
     >,
 ) {
+    let start = Instant::now();
     let Some(displacement) = single_table(vertices.contiguous_iter()) else { return };
     let Some((nodes, blocks, gradients, volume, moduli)) =
         single_table(tetrahedra.contiguous_iter())
@@ -234,6 +237,7 @@ fn evaluate<L: TetrahedronLaw, S: Scalar>(
             None => span.drop_tangent(),
         }
     });
+    buffer.time = start.elapsed();
 }
 
 fn energy_pass<L: TetrahedronLaw, S: Scalar>(columns: &Columns<S>, span: &mut Span<S>) {

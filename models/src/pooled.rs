@@ -28,6 +28,8 @@ use sinew_engine::schedule::{ForceSystems, activate_law, activate_systems};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
+use std::time::Instant;
+
 use crate::precompute::OPPOSITE_EDGES;
 use crate::spring::{
     coupling_energy, coupling_tensions, edge_force, squared_length_change, tensile_energy,
@@ -184,6 +186,7 @@ fn evaluate_tensile<S: Scalar>(
         &mut TensileTension<S>,
     )>,
 ) {
+    let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let u = Displacement::peel_slice(u);
     let Some((nodes, block, rest, change, stiffness, mut tension)) =
@@ -226,6 +229,7 @@ fn evaluate_tensile<S: Scalar>(
             span.add_off_diagonal(block[i].0, a, b, &m.map(|x| -x));
         }
     });
+    buffer.time = start.elapsed();
 }
 
 fn evaluate_angular<S: Scalar>(
@@ -241,6 +245,7 @@ fn evaluate_angular<S: Scalar>(
         &mut AngularTension<S>,
     )>,
 ) {
+    let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let u = Displacement::peel_slice(u);
     let Some((block, rest, change)) = single_table(edges.contiguous_iter()) else { return };
@@ -309,6 +314,7 @@ fn evaluate_angular<S: Scalar>(
             }
         }
     });
+    buffer.time = start.elapsed();
 }
 
 fn evaluate_volumetric<S: Scalar>(
@@ -324,6 +330,7 @@ fn evaluate_volumetric<S: Scalar>(
         &mut VolumetricTension<S>,
     )>,
 ) {
+    let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let u = Displacement::peel_slice(u);
     let Some((ends, block, rest, change)) = single_table(edges.contiguous_iter()) else { return };
@@ -390,6 +397,7 @@ fn evaluate_volumetric<S: Scalar>(
             }
         }
     });
+    buffer.time = start.elapsed();
 }
 
 fn collect_tension<S: Scalar>(
@@ -436,6 +444,7 @@ fn evaluate_spring_forces<S: Scalar>(
     if !request.force {
         return;
     }
+    let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let u = Displacement::peel_slice(u);
     let Some((nodes, rest, tension)) = single_table(edges.contiguous_iter()) else { return };
@@ -449,6 +458,7 @@ fn evaluate_spring_forces<S: Scalar>(
             span.add_force(b, f.map(|x| -x));
         }
     });
+    buffer.time = start.elapsed();
 }
 
 /// Blocks of a small element, `[row][column]`.

@@ -183,7 +183,7 @@ fn attempt<S: Scalar>(
                 + (potential0 - potential).abs()
                 + constraint_work.abs();
             let grown = kinetic + potential - kinetic0 - potential0 - constraint_work;
-            if !(grown <= GROWTH * scale) {
+            if !grown.is_finite() || grown > GROWTH * scale {
                 return false;
             }
             report.elastic_energy = energy;

@@ -21,11 +21,12 @@ use crate::state::{NodeState, Rows, dot3, evaluate, read_force, write_state};
 use bevy_ecs::prelude::*;
 use sinew_engine::law::TangentKind;
 use sinew_engine::matrix::{BlockMatrix, ProductSpans, Tangent};
-use sinew_engine::report::StepReport;
+use sinew_engine::report::{StepReport, SystemTimes};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepClock, StepError, not_finite};
 use sinew_engine::topology::Topology;
 use sinew_engine::workers::Workers;
+use std::time::Instant;
 
 /// Work space of the implicit integrators.
 #[derive(Resource, Clone, Debug, Default)]
@@ -102,6 +103,9 @@ fn minimise<S: Scalar>(
             stiffness_damping: settings.stiffness_damping / h,
         }
     };
+    if statics {
+        check_support(world.resource::<Topology>(), &s.node)?;
+    }
     let size = world.resource::<Topology>().bodies.iter().map(|b| b.size).fold(0.0, f64::max);
 
     // start: the old state with the prescribed unknowns moved
@@ -190,6 +194,43 @@ fn minimise<S: Scalar>(
     Ok(())
 }
 
+/// Every connected piece must be held against rigid motion, or the equilibrium is not unique.
+fn check_support<S: Scalar>(topology: &Topology, node: &NodeState<S>) -> Result<(), StepError> {
+    // pieces by union-find along the edge graph
+    let mut parent: Vec<u32> = (0..node.len() as u32).collect();
+    fn root(parent: &mut [u32], mut i: u32) -> u32 {
+        while parent[i as usize] != i {
+            parent[i as usize] = parent[parent[i as usize] as usize];
+            i = parent[i as usize];
+        }
+        i
+    }
+    for &[a, b] in &topology.edges {
+        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
+        parent[a as usize] = b;
+    }
+    let mut held = vec![0u32; node.len()];
+    for row in 0..node.len() {
+        held[root(&mut parent, row as u32) as usize] += node.fixed[row].0.count_ones();
+    }
+    for (index, body) in topology.bodies.iter().enumerate() {
+        for row in body.vertices.clone() {
+            let count = held[root(&mut parent, row) as usize];
+            // six rigid motions need six held unknowns
+            if count < 6 {
+                return Err(StepError::InvalidSetting(format!(
+                    "body `{}` (number {index}): the piece with vertex {} has {count} held unknowns, \
+                     equilibrium needs at least 6 against its rigid motions; fix some vertices or \
+                     use a dynamic integrator",
+                    body.name,
+                    body.vertex_order[(row - body.vertices.start) as usize]
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Relative size below which differences of energies are rounding.
 fn noise<S: Scalar>() -> f64 {
     450.0 * S::EPSILON.to_f64()
@@ -274,15 +315,18 @@ fn newton_direction<S: Scalar>(
                 .then_some((&s.damping, S::from_f64(w.stiffness_damping))),
             fixed: &s.node.fixed,
         };
+        let start = Instant::now();
         let outcome =
             system.solve(&mut s.cg, &s.rhs, &mut s.step, tolerance, settings.max_linear_iterations);
         report.cg_iterations += outcome.iterations;
         report.cg_residual = outcome.residual;
+        let time = start.elapsed();
         let descent: f64 = s.rhs.iter().zip(&s.step).map(|(b, d)| dot3(b, d)).sum();
         match outcome.status {
             CgStatus::Converged | CgStatus::Cap if descent > 0.0 || norm(&s.rhs) == 0.0 => {
                 let capped = outcome.status == CgStatus::Cap;
                 report.cg_caps += u32::from(capped);
+                world.resource_mut::<SystemTimes>().add("linear solves", time);
                 return Ok(!capped);
             }
             CgStatus::NotFinite if projected => {
@@ -295,6 +339,7 @@ fn newton_direction<S: Scalar>(
             }
             _ => {}
         }
+        world.resource_mut::<SystemTimes>().add("linear solves", time);
     }
     unreachable!("the loop returns in its second turn")
 }
@@ -365,6 +410,10 @@ fn line_search<S: Scalar>(
         if change <= ARMIJO * t * slope + rounding {
             std::mem::swap(&mut s.y, &mut s.trial);
             *elastic = energy;
+            // the solved system has d.A d = -slope
+            let predicted = slope * (t - 0.5 * t * t);
+            report.linearisation_error =
+                if predicted.abs() > rounding { (change / predicted - 1.0).abs() } else { 0.0 };
             return true;
         }
         report.backtracks += 1;

@@ -9,7 +9,7 @@ pub mod state;
 
 use bevy_ecs::prelude::*;
 use settings::{Integrator, SolverSettings};
-use sinew_engine::report::StepReport;
+use sinew_engine::report::{StepReport, SystemTimes};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
 use sinew_engine::step::{IntegratorInstalled, StepFailure};
@@ -26,6 +26,7 @@ pub fn install_solver<S: Scalar>(world: &mut World) {
 
 /// The one system of [`StepSystems::Integrate`].
 fn integrate<S: Scalar>(world: &mut World) {
+    let start = std::time::Instant::now();
     let settings = world.resource::<SolverSettings>().clone();
     let mut report = StepReport::default();
     let result = settings.validate().and_then(|()| match settings.integrator {
@@ -38,4 +39,5 @@ fn integrate<S: Scalar>(world: &mut World) {
     });
     world.resource_mut::<StepFailure>().0 = result.err();
     world.insert_resource(report);
+    world.resource_mut::<SystemTimes>().add("integrator, everything", start.elapsed());
 }

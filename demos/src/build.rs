@@ -1,0 +1,999 @@
+//! From a scene to a simulation. Everything is checked here, before the first step, and everything
+//! that was found on the way is kept as a warning.
+
+use crate::error::{Place, SceneError, hint};
+use crate::scene::{
+    Body, CurveEntry, Generate, LoadedScene, Mode, Probe, Quantity, Rotation, Selection,
+};
+use crate::summary::{Level, Warning};
+use glam::{DQuat, DVec3};
+use sinew::engine::load::{Constraint, Curve, Load, Motion};
+use sinew::engine::mesh::check::Severity;
+use sinew::engine::mesh::generate::{box_tets, cylinder_tets, sphere_tets};
+use sinew::engine::mesh::{CheckOptions, CheckReport, Mesh, MeshError, check};
+use sinew::engine::vertex::FixedAxes;
+use sinew::models::body::{BodyDescription, Evaluation, Model};
+use sinew::models::material::{MaterialError, YoungPoisson, preset};
+use sinew::simulation::{BodyHandle, Precision, Simulation, SimulationOptions};
+use sinew::solvers::settings::{Integrator, SolverSettings};
+use std::collections::HashMap;
+
+use bevy_ecs::entity::Entity;
+
+/// What a caller may set in place of the scene.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BuildOptions {
+    /// Number type.
+    pub precision: Option<Precision>,
+    /// Threads; 0 means one per core.
+    pub threads: Option<usize>,
+    /// Steps (load steps of a static scene).
+    pub steps: Option<u64>,
+}
+
+/// A scene, ready for its first step.
+pub struct BuiltScene {
+    /// The simulation.
+    pub simulation: Simulation,
+    /// Bodies in the order of the file.
+    pub bodies: Vec<BuiltBody>,
+    /// Constraints in the order of the file.
+    pub constraints: Vec<BuiltConstraint>,
+    /// Loads in the order of the file.
+    pub loads: Vec<BuiltLoad>,
+    /// Probes in the order of the file.
+    pub probes: Vec<BuiltProbe>,
+    /// Steps and intervals.
+    pub plan: Plan,
+    /// What was found and repaired, or looks unintended.
+    pub warnings: Vec<Warning>,
+}
+
+/// Steps and intervals of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Kind of the scene.
+    pub mode: Mode,
+    /// Step length (s); of a static scene the fraction of the loads per step.
+    pub dt: f64,
+    /// Number of steps.
+    pub steps: u64,
+    /// Steps between frames.
+    pub frame_every: u64,
+    /// Steps between rows of the probes.
+    pub probe_every: u64,
+    /// Full gravity (m/s^2).
+    pub gravity: DVec3,
+    /// Settings of the solver.
+    pub settings: SolverSettings,
+    /// Threads asked for; 0 means one per core.
+    pub threads: usize,
+}
+
+/// A body in the simulation.
+pub struct BuiltBody {
+    /// Name.
+    pub name: String,
+    /// The body.
+    pub handle: BodyHandle,
+    /// Its mesh, in place and repaired.
+    pub mesh: Mesh,
+    /// What the check found.
+    pub report: CheckReport,
+    /// Vertices that its tetrahedra use, sorted.
+    pub used_vertices: Vec<u32>,
+    /// Material.
+    pub material: YoungPoisson,
+    /// Preset that it came from.
+    pub preset: Option<String>,
+    /// Energy.
+    pub model: Model,
+    /// Evaluation.
+    pub evaluation: Evaluation,
+}
+
+/// A constraint in the simulation.
+#[derive(Clone, Debug)]
+pub struct BuiltConstraint {
+    /// Name.
+    pub name: String,
+    /// Index of the body.
+    pub body: usize,
+    /// The constraint.
+    pub entity: Entity,
+    /// Vertices, sorted.
+    pub vertices: Vec<u32>,
+    /// Held axes.
+    pub axes: FixedAxes,
+    /// Time (s) from which it acts.
+    pub from: f64,
+    /// Time (s) until which it acts.
+    pub until: f64,
+    /// What it does, in words.
+    pub motion: String,
+}
+
+/// A load in the simulation.
+#[derive(Clone, Debug)]
+pub struct BuiltLoad {
+    /// Name.
+    pub name: String,
+    /// Index of the body.
+    pub body: usize,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Total force (N) at curve value 1.
+    pub force: DVec3,
+}
+
+/// A probe, resolved.
+#[derive(Clone, Debug)]
+pub struct BuiltProbe {
+    /// Name.
+    pub name: String,
+    /// Index of the body.
+    pub body: usize,
+    /// Vertices, sorted.
+    pub vertices: Vec<u32>,
+    /// Index of the constraint.
+    pub constraint: Option<usize>,
+    /// What to record.
+    pub record: Vec<Quantity>,
+}
+
+/// Checks a scene and builds its simulation.
+///
+/// # Errors
+/// [`SceneError`] with file, line, key and remedy.
+pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene, SceneError> {
+    let scene = &loaded.scene;
+    let builder = Builder { loaded };
+    if scene.name.trim().is_empty() {
+        return Err(builder.value("name", "the name is empty", "give the scene a name"));
+    }
+    let plan = builder.plan(options)?;
+    let mut warnings = Vec::new();
+    if scene.bodies.is_empty() {
+        return Err(SceneError::Missing {
+            place: loaded.place(""),
+            what: "a body".into(),
+            remedy: "add a [[body]] with `mesh` or `generate`".into(),
+        });
+    }
+    builder.unique("body", scene.bodies.iter().map(|b| b.name.as_str()))?;
+    builder.unique("constraint", scene.constraints.iter().map(|c| c.name.as_str()))?;
+    builder.unique("load", scene.loads.iter().map(|l| l.name.as_str()))?;
+    builder.unique("probe", scene.probes.iter().map(|p| p.name.as_str()))?;
+    for (i, load) in scene.loads.iter().enumerate() {
+        if scene.constraints.iter().any(|c| c.name == load.name) {
+            let (place, name) = (loaded.place(format!("load[{i}].name")), load.name.clone());
+            return Err(SceneError::Duplicate { place, kind: "constraint", name });
+        }
+    }
+
+    let precision = options.precision.unwrap_or(scene.precision.into());
+    let options = SimulationOptions { precision, threads: plan.threads, ..Default::default() };
+    let mut simulation = Simulation::new(options)
+        .map_err(|source| SceneError::Simulation { place: loaded.place("threads"), source })?;
+    simulation.set_gravity(plan.gravity);
+    simulation.set_dt(plan.dt);
+    simulation.set_solver(plan.settings.clone());
+
+    let mut bodies = Vec::new();
+    for (i, body) in scene.bodies.iter().enumerate() {
+        bodies.push(builder.body(&mut simulation, i, body, &mut warnings)?);
+    }
+    let constraints = builder.constraints(&mut simulation, &bodies, &plan, &mut warnings)?;
+    let loads = builder.loads(&mut simulation, &bodies, &plan)?;
+    let probes = builder.probes(&bodies, &constraints)?;
+    if plan.mode == Mode::Static || plan.settings.integrator == Integrator::QuasiStatic {
+        builder.all_held(&bodies, &constraints)?;
+    }
+    Ok(BuiltScene { simulation, bodies, constraints, loads, probes, plan, warnings })
+}
+
+/// The mesh of a generated shape.
+///
+/// # Errors
+/// [`MeshError`] when a parameter is out of range, `Ok(None)` unless exactly one shape is given.
+pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
+    match shape {
+        Generate { cuboid: Some(s), cylinder: None, sphere: None } => {
+            box_tets(DVec3::from_array(s.size), s.cells).map(Some)
+        }
+        Generate { cuboid: None, cylinder: Some(s), sphere: None } => {
+            cylinder_tets(s.radius, s.length, s.rings, s.layers).map(Some)
+        }
+        Generate { cuboid: None, cylinder: None, sphere: Some(s) } => {
+            sphere_tets(s.radius, s.shells).map(Some)
+        }
+        _ => Ok(None),
+    }
+}
+
+struct Builder<'a> {
+    loaded: &'a LoadedScene,
+}
+
+impl Builder<'_> {
+    fn place(&self, key: impl Into<String>) -> Place {
+        self.loaded.place(key)
+    }
+
+    fn value(
+        &self,
+        key: impl Into<String>,
+        found: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> SceneError {
+        SceneError::Value { place: self.place(key), found: found.into(), remedy: remedy.into() }
+    }
+
+    fn finite<const N: usize>(&self, key: &str, values: [f64; N]) -> Result<DVec3, SceneError> {
+        if values.iter().all(|x| x.is_finite()) {
+            let at = |i: usize| values.get(i).copied().unwrap_or(0.0);
+            Ok(DVec3::new(at(0), at(1), at(2)))
+        } else {
+            Err(self.value(key, format!("{values:?} is not finite"), "give finite numbers"))
+        }
+    }
+
+    fn unique<'n>(
+        &self,
+        kind: &'static str,
+        names: impl Iterator<Item = &'n str>,
+    ) -> Result<(), SceneError> {
+        let mut seen = HashMap::new();
+        for (i, name) in names.enumerate() {
+            let key = format!("{kind}[{i}].name");
+            if name.trim().is_empty() {
+                return Err(self.value(key, "the name is empty", "give it a name"));
+            }
+            if seen.insert(name, i).is_some() {
+                return Err(SceneError::Duplicate {
+                    place: self.place(key),
+                    kind,
+                    name: name.into(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn plan(&self, options: &BuildOptions) -> Result<Plan, SceneError> {
+        let scene = &self.loaded.scene;
+        let gravity = self.finite("gravity", scene.gravity)?;
+        let mut settings = scene.solver.clone();
+        let (dt, steps) = match scene.mode {
+            Mode::Dynamic => {
+                self.dynamic_only_absent("load_steps", scene.load_steps.is_some(), "static")?;
+                let positive = |key: &'static str, value: Option<f64>, what: &str| {
+                    let value = value.ok_or_else(|| SceneError::Missing {
+                        place: self.place(key),
+                        what: format!("key `{key}`"),
+                        remedy: format!("a dynamic scene needs {what}, for example {key} = 0.01"),
+                    })?;
+                    if value > 0.0 && value.is_finite() {
+                        Ok(value)
+                    } else {
+                        let remedy = format!("give {what}, positive and finite");
+                        Err(self.value(key, format!("{key} is {value} s"), remedy))
+                    }
+                };
+                let dt = positive("dt", scene.dt, "a step length in seconds")?;
+                let duration = positive("duration", scene.duration, "a simulated time in seconds")?;
+                let steps = (duration / dt - 1e-9).ceil().max(1.0);
+                if dt > duration * (1.0 + 1e-9) {
+                    let found = format!("dt is {dt} s, longer than the duration of {duration} s");
+                    return Err(self.value("dt", found, "give a shorter step"));
+                }
+                if steps > 1e9 {
+                    let found = format!("dt = {dt} s makes {steps:.3e} steps in {duration} s");
+                    return Err(self.value("dt", found, "give a longer step (at most 1e9 steps)"));
+                }
+                (dt, steps as u64)
+            }
+            Mode::Static => {
+                self.dynamic_only_absent("dt", scene.dt.is_some(), "dynamic")?;
+                self.dynamic_only_absent("duration", scene.duration.is_some(), "dynamic")?;
+                let steps = options.steps.unwrap_or(scene.load_steps.unwrap_or(1).into());
+                if steps == 0 {
+                    return Err(self.value("load_steps", "load_steps is 0", "give at least 1"));
+                }
+                let integrator = settings.integrator;
+                if integrator != Integrator::QuasiStatic && integrator != Integrator::default() {
+                    return Err(self.value(
+                        "solver.integrator",
+                        format!("integrator {} in a static scene", integrator_name(integrator)),
+                        "leave it out, or use mode = \"dynamic\"",
+                    ));
+                }
+                settings.integrator = Integrator::QuasiStatic;
+                (1.0 / steps as f64, steps)
+            }
+        };
+        let steps = options.steps.unwrap_or(steps);
+        if steps == 0 {
+            return Err(self.value("", "0 steps asked for", "give at least 1"));
+        }
+        settings.validate().map_err(|source| {
+            let message = source.to_string();
+            let key = message.split([' ', '=']).next().unwrap_or_default();
+            SceneError::Setting { place: self.place(format!("solver.{key}")), source }
+        })?;
+        let output = &scene.output;
+        if let (Some(_), Some(_)) = (output.every, output.frames_per_second) {
+            return Err(self.value(
+                "output.every",
+                "both `every` and `frames_per_second` are given",
+                "keep one of them",
+            ));
+        }
+        for (key, count) in [("every", output.every), ("probe_every", output.probe_every)] {
+            if count == Some(0) {
+                let key = format!("output.{key}");
+                return Err(self.value(key, "0 steps", "give at least 1"));
+            }
+        }
+        let rate = output.frames_per_second.unwrap_or(30.0);
+        if !(rate > 0.0 && rate.is_finite()) {
+            return Err(self.value(
+                "output.frames_per_second",
+                format!("{rate} frames per second"),
+                "give a positive number",
+            ));
+        }
+        let frame_every = match (output.every, scene.mode) {
+            (Some(every), _) => every,
+            (None, Mode::Static) => 1,
+            (None, Mode::Dynamic) => ((1.0 / (rate * dt)).round() as u64).max(1),
+        };
+        Ok(Plan {
+            mode: scene.mode,
+            dt,
+            steps,
+            frame_every,
+            probe_every: output.probe_every.unwrap_or(1),
+            gravity,
+            settings,
+            threads: options.threads.unwrap_or(scene.threads),
+        })
+    }
+
+    fn dynamic_only_absent(
+        &self,
+        key: &str,
+        present: bool,
+        mode: &'static str,
+    ) -> Result<(), SceneError> {
+        if present {
+            let other = if mode == "static" { "dynamic" } else { "static" };
+            let found = format!("`{key}` in a {other} scene");
+            return Err(self.value(
+                key,
+                found,
+                format!("leave it out, or use mode = \"{mode}\" (see demos/scenes/README.md)"),
+            ));
+        }
+        Ok(())
+    }
+
+    fn material(&self, key: &str, body: &Body) -> Result<YoungPoisson, SceneError> {
+        let entry = &body.material;
+        let base = match &entry.preset {
+            Some(name) => {
+                let found = preset(name).map_err(|source| SceneError::Material {
+                    place: self.place(format!("{key}.preset")),
+                    source,
+                })?;
+                Some(found.material)
+            }
+            None => None,
+        };
+        let pick = |name: &str, value: Option<f64>, base: Option<f64>| {
+            value.or(base).ok_or_else(|| SceneError::Missing {
+                place: self.place(format!("{key}.{name}")),
+                what: format!("key `{name}`"),
+                remedy: "give young_modulus, poisson_ratio and density, or a preset".into(),
+            })
+        };
+        let material = YoungPoisson {
+            young_modulus: pick(
+                "young_modulus",
+                entry.young_modulus,
+                base.map(|m| m.young_modulus),
+            )?,
+            poisson_ratio: pick(
+                "poisson_ratio",
+                entry.poisson_ratio,
+                base.map(|m| m.poisson_ratio),
+            )?,
+            density: pick("density", entry.density, base.map(|m| m.density))?,
+        };
+        material.validate().map_err(|source| {
+            let name = match &source {
+                MaterialError::YoungModulus { .. } => ".young_modulus",
+                MaterialError::PoissonRatioTooLow { .. }
+                | MaterialError::PoissonRatioTooHigh { .. }
+                | MaterialError::NearlyIncompressible { .. } => ".poisson_ratio",
+                MaterialError::Density { .. } => ".density",
+                MaterialError::NonFinite { quantity, .. } if quantity.starts_with('Y') => {
+                    ".young_modulus"
+                }
+                MaterialError::NonFinite { quantity, .. } if quantity.starts_with('P') => {
+                    ".poisson_ratio"
+                }
+                MaterialError::NonFinite { .. } => ".density",
+                _ => "",
+            };
+            SceneError::Material { place: self.place(format!("{key}{name}")), source }
+        })?;
+        Ok(material)
+    }
+
+    /// Reads or generates the mesh of a body and puts it in place.
+    fn mesh(&self, key: &str, body: &Body) -> Result<Mesh, SceneError> {
+        let mesh = match (&body.mesh, &body.generate) {
+            (Some(path), None) => Mesh::read(&self.loaded.resolve(path)).map_err(|source| {
+                SceneError::Mesh { place: self.place(format!("{key}.mesh")), source }
+            })?,
+            (None, Some(shape)) => {
+                let key = format!("{key}.generate");
+                let mesh = generate(shape)
+                    .map_err(|source| SceneError::Mesh { place: self.place(&key), source })?;
+                mesh.ok_or_else(|| {
+                    let remedy = "give one of `box`, `cylinder` and `sphere`";
+                    self.value(key, "not exactly one shape is given", remedy)
+                })?
+            }
+            (None, None) => {
+                return Err(SceneError::Missing {
+                    place: self.place(key),
+                    what: "the mesh".into(),
+                    remedy: "give `mesh` (a file) or `generate` (a shape)".into(),
+                });
+            }
+            (Some(_), Some(_)) => {
+                let key = format!("{key}.generate");
+                let found = "both `mesh` and `generate` are given";
+                return Err(self.value(key, found, "keep one of them"));
+            }
+        };
+        let scale = body.scale.unwrap_or(1.0);
+        if !(scale > 0.0 && scale.is_finite()) {
+            let key = format!("{key}.scale");
+            return Err(self.value(key, format!("scale is {scale}"), "give a positive factor"));
+        }
+        let rotation = match &body.rotate {
+            Some(Rotation { axis, degrees }) => {
+                let key = format!("{key}.rotate");
+                let axis = self.axis(&key, *axis)?;
+                self.finite(&format!("{key}.degrees"), [*degrees])?;
+                DQuat::from_axis_angle(axis, degrees.to_radians())
+            }
+            None => DQuat::IDENTITY,
+        };
+        let translation =
+            self.finite(&format!("{key}.translate"), body.translate.unwrap_or_default())?;
+        Ok(mesh.transformed(scale, rotation, translation))
+    }
+
+    fn axis(&self, key: &str, axis: [f64; 3]) -> Result<DVec3, SceneError> {
+        let key = format!("{key}.axis");
+        let axis = self.finite(&key, axis)?;
+        axis.try_normalize()
+            .ok_or_else(|| self.value(key, "the axis has no length", "give a direction"))
+    }
+
+    fn body(
+        &self,
+        simulation: &mut Simulation,
+        index: usize,
+        body: &Body,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<BuiltBody, SceneError> {
+        let key = format!("body[{index}]");
+        let material = self.material(&format!("{key}.material"), body)?;
+        let mesh = self.mesh(&key, body)?;
+        let mesh_key =
+            if body.mesh.is_some() { format!("{key}.mesh") } else { format!("{key}.generate") };
+        let checked = check(&mesh, &CheckOptions::default())
+            .map_err(|source| SceneError::Check { place: self.place(&mesh_key), source })?;
+        if checked.mesh.tetrahedra.is_empty() {
+            return Err(self.value(
+                mesh_key,
+                "the mesh has triangles but no tetrahedra",
+                "fill it with tetrahedra (Gmsh, TetGen); membranes are not supported yet",
+            ));
+        }
+        warnings.extend(checked.report.findings.iter().map(|finding| Warning {
+            code: format!("mesh.{}", finding.code),
+            level: match finding.severity {
+                Severity::Info => Level::Note,
+                _ => Level::Warning,
+            },
+            subject: format!("body `{}`", body.name),
+            message: if finding.entity.is_empty() {
+                finding.message.clone()
+            } else {
+                format!("{}: {}", finding.message, finding.entity)
+            },
+            remedy: finding.remedy.clone(),
+        }));
+        warnings.extend(material.findings().into_iter().map(|finding| Warning {
+            code: finding.code.into(),
+            level: Level::Warning,
+            subject: format!("body `{}`", body.name),
+            message: finding.message,
+            remedy: finding.remedy.into(),
+        }));
+        let handle = simulation
+            .add_body(&BodyDescription {
+                name: &body.name,
+                points: &checked.mesh.points,
+                tetrahedra: &checked.mesh.tetrahedra,
+                material,
+                model: body.model,
+                evaluation: body.evaluation,
+            })
+            .map_err(|source| SceneError::Body { place: self.place(mesh_key), source })?;
+        Ok(BuiltBody {
+            name: body.name.clone(),
+            handle,
+            mesh: checked.mesh,
+            report: checked.report,
+            used_vertices: checked.used_vertices,
+            material,
+            preset: body.material.preset.clone(),
+            model: body.model,
+            evaluation: body.evaluation,
+        })
+    }
+
+    /// The body of that name, or the only one.
+    fn which(
+        &self,
+        key: &str,
+        name: Option<&str>,
+        bodies: &[BuiltBody],
+    ) -> Result<usize, SceneError> {
+        let place = || self.place(format!("{key}.body"));
+        match name {
+            Some(name) => bodies.iter().position(|b| b.name == name).ok_or_else(|| {
+                let hint = hint("body", name, bodies.iter().map(|b| b.name.as_str()));
+                SceneError::Unknown { place: place(), kind: "body", name: name.into(), hint }
+            }),
+            None if bodies.len() == 1 => Ok(0),
+            None => Err(SceneError::Missing {
+                place: place(),
+                what: "key `body`".into(),
+                remedy: format!("the scene has {} bodies, say which one is meant", bodies.len()),
+            }),
+        }
+    }
+
+    /// Sorted vertices of a selection, at least one.
+    fn select(
+        &self,
+        key: &str,
+        selection: &Selection,
+        body: &BuiltBody,
+    ) -> Result<Vec<u32>, SceneError> {
+        let Selection { group, vertices, cuboid, sphere, all } = selection;
+        let given = [
+            group.is_some(),
+            vertices.is_some(),
+            cuboid.is_some(),
+            sphere.is_some(),
+            all.is_some(),
+        ];
+        if given.iter().filter(|&&g| g).count() != 1 {
+            return Err(self.value(
+                key,
+                "not exactly one kind of selection is given",
+                "give one of `group`, `vertices`, `box`, `sphere` and `all = true`",
+            ));
+        }
+        let points = &body.mesh.points;
+        let within = |test: &dyn Fn(DVec3) -> bool| -> Vec<u32> {
+            body.used_vertices.iter().copied().filter(|&v| test(points[v as usize])).collect()
+        };
+        let (chosen, remedy) = if let Some(name) = group {
+            let groups = body.mesh.groups.iter().filter(|g| g.name == *name);
+            let mut chosen: Vec<u32> = groups.flat_map(|g| g.vertices.iter().copied()).collect();
+            if !body.mesh.groups.iter().any(|g| g.name == *name) {
+                let known = body.mesh.groups.iter().map(|g| g.name.as_str());
+                let place = self.place(format!("{key}.group"));
+                let hint = format!(
+                    "{} (groups of the mesh: {})",
+                    hint("group", name, known.clone()),
+                    known.collect::<Vec<_>>().join(", ")
+                );
+                return Err(SceneError::Unknown { place, kind: "group", name: name.clone(), hint });
+            }
+            chosen.sort_unstable();
+            chosen.dedup();
+            chosen.retain(|v| body.used_vertices.binary_search(v).is_ok());
+            (chosen, "the group has no vertex that a tetrahedron uses".to_string())
+        } else if let Some(vertices) = vertices {
+            if let Some(&vertex) = vertices.iter().find(|&&v| v as usize >= points.len()) {
+                return Err(SceneError::VertexIndex {
+                    place: self.place(format!("{key}.vertices")),
+                    body: body.name.clone(),
+                    vertex,
+                    count: points.len(),
+                });
+            }
+            if let Some(vertex) =
+                vertices.iter().find(|v| body.used_vertices.binary_search(v).is_err())
+            {
+                return Err(self.value(
+                    format!("{key}.vertices"),
+                    format!("no tetrahedron uses vertex {vertex} of body `{}`", body.name),
+                    "leave it out",
+                ));
+            }
+            let mut chosen = vertices.clone();
+            chosen.sort_unstable();
+            chosen.dedup();
+            (chosen, "the list is empty".to_string())
+        } else if let Some(region) = cuboid {
+            let low = self.finite(&format!("{key}.box.min"), region.min)?;
+            let high = self.finite(&format!("{key}.box.max"), region.max)?;
+            if !low.cmple(high).all() {
+                let found = format!("min {low} is not below max {high}");
+                return Err(self.value(format!("{key}.box"), found, "exchange the corners"));
+            }
+            (within(&|p| p.cmpge(low).all() && p.cmple(high).all()), bounds_remedy(body))
+        } else if let Some(region) = sphere {
+            let centre = self.finite(&format!("{key}.sphere.centre"), region.centre)?;
+            let radius = region.radius;
+            if !(radius > 0.0 && radius.is_finite()) {
+                let key = format!("{key}.sphere.radius");
+                return Err(self.value(key, format!("radius is {radius} m"), "make it positive"));
+            }
+            (within(&|p| p.distance(centre) <= radius), bounds_remedy(body))
+        } else if *all == Some(true) {
+            (body.used_vertices.clone(), String::new())
+        } else {
+            let key = format!("{key}.all");
+            return Err(self.value(key, "`all = false` selects nothing", "give another selection"));
+        };
+        if chosen.is_empty() {
+            let (place, body) = (self.place(key), body.name.clone());
+            return Err(SceneError::EmptySelection { place, body, remedy });
+        }
+        Ok(chosen)
+    }
+
+    fn curve(&self, key: &str, entry: &CurveEntry) -> Result<Curve, SceneError> {
+        let CurveEntry { hold, ramp, release, pulse, points, sine } = entry;
+        let given = [
+            hold.is_some(),
+            ramp.is_some(),
+            release.is_some(),
+            pulse.is_some(),
+            points.is_some(),
+            sine.is_some(),
+        ];
+        if given.iter().filter(|&&g| g).count() != 1 {
+            return Err(self.value(
+                key,
+                "not exactly one kind of curve is given",
+                "give one of `hold`, `ramp`, `release`, `pulse`, `points` and `sine`",
+            ));
+        }
+        let (name, list) = if let Some(factor) = hold {
+            ("hold", vec![[0.0, *factor]])
+        } else if let Some([a, b]) = ramp {
+            ("ramp", vec![[*a, 0.0], [*b, 1.0]])
+        } else if let Some([a, b]) = release {
+            ("release", vec![[*a, 1.0], [*b, 0.0]])
+        } else if let Some([a, b, c, d]) = pulse {
+            ("pulse", vec![[*a, 0.0], [*b, 1.0], [*c, 1.0], [*d, 0.0]])
+        } else if let Some(points) = points {
+            ("points", points.clone())
+        } else if let Some(sine) = sine {
+            self.finite(&format!("{key}.sine"), [sine.frequency, sine.degrees])?;
+            return Ok(Curve::Sine { frequency: sine.frequency, phase: sine.degrees.to_radians() });
+        } else {
+            ("points", Vec::new())
+        };
+        let key = format!("{key}.{name}");
+        if list.is_empty() {
+            return Err(self.value(key, "the list is empty", "give [time, factor] pairs"));
+        }
+        if !list.iter().flatten().all(|x| x.is_finite()) {
+            return Err(self.value(key, "a number is not finite", "give finite numbers"));
+        }
+        if let Some(pair) = list.windows(2).find(|pair| pair[0][0] >= pair[1][0]) {
+            let found = format!("time {} s follows time {} s", pair[1][0], pair[0][0]);
+            return Err(self.value(key, found, "give times in ascending order"));
+        }
+        Ok(Curve::Points(list))
+    }
+
+    /// The curve of a static scene: loads and motions grow with the load steps.
+    fn factor(
+        &self,
+        key: &str,
+        entry: Option<&CurveEntry>,
+        plan: &Plan,
+    ) -> Result<Curve, SceneError> {
+        match (plan.mode, entry) {
+            (Mode::Static, Some(_)) => Err(self.value(
+                format!("{key}.curve"),
+                "a curve in a static scene",
+                "leave it out, a static scene has no time (loads grow over `load_steps`)",
+            )),
+            (Mode::Static, None) => Ok(Curve::ramp(0.0, 1.0)),
+            (Mode::Dynamic, Some(entry)) => self.curve(&format!("{key}.curve"), entry),
+            (Mode::Dynamic, None) => Ok(Curve::Constant),
+        }
+    }
+
+    fn constraints(
+        &self,
+        simulation: &mut Simulation,
+        bodies: &[BuiltBody],
+        plan: &Plan,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Vec<BuiltConstraint>, SceneError> {
+        let mut built: Vec<BuiltConstraint> = Vec::new();
+        for (i, entry) in self.loaded.scene.constraints.iter().enumerate() {
+            let key = format!("constraint[{i}]");
+            let body = self.which(&key, entry.body.as_deref(), bodies)?;
+            let vertices = self.select(&format!("{key}.select"), &entry.select, &bodies[body])?;
+            let axes = self.axes(&key, entry.axes.as_deref())?;
+            let motion_key = format!("{key}.motion");
+            let (motion, words) = match entry.motion.as_ref().map(|m| (&m.translate, &m.rotate)) {
+                None => (Motion::Hold, "held".to_string()),
+                Some((Some(d), None)) => {
+                    let d = self.finite(&format!("{motion_key}.translate"), *d)?;
+                    (Motion::Translate(d), format!("moved by [{}, {}, {}] m", d.x, d.y, d.z))
+                }
+                Some((None, Some(turn))) => {
+                    let key = format!("{motion_key}.rotate");
+                    let axis = self.axis(&key, turn.axis)?;
+                    let centre = self.finite(&format!("{key}.centre"), turn.centre)?;
+                    self.finite(&format!("{key}.degrees"), [turn.degrees])?;
+                    let angle = turn.degrees.to_radians();
+                    let words = format!("turned by {} degrees", turn.degrees);
+                    (Motion::Rotate { centre, axis, angle }, words)
+                }
+                Some(_) => {
+                    return Err(self.value(
+                        motion_key,
+                        "not exactly one motion is given",
+                        "give `translate` or `rotate`",
+                    ));
+                }
+            };
+            if entry.motion.is_none() && entry.curve.is_some() {
+                return Err(self.value(
+                    format!("{key}.curve"),
+                    "a curve without a motion",
+                    "add `motion`, or use `from` and `until` to hold and release",
+                ));
+            }
+            let curve = self.factor(&key, entry.curve.as_ref(), plan)?;
+            let from = entry.from.unwrap_or(f64::NEG_INFINITY);
+            let until = entry.until.unwrap_or(f64::INFINITY);
+            for (name, value) in [("from", entry.from), ("until", entry.until)] {
+                let Some(value) = value else { continue };
+                let key = format!("{key}.{name}");
+                if plan.mode == Mode::Static {
+                    let found = format!("`{name}` in a static scene");
+                    return Err(self.value(key, found, "leave it out, there is no time"));
+                }
+                self.finite(&key, [value])?;
+            }
+            if from >= until {
+                let found = format!("it acts from {from} s until {until} s");
+                let key = format!("{key}.until");
+                return Err(self.value(key, found, "make `until` later than `from`"));
+            }
+            let jumps = entry.motion.is_some() && entry.curve.is_none();
+            if plan.mode == Mode::Dynamic && jumps {
+                warnings.push(Warning {
+                    code: "scene.motion.jump".into(),
+                    level: Level::Warning,
+                    subject: format!("constraint `{}`", entry.name),
+                    message: "the whole motion happens in its first step".into(),
+                    remedy: "add a curve such as `curve = { ramp = [0.0, 1.0] }`".into(),
+                });
+            }
+            for other in &built {
+                let shared = if other.body == body && other.axes.0 & axes.0 != 0 {
+                    vertices.iter().filter(|v| other.vertices.binary_search(v).is_ok()).count()
+                } else {
+                    0
+                };
+                if shared > 0 && from < other.until && other.from < until {
+                    warnings.push(Warning {
+                        code: "scene.constraint.overlap".into(),
+                        level: Level::Warning,
+                        subject: format!("constraint `{}`", entry.name),
+                        message: format!(
+                            "{shared} of its vertices are held by `{}` too",
+                            other.name
+                        ),
+                        remedy: "the later entry wins; make the selections disjoint".into(),
+                    });
+                }
+            }
+            let rows = simulation
+                .rows(bodies[body].handle, &entry.name, &vertices)
+                .map_err(|source| SceneError::Simulation { place: self.place(&key), source })?;
+            let mut constraint = Constraint::moving(entry.name.clone(), rows, motion, curve);
+            constraint.axes = axes;
+            constraint.from = from;
+            constraint.until = until;
+            let entity = simulation.add_constraint(constraint);
+            let (name, motion) = (entry.name.clone(), words);
+            built.push(BuiltConstraint { name, body, entity, vertices, axes, from, until, motion });
+        }
+        Ok(built)
+    }
+
+    fn axes(&self, key: &str, axes: Option<&str>) -> Result<FixedAxes, SceneError> {
+        let Some(axes) = axes else { return Ok(FixedAxes::ALL) };
+        let mut bits = 0u8;
+        for letter in axes.chars() {
+            let bit = match letter {
+                'x' => 1,
+                'y' => 2,
+                'z' => 4,
+                _ => 0,
+            };
+            if bit == 0 || bits & bit != 0 {
+                bits = 0;
+                break;
+            }
+            bits |= bit;
+        }
+        if bits == 0 {
+            return Err(self.value(
+                format!("{key}.axes"),
+                format!("axes are \"{axes}\""),
+                "use the letters x, y and z, each at most once, such as \"xyz\" or \"z\"",
+            ));
+        }
+        Ok(FixedAxes(bits))
+    }
+
+    fn loads(
+        &self,
+        simulation: &mut Simulation,
+        bodies: &[BuiltBody],
+        plan: &Plan,
+    ) -> Result<Vec<BuiltLoad>, SceneError> {
+        let mut built = Vec::new();
+        for (i, entry) in self.loaded.scene.loads.iter().enumerate() {
+            let key = format!("load[{i}]");
+            let body = self.which(&key, entry.body.as_deref(), bodies)?;
+            let vertices = self.select(&format!("{key}.select"), &entry.select, &bodies[body])?;
+            let force = self.finite(&format!("{key}.force"), entry.force)?;
+            let curve = self.factor(&key, entry.curve.as_ref(), plan)?;
+            let rows = simulation
+                .rows(bodies[body].handle, &entry.name, &vertices)
+                .map_err(|source| SceneError::Simulation { place: self.place(&key), source })?;
+            let share = force / rows.len() as f64;
+            let forces = rows.iter().map(|&row| (row, share)).collect();
+            let name = entry.name.clone();
+            simulation.add_load(Load { name: name.clone(), forces, curve });
+            built.push(BuiltLoad { name, body, vertices: rows.len(), force });
+        }
+        Ok(built)
+    }
+
+    fn probes(
+        &self,
+        bodies: &[BuiltBody],
+        constraints: &[BuiltConstraint],
+    ) -> Result<Vec<BuiltProbe>, SceneError> {
+        let mut built = Vec::new();
+        for (i, entry) in self.loaded.scene.probes.iter().enumerate() {
+            let key = format!("probe[{i}]");
+            let Probe { name, body, select, constraint, record } = entry;
+            if record.is_empty() {
+                let found = "nothing to record";
+                return Err(self.value(format!("{key}.record"), found, "name a quantity"));
+            }
+            let reaction = record.contains(&Quantity::Reaction);
+            let constraint = match constraint {
+                Some(wanted) => {
+                    let known = || constraints.iter().map(|c| c.name.as_str());
+                    let found = known().position(|name| name == wanted).ok_or_else(|| {
+                        SceneError::Unknown {
+                            place: self.place(format!("{key}.constraint")),
+                            kind: "constraint",
+                            name: wanted.clone(),
+                            hint: hint("constraint", wanted, known()),
+                        }
+                    })?;
+                    if !reaction {
+                        let found = "a constraint, but no \"reaction\" to record";
+                        let remedy = "add \"reaction\" to `record`, or leave `constraint` out";
+                        return Err(self.value(format!("{key}.constraint"), found, remedy));
+                    }
+                    Some(found)
+                }
+                None if reaction => {
+                    return Err(SceneError::Missing {
+                        place: self.place(format!("{key}.constraint")),
+                        what: "key `constraint`".into(),
+                        remedy: "\"reaction\" is the force of a constraint, name it".into(),
+                    });
+                }
+                None => None,
+            };
+            let only_scene = record.iter().all(|q| {
+                matches!(q, Quantity::ElasticEnergy | Quantity::KineticEnergy | Quantity::Reaction)
+            });
+            let body = match (constraint, body) {
+                // the selection of a reaction is that of its constraint
+                (Some(index), None) => constraints[index].body,
+                (None, None) if only_scene => 0,
+                _ => self.which(&key, body.as_deref(), bodies)?,
+            };
+            let vertices = match (select, constraint) {
+                (Some(select), _) => {
+                    self.select(&format!("{key}.select"), select, &bodies[body])?
+                }
+                (None, Some(index)) if constraints[index].body == body => {
+                    constraints[index].vertices.clone()
+                }
+                _ => bodies[body].used_vertices.clone(),
+            };
+            let (name, record) = (name.clone(), record.clone());
+            built.push(BuiltProbe { name, body, vertices, constraint, record });
+        }
+        Ok(built)
+    }
+
+    /// Every body of a static scene is held along each axis.
+    fn all_held(
+        &self,
+        bodies: &[BuiltBody],
+        constraints: &[BuiltConstraint],
+    ) -> Result<(), SceneError> {
+        for (i, body) in bodies.iter().enumerate() {
+            let held = constraints.iter().filter(|c| c.body == i).fold(0, |h, c| h | c.axes.0);
+            let free: Vec<&str> = ["x", "y", "z"]
+                .into_iter()
+                .enumerate()
+                .filter_map(|(k, name)| (held >> k & 1 == 0).then_some(name))
+                .collect();
+            if !free.is_empty() {
+                return Err(SceneError::NotHeld {
+                    place: self.place(format!("body[{i}].name")),
+                    body: body.name.clone(),
+                    axes: free.join(", "),
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn bounds_remedy(body: &BuiltBody) -> String {
+    match body.mesh.bounds() {
+        Some((low, high)) => format!(
+            "the body reaches from [{:.4}, {:.4}, {:.4}] to [{:.4}, {:.4}, {:.4}] m",
+            low.x, low.y, low.z, high.x, high.y, high.z
+        ),
+        None => "the body has no points".into(),
+    }
+}
+
+/// Name of an integrator in a scene file.
+pub fn integrator_name(integrator: Integrator) -> &'static str {
+    match integrator {
+        Integrator::Safe => "safe",
+        Integrator::Newton => "newton",
+        Integrator::QuasiStatic => "quasi-static",
+        Integrator::SymplecticEuler => "symplectic-euler",
+        Integrator::StormerVerlet => "stormer-verlet",
+    }
+}

@@ -1,0 +1,185 @@
+//! `sinew mesh`: what is in a mesh file, from one format to another, and simple shapes.
+
+use serde::Serialize;
+use sinew::engine::mesh::io::{VtuData, write_gmsh, write_vtk, write_vtu};
+use sinew::engine::mesh::{Mesh, MeshError};
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// A mesh file that cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConvertError {
+    /// Reading or writing.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// The extension names no format that can be written.
+    #[error("{path}: cannot write this format; use the extension .msh, .vtk or .vtu")]
+    Format {
+        /// Path of the file.
+        path: PathBuf,
+    },
+    /// The scale is not usable.
+    #[error("scale is {scale}; give a positive factor (0.001 for a mesh in millimetres)")]
+    Scale {
+        /// What was given.
+        scale: f64,
+    },
+}
+
+/// What is in a mesh.
+#[derive(Clone, Debug, Serialize)]
+pub struct MeshInfo {
+    /// `"sinew-mesh/1"`.
+    pub schema: &'static str,
+    /// File or generator.
+    pub source: String,
+    /// Vertices.
+    pub vertices: usize,
+    /// Tetrahedra.
+    pub tetrahedra: usize,
+    /// Triangles in the file.
+    pub triangles: usize,
+    /// Triangles that bound the tetrahedra.
+    pub boundary_triangles: usize,
+    /// Sum of the signed volumes of the tetrahedra (m^3).
+    pub volume: f64,
+    /// Smallest and largest corner (m).
+    pub bounds: Option<[[f64; 3]; 2]>,
+    /// Shortest, mean and longest edge of the tetrahedra (m).
+    pub edge_lengths: Option<[f64; 3]>,
+    /// Groups.
+    pub groups: Vec<GroupInfo>,
+    /// Cells of kinds that Sinew cannot use, with their number.
+    pub skipped: Vec<(String, usize)>,
+}
+
+/// A group of a mesh.
+#[derive(Clone, Debug, Serialize)]
+pub struct GroupInfo {
+    /// Name.
+    pub name: String,
+    /// 0 points, 1 lines, 2 faces, 3 volumes.
+    pub dimension: u8,
+    /// Vertices.
+    pub vertices: usize,
+    /// Triangles.
+    pub triangles: usize,
+    /// Tetrahedra.
+    pub tetrahedra: usize,
+}
+
+impl MeshInfo {
+    /// What is in `mesh`.
+    pub fn of(mesh: &Mesh) -> Self {
+        let mut edges: Vec<[u32; 2]> = mesh
+            .tetrahedra
+            .iter()
+            .flat_map(|&[a, b, c, d]| [[a, b], [a, c], [a, d], [b, c], [b, d], [c, d]])
+            .map(|[a, b]| [a.min(b), a.max(b)])
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        let point = |i: u32| mesh.points.get(i as usize).copied();
+        let lengths: Vec<f64> = edges
+            .iter()
+            .filter_map(|&[a, b]| Some(point(a)?.distance(point(b)?)))
+            .filter(|length| length.is_finite())
+            .collect();
+        let edge_lengths = (!lengths.is_empty()).then(|| {
+            let shortest = lengths.iter().copied().fold(f64::INFINITY, f64::min);
+            let longest = lengths.iter().copied().fold(0.0, f64::max);
+            [shortest, lengths.iter().sum::<f64>() / lengths.len() as f64, longest]
+        });
+        Self {
+            schema: "sinew-mesh/1",
+            source: mesh.source.clone(),
+            vertices: mesh.points.len(),
+            tetrahedra: mesh.tetrahedra.len(),
+            triangles: mesh.triangles.len(),
+            boundary_triangles: mesh.surface_triangles().len(),
+            volume: mesh.total_volume(),
+            bounds: mesh.bounds().map(|(low, high)| [low.to_array(), high.to_array()]),
+            edge_lengths,
+            groups: mesh
+                .groups
+                .iter()
+                .map(|group| GroupInfo {
+                    name: group.name.clone(),
+                    dimension: group.dimension,
+                    vertices: group.vertices.len(),
+                    triangles: group.triangles.len(),
+                    tetrahedra: group.tetrahedra.len(),
+                })
+                .collect(),
+            skipped: mesh.skipped.iter().map(|s| (s.kind.clone(), s.count)).collect(),
+        }
+    }
+}
+
+impl fmt::Display for MeshInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.source)?;
+        writeln!(f, "  vertices    {}", self.vertices)?;
+        writeln!(f, "  tetrahedra  {}", self.tetrahedra)?;
+        writeln!(
+            f,
+            "  triangles   {} in the file, {} on the boundary",
+            self.triangles, self.boundary_triangles
+        )?;
+        writeln!(f, "  volume      {:.6e} m^3", self.volume)?;
+        if let Some([low, high]) = self.bounds {
+            for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
+                let label = if k == 0 { "extent" } else { "" };
+                let (a, b) = (low[k], high[k]);
+                writeln!(f, "  {label:<11} {axis} {a:+.5} to {b:+.5} m ({:.5} m)", b - a)?;
+            }
+        }
+        if let Some([shortest, mean, longest]) = self.edge_lengths {
+            writeln!(f, "  edges       {shortest:.5} to {longest:.5} m, mean {mean:.5} m")?;
+        }
+        for (i, group) in self.groups.iter().enumerate() {
+            let label = if i == 0 { "groups" } else { "" };
+            let kind = ["points", "lines", "faces", "volume"][usize::from(group.dimension.min(3))];
+            writeln!(
+                f,
+                "  {label:<11} {:<16} {kind:<7} {:>7} vertices {:>7} triangles {:>7} tetrahedra",
+                group.name, group.vertices, group.triangles, group.tetrahedra
+            )?;
+        }
+        for (kind, count) in &self.skipped {
+            writeln!(f, "  skipped     {count} x {kind}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Writes a mesh in the format of the extension: `.msh` (Gmsh), `.vtk` or `.vtu`.
+///
+/// # Errors
+/// When the extension is another one or the file cannot be written.
+pub fn write(path: &Path, mesh: &Mesh) -> Result<(), ConvertError> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        Some("msh") => Ok(write_gmsh(path, mesh)?),
+        Some("vtk") => Ok(write_vtk(path, &VtuData::of_mesh(mesh))?),
+        Some("vtu") => Ok(write_vtu(path, &VtuData::of_mesh(mesh))?),
+        _ => Err(ConvertError::Format { path: path.into() }),
+    }
+}
+
+/// Reads one file and writes another, with every coordinate multiplied by `scale`.
+///
+/// # Errors
+/// When one of the files or the scale cannot be used.
+pub fn convert(from: &Path, to: &Path, scale: f64) -> Result<MeshInfo, ConvertError> {
+    if !(scale > 0.0 && scale.is_finite()) {
+        return Err(ConvertError::Scale { scale });
+    }
+    let mut mesh = Mesh::read(from)?;
+    if scale != 1.0 {
+        mesh.points.iter_mut().for_each(|p| *p *= scale);
+    }
+    write(to, &mesh)?;
+    Ok(MeshInfo::of(&mesh))
+}

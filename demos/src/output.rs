@@ -1,0 +1,241 @@
+//! VTU frames with their PVD index, and the CSV of probes. All bodies of a scene are in one frame;
+//! the cell field `body` tells them apart.
+
+use crate::build::{BuiltBody, BuiltConstraint, BuiltProbe, BuiltScene};
+use crate::error::RunError;
+use crate::scene::Quantity;
+use glam::DVec3;
+use sinew::engine::mesh::io::{VtuData, write_pvd, write_vtu};
+use sinew::simulation::Simulation;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Columns of every CSV file, before those of the probes.
+pub const COMMON_COLUMNS: [&str; 12] = [
+    "step",
+    "time_s",
+    "elastic_energy_J",
+    "kinetic_energy_J",
+    "load_work_J",
+    "constraint_work_J",
+    "dissipated_J",
+    "smallest_J",
+    "inverted",
+    "newton_iterations",
+    "cg_iterations",
+    "step_ms",
+];
+
+/// Columns of the probes.
+pub fn probe_columns(probes: &[BuiltProbe]) -> Vec<String> {
+    let mut columns = Vec::new();
+    for probe in probes {
+        for quantity in &probe.record {
+            let (name, unit, vector) = quantity.column();
+            let axes: &[&str] = if vector { &["_x", "_y", "_z"] } else { &[""] };
+            columns.extend(axes.iter().map(|axis| format!("{}.{name}{axis} ({unit})", probe.name)));
+        }
+    }
+    columns
+}
+
+/// Values of the probes, in the order of [`probe_columns`].
+pub fn probe_values(
+    simulation: &mut Simulation,
+    bodies: &[BuiltBody],
+    constraints: &[BuiltConstraint],
+    probes: &[BuiltProbe],
+    kinetic_energy: f64,
+) -> Vec<f64> {
+    let mut values = Vec::new();
+    let needs_evaluation = probes.iter().flat_map(|p| &p.record);
+    let elastic = if needs_evaluation
+        .clone()
+        .any(|q| matches!(q, Quantity::Reaction | Quantity::ElasticEnergy))
+    {
+        simulation.evaluate()
+    } else {
+        0.0
+    };
+    for probe in probes {
+        let handle = bodies[probe.body].handle;
+        let needs = |of: &[Quantity]| probe.record.iter().any(|q| of.contains(q));
+        let u = if needs(&[Quantity::MeanDisplacement, Quantity::MaxDisplacement]) {
+            simulation.displacements(handle)
+        } else {
+            Vec::new()
+        };
+        let v = if needs(&[Quantity::MeanVelocity]) {
+            simulation.velocities(handle)
+        } else {
+            Vec::new()
+        };
+        let mean = |x: &[DVec3]| -> DVec3 {
+            let sum: DVec3 = probe.vertices.iter().map(|&i| x[i as usize]).sum();
+            sum / probe.vertices.len().max(1) as f64
+        };
+        for quantity in &probe.record {
+            match quantity {
+                Quantity::MeanDisplacement => values.extend(mean(&u).to_array()),
+                Quantity::MeanVelocity => values.extend(mean(&v).to_array()),
+                Quantity::MaxDisplacement => {
+                    let lengths = probe.vertices.iter().map(|&i| u[i as usize].length());
+                    values.push(lengths.fold(0.0, f64::max));
+                }
+                Quantity::Reaction => {
+                    let time = simulation.time();
+                    let acting = probe
+                        .constraint
+                        .map(|i| &constraints[i])
+                        .filter(|c| time > 0.0 && acts(c, time));
+                    let force = acting.map_or(DVec3::ZERO, |c| simulation.reaction(c.entity));
+                    values.extend(force.to_array());
+                }
+                Quantity::ElasticEnergy => values.push(elastic),
+                Quantity::KineticEnergy => values.push(kinetic_energy),
+                Quantity::MinJ => {
+                    let ratios = simulation.volume_ratios(handle);
+                    values.push(ratios.into_iter().fold(f64::INFINITY, f64::min));
+                }
+            }
+        }
+    }
+    values
+}
+
+/// Whether a constraint acted on the step that ended at `time` (s).
+pub fn acts(constraint: &BuiltConstraint, time: f64) -> bool {
+    time >= constraint.from && time <= constraint.until
+}
+
+/// Writes the files of a run into one folder.
+pub struct Writer {
+    folder: PathBuf,
+    stem: String,
+    frames: Vec<(f64, String)>,
+    csv: std::io::BufWriter<std::fs::File>,
+    csv_path: PathBuf,
+    points: Vec<DVec3>,
+    tetrahedra: Vec<[u32; 4]>,
+    body: Vec<f64>,
+}
+
+fn write_error(path: &Path) -> impl Fn(std::io::Error) -> RunError + '_ {
+    |source| RunError::Write { path: path.into(), source }
+}
+
+impl Writer {
+    /// Makes the folder and starts the CSV file.
+    ///
+    /// # Errors
+    /// When the folder cannot be made or written to.
+    pub fn new(folder: &Path, name: &str, built: &BuiltScene) -> Result<Self, RunError> {
+        let frames = folder.join("frames");
+        std::fs::create_dir_all(&frames).map_err(write_error(&frames))?;
+        let stem: String = name
+            .chars()
+            .map(|c| if c.is_alphanumeric() || c == '-' || c == '_' { c } else { '_' })
+            .collect();
+        let csv_path = folder.join(format!("{stem}.csv"));
+        let file = std::fs::File::create(&csv_path).map_err(write_error(&csv_path))?;
+        let mut csv = std::io::BufWriter::new(file);
+        let columns = COMMON_COLUMNS.iter().map(|c| (*c).to_string());
+        let header: Vec<String> =
+            columns
+                .chain(probe_columns(&built.probes))
+                .map(|c| {
+                    if c.contains([',', '"']) {
+                        format!("\"{}\"", c.replace('"', "\"\""))
+                    } else {
+                        c
+                    }
+                })
+                .collect();
+        writeln!(csv, "{}", header.join(",")).map_err(write_error(&csv_path))?;
+        let (mut points, mut tetrahedra, mut body) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, b) in built.bodies.iter().enumerate() {
+            let first = points.len() as u32;
+            points.extend_from_slice(&b.mesh.points);
+            tetrahedra.extend(b.mesh.tetrahedra.iter().map(|t| t.map(|v| v + first)));
+            body.resize(tetrahedra.len(), i as f64);
+        }
+        let folder = folder.to_path_buf();
+        Ok(Self { folder, stem, frames: Vec::new(), csv, csv_path, points, tetrahedra, body })
+    }
+
+    /// Adds a row to the CSV file.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn row(&mut self, step: u64, values: &[f64]) -> Result<(), RunError> {
+        let path = &self.csv_path;
+        write!(self.csv, "{step}").map_err(write_error(path))?;
+        for value in values {
+            write!(self.csv, ",{}", Cell(*value)).map_err(write_error(path))?;
+        }
+        writeln!(self.csv).map_err(write_error(path))
+    }
+
+    /// Writes the current state as a frame.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn frame(&mut self, built: &mut BuiltScene) -> Result<(), RunError> {
+        let simulation = &mut built.simulation;
+        let time = simulation.time();
+        let (mut u, mut v, mut j) = (Vec::new(), Vec::new(), Vec::new());
+        let mut held = vec![0.0; self.points.len()];
+        for (i, body) in built.bodies.iter().enumerate() {
+            let first = u.len();
+            u.extend(simulation.displacements(body.handle));
+            v.extend(simulation.velocities(body.handle));
+            j.extend(simulation.volume_ratios(body.handle));
+            for c in built.constraints.iter().filter(|c| c.body == i && acts(c, time)) {
+                c.vertices.iter().for_each(|&vertex| held[first + vertex as usize] = 1.0);
+            }
+        }
+        let points: Vec<DVec3> = self.points.iter().zip(&u).map(|(x, u)| x + u).collect();
+        let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
+        write_vtu(
+            &self.folder.join(&name),
+            &VtuData {
+                points: &points,
+                tetrahedra: &self.tetrahedra,
+                point_vectors: &[("displacement", &u), ("velocity", &v)],
+                point_scalars: &[("held", &held)],
+                cell_scalars: &[("J", &j), ("body", &self.body)],
+                single_precision: true,
+                ..VtuData::default()
+            },
+        )?;
+        self.frames.push((time, name));
+        Ok(())
+    }
+
+    /// Writes the index of the frames and closes the CSV file; returns what was written.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn finish(mut self) -> Result<Vec<String>, RunError> {
+        self.csv.flush().map_err(write_error(&self.csv_path))?;
+        let index = self.folder.join(format!("{}.pvd", self.stem));
+        write_pvd(&index, &self.frames)?;
+        Ok(vec![
+            format!("{} (open in ParaView; {} frames)", index.display(), self.frames.len()),
+            format!("{} (energies and probes)", self.csv_path.display()),
+        ])
+    }
+}
+
+/// A number of the CSV file, with nine digits.
+struct Cell(f64);
+
+impl std::fmt::Display for Cell {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.0 == self.0.trunc() && self.0.abs() < 1e9 {
+            write!(f, "{}", self.0)
+        } else {
+            write!(f, "{:.8e}", self.0)
+        }
+    }
+}

@@ -1,0 +1,491 @@
+//! Runs a scene: steps, probes, frames, and the figures of the summary.
+
+use crate::build::{BuildOptions, BuiltScene, build};
+use crate::error::RunError;
+use crate::output::{Writer, probe_columns, probe_values};
+use crate::scene::{LoadedScene, Mode, Quantity};
+use crate::summary::{
+    BodySummary, ConstraintSummary, EnergySummary, Level, LoadSummary, Machine, RunSummary, SCHEMA,
+    SceneSummary, Settings, SolverSummary, Stage, StepTiming, SystemSummary, Timing, Versions,
+    VolumeSummary, Warning,
+};
+use glam::DVec3;
+use sinew::engine::report::{StepReport, SystemTimes};
+use sinew::engine::workers::Workers;
+use sinew::simulation::Precision;
+use sinew::solvers::settings::Integrator;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// How a scene is run.
+#[derive(Clone, Debug, Default)]
+pub struct RunOptions {
+    /// What replaces values of the scene.
+    pub build: BuildOptions,
+    /// Folder for frames, probes and summary; nothing is written without it.
+    pub out: Option<PathBuf>,
+    /// File for the JSON summary.
+    pub json: Option<PathBuf>,
+}
+
+/// Is told how a run gets on.
+pub trait Observer {
+    /// The scene is built; `steps` follow.
+    fn start(&mut self, name: &str, steps: u64) {
+        let _ = (name, steps);
+    }
+    /// `done` steps are done, the clock stands at `time` (s).
+    fn step(&mut self, done: u64, time: f64, scene: &mut BuiltScene) {
+        let _ = (done, time, scene);
+    }
+    /// The last step is done or has failed.
+    fn finish(&mut self) {}
+}
+
+/// An observer that does nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Observer for Silent {}
+
+/// Sums over the steps.
+#[derive(Default)]
+struct Totals {
+    step_times: Vec<f64>,
+    solver: SolverSummary,
+    energy: EnergySummary,
+    volume: VolumeSummary,
+    reactions: Vec<Option<f64>>,
+    probes: f64,
+    frames: f64,
+}
+
+impl Totals {
+    fn add(&mut self, report: &StepReport) {
+        let s = &mut self.solver;
+        s.cg_iterations += u64::from(report.cg_iterations);
+        s.cg_iterations_max = s.cg_iterations_max.max(report.cg_iterations);
+        s.newton_iterations += u64::from(report.newton_iterations);
+        s.newton_iterations_max = s.newton_iterations_max.max(report.newton_iterations);
+        s.evaluations += u64::from(report.evaluations);
+        s.worst_residual = s.worst_residual.max(report.cg_residual);
+        s.worst_newton_step = s.worst_newton_step.max(report.newton_step);
+        s.cg_caps += u64::from(report.cg_caps);
+        s.projections += u64::from(report.projections);
+        s.clamped_elements += report.clamped_elements;
+        s.backtracks += u64::from(report.backtracks);
+        s.line_search_failures += u64::from(report.line_search_failures);
+        s.energy_caps += u64::from(report.energy_caps);
+        s.unconverged_steps += u64::from(report.unconverged);
+        s.substeps += u64::from(report.substeps);
+        s.refinements += u64::from(report.refinements);
+        if report.stable_step > 0.0 {
+            let smallest = s.stable_step.unwrap_or(f64::INFINITY).min(report.stable_step);
+            s.stable_step = Some(smallest);
+        }
+        let e = &mut self.energy;
+        e.load_work += report.load_work;
+        e.constraint_work += report.constraint_work;
+        e.elastic = report.elastic_energy;
+        e.kinetic = report.kinetic_energy;
+        e.elastic_max = e.elastic_max.max(e.elastic);
+        e.kinetic_max = e.kinetic_max.max(e.kinetic);
+    }
+
+    fn dissipated(&self) -> f64 {
+        let e = &self.energy;
+        e.initial + e.load_work + e.constraint_work - e.elastic - e.kinetic
+    }
+}
+
+/// Runs a scene to its end, or to the step that fails.
+///
+/// A step that fails is no error here: the summary then has [`RunSummary::failure`], and the files up
+/// to that step are written.
+///
+/// # Errors
+/// When the scene cannot be built or a file cannot be written.
+pub fn run(
+    loaded: &LoadedScene,
+    options: &RunOptions,
+    observer: &mut dyn Observer,
+) -> Result<RunSummary, RunError> {
+    let start = Instant::now();
+    if options.build.steps == Some(0) {
+        let (option, remedy) = ("--steps", "give at least 1");
+        return Err(RunError::Option { option, found: "0 steps".into(), remedy });
+    }
+    let mut built = build(loaded, &options.build)?;
+    let mut writer = match &options.out {
+        Some(folder) => Some(Writer::new(folder, &loaded.scene.name, &built)?),
+        None => None,
+    };
+    let columns = probe_columns(&built.probes);
+    let mut totals = Totals::default();
+    totals.volume.smallest_j = 1.0;
+    totals.volume.final_smallest_j = 1.0;
+    totals.reactions = vec![None; built.constraints.len()];
+    totals.energy.initial = built.simulation.evaluate();
+    built.simulation.world_mut().insert_resource(SystemTimes::default());
+    totals.energy.elastic = totals.energy.initial;
+    let setup = start.elapsed().as_secs_f64();
+
+    let mut failure = None;
+    let mut final_probes = record(&mut built, &mut totals, &mut writer, 0)?;
+    if let Some(writer) = &mut writer {
+        let clock = Instant::now();
+        writer.frame(&mut built)?;
+        totals.frames += clock.elapsed().as_secs_f64();
+    }
+    let plan = built.plan.clone();
+    observer.start(&loaded.scene.name, plan.steps);
+    for done in 1..=plan.steps {
+        if plan.mode == Mode::Static {
+            let share = done as f64 / plan.steps as f64;
+            built.simulation.set_gravity(plan.gravity * share);
+        }
+        let clock = Instant::now();
+        let result = built.simulation.step();
+        let seconds = clock.elapsed().as_secs_f64();
+        if let Err(error) = result {
+            failure = Some(error.to_string());
+            break;
+        }
+        totals.step_times.push(seconds);
+        let report = built.simulation.report().clone();
+        let volume = *built.simulation.volume_report();
+        totals.add(&report);
+        let v = &mut totals.volume;
+        if volume.smallest_ratio < v.smallest_j {
+            v.smallest_j = volume.smallest_ratio;
+            v.smallest_j_time = built.simulation.time();
+        }
+        v.final_smallest_j = volume.smallest_ratio;
+        v.inverted_max = v.inverted_max.max(volume.inverted);
+        v.inverted_final = volume.inverted;
+        let equilibrium = plan.settings.integrator == Integrator::QuasiStatic;
+        if equilibrium && report.unconverged {
+            failure = Some(format!(
+                "no equilibrium found in {} Newton iterations (last step {:.1e} of the body size); \
+                 apply the loads in more parts (load_steps), or raise \
+                 solver.max_newton_iterations",
+                report.newton_iterations, report.newton_step
+            ));
+        }
+        let last = done == plan.steps || failure.is_some();
+        if last || done % plan.probe_every == 0 {
+            final_probes = record(&mut built, &mut totals, &mut writer, done)?;
+        }
+        if let Some(writer) = &mut writer
+            && (last || done % plan.frame_every == 0)
+        {
+            let clock = Instant::now();
+            writer.frame(&mut built)?;
+            totals.frames += clock.elapsed().as_secs_f64();
+        }
+        let time = built.simulation.time();
+        observer.step(done, time, &mut built);
+        if failure.is_some() {
+            break;
+        }
+    }
+    observer.finish();
+
+    let clock = Instant::now();
+    let mut files = match writer {
+        Some(writer) => writer.finish()?,
+        None => Vec::new(),
+    };
+    totals.frames += clock.elapsed().as_secs_f64();
+    let targets: Vec<PathBuf> = options
+        .out
+        .iter()
+        .map(|folder| folder.join("summary.json"))
+        .chain(options.json.clone())
+        .collect();
+    files.extend(targets.iter().map(|path| path.display().to_string()));
+    let final_probes = columns.into_iter().zip(final_probes).collect();
+    let summary = summarise(loaded, &mut built, totals, setup, start, failure, final_probes, files);
+    for path in &targets {
+        let error = |source| RunError::Write { path: path.clone(), source };
+        let text = serde_json::to_string_pretty(&summary).map_err(|e| error(e.into()))?;
+        std::fs::write(path, text + "\n").map_err(error)?;
+    }
+    Ok(summary)
+}
+
+/// Reads the probes and writes their row.
+fn record(
+    built: &mut BuiltScene,
+    totals: &mut Totals,
+    writer: &mut Option<Writer>,
+    step: u64,
+) -> Result<Vec<f64>, RunError> {
+    let clock = Instant::now();
+    let kinetic = totals.energy.kinetic;
+    // evaluations for probes do not count as time of the steps
+    let times = built.simulation.world().resource::<SystemTimes>().clone();
+    let BuiltScene { simulation, bodies, constraints, probes, .. } = built;
+    let values = probe_values(simulation, bodies, constraints, probes, kinetic);
+    simulation.world_mut().insert_resource(times);
+    let mut at = 0;
+    for probe in probes.iter() {
+        for quantity in &probe.record {
+            if let (Quantity::Reaction, Some(c)) = (quantity, probe.constraint) {
+                let size = DVec3::from_slice(&values[at..at + 3]).length();
+                let largest = &mut totals.reactions[c];
+                *largest = Some(largest.unwrap_or(0.0).max(size));
+            }
+            at += if quantity.column().2 { 3 } else { 1 };
+        }
+    }
+    if let Some(writer) = writer {
+        let report = simulation.report();
+        let first = step == 0;
+        let volume = simulation.volume_report();
+        let e = &totals.energy;
+        let mut row = vec![
+            simulation.time(),
+            e.elastic,
+            e.kinetic,
+            e.load_work,
+            e.constraint_work,
+            totals.dissipated(),
+            if first { 1.0 } else { volume.smallest_ratio },
+            volume.inverted as f64,
+            f64::from(report.newton_iterations),
+            f64::from(report.cg_iterations),
+            totals.step_times.last().map_or(0.0, |s| s * 1e3),
+        ];
+        row.extend_from_slice(&values);
+        writer.row(step, &row)?;
+    }
+    totals.probes += clock.elapsed().as_secs_f64();
+    Ok(values)
+}
+
+/// What happened during the run and deserves a word.
+fn run_warnings(
+    totals: &Totals,
+    steps: u64,
+    mode: Mode,
+    integrator: Integrator,
+    precision: Precision,
+) -> Vec<Warning> {
+    let mut found = Vec::new();
+    let mut add = |code: &str, level, subject: &str, message: String, remedy: &str| {
+        let (code, subject, remedy) = (code.into(), subject.into(), remedy.into());
+        found.push(Warning { code, level, subject, message, remedy });
+    };
+    let (s, v) = (&totals.solver, &totals.volume);
+    if v.inverted_max > 0 {
+        add(
+            "run.inverted",
+            Level::Warning,
+            "elements",
+            format!(
+                "up to {} tetrahedra were turned inside out, {} at the end",
+                v.inverted_max, v.inverted_final
+            ),
+            "use model = \"svk_comp\", smaller steps or a finer mesh where it happens",
+        );
+    }
+    if s.cg_caps > 0 {
+        add(
+            "run.cg.cap",
+            Level::Warning,
+            "solver",
+            format!("{} linear solves stopped at the iteration cap", s.cg_caps),
+            "raise solver.max_linear_iterations or linear_tolerance",
+        );
+    }
+    if s.unconverged_steps > 0 && mode == Mode::Dynamic {
+        add(
+            "run.newton.unconverged",
+            Level::Warning,
+            "solver",
+            format!("Newton did not converge in {} of {steps} steps", s.unconverged_steps),
+            "use a smaller dt, a smaller linear_tolerance or more max_newton_iterations",
+        );
+    }
+    if s.projections > 0 {
+        add(
+            "run.projection",
+            Level::Note,
+            "solver",
+            format!("{} indefinite tangents were replaced by projected ones", s.projections),
+            "nothing to do; a sign of strong compression or large steps",
+        );
+    }
+    if mode == Mode::Dynamic {
+        let e = &totals.energy;
+        let scale = e.initial + e.load_work.abs() + e.constraint_work.abs() + e.elastic_max;
+        let explicit =
+            matches!(integrator, Integrator::SymplecticEuler | Integrator::StormerVerlet);
+        let share = match (explicit, precision) {
+            (true, _) => 1e-2,
+            (false, Precision::F64) => 1e-6,
+            (false, Precision::F32) => 1e-3,
+        };
+        let dissipated = totals.dissipated();
+        if dissipated < -share * scale {
+            add(
+                "run.energy.gain",
+                Level::Warning,
+                "energy",
+                format!("{:.2e} J more at the end than was put in", -dissipated),
+                "use a smaller dt or integrator = \"safe\"",
+            );
+        }
+    }
+    found
+}
+
+fn summarise(
+    loaded: &LoadedScene,
+    built: &mut BuiltScene,
+    mut totals: Totals,
+    setup: f64,
+    start: Instant,
+    failure: Option<String>,
+    final_probes: Vec<(String, f64)>,
+    files: Vec<String>,
+) -> RunSummary {
+    let scene = &loaded.scene;
+    let dynamic = built.plan.mode == Mode::Dynamic;
+    let precision = built.simulation.precision();
+    let settings = &built.plan.settings;
+    let steps = totals.step_times.len() as u64;
+    totals.energy.dissipated = dynamic.then(|| totals.dissipated());
+    let mut warnings = std::mem::take(&mut built.warnings);
+    warnings.extend(run_warnings(&totals, steps, built.plan.mode, settings.integrator, precision));
+
+    let stepping: f64 = totals.step_times.iter().sum();
+    let total = start.elapsed().as_secs_f64();
+    let simulated = if dynamic { built.simulation.time() } else { 0.0 };
+    let stage = |name, seconds: f64, every_step: bool| Stage {
+        name,
+        total_s: seconds,
+        per_step_ms: every_step.then(|| 1e3 * seconds / steps.max(1) as f64),
+        share: seconds / total,
+    };
+    let mut stages = vec![
+        stage("set-up", setup, false),
+        stage("steps", stepping, true),
+        stage("probes", totals.probes, true),
+    ];
+    if totals.frames > 1e-3 * total {
+        stages.push(stage("frames", totals.frames, true));
+    }
+    let timing = Timing {
+        total_s: total,
+        simulated_s: simulated,
+        real_time_factor: (dynamic && stepping > 0.0).then(|| simulated / stepping),
+        step: StepTiming::of(totals.step_times),
+        stages,
+        systems: built
+            .simulation
+            .world()
+            .resource::<SystemTimes>()
+            .entries
+            .iter()
+            .map(|entry| SystemSummary {
+                name: entry.name,
+                total_s: entry.seconds,
+                runs: entry.runs,
+                per_step_ms: 1e3 * entry.seconds / steps.max(1) as f64,
+                share: if stepping > 0.0 { entry.seconds / stepping } else { 0.0 },
+            })
+            .collect(),
+    };
+
+    let bodies: Vec<BodySummary> = built
+        .bodies
+        .iter()
+        .map(|body| {
+            let statistics = &body.report.statistics;
+            let blocks = &built.simulation.topology().bodies[body.handle.0].blocks;
+            let extent = statistics
+                .bounds
+                .map_or([0.0; 3], |[low, high]| std::array::from_fn(|k| high[k] - low[k]));
+            BodySummary {
+                name: body.name.clone(),
+                source: body.mesh.source.clone(),
+                vertices: body.used_vertices.len(),
+                unused_vertices: body.mesh.points.len() - body.used_vertices.len(),
+                tetrahedra: body.mesh.tetrahedra.len(),
+                edges: blocks.len(),
+                volume: statistics.total_volume,
+                mass: statistics.total_volume * body.material.density,
+                extent,
+                worst_quality: statistics.worst_quality,
+                preset: body.preset.clone(),
+                material: body.material,
+                model: body.model,
+                evaluation: body.evaluation,
+            }
+        })
+        .collect();
+    let constraints = built
+        .constraints
+        .iter()
+        .zip(&totals.reactions)
+        .map(|(c, &largest_reaction)| ConstraintSummary {
+            name: c.name.clone(),
+            body: built.bodies[c.body].name.clone(),
+            vertices: c.vertices.len(),
+            axes: (0..3).filter(|&k| c.axes.holds(k)).map(|k| ['x', 'y', 'z'][k]).collect(),
+            motion: c.motion.clone(),
+            from: c.from.is_finite().then_some(c.from),
+            until: c.until.is_finite().then_some(c.until),
+            largest_reaction,
+        })
+        .collect();
+    let loads = built
+        .loads
+        .iter()
+        .map(|load| LoadSummary {
+            name: load.name.clone(),
+            body: built.bodies[load.body].name.clone(),
+            vertices: load.vertices,
+            force: load.force.to_array(),
+        })
+        .collect();
+    let threads = built.simulation.world().resource::<Workers>().threads();
+    RunSummary {
+        schema: SCHEMA,
+        completed: failure.is_none(),
+        failure,
+        scene: SceneSummary {
+            name: scene.name.clone(),
+            description: scene.description.trim().to_string(),
+            file: loaded.file.display().to_string(),
+            mode: if dynamic { "dynamic" } else { "static" },
+            gravity: scene.gravity,
+            bodies: bodies.len(),
+            vertices: bodies.iter().map(|b| b.vertices).sum(),
+            tetrahedra: bodies.iter().map(|b| b.tetrahedra).sum(),
+            edges: bodies.iter().map(|b| b.edges).sum(),
+        },
+        machine: Machine::this(),
+        versions: Versions::this(),
+        settings: Settings {
+            dt: built.plan.dt,
+            steps: built.plan.steps,
+            precision: precision.name(),
+            threads,
+            solver: settings.clone(),
+        },
+        bodies,
+        constraints,
+        loads,
+        final_probes,
+        timing,
+        solver: totals.solver,
+        energy: totals.energy,
+        volume: totals.volume,
+        warnings,
+        files,
+        final_state_hash: format!("{:016x}", built.simulation.state_hash()),
+    }
+}

@@ -1,0 +1,543 @@
+//! What a scene file may hold. Every key is described in `demos/scenes/README.md`; an unknown key is
+//! an error with a hint. SI units throughout, angles in degrees.
+
+use crate::error::{Place, SceneError, hint};
+use serde::{Deserialize, Serialize};
+use sinew::models::body::{Evaluation, Model};
+use sinew::simulation::Precision;
+use sinew::solvers::settings::SolverSettings;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+/// A scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Name for reports and files.
+    pub name: String,
+    /// One or two sentences: what happens and what to look at.
+    #[serde(default)]
+    pub description: String,
+    /// Motion over time, or one equilibrium.
+    #[serde(default)]
+    pub mode: Mode,
+    /// Acceleration of gravity (m/s^2); default `[0, 0, -9.81]`.
+    #[serde(default = "default_gravity")]
+    pub gravity: [f64; 3],
+    /// Step length (s); dynamic scenes.
+    pub dt: Option<f64>,
+    /// Simulated time (s); dynamic scenes.
+    pub duration: Option<f64>,
+    /// Parts in which gravity, loads and motions are applied; static scenes, default 1.
+    pub load_steps: Option<u32>,
+    /// Number type, `"f64"` (default) or `"f32"`.
+    #[serde(default)]
+    pub precision: PrecisionName,
+    /// Threads; 0 (default) means one per core. Results do not depend on it.
+    #[serde(default)]
+    pub threads: usize,
+    /// Integrator, tolerances and damping.
+    #[serde(default)]
+    pub solver: SolverSettings,
+    /// Bodies.
+    #[serde(default, rename = "body")]
+    pub bodies: Vec<Body>,
+    /// Held and moved vertices.
+    #[serde(default, rename = "constraint")]
+    pub constraints: Vec<ConstraintEntry>,
+    /// Forces.
+    #[serde(default, rename = "load")]
+    pub loads: Vec<LoadEntry>,
+    /// Columns of the CSV file.
+    #[serde(default, rename = "probe")]
+    pub probes: Vec<Probe>,
+    /// What is written, and how often.
+    #[serde(default)]
+    pub output: Output,
+}
+
+fn default_gravity() -> [f64; 3] {
+    [0.0, 0.0, -9.81]
+}
+
+/// Kind of a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Mode {
+    /// Motion over time.
+    #[default]
+    Dynamic,
+    /// Equilibrium under the full loads.
+    Static,
+}
+
+/// Number type of the state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PrecisionName {
+    /// 64-bit.
+    #[default]
+    F64,
+    /// 32-bit.
+    F32,
+}
+
+impl From<PrecisionName> for Precision {
+    fn from(name: PrecisionName) -> Self {
+        match name {
+            PrecisionName::F64 => Self::F64,
+            PrecisionName::F32 => Self::F32,
+        }
+    }
+}
+
+/// A body.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// Name, unique in the scene.
+    pub name: String,
+    /// Mesh file, relative to the scene file; either this or `generate`.
+    pub mesh: Option<PathBuf>,
+    /// Generated shape; either this or `mesh`.
+    pub generate: Option<Generate>,
+    /// Factor on the coordinates (for a mesh in millimetres: 0.001); default 1.
+    pub scale: Option<f64>,
+    /// Rotation about the origin, after scaling.
+    pub rotate: Option<Rotation>,
+    /// Translation (m), after scaling and rotating.
+    pub translate: Option<[f64; 3]>,
+    /// Material.
+    pub material: Material,
+    /// Energy: `"svk_comp"` (default) or `"svk"`.
+    #[serde(default)]
+    pub model: Model,
+    /// How the energy is summed: `"fused"` (default) or `"pooled"`.
+    #[serde(default)]
+    pub evaluation: Evaluation,
+}
+
+/// A generated shape; exactly one key.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Generate {
+    /// A box with one corner at the origin; groups `x0`, `x1`, `y0`, `y1`, `z0`, `z1`, `body`.
+    #[serde(rename = "box")]
+    pub cuboid: Option<BoxShape>,
+    /// A cylinder along x from the origin; groups `x0`, `x1`, `side`, `body`.
+    pub cylinder: Option<CylinderShape>,
+    /// A ball around the origin; groups `surface`, `body`.
+    pub sphere: Option<SphereShape>,
+}
+
+/// A box of `6 nx ny nz` tetrahedra.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoxShape {
+    /// Edge lengths (m).
+    pub size: [f64; 3],
+    /// Cells along each axis.
+    pub cells: [usize; 3],
+}
+
+/// A cylinder of `18 rings^2 layers` tetrahedra.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CylinderShape {
+    /// Radius (m).
+    pub radius: f64,
+    /// Length (m).
+    pub length: f64,
+    /// Rings around the axis.
+    pub rings: usize,
+    /// Layers along the axis.
+    pub layers: usize,
+}
+
+/// A ball of `20 shells^3` tetrahedra.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SphereShape {
+    /// Radius (m).
+    pub radius: f64,
+    /// Shells from centre to surface.
+    pub shells: usize,
+}
+
+/// A rotation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rotation {
+    /// Axis, of any length.
+    pub axis: [f64; 3],
+    /// Angle (degrees).
+    pub degrees: f64,
+}
+
+/// A preset, single values, or a preset with some values replaced.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Material {
+    /// Name of a tissue preset.
+    pub preset: Option<String>,
+    /// Young's modulus (Pa).
+    pub young_modulus: Option<f64>,
+    /// Poisson's ratio (-).
+    pub poisson_ratio: Option<f64>,
+    /// Density (kg/m^3).
+    pub density: Option<f64>,
+}
+
+/// Vertices of a body; exactly one key. Boxes and spheres are those of the rest shape.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Selection {
+    /// Name of a group of the mesh.
+    pub group: Option<String>,
+    /// Vertex indices, counted from 0.
+    pub vertices: Option<Vec<u32>>,
+    /// All vertices in a box.
+    #[serde(rename = "box")]
+    pub cuboid: Option<BoxRegion>,
+    /// All vertices in a sphere.
+    pub sphere: Option<SphereRegion>,
+    /// All vertices of the body.
+    pub all: Option<bool>,
+}
+
+/// A box with its faces.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoxRegion {
+    /// Lowest corner (m).
+    pub min: [f64; 3],
+    /// Highest corner (m).
+    pub max: [f64; 3],
+}
+
+/// A sphere with its surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SphereRegion {
+    /// Centre (m).
+    pub centre: [f64; 3],
+    /// Radius (m).
+    pub radius: f64,
+}
+
+/// Vertices that are held or moved.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ConstraintEntry {
+    /// Name, unique among constraints and loads.
+    pub name: String,
+    /// Name of the body; may be left out when there is only one.
+    pub body: Option<String>,
+    /// Which vertices.
+    pub select: Selection,
+    /// Held axes, such as `"xyz"` (default) or `"z"`.
+    pub axes: Option<String>,
+    /// Where they go; they stay where they are without it.
+    pub motion: Option<MotionEntry>,
+    /// Factor on the motion over time; 1 without it. Dynamic scenes.
+    pub curve: Option<CurveEntry>,
+    /// Time (s) from which they are held. Dynamic scenes.
+    pub from: Option<f64>,
+    /// Time (s) after which they are free again. Dynamic scenes.
+    pub until: Option<f64>,
+}
+
+/// A motion; exactly one key.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MotionEntry {
+    /// Translation (m).
+    pub translate: Option<[f64; 3]>,
+    /// Rotation about an axis.
+    pub rotate: Option<RotationAbout>,
+}
+
+/// A rotation about an axis anywhere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RotationAbout {
+    /// Point on the axis (m).
+    pub centre: [f64; 3],
+    /// Direction of the axis, of any length.
+    pub axis: [f64; 3],
+    /// Angle (degrees).
+    pub degrees: f64,
+}
+
+/// A force on vertices.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoadEntry {
+    /// Name, unique among constraints and loads.
+    pub name: String,
+    /// Name of the body; may be left out when there is only one.
+    pub body: Option<String>,
+    /// Which vertices.
+    pub select: Selection,
+    /// Total force (N), shared equally by the vertices.
+    pub force: [f64; 3],
+    /// Factor over time; 1 without it. Dynamic scenes.
+    pub curve: Option<CurveEntry>,
+}
+
+/// A factor over time; exactly one key.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CurveEntry {
+    /// Constant factor.
+    pub hold: Option<f64>,
+    /// 0 until the first time (s), 1 from the second, linear between.
+    pub ramp: Option<[f64; 2]>,
+    /// 1 until the first time (s), 0 from the second, linear between.
+    pub release: Option<[f64; 2]>,
+    /// Times (s) of start, full, release and end: 0, linear to 1, held at 1, linear back to 0.
+    pub pulse: Option<[f64; 4]>,
+    /// `[time (s), factor]` pairs, linear between them, constant outside.
+    pub points: Option<Vec<[f64; 2]>>,
+    /// `sin(2 pi frequency t + phase)`.
+    pub sine: Option<Sine>,
+}
+
+/// A sine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sine {
+    /// Frequency (Hz).
+    pub frequency: f64,
+    /// Phase (degrees); default 0.
+    #[serde(default)]
+    pub degrees: f64,
+}
+
+/// Columns of the CSV file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Probe {
+    /// Name, unique among probes; the columns start with it.
+    pub name: String,
+    /// Name of the body; may be left out when there is only one.
+    pub body: Option<String>,
+    /// Which vertices; the whole body without it.
+    pub select: Option<Selection>,
+    /// Name of a constraint, for `reaction`.
+    pub constraint: Option<String>,
+    /// What to record.
+    pub record: Vec<Quantity>,
+}
+
+/// What a probe can record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quantity {
+    /// Mean displacement of the vertices (m), three columns.
+    MeanDisplacement,
+    /// Largest length of a displacement (m).
+    MaxDisplacement,
+    /// Mean velocity of the vertices (m/s), three columns.
+    MeanVelocity,
+    /// Force (N) of the constraint on the body, three columns; zero while it does not act.
+    Reaction,
+    /// Elastic energy of the whole scene (J).
+    ElasticEnergy,
+    /// Kinetic energy of the whole scene (J).
+    KineticEnergy,
+    /// Smallest volume ratio J of the body.
+    MinJ,
+}
+
+impl Quantity {
+    /// Name and unit of its columns, and whether there are three of them.
+    pub fn column(self) -> (&'static str, &'static str, bool) {
+        match self {
+            Self::MeanDisplacement => ("mean_displacement", "m", true),
+            Self::MaxDisplacement => ("max_displacement", "m", false),
+            Self::MeanVelocity => ("mean_velocity", "m/s", true),
+            Self::Reaction => ("reaction", "N", true),
+            Self::ElasticEnergy => ("elastic_energy", "J", false),
+            Self::KineticEnergy => ("kinetic_energy", "J", false),
+            Self::MinJ => ("min_J", "-", false),
+        }
+    }
+}
+
+/// What is written.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Output {
+    /// VTU frames per simulated second; default 30. Either this or `every`.
+    pub frames_per_second: Option<f64>,
+    /// Steps from one VTU frame to the next. Either this or `frames_per_second`.
+    pub every: Option<u64>,
+    /// Steps from one row of the CSV file to the next; default 1.
+    pub probe_every: Option<u64>,
+}
+
+/// Keys of a document and the lines on which they stand.
+#[derive(Clone, Debug, Default)]
+pub struct KeyLines {
+    lines: HashMap<String, usize>,
+}
+
+impl KeyLines {
+    fn new(text: &str) -> Self {
+        let mut keys = Self::default();
+        if let Ok(document) = toml::de::DeTable::parse(text) {
+            keys.table(text, "", document.get_ref());
+        }
+        keys
+    }
+
+    fn table(&mut self, text: &str, path: &str, table: &toml::de::DeTable<'_>) {
+        for (key, value) in table {
+            let name = key.get_ref();
+            let path = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
+            self.lines.insert(path.clone(), line_of(text, key.span().start).0);
+            match value.get_ref() {
+                toml::de::DeValue::Table(inner) => self.table(text, &path, inner),
+                toml::de::DeValue::Array(entries) => {
+                    for (i, entry) in entries.iter().enumerate() {
+                        let path = format!("{path}[{i}]");
+                        self.lines.insert(path.clone(), line_of(text, entry.span().start).0);
+                        if let toml::de::DeValue::Table(inner) = entry.get_ref() {
+                            self.table(text, &path, inner);
+                        }
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Line of a key, or of the nearest key around it that exists.
+    fn line(&self, key: &str) -> Option<usize> {
+        let mut key = key;
+        loop {
+            if let Some(&line) = self.lines.get(key) {
+                return Some(line);
+            }
+            key = &key[..key.rfind(['.', '['])?];
+        }
+    }
+
+    /// The longest path of a key whose line is at most `line`, for messages of the parser.
+    fn key_at(&self, line: usize) -> Option<&str> {
+        let on = self.lines.iter().filter(|(_, l)| **l == line).map(|(k, _)| k.as_str());
+        on.max_by_key(|k| k.len())
+    }
+}
+
+/// Line and column, counted from 1, of a byte offset.
+fn line_of(text: &str, offset: usize) -> (usize, usize) {
+    let before = &text.as_bytes()[..offset.min(text.len())];
+    let line = before.iter().filter(|&&b| b == b'\n').count() + 1;
+    let column = before.iter().rev().take_while(|&&b| b != b'\n').count() + 1;
+    (line, column)
+}
+
+/// A scene and where it came from.
+#[derive(Clone, Debug)]
+pub struct LoadedScene {
+    /// The scene.
+    pub scene: Scene,
+    /// Its file.
+    pub file: PathBuf,
+    keys: KeyLines,
+}
+
+impl LoadedScene {
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// When it cannot be read, is not TOML, has an unknown key or a value of the wrong type; the
+    /// values themselves are checked by [`crate::build::build`].
+    pub fn read(path: &Path) -> Result<Self, SceneError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| SceneError::Io { path: path.into(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// Reads a scene from text; mesh files are looked for beside `file`, which need not exist.
+    ///
+    /// # Errors
+    /// As [`LoadedScene::read`].
+    pub fn parse(text: &str, file: &Path) -> Result<Self, SceneError> {
+        let keys = KeyLines::new(text);
+        match toml::from_str(text) {
+            Ok(scene) => Ok(Self { scene, file: file.into(), keys }),
+            Err(error) => Err(parse_error(text, file, &keys, &error)),
+        }
+    }
+
+    /// Place of a key.
+    pub fn place(&self, key: impl Into<String>) -> Place {
+        let key = key.into();
+        Place { file: self.file.clone(), line: self.keys.line(&key), key }
+    }
+
+    /// A file named in the scene, relative to the scene file.
+    pub fn resolve(&self, path: &Path) -> PathBuf {
+        self.file.parent().unwrap_or(Path::new("")).join(path)
+    }
+}
+
+/// The parser's message, with a hint when a name is unknown.
+fn parse_error(text: &str, file: &Path, keys: &KeyLines, error: &toml::de::Error) -> SceneError {
+    let message = error.message();
+    let line = error.span().map(|span| line_of(text, span.start).0);
+    let key = line.and_then(|line| keys.key_at(line)).unwrap_or_default().to_string();
+    let place = Place { file: file.into(), line, key };
+    let quoted = |text: &str| -> Vec<String> {
+        text.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+    };
+    for (start, kind) in [("unknown field ", "key"), ("unknown variant ", "choice")] {
+        if let Some(rest) = message.strip_prefix(start) {
+            let names = quoted(rest);
+            if let Some((name, known)) = names.split_first() {
+                let hint = hint(kind, name, known.iter().map(String::as_str));
+                // the name stands in the message already
+                let mut place = place;
+                if kind == "key" {
+                    place.key = place.key.rsplit_once('.').map_or("", |(table, _)| table).into();
+                }
+                return SceneError::Unknown { place, kind, name: name.clone(), hint };
+            }
+        }
+    }
+    if let Some(name) = message.strip_prefix("missing field ") {
+        // the span is that of the table
+        return SceneError::Missing {
+            place,
+            what: format!("key {name}"),
+            remedy: "add it; see demos/scenes/README.md for what it holds".into(),
+        };
+    }
+    SceneError::Syntax { place, message: message.replace('\n', ", ") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_of_keys_are_found() {
+        let text = "name = \"a\"\n\n[[body]]\nname = \"b\"\nmaterial = { preset = \"liver\" }\n\n\
+                    [[body]]\nname = \"c\"\n[body.material]\npreset = \"fat\"\n";
+        let scene = LoadedScene::parse(text, Path::new("a.toml")).unwrap();
+        assert_eq!(scene.place("name").line, Some(1));
+        assert_eq!(scene.place("body[0].material.preset").line, Some(5));
+        assert_eq!(scene.place("body[1].material.preset").line, Some(10));
+        assert_eq!(scene.place("body[0].material.density").line, Some(5));
+        assert_eq!(scene.place("nothing").line, None);
+    }
+
+    #[test]
+    fn columns_count_from_one() {
+        assert_eq!(line_of("ab\ncd", 4), (2, 2));
+        assert_eq!(line_of("", 7), (1, 1));
+    }
+}
