@@ -137,7 +137,6 @@ fn free_flight_with_default_tolerance() {
         simulation.step().unwrap();
     }
     let error = momentum(&mut simulation, body).distance(before) / before.length();
-    println!("momentum lost with default settings: {error:.1e}");
     // a guard: 50 steps measured 8e-4
     assert!(error < 2e-3, "{error:e}");
 }
