@@ -2,8 +2,7 @@
 
 use crate::columns::single_table;
 use crate::element::{
-    EdgeVertices, RestVolume, ShapeGradients, TetrahedronEdges, TetrahedronVertices, TriangleEdges,
-    displacement_gradient, volume_change,
+    RestVolume, ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change,
 };
 use crate::load::{Constraint, Load, apply_constraints, apply_loads};
 use crate::report::{StepReport, SystemTimes, VolumeReport};
@@ -13,7 +12,6 @@ use crate::topology::{ElementTables, Topology};
 use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
 use crate::workers::Workers;
 use bevy_ecs::prelude::*;
-use bevy_ecs::query::ArchetypeFilter;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use std::time::Instant;
@@ -61,27 +59,18 @@ pub enum StepError {
         /// Offending value (m/s^2).
         gravity: DVec3,
     },
-    /// A vertex or element entity is in another table than its fellows.
+    /// A vertex or element entity is, or was, in another table than its fellows.
     #[error(
-        "{expected} rows of {kind} expected, their table has {found}: a component was added to or \
-         removed from such an entity (or one was despawned) after its body was spawned; keep data of \
-         your own on entities of your own and refer to elements by row"
+        "the tables of the bodies changed ({expected} rows expected, {found} found): a component was \
+         added to or removed from a vertex or element entity (or one was despawned) after its body \
+         was spawned; keep such data on entities of your own and refer to vertices by row"
     )]
     LayoutChanged {
-        /// Kind of element.
-        kind: &'static str,
-        /// Rows that the bodies have.
+        /// Rows that the bodies have: vertices, or vertices and elements when these are the matter.
         expected: usize,
-        /// Rows in the one table found.
+        /// Rows found.
         found: usize,
     },
-    /// A vertex or element entity was in another table for a while.
-    #[error(
-        "the rows of the bodies are no longer in order: a component was added to a vertex or element \
-         entity and taken off again after its body was spawned; keep data of your own on entities of \
-         your own and refer to elements by row"
-    )]
-    OrderChanged,
     /// The state holds a number that is not finite.
     #[error(
         "{quantity} of vertex {vertex} of body `{body}` is not finite at t = {time} s: {remedy}"
@@ -178,25 +167,18 @@ pub fn run_step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
 fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     let expected = world.resource::<Topology>().vertex_count();
     let mut vertices = world.query::<(&Displacement<S>, &Velocity<S>, &RestPosition)>();
-    check_table::<Displacement<S>, ()>(world, "vertices", expected)?;
-    let elements = world.resource::<Topology>().elements;
-    check_table::<TetrahedronVertices, Without<TetrahedronEdges>>(
-        world,
-        "tetrahedra",
-        elements.fused_tetrahedra,
-    )?;
-    check_table::<TetrahedronVertices, With<TetrahedronEdges>>(
-        world,
-        "pooled tetrahedra",
-        elements.pooled_tetrahedra,
-    )?;
-    check_table::<EdgeVertices, ()>(world, "edges", elements.edges)?;
-    check_table::<TriangleEdges, ()>(world, "triangles", elements.triangles)?;
-    if world
-        .get_resource::<ElementTables>()
-        .is_some_and(|spawned| *spawned != ElementTables::of(world))
-    {
-        return Err(StepError::OrderChanged);
+    let mut tables = vertices.contiguous_iter(world).expect("vertex components are table-stored");
+    let found = tables.next().map_or(0, |(u, _, _)| u.len());
+    if found != expected || tables.next().is_some() {
+        return Err(StepError::LayoutChanged { expected, found });
+    }
+    drop(tables);
+    if let Some(spawned) = world.get_resource::<ElementTables>() {
+        let now = ElementTables::of(world);
+        if now != *spawned {
+            let (expected, found) = (spawned.entities(), now.entities());
+            return Err(StepError::LayoutChanged { expected, found });
+        }
     }
     for constraint in world.query::<&Constraint>().iter(world) {
         if let Some(problem) = constraint.problem(expected) {
@@ -227,21 +209,6 @@ fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
             quantity,
             "it was set so from outside; the step was not carried out",
         ));
-    }
-    Ok(())
-}
-
-/// One table with the expected number of rows.
-fn check_table<C: Component, F: ArchetypeFilter>(
-    world: &mut World,
-    kind: &'static str,
-    expected: usize,
-) -> Result<(), StepError> {
-    let mut query = world.query_filtered::<&C, F>();
-    let mut tables = query.contiguous_iter(world).expect("element components are table-stored");
-    let found = tables.next().map_or(0, |column| column.len());
-    if tables.next().is_some() || found != expected {
-        return Err(StepError::LayoutChanged { kind, expected, found });
     }
     Ok(())
 }

@@ -37,19 +37,6 @@ impl BodyRows {
     }
 }
 
-/// How many element rows the bodies of a world have; the tables must agree.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ElementCounts {
-    /// Tetrahedra evaluated in one pass.
-    pub fused_tetrahedra: usize,
-    /// Tetrahedra of pooled bodies.
-    pub pooled_tetrahedra: usize,
-    /// Edges of pooled bodies.
-    pub edges: usize,
-    /// Triangles of pooled bodies.
-    pub triangles: usize,
-}
-
 /// Bodies and edge graph of a world.
 #[derive(Resource, Clone, Debug)]
 pub struct Topology {
@@ -59,21 +46,13 @@ pub struct Topology {
     pub edges: Vec<[u32; 2]>,
     /// First edge of each lower vertex (compressed rows, one entry more than vertices).
     pub edge_start: Vec<u32>,
-    /// Element rows of all bodies.
-    pub elements: ElementCounts,
     /// Counts up whenever rows change; caches built on rows compare it.
     pub revision: u64,
 }
 
 impl Default for Topology {
     fn default() -> Self {
-        Self {
-            bodies: Vec::new(),
-            edges: Vec::new(),
-            edge_start: vec![0],
-            elements: ElementCounts::default(),
-            revision: 0,
-        }
+        Self { bodies: Vec::new(), edges: Vec::new(), edge_start: vec![0], revision: 0 }
     }
 }
 
@@ -121,5 +100,10 @@ impl ElementTables {
             |a: &&bevy_ecs::archetype::Archetype| kinds.iter().flatten().any(|&k| a.contains(k));
         let archetypes = world.archetypes().iter().filter(is_element);
         Self(archetypes.map(|a| (a.id(), a.len() as usize)).collect())
+    }
+
+    /// Number of entities.
+    pub fn entities(&self) -> usize {
+        self.0.iter().map(|(_, count)| count).sum()
     }
 }

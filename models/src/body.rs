@@ -212,15 +212,6 @@ pub fn spawn_body<S: Scalar>(
         },
         &layout.edges,
     );
-    let elements = &mut world.resource_mut::<Topology>().elements;
-    match body.evaluation {
-        Evaluation::Fused => elements.fused_tetrahedra += rest.len(),
-        Evaluation::Pooled => {
-            elements.pooled_tetrahedra += rest.len();
-            elements.edges += layout.edges.len();
-            elements.triangles += layout.triangles.len();
-        }
-    }
     let rows = world.resource::<Topology>().bodies[index].clone();
     let (v0, block0) = (rows.vertices.start, rows.blocks.start);
 
