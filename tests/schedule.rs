@@ -205,15 +205,14 @@ fn count<C: Component, F: ArchetypeFilter + 'static>(simulation: &mut Simulation
 fn slices<C: Component, F: ArchetypeFilter + 'static>(simulation: &mut Simulation) -> Vec<usize> {
     let world = simulation.world_mut();
     let mut query = world.query_filtered::<&C, F>();
-    let lengths = query.contiguous_iter(world).unwrap().map(<[C]>::len).collect();
-    lengths
+    query.contiguous_iter(world).unwrap().map(<[C]>::len).collect()
 }
 
 #[test]
 fn one_table_per_kind_of_element() {
     let mut simulation = scene(&[FUSED, POOLED, FUSED, POOLED_STVK], Executor::SingleThreaded);
     // what users spawn between bodies does not matter
-    simulation.world_mut().spawn_batch((0..100).map(|i| VertexIndex(i)));
+    simulation.world_mut().spawn_batch((0..100).map(VertexIndex));
     simulation.add_constraint(Constraint::hold("nothing", Vec::new()));
     let s = &mut simulation;
     let tetrahedra = small().tetrahedra.len();
@@ -257,7 +256,7 @@ fn a_changed_layout_is_an_error_not_a_panic() {
                 let error = simulation.step().unwrap_err();
                 let expected = StepError::LayoutChanged { expected: n, found: n - 1 };
                 assert_eq!(error, expected);
-                assert!(error.to_string().contains("keep such data on entities of your own"));
+                assert!(error.to_string().contains("on entities of your own"));
             }
 
             let mut simulation = scene(&[POOLED], executor);

@@ -108,7 +108,6 @@ fn compare(integrator: Integrator, precision: Precision, units: Units, tolerance
     let largest = max_length(&expected.field);
     assert!(largest > 0.005, "{integrator:?}: hardly moved, {largest} m");
     let error = max_distance(&found.field, &expected.field) / SIZE[0];
-    println!("{integrator:?} {precision:?} {units:?}: {error:.1e}");
     assert!(error <= tolerance, "{integrator:?} {precision:?} {units:?}: {error:e} of body size");
 }
 

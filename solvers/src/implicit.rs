@@ -156,7 +156,9 @@ fn minimise<S: Scalar>(
             return Err(locate(world, &s.force, "elastic force"));
         }
         if iteration == 0 {
-            report.constraint_work = energy_before.map_or(0.0, |before| elastic - before);
+            let work_of_loads = s.node.load_potential(&s.y) - s.node.load_potential(&s.node.u);
+            report.constraint_work =
+                energy_before.map_or(0.0, |before| elastic - before - work_of_loads);
             budget = Some(s.node.kinetic_energy(&s.node.v) + elastic - s.node.load_potential(&s.y));
         }
         right_hand_side(world, s, &weights);

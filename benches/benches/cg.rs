@@ -1,0 +1,73 @@
+//! One linear system of an implicit step of 10 ms, solved to 1e-3 from zero.
+#![allow(clippy::print_stdout, reason = "iterations are part of the result")]
+#![allow(missing_docs, reason = "criterion's macros make public items")]
+
+mod common;
+
+use common::{SIZES, beam, bent, evaluate, request};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use sinew::engine::columns::single_table;
+use sinew::engine::law::TangentKind;
+use sinew::engine::matrix::Tangent;
+use sinew::engine::scalar::Scalar;
+use sinew::engine::vertex::{ElasticForce, FixedAxes, Mass, RestPosition};
+use sinew::engine::workers::Workers;
+use sinew::prelude::*;
+use sinew::solvers::cg::{CgScratch, ShiftedTangent};
+
+fn cg(c: &mut Criterion) {
+    for (size, cells) in SIZES {
+        solve::<f64>(c, size, cells, Precision::F64);
+        solve::<f32>(c, size, cells, Precision::F32);
+    }
+}
+
+fn solve<S: Scalar>(c: &mut Criterion, size: &str, cells: [usize; 3], precision: Precision) {
+    let mesh = beam(cells);
+    let mut group = c.benchmark_group(format!("cg/{size}"));
+    group.throughput(Throughput::Elements(mesh.tetrahedra.len() as u64));
+    group.sample_size(10);
+    for threads in [1, 2] {
+        let (mut simulation, _) = bent(&mesh, precision, threads, Evaluation::Fused);
+        request(&mut simulation, false, true, Some(TangentKind::Exact));
+        evaluate(&mut simulation);
+        let world = simulation.world_mut();
+        let mut query = world.query::<(&ElasticForce<S>, &Mass<S>, &RestPosition)>();
+        let (force, mass, rest) = single_table(query.contiguous_iter(world)).expect("rows");
+        let g = S::from_f64(-9.81);
+        let mut b: Vec<[S; 4]> = force.iter().map(|f| f.0).collect();
+        let mut fixed = vec![FixedAxes::NONE; b.len()];
+        for (row, b) in b.iter_mut().enumerate() {
+            b[2] += mass[row].0 * g;
+            if rest[row].0.x == 0.0 {
+                (*b, fixed[row]) = ([S::ZERO; 4], FixedAxes::ALL);
+            }
+        }
+        let mass: Vec<S> = mass.iter().map(|m| m.0).collect();
+        let world = simulation.world();
+        let system = ShiftedTangent {
+            topology: simulation.topology(),
+            workers: world.resource::<Workers>(),
+            mass: &mass,
+            mass_factor: S::from_f64(1e4),
+            tangent: &world.resource::<Tangent<S>>().matrix,
+            tangent_factor: S::ONE,
+            damping: None,
+            fixed: &fixed,
+        };
+        let mut scratch = CgScratch::default();
+        let mut x = vec![[S::ZERO; 4]; b.len()];
+        let outcome = system.solve(&mut scratch, &b, &mut x, 1e-3, 5000);
+        println!("cg {size} {} {threads} threads: {outcome:?}", precision.name());
+        group.bench_function(BenchmarkId::new(precision.name(), threads), |bench| {
+            bench.iter(|| {
+                x.fill([S::ZERO; 4]);
+                system.solve(&mut scratch, &b, &mut x, 1e-3, 5000)
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, cg);
+criterion_main!(benches);

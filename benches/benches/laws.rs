@@ -1,0 +1,177 @@
+//! Energies and forces: the fused law, the pooled springs, and entity columns against plain arrays.
+#![allow(clippy::print_stdout, reason = "ratios and times per system are part of the result")]
+#![allow(missing_docs, reason = "criterion's macros make public items")]
+
+mod common;
+
+use common::{SIZES, beam, bent, evaluate, request};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use sinew::engine::columns::single_table;
+use sinew::engine::element::{RestVolume, ShapeGradients, TetrahedronVertices};
+use sinew::engine::law::LawBuffer;
+use sinew::engine::report::SystemTimes;
+use sinew::engine::scalar::{Scalar, xyz};
+use sinew::engine::topology::Topology;
+use sinew::engine::vertex::Displacement;
+use sinew::engine::workers::Workers;
+use sinew::models::fused::{FusedStVK, Moduli};
+use sinew::models::tetrahedron::{self, Element};
+use sinew::prelude::*;
+use std::hint::black_box;
+use std::time::Instant;
+
+fn laws(c: &mut Criterion) {
+    for (size, cells) in SIZES {
+        let mesh = beam(cells);
+        let count = mesh.tetrahedra.len() as u64;
+        let mut group = c.benchmark_group(format!("laws/{size}"));
+        group.throughput(Throughput::Elements(count));
+        for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
+            for precision in [Precision::F64, Precision::F32] {
+                for threads in [1, 2] {
+                    let (mut simulation, _) = bent(&mesh, precision, threads, evaluation);
+                    for (what, energy) in [("energy", true), ("force", false)] {
+                        let name = format!("{evaluation:?} {what} {}", precision.name());
+                        request(&mut simulation, energy, !energy, None);
+                        group.bench_function(BenchmarkId::new(name, threads), |b| {
+                            b.iter(|| evaluate(&mut simulation));
+                        });
+                    }
+                    if evaluation == Evaluation::Pooled && threads == 1 {
+                        times_per_system(&mut simulation, count, size, precision);
+                    }
+                }
+            }
+        }
+        group.finish();
+    }
+}
+
+/// Mean time of every system of a force evaluation.
+fn times_per_system(simulation: &mut Simulation, count: u64, size: &str, precision: Precision) {
+    const RUNS: u32 = 200;
+    request(simulation, false, true, None);
+    simulation.world_mut().insert_resource(SystemTimes::default());
+    for _ in 0..RUNS {
+        evaluate(simulation);
+    }
+    for entry in &simulation.world().resource::<SystemTimes>().entries {
+        let ns = entry.seconds * 1e9 / f64::from(RUNS) / count as f64;
+        println!("pooled force {size} {}: {} {ns:.2} ns/tet", precision.name(), entry.name);
+    }
+}
+
+/// The columns of a body copied into plain vectors.
+struct Raw<S: Scalar> {
+    displacement: Vec<[S; 4]>,
+    nodes: Vec<[u32; 4]>,
+    gradients: Vec<[[S; 3]; 3]>,
+    volume: Vec<S>,
+    moduli: Vec<Moduli<S>>,
+    buffer: LawBuffer<FusedStVK, S>,
+    total: Vec<[S; 4]>,
+    workers: Workers,
+}
+
+impl<S: Scalar> Raw<S> {
+    fn of(simulation: &mut Simulation) -> Self {
+        let world = simulation.world_mut();
+        let mut vertices = world.query::<&Displacement<S>>();
+        let displacement: Vec<[S; 4]> = single_table(vertices.contiguous_iter(world))
+            .expect("rows")
+            .iter()
+            .map(|u| u.0)
+            .collect();
+        let mut elements =
+            world.query::<(&TetrahedronVertices, &ShapeGradients<S>, &RestVolume<S>, &Moduli<S>)>();
+        let (nodes, gradients, volume, moduli) =
+            single_table(elements.contiguous_iter(world)).expect("rows");
+        let nodes: Vec<[u32; 4]> = nodes.iter().map(|n| n.0).collect();
+        // the fixed ranges of the engine
+        let mut buffer = LawBuffer::default();
+        buffer.partition(nodes.len(), world.resource::<Topology>(), |i| &nodes[i]);
+        Self {
+            total: vec![[S::ZERO; 4]; displacement.len()],
+            displacement,
+            nodes,
+            gradients: gradients.iter().map(|g| g.0).collect(),
+            volume: volume.iter().map(|v| v.0).collect(),
+            moduli: moduli.to_vec(),
+            buffer,
+            workers: Workers::serial(),
+        }
+    }
+
+    /// Forces of all tetrahedra, the same work as the force schedule without entities.
+    fn forces(&mut self) {
+        for span in &mut self.buffer.spans {
+            span.clear_force();
+            for i in span.elements.clone() {
+                let m = self.moduli[i];
+                let e = Element {
+                    gradients: self.gradients[i],
+                    volume: self.volume[i],
+                    lambda: m.lambda,
+                    mu: m.mu,
+                    compression: m.compression,
+                };
+                let n = self.nodes[i];
+                let f = tetrahedron::forces(&e, &n.map(|v| xyz(self.displacement[v as usize])));
+                for (a, &row) in n.iter().enumerate() {
+                    span.add_force(row, f[a]);
+                }
+            }
+        }
+        self.total.fill([S::ZERO; 4]);
+        self.buffer.add_forces_to(&self.workers, &mut self.total);
+    }
+}
+
+fn columns(c: &mut Criterion) {
+    for (size, cells) in SIZES {
+        columns_against_arrays::<f64>(c, size, cells, Precision::F64);
+        columns_against_arrays::<f32>(c, size, cells, Precision::F32);
+    }
+}
+
+fn columns_against_arrays<S: Scalar>(
+    c: &mut Criterion,
+    size: &str,
+    cells: [usize; 3],
+    precision: Precision,
+) {
+    let mesh = beam(cells);
+    let count = mesh.tetrahedra.len();
+    let (mut simulation, _) = bent(&mesh, precision, 1, Evaluation::Fused);
+    request(&mut simulation, false, true, None);
+    let mut raw = Raw::<S>::of(&mut simulation);
+    let mut group = c.benchmark_group(format!("columns/{size} {}", precision.name()));
+    group.throughput(Throughput::Elements(count as u64));
+    group.bench_function("entity columns", |b| b.iter(|| evaluate(&mut simulation)));
+    group.bench_function("plain arrays", |b| b.iter(|| black_box(&mut raw).forces()));
+    group.finish();
+
+    // alternating, so that what else the machine does meets both alike
+    let repetitions = (4_000_000 / count).max(21);
+    let mut times = [Vec::new(), Vec::new()];
+    for _ in 0..repetitions {
+        let start = Instant::now();
+        evaluate(&mut simulation);
+        times[0].push(start.elapsed());
+        let start = Instant::now();
+        black_box(&mut raw).forces();
+        times[1].push(start.elapsed());
+    }
+    let [entities, arrays] = times.map(|mut t| {
+        t.sort_unstable();
+        t[t.len() / 2].as_secs_f64() * 1e9 / count as f64
+    });
+    println!(
+        "fused force {size} {}: columns {entities:.2} ns/tet, arrays {arrays:.2} ns/tet, ratio {:.3}",
+        precision.name(),
+        entities / arrays
+    );
+}
+
+criterion_group!(benches, columns, laws);
+criterion_main!(benches);

@@ -1,0 +1,636 @@
+//! Conservation laws, closed forms, orders of convergence and equilibria of whole bodies.
+
+mod common;
+
+use bevy_ecs::prelude::Entity;
+use common::*;
+use glam::DVec3;
+use sinew::engine::law::{EvaluationRequest, TangentKind};
+use sinew::engine::matrix::{BlockMatrix, Tangent};
+use sinew::engine::mesh::Mesh;
+use sinew::engine::schedule::ForceSchedule;
+use sinew::engine::vertex::FixedAxes;
+use sinew::prelude::*;
+
+const MODELS: [Model; 2] = [Model::StVK, Model::CompressibleStVK];
+const BOTH: [Evaluation; 2] = [Evaluation::Fused, Evaluation::Pooled];
+
+fn fused(mesh: &Mesh, material: YoungPoisson) -> (Simulation, BodyHandle) {
+    let options = SimulationOptions::default();
+    simulate(options, mesh, material, Model::CompressibleStVK, Evaluation::Fused)
+}
+
+/// Linear systems solved to rounding, so that what is left is the integrator's.
+fn exact(integrator: Integrator) -> SolverSettings {
+    SolverSettings {
+        integrator,
+        linear_tolerance: 1e-13,
+        newton_tolerance: 1e-12,
+        ..Default::default()
+    }
+}
+
+fn sum(values: impl Iterator<Item = DVec3>) -> DVec3 {
+    values.fold(DVec3::ZERO, |a, b| a + b)
+}
+
+fn positions(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) -> Vec<DVec3> {
+    simulation.displacements(body).iter().zip(&mesh.points).map(|(u, x)| *x + *u).collect()
+}
+
+fn momentum(simulation: &mut Simulation, body: BodyHandle) -> DVec3 {
+    let m = simulation.masses(body);
+    sum(simulation.velocities(body).iter().zip(&m).map(|(v, m)| *v * *m))
+}
+
+fn centre(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) -> DVec3 {
+    let m = simulation.masses(body);
+    let x = positions(simulation, body, mesh);
+    sum(x.iter().zip(&m).map(|(x, m)| *x * *m)) / m.iter().sum::<f64>()
+}
+
+#[test]
+fn elastic_forces_have_no_resultant() {
+    let mesh = jittered_box([0.2, 0.1, 0.1], [6, 3, 3]);
+    let cell = 0.2 / 6.0;
+    for model in MODELS {
+        for evaluation in BOTH {
+            for amplitude in [1e-6, 1e-2, 0.3] {
+                let options = SimulationOptions::default();
+                let (mut simulation, body) =
+                    simulate(options, &mesh, soft(1e4, 0.45), model, evaluation);
+                let n = mesh.points.len();
+                let u: Vec<_> =
+                    random_field(n, 3).iter().map(|r| *r * (amplitude * cell)).collect();
+                simulation.set_state(body, &u, &vec![DVec3::ZERO; n]).unwrap();
+                simulation.evaluate();
+                let f = simulation.elastic_forces(body);
+                let x = positions(&mut simulation, body, &mesh);
+                let size: f64 = f.iter().map(|f| f.length()).sum();
+                let lever: f64 = f.iter().zip(&x).map(|(f, x)| f.length() * x.length()).sum();
+                assert!(size > 0.0);
+                let force = sum(f.iter().copied()).length() / size;
+                let torque = sum(f.iter().zip(&x).map(|(f, x)| x.cross(*f))).length() / lever;
+                // a torque comes from the symmetry of the stress, which rounds with the strain
+                assert!(force < 1e-12, "{model:?} {evaluation:?} {amplitude}: force {force:e}");
+                assert!(torque < 1e-12, "{model:?} {evaluation:?} {amplitude}: torque {torque:e}");
+            }
+        }
+    }
+}
+
+const FLIGHT: [Integrator; 4] =
+    [Integrator::Safe, Integrator::Newton, Integrator::SymplecticEuler, Integrator::StormerVerlet];
+
+/// A trembling, spinning body without loads.
+#[test]
+fn free_flight_keeps_momentum() {
+    let mesh = jittered_box([0.2, 0.1, 0.1], [6, 3, 3]);
+    let n = mesh.points.len();
+    for integrator in FLIGHT {
+        let (mut simulation, body) = fused(&mesh, soft(1e4, 0.4));
+        let start: Vec<_> = random_field(n, 5)
+            .iter()
+            .zip(&mesh.points)
+            .map(|(r, x)| *r * 0.05 + DVec3::Z.cross(*x) * 3.0 + DVec3::new(0.5, -0.2, 0.3))
+            .collect();
+        let u: Vec<_> = random_field(n, 6).iter().map(|r| *r * 2e-3).collect();
+        simulation.set_state(body, &u, &start).unwrap();
+        simulation.set_gravity(DVec3::ZERO);
+        simulation.set_solver(exact(integrator));
+        let before = momentum(&mut simulation, body);
+        let x0 = centre(&mut simulation, body, &mesh);
+        let mass: f64 = simulation.masses(body).iter().sum();
+        let mut caps = 0;
+        for step in 1..=50 {
+            simulation.step().unwrap();
+            caps += simulation.report().energy_caps;
+            let p = momentum(&mut simulation, body);
+            let error = p.distance(before) / before.length();
+            assert!(error < 1e-10, "{integrator:?} step {step}: {error:e}");
+            let reported = DVec3::from_array(simulation.report().momentum);
+            assert!(reported.distance(p) < 1e-12 * p.length(), "{integrator:?}");
+            let expected = x0 + before / mass * simulation.time();
+            let error = centre(&mut simulation, body, &mesh).distance(expected) / 0.2;
+            assert!(error < 1e-10, "{integrator:?} step {step}: centre off by {error:e}");
+        }
+        assert_eq!(caps, 0, "{integrator:?}: a capped velocity does not keep momentum");
+    }
+}
+
+/// The linear systems of a default step are solved to 1e-3 only; their residual has a resultant.
+#[test]
+fn free_flight_with_default_tolerance() {
+    let mesh = jittered_box([0.2, 0.1, 0.1], [6, 3, 3]);
+    let n = mesh.points.len();
+    let (mut simulation, body) = fused(&mesh, soft(1e4, 0.4));
+    let start: Vec<_> = random_field(n, 5)
+        .iter()
+        .zip(&mesh.points)
+        .map(|(r, x)| *r * 0.05 + DVec3::Z.cross(*x) * 3.0 + DVec3::new(0.5, -0.2, 0.3))
+        .collect();
+    let u: Vec<_> = random_field(n, 6).iter().map(|r| *r * 2e-3).collect();
+    simulation.set_state(body, &u, &start).unwrap();
+    simulation.set_gravity(DVec3::ZERO);
+    let before = momentum(&mut simulation, body);
+    for _ in 0..50 {
+        simulation.step().unwrap();
+    }
+    let error = momentum(&mut simulation, body).distance(before) / before.length();
+    // a guard: 50 steps measured 8e-4
+    assert!(error < 2e-3, "{error:e}");
+}
+
+#[test]
+fn free_fall_follows_the_integrators_closed_form() {
+    let mesh = jittered_box([0.2, 0.1, 0.1], [4, 2, 2]);
+    let (g, h) = (9.81, 0.02);
+    for integrator in FLIGHT {
+        let (mut simulation, body) = fused(&mesh, soft(1e4, 0.4));
+        simulation.set_gravity(DVec3::NEG_Z * g);
+        simulation.set_dt(h);
+        // without deformation the systems are solved by the warm start, at any tolerance
+        simulation.set_solver(SolverSettings { integrator, ..exact(integrator) });
+        let z0 = centre(&mut simulation, body, &mesh);
+        for n in 1..=40 {
+            simulation.step().unwrap();
+            let n = f64::from(n);
+            let fallen = match integrator {
+                Integrator::StormerVerlet => 0.5 * g * (n * h) * (n * h),
+                Integrator::SymplecticEuler => {
+                    let k = f64::from(simulation.report().substeps);
+                    let (h, n) = (h / k, n * k);
+                    0.5 * g * h * h * n * (n + 1.0)
+                }
+                _ => 0.5 * g * h * h * n * (n + 1.0),
+            };
+            let expected = z0 - DVec3::Z * fallen;
+            let error = centre(&mut simulation, body, &mesh).distance(expected) / fallen;
+            assert!(error < 1e-10, "{integrator:?} step {n}: {error:e}");
+        }
+        // and the body stays as it is
+        let energy = simulation.evaluate();
+        assert!(energy < 1e-12, "{integrator:?}: {energy:e} J");
+    }
+}
+
+/// 100 rad/s for 0.1 s, about 1.6 turns.
+#[test]
+fn verlet_keeps_angular_momentum() {
+    let mesh = jittered_box([0.1, 0.1, 0.1], [3, 3, 3]);
+    let (mut simulation, body) = fused(&mesh, soft(1e5, 0.3));
+    let axis = DVec3::new(0.0, 0.0, 100.0);
+    let c = centre(&mut simulation, body, &mesh);
+    let v: Vec<_> = mesh.points.iter().map(|x| axis.cross(*x - c)).collect();
+    simulation.set_state(body, &vec![DVec3::ZERO; v.len()], &v).unwrap();
+    simulation.set_gravity(DVec3::ZERO);
+    simulation.set_dt(1e-4);
+    simulation
+        .set_solver(SolverSettings { integrator: Integrator::StormerVerlet, ..Default::default() });
+    let angular = |s: &mut Simulation| {
+        let (m, v) = (s.masses(body), s.velocities(body));
+        let x = positions(s, body, &mesh);
+        sum((0..m.len()).map(|i| x[i].cross(v[i]) * m[i]))
+    };
+    let before = angular(&mut simulation);
+    for _ in 0..1000 {
+        simulation.step().unwrap();
+    }
+    let error = angular(&mut simulation).distance(before) / before.length();
+    assert!(error < 1e-12, "{error:e}");
+    let u = max_length(&simulation.displacements(body));
+    assert!(u > 0.05, "the body turned: {u}");
+}
+
+/// A beam that swings under its weight for 0.1 s.
+fn swing(mesh: &Mesh, integrator: Integrator, steps: u32) -> Vec<DVec3> {
+    let (mut simulation, body) = fused(mesh, soft(3e4, 0.4));
+    clamp(&mut simulation, body, mesh, "x0");
+    simulation.set_dt(0.1 / f64::from(steps));
+    simulation.set_solver(SolverSettings { linear_tolerance: 1e-10, ..exact(integrator) });
+    for _ in 0..steps {
+        simulation.step().unwrap();
+        let report = simulation.report();
+        assert!(report.substeps <= 1 && !report.unconverged && report.energy_caps == 0);
+    }
+    simulation.displacements(body)
+}
+
+/// Errors relative to the largest displacement for each number of steps.
+fn errors(integrator: Integrator, steps: &[u32]) -> Vec<f64> {
+    let mesh = jittered_box([0.2, 0.05, 0.05], [6, 2, 2]);
+    // its own error is 1/64 of the smallest measured one of order 2
+    let truth = swing(&mesh, Integrator::StormerVerlet, 3200);
+    let size = max_length(&truth);
+    steps.iter().map(|&n| max_distance(&swing(&mesh, integrator, n), &truth) / size).collect()
+}
+
+#[test]
+fn verlet_is_of_second_order() {
+    let e = errors(Integrator::StormerVerlet, &[100, 200, 400]);
+    for (coarse, fine) in [(e[0], e[1]), (e[1], e[2])] {
+        assert!((3.7..4.3).contains(&(coarse / fine)), "{e:?}");
+    }
+}
+
+#[test]
+fn implicit_and_symplectic_euler_are_of_first_order() {
+    for integrator in [Integrator::Safe, Integrator::Newton, Integrator::SymplecticEuler] {
+        let e = errors(integrator, &[200, 400, 800]);
+        for (coarse, fine) in [(e[0], e[1]), (e[1], e[2])] {
+            assert!((1.75..2.25).contains(&(coarse / fine)), "{integrator:?}: {e:?}");
+        }
+    }
+}
+
+/// Elements turned inside out, one side jerked about, loads, large steps: what Safe promises.
+#[test]
+fn energy_never_rises_with_safe() {
+    let mesh = jittered_box([0.1, 0.1, 0.1], [4, 4, 4]);
+    let n = mesh.points.len();
+    for (nu, dt) in [(0.3, 1.0 / 60.0), (0.45, 0.1), (0.49, 1e-3)] {
+        for moving in [false, true] {
+            let (mut simulation, body) = fused(&mesh, soft(1e4, nu));
+            let u: Vec<_> = random_field(n, 11).iter().map(|r| *r * 0.03).collect();
+            let v: Vec<_> = random_field(n, 12).iter().map(|r| *r * 3.0).collect();
+            simulation.set_state(body, &u, &v).unwrap();
+            let rows = simulation.rows(body, "x0", &group(&mesh, "x0")).unwrap();
+            let motion = Motion::Translate(DVec3::new(0.05, -0.03, 0.1));
+            let curve = Curve::Sine { frequency: 0.1 / dt, phase: 0.0 };
+            simulation.add_constraint(if moving {
+                Constraint::moving("x0", rows, motion, curve)
+            } else {
+                Constraint::hold("x0", rows)
+            });
+            let tip = simulation.rows(body, "x1", &group(&mesh, "x1")).unwrap();
+            let forces = tip.iter().map(|&r| (r, DVec3::new(0.0, 0.1, 0.2))).collect();
+            simulation.add_load(Load { name: "tip".into(), forces, curve: Curve::Constant });
+            simulation.set_dt(dt);
+
+            let held = group(&mesh, "x0");
+            let masses = simulation.masses(body);
+            let kinetic: f64 = (0..n)
+                .filter(|i| !held.contains(&(*i as u32)))
+                .map(|i| 0.5 * masses[i] * v[i].length_squared())
+                .sum();
+            let start = kinetic + simulation.evaluate();
+            let (mut work, mut highest, mut inverted) = (0.0, start, 0);
+            for step in 0..60 {
+                simulation.step().unwrap();
+                let r = simulation.report();
+                work += r.load_work + r.constraint_work;
+                let total = r.elastic_energy + r.kinetic_energy - work;
+                let scale = start + r.elastic_energy + r.kinetic_energy;
+                let rise = (total - highest) / scale;
+                assert!(rise < 1e-9, "nu {nu} dt {dt} moving {moving} step {step}: rose {rise:e}");
+                highest = total;
+                inverted = inverted.max(simulation.volume_report().inverted);
+            }
+            assert!(inverted > 0, "nu {nu}: not violent enough");
+        }
+    }
+}
+
+/// Lifting a clamp works against the weight of the vertices it holds.
+#[test]
+fn constraint_work_includes_the_weight_of_what_is_held() {
+    let mesh = jittered_box([0.1, 0.1, 0.1], [2, 2, 2]);
+    for integrator in [Integrator::Safe, Integrator::Newton, Integrator::StormerVerlet] {
+        let (mut simulation, body) = fused(&mesh, soft(1e4, 0.3));
+        let all: Vec<u32> = (0..mesh.points.len() as u32).collect();
+        let rows = simulation.rows(body, "all", &all).unwrap();
+        let lift = Motion::Translate(DVec3::Z);
+        simulation.add_constraint(Constraint::moving("all", rows, lift, Curve::ramp(0.0, 1.0)));
+        simulation.set_dt(0.1);
+        simulation.set_solver(SolverSettings { integrator, ..Default::default() });
+        let mass: f64 = simulation.masses(body).iter().sum();
+        let (mut load, mut constraint) = (0.0, 0.0);
+        for _ in 0..10 {
+            simulation.step().unwrap();
+            load += simulation.report().load_work;
+            constraint += simulation.report().constraint_work;
+        }
+        // rounding of 1e-16 in a displacement of 1 m against 1 m of way
+        assert!((load / (-9.81 * mass) - 1.0).abs() < 1e-12, "{integrator:?}: {load}");
+        assert!((constraint / (9.81 * mass) - 1.0).abs() < 1e-9, "{integrator:?}: {constraint}");
+    }
+}
+
+fn tangent(simulation: &mut Simulation, kind: TangentKind) -> BlockMatrix<f64> {
+    let world = simulation.world_mut();
+    world.insert_resource(EvaluationRequest { energy: false, force: false, tangent: Some(kind) });
+    world.run_schedule(ForceSchedule);
+    world.resource::<Tangent<f64>>().matrix.clone()
+}
+
+#[test]
+fn fused_equals_pooled() {
+    let mesh = jittered_box([0.2, 0.1, 0.1], [6, 3, 3]);
+    let n = mesh.points.len();
+    let u: Vec<_> = random_field(n, 21).iter().map(|r| *r * (0.3 * 0.2 / 6.0)).collect();
+    for model in MODELS {
+        let [mut a, mut b] = BOTH.map(|evaluation| {
+            let options = SimulationOptions::default();
+            let (mut simulation, body) =
+                simulate(options, &mesh, soft(1e4, 0.45), model, evaluation);
+            simulation.set_state(body, &u, &vec![DVec3::ZERO; n]).unwrap();
+            simulation
+        });
+        let (wa, wb) = (a.evaluate(), b.evaluate());
+        // sums of about a hundred terms of either sign, in another order
+        assert!(((wa - wb) / wa).abs() < 1e-12, "{model:?}: energies {wa} {wb}");
+        let (fa, fb) = (a.elastic_forces(BodyHandle(0)), b.elastic_forces(BodyHandle(0)));
+        let error = max_distance(&fa, &fb) / max_length(&fa);
+        assert!(error < 1e-12, "{model:?}: forces {error:e}");
+        for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
+            let (ka, kb) = (tangent(&mut a, kind), tangent(&mut b, kind));
+            let entries = |k: &BlockMatrix<f64>| -> Vec<f64> {
+                k.diagonal.iter().chain(&k.off_diagonal).flatten().copied().collect()
+            };
+            let (ka, kb) = (entries(&ka), entries(&kb));
+            let largest = ka.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+            let error = ka.iter().zip(&kb).fold(0.0_f64, |m, (x, y)| m.max((x - y).abs()));
+            assert!(error < 1e-12 * largest, "{model:?} {kind:?}: {:e}", error / largest);
+        }
+    }
+}
+
+/// A beam held at one end, with a settled solver.
+fn sagging(mesh: &Mesh, settings: SolverSettings) -> (Simulation, BodyHandle, Entity) {
+    let (mut simulation, body) = fused(mesh, soft(3e4, 0.4));
+    let held = clamp(&mut simulation, body, mesh, "x0");
+    simulation.set_solver(settings);
+    (simulation, body, held)
+}
+
+#[test]
+fn quasi_static_is_where_damped_motion_ends() {
+    let mesh = jittered_box([0.2, 0.05, 0.05], [8, 2, 2]);
+    let (mut still, body, _) = sagging(&mesh, exact(Integrator::QuasiStatic));
+    still.step().unwrap();
+    assert!(!still.report().unconverged);
+    let expected = still.displacements(body);
+    for integrator in [Integrator::Safe, Integrator::Newton, Integrator::StormerVerlet] {
+        let settings = SolverSettings { integrator, mass_damping: 20.0, ..Default::default() };
+        let (mut simulation, body, _) = sagging(&mesh, settings);
+        simulation.set_dt(0.02);
+        // 3 s: the slowest mode has died away by more than 1e-10
+        for _ in 0..150 {
+            simulation.step().unwrap();
+        }
+        let u = simulation.displacements(body);
+        let error = max_distance(&u, &expected) / max_length(&expected);
+        assert!(error < 1e-8, "{integrator:?}: {error:e}");
+    }
+}
+
+#[test]
+fn reactions_balance_the_weight() {
+    let mesh = jittered_box([0.2, 0.05, 0.05], [8, 2, 2]);
+    for both_ends in [false, true] {
+        let (mut simulation, body, left) = sagging(&mesh, exact(Integrator::QuasiStatic));
+        let right = both_ends.then(|| clamp(&mut simulation, body, &mesh, "x1"));
+        simulation.step().unwrap();
+        simulation.evaluate();
+        let mass: f64 = simulation.masses(body).iter().sum();
+        assert!((mass / (0.2 * 0.05 * 0.05 * 1000.0) - 1.0).abs() < 1e-12);
+        let mut reaction = simulation.reaction(left);
+        if let Some(right) = right {
+            let other = simulation.reaction(right);
+            assert!(other.z > 0.4 * 9.81 * mass, "each end bears about a half: {other}");
+            reaction += other;
+        }
+        let error = (reaction - DVec3::Z * 9.81 * mass).length() / (9.81 * mass);
+        assert!(error < 1e-8, "{error:e}");
+    }
+}
+
+#[test]
+fn prescribed_motion_is_reached_exactly() {
+    let mesh = jittered_box([0.2, 0.05, 0.05], [8, 2, 2]);
+    let integrators = [
+        Integrator::Safe,
+        Integrator::Newton,
+        Integrator::QuasiStatic,
+        Integrator::SymplecticEuler,
+        Integrator::StormerVerlet,
+    ];
+    let side = group(&mesh, "x1");
+    let each = random_field(side.len(), 4).iter().map(|r| *r * 0.01).collect::<Vec<_>>();
+    let way = DVec3::new(0.02, -0.01, 0.03);
+    let (centre, axis) = (DVec3::new(0.2, 0.025, 0.025), DVec3::new(2.0, 0.0, 0.0));
+    for integrator in integrators {
+        for case in 0..4 {
+            let (mut simulation, body, _) =
+                sagging(&mesh, SolverSettings { integrator, ..Default::default() });
+            let rows = simulation.rows(body, "x1", &side).unwrap();
+            let motion = match case {
+                0 | 3 => Motion::Translate(way),
+                1 => Motion::TranslateEach(each.clone()),
+                _ => Motion::Rotate { centre, axis, angle: 0.5 },
+            };
+            let mut constraint = Constraint::moving("x1", rows, motion, Curve::ramp(0.0, 0.04));
+            if case == 3 {
+                constraint.axes = FixedAxes(1);
+            }
+            simulation.add_constraint(constraint);
+            for _ in 0..5 {
+                simulation.step().unwrap();
+                let factor = Curve::ramp(0.0, 0.04).value(simulation.time());
+                let u = simulation.displacements(body);
+                for (i, &vertex) in side.iter().enumerate() {
+                    let x = mesh.points[vertex as usize];
+                    let expected = match case {
+                        0 | 3 => way * factor,
+                        1 => each[i] * factor,
+                        _ => {
+                            let turn = DQuat::from_axis_angle(DVec3::X, 0.5 * factor);
+                            centre + turn * (x - centre) - x
+                        }
+                    };
+                    let mut error = u[vertex as usize] - expected;
+                    if case == 3 {
+                        assert!(error.z != 0.0, "{integrator:?}: free axes move by themselves");
+                        error = DVec3::X * error.x;
+                    }
+                    // the test rounds as the engine does but for the time, which adds up
+                    assert!(error.length() < 1e-16, "{integrator:?} case {case}: {error}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn constraints_begin_and_end() {
+    let mesh = jittered_box([0.2, 0.05, 0.05], [8, 2, 2]);
+    for integrator in [Integrator::Safe, Integrator::Newton, Integrator::StormerVerlet] {
+        let (mut simulation, body, _) =
+            sagging(&mesh, SolverSettings { integrator, ..Default::default() });
+        let rows = simulation.rows(body, "x1", &group(&mesh, "x1")).unwrap();
+        let mut hold = Constraint::hold("x1", rows);
+        (hold.from, hold.until) = (0.045, 0.085);
+        simulation.add_constraint(hold);
+        let tip = group(&mesh, "x1")[0] as usize;
+        let mut heights = vec![0.0];
+        for _ in 0..12 {
+            simulation.step().unwrap();
+            heights.push(simulation.displacements(body)[tip].z);
+        }
+        for step in 1..=12 {
+            let held = (5..=8).contains(&step);
+            let moved = heights[step] != heights[step - 1];
+            assert_eq!(moved, !held, "{integrator:?} step {step}: {heights:?}");
+        }
+        assert!(heights[4] < 0.0 && heights[12] < heights[8], "it goes on falling");
+
+        // despawning the entity releases too
+        let rows = simulation.rows(body, "x1", &group(&mesh, "x1")).unwrap();
+        let entity = simulation.add_constraint(Constraint::hold("again", rows));
+        simulation.step().unwrap();
+        let held = simulation.displacements(body)[tip];
+        simulation.step().unwrap();
+        assert_eq!(simulation.displacements(body)[tip], held);
+        simulation.world_mut().despawn(entity);
+        simulation.step().unwrap();
+        assert_ne!(simulation.displacements(body)[tip], held, "{integrator:?}");
+    }
+}
+
+#[test]
+fn curves_and_loads() {
+    let curve = Curve::Points(vec![[0.0, 0.0], [1.0, 2.0], [1.0, 4.0], [3.0, 0.0]]);
+    for (t, value) in [(-1.0, 0.0), (0.25, 0.5), (1.0, 4.0), (2.0, 2.0), (3.0, 0.0), (9.0, 0.0)] {
+        assert_eq!(curve.value(t), value, "at {t}");
+    }
+    assert_eq!(Curve::Points(Vec::new()).value(3.0), 1.0);
+    assert_eq!(Curve::Points(vec![[2.0, 7.0]]).value(0.0), 7.0);
+    assert_eq!(Curve::Constant.value(1e9), 1.0);
+    let sine = Curve::Sine { frequency: 2.0, phase: 0.5 };
+    assert!((sine.value(0.1) - (0.4 * std::f64::consts::PI + 0.5).sin()).abs() < 1e-15);
+
+    // loads add up and follow their curves at the end of the step
+    let mesh = jittered_box([0.1, 0.1, 0.1], [2, 2, 2]);
+    let (mut simulation, body) = fused(&mesh, soft(1e4, 0.3));
+    let row = simulation.rows(body, "load", &[5]).unwrap()[0];
+    for (force, curve) in [(DVec3::X, Curve::ramp(0.0, 0.1)), (DVec3::Y, Curve::Constant)] {
+        simulation.add_load(Load { name: "load".into(), forces: vec![(row, force)], curve });
+    }
+    simulation.set_dt(0.025);
+    simulation.step().unwrap();
+    let weight = DVec3::NEG_Z * 9.81 * simulation.masses(body)[5];
+    let force = simulation.external_forces(body)[5];
+    assert!(force.distance(weight + DVec3::new(0.25, 1.0, 0.0)) < 1e-15, "{force}");
+}
+
+/// Bodies that do not touch do not know of each other.
+#[test]
+fn several_bodies_equal_separate_scenes() {
+    let meshes = [
+        jittered_box([0.2, 0.05, 0.05], [8, 2, 2]),
+        jittered_box([0.1, 0.1, 0.1], [3, 3, 3]),
+        jittered_box([0.1, 0.05, 0.05], [4, 2, 2]),
+    ];
+    let kinds = [Evaluation::Fused, Evaluation::Pooled, Evaluation::Fused];
+    let run = |chosen: &[usize], integrator| -> Vec<Vec<DVec3>> {
+        let mut simulation = Simulation::new(SimulationOptions::default()).unwrap();
+        let mut handles = Vec::new();
+        for &i in chosen {
+            let body = simulation
+                .add_body(&BodyDescription {
+                    name: &format!("body {i}"),
+                    points: &meshes[i].points,
+                    tetrahedra: &meshes[i].tetrahedra,
+                    material: soft([1e4, 2e4, 5e3][i], 0.4),
+                    model: Model::CompressibleStVK,
+                    evaluation: kinds[i],
+                })
+                .unwrap();
+            clamp(&mut simulation, body, &meshes[i], "x0");
+            handles.push(body);
+        }
+        simulation.set_dt(5e-4);
+        simulation.set_solver(exact(integrator));
+        for _ in 0..20 {
+            simulation.step().unwrap();
+            assert!(simulation.report().substeps <= 1);
+        }
+        handles.iter().map(|&b| simulation.displacements(b)).collect()
+    };
+    // Newton solves all bodies in one system: equal as far as it converges
+    for (integrator, tolerance) in
+        [(Integrator::StormerVerlet, 0.0), (Integrator::Newton, 1e-11), (Integrator::Safe, 1e-11)]
+    {
+        let together = run(&[0, 1, 2], integrator);
+        for i in 0..3 {
+            let alone = run(&[i], integrator);
+            let error = max_distance(&together[i], &alone[0]) / max_length(&alone[0]);
+            assert!(error <= tolerance, "{integrator:?} body {i}: {error:e}");
+        }
+    }
+}
+
+/// Shuffled vertices, tetrahedra and local orders, and vertices that nothing uses.
+#[test]
+fn the_users_numbering_does_not_matter() {
+    let mesh = jittered_box([0.2, 0.05, 0.05], [8, 3, 3]);
+    let n = mesh.points.len();
+    let shuffle = |count: usize, seed| {
+        let key = random_field(count, seed);
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by(|&a, &b| key[a].x.total_cmp(&key[b].x));
+        order
+    };
+    let extra = 5;
+    let order = shuffle(n + extra, 1);
+    let mut place = vec![0; n + extra];
+    order.iter().enumerate().for_each(|(new, &old)| place[old] = new);
+    let points: Vec<DVec3> =
+        order.iter().map(|&old| *mesh.points.get(old).unwrap_or(&DVec3::splat(7.0))).collect();
+    // even permutations keep the orientation
+    let even = [[0, 1, 2, 3], [1, 0, 3, 2], [1, 2, 0, 3], [3, 2, 1, 0], [0, 2, 3, 1]];
+    let tetrahedra: Vec<[u32; 4]> = shuffle(mesh.tetrahedra.len(), 2)
+        .iter()
+        .map(|&t| even[t % 5].map(|k| place[mesh.tetrahedra[t][k] as usize] as u32))
+        .collect();
+    // (integrator, step, tolerance): rounding for explicit steps, convergence for implicit ones
+    for (integrator, dt, tolerance) in [
+        (Integrator::StormerVerlet, 1e-3, 1e-12),
+        (Integrator::Newton, 5e-3, 1e-11),
+        (Integrator::Safe, 5e-3, 1e-11),
+    ] {
+        for evaluation in BOTH {
+            let run = |points: &[DVec3], tetrahedra: &[[u32; 4]], held: &[u32]| {
+                let (mut simulation, body) = simulation(
+                    SimulationOptions::default(),
+                    points,
+                    tetrahedra,
+                    soft(3e4, 0.4),
+                    Model::CompressibleStVK,
+                    evaluation,
+                );
+                let rows = simulation.rows(body, "x0", held).unwrap();
+                simulation.add_constraint(Constraint::hold("x0", rows));
+                simulation.set_dt(dt);
+                simulation.set_solver(exact(integrator));
+                for _ in 0..20 {
+                    simulation.step().unwrap();
+                }
+                (simulation.displacements(body), simulation.volume_ratios(body))
+            };
+            let held = group(&mesh, "x0");
+            let (expected, ratios) = run(&mesh.points, &mesh.tetrahedra, &held);
+            let moved: Vec<u32> = held.iter().map(|&v| place[v as usize] as u32).collect();
+            let (found, moved_ratios) = run(&points, &tetrahedra, &moved);
+            let back: Vec<DVec3> = (0..n).map(|v| found[place[v]]).collect();
+            let error = max_distance(&back, &expected) / 0.2;
+            assert!(error < tolerance, "{integrator:?} {evaluation:?}: {error:e}");
+            for (new, &old) in shuffle(mesh.tetrahedra.len(), 2).iter().enumerate() {
+                assert!((moved_ratios[new] - ratios[old]).abs() < 1e-9, "ratio of {old}");
+            }
+            for v in n..n + extra {
+                assert_eq!(found[place[v]], DVec3::ZERO, "unused vertices stay");
+            }
+        }
+    }
+}
