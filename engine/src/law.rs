@@ -141,7 +141,7 @@ impl<S: Scalar> Span<S> {
 }
 
 /// Contribution of law `L` to forces, tangent and energy.
-#[derive(Resource, Clone, Debug)]
+#[derive(Resource, Debug)]
 pub struct LawBuffer<L: Law, S: Scalar> {
     /// Fixed ranges of elements with their private arrays.
     pub spans: Vec<Span<S>>,

@@ -23,6 +23,7 @@ use sinew_engine::element::{
     TetrahedronEdges, TetrahedronVertices, TriangleEdges,
 };
 use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
+use sinew_engine::report::SystemTimes;
 use sinew_engine::scalar::{Scalar, add, sub, xyz};
 use sinew_engine::schedule::{ForceSystems, activate_law, activate_systems};
 use sinew_engine::vertex::Displacement;
@@ -158,7 +159,9 @@ fn measure_edges<S: Scalar>(
     workers: Res<Workers>,
     vertices: Query<&Displacement<S>>,
     mut edges: Query<(&EdgeVertices, &RestEdge<S>, &mut EdgeChange<S>)>,
+    mut times: ResMut<SystemTimes>,
 ) {
+    let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let u = Displacement::peel_slice(u);
     let Some((nodes, rest, mut change)) = single_table(edges.contiguous_iter_mut()) else { return };
@@ -170,6 +173,7 @@ fn measure_edges<S: Scalar>(
             delta.0 = squared_length_change(r.0, xyz(u[a as usize]), xyz(u[b as usize]));
         }
     });
+    times.add("edge changes", start.elapsed());
 }
 
 fn evaluate_tensile<S: Scalar>(
@@ -407,10 +411,12 @@ fn collect_tension<S: Scalar>(
     mut edges: Query<(&TensileTension<S>, &mut EdgeTension<S>)>,
     triangles: Query<&AngularTension<S>>,
     tetrahedra: Query<&VolumetricTension<S>>,
+    mut times: ResMut<SystemTimes>,
 ) {
     if !request.force {
         return;
     }
+    let start = Instant::now();
     let Some((tensile, mut tension)) = single_table(edges.contiguous_iter_mut()) else { return };
     let Some(angular) = single_table(triangles.contiguous_iter()) else { return };
     let Some(volumetric) = single_table(tetrahedra.contiguous_iter()) else { return };
@@ -432,6 +438,7 @@ fn collect_tension<S: Scalar>(
             s.0 = sum;
         }
     });
+    times.add("edge tensions", start.elapsed());
 }
 
 fn evaluate_spring_forces<S: Scalar>(

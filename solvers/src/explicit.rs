@@ -108,8 +108,9 @@ fn substep<S: Scalar>(
         step: clock.step,
         time: clock.time,
         reason: format!(
-            "the energy grew even with {substeps} substeps (estimated stability limit {limit:.3e} \
-             s); reduce dt or use integrator = \"safe\""
+            "the energy grew, or a number overflowed, even with {substeps} substeps (estimated \
+             stability limit {limit:.3e} s); check loads and prescribed motion, reduce dt or use \
+             integrator = \"safe\""
         ),
     })
 }

@@ -339,6 +339,9 @@ fn newton_direction<S: Scalar>(
             CgStatus::Converged | CgStatus::Cap if descent > 0.0 || norm(&s.rhs) == 0.0 => {
                 let capped = outcome.status == CgStatus::Cap;
                 report.cg_caps += u32::from(capped);
+                if w.inertia > 0.0 {
+                    correct_momentum(world.resource::<Topology>(), s, w.inertia + w.mass_damping);
+                }
                 world.resource_mut::<SystemTimes>().add("linear solves", time);
                 return Ok(!capped);
             }
@@ -355,6 +358,32 @@ fn newton_direction<S: Scalar>(
         world.resource_mut::<SystemTimes>().add("linear solves", time);
     }
     unreachable!("the loop returns in its second turn")
+}
+
+/// Adds to the step of every body without held unknowns the translation that balances its momentum.
+///
+/// A tangent resists no translation, so the exact solution has `c_M sum m d = sum rhs`; a loose
+/// solve leaves a residual with a resultant, which would push a free body about.
+fn correct_momentum<S: Scalar>(topology: &Topology, s: &mut ImplicitScratch<S>, factor: f64) {
+    for body in &topology.bodies {
+        let rows = body.vertices.start as usize..body.vertices.end as usize;
+        if s.node.fixed[rows.clone()].iter().any(|f| f.0 != 0) {
+            continue;
+        }
+        let (mut missing, mut mass) = ([0.0; 3], 0.0);
+        for row in rows.clone() {
+            let m = factor * s.node.mass[row].to_f64();
+            mass += m;
+            for k in 0..3 {
+                missing[k] += s.rhs[row][k].to_f64() - m * s.step[row][k].to_f64();
+            }
+        }
+        for row in rows {
+            for k in 0..3 {
+                s.step[row][k] += S::from_f64(missing[k] / mass);
+            }
+        }
+    }
 }
 
 fn norm<S: Scalar>(x: &[[S; 4]]) -> f64 {
