@@ -1,4 +1,5 @@
-//! Sinew: a data-oriented deformable-body engine for soft tissue.
+#![doc = include_str!("../README.md")]
+
 pub mod plugin;
 pub mod simulation;
 
