@@ -19,6 +19,7 @@ use sinew_engine::vertex::{
 };
 use sinew_engine::workers::{Workers, WorkersError};
 use sinew_models::body::{BodyDescription, BodyError, spawn_body};
+use sinew_solvers::explicit::estimate_stable_step;
 use sinew_solvers::settings::SolverSettings;
 
 /// Number type of the state.
@@ -241,6 +242,12 @@ impl Simulation {
     pub fn step(&mut self) -> Result<(), StepError> {
         let world = self.app.world_mut();
         by_precision!(self, run_step(world))
+    }
+
+    /// Largest stable explicit step (s) at the current state, by power iteration on the tangent.
+    pub fn stable_step(&mut self) -> f64 {
+        let world = self.app.world_mut();
+        by_precision!(self, estimate_stable_step(world))
     }
 
     /// Simulated time (s).

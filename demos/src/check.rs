@@ -58,12 +58,12 @@ pub fn check_file(path: &Path) -> CheckSummary {
 fn check_scene(path: &Path, summary: &mut CheckSummary) -> Result<(), SceneError> {
     let loaded = LoadedScene::read(path)?;
     let options = BuildOptions { threads: Some(1), ..BuildOptions::default() };
-    let built = build(&loaded, &options).inspect_err(|error| {
+    let mut built = build(&loaded, &options).inspect_err(|error| {
         if let SceneError::Check { source, .. } = error {
             summary.meshes.push((*source.report).clone());
         }
     })?;
-    summary.warnings = built.warnings;
+    summary.warnings = std::mem::take(&mut built.warnings);
     for body in &built.bodies {
         summary.plan.push(format!(
             "body `{}`: {} vertices, {} tetrahedra, E = {} Pa, nu = {}, {} kg/m^3",
@@ -94,6 +94,8 @@ fn check_scene(path: &Path, summary: &mut CheckSummary) -> Result<(), SceneError
         crate::scene::Mode::Dynamic => format!("{steps} steps of {} s", short(dt)),
         crate::scene::Mode::Static => format!("equilibrium in {steps} load step(s)"),
     });
+    let limit = built.simulation.stable_step();
+    summary.plan.push(format!("largest stable explicit step about {limit:.2e} s, at rest"));
     Ok(())
 }
 

@@ -212,6 +212,15 @@ fn kick<S: Scalar>(s: &mut ExplicitScratch<S>, damping: f64, t: f64) {
     }
 }
 
+/// Largest stable explicit step (s) at the current state, before any safety factor; infinite when
+/// nothing can move. Constraints count as far as the last step applied them.
+pub fn estimate_stable_step<S: Scalar>(world: &mut World) -> f64 {
+    let mut scratch = ExplicitScratch::<S>::default();
+    scratch.node.read(world);
+    let u = scratch.node.u.clone();
+    if u.is_empty() { f64::INFINITY } else { stable_step(world, &mut scratch, &u) }
+}
+
 /// `2 / omega_max` (s) at displacements `u`, by power iteration on `M^-1/2 K M^-1/2`.
 fn stable_step<S: Scalar>(world: &mut World, s: &mut ExplicitScratch<S>, u: &[[S; 4]]) -> f64 {
     evaluate(world, u, false, false, Some(TangentKind::Exact));
