@@ -12,7 +12,7 @@ use sinew_engine::mesh::Mesh;
 use sinew_engine::report::{StepReport, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule};
-use sinew_engine::step::{Gravity, StepClock, StepError, run_step};
+use sinew_engine::step::{Gravity, StepClock, StepError, measure_volume_ratios, run_step};
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{
     Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, RestPosition, Velocity,
@@ -103,7 +103,8 @@ pub enum SimulationError {
     },
 }
 
-/// A body of a simulation.
+/// A body of a simulation: index into [`Topology::bodies`]. Only good for the simulation that gave it
+/// out; methods panic on the handle of another one that has more bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BodyHandle(pub usize);
 
@@ -321,11 +322,14 @@ impl Simulation {
                 return Err(SimulationError::Length { what, body, expected, given: values.len() });
             }
         }
-        by_precision!(self, write_state(self, &rows, displacements, velocities));
-        Ok(())
+        Ok(by_precision!(self, write_state(self, &rows, displacements, velocities))?)
     }
 
     /// Evaluates elastic energy (J) and forces at the current state, outside a step.
+    ///
+    /// # Panics
+    /// When components of element entities were added or removed from outside; [`Simulation::step`]
+    /// answers that with an error.
     pub fn evaluate(&mut self) -> f64 {
         let world = self.world_mut();
         world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: None });
@@ -334,8 +338,9 @@ impl Simulation {
     }
 
     /// Force (N) that a constraint exerts on the body at the current state: what is needed at its
-    /// held unknowns to balance elastic and external forces. Inertia of the held vertices is left
-    /// out. Call [`Simulation::evaluate`] first.
+    /// held unknowns to balance elastic and external forces. Inertia and damping of the held vertices
+    /// are left out, and unknowns that two constraints hold count in both. Call
+    /// [`Simulation::evaluate`] first; zero when there is no such constraint.
     pub fn reaction(&mut self, constraint: Entity) -> DVec3 {
         by_precision!(self, reaction(self, constraint))
     }
@@ -394,7 +399,7 @@ fn write_state<S: Scalar>(
     rows: &BodyRows,
     displacements: &[DVec3],
     velocities: &[DVec3],
-) {
+) -> Result<(), StepError> {
     let world = simulation.world_mut();
     let mut query = world.query::<(&mut Displacement<S>, &mut Velocity<S>)>();
     if let Some((mut u, mut v)) = single_table(query.contiguous_iter_mut(world)) {
@@ -406,6 +411,10 @@ fn write_state<S: Scalar>(
             }
         }
     }
+    // what the solver does with a state must not depend on the state before
+    world
+        .run_system_cached(measure_volume_ratios::<S>)
+        .map_err(|error| StepError::InvalidSetting(error.to_string()))
 }
 
 fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Vec<f64> {
@@ -444,7 +453,7 @@ fn reaction<S: Scalar>(simulation: &mut Simulation, constraint: Entity) -> DVec3
         return DVec3::ZERO;
     };
     let mut sum = DVec3::ZERO;
-    for row in rows {
+    for row in rows.into_iter().filter(|&row| (row as usize) < elastic.len()) {
         let f = to_vector(&elastic[row as usize].0) + to_vector(&external[row as usize].0);
         for k in 0..3 {
             if axes.holds(k) {

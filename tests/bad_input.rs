@@ -348,7 +348,10 @@ fn constraints_and_loads_that_cannot_be_applied() {
     let motions = [
         (Motion::TranslateEach(vec![DVec3::X; 2]), "one translation per vertex"),
         (Motion::TranslateEach(vec![DVec3::NAN]), "not finite"),
-        (Motion::Rotate { centre: DVec3::ZERO, axis: DVec3::ZERO, angle: 1.0 }, "no direction"),
+        (
+            Motion::Rotate { centre: DVec3::ZERO, axis: DVec3::ZERO, angle: 1.0 },
+            "no usable direction",
+        ),
         (Motion::Rotate { centre: DVec3::ZERO, axis: DVec3::X, angle: f64::NAN }, "not finite"),
     ];
     for (motion, problem) in motions {

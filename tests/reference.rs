@@ -247,7 +247,8 @@ fn linearised_implicit_steps() {
                     fixed: &fixed,
                 };
                 let mut dv = vec![[0.0; 4]; b.len()];
-                let outcome = system.solve(&mut CgScratch::default(), &b, &mut dv, 1e-13, 10_000);
+                let outcome =
+                    system.solve(&mut CgScratch::default(), 0, &b, &mut dv, 1e-13, 10_000);
                 if number(&case[key]["min_eig_A"]) < 0.0 {
                     assert_eq!(outcome.status, CgStatus::Indefinite, "{name} {key}");
                     indefinite += 1;

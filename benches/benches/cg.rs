@@ -57,12 +57,12 @@ fn solve<S: Scalar>(c: &mut Criterion, size: &str, cells: [usize; 3], precision:
         };
         let mut scratch = CgScratch::default();
         let mut x = vec![[S::ZERO; 4]; b.len()];
-        let outcome = system.solve(&mut scratch, &b, &mut x, 1e-3, 5000);
+        let outcome = system.solve(&mut scratch, 0, &b, &mut x, 1e-3, 5000);
         println!("cg {size} {} {threads} threads: {outcome:?}", precision.name());
         group.bench_function(BenchmarkId::new(precision.name(), threads), |bench| {
             bench.iter(|| {
                 x.fill([S::ZERO; 4]);
-                system.solve(&mut scratch, &b, &mut x, 1e-3, 5000)
+                system.solve(&mut scratch, 0, &b, &mut x, 1e-3, 5000)
             });
         });
     }

@@ -76,6 +76,7 @@ impl Totals {
         s.linearisation_error_mean += (error - s.linearisation_error_mean) / done;
         s.linearisation_error_max = s.linearisation_error_max.max(error);
         s.cg_caps += u64::from(report.cg_caps);
+        s.gradient_fallbacks += u64::from(report.gradient_fallbacks);
         s.projections += u64::from(report.projections);
         s.clamped_elements += report.clamped_elements;
         s.backtracks += u64::from(report.backtracks);
@@ -158,7 +159,7 @@ pub fn run(
         }
         totals.step_times.push(seconds);
         let report = built.simulation.report().clone();
-        let volume = *built.simulation.volume_report();
+        let volume = built.simulation.volume_report().clone();
         totals.add(&report);
         let v = &mut totals.volume;
         if volume.smallest_ratio < v.smallest_j {
@@ -313,13 +314,61 @@ fn run_warnings(
             "use a smaller dt, a smaller linear_tolerance or more max_newton_iterations",
         );
     }
+    if s.gradient_fallbacks > 0 {
+        add(
+            "run.gradient",
+            Level::Warning,
+            "solver",
+            format!("{} linear solves fell back to a gradient step", s.gradient_fallbacks),
+            "use a smaller dt; elements are far out of shape",
+        );
+    }
+    if s.line_search_failures > 0 {
+        add(
+            "run.line-search",
+            Level::Warning,
+            "solver",
+            format!(
+                "in {} steps a body was halted where it was, no lower energy was found",
+                s.line_search_failures
+            ),
+            "use a smaller dt or a smaller linear_tolerance",
+        );
+    }
+    if s.energy_caps > 0 {
+        add(
+            "run.energy.cap",
+            Level::Warning,
+            "solver",
+            format!("in {} steps a body was slowed down to keep its energy bounded", s.energy_caps),
+            "the motion is damped there; use a smaller dt where it matters",
+        );
+    }
+    if s.backtracks > 0 && integrator == Integrator::Safe {
+        add(
+            "run.backtrack",
+            Level::Note,
+            "solver",
+            format!("{} steps were shortened by the line search", s.backtracks),
+            "the motion is damped there; use a smaller dt where it matters",
+        );
+    }
+    if s.refinements > 0 {
+        add(
+            "run.refinement",
+            Level::Note,
+            "solver",
+            format!("substeps were halved {} times because the energy grew", s.refinements),
+            "nothing to do; a smaller explicit_safety avoids the repetition",
+        );
+    }
     if s.projections > 0 {
         add(
             "run.projection",
             Level::Note,
             "solver",
-            format!("{} indefinite tangents were replaced by projected ones", s.projections),
-            "nothing to do; a sign of strong compression or large steps",
+            format!("{} steps or iterations used the projected tangent", s.projections),
+            "nothing to do; a sign of strong compression, inverted elements or large steps",
         );
     }
     if integrator != Integrator::QuasiStatic {

@@ -349,6 +349,8 @@ pub struct SolverSummary {
     pub linearisation_error_max: f64,
     /// Linear solves that stopped at the iteration cap.
     pub cg_caps: u64,
+    /// Linear solves replaced by the preconditioned gradient.
+    pub gradient_fallbacks: u64,
     /// Fallbacks: indefinite tangents replaced by the projected one.
     pub projections: u64,
     /// Elements clamped in those.
@@ -723,9 +725,14 @@ impl RunSummary {
         block.line(
             "safeguards",
             format!(
-                "{} tangents projected, {} backtracks, {} failed line searches, {} energy caps, {} \
-                 refinements",
-                s.projections, s.backtracks, s.line_search_failures, s.energy_caps, s.refinements
+                "{} tangents projected, {} gradient fallbacks, {} backtracks, {} failed line \
+                 searches, {} energy caps, {} refinements",
+                s.projections,
+                s.gradient_fallbacks,
+                s.backtracks,
+                s.line_search_failures,
+                s.energy_caps,
+                s.refinements
             ),
         )?;
         let e = &self.energy;

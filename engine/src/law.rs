@@ -49,6 +49,8 @@ pub struct ElasticEnergy {
     pub total: f64,
     /// Contribution of each law, in gather order.
     pub by_law: Vec<(&'static str, f64)>,
+    /// Sum over all laws for each body, in the order of [`Topology::bodies`].
+    pub by_body: Vec<f64>,
 }
 
 /// A force law: a marker type that names its buffer and its place in the sum.
@@ -62,6 +64,8 @@ pub trait Law: Send + Sync + 'static {
 /// Private arrays of one range of elements.
 #[derive(Clone, Debug)]
 pub struct Span<S> {
+    /// Body that the elements belong to; ranges never cross from one body to the next.
+    pub body: usize,
     /// Elements (table rows) of this range.
     pub elements: Range<usize>,
     /// Vertex rows they touch, lowest to highest.
@@ -162,40 +166,30 @@ const ELEMENTS_PER_SPAN: usize = 2048;
 const MAX_SPANS: usize = 16;
 
 impl<L: Law, S: Scalar> LawBuffer<L, S> {
-    /// Cuts elements into fixed ranges. `vertices(i)` lists the vertex rows of element `i`.
+    /// Cuts elements into fixed ranges, body by body. `vertices(i)` lists the vertex rows of element
+    /// `i`; elements lie body by body in their table.
     pub fn partition<'a>(
         &mut self,
         count: usize,
         topology: &Topology,
         vertices: impl Fn(usize) -> &'a [u32],
     ) {
-        let pieces = (count / ELEMENTS_PER_SPAN).clamp(1, MAX_SPANS);
         self.spans.clear();
-        for piece in 0..pieces {
-            let elements = count * piece / pieces..count * (piece + 1) / pieces;
-            if elements.is_empty() {
-                continue;
+        let mut first = 0;
+        for (body, rows) in topology.bodies.iter().enumerate() {
+            let mut end = first;
+            while end < count && rows.vertices.contains(&vertices(end)[0]) {
+                end += 1;
             }
-            let (mut low, mut high) = (u32::MAX, 0);
-            for i in elements.clone() {
-                for &v in vertices(i) {
-                    low = low.min(v);
-                    high = high.max(v);
+            let own = end - first;
+            let pieces = (own / ELEMENTS_PER_SPAN).clamp(1, MAX_SPANS);
+            for piece in 0..pieces {
+                let elements = first + own * piece / pieces..first + own * (piece + 1) / pieces;
+                if !elements.is_empty() {
+                    self.spans.push(span(body, elements, topology, &vertices));
                 }
             }
-            let rows = low as usize..high as usize + 1;
-            let blocks =
-                topology.edge_start[rows.start] as usize..topology.edge_start[rows.end] as usize;
-            self.spans.push(Span {
-                elements,
-                rows,
-                blocks,
-                force: Vec::new(),
-                diagonal: Vec::new(),
-                off_diagonal: Vec::new(),
-                energy: 0.0,
-                clamped: 0,
-            });
+            first = end;
         }
     }
 
@@ -256,6 +250,35 @@ impl<L: Law, S: Scalar> LawBuffer<L, S> {
         workers.for_chunks(&mut total.off_diagonal, ROW_CHUNK, work, |first, blocks| {
             self.spans.iter().for_each(|s| add(first, blocks, &s.blocks, &s.off_diagonal));
         });
+    }
+}
+
+/// An empty range with the rows and blocks that its elements touch.
+fn span<'a, S>(
+    body: usize,
+    elements: Range<usize>,
+    topology: &Topology,
+    vertices: &impl Fn(usize) -> &'a [u32],
+) -> Span<S> {
+    let (mut low, mut high) = (u32::MAX, 0);
+    for i in elements.clone() {
+        for &v in vertices(i) {
+            low = low.min(v);
+            high = high.max(v);
+        }
+    }
+    let rows = low as usize..high as usize + 1;
+    let blocks = topology.edge_start[rows.start] as usize..topology.edge_start[rows.end] as usize;
+    Span {
+        body,
+        elements,
+        rows,
+        blocks,
+        force: Vec::new(),
+        diagonal: Vec::new(),
+        off_diagonal: Vec::new(),
+        energy: 0.0,
+        clamped: 0,
     }
 }
 

@@ -11,6 +11,7 @@ use crate::vertex::{
 use bevy_ecs::prelude::*;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A factor that varies with time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -116,7 +117,12 @@ pub struct Constraint {
     pub until: f64,
     /// Displacements (m) when it took hold; filled by the engine.
     pub start: Vec<DVec3>,
+    /// Place in the order of creation.
+    sequence: u64,
 }
+
+/// Constraints made so far.
+static CONSTRAINTS: AtomicU64 = AtomicU64::new(0);
 
 impl Constraint {
     /// Holds `rows` where they are, for good.
@@ -135,6 +141,7 @@ impl Constraint {
             from: f64::NEG_INFINITY,
             until: f64::INFINITY,
             start: Vec::new(),
+            sequence: CONSTRAINTS.fetch_add(1, Ordering::Relaxed),
         }
     }
 
@@ -168,8 +175,8 @@ impl Constraint {
             Motion::Rotate { centre, axis, angle } => {
                 if !(centre.is_finite() && axis.is_finite() && angle.is_finite()) {
                     Some("its rotation has a number that is not finite")
-                } else if axis.length_squared() == 0.0 {
-                    Some("its axis of rotation has no direction")
+                } else if axis.try_normalize().is_none() {
+                    Some("its axis of rotation has no usable direction")
                 } else {
                     None
                 }
@@ -213,7 +220,7 @@ pub fn apply_constraints<S: Scalar>(
         &mut FixedAxes,
         &mut PrescribedDisplacement<S>,
     )>,
-    mut order: Local<Vec<Entity>>,
+    mut order: Local<Vec<(u64, Entity)>>,
 ) {
     let t = clock.time + clock.dt;
     let Some((rest, displacement, mut fixed, mut prescribed)) =
@@ -226,9 +233,9 @@ pub fn apply_constraints<S: Scalar>(
     fixed.fill(FixedAxes::NONE);
     // where constraints overlap the later one wins, in order of creation
     order.clear();
-    order.extend(constraints.iter().map(|(e, _)| e));
+    order.extend(constraints.iter().map(|(e, c)| (c.sequence, e)));
     order.sort_unstable();
-    for &entity in order.iter() {
+    for &(_, entity) in order.iter() {
         let Ok((_, mut constraint)) = constraints.get_mut(entity) else { continue };
         if !constraint.active(t) {
             continue;

@@ -30,6 +30,8 @@ pub struct Tangent<S: Scalar> {
 #[derive(Clone, Debug, Default)]
 pub struct ProductSpans<S> {
     spans: Vec<ProductSpan<S>>,
+    /// Spans of each body.
+    bodies: Vec<Range<usize>>,
     revision: u64,
 }
 
@@ -47,36 +49,41 @@ const MAX_SPANS: usize = 16;
 const ROW_CHUNK: usize = 2048;
 
 impl<S: Scalar> ProductSpans<S> {
-    /// Cuts the rows into fixed ranges of about equal work; does nothing when already done.
-    pub fn prepare(&mut self, topology: &Topology) {
-        if self.revision == topology.revision && !self.spans.is_empty() {
+    /// Cuts the rows of every body into fixed ranges of about equal work, unless done already.
+    fn prepare(&mut self, topology: &Topology) {
+        if self.revision == topology.revision && self.bodies.len() == topology.bodies.len() {
             return;
         }
         self.revision = topology.revision;
         self.spans.clear();
-        let n = topology.vertex_count();
-        let blocks = topology.edges.len();
-        let pieces = (blocks / BLOCKS_PER_SPAN).clamp(1, MAX_SPANS);
-        let mut row = 0;
-        for piece in 0..pieces {
-            let end = if piece + 1 == pieces {
-                n
-            } else {
-                let target = (blocks * (piece + 1) / pieces) as u32;
-                topology.edge_start.partition_point(|&s| s < target).clamp(row, n)
-            };
-            if row == end {
-                continue;
+        self.bodies.clear();
+        for body in &topology.bodies {
+            let first_span = self.spans.len();
+            let n = body.vertices.end as usize;
+            let (first_block, blocks) = (body.blocks.start as usize, body.blocks.len());
+            let pieces = (blocks / BLOCKS_PER_SPAN).clamp(1, MAX_SPANS);
+            let mut row = body.vertices.start as usize;
+            for piece in 0..pieces {
+                let end = if piece + 1 == pieces {
+                    n
+                } else {
+                    let target = (first_block + blocks * (piece + 1) / pieces) as u32;
+                    topology.edge_start.partition_point(|&s| s < target).clamp(row, n)
+                };
+                if row == end {
+                    continue;
+                }
+                let (first, last) = (topology.edge_start[row], topology.edge_start[end]);
+                let reach = topology.edges[first as usize..last as usize]
+                    .iter()
+                    .map(|e| e[1] as usize + 1)
+                    .max()
+                    .unwrap_or(end)
+                    .max(end);
+                self.spans.push(ProductSpan { rows: row..end, reach, result: Vec::new() });
+                row = end;
             }
-            let (first, last) = (topology.edge_start[row], topology.edge_start[end]);
-            let reach = topology.edges[first as usize..last as usize]
-                .iter()
-                .map(|e| e[1] as usize + 1)
-                .max()
-                .unwrap_or(end)
-                .max(end);
-            self.spans.push(ProductSpan { rows: row..end, reach, result: Vec::new() });
-            row = end;
+            self.bodies.push(first_span..self.spans.len());
         }
     }
 }
@@ -99,21 +106,42 @@ impl<S: Scalar> BlockMatrix<S> {
         x: &[[S; 4]],
         y: &mut [[S; 4]],
     ) {
+        for (body, rows) in topology.bodies.iter().enumerate() {
+            let rows = rows.vertices.start as usize..rows.vertices.end as usize;
+            self.multiply_body(topology, workers, spans, body, &x[rows.clone()], &mut y[rows]);
+        }
+    }
+
+    /// The rows of one body of `y = A x`; bodies do not couple. `x` and `y` hold its rows only.
+    pub fn multiply_body(
+        &self,
+        topology: &Topology,
+        workers: &Workers,
+        spans: &mut ProductSpans<S>,
+        body: usize,
+        x: &[[S; 4]],
+        y: &mut [[S; 4]],
+    ) {
         spans.prepare(topology);
-        let work = self.off_diagonal.len() * 2;
-        if let [only] = spans.spans.as_slice() {
-            self.multiply_rows(topology, &only.rows, x, y, 0);
+        let body_rows = &topology.bodies[body];
+        let offset = body_rows.vertices.start as usize;
+        let work = body_rows.blocks.len() * 2;
+        let own = spans.bodies[body].clone();
+        let spans = &mut spans.spans[own];
+        if let [only] = spans {
+            self.multiply_rows(topology, &only.rows, x, offset, y, offset);
             return;
         }
-        workers.for_each(&mut spans.spans, work, |_, span| {
+        workers.for_each(spans, work, |_, span| {
             // the transposed part reaches beyond the range: private array over its span
             let mut result = std::mem::take(&mut span.result);
             result.resize(span.reach - span.rows.start, [S::ZERO; 4]);
-            self.multiply_rows(topology, &span.rows, x, &mut result, span.rows.start);
+            self.multiply_rows(topology, &span.rows, x, offset, &mut result, span.rows.start);
             span.result = result;
         });
-        let spans = &spans.spans;
+        let spans = &*spans;
         workers.for_chunks(y, ROW_CHUNK, work / 4, |first, rows| {
+            let first = first + offset;
             let end = first + rows.len();
             rows.fill([S::ZERO; 4]);
             for span in spans {
@@ -131,23 +159,25 @@ impl<S: Scalar> BlockMatrix<S> {
         });
     }
 
-    /// Rows `rows` of the upper half and their transposes into `y`, whose first entry is row `y0`.
+    /// Rows `rows` of the upper half and their transposes into `y`; the first entries of `x` and `y`
+    /// are rows `x0` and `y0`.
     fn multiply_rows(
         &self,
         topology: &Topology,
         rows: &Range<usize>,
         x: &[[S; 4]],
+        x0: usize,
         y: &mut [[S; 4]],
         y0: usize,
     ) {
         y.fill([S::ZERO; 4]);
         for row in rows.clone() {
-            let xr = xyz(x[row]);
+            let xr = xyz(x[row - x0]);
             let mut sum = mat_vec(&self.diagonal[row], xr);
             let range = topology.edge_start[row] as usize..topology.edge_start[row + 1] as usize;
             for (edge, m) in topology.edges[range.clone()].iter().zip(&self.off_diagonal[range]) {
                 let column = edge[1] as usize;
-                let a = mat_vec(m, xyz(x[column]));
+                let a = mat_vec(m, xyz(x[column - x0]));
                 let b = mat_transpose_vec(m, xr);
                 let t = &mut y[column - y0];
                 for k in 0..3 {

@@ -19,13 +19,17 @@ pub struct StepReport {
     pub unconverged: bool,
     /// Length of the last Newton step over body size.
     pub newton_step: f64,
-    /// Times the exact tangent was found indefinite and the projected one used instead.
+    /// Times the projected tangent was used: the exact one was indefinite, or elements inverted.
     pub projections: u32,
     /// Elements clamped in those.
     pub clamped_elements: u64,
     /// Halvings of the line search.
     pub backtracks: u32,
-    /// Line searches that found no decrease; the step ended where it started.
+    /// Linear solves replaced by the preconditioned gradient, because even the projected tangent gave
+    /// no descent.
+    pub gradient_fallbacks: u32,
+    /// Line searches that found no decrease: the body stays where it was, and in a dynamic step comes
+    /// to a halt there.
     pub line_search_failures: u32,
     /// The energy cap scaled the velocity.
     pub energy_caps: u32,
@@ -40,12 +44,14 @@ pub struct StepReport {
     pub linearisation_error: f64,
     /// Elastic energy (J) at the end of the step.
     pub elastic_energy: f64,
-    /// Kinetic energy (J) of the free unknowns at the end of the step.
+    /// Kinetic energy (J) at the end of the step, held vertices included.
     pub kinetic_energy: f64,
-    /// Work (J) of gravity and loads during the step.
+    /// Work (J) of gravity and loads during the step, the loads of its end acting all the way. 0 for
+    /// equilibria.
     pub load_work: f64,
-    /// Energy (J) that moving the prescribed vertices put in at the start of the step: an upper
-    /// bound of the work done by the constraints in the step.
+    /// Work (J) of the constraints. Explicit integrators integrate the reaction along the way.
+    /// Implicit ones book the energy it takes to move the held vertices at once, the rest following
+    /// after: an upper bound, which the step then dissipates down to. 0 for equilibria.
     pub constraint_work: f64,
     /// Total momentum of the step end (kg m/s).
     pub momentum: [f64; 3],
@@ -54,17 +60,19 @@ pub struct StepReport {
 }
 
 /// Volume ratios J at the end of the step.
-#[derive(Resource, Clone, Copy, Debug, Serialize)]
+#[derive(Resource, Clone, Debug, Serialize)]
 pub struct VolumeReport {
     /// Smallest deformed volume over rest volume.
     pub smallest_ratio: f64,
     /// Tetrahedra with J <= 0.
     pub inverted: u64,
+    /// The same for each body.
+    pub inverted_by_body: Vec<u64>,
 }
 
 impl Default for VolumeReport {
     fn default() -> Self {
-        Self { smallest_ratio: f64::INFINITY, inverted: 0 }
+        Self { smallest_ratio: f64::INFINITY, inverted: 0, inverted_by_body: Vec::new() }
     }
 }
 

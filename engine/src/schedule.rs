@@ -180,6 +180,8 @@ fn clear_totals<S: Scalar>(
     if request.energy {
         energy.total = 0.0;
         energy.by_law.clear();
+        energy.by_body.clear();
+        energy.by_body.resize(topology.bodies.len(), 0.0);
     }
     if request.force
         && let Some(mut forces) = single_table(forces.contiguous_iter_mut())
@@ -207,6 +209,9 @@ fn gather_law<L: Law, S: Scalar>(
         let own = buffer.energy();
         energy.total += own;
         energy.by_law.push((L::NAME, own));
+        for span in &buffer.spans {
+            energy.by_body[span.body] += span.energy;
+        }
     }
     if request.force
         && let Some(mut forces) = single_table(forces.contiguous_iter_mut())

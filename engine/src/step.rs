@@ -1,9 +1,7 @@
 //! Running one step, and what can go wrong.
 
 use crate::columns::single_table;
-use crate::element::{
-    RestVolume, ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change,
-};
+use crate::element::{ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change};
 use crate::load::{Constraint, Load, apply_constraints, apply_loads};
 use crate::report::{StepReport, SystemTimes, VolumeReport};
 use crate::scalar::{Scalar, xyz};
@@ -234,47 +232,55 @@ pub fn not_finite(
     StepError::NotFinite { quantity, vertex, body, time, remedy }
 }
 
-/// Smallest `J` and inverted elements of the new state.
-fn measure_volume_ratios<S: Scalar>(
+/// Smallest `J` and inverted elements of the current state into [`VolumeReport`].
+pub fn measure_volume_ratios<S: Scalar>(
     workers: Res<Workers>,
     failure: Res<StepFailure>,
     mut report: ResMut<VolumeReport>,
     mut times: ResMut<SystemTimes>,
     vertices: Query<&Displacement<S>>,
-    tetrahedra: Query<(&TetrahedronVertices, &ShapeGradients<S>, &RestVolume<S>)>,
-    mut partial: Local<Vec<(f64, u64)>>,
+    topology: Res<Topology>,
+    tetrahedra: Query<(&TetrahedronVertices, &ShapeGradients<S>, &BodyId)>,
+    mut partial: Local<Vec<Vec<(BodyId, f64, u64)>>>,
 ) {
     const CHUNK: usize = 4096;
     let start = Instant::now();
-    report.smallest_ratio = f64::INFINITY;
-    report.inverted = 0;
     if failure.0.is_some() {
         return;
     }
+    report.smallest_ratio = f64::INFINITY;
+    report.inverted_by_body.clear();
+    report.inverted_by_body.resize(topology.bodies.len(), 0);
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let u = Displacement::peel_slice(u);
     // pooled and fused bodies keep their tetrahedra in a table each
-    for (nodes, gradients, _) in
+    for (nodes, gradients, bodies) in
         tetrahedra.contiguous_iter().expect("element components are stored in tables")
     {
-        partial.clear();
-        partial.resize(nodes.len().div_ceil(CHUNK), (0.0, 0));
-        workers.for_each(&mut partial, nodes.len() * 8, |i, p| {
-            let (mut smallest, mut inverted) = (f64::INFINITY, 0);
-            let range = i * CHUNK..((i + 1) * CHUNK).min(nodes.len());
-            for (n, d) in nodes[range.clone()].iter().zip(&gradients[range]) {
-                let local = n.0.map(|v| xyz(u[v as usize]));
-                let j = volume_change(&displacement_gradient(&d.0, &local)).to_f64() + 1.0;
-                smallest = smallest.min(j);
-                inverted += u64::from(j <= 0.0);
+        partial.resize(nodes.len().div_ceil(CHUNK), Vec::new());
+        workers.for_each(&mut partial, nodes.len() * 8, |i, runs| {
+            // runs of elements of one body
+            runs.clear();
+            for j in i * CHUNK..((i + 1) * CHUNK).min(nodes.len()) {
+                let local = nodes[j].0.map(|v| xyz(u[v as usize]));
+                let change = volume_change(&displacement_gradient(&gradients[j].0, &local));
+                let ratio = change.to_f64() + 1.0;
+                let inverted = u64::from(ratio <= 0.0);
+                match runs.last_mut() {
+                    Some((body, smallest, count)) if *body == bodies[j] => {
+                        *smallest = smallest.min(ratio);
+                        *count += inverted;
+                    }
+                    _ => runs.push((bodies[j], ratio, inverted)),
+                }
             }
-            *p = (smallest, inverted);
         });
-        for &(smallest, inverted) in partial.iter() {
+        for &(body, smallest, inverted) in partial.iter().flatten() {
             report.smallest_ratio = report.smallest_ratio.min(smallest);
-            report.inverted += inverted;
+            report.inverted_by_body[body.0 as usize] += inverted;
         }
     }
+    report.inverted = report.inverted_by_body.iter().sum();
     times.add("volume ratios", start.elapsed());
 }
 

@@ -27,9 +27,17 @@ pub struct BodyRows {
     pub tetrahedron_order: Vec<u32>,
     /// Longest side of the rest bounding box (m).
     pub size: f64,
+    /// Connected piece of each vertex row (relative to `vertices.start`), counted from 0; filled by
+    /// [`Topology::push`].
+    pub piece: Vec<u32>,
 }
 
 impl BodyRows {
+    /// Number of connected pieces.
+    pub fn piece_count(&self) -> usize {
+        self.piece.iter().max().map_or(0, |&p| p as usize + 1)
+    }
+
     /// Vertex-table row of a vertex of the user's mesh, `None` when no element uses it.
     pub fn row(&self, vertex: u32) -> Option<u32> {
         let local = *self.row_of_vertex.get(vertex as usize)?;
@@ -66,6 +74,7 @@ impl Topology {
     pub fn push(&mut self, mut body: BodyRows, edges: &[[u32; 2]]) {
         let (v0, e0) = (self.vertex_count() as u32, self.edges.len() as u32);
         let n = body.vertex_order.len();
+        body.piece = pieces(n, edges);
         body.vertices = v0..v0 + n as u32;
         body.blocks = e0..e0 + edges.len() as u32;
         let local = starts(n, edges.iter().map(|e| e[0]));
@@ -79,6 +88,35 @@ impl Topology {
     pub fn body(&self, name: &str) -> Option<&BodyRows> {
         self.bodies.iter().find(|b| b.name == name)
     }
+}
+
+/// Number of the connected piece of every vertex, by union-find along the edges.
+fn pieces(n: usize, edges: &[[u32; 2]]) -> Vec<u32> {
+    fn root(parent: &mut [u32], mut i: u32) -> u32 {
+        while parent[i as usize] != i {
+            parent[i as usize] = parent[parent[i as usize] as usize];
+            i = parent[i as usize];
+        }
+        i
+    }
+    let mut parent: Vec<u32> = (0..n as u32).collect();
+    for &[a, b] in edges {
+        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
+        // the lower number stays root, so that pieces are numbered in row order
+        parent[a.max(b) as usize] = a.min(b);
+    }
+    let mut number = vec![u32::MAX; n];
+    let mut count = 0;
+    (0..n as u32)
+        .map(|i| {
+            let r = root(&mut parent, i) as usize;
+            if number[r] == u32::MAX {
+                number[r] = count;
+                count += 1;
+            }
+            number[r]
+        })
+        .collect()
 }
 
 /// Archetypes of vertices and elements, with their entities, as the bodies were spawned. An entity

@@ -125,6 +125,16 @@ pub enum BodyError {
         /// Name of the body.
         body: String,
     },
+    /// The tables of the bodies already there were changed from outside.
+    #[error(
+        "body `{body}` cannot be added: a component was added to or removed from a vertex or element \
+         entity of another body (or one was despawned), so the order of rows is lost; keep such data on \
+         entities of your own"
+    )]
+    LayoutChanged {
+        /// Name of the new body.
+        body: String,
+    },
     /// The name is taken.
     #[error("there is a body `{body}` already; names must be unique")]
     Duplicate {
@@ -159,6 +169,11 @@ pub fn spawn_body<S: Scalar>(
     let name = || body.name.to_string();
     if world.get_resource_or_init::<Topology>().body(body.name).is_some() {
         return Err(BodyError::Duplicate { body: name() });
+    }
+    if let Some(spawned) = world.get_resource::<ElementTables>()
+        && *spawned != ElementTables::of(world)
+    {
+        return Err(BodyError::LayoutChanged { body: name() });
     }
     if body.tetrahedra.is_empty() {
         return Err(BodyError::Empty { body: name() });
@@ -209,6 +224,7 @@ pub fn spawn_body<S: Scalar>(
             tetrahedra: layout.tetrahedra.clone(),
             tetrahedron_order: layout.tetrahedron_order.clone(),
             size: (high - low).max_element(),
+            piece: Vec::new(),
         },
         &layout.edges,
     );

@@ -2,7 +2,7 @@
 //!
 //! The system matrix is `A = c_M M + c_K K + c_C C` with lumped mass `M`, tangent `K` and an optional
 //! frozen damping tangent `C`, restricted to the free unknowns: rows and columns of held unknowns
-//! are taken out exactly by masking, not by penalties. All sums run over fixed chunks in `f64`, so
+//! are taken out exactly by masking, not by penalties. Bodies do not couple, so each is solved alone. All sums run over fixed chunks in `f64`, so
 //! the iterates do not depend on the number of threads.
 
 use crate::state::{Rows, dot3};
@@ -11,6 +11,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
+use std::ops::Range;
 
 /// The system matrix.
 pub struct ShiftedTangent<'a, S> {
@@ -52,7 +53,7 @@ pub struct CgOutcome {
     pub status: CgStatus,
     /// Iterations.
     pub iterations: u32,
-    /// Residual over right-hand side, both in the Euclidean norm.
+    /// Residual over that of the start vector (or the right-hand side, if smaller), Euclidean norm.
     pub residual: f64,
 }
 
@@ -71,28 +72,37 @@ pub struct CgScratch<S> {
 const CHUNK: usize = 2048;
 
 impl<S: Scalar> ShiftedTangent<'_, S> {
-    /// `y = A x`; held rows of `x` must be zero, held rows of `y` are.
+    /// Vertex rows of a body.
+    fn rows(&self, body: usize) -> Range<usize> {
+        let rows = &self.topology.bodies[body].vertices;
+        rows.start as usize..rows.end as usize
+    }
+
+    /// `y = A x` for the rows of one body; held entries of `x` must be zero, those of `y` are.
     pub fn multiply(
         &self,
         spans: &mut ProductSpans<S>,
         scratch: &mut Rows<S>,
+        body: usize,
         x: &[[S; 4]],
         y: &mut [[S; 4]],
     ) {
-        self.tangent.multiply(self.topology, self.workers, spans, x, y);
+        let offset = self.rows(body).start;
+        self.tangent.multiply_body(self.topology, self.workers, spans, body, x, y);
         let damping = self.damping.map(|(matrix, factor)| {
             scratch.resize(x.len(), [S::ZERO; 4]);
-            matrix.multiply(self.topology, self.workers, spans, x, scratch);
+            matrix.multiply_body(self.topology, self.workers, spans, body, x, scratch);
             (&*scratch, factor)
         });
         self.workers.for_chunks(y, CHUNK, x.len() * 4, |first, rows| {
             for (i, y) in rows.iter_mut().enumerate() {
-                let row = first + i;
+                let local = first + i;
+                let row = offset + local;
                 let m = self.mass_factor * self.mass[row];
                 for k in 0..3 {
-                    y[k] = y[k] * self.tangent_factor + m * x[row][k];
+                    y[k] = y[k] * self.tangent_factor + m * x[local][k];
                     if let Some((c, factor)) = damping {
-                        y[k] += factor * c[row][k];
+                        y[k] += factor * c[local][k];
                     }
                     if self.fixed[row].holds(k) {
                         y[k] = S::ZERO;
@@ -103,13 +113,14 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
         });
     }
 
-    /// Inverses of the diagonal blocks. A block that is not positive definite is replaced by the
-    /// absolute values of its diagonal, so that the preconditioner always is.
-    fn invert_diagonal(&self, inverse: &mut Vec<[S; 9]>) {
-        inverse.resize(self.mass.len(), [S::ZERO; 9]);
-        self.workers.for_chunks(inverse, CHUNK, self.mass.len() * 20, |first, rows| {
-            for (i, inverse) in rows.iter_mut().enumerate() {
-                let row = first + i;
+    /// Inverses of the diagonal blocks of one body. A block that is not positive definite is replaced
+    /// by the absolute values of its diagonal, so that the preconditioner always is.
+    fn invert_diagonal(&self, body: usize, inverse: &mut Vec<[S; 9]>) {
+        let rows = self.rows(body);
+        inverse.resize(rows.len(), [S::ZERO; 9]);
+        self.workers.for_chunks(inverse, CHUNK, rows.len() * 20, |first, blocks| {
+            for (i, inverse) in blocks.iter_mut().enumerate() {
+                let row = rows.start + first + i;
                 let mut m = [0.0; 9];
                 for k in 0..9 {
                     m[k] = self.tangent.diagonal[row][k].to_f64() * self.tangent_factor.to_f64();
@@ -152,12 +163,17 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
         })
     }
 
-    /// Solves `A x = b` from the start vector in `x`; held entries of `b` and `x` must be zero.
+    /// Solves the rows of one body of `A x = b` from the start vector in `x`; `b` and `x` hold those
+    /// rows only, and their held entries must be zero.
+    ///
+    /// The residual is measured against that of the start vector (or `b`, if smaller): a start that
+    /// already carries the inertia must not make the forces look small.
     pub fn solve(
         &self,
         scratch: &mut CgScratch<S>,
+        body: usize,
         b: &[[S; 4]],
-        x: &mut Rows<S>,
+        x: &mut [[S; 4]],
         tolerance: f64,
         cap: u32,
     ) -> CgOutcome {
@@ -166,7 +182,7 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
         for v in [&mut *r, &mut *z, &mut *p, &mut *q] {
             v.resize(n, [S::ZERO; 4]);
         }
-        self.invert_diagonal(inverse);
+        self.invert_diagonal(body, inverse);
         let norm_b = self.dot(b, b).sqrt();
         if norm_b == 0.0 {
             x.fill([S::ZERO; 4]);
@@ -174,7 +190,7 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
         }
         // r = b - A x
         if self.dot(x, x) > 0.0 {
-            self.multiply(spans, t, x, q);
+            self.multiply(spans, t, body, x, q);
             for i in 0..n {
                 for k in 0..3 {
                     r[i][k] = b[i][k] - q[i][k];
@@ -186,7 +202,10 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
         self.precondition(inverse, r, z);
         p.copy_from_slice(z);
         let mut rho = self.dot(r, z);
-        let mut residual = self.dot(r, r).sqrt() / norm_b;
+        let norm_r = self.dot(r, r).sqrt();
+        // below a few units of rounding of b there is nothing left to solve for
+        let reference = norm_r.min(norm_b).max(16.0 * S::EPSILON.to_f64() * norm_b / tolerance);
+        let mut residual = norm_r / reference;
         let mut iterations = 0;
         let status = loop {
             if !residual.is_finite() {
@@ -198,7 +217,7 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
             if iterations == cap {
                 break CgStatus::Cap;
             }
-            self.multiply(spans, t, p, q);
+            self.multiply(spans, t, body, p, q);
             let curvature = self.dot(p, q);
             if !curvature.is_finite() {
                 break CgStatus::NotFinite;
@@ -233,16 +252,21 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
                     }
                 }
             });
-            residual = self.dot(r, r).sqrt() / norm_b;
+            residual = self.dot(r, r).sqrt() / reference;
             iterations += 1;
         };
         CgOutcome { status, iterations, residual }
     }
 
-    /// Preconditioned right-hand side: a descent direction whatever the matrix.
-    pub fn preconditioned(&self, scratch: &mut CgScratch<S>, b: &[[S; 4]], x: &mut Rows<S>) {
-        self.invert_diagonal(&mut scratch.inverse);
-        x.resize(b.len(), [S::ZERO; 4]);
+    /// Preconditioned right-hand side of one body: a descent direction whatever the matrix.
+    pub fn preconditioned(
+        &self,
+        scratch: &mut CgScratch<S>,
+        body: usize,
+        b: &[[S; 4]],
+        x: &mut [[S; 4]],
+    ) {
+        self.invert_diagonal(body, &mut scratch.inverse);
         self.precondition(&scratch.inverse, b, x);
     }
 }

@@ -4,7 +4,7 @@
 //! `M^-1 K` on the free unknowns. It is estimated by power iteration on the exact tangent at the
 //! current state, at the start and again every few steps, since compression stiffens elements. A
 //! step is cut into as many substeps as the limit asks for; if the energy nevertheless grows, the
-//! step is undone and repeated with twice as many. Nothing unstable is ever returned silently.
+//! step is undone and repeated with twice as many. Loads act through a step as they are at its end.
 
 use crate::cg::ShiftedTangent;
 use crate::implicit::momentum;
@@ -17,6 +17,7 @@ use sinew_engine::report::StepReport;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepClock, StepError};
 use sinew_engine::topology::Topology;
+use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
 
 /// Work space of the explicit integrators.
@@ -26,12 +27,16 @@ pub struct ExplicitScratch<S: Scalar> {
     u: Rows<S>,
     v: Rows<S>,
     force: Rows<S>,
+    /// Way (m) of held unknowns through the substep.
+    way: Rows<S>,
     mode: Rows<S>,
     product: Rows<S>,
     spans: ProductSpans<S>,
     /// Stable step (s) and the step number at which it was estimated.
     limit: Option<(f64, u64)>,
     revision: u64,
+    /// Held axes at that estimate.
+    fixed: Vec<FixedAxes>,
 }
 
 /// Steps between two estimates of the stability limit.
@@ -73,11 +78,13 @@ fn substep<S: Scalar>(
     let clock = *world.resource::<StepClock>();
     let revision = world.resource::<Topology>().revision;
     let stale = s.revision != revision
+        || s.fixed != s.node.fixed
         || s.limit.is_none_or(|(_, at)| clock.step < at || clock.step >= at + ESTIMATE_EVERY);
     if stale {
         let start: Rows<S> = s.node.u.clone();
         s.limit = Some((stable_step(world, s, &start), clock.step));
         s.revision = revision;
+        s.fixed.clone_from(&s.node.fixed);
         report.evaluations += 1;
     }
     let limit = s.limit.map_or(f64::INFINITY, |(limit, _)| limit);
@@ -139,12 +146,14 @@ fn attempt<S: Scalar>(
     let n = s.node.len();
     s.u.clone_from(&s.node.u);
     s.v.clone_from(&s.node.v);
+    s.way.clear();
+    s.way.resize(n, [S::ZERO; 4]);
     let h = dt / f64::from(substeps);
     let verlet = settings.integrator == Integrator::StormerVerlet;
-    let potential0 = evaluate(world, &s.u, true, true, None) - s.node.load_potential(&s.u);
+    let potential0 = evaluate(world, &s.u, true, true, None) - s.node.load_potential(0..n, &s.u);
     read_force(world, &mut s.force);
     report.evaluations += 1;
-    let kinetic0 = s.node.kinetic_energy(&s.v);
+    let [kinetic0, held0] = s.node.kinetic_energy(0..n, &s.v);
     let mut constraint_work = 0.0;
 
     for i in 1..=substeps {
@@ -160,9 +169,8 @@ fn attempt<S: Scalar>(
                 } else {
                     let (from, to) = (s.node.u[row][k], s.node.prescribed[row][k]);
                     let next = from + S::from_f64(part) * (to - from);
-                    let way = (next - s.u[row][k]).to_f64();
-                    let reaction = -(s.force[row][k] + s.node.external[row][k]).to_f64();
-                    constraint_work += reaction * way;
+                    s.way[row][k] = next - s.u[row][k];
+                    constraint_work += reaction_work(s, row, k);
                     s.u[row][k] = next;
                     s.v[row][k] = (to - from) * S::from_f64(1.0 / dt);
                 }
@@ -172,12 +180,17 @@ fn attempt<S: Scalar>(
         let energy = evaluate(world, &s.u, last, true, None);
         read_force(world, &mut s.force);
         report.evaluations += 1;
+        for row in 0..n {
+            for k in (0..3).filter(|&k| s.node.fixed[row].holds(k)) {
+                constraint_work += reaction_work(s, row, k);
+            }
+        }
         if verlet {
             kick(s, settings.mass_damping, 0.5 * h);
         }
         if last {
-            let kinetic = s.node.kinetic_energy(&s.v);
-            let potential = energy - s.node.load_potential(&s.u);
+            let [kinetic, held] = s.node.kinetic_energy(0..n, &s.v);
+            let potential = energy - s.node.load_potential(0..n, &s.u);
             let scale = kinetic0
                 + kinetic
                 + energy.abs()
@@ -188,13 +201,22 @@ fn attempt<S: Scalar>(
                 return false;
             }
             report.elastic_energy = energy;
-            report.kinetic_energy = kinetic;
-            report.constraint_work = constraint_work;
-            report.load_work = s.node.load_potential(&s.u) - s.node.load_potential(&s.node.u);
+            report.kinetic_energy = kinetic + held;
+            // what holds vertices also speeds them up and slows them down
+            report.constraint_work = constraint_work + held - held0;
+            report.load_work =
+                s.node.load_potential(0..n, &s.u) - s.node.load_potential(0..n, &s.node.u);
             report.momentum = momentum(&s.node.mass, &s.v);
         }
     }
     s.u.iter().chain(&s.v).all(|x| x.iter().all(|x| x.is_finite()))
+}
+
+/// Half the work (J) of the reaction at a held unknown along its way through the substep; taken once
+/// before and once after the way, the halves add up to the trapezoidal rule.
+fn reaction_work<S: Scalar>(s: &ExplicitScratch<S>, row: usize, k: usize) -> f64 {
+    let reaction = -(s.force[row][k] + s.node.external[row][k]).to_f64();
+    0.5 * reaction * s.way[row][k].to_f64()
 }
 
 /// `v += t (f / m - alpha v)` on the free unknowns, damping taken implicitly.
@@ -225,20 +247,18 @@ pub fn estimate_stable_step<S: Scalar>(world: &mut World) -> f64 {
 fn stable_step<S: Scalar>(world: &mut World, s: &mut ExplicitScratch<S>, u: &[[S; 4]]) -> f64 {
     evaluate(world, u, false, false, Some(TangentKind::Exact));
     let n = s.node.len();
-    if s.mode.len() != n {
-        // deterministic start with components along every mode
-        let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
-        s.mode.clear();
-        s.mode.resize_with(n, || {
-            let mut next = || {
-                seed ^= seed << 13;
-                seed ^= seed >> 7;
-                seed ^= seed << 17;
-                S::from_f64((seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5)
-            };
-            [next(), next(), next(), S::ZERO]
-        });
-    }
+    // deterministic start with components along every mode
+    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+    s.mode.clear();
+    s.mode.resize_with(n, || {
+        let mut next = || {
+            seed ^= seed << 13;
+            seed ^= seed >> 7;
+            seed ^= seed << 17;
+            S::from_f64((seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5)
+        };
+        [next(), next(), next(), S::ZERO]
+    });
     let root: Vec<S> = s.node.mass.iter().map(|m| S::ONE / m.sqrt()).collect();
     for row in 0..n {
         for k in 0..3 {
@@ -271,7 +291,11 @@ fn stable_step<S: Scalar>(world: &mut World, s: &mut ExplicitScratch<S>, u: &[[S
         for (x, r) in s.mode.iter_mut().zip(&root) {
             (0..3).for_each(|k| x[k] *= scale * *r);
         }
-        system.multiply(&mut s.spans, &mut scratch, &s.mode, &mut s.product);
+        for (body, rows) in system.topology.bodies.iter().enumerate() {
+            let rows = rows.vertices.start as usize..rows.vertices.end as usize;
+            let (x, y) = (&s.mode[rows.clone()], &mut s.product[rows]);
+            system.multiply(&mut s.spans, &mut scratch, body, x, y);
+        }
         let mut square = 0.0;
         for (y, r) in s.product.iter_mut().zip(&root) {
             (0..3).for_each(|k| y[k] *= *r);
@@ -285,5 +309,12 @@ fn stable_step<S: Scalar>(world: &mut World, s: &mut ExplicitScratch<S>, u: &[[S
             break;
         }
     }
-    if largest > 0.0 { 2.0 / largest.sqrt() } else { f64::INFINITY }
+    // not a number: the state is beyond the range of the number type, no step is safe
+    if largest.is_nan() {
+        0.0
+    } else if largest > 0.0 {
+        2.0 / largest.sqrt()
+    } else {
+        f64::INFINITY
+    }
 }

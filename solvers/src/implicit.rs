@@ -1,4 +1,5 @@
-//! Implicit Euler and quasi-static equilibrium as minimisation of an incremental potential
+//! Implicit Euler and quasi-static equilibrium as minimisation of an incremental potential, body by
+//! body (bodies share a world, not a solve, a line search or a cap),
 //!
 //! `P(y) = c_M/2 |y - y_inertia|^2_M + W(y) - f.y + 1/(2h) (y - x_n)^T C (y - x_n)`
 //!
@@ -6,34 +7,40 @@
 //! `c_M = 0` (equilibrium). `C = alpha M + beta K_gn(x_n)` is Rayleigh damping, frozen at the start
 //! of the step with the positive semi-definite part of the tangent.
 //!
-//! * **Safe**: one Newton step from `x_n` (prescribed vertices moved) with the exact Hessian. If
-//!   conjugate gradients meet non-positive curvature, or the last step ended with inverted elements,
-//!   the tangent is assembled again with clamped elements and the system solved again. Armijo backtracking on `P`, then the energy cap: since
-//!   Armijo gives `W(y) + |v - v_n|^2_M / 2 <= W(y_0) + |v_n|^2_M / 2`, a factor on `v` exists that
-//!   keeps kinetic plus potential energy at or below `T_n + W(y_0)`, so the total energy never rises
-//!   between outside actions, for any step length.
+//! * **Safe**: one Newton step from `x_n` (held vertices moved) with the exact Hessian. If conjugate
+//!   gradients meet non-positive curvature, or the last step ended with inverted elements, the tangent
+//!   is assembled again with clamped elements and the system solved again. Armijo backtracking on `P`,
+//!   then the energy cap: since Armijo gives `W(y) + |v - v_n|^2_M / 2 <= W(y_0) + |v_n|^2_M / 2`, a
+//!   factor on `v` exists that keeps kinetic plus potential energy at or below `T_n + W(y_0)` (plus
+//!   what damping stores when held vertices move), so the total energy never rises between outside
+//!   actions, for any step length.
 //! * **Newton**: the same iteration to convergence.
 //! * **Quasi-static**: the same without inertia.
 
 use crate::cg::{CgScratch, CgStatus, ShiftedTangent};
 use crate::settings::{Integrator, SolverSettings};
 use crate::state::{NodeState, Rows, dot3, evaluate, read_force, write_state};
+use crate::support::check_support;
 use bevy_ecs::prelude::*;
-use sinew_engine::law::TangentKind;
+use sinew_engine::law::{ElasticEnergy, TangentKind};
 use sinew_engine::matrix::{BlockMatrix, ProductSpans, Tangent};
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepClock, StepError, not_finite};
 use sinew_engine::topology::Topology;
 use sinew_engine::workers::Workers;
+use std::ops::Range;
 use std::time::Instant;
 
 /// Work space of the implicit integrators.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct ImplicitScratch<S: Scalar> {
     node: NodeState<S>,
-    /// Where inertia alone would take the vertices (m).
-    inertia: Rows<S>,
+    /// Displacement since the start of the step (m): the unknown. Velocities come from it alone, so
+    /// a large displacement from rest costs no digits of them.
+    moved: Rows<S>,
+    /// Where inertia alone would take the vertices, `h v_n` (m).
+    drift: Rows<S>,
     y: Rows<S>,
     trial: Rows<S>,
     force: Rows<S>,
@@ -41,19 +48,36 @@ pub struct ImplicitScratch<S: Scalar> {
     step: Rows<S>,
     damping: BlockMatrix<S>,
     damped: Rows<S>,
-    moved: Rows<S>,
+    damped_step: Rows<S>,
     product: ProductSpans<S>,
     cg: CgScratch<S>,
+}
+
+/// What the iteration knows of a body; bodies share a world but not a solve, a line search or a cap.
+#[derive(Clone, Debug)]
+struct BodyIteration {
+    rows: Range<usize>,
+    size: f64,
+    /// In one piece and without held unknowns: its momentum can be balanced exactly.
+    free_flight: bool,
+    /// Elements were inverted when the step began.
+    inverted: bool,
+    /// Elastic energy (J) at the current iterate.
+    elastic: f64,
+    /// Kinetic plus potential energy (J) at the start, held vertices moved.
+    budget: f64,
+    done: bool,
+    converged: bool,
 }
 
 /// Weights of the incremental potential.
 #[derive(Clone, Copy, Debug)]
 struct Weights {
-    /// Factor of `|y - y_inertia|^2_M / 2` (1/s^2).
+    /// Factor of `|d - h v_n|^2_M / 2` (1/s^2).
     inertia: f64,
-    /// Factor of `|y - x_n|^2_M / 2`, mass damping over h (1/s^2).
+    /// Factor of `|d|^2_M / 2`, mass damping over h (1/s^2).
     mass_damping: f64,
-    /// Factor of `(y - x_n)^T K_gn (y - x_n) / 2`, stiffness damping over h.
+    /// Factor of `d^T K_gn d / 2`, stiffness damping over h.
     stiffness_damping: f64,
 }
 
@@ -64,10 +88,16 @@ const UNRESOLVED: f64 = 1e-10;
 /// Most halvings of the line search.
 const MAX_HALVINGS: u32 = 30;
 
+/// Relative size below which differences of energies are rounding.
+fn noise<S: Scalar>() -> f64 {
+    450.0 * S::EPSILON.to_f64()
+}
+
 /// Carries out one implicit step, or finds one equilibrium.
 ///
 /// # Errors
-/// When a number stops being finite or no iterate exists; the columns are then unchanged.
+/// When a number stops being finite or an equilibrium is asked of a body that can move rigidly; the
+/// columns are then unchanged.
 pub fn implicit_step<S: Scalar>(
     world: &mut World,
     settings: &SolverSettings,
@@ -75,7 +105,11 @@ pub fn implicit_step<S: Scalar>(
 ) -> Result<(), StepError> {
     let mut scratch = world.remove_resource::<ImplicitScratch<S>>().unwrap_or_default();
     scratch.node.read(world);
-    let result = minimise(world, settings, report, &mut scratch);
+    let result = if scratch.node.is_empty() {
+        Ok(())
+    } else {
+        minimise(world, settings, report, &mut scratch)
+    };
     if result.is_err() {
         write_state(world, &scratch.node.u, &scratch.node.v);
     }
@@ -90,13 +124,10 @@ fn minimise<S: Scalar>(
     s: &mut ImplicitScratch<S>,
 ) -> Result<(), StepError> {
     let n = s.node.len();
-    if n == 0 {
-        return Ok(());
-    }
-    let clock = *world.resource::<StepClock>();
-    let h = clock.dt;
+    let h = world.resource::<StepClock>().dt;
     let statics = settings.integrator == Integrator::QuasiStatic;
-    let weights = if statics {
+    let newton = settings.integrator != Integrator::Safe;
+    let w = if statics {
         Weights { inertia: 0.0, mass_damping: 0.0, stiffness_damping: 0.0 }
     } else {
         Weights {
@@ -106,93 +137,65 @@ fn minimise<S: Scalar>(
         }
     };
     if statics {
-        check_support(world.resource::<Topology>(), &s.node)?;
+        check_support(world, &s.node)?;
     }
-    let size = world.resource::<Topology>().bodies.iter().map(|b| b.size).fold(0.0, f64::max);
-
-    // start: the old state with the prescribed unknowns moved
-    s.y.clone_from(&s.node.u);
-    s.inertia.clone_from(&s.node.u);
-    let mut moved = false;
-    for row in 0..n {
-        for k in 0..3 {
-            if s.node.free(row, k) {
-                if !statics {
-                    s.inertia[row][k] += S::from_f64(h) * s.node.v[row][k];
-                }
-            } else if s.y[row][k] != s.node.prescribed[row][k] {
-                s.y[row][k] = s.node.prescribed[row][k];
-                moved = true;
-            }
-        }
-    }
-    let energy_before = if moved {
+    let mut bodies = body_iterations(world, &s.node);
+    let moved_any = start(s, if statics { 0.0 } else { h });
+    let before = if moved_any {
         report.evaluations += 1;
-        Some(evaluate(world, &s.node.u, true, false, None))
+        evaluate(world, &s.node.u, true, false, None);
+        Some(world.resource::<ElasticEnergy>().by_body.clone())
     } else {
         None
     };
-    if weights.stiffness_damping > 0.0 {
+    if w.stiffness_damping > 0.0 {
         evaluate(world, &s.node.u, false, false, Some(TangentKind::GaussNewton));
         report.evaluations += 1;
         std::mem::swap(&mut s.damping, &mut world.resource_mut::<Tangent<S>>().matrix);
     }
 
-    let newton = settings.integrator != Integrator::Safe;
-    let max_iterations = if newton { settings.max_newton_iterations } else { 1 };
-    let mut elastic = 0.0;
-    let mut budget = None;
-    let mut converged = false;
-    // Around inverted elements the exact tangent has negative curvature that a loose solve may not
-    // meet; stepping along it wound one crushed cube in 18, going straight to the projected one none.
-    let first_kind = if !newton && world.resource::<VolumeReport>().inverted > 0 {
-        TangentKind::Projected
-    } else {
-        TangentKind::Exact
-    };
-    for iteration in 0..max_iterations {
-        elastic = evaluate(world, &s.y, true, true, Some(first_kind));
+    // Newton cannot resolve steps below the rounding of the state
+    let tolerance = settings.newton_tolerance.max(4.0 * S::EPSILON.to_f64());
+    for iteration in 0..if newton { settings.max_newton_iterations } else { 1 } {
+        // Around inverted elements the exact tangent has negative curvature that a loose solve may
+        // not meet; stepping along it wound one crushed cube in 18, the projected one none.
+        let exact = newton || bodies.iter().any(|b| !b.inverted);
+        let kind = if exact { TangentKind::Exact } else { TangentKind::Projected };
+        let elastic = evaluate(world, &s.y, true, true, Some(kind));
         report.evaluations += 1;
         read_force(world, &mut s.force);
         if !elastic.is_finite() {
             return Err(locate(world, &s.force, "elastic force"));
         }
-        if iteration == 0 {
-            let work_of_loads = s.node.load_potential(&s.y) - s.node.load_potential(&s.node.u);
-            report.constraint_work =
-                energy_before.map_or(0.0, |before| elastic - before - work_of_loads);
-            budget = Some(s.node.kinetic_energy(&s.node.v) + elastic - s.node.load_potential(&s.y));
+        for (body, &energy) in bodies.iter_mut().zip(&world.resource::<ElasticEnergy>().by_body) {
+            body.elastic = energy;
         }
-        right_hand_side(world, s, &weights);
-        let solved = newton_direction(world, settings, &weights, first_kind, !newton, report, s)?;
+        damp(world, s, &w);
+        right_hand_side(s, &w);
+        if iteration == 0 {
+            book_start(report, s, &w, &mut bodies, before.as_deref());
+        }
+        directions(world, settings, &w, newton, kind, &bodies, report, s)?;
         report.newton_iterations += 1;
 
         // the step size is tested before the line search, which drowns in rounding near the minimum
-        let length = s.step.iter().flat_map(|d| d[..3].iter()).fold(0.0, |m, x| {
-            let x = x.to_f64().abs();
-            if x > m { x } else { m }
-        });
-        report.newton_step = length / size;
-        if newton && solved && report.newton_step <= settings.newton_tolerance {
-            for (y, d) in s.y.iter_mut().zip(&s.step) {
-                (0..3).for_each(|k| y[k] += d[k]);
+        report.newton_step = 0.0;
+        for body in bodies.iter_mut().filter(|b| !b.done) {
+            let length = largest(&s.step[body.rows.clone()]) / body.size;
+            report.newton_step = report.newton_step.max(length);
+            if newton && length <= tolerance {
+                advance(s, body.rows.clone(), S::ONE);
+                (body.done, body.converged) = (true, true);
             }
-            converged = true;
-            break;
         }
-        if !line_search(world, &weights, newton, report, s, &mut elastic) {
-            report.line_search_failures += 1;
-            // rounding level: the gradient is as small as the energy can resolve
-            converged = report.newton_step <= settings.newton_tolerance.max(noise::<S>());
+        line_search(world, &w, newton, tolerance, &mut bodies, report, s);
+        if bodies.iter().all(|b| b.done) {
             break;
         }
     }
-    if newton && !converged {
-        report.unconverged = true;
-    }
+    report.unconverged = newton && bodies.iter().any(|b| !b.converged);
 
-    finish(world, report, s, h, statics, newton, elastic, budget);
-    if let Some(row) = s.y.iter().position(|y| y.iter().any(|x| !x.is_finite())) {
+    if let Some(row) = (0..n).find(|&row| s.y[row].iter().any(|x| !x.is_finite())) {
         return Err(not_finite(
             world,
             row,
@@ -200,71 +203,93 @@ fn minimise<S: Scalar>(
             "the step was undone; try a smaller step or check material and loads",
         ));
     }
+    finish(world, report, s, if statics { None } else { Some(h) }, newton, &bodies);
     Ok(())
 }
 
-/// Every connected piece must be held against rigid motion, or the equilibrium is not unique.
-fn check_support<S: Scalar>(topology: &Topology, node: &NodeState<S>) -> Result<(), StepError> {
-    // pieces by union-find along the edge graph
-    let mut parent: Vec<u32> = (0..node.len() as u32).collect();
-    fn root(parent: &mut [u32], mut i: u32) -> u32 {
-        while parent[i as usize] != i {
-            parent[i as usize] = parent[parent[i as usize] as usize];
-            i = parent[i as usize];
-        }
-        i
-    }
-    for &[a, b] in &topology.edges {
-        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
-        parent[a as usize] = b;
-    }
-    let mut held = vec![0u32; node.len()];
-    for row in 0..node.len() {
-        held[root(&mut parent, row as u32) as usize] += node.fixed[row].0.count_ones();
-    }
-    for (index, body) in topology.bodies.iter().enumerate() {
-        for row in body.vertices.clone() {
-            let count = held[root(&mut parent, row) as usize];
-            // six rigid motions need six held unknowns
-            if count < 6 {
-                return Err(StepError::InvalidSetting(format!(
-                    "body `{}` (number {index}): the piece with vertex {} has {count} held unknowns, \
-                     equilibrium needs at least 6 against its rigid motions; fix some vertices or \
-                     use a dynamic integrator",
-                    body.name,
-                    body.vertex_order[(row - body.vertices.start) as usize]
-                )));
+/// One entry per body.
+fn body_iterations<S: Scalar>(world: &World, node: &NodeState<S>) -> Vec<BodyIteration> {
+    let inverted = &world.resource::<VolumeReport>().inverted_by_body;
+    let bodies = world.resource::<Topology>().bodies.iter().enumerate();
+    bodies
+        .map(|(i, body)| {
+            let rows = body.vertices.start as usize..body.vertices.end as usize;
+            let held = node.fixed[rows.clone()].iter().any(|f| f.0 != 0);
+            BodyIteration {
+                rows,
+                size: body.size,
+                free_flight: !held && body.piece_count() == 1,
+                inverted: inverted.get(i).is_some_and(|&count| count > 0),
+                elastic: 0.0,
+                budget: f64::INFINITY,
+                done: false,
+                converged: false,
+            }
+        })
+        .collect()
+}
+
+/// Start of the iteration: the old state with the held unknowns where they have to go; says whether
+/// any of them moved.
+fn start<S: Scalar>(s: &mut ImplicitScratch<S>, h: f64) -> bool {
+    let n = s.node.len();
+    s.moved.clear();
+    s.moved.resize(n, [S::ZERO; 4]);
+    s.drift.clear();
+    s.drift.resize(n, [S::ZERO; 4]);
+    s.y.clone_from(&s.node.u);
+    let mut any = false;
+    for row in 0..n {
+        for k in 0..3 {
+            if s.node.free(row, k) {
+                s.drift[row][k] = S::from_f64(h) * s.node.v[row][k];
+            } else {
+                s.y[row][k] = s.node.prescribed[row][k];
+                s.moved[row][k] = s.y[row][k] - s.node.u[row][k];
+                any |= s.moved[row][k] != S::ZERO;
             }
         }
     }
-    Ok(())
+    any
 }
 
-/// Relative size below which differences of energies are rounding.
-fn noise<S: Scalar>() -> f64 {
-    450.0 * S::EPSILON.to_f64()
+/// Energy budget of every body, and the work of its constraints so far: elastic and damping energy
+/// of moving the held vertices, less what the loads contribute to it.
+fn book_start<S: Scalar>(
+    report: &mut StepReport,
+    s: &ImplicitScratch<S>,
+    w: &Weights,
+    bodies: &mut [BodyIteration],
+    before: Option<&[f64]>,
+) {
+    for (i, body) in bodies.iter_mut().enumerate() {
+        let rows = body.rows.clone();
+        let damping: f64 = rows.clone().map(|row| dot3(&s.moved[row], &s.damped[row])).sum::<f64>();
+        let damping = 0.5 * w.stiffness_damping * damping;
+        let loads = s.node.load_potential(rows.clone(), &s.y);
+        body.budget =
+            s.node.kinetic_energy(rows.clone(), &s.node.v)[0] + body.elastic - loads + damping;
+        if let Some(before) = before {
+            report.constraint_work += body.elastic + damping
+                - before[i]
+                - (loads - s.node.load_potential(rows, &s.node.u));
+        }
+    }
+}
+
+/// `K_gn d` for the stiffness damping into `s.damped`, zero without it.
+fn damp<S: Scalar>(world: &World, s: &mut ImplicitScratch<S>, w: &Weights) {
+    s.damped.clear();
+    s.damped.resize(s.node.len(), [S::ZERO; 4]);
+    if w.stiffness_damping > 0.0 {
+        let (topology, workers) = (world.resource::<Topology>(), world.resource::<Workers>());
+        s.damping.multiply(topology, workers, &mut s.product, &s.moved, &mut s.damped);
+    }
 }
 
 /// `-dP/dy` on the free unknowns, zero on held ones.
-fn right_hand_side<S: Scalar>(world: &World, s: &mut ImplicitScratch<S>, w: &Weights) {
+fn right_hand_side<S: Scalar>(s: &mut ImplicitScratch<S>, w: &Weights) {
     let n = s.node.len();
-    s.moved.resize(n, [S::ZERO; 4]);
-    for row in 0..n {
-        for k in 0..3 {
-            s.moved[row][k] = s.y[row][k] - s.node.u[row][k];
-        }
-    }
-    s.damped.clear();
-    s.damped.resize(n, [S::ZERO; 4]);
-    if w.stiffness_damping > 0.0 {
-        s.damping.multiply(
-            world.resource::<Topology>(),
-            world.resource::<Workers>(),
-            &mut s.product,
-            &s.moved,
-            &mut s.damped,
-        );
-    }
     s.rhs.resize(n, [S::ZERO; 4]);
     let (wi, wm) = (S::from_f64(w.inertia), S::from_f64(w.mass_damping));
     let ws = S::from_f64(w.stiffness_damping);
@@ -272,7 +297,7 @@ fn right_hand_side<S: Scalar>(world: &World, s: &mut ImplicitScratch<S>, w: &Wei
         let m = s.node.mass[row];
         for k in 0..3 {
             s.rhs[row][k] = if s.node.free(row, k) {
-                m * (wi * (s.inertia[row][k] - s.y[row][k]) - wm * s.moved[row][k])
+                m * (wi * (s.drift[row][k] - s.moved[row][k]) - wm * s.moved[row][k])
                     - ws * s.damped[row][k]
                     + s.force[row][k]
                     + s.node.external[row][k]
@@ -283,151 +308,278 @@ fn right_hand_side<S: Scalar>(world: &World, s: &mut ImplicitScratch<S>, w: &Wei
     }
 }
 
-/// Solves for the Newton step into `s.step` with the tangent of `first_kind`, already evaluated; an
-/// exact one that turns out indefinite gives way to the projected one, and when even that fails to
-/// the preconditioned gradient. Says whether a system was solved to its tolerance.
-fn newton_direction<S: Scalar>(
+/// Solves for the Newton step of every unfinished body into `s.step`, with the tangent of `kind`,
+/// already evaluated. An exact one that turns out indefinite gives way to the projected one, and when
+/// even that gives no descent to the preconditioned gradient.
+fn directions<S: Scalar>(
     world: &mut World,
     settings: &SolverSettings,
     w: &Weights,
-    first_kind: TangentKind,
+    newton: bool,
+    kind: TangentKind,
+    bodies: &[BodyIteration],
+    report: &mut StepReport,
+    s: &mut ImplicitScratch<S>,
+) -> Result<(), StepError> {
+    let clock = Instant::now();
+    let mut evaluation = clock.elapsed();
+    s.step.clear();
+    s.step.resize(s.node.len(), [S::ZERO; 4]);
+    let projected = |b: &BodyIteration| !newton && b.inverted;
+    let mut pending: Vec<usize> = (0..bodies.len()).filter(|&i| !bodies[i].done).collect();
+    report.cg_residual = 0.0;
+    if kind == TangentKind::Exact {
+        let mut rest = Vec::new();
+        for i in pending {
+            let exact = !projected(&bodies[i]);
+            if !(exact && solve_body(world, settings, w, i, &bodies[i], !newton, report, s)?) {
+                rest.push(i);
+            }
+        }
+        pending = rest;
+        if pending.is_empty() {
+            world.resource_mut::<SystemTimes>().add("linear solves", clock.elapsed());
+            return Ok(());
+        }
+        let start = Instant::now();
+        evaluate(world, &s.y, false, false, Some(TangentKind::Projected));
+        evaluation = start.elapsed();
+        report.evaluations += 1;
+    }
+    report.projections += 1;
+    report.clamped_elements += world.resource::<Tangent<S>>().clamped;
+    for i in pending {
+        let warm = !newton && projected(&bodies[i]);
+        if !solve_body(world, settings, w, i, &bodies[i], warm, report, s)? {
+            let rows = bodies[i].rows.clone();
+            let ImplicitScratch { cg, node, rhs, step, damping, .. } = s;
+            system(world, w, node, damping).preconditioned(
+                cg,
+                i,
+                &rhs[rows.clone()],
+                &mut step[rows],
+            );
+            report.gradient_fallbacks += 1;
+        }
+    }
+    let time = clock.elapsed().saturating_sub(evaluation);
+    world.resource_mut::<SystemTimes>().add("linear solves", time);
+    Ok(())
+}
+
+/// The system matrix of the step.
+fn system<'a, S: Scalar>(
+    world: &'a World,
+    w: &Weights,
+    node: &'a NodeState<S>,
+    damping: &'a BlockMatrix<S>,
+) -> ShiftedTangent<'a, S> {
+    ShiftedTangent {
+        topology: world.resource::<Topology>(),
+        workers: world.resource::<Workers>(),
+        mass: &node.mass,
+        mass_factor: S::from_f64(w.inertia + w.mass_damping),
+        tangent: &world.resource::<Tangent<S>>().matrix,
+        tangent_factor: S::ONE,
+        damping: (w.stiffness_damping > 0.0).then_some((damping, S::from_f64(w.stiffness_damping))),
+        fixed: &node.fixed,
+    }
+}
+
+/// Solves for one body with the tangent last evaluated; false when the matrix is not positive
+/// definite or gives no descent.
+fn solve_body<S: Scalar>(
+    world: &mut World,
+    settings: &SolverSettings,
+    w: &Weights,
+    index: usize,
+    body: &BodyIteration,
     warm_start: bool,
     report: &mut StepReport,
     s: &mut ImplicitScratch<S>,
 ) -> Result<bool, StepError> {
-    let n = s.node.len();
-    let tolerance = settings.linear_tolerance;
-    for kind in [TangentKind::Exact, TangentKind::Projected] {
-        let projected = kind == TangentKind::Projected;
-        if !projected && first_kind == TangentKind::Projected {
-            continue;
+    let rows = body.rows.clone();
+    for row in rows.clone() {
+        for k in 0..3 {
+            // inertia says where the vertices would go
+            s.step[row][k] = if warm_start && s.node.free(row, k) {
+                s.drift[row][k] - s.moved[row][k]
+            } else {
+                S::ZERO
+            };
         }
-        if projected {
-            if first_kind != kind {
-                evaluate(world, &s.y, false, false, Some(kind));
-                report.evaluations += 1;
-            }
-            report.projections += 1;
-            report.clamped_elements += world.resource::<Tangent<S>>().clamped;
-        }
-        // warm start: inertia says where the vertices would go
-        s.step.resize(n, [S::ZERO; 4]);
-        for row in 0..n {
-            for k in 0..3 {
-                let warm = warm_start && kind == first_kind && s.node.free(row, k);
-                s.step[row][k] = if warm { s.inertia[row][k] - s.y[row][k] } else { S::ZERO };
-            }
-        }
-        let tangent = world.resource::<Tangent<S>>();
-        let system = ShiftedTangent {
-            topology: world.resource::<Topology>(),
-            workers: world.resource::<Workers>(),
-            mass: &s.node.mass,
-            mass_factor: S::from_f64(w.inertia + w.mass_damping),
-            tangent: &tangent.matrix,
-            tangent_factor: S::ONE,
-            damping: (w.stiffness_damping > 0.0)
-                .then_some((&s.damping, S::from_f64(w.stiffness_damping))),
-            fixed: &s.node.fixed,
-        };
-        let start = Instant::now();
-        let outcome =
-            system.solve(&mut s.cg, &s.rhs, &mut s.step, tolerance, settings.max_linear_iterations);
-        report.cg_iterations += outcome.iterations;
-        report.cg_residual = outcome.residual;
-        let time = start.elapsed();
-        let descent: f64 = s.rhs.iter().zip(&s.step).map(|(b, d)| dot3(b, d)).sum();
-        match outcome.status {
-            CgStatus::Converged | CgStatus::Cap if descent > 0.0 || norm(&s.rhs) == 0.0 => {
-                let capped = outcome.status == CgStatus::Cap;
-                report.cg_caps += u32::from(capped);
-                if w.inertia > 0.0 {
-                    correct_momentum(world.resource::<Topology>(), s, w.inertia + w.mass_damping);
-                }
-                world.resource_mut::<SystemTimes>().add("linear solves", time);
-                return Ok(!capped);
-            }
-            CgStatus::NotFinite if projected => {
-                return Err(locate(world, &s.rhs, "residual force"));
-            }
-            _ if projected => {
-                system.preconditioned(&mut s.cg, &s.rhs, &mut s.step);
-                report.cg_caps += 1;
-                return Ok(false);
-            }
-            _ => {}
-        }
-        world.resource_mut::<SystemTimes>().add("linear solves", time);
     }
-    unreachable!("the loop returns in its second turn")
+    let ImplicitScratch { cg, node, rhs, step, damping, .. } = s;
+    let (rhs, step) = (&rhs[rows.clone()], &mut step[rows.clone()]);
+    let outcome = system(world, w, node, damping).solve(
+        cg,
+        index,
+        rhs,
+        step,
+        settings.linear_tolerance,
+        settings.max_linear_iterations,
+    );
+    report.cg_iterations += outcome.iterations;
+    let descent: f64 = rhs.iter().zip(&*step).map(|(b, d)| dot3(b, d)).sum();
+    match outcome.status {
+        CgStatus::NotFinite => Err(locate(world, &s.rhs, "residual force")),
+        CgStatus::Converged | CgStatus::Cap if descent > 0.0 || largest(rhs) == 0.0 => {
+            report.cg_residual = report.cg_residual.max(outcome.residual);
+            report.cg_caps += u32::from(outcome.status == CgStatus::Cap);
+            if body.free_flight && w.inertia > 0.0 {
+                correct_momentum(rows, s, w.inertia + w.mass_damping);
+            }
+            Ok(true)
+        }
+        _ => Ok(false),
+    }
 }
 
-/// Adds to the step of every body without held unknowns the translation that balances its momentum.
+/// Adds to the step of a body without held unknowns the translation that balances its momentum.
 ///
 /// A tangent resists no translation, so the exact solution has `c_M sum m d = sum rhs`; a loose
 /// solve leaves a residual with a resultant, which would push a free body about.
-fn correct_momentum<S: Scalar>(topology: &Topology, s: &mut ImplicitScratch<S>, factor: f64) {
-    for body in &topology.bodies {
-        let rows = body.vertices.start as usize..body.vertices.end as usize;
-        if s.node.fixed[rows.clone()].iter().any(|f| f.0 != 0) {
-            continue;
+fn correct_momentum<S: Scalar>(rows: Range<usize>, s: &mut ImplicitScratch<S>, factor: f64) {
+    let (mut missing, mut mass) = ([0.0; 3], 0.0);
+    for row in rows.clone() {
+        let m = factor * s.node.mass[row].to_f64();
+        mass += m;
+        for k in 0..3 {
+            missing[k] += s.rhs[row][k].to_f64() - m * s.step[row][k].to_f64();
         }
-        let (mut missing, mut mass) = ([0.0; 3], 0.0);
-        for row in rows.clone() {
-            let m = factor * s.node.mass[row].to_f64();
-            mass += m;
-            for k in 0..3 {
-                missing[k] += s.rhs[row][k].to_f64() - m * s.step[row][k].to_f64();
-            }
-        }
-        for row in rows {
-            for k in 0..3 {
-                s.step[row][k] += S::from_f64(missing[k] / mass);
-            }
+    }
+    for row in rows {
+        for k in 0..3 {
+            s.step[row][k] += S::from_f64(missing[k] / mass);
         }
     }
 }
 
-fn norm<S: Scalar>(x: &[[S; 4]]) -> f64 {
-    x.iter().map(|x| dot3(x, x)).sum::<f64>().sqrt()
+/// Largest entry of a field.
+fn largest<S: Scalar>(x: &[[S; 4]]) -> f64 {
+    x.iter().flat_map(|x| x[..3].iter()).fold(0.0, |m, x| m.max(x.to_f64().abs()))
 }
 
-/// Backtracks along `s.step` until the potential decreases enough; moves `s.y` and updates the
-/// elastic energy. False when no decrease was found.
+/// Moves a body by a fraction of its step.
+fn advance<S: Scalar>(s: &mut ImplicitScratch<S>, rows: Range<usize>, t: S) {
+    for row in rows {
+        for k in 0..3 {
+            s.moved[row][k] += t * s.step[row][k];
+            s.y[row][k] = if s.node.free(row, k) {
+                s.node.u[row][k] + s.moved[row][k]
+            } else {
+                s.node.prescribed[row][k]
+            };
+        }
+    }
+}
+
+/// The potential of a body along its step, as differences to the current iterate: `linear t +
+/// quadratic t^2 / 2` from inertia, damping and loads, beside the elastic energy.
+struct LineSearch {
+    body: usize,
+    linear: f64,
+    quadratic: f64,
+    slope: f64,
+    rounding: f64,
+    /// Differences of energy can be told from rounding.
+    resolved: bool,
+    t: f64,
+    accepted: bool,
+}
+
+/// Backtracks along the step of every unfinished body until its potential decreases enough, and moves
+/// it. A body for which no decrease is found stays where it is and is done.
 fn line_search<S: Scalar>(
     world: &mut World,
     w: &Weights,
     newton: bool,
+    tolerance: f64,
+    bodies: &mut [BodyIteration],
     report: &mut StepReport,
     s: &mut ImplicitScratch<S>,
-    elastic: &mut f64,
-) -> bool {
-    let n = s.node.len();
-    // P along y + t d, as differences to P(y): a t + b t^2 / 2 from inertia, damping and loads
-    let (mut linear, mut quadratic, mut scale) = (0.0, 0.0, elastic.abs());
-    let mut slope = 0.0;
-    let damped_step = if w.stiffness_damping > 0.0 {
-        let mut product = vec![[S::ZERO; 4]; n];
-        s.damping.multiply(
-            world.resource::<Topology>(),
-            world.resource::<Workers>(),
-            &mut s.product,
-            &s.step,
-            &mut product,
-        );
-        Some(product)
-    } else {
-        None
-    };
-    for row in 0..n {
+) {
+    s.damped_step.clear();
+    s.damped_step.resize(s.node.len(), [S::ZERO; 4]);
+    if w.stiffness_damping > 0.0 {
+        let (topology, workers) = (world.resource::<Topology>(), world.resource::<Workers>());
+        s.damping.multiply(topology, workers, &mut s.product, &s.step, &mut s.damped_step);
+    }
+    let mut searches: Vec<LineSearch> = (0..bodies.len())
+        .filter(|&i| !bodies[i].done)
+        .map(|i| prepare_search(i, &bodies[i], w, newton, s))
+        .collect();
+    if searches.is_empty() {
+        return;
+    }
+    s.trial.clone_from(&s.y);
+    for _ in 0..MAX_HALVINGS {
+        for search in searches.iter().filter(|l| !l.accepted) {
+            let t = S::from_f64(search.t);
+            for row in bodies[search.body].rows.clone() {
+                for k in 0..3 {
+                    // the same sum as in `advance`
+                    if s.node.free(row, k) {
+                        let moved = s.moved[row][k] + t * s.step[row][k];
+                        s.trial[row][k] = s.node.u[row][k] + moved;
+                    }
+                }
+            }
+        }
+        evaluate(world, &s.trial, true, false, None);
+        report.evaluations += 1;
+        let energies = &world.resource::<ElasticEnergy>().by_body;
+        for search in searches.iter_mut().filter(|l| !l.accepted) {
+            let (body, t) = (&mut bodies[search.body], search.t);
+            let energy = energies[search.body];
+            let change =
+                (energy - body.elastic) + t * search.linear + 0.5 * t * t * search.quadratic;
+            let decrease = change <= ARMIJO * t * search.slope + search.rounding;
+            if decrease || (!search.resolved && change.is_finite()) {
+                body.elastic = energy;
+                search.accepted = true;
+                advance(s, body.rows.clone(), S::from_f64(t));
+                // the solved system has d.A d = -slope
+                let predicted = search.slope * (t - 0.5 * t * t);
+                if predicted.abs() > search.rounding {
+                    let error = (change / predicted - 1.0).abs();
+                    report.linearisation_error = report.linearisation_error.max(error);
+                }
+            } else {
+                report.backtracks += 1;
+                search.t *= 0.5;
+            }
+        }
+        if searches.iter().all(|l| l.accepted) {
+            return;
+        }
+    }
+    for search in searches.iter().filter(|l| !l.accepted) {
+        let body = &mut bodies[search.body];
+        report.line_search_failures += 1;
+        // rounding level: the gradient is as small as the energy can resolve
+        let length = largest(&s.step[body.rows.clone()]) / body.size;
+        (body.done, body.converged) = (true, length <= tolerance.max(noise::<S>()));
+    }
+}
+
+fn prepare_search<S: Scalar>(
+    index: usize,
+    body: &BodyIteration,
+    w: &Weights,
+    newton: bool,
+    s: &ImplicitScratch<S>,
+) -> LineSearch {
+    let (mut linear, mut quadratic, mut slope) = (0.0, 0.0, 0.0);
+    let mut scale = body.elastic.abs();
+    for row in body.rows.clone() {
         let m = s.node.mass[row].to_f64();
         let d = &s.step[row];
         for k in 0..3 {
             let d = d[k].to_f64();
-            let away = (s.y[row][k] - s.inertia[row][k]).to_f64();
-            let moved = s.moved[row][k].to_f64();
+            let away = (s.moved[row][k] - s.drift[row][k]).to_f64();
             if s.node.free(row, k) {
-                linear += m * d * (w.inertia * away + w.mass_damping * moved);
+                linear += m * d * (w.inertia * away + w.mass_damping * s.moved[row][k].to_f64());
                 quadratic += m * d * d * (w.inertia + w.mass_damping);
                 scale += 0.5 * m * w.inertia * away * away;
             }
@@ -435,40 +587,23 @@ fn line_search<S: Scalar>(
             linear += w.stiffness_damping * s.damped[row][k].to_f64() * d;
         }
         slope -= dot3(&s.rhs[row], d);
-        if let Some(product) = &damped_step {
-            quadratic += w.stiffness_damping * dot3(&product[row], d);
-        }
+        quadratic += w.stiffness_damping * dot3(&s.damped_step[row], d);
     }
-    let rounding = noise::<S>() * scale;
     // Near its end Newton converges quadratically while differences of energy drown in rounding
     // (more so for pooled springs, whose terms cancel): such steps are taken as they are. The safe
     // step always tests, its bound rests on it.
     let resolved = !newton || -slope > noise::<S>().max(UNRESOLVED) * scale;
-    s.trial.resize(n, [S::ZERO; 4]);
-    let mut t = 1.0;
-    for _ in 0..MAX_HALVINGS {
-        let factor = S::from_f64(t);
-        for (trial, (y, d)) in s.trial.iter_mut().zip(s.y.iter().zip(&s.step)) {
-            for k in 0..3 {
-                trial[k] = y[k] + factor * d[k];
-            }
-        }
-        let energy = evaluate(world, &s.trial, true, false, None);
-        report.evaluations += 1;
-        let change = (energy - *elastic) + t * linear + 0.5 * t * t * quadratic;
-        if change <= ARMIJO * t * slope + rounding || (!resolved && change.is_finite()) {
-            std::mem::swap(&mut s.y, &mut s.trial);
-            *elastic = energy;
-            // the solved system has d.A d = -slope
-            let predicted = slope * (t - 0.5 * t * t);
-            report.linearisation_error =
-                if predicted.abs() > rounding { (change / predicted - 1.0).abs() } else { 0.0 };
-            return true;
-        }
-        report.backtracks += 1;
-        t *= 0.5;
+    let rounding = noise::<S>() * scale;
+    LineSearch {
+        body: index,
+        linear,
+        quadratic,
+        slope,
+        rounding,
+        resolved,
+        t: 1.0,
+        accepted: false,
     }
-    false
 }
 
 /// Velocities, energy cap, report, and the new state into the columns.
@@ -476,41 +611,49 @@ fn finish<S: Scalar>(
     world: &mut World,
     report: &mut StepReport,
     s: &mut ImplicitScratch<S>,
-    h: f64,
-    statics: bool,
+    h: Option<f64>,
     newton: bool,
-    elastic: f64,
-    budget: Option<f64>,
+    bodies: &[BodyIteration],
 ) {
-    let n = s.node.len();
-    let inverse = S::from_f64(1.0 / h);
     // the step buffer takes the velocities
-    for row in 0..n {
+    let per_second = S::from_f64(h.map_or(0.0, |h| 1.0 / h));
+    for (v, moved) in s.step.iter_mut().zip(&s.moved) {
         for k in 0..3 {
-            s.step[row][k] =
-                if statics { S::ZERO } else { (s.y[row][k] - s.node.u[row][k]) * inverse };
+            v[k] = moved[k] * per_second;
         }
     }
-    let potential = elastic - s.node.load_potential(&s.y);
-    let mut kinetic = s.node.kinetic_energy(&s.step);
-    if let (false, Some(budget)) = (statics || newton, budget)
-        && kinetic > 0.0
-        && kinetic + potential > budget + noise::<S>() * (kinetic + potential.abs())
-    {
-        let factor = ((budget - potential).max(0.0) / kinetic).sqrt();
-        for row in 0..n {
-            for k in 0..3 {
-                if s.node.free(row, k) {
-                    s.step[row][k] *= S::from_f64(factor);
+    for body in bodies {
+        let rows = body.rows.clone();
+        let potential = body.elastic - s.node.load_potential(rows.clone(), &s.y);
+        let [mut kinetic, held] = s.node.kinetic_energy(rows.clone(), &s.step);
+        if h.is_some()
+            && !newton
+            && kinetic > 0.0
+            && kinetic + potential > body.budget + noise::<S>() * (kinetic + potential.abs())
+        {
+            let factor = ((body.budget - potential).max(0.0) / kinetic).sqrt();
+            for row in rows.clone() {
+                for k in 0..3 {
+                    if s.node.free(row, k) {
+                        s.step[row][k] *= S::from_f64(factor);
+                    }
                 }
             }
+            kinetic = s.node.kinetic_energy(rows.clone(), &s.step)[0];
+            report.energy_caps += 1;
         }
-        kinetic = s.node.kinetic_energy(&s.step);
-        report.energy_caps += 1;
+        report.elastic_energy += body.elastic;
+        if h.is_some() {
+            // what holds vertices also speeds them up and slows them down
+            let held_before = s.node.kinetic_energy(rows.clone(), &s.node.v)[1];
+            report.kinetic_energy += kinetic + held;
+            report.constraint_work += held - held_before;
+            report.load_work +=
+                s.node.load_potential(rows.clone(), &s.y) - s.node.load_potential(rows, &s.node.u);
+        } else {
+            report.constraint_work = 0.0;
+        }
     }
-    report.elastic_energy = elastic;
-    report.kinetic_energy = kinetic;
-    report.load_work = s.node.load_potential(&s.y) - s.node.load_potential(&s.node.u);
     report.momentum = momentum(&s.node.mass, &s.step);
     write_state(world, &s.y, &s.step);
 }

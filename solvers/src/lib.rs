@@ -6,6 +6,7 @@ pub mod explicit;
 pub mod implicit;
 pub mod settings;
 pub mod state;
+pub mod support;
 
 use bevy_ecs::prelude::*;
 use settings::{Integrator, SolverSettings};

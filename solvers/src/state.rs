@@ -9,6 +9,7 @@ use sinew_engine::schedule::ForceSchedule;
 use sinew_engine::vertex::{
     Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, PrescribedDisplacement, Velocity,
 };
+use std::ops::Range;
 
 /// A padded vector per vertex row.
 pub type Rows<S> = Vec<[S; 4]>;
@@ -75,24 +76,22 @@ impl<S: Scalar> NodeState<S> {
         !self.fixed[row].holds(axis)
     }
 
-    /// Kinetic energy (J) of the free unknowns at velocities `v`.
-    pub fn kinetic_energy(&self, v: &[[S; 4]]) -> f64 {
-        let mut sum = 0.0;
-        for row in 0..self.len() {
-            let mut square = 0.0;
+    /// Kinetic energy (J) at velocities `v` of the free and of the held unknowns among `rows`.
+    pub fn kinetic_energy(&self, rows: Range<usize>, v: &[[S; 4]]) -> [f64; 2] {
+        let mut sum = [0.0; 2];
+        for row in rows {
+            let half_mass = 0.5 * self.mass[row].to_f64();
             for k in 0..3 {
-                if self.free(row, k) {
-                    square += v[row][k].to_f64() * v[row][k].to_f64();
-                }
+                let speed = v[row][k].to_f64();
+                sum[usize::from(!self.free(row, k))] += half_mass * speed * speed;
             }
-            sum += 0.5 * self.mass[row].to_f64() * square;
         }
         sum
     }
 
-    /// Work (J) of the external forces at displacements `u`.
-    pub fn load_potential(&self, u: &[[S; 4]]) -> f64 {
-        self.external.iter().zip(u).map(|(f, u)| dot3(f, u)).sum()
+    /// Work (J) of the external forces on `rows` along displacements `u` from rest.
+    pub fn load_potential(&self, rows: Range<usize>, u: &[[S; 4]]) -> f64 {
+        self.external[rows.clone()].iter().zip(&u[rows]).map(|(f, u)| dot3(f, u)).sum()
     }
 }
 
