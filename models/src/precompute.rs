@@ -25,8 +25,7 @@ use sinew_engine::scalar::{cross, dot, sub};
 
 use crate::material::LameParameters;
 
-/// Local vertices of the six edges; all per-edge arrays of this crate follow this order.
-pub const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+pub use sinew_engine::element::TETRAHEDRON_EDGES as EDGES;
 
 /// Pairs of edges with a common vertex: `[i, j, k]` stands for edges `ij` and `ik`.
 ///
