@@ -44,9 +44,9 @@ struct ProductSpan<S> {
 }
 
 /// Blocks per range of the product.
-const BLOCKS_PER_SPAN: usize = 16_384;
+const BLOCKS_PER_SPAN: usize = 8192;
 const MAX_SPANS: usize = 16;
-const ROW_CHUNK: usize = 2048;
+const ROW_CHUNK: usize = 1024;
 
 impl<S: Scalar> ProductSpans<S> {
     /// Cuts the rows of every body into fixed ranges of about equal work, unless done already.

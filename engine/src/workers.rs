@@ -62,6 +62,14 @@ impl Workers {
         self.threads
     }
 
+    /// Runs `f` on a thread of the pool, where many small regions follow each other cheaply.
+    pub fn enter<R: Send>(&self, f: impl FnOnce() -> R + Send) -> R {
+        match &self.pool {
+            Some(pool) => pool.install(f),
+            None => f(),
+        }
+    }
+
     /// Calls `f(index, item)` for every item, in parallel when the whole is worth it.
     ///
     /// `work_ns` is a rough estimate of the total work in nanoseconds.

@@ -177,6 +177,23 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
         tolerance: f64,
         cap: u32,
     ) -> CgOutcome {
+        // on a thread of the pool, regions follow each other without a hand-over
+        if b.len() > CHUNK {
+            self.workers.enter(|| self.iterate(scratch, body, b, x, tolerance, cap))
+        } else {
+            self.iterate(scratch, body, b, x, tolerance, cap)
+        }
+    }
+
+    fn iterate(
+        &self,
+        scratch: &mut CgScratch<S>,
+        body: usize,
+        b: &[[S; 4]],
+        x: &mut [[S; 4]],
+        tolerance: f64,
+        cap: u32,
+    ) -> CgOutcome {
         let n = b.len();
         let CgScratch { r, z, p, q, t, inverse, spans } = scratch;
         for v in [&mut *r, &mut *z, &mut *p, &mut *q] {
