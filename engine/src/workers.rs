@@ -17,13 +17,28 @@ pub struct Workers {
     threads: usize,
 }
 
-/// The operating system refused to start the worker threads.
+/// Threads that cannot be had.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot start {threads} worker threads: {source}; ask for fewer threads")]
-pub struct WorkersError {
-    threads: usize,
-    source: rayon::ThreadPoolBuildError,
+#[non_exhaustive]
+pub enum WorkersError {
+    /// More than any machine could use.
+    #[error("{threads} threads asked for, at most {MAX_THREADS} make sense; 0 means one per core")]
+    TooMany {
+        /// Threads asked for.
+        threads: usize,
+    },
+    /// The operating system refused to start them.
+    #[error("cannot start {threads} worker threads: {source}; ask for fewer threads")]
+    Refused {
+        /// Threads asked for.
+        threads: usize,
+        /// Cause.
+        source: rayon::ThreadPoolBuildError,
+    },
 }
+
+/// Most threads of a pool.
+const MAX_THREADS: usize = 512;
 
 impl Default for Workers {
     fn default() -> Self {
@@ -40,7 +55,7 @@ impl Workers {
     /// A pool of `threads` threads; 0 means one per core.
     ///
     /// # Errors
-    /// When the threads cannot be started.
+    /// When the threads cannot be started, or are more than 512.
     pub fn new(threads: usize) -> Result<Self, WorkersError> {
         let threads = if threads == 0 {
             std::thread::available_parallelism().map_or(1, |n| n.get())
@@ -50,10 +65,13 @@ impl Workers {
         if threads == 1 {
             return Ok(Self::serial());
         }
+        if threads > MAX_THREADS {
+            return Err(WorkersError::TooMany { threads });
+        }
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
-            .map_err(|source| WorkersError { threads, source })?;
+            .map_err(|source| WorkersError::Refused { threads, source })?;
         Ok(Self { pool: Some(pool), threads })
     }
 
@@ -121,5 +139,25 @@ impl Workers {
             *p = f(i * CHUNK..((i + 1) * CHUNK).min(n));
         });
         partial.iter().sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn absurd_thread_counts_are_refused() {
+        assert!(matches!(Workers::new(100_000), Err(WorkersError::TooMany { threads: 100_000 })));
+        assert_eq!(Workers::new(1).unwrap().threads(), 1);
+    }
+
+    #[test]
+    fn sums_do_not_depend_on_the_number_of_threads() {
+        let f = |r: std::ops::Range<usize>| r.map(|i| 1.0 / (1.0 + i as f64)).sum::<f64>();
+        let serial = Workers::serial().sum(100_000, usize::MAX, f);
+        for threads in [2, 3, 8] {
+            assert_eq!(Workers::new(threads).unwrap().sum(100_000, usize::MAX, f), serial);
+        }
     }
 }
