@@ -24,6 +24,7 @@ use sinew_engine::workers::Workers;
 use std::ops::Range;
 
 /// The system matrix.
+#[derive(Clone, Copy)]
 pub struct ShiftedTangent<'a, S> {
     /// Edge graph.
     pub topology: &'a Topology,

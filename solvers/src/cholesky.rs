@@ -7,6 +7,7 @@
 //! breaks down is factorised again with its off-diagonal blocks made smaller against the diagonal
 //! (the same as a shift of the diagonal), and at last without them: block Jacobi.
 
+use crate::simd::{Kernel, vectorised};
 use crate::system::{
     Block, Pattern, Piece, SystemMatrix, add4, definite_inverse, diagonal_inverse, mul4, sub4,
     sum4, transpose_product, zero_block,
@@ -56,7 +57,7 @@ impl<T: Scalar> IncompleteCholesky<T> {
         matrix: &SystemMatrix<T>,
     ) -> u32 {
         workers.for_each(&mut self.pieces, usize::MAX, |i, piece| {
-            piece.factorise(pattern, &pattern.pieces[i], matrix);
+            vectorised(Factorise { factor: piece, pattern, piece: &pattern.pieces[i], matrix });
         });
         self.pieces.iter().map(|p| p.breakdowns).sum()
     }
@@ -98,6 +99,7 @@ impl<T: Scalar> FactorPiece<T> {
         Self { start, column, target, inverse: Vec::new(), upper: Vec::new(), breakdowns: 0 }
     }
 
+    #[inline(always)]
     fn factorise(&mut self, pattern: &Pattern, piece: &Piece, matrix: &SystemMatrix<T>) {
         for (tried, &damping) in DAMPING.iter().enumerate() {
             self.breakdowns = tried as u32;
@@ -108,6 +110,7 @@ impl<T: Scalar> FactorPiece<T> {
     }
 
     /// False when a pivot is not positive definite.
+    #[inline(always)]
     fn try_factorise(
         &mut self,
         pattern: &Pattern,
@@ -165,6 +168,7 @@ impl<T: Scalar> FactorPiece<T> {
     }
 
     /// `z = M^-1 r` for the rows of the piece.
+    #[inline(always)]
     pub fn apply(&self, r: &[[T; 4]], z: &mut [[T; 4]]) {
         let n = self.inverse.len();
         let (r, z) = (&r[..n], &mut z[..n]);
@@ -195,6 +199,22 @@ impl<T: Scalar> FactorPiece<T> {
             let gathered = [sum4(sum[0]), sum4(sum[1]), sum4(sum[2]), T::ZERO];
             z[row] = sub4(transpose_product(&self.inverse[row], z[row]), gathered);
         }
+    }
+}
+
+struct Factorise<'a, T> {
+    factor: &'a mut FactorPiece<T>,
+    pattern: &'a Pattern,
+    piece: &'a Piece,
+    matrix: &'a SystemMatrix<T>,
+}
+
+impl<T: Scalar> Kernel for Factorise<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.factor.factorise(self.pattern, self.piece, self.matrix);
     }
 }
 

@@ -12,8 +12,9 @@
 
 use crate::cg::ShiftedTangent;
 use crate::cholesky::IncompleteCholesky;
-use crate::coarse::CoarseSpace;
+use crate::coarse::{CoarseSpace, Motion};
 use crate::settings::Preconditioner;
+use crate::simd::{Kernel, vectorised};
 use crate::system::{Pattern, SystemMatrix, accumulate, add4, scale4, sub4};
 use glam::DVec3;
 use sinew_engine::scalar::Scalar;
@@ -58,6 +59,7 @@ pub struct Engine<T> {
     cholesky: IncompleteCholesky<T>,
     coarse: Option<CoarseSpace<T>>,
     forces: Vec<[T; 8]>,
+    motions: Vec<Motion<T>>,
     kept: Option<Kept>,
 }
 
@@ -194,7 +196,9 @@ impl<T: Scalar> Engine<T> {
             self.coarse = (kind == Preconditioner::Multigrid).then(|| {
                 let rows = &system.topology.bodies[body];
                 let own = rows.vertices.start as usize..rows.vertices.end as usize;
-                CoarseSpace::new(pattern, &rest[own], &rows.piece, AGGREGATE)
+                // in large bodies the work of the factor would outgrow that of an iteration
+                let size = AGGREGATE.max((0.45 * (own.len() as f64).sqrt()) as usize);
+                CoarseSpace::new(pattern, &rest[own], &rows.piece, size)
             });
             self.product.clear();
             self.update.clear();
@@ -279,32 +283,10 @@ impl<T: Scalar> Engine<T> {
 
     /// `p = z + beta p` and `q = A p`; returns `p . q`.
     fn multiply(&mut self, workers: &Workers, pattern: &Pattern, beta: T) -> f64 {
-        let Self { matrix, product, update, coarse, forces, .. } = self;
-        let (matrix, update, coarse, forces) = (&*matrix, &*update, coarse.as_ref(), &*forces);
-        workers.for_each(product, usize::MAX, |i, own| {
-            let piece = &pattern.pieces[i];
-            let mut row = piece.rows.start;
-            let mut rows = own.p.iter_mut();
-            // own rows, and those of later pieces that the blocks reach
-            'reach: for other in &update[i..] {
-                for z in &other.z {
-                    let Some(p) = rows.next() else { break 'reach };
-                    let mut direction = *z;
-                    if let Some(coarse) = coarse {
-                        let motion = coarse.prolong(row, forces);
-                        let held = matrix.held[row];
-                        direction = add4(direction, motion);
-                        if held.0 != 0 {
-                            for k in (0..3).filter(|&k| held.holds(k)) {
-                                direction[k] = T::ZERO;
-                            }
-                        }
-                    }
-                    *p = add4(direction, scale4(*p, beta));
-                    row += 1;
-                }
-            }
-            own.curvature = matrix.multiply_piece(pattern, piece, &own.p, &mut own.q);
+        let Self { matrix, product, update, coarse, motions, .. } = self;
+        let (matrix, update, coarse, motions) = (&*matrix, &*update, coarse.as_ref(), &*motions);
+        workers.for_each(product, usize::MAX, |index, own| {
+            vectorised(Multiply { matrix, pattern, update, coarse, motions, beta, index, own });
         });
         self.product.iter().map(|p| p.curvature).sum()
     }
@@ -312,7 +294,7 @@ impl<T: Scalar> Engine<T> {
     /// `x += alpha p`, `r -= alpha q`, `z = M^-1 r`; returns `r . r` and `r . z`. Without `alpha` only
     /// the preconditioner is applied, and the directions forgotten.
     fn update(&mut self, workers: &Workers, pattern: &Pattern, alpha: Option<T>) -> (f64, f64) {
-        let Self { product, update, coarse, forces, cholesky, .. } = self;
+        let Self { product, update, coarse, forces, motions, cholesky, .. } = self;
         if alpha.is_none() {
             for own in product.iter_mut() {
                 own.p.fill([T::ZERO; 4]);
@@ -320,36 +302,8 @@ impl<T: Scalar> Engine<T> {
         }
         let (product, cholesky) = (&*product, &*cholesky);
         let space = coarse.as_ref();
-        workers.for_each(update, usize::MAX, |i, own| {
-            let rows = &pattern.pieces[i].rows;
-            if let Some(alpha) = alpha {
-                for (x, p) in own.x.iter_mut().zip(&product[i].p) {
-                    *x = add4(*x, scale4(*p, alpha));
-                }
-                for (r, q) in own.r.iter_mut().zip(&product[i].q) {
-                    *r = sub4(*r, scale4(*q, alpha));
-                }
-                for (piece, other) in pattern.pieces[..i].iter().zip(product) {
-                    if piece.reach <= rows.start {
-                        continue;
-                    }
-                    let q = &other.q[rows.start - piece.rows.start..];
-                    for (r, q) in own.r.iter_mut().zip(q) {
-                        *r = sub4(*r, scale4(*q, alpha));
-                    }
-                }
-            }
-            cholesky.pieces[i].apply(&own.r, &mut own.z);
-            let (mut rz, mut rr) = ([0.0; 4], [0.0; 4]);
-            for (r, z) in own.r.iter().zip(&own.z) {
-                accumulate(&mut rz, *r, *z);
-                accumulate(&mut rr, *r, *r);
-            }
-            (own.rz, own.rr) = (rz.iter().sum(), rr.iter().sum());
-            if let Some(space) = space {
-                own.coarse.fill([T::ZERO; 8]);
-                space.restrict(rows.start, &own.r, own.aggregates.start, &mut own.coarse);
-            }
+        workers.for_each(update, usize::MAX, |index, own| {
+            vectorised(Update { pattern, product, cholesky, space, alpha, index, own });
         });
         let rr = update.iter().map(|u| u.rr).sum();
         let mut rz: f64 = update.iter().map(|u| u.rz).sum();
@@ -363,12 +317,120 @@ impl<T: Scalar> Engine<T> {
                 }
             }
             rz += space.solve(forces);
+            CoarseSpace::motions(forces, motions);
         }
         (rr, rz)
     }
 }
 
-/// Vertices per aggregate.
+/// First region of an iteration for one piece.
+struct Multiply<'a, T> {
+    matrix: &'a SystemMatrix<T>,
+    pattern: &'a Pattern,
+    update: &'a [UpdatePiece<T>],
+    coarse: Option<&'a CoarseSpace<T>>,
+    motions: &'a [Motion<T>],
+    beta: T,
+    index: usize,
+    own: &'a mut ProductPiece<T>,
+}
+
+impl<T: Scalar> Kernel for Multiply<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { matrix, pattern, update, coarse, motions, beta, index, own } = self;
+        let piece = &pattern.pieces[index];
+        let mut at = piece.rows.start;
+        // own rows, and those of later pieces that the blocks reach
+        for (other, later) in update[index..].iter().zip(&pattern.pieces[index..]) {
+            let end = later.rows.end.min(piece.reach);
+            if at >= end {
+                break;
+            }
+            let base = piece.rows.start;
+            let p = &mut own.p[at - base..end - base];
+            let z = &other.z[..end - at];
+            match coarse {
+                None => {
+                    for (p, z) in p.iter_mut().zip(z) {
+                        *p = add4(*z, scale4(*p, beta));
+                    }
+                }
+                Some(coarse) => {
+                    for (i, (p, z)) in p.iter_mut().zip(z).enumerate() {
+                        let motion = coarse.prolong(at + i, motions);
+                        let held = matrix.held[at + i];
+                        let mut direction = add4(*z, motion);
+                        if held.0 != 0 {
+                            for k in 0..3 {
+                                if held.holds(k) {
+                                    direction[k] = T::ZERO;
+                                }
+                            }
+                        }
+                        *p = add4(direction, scale4(*p, beta));
+                    }
+                }
+            }
+            at = end;
+        }
+        own.curvature = matrix.multiply_piece(pattern, piece, &own.p, &mut own.q);
+    }
+}
+
+/// Second region of an iteration for one piece.
+struct Update<'a, T> {
+    pattern: &'a Pattern,
+    product: &'a [ProductPiece<T>],
+    cholesky: &'a IncompleteCholesky<T>,
+    space: Option<&'a CoarseSpace<T>>,
+    alpha: Option<T>,
+    index: usize,
+    own: &'a mut UpdatePiece<T>,
+}
+
+impl<T: Scalar> Kernel for Update<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { pattern, product, cholesky, space, alpha, index, own } = self;
+        let rows = &pattern.pieces[index].rows;
+        if let Some(alpha) = alpha {
+            for (x, p) in own.x.iter_mut().zip(&product[index].p) {
+                *x = add4(*x, scale4(*p, alpha));
+            }
+            for (r, q) in own.r.iter_mut().zip(&product[index].q) {
+                *r = sub4(*r, scale4(*q, alpha));
+            }
+            for (piece, other) in pattern.pieces[..index].iter().zip(product) {
+                if piece.reach <= rows.start {
+                    continue;
+                }
+                let q = &other.q[rows.start - piece.rows.start..];
+                for (r, q) in own.r.iter_mut().zip(q) {
+                    *r = sub4(*r, scale4(*q, alpha));
+                }
+            }
+        }
+        cholesky.pieces[index].apply(&own.r, &mut own.z);
+        let (mut rz, mut rr) = ([0.0; 4], [0.0; 4]);
+        for (r, z) in own.r.iter().zip(&own.z) {
+            accumulate(&mut rz, *r, *z);
+            accumulate(&mut rr, *r, *r);
+        }
+        (own.rz, own.rr) = (rz.iter().sum(), rr.iter().sum());
+        if let Some(space) = space {
+            own.coarse.fill([T::ZERO; 8]);
+            space.restrict(rows.start, &own.r, own.aggregates.start, &mut own.coarse);
+        }
+    }
+}
+
+/// Vertices per aggregate of small bodies; in large ones aggregates grow, since the work of the
+/// factor grows faster than that of an iteration.
 const AGGREGATE: usize = 64;
 
 trait Padded<T> {

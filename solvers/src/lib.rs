@@ -8,6 +8,7 @@ pub mod engine;
 pub mod explicit;
 pub mod implicit;
 pub mod settings;
+mod simd;
 pub mod state;
 pub mod support;
 pub mod system;

@@ -221,6 +221,7 @@ impl<T: Scalar> SystemMatrix<T> {
 
     /// Rows of one piece of the upper half and their transposes: `q = A_piece p`; both vectors hold
     /// the rows from the piece's first to its reach. Returns `p . q`.
+    #[inline(always)]
     pub fn multiply_piece(
         &self,
         pattern: &Pattern,
@@ -290,6 +291,7 @@ fn block<T: Scalar>(m: &[f64; 9]) -> Block<T> {
 }
 
 /// Inverse of a symmetric 3x3 block if it is positive definite with a margin against rounding.
+#[inline(always)]
 pub(crate) fn definite_inverse<T: Scalar>(m: &Block<T>) -> Option<Block<T>> {
     let m = [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[i][j].to_f64()));
     let c00 = m[1][1] * m[2][2] - m[1][2] * m[2][1];
