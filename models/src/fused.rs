@@ -13,7 +13,7 @@ use sinew_engine::element::{
 };
 use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
 use sinew_engine::scalar::{Scalar, xyz};
-use sinew_engine::schedule::{ForceSystems, activate_law};
+use sinew_engine::schedule::{ForceSystems, activate_law, column_changed, declare_inputs};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
@@ -161,6 +161,16 @@ pub fn activate<L: TetrahedronLaw, S: Scalar>(world: &mut World) {
     activate_law::<L, S>(world, |schedule| {
         schedule.add_systems(evaluate::<L, S>.in_set(ForceSystems::Evaluate));
     });
+    declare_inputs(
+        world,
+        L::NAME,
+        &[
+            column_changed::<TetrahedronVertices>,
+            column_changed::<ShapeGradients<S>>,
+            column_changed::<RestVolume<S>>,
+            column_changed::<Moduli<S>>,
+        ],
+    );
 }
 
 /// Columns of the tetrahedra, as slices.

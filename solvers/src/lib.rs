@@ -5,6 +5,7 @@ pub mod cg;
 pub mod explicit;
 pub mod implicit;
 pub mod settings;
+pub mod stability;
 pub mod state;
 pub mod support;
 
