@@ -141,7 +141,12 @@ impl WithinStep {
             let rest = rest[row as usize].0;
             let at = |pose| self.motions[motion].0.displacement(pose, place as usize, rest)[axis];
             let ends = [at(&ends[motion][0]), at(&ends[motion][1])];
-            (S::from_f64(ends[1]) == to).then_some(Path { motion: motion as u32, place, rest, ends })
+            (S::from_f64(ends[1]) == to).then_some(Path {
+                motion: motion as u32,
+                place,
+                rest,
+                ends,
+            })
         };
         for (row, held) in fixed.iter().enumerate().filter(|(_, held)| held.0 != 0) {
             for axis in (0..3).filter(|&axis| held.holds(axis)) {

@@ -19,13 +19,13 @@ use sinew_engine::vertex::RestPosition;
 use sinew_engine::workers::Workers;
 
 /// Change of squared edge length over squared rest length at which the estimate is renewed.
-const STRAIN_CHANGE: f64 = 0.1;
+const STRAIN_CHANGE: f64 = 0.2;
 /// Length of the differences over the shortest edge.
 const DIFFERENCE: f64 = 1e-3;
-/// Lanczos steps between restarts.
-const LANCZOS_STEPS: usize = 8;
-/// Rounds of Lanczos steps from a random start.
-const COLD_ROUNDS: usize = 3;
+/// Rounds of Lanczos steps from a random start, and steps of each.
+const COLD: [usize; 2] = [3, 8];
+/// The same from the last mode.
+const WARM: [usize; 2] = [1, 5];
 /// Share of random noise in the start from the last mode: a new mode must be met, too.
 const NOISE: f64 = 0.2;
 /// Edges per piece of work.
@@ -89,8 +89,9 @@ impl<S: Scalar> StabilityLimit<S> {
         }
         add_noise(&mut self.mode, &self.root, if cold { 1.0 } else { NOISE });
         let mut largest = 0.0;
-        for _ in 0..if cold { COLD_ROUNDS } else { 1 } {
-            largest = self.lanczos(world, node, force, evaluations);
+        let [rounds, steps] = if cold { COLD } else { WARM };
+        for _ in 0..rounds {
+            largest = self.lanczos(world, node, force, steps, evaluations);
         }
         // not a number: the state is beyond the range of the number type
         let limit = if !largest.is_finite() {
@@ -163,18 +164,19 @@ impl<S: Scalar> StabilityLimit<S> {
         world: &mut World,
         node: &NodeState<S>,
         force: &[[S; 4]],
+        steps: usize,
         evaluations: &mut u32,
     ) -> f64 {
         let norm = self.mode.iter().map(|x| dot3(x, x)).sum::<f64>().sqrt();
         if norm == 0.0 {
             return 0.0;
         }
-        self.basis.resize_with(LANCZOS_STEPS, Vec::new);
+        self.basis.resize_with(steps.max(self.basis.len()), Vec::new);
         self.basis[0].clear();
         let scale = S::from_f64(1.0 / norm);
         self.basis[0].extend(self.mode.iter().map(|x| x.map(|x| x * scale)));
         let (mut alpha, mut beta) = (Vec::new(), Vec::<f64>::new());
-        for j in 0..LANCZOS_STEPS {
+        for j in 0..steps {
             self.product(world, node, force, j);
             *evaluations += 1;
             let q = &self.basis[j];
@@ -197,7 +199,7 @@ impl<S: Scalar> StabilityLimit<S> {
             if !square.is_finite() || length <= 16.0 * S::EPSILON.to_f64() * bound {
                 break;
             }
-            if j + 1 < LANCZOS_STEPS {
+            if j + 1 < steps {
                 let scale = S::from_f64(1.0 / length);
                 let next = &self.next;
                 self.basis[j + 1].clear();
