@@ -181,7 +181,7 @@ struct LawInputs(Vec<(&'static str, Vec<ColumnWatch>)>);
 
 /// Declares that the law or system `name` of [`activate_law`] or [`activate_systems`] reads nothing
 /// but displacements, the order of rows and these columns, so that its force at unchanged
-/// displacements may be used again.
+/// displacements may be used again. Systems put into [`ForceSchedule`] in any other way are not seen.
 pub fn declare_inputs(world: &mut World, name: &'static str, columns: &[ColumnWatch]) {
     let mut inputs = world.get_resource_or_init::<LawInputs>();
     if inputs.0.iter().all(|(known, _)| *known != name) {
