@@ -66,7 +66,10 @@ impl<T: Scalar> IncompleteCholesky<T> {
     pub fn work(&self) -> f64 {
         self.pieces
             .iter()
-            .map(|p| p.target.iter().filter(|&&t| t != NONE).count() + 2 * p.column.len())
+            .map(|p| {
+                let pairs = p.target.iter().filter(|&&t| t != NONE).count();
+                pairs + 2 * p.column.len() + p.start.len()
+            })
             .sum::<usize>() as f64
     }
 }
