@@ -225,11 +225,6 @@ impl<T: Scalar> Kernel for Factorise<'_, T> {
 #[inline(always)]
 fn subtract<T: Scalar>(t: &mut Block<T>, a: &Block<T>, b: &Block<T>) {
     for r in 0..3 {
-        for s in 0..3 {
-            let x = a[s][r];
-            for c in 0..4 {
-                t[r][c] -= x * b[s][c];
-            }
-        }
+        t[r] = sub4(t[r], transpose_product(b, [a[0][r], a[1][r], a[2][r], T::ZERO]));
     }
 }

@@ -101,7 +101,7 @@ struct UpdatePiece<T> {
 
 /// Share of an iteration that a multiplication of blocks takes in a factorisation, which is less
 /// regular than a product.
-const FACTOR_COST: f64 = 1.5;
+const FACTOR_COST: f64 = 5.0;
 
 impl<T: Scalar> Engine<T> {
     /// Adds the matrix up.
