@@ -76,6 +76,12 @@ impl Totals {
         s.linearisation_error_mean += (error - s.linearisation_error_mean) / done;
         s.linearisation_error_max = s.linearisation_error_max.max(error);
         s.cg_caps += u64::from(report.cg_caps);
+        if s.preconditioner != report.preconditioner && !report.preconditioner.is_empty() {
+            report.preconditioner.clone_into(&mut s.preconditioner);
+        }
+        s.preconditioner_refreshes += u64::from(report.preconditioner_refreshes);
+        s.preconditioner_breakdowns += u64::from(report.preconditioner_breakdowns);
+        s.precision_fallbacks += u64::from(report.precision_fallbacks);
         s.gradient_fallbacks += u64::from(report.gradient_fallbacks);
         s.projections += u64::from(report.projections);
         s.clamped_elements += report.clamped_elements;

@@ -349,6 +349,14 @@ pub struct SolverSummary {
     pub linearisation_error_max: f64,
     /// Linear solves that stopped at the iteration cap.
     pub cg_caps: u64,
+    /// Preconditioner of the last linear solve, empty without one.
+    pub preconditioner: String,
+    /// Times the values of preconditioners were computed anew.
+    pub preconditioner_refreshes: u64,
+    /// Restarts of incomplete factorisations after breakdowns.
+    pub preconditioner_breakdowns: u64,
+    /// Linear solves that mixed precision left to full precision.
+    pub precision_fallbacks: u64,
     /// Linear solves replaced by the preconditioned gradient.
     pub gradient_fallbacks: u64,
     /// Fallbacks: indefinite tangents replaced by the projected one.
@@ -700,8 +708,13 @@ impl RunSummary {
             block.line(
                 "linear systems",
                 format!(
-                    "worst relative residual {:.1e} (tolerance {:.0e}), {} at the iteration cap",
-                    s.worst_residual, self.settings.solver.linear_tolerance, s.cg_caps
+                    "worst relative residual {:.1e} (tolerance {:.0e}), {} at the iteration cap; \
+                     preconditioner {}, computed {} times",
+                    s.worst_residual,
+                    self.settings.solver.linear_tolerance,
+                    s.cg_caps,
+                    s.preconditioner,
+                    s.preconditioner_refreshes
                 ),
             )?;
             if self.settings.solver.integrator == Integrator::Safe {

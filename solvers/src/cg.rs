@@ -115,6 +115,8 @@ pub struct LinearSolver<S> {
 struct BodySolver<S> {
     pattern: Pattern,
     single: Engine<f32>,
+    #[cfg(feature = "direct")]
+    direct: crate::direct::DirectFactor<S>,
     /// In use when `S` is `f64` and mixed precision is off or not enough.
     full: Engine<S>,
 }
@@ -172,6 +174,28 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
             let inverse = definite_inverse(m).unwrap_or_else(|| diagonal_inverse(m));
             *x = transpose_product(&inverse, *b).map(|x| x * S::from_f64(matrix.factor));
         }
+    }
+}
+
+/// One round of refinement with the complete factor of `matrix`.
+#[cfg(feature = "direct")]
+fn solve_directly<S: Scalar>(
+    direct: &mut crate::direct::DirectFactor<S>,
+    pattern: &Pattern,
+    matrix: &crate::system::SystemMatrix<S>,
+    r: &[[S; 4]],
+    e: &mut [[S; 4]],
+) -> Inner {
+    let factorised = direct.prepare(pattern, matrix);
+    if factorised.is_some() {
+        direct.solve(r, e);
+    }
+    Inner {
+        status: factorised.map_or(InnerStatus::Indefinite, |_| InnerStatus::Converged),
+        iterations: 1,
+        reduction: 1.0,
+        refreshes: u32::from(factorised == Some(true)),
+        breakdowns: 0,
     }
 }
 
@@ -267,18 +291,25 @@ impl<S: Scalar> LinearSolver<S> {
             let pattern = &own.pattern;
             let kind = outcome.preconditioner;
             e.resize(b.len(), [S::ZERO; 4]);
-            let inner = if mixed {
-                if !assembled[0] {
+            let single = mixed && kind != Preconditioner::Direct;
+            if !std::mem::replace(&mut assembled[usize::from(single)], true) {
+                if single {
                     own.single.assemble(system, body);
-                    assembled[0] = true;
-                }
-                own.single.solve(system, pattern, rest, body, kind, &r, &mut e, now, target, cap)
-            } else {
-                if !assembled[1] {
+                } else {
                     own.full.assemble(system, body);
-                    assembled[1] = true;
                 }
-                own.full.solve(system, pattern, rest, body, kind, &r, &mut e, now, target, cap)
+            }
+            let inner = match kind {
+                #[cfg(feature = "direct")]
+                Preconditioner::Direct => {
+                    solve_directly(&mut own.direct, pattern, &own.full.matrix, &r, &mut e)
+                }
+                _ if mixed => own
+                    .single
+                    .solve(system, pattern, rest, body, kind, &r, &mut e, now, target, cap),
+                _ => {
+                    own.full.solve(system, pattern, rest, body, kind, &r, &mut e, now, target, cap)
+                }
             };
             let Inner { status, iterations, reduction, refreshes, breakdowns } = inner;
             outcome.iterations += iterations;
@@ -289,7 +320,9 @@ impl<S: Scalar> LinearSolver<S> {
                 outcome.fell_back = true;
             };
             match status {
-                InnerStatus::NotFinite | InnerStatus::Indefinite if mixed && !same_type => {
+                InnerStatus::NotFinite | InnerStatus::Indefinite
+                    if mixed && !same_type && kind != Preconditioner::Direct =>
+                {
                     // only the tangent as it came may say that it is indefinite
                     if status == InnerStatus::Indefinite {
                         own.single.direction(pattern, &mut e);
@@ -317,7 +350,7 @@ impl<S: Scalar> LinearSolver<S> {
                     x[k] += e[k];
                 }
             }
-            if !(mixed && !same_type) {
+            if kind != Preconditioner::Direct && (same_type || !mixed) {
                 // the iteration ran in the number type of the state: its own residual counts
                 outcome.residual = reduction * now / reference;
                 outcome.status = if status == InnerStatus::Converged {
@@ -330,6 +363,11 @@ impl<S: Scalar> LinearSolver<S> {
             self.subtract_product_of(system, body, b, x, &mut r, &mut e);
             let next = norm(&r);
             if next > STALLED * now && next > options.tolerance * reference {
+                if kind == Preconditioner::Direct {
+                    outcome.status = CgStatus::Cap;
+                    outcome.residual = next / reference;
+                    break;
+                }
                 to_full(&mut mixed, &mut outcome);
             }
             now = next;

@@ -66,7 +66,10 @@ impl<T: Scalar> IncompleteCholesky<T> {
     pub fn work(&self) -> f64 {
         self.pieces
             .iter()
-            .map(|p| p.target.iter().filter(|&&t| t != NONE).count() + 2 * p.column.len())
+            .map(|p| {
+                let pairs = p.target.iter().filter(|&&t| t != NONE).count();
+                pairs + 2 * p.column.len() + p.start.len()
+            })
             .sum::<usize>() as f64
     }
 }
@@ -222,11 +225,6 @@ impl<T: Scalar> Kernel for Factorise<'_, T> {
 #[inline(always)]
 fn subtract<T: Scalar>(t: &mut Block<T>, a: &Block<T>, b: &Block<T>) {
     for r in 0..3 {
-        for s in 0..3 {
-            let x = a[s][r];
-            for c in 0..4 {
-                t[r][c] -= x * b[s][c];
-            }
-        }
+        t[r] = sub4(t[r], transpose_product(b, [a[0][r], a[1][r], a[2][r], T::ZERO]));
     }
 }

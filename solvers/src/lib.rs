@@ -4,6 +4,8 @@
 pub mod cg;
 pub mod cholesky;
 pub mod coarse;
+#[cfg(feature = "direct")]
+pub mod direct;
 pub mod engine;
 pub mod explicit;
 pub mod implicit;

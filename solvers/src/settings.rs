@@ -35,6 +35,9 @@ pub enum Preconditioner {
     IncompleteCholesky,
     /// Incomplete Cholesky factors and the rigid motions of aggregates of vertices: two levels.
     Multigrid,
+    /// The complete Cholesky factor, kept while the matrix does not change: for equilibria, constant
+    /// matrices and as a reference. Needs the cargo feature `direct`.
+    Direct,
 }
 
 impl Preconditioner {
@@ -45,12 +48,15 @@ impl Preconditioner {
             Self::BlockJacobi => "block-jacobi",
             Self::IncompleteCholesky => "incomplete-cholesky",
             Self::Multigrid => "multigrid",
+            Self::Direct => "direct",
         }
     }
 
-    /// What `Auto` stands for in a body of `vertices` vertices.
+    /// What `Auto` stands for in a body of `vertices` vertices. `Direct` counts as `Auto` in a build
+    /// without the feature, where [`SolverSettings::validate`] refuses it.
     pub fn resolve(self, vertices: usize) -> Self {
         match self {
+            Self::Direct if !cfg!(feature = "direct") => Self::Auto.resolve(vertices),
             Self::Auto if vertices < MULTIGRID_FROM => Self::IncompleteCholesky,
             Self::Auto => Self::Multigrid,
             chosen => chosen,
@@ -152,6 +158,13 @@ impl SolverSettings {
             if value == 0 {
                 return fail(name, 0.0, "at least 1");
             }
+        }
+        if self.preconditioner == Preconditioner::Direct && !cfg!(feature = "direct") {
+            return Err(StepError::InvalidSetting(
+                "preconditioner = \"direct\" is not in this build: build with the cargo feature \
+                 `direct`, or use \"auto\""
+                    .into(),
+            ));
         }
         let explicit =
             matches!(self.integrator, Integrator::SymplecticEuler | Integrator::StormerVerlet);

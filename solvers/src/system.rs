@@ -59,6 +59,12 @@ pub(crate) fn transpose_product<T: Scalar>(m: &Block<T>, x: [T; 4]) -> [T; 4] {
     add4(add4(scale4(m[0], x[0]), scale4(m[1], x[1])), scale4(m[2], x[2]))
 }
 
+/// `m x`.
+#[cfg(test)]
+pub(crate) fn product<T: Scalar>(m: &Block<T>, x: [T; 4]) -> [T; 4] {
+    [sum4(mul4(m[0], x)), sum4(mul4(m[1], x)), sum4(mul4(m[2], x)), T::ZERO]
+}
+
 /// Scalar product in `f64`, four partial sums.
 #[inline(always)]
 pub(crate) fn accumulate<T: Scalar>(sum: &mut [f64; 4], a: [T; 4], b: [T; 4]) {
@@ -146,7 +152,7 @@ impl Pattern {
 
 /// A symmetric matrix on a [`Pattern`]: `factor (c_M M + c_K K + c_C C)` with the rows and columns of
 /// held unknowns replaced by those of the identity.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SystemMatrix<T> {
     /// Diagonal blocks.
     pub diagonal: Vec<Block<T>>,
