@@ -1,3 +1,6 @@
-//! Sinew benches: the hard-case suite; criterion benches live in `benches/`.
+//! The bench (speed against error, `sinew bench` and `sinew advise`) and the suite of hard cases
+//! (`sinew stability`).
 
+pub mod beam;
+pub mod bench;
 pub mod stability;

@@ -2,8 +2,10 @@
 //! all went well, 1 for bad input or a failed run, 2 for a wrong command line.
 #![allow(clippy::print_stderr, reason = "a command speaks to its terminal")]
 
+mod bench;
 mod progress;
 
+use bench::{BenchArguments, bench};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use progress::Progress;
 use sinew::engine::mesh::Mesh;
@@ -37,7 +39,7 @@ macro_rules! sayln {
     ($($argument:tt)*) => { print(format_args!("{}\n", format_args!($($argument)*)))? };
 }
 
-/// Soft tissue: simulate scenes, check meshes, validate against reference solutions.
+/// Soft tissue: simulate scenes, check meshes, validate against reference solutions, measure.
 #[derive(Parser)]
 #[command(name = "sinew", version, about)]
 struct Cli {
@@ -55,6 +57,8 @@ enum Command {
     Validate(ValidateArguments),
     /// Run the hard cases and print the pass table.
     Stability(StabilityArguments),
+    /// Measure speed and error on this machine, in one report.
+    Bench(BenchArguments),
     /// Look at, convert or generate a mesh.
     #[command(subcommand)]
     Mesh(MeshCommand),
@@ -228,6 +232,7 @@ fn main() -> ExitCode {
         Command::Check(arguments) => check_scene_or_mesh(&arguments),
         Command::Validate(arguments) => validate_cases(arguments),
         Command::Stability(arguments) => stability(&arguments),
+        Command::Bench(arguments) => bench(&arguments),
         Command::Mesh(command) => mesh(command),
     };
     match outcome {

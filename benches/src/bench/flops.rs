@@ -1,0 +1,182 @@
+//! Operations per element, counted and not estimated: the element functions run once with a number
+//! type that counts. A multiplication, an addition, a division and a square root count one each,
+//! comparisons and sign changes nothing.
+
+use sinew::engine::scalar::Scalar;
+use sinew::models::material::YoungPoisson;
+use sinew::models::precompute::RestTetrahedron;
+use sinew::models::spring;
+use sinew::models::tetrahedron::{self, Element, TangentKind};
+use std::cell::Cell;
+use std::hint::black_box;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+thread_local! {
+    static COUNT: Cell<u64> = const { Cell::new(0) };
+}
+
+/// A number that counts what is done to it.
+#[derive(Clone, Copy, Default, Debug, PartialEq, PartialOrd, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(transparent)]
+struct Counted(f64);
+
+fn counted(x: f64) -> Counted {
+    COUNT.set(COUNT.get() + 1);
+    Counted(x)
+}
+
+/// Operations of a function of counted numbers.
+fn count<R>(run: impl FnOnce() -> R) -> u64 {
+    COUNT.set(0);
+    black_box(run());
+    COUNT.get()
+}
+
+macro_rules! operator {
+    ($name:ident, $method:ident, $assign:ident, $assign_method:ident) => {
+        impl $name for Counted {
+            type Output = Self;
+            fn $method(self, other: Self) -> Self {
+                counted(self.0.$method(other.0))
+            }
+        }
+        impl $assign for Counted {
+            fn $assign_method(&mut self, other: Self) {
+                *self = self.$method(other);
+            }
+        }
+    };
+}
+operator!(Add, add, AddAssign, add_assign);
+operator!(Sub, sub, SubAssign, sub_assign);
+operator!(Mul, mul, MulAssign, mul_assign);
+
+impl Div for Counted {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        counted(self.0 / other.0)
+    }
+}
+
+impl Neg for Counted {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self(-self.0)
+    }
+}
+
+macro_rules! display {
+    ($($name:ident),*) => {$(
+        impl std::fmt::$name for Counted {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                self.0.fmt(f)
+            }
+        }
+    )*};
+}
+display!(Display, LowerExp);
+
+impl Scalar for Counted {
+    const ZERO: Self = Self(0.0);
+    const ONE: Self = Self(1.0);
+    const EPSILON: Self = Self(f64::EPSILON);
+    const NAME: &'static str = "counted";
+    fn from_f64(x: f64) -> Self {
+        Self(x)
+    }
+    fn to_f64(self) -> f64 {
+        self.0
+    }
+    fn sqrt(self) -> Self {
+        counted(self.0.sqrt())
+    }
+    fn abs(self) -> Self {
+        Self(self.0.abs())
+    }
+    fn max(self, other: Self) -> Self {
+        Self(self.0.max(other.0))
+    }
+    fn min(self, other: Self) -> Self {
+        Self(self.0.min(other.0))
+    }
+    fn is_finite(self) -> bool {
+        self.0.is_finite()
+    }
+}
+
+/// Operations per tetrahedron of the fused law, in the formulas of `sinew_models::tetrahedron`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ElementFlops {
+    /// Energy.
+    pub energy: u64,
+    /// Forces and adding them up.
+    pub forces: u64,
+    /// Exact tangent and adding its ten blocks up.
+    pub tangent: u64,
+}
+
+impl ElementFlops {
+    /// Counts, with or without the compression term, in a compressed element.
+    pub fn count(compression: bool) -> Self {
+        let zero = Self { energy: 0, forces: 0, tangent: 0 };
+        let corner = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let material = YoungPoisson { young_modulus: 1.0, poisson_ratio: 0.3, density: 1.0 };
+        let (Ok(rest), Ok(lame)) = (RestTetrahedron::new(corner), material.lame()) else {
+            return zero;
+        };
+        let plain = Element::<f64>::new(&rest, lame, compression);
+        let e = Element {
+            gradients: plain.gradients.map(|d| d.map(Counted)),
+            volume: Counted(plain.volume),
+            lambda: Counted(plain.lambda),
+            mu: Counted(plain.mu),
+            compression: Counted(plain.compression),
+        };
+        let squeezed = corner.map(|x| [-0.1, -0.2, 0.1].map(|s| Counted(s * (x[0] + x[1] - x[2]))));
+        Self {
+            energy: count(|| tetrahedron::energy(&e, &squeezed)) + 1,
+            forces: count(|| tetrahedron::forces(&e, &squeezed)) + 12,
+            tangent: count(|| {
+                let tangent = tetrahedron::tangent(&e, &squeezed, TangentKind::Exact);
+                for a in 0..4 {
+                    for b in a..4 {
+                        black_box(tangent.block(a, b));
+                    }
+                }
+            }) + 90,
+        }
+    }
+}
+
+/// Operations of the force of pooled springs, compression term included: three pairs of springs per
+/// triangle (angular) and per tetrahedron (volumetric), each tension added to its edge.
+pub fn pooled_flops(edges: f64, triangles: f64, tetrahedra: f64) -> f64 {
+    let v = |x: f64| [x, 2.0 * x, -x].map(Counted);
+    let edge = count(|| {
+        let change = spring::squared_length_change(v(1.0), v(0.1), v(0.2));
+        spring::edge_force(spring::tensile_tension(Counted(2.0), change), v(1.0))
+    }) + 7;
+    let pair = count(|| spring::coupling_tensions(Counted(1.0), Counted(0.1), Counted(0.2)));
+    let (plain, full) = (ElementFlops::count(false), ElementFlops::count(true));
+    let compression = (full.forces - plain.forces) as f64;
+    let couplings = (3 * pair + 6) as f64;
+    edges * edge as f64 + triangles * couplings + tetrahedra * (couplings + compression)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn operations_are_counted() {
+        COUNT.set(0);
+        let mut x = Counted(2.0) * Counted(3.0) + Counted(1.0);
+        x -= Counted(3.0);
+        assert_eq!((x.sqrt() / Counted(2.0), COUNT.get()), (Counted(1.0), 5));
+        let (plain, compressed) = (ElementFlops::count(false), ElementFlops::count(true));
+        // a displacement gradient alone takes 9 dot products of length 3
+        assert!(plain.forces > 100 && plain.forces < 400, "{plain:?}");
+        assert!(plain.energy < plain.forces && plain.forces < plain.tangent, "{plain:?}");
+        assert!(compressed.forces > plain.forces && compressed.forces < 2 * plain.forces);
+    }
+}
