@@ -5,7 +5,8 @@ use bevy_app::App;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
-use sinew_engine::element::{RestVolume, ShapeGradients, TetrahedronVertices};
+use sinew_engine::element::{ShapeGradients, TetrahedronVertices};
+use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
 use sinew_engine::load::{Constraint, Load};
 use sinew_engine::mesh::Mesh;
@@ -51,6 +52,9 @@ pub struct SimulationOptions {
     pub threads: usize,
     /// Executor of the schedules.
     pub executor: Executor,
+    /// Instruction set of the kernels; `None` means the best that the machine has. Results depend on
+    /// it in the last digits.
+    pub instruction_set: Option<InstructionSet>,
 }
 
 /// A simulation that cannot be set up.
@@ -132,7 +136,10 @@ impl Simulation {
     /// # Errors
     /// When the threads cannot be started.
     pub fn new(options: SimulationOptions) -> Result<Self, SimulationError> {
-        let workers = Workers::new(options.threads)?;
+        let mut workers = Workers::new(options.threads)?;
+        if let Some(set) = options.instruction_set {
+            workers = workers.with_instruction_set(set)?;
+        }
         let SimulationOptions { precision, executor, .. } = options;
         let mut app = App::empty();
         app.add_plugins((
@@ -425,18 +432,15 @@ fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Ve
     let mut result = vec![1.0; count];
     let world = simulation.world_mut();
     let mut vertices = world.query::<&Displacement<S>>();
-    let mut tetrahedra = world.query::<(
-        &TetrahedronVertices,
-        &ShapeGradients<S>,
-        &RestVolume<S>,
-        &TetrahedronIndex,
-        &BodyId,
-    )>();
+    let mut tetrahedra =
+        world.query::<(&TetrahedronVertices, ShapeGradients<S>, &TetrahedronIndex, &BodyId)>();
     let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
-    for (nodes, gradients, _, index, of) in tetrahedra.iter(world) {
+    for (nodes, (d1, d2, d3), index, of) in tetrahedra.iter(world) {
         if of.0 as usize == body.0 {
+            let gradients =
+                [[d1.0.0, d1.1.0, d1.2.0], [d2.0.0, d2.1.0, d2.2.0], [d3.0.0, d3.1.0, d3.2.0]];
             let local = nodes.0.map(|v| xyz(u[v as usize].0));
-            let change = volume_change(&displacement_gradient(&gradients.0, &local));
+            let change = volume_change(&displacement_gradient(&gradients, &local));
             result[index.0 as usize] = 1.0 + change.to_f64();
         }
     }

@@ -22,7 +22,8 @@ struct Setting {
 
 /// A beam held at one end, turned at the other, sagging: every part of a step takes part.
 fn hash(mesh: &Mesh, setting: Setting, threads: usize, executor: Executor) -> u64 {
-    let options = SimulationOptions { precision: setting.precision, threads, executor };
+    let options =
+        SimulationOptions { precision: setting.precision, threads, executor, ..Default::default() };
     let model = Model::CompressibleStVK;
     let (mut simulation, body) = simulate(options, mesh, soft(1e4, 0.4), model, setting.evaluation);
     clamp(&mut simulation, body, mesh, "x0");

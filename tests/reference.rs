@@ -6,7 +6,7 @@ mod common;
 use common::*;
 use glam::DVec3;
 use sinew::engine::columns::single_table;
-use sinew::engine::element::EdgeVertices;
+use sinew::engine::element::{EdgeVertices, TetrahedronIndex, TetrahedronVertices};
 use sinew::engine::law::{EvaluationRequest, TangentKind};
 use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::schedule::ForceSchedule;
@@ -153,12 +153,21 @@ fn pooled_constants_energies_forces_and_tangents() {
                 assert!((stiffness.0[m] - expected).abs() < 1e-12 * largest, "{name}: c {key:?}");
             }
         }
+        // pair m holds the first local vertex with vertex m + 1; the engine numbers vertices anew
         let d = case["tet_d"].as_array().unwrap();
         let mut tetrahedra =
-            world.query::<(&sinew::engine::element::TetrahedronIndex, &VolumetricStiffness<f64>)>();
-        for (index, stiffness) in tetrahedra.iter(world) {
+            world.query::<(&TetrahedronIndex, &TetrahedronVertices, &VolumetricStiffness<f64>)>();
+        for (index, vertices, stiffness) in tetrahedra.iter(world) {
+            let i = index.0 as usize;
+            let own = vertices.0.map(|v| u64::from(order.vertex_order[v as usize]));
+            let reference = [0, 1, 2, 3].map(|j| case["tets"][i][j].as_u64().unwrap());
             for m in 0..3 {
-                let expected = number(&d[index.0 as usize][m]);
+                let pair = [own[0], own[m + 1]];
+                let first = pair.contains(&reference[0]);
+                let j = (1..4)
+                    .position(|j| pair.contains(&reference[j]) == first)
+                    .expect("one vertex on the same side as the first");
+                let expected = number(&d[i][j]);
                 assert!((stiffness.0[m] - expected).abs() < 1e-12 * largest, "{name}: d");
             }
         }

@@ -13,8 +13,16 @@
 //!
 //! Edge `i` of a triangle lies opposite its vertex `i`: 0 = (1, 2), 1 = (2, 0), 2 = (0, 1).
 
-use crate::scalar::{Scalar, sub};
+#![allow(
+    clippy::multiple_bound_locations,
+    reason = "the derive macros of bytemuck repeat the bound on S"
+)]
+
+use crate::lanes::Lanes;
+use crate::scalar::{Real, Scalar, dot, sub};
+use crate::vertex::Displacement;
 use bevy_ecs::prelude::Component;
+use bytemuck::TransparentWrapper;
 
 /// Local vertices of the six edges of a tetrahedron.
 pub const TETRAHEDRON_EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
@@ -23,12 +31,12 @@ pub const TETRAHEDRON_EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], 
 pub const TETRAHEDRON_FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
 /// Vertex rows of an edge, lower first.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct EdgeVertices(pub [u32; 2]);
 
 /// Off-diagonal block of the tangent that an edge owns (index into the edge graph).
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct EdgeBlock(pub u32);
 
@@ -38,32 +46,32 @@ pub struct EdgeBlock(pub u32);
 pub struct RestEdge<S: Scalar>(pub [S; 3]);
 
 /// Change of squared length (m^2), `|x_a - x_b|^2 - L^2`.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct EdgeChange<S: Scalar>(pub S);
 
 /// Edge tension (N/m): derivative of the energy with respect to the change of squared length.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct EdgeTension<S: Scalar>(pub S);
 
 /// Edge-table rows of a triangle, edge `i` opposite vertex `i`.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct TriangleEdges(pub [u32; 3]);
 
 /// Vertex rows of a tetrahedron, positively oriented.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct TetrahedronVertices(pub [u32; 4]);
 
 /// Tangent blocks (edge-graph indices) of the six edges of a tetrahedron.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct TetrahedronBlocks(pub [u32; 6]);
 
 /// Edge-table rows of the six edges of a tetrahedron (pooled evaluation only).
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct TetrahedronEdges(pub [u32; 6]);
 
@@ -72,27 +80,132 @@ pub struct TetrahedronEdges(pub [u32; 6]);
 #[repr(transparent)]
 pub struct TetrahedronIndex(pub u32);
 
-/// Shape vectors D_1, D_2, D_3 (1/m), gradients of the barycentric coordinates, row-major;
-/// D_0 = -(D_1 + D_2 + D_3).
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+/// Component `AXIS` (0, 1, 2) of the shape vector `D_VERTEX` (1/m) of a tetrahedron, `VERTEX` 1, 2 or
+/// 3: the gradient of that vertex's barycentric coordinate. D_0 = -(D_1 + D_2 + D_3).
+///
+/// One column per number, so that kernels load the same entry of neighbouring tetrahedra at once.
+#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
 #[repr(transparent)]
-pub struct ShapeGradients<S: Scalar>(pub [[S; 3]; 3]);
+pub struct ShapeGradient<S: Scalar, const VERTEX: usize, const AXIS: usize>(pub S);
+
+/// All nine columns of [`ShapeGradient`]: query data.
+pub type ShapeGradients<S> = (
+    (
+        &'static ShapeGradient<S, 1, 0>,
+        &'static ShapeGradient<S, 1, 1>,
+        &'static ShapeGradient<S, 1, 2>,
+    ),
+    (
+        &'static ShapeGradient<S, 2, 0>,
+        &'static ShapeGradient<S, 2, 1>,
+        &'static ShapeGradient<S, 2, 2>,
+    ),
+    (
+        &'static ShapeGradient<S, 3, 0>,
+        &'static ShapeGradient<S, 3, 1>,
+        &'static ShapeGradient<S, 3, 2>,
+    ),
+);
+
+/// The components of [`ShapeGradients`].
+pub type ShapeGradientBundle<S> = (
+    (ShapeGradient<S, 1, 0>, ShapeGradient<S, 1, 1>, ShapeGradient<S, 1, 2>),
+    (ShapeGradient<S, 2, 0>, ShapeGradient<S, 2, 1>, ShapeGradient<S, 2, 2>),
+    (ShapeGradient<S, 3, 0>, ShapeGradient<S, 3, 1>, ShapeGradient<S, 3, 2>),
+);
+
+/// The components of [`ShapeGradients`] from the shape vectors D_1, D_2, D_3 (1/m).
+pub fn shape_gradient_bundle<S: Scalar>(d: [[f64; 3]; 3]) -> ShapeGradientBundle<S> {
+    let [[a, b, c], [d, e, f], [g, h, i]] = d.map(|row| row.map(S::from_f64));
+    (
+        (ShapeGradient(a), ShapeGradient(b), ShapeGradient(c)),
+        (ShapeGradient(d), ShapeGradient(e), ShapeGradient(f)),
+        (ShapeGradient(g), ShapeGradient(h), ShapeGradient(i)),
+    )
+}
+
+/// Slices of the columns of [`ShapeGradients`], as a contiguous query gives them.
+pub type ShapeGradientColumns<'a, S> = (
+    (&'a [ShapeGradient<S, 1, 0>], &'a [ShapeGradient<S, 1, 1>], &'a [ShapeGradient<S, 1, 2>]),
+    (&'a [ShapeGradient<S, 2, 0>], &'a [ShapeGradient<S, 2, 1>], &'a [ShapeGradient<S, 2, 2>]),
+    (&'a [ShapeGradient<S, 3, 0>], &'a [ShapeGradient<S, 3, 1>], &'a [ShapeGradient<S, 3, 2>]),
+);
+
+/// Deformation of many tetrahedra: vertex displacements and the columns that turn them into
+/// displacement gradients.
+#[derive(Clone, Copy, Debug)]
+pub struct TetrahedronShapes<'a, S> {
+    /// Displacement of every vertex row (m).
+    pub displacement: &'a [[S; 4]],
+    /// Vertex rows of the tetrahedra.
+    pub nodes: &'a [[u32; 4]],
+    /// Entries of D_1, D_2, D_3 (1/m), row-major.
+    pub gradients: [&'a [S]; 9],
+}
+
+impl<'a, S: Scalar> TetrahedronShapes<'a, S> {
+    /// From table columns.
+    pub fn new(
+        displacement: &'a [Displacement<S>],
+        nodes: &'a [TetrahedronVertices],
+        (d1, d2, d3): ShapeGradientColumns<'a, S>,
+    ) -> Self {
+        Self {
+            displacement: Displacement::peel_slice(displacement),
+            nodes: TetrahedronVertices::peel_slice(nodes),
+            gradients: [
+                ShapeGradient::peel_slice(d1.0),
+                ShapeGradient::peel_slice(d1.1),
+                ShapeGradient::peel_slice(d1.2),
+                ShapeGradient::peel_slice(d2.0),
+                ShapeGradient::peel_slice(d2.1),
+                ShapeGradient::peel_slice(d2.2),
+                ShapeGradient::peel_slice(d3.0),
+                ShapeGradient::peel_slice(d3.1),
+                ShapeGradient::peel_slice(d3.2),
+            ],
+        }
+    }
+
+    /// Shape vectors of the tetrahedra from `first` on.
+    #[inline(always)]
+    pub fn gradients<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 3] {
+        let mut d = [[L::ZERO; 3]; 3];
+        for a in 0..3 {
+            for x in 0..3 {
+                d[a][x] = L::load(&self.gradients[3 * a + x][first..]);
+            }
+        }
+        d
+    }
+
+    /// Displacements of the vertices of the tetrahedra from `first` on.
+    #[inline(always)]
+    pub fn displacements<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 4] {
+        let nodes = &self.nodes[first..];
+        let mut u = [[L::ZERO; 3]; 4];
+        for a in 0..4 {
+            u[a] = L::load_rows(self.displacement, nodes, a);
+        }
+        u
+    }
+}
 
 /// Rest volume (m^3).
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct RestVolume<S: Scalar>(pub S);
 
 /// `G = sum_a u_a (x) D_a`, row-major.
 #[inline(always)]
-pub fn displacement_gradient<S: Scalar>(gradients: &[[S; 3]; 3], u: &[[S; 3]; 4]) -> [S; 9] {
+pub fn displacement_gradient<S: Real>(gradients: &[[S; 3]; 3], u: &[[S; 3]; 4]) -> [S; 9] {
     // D_0 = -(D_1 + D_2 + D_3) turns the sum into one over displacements relative to vertex 0.
     let (w1, w2, w3) = (sub(u[1], u[0]), sub(u[2], u[0]), sub(u[3], u[0]));
     let [d1, d2, d3] = gradients;
     let mut g = [S::ZERO; 9];
     for i in 0..3 {
         for j in 0..3 {
-            g[3 * i + j] = w1[i] * d1[j] + w2[i] * d2[j] + w3[i] * d3[j];
+            g[3 * i + j] = w3[i].mul_add(d3[j], w2[i].mul_add(d2[j], w1[i] * d1[j]));
         }
     }
     g
@@ -100,10 +213,17 @@ pub fn displacement_gradient<S: Scalar>(gradients: &[[S; 3]; 3], u: &[[S; 3]; 4]
 
 /// `J - 1` from the invariants of `G`.
 #[inline(always)]
-pub fn volume_change<S: Scalar>(g: &[S; 9]) -> S {
-    let m0 = g[4] * g[8] - g[5] * g[7];
-    let m1 = g[0] * g[8] - g[2] * g[6];
-    let m2 = g[0] * g[4] - g[1] * g[3];
-    let det = g[0] * m0 + g[1] * (g[5] * g[6] - g[3] * g[8]) + g[2] * (g[3] * g[7] - g[4] * g[6]);
+pub fn volume_change<S: Real>(g: &[S; 9]) -> S {
+    let m0 = minor(g[4], g[8], g[5], g[7]);
+    let m1 = minor(g[0], g[8], g[2], g[6]);
+    let m2 = minor(g[0], g[4], g[1], g[3]);
+    let det =
+        dot([g[0], g[1], g[2]], [m0, minor(g[5], g[6], g[3], g[8]), minor(g[3], g[7], g[4], g[6])]);
     (g[0] + g[4] + g[8]) + (m0 + m1 + m2) + det
+}
+
+/// `a b - c d`.
+#[inline(always)]
+pub fn minor<S: Real>(a: S, b: S, c: S, d: S) -> S {
+    (-c).mul_add(d, a * b)
 }

@@ -17,7 +17,8 @@ pub struct BodyLayout {
     pub vertex_order: Vec<u32>,
     /// Index in the user's mesh -> vertex row, [`UNUSED`] for vertices without an element.
     pub row_of_vertex: Vec<u32>,
-    /// Vertex rows of the tetrahedra, the user's local order kept.
+    /// Vertex rows of the tetrahedra. Local vertices are renumbered, orientation kept, so that the
+    /// lowest row comes first and the next lowest second.
     pub tetrahedra: Vec<[u32; 4]>,
     /// Tetrahedron row -> index in the user's mesh.
     pub tetrahedron_order: Vec<u32>,
@@ -49,7 +50,7 @@ impl BodyLayout {
             key.sort_unstable();
             (key, t)
         });
-        let ordered: Vec<[u32; 4]> = order.iter().map(|&t| rows(t)).collect();
+        let ordered: Vec<[u32; 4]> = order.iter().map(|&t| lowest_first(rows(t))).collect();
 
         let mut edges: Vec<[u32; 2]> = ordered
             .iter()
@@ -97,6 +98,30 @@ impl BodyLayout {
             triangle_edges,
             tetrahedron_triangles,
         }
+    }
+}
+
+/// An even permutation that puts the lowest entry first and the next lowest second. Then only the
+/// edge of the last two local vertices may run against the order of rows.
+fn lowest_first(mut t: [u32; 4]) -> [u32; 4] {
+    let lowest = (0..4).min_by_key(|&i| t[i]).unwrap_or(0);
+    if lowest != 0 {
+        // two exchanges
+        t.swap(0, lowest);
+        let (a, b) = if lowest == 1 {
+            (2, 3)
+        } else if lowest == 2 {
+            (1, 3)
+        } else {
+            (1, 2)
+        };
+        t.swap(a, b);
+    }
+    let second = (1..4).min_by_key(|&i| t[i]).unwrap_or(1);
+    match second {
+        2 => [t[0], t[2], t[3], t[1]],
+        3 => [t[0], t[3], t[1], t[2]],
+        _ => t,
     }
 }
 
@@ -213,9 +238,28 @@ mod tests {
                 assert_eq!(layout.triangles[f as usize], sorted3(t[a], t[b], t[c]));
             }
         }
+        for t in &layout.tetrahedra {
+            assert!(t[0] < t[1] && t[1] < t[2].min(t[3]));
+        }
         for (t, edges) in layout.triangles.iter().zip(&layout.triangle_edges) {
             assert_eq!(layout.edges[edges[0] as usize], sorted2(t[1], t[2]));
             assert_eq!(layout.edges[edges[1] as usize], sorted2(t[2], t[0]));
+        }
+    }
+
+    #[test]
+    fn renumbering_keeps_the_orientation() {
+        let parity = |t: [u32; 4]| {
+            let pairs = (0..4).flat_map(|i| (0..i).map(move |j| (j, i)));
+            pairs.filter(|&(j, i)| t[j] > t[i]).count() % 2
+        };
+        for code in 0..256u32 {
+            let t = [code & 3, code >> 2 & 3, code >> 4 & 3, code >> 6];
+            if (0..4).all(|v| t.contains(&v)) {
+                let new = lowest_first(t);
+                assert_eq!(parity(new), parity(t), "{t:?}");
+                assert_eq!(new[..2], [0, 1]);
+            }
         }
     }
 

@@ -5,6 +5,7 @@
 
 pub mod columns;
 pub mod element;
+pub mod lanes;
 pub mod law;
 pub mod layout;
 pub mod load;

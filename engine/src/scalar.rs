@@ -3,23 +3,20 @@
 //! kernels need.
 //!
 //! Kernels work on `[S; 3]` and row-major `[S; 9]` rather than on glam types so that one source
-//! serves both precisions (and, later, SIMD lanes); glam is the vocabulary of the public edge.
+//! serves both precisions and SIMD lanes; glam is the vocabulary of the public edge.
 
+use crate::lanes::sealed::Registers;
 use std::fmt::{Debug, Display, LowerExp};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A floating-point type in which a simulation can be carried out.
-pub trait Scalar:
+/// Real numbers of one or several lanes: what the element functions are written in, so that one
+/// source serves `f32`, `f64` and the vector registers of [`crate::lanes`].
+pub trait Real:
     Copy
-    + Default
     + Debug
-    + Display
-    + LowerExp
-    + PartialOrd
     + Send
     + Sync
     + 'static
-    + bytemuck::Pod
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
@@ -29,18 +26,16 @@ pub trait Scalar:
     + SubAssign
     + MulAssign
 {
+    /// Result of a comparison, lane by lane.
+    type Mask: Copy;
     /// Zero.
     const ZERO: Self;
     /// One.
     const ONE: Self;
-    /// Unit round-off times two (distance from 1 to the next larger number).
-    const EPSILON: Self;
-    /// `"f32"` or `"f64"`.
-    const NAME: &'static str;
-    /// Nearest value to `x`.
+    /// Nearest value to `x`, in every lane.
     fn from_f64(x: f64) -> Self;
-    /// Exact widening.
-    fn to_f64(self) -> f64;
+    /// `self * b + c`, rounded once where the machine can (the scalar types round twice).
+    fn mul_add(self, b: Self, c: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
     /// Absolute value.
@@ -49,24 +44,46 @@ pub trait Scalar:
     fn max(self, other: Self) -> Self;
     /// Smaller of two numbers.
     fn min(self, other: Self) -> Self;
+    /// `self < other`; false where either is not a number.
+    fn less(self, other: Self) -> Self::Mask;
+    /// `yes` where the mask holds, `no` elsewhere.
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+    /// Whether the mask holds anywhere.
+    fn any(mask: Self::Mask) -> bool;
+    /// Where both masks hold.
+    fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Where either mask holds.
+    fn either(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+}
+
+/// A floating-point type in which a simulation can be carried out.
+pub trait Scalar:
+    Real<Mask = bool> + Default + Display + LowerExp + PartialOrd + bytemuck::Pod + Registers
+{
+    /// Unit round-off times two (distance from 1 to the next larger number).
+    const EPSILON: Self;
+    /// `"f32"` or `"f64"`.
+    const NAME: &'static str;
+    /// Exact widening.
+    fn to_f64(self) -> f64;
     /// Neither infinite nor NaN.
     fn is_finite(self) -> bool;
 }
 
 macro_rules! scalar {
     ($t:ident) => {
-        impl Scalar for $t {
+        impl Real for $t {
+            type Mask = bool;
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
-            const EPSILON: Self = $t::EPSILON;
-            const NAME: &'static str = stringify!($t);
             #[inline(always)]
             fn from_f64(x: f64) -> Self {
                 x as $t
             }
             #[inline(always)]
-            fn to_f64(self) -> f64 {
-                self as f64
+            fn mul_add(self, b: Self, c: Self) -> Self {
+                // a library call where the compiler may not assume the instruction
+                self * b + c
             }
             #[inline(always)]
             fn sqrt(self) -> Self {
@@ -85,6 +102,35 @@ macro_rules! scalar {
                 if self < other { self } else { other }
             }
             #[inline(always)]
+            fn less(self, other: Self) -> bool {
+                self < other
+            }
+            #[inline(always)]
+            fn select(mask: bool, yes: Self, no: Self) -> Self {
+                if mask { yes } else { no }
+            }
+            #[inline(always)]
+            fn any(mask: bool) -> bool {
+                mask
+            }
+            #[inline(always)]
+            fn both(a: bool, b: bool) -> bool {
+                a & b
+            }
+            #[inline(always)]
+            fn either(a: bool, b: bool) -> bool {
+                a | b
+            }
+        }
+
+        impl Scalar for $t {
+            const EPSILON: Self = $t::EPSILON;
+            const NAME: &'static str = stringify!($t);
+            #[inline(always)]
+            fn to_f64(self) -> f64 {
+                self as f64
+            }
+            #[inline(always)]
             fn is_finite(self) -> bool {
                 $t::is_finite(self)
             }
@@ -96,56 +142,48 @@ scalar!(f64);
 
 /// Sum of two vectors.
 #[inline(always)]
-pub fn add<S: Scalar>(a: [S; 3], b: [S; 3]) -> [S; 3] {
+pub fn add<S: Real>(a: [S; 3], b: [S; 3]) -> [S; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 /// Difference of two vectors.
 #[inline(always)]
-pub fn sub<S: Scalar>(a: [S; 3], b: [S; 3]) -> [S; 3] {
+pub fn sub<S: Real>(a: [S; 3], b: [S; 3]) -> [S; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// Vector times number.
 #[inline(always)]
-pub fn scale<S: Scalar>(a: [S; 3], s: S) -> [S; 3] {
+pub fn scale<S: Real>(a: [S; 3], s: S) -> [S; 3] {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
 /// Scalar product.
 #[inline(always)]
-pub fn dot<S: Scalar>(a: [S; 3], b: [S; 3]) -> S {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+pub fn dot<S: Real>(a: [S; 3], b: [S; 3]) -> S {
+    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
 }
 
 /// Vector product.
 #[inline(always)]
-pub fn cross<S: Scalar>(a: [S; 3], b: [S; 3]) -> [S; 3] {
+pub fn cross<S: Real>(a: [S; 3], b: [S; 3]) -> [S; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// First three entries of a padded row.
 #[inline(always)]
-pub fn xyz<S: Scalar>(a: [S; 4]) -> [S; 3] {
+pub fn xyz<S: Copy>(a: [S; 4]) -> [S; 3] {
     [a[0], a[1], a[2]]
 }
 
 /// Row-major 3x3 matrix times vector.
 #[inline(always)]
-pub fn mat_vec<S: Scalar>(m: &[S; 9], v: [S; 3]) -> [S; 3] {
-    [
-        m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
-        m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
-        m[6] * v[0] + m[7] * v[1] + m[8] * v[2],
-    ]
+pub fn mat_vec<S: Real>(m: &[S; 9], v: [S; 3]) -> [S; 3] {
+    [dot([m[0], m[1], m[2]], v), dot([m[3], m[4], m[5]], v), dot([m[6], m[7], m[8]], v)]
 }
 
 /// Transpose of a row-major 3x3 matrix times vector.
 #[inline(always)]
-pub fn mat_transpose_vec<S: Scalar>(m: &[S; 9], v: [S; 3]) -> [S; 3] {
-    [
-        m[0] * v[0] + m[3] * v[1] + m[6] * v[2],
-        m[1] * v[0] + m[4] * v[1] + m[7] * v[2],
-        m[2] * v[0] + m[5] * v[1] + m[8] * v[2],
-    ]
+pub fn mat_transpose_vec<S: Real>(m: &[S; 9], v: [S; 3]) -> [S; 3] {
+    [dot([m[0], m[3], m[6]], v), dot([m[1], m[4], m[7]], v), dot([m[2], m[5], m[8]], v)]
 }

@@ -1,17 +1,20 @@
 //! Running one step, and what can go wrong.
 
 use crate::columns::single_table;
-use crate::element::{ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change};
+use crate::element::{
+    ShapeGradients, TetrahedronShapes, TetrahedronVertices, displacement_gradient, volume_change,
+};
+use crate::lanes::{Kernel, Lanes, MAX_LANES, padded};
 use crate::load::{Constraint, Load, apply_constraints, apply_loads};
 use crate::report::{StepReport, SystemTimes, VolumeReport};
-use crate::scalar::{Scalar, xyz};
+use crate::scalar::Scalar;
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
 use crate::topology::{ElementTables, Topology};
 use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
 use crate::workers::Workers;
 use bevy_ecs::prelude::*;
-use bytemuck::TransparentWrapper;
 use glam::DVec3;
+use std::ops::Range;
 use std::time::Instant;
 
 /// Simulated time.
@@ -240,7 +243,7 @@ pub fn measure_volume_ratios<S: Scalar>(
     mut times: ResMut<SystemTimes>,
     vertices: Query<&Displacement<S>>,
     topology: Res<Topology>,
-    tetrahedra: Query<(&TetrahedronVertices, &ShapeGradients<S>, &BodyId)>,
+    tetrahedra: Query<(&TetrahedronVertices, ShapeGradients<S>, &BodyId)>,
     mut partial: Local<Vec<Vec<(BodyId, f64, u64)>>>,
 ) {
     const CHUNK: usize = 4096;
@@ -252,27 +255,23 @@ pub fn measure_volume_ratios<S: Scalar>(
     report.inverted_by_body.clear();
     report.inverted_by_body.resize(topology.bodies.len(), 0);
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let u = Displacement::peel_slice(u);
     // pooled and fused bodies keep their tetrahedra in a table each
     for (nodes, gradients, bodies) in
         tetrahedra.contiguous_iter().expect("element components are stored in tables")
     {
+        let shapes = TetrahedronShapes::new(u, nodes, gradients);
         partial.resize(nodes.len().div_ceil(CHUNK), Vec::new());
-        workers.for_each(&mut partial, nodes.len() * 8, |i, runs| {
-            // runs of elements of one body
+        workers.for_each(&mut partial, nodes.len() * 3, |i, runs| {
             runs.clear();
-            for j in i * CHUNK..((i + 1) * CHUNK).min(nodes.len()) {
-                let local = nodes[j].0.map(|v| xyz(u[v as usize]));
-                let change = volume_change(&displacement_gradient(&gradients[j].0, &local));
-                let ratio = change.to_f64() + 1.0;
-                let inverted = u64::from(ratio <= 0.0);
-                match runs.last_mut() {
-                    Some((body, smallest, count)) if *body == bodies[j] => {
-                        *smallest = smallest.min(ratio);
-                        *count += inverted;
-                    }
-                    _ => runs.push((bodies[j], ratio, inverted)),
-                }
+            let end = ((i + 1) * CHUNK).min(nodes.len());
+            let mut first = i * CHUNK;
+            while first < end {
+                let body = bodies[first];
+                let length = bodies[first..end].iter().take_while(|b| **b == body).count();
+                let elements = first..first + length;
+                let (smallest, inverted) = workers.dispatch(VolumeRatios { shapes, elements });
+                runs.push((body, smallest, inverted));
+                first += length;
             }
         });
         for &(body, smallest, inverted) in partial.iter().flatten() {
@@ -282,6 +281,56 @@ pub fn measure_volume_ratios<S: Scalar>(
     }
     report.inverted = report.inverted_by_body.iter().sum();
     times.add("volume ratios", start.elapsed());
+}
+
+/// Smallest `J` of some tetrahedra and how many of them have `J <= 0`.
+struct VolumeRatios<'a, S> {
+    shapes: TetrahedronShapes<'a, S>,
+    elements: Range<usize>,
+}
+
+impl<S: Scalar> Kernel<S> for VolumeRatios<'_, S> {
+    type Output = (f64, u64);
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = S>>(self) -> (f64, u64) {
+        let Self { shapes, elements: Range { start, end } } = self;
+        let mut smallest = L::from_f64(f64::INFINITY);
+        // counts stay far below the range of whole numbers of f32
+        let mut inverted = L::ZERO;
+        let whole = end - (end - start) % L::COUNT;
+        for first in (start..whole).step_by(L::COUNT) {
+            let ratio = volume_ratios::<L>(&shapes, first);
+            smallest = ratio.min(smallest);
+            inverted += L::select(L::less(L::ZERO, ratio), L::ZERO, L::ONE);
+        }
+        let (mut ratios, mut counts) = ([S::ZERO; MAX_LANES], [S::ZERO; MAX_LANES]);
+        smallest.store(&mut ratios);
+        inverted.store(&mut counts);
+        let lanes = 0..L::COUNT;
+        let mut least = lanes.clone().fold(f64::INFINITY, |m, i| m.min(ratios[i].to_f64()));
+        let mut count = lanes.map(|i| counts[i].to_f64()).sum::<f64>() as u64;
+        if whole < end {
+            let nodes = padded(shapes.nodes, whole, end);
+            let gradients = shapes.gradients.map(|column| padded(column, whole, end));
+            let shapes = TetrahedronShapes {
+                displacement: shapes.displacement,
+                nodes: &nodes,
+                gradients: std::array::from_fn(|i| &gradients[i][..]),
+            };
+            volume_ratios::<L>(&shapes, 0).store(&mut ratios);
+            for ratio in &ratios[..end - whole] {
+                least = least.min(ratio.to_f64());
+                count += u64::from(ratio.to_f64() <= 0.0);
+            }
+        }
+        (least, count)
+    }
+}
+
+#[inline(always)]
+fn volume_ratios<L: Lanes>(shapes: &TetrahedronShapes<L::Scalar>, first: usize) -> L {
+    let u = shapes.displacements(first);
+    L::ONE + volume_change(&displacement_gradient(&shapes.gradients(first), &u))
 }
 
 fn write_positions<S: Scalar>(

@@ -1,13 +1,15 @@
 //! The one thread pool. Work is always cut into *fixed* pieces, by size and never by thread count,
 //! and sums run over the pieces in order: results are the same bit for bit for any thread count.
 
+use crate::lanes::{InstructionSet, Kernel, dispatch_on};
+use crate::scalar::Scalar;
 use bevy_ecs::prelude::Resource;
 use rayon::prelude::*;
 
 /// Below this much work (nanoseconds, estimated) a parallel region costs more than it saves.
 const PARALLEL_THRESHOLD_NS: usize = 40_000;
 
-/// Threads that carry out parallel regions.
+/// Threads that carry out parallel regions, and the instruction set that kernels run with.
 ///
 /// rayon rather than bevy's task pool: bevy's pool is one per process and cannot be sized per
 /// simulation, and a region costs about the same in both.
@@ -15,9 +17,10 @@ const PARALLEL_THRESHOLD_NS: usize = 40_000;
 pub struct Workers {
     pool: Option<rayon::ThreadPool>,
     threads: usize,
+    instruction_set: InstructionSet,
 }
 
-/// Threads that cannot be had.
+/// Threads or instructions that cannot be had.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WorkersError {
@@ -27,6 +30,9 @@ pub enum WorkersError {
         /// Threads asked for.
         threads: usize,
     },
+    /// The machine lacks an instruction set.
+    #[error("this machine has no {0}; leave the instruction set out to get the best it has")]
+    InstructionSet(&'static str),
     /// The operating system refused to start them.
     #[error("cannot start {threads} worker threads: {source}; ask for fewer threads")]
     Refused {
@@ -49,7 +55,7 @@ impl Default for Workers {
 impl Workers {
     /// Everything on the calling thread.
     pub fn serial() -> Self {
-        Self { pool: None, threads: 1 }
+        Self { pool: None, threads: 1, instruction_set: InstructionSet::best() }
     }
 
     /// A pool of `threads` threads; 0 means one per core.
@@ -72,7 +78,31 @@ impl Workers {
             .num_threads(threads)
             .build()
             .map_err(|source| WorkersError::Refused { threads, source })?;
-        Ok(Self { pool: Some(pool), threads })
+        Ok(Self { pool: Some(pool), threads, instruction_set: InstructionSet::best() })
+    }
+
+    /// The same threads with another instruction set than the widest of this machine. Results depend
+    /// on it in the last digits, and only on it: with the same one they agree between machines.
+    ///
+    /// # Errors
+    /// When this machine does not have it.
+    pub fn with_instruction_set(self, set: InstructionSet) -> Result<Self, WorkersError> {
+        if set.is_available() {
+            Ok(Self { instruction_set: set, ..self })
+        } else {
+            Err(WorkersError::InstructionSet(set.name()))
+        }
+    }
+
+    /// Instruction set of the kernels.
+    pub fn instruction_set(&self) -> InstructionSet {
+        self.instruction_set
+    }
+
+    /// Runs a kernel on the calling thread.
+    #[inline]
+    pub fn dispatch<S: Scalar, K: Kernel<S>>(&self, kernel: K) -> K::Output {
+        dispatch_on(self.instruction_set, kernel)
     }
 
     /// Number of threads.

@@ -1,13 +1,14 @@
 //! From mesh and material to entities: every stiffness is precomputed here, in `f64`.
 
+use bevy_ecs::bundle::NoBundleEffect;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestEdge, RestVolume, ShapeGradients,
-    TETRAHEDRON_FACES, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices,
-    TriangleEdges,
+    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestEdge, RestVolume, TETRAHEDRON_FACES,
+    TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices, TriangleEdges,
+    shape_gradient_bundle,
 };
 use sinew_engine::law::{Law, LawBuffer};
 use sinew_engine::layout::{BodyLayout, starts};
@@ -19,7 +20,10 @@ use sinew_engine::vertex::{
     PrescribedDisplacement, RestPosition, Velocity, VertexIndex,
 };
 
-use crate::fused::{self, Compression, FusedStVK, Moduli, PooledProjection};
+use crate::fused::{
+    self, Compression, CompressionModulus, FirstLameParameter, FusedStVK, PooledProjection,
+    ShearModulus,
+};
 use crate::material::{MaterialError, YoungPoisson};
 use crate::pooled::{
     self, Angular, AngularStiffness, AngularTension, EdgeIncidence, SpringForces, Tensile,
@@ -255,11 +259,11 @@ pub fn spawn_body<S: Scalar>(
 
     let compression =
         if body.model == Model::CompressibleStVK { lame.lambda + lame.mu } else { 0.0 };
-    let moduli = Moduli {
-        lambda: S::from_f64(lame.lambda),
-        mu: S::from_f64(lame.mu),
-        compression: S::from_f64(compression),
-    };
+    let moduli = (
+        FirstLameParameter(S::from_f64(lame.lambda)),
+        ShearModulus(S::from_f64(lame.mu)),
+        CompressionModulus(S::from_f64(compression)),
+    );
     let geometry: Vec<_> = layout
         .tetrahedra
         .iter()
@@ -273,7 +277,7 @@ pub fn spawn_body<S: Scalar>(
                 TetrahedronBlocks(e.map(|b| b + block0)),
                 TetrahedronIndex(original),
                 id,
-                ShapeGradients(d.map(|row| row.map(S::from_f64))),
+                shape_gradient_bundle::<S>(d),
                 RestVolume(S::from_f64(r.volume)),
                 moduli,
             )
@@ -308,15 +312,7 @@ fn spawn_springs<S: Scalar>(
     rest: &[RestTetrahedron],
     body: &BodyDescription,
     rest_of: &dyn Fn(u32) -> DVec3,
-    geometry: Vec<(
-        TetrahedronVertices,
-        TetrahedronBlocks,
-        TetrahedronIndex,
-        BodyId,
-        ShapeGradients<S>,
-        RestVolume<S>,
-        Moduli<S>,
-    )>,
+    geometry: Vec<impl Bundle<Effect: NoBundleEffect>>,
     v0: u32,
     block0: u32,
     id: BodyId,

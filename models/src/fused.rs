@@ -8,55 +8,58 @@ use bevy_ecs::query::ArchetypeFilter;
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    RestVolume, ShapeGradients, TETRAHEDRON_EDGES, TetrahedronBlocks, TetrahedronEdges,
-    TetrahedronVertices,
+    RestVolume, ShapeGradients, TetrahedronBlocks, TetrahedronEdges, TetrahedronShapes,
+    TetrahedronVertices, displacement_gradient,
 };
+use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES, padded};
 use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
-use sinew_engine::scalar::{Scalar, xyz};
+use sinew_engine::scalar::{Real, Scalar};
 use sinew_engine::schedule::{ForceSystems, activate_law};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
+use std::marker::PhantomData;
+use std::ops::Range;
 use std::time::Instant;
 
+use crate::projection;
 use crate::tetrahedron::{self, Element, TetrahedronTangent};
 
-/// Elastic moduli of a tetrahedron (Pa).
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
-#[repr(C)]
-pub struct Moduli<S: Scalar> {
-    /// First Lamé parameter (Pa).
-    pub lambda: S,
-    /// Shear modulus (Pa).
-    pub mu: S,
-    /// Modulus of the compression term (Pa): lambda + mu, or 0 for a body without it.
-    pub compression: S,
+macro_rules! moduli {
+    ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {$(
+        $(#[$doc])*
+        #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+        #[repr(transparent)]
+        pub struct $name<S: Scalar>(pub S);
+    )+};
+}
+moduli! {
+    /// First Lamé parameter lambda of a tetrahedron (Pa).
+    FirstLameParameter,
+    /// Shear modulus mu of a tetrahedron (Pa).
+    ShearModulus,
+    /// Modulus of the compression term of a tetrahedron (Pa): lambda + mu, or 0 for a body without it.
+    CompressionModulus,
 }
 
 /// A law whose energy is a sum over tetrahedra of a function of their four displacements.
+///
+/// The functions are written for [`Real`], that is for one tetrahedron or for a register full of
+/// them.
 pub trait TetrahedronLaw: Law {
     /// Tetrahedra it acts on.
     type Bodies: ArchetypeFilter + 'static;
-    /// Estimated work per tetrahedron and pass (ns).
-    const WORK_NS: usize = 30;
     /// Whether it contributes energy and force.
     const FORCES: bool = true;
     /// Whether it contributes to a tangent of this kind.
     fn contributes(kind: TangentKind) -> bool;
-    /// Whether the element takes part.
-    fn applies<S: Scalar>(_: &Element<S>) -> bool {
-        true
-    }
     /// Energy (J).
-    fn energy<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> S;
-    /// Forces (N).
-    fn forces<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4];
-    /// Tangent (N/m).
-    fn tangent<S: Scalar>(
-        e: &Element<S>,
-        u: &[[S; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<S>;
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R;
+    /// Forces (N), `None` when there are none in any lane.
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]>;
+    /// Tangent (N/m): exact, or without the terms that can make it indefinite.
+    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 4], indefinite: bool)
+    -> TetrahedronTangent<R>;
 }
 
 /// Fused evaluation: St Venant-Kirchhoff plus compression term, all in one pass.
@@ -73,20 +76,20 @@ impl TetrahedronLaw for FusedStVK {
         true
     }
     #[inline(always)]
-    fn energy<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
         tetrahedron::energy(e, u)
     }
     #[inline(always)]
-    fn forces<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
-        tetrahedron::forces(e, u)
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+        Some(tetrahedron::forces(e, u))
     }
     #[inline(always)]
-    fn tangent<S: Scalar>(
-        e: &Element<S>,
-        u: &[[S; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<S> {
-        tetrahedron::tangent(e, u, kind)
+    fn tangent<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 4],
+        indefinite: bool,
+    ) -> TetrahedronTangent<R> {
+        tetrahedron::tangent_parts(e, u, true, indefinite)
     }
 }
 
@@ -104,24 +107,22 @@ impl TetrahedronLaw for Compression {
         kind != TangentKind::Projected
     }
     #[inline(always)]
-    fn applies<S: Scalar>(e: &Element<S>) -> bool {
-        e.compression > S::ZERO
-    }
-    #[inline(always)]
-    fn energy<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
         tetrahedron::compression::energy(e, u)
     }
     #[inline(always)]
-    fn forces<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
-        tetrahedron::compression::forces(e, u)
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+        let ratio = tetrahedron::volume_ratio(e, u);
+        let acts = R::both(R::less(ratio, R::ONE), R::less(R::ZERO, e.compression));
+        R::any(acts).then(|| tetrahedron::compression::forces(e, u))
     }
     #[inline(always)]
-    fn tangent<S: Scalar>(
-        e: &Element<S>,
-        u: &[[S; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<S> {
-        tetrahedron::compression::tangent(e, u, kind)
+    fn tangent<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 4],
+        indefinite: bool,
+    ) -> TetrahedronTangent<R> {
+        tetrahedron::tangent_parts(e, u, false, indefinite)
     }
 }
 
@@ -140,19 +141,21 @@ impl TetrahedronLaw for PooledProjection {
     fn contributes(kind: TangentKind) -> bool {
         kind == TangentKind::Projected
     }
-    fn energy<S: Scalar>(_: &Element<S>, _: &[[S; 3]; 4]) -> S {
-        S::ZERO
-    }
-    fn forces<S: Scalar>(_: &Element<S>, _: &[[S; 3]; 4]) -> [[S; 3]; 4] {
-        [[S::ZERO; 3]; 4]
+    #[inline(always)]
+    fn energy<R: Real>(_: &Element<R>, _: &[[R; 3]; 4]) -> R {
+        R::ZERO
     }
     #[inline(always)]
-    fn tangent<S: Scalar>(
-        e: &Element<S>,
-        u: &[[S; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<S> {
-        tetrahedron::tangent(e, u, kind)
+    fn forces<R: Real>(_: &Element<R>, _: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+        None
+    }
+    #[inline(always)]
+    fn tangent<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 4],
+        indefinite: bool,
+    ) -> TetrahedronTangent<R> {
+        tetrahedron::tangent_parts(e, u, true, indefinite)
     }
 }
 
@@ -164,38 +167,76 @@ pub fn activate<L: TetrahedronLaw, S: Scalar>(world: &mut World) {
 }
 
 /// Columns of the tetrahedra, as slices.
-#[derive(Clone, Copy)]
-struct Columns<'a, S: Scalar> {
-    displacement: &'a [[S; 4]],
-    nodes: &'a [TetrahedronVertices],
-    blocks: &'a [TetrahedronBlocks],
-    gradients: &'a [ShapeGradients<S>],
-    volume: &'a [RestVolume<S>],
-    moduli: &'a [Moduli<S>],
+#[derive(Clone, Copy, Debug)]
+pub struct TetrahedronColumns<'a, S> {
+    /// Displacements, vertex rows and shape vectors.
+    pub shapes: TetrahedronShapes<'a, S>,
+    /// Tangent blocks of the edges.
+    pub blocks: &'a [[u32; 6]],
+    /// Rest volumes (m^3).
+    pub volume: &'a [S],
+    /// First Lamé parameters (Pa).
+    pub lambda: &'a [S],
+    /// Shear moduli (Pa).
+    pub mu: &'a [S],
+    /// Moduli of the compression term (Pa).
+    pub compression: &'a [S],
 }
 
-impl<S: Scalar> Columns<'_, S> {
+impl<S: Scalar> TetrahedronColumns<'_, S> {
+    /// The tetrahedra from `first` on. The volume is multiplied into the moduli, which saves doing
+    /// so with every result.
     #[inline(always)]
-    fn element(&self, i: usize) -> Element<S> {
-        let m = self.moduli[i];
+    fn element<L: Lanes<Scalar = S>>(&self, first: usize) -> Element<L> {
+        let volume = L::load(&self.volume[first..]);
         Element {
-            gradients: self.gradients[i].0,
-            volume: self.volume[i].0,
-            lambda: m.lambda,
-            mu: m.mu,
-            compression: m.compression,
+            gradients: self.shapes.gradients(first),
+            volume: L::ONE,
+            lambda: L::load(&self.lambda[first..]) * volume,
+            mu: L::load(&self.mu[first..]) * volume,
+            compression: L::load(&self.compression[first..]) * volume,
+        }
+    }
+}
+
+/// The last, incomplete batch of a range: the missing elements repeat the last one without stiffness.
+struct Tail<S> {
+    nodes: [[u32; 4]; MAX_LANES],
+    blocks: [[u32; 6]; MAX_LANES],
+    gradients: [[S; MAX_LANES]; 9],
+    volume: [S; MAX_LANES],
+    moduli: [[S; MAX_LANES]; 3],
+}
+
+impl<S: Scalar> Tail<S> {
+    fn new(columns: &TetrahedronColumns<S>, first: usize, end: usize) -> Self {
+        let stiffness = |column: &[S]| {
+            let mut column = padded(column, first, end);
+            column[end - first..].fill(S::ZERO);
+            column
+        };
+        Self {
+            nodes: padded(columns.shapes.nodes, first, end),
+            blocks: padded(columns.blocks, first, end),
+            gradients: columns.shapes.gradients.map(|column| padded(column, first, end)),
+            volume: padded(columns.volume, first, end),
+            moduli: [columns.lambda, columns.mu, columns.compression].map(stiffness),
         }
     }
 
-    #[inline(always)]
-    fn local(&self, i: usize) -> [[S; 3]; 4] {
-        let n = self.nodes[i].0;
-        [
-            xyz(self.displacement[n[0] as usize]),
-            xyz(self.displacement[n[1] as usize]),
-            xyz(self.displacement[n[2] as usize]),
-            xyz(self.displacement[n[3] as usize]),
-        ]
+    fn columns<'a>(&'a self, displacement: &'a [[S; 4]]) -> TetrahedronColumns<'a, S> {
+        TetrahedronColumns {
+            shapes: TetrahedronShapes {
+                displacement,
+                nodes: &self.nodes,
+                gradients: std::array::from_fn(|i| &self.gradients[i][..]),
+            },
+            blocks: &self.blocks,
+            volume: &self.volume,
+            lambda: &self.moduli[0],
+            mu: &self.moduli[1],
+            compression: &self.moduli[2],
+        }
     }
 }
 
@@ -205,85 +246,355 @@ fn evaluate<L: TetrahedronLaw, S: Scalar>(
     mut buffer: ResMut<LawBuffer<L, S>>,
     vertices: Query<&Displacement<S>>,
     tetrahedra: Query<
-        (&TetrahedronVertices, &TetrahedronBlocks, &ShapeGradients<S>, &RestVolume<S>, &Moduli<S>),
+        (
+            &TetrahedronVertices,
+            &TetrahedronBlocks,
+            ShapeGradients<S>,
+            &RestVolume<S>,
+            &FirstLameParameter<S>,
+            &ShearModulus<S>,
+            &CompressionModulus<S>,
+        ),
         L::Bodies,
     >,
 ) {
     let start = Instant::now();
     let Some(displacement) = single_table(vertices.contiguous_iter()) else { return };
-    let Some((nodes, blocks, gradients, volume, moduli)) =
+    let Some((nodes, blocks, gradients, volume, lambda, mu, compression)) =
         single_table(tetrahedra.contiguous_iter())
     else {
         return;
     };
-    let displacement = Displacement::peel_slice(displacement);
-    let columns = Columns { displacement, nodes, blocks, gradients, volume, moduli };
-    let request = *request;
-    let tangent = request.tangent.filter(|&kind| L::contributes(kind));
-    if !(L::FORCES && (request.energy || request.force)) && tangent.is_none() {
-        buffer.drop_tangent();
-        return;
-    }
-    let work = nodes.len() * if tangent.is_some() { 8 * L::WORK_NS } else { L::WORK_NS };
-    workers.for_each(&mut buffer.spans, work, |_, span| {
-        if L::FORCES && request.energy {
-            energy_pass::<L, S>(&columns, span);
-        }
-        if L::FORCES && request.force {
-            force_pass::<L, S>(&columns, span);
-        }
-        match tangent {
-            Some(kind) => tangent_pass::<L, S>(&columns, span, kind),
-            None => span.drop_tangent(),
-        }
-    });
+    let columns = TetrahedronColumns {
+        shapes: TetrahedronShapes::new(displacement, nodes, gradients),
+        blocks: TetrahedronBlocks::peel_slice(blocks),
+        volume: RestVolume::peel_slice(volume),
+        lambda: FirstLameParameter::peel_slice(lambda),
+        mu: ShearModulus::peel_slice(mu),
+        compression: CompressionModulus::peel_slice(compression),
+    };
+    evaluate_columns::<L, S>(&columns, &request, &workers, &mut buffer);
     buffer.time = start.elapsed();
 }
 
-fn energy_pass<L: TetrahedronLaw, S: Scalar>(columns: &Columns<S>, span: &mut Span<S>) {
-    let mut sum = 0.0;
-    for i in span.elements.clone() {
-        let e = columns.element(i);
-        if L::applies(&e) {
-            sum += L::energy(&e, &columns.local(i)).to_f64();
-        }
+/// What the system of law `L` does with the columns of its tetrahedra: energy, force and tangent of
+/// every range into its private arrays, as far as they are asked for.
+pub fn evaluate_columns<L: TetrahedronLaw, S: Scalar>(
+    columns: &TetrahedronColumns<S>,
+    request: &EvaluationRequest,
+    workers: &Workers,
+    buffer: &mut LawBuffer<L, S>,
+) {
+    let tangent = request.tangent.filter(|&kind| L::contributes(kind));
+    let (energy, force) = (L::FORCES && request.energy, L::FORCES && request.force);
+    if !energy && !force && tangent.is_none() {
+        buffer.drop_tangent();
+        return;
     }
-    span.energy = sum;
+    let work_ns = 5 * usize::from(energy)
+        + 8 * usize::from(force)
+        + match tangent {
+            Some(TangentKind::Projected) => 120,
+            Some(_) => 50,
+            None => 0,
+        };
+    workers.for_each(&mut buffer.spans, columns.volume.len() * work_ns, |_, span| {
+        let law = PhantomData::<fn() -> L>;
+        if energy {
+            workers.dispatch(EnergyPass { columns, span, law });
+        }
+        if force {
+            workers.dispatch(ForcePass { columns, span, law });
+        }
+        match tangent {
+            Some(kind) => {
+                span.clear_tangent();
+                let mut doubtful = Vec::new();
+                workers.dispatch(TangentPass { columns, span, kind, doubtful: &mut doubtful, law });
+                workers.dispatch(ProjectionPass { columns, span, doubtful: &doubtful, law });
+            }
+            None => span.drop_tangent(),
+        }
+    });
 }
 
-fn force_pass<L: TetrahedronLaw, S: Scalar>(columns: &Columns<S>, span: &mut Span<S>) {
-    span.clear_force();
-    for i in span.elements.clone() {
-        let e = columns.element(i);
-        if L::applies(&e) {
-            let f = L::forces(&e, &columns.local(i));
-            for (a, &row) in columns.nodes[i].0.iter().enumerate() {
-                span.add_force(row, f[a]);
+/// Complete batches of a range and where the incomplete one begins.
+#[inline(always)]
+fn batches<L: Lanes>(elements: &Range<usize>) -> usize {
+    elements.end - elements.len() % L::COUNT
+}
+
+struct EnergyPass<'a, 'b, L, S> {
+    columns: &'a TetrahedronColumns<'b, S>,
+    span: &'a mut Span<S>,
+    law: PhantomData<fn() -> L>,
+}
+
+impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for EnergyPass<'_, '_, Law, S> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = S>>(self) {
+        let Range { start, end } = self.span.elements;
+        let whole = batches::<L>(&self.span.elements);
+        let mut sums = [0.0; MAX_LANES];
+        for first in (start..whole).step_by(L::COUNT) {
+            energy_batch::<Law, L>(self.columns, first, &mut sums);
+        }
+        if whole < end {
+            let tail = Tail::new(self.columns, whole, end);
+            let columns = tail.columns(self.columns.shapes.displacement);
+            energy_batch::<Law, L>(&columns, 0, &mut sums);
+        }
+        self.span.energy = sums.iter().sum();
+    }
+}
+
+#[inline(always)]
+fn energy_batch<Law: TetrahedronLaw, L: Lanes>(
+    columns: &TetrahedronColumns<L::Scalar>,
+    first: usize,
+    sums: &mut [f64; MAX_LANES],
+) {
+    let u = columns.shapes.displacements(first);
+    Law::energy::<L>(&columns.element(first), &u).accumulate(sums);
+}
+
+struct ForcePass<'a, 'b, L, S> {
+    columns: &'a TetrahedronColumns<'b, S>,
+    span: &'a mut Span<S>,
+    law: PhantomData<fn() -> L>,
+}
+
+impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for ForcePass<'_, '_, Law, S> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = S>>(self) {
+        let Self { columns, span, .. } = self;
+        span.clear_force();
+        let Range { start, end } = span.elements;
+        let whole = batches::<L>(&span.elements);
+        for first in (start..whole).step_by(L::COUNT) {
+            force_batch::<Law, L>(columns, first, span);
+        }
+        if whole < end {
+            let tail = Tail::new(columns, whole, end);
+            force_batch::<Law, L>(&tail.columns(columns.shapes.displacement), 0, span);
+        }
+    }
+}
+
+#[inline(always)]
+fn force_batch<Law: TetrahedronLaw, L: Lanes>(
+    columns: &TetrahedronColumns<L::Scalar>,
+    first: usize,
+    span: &mut Span<L::Scalar>,
+) {
+    let u = columns.shapes.displacements(first);
+    if let Some(forces) = Law::forces::<L>(&columns.element(first), &u) {
+        let nodes = &columns.shapes.nodes[first..];
+        for (a, force) in forces.into_iter().enumerate() {
+            L::add_rows(force, &mut span.force, span.rows.start, nodes, a);
+        }
+    }
+}
+
+/// Exact or Gauss-Newton tangents; of a projected one the elements that surely need no projection,
+/// while the others are listed for [`ProjectionPass`].
+struct TangentPass<'a, 'b, L, S> {
+    columns: &'a TetrahedronColumns<'b, S>,
+    span: &'a mut Span<S>,
+    kind: TangentKind,
+    doubtful: &'a mut Vec<usize>,
+    law: PhantomData<fn() -> L>,
+}
+
+impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for TangentPass<'_, '_, Law, S> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = S>>(self) {
+        let Self { columns, span, kind, doubtful, .. } = self;
+        let Range { start, end } = span.elements;
+        let whole = batches::<L>(&span.elements);
+        for first in (start..whole).step_by(L::COUNT) {
+            tangent_batch::<Law, L>(columns, first, first, kind, span, doubtful);
+        }
+        if whole < end {
+            let tail = Tail::new(columns, whole, end);
+            let columns = tail.columns(columns.shapes.displacement);
+            tangent_batch::<Law, L>(&columns, 0, whole, kind, span, doubtful);
+        }
+    }
+}
+
+/// One batch; `number` is the table row of its first element.
+#[inline(always)]
+fn tangent_batch<Law: TetrahedronLaw, L: Lanes>(
+    columns: &TetrahedronColumns<L::Scalar>,
+    first: usize,
+    number: usize,
+    kind: TangentKind,
+    span: &mut Span<L::Scalar>,
+    doubtful: &mut Vec<usize>,
+) {
+    let u = columns.shapes.displacements::<L>(first);
+    let mut e = columns.element::<L>(first);
+    if kind == TangentKind::Projected {
+        let g = displacement_gradient(&e.gradients, &u);
+        let margin = 1e6 * L::Scalar::EPSILON.to_f64();
+        let mask = projection::is_doubtful(&e, &g, margin);
+        if L::any(mask) {
+            let mut flags = [L::Scalar::ZERO; MAX_LANES];
+            L::select(mask, L::ONE, L::ZERO).store(&mut flags);
+            let listed = (0..L::COUNT).filter(|&lane| flags[lane] != L::Scalar::ZERO);
+            doubtful.extend(listed.map(|lane| number + lane));
+            e.lambda = L::select(mask, L::ZERO, e.lambda);
+            e.mu = L::select(mask, L::ZERO, e.mu);
+            e.compression = L::select(mask, L::ZERO, e.compression);
+        }
+    }
+    let mut t = Law::tangent::<L>(&e, &u, kind != TangentKind::GaussNewton);
+    let (nodes, blocks) = (&columns.shapes.nodes[first..], &columns.blocks[first..]);
+    orient(&mut t, nodes);
+    for a in 0..4 {
+        L::add_blocks(&t.diagonal[a], &mut span.diagonal, span.rows.start, nodes, a);
+    }
+    for edge in 0..6 {
+        L::add_blocks(&t.off[edge], &mut span.off_diagonal, span.blocks.start, blocks, edge);
+    }
+}
+
+/// Transposes the block of local vertices 2 and 3 where the latter is the lower row, since only the
+/// upper half of a tangent is stored; all other pairs ascend by the layout.
+#[inline(always)]
+fn orient<L: Lanes>(t: &mut TetrahedronTangent<L>, nodes: &[[u32; 4]]) {
+    let mut flags = [L::Scalar::ZERO; MAX_LANES];
+    for (flag, n) in flags.iter_mut().zip(&nodes[..L::COUNT]) {
+        debug_assert!(n[0] < n[1] && n[1] < n[2].min(n[3]));
+        *flag = if n[2] > n[3] { L::Scalar::ONE } else { L::Scalar::ZERO };
+    }
+    let mask = L::less(L::ZERO, L::load(&flags));
+    let block = &mut t.off[5];
+    for (x, y) in [(1, 3), (2, 6), (5, 7)] {
+        let (upper, lower) = (block[x], block[y]);
+        block[x] = L::select(mask, lower, upper);
+        block[y] = L::select(mask, upper, lower);
+    }
+}
+
+/// Projected tangents of the elements that may need it, in `f64` whatever the simulation's type.
+struct ProjectionPass<'a, 'b, L, S> {
+    columns: &'a TetrahedronColumns<'b, S>,
+    span: &'a mut Span<S>,
+    doubtful: &'a [usize],
+    law: PhantomData<fn() -> L>,
+}
+
+impl<Law: TetrahedronLaw, S: Scalar> Kernel<f64> for ProjectionPass<'_, '_, Law, S> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = f64>>(self) {
+        let Self { columns, span, doubtful, .. } = self;
+        for batch in doubtful.chunks(L::COUNT) {
+            projection_batch::<Law, S, L>(columns, batch, span);
+        }
+    }
+}
+
+#[inline(always)]
+fn projection_batch<Law: TetrahedronLaw, S: Scalar, L: Lanes<Scalar = f64>>(
+    columns: &TetrahedronColumns<S>,
+    batch: &[usize],
+    span: &mut Span<S>,
+) {
+    let shapes = &columns.shapes;
+    let mut gradients = [[[0.0; MAX_LANES]; 3]; 3];
+    let mut displacements = [[[0.0; MAX_LANES]; 3]; 4];
+    let mut moduli = [[0.0; MAX_LANES]; 3];
+    let mut nodes = [[0; 4]; MAX_LANES];
+    let mut blocks = [[0; 6]; MAX_LANES];
+    for lane in 0..L::COUNT {
+        // missing elements repeat the first one without stiffness
+        let i = batch[if lane < batch.len() { lane } else { 0 }];
+        (nodes[lane], blocks[lane]) = (shapes.nodes[i], columns.blocks[i]);
+        for a in 0..4 {
+            let row = shapes.displacement[nodes[lane][a] as usize];
+            for x in 0..3 {
+                displacements[a][x][lane] = row[x].to_f64();
+                if a < 3 {
+                    gradients[a][x][lane] = shapes.gradients[3 * a + x][i].to_f64();
+                }
+            }
+        }
+        if lane < batch.len() {
+            let volume = columns.volume[i].to_f64();
+            moduli[0][lane] = columns.lambda[i].to_f64() * volume;
+            moduli[1][lane] = columns.mu[i].to_f64() * volume;
+            moduli[2][lane] = columns.compression[i].to_f64() * volume;
+        }
+    }
+    let mut e = Element {
+        gradients: [[L::ZERO; 3]; 3],
+        volume: L::ONE,
+        lambda: L::load(&moduli[0]),
+        mu: L::load(&moduli[1]),
+        compression: L::load(&moduli[2]),
+    };
+    let mut u = [[L::ZERO; 3]; 4];
+    for a in 0..4 {
+        for x in 0..3 {
+            u[a][x] = L::load(&displacements[a][x]);
+            if a < 3 {
+                e.gradients[a][x] = L::load(&gradients[a][x]);
             }
         }
     }
+    let g = displacement_gradient(&e.gradients, &u);
+    let (clamped, core) = projection::projected_blocks(&e, &g);
+    let mut t = Law::tangent::<L>(&e, &u, true);
+    if L::any(clamped) {
+        let projected = tetrahedron::assemble(&core);
+        for a in 0..4 {
+            select(clamped, &projected.diagonal[a], &mut t.diagonal[a]);
+        }
+        for edge in 0..6 {
+            select(clamped, &projected.off[edge], &mut t.off[edge]);
+        }
+        let mut flags = [0.0; MAX_LANES];
+        L::select(clamped, L::ONE, L::ZERO).store(&mut flags);
+        span.clamped += flags.iter().map(|&x| x as u64).sum::<u64>();
+    }
+    orient(&mut t, &nodes);
+    let mut values = [[0.0; MAX_LANES]; 9];
+    for a in 0..4 {
+        for k in 0..9 {
+            t.diagonal[a][k].store(&mut values[k]);
+        }
+        for lane in 0..batch.len() {
+            let row = nodes[lane][a] as usize - span.rows.start;
+            add_lane(&mut span.diagonal[row], &values, lane);
+        }
+    }
+    for edge in 0..6 {
+        for k in 0..9 {
+            t.off[edge][k].store(&mut values[k]);
+        }
+        for lane in 0..batch.len() {
+            let block = blocks[lane][edge] as usize - span.blocks.start;
+            add_lane(&mut span.off_diagonal[block], &values, lane);
+        }
+    }
 }
 
-fn tangent_pass<L: TetrahedronLaw, S: Scalar>(
-    columns: &Columns<S>,
-    span: &mut Span<S>,
-    kind: TangentKind,
-) {
-    span.clear_tangent();
-    for i in span.elements.clone() {
-        let e = columns.element(i);
-        if !L::applies(&e) {
-            continue;
-        }
-        let t = L::tangent(&e, &columns.local(i), kind);
-        let nodes = columns.nodes[i].0;
-        for (a, &row) in nodes.iter().enumerate() {
-            span.add_diagonal(row, &t.diagonal[a]);
-        }
-        for (edge, [a, b]) in TETRAHEDRON_EDGES.into_iter().enumerate() {
-            let block = columns.blocks[i].0[edge];
-            span.add_off_diagonal(block, nodes[a], nodes[b], &t.off[edge]);
-        }
-        span.clamped += u64::from(t.clamped);
+#[inline(always)]
+fn select<R: Real>(mask: R::Mask, from: &[R; 9], to: &mut [R; 9]) {
+    for k in 0..9 {
+        to[k] = R::select(mask, from[k], to[k]);
+    }
+}
+
+#[inline(always)]
+fn add_lane<S: Scalar>(block: &mut [S; 9], values: &[[f64; MAX_LANES]; 9], lane: usize) {
+    for k in 0..9 {
+        block[k] += S::from_f64(values[k][lane]);
     }
 }

@@ -15,47 +15,76 @@
 //! (Analytic Eigensystems for Isotropic Distortion Energies, ACM TOG 38(1)); the entries above are
 //! derived for this energy, and checked against numerical eigenvalues in the tests.
 
-use sinew_engine::scalar::{cross, dot, scale, sub};
+use sinew_engine::element::volume_change;
+use sinew_engine::scalar::{Real, cross, dot, scale, sub};
 
 use crate::tetrahedron::{CORE, Element, green_strain, second_piola_kirchhoff};
-use sinew_engine::element::volume_change;
 
 /// Eigenvalues above minus this part of the largest entry count as not negative: rounding of `s`
 /// alone moves the zero eigenvalues of a rotation by a few units of it.
 const NEGLIGIBLE: f64 = 16.0 * f64::EPSILON;
 
-/// Blocks of vertices 1, 2, 3 in the order of [`CORE`], of the matrix with negative eigenvalues
-/// clamped at zero, or `None` when there are none to clamp.
-pub(crate) fn projected_blocks(e: &Element<f64>, g: &[f64; 9]) -> Option<[[f64; 9]; 6]> {
-    let (lambda, mu) = (e.lambda, e.mu);
-    let m = volume_change(g).min(0.0);
-    // Without compression term the matrix is a semidefinite material part plus the stress on its
-    // diagonal: a definite stress settles it without decomposing F.
-    let strain = green_strain(g);
-    if m == 0.0 {
-        let [xx, yy, zz, yz, xz, xy] = second_piola_kirchhoff(e, &strain);
-        let nothing = lambda == 0.0 && mu == 0.0;
-        let material = mu > 0.0 && 3.0 * lambda + 2.0 * mu >= 0.0;
-        if nothing || material && is_positive_definite(&[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        {
-            return None;
-        }
+/// Smallest minor, relative to its terms, that surely has the right sign in `f64`.
+const MARGIN: f64 = 1e-10;
+
+/// Where the exact matrix could have a negative eigenvalue; elsewhere it surely has none, which is
+/// told without decomposing `F`.
+///
+/// The material part and the `p2` part are semidefinite, the stress part is as definite as `S`, and
+/// the eigenvalues of the second derivative of `J` are at most twice the largest singular value of
+/// `F`. So `S - 2 |p1| |F| I` being definite settles it. `margin` is the rounding to allow for.
+#[inline(always)]
+pub(crate) fn is_doubtful<R: Real>(e: &Element<R>, g: &[R; 9], margin: f64) -> R::Mask {
+    let m = volume_change(g).min(R::ZERO);
+    let mut size = R::from_f64(3.0) + R::from_f64(2.0) * (g[0] + g[4] + g[8]);
+    for x in g {
+        size = x.mul_add(*x, size);
     }
-    let p1 = 2.0 * e.compression * m * m * m;
-    let p2 = 6.0 * e.compression * m * m;
-    let f = [[1.0 + g[0], g[1], g[2]], [g[3], 1.0 + g[4], g[5]], [g[6], g[7], 1.0 + g[8]]];
+    let shift = R::from_f64(4.0) * e.compression * m * m * m.abs() * size.max(R::ZERO).sqrt();
+    let [xx, yy, zz, yz, xz, xy] = second_piola_kirchhoff(e, &green_strain(g));
+    let (xx, yy, zz) = (xx - shift, yy - shift, zz - shift);
+    let bulk = R::from_f64(3.0).mul_add(e.lambda, e.mu + e.mu);
+    let material = R::both(R::less(R::ZERO, e.mu), R::less(R::ZERO, bulk));
+    let stress = is_positive_definite(&[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], margin);
+    // where no term acts at all there is nothing to doubt either
+    let acts = R::less(R::ZERO, e.compression.max(e.lambda.abs()).max(e.mu));
+    R::both(acts, not::<R>(R::both(material, stress)))
+}
+
+#[inline(always)]
+fn not<R: Real>(mask: R::Mask) -> R::Mask {
+    R::less(R::select(mask, R::ONE, R::ZERO), R::from_f64(0.5))
+}
+
+/// Blocks of vertices 1, 2, 3 in the order of [`CORE`], of the matrix with negative eigenvalues
+/// clamped at zero, and where there are any to clamp; elsewhere the blocks are those of the exact
+/// matrix to rounding. Always in `f64`.
+#[inline(always)]
+pub(crate) fn projected_blocks<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R::Mask, [[R; 9]; 6]) {
+    let (lambda, mu) = (e.lambda, e.mu);
+    let doubtful = is_doubtful(e, g, MARGIN);
+    if !R::any(doubtful) {
+        return (doubtful, [[R::ZERO; 9]; 6]);
+    }
+    let two = R::from_f64(2.0);
+    let m = volume_change(g).min(R::ZERO);
+    let strain = green_strain(g);
+    let p1 = two * e.compression * m * m * m;
+    let p2 = R::from_f64(6.0) * e.compression * m * m;
+    let f = [[R::ONE + g[0], g[1], g[2]], [g[3], R::ONE + g[4], g[5]], [g[6], g[7], R::ONE + g[8]]];
     let Svd { u, s, v } = signed_svd(&f);
     // t = tr E, from G rather than from s: exact to rounding near rest, where it is small.
     let t = strain[0] + strain[1] + strain[2];
     let c = [s[1] * s[2], s[0] * s[2], s[0] * s[1]];
 
     // The 9x9 in the basis of the decomposition.
-    let mut a = [[0.0; 3]; 3];
-    let mut largest = 0.0_f64;
+    let three = R::from_f64(3.0);
+    let mut a = [[R::ZERO; 3]; 3];
+    let mut largest = R::ZERO;
     for i in 0..3 {
         for j in 0..3 {
             let own = if i == j {
-                lambda * t + mu * (3.0 * s[i] * s[i] - 1.0)
+                lambda * t + mu * (three * s[i] * s[i] - R::ONE)
             } else {
                 p1 * s[3 - i - j]
             };
@@ -64,8 +93,8 @@ pub(crate) fn projected_blocks(e: &Element<f64>, g: &[f64; 9]) -> Option<[[f64; 
         }
     }
     // Pair k couples the two indices other than k.
-    let mut plus = [0.0; 3];
-    let mut minus = [0.0; 3];
+    let mut plus = [R::ZERO; 3];
+    let mut minus = [R::ZERO; 3];
     for k in 0..3 {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         let b = lambda * t - mu + mu * (s[i] * s[i] + s[j] * s[j]);
@@ -74,45 +103,46 @@ pub(crate) fn projected_blocks(e: &Element<f64>, g: &[f64; 9]) -> Option<[[f64; 
         largest = largest.max(b.abs()).max(o.abs());
     }
 
-    let floor = -NEGLIGIBLE * largest;
-    let mut clamp = false;
-    for k in 0..3 {
-        clamp |= plus[k] < floor || minus[k] < floor;
+    let floor = R::from_f64(-NEGLIGIBLE) * largest;
+    let mut least = plus[0].min(minus[0]);
+    for k in 1..3 {
+        least = least.min(plus[k]).min(minus[k]);
     }
-    if !is_positive_definite(&a) {
-        let (values, vectors) = symmetric_eigen(a);
-        if values[0].min(values[1]).min(values[2]) < floor {
-            clamp = true;
-            for i in 0..3 {
-                for j in 0..3 {
-                    a[i][j] = 0.0;
-                    for n in 0..3 {
-                        a[i][j] += values[n].max(0.0) * vectors[i][n] * vectors[j][n];
-                    }
+    let mut clamp = R::less(least, floor);
+    let indefinite = R::both(doubtful, not::<R>(is_positive_definite(&a, MARGIN)));
+    if R::any(indefinite) {
+        let (values, vectors) = symmetric_eigen(a, indefinite);
+        let negative = R::both(indefinite, R::less(values[0].min(values[1]).min(values[2]), floor));
+        clamp = R::either(clamp, negative);
+        for i in 0..3 {
+            for j in 0..3 {
+                let mut sum = R::ZERO;
+                for n in 0..3 {
+                    sum += values[n].max(R::ZERO) * vectors[i][n] * vectors[j][n];
                 }
+                a[i][j] = R::select(negative, sum, a[i][j]);
             }
         }
     }
-    if !clamp {
-        return None;
-    }
-    let mut straight = [0.0; 3];
-    let mut crossed = [0.0; 3];
+    clamp = R::both(clamp, doubtful);
+    let half_of = R::from_f64(0.5);
+    let mut straight = [R::ZERO; 3];
+    let mut crossed = [R::ZERO; 3];
     for k in 0..3 {
-        let (p, q) = (plus[k].max(0.0), minus[k].max(0.0));
-        (straight[k], crossed[k]) = (0.5 * (p + q), 0.5 * (p - q));
+        let (p, q) = (plus[k].max(R::ZERO), minus[k].max(R::ZERO));
+        (straight[k], crossed[k]) = (half_of * (p + q), half_of * (p - q));
     }
 
     // K_ab = V U [ sum_jl H_ij,kl (V^T D_a)_j (V^T D_b)_l ]_ik U^T.
-    let mut d = [[0.0; 3]; 3];
+    let mut d = [[R::ZERO; 3]; 3];
     for n in 0..3 {
         for i in 0..3 {
             d[n][i] = dot(column(&v, i), e.gradients[n]);
         }
     }
-    let mut blocks = [[0.0; 9]; 6];
+    let mut blocks = [[R::ZERO; 9]; 6];
     for (block, [p, q]) in blocks.iter_mut().zip(CORE) {
-        let mut inner = [[0.0; 3]; 3];
+        let mut inner = [[R::ZERO; 3]; 3];
         for i in 0..3 {
             for k in 0..3 {
                 inner[i][k] += a[i][k] * d[p][i] * d[q][k];
@@ -123,7 +153,7 @@ pub(crate) fn projected_blocks(e: &Element<f64>, g: &[f64; 9]) -> Option<[[f64; 
                 }
             }
         }
-        let mut half = [[0.0; 3]; 3];
+        let mut half = [[R::ZERO; 3]; 3];
         for i in 0..3 {
             for k in 0..3 {
                 half[i][k] = dot(u[i], column(&inner, k));
@@ -138,34 +168,41 @@ pub(crate) fn projected_blocks(e: &Element<f64>, g: &[f64; 9]) -> Option<[[f64; 
     // Diagonal blocks are symmetric up to rounding; make them so exactly.
     for block in &mut blocks[..3] {
         for (x, y) in [(1, 3), (2, 6), (5, 7)] {
-            let mean = 0.5 * (block[x] + block[y]);
+            let mean = half_of * (block[x] + block[y]);
             (block[x], block[y]) = (mean, mean);
         }
     }
-    Some(blocks)
+    (clamp, blocks)
 }
 
 /// `F = U diag(s) V^T` with rotations `U`, `V` given by rows, and `s_1 >= s_2 >= |s_3|`.
-struct Svd {
-    u: [[f64; 3]; 3],
-    s: [f64; 3],
-    v: [[f64; 3]; 3],
+struct Svd<R> {
+    u: [[R; 3]; 3],
+    s: [R; 3],
+    v: [[R; 3]; 3],
 }
+
+/// Sweeps after which a Jacobi iteration gives up; five to eight are usual.
+const MAX_SWEEPS: usize = 30;
 
 /// Signed singular values by one-sided Jacobi: `V` is turned until the columns of `F V` are
 /// orthogonal, which diagonalises `F^T F` without forming it, so small singular values keep their
 /// digits. Any finite `F` will do; missing directions of a singular one are filled in.
-fn signed_svd(f: &[[f64; 3]; 3]) -> Svd {
+#[inline(always)]
+fn signed_svd<R: Real>(f: &[[R; 3]; 3]) -> Svd<R> {
+    let epsilon = R::from_f64(f64::EPSILON);
     // Columns of F V and of V; V stays a rotation.
     let mut b = [column(f, 0), column(f, 1), column(f, 2)];
-    let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    for _sweep in 0..30 {
+    let (o, l) = (R::ZERO, R::ONE);
+    let mut v = [[l, o, o], [o, l, o], [o, o, l]];
+    for _sweep in 0..MAX_SWEEPS {
         let mut turned = false;
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
             let (alpha, beta, gamma) = (dot(b[p], b[p]), dot(b[q], b[q]), dot(b[p], b[q]));
-            if gamma.abs() > f64::EPSILON * alpha.sqrt() * beta.sqrt() {
+            let turn = R::less(epsilon * alpha.sqrt() * beta.sqrt(), gamma.abs());
+            if R::any(turn) {
                 turned = true;
-                let (cos, sin) = jacobi_rotation(alpha, beta, gamma);
+                let (cos, sin) = jacobi_rotation(alpha, beta, gamma, turn);
                 (b[p], b[q]) = rotated(b[p], b[q], cos, sin);
                 (v[p], v[q]) = rotated(v[p], v[q], cos, sin);
             }
@@ -176,24 +213,24 @@ fn signed_svd(f: &[[f64; 3]; 3]) -> Svd {
     }
     // Longest column first; each exchange turns one column round to keep V a rotation.
     for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-        if dot(b[p], b[p]) < dot(b[q], b[q]) {
-            (b[p], b[q]) = (b[q], scale(b[p], -1.0));
-            (v[p], v[q]) = (v[q], scale(v[p], -1.0));
+        let exchange = R::less(dot(b[p], b[p]), dot(b[q], b[q]));
+        for x in [&mut b, &mut v] {
+            let turned = scale(x[p], -l);
+            (x[p], x[q]) = (chosen(exchange, x[q], x[p]), chosen(exchange, turned, x[q]));
         }
     }
     // Directions from the columns; where a column vanishes any perpendicular one serves.
+    let tiny = R::from_f64(1e-150);
     let first = dot(b[0], b[0]).sqrt();
-    let u0 = if first > 1e-150 { scale(b[0], 1.0 / first) } else { [1.0, 0.0, 0.0] };
+    let exists = R::less(tiny, first);
+    let u0 = chosen(exists, scale(b[0], l / R::select(exists, first, l)), [l, o, o]);
     let rest = sub(b[1], scale(u0, dot(u0, b[1])));
     let second = dot(rest, rest).sqrt();
-    let mut u1 = if second > 1e-15 * first && second > 1e-150 {
-        scale(rest, 1.0 / second)
-    } else {
-        perpendicular(u0)
-    };
+    let exists = R::less((R::from_f64(1e-15) * first).max(tiny), second);
+    let mut u1 = chosen(exists, scale(rest, l / R::select(exists, second, l)), perpendicular(u0));
     // A second pass restores the angle that a short column lost to rounding.
     u1 = sub(u1, scale(u0, dot(u0, u1)));
-    u1 = scale(u1, 1.0 / dot(u1, u1).sqrt());
+    u1 = scale(u1, l / dot(u1, u1).sqrt());
     let u2 = cross(u0, u1);
     Svd {
         u: transpose(&[u0, u1, u2]),
@@ -202,21 +239,24 @@ fn signed_svd(f: &[[f64; 3]; 3]) -> Svd {
     }
 }
 
-/// Eigenvalues and eigenvectors (columns) of a symmetric matrix by cyclic Jacobi rotations.
-fn symmetric_eigen(mut a: [[f64; 3]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
-    let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    for _sweep in 0..30 {
+/// Eigenvalues and eigenvectors (columns) of symmetric matrices by cyclic Jacobi rotations, where
+/// `wanted` holds; elsewhere the values mean nothing.
+#[inline(always)]
+fn symmetric_eigen<R: Real>(mut a: [[R; 3]; 3], wanted: R::Mask) -> ([R; 3], [[R; 3]; 3]) {
+    let (o, l) = (R::ZERO, R::ONE);
+    let mut v = [[l, o, o], [o, l, o], [o, o, l]];
+    for _sweep in 0..MAX_SWEEPS {
         let size = a[0][0].abs() + a[1][1].abs() + a[2][2].abs();
         let off = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
-        // Not finite: nothing to find, and the comparison below would never end the loop.
-        if off <= 1e-3 * f64::EPSILON * size || !off.is_finite() {
+        // false where something is not finite: there is nothing to find
+        let turn = R::both(wanted, R::less(R::from_f64(1e-3 * f64::EPSILON) * size, off));
+        let turn = R::both(turn, R::less(off, R::from_f64(f64::INFINITY)));
+        if !R::any(turn) {
             break;
         }
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            if a[p][q] == 0.0 {
-                continue;
-            }
-            let (cos, sin) = jacobi_rotation(a[p][p], a[q][q], a[p][q]);
+            let turn = R::both(turn, R::less(o, a[p][q].abs()));
+            let (cos, sin) = jacobi_rotation(a[p][p], a[q][q], a[p][q], turn);
             (a[p], a[q]) = rotated(a[p], a[q], cos, sin);
             for row in a.iter_mut().chain(v.iter_mut()) {
                 (row[p], row[q]) = (cos * row[p] - sin * row[q], sin * row[p] + cos * row[q]);
@@ -227,50 +267,64 @@ fn symmetric_eigen(mut a: [[f64; 3]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
 }
 
 /// Cosine and sine of the rotation that makes `[[alpha, gamma], [gamma, beta]]` diagonal, with the
-/// smaller of the two possible angles. `gamma` is not zero.
-fn jacobi_rotation(alpha: f64, beta: f64, gamma: f64) -> (f64, f64) {
-    let zeta = (beta - alpha) / (2.0 * gamma);
+/// smaller of the two possible angles, where `turn` holds (`gamma` is not zero there); no rotation
+/// elsewhere.
+#[inline(always)]
+fn jacobi_rotation<R: Real>(alpha: R, beta: R, gamma: R, turn: R::Mask) -> (R, R) {
+    let (o, l) = (R::ZERO, R::ONE);
+    let gamma = R::select(turn, gamma, l);
+    let zeta = (beta - alpha) / (gamma + gamma);
+    let sign = R::select(R::less(zeta, o), -l, l);
     // Overflow of the square only means that there is nothing left to turn.
-    let tangent = zeta.signum() / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
-    let cos = 1.0 / (1.0 + tangent * tangent).sqrt();
-    (cos, cos * tangent)
+    let tangent = sign / (zeta.abs() + zeta.mul_add(zeta, l).sqrt());
+    let cos = l / tangent.mul_add(tangent, l).sqrt();
+    (R::select(turn, cos, l), R::select(turn, cos * tangent, o))
 }
 
-fn rotated(x: [f64; 3], y: [f64; 3], cos: f64, sin: f64) -> ([f64; 3], [f64; 3]) {
+#[inline(always)]
+fn rotated<R: Real>(x: [R; 3], y: [R; 3], cos: R, sin: R) -> ([R; 3], [R; 3]) {
     (sub(scale(x, cos), scale(y, sin)), sub(scale(x, sin), scale(y, -cos)))
 }
 
+#[inline(always)]
+fn chosen<R: Real>(mask: R::Mask, yes: [R; 3], no: [R; 3]) -> [R; 3] {
+    [R::select(mask, yes[0], no[0]), R::select(mask, yes[1], no[1]), R::select(mask, yes[2], no[2])]
+}
+
 /// Leading minors all positive; `false` in doubt.
-fn is_positive_definite(a: &[[f64; 3]; 3]) -> bool {
+#[inline(always)]
+fn is_positive_definite<R: Real>(a: &[[R; 3]; 3], margin: f64) -> R::Mask {
     let m1 = a[0][0];
     let m2 = a[0][0] * a[1][1] - a[0][1] * a[1][0];
     let m3 = dot(a[0], cross(a[1], a[2]));
     // Minors this close to zero relative to their terms could have the wrong sign.
     let size = a[0][0].abs().max(a[1][1].abs()).max(a[2][2].abs());
-    m1 > 1e-10 * size && m2 > 1e-10 * size * size && m3 > 1e-10 * size * size * size
+    let margin = R::from_f64(margin);
+    R::both(
+        R::less(margin * size, m1),
+        R::both(R::less(margin * size * size, m2), R::less(margin * size * size * size, m3)),
+    )
 }
 
 /// A unit vector at right angles to the unit vector `a`.
-fn perpendicular(a: [f64; 3]) -> [f64; 3] {
-    let mut axis = [0.0; 3];
+#[inline(always)]
+fn perpendicular<R: Real>(a: [R; 3]) -> [R; 3] {
+    let (o, l) = (R::ZERO, R::ONE);
     let (x, y, z) = (a[0].abs(), a[1].abs(), a[2].abs());
-    let least = if x <= y && x <= z {
-        0
-    } else if y <= z {
-        1
-    } else {
-        2
-    };
-    axis[least] = 1.0;
+    let y_is_less = R::less(y, z);
+    let axis = chosen(y_is_less, [o, l, o], [o, o, l]);
+    let axis = chosen(R::less(x, y.min(z)), [l, o, o], axis);
     let b = cross(a, axis);
-    scale(b, 1.0 / dot(b, b).sqrt())
+    scale(b, l / dot(b, b).sqrt())
 }
 
-fn column(m: &[[f64; 3]; 3], j: usize) -> [f64; 3] {
+#[inline(always)]
+fn column<R: Real>(m: &[[R; 3]; 3], j: usize) -> [R; 3] {
     [m[0][j], m[1][j], m[2][j]]
 }
 
-fn transpose(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
+#[inline(always)]
+fn transpose<R: Real>(m: &[[R; 3]; 3]) -> [[R; 3]; 3] {
     [column(m, 0), column(m, 1), column(m, 2)]
 }
 
@@ -338,7 +392,7 @@ mod tests {
     #[test]
     fn small_eigensystem_is_right() {
         let a = [[2.0, -1.0, 0.5], [-1.0, 2.0, 0.25], [0.5, 0.25, -3.0]];
-        let (values, v) = symmetric_eigen(a);
+        let (values, v) = symmetric_eigen(a, true);
         for n in 0..3 {
             for i in 0..3 {
                 let x = [v[0][n], v[1][n], v[2][n]];

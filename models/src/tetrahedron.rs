@@ -32,9 +32,9 @@
 //! Nothing here is a position, and nothing subtracts 1 from a number near 1, so `f32` keeps five
 //! digits of the force at strains of 1e-6. (`m^4` leaves the range of `f32` at `J` = -1e9.)
 
-use sinew_engine::element::{displacement_gradient, volume_change};
+use sinew_engine::element::{displacement_gradient, minor, volume_change};
 pub use sinew_engine::law::TangentKind;
-use sinew_engine::scalar::{Scalar, cross, dot, mat_vec};
+use sinew_engine::scalar::{Real, Scalar, cross, dot, mat_vec};
 
 use crate::material::LameParameters;
 use crate::precompute::RestTetrahedron;
@@ -77,14 +77,8 @@ impl<S: Scalar> Element<S> {
     /// The same element in `f64`.
     #[inline(always)]
     pub(crate) fn widen(&self) -> Element<f64> {
-        let mut gradients = [[0.0; 3]; 3];
-        for a in 0..3 {
-            for x in 0..3 {
-                gradients[a][x] = self.gradients[a][x].to_f64();
-            }
-        }
         Element {
-            gradients,
+            gradients: widened(&self.gradients),
             volume: self.volume.to_f64(),
             lambda: self.lambda.to_f64(),
             mu: self.mu.to_f64(),
@@ -101,14 +95,12 @@ pub struct TetrahedronTangent<S> {
     /// Blocks of two local vertices in the order of [`EDGES`](crate::precompute::EDGES); rows
     /// belong to the lower vertex, columns to the higher. The mirrored block is the transpose.
     pub off: [[S; 9]; 6],
-    /// Whether negative eigenvalues had to be clamped.
-    pub clamped: bool,
 }
 
 /// Place of the block of local vertices `a < b` in `off`.
 const OFF_INDEX: [[usize; 4]; 4] = [[0, 0, 1, 2], [0, 0, 3, 4], [1, 3, 0, 5], [2, 4, 5, 0]];
 
-impl<S: Scalar> TetrahedronTangent<S> {
+impl<S: Real> TetrahedronTangent<S> {
     /// Block with the rows of local vertex `a` and the columns of `b`, row-major.
     #[inline(always)]
     pub fn block(&self, a: usize, b: usize) -> [S; 9] {
@@ -155,20 +147,20 @@ impl<S: Scalar> TetrahedronTangent<S> {
 
 /// Ratio `J` of deformed to rest volume; zero when flat, negative when turned inside out.
 #[inline(always)]
-pub fn volume_ratio<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
+pub fn volume_ratio<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
     S::ONE + volume_change(&displacement_gradient(&e.gradients, u))
 }
 
 /// Energy, J.
 #[inline(always)]
-pub fn energy<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
+pub fn energy<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
     let g = displacement_gradient(&e.gradients, u);
     e.volume * (elastic_density(e, &green_strain(&g)) + compression_density(e, &g))
 }
 
 /// Forces on the four vertices, N.
 #[inline(always)]
-pub fn forces<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
+pub fn forces<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
     let g = displacement_gradient(&e.gradients, u);
     let mut p = elastic_stress(&g, &second_piola_kirchhoff(e, &green_strain(&g)));
     add_compression_stress(e, &g, &mut p);
@@ -177,7 +169,7 @@ pub fn forces<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
 
 /// Energy (J) and forces (N) together.
 #[inline(always)]
-pub fn energy_and_forces<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> (S, [[S; 3]; 4]) {
+pub fn energy_and_forces<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> (S, [[S; 3]; 4]) {
     let g = displacement_gradient(&e.gradients, u);
     let strain = green_strain(&g);
     let energy = e.volume * (elastic_density(e, &strain) + compression_density(e, &g));
@@ -187,7 +179,6 @@ pub fn energy_and_forces<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> (S, [[S;
 }
 
 /// Tangent `+d2W/du2` or a stand-in for it, N/m.
-#[inline(always)]
 pub fn tangent<S: Scalar>(
     e: &Element<S>,
     u: &[[S; 3]; 4],
@@ -197,13 +188,10 @@ pub fn tangent<S: Scalar>(
         TangentKind::Exact => tangent_parts(e, u, true, true),
         TangentKind::GaussNewton => tangent_parts(e, u, true, false),
         TangentKind::Projected => {
-            let wide = e.widen();
-            let g = displacement_gradient(&wide.gradients, &widen_nodes(u));
-            match projection::projected_blocks(&wide, &g) {
-                None => tangent_parts(e, u, true, true),
-                Some(blocks) => {
-                    TetrahedronTangent { clamped: true, ..assemble(&narrow_blocks(&blocks)) }
-                }
+            let g = displacement_gradient(&widened(&e.gradients), &widened(u));
+            match projection::projected_blocks(&e.widen(), &g) {
+                (true, blocks) => assemble(&blocks.map(|block| block.map(S::from_f64))),
+                (false, _) => tangent_parts(e, u, true, true),
             }
         }
     }
@@ -219,13 +207,13 @@ pub mod compression {
 
     /// Energy, J.
     #[inline(always)]
-    pub fn energy<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
+    pub fn energy<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> S {
         e.volume * compression_density(e, &displacement_gradient(&e.gradients, u))
     }
 
     /// Forces on the four vertices, N; zero for `J >= 1`.
     #[inline(always)]
-    pub fn forces<S: Scalar>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
+    pub fn forces<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
         let g = displacement_gradient(&e.gradients, u);
         let mut p = [S::ZERO; 9];
         add_compression_stress(e, &g, &mut p);
@@ -244,12 +232,10 @@ pub mod compression {
             TangentKind::GaussNewton => tangent_parts(e, u, false, false),
             TangentKind::Projected => {
                 let wide = Element { lambda: 0.0, mu: 0.0, ..e.widen() };
-                let g = displacement_gradient(&wide.gradients, &widen_nodes(u));
+                let g = displacement_gradient(&wide.gradients, &widened(u));
                 match projection::projected_blocks(&wide, &g) {
-                    None => tangent_parts(e, u, false, true),
-                    Some(blocks) => {
-                        TetrahedronTangent { clamped: true, ..assemble(&narrow_blocks(&blocks)) }
-                    }
+                    (true, blocks) => assemble(&blocks.map(|block| block.map(S::from_f64))),
+                    (false, _) => tangent_parts(e, u, false, true),
                 }
             }
         }
@@ -258,28 +244,28 @@ pub mod compression {
 
 /// Entries xx, yy, zz, yz, xz, xy of `E = (G + G^T + G^T G)/2`.
 #[inline(always)]
-pub(crate) fn green_strain<S: Scalar>(g: &[S; 9]) -> [S; 6] {
+pub(crate) fn green_strain<S: Real>(g: &[S; 9]) -> [S; 6] {
     let half = S::from_f64(0.5);
     let (c0, c1, c2) = ([g[0], g[3], g[6]], [g[1], g[4], g[7]], [g[2], g[5], g[8]]);
     [
-        g[0] + half * dot(c0, c0),
-        g[4] + half * dot(c1, c1),
-        g[8] + half * dot(c2, c2),
-        half * (g[5] + g[7] + dot(c1, c2)),
-        half * (g[2] + g[6] + dot(c0, c2)),
-        half * (g[1] + g[3] + dot(c0, c1)),
+        half.mul_add(dot(c0, c0), g[0]),
+        half.mul_add(dot(c1, c1), g[4]),
+        half.mul_add(dot(c2, c2), g[8]),
+        half * ((g[5] + g[7]) + dot(c1, c2)),
+        half * ((g[2] + g[6]) + dot(c0, c2)),
+        half * ((g[1] + g[3]) + dot(c0, c1)),
     ]
 }
 
 /// `S = lambda (tr E) I + 2 mu E`, in the order of [`green_strain`].
 #[inline(always)]
-pub(crate) fn second_piola_kirchhoff<S: Scalar>(e: &Element<S>, strain: &[S; 6]) -> [S; 6] {
+pub(crate) fn second_piola_kirchhoff<S: Real>(e: &Element<S>, strain: &[S; 6]) -> [S; 6] {
     let pressure = e.lambda * (strain[0] + strain[1] + strain[2]);
     let two_mu = e.mu + e.mu;
     [
-        pressure + two_mu * strain[0],
-        pressure + two_mu * strain[1],
-        pressure + two_mu * strain[2],
+        two_mu.mul_add(strain[0], pressure),
+        two_mu.mul_add(strain[1], pressure),
+        two_mu.mul_add(strain[2], pressure),
         two_mu * strain[3],
         two_mu * strain[4],
         two_mu * strain[5],
@@ -288,17 +274,17 @@ pub(crate) fn second_piola_kirchhoff<S: Scalar>(e: &Element<S>, strain: &[S; 6])
 
 /// `lambda/2 (tr E)^2 + mu tr E^2`, Pa.
 #[inline(always)]
-fn elastic_density<S: Scalar>(e: &Element<S>, strain: &[S; 6]) -> S {
+fn elastic_density<S: Real>(e: &Element<S>, strain: &[S; 6]) -> S {
     let [xx, yy, zz, yz, xz, xy] = *strain;
     let trace = xx + yy + zz;
-    let shear = yz * yz + xz * xz + xy * xy;
-    S::from_f64(0.5) * e.lambda * trace * trace
-        + e.mu * (xx * xx + yy * yy + zz * zz + shear + shear)
+    let shear = dot([yz, xz, xy], [yz, xz, xy]);
+    let squares = dot([xx, yy, zz], [xx, yy, zz]) + (shear + shear);
+    (S::from_f64(0.5) * e.lambda * trace).mul_add(trace, e.mu * squares)
 }
 
 /// `kappa/2 m^4`, Pa.
 #[inline(always)]
-fn compression_density<S: Scalar>(e: &Element<S>, g: &[S; 9]) -> S {
+fn compression_density<S: Real>(e: &Element<S>, g: &[S; 9]) -> S {
     let m = volume_change(g).min(S::ZERO);
     let m2 = m * m;
     S::from_f64(0.5) * e.compression * m2 * m2
@@ -306,29 +292,31 @@ fn compression_density<S: Scalar>(e: &Element<S>, g: &[S; 9]) -> S {
 
 /// `cof F = I + (tr G) I - G^T + cof G`, the derivative of `J` by `F`.
 #[inline(always)]
-fn cofactor<S: Scalar>(g: &[S; 9]) -> [S; 9] {
+fn cofactor<S: Real>(g: &[S; 9]) -> [S; 9] {
     [
-        S::ONE + (g[4] + g[8]) + (g[4] * g[8] - g[5] * g[7]),
-        (g[5] * g[6] - g[3] * g[8]) - g[3],
-        (g[3] * g[7] - g[4] * g[6]) - g[6],
-        (g[2] * g[7] - g[1] * g[8]) - g[1],
-        S::ONE + (g[0] + g[8]) + (g[0] * g[8] - g[2] * g[6]),
-        (g[1] * g[6] - g[0] * g[7]) - g[7],
-        (g[1] * g[5] - g[2] * g[4]) - g[2],
-        (g[2] * g[3] - g[0] * g[5]) - g[5],
-        S::ONE + (g[0] + g[4]) + (g[0] * g[4] - g[1] * g[3]),
+        S::ONE + (g[4] + g[8]) + minor(g[4], g[8], g[5], g[7]),
+        minor(g[5], g[6], g[3], g[8]) - g[3],
+        minor(g[3], g[7], g[4], g[6]) - g[6],
+        minor(g[2], g[7], g[1], g[8]) - g[1],
+        S::ONE + (g[0] + g[8]) + minor(g[0], g[8], g[2], g[6]),
+        minor(g[1], g[6], g[0], g[7]) - g[7],
+        minor(g[1], g[5], g[2], g[4]) - g[2],
+        minor(g[2], g[3], g[0], g[5]) - g[5],
+        S::ONE + (g[0] + g[4]) + minor(g[0], g[4], g[1], g[3]),
     ]
 }
 
 /// First Piola-Kirchhoff stress `F S = S + G S`, row-major.
 #[inline(always)]
-fn elastic_stress<S: Scalar>(g: &[S; 9], s: &[S; 6]) -> [S; 9] {
+fn elastic_stress<S: Real>(g: &[S; 9], s: &[S; 6]) -> [S; 9] {
     let full = [s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]];
     let mut p = full;
     for i in 0..3 {
         for j in 0..3 {
-            p[3 * i + j] +=
-                g[3 * i] * full[j] + g[3 * i + 1] * full[3 + j] + g[3 * i + 2] * full[6 + j];
+            let column = [full[j], full[3 + j], full[6 + j]];
+            for k in 0..3 {
+                p[3 * i + j] = g[3 * i + k].mul_add(column[k], p[3 * i + j]);
+            }
         }
     }
     p
@@ -336,25 +324,27 @@ fn elastic_stress<S: Scalar>(g: &[S; 9], s: &[S; 6]) -> [S; 9] {
 
 /// Adds `p1 cof F`; adds zero for `J >= 1`.
 #[inline(always)]
-fn add_compression_stress<S: Scalar>(e: &Element<S>, g: &[S; 9], p: &mut [S; 9]) {
+fn add_compression_stress<S: Real>(e: &Element<S>, g: &[S; 9], p: &mut [S; 9]) {
     let m = volume_change(g).min(S::ZERO);
     let p1 = (e.compression + e.compression) * (m * m * m);
     let cof = cofactor(g);
     for i in 0..9 {
-        p[i] += p1 * cof[i];
+        p[i] = p1.mul_add(cof[i], p[i]);
     }
 }
 
 /// `f_a = -V P D_a`.
 #[inline(always)]
-fn nodal_forces<S: Scalar>(e: &Element<S>, p: &[S; 9]) -> [[S; 3]; 4] {
+fn nodal_forces<S: Real>(e: &Element<S>, p: &[S; 9]) -> [[S; 3]; 4] {
     let mut f = [[S::ZERO; 3]; 4];
     for a in 0..3 {
         let pd = mat_vec(p, e.gradients[a]);
         for x in 0..3 {
             f[a + 1][x] = -(e.volume * pd[x]);
-            f[0][x] += e.volume * pd[x];
         }
+    }
+    for x in 0..3 {
+        f[0][x] = -(f[1][x] + f[2][x] + f[3][x]);
     }
     f
 }
@@ -365,7 +355,7 @@ pub(crate) const CORE: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2]
 /// Sum of the elastic part (on request) and the compression part, each with or without the terms
 /// that can make it indefinite.
 #[inline(always)]
-fn tangent_parts<S: Scalar>(
+pub(crate) fn tangent_parts<S: Real>(
     e: &Element<S>,
     u: &[[S; 3]; 4],
     elastic: bool,
@@ -386,7 +376,9 @@ fn tangent_parts<S: Scalar>(
     let m = volume_change(&g).min(S::ZERO);
     let p1 = (e.compression + e.compression) * (m * m * m);
     let p2 = S::from_f64(6.0) * e.compression * (m * m);
-    let cof = cofactor(&g);
+    // nothing to add anywhere: in tension, or without the term
+    let compressed = S::any(S::less(S::ZERO, p2));
+    let cof = if compressed { cofactor(&g) } else { g };
 
     // Quantities of vertices 1, 2, 3.
     let mut fd = [[S::ZERO; 3]; 3];
@@ -398,39 +390,43 @@ fn tangent_parts<S: Scalar>(
         cd[a] = mat_vec(&cof, e.gradients[a]);
     }
 
+    let (lambda, mu) = (e.lambda * e.volume, e.mu * e.volume);
+    let (p1, p2) = (p1 * e.volume, p2 * e.volume);
     let mut core = [[S::ZERO; 9]; 6];
     for (block, [a, b]) in core.iter_mut().zip(CORE) {
         if elastic {
-            let gab = dot(e.gradients[a], e.gradients[b]);
+            let shear = mu * dot(e.gradients[a], e.gradients[b]);
             for i in 0..3 {
+                let (la, mb) = (lambda * fd[a][i], mu * fd[b][i]);
                 for j in 0..3 {
-                    block[3 * i + j] = e.lambda * fd[a][i] * fd[b][j]
-                        + e.mu * (fd[b][i] * fd[a][j] + gab * left[3 * i + j]);
+                    let sum = mb.mul_add(fd[a][j], la * fd[b][j]);
+                    block[3 * i + j] = shear.mul_add(left[3 * i + j], sum);
                 }
             }
             if indefinite {
-                let geometric = dot(e.gradients[a], sd[b]);
+                let geometric = e.volume * dot(e.gradients[a], sd[b]);
                 block[0] += geometric;
                 block[4] += geometric;
                 block[8] += geometric;
             }
         }
-        for i in 0..3 {
-            for j in 0..3 {
-                block[3 * i + j] += p2 * cd[a][i] * cd[b][j];
+        if compressed {
+            for i in 0..3 {
+                let ca = p2 * cd[a][i];
+                for j in 0..3 {
+                    block[3 * i + j] = ca.mul_add(cd[b][j], block[3 * i + j]);
+                }
             }
-        }
-        if indefinite {
-            let w = mat_vec(&f, cross(e.gradients[b], e.gradients[a]));
-            block[1] += -(p1 * w[2]);
-            block[2] += p1 * w[1];
-            block[3] += p1 * w[2];
-            block[5] += -(p1 * w[0]);
-            block[6] += -(p1 * w[1]);
-            block[7] += p1 * w[0];
-        }
-        for x in block.iter_mut() {
-            *x *= e.volume;
+            if indefinite {
+                let w = mat_vec(&f, cross(e.gradients[b], e.gradients[a]));
+                let w = [p1 * w[0], p1 * w[1], p1 * w[2]];
+                block[1] -= w[2];
+                block[2] += w[1];
+                block[3] += w[2];
+                block[5] -= w[0];
+                block[6] -= w[1];
+                block[7] += w[0];
+            }
         }
     }
     assemble(&core)
@@ -439,7 +435,7 @@ fn tangent_parts<S: Scalar>(
 /// Whole matrix from the [`CORE`] blocks: rigid translations cost nothing, so the row and column
 /// of vertex 0 are minus the sums of the others.
 #[inline(always)]
-fn assemble<S: Scalar>(core: &[[S; 9]; 6]) -> TetrahedronTangent<S> {
+pub(crate) fn assemble<S: Real>(core: &[[S; 9]; 6]) -> TetrahedronTangent<S> {
     let [k11, k22, k33, k12, k13, k23] = core;
     let mut k00 = [S::ZERO; 9];
     let mut k01 = [S::ZERO; 9];
@@ -461,37 +457,16 @@ fn assemble<S: Scalar>(core: &[[S; 9]; 6]) -> TetrahedronTangent<S> {
             k00[x] = -(half * ((k01[x] + k01[t]) + (k02[x] + k02[t]) + (k03[x] + k03[t])));
         }
     }
-    TetrahedronTangent {
-        diagonal: [k00, *k11, *k22, *k33],
-        off: [k01, k02, k03, *k12, *k13, *k23],
-        clamped: false,
-    }
+    TetrahedronTangent { diagonal: [k00, *k11, *k22, *k33], off: [k01, k02, k03, *k12, *k13, *k23] }
 }
 
 /// Transpose of a row-major block.
 #[inline(always)]
-fn transposed<S: Scalar>(m: &[S; 9]) -> [S; 9] {
+fn transposed<S: Real>(m: &[S; 9]) -> [S; 9] {
     [m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]]
 }
 
 #[inline(always)]
-fn widen_nodes<S: Scalar>(u: &[[S; 3]; 4]) -> [[f64; 3]; 4] {
-    let mut wide = [[0.0; 3]; 4];
-    for a in 0..4 {
-        for x in 0..3 {
-            wide[a][x] = u[a][x].to_f64();
-        }
-    }
-    wide
-}
-
-#[inline(always)]
-fn narrow_blocks<S: Scalar>(blocks: &[[f64; 9]; 6]) -> [[S; 9]; 6] {
-    let mut narrow = [[S::ZERO; 9]; 6];
-    for b in 0..6 {
-        for x in 0..9 {
-            narrow[b][x] = S::from_f64(blocks[b][x]);
-        }
-    }
-    narrow
+fn widened<S: Scalar, const N: usize>(rows: &[[S; 3]; N]) -> [[f64; 3]; N] {
+    rows.map(|row| row.map(S::to_f64))
 }

@@ -1,0 +1,1082 @@
+//! Kernels over several elements at once.
+//!
+//! A [`Kernel`] is a loop over elements written once for any [`Lanes`] type: a register that holds the
+//! same quantity of 1, 4, 8 or 16 neighbouring elements. [`dispatch`] runs it with the widest registers
+//! that the machine has (AVX-512, AVX2 with FMA, else one element at a time), compiled for that
+//! instruction set, so nothing needs `target-cpu=native`.
+//!
+//! ```
+//! use sinew_engine::lanes::{Kernel, Lanes, dispatch};
+//! use sinew_engine::scalar::{Real, Scalar};
+//!
+//! /// `y += a x`
+//! struct Axpy<'a, S>(S, &'a [S], &'a mut [S]);
+//!
+//! impl<S: Scalar> Kernel<S> for Axpy<'_, S> {
+//!     type Output = ();
+//!     #[inline(always)]
+//!     fn run<L: Lanes<Scalar = S>>(self) {
+//!         let Axpy(a, x, y) = self;
+//!         let whole = x.len() - x.len() % L::COUNT;
+//!         for i in (0..whole).step_by(L::COUNT) {
+//!             L::splat(a).mul_add(L::load(&x[i..]), L::load(&y[i..])).store(&mut y[i..]);
+//!         }
+//!         for i in whole..x.len() {
+//!             y[i] = a * x[i] + y[i];
+//!         }
+//!     }
+//! }
+//!
+//! let x: Vec<f64> = (0..21).map(f64::from).collect();
+//! let mut y = vec![1.0; 21];
+//! dispatch(Axpy(2.0, &x, &mut y));
+//! assert_eq!(y[20], 41.0);
+//! ```
+//!
+//! This module is the only one with `unsafe` code: calls of vector instructions. They are sound because
+//! the register types are private to it and reach a kernel only through [`dispatch`], which has asked
+//! the machine first; all memory access is through slices, bounds checked. Against plain arrays, which
+//! would need none of this, the force kernels are 1.3 to 1.6 times faster.
+//!
+//! Pitfall: closures inside a kernel are compiled without the instruction set. Use functions marked
+//! `#[inline(always)]`.
+
+use crate::scalar::{Real, Scalar};
+
+/// Most lanes of any register.
+pub const MAX_LANES: usize = 16;
+
+/// A register with the same quantity of [`COUNT`](Lanes::COUNT) neighbouring elements.
+///
+/// `of` arguments list, per element, indices (vertex rows or blocks); `local` chooses one of them.
+pub trait Lanes: Real {
+    /// Type of one lane.
+    type Scalar: Scalar;
+    /// Number of lanes.
+    const COUNT: usize;
+
+    /// The same number in every lane.
+    fn splat(x: Self::Scalar) -> Self;
+
+    /// The first [`COUNT`](Lanes::COUNT) numbers of `from`.
+    ///
+    /// # Panics
+    /// When there are fewer.
+    fn load(from: &[Self::Scalar]) -> Self;
+
+    /// Writes the lanes to the start of `to`.
+    ///
+    /// # Panics
+    /// When there is no room.
+    fn store(self, to: &mut [Self::Scalar]);
+
+    /// First three entries of the rows `of[lane][local]`.
+    #[inline(always)]
+    fn load_rows<const M: usize>(
+        rows: &[[Self::Scalar; 4]],
+        of: &[[u32; M]],
+        local: usize,
+    ) -> [Self; 3] {
+        let mut buffer = [[Self::Scalar::ZERO; MAX_LANES]; 3];
+        for (lane, of) in of[..Self::COUNT].iter().enumerate() {
+            let row = &rows[of[local] as usize];
+            for k in 0..3 {
+                buffer[k][lane] = row[k];
+            }
+        }
+        [Self::load(&buffer[0]), Self::load(&buffer[1]), Self::load(&buffer[2])]
+    }
+
+    /// Adds the lanes of `value` to the rows `of[lane][local] - first`, lane after lane.
+    #[inline(always)]
+    fn add_rows<const M: usize>(
+        value: [Self; 3],
+        rows: &mut [[Self::Scalar; 4]],
+        first: usize,
+        of: &[[u32; M]],
+        local: usize,
+    ) {
+        let mut buffer = [[Self::Scalar::ZERO; MAX_LANES]; 3];
+        for k in 0..3 {
+            value[k].store(&mut buffer[k]);
+        }
+        for (lane, of) in of[..Self::COUNT].iter().enumerate() {
+            let row = &mut rows[of[local] as usize - first];
+            for k in 0..3 {
+                row[k] += buffer[k][lane];
+            }
+        }
+    }
+
+    /// Adds the lanes of nine numbers to the blocks `of[lane][local] - first`, lane after lane.
+    #[inline(always)]
+    fn add_blocks<const M: usize>(
+        value: &[Self; 9],
+        blocks: &mut [[Self::Scalar; 9]],
+        first: usize,
+        of: &[[u32; M]],
+        local: usize,
+    ) {
+        let mut buffer = [[Self::Scalar::ZERO; MAX_LANES]; 9];
+        for k in 0..9 {
+            value[k].store(&mut buffer[k]);
+        }
+        for (lane, of) in of[..Self::COUNT].iter().enumerate() {
+            let block = &mut blocks[of[local] as usize - first];
+            for k in 0..9 {
+                block[k] += buffer[k][lane];
+            }
+        }
+    }
+
+    /// Numbers at `of[lane][local]`.
+    #[inline(always)]
+    fn gather<const M: usize>(from: &[Self::Scalar], of: &[[u32; M]], local: usize) -> Self {
+        let mut buffer = [Self::Scalar::ZERO; MAX_LANES];
+        for (lane, of) in of[..Self::COUNT].iter().enumerate() {
+            buffer[lane] = from[of[local] as usize];
+        }
+        Self::load(&buffer)
+    }
+
+    /// Adds every lane to a sum of its own, in `f64`.
+    #[inline(always)]
+    fn accumulate(self, sums: &mut [f64; MAX_LANES]) {
+        let mut buffer = [Self::Scalar::ZERO; MAX_LANES];
+        self.store(&mut buffer);
+        for lane in 0..Self::COUNT {
+            sums[lane] += buffer[lane].to_f64();
+        }
+    }
+}
+
+/// The last, incomplete batch of a column as an array of its own: `column[first..end]`, then its last
+/// entry repeated. Kernels make the repeated elements inert (zero stiffness).
+///
+/// # Panics
+/// When the range is empty or longer than [`MAX_LANES`].
+#[inline]
+pub fn padded<T: Copy>(column: &[T], first: usize, end: usize) -> [T; MAX_LANES] {
+    let mut copy = [column[end - 1]; MAX_LANES];
+    copy[..end - first].copy_from_slice(&column[first..end]);
+    copy
+}
+
+/// A loop over elements that any register type can carry out.
+pub trait Kernel<S: Scalar> {
+    /// Result.
+    type Output;
+    /// The loop; mark implementations `#[inline(always)]`.
+    fn run<L: Lanes<Scalar = S>>(self) -> Self::Output;
+}
+
+/// Instruction sets that kernels are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InstructionSet {
+    /// One element at a time, whatever the compiler makes of it.
+    Scalar,
+    /// 256-bit registers with fused multiply-add: 4 `f64` or 8 `f32`.
+    Avx2,
+    /// 512-bit registers: 8 `f64` or 16 `f32`.
+    Avx512,
+}
+
+impl InstructionSet {
+    /// All, narrowest first.
+    pub const ALL: [Self; 3] = [Self::Scalar, Self::Avx2, Self::Avx512];
+
+    /// Whether this machine has it.
+    pub fn is_available(self) -> bool {
+        match self {
+            Self::Scalar => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => {
+                Self::Avx2.is_available()
+                    && is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512vl")
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            _ => false,
+        }
+    }
+
+    /// The widest of this machine.
+    pub fn best() -> Self {
+        static BEST: std::sync::LazyLock<InstructionSet> = std::sync::LazyLock::new(|| {
+            let mut sets = InstructionSet::ALL.into_iter().rev();
+            sets.find(|set| set.is_available()).unwrap_or(InstructionSet::Scalar)
+        });
+        *BEST
+    }
+
+    /// Name for reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Scalar => "scalar",
+            Self::Avx2 => "AVX2",
+            Self::Avx512 => "AVX-512",
+        }
+    }
+}
+
+/// Runs a kernel with the widest registers of this machine.
+#[inline]
+pub fn dispatch<S: Scalar, K: Kernel<S>>(kernel: K) -> K::Output {
+    dispatch_on(InstructionSet::best(), kernel)
+}
+
+/// Runs a kernel with a given instruction set.
+///
+/// # Panics
+/// When this machine does not have it; ask [`InstructionSet::is_available`] first.
+#[inline]
+pub fn dispatch_on<S: Scalar, K: Kernel<S>>(set: InstructionSet, kernel: K) -> K::Output {
+    assert!(set.is_available(), "this machine has no {}", set.name());
+    match set {
+        InstructionSet::Scalar => kernel.run::<S::One>(),
+        // SAFETY: the machine has the instruction set, by the assertion above.
+        InstructionSet::Avx2 => unsafe { S::run_avx2(kernel) },
+        // SAFETY: as above.
+        InstructionSet::Avx512 => unsafe { S::run_avx512(kernel) },
+    }
+}
+
+pub(crate) mod sealed {
+    use super::{Kernel, Lanes};
+    use crate::scalar::Scalar;
+
+    /// How a scalar type fills registers. Sealed: the register types must not be reachable from outside.
+    pub trait Registers: Sized {
+        /// One lane.
+        type One: Lanes<Scalar = Self>;
+        /// Runs with 256-bit registers.
+        ///
+        /// # Safety
+        /// The machine has AVX2 and FMA.
+        unsafe fn run_avx2<K: Kernel<Self>>(kernel: K) -> K::Output
+        where
+            Self: Scalar;
+        /// Runs with 512-bit registers.
+        ///
+        /// # Safety
+        /// The machine has AVX-512 F, DQ and VL, AVX2 and FMA.
+        unsafe fn run_avx512<K: Kernel<Self>>(kernel: K) -> K::Output
+        where
+            Self: Scalar;
+    }
+}
+use sealed::Registers;
+
+macro_rules! one_lane {
+    ($t:ident) => {
+        impl Lanes for $t {
+            type Scalar = Self;
+            const COUNT: usize = 1;
+            #[inline(always)]
+            fn splat(x: Self) -> Self {
+                x
+            }
+            #[inline(always)]
+            fn load(from: &[Self]) -> Self {
+                from[0]
+            }
+            #[inline(always)]
+            fn store(self, to: &mut [Self]) {
+                to[0] = self;
+            }
+        }
+    };
+}
+one_lane!(f32);
+one_lane!(f64);
+
+#[cfg(not(target_arch = "x86_64"))]
+mod portable {
+    use super::{Kernel, Registers};
+    macro_rules! registers {
+        ($t:ident) => {
+            impl Registers for $t {
+                type One = $t;
+                unsafe fn run_avx2<K: Kernel<$t>>(kernel: K) -> K::Output {
+                    kernel.run::<$t>()
+                }
+                unsafe fn run_avx512<K: Kernel<$t>>(kernel: K) -> K::Output {
+                    kernel.run::<$t>()
+                }
+            }
+        };
+    }
+    registers!(f32);
+    registers!(f64);
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{Kernel, Lanes, Real, Registers};
+    use std::arch::x86_64::*;
+    use std::mem::transmute;
+    use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+    #[target_feature(enable = "avx2,fma")]
+    fn run_avx2<L: Lanes, K: Kernel<L::Scalar>>(kernel: K) -> K::Output {
+        kernel.run::<L>()
+    }
+
+    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
+    fn run_avx512<L: Lanes, K: Kernel<L::Scalar>>(kernel: K) -> K::Output {
+        kernel.run::<L>()
+    }
+
+    macro_rules! registers {
+        ($t:ident, $avx2:ident, $avx512:ident) => {
+            impl Registers for $t {
+                type One = $t;
+                unsafe fn run_avx2<K: Kernel<$t>>(kernel: K) -> K::Output {
+                    // SAFETY: promised by the caller.
+                    unsafe { run_avx2::<$avx2, K>(kernel) }
+                }
+                unsafe fn run_avx512<K: Kernel<$t>>(kernel: K) -> K::Output {
+                    // SAFETY: promised by the caller.
+                    unsafe { run_avx512::<$avx512, K>(kernel) }
+                }
+            }
+        };
+    }
+    registers!(f32, F32x8, F32x16);
+    registers!(f64, F64x4, F64x8);
+
+    /// Calls vector instructions.
+    macro_rules! vector {
+        ($e:expr) => {
+            // SAFETY: a value of a register type exists only inside `dispatch_on`, which has made sure
+            // that the machine has the instructions; loads and stores go through slices whose length
+            // was checked just before.
+            unsafe { $e }
+        };
+    }
+
+    /// Arithmetic from the intrinsics of one register type.
+    macro_rules! register {
+        ($name:ident, $raw:ident, $s:ident, $n:literal, $set1:ident, $load:ident, $store:ident, $add:ident, $sub:ident,
+         $mul:ident, $div:ident, $fma:ident, $sqrt:ident, $min:ident, $max:ident) => {
+            #[derive(Clone, Copy, Debug)]
+            #[repr(transparent)]
+            struct $name($raw);
+
+            impl Add for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn add(self, b: Self) -> Self {
+                    Self(vector!($add(self.0, b.0)))
+                }
+            }
+            impl Sub for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn sub(self, b: Self) -> Self {
+                    Self(vector!($sub(self.0, b.0)))
+                }
+            }
+            impl Mul for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn mul(self, b: Self) -> Self {
+                    Self(vector!($mul(self.0, b.0)))
+                }
+            }
+            impl Div for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn div(self, b: Self) -> Self {
+                    Self(vector!($div(self.0, b.0)))
+                }
+            }
+            impl Neg for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn neg(self) -> Self {
+                    Self::from_f64(-0.0) - self
+                }
+            }
+            impl AddAssign for $name {
+                #[inline(always)]
+                fn add_assign(&mut self, b: Self) {
+                    *self = *self + b;
+                }
+            }
+            impl SubAssign for $name {
+                #[inline(always)]
+                fn sub_assign(&mut self, b: Self) {
+                    *self = *self - b;
+                }
+            }
+            impl MulAssign for $name {
+                #[inline(always)]
+                fn mul_assign(&mut self, b: Self) {
+                    *self = *self * b;
+                }
+            }
+
+            impl $name {
+                #[inline(always)]
+                fn splat_lanes(x: $s) -> Self {
+                    Self(vector!($set1(x)))
+                }
+                #[inline(always)]
+                fn load_lanes(from: &[$s]) -> Self {
+                    let from: &[$s; $n] = from[..$n].try_into().expect("length was cut");
+                    Self(vector!($load(from.as_ptr())))
+                }
+                #[inline(always)]
+                fn store_lanes(self, to: &mut [$s]) {
+                    let to: &mut [$s; $n] = (&mut to[..$n]).try_into().expect("length was cut");
+                    vector!($store(to.as_mut_ptr(), self.0));
+                }
+            }
+        };
+    }
+    register!(
+        F64x8,
+        __m512d,
+        f64,
+        8,
+        _mm512_set1_pd,
+        _mm512_loadu_pd,
+        _mm512_storeu_pd,
+        _mm512_add_pd,
+        _mm512_sub_pd,
+        _mm512_mul_pd,
+        _mm512_div_pd,
+        _mm512_fmadd_pd,
+        _mm512_sqrt_pd,
+        _mm512_min_pd,
+        _mm512_max_pd
+    );
+    register!(
+        F32x16,
+        __m512,
+        f32,
+        16,
+        _mm512_set1_ps,
+        _mm512_loadu_ps,
+        _mm512_storeu_ps,
+        _mm512_add_ps,
+        _mm512_sub_ps,
+        _mm512_mul_ps,
+        _mm512_div_ps,
+        _mm512_fmadd_ps,
+        _mm512_sqrt_ps,
+        _mm512_min_ps,
+        _mm512_max_ps
+    );
+    register!(
+        F64x4,
+        __m256d,
+        f64,
+        4,
+        _mm256_set1_pd,
+        _mm256_loadu_pd,
+        _mm256_storeu_pd,
+        _mm256_add_pd,
+        _mm256_sub_pd,
+        _mm256_mul_pd,
+        _mm256_div_pd,
+        _mm256_fmadd_pd,
+        _mm256_sqrt_pd,
+        _mm256_min_pd,
+        _mm256_max_pd
+    );
+    register!(
+        F32x8,
+        __m256,
+        f32,
+        8,
+        _mm256_set1_ps,
+        _mm256_loadu_ps,
+        _mm256_storeu_ps,
+        _mm256_add_ps,
+        _mm256_sub_ps,
+        _mm256_mul_ps,
+        _mm256_div_ps,
+        _mm256_fmadd_ps,
+        _mm256_sqrt_ps,
+        _mm256_min_ps,
+        _mm256_max_ps
+    );
+
+    /// [`Real`] from the intrinsics; comparisons differ between the two widths.
+    macro_rules! real {
+        ($name:ident, $s:ident, $n:literal, $bits:ident, $fma:ident, $sqrt:ident, $min:ident, $max:ident, $mask:ty,
+         less($x:ident, $y:ident) = $less:expr,
+         select($m:ident, $yes:ident, $no:ident) = $select:expr,
+         any($c:ident) = $any:expr,
+         both($a:ident, $b:ident) = $both:expr,
+         either($d:ident, $e:ident) = $either:expr) => {
+            impl Real for $name {
+                type Mask = $mask;
+                const ZERO: Self = {
+                    // SAFETY: a register is plain bits of the same size.
+                    unsafe { transmute::<[$s; $n], Self>([0.0; $n]) }
+                };
+                const ONE: Self = {
+                    // SAFETY: as above.
+                    unsafe { transmute::<[$s; $n], Self>([1.0; $n]) }
+                };
+                #[inline(always)]
+                fn from_f64(x: f64) -> Self {
+                    Self::splat_lanes(x as $s)
+                }
+                #[inline(always)]
+                fn mul_add(self, b: Self, c: Self) -> Self {
+                    Self(vector!($fma(self.0, b.0, c.0)))
+                }
+                #[inline(always)]
+                fn sqrt(self) -> Self {
+                    Self(vector!($sqrt(self.0)))
+                }
+                #[inline(always)]
+                fn abs(self) -> Self {
+                    self.max(-self)
+                }
+                #[inline(always)]
+                fn max(self, other: Self) -> Self {
+                    Self(vector!($max(self.0, other.0)))
+                }
+                #[inline(always)]
+                fn min(self, other: Self) -> Self {
+                    Self(vector!($min(self.0, other.0)))
+                }
+                #[inline(always)]
+                fn less(self, other: Self) -> $mask {
+                    let ($x, $y) = (self.0, other.0);
+                    vector!($less)
+                }
+                #[inline(always)]
+                fn select($m: $mask, yes: Self, no: Self) -> Self {
+                    let ($yes, $no) = (yes.0, no.0);
+                    Self(vector!($select))
+                }
+                #[inline(always)]
+                fn any($c: $mask) -> bool {
+                    $any
+                }
+                #[inline(always)]
+                fn both($a: $mask, $b: $mask) -> $mask {
+                    $both
+                }
+                #[inline(always)]
+                fn either($d: $mask, $e: $mask) -> $mask {
+                    $either
+                }
+            }
+        };
+    }
+    real!(
+        F64x8,
+        f64,
+        8,
+        u64,
+        _mm512_fmadd_pd,
+        _mm512_sqrt_pd,
+        _mm512_min_pd,
+        _mm512_max_pd,
+        u8,
+        less(x, y) = _mm512_cmp_pd_mask::<_CMP_LT_OQ>(x, y),
+        select(m, yes, no) = _mm512_mask_blend_pd(m, no, yes),
+        any(c) = c != 0,
+        both(a, b) = a & b,
+        either(d, e) = d | e
+    );
+    real!(
+        F32x16,
+        f32,
+        16,
+        u32,
+        _mm512_fmadd_ps,
+        _mm512_sqrt_ps,
+        _mm512_min_ps,
+        _mm512_max_ps,
+        u16,
+        less(x, y) = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(x, y),
+        select(m, yes, no) = _mm512_mask_blend_ps(m, no, yes),
+        any(c) = c != 0,
+        both(a, b) = a & b,
+        either(d, e) = d | e
+    );
+    real!(
+        F64x4,
+        f64,
+        4,
+        u64,
+        _mm256_fmadd_pd,
+        _mm256_sqrt_pd,
+        _mm256_min_pd,
+        _mm256_max_pd,
+        F64x4,
+        less(x, y) = F64x4(_mm256_cmp_pd::<_CMP_LT_OQ>(x, y)),
+        select(m, yes, no) = _mm256_blendv_pd(no, yes, m.0),
+        any(c) = vector!(_mm256_movemask_pd(c.0)) != 0,
+        both(a, b) = F64x4(vector!(_mm256_and_pd(a.0, b.0))),
+        either(d, e) = F64x4(vector!(_mm256_or_pd(d.0, e.0)))
+    );
+    real!(
+        F32x8,
+        f32,
+        8,
+        u32,
+        _mm256_fmadd_ps,
+        _mm256_sqrt_ps,
+        _mm256_min_ps,
+        _mm256_max_ps,
+        F32x8,
+        less(x, y) = F32x8(_mm256_cmp_ps::<_CMP_LT_OQ>(x, y)),
+        select(m, yes, no) = _mm256_blendv_ps(no, yes, m.0),
+        any(c) = vector!(_mm256_movemask_ps(c.0)) != 0,
+        both(a, b) = F32x8(vector!(_mm256_and_ps(a.0, b.0))),
+        either(d, e) = F32x8(vector!(_mm256_or_ps(d.0, e.0)))
+    );
+
+    /// Row `of[lane][local]`.
+    #[inline(always)]
+    fn row<T, const M: usize>(rows: &[T], of: &[[u32; M]], local: usize, lane: usize) -> *const T {
+        &raw const rows[of[lane][local] as usize]
+    }
+
+    #[inline(always)]
+    fn row_mut<'a, T, const M: usize>(
+        rows: &'a mut [T],
+        first: usize,
+        of: &[[u32; M]],
+        local: usize,
+        lane: usize,
+    ) -> &'a mut T {
+        &mut rows[of[lane][local] as usize - first]
+    }
+
+    impl Lanes for F64x8 {
+        type Scalar = f64;
+        const COUNT: usize = 8;
+        #[inline(always)]
+        fn splat(x: f64) -> Self {
+            Self::splat_lanes(x)
+        }
+        #[inline(always)]
+        fn load(from: &[f64]) -> Self {
+            Self::load_lanes(from)
+        }
+        #[inline(always)]
+        fn store(self, to: &mut [f64]) {
+            self.store_lanes(to);
+        }
+        #[inline(always)]
+        fn load_rows<const M: usize>(
+            rows: &[[f64; 4]],
+            of: &[[u32; M]],
+            local: usize,
+        ) -> [Self; 3] {
+            let of = &of[..8];
+            // rows k and k + 4 side by side, then a 4x4 transpose in both halves at once
+            let mut pair = [Self::ZERO.0; 4];
+            for k in 0..4 {
+                let low = row(rows, of, local, k).cast::<f64>();
+                let high = row(rows, of, local, k + 4).cast::<f64>();
+                pair[k] = vector!(_mm512_insertf64x4::<1>(
+                    _mm512_castpd256_pd512(_mm256_loadu_pd(low)),
+                    _mm256_loadu_pd(high)
+                ));
+            }
+            vector!({
+                let xz01 = _mm512_unpacklo_pd(pair[0], pair[1]);
+                let xz23 = _mm512_unpacklo_pd(pair[2], pair[3]);
+                let yw01 = _mm512_unpackhi_pd(pair[0], pair[1]);
+                let yw23 = _mm512_unpackhi_pd(pair[2], pair[3]);
+                let first = _mm512_setr_epi64(0, 1, 8, 9, 4, 5, 12, 13);
+                let second = _mm512_setr_epi64(2, 3, 10, 11, 6, 7, 14, 15);
+                [
+                    Self(_mm512_permutex2var_pd(xz01, first, xz23)),
+                    Self(_mm512_permutex2var_pd(yw01, first, yw23)),
+                    Self(_mm512_permutex2var_pd(xz01, second, xz23)),
+                ]
+            })
+        }
+        #[inline(always)]
+        fn add_rows<const M: usize>(
+            value: [Self; 3],
+            rows: &mut [[f64; 4]],
+            first: usize,
+            of: &[[u32; M]],
+            local: usize,
+        ) {
+            let of = &of[..8];
+            let [x, y, z] = value;
+            let packed = vector!({
+                let zero = _mm512_setzero_pd();
+                let (xy0, xy1) = (_mm512_unpacklo_pd(x.0, y.0), _mm512_unpackhi_pd(x.0, y.0));
+                let (z0, z1) = (_mm512_unpacklo_pd(z.0, zero), _mm512_unpackhi_pd(z.0, zero));
+                let low = _mm512_setr_epi64(0, 1, 8, 9, 2, 3, 10, 11);
+                let high = _mm512_setr_epi64(4, 5, 12, 13, 6, 7, 14, 15);
+                // lanes (0, 2), (1, 3), (4, 6), (5, 7)
+                [
+                    _mm512_permutex2var_pd(xy0, low, z0),
+                    _mm512_permutex2var_pd(xy1, low, z1),
+                    _mm512_permutex2var_pd(xy0, high, z0),
+                    _mm512_permutex2var_pd(xy1, high, z1),
+                ]
+            });
+            for (lane, source, upper) in [
+                (0, 0, false),
+                (1, 1, false),
+                (2, 0, true),
+                (3, 1, true),
+                (4, 2, false),
+                (5, 3, false),
+                (6, 2, true),
+                (7, 3, true),
+            ] {
+                let to = row_mut(rows, first, of, local, lane).as_mut_ptr();
+                vector!({
+                    let part = if upper {
+                        _mm512_extractf64x4_pd::<1>(packed[source])
+                    } else {
+                        _mm512_castpd512_pd256(packed[source])
+                    };
+                    _mm256_storeu_pd(to, _mm256_add_pd(_mm256_loadu_pd(to), part));
+                });
+            }
+        }
+        #[inline(always)]
+        fn add_blocks<const M: usize>(
+            value: &[Self; 9],
+            blocks: &mut [[f64; 9]],
+            first: usize,
+            of: &[[u32; M]],
+            local: usize,
+        ) {
+            let of = &of[..8];
+            let mut last = [0.0; 8];
+            value[8].store(&mut last);
+            let rows = transpose8(value);
+            for lane in 0..8 {
+                let block = row_mut(blocks, first, of, local, lane);
+                block[8] += last[lane];
+                let to = block.as_mut_ptr();
+                vector!(_mm512_storeu_pd(to, _mm512_add_pd(_mm512_loadu_pd(to), rows[lane])));
+            }
+        }
+    }
+
+    /// Transpose of the first eight registers.
+    #[inline(always)]
+    fn transpose8(v: &[F64x8; 9]) -> [__m512d; 8] {
+        vector!({
+            let mut pairs = [_mm512_setzero_pd(); 8];
+            for k in 0..4 {
+                // (even lanes, odd lanes) of values 2k and 2k + 1
+                pairs[2 * k] = _mm512_unpacklo_pd(v[2 * k].0, v[2 * k + 1].0);
+                pairs[2 * k + 1] = _mm512_unpackhi_pd(v[2 * k].0, v[2 * k + 1].0);
+            }
+            let mut rows = [_mm512_setzero_pd(); 8];
+            for odd in 0..2 {
+                let (a, b) = (pairs[odd], pairs[odd + 2]);
+                let (c, d) = (pairs[odd + 4], pairs[odd + 6]);
+                // 128-bit pieces: piece p of a pair belongs to lane 2p + odd
+                let ab02 = _mm512_shuffle_f64x2::<0x88>(a, b);
+                let ab13 = _mm512_shuffle_f64x2::<0xdd>(a, b);
+                let cd02 = _mm512_shuffle_f64x2::<0x88>(c, d);
+                let cd13 = _mm512_shuffle_f64x2::<0xdd>(c, d);
+                rows[odd] = _mm512_shuffle_f64x2::<0x88>(ab02, cd02);
+                rows[4 + odd] = _mm512_shuffle_f64x2::<0xdd>(ab02, cd02);
+                rows[2 + odd] = _mm512_shuffle_f64x2::<0x88>(ab13, cd13);
+                rows[6 + odd] = _mm512_shuffle_f64x2::<0xdd>(ab13, cd13);
+            }
+            rows
+        })
+    }
+
+    impl Lanes for F32x16 {
+        type Scalar = f32;
+        const COUNT: usize = 16;
+        #[inline(always)]
+        fn splat(x: f32) -> Self {
+            Self::splat_lanes(x)
+        }
+        #[inline(always)]
+        fn load(from: &[f32]) -> Self {
+            Self::load_lanes(from)
+        }
+        #[inline(always)]
+        fn store(self, to: &mut [f32]) {
+            self.store_lanes(to);
+        }
+        #[inline(always)]
+        fn load_rows<const M: usize>(
+            rows: &[[f32; 4]],
+            of: &[[u32; M]],
+            local: usize,
+        ) -> [Self; 3] {
+            let of = &of[..16];
+            // rows k, k + 4, k + 8, k + 12 in one register, then a 4x4 transpose in every quarter
+            let mut quad = [Self::ZERO.0; 4];
+            for k in 0..4 {
+                let p0 = row(rows, of, local, k).cast::<f32>();
+                let p1 = row(rows, of, local, k + 4).cast::<f32>();
+                let p2 = row(rows, of, local, k + 8).cast::<f32>();
+                let p3 = row(rows, of, local, k + 12).cast::<f32>();
+                quad[k] = vector!({
+                    let low = _mm256_insertf128_ps::<1>(
+                        _mm256_castps128_ps256(_mm_loadu_ps(p0)),
+                        _mm_loadu_ps(p1),
+                    );
+                    let high = _mm256_insertf128_ps::<1>(
+                        _mm256_castps128_ps256(_mm_loadu_ps(p2)),
+                        _mm_loadu_ps(p3),
+                    );
+                    _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high)
+                });
+            }
+            vector!({
+                let xy01 = _mm512_unpacklo_ps(quad[0], quad[1]);
+                let xy23 = _mm512_unpacklo_ps(quad[2], quad[3]);
+                let zw01 = _mm512_unpackhi_ps(quad[0], quad[1]);
+                let zw23 = _mm512_unpackhi_ps(quad[2], quad[3]);
+                [
+                    Self(_mm512_shuffle_ps::<0x44>(xy01, xy23)),
+                    Self(_mm512_shuffle_ps::<0xee>(xy01, xy23)),
+                    Self(_mm512_shuffle_ps::<0x44>(zw01, zw23)),
+                ]
+            })
+        }
+        #[inline(always)]
+        fn add_rows<const M: usize>(
+            value: [Self; 3],
+            rows: &mut [[f32; 4]],
+            first: usize,
+            of: &[[u32; M]],
+            local: usize,
+        ) {
+            let of = &of[..16];
+            let [x, y, z] = value;
+            // register k holds lanes k, k + 4, k + 8, k + 12
+            let packed = vector!({
+                let zero = _mm512_setzero_ps();
+                let (xy01, xy23) = (_mm512_unpacklo_ps(x.0, y.0), _mm512_unpackhi_ps(x.0, y.0));
+                let (z01, z23) = (_mm512_unpacklo_ps(z.0, zero), _mm512_unpackhi_ps(z.0, zero));
+                [
+                    _mm512_shuffle_ps::<0x44>(xy01, z01),
+                    _mm512_shuffle_ps::<0xee>(xy01, z01),
+                    _mm512_shuffle_ps::<0x44>(xy23, z23),
+                    _mm512_shuffle_ps::<0xee>(xy23, z23),
+                ]
+            });
+            macro_rules! quarter {
+                ($q:literal) => {
+                    for k in 0..4 {
+                        let to = row_mut(rows, first, of, local, 4 * $q + k).as_mut_ptr();
+                        vector!({
+                            let part = _mm512_extractf32x4_ps::<$q>(packed[k]);
+                            _mm_storeu_ps(to, _mm_add_ps(_mm_loadu_ps(to), part));
+                        });
+                    }
+                };
+            }
+            quarter!(0);
+            quarter!(1);
+            quarter!(2);
+            quarter!(3);
+        }
+        #[inline(always)]
+        fn add_blocks<const M: usize>(
+            value: &[Self; 9],
+            blocks: &mut [[f32; 9]],
+            first: usize,
+            of: &[[u32; M]],
+            local: usize,
+        ) {
+            let of = &of[..16];
+            let mut last = [0.0; 16];
+            value[8].store(&mut last);
+            // quarter q of register k: values 0..4 (then 4..8) of lane 4 q + k
+            let low = quarters([value[0], value[1], value[2], value[3]]);
+            let high = quarters([value[4], value[5], value[6], value[7]]);
+            macro_rules! quarter {
+                ($q:literal) => {
+                    for k in 0..4 {
+                        let lane = 4 * $q + k;
+                        let block = row_mut(blocks, first, of, local, lane);
+                        block[8] += last[lane];
+                        let to = block.as_mut_ptr();
+                        vector!({
+                            let part = _mm256_insertf128_ps::<1>(
+                                _mm256_castps128_ps256(_mm512_extractf32x4_ps::<$q>(low[k])),
+                                _mm512_extractf32x4_ps::<$q>(high[k]),
+                            );
+                            _mm256_storeu_ps(to, _mm256_add_ps(_mm256_loadu_ps(to), part));
+                        });
+                    }
+                };
+            }
+            quarter!(0);
+            quarter!(1);
+            quarter!(2);
+            quarter!(3);
+        }
+    }
+
+    /// 4x4 transpose in every quarter.
+    #[inline(always)]
+    fn quarters(v: [F32x16; 4]) -> [__m512; 4] {
+        vector!({
+            let a01 = _mm512_unpacklo_ps(v[0].0, v[1].0);
+            let a23 = _mm512_unpackhi_ps(v[0].0, v[1].0);
+            let b01 = _mm512_unpacklo_ps(v[2].0, v[3].0);
+            let b23 = _mm512_unpackhi_ps(v[2].0, v[3].0);
+            [
+                _mm512_shuffle_ps::<0x44>(a01, b01),
+                _mm512_shuffle_ps::<0xee>(a01, b01),
+                _mm512_shuffle_ps::<0x44>(a23, b23),
+                _mm512_shuffle_ps::<0xee>(a23, b23),
+            ]
+        })
+    }
+
+    impl Lanes for F64x4 {
+        type Scalar = f64;
+        const COUNT: usize = 4;
+        #[inline(always)]
+        fn splat(x: f64) -> Self {
+            Self::splat_lanes(x)
+        }
+        #[inline(always)]
+        fn load(from: &[f64]) -> Self {
+            Self::load_lanes(from)
+        }
+        #[inline(always)]
+        fn store(self, to: &mut [f64]) {
+            self.store_lanes(to);
+        }
+        #[inline(always)]
+        fn load_rows<const M: usize>(
+            rows: &[[f64; 4]],
+            of: &[[u32; M]],
+            local: usize,
+        ) -> [Self; 3] {
+            let of = &of[..4];
+            let mut r = [Self::ZERO; 4];
+            for lane in 0..4 {
+                let from = row(rows, of, local, lane).cast::<f64>();
+                r[lane] = Self(vector!(_mm256_loadu_pd(from)));
+            }
+            let [x, y, z, _] = transpose4(r);
+            [x, y, z]
+        }
+        #[inline(always)]
+        fn add_rows<const M: usize>(
+            value: [Self; 3],
+            rows: &mut [[f64; 4]],
+            first: usize,
+            of: &[[u32; M]],
+            local: usize,
+        ) {
+            let of = &of[..4];
+            let parts = transpose4([value[0], value[1], value[2], Self::ZERO]);
+            for (lane, part) in parts.into_iter().enumerate() {
+                let to = row_mut(rows, first, of, local, lane).as_mut_ptr();
+                vector!(_mm256_storeu_pd(to, _mm256_add_pd(_mm256_loadu_pd(to), part.0)));
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn transpose4(v: [F64x4; 4]) -> [F64x4; 4] {
+        vector!({
+            let a = _mm256_unpacklo_pd(v[0].0, v[1].0);
+            let b = _mm256_unpackhi_pd(v[0].0, v[1].0);
+            let c = _mm256_unpacklo_pd(v[2].0, v[3].0);
+            let d = _mm256_unpackhi_pd(v[2].0, v[3].0);
+            [
+                F64x4(_mm256_permute2f128_pd::<0x20>(a, c)),
+                F64x4(_mm256_permute2f128_pd::<0x20>(b, d)),
+                F64x4(_mm256_permute2f128_pd::<0x31>(a, c)),
+                F64x4(_mm256_permute2f128_pd::<0x31>(b, d)),
+            ]
+        })
+    }
+
+    impl Lanes for F32x8 {
+        type Scalar = f32;
+        const COUNT: usize = 8;
+        #[inline(always)]
+        fn splat(x: f32) -> Self {
+            Self::splat_lanes(x)
+        }
+        #[inline(always)]
+        fn load(from: &[f32]) -> Self {
+            Self::load_lanes(from)
+        }
+        #[inline(always)]
+        fn store(self, to: &mut [f32]) {
+            self.store_lanes(to);
+        }
+        #[inline(always)]
+        fn load_rows<const M: usize>(
+            rows: &[[f32; 4]],
+            of: &[[u32; M]],
+            local: usize,
+        ) -> [Self; 3] {
+            let of = &of[..8];
+            let mut pair = [Self::ZERO.0; 4];
+            for k in 0..4 {
+                let low = row(rows, of, local, k).cast::<f32>();
+                let high = row(rows, of, local, k + 4).cast::<f32>();
+                pair[k] = vector!(_mm256_insertf128_ps::<1>(
+                    _mm256_castps128_ps256(_mm_loadu_ps(low)),
+                    _mm_loadu_ps(high)
+                ));
+            }
+            let [x, y, z, _] = halves(pair);
+            [Self(x), Self(y), Self(z)]
+        }
+        #[inline(always)]
+        fn add_rows<const M: usize>(
+            value: [Self; 3],
+            rows: &mut [[f32; 4]],
+            first: usize,
+            of: &[[u32; M]],
+            local: usize,
+        ) {
+            let of = &of[..8];
+            let parts = halves([value[0].0, value[1].0, value[2].0, Self::ZERO.0]);
+            for lane in 0..8 {
+                let to = row_mut(rows, first, of, local, lane).as_mut_ptr();
+                vector!({
+                    let part = if lane < 4 {
+                        _mm256_castps256_ps128(parts[lane])
+                    } else {
+                        _mm256_extractf128_ps::<1>(parts[lane - 4])
+                    };
+                    _mm_storeu_ps(to, _mm_add_ps(_mm_loadu_ps(to), part));
+                });
+            }
+        }
+    }
+
+    /// 4x4 transpose in both halves.
+    #[inline(always)]
+    fn halves(v: [__m256; 4]) -> [__m256; 4] {
+        vector!({
+            let a01 = _mm256_unpacklo_ps(v[0], v[1]);
+            let a23 = _mm256_unpackhi_ps(v[0], v[1]);
+            let b01 = _mm256_unpacklo_ps(v[2], v[3]);
+            let b23 = _mm256_unpackhi_ps(v[2], v[3]);
+            [
+                _mm256_shuffle_ps::<0x44>(a01, b01),
+                _mm256_shuffle_ps::<0xee>(a01, b01),
+                _mm256_shuffle_ps::<0x44>(a23, b23),
+                _mm256_shuffle_ps::<0xee>(a23, b23),
+            ]
+        })
+    }
+}

@@ -1,0 +1,278 @@
+//! Kernels over registers of elements against the same functions one element at a time: every
+//! instruction set of this machine, both number types, 1 to 33 elements, also degenerate ones.
+
+use bevy_ecs::prelude::*;
+use proptest::prelude::*;
+use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronShapes};
+use sinew_engine::lanes::InstructionSet;
+use sinew_engine::law::{EvaluationRequest, LawBuffer};
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::{BodyRows, Topology};
+use sinew_engine::workers::Workers;
+use sinew_models::fused::{FusedStVK, TetrahedronColumns, evaluate_columns};
+use sinew_models::material::YoungPoisson;
+use sinew_models::precompute::RestTetrahedron;
+use sinew_models::tetrahedron::{self, Element, TangentKind};
+
+/// A strip of tetrahedra in which neighbours share three vertices, and its deformation.
+#[derive(Clone)]
+struct Strip {
+    nodes: Vec<[u32; 4]>,
+    rest: Vec<RestTetrahedron>,
+    displacement: Vec<[f64; 4]>,
+    compression: bool,
+}
+
+/// How far vertices move, in units of the size of an element.
+#[derive(Clone, Copy, Debug)]
+enum Motion {
+    Random(f64),
+    /// All onto one point.
+    Collapsed,
+    /// Turned inside out.
+    Mirrored,
+    Rest,
+}
+
+fn strip(count: usize, noise: &[f64], motion: Motion, compression: bool) -> Strip {
+    let mut at = 0;
+    let mut next = || {
+        at += 1;
+        noise[at % noise.len()]
+    };
+    // points on a helix, so that four in a row span a volume
+    let points: Vec<[f64; 3]> = (0..count + 3)
+        .map(|i| {
+            let t = i as f64 * 1.9;
+            [t.cos() + 0.2 * next(), t.sin() + 0.2 * next(), 0.4 * i as f64 + 0.1 * next()]
+        })
+        .collect();
+    let mut nodes = Vec::new();
+    let mut rest = Vec::new();
+    for i in 0..count as u32 {
+        let mut t = [i, i + 1, i + 2, i + 3];
+        let corner = |t: [u32; 4]| RestTetrahedron::new(t.map(|v| points[v as usize]));
+        let shape = corner(t).or_else(|_| {
+            t.swap(2, 3);
+            corner(t)
+        });
+        nodes.push(t);
+        rest.push(shape.expect("a volume in one of both orders"));
+    }
+    let displacement = points
+        .iter()
+        .map(|p| {
+            let [x, y, z] = match motion {
+                Motion::Random(size) => [size * next(), size * next(), size * next()],
+                Motion::Collapsed => [-p[0], -p[1], -p[2]],
+                Motion::Mirrored => [0.0, 0.0, -2.0 * p[2]],
+                Motion::Rest => [0.0; 3],
+            };
+            [x, y, z, 0.0]
+        })
+        .collect();
+    Strip { nodes, rest, displacement, compression }
+}
+
+impl Strip {
+    fn edges(&self) -> Vec<[u32; 2]> {
+        let mut edges: Vec<[u32; 2]> = self
+            .nodes
+            .iter()
+            .flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| [t[a].min(t[b]), t[a].max(t[b])]))
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        edges
+    }
+
+    /// Energy, forces, diagonal and off-diagonal blocks, clamped elements; from the kernels with an
+    /// instruction set, or one by one without.
+    fn evaluate<S: Scalar>(&self, kind: TangentKind, set: Option<InstructionSet>) -> Sums {
+        let material = YoungPoisson { young_modulus: 1.0, poisson_ratio: 0.4, density: 1.0 };
+        let lame = material.lame().unwrap();
+        let elements: Vec<Element<S>> =
+            self.rest.iter().map(|r| Element::new(r, lame, self.compression)).collect();
+        let u: Vec<[S; 4]> = self.displacement.iter().map(|u| u.map(S::from_f64)).collect();
+        let edges = self.edges();
+        let block = |a: u32, b: u32| edges.binary_search(&[a.min(b), a.max(b)]).unwrap() as u32;
+        let blocks: Vec<[u32; 6]> =
+            self.nodes.iter().map(|t| TETRAHEDRON_EDGES.map(|[a, b]| block(t[a], t[b]))).collect();
+        let Some(set) = set else {
+            return self.one_by_one(&elements, &u, &blocks, kind, edges.len());
+        };
+        let mut topology = Topology::default();
+        topology.push(
+            BodyRows {
+                name: String::new(),
+                vertices: 0..0,
+                blocks: 0..0,
+                vertex_order: (0..u.len() as u32).collect(),
+                row_of_vertex: (0..u.len() as u32).collect(),
+                tetrahedra: self.nodes.clone(),
+                tetrahedron_order: Vec::new(),
+                size: 1.0,
+                piece: Vec::new(),
+            },
+            &edges,
+        );
+        let mut buffer = LawBuffer::<FusedStVK, S>::default();
+        buffer.partition(self.nodes.len(), &topology, |i| &self.nodes[i]);
+        let column = |f: &dyn Fn(&Element<S>) -> S| elements.iter().map(f).collect::<Vec<S>>();
+        let gradients: [Vec<S>; 9] =
+            std::array::from_fn(|i| column(&|e| e.gradients[i / 3][i % 3]));
+        let columns = TetrahedronColumns {
+            shapes: TetrahedronShapes {
+                displacement: &u,
+                nodes: &self.nodes,
+                gradients: std::array::from_fn(|i| &gradients[i][..]),
+            },
+            blocks: &blocks,
+            volume: &column(&|e| e.volume),
+            lambda: &column(&|e| e.lambda),
+            mu: &column(&|e| e.mu),
+            compression: &column(&|e| e.compression),
+        };
+        let workers = Workers::serial().with_instruction_set(set).unwrap();
+        let request = EvaluationRequest { energy: true, force: true, tangent: Some(kind) };
+        evaluate_columns(&columns, &request, &workers, &mut buffer);
+        let [span] = &buffer.spans[..] else { panic!("a small body is one range") };
+        Sums {
+            energy: span.energy,
+            force: widened(&span.force),
+            diagonal: widened(&span.diagonal),
+            off: widened(&span.off_diagonal),
+            clamped: span.clamped,
+        }
+    }
+
+    fn one_by_one<S: Scalar>(
+        &self,
+        elements: &[Element<S>],
+        u: &[[S; 4]],
+        blocks: &[[u32; 6]],
+        kind: TangentKind,
+        edges: usize,
+    ) -> Sums {
+        let mut sums = Sums {
+            energy: 0.0,
+            force: vec![[0.0; 4]; u.len()],
+            diagonal: vec![[0.0; 9]; u.len()],
+            off: vec![[0.0; 9]; edges],
+            clamped: 0,
+        };
+        for (i, e) in elements.iter().enumerate() {
+            let rows = self.nodes[i];
+            let local = rows.map(|v| u[v as usize]).map(|u| [u[0], u[1], u[2]]);
+            sums.energy += tetrahedron::energy(e, &local).to_f64();
+            let forces = tetrahedron::forces(e, &local);
+            let t = tetrahedron::tangent(e, &local, kind);
+            let exact = tetrahedron::tangent(e, &local, TangentKind::Exact);
+            sums.clamped += u64::from(kind == TangentKind::Projected && t != exact);
+            for (a, &row) in rows.iter().enumerate() {
+                (0..3).for_each(|k| sums.force[row as usize][k] += forces[a][k].to_f64());
+                (0..9).for_each(|k| sums.diagonal[row as usize][k] += t.diagonal[a][k].to_f64());
+            }
+            for (edge, [a, b]) in TETRAHEDRON_EDGES.into_iter().enumerate() {
+                let (a, b) = if rows[a] < rows[b] { (a, b) } else { (b, a) };
+                let m = t.block(a, b);
+                (0..9).for_each(|k| sums.off[blocks[i][edge] as usize][k] += m[k].to_f64());
+            }
+        }
+        sums
+    }
+}
+
+struct Sums {
+    energy: f64,
+    force: Vec<[f64; 4]>,
+    diagonal: Vec<[f64; 9]>,
+    off: Vec<[f64; 9]>,
+    clamped: u64,
+}
+
+fn widened<S: Scalar, const N: usize>(rows: &[[S; N]]) -> Vec<[f64; N]> {
+    rows.iter().map(|row| row.map(S::to_f64)).collect()
+}
+
+/// Largest difference over largest value.
+fn off_by<const N: usize>(a: &[[f64; N]], b: &[[f64; N]], floor: f64) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let scale = a.as_flattened().iter().fold(floor, |m, x| m.max(x.abs()));
+    let pairs = a.as_flattened().iter().zip(b.as_flattened());
+    pairs.fold(0.0, |m: f64, (x, y)| {
+        assert!(x.is_finite() && y.is_finite());
+        m.max((x - y).abs() / scale)
+    })
+}
+
+fn compare<S: Scalar>(strip: &Strip) {
+    let tolerance = 400.0 * S::EPSILON.to_f64();
+    let largest = |m: &[[f64; 9]]| m.as_flattened().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    // stiffness at rest times element size (1): what forces are made of before they cancel
+    let rest = Strip { displacement: vec![[0.0; 4]; strip.displacement.len()], ..strip.clone() };
+    let stiffness = largest(&rest.evaluate::<f64>(TangentKind::Exact, None).diagonal);
+    for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
+        let expected = strip.evaluate::<S>(kind, None);
+        for set in InstructionSet::ALL.into_iter().filter(|set| set.is_available()) {
+            let found = strip.evaluate::<S>(kind, Some(set));
+            let name = format!("{} {} {kind:?} {}", set.name(), S::NAME, strip.nodes.len());
+            let scale = stiffness.max(largest(&expected.diagonal));
+            assert!(off_by(&expected.force, &found.force, scale) < tolerance, "force {name}");
+            assert!(
+                off_by(&expected.diagonal, &found.diagonal, scale) < tolerance,
+                "diagonal {name}"
+            );
+            assert!(off_by(&expected.off, &found.off, scale) < tolerance, "off-diagonal {name}");
+            let energy = (expected.energy - found.energy).abs();
+            assert!(
+                energy <= tolerance * expected.energy.max(scale * 1e-3),
+                "energy {name}: {energy}"
+            );
+            // an eigenvalue at the threshold may fall on either side
+            assert!(expected.clamped.abs_diff(found.clamped) <= 1, "clamped {name}");
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn every_instruction_set_gives_what_single_elements_give(
+        count in 1usize..=33,
+        noise in prop::collection::vec(-1.0..1.0f64, 97),
+        size in prop::sample::select(vec![1e-6, 1e-3, 0.1, 0.6, 3.0]),
+        compression: bool,
+    ) {
+        let strip = strip(count, &noise, Motion::Random(size), compression);
+        compare::<f64>(&strip);
+        compare::<f32>(&strip);
+    }
+}
+
+#[test]
+fn every_remainder_and_degenerate_elements() {
+    let noise: Vec<f64> = (0..97).map(|i| ((i * 37 + 11) % 97) as f64 / 48.5 - 1.0).collect();
+    for count in 1..=33 {
+        for motion in [Motion::Rest, Motion::Random(0.3), Motion::Collapsed, Motion::Mirrored] {
+            for compression in [false, true] {
+                let strip = strip(count, &noise, motion, compression);
+                compare::<f64>(&strip);
+                compare::<f32>(&strip);
+            }
+        }
+    }
+}
+
+#[test]
+fn this_machine_is_told_apart() {
+    let mut world = World::new();
+    world.insert_resource(Workers::serial());
+    let best = world.resource::<Workers>().instruction_set();
+    assert!(best.is_available() && InstructionSet::Scalar.is_available());
+    let missing = InstructionSet::ALL.into_iter().filter(|set| !set.is_available());
+    for set in missing {
+        assert!(Workers::serial().with_instruction_set(set).is_err());
+    }
+}
