@@ -12,9 +12,10 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::engine::columns::single_table;
 use sinew::engine::element::{
-    EdgeChange, EdgeTension, EdgeVertices, RestEdge, RestVolume, ShapeGradients, TetrahedronBlocks,
-    TetrahedronEdges, TetrahedronVertices, TriangleEdges,
+    EdgeChange, EdgeTension, EdgeVertices, RestEdge, TetrahedronBlocks, TetrahedronEdges,
+    TetrahedronVertices, TriangleEdges,
 };
+use sinew::engine::lanes::InstructionSet;
 use sinew::engine::law::{ElasticEnergy, LawBuffer, TangentKind};
 use sinew::engine::matrix::{BlockMatrix, ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
@@ -23,7 +24,7 @@ use sinew::engine::scalar::Scalar;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::ElasticForce;
 use sinew::engine::workers::Workers;
-use sinew::models::fused::{FusedStVK, Moduli};
+use sinew::models::fused::FusedStVK;
 use sinew::models::pooled::{
     AngularStiffness, AngularTension, TensileStiffness, TensileTension, VolumetricStiffness,
     VolumetricTension,
@@ -62,6 +63,8 @@ pub struct KernelRow {
     pub precision: String,
     /// Threads.
     pub threads: usize,
+    /// Instruction set of the kernels.
+    pub instructions: String,
     /// Wall time per tetrahedron (ns).
     pub ns_per_tet: Spread,
     /// Counted operations over median time (GFLOP/s).
@@ -151,6 +154,7 @@ struct Variant {
     subject: usize,
     quantity: Quantity,
     threads: usize,
+    instructions: InstructionSet,
     repetitions: usize,
 }
 
@@ -170,27 +174,42 @@ fn size_rows(
         subjects.push(Box::new(Body::<f64>::new(mesh, evaluation, model, &reference)?));
         subjects.push(Box::new(Body::<f32>::new(mesh, evaluation, model, &reference)?));
     }
-    let pools: Vec<(usize, Workers)> = options
+    let best = InstructionSet::best();
+    let narrower = InstructionSet::ALL.into_iter().filter(|s| *s != best && s.is_available());
+    let settings: Vec<(usize, InstructionSet)> = options
         .threads
         .iter()
-        .map(|&n| Ok((n, Workers::new(n)?)))
-        .collect::<Result<_, SimulationError>>()?;
-    let mut pools: BTreeMap<usize, Option<Workers>> =
-        pools.into_iter().map(|(n, workers)| (n, Some(workers))).collect();
+        .map(|&n| (n, best))
+        .chain(narrower.map(|set| (options.threads[0], set)))
+        .collect();
+    let mut pools = Vec::new();
+    for &(n, set) in &settings {
+        let workers = Workers::new(n).and_then(|w| w.with_instruction_set(set));
+        pools.push(((n, set), Some(workers.map_err(SimulationError::from)?)));
+    }
 
     let mut variants = Vec::new();
     for (i, subject) in subjects.iter_mut().enumerate() {
         for quantity in subject.quantities() {
             let repetitions = subject.repetitions(quantity);
-            for &threads in &options.threads {
-                variants.push(Variant { subject: i, quantity, threads, repetitions });
+            for &(threads, instructions) in &settings {
+                if instructions == best || subject.has_lanes(quantity) {
+                    variants.push(Variant {
+                        subject: i,
+                        quantity,
+                        threads,
+                        instructions,
+                        repetitions,
+                    });
+                }
             }
         }
     }
     let mut passes: BTreeMap<(usize, usize, &'static str), Vec<f64>> = BTreeMap::new();
     let samples = interleave(&mut variants, options.rounds, |v| {
         let subject = &mut subjects[v.subject];
-        let pool = pools.get_mut(&v.threads);
+        let key = (v.threads, v.instructions);
+        let pool = pools.iter_mut().find(|(k, _)| *k == key).map(|(_, pool)| pool);
         let (seconds, parts) = subject.measure(v.quantity, pool, v.repetitions);
         if subject.evaluation() == Evaluation::Pooled && v.quantity == Quantity::Force {
             for (name, seconds) in parts {
@@ -221,6 +240,7 @@ fn size_rows(
             tetrahedra: count,
             precision: subject.precision().to_string(),
             threads: v.threads,
+            instructions: v.instructions.name().into(),
             ns_per_tet: seconds.scaled(1e9 / count as f64),
             gflop_per_s: work.flops.map(|flops| flops / median / 1e9),
             gb_per_s: work.bytes.map(|bytes| bytes / median / 1e9),
@@ -230,7 +250,7 @@ fn size_rows(
         });
     }
     for ((subject, threads, name), samples) in passes {
-        let Some(seconds) = Spread::of(&samples) else { continue };
+        let Some(seconds) = Spread::of(&samples).filter(|s| s.median > 0.0) else { continue };
         let subject = &subjects[subject];
         rows.push(KernelRow {
             kernel: format!("pooled: {name}"),
@@ -239,6 +259,7 @@ fn size_rows(
             tetrahedra: count,
             precision: subject.precision().into(),
             threads,
+            instructions: best.name().into(),
             ns_per_tet: seconds.scaled(1e9 / count as f64),
             gflop_per_s: None,
             gb_per_s: None,
@@ -270,6 +291,8 @@ trait Subject {
         repetitions: usize,
     ) -> (f64, Vec<(&'static str, f64)>);
     fn names(&self, quantity: Quantity) -> (String, String);
+    /// Whether its kernel is compiled for several instruction sets and worth a comparison of them.
+    fn has_lanes(&self, quantity: Quantity) -> bool;
     fn work(&self, quantity: Quantity) -> Work;
     fn error(&self, quantity: Quantity) -> Option<f64>;
     fn evaluation(&self) -> Evaluation;
@@ -427,13 +450,19 @@ impl<S: Scalar> Subject for Body<S> {
         (kernel.to_string(), quantity.name().to_string())
     }
 
+    fn has_lanes(&self, quantity: Quantity) -> bool {
+        self.evaluation == Evaluation::Fused
+            && self.model == Model::CompressibleStVK
+            && !matches!(quantity, Quantity::Product | Quantity::Gather)
+    }
+
     fn work(&self, quantity: Quantity) -> Work {
         let [tetrahedra, vertices, edges, triangles] = self.counts;
         let fused = ElementFlops::count(self.model == Model::CompressibleStVK);
         let row = size_of::<[S; 4]>() as f64;
         let block = size_of::<[S; 9]>() as f64;
-        let element = size_of::<(TetrahedronVertices, ShapeGradients<S>, RestVolume<S>)>()
-            + size_of::<Moduli<S>>();
+        // nine shape gradients, volume, three moduli
+        let element = size_of::<TetrahedronVertices>() + size_of::<[S; 9 + 1 + 3]>();
         let read = tetrahedra * element as f64 + vertices * row;
         let tangent_bytes =
             tetrahedra * size_of::<TetrahedronBlocks>() as f64 + (vertices + edges) * block;
@@ -611,7 +640,7 @@ fn columns_against_arrays<S: Scalar>(mesh: &Mesh, rounds: Rounds) -> Result<Colu
 }
 
 impl KernelReport {
-    /// The row of a kernel, with the number of tetrahedra nearest to one asked for.
+    /// The row of a kernel with the widest instruction set, with the number of tetrahedra nearest to one asked for.
     pub fn find(
         &self,
         [kernel, quantity, model, precision]: [&str; 4],
@@ -621,6 +650,7 @@ impl KernelReport {
         self.rows.iter().find(|r| {
             [&*r.kernel, &*r.quantity, &*r.model, &*r.precision]
                 == [kernel, quantity, model, precision]
+                && r.instructions == InstructionSet::best().name()
                 && r.threads == threads
                 && r.tetrahedra.abs_diff(tetrahedra) * 20 < tetrahedra
         })
@@ -632,8 +662,8 @@ impl KernelReport {
             "kernels",
             "Kernels: beam 0.2 x 0.05 x 0.05 m bent by 0.5 rad, E 10 kPa, nu 0.45",
             &[
-                "kernel", "quantity", "model", "tets", "precision", "threads", "ns/tet",
-                "quartiles", "least", "GFLOP/s", "GB/s", "roofline %", "limit", "error",
+                "kernel", "quantity", "model", "tets", "precision", "threads", "instructions",
+                "ns/tet", "quartiles", "least", "GFLOP/s", "GB/s", "roofline %", "limit", "error",
             ],
         )
         .note(
@@ -653,8 +683,38 @@ impl KernelReport {
              the plain f64 sum over elements, over the largest value there (tangents: product with a \
              fixed vector).",
         );
+        let mut passes = Table::new(
+            "passes",
+            "Passes of the pooled force",
+            &[
+                "pass",
+                "tets",
+                "precision",
+                "threads",
+                "instructions",
+                "ns/tet",
+                "quartiles",
+                "least",
+                "error",
+            ],
+        )
+        .note("error: that of the force.");
         for r in &self.rows {
             let s = &r.ns_per_tet;
+            if let Some(pass) = r.kernel.strip_prefix("pooled: ") {
+                passes.row(vec![
+                    pass.into(),
+                    r.tetrahedra.into(),
+                    (&r.precision).into(),
+                    r.threads.into(),
+                    (&r.instructions).into(),
+                    s.median.into(),
+                    quartiles(s),
+                    s.minimum.into(),
+                    r.error.into(),
+                ]);
+                continue;
+            }
             kernels.row(vec![
                 (&r.kernel).into(),
                 (&r.quantity).into(),
@@ -662,6 +722,7 @@ impl KernelReport {
                 r.tetrahedra.into(),
                 (&r.precision).into(),
                 r.threads.into(),
+                (&r.instructions).into(),
                 s.median.into(),
                 quartiles(s),
                 s.minimum.into(),
@@ -688,7 +749,7 @@ impl KernelReport {
                 r.difference.into(),
             ]);
         }
-        vec![kernels, columns]
+        vec![kernels, passes, columns]
     }
 }
 

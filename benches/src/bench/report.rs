@@ -11,6 +11,7 @@ use super::scenes::{self, SceneRow};
 use super::step::StepReport;
 use super::table::{Table, escape};
 use serde::{Deserialize, Serialize};
+use sinew::engine::lanes::InstructionSet;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -182,6 +183,7 @@ impl Report {
                     .rows
                     .iter()
                     .filter(|r| r.precision == precision && !r.kernel.starts_with("pooled:"))
+                    .filter(|r| r.instructions == InstructionSet::best().name())
                     .map(|r| {
                         let what = format!("{} {} force", r.kernel, r.model);
                         let size = (r.tetrahedra + 500) / 1000;
