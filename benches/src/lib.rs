@@ -1,6 +1,7 @@
 //! The bench (speed against error, `sinew bench` and `sinew advise`) and the suite of hard cases
 //! (`sinew stability`).
 
+pub mod advise;
 pub mod beam;
 pub mod bench;
 pub mod stability;
