@@ -329,7 +329,7 @@ fn choose(rows: &[Row], request: Request) -> Option<(usize, bool)> {
 fn mark(rows: &mut [Row]) {
     let pair = |r: &Row| [r.frame_ms, r.error_percent.unwrap_or(f64::NAN)];
     let pairs: Vec<[f64; 2]> = rows.iter().map(pair).collect();
-    let on_front = front(&pairs);
+    let on_front = front(&pairs, 0.01);
     for (i, row) in rows.iter_mut().enumerate() {
         row.pareto = on_front.contains(&i);
     }

@@ -68,6 +68,11 @@ fn svg(
     Ok(text)
 }
 
+/// Label of a tick of the bars' axis.
+fn linear_label(x: f64, logarithmic: bool) -> String {
+    if logarithmic || x == 0.0 { tick_label(&x) } else { super::table::three_digits(x) }
+}
+
 /// Whole decades around values, at least one.
 fn decades(values: impl Iterator<Item = f64>) -> Option<std::ops::Range<f64>> {
     let (mut low, mut high) = (f64::INFINITY, 0.0_f64);
@@ -81,9 +86,14 @@ fn decades(values: impl Iterator<Item = f64>) -> Option<std::ops::Range<f64>> {
     })
 }
 
-fn power(x: &f64) -> String {
-    if (1e-3..1e4).contains(x) { format!("{x}") } else { format!("{x:.0e}") }
+/// Label of a tick: ticks of logarithmic axes carry rounding errors.
+fn tick_label(x: &f64) -> String {
+    let rounded = format!("{x:.0e}").parse().unwrap_or(*x);
+    if (1e-3..1e4).contains(&rounded) { format!("{rounded}") } else { format!("{x:.0e}") }
 }
+
+/// Errors (%) below this are rounding; they are drawn on the floor of the chart.
+const FLOOR: f64 = 1e-8;
 
 /// Error (%) over cost (s), both logarithmic, with lines through the points that nothing beats.
 ///
@@ -97,8 +107,16 @@ pub fn speed_against_error(
     fronts: &[Vec<[f64; 2]>],
 ) -> Result<String, BenchError> {
     let all = || series.iter().flat_map(|s| &s.points);
-    let (Some(xs), Some(ys)) = (decades(all().map(|p| p[0])), decades(all().map(|p| p[1]))) else {
+    let errors = decades(all().map(|p| p[1].max(FLOOR)));
+    let (Some(xs), Some(ys)) = (decades(all().map(|p| p[0])), errors) else {
         return Err(BenchError::Chart(format!("{title}: no points")));
+    };
+    // costs need no whole decades
+    let costs = || all().map(|p| p[0]).filter(|x| x.is_finite() && *x > 0.0);
+    let xs = if xs.end / xs.start > 10.0 {
+        costs().fold(f64::INFINITY, f64::min) / 1.5..costs().fold(0.0, f64::max) * 1.5
+    } else {
+        xs
     };
     svg((860, 520), |area| {
         let (chart_area, legend) = area.split_horizontally(630);
@@ -116,8 +134,8 @@ pub fn speed_against_error(
             .axis_style(INK)
             .x_desc(cost)
             .y_desc(error)
-            .x_label_formatter(&power)
-            .y_label_formatter(&power)
+            .x_label_formatter(&tick_label)
+            .y_label_formatter(&tick_label)
             .label_style((FONT, 13).into_font().color(&INK))
             .axis_desc_style((FONT, 14).into_font().color(&INK))
             .draw()
@@ -202,7 +220,7 @@ pub fn bars(title: &str, unit: &str, bars: &[Bar]) -> Result<String, BenchError>
             let x = place(tick);
             let line = PathElement::new(vec![(x, top as i32 - 4), (x, bottom as i32)], GRID);
             area.draw(&line).map_err(failed)?;
-            text(&power(&((tick * 1e9).round() / 1e9)), (x - 8, bottom as i32 + 4), 12)?;
+            text(&tick_label(&((tick * 1e9).round() / 1e9)), (x - 8, bottom as i32 + 4), 12)?;
         }
         text(unit, (left as i32, bottom as i32 + 22), 13)?;
         for (i, bar) in bars.iter().enumerate() {

@@ -469,6 +469,19 @@ fn accuracy_charts(report: &AccuracyReport) -> Result<Vec<Chart>, BenchError> {
             colour: i,
         })
         .collect();
+    let mut meshes: Vec<(&str, usize)> =
+        report.points.iter().map(|p| (p.case.as_str(), p.tetrahedra)).collect();
+    meshes.dedup();
+    let overview_fronts: Vec<Vec<[f64; 2]>> = meshes
+        .into_iter()
+        .map(|mesh| {
+            let on_front =
+                report.points.iter().filter(|p| p.pareto && (&*p.case, p.tetrahedra) == mesh);
+            let mut front: Vec<[f64; 2]> = on_front.map(|p| pair(p, false)).collect();
+            front.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            front
+        })
+        .collect();
     charts.push(Chart {
         name: "speed-against-error".into(),
         svg: plot::speed_against_error(
@@ -476,7 +489,7 @@ fn accuracy_charts(report: &AccuracyReport) -> Result<Vec<Chart>, BenchError> {
             "wall time (s): to the answer, or per simulated second",
             "error against the converged solution on the same mesh (%)",
             &overview,
-            &[],
+            &overview_fronts,
         )?,
     });
     for case in &report.cases {
