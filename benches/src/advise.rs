@@ -138,6 +138,8 @@ pub struct Row {
     pub step: String,
     /// Relative residual of linear systems; `None` for explicit integrators.
     pub linear_tolerance: Option<f64>,
+    /// Last Newton step over body size; `None` for integrators without.
+    pub newton_tolerance: Option<f64>,
     /// `f64` or `f32`.
     pub precision: String,
     /// Evaluation.
@@ -217,6 +219,8 @@ struct Run {
 
 /// Wall time (s) that a candidate may take.
 const CANDIDATE_SECONDS: f64 = 20.0;
+/// Wall time (s) that every candidate gets.
+const PATIENCE_SECONDS: f64 = 2.0;
 /// Wall time (s) that the horizon should take with the settings of the scene.
 const HORIZON_SECONDS: f64 = 2.0;
 /// Candidates above so many budgets are given up.
@@ -438,8 +442,8 @@ impl Search<'_> {
                 run.states.push(states.collect());
             }
             if let Some(limit) = limit {
-                let hopeless = !self.fixed && frame >= 5 && total > limit * frame as f64;
-                if frame < frames && (hopeless || total > CANDIDATE_SECONDS) {
+                let hopeless = total > PATIENCE_SECONDS && total > limit * frame as f64;
+                if frame < frames && !self.fixed && (hopeless || total > CANDIDATE_SECONDS) {
                     run.note = format!("stopped after {frame} of {frames} frames, too slow");
                     return Ok(run);
                 }
@@ -479,6 +483,8 @@ impl Search<'_> {
                 _ => format!("{} load steps", scene.load_steps.unwrap_or(1)),
             },
             linear_tolerance: (!explicit).then_some(scene.solver.linear_tolerance),
+            newton_tolerance: matches!(integrator, Integrator::QuasiStatic | Integrator::Newton)
+                .then_some(scene.solver.newton_tolerance),
             precision: Precision::from(scene.precision).name().into(),
             evaluation: names(&|i| evaluation_name(scene.bodies[i].evaluation)),
             model: names(&|i| model_name(scene.bodies[i].model)),
@@ -605,6 +611,7 @@ impl Advice {
                 "integrator",
                 "step",
                 "tol",
+                "newton tol",
                 "precision",
                 "evaluation",
                 "model",
@@ -628,6 +635,7 @@ impl Advice {
                 (&r.integrator).into(),
                 (&r.step).into(),
                 r.linear_tolerance.into(),
+                r.newton_tolerance.into(),
                 (&r.precision).into(),
                 (&r.evaluation).into(),
                 (&r.model).into(),

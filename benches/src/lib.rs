@@ -1,7 +1,8 @@
-//! The bench (speed against error, `sinew bench` and `sinew advise`) and the suite of hard cases
-//! (`sinew stability`).
+//! The bench (speed against error, `sinew bench` and `sinew advise`), the rivals and the suite of hard
+//! cases (`sinew stability`).
 
 pub mod advise;
 pub mod beam;
 pub mod bench;
+pub mod peers;
 pub mod stability;

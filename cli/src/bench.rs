@@ -24,6 +24,9 @@ pub struct BenchArguments {
     /// Only this case of the accuracy part; may be given several times.
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
+    /// Python with the package `mujoco` [default: python3].
+    #[arg(long, value_name = "PATH")]
+    python: Option<String>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -36,6 +39,9 @@ enum What {
     Accuracy,
     /// The demo scenes as they are.
     Scenes,
+    /// Sinew beside MuJoCo flex (pip install mujoco; see --python) and Rapier (build with --features
+    /// rapier), same mesh, material and load; what is absent is skipped with a message.
+    Peers,
     /// Everything, one report.
     All,
 }
@@ -47,7 +53,10 @@ impl BenchArguments {
             What::Step => vec![Part::Step],
             What::Accuracy => vec![Part::Accuracy],
             What::Scenes => vec![Part::Scenes],
-            What::All => vec![Part::Kernels, Part::Step, Part::Accuracy, Part::Scenes],
+            What::Peers => vec![Part::Peers],
+            What::All => {
+                vec![Part::Kernels, Part::Step, Part::Accuracy, Part::Scenes, Part::Peers]
+            }
         }
     }
 
@@ -78,6 +87,7 @@ pub fn bench(arguments: &BenchArguments) -> Outcome {
         quick: arguments.quick,
         sizes: arguments.tets.clone(),
         cases: arguments.cases.clone(),
+        python: arguments.python.clone(),
     };
     let tell = |what: &str| eprintln!("{what}");
     let report = run(&arguments.command(), &arguments.parts(), &options, tell)?;

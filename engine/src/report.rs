@@ -15,6 +15,17 @@ pub struct StepReport {
     pub cg_caps: u32,
     /// Relative residual of the last linear solve.
     pub cg_residual: f64,
+    /// Preconditioner of the last linear solve, empty without one.
+    pub preconditioner: &'static str,
+    /// Times the values of preconditioners were computed anew; other solves used those of earlier
+    /// ones.
+    pub preconditioner_refreshes: u32,
+    /// Incomplete factorisations of parts of a body that broke down and were repeated with weaker
+    /// couplings.
+    pub preconditioner_breakdowns: u32,
+    /// Linear solves that mixed precision could not bring to the tolerance and full precision took
+    /// over.
+    pub precision_fallbacks: u32,
     /// Newton ended at its iteration cap without reaching the tolerance.
     pub unconverged: bool,
     /// Length of the last Newton step over body size.

@@ -1,5 +1,6 @@
 //! Why a bench cannot be carried out.
 
+use crate::peers::PeerError;
 use sinew::engine::mesh::MeshError;
 use sinew::models::body::BodyError;
 use sinew::models::material::MaterialError;
@@ -33,6 +34,9 @@ pub enum BenchError {
     /// A scene cannot be run.
     #[error(transparent)]
     Run(#[from] RunError),
+    /// A comparison with other engines.
+    #[error(transparent)]
+    Peer(#[from] PeerError),
     /// A world lost its columns.
     #[error("the world has no single table of fused tetrahedra: bench one body at a time")]
     NoColumns,

@@ -18,6 +18,7 @@ pub mod stats;
 pub mod step;
 pub mod table;
 
+use crate::peers::PeerOptions;
 use error::BenchError;
 use machine::Watch;
 use report::Report;
@@ -34,6 +35,8 @@ pub enum Part {
     Accuracy,
     /// Demo scenes.
     Scenes,
+    /// Other engines beside ours.
+    Peers,
 }
 
 impl Part {
@@ -44,6 +47,7 @@ impl Part {
             Self::Step => "step",
             Self::Accuracy => "accuracy",
             Self::Scenes => "scenes",
+            Self::Peers => "peers",
         }
     }
 }
@@ -57,6 +61,8 @@ pub struct BenchOptions {
     pub sizes: Vec<usize>,
     /// Cases of the accuracy part; all when empty.
     pub cases: Vec<String>,
+    /// Python with the package `mujoco`, for the rivals.
+    pub python: Option<String>,
 }
 
 /// Runs parts of the bench; `tell` hears what is going on.
@@ -120,6 +126,13 @@ pub fn run(
             }
             Part::Scenes => {
                 report.scenes = Some(scenes::run(quick.then_some(50), &mut tell)?);
+            }
+            Part::Peers => {
+                tell("peers");
+                let default = PeerOptions::default();
+                let python = options.python.clone().unwrap_or(default.python);
+                let options = PeerOptions { quick, python, ..PeerOptions::default() };
+                report.peers = Some(crate::peers::run(&options)?);
             }
         }
         report.add_load(part.name(), watch.finish());

@@ -220,7 +220,7 @@ pub fn bars(title: &str, unit: &str, bars: &[Bar]) -> Result<String, BenchError>
             let x = place(tick);
             let line = PathElement::new(vec![(x, top as i32 - 4), (x, bottom as i32)], GRID);
             area.draw(&line).map_err(failed)?;
-            text(&tick_label(&((tick * 1e9).round() / 1e9)), (x - 8, bottom as i32 + 4), 12)?;
+            text(&linear_label(tick, logarithmic), (x - 8, bottom as i32 + 4), 12)?;
         }
         text(unit, (left as i32, bottom as i32 + 22), 13)?;
         for (i, bar) in bars.iter().enumerate() {

@@ -10,6 +10,7 @@ use super::roofline::Limits;
 use super::scenes::{self, SceneRow};
 use super::step::StepReport;
 use super::table::{Table, escape};
+use crate::peers::PeerReport;
 use serde::{Deserialize, Serialize};
 use sinew::engine::lanes::InstructionSet;
 use std::fmt::Write;
@@ -45,6 +46,8 @@ pub struct Report {
     pub accuracy: Option<AccuracyReport>,
     /// Demo scenes.
     pub scenes: Option<Vec<SceneRow>>,
+    /// Other engines beside ours.
+    pub peers: Option<PeerReport>,
 }
 
 /// Load of the machine during one part.
@@ -80,6 +83,7 @@ impl Report {
             step: None,
             accuracy: None,
             scenes: None,
+            peers: None,
         }
     }
 
@@ -112,6 +116,7 @@ impl Report {
         tables.extend(self.step.iter().flat_map(StepReport::tables));
         tables.extend(self.accuracy.iter().flat_map(AccuracyReport::tables));
         tables.extend(self.scenes.as_deref().map(scenes::table));
+        tables.extend(self.peers.iter().flat_map(peer_tables));
         tables.push(self.load_table());
         tables
     }
@@ -288,6 +293,16 @@ impl Report {
                 ]);
             }
         }
+        for r in self.peers.iter().flat_map(|p| &p.rows) {
+            key.row(vec![
+                format!("{} {}: step", r.engine, r.version).into(),
+                format!("{}, {} tets, {}, {} threads", r.scene, r.elements, r.setting, r.threads)
+                    .into(),
+                r.ms_per_step.into(),
+                "ms".into(),
+                r.error_percent.map_or("-".into(), |e| format!("{e:.1e} % static")).into(),
+            ]);
+        }
         for p in self.accuracy.iter().flat_map(|a| &a.points) {
             if p.pareto && p.error_percent.is_some_and(|e| e < 5.0) {
                 let motion = self.accuracy.iter().flat_map(|a| &a.cases);
@@ -424,6 +439,47 @@ impl Report {
         }
         Ok(written)
     }
+}
+
+fn peer_tables(report: &PeerReport) -> Vec<Table> {
+    let mut rows = Table::new(
+        "peers",
+        "Other engines beside Sinew: same mesh, material and load",
+        &[
+            "engine", "version", "scene", "tets", "setting", "threads", "precision", "ms/step",
+            "s per s", "force ns/tet", "static error %", "note",
+        ],
+    )
+    .note(
+        "ms/step: median of undamped steps of the beam let go from half its equilibrium, engines in \
+         turns. static error: root mean square of the displacement error of the settled beam over that \
+         of the equilibrium of the same mesh by converged Newton.",
+    );
+    for reason in &report.skipped {
+        rows = rows.note(format!("Not run: {reason}"));
+    }
+    for r in &report.rows {
+        rows.row(vec![
+            (&r.engine).into(),
+            (&r.version).into(),
+            (&r.scene).into(),
+            r.elements.into(),
+            (&r.setting).into(),
+            r.threads.into(),
+            (&r.precision).into(),
+            r.ms_per_step.into(),
+            r.cost_per_simulated_second.into(),
+            r.force_ns_per_element.into(),
+            r.error_percent.into(),
+            (&r.note).into(),
+        ]);
+    }
+    let mut aims = Table::new("peer-aims", "Aims against other engines", &["aim", "measured", ""]);
+    for aim in &report.aims {
+        let met = if aim.met { "met" } else { "missed" };
+        aims.row(vec![(&aim.aim).into(), (&aim.measured).into(), met.into()]);
+    }
+    vec![aims, rows]
 }
 
 /// Rows above which a table is folded in the page.

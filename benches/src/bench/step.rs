@@ -13,6 +13,7 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::report::SystemTimes;
 use sinew::engine::workers::Workers;
 use sinew::prelude::*;
+use sinew::solvers::settings::{LinearPrecision, Preconditioner};
 use sinew_demos::build::integrator_name;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -87,6 +88,8 @@ pub struct StepReport {
 const DT: f64 = 0.01;
 /// Explicit steps per sample: the stable step is estimated once in so many.
 const EXPLICIT_STEPS: u32 = 10;
+/// Safe steps per sample from the swinging state: preconditioners are kept for some steps.
+const SAFE_STEPS: u32 = 5;
 
 /// Runs all steps; `tell` hears what is going on.
 ///
@@ -155,24 +158,55 @@ impl Start {
     }
 }
 
-/// Linear solvers with their names.
-fn solvers() -> Vec<(String, SolverSettings)> {
-    vec![("block Jacobi".to_string(), SolverSettings::default())]
+/// Linear solvers with their names. Very large bodies leave out what is slow.
+fn solvers(precision: Precision, large: bool) -> Vec<(String, SolverSettings)> {
+    let solver = |preconditioner: Preconditioner, linear_precision| {
+        let digits = match (precision, linear_precision) {
+            (Precision::F64, LinearPrecision::Full) => "f64",
+            (Precision::F64, LinearPrecision::Mixed) => "mixed",
+            (Precision::F32, _) => "f32",
+        };
+        let settings =
+            SolverSettings { preconditioner, linear_precision, ..SolverSettings::default() };
+        (format!("{} {digits}", preconditioner.name()), settings)
+    };
+    let mut all = vec![solver(Preconditioner::Auto, LinearPrecision::Mixed)];
+    let others = [
+        Preconditioner::BlockJacobi,
+        Preconditioner::IncompleteCholesky,
+        Preconditioner::Multigrid,
+    ];
+    if !large {
+        all.extend(others.map(|preconditioner| solver(preconditioner, LinearPrecision::Mixed)));
+        if precision == Precision::F64 {
+            all.push(solver(Preconditioner::Auto, LinearPrecision::Full));
+            all.push(solver(Preconditioner::BlockJacobi, LinearPrecision::Full));
+        }
+    }
+    all
+}
+
+/// A body of one number type; settings, threads and state are set before every sample.
+struct Subject {
+    simulation: Simulation,
+    body: BodyHandle,
 }
 
 struct Variant {
-    simulation: Simulation,
-    body: BodyHandle,
+    subject: usize,
     start: usize,
     solver: String,
     settings: SolverSettings,
     threads: usize,
-    /// Seconds of linear solves of every sample.
+    /// Seconds of linear solves per step, of every sample.
     solves: Vec<f64>,
-    /// Seconds of force and exact tangent of every sample.
+    /// Seconds of force and exact tangent, of every sample.
     evaluations: Vec<f64>,
     row: Option<StepRow>,
 }
+
+/// Tetrahedra from which on only the default linear solver is measured.
+const LARGE: usize = 200_000;
 
 fn size_rows(
     mesh: &Mesh,
@@ -190,41 +224,42 @@ fn size_rows(
     for &n in &options.threads {
         pools.insert(n, Some(Workers::new(n).map_err(SimulationError::from)?));
     }
+    let mut subjects = Vec::new();
     let mut variants = Vec::new();
-    let mut add = |precision, threads, start, solver: &str, settings: SolverSettings| {
-        let (mut simulation, body) =
-            bent(mesh, precision, 1, Evaluation::Fused, Model::CompressibleStVK)?;
-        simulation.set_dt(DT);
-        simulation.set_solver(settings.clone());
+    let mut add = |subject, threads, start, solver: &str, settings: &SolverSettings| {
         variants.push(Variant {
-            simulation,
-            body,
+            subject,
             start,
             solver: solver.to_string(),
-            settings,
+            settings: settings.clone(),
             threads,
             solves: Vec::new(),
             evaluations: Vec::new(),
             row: None,
         });
-        Ok::<(), BenchError>(())
     };
     for precision in [Precision::F64, Precision::F32] {
+        let (mut simulation, body) =
+            bent(mesh, precision, 1, Evaluation::Fused, Model::CompressibleStVK)?;
+        simulation.set_dt(DT);
+        let subject = subjects.len();
+        subjects.push(Subject { simulation, body });
         for &threads in &options.threads {
-            for (name, settings) in solvers() {
+            for (name, settings) in solvers(precision, mesh.tetrahedra.len() > LARGE) {
                 for start in 0..starts.len() {
-                    add(precision, threads, start, &name, settings.clone())?;
+                    add(subject, threads, start, &name, &settings);
                 }
             }
             for integrator in [Integrator::SymplecticEuler, Integrator::StormerVerlet] {
                 let settings = SolverSettings { integrator, ..Default::default() };
-                add(precision, threads, 0, "", settings)?;
+                add(subject, threads, 0, "", &settings);
             }
         }
     }
     let samples = interleave(&mut variants, options.rounds, |variant| {
+        let subject = &mut subjects[variant.subject];
         let pool = pools.get_mut(&variant.threads);
-        variant.measure(&starts[variant.start], mesh, pool)
+        variant.measure(subject, &starts[variant.start], mesh, pool)
     })?;
 
     // the plain step of the same precision, solver and threads
@@ -251,88 +286,108 @@ fn size_rows(
     Ok(())
 }
 
-/// Precision, solver, threads.
-type StepKey = (&'static str, String, usize);
+/// Subject, solver, threads.
+type StepKey = (usize, String, usize);
 
 impl Variant {
     fn key(&self) -> StepKey {
-        (self.simulation.precision().name(), self.solver.clone(), self.threads)
+        (self.subject, self.solver.clone(), self.threads)
     }
 
+    /// Mean seconds of the steps of one sample.
     fn measure(
         &mut self,
+        subject: &mut Subject,
         start: &Start,
         mesh: &Mesh,
         pool: Option<&mut Option<Workers>>,
     ) -> Result<f64, BenchError> {
+        let Subject { simulation: s, body } = subject;
         let mut lent = None;
         if let Some(slot) = pool {
             if let Some(workers) = slot.take() {
-                self.simulation.world_mut().insert_resource(workers);
+                s.world_mut().insert_resource(workers);
             }
             lent = Some(slot);
         }
-        let explicit = self.settings.integrator != Integrator::Safe;
-        let s = &mut self.simulation;
-        if !explicit && start.name == "swinging" {
-            s.set_state(self.body, &start.u, &start.v)?;
+        let safe = self.settings.integrator == Integrator::Safe;
+        let swinging = start.name == "swinging";
+        s.set_solver(self.settings.clone());
+        // the subject was last used with other settings
+        s.set_state(*body, &start.u, &start.v)?;
+        s.step().map_err(SimulationError::from)?;
+        s.set_state(*body, &start.u, &start.v)?;
+        if safe && swinging {
             request(s, false, true, Some(TangentKind::Exact));
+            evaluate(s);
             let clock = Instant::now();
             evaluate(s);
             self.evaluations.push(clock.elapsed().as_secs_f64());
         }
-        s.set_state(self.body, &start.u, &start.v)?;
         s.world_mut().insert_resource(SystemTimes::default());
-        let clock = Instant::now();
-        s.step().map_err(SimulationError::from)?;
-        let mut seconds = clock.elapsed().as_secs_f64();
+        let steps = match (safe, swinging) {
+            (false, _) => EXPLICIT_STEPS,
+            (true, true) => SAFE_STEPS,
+            (true, false) => 1,
+        };
+        let mut seconds = 0.0;
+        for step in 0..steps {
+            let clock = Instant::now();
+            s.step().map_err(SimulationError::from)?;
+            seconds += clock.elapsed().as_secs_f64();
+            if step == 0 && self.row.is_none() {
+                self.row = Some(self.first_row(s, *body, start, mesh));
+            }
+        }
+        let steps = f64::from(steps);
         let times = s.world().resource::<SystemTimes>();
         let solve = times.entries.iter().find(|e| e.name == "linear solves");
-        self.solves.extend(solve.map(|e| e.seconds));
-        if self.row.is_none() {
-            let truth = if explicit { &start.explicit } else { &start.implicit };
-            let found = s.displacements(self.body);
-            let moved = |to: &[DVec3]| {
-                let ways = to.iter().zip(&start.u).map(|(a, b)| a.distance(*b));
-                ways.fold(0.0, f64::max)
-            };
-            let off = found.iter().zip(truth).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
-            let report = s.report();
-            self.row = Some(StepRow {
-                tetrahedra: mesh.tetrahedra.len(),
-                integrator: integrator_name(self.settings.integrator).to_string(),
-                solver: self.solver.clone(),
-                state: start.name.to_string(),
-                precision: s.precision().name().to_string(),
-                threads: self.threads,
-                ms: Spread {
-                    samples: 0,
-                    minimum: 0.0,
-                    lower_quartile: 0.0,
-                    median: 0.0,
-                    upper_quartile: 0.0,
-                },
-                ratio_to_plain: None,
-                cg_iterations: report.cg_iterations,
-                residual: report.cg_residual,
-                projections: report.projections,
-                substeps: report.substeps,
-                error_percent: Some(100.0 * off / moved(truth)),
-            });
-        }
-        if explicit {
-            let clock = Instant::now();
-            for _ in 1..EXPLICIT_STEPS {
-                s.step().map_err(SimulationError::from)?;
-            }
-            seconds = (seconds + clock.elapsed().as_secs_f64()) / f64::from(EXPLICIT_STEPS);
-        }
+        self.solves.extend(solve.map(|e| e.seconds / steps));
         if let Some(slot) = lent {
             let world = s.world_mut();
             *slot = world.remove_resource::<Workers>();
             world.insert_resource(Workers::serial());
         }
-        Ok(seconds)
+        Ok(seconds / steps)
+    }
+
+    /// The row of the first step from the start, still without times.
+    fn first_row(
+        &self,
+        s: &mut Simulation,
+        body: BodyHandle,
+        start: &Start,
+        mesh: &Mesh,
+    ) -> StepRow {
+        let safe = self.settings.integrator == Integrator::Safe;
+        let truth = if safe { &start.implicit } else { &start.explicit };
+        let found = s.displacements(body);
+        let largest = |a: &[DVec3], b: &[DVec3]| {
+            a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
+        };
+        let report = s.report();
+        let zero = 0.0;
+        StepRow {
+            tetrahedra: mesh.tetrahedra.len(),
+            integrator: integrator_name(self.settings.integrator).to_string(),
+            solver: self.solver.clone(),
+            state: start.name.to_string(),
+            precision: s.precision().name().to_string(),
+            threads: self.threads,
+            ms: Spread {
+                samples: 0,
+                minimum: zero,
+                lower_quartile: zero,
+                median: zero,
+                upper_quartile: zero,
+            },
+            ratio_to_plain: None,
+            cg_iterations: report.cg_iterations,
+            residual: report.cg_residual,
+            projections: report.projections,
+            substeps: report.substeps,
+            error_percent: Some(100.0 * largest(&found, truth) / largest(truth, &start.u)),
+        }
     }
 }
 
@@ -413,7 +468,8 @@ impl StepReport {
              its largest displacement.",
         )
         .note(format!(
-            "explicit steps are means over {EXPLICIT_STEPS}, one estimate of the stable step included."
+            "times are means over {EXPLICIT_STEPS} explicit steps, one estimate of the stable step included, \
+             over {SAFE_STEPS} safe ones from the swinging state, and of one from the squeezed state."
         ));
         for r in &self.rows {
             steps.row(vec![
