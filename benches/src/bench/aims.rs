@@ -98,7 +98,9 @@ fn setting(row: &StepRow) -> String {
 /// Aims of the steps, as far as they were measured.
 pub fn steps(report: &StepReport) -> Vec<Aim> {
     let mut aims = Vec::new();
-    let safe = |r: &StepRow| r.integrator == "safe" && r.state == "swinging";
+    // the solver that a user gets without asking
+    let default = |r: &StepRow| r.integrator == "safe" && r.solver.starts_with("auto");
+    let safe = |r: &StepRow| default(r) && r.state == "swinging";
     let explicit = |r: &StepRow| r.integrator != "safe";
     let sizes = [
         ("5k", 5_000, 1.0, Some(0.4)),

@@ -70,7 +70,7 @@ fn svg(
 
 /// Label of a tick of the bars' axis.
 fn linear_label(x: f64, logarithmic: bool) -> String {
-    if logarithmic || x == 0.0 { tick_label(&x) } else { super::table::three_digits(x) }
+    if logarithmic { tick_label(&x) } else { super::table::three_digits(x) }
 }
 
 /// Whole decades around values, at least one.
