@@ -317,7 +317,7 @@ impl<S: Scalar> LinearSolver<S> {
                     x[k] += e[k];
                 }
             }
-            if !(mixed && !same_type) {
+            if !mixed || same_type {
                 // the iteration ran in the number type of the state: its own residual counts
                 outcome.residual = reduction * now / reference;
                 outcome.status = if status == InnerStatus::Converged {
