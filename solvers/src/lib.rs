@@ -9,6 +9,7 @@ pub mod explicit;
 pub mod implicit;
 pub mod settings;
 mod simd;
+pub mod stability;
 pub mod state;
 pub mod support;
 pub mod system;
