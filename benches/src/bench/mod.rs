@@ -109,7 +109,7 @@ pub fn run(
             Part::Step => {
                 let rounds = match quick {
                     true => Rounds { most: 8, least: 2, seconds: 0.2 },
-                    false => Rounds { most: 20, least: 3, seconds: 2.0 },
+                    false => Rounds { most: 12, least: 3, seconds: 0.5 },
                 };
                 let (sizes, threads) = (sizes(&[5_000]), threads.clone());
                 let step = step::StepOptions { sizes, threads, rounds };
