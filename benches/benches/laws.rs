@@ -6,21 +6,10 @@ mod common;
 
 use common::{SIZES, beam, bent, evaluate, request};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use sinew::engine::columns::single_table;
-use sinew::engine::element::{
-    RestVolume, ShapeGradients, TetrahedronBlocks, TetrahedronShapes, TetrahedronVertices,
-};
-use sinew::engine::law::{EvaluationRequest, LawBuffer};
 use sinew::engine::report::SystemTimes;
 use sinew::engine::scalar::Scalar;
-use sinew::engine::topology::Topology;
-use sinew::engine::vertex::Displacement;
-use sinew::engine::workers::Workers;
-use sinew::models::fused::{
-    CompressionModulus, FirstLameParameter, FusedStVK, ShearModulus, TetrahedronColumns,
-    evaluate_columns,
-};
 use sinew::prelude::*;
+use sinew_benches::bench::arrays::PlainArrays;
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -65,82 +54,6 @@ fn times_per_system(simulation: &mut Simulation, count: u64, size: &str, precisi
     }
 }
 
-/// The columns of a body copied into plain vectors.
-struct Raw<S: Scalar> {
-    displacement: Vec<[S; 4]>,
-    nodes: Vec<[u32; 4]>,
-    blocks: Vec<[u32; 6]>,
-    gradients: [Vec<S>; 9],
-    volume: Vec<S>,
-    moduli: [Vec<S>; 3],
-    buffer: LawBuffer<FusedStVK, S>,
-    total: Vec<[S; 4]>,
-    workers: Workers,
-}
-
-impl<S: Scalar> Raw<S> {
-    fn of(simulation: &mut Simulation) -> Self {
-        let world = simulation.world_mut();
-        let mut vertices = world.query::<&Displacement<S>>();
-        let displacement: Vec<[S; 4]> = single_table(vertices.contiguous_iter(world))
-            .expect("rows")
-            .iter()
-            .map(|u| u.0)
-            .collect();
-        let mut elements = world.query::<(
-            &TetrahedronVertices,
-            &TetrahedronBlocks,
-            ShapeGradients<S>,
-            &RestVolume<S>,
-            &FirstLameParameter<S>,
-            &ShearModulus<S>,
-            &CompressionModulus<S>,
-        )>();
-        let (nodes, blocks, gradients, volume, lambda, mu, compression) =
-            single_table(elements.contiguous_iter(world)).expect("rows");
-        let shapes = TetrahedronShapes::new(&[], nodes, gradients);
-        let nodes: Vec<[u32; 4]> = nodes.iter().map(|n| n.0).collect();
-        // the fixed ranges of the engine
-        let mut buffer = LawBuffer::default();
-        buffer.partition(nodes.len(), world.resource::<Topology>(), |i| &nodes[i]);
-        Self {
-            total: vec![[S::ZERO; 4]; displacement.len()],
-            displacement,
-            nodes,
-            blocks: blocks.iter().map(|b| b.0).collect(),
-            gradients: shapes.gradients.map(<[S]>::to_vec),
-            volume: volume.iter().map(|v| v.0).collect(),
-            moduli: [
-                lambda.iter().map(|m| m.0).collect(),
-                mu.iter().map(|m| m.0).collect(),
-                compression.iter().map(|m| m.0).collect(),
-            ],
-            buffer,
-            workers: Workers::serial(),
-        }
-    }
-
-    /// Forces of all tetrahedra, the same work as the force schedule without entities.
-    fn forces(&mut self) {
-        let columns = TetrahedronColumns {
-            shapes: TetrahedronShapes {
-                displacement: &self.displacement,
-                nodes: &self.nodes,
-                gradients: std::array::from_fn(|i| &self.gradients[i][..]),
-            },
-            blocks: &self.blocks,
-            volume: &self.volume,
-            lambda: &self.moduli[0],
-            mu: &self.moduli[1],
-            compression: &self.moduli[2],
-        };
-        let request = EvaluationRequest { force: true, ..Default::default() };
-        evaluate_columns(&columns, &request, &self.workers, &mut self.buffer);
-        self.total.fill([S::ZERO; 4]);
-        self.buffer.add_forces_to(&self.workers, &mut self.total);
-    }
-}
-
 fn columns(c: &mut Criterion) {
     for (size, cells) in SIZES {
         columns_against_arrays::<f64>(c, size, cells, Precision::F64);
@@ -158,11 +71,11 @@ fn columns_against_arrays<S: Scalar>(
     let count = mesh.tetrahedra.len();
     let (mut simulation, _) = bent(&mesh, precision, 1, Evaluation::Fused);
     request(&mut simulation, false, true, None);
-    let mut raw = Raw::<S>::of(&mut simulation);
+    let mut raw = PlainArrays::<S>::of(&mut simulation).expect("a fused body");
     let mut group = c.benchmark_group(format!("columns/{size} {}", precision.name()));
     group.throughput(Throughput::Elements(count as u64));
     group.bench_function("entity columns", |b| b.iter(|| evaluate(&mut simulation)));
-    group.bench_function("plain arrays", |b| b.iter(|| black_box(&mut raw).forces()));
+    group.bench_function("plain arrays", |b| b.iter(|| black_box(black_box(&mut raw).forces())[0]));
     group.finish();
 
     // alternating, so that what else the machine does meets both alike
@@ -173,7 +86,7 @@ fn columns_against_arrays<S: Scalar>(
         evaluate(&mut simulation);
         times[0].push(start.elapsed());
         let start = Instant::now();
-        black_box(&mut raw).forces();
+        black_box(black_box(&mut raw).forces());
         times[1].push(start.elapsed());
     }
     let [entities, arrays] = times.map(|mut t| {

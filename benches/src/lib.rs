@@ -1,4 +1,8 @@
-//! Sinew benches: the hard-case suite and the rivals; criterion benches live in `benches/`.
+//! The bench (speed against error, `sinew bench` and `sinew advise`), the rivals and the suite of hard
+//! cases (`sinew stability`).
 
+pub mod advise;
+pub mod beam;
+pub mod bench;
 pub mod peers;
 pub mod stability;

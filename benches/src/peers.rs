@@ -96,7 +96,7 @@ pub struct PeerAim {
 }
 
 /// All rows.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PeerReport {
     /// One row per engine, scene and setting.
     pub rows: Vec<PeerRow>,
@@ -376,10 +376,7 @@ fn run_rapier(options: &PeerOptions, report: &mut PeerReport) -> Result<(), Peer
 }
 
 /// Fastest row that `pick` accepts, with its figure.
-fn best<'a>(
-    rows: &'a [PeerRow],
-    pick: impl Fn(&PeerRow) -> Option<f64>,
-) -> Option<(&'a PeerRow, f64)> {
+fn best(rows: &[PeerRow], pick: impl Fn(&PeerRow) -> Option<f64>) -> Option<(&PeerRow, f64)> {
     rows.iter().filter_map(|row| pick(row).map(|x| (row, x))).min_by(|a, b| a.1.total_cmp(&b.1))
 }
 

@@ -2,13 +2,18 @@
 //! all went well, 1 for bad input or a failed run, 2 for a wrong command line.
 #![allow(clippy::print_stderr, reason = "a command speaks to its terminal")]
 
+mod advise;
+mod bench;
 mod progress;
 
+use advise::{AdviseArguments, advise_scene};
+use bench::{BenchArguments, bench};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use progress::Progress;
 use sinew::engine::mesh::Mesh;
-use sinew::prelude::{Evaluation, Integrator};
+use sinew::prelude::{Evaluation, Integrator, Model};
 use sinew::simulation::Precision;
+use sinew_benches::advise::Choice;
 use sinew_benches::stability::SuiteOptions;
 use sinew_demos::build::{BuildOptions, generate};
 use sinew_demos::check::check_file;
@@ -37,7 +42,7 @@ macro_rules! sayln {
     ($($argument:tt)*) => { print(format_args!("{}\n", format_args!($($argument)*)))? };
 }
 
-/// Soft tissue: simulate scenes, check meshes, validate against reference solutions.
+/// Soft tissue: simulate scenes, check meshes, validate against reference solutions, measure.
 #[derive(Parser)]
 #[command(name = "sinew", version, about)]
 struct Cli {
@@ -55,6 +60,10 @@ enum Command {
     Validate(ValidateArguments),
     /// Run the hard cases and print the pass table.
     Stability(StabilityArguments),
+    /// Measure speed and error on this machine, in one report.
+    Bench(BenchArguments),
+    /// Find the settings that run a scene within a budget of time and error on this machine.
+    Advise(AdviseArguments),
     /// Look at, convert or generate a mesh.
     #[command(subcommand)]
     Mesh(MeshCommand),
@@ -76,6 +85,27 @@ struct RunArguments {
     /// Number type of the state.
     #[arg(long)]
     precision: Option<PrecisionArgument>,
+    /// Time integrator.
+    #[arg(long, value_parser = choice::<Integrator>)]
+    integrator: Option<Integrator>,
+    /// Step (s) of a dynamic scene.
+    #[arg(long, value_name = "S")]
+    dt: Option<f64>,
+    /// Parts in which a static scene applies its loads.
+    #[arg(long, value_name = "N")]
+    load_steps: Option<u32>,
+    /// Relative residual at which a linear system counts as solved.
+    #[arg(long, value_name = "X")]
+    linear_tolerance: Option<f64>,
+    /// Newton step over body size at which Newton has converged.
+    #[arg(long, value_name = "X")]
+    newton_tolerance: Option<f64>,
+    /// Evaluation of all bodies: fused or pooled.
+    #[arg(long, value_parser = choice::<Evaluation>)]
+    evaluation: Option<Evaluation>,
+    /// Energy of all bodies: svk or svk_comp.
+    #[arg(long, value_parser = choice::<Model>)]
+    model: Option<Model>,
     /// Carry out this many steps instead of the whole scene.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
@@ -219,6 +249,11 @@ enum Shape {
     },
 }
 
+/// A word of a scene file, such as an integrator.
+fn choice<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, String> {
+    serde_json::from_value(text.into()).map_err(|error| error.to_string())
+}
+
 /// Whether all went well; what did not has been said.
 type Outcome = Result<bool, Box<dyn Error>>;
 
@@ -228,6 +263,8 @@ fn main() -> ExitCode {
         Command::Check(arguments) => check_scene_or_mesh(&arguments),
         Command::Validate(arguments) => validate_cases(arguments),
         Command::Stability(arguments) => stability(&arguments),
+        Command::Bench(arguments) => bench(&arguments),
+        Command::Advise(arguments) => advise_scene(&arguments),
         Command::Mesh(command) => mesh(command),
     };
     match outcome {
@@ -241,7 +278,20 @@ fn main() -> ExitCode {
 }
 
 fn run_scene(arguments: RunArguments) -> Outcome {
-    let scene = LoadedScene::read(&arguments.scene)?;
+    let mut scene = LoadedScene::read(&arguments.scene)?;
+    let replaced = Choice {
+        integrator: arguments.integrator,
+        dt: arguments.dt,
+        load_steps: arguments.load_steps,
+        linear_tolerance: arguments.linear_tolerance,
+        newton_tolerance: arguments.newton_tolerance,
+        evaluation: arguments.evaluation,
+        model: arguments.model,
+        // these have options of their own
+        precision: None,
+        threads: None,
+    };
+    replaced.apply(&mut scene);
     let print_json = arguments.json.as_deref().is_some_and(|path| path.as_os_str() == "-");
     let options = RunOptions {
         build: BuildOptions {

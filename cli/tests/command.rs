@@ -72,3 +72,66 @@ fn checks_and_meshes() {
     let stp = file("box.stp").display().to_string();
     check(&["mesh", "convert", &out, &stp], 1, "", ".vtu");
 }
+
+#[test]
+fn a_bench_writes_one_report_in_all_its_forms() {
+    let folder = file("bench");
+    let out = folder.display().to_string();
+    let output = sinew(&["bench", "kernels", "--quick", "--tets", "200", "--json", "--out", &out]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let text = std::fs::read_to_string(folder.join("report.json")).unwrap();
+    assert_eq!(printed, serde_json::from_str::<serde_json::Value>(&text).unwrap());
+    assert_eq!(printed["schema"], "sinew-bench/1");
+    for row in printed["kernels"]["rows"].as_array().unwrap() {
+        // every speed has its error, its precision and its threads
+        let bound = if row["precision"] == "f32" { 1e-3 } else { 1e-10 };
+        assert!(row["error"].as_f64().unwrap() < bound, "{row}");
+        assert!(row["ns_per_tet"]["median"].as_f64().unwrap() > 0.0, "{row}");
+        assert!(row["threads"].as_u64().unwrap() > 0, "{row}");
+    }
+    let page = std::fs::read_to_string(folder.join("report.html")).unwrap();
+    assert!(page.contains("<svg") && page.contains("multiply-add"));
+    let csv = std::fs::read_to_string(folder.join("kernels.csv")).unwrap();
+    assert!(csv.starts_with("kernel,quantity,model,tets"));
+    assert!(folder.join("readme.md").exists() && folder.join("kernels-f64.svg").exists());
+}
+
+#[test]
+fn advice_can_be_followed_and_impossible_requests_fail() {
+    let scene = file("advise.toml");
+    let text = r#"
+        name = "small"
+        dt = 0.02
+        duration = 0.1
+        [[body]]
+        name = "beam"
+        generate = { box = { size = [0.1, 0.05, 0.05], cells = [2, 1, 1] } }
+        material = { young_modulus = 2e5, poisson_ratio = 0.4, density = 1000.0 }
+        [[constraint]]
+        name = "clamp"
+        select = { group = "x0" }
+    "#;
+    std::fs::write(&scene, text).unwrap();
+    let scene = scene.display().to_string();
+    let output = sinew(&["advise", &scene, "--budget", "1s", "--error", "3%"]);
+    let advice = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && advice.contains("Recommended"), "{advice}");
+    let command = advice.lines().find_map(|l| l.trim().strip_prefix("sinew ")).unwrap();
+    let mut words: Vec<&str> = command.split_whitespace().collect();
+    words.push("--quiet");
+    assert!(sinew(&words).status.success(), "{command}");
+    check(&["advise", &scene, "--budget", "1us", "--error", "3%"], 1, "CANNOT be met", "");
+    check(&["advise", &scene, "--budget", "16", "--error", "3%"], 2, "", "16ms");
+    check(&["advise", &scene, "--budget", "16ms", "--error", "3"], 2, "", "percentage");
+    check(&["advise", "nowhere.toml", "--budget", "16ms", "--error", "3%"], 1, "", "nowhere");
+}
+
+#[test]
+fn bad_bench_arguments_are_named() {
+    check(&["bench"], 2, "", "Usage");
+    check(&["bench", "everything"], 2, "", "kernels");
+    check(&["bench", "kernels", "--tets", "3"], 1, "", "between 24 and");
+    check(&["bench", "accuracy", "--quick", "--case", "fold"], 1, "", "cantilever");
+    check(&["run", &shipped("liver"), "--integrator", "magic"], 2, "", "newton");
+}

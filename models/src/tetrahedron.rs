@@ -178,6 +178,12 @@ pub fn energy_and_forces<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> (S, [[S; 3
     (energy, nodal_forces(e, &p))
 }
 
+/// Exact tangent `+d2W/du2`, N/m, in any number type.
+#[inline(always)]
+pub fn exact_tangent<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> TetrahedronTangent<S> {
+    tangent_parts(e, u, true, true)
+}
+
 /// Tangent `+d2W/du2` or a stand-in for it, N/m.
 pub fn tangent<S: Scalar>(
     e: &Element<S>,
@@ -185,7 +191,7 @@ pub fn tangent<S: Scalar>(
     kind: TangentKind,
 ) -> TetrahedronTangent<S> {
     match kind {
-        TangentKind::Exact => tangent_parts(e, u, true, true),
+        TangentKind::Exact => exact_tangent(e, u),
         TangentKind::GaussNewton => tangent_parts(e, u, true, false),
         TangentKind::Projected => {
             let g = displacement_gradient(&widened(&e.gradients), &widened(u));

@@ -1,0 +1,106 @@
+//! The beams that all kernel and step benches use: 0.2 x 0.05 x 0.05 m, bent by half a radian.
+
+use glam::DVec3;
+use sinew::engine::law::{EvaluationRequest, TangentKind};
+use sinew::engine::mesh::generate::box_tets;
+use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::engine::schedule::ForceSchedule;
+use sinew::prelude::*;
+
+/// Name and cells of 5 040 and 49 392 tetrahedra.
+pub const SIZES: [(&str, [usize; 3]); 2] = [("5k", [20, 6, 7]), ("50k", [42, 14, 14])];
+
+/// Edge lengths (m).
+pub const EXTENT: DVec3 = DVec3::new(0.2, 0.05, 0.05);
+
+/// Soft tissue: 10 kPa, nearly incompressible.
+pub const MATERIAL: YoungPoisson =
+    YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.45, density: 1000.0 };
+
+/// A beam of `6 nx ny nz` tetrahedra.
+///
+/// # Errors
+/// When there are too many cells.
+pub fn beam(cells: [usize; 3]) -> Result<Mesh, MeshError> {
+    box_tets(EXTENT, cells)
+}
+
+/// Cells of a beam of about so many tetrahedra, as cubic as they get.
+pub fn cells_for(tetrahedra: usize) -> [usize; 3] {
+    match tetrahedra {
+        5_000 => SIZES[0].1,
+        50_000 => SIZES[1].1,
+        500_000 => [92, 30, 30],
+        _ => {
+            // 4 n n n cells of six tetrahedra
+            let across = (tetrahedra as f64 / 24.0).cbrt();
+            let n = across.round().max(1.0);
+            [(4.0 * across.powi(3) / (n * n)).round().max(1.0) as usize, n as usize, n as usize]
+        }
+    }
+}
+
+/// Soft tissue clamped at x = 0 and bent.
+///
+/// # Errors
+/// When threads cannot be started or the mesh cannot be used.
+pub fn bent(
+    mesh: &Mesh,
+    precision: Precision,
+    threads: usize,
+    evaluation: Evaluation,
+    model: Model,
+) -> Result<(Simulation, BodyHandle), SimulationError> {
+    let options = SimulationOptions { precision, threads, ..Default::default() };
+    let mut simulation = Simulation::new(options)?;
+    let material = MATERIAL;
+    let body = simulation.add_body(&BodyDescription {
+        evaluation,
+        model,
+        ..BodyDescription::new("beam", mesh, material)
+    })?;
+    let rows = simulation.group_rows(body, mesh, "x0")?;
+    simulation.add_constraint(Constraint::hold("clamp", rows));
+    let u = bend(mesh);
+    simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()])?;
+    Ok((simulation, body))
+}
+
+/// Displacements (m) of a bar bent into an arc of 0.5 rad.
+pub fn bend(mesh: &Mesh) -> Vec<DVec3> {
+    let radius = EXTENT.x / 0.5;
+    let place = |x: &DVec3| {
+        let (sin, cos) = (x.x / radius).sin_cos();
+        let r = radius + x.z;
+        DVec3::new(r * sin, x.y, r * cos - radius) - *x
+    };
+    mesh.points.iter().map(place).collect()
+}
+
+/// What the next [`evaluate`] has to produce.
+pub fn request(
+    simulation: &mut Simulation,
+    energy: bool,
+    force: bool,
+    tangent: Option<TangentKind>,
+) {
+    simulation.world_mut().insert_resource(EvaluationRequest { energy, force, tangent });
+}
+
+/// One run of the force schedule.
+pub fn evaluate(simulation: &mut Simulation) {
+    simulation.world_mut().run_schedule(ForceSchedule);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_about_as_asked() {
+        for asked in [200, 1000, 5_000, 12_345, 50_000, 500_000] {
+            let found: usize = 6 * cells_for(asked).iter().product::<usize>();
+            assert!(found.abs_diff(asked) * 10 < asked, "{asked}: {found}");
+        }
+    }
+}

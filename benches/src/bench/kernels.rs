@@ -1,0 +1,761 @@
+//! Kernels: nanoseconds per tetrahedron, operations and bytes per second, share of the roofline, and
+//! the error of what was computed.
+
+use super::arrays::PlainArrays;
+use super::error::BenchError;
+use super::flops::{ElementFlops, pooled_flops};
+use super::roofline::Limits;
+use super::stats::{Rounds, Spread, interleave};
+use super::table::{Cell, Table};
+use crate::beam::{MATERIAL, beam, bend, bent, cells_for, evaluate, request};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use sinew::engine::columns::single_table;
+use sinew::engine::element::{
+    EdgeChange, EdgeTension, EdgeVertices, RestEdge, TetrahedronBlocks, TetrahedronEdges,
+    TetrahedronVertices, TriangleEdges,
+};
+use sinew::engine::lanes::InstructionSet;
+use sinew::engine::law::{ElasticEnergy, LawBuffer, TangentKind};
+use sinew::engine::matrix::{BlockMatrix, ProductSpans, Tangent};
+use sinew::engine::mesh::Mesh;
+use sinew::engine::report::SystemTimes;
+use sinew::engine::scalar::Scalar;
+use sinew::engine::topology::Topology;
+use sinew::engine::vertex::ElasticForce;
+use sinew::engine::workers::Workers;
+use sinew::models::fused::FusedStVK;
+use sinew::models::pooled::{
+    AngularStiffness, AngularTension, TensileStiffness, TensileTension, VolumetricStiffness,
+    VolumetricTension,
+};
+use sinew::models::precompute::RestTetrahedron;
+use sinew::models::tetrahedron::{self, Element};
+use sinew::prelude::*;
+use std::collections::BTreeMap;
+use std::hint::black_box;
+use std::mem::size_of;
+use std::time::Instant;
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct KernelOptions {
+    /// Sizes of the beam (tetrahedra, about).
+    pub sizes: Vec<usize>,
+    /// Numbers of threads.
+    pub threads: Vec<usize>,
+    /// Turns of every variant.
+    pub rounds: Rounds,
+}
+
+/// One kernel at one size.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KernelRow {
+    /// Law or data structure.
+    pub kernel: String,
+    /// What it computes.
+    pub quantity: String,
+    /// `svk` or `svk_comp`.
+    pub model: String,
+    /// Tetrahedra.
+    pub tetrahedra: usize,
+    /// `f64` or `f32`.
+    pub precision: String,
+    /// Threads.
+    pub threads: usize,
+    /// Instruction set of the kernels.
+    pub instructions: String,
+    /// Wall time per tetrahedron (ns).
+    pub ns_per_tet: Spread,
+    /// Counted operations over median time (GFLOP/s).
+    pub gflop_per_s: Option<f64>,
+    /// Compulsory bytes over median time (GB/s).
+    pub gb_per_s: Option<f64>,
+    /// Roofline time over median time (0 to 1).
+    pub roofline_share: Option<f64>,
+    /// What the roofline says is the limit.
+    pub limit: Option<String>,
+    /// Largest difference from the plain `f64` sum over elements, over the largest value there.
+    pub error: Option<f64>,
+}
+
+/// Entity columns against plain arrays, one thread.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ColumnRow {
+    /// Tetrahedra.
+    pub tetrahedra: usize,
+    /// `f64` or `f32`.
+    pub precision: String,
+    /// Force schedule over entity columns (ns per tetrahedron).
+    pub columns: Spread,
+    /// The same over plain vectors (ns per tetrahedron).
+    pub arrays: Spread,
+    /// Median of the ratios of neighbouring samples.
+    pub ratio: f64,
+    /// Largest difference of the forces over the largest force.
+    pub difference: f64,
+}
+
+/// All kernels.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct KernelReport {
+    /// One row per kernel, size, precision and number of threads.
+    pub rows: Vec<KernelRow>,
+    /// Entity columns against plain arrays.
+    pub columns: Vec<ColumnRow>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Quantity {
+    Energy,
+    Force,
+    Tangent(TangentKind),
+    Product,
+    Gather,
+}
+
+impl Quantity {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Energy => "energy",
+            Self::Force => "force",
+            Self::Tangent(TangentKind::Exact) => "exact tangent",
+            Self::Tangent(TangentKind::Projected) => "projected tangent",
+            Self::Tangent(TangentKind::GaussNewton) => "Gauss-Newton tangent",
+            Self::Product => "matrix-vector product",
+            Self::Gather => "gather of forces",
+        }
+    }
+}
+
+/// Runs all kernels; `tell` hears what is going on.
+///
+/// # Errors
+/// When a beam cannot be built.
+pub fn run(
+    options: &KernelOptions,
+    limits: &[Limits],
+    mut tell: impl FnMut(&str),
+) -> Result<KernelReport, BenchError> {
+    let mut report = KernelReport::default();
+    for &size in &options.sizes {
+        let mesh = beam(cells_for(size))?;
+        tell(&format!("kernels: {} tetrahedra", mesh.tetrahedra.len()));
+        size_rows(&mesh, options, limits, &mut report.rows)?;
+        let rounds = Rounds { most: 2 * options.rounds.most + 1, ..options.rounds };
+        report.columns.push(columns_against_arrays::<f64>(&mesh, rounds)?);
+        report.columns.push(columns_against_arrays::<f32>(&mesh, rounds)?);
+    }
+    Ok(report)
+}
+
+/// A kernel of a subject on a number of threads.
+struct Variant {
+    subject: usize,
+    quantity: Quantity,
+    threads: usize,
+    instructions: InstructionSet,
+    repetitions: usize,
+}
+
+fn size_rows(
+    mesh: &Mesh,
+    options: &KernelOptions,
+    limits: &[Limits],
+    rows: &mut Vec<KernelRow>,
+) -> Result<(), BenchError> {
+    let mut subjects: Vec<Box<dyn Subject>> = Vec::new();
+    for (evaluation, model) in [
+        (Evaluation::Fused, Model::StVK),
+        (Evaluation::Fused, Model::CompressibleStVK),
+        (Evaluation::Pooled, Model::CompressibleStVK),
+    ] {
+        let reference = Reference::of(mesh, model)?;
+        subjects.push(Box::new(Body::<f64>::new(mesh, evaluation, model, &reference)?));
+        subjects.push(Box::new(Body::<f32>::new(mesh, evaluation, model, &reference)?));
+    }
+    let best = InstructionSet::best();
+    let narrower = InstructionSet::ALL.into_iter().filter(|s| *s != best && s.is_available());
+    let settings: Vec<(usize, InstructionSet)> = options
+        .threads
+        .iter()
+        .map(|&n| (n, best))
+        .chain(narrower.map(|set| (options.threads[0], set)))
+        .collect();
+    let mut pools = Vec::new();
+    for &(n, set) in &settings {
+        let workers = Workers::new(n).and_then(|w| w.with_instruction_set(set));
+        pools.push(((n, set), Some(workers.map_err(SimulationError::from)?)));
+    }
+
+    let mut variants = Vec::new();
+    for (i, subject) in subjects.iter_mut().enumerate() {
+        for quantity in subject.quantities() {
+            let repetitions = subject.repetitions(quantity);
+            for &(threads, instructions) in &settings {
+                if instructions == best || subject.has_lanes(quantity) {
+                    variants.push(Variant {
+                        subject: i,
+                        quantity,
+                        threads,
+                        instructions,
+                        repetitions,
+                    });
+                }
+            }
+        }
+    }
+    let mut passes: BTreeMap<(usize, usize, &'static str), Vec<f64>> = BTreeMap::new();
+    let samples = interleave(&mut variants, options.rounds, |v| {
+        let subject = &mut subjects[v.subject];
+        let key = (v.threads, v.instructions);
+        let pool = pools.iter_mut().find(|(k, _)| *k == key).map(|(_, pool)| pool);
+        let (seconds, parts) = subject.measure(v.quantity, pool, v.repetitions);
+        if subject.evaluation() == Evaluation::Pooled && v.quantity == Quantity::Force {
+            for (name, seconds) in parts {
+                passes.entry((v.subject, v.threads, name)).or_default().push(seconds);
+            }
+        }
+        Ok::<f64, BenchError>(seconds)
+    })?;
+
+    let count = mesh.tetrahedra.len();
+    for (v, samples) in variants.iter().zip(&samples) {
+        let subject = &subjects[v.subject];
+        let Some(seconds) = Spread::of(samples) else { continue };
+        // the first figure warms up pages and caches
+        let seconds = Spread::of(&samples[1..]).unwrap_or(seconds);
+        let (kernel, quantity) = subject.names(v.quantity);
+        let work = subject.work(v.quantity);
+        let median = seconds.median;
+        let bound = limits.iter().find(|l| l.threads == v.threads).and_then(|l| {
+            let bytes = work.bytes?;
+            let (bound, by) = l.bound(subject.precision(), work.flops.unwrap_or(0.0), bytes, bytes);
+            Some((bound / median, by))
+        });
+        rows.push(KernelRow {
+            kernel,
+            quantity,
+            model: subject.model().to_string(),
+            tetrahedra: count,
+            precision: subject.precision().to_string(),
+            threads: v.threads,
+            instructions: v.instructions.name().into(),
+            ns_per_tet: seconds.scaled(1e9 / count as f64),
+            gflop_per_s: work.flops.map(|flops| flops / median / 1e9),
+            gb_per_s: work.bytes.map(|bytes| bytes / median / 1e9),
+            roofline_share: bound.as_ref().map(|b| b.0),
+            limit: bound.map(|b| b.1),
+            error: subject.error(v.quantity),
+        });
+    }
+    for ((subject, threads, name), samples) in passes {
+        let Some(seconds) = Spread::of(&samples).filter(|s| s.median > 0.0) else { continue };
+        let subject = &subjects[subject];
+        rows.push(KernelRow {
+            kernel: format!("pooled: {name}"),
+            quantity: "force".into(),
+            model: subject.model().into(),
+            tetrahedra: count,
+            precision: subject.precision().into(),
+            threads,
+            instructions: best.name().into(),
+            ns_per_tet: seconds.scaled(1e9 / count as f64),
+            gflop_per_s: None,
+            gb_per_s: None,
+            roofline_share: None,
+            limit: None,
+            error: subject.error(Quantity::Force),
+        });
+    }
+    Ok(())
+}
+
+/// Work of one evaluation of the whole body.
+#[derive(Clone, Copy, Debug, Default)]
+struct Work {
+    flops: Option<f64>,
+    bytes: Option<f64>,
+}
+
+/// A body, whatever its number type.
+trait Subject {
+    fn quantities(&self) -> Vec<Quantity>;
+    /// Repetitions that take about a millisecond.
+    fn repetitions(&mut self, quantity: Quantity) -> usize;
+    /// Seconds per repetition, and those of every system.
+    fn measure(
+        &mut self,
+        quantity: Quantity,
+        workers: Option<&mut Option<Workers>>,
+        repetitions: usize,
+    ) -> (f64, Vec<(&'static str, f64)>);
+    fn names(&self, quantity: Quantity) -> (String, String);
+    /// Whether its kernel is compiled for several instruction sets and worth a comparison of them.
+    fn has_lanes(&self, quantity: Quantity) -> bool;
+    fn work(&self, quantity: Quantity) -> Work;
+    fn error(&self, quantity: Quantity) -> Option<f64>;
+    fn evaluation(&self) -> Evaluation;
+    fn precision(&self) -> &'static str;
+    fn model(&self) -> &'static str;
+}
+
+struct Body<S: Scalar> {
+    simulation: Simulation,
+    evaluation: Evaluation,
+    model: Model,
+    matrix: BlockMatrix<S>,
+    spans: ProductSpans<S>,
+    x: Vec<[S; 4]>,
+    y: Vec<[S; 4]>,
+    errors: [f64; 4],
+    /// Tetrahedra, vertices, edges, triangles.
+    counts: [f64; 4],
+}
+
+impl<S: Scalar> Body<S> {
+    fn new(
+        mesh: &Mesh,
+        evaluation: Evaluation,
+        model: Model,
+        reference: &Reference,
+    ) -> Result<Self, BenchError> {
+        let precision = if S::NAME == "f32" { Precision::F32 } else { Precision::F64 };
+        let (mut simulation, body) = bent(mesh, precision, 1, evaluation, model)?;
+        request(&mut simulation, true, true, Some(TangentKind::Projected));
+        evaluate(&mut simulation);
+        let order = simulation.topology().bodies[body.0].vertex_order.clone();
+        let direction = directions(mesh.points.len());
+        let x: Vec<[S; 4]> = order
+            .iter()
+            .map(|&vertex| {
+                let d = direction[vertex as usize];
+                [S::from_f64(d.x), S::from_f64(d.y), S::from_f64(d.z), S::ZERO]
+            })
+            .collect();
+        let mut y = vec![[S::ZERO; 4]; x.len()];
+        let mut spans = ProductSpans::default();
+        let serial = Workers::serial();
+        let mut product_error = |simulation: &Simulation, truth: &[DVec3]| {
+            let matrix = &simulation.world().resource::<Tangent<S>>().matrix;
+            matrix.multiply(simulation.topology(), &serial, &mut spans, &x, &mut y);
+            let by_vertex = order.iter().zip(&y).map(|(&vertex, y)| {
+                (DVec3::from_array([0, 1, 2].map(|k| y[k].to_f64())), truth[vertex as usize])
+            });
+            largest_difference(by_vertex)
+        };
+        let projected = product_error(&simulation, &reference.projected_product);
+        request(&mut simulation, true, true, Some(TangentKind::Exact));
+        evaluate(&mut simulation);
+        let exact = product_error(&simulation, &reference.product);
+        let matrix = simulation.world().resource::<Tangent<S>>().matrix.clone();
+        let energy = simulation.world().resource::<ElasticEnergy>().total;
+        let forces = simulation.elastic_forces(body);
+        let force = largest_difference(forces.into_iter().zip(reference.forces.iter().copied()));
+        let triangles = 2 * mesh.tetrahedra.len() + mesh.surface_triangles().len() / 2;
+        let counts = [mesh.tetrahedra.len(), x.len(), simulation.topology().edges.len(), triangles]
+            .map(|n| n as f64);
+        let energy = (energy - reference.energy).abs() / reference.energy;
+        let errors = [energy, force, exact, projected];
+        Ok(Self { simulation, evaluation, model, matrix, spans, x, y, errors, counts })
+    }
+
+    fn once(&mut self, quantity: Quantity) {
+        let world = self.simulation.world();
+        match quantity {
+            Quantity::Product => {
+                let (topology, workers) =
+                    (world.resource::<Topology>(), world.resource::<Workers>());
+                self.matrix.multiply(topology, workers, &mut self.spans, &self.x, &mut self.y);
+            }
+            Quantity::Gather => {
+                let workers = world.resource::<Workers>();
+                let buffer = world.resource::<LawBuffer<FusedStVK, S>>();
+                buffer.add_forces_to(workers, black_box(&mut self.y));
+            }
+            _ => evaluate(&mut self.simulation),
+        }
+    }
+
+    fn prepare(&mut self, quantity: Quantity) {
+        let tangent = if let Quantity::Tangent(kind) = quantity { Some(kind) } else { None };
+        let energy = quantity == Quantity::Energy;
+        let force = matches!(quantity, Quantity::Force | Quantity::Gather);
+        request(&mut self.simulation, energy, force, tangent);
+        if quantity == Quantity::Gather {
+            evaluate(&mut self.simulation);
+        }
+        self.once(quantity);
+    }
+}
+
+impl<S: Scalar> Subject for Body<S> {
+    fn quantities(&self) -> Vec<Quantity> {
+        let mut all =
+            vec![Quantity::Energy, Quantity::Force, Quantity::Tangent(TangentKind::Exact)];
+        if self.model == Model::CompressibleStVK {
+            all.push(Quantity::Tangent(TangentKind::Projected));
+            if self.evaluation == Evaluation::Fused {
+                all.extend([Quantity::Product, Quantity::Gather]);
+            }
+        }
+        all
+    }
+
+    fn repetitions(&mut self, quantity: Quantity) -> usize {
+        self.prepare(quantity);
+        let start = Instant::now();
+        self.once(quantity);
+        (1e-3 / start.elapsed().as_secs_f64().max(1e-6)).ceil().clamp(1.0, 1000.0) as usize
+    }
+
+    fn measure(
+        &mut self,
+        quantity: Quantity,
+        workers: Option<&mut Option<Workers>>,
+        repetitions: usize,
+    ) -> (f64, Vec<(&'static str, f64)>) {
+        let world = self.simulation.world_mut();
+        let mut lent = None;
+        if let Some(slot) = workers {
+            if let Some(pool) = slot.take() {
+                world.insert_resource(pool);
+            }
+            lent = Some(slot);
+        }
+        self.prepare(quantity);
+        self.simulation.world_mut().insert_resource(SystemTimes::default());
+        let start = Instant::now();
+        for _ in 0..repetitions {
+            self.once(quantity);
+        }
+        let seconds = start.elapsed().as_secs_f64() / repetitions as f64;
+        let world = self.simulation.world_mut();
+        let parts = world.resource::<SystemTimes>().entries.iter();
+        let parts = parts.map(|p| (p.name, p.seconds / repetitions as f64)).collect();
+        if let Some(slot) = lent {
+            *slot = world.remove_resource::<Workers>();
+            world.insert_resource(Workers::serial());
+        }
+        (seconds, parts)
+    }
+
+    fn names(&self, quantity: Quantity) -> (String, String) {
+        let kernel = match (quantity, self.evaluation) {
+            (Quantity::Product, _) => "assembled symmetric half",
+            (Quantity::Gather, _) => "private force arrays",
+            (_, Evaluation::Fused) => "fused",
+            (_, Evaluation::Pooled) => "pooled, all passes",
+        };
+        (kernel.to_string(), quantity.name().to_string())
+    }
+
+    fn has_lanes(&self, quantity: Quantity) -> bool {
+        self.evaluation == Evaluation::Fused
+            && self.model == Model::CompressibleStVK
+            && !matches!(quantity, Quantity::Product | Quantity::Gather)
+    }
+
+    fn work(&self, quantity: Quantity) -> Work {
+        let [tetrahedra, vertices, edges, triangles] = self.counts;
+        let fused = ElementFlops::count(self.model == Model::CompressibleStVK);
+        let row = size_of::<[S; 4]>() as f64;
+        let block = size_of::<[S; 9]>() as f64;
+        // nine shape gradients, volume, three moduli
+        let element = size_of::<TetrahedronVertices>() + size_of::<[S; 9 + 1 + 3]>();
+        let read = tetrahedra * element as f64 + vertices * row;
+        let tangent_bytes =
+            tetrahedra * size_of::<TetrahedronBlocks>() as f64 + (vertices + edges) * block;
+        if self.evaluation == Evaluation::Pooled {
+            let sizes = [
+                tetrahedra
+                    * size_of::<(TetrahedronEdges, VolumetricStiffness<S>, VolumetricTension<S>)>()
+                        as f64,
+                triangles
+                    * size_of::<(TriangleEdges, AngularStiffness<S>, AngularTension<S>)>() as f64,
+                edges
+                    * (size_of::<(EdgeVertices, RestEdge<S>, TensileStiffness<S>)>()
+                        + size_of::<(TensileTension<S>, EdgeTension<S>, EdgeChange<S>)>())
+                        as f64,
+                // the compression term reads the columns of the fused law
+                read,
+                vertices * row,
+            ];
+            return match quantity {
+                Quantity::Force => Work {
+                    flops: Some(pooled_flops(edges, triangles, tetrahedra)),
+                    bytes: Some(sizes.iter().sum()),
+                },
+                _ => Work::default(),
+            };
+        }
+        let flops = |per_element: u64| Some(tetrahedra * per_element as f64);
+        match quantity {
+            Quantity::Energy => Work { flops: flops(fused.energy), bytes: Some(read) },
+            Quantity::Force => {
+                Work { flops: flops(fused.forces), bytes: Some(read + vertices * row) }
+            }
+            Quantity::Tangent(TangentKind::Exact) => {
+                Work { flops: flops(fused.tangent), bytes: Some(read + tangent_bytes) }
+            }
+            Quantity::Tangent(_) => Work { flops: None, bytes: Some(read + tangent_bytes) },
+            Quantity::Product => Work {
+                flops: Some(36.0 * edges + 18.0 * vertices),
+                bytes: Some(
+                    (edges + vertices) * block
+                        + edges * size_of::<EdgeVertices>() as f64
+                        + 2.0 * vertices * row,
+                ),
+            },
+            Quantity::Gather => {
+                Work { flops: Some(4.0 * vertices), bytes: Some(3.0 * vertices * row) }
+            }
+        }
+    }
+
+    fn error(&self, quantity: Quantity) -> Option<f64> {
+        let [energy, force, exact, projected] = self.errors;
+        Some(match quantity {
+            Quantity::Energy => energy,
+            Quantity::Force | Quantity::Gather => force,
+            Quantity::Tangent(TangentKind::Exact) | Quantity::Product => exact,
+            Quantity::Tangent(TangentKind::Projected) => projected,
+            Quantity::Tangent(TangentKind::GaussNewton) => return None,
+        })
+    }
+
+    fn evaluation(&self) -> Evaluation {
+        self.evaluation
+    }
+
+    fn precision(&self) -> &'static str {
+        S::NAME
+    }
+
+    fn model(&self) -> &'static str {
+        sinew_demos::summary::model_name(self.model)
+    }
+}
+
+/// A fixed direction with components along everything.
+fn directions(n: usize) -> Vec<DVec3> {
+    let wave = |i: usize, k: f64| (i as f64 * k).sin();
+    (0..n).map(|i| DVec3::new(wave(i, 0.7), wave(i, 1.3), wave(i, 2.1))).collect()
+}
+
+fn largest_difference(pairs: impl Iterator<Item = (DVec3, DVec3)>) -> f64 {
+    let (mut difference, mut size) = (0.0_f64, 0.0_f64);
+    for (found, truth) in pairs {
+        let d = (found - truth).length();
+        // a NaN must not hide
+        difference = if d.is_nan() { f64::NAN } else { difference.max(d) };
+        size = size.max(truth.length());
+    }
+    difference / size
+}
+
+/// Plain `f64` sums over elements, without columns, ranges, lanes or springs.
+struct Reference {
+    energy: f64,
+    forces: Vec<DVec3>,
+    product: Vec<DVec3>,
+    projected_product: Vec<DVec3>,
+}
+
+impl Reference {
+    fn of(mesh: &Mesh, model: Model) -> Result<Self, BenchError> {
+        let n = mesh.points.len();
+        let lame = MATERIAL.lame()?;
+        let (u, v) = (bend(mesh), directions(n));
+        let mut sum = Self {
+            energy: 0.0,
+            forces: vec![DVec3::ZERO; n],
+            product: vec![DVec3::ZERO; n],
+            projected_product: vec![DVec3::ZERO; n],
+        };
+        for nodes in &mesh.tetrahedra {
+            let pick = |field: &[DVec3]| nodes.map(|i| field[i as usize].to_array());
+            let rest = RestTetrahedron::new(pick(&mesh.points))?;
+            let e = Element::<f64>::new(&rest, lame, model == Model::CompressibleStVK);
+            let (u, v) = (pick(&u), pick(&v));
+            sum.energy += tetrahedron::energy(&e, &u);
+            let forces = tetrahedron::forces(&e, &u);
+            let exact = tetrahedron::tangent(&e, &u, TangentKind::Exact).product(&v);
+            let projected = tetrahedron::tangent(&e, &u, TangentKind::Projected).product(&v);
+            for (a, &node) in nodes.iter().enumerate() {
+                let node = node as usize;
+                sum.forces[node] += DVec3::from_array(forces[a]);
+                sum.product[node] += DVec3::from_array(exact[a]);
+                sum.projected_product[node] += DVec3::from_array(projected[a]);
+            }
+        }
+        Ok(sum)
+    }
+}
+
+fn columns_against_arrays<S: Scalar>(mesh: &Mesh, rounds: Rounds) -> Result<ColumnRow, BenchError> {
+    let precision = if S::NAME == "f32" { Precision::F32 } else { Precision::F64 };
+    let (mut simulation, _) = bent(mesh, precision, 1, Evaluation::Fused, Model::CompressibleStVK)?;
+    request(&mut simulation, false, true, None);
+    evaluate(&mut simulation);
+    let Some(mut arrays) = PlainArrays::<S>::of(&mut simulation) else {
+        return Err(BenchError::NoColumns);
+    };
+    let world = simulation.world_mut();
+    let mut query = world.query::<&ElasticForce<S>>();
+    let forces: Vec<[S; 4]> = single_table(query.contiguous_iter(world))
+        .ok_or(BenchError::NoColumns)?
+        .iter()
+        .map(|f| f.0)
+        .collect();
+    let wide = |f: &[S; 4]| DVec3::from_array([0, 1, 2].map(|k| f[k].to_f64()));
+    let difference =
+        largest_difference(arrays.forces().iter().map(wide).zip(forces.iter().map(wide)));
+    let repetitions = (20_000 / mesh.tetrahedra.len()).max(1);
+    let mut times = [Vec::new(), Vec::new()];
+    interleave(&mut [0, 1], rounds, |which| {
+        let start = Instant::now();
+        for _ in 0..repetitions {
+            if *which == 0 {
+                evaluate(&mut simulation);
+            } else {
+                black_box(arrays.forces());
+            }
+        }
+        let seconds = start.elapsed().as_secs_f64() / repetitions as f64;
+        times[*which].push(seconds);
+        Ok::<f64, BenchError>(seconds)
+    })?;
+    let ratios: Vec<f64> = times[0].iter().zip(&times[1]).map(|(a, b)| a / b).collect();
+    let per_tet = 1e9 / mesh.tetrahedra.len() as f64;
+    let spread = |samples: &[f64]| Spread::of(samples).ok_or(BenchError::NoColumns);
+    Ok(ColumnRow {
+        tetrahedra: mesh.tetrahedra.len(),
+        precision: S::NAME.to_string(),
+        columns: spread(&times[0])?.scaled(per_tet),
+        arrays: spread(&times[1])?.scaled(per_tet),
+        ratio: spread(&ratios)?.median,
+        difference,
+    })
+}
+
+impl KernelReport {
+    /// The row of a kernel with the widest instruction set, with the number of tetrahedra nearest to one asked for.
+    pub fn find(
+        &self,
+        [kernel, quantity, model, precision]: [&str; 4],
+        tetrahedra: usize,
+        threads: usize,
+    ) -> Option<&KernelRow> {
+        self.rows.iter().find(|r| {
+            [&*r.kernel, &*r.quantity, &*r.model, &*r.precision]
+                == [kernel, quantity, model, precision]
+                && r.instructions == InstructionSet::best().name()
+                && r.threads == threads
+                && r.tetrahedra.abs_diff(tetrahedra) * 20 < tetrahedra
+        })
+    }
+
+    /// For people.
+    pub fn tables(&self) -> Vec<Table> {
+        let mut kernels = Table::new(
+            "kernels",
+            "Kernels: beam 0.2 x 0.05 x 0.05 m bent by 0.5 rad, E 10 kPa, nu 0.45",
+            &[
+                "kernel", "quantity", "model", "tets", "precision", "threads", "instructions",
+                "ns/tet", "quartiles", "least", "GFLOP/s", "GB/s", "roofline %", "limit", "error",
+            ],
+        )
+        .note(
+            "ns/tet: median wall time of the whole evaluation, gather included, per tetrahedron; \
+             quartiles and least of the same samples. Energy, force and tangent are asked for one at \
+             a time.",
+        )
+        .note(
+            "GFLOP/s: operations of the element formulas, counted by running them with a number type \
+             that counts (mul, add, div, sqrt one each; the vector kernels may do fewer). GB/s: bytes \
+             that must cross once: element columns, vertex rows read and written, tangent blocks \
+             written.",
+        )
+        .note(
+            "roofline %: time that the probed multiply-add rate or read bandwidth of the level that \
+             holds those bytes allows at best, over the time taken. error: largest difference from \
+             the plain f64 sum over elements, over the largest value there (tangents: product with a \
+             fixed vector).",
+        );
+        let mut passes = Table::new(
+            "passes",
+            "Passes of the pooled force",
+            &[
+                "pass",
+                "tets",
+                "precision",
+                "threads",
+                "instructions",
+                "ns/tet",
+                "quartiles",
+                "least",
+                "error",
+            ],
+        )
+        .note("error: that of the force.");
+        for r in &self.rows {
+            let s = &r.ns_per_tet;
+            if let Some(pass) = r.kernel.strip_prefix("pooled: ") {
+                passes.row(vec![
+                    pass.into(),
+                    r.tetrahedra.into(),
+                    (&r.precision).into(),
+                    r.threads.into(),
+                    (&r.instructions).into(),
+                    s.median.into(),
+                    quartiles(s),
+                    s.minimum.into(),
+                    r.error.into(),
+                ]);
+                continue;
+            }
+            kernels.row(vec![
+                (&r.kernel).into(),
+                (&r.quantity).into(),
+                (&r.model).into(),
+                r.tetrahedra.into(),
+                (&r.precision).into(),
+                r.threads.into(),
+                (&r.instructions).into(),
+                s.median.into(),
+                quartiles(s),
+                s.minimum.into(),
+                r.gflop_per_s.into(),
+                r.gb_per_s.into(),
+                r.roofline_share.map(|x| 100.0 * x).into(),
+                r.limit.clone().into(),
+                r.error.into(),
+            ]);
+        }
+        let mut columns = Table::new(
+            "columns",
+            "Entity columns against plain arrays: fused force, svk_comp, one thread",
+            &["tets", "precision", "columns ns/tet", "arrays ns/tet", "ratio", "difference"],
+        )
+        .note("ratio: median of the ratios of samples taken in turn; difference of the forces.");
+        for r in &self.columns {
+            columns.row(vec![
+                r.tetrahedra.into(),
+                (&r.precision).into(),
+                r.columns.median.into(),
+                r.arrays.median.into(),
+                r.ratio.into(),
+                r.difference.into(),
+            ]);
+        }
+        vec![kernels, passes, columns]
+    }
+}
+
+/// `lower-upper`.
+pub fn quartiles(s: &Spread) -> Cell {
+    use super::table::three_digits;
+    let (low, high) = (three_digits(s.lower_quartile), three_digits(s.upper_quartile));
+    Cell::Text(format!("{low}-{high}"))
+}

@@ -1,0 +1,302 @@
+//! What this machine can do at most: fused multiply-adds and read bandwidth, probed in the same run
+//! as the kernels that are held against it.
+//!
+//! The probes are plain loops over arrays, compiled once per instruction set; the one that the
+//! machine has is chosen at run time.
+
+use serde::{Deserialize, Serialize};
+use std::hint::black_box;
+use std::sync::Barrier;
+use std::time::Instant;
+
+use super::machine::MachineNotes;
+
+/// Limits for a number of threads.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Limits {
+    /// Threads at once, each with data of its own.
+    pub threads: usize,
+    /// Multiply-adds in `f64` (GFLOP/s, two per multiply-add).
+    pub fma_f64: f64,
+    /// The same in `f32`.
+    pub fma_f32: f64,
+    /// Read bandwidth by size of the data.
+    pub read: Vec<ReadLimit>,
+}
+
+/// Read bandwidth of one level of the memory.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReadLimit {
+    /// `L1`, `L2`, `L3` or `memory`.
+    pub level: String,
+    /// Data per thread (KiB).
+    pub kib: usize,
+    /// All threads together (GB/s).
+    pub gb_per_s: f64,
+    /// Size of all data (bytes) up to which this level counts.
+    pub holds_bytes: f64,
+}
+
+impl Limits {
+    /// The level that holds so much data, all threads together.
+    pub fn level(&self, bytes: f64) -> Option<&ReadLimit> {
+        self.read.iter().find(|r| bytes <= r.holds_bytes)
+    }
+
+    /// Shortest possible time (s) for so many operations and so many bytes out of a working set, and
+    /// what limits it.
+    pub fn bound(
+        &self,
+        precision: &str,
+        flops: f64,
+        bytes: f64,
+        working_set: f64,
+    ) -> (f64, String) {
+        let peak = if precision == "f32" { self.fma_f32 } else { self.fma_f64 };
+        let arithmetic = flops / (peak * 1e9);
+        match self.level(working_set) {
+            Some(level) if bytes / (level.gb_per_s * 1e9) > arithmetic => {
+                (bytes / (level.gb_per_s * 1e9), format!("read {}", level.level))
+            }
+            _ => (arithmetic, "multiply-add".to_string()),
+        }
+    }
+}
+
+/// Probes the limits for each number of threads; about a third of a second per number.
+pub fn probe(machine: &MachineNotes, threads: &[usize]) -> Vec<Limits> {
+    let [l1, l2, l3] = machine.caches_kib.map(|kib| kib.map(|kib| kib as usize));
+    let (l1, l2, l3) = (l1.unwrap_or(32), l2.unwrap_or(512), l3.unwrap_or(8192));
+    threads
+        .iter()
+        .map(|&n| {
+            // well inside each level; the third is shared
+            let sizes = [
+                ("L1", l1 / 2, (l1 * n) as f64),
+                ("L2", (l1 * 2).max(l2 / 2), (l2 * n) as f64),
+                ("L3", (l2 * 2).max(l3 / 4 / n), l3 as f64),
+                ("memory", (l3 * 4 / n).min(1 << 18), f64::INFINITY),
+            ];
+            let read = |(level, kib, holds): (&str, usize, f64)| ReadLimit {
+                level: level.to_string(),
+                kib,
+                gb_per_s: read_rate(n, kib * 1024) / 1e9,
+                holds_bytes: holds * 1024.0,
+            };
+            Limits {
+                threads: n,
+                fma_f64: rate(n, || (), |(), k| fma_f64(k)) / 1e9,
+                fma_f32: rate(n, || (), |(), k| fma_f32(k)) / 1e9,
+                read: sizes.map(read).to_vec(),
+            }
+        })
+        .collect()
+}
+
+/// Best rate (units per second, all threads together) of `work(state, k)`, which does `k` units of
+/// work and returns how many it did.
+fn rate<T>(
+    threads: usize,
+    state: impl Fn() -> T + Sync,
+    work: impl Fn(&mut T, usize) -> f64 + Sync,
+) -> f64 {
+    const SAMPLES: usize = 7;
+    const SECONDS: f64 = 3e-3;
+    let barrier = Barrier::new(threads);
+    let one = || {
+        let mut state = state();
+        // a sample long enough for the clock
+        let mut k = 1;
+        loop {
+            let start = Instant::now();
+            work(&mut state, k);
+            if start.elapsed().as_secs_f64() > SECONDS {
+                break;
+            }
+            k *= 2;
+        }
+        let mut rates = Vec::with_capacity(SAMPLES);
+        for _ in 0..SAMPLES {
+            barrier.wait();
+            let start = Instant::now();
+            let done = work(&mut state, k);
+            rates.push(done / start.elapsed().as_secs_f64());
+        }
+        rates
+    };
+    let all: Vec<Vec<f64>> = std::thread::scope(|scope| {
+        let started: Vec<_> = (0..threads).map(|_| scope.spawn(one)).collect();
+        started.into_iter().filter_map(|thread| thread.join().ok()).collect()
+    });
+    let together = |sample: usize| all.iter().map(|rates| rates[sample]).sum::<f64>();
+    (0..SAMPLES).map(together).fold(0.0, f64::max)
+}
+
+fn read_rate(threads: usize, bytes: usize) -> f64 {
+    let fill = || vec![1.0_f64; (bytes / 8).next_multiple_of(LANES_READ)];
+    rate(threads, fill, |data, k| {
+        for _ in 0..k {
+            black_box(sum(black_box(data)));
+        }
+        (k * data.len() * 8) as f64
+    })
+}
+
+/// Accumulators for the probes of reading.
+const LANES_READ: usize = 64;
+
+macro_rules! fma_loop {
+    ($t:ty, $lanes:expr, $k:expr) => {{
+        let mut x = [0.5 as $t; $lanes];
+        let (a, b) = (black_box(0.999 as $t), black_box(0.001 as $t));
+        for _ in 0..$k * 64 {
+            for x in &mut x {
+                *x = x.mul_add(a, b);
+            }
+        }
+        black_box(&x);
+        ($k * 64 * $lanes * 2) as f64
+    }};
+}
+
+#[inline(always)]
+fn sum_loop(data: &[f64]) -> f64 {
+    let mut lanes = [0.0; LANES_READ];
+    for chunk in data.chunks_exact(LANES_READ) {
+        for (lane, x) in lanes.iter_mut().zip(chunk) {
+            *lane += x;
+        }
+    }
+    lanes.iter().sum()
+}
+
+#[cfg(target_arch = "x86_64")]
+mod dispatch {
+    //! The only place that calls code for instruction sets found at run time.
+    use super::sum_loop;
+    use std::hint::black_box;
+
+    // twelve vector registers of accumulators hide the latency of a multiply-add
+    macro_rules! for_instruction_set {
+        ($features:literal, $bytes:literal, $f64:ident, $f32:ident, $sum:ident) => {
+            #[target_feature(enable = $features)]
+            fn $f64(k: usize) -> f64 {
+                fma_loop!(f64, { 12 * $bytes / 8 }, k)
+            }
+            #[target_feature(enable = $features)]
+            fn $f32(k: usize) -> f64 {
+                fma_loop!(f32, { 12 * $bytes / 4 }, k)
+            }
+            #[target_feature(enable = $features)]
+            fn $sum(data: &[f64]) -> f64 {
+                sum_loop(data)
+            }
+        };
+    }
+    for_instruction_set!("avx512f,fma", 64, fma_f64_512, fma_f32_512, sum_512);
+    for_instruction_set!("avx2,fma", 32, fma_f64_256, fma_f32_256, sum_256);
+
+    macro_rules! choose {
+        ($wide:ident, $narrow:ident, $plain:expr, $argument:expr) => {
+            if std::is_x86_feature_detected!("avx512f") && std::is_x86_feature_detected!("fma") {
+                // SAFETY: the instruction sets were found just now.
+                unsafe { $wide($argument) }
+            } else if std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma")
+            {
+                // SAFETY: the instruction sets were found just now.
+                unsafe { $narrow($argument) }
+            } else {
+                $plain
+            }
+        };
+    }
+
+    pub fn fma_f64(k: usize) -> f64 {
+        choose!(fma_f64_512, fma_f64_256, super::multiply_add_f64(k), k)
+    }
+
+    pub fn fma_f32(k: usize) -> f64 {
+        choose!(fma_f32_512, fma_f32_256, super::multiply_add_f32(k), k)
+    }
+
+    pub fn sum(data: &[f64]) -> f64 {
+        choose!(sum_512, sum_256, sum_loop(data), data)
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+mod dispatch {
+    pub fn fma_f64(k: usize) -> f64 {
+        super::multiply_add_f64(k)
+    }
+    pub fn fma_f32(k: usize) -> f64 {
+        super::multiply_add_f32(k)
+    }
+    pub fn sum(data: &[f64]) -> f64 {
+        super::sum_loop(data)
+    }
+}
+
+use dispatch::{fma_f32, fma_f64, sum};
+
+/// Multiplications and additions of the instruction set that every such processor has; fused where
+/// that is so (`mul_add` would call a library function elsewhere).
+macro_rules! multiply_add {
+    ($name:ident, $t:ty, $lanes:expr) => {
+        fn $name(k: usize) -> f64 {
+            let mut x = [0.5 as $t; $lanes];
+            let (a, b) = (black_box(0.999 as $t), black_box(0.001 as $t));
+            for _ in 0..k * 64 {
+                for x in &mut x {
+                    *x = *x * a + b;
+                }
+            }
+            black_box(&x);
+            (k * 64 * $lanes * 2) as f64
+        }
+    };
+}
+multiply_add!(multiply_add_f64, f64, 24);
+multiply_add!(multiply_add_f32, f32, 48);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn probes_count_their_work() {
+        assert_eq!(fma_f64(4), 4.0 * fma_f64(1));
+        assert_eq!(fma_f32(1), 2.0 * fma_f64(1));
+        assert_eq!(sum(&vec![0.5; 4 * LANES_READ]), 2.0 * LANES_READ as f64);
+        let rate = rate(
+            2,
+            || 0.0,
+            |x, k| {
+                *x = (0..k * 1000).fold(*x, |x: f64, i| black_box(x + i as f64));
+                k as f64
+            },
+        );
+        assert!(rate > 0.0 && rate.is_finite());
+    }
+
+    #[test]
+    fn the_tighter_limit_binds() {
+        let read = |level: &str, rate, holds| ReadLimit {
+            level: level.into(),
+            kib: 1,
+            gb_per_s: rate,
+            holds_bytes: holds,
+        };
+        let limits = Limits {
+            threads: 1,
+            fma_f64: 10.0,
+            fma_f32: 20.0,
+            read: vec![read("L1", 100.0, 1e3), read("memory", 1.0, f64::INFINITY)],
+        };
+        let (time, by) = limits.bound("f64", 1e9, 1e9, 500.0);
+        assert_eq!((time, by.as_str()), (0.1, "multiply-add"));
+        assert_eq!(limits.bound("f32", 1e9, 1e9, 500.0).0, 0.05);
+        let (time, by) = limits.bound("f64", 1e9, 1e9, 5000.0);
+        assert_eq!((time, by.as_str()), (1.0, "read memory"));
+    }
+}

@@ -1,0 +1,144 @@
+//! The scenes that come with Sinew, as they are.
+
+use super::error::BenchError;
+use super::table::Table;
+use serde::{Deserialize, Serialize};
+use sinew_demos::build::{BuildOptions, integrator_name};
+use sinew_demos::run::{RunOptions, Silent, run as run_scene};
+use sinew_demos::scene::LoadedScene;
+use sinew_demos::scene_folder;
+
+/// One scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SceneRow {
+    /// Name.
+    pub scene: String,
+    /// Tetrahedra, all bodies.
+    pub tetrahedra: usize,
+    /// Integrator.
+    pub integrator: String,
+    /// Step (s); of a static scene the share of the loads.
+    pub dt: f64,
+    /// Steps carried out.
+    pub steps: u64,
+    /// `f64` or `f32`.
+    pub precision: String,
+    /// Threads.
+    pub threads: usize,
+    /// Median wall time of a step (ms).
+    pub median_ms: f64,
+    /// 99th percentile (ms).
+    pub p99_ms: f64,
+    /// Simulated over wall time of the steps.
+    pub real_time_factor: Option<f64>,
+    /// Conjugate-gradient iterations per step.
+    pub cg_iterations: f64,
+    /// Worst relative residual.
+    pub residual: f64,
+    /// Mean distance of the energy decrease from what the linearisation predicted (%).
+    pub linearisation_percent: f64,
+    /// Times something else than the plain step was needed: projected tangents, gradient steps,
+    /// shortened, halted or capped steps, unconverged Newton iterations.
+    pub fallbacks: u64,
+    /// Most elements turned inside out at once.
+    pub inverted: u64,
+    /// Why it ended early, if it did.
+    pub failure: Option<String>,
+}
+
+/// Runs every scene; quick runs stop after `quick_steps` steps.
+///
+/// # Errors
+/// When a scene cannot be read, built or run.
+pub fn run(
+    quick_steps: Option<u64>,
+    mut tell: impl FnMut(&str),
+) -> Result<Vec<SceneRow>, BenchError> {
+    let folder = scene_folder();
+    let listing = std::fs::read_dir(&folder).map_err(|error| BenchError::Request {
+        what: format!("{}: {error}", folder.display()),
+        remedy: "run from a checkout of Sinew".into(),
+    })?;
+    let mut files: Vec<_> = listing
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.extension().is_some_and(|e| e == "toml"))
+        .collect();
+    files.sort();
+    let mut rows = Vec::new();
+    for file in files {
+        let scene = LoadedScene::read(&file)?;
+        tell(&format!("scene: {}", scene.scene.name));
+        // the plan says how many steps there are
+        let planned = sinew_demos::build::build(&scene, &BuildOptions::default())?.plan.steps;
+        let steps = quick_steps.map(|n| n.min(planned));
+        let options = RunOptions {
+            build: BuildOptions { steps, ..BuildOptions::default() },
+            ..RunOptions::default()
+        };
+        let s = run_scene(&scene, &options, &mut Silent)?;
+        rows.push(SceneRow {
+            scene: s.scene.name.clone(),
+            tetrahedra: s.scene.tetrahedra,
+            integrator: integrator_name(s.settings.solver.integrator).into(),
+            dt: s.settings.dt,
+            steps: s.timing.step.count,
+            precision: s.settings.precision.into(),
+            threads: s.settings.threads,
+            median_ms: s.timing.step.median_ms,
+            p99_ms: s.timing.step.p99_ms,
+            real_time_factor: s.timing.real_time_factor,
+            cg_iterations: s.solver.cg_iterations as f64 / s.timing.step.count.max(1) as f64,
+            residual: s.solver.worst_residual,
+            linearisation_percent: 100.0 * s.solver.linearisation_error_mean,
+            fallbacks: s.solver.projections
+                + s.solver.gradient_fallbacks
+                + s.solver.backtracks
+                + s.solver.line_search_failures
+                + s.solver.energy_caps
+                + s.solver.unconverged_steps,
+            inverted: s.volume.inverted_max,
+            failure: s.failure,
+        });
+    }
+    Ok(rows)
+}
+
+/// For people.
+pub fn table(rows: &[SceneRow]) -> Table {
+    let mut table = Table::new(
+        "scenes",
+        "Demo scenes as they are",
+        &[
+            "scene", "tets", "integrator", "dt s", "steps", "precision", "threads", "ms/step",
+            "p99 ms", "real time x", "CG its/step", "residual", "linearisation %", "fallbacks",
+            "inverted", "failure",
+        ],
+    )
+    .note(
+        "real time x: simulated over wall time of the steps. residual: worst relative residual of a \
+         linear system. linearisation: mean distance of the energy decrease from what the linearised \
+         step predicted. fallbacks: projected tangents, gradient steps, shortened, halted or capped \
+         steps, unconverged Newton iterations.",
+    );
+    for r in rows {
+        table.row(vec![
+            (&r.scene).into(),
+            r.tetrahedra.into(),
+            (&r.integrator).into(),
+            r.dt.into(),
+            r.steps.into(),
+            (&r.precision).into(),
+            r.threads.into(),
+            r.median_ms.into(),
+            r.p99_ms.into(),
+            r.real_time_factor.into(),
+            r.cg_iterations.into(),
+            r.residual.into(),
+            r.linearisation_percent.into(),
+            r.fallbacks.into(),
+            r.inverted.into(),
+            r.failure.clone().into(),
+        ]);
+    }
+    table
+}

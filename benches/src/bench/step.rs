@@ -1,0 +1,516 @@
+//! Whole steps: what one costs, against a plain linearised step of the same system, and how far it is
+//! from the converged one.
+
+use super::error::BenchError;
+use super::kernels::quartiles;
+use super::stats::{Rounds, Spread, interleave};
+use super::table::Table;
+use crate::beam::{EXTENT, MATERIAL, beam, bend, bent, cells_for, evaluate, request};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use sinew::engine::law::TangentKind;
+use sinew::engine::mesh::Mesh;
+use sinew::engine::report::SystemTimes;
+use sinew::engine::workers::Workers;
+use sinew::prelude::*;
+use sinew::solvers::settings::{LinearPrecision, Preconditioner};
+use sinew_demos::build::integrator_name;
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct StepOptions {
+    /// Sizes of the beam (tetrahedra, about).
+    pub sizes: Vec<usize>,
+    /// Numbers of threads.
+    pub threads: Vec<usize>,
+    /// Turns of every variant.
+    pub rounds: Rounds,
+}
+
+/// One kind of step at one size.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StepRow {
+    /// Tetrahedra.
+    pub tetrahedra: usize,
+    /// Integrator.
+    pub integrator: String,
+    /// Linear solver; empty for explicit integrators.
+    pub solver: String,
+    /// State that the step starts from.
+    pub state: String,
+    /// `f64` or `f32`.
+    pub precision: String,
+    /// Threads.
+    pub threads: usize,
+    /// Wall time of a step of 10 ms (ms).
+    pub ms: Spread,
+    /// Over one exact tangent with forces and one linear solve, from the swinging state.
+    pub ratio_to_plain: Option<f64>,
+    /// Conjugate-gradient iterations.
+    pub cg_iterations: u32,
+    /// Relative residual of the last linear solve.
+    pub residual: f64,
+    /// Times the projected tangent was used.
+    pub projections: u32,
+    /// Explicit substeps.
+    pub substeps: u32,
+    /// Largest distance from the converged step over the largest displacement of it (%).
+    pub error_percent: Option<f64>,
+}
+
+/// From a file to a body that can be stepped.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BuildRow {
+    /// Tetrahedra.
+    pub tetrahedra: usize,
+    /// Reading a Gmsh 2.2 file (s).
+    pub read_s: Spread,
+    /// Checking the mesh (s).
+    pub check_s: Spread,
+    /// Layout, entities, stiffnesses (s).
+    pub build_s: Spread,
+    /// All of it (s).
+    pub total_s: Spread,
+}
+
+/// All steps.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StepReport {
+    /// Steps.
+    pub rows: Vec<StepRow>,
+    /// Loading and building.
+    pub builds: Vec<BuildRow>,
+}
+
+/// Step length (s).
+const DT: f64 = 0.01;
+/// Explicit steps per sample: the stable step is estimated once in so many.
+const EXPLICIT_STEPS: u32 = 10;
+/// Safe steps per sample from the swinging state: preconditioners are kept for some steps.
+const SAFE_STEPS: u32 = 5;
+
+/// Runs all steps; `tell` hears what is going on.
+///
+/// # Errors
+/// When a beam cannot be built or stepped, or its file not be written.
+pub fn run(options: &StepOptions, mut tell: impl FnMut(&str)) -> Result<StepReport, BenchError> {
+    let mut report = StepReport::default();
+    for &size in &options.sizes {
+        let mesh = beam(cells_for(size))?;
+        tell(&format!("step: {} tetrahedra", mesh.tetrahedra.len()));
+        report.builds.push(build(&mesh, options.rounds)?);
+        size_rows(&mesh, options, &mut report.rows)?;
+    }
+    Ok(report)
+}
+
+/// A state to step from.
+struct Start {
+    name: &'static str,
+    u: Vec<DVec3>,
+    v: Vec<DVec3>,
+    /// Displacements after a converged implicit step, and after a converged motion.
+    implicit: Vec<DVec3>,
+    explicit: Vec<DVec3>,
+}
+
+impl Start {
+    fn new(
+        name: &'static str,
+        mesh: &Mesh,
+        u: &[DVec3],
+        steps: u32,
+        motion: bool,
+    ) -> Result<Self, BenchError> {
+        let (mut simulation, body) =
+            bent(mesh, Precision::F64, 0, Evaluation::Fused, Model::CompressibleStVK)?;
+        simulation.set_dt(DT);
+        simulation.set_state(body, u, &vec![DVec3::ZERO; u.len()])?;
+        for _ in 0..steps {
+            simulation.step().map_err(SimulationError::from)?;
+        }
+        let (u, v) = (simulation.displacements(body), simulation.velocities(body));
+        let mut after = |settings: SolverSettings| -> Result<Vec<DVec3>, BenchError> {
+            simulation.set_solver(settings);
+            simulation.set_state(body, &u, &v)?;
+            simulation.step().map_err(SimulationError::from)?;
+            Ok(simulation.displacements(body))
+        };
+        let implicit = after(SolverSettings {
+            integrator: Integrator::Newton,
+            linear_tolerance: 1e-4,
+            newton_tolerance: 1e-8,
+            max_linear_iterations: 50_000,
+            ..Default::default()
+        })?;
+        let explicit = if motion {
+            after(SolverSettings {
+                integrator: Integrator::StormerVerlet,
+                explicit_safety: 0.1,
+                ..Default::default()
+            })?
+        } else {
+            Vec::new()
+        };
+        Ok(Self { name, u, v, implicit, explicit })
+    }
+}
+
+/// Linear solvers with their names. Very large bodies leave out what is slow.
+fn solvers(precision: Precision, large: bool) -> Vec<(String, SolverSettings)> {
+    let solver = |preconditioner: Preconditioner, linear_precision| {
+        let digits = match (precision, linear_precision) {
+            (Precision::F64, LinearPrecision::Full) => "f64",
+            (Precision::F64, LinearPrecision::Mixed) => "mixed",
+            (Precision::F32, _) => "f32",
+        };
+        let settings =
+            SolverSettings { preconditioner, linear_precision, ..SolverSettings::default() };
+        (format!("{} {digits}", preconditioner.name()), settings)
+    };
+    let mut all = vec![solver(Preconditioner::Auto, LinearPrecision::Mixed)];
+    let others = [
+        Preconditioner::BlockJacobi,
+        Preconditioner::IncompleteCholesky,
+        Preconditioner::Multigrid,
+    ];
+    if !large {
+        all.extend(others.map(|preconditioner| solver(preconditioner, LinearPrecision::Mixed)));
+        if precision == Precision::F64 {
+            all.push(solver(Preconditioner::Auto, LinearPrecision::Full));
+            all.push(solver(Preconditioner::BlockJacobi, LinearPrecision::Full));
+        }
+    }
+    all
+}
+
+/// A body of one number type; settings, threads and state are set before every sample.
+struct Subject {
+    simulation: Simulation,
+    body: BodyHandle,
+}
+
+struct Variant {
+    subject: usize,
+    start: usize,
+    solver: String,
+    settings: SolverSettings,
+    threads: usize,
+    /// Seconds of linear solves per step, of every sample.
+    solves: Vec<f64>,
+    /// Seconds of force and exact tangent, of every sample.
+    evaluations: Vec<f64>,
+    row: Option<StepRow>,
+}
+
+/// Tetrahedra from which on only the default linear solver is measured.
+const LARGE: usize = 200_000;
+
+fn size_rows(
+    mesh: &Mesh,
+    options: &StepOptions,
+    rows: &mut Vec<StepRow>,
+) -> Result<(), BenchError> {
+    // squeezed to three fifths of its length: the exact tangent is indefinite there
+    let squeeze = |x: &DVec3| DVec3::new(-0.4 * x.x, 0.0, 0.0);
+    let squeezed: Vec<DVec3> = mesh.points.iter().map(squeeze).collect();
+    let starts = [
+        Start::new("swinging", mesh, &bend(mesh), 3, true)?,
+        Start::new("squeezed by 40 %", mesh, &squeezed, 0, false)?,
+    ];
+    let mut pools: BTreeMap<usize, Option<Workers>> = BTreeMap::new();
+    for &n in &options.threads {
+        pools.insert(n, Some(Workers::new(n).map_err(SimulationError::from)?));
+    }
+    let mut subjects = Vec::new();
+    let mut variants = Vec::new();
+    let mut add = |subject, threads, start, solver: &str, settings: &SolverSettings| {
+        variants.push(Variant {
+            subject,
+            start,
+            solver: solver.to_string(),
+            settings: settings.clone(),
+            threads,
+            solves: Vec::new(),
+            evaluations: Vec::new(),
+            row: None,
+        });
+    };
+    for precision in [Precision::F64, Precision::F32] {
+        let (mut simulation, body) =
+            bent(mesh, precision, 1, Evaluation::Fused, Model::CompressibleStVK)?;
+        simulation.set_dt(DT);
+        let subject = subjects.len();
+        subjects.push(Subject { simulation, body });
+        for &threads in &options.threads {
+            for (name, settings) in solvers(precision, mesh.tetrahedra.len() > LARGE) {
+                add(subject, threads, 0, &name, &settings);
+                // hard on preconditioners: the default and the simplest tell enough
+                if matches!(
+                    settings.preconditioner,
+                    Preconditioner::Auto | Preconditioner::BlockJacobi
+                ) && settings.linear_precision == LinearPrecision::default()
+                {
+                    add(subject, threads, 1, &name, &settings);
+                }
+            }
+            for integrator in [Integrator::SymplecticEuler, Integrator::StormerVerlet] {
+                let settings = SolverSettings { integrator, ..Default::default() };
+                add(subject, threads, 0, "", &settings);
+            }
+        }
+    }
+    let samples = interleave(&mut variants, options.rounds, |variant| {
+        let subject = &mut subjects[variant.subject];
+        let pool = pools.get_mut(&variant.threads);
+        variant.measure(subject, &starts[variant.start], mesh, pool)
+    })?;
+
+    // the plain step of the same precision, solver and threads
+    let plain: Vec<(StepKey, f64)> = variants
+        .iter()
+        .filter(|v| v.start == 0 && v.settings.integrator == Integrator::Safe)
+        .filter_map(|v| {
+            let solve = Spread::of(&v.solves)?.median;
+            Some((v.key(), solve + Spread::of(&v.evaluations)?.median))
+        })
+        .collect();
+    for (variant, samples) in variants.into_iter().zip(samples) {
+        let Some(spread) = Spread::of(&samples) else { continue };
+        let spread = Spread::of(&samples[1..]).unwrap_or(spread);
+        let key = variant.key();
+        let plain = plain.iter().find(|(k, _)| *k == key).map(|(_, seconds)| *seconds);
+        let safe = variant.settings.integrator == Integrator::Safe;
+        if let Some(mut row) = variant.row {
+            row.ms = spread.scaled(1e3);
+            row.ratio_to_plain = plain.filter(|_| safe).map(|p| spread.median / p);
+            rows.push(row);
+        }
+    }
+    Ok(())
+}
+
+/// Subject, solver, threads.
+type StepKey = (usize, String, usize);
+
+impl Variant {
+    fn key(&self) -> StepKey {
+        (self.subject, self.solver.clone(), self.threads)
+    }
+
+    /// Mean seconds of the steps of one sample.
+    fn measure(
+        &mut self,
+        subject: &mut Subject,
+        start: &Start,
+        mesh: &Mesh,
+        pool: Option<&mut Option<Workers>>,
+    ) -> Result<f64, BenchError> {
+        let Subject { simulation: s, body } = subject;
+        let mut lent = None;
+        if let Some(slot) = pool {
+            if let Some(workers) = slot.take() {
+                s.world_mut().insert_resource(workers);
+            }
+            lent = Some(slot);
+        }
+        let safe = self.settings.integrator == Integrator::Safe;
+        let swinging = start.name == "swinging";
+        s.set_solver(self.settings.clone());
+        // the subject was last used with other settings
+        s.set_state(*body, &start.u, &start.v)?;
+        s.step().map_err(SimulationError::from)?;
+        s.set_state(*body, &start.u, &start.v)?;
+        if safe && swinging {
+            request(s, false, true, Some(TangentKind::Exact));
+            evaluate(s);
+            let clock = Instant::now();
+            evaluate(s);
+            self.evaluations.push(clock.elapsed().as_secs_f64());
+        }
+        s.world_mut().insert_resource(SystemTimes::default());
+        let steps = match (safe, swinging) {
+            (false, _) => EXPLICIT_STEPS,
+            (true, true) => SAFE_STEPS,
+            (true, false) => 1,
+        };
+        let mut seconds = 0.0;
+        for step in 0..steps {
+            let clock = Instant::now();
+            s.step().map_err(SimulationError::from)?;
+            seconds += clock.elapsed().as_secs_f64();
+            if step == 0 && self.row.is_none() {
+                self.row = Some(self.first_row(s, *body, start, mesh));
+            }
+        }
+        let steps = f64::from(steps);
+        let times = s.world().resource::<SystemTimes>();
+        let solve = times.entries.iter().find(|e| e.name == "linear solves");
+        self.solves.extend(solve.map(|e| e.seconds / steps));
+        if let Some(slot) = lent {
+            let world = s.world_mut();
+            *slot = world.remove_resource::<Workers>();
+            world.insert_resource(Workers::serial());
+        }
+        Ok(seconds / steps)
+    }
+
+    /// The row of the first step from the start, still without times.
+    fn first_row(
+        &self,
+        s: &mut Simulation,
+        body: BodyHandle,
+        start: &Start,
+        mesh: &Mesh,
+    ) -> StepRow {
+        let safe = self.settings.integrator == Integrator::Safe;
+        let truth = if safe { &start.implicit } else { &start.explicit };
+        let found = s.displacements(body);
+        let largest = |a: &[DVec3], b: &[DVec3]| {
+            a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
+        };
+        let report = s.report();
+        let zero = 0.0;
+        StepRow {
+            tetrahedra: mesh.tetrahedra.len(),
+            integrator: integrator_name(self.settings.integrator).to_string(),
+            solver: self.solver.clone(),
+            state: start.name.to_string(),
+            precision: s.precision().name().to_string(),
+            threads: self.threads,
+            ms: Spread {
+                samples: 0,
+                minimum: zero,
+                lower_quartile: zero,
+                median: zero,
+                upper_quartile: zero,
+            },
+            ratio_to_plain: None,
+            cg_iterations: report.cg_iterations,
+            residual: report.cg_residual,
+            projections: report.projections,
+            substeps: report.substeps,
+            error_percent: Some(100.0 * largest(&found, truth) / largest(truth, &start.u)),
+        }
+    }
+}
+
+fn build(mesh: &Mesh, rounds: Rounds) -> Result<BuildRow, BenchError> {
+    let folder = std::env::temp_dir().join(format!("sinew-bench-{}", std::process::id()));
+    let path = folder.join("beam.msh");
+    let write = |reason: String| BenchError::Write { path: path.clone(), reason };
+    std::fs::create_dir_all(&folder).map_err(|e| write(e.to_string()))?;
+    sinew_demos::mesh_tool::write(&path, mesh).map_err(|e| write(e.to_string()))?;
+    let mut times = [const { Vec::new() }; 4];
+    let rounds = Rounds { most: rounds.most.min(5), ..rounds };
+    let measured = interleave(&mut [()], rounds, |()| {
+        let clock = Instant::now();
+        let mut marks = vec![0.0];
+        let found = Mesh::read(&path)?;
+        marks.push(clock.elapsed().as_secs_f64());
+        let checked = check(&found, &CheckOptions::default()).map_err(|e| BenchError::Request {
+            what: e.to_string(),
+            remedy: "report this: a generated beam is sound".into(),
+        })?;
+        marks.push(clock.elapsed().as_secs_f64());
+        let mut simulation = Simulation::new(SimulationOptions::default())?;
+        simulation.add_body(&BodyDescription::new("beam", &checked.mesh, MATERIAL))?;
+        marks.push(clock.elapsed().as_secs_f64());
+        for (i, times) in times.iter_mut().take(3).enumerate() {
+            times.push(marks[i + 1] - marks[i]);
+        }
+        times[3].push(marks[3]);
+        Ok::<f64, BenchError>(marks[3])
+    });
+    // nothing to be done about a folder that stays
+    let _ = std::fs::remove_dir_all(&folder);
+    measured?;
+    let [read, check, build, total] = times.map(|t| Spread::of(&t));
+    match (read, check, build, total) {
+        (Some(read_s), Some(check_s), Some(build_s), Some(total_s)) => {
+            Ok(BuildRow { tetrahedra: mesh.tetrahedra.len(), read_s, check_s, build_s, total_s })
+        }
+        _ => Err(write("its times are not numbers".into())),
+    }
+}
+
+impl StepReport {
+    /// The fastest step of a kind on a number of threads, at the size nearest to one asked for.
+    pub fn fastest(
+        &self,
+        tetrahedra: usize,
+        threads: usize,
+        pick: impl Fn(&StepRow) -> bool,
+    ) -> Option<&StepRow> {
+        self.rows
+            .iter()
+            .filter(|r| r.tetrahedra.abs_diff(tetrahedra) * 20 < tetrahedra)
+            .filter(|r| r.threads == threads && pick(r))
+            .min_by(|a, b| a.ms.median.total_cmp(&b.ms.median))
+    }
+
+    /// For people.
+    pub fn tables(&self) -> Vec<Table> {
+        let title = format!(
+            "Steps of 10 ms: beam {} x {} x {} m, E 10 kPa, nu 0.45, compression term, relative \
+             residual 1e-3",
+            EXTENT.x, EXTENT.y, EXTENT.z
+        );
+        let mut steps = Table::new(
+            "steps",
+            title,
+            &[
+                "tets", "integrator", "solver", "state", "precision", "threads", "ms",
+                "quartiles", "least", "of plain", "CG its", "residual", "projections", "substeps",
+                "error %",
+            ],
+        )
+        .note(
+            "of plain: over forces and exact tangent plus one linear solve, of the swinging beam with \
+             the same precision, solver and threads. error: largest distance from the converged step \
+             (implicit Euler by Newton; explicit: Störmer-Verlet at a tenth of the stable step) over \
+             its largest displacement.",
+        )
+        .note(format!(
+            "times are means over {EXPLICIT_STEPS} explicit steps, one estimate of the stable step included, \
+             over {SAFE_STEPS} safe ones from the swinging state, and of one from the squeezed state."
+        ));
+        for r in &self.rows {
+            steps.row(vec![
+                r.tetrahedra.into(),
+                (&r.integrator).into(),
+                (&r.solver).into(),
+                (&r.state).into(),
+                (&r.precision).into(),
+                r.threads.into(),
+                r.ms.median.into(),
+                quartiles(&r.ms),
+                r.ms.minimum.into(),
+                r.ratio_to_plain.into(),
+                r.cg_iterations.into(),
+                r.residual.into(),
+                r.projections.into(),
+                r.substeps.into(),
+                r.error_percent.into(),
+            ]);
+        }
+        let mut builds = Table::new(
+            "builds",
+            "From a Gmsh file to a body (f64, one thread)",
+            &["tets", "read s", "check s", "build s", "total s", "least s"],
+        );
+        for r in &self.builds {
+            builds.row(vec![
+                r.tetrahedra.into(),
+                r.read_s.median.into(),
+                r.check_s.median.into(),
+                r.build_s.median.into(),
+                r.total_s.median.into(),
+                r.total_s.minimum.into(),
+            ]);
+        }
+        vec![steps, builds]
+    }
+}

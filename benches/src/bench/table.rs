@@ -1,0 +1,285 @@
+//! Tables: one form for the terminal, CSV, Markdown and HTML.
+
+use std::fmt::Write;
+
+/// One value of a table.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cell {
+    /// Words.
+    Text(String),
+    /// A number; CSV has all its digits, people see three.
+    Number(f64),
+    /// A count, shown in full.
+    Count(u64),
+    /// Not measured.
+    Missing,
+}
+
+impl From<&str> for Cell {
+    fn from(text: &str) -> Self {
+        Self::Text(text.to_string())
+    }
+}
+
+impl From<&String> for Cell {
+    fn from(text: &String) -> Self {
+        Self::Text(text.clone())
+    }
+}
+
+impl From<String> for Cell {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
+impl From<f64> for Cell {
+    fn from(x: f64) -> Self {
+        Self::Number(x)
+    }
+}
+
+impl From<usize> for Cell {
+    fn from(n: usize) -> Self {
+        Self::Count(n as u64)
+    }
+}
+
+impl From<u64> for Cell {
+    fn from(n: u64) -> Self {
+        Self::Count(n)
+    }
+}
+
+impl From<u32> for Cell {
+    fn from(n: u32) -> Self {
+        Self::Count(n.into())
+    }
+}
+
+impl From<bool> for Cell {
+    fn from(yes: bool) -> Self {
+        Self::Text(if yes { "yes" } else { "" }.to_string())
+    }
+}
+
+impl<T: Into<Cell>> From<Option<T>> for Cell {
+    fn from(value: Option<T>) -> Self {
+        value.map_or(Self::Missing, Into::into)
+    }
+}
+
+impl Cell {
+    /// For people.
+    pub fn shown(&self) -> String {
+        match self {
+            Self::Text(text) => text.clone(),
+            Self::Number(x) => three_digits(*x),
+            Self::Count(n) => n.to_string(),
+            Self::Missing => "-".to_string(),
+        }
+    }
+
+    /// For programs.
+    fn exact(&self) -> String {
+        match self {
+            Self::Text(text) => text.clone(),
+            Self::Number(x) => x.to_string(),
+            Self::Count(n) => n.to_string(),
+            Self::Missing => String::new(),
+        }
+    }
+
+    fn is_text(&self) -> bool {
+        matches!(self, Self::Text(_))
+    }
+}
+
+/// About three significant digits.
+pub fn three_digits(x: f64) -> String {
+    let size = x.abs();
+    if x == 0.0 {
+        "0".to_string()
+    } else if !(1e-3..1e6).contains(&size) {
+        format!("{x:.1e}")
+    } else if size >= 100.0 {
+        format!("{x:.0}")
+    } else if size >= 10.0 {
+        format!("{x:.1}")
+    } else if size >= 1.0 {
+        format!("{x:.2}")
+    } else {
+        let digits = 2 - size.log10().floor() as i32;
+        format!("{x:.*}", digits.max(0) as usize)
+    }
+}
+
+/// A table with a heading.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    /// Name of the CSV file and of the anchor in HTML.
+    pub name: &'static str,
+    /// Heading.
+    pub title: String,
+    /// What the reader must know: definitions, conditions.
+    pub notes: Vec<String>,
+    /// Headings of the columns, with unit.
+    pub columns: Vec<&'static str>,
+    /// One entry per column in each.
+    pub rows: Vec<Vec<Cell>>,
+    /// Rows to point out.
+    pub marked: Vec<usize>,
+}
+
+impl Table {
+    /// An empty table.
+    pub fn new(name: &'static str, title: impl Into<String>, columns: &[&'static str]) -> Self {
+        Self { name, title: title.into(), columns: columns.to_vec(), ..Self::default() }
+    }
+
+    /// Adds a remark.
+    #[must_use]
+    pub fn note(mut self, note: impl Into<String>) -> Self {
+        self.notes.push(note.into());
+        self
+    }
+
+    /// Adds a row.
+    ///
+    /// # Panics
+    /// When it has another number of cells than the table has columns.
+    pub fn row(&mut self, cells: Vec<Cell>) {
+        assert_eq!(cells.len(), self.columns.len(), "row of table `{}`", self.name);
+        self.rows.push(cells);
+    }
+
+    /// Whether a column holds words, which go to the left.
+    fn words(&self, column: usize) -> bool {
+        self.rows.iter().any(|row| row[column].is_text())
+    }
+
+    /// Aligned, for the terminal.
+    pub fn text(&self) -> String {
+        let shown: Vec<Vec<String>> =
+            self.rows.iter().map(|row| row.iter().map(Cell::shown).collect()).collect();
+        let width = |c: usize| {
+            let cells = shown.iter().map(|row| row[c].chars().count());
+            cells.max().unwrap_or(0).max(self.columns[c].chars().count())
+        };
+        let widths: Vec<usize> = (0..self.columns.len()).map(width).collect();
+        let line = |cells: &[String], mark: &str| {
+            let mut text = String::from(mark);
+            for (c, cell) in cells.iter().enumerate() {
+                let pad = " ".repeat(widths[c].saturating_sub(cell.chars().count()));
+                let (before, after) = if self.words(c) { ("", &*pad) } else { (&*pad, "") };
+                let _ = write!(text, "  {before}{cell}{after}");
+            }
+            text.trim_end().to_string() + "\n"
+        };
+        let headings: Vec<String> = self.columns.iter().map(|c| (*c).to_string()).collect();
+        let mut text = format!("{}\n", self.title);
+        text += &line(&headings, " ");
+        for (i, row) in shown.iter().enumerate() {
+            text += &line(row, if self.marked.contains(&i) { "*" } else { " " });
+        }
+        for note in &self.notes {
+            let _ = writeln!(text, "  {note}");
+        }
+        text
+    }
+
+    /// Comma-separated, all digits.
+    ///
+    /// # Errors
+    /// When memory cannot be written, which does not happen.
+    pub fn csv(&self) -> Result<Vec<u8>, csv::Error> {
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        writer.write_record(&self.columns)?;
+        for row in &self.rows {
+            writer.write_record(row.iter().map(Cell::exact))?;
+        }
+        writer.into_inner().map_err(|error| error.into_error().into())
+    }
+
+    /// A Markdown table without its heading.
+    pub fn markdown(&self) -> String {
+        let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+        let mut text = line(self.columns.iter().map(|c| (*c).to_string()).collect());
+        let rule = |c| if self.words(c) { "---" } else { "---:" }.to_string();
+        text += &line((0..self.columns.len()).map(rule).collect());
+        for row in &self.rows {
+            text += &line(row.iter().map(|c| c.shown().replace('|', "\\|")).collect());
+        }
+        text
+    }
+
+    /// An HTML section.
+    pub fn html(&self) -> String {
+        let mut text = format!("<h3 id=\"{}\">{}</h3>\n", self.name, escape(&self.title));
+        for note in &self.notes {
+            let _ = writeln!(text, "<p class=\"note\">{}</p>", escape(note));
+        }
+        text += "<div class=\"scroll\"><table>\n<thead><tr>";
+        for (c, column) in self.columns.iter().enumerate() {
+            let class = if self.words(c) { " class=\"words\"" } else { "" };
+            let _ = write!(text, "<th{class}>{}</th>", escape(column));
+        }
+        text += "</tr></thead>\n<tbody>\n";
+        for (i, row) in self.rows.iter().enumerate() {
+            text += if self.marked.contains(&i) { "<tr class=\"marked\">" } else { "<tr>" };
+            for (c, cell) in row.iter().enumerate() {
+                let class = if self.words(c) { " class=\"words\"" } else { "" };
+                let _ = write!(text, "<td{class}>{}</td>", escape(&cell.shown()));
+            }
+            text += "</tr>\n";
+        }
+        text + "</tbody></table></div>\n"
+    }
+}
+
+/// Text safe inside HTML.
+pub fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table() -> Table {
+        let mut table = Table::new("t", "A table", &["what", "ms"]).note("x < y");
+        table.row(vec!["a, \"b\"".into(), 1.23456.into()]);
+        table.row(vec!["long | name".into(), None::<f64>.into()]);
+        table.marked = vec![1];
+        table
+    }
+
+    #[test]
+    fn numbers_have_three_digits() {
+        let shown = [0.0, 12345.0, 123.4, 12.34, 1.234, 0.01234, 1e-9, 2.5e7, -3.456];
+        let text = ["0", "12345", "123", "12.3", "1.23", "0.0123", "1.0e-9", "2.5e7", "-3.46"];
+        assert_eq!(shown.map(three_digits), text);
+    }
+
+    #[test]
+    fn every_form_holds_every_cell() {
+        let table = table();
+        assert_eq!(
+            table.text(),
+            "A table\n   what           ms\n   a, \"b\"       1.23\n*  long | name     -\n  x < y\n"
+        );
+        assert_eq!(
+            String::from_utf8(table.csv().unwrap()).unwrap(),
+            "what,ms\n\"a, \"\"b\"\"\",1.23456\nlong | name,\n"
+        );
+        assert!(table.markdown().contains("| long \\| name | - |"));
+        let html = table.html();
+        assert!(html.contains("x &lt; y") && html.contains("<tr class=\"marked\">"));
+    }
+
+    #[test]
+    #[should_panic(expected = "row of table `t`")]
+    fn rows_must_fit() {
+        table().row(vec![Cell::Missing]);
+    }
+}
