@@ -6,12 +6,12 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestEdge, RestVolume, TETRAHEDRON_FACES,
+    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestVolume, TETRAHEDRON_FACES,
     TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices, TriangleEdges,
-    shape_gradient_bundle,
+    rest_edge_bundle, shape_gradient_bundle,
 };
 use sinew_engine::law::{Law, LawBuffer};
-use sinew_engine::layout::{BodyLayout, starts};
+use sinew_engine::layout::BodyLayout;
 use sinew_engine::mesh::Mesh;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
@@ -26,9 +26,8 @@ use crate::fused::{
 };
 use crate::material::{MaterialError, YoungPoisson};
 use crate::pooled::{
-    self, Angular, AngularStiffness, AngularTension, EdgeIncidence, SpringForces, Tensile,
-    TensileStiffness, TensileTension, TriangleVertices, Volumetric, VolumetricStiffness,
-    VolumetricTension,
+    self, Angular, AngularStiffness, SpringForces, Tensile, TensileStiffness, TensileTension,
+    TriangleVertices, Volumetric, VolumetricStiffness,
 };
 use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants};
 
@@ -338,10 +337,8 @@ fn spawn_springs<S: Scalar>(
         volumetric.push(constants.volumetric);
     }
 
-    let incidence = world.get_resource_or_init::<EdgeIncidence>();
-    let edge0 = incidence.triangle_start.len() as u32 - 1;
-    let triangle0 = incidence.triangles.len() as u32 / 3;
-    let tetrahedron0 = incidence.tetrahedra.len() as u32 / 6;
+    let mut edges = world.query::<&EdgeChange<S>>();
+    let edge0 = edges.iter(world).len() as u32;
 
     world.spawn_batch(
         layout
@@ -354,7 +351,7 @@ fn spawn_springs<S: Scalar>(
                     EdgeVertices([a + v0, b + v0]),
                     EdgeBlock(i as u32 + block0),
                     id,
-                    RestEdge((rest_of(a) - rest_of(b)).to_array().map(S::from_f64)),
+                    rest_edge_bundle::<S>((rest_of(a) - rest_of(b)).to_array()),
                     EdgeChange::<S>::default(),
                     EdgeTension::<S>::default(),
                     TensileStiffness(S::from_f64(k)),
@@ -374,8 +371,9 @@ fn spawn_springs<S: Scalar>(
                     TriangleVertices(t.map(|v| v + v0)),
                     TriangleEdges(e.map(|e| e + edge0)),
                     id,
-                    AngularStiffness(c.map(S::from_f64)),
-                    AngularTension::<S>::default(),
+                    AngularStiffness::<S, 0>(S::from_f64(c[0])),
+                    AngularStiffness::<S, 1>(S::from_f64(c[1])),
+                    AngularStiffness::<S, 2>(S::from_f64(c[2])),
                 )
             })
             .collect::<Vec<_>>(),
@@ -389,35 +387,13 @@ fn spawn_springs<S: Scalar>(
                 (
                     geometry,
                     TetrahedronEdges(e.map(|e| e + edge0)),
-                    VolumetricStiffness(d.map(S::from_f64)),
-                    VolumetricTension::<S>::default(),
+                    VolumetricStiffness::<S, 0>(S::from_f64(d[0])),
+                    VolumetricStiffness::<S, 1>(S::from_f64(d[1])),
+                    VolumetricStiffness::<S, 2>(S::from_f64(d[2])),
                 )
             })
             .collect::<Vec<_>>(),
     );
-
-    let mut incidence = world.resource_mut::<EdgeIncidence>();
-    let EdgeIncidence { triangle_start, triangles, tetrahedron_start, tetrahedra } =
-        &mut *incidence;
-    let n = layout.edges.len();
-    append(n, triangle_start, triangles, layout.triangle_edges.as_flattened(), 3 * triangle0);
-    append(
-        n,
-        tetrahedron_start,
-        tetrahedra,
-        layout.tetrahedron_edges.as_flattened(),
-        6 * tetrahedron0,
-    );
-}
-
-/// Appends compressed rows: `edge_of[slot]` is the edge of each element slot.
-fn append(n: usize, start: &mut Vec<u32>, list: &mut Vec<u32>, edge_of: &[u32], slot0: u32) {
-    let base = list.len() as u32;
-    let mut keys: Vec<(u32, u32)> =
-        edge_of.iter().enumerate().map(|(slot, &e)| (e, slot as u32 + slot0)).collect();
-    keys.sort_unstable();
-    start.extend(starts(n, keys.iter().map(|k| k.0))[1..].iter().map(|s| s + base));
-    list.extend(keys.iter().map(|k| k.1));
 }
 
 /// Cuts the elements of every active law into its fixed ranges.
@@ -426,9 +402,25 @@ fn partition_laws<S: Scalar>(world: &mut World) {
     partition::<Compression, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
     partition::<PooledProjection, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
     partition::<Volumetric, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
-    partition::<Tensile, S, EdgeVertices, ()>(world, |e| &e.0);
-    partition::<SpringForces, S, EdgeVertices, ()>(world, |e| &e.0);
+    partition::<Tensile, S, EdgeVertices, With<TensileTension<S>>>(world, |e| &e.0);
+    partition::<SpringForces, S, EdgeVertices, With<TensileTension<S>>>(world, |e| &e.0);
     partition::<Angular, S, TriangleVertices, ()>(world, |t| &t.0);
+    find_edges::<Volumetric, S, TetrahedronEdges>(world, |e| &e.0);
+    find_edges::<Angular, S, TriangleEdges>(world, |e| &e.0);
+}
+
+/// Tells the ranges of a law of springs which edge-table rows they pull on.
+fn find_edges<L: Law, S: Scalar, C: Component>(world: &mut World, edges: impl Fn(&C) -> &[u32]) {
+    let mut elements = world.query::<&C>();
+    let Some(mut buffer) = world.remove_resource::<LawBuffer<L, S>>() else { return };
+    if let Some(column) = single_table(elements.contiguous_iter(world)) {
+        for span in &mut buffer.spans {
+            let own = || column[span.elements.clone()].iter().flat_map(&edges);
+            let (low, high) = (own().min(), own().max());
+            span.edges = low.map_or(0, |&e| e as usize)..high.map_or(0, |&e| e as usize + 1);
+        }
+    }
+    world.insert_resource(buffer);
 }
 
 fn partition<L: Law, S: Scalar, C: Component, F: bevy_ecs::query::ArchetypeFilter>(

@@ -453,8 +453,18 @@ fn tangent_batch<Law: TetrahedronLaw, L: Lanes>(
         }
     }
     let mut t = Law::tangent::<L>(&e, &u, kind != TangentKind::GaussNewton);
-    let (nodes, blocks) = (&columns.shapes.nodes[first..], &columns.blocks[first..]);
-    orient(&mut t, nodes);
+    add_tangent(&mut t, span, &columns.shapes.nodes[first..], &columns.blocks[first..]);
+}
+
+/// Adds the tangents of the tetrahedra at the start of `nodes` and `blocks` to a range.
+#[inline(always)]
+pub(crate) fn add_tangent<L: Lanes>(
+    t: &mut TetrahedronTangent<L>,
+    span: &mut Span<L::Scalar>,
+    nodes: &[[u32; 4]],
+    blocks: &[[u32; 6]],
+) {
+    orient(t, nodes);
     for a in 0..4 {
         L::add_blocks(&t.diagonal[a], &mut span.diagonal, span.rows.start, nodes, a);
     }
