@@ -22,14 +22,15 @@ use sinew_engine::vertex::{
 
 use crate::fused::{
     self, Compression, CompressionModulus, FirstLameParameter, FusedStVK, PooledProjection,
-    ShearModulus,
+    ShearModulus, TetrahedronLaw,
 };
-use crate::material::{MaterialError, YoungPoisson};
+use crate::material::{LameParameters, MaterialError, YoungPoisson};
 use crate::pooled::{
     self, Angular, AngularStiffness, SpringForces, Tensile, TensileStiffness, TensileTension,
     TriangleVertices, Volumetric, VolumetricStiffness,
 };
 use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants};
+use crate::quadratic::{self, MassSpring, QuadraticSprings};
 
 /// Energy of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,6 +42,32 @@ pub enum Model {
     #[default]
     #[serde(rename = "svk_comp")]
     CompressibleStVK,
+    /// Tetrahedral quadratic springs ([`crate::quadratic`]): St Venant-Kirchhoff for small strains.
+    /// Fused evaluation only; no compression term.
+    #[serde(rename = "tqs")]
+    QuadraticSprings,
+    /// Springs on edges alone, the tensile part of the quadratic springs: no material, for
+    /// comparison. One pass over edges; nothing resists inversion.
+    #[serde(rename = "mass_spring")]
+    MassSpring,
+}
+
+impl Model {
+    /// Name in scene files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::StVK => "svk",
+            Self::CompressibleStVK => "svk_comp",
+            Self::QuadraticSprings => "tqs",
+            Self::MassSpring => "mass_spring",
+        }
+    }
+
+    /// Whether the energy can be summed this way. [`Evaluation::Fused`] always can; for
+    /// [`MassSpring`](Self::MassSpring) it means its one pass over edges.
+    pub fn supports(self, evaluation: Evaluation) -> bool {
+        evaluation == Evaluation::Fused || matches!(self, Self::StVK | Self::CompressibleStVK)
+    }
 }
 
 /// How the energy is summed; the result is the same to rounding.
@@ -122,6 +149,17 @@ pub enum BodyError {
         /// Number of vertices in the mesh.
         count: usize,
     },
+    /// An energy that cannot be summed the way asked for.
+    #[error(
+        "body `{body}`: model \"{}\" has no pooled evaluation; leave `evaluation` out or set it to \
+         \"fused\"", .model.name()
+    )]
+    Evaluation {
+        /// Name of the body.
+        body: String,
+        /// Its model.
+        model: Model,
+    },
     /// No tetrahedra.
     #[error("body `{body}` has no tetrahedra; membranes of triangles alone are not supported yet")]
     Empty {
@@ -177,6 +215,9 @@ pub fn spawn_body<S: Scalar>(
         && *spawned != ElementTables::of(world)
     {
         return Err(BodyError::LayoutChanged { body: name() });
+    }
+    if !body.model.supports(body.evaluation) {
+        return Err(BodyError::Evaluation { body: name(), model: body.model });
     }
     if body.tetrahedra.is_empty() {
         return Err(BodyError::Empty { body: name() });
@@ -283,13 +324,24 @@ pub fn spawn_body<S: Scalar>(
         })
         .collect();
 
-    match body.evaluation {
-        Evaluation::Fused => {
+    match (body.model, body.evaluation) {
+        (Model::QuadraticSprings, _) => {
+            world.spawn_batch(
+                geometry.into_iter().map(|g| (g, QuadraticSprings)).collect::<Vec<_>>(),
+            );
+            fused::activate::<QuadraticSprings, S>(world);
+        }
+        (Model::MassSpring, _) => {
+            world.spawn_batch(geometry.into_iter().map(|g| (g, MassSpring)).collect::<Vec<_>>());
+            spawn_edge_springs::<S>(world, &layout, &rest, lame, &rest_of, v0, block0, id);
+            quadratic::activate_mass_spring::<S>(world);
+        }
+        (_, Evaluation::Fused) => {
             world.spawn_batch(geometry);
             fused::activate::<FusedStVK, S>(world);
         }
-        Evaluation::Pooled => {
-            spawn_springs::<S>(world, &layout, &rest, body, &rest_of, geometry, v0, block0, id);
+        (_, Evaluation::Pooled) => {
+            spawn_springs::<S>(world, &layout, &rest, lame, &rest_of, geometry, v0, block0, id);
             pooled::activate::<S>(world);
             fused::activate::<PooledProjection, S>(world);
             if body.model == Model::CompressibleStVK {
@@ -304,19 +356,55 @@ pub fn spawn_body<S: Scalar>(
     Ok(world.spawn(SoftBody { index, material, model, evaluation }).id())
 }
 
+/// Edges of a mass-spring body, with constants summed over the tetrahedra.
+fn spawn_edge_springs<S: Scalar>(
+    world: &mut World,
+    layout: &BodyLayout,
+    rest: &[RestTetrahedron],
+    lame: LameParameters,
+    rest_of: &dyn Fn(u32) -> DVec3,
+    v0: u32,
+    block0: u32,
+    id: BodyId,
+) {
+    let mut tensile = vec![0.0; layout.edges.len()];
+    for (edges, r) in layout.tetrahedron_edges.iter().zip(rest) {
+        for (k, &e) in SpringConstants::new(r, lame).tensile.iter().zip(edges) {
+            tensile[e as usize] += k;
+        }
+    }
+    world.spawn_batch(
+        layout
+            .edges
+            .iter()
+            .zip(tensile)
+            .enumerate()
+            .map(|(i, (&[a, b], k))| {
+                (
+                    EdgeVertices([a + v0, b + v0]),
+                    EdgeBlock(i as u32 + block0),
+                    id,
+                    rest_edge_bundle::<S>((rest_of(a) - rest_of(b)).to_array()),
+                    TensileStiffness(S::from_f64(k)),
+                    MassSpring,
+                )
+            })
+            .collect::<Vec<_>>(),
+    );
+}
+
 /// Edges, triangles and tetrahedra of a pooled body, with constants summed over the tetrahedra.
 fn spawn_springs<S: Scalar>(
     world: &mut World,
     layout: &BodyLayout,
     rest: &[RestTetrahedron],
-    body: &BodyDescription,
+    lame: LameParameters,
     rest_of: &dyn Fn(u32) -> DVec3,
     geometry: Vec<impl Bundle<Effect: NoBundleEffect>>,
     v0: u32,
     block0: u32,
     id: BodyId,
 ) {
-    let Ok(lame) = body.material.lame() else { return };
     let mut tensile = vec![0.0; layout.edges.len()];
     let mut angular = vec![[0.0; 3]; layout.triangles.len()];
     let mut volumetric = Vec::with_capacity(rest.len());
@@ -398,7 +486,12 @@ fn spawn_springs<S: Scalar>(
 
 /// Cuts the elements of every active law into its fixed ranges.
 fn partition_laws<S: Scalar>(world: &mut World) {
-    partition::<FusedStVK, S, TetrahedronVertices, Without<TetrahedronEdges>>(world, |t| &t.0);
+    type Bodies<L> = <L as TetrahedronLaw>::Bodies;
+    partition::<FusedStVK, S, TetrahedronVertices, Bodies<FusedStVK>>(world, |t| &t.0);
+    partition::<QuadraticSprings, S, TetrahedronVertices, Bodies<QuadraticSprings>>(world, |t| {
+        &t.0
+    });
+    partition::<MassSpring, S, EdgeVertices, With<MassSpring>>(world, |e| &e.0);
     partition::<Compression, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
     partition::<PooledProjection, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
     partition::<Volumetric, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
