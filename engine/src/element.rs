@@ -60,7 +60,8 @@ pub fn rest_edge_bundle<S: Scalar>(rest: [f64; 3]) -> RestEdgeBundle<S> {
 }
 
 /// Slices of the columns of [`RestEdges`], as a contiguous query gives them.
-pub type RestEdgeColumns<'a, S> = (&'a [RestEdge<S, 0>], &'a [RestEdge<S, 1>], &'a [RestEdge<S, 2>]);
+pub type RestEdgeColumns<'a, S> =
+    (&'a [RestEdge<S, 0>], &'a [RestEdge<S, 1>], &'a [RestEdge<S, 2>]);
 
 /// Deformation of many edges: vertex displacements and the columns that turn them into edge vectors.
 #[derive(Clone, Copy, Debug)]

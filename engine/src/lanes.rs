@@ -558,9 +558,9 @@ mod x86 {
          any($c:ident) = $any:expr,
          both($a:ident, $b:ident) = $both:expr,
          either($d:ident, $e:ident) = $either:expr
-         $(, $($more:item)+)?) => {
+         $(, $more:item)*) => {
             impl Real for $name {
-                $($($more)+)?
+                $($more)*
                 type Mask = $mask;
                 const ZERO: Self = {
                     // SAFETY: a register is plain bits of the same size.
@@ -641,7 +641,7 @@ mod x86 {
             let e = (-self).mul_add(y, Self::ONE);
             let y = y.mul_add(e, y);
             y.mul_add(e * e, y)
-        }
+        },
         #[inline(always)]
         fn recip_sqrt(self) -> Self {
             // 14 bits, then the binomial series to its fourth term
@@ -670,7 +670,7 @@ mod x86 {
         fn recip(self) -> Self {
             let y = Self(vector!(_mm512_rcp14_ps(self.0)));
             y.mul_add((-self).mul_add(y, Self::ONE), y)
-        }
+        },
         #[inline(always)]
         fn recip_sqrt(self) -> Self {
             let y = Self(vector!(_mm512_rsqrt14_ps(self.0)));

@@ -8,8 +8,8 @@ use bevy_ecs::query::ArchetypeFilter;
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    RestVolume, ShapeGradientColumns, ShapeGradients, TetrahedronBlocks, TetrahedronEdges, TetrahedronShapes,
-    TetrahedronVertices, displacement_gradient,
+    RestVolume, ShapeGradientColumns, ShapeGradients, TetrahedronBlocks, TetrahedronEdges,
+    TetrahedronShapes, TetrahedronVertices, displacement_gradient,
 };
 use sinew_engine::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};

@@ -65,8 +65,11 @@ pub struct TensileTension<S: Scalar>(pub S);
 pub struct AngularStiffness<S: Scalar, const VERTEX: usize>(pub S);
 
 /// All three columns of [`AngularStiffness`]: query data.
-pub type AngularStiffnesses<S> =
-    (&'static AngularStiffness<S, 0>, &'static AngularStiffness<S, 1>, &'static AngularStiffness<S, 2>);
+pub type AngularStiffnesses<S> = (
+    &'static AngularStiffness<S, 0>,
+    &'static AngularStiffness<S, 1>,
+    &'static AngularStiffness<S, 2>,
+);
 
 /// Volumetric stiffness `d` (N/m^3) of a tetrahedron for pair `PAIR` of opposite edges, in the order of
 /// [`OPPOSITE_PAIRS`](crate::precompute::OPPOSITE_PAIRS).
@@ -509,9 +512,7 @@ struct PullBatch<'a, P, S, const V: usize, const E: usize> {
     law: std::marker::PhantomData<fn() -> P>,
 }
 
-impl<P: Pull<E>, S: Scalar, const V: usize, const E: usize> Batch<S>
-    for PullBatch<'_, P, S, V, E>
-{
+impl<P: Pull<E>, S: Scalar, const V: usize, const E: usize> Batch<S> for PullBatch<'_, P, S, V, E> {
     #[inline(always)]
     fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
         let delta = self.columns.changes::<L>(first);

@@ -107,7 +107,8 @@ pub mod tetrahedron {
         // columns of Dm from the rows of its inverse
         let six = R::from_f64(6.0) * e.volume;
         let [d1, d2, d3] = e.gradients;
-        let rest = [scale(cross(d2, d3), six), scale(cross(d3, d1), six), scale(cross(d1, d2), six)];
+        let rest =
+            [scale(cross(d2, d3), six), scale(cross(d3, d1), six), scale(cross(d1, d2), six)];
         let w = [sub(u[1], u[0]), sub(u[2], u[0]), sub(u[3], u[0])];
         [
             Stretch::new(rest[0], w[0]),
@@ -366,10 +367,7 @@ fn evaluate_edges<S: Scalar>(
     workers: Res<Workers>,
     mut buffer: ResMut<LawBuffer<MassSpring, S>>,
     vertices: Query<&Displacement<S>>,
-    edges: Query<
-        (&EdgeVertices, &EdgeBlock, RestEdges<S>, &TensileStiffness<S>),
-        With<MassSpring>,
-    >,
+    edges: Query<(&EdgeVertices, &EdgeBlock, RestEdges<S>, &TensileStiffness<S>), With<MassSpring>>,
 ) {
     let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };

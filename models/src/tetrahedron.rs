@@ -266,7 +266,11 @@ pub(crate) fn product_parts<S: Real>(
         }
         if exact {
             let p1 = (e.compression + e.compression) * (m * m * m);
-            let f = [[S::ONE + g[0], g[1], g[2]], [g[3], S::ONE + g[4], g[5]], [g[6], g[7], S::ONE + g[8]]];
+            let f = [
+                [S::ONE + g[0], g[1], g[2]],
+                [g[3], S::ONE + g[4], g[5]],
+                [g[6], g[7], S::ONE + g[8]],
+            ];
             let h = [[h[0], h[1], h[2]], [h[3], h[4], h[5]], [h[6], h[7], h[8]]];
             for i in 0..3 {
                 // row i of cof F is the vector product of the next two rows of F
