@@ -13,7 +13,7 @@ use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::vertex::{FixedAxes, Mass, RestPosition};
 use sinew::engine::workers::Workers;
 use sinew::models::pooled::{
-    AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness,
+    AngularStiffnesses, TensileStiffness, TriangleVertices, VolumetricStiffnesses,
 };
 use sinew::prelude::*;
 use sinew::solvers::cg::{CgStatus, LinearOptions, LinearSolver, ShiftedTangent};
@@ -137,8 +137,9 @@ fn pooled_constants_energies_forces_and_tangents() {
             seen += 1;
         }
         assert_eq!(seen, k.len(), "{name}");
-        let mut triangles = world.query::<(&TriangleVertices, &AngularStiffness<f64>)>();
-        for (vertices, stiffness) in triangles.iter(world) {
+        let mut triangles = world.query::<(&TriangleVertices, AngularStiffnesses<f64>)>();
+        for (vertices, (c0, c1, c2)) in triangles.iter(world) {
+            let stiffness = [c0.0, c1.0, c2.0];
             let key = user(&vertices.0);
             let i = case["faces"]
                 .as_array()
@@ -150,14 +151,15 @@ fn pooled_constants_energies_forces_and_tangents() {
                 let vertex = u64::from(order.vertex_order[vertices.0[m] as usize]);
                 let j = key.iter().position(|v| *v == vertex).unwrap();
                 let expected = number(&case["face_c"][i][j]);
-                assert!((stiffness.0[m] - expected).abs() < 1e-12 * largest, "{name}: c {key:?}");
+                assert!((stiffness[m] - expected).abs() < 1e-12 * largest, "{name}: c {key:?}");
             }
         }
         // pair m holds the first local vertex with vertex m + 1; the engine numbers vertices anew
         let d = case["tet_d"].as_array().unwrap();
         let mut tetrahedra =
-            world.query::<(&TetrahedronIndex, &TetrahedronVertices, &VolumetricStiffness<f64>)>();
-        for (index, vertices, stiffness) in tetrahedra.iter(world) {
+            world.query::<(&TetrahedronIndex, &TetrahedronVertices, VolumetricStiffnesses<f64>)>();
+        for (index, vertices, (d0, d1, d2)) in tetrahedra.iter(world) {
+            let stiffness = [d0.0, d1.0, d2.0];
             let i = index.0 as usize;
             let own = vertices.0.map(|v| u64::from(order.vertex_order[v as usize]));
             let reference = [0, 1, 2, 3].map(|j| case["tets"][i][j].as_u64().unwrap());
@@ -168,7 +170,7 @@ fn pooled_constants_energies_forces_and_tangents() {
                     .position(|j| pair.contains(&reference[j]) == first)
                     .expect("one vertex on the same side as the first");
                 let expected = number(&d[i][j]);
-                assert!((stiffness.0[m] - expected).abs() < 1e-12 * largest, "{name}: d");
+                assert!((stiffness[m] - expected).abs() < 1e-12 * largest, "{name}: d");
             }
         }
     }

@@ -111,10 +111,10 @@ pub struct Body {
     pub translate: Option<[f64; 3]>,
     /// Material.
     pub material: Material,
-    /// Energy: `"svk_comp"` (default) or `"svk"`.
+    /// Energy: `"svk_comp"` (default), `"svk"`, `"tqs"` or `"mass_spring"`.
     #[serde(default)]
     pub model: Model,
-    /// How the energy is summed: `"fused"` (default) or `"pooled"`.
+    /// How the energy is summed: `"fused"` (default), or `"pooled"` for the first two.
     #[serde(default)]
     pub evaluation: Evaluation,
 }

@@ -418,10 +418,7 @@ pub struct VolumeSummary {
 
 /// Name of a model in a scene file.
 pub fn model_name(model: Model) -> &'static str {
-    match model {
-        Model::StVK => "svk",
-        Model::CompressibleStVK => "svk_comp",
-    }
+    model.name()
 }
 
 /// Name of an evaluation in a scene file.

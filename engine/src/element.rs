@@ -41,11 +41,69 @@ pub struct EdgeVertices(pub [u32; 2]);
 #[repr(transparent)]
 pub struct EdgeBlock(pub u32);
 
-/// Rest vector X_a - X_b of an edge (m), a the lower row.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+/// Component `AXIS` (0, 1, 2) of the rest vector X_a - X_b of an edge (m), a the lower row.
+///
+/// One column per number, so that kernels load the same entry of neighbouring edges at once.
+#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
 #[component(summary_tick)]
 #[repr(transparent)]
-pub struct RestEdge<S: Scalar>(pub [S; 3]);
+pub struct RestEdge<S: Scalar, const AXIS: usize>(pub S);
+
+/// All three columns of [`RestEdge`]: query data.
+pub type RestEdges<S> = (&'static RestEdge<S, 0>, &'static RestEdge<S, 1>, &'static RestEdge<S, 2>);
+
+/// The components of [`RestEdges`].
+pub type RestEdgeBundle<S> = (RestEdge<S, 0>, RestEdge<S, 1>, RestEdge<S, 2>);
+
+/// The components of [`RestEdges`] from the rest vector (m).
+pub fn rest_edge_bundle<S: Scalar>(rest: [f64; 3]) -> RestEdgeBundle<S> {
+    let [x, y, z] = rest.map(S::from_f64);
+    (RestEdge(x), RestEdge(y), RestEdge(z))
+}
+
+/// Slices of the columns of [`RestEdges`], as a contiguous query gives them.
+pub type RestEdgeColumns<'a, S> =
+    (&'a [RestEdge<S, 0>], &'a [RestEdge<S, 1>], &'a [RestEdge<S, 2>]);
+
+/// Deformation of many edges: vertex displacements and the columns that turn them into edge vectors.
+#[derive(Clone, Copy, Debug)]
+pub struct EdgeShapes<'a, S> {
+    /// Displacement of every vertex row (m).
+    pub displacement: &'a [[S; 4]],
+    /// Vertex rows of the edges, lower first.
+    pub nodes: &'a [[u32; 2]],
+    /// Components of the rest vectors (m).
+    pub rest: [&'a [S]; 3],
+}
+
+impl<'a, S: Scalar> EdgeShapes<'a, S> {
+    /// From table columns.
+    pub fn new(
+        displacement: &'a [Displacement<S>],
+        nodes: &'a [EdgeVertices],
+        (x, y, z): RestEdgeColumns<'a, S>,
+    ) -> Self {
+        Self {
+            displacement: Displacement::peel_slice(displacement),
+            nodes: EdgeVertices::peel_slice(nodes),
+            rest: [RestEdge::peel_slice(x), RestEdge::peel_slice(y), RestEdge::peel_slice(z)],
+        }
+    }
+
+    /// Rest vectors of the edges from `first` on.
+    #[inline(always)]
+    pub fn rest<L: Lanes<Scalar = S>>(&self, first: usize) -> [L; 3] {
+        let [x, y, z] = self.rest;
+        [L::load(&x[first..]), L::load(&y[first..]), L::load(&z[first..])]
+    }
+
+    /// Displacements `u_a - u_b` of the lower row against the higher one.
+    #[inline(always)]
+    pub fn relative<L: Lanes<Scalar = S>>(&self, first: usize) -> [L; 3] {
+        let nodes = &self.nodes[first..];
+        sub(L::load_rows(self.displacement, nodes, 0), L::load_rows(self.displacement, nodes, 1))
+    }
+}
 
 /// Change of squared length (m^2), `|x_a - x_b|^2 - L^2`.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper)]

@@ -42,6 +42,7 @@
 //! `#[inline(always)]`.
 
 use crate::scalar::{Real, Scalar};
+use std::ops::Range;
 
 /// Most lanes of any register.
 pub const MAX_LANES: usize = 16;
@@ -139,6 +140,22 @@ pub trait Lanes: Real {
         Self::load(&buffer)
     }
 
+    /// Adds the lanes to the numbers `of[lane][local] - first`, lane after lane.
+    #[inline(always)]
+    fn add_at<const M: usize>(
+        self,
+        to: &mut [Self::Scalar],
+        first: usize,
+        of: &[[u32; M]],
+        local: usize,
+    ) {
+        let mut buffer = [Self::Scalar::ZERO; MAX_LANES];
+        self.store(&mut buffer);
+        for (lane, of) in of[..Self::COUNT].iter().enumerate() {
+            to[of[local] as usize - first] += buffer[lane];
+        }
+    }
+
     /// Adds every lane to a sum of its own, in `f64`.
     #[inline(always)]
     fn accumulate(self, sums: &mut [f64; MAX_LANES]) {
@@ -168,6 +185,32 @@ pub trait Kernel<S: Scalar> {
     type Output;
     /// The loop; mark implementations `#[inline(always)]`.
     fn run<L: Lanes<Scalar = S>>(self) -> Self::Output;
+}
+
+/// What a kernel does with one register full of elements.
+pub trait Batch<S: Scalar> {
+    /// The elements from `first` on; mark implementations `#[inline(always)]`.
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize);
+}
+
+/// The kernel that carries out a [`Batch`] for a range of elements: full registers first, then the
+/// remainder one by one. Gives the batch back, with what it has summed up.
+pub struct Batches<B>(pub Range<usize>, pub B);
+
+impl<S: Scalar, B: Batch<S>> Kernel<S> for Batches<B> {
+    type Output = B;
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = S>>(self) -> B {
+        let Self(elements, mut batch) = self;
+        let whole = elements.end - elements.len() % L::COUNT;
+        for first in (elements.start..whole).step_by(L::COUNT) {
+            batch.batch::<L>(first);
+        }
+        for element in whole..elements.end {
+            batch.batch::<S::One>(element);
+        }
+        batch
+    }
 }
 
 /// Instruction sets that kernels are compiled for.
@@ -514,8 +557,10 @@ mod x86 {
          select($m:ident, $yes:ident, $no:ident) = $select:expr,
          any($c:ident) = $any:expr,
          both($a:ident, $b:ident) = $both:expr,
-         either($d:ident, $e:ident) = $either:expr) => {
+         either($d:ident, $e:ident) = $either:expr
+         $(, $more:item)*) => {
             impl Real for $name {
+                $($more)*
                 type Mask = $mask;
                 const ZERO: Self = {
                     // SAFETY: a register is plain bits of the same size.
@@ -588,7 +633,23 @@ mod x86 {
         select(m, yes, no) = _mm512_mask_blend_pd(m, no, yes),
         any(c) = c != 0,
         both(a, b) = a & b,
-        either(d, e) = d | e
+        either(d, e) = d | e,
+        #[inline(always)]
+        fn recip(self) -> Self {
+            // 14 bits, then the geometric series to its fourth term
+            let y = Self(vector!(_mm512_rcp14_pd(self.0)));
+            let e = (-self).mul_add(y, Self::ONE);
+            let y = y.mul_add(e, y);
+            y.mul_add(e * e, y)
+        },
+        #[inline(always)]
+        fn recip_sqrt(self) -> Self {
+            // 14 bits, then the binomial series to its fourth term
+            let y = Self(vector!(_mm512_rsqrt14_pd(self.0)));
+            let e = (-(self * y)).mul_add(y, Self::ONE);
+            let series = e.mul_add(Self::from_f64(0.3125), Self::from_f64(0.375));
+            (y * e).mul_add(e.mul_add(series, Self::from_f64(0.5)), y)
+        }
     );
     real!(
         F32x16,
@@ -604,7 +665,18 @@ mod x86 {
         select(m, yes, no) = _mm512_mask_blend_ps(m, no, yes),
         any(c) = c != 0,
         both(a, b) = a & b,
-        either(d, e) = d | e
+        either(d, e) = d | e,
+        #[inline(always)]
+        fn recip(self) -> Self {
+            let y = Self(vector!(_mm512_rcp14_ps(self.0)));
+            y.mul_add((-self).mul_add(y, Self::ONE), y)
+        },
+        #[inline(always)]
+        fn recip_sqrt(self) -> Self {
+            let y = Self(vector!(_mm512_rsqrt14_ps(self.0)));
+            let e = (-(self * y)).mul_add(y, Self::ONE);
+            (y * e).mul_add(e.mul_add(Self::from_f64(0.375), Self::from_f64(0.5)), y)
+        }
     );
     real!(
         F64x4,

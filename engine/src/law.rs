@@ -78,6 +78,10 @@ pub struct Span<S> {
     pub diagonal: Vec<[S; 9]>,
     /// Off-diagonal tangent blocks (N/m), one per block of `blocks`; empty until asked for.
     pub off_diagonal: Vec<[S; 9]>,
+    /// Edge-table rows that its springs pull on; set by laws of springs, else empty.
+    pub edges: Range<usize>,
+    /// What its springs add to the tension (N/m) of those edges; empty for other laws.
+    pub tension: Vec<S>,
     /// Energy (J).
     pub energy: f64,
     /// Elements whose eigenvalues had to be clamped.
@@ -89,6 +93,12 @@ impl<S: Scalar> Span<S> {
     pub fn clear_force(&mut self) {
         self.force.clear();
         self.force.resize(self.rows.len(), [S::ZERO; 4]);
+    }
+
+    /// Makes the tension array zero.
+    pub fn clear_tension(&mut self) {
+        self.tension.clear();
+        self.tension.resize(self.edges.len(), S::ZERO);
     }
 
     /// Makes the tangent arrays zero, allocating them at first use.
@@ -277,6 +287,8 @@ fn span<'a, S>(
         force: Vec::new(),
         diagonal: Vec::new(),
         off_diagonal: Vec::new(),
+        edges: 0..0,
+        tension: Vec::new(),
         energy: 0.0,
         clamped: 0,
     }

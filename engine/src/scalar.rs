@@ -38,6 +38,17 @@ pub trait Real:
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
+    /// `1 / self` of a finite normal number, to two units in the last place: cheaper than a division
+    /// where the machine has an estimate to start from.
+    #[inline(always)]
+    fn recip(self) -> Self {
+        Self::ONE / self
+    }
+    /// `1 / sqrt(self)` of a finite positive normal number, to two units in the last place.
+    #[inline(always)]
+    fn recip_sqrt(self) -> Self {
+        Self::ONE / self.sqrt()
+    }
     /// Absolute value.
     fn abs(self) -> Self;
     /// Larger of two numbers.

@@ -6,12 +6,12 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestEdge, RestVolume, TETRAHEDRON_FACES,
+    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestVolume, TETRAHEDRON_FACES,
     TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices, TriangleEdges,
-    shape_gradient_bundle,
+    rest_edge_bundle, shape_gradient_bundle,
 };
 use sinew_engine::law::{Law, LawBuffer};
-use sinew_engine::layout::{BodyLayout, starts};
+use sinew_engine::layout::BodyLayout;
 use sinew_engine::mesh::Mesh;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
@@ -22,15 +22,15 @@ use sinew_engine::vertex::{
 
 use crate::fused::{
     self, Compression, CompressionModulus, FirstLameParameter, FusedStVK, PooledProjection,
-    ShearModulus,
+    ShearModulus, TetrahedronLaw,
 };
-use crate::material::{MaterialError, YoungPoisson};
+use crate::material::{LameParameters, MaterialError, YoungPoisson};
 use crate::pooled::{
-    self, Angular, AngularStiffness, AngularTension, EdgeIncidence, SpringForces, Tensile,
-    TensileStiffness, TensileTension, TriangleVertices, Volumetric, VolumetricStiffness,
-    VolumetricTension,
+    self, Angular, AngularStiffness, SpringForces, Tensile, TensileStiffness, TensileTension,
+    TriangleVertices, Volumetric, VolumetricStiffness,
 };
 use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants};
+use crate::quadratic::{self, MassSpring, QuadraticSprings};
 
 /// Energy of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,6 +42,32 @@ pub enum Model {
     #[default]
     #[serde(rename = "svk_comp")]
     CompressibleStVK,
+    /// Tetrahedral quadratic springs ([`crate::quadratic`]): St Venant-Kirchhoff for small strains.
+    /// Fused evaluation only; no compression term.
+    #[serde(rename = "tqs")]
+    QuadraticSprings,
+    /// Springs on edges alone, the tensile part of the quadratic springs: no material, for
+    /// comparison. One pass over edges; nothing resists inversion.
+    #[serde(rename = "mass_spring")]
+    MassSpring,
+}
+
+impl Model {
+    /// Name in scene files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::StVK => "svk",
+            Self::CompressibleStVK => "svk_comp",
+            Self::QuadraticSprings => "tqs",
+            Self::MassSpring => "mass_spring",
+        }
+    }
+
+    /// Whether the energy can be summed this way. [`Evaluation::Fused`] always can; for
+    /// [`MassSpring`](Self::MassSpring) it means its one pass over edges.
+    pub fn supports(self, evaluation: Evaluation) -> bool {
+        evaluation == Evaluation::Fused || matches!(self, Self::StVK | Self::CompressibleStVK)
+    }
 }
 
 /// How the energy is summed; the result is the same to rounding.
@@ -123,6 +149,17 @@ pub enum BodyError {
         /// Number of vertices in the mesh.
         count: usize,
     },
+    /// An energy that cannot be summed the way asked for.
+    #[error(
+        "body `{body}`: model \"{}\" has no pooled evaluation; leave `evaluation` out or set it to \
+         \"fused\"", .model.name()
+    )]
+    Evaluation {
+        /// Name of the body.
+        body: String,
+        /// Its model.
+        model: Model,
+    },
     /// No tetrahedra.
     #[error("body `{body}` has no tetrahedra; membranes of triangles alone are not supported yet")]
     Empty {
@@ -178,6 +215,9 @@ pub fn spawn_body<S: Scalar>(
         && *spawned != ElementTables::of(world)
     {
         return Err(BodyError::LayoutChanged { body: name() });
+    }
+    if !body.model.supports(body.evaluation) {
+        return Err(BodyError::Evaluation { body: name(), model: body.model });
     }
     if body.tetrahedra.is_empty() {
         return Err(BodyError::Empty { body: name() });
@@ -284,13 +324,24 @@ pub fn spawn_body<S: Scalar>(
         })
         .collect();
 
-    match body.evaluation {
-        Evaluation::Fused => {
+    match (body.model, body.evaluation) {
+        (Model::QuadraticSprings, _) => {
+            world.spawn_batch(
+                geometry.into_iter().map(|g| (g, QuadraticSprings)).collect::<Vec<_>>(),
+            );
+            fused::activate::<QuadraticSprings, S>(world);
+        }
+        (Model::MassSpring, _) => {
+            world.spawn_batch(geometry.into_iter().map(|g| (g, MassSpring)).collect::<Vec<_>>());
+            spawn_edge_springs::<S>(world, &layout, &rest, lame, &rest_of, v0, block0, id);
+            quadratic::activate_mass_spring::<S>(world);
+        }
+        (_, Evaluation::Fused) => {
             world.spawn_batch(geometry);
             fused::activate::<FusedStVK, S>(world);
         }
-        Evaluation::Pooled => {
-            spawn_springs::<S>(world, &layout, &rest, body, &rest_of, geometry, v0, block0, id);
+        (_, Evaluation::Pooled) => {
+            spawn_springs::<S>(world, &layout, &rest, lame, &rest_of, geometry, v0, block0, id);
             pooled::activate::<S>(world);
             fused::activate::<PooledProjection, S>(world);
             if body.model == Model::CompressibleStVK {
@@ -305,19 +356,55 @@ pub fn spawn_body<S: Scalar>(
     Ok(world.spawn(SoftBody { index, material, model, evaluation }).id())
 }
 
+/// Edges of a mass-spring body, with constants summed over the tetrahedra.
+fn spawn_edge_springs<S: Scalar>(
+    world: &mut World,
+    layout: &BodyLayout,
+    rest: &[RestTetrahedron],
+    lame: LameParameters,
+    rest_of: &dyn Fn(u32) -> DVec3,
+    v0: u32,
+    block0: u32,
+    id: BodyId,
+) {
+    let mut tensile = vec![0.0; layout.edges.len()];
+    for (edges, r) in layout.tetrahedron_edges.iter().zip(rest) {
+        for (k, &e) in SpringConstants::new(r, lame).tensile.iter().zip(edges) {
+            tensile[e as usize] += k;
+        }
+    }
+    world.spawn_batch(
+        layout
+            .edges
+            .iter()
+            .zip(tensile)
+            .enumerate()
+            .map(|(i, (&[a, b], k))| {
+                (
+                    EdgeVertices([a + v0, b + v0]),
+                    EdgeBlock(i as u32 + block0),
+                    id,
+                    rest_edge_bundle::<S>((rest_of(a) - rest_of(b)).to_array()),
+                    TensileStiffness(S::from_f64(k)),
+                    MassSpring,
+                )
+            })
+            .collect::<Vec<_>>(),
+    );
+}
+
 /// Edges, triangles and tetrahedra of a pooled body, with constants summed over the tetrahedra.
 fn spawn_springs<S: Scalar>(
     world: &mut World,
     layout: &BodyLayout,
     rest: &[RestTetrahedron],
-    body: &BodyDescription,
+    lame: LameParameters,
     rest_of: &dyn Fn(u32) -> DVec3,
     geometry: Vec<impl Bundle<Effect: NoBundleEffect>>,
     v0: u32,
     block0: u32,
     id: BodyId,
 ) {
-    let Ok(lame) = body.material.lame() else { return };
     let mut tensile = vec![0.0; layout.edges.len()];
     let mut angular = vec![[0.0; 3]; layout.triangles.len()];
     let mut volumetric = Vec::with_capacity(rest.len());
@@ -338,10 +425,8 @@ fn spawn_springs<S: Scalar>(
         volumetric.push(constants.volumetric);
     }
 
-    let incidence = world.get_resource_or_init::<EdgeIncidence>();
-    let edge0 = incidence.triangle_start.len() as u32 - 1;
-    let triangle0 = incidence.triangles.len() as u32 / 3;
-    let tetrahedron0 = incidence.tetrahedra.len() as u32 / 6;
+    let mut edges = world.query::<&EdgeChange<S>>();
+    let edge0 = edges.iter(world).len() as u32;
 
     world.spawn_batch(
         layout
@@ -354,7 +439,7 @@ fn spawn_springs<S: Scalar>(
                     EdgeVertices([a + v0, b + v0]),
                     EdgeBlock(i as u32 + block0),
                     id,
-                    RestEdge((rest_of(a) - rest_of(b)).to_array().map(S::from_f64)),
+                    rest_edge_bundle::<S>((rest_of(a) - rest_of(b)).to_array()),
                     EdgeChange::<S>::default(),
                     EdgeTension::<S>::default(),
                     TensileStiffness(S::from_f64(k)),
@@ -374,8 +459,9 @@ fn spawn_springs<S: Scalar>(
                     TriangleVertices(t.map(|v| v + v0)),
                     TriangleEdges(e.map(|e| e + edge0)),
                     id,
-                    AngularStiffness(c.map(S::from_f64)),
-                    AngularTension::<S>::default(),
+                    AngularStiffness::<S, 0>(S::from_f64(c[0])),
+                    AngularStiffness::<S, 1>(S::from_f64(c[1])),
+                    AngularStiffness::<S, 2>(S::from_f64(c[2])),
                 )
             })
             .collect::<Vec<_>>(),
@@ -389,46 +475,45 @@ fn spawn_springs<S: Scalar>(
                 (
                     geometry,
                     TetrahedronEdges(e.map(|e| e + edge0)),
-                    VolumetricStiffness(d.map(S::from_f64)),
-                    VolumetricTension::<S>::default(),
+                    VolumetricStiffness::<S, 0>(S::from_f64(d[0])),
+                    VolumetricStiffness::<S, 1>(S::from_f64(d[1])),
+                    VolumetricStiffness::<S, 2>(S::from_f64(d[2])),
                 )
             })
             .collect::<Vec<_>>(),
     );
-
-    let mut incidence = world.resource_mut::<EdgeIncidence>();
-    let EdgeIncidence { triangle_start, triangles, tetrahedron_start, tetrahedra } =
-        &mut *incidence;
-    let n = layout.edges.len();
-    append(n, triangle_start, triangles, layout.triangle_edges.as_flattened(), 3 * triangle0);
-    append(
-        n,
-        tetrahedron_start,
-        tetrahedra,
-        layout.tetrahedron_edges.as_flattened(),
-        6 * tetrahedron0,
-    );
-}
-
-/// Appends compressed rows: `edge_of[slot]` is the edge of each element slot.
-fn append(n: usize, start: &mut Vec<u32>, list: &mut Vec<u32>, edge_of: &[u32], slot0: u32) {
-    let base = list.len() as u32;
-    let mut keys: Vec<(u32, u32)> =
-        edge_of.iter().enumerate().map(|(slot, &e)| (e, slot as u32 + slot0)).collect();
-    keys.sort_unstable();
-    start.extend(starts(n, keys.iter().map(|k| k.0))[1..].iter().map(|s| s + base));
-    list.extend(keys.iter().map(|k| k.1));
 }
 
 /// Cuts the elements of every active law into its fixed ranges.
 fn partition_laws<S: Scalar>(world: &mut World) {
-    partition::<FusedStVK, S, TetrahedronVertices, Without<TetrahedronEdges>>(world, |t| &t.0);
+    type Bodies<L> = <L as TetrahedronLaw>::Bodies;
+    partition::<FusedStVK, S, TetrahedronVertices, Bodies<FusedStVK>>(world, |t| &t.0);
+    partition::<QuadraticSprings, S, TetrahedronVertices, Bodies<QuadraticSprings>>(world, |t| {
+        &t.0
+    });
+    partition::<MassSpring, S, EdgeVertices, With<MassSpring>>(world, |e| &e.0);
     partition::<Compression, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
     partition::<PooledProjection, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
     partition::<Volumetric, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
-    partition::<Tensile, S, EdgeVertices, ()>(world, |e| &e.0);
-    partition::<SpringForces, S, EdgeVertices, ()>(world, |e| &e.0);
+    partition::<Tensile, S, EdgeVertices, With<TensileTension<S>>>(world, |e| &e.0);
+    partition::<SpringForces, S, EdgeVertices, With<TensileTension<S>>>(world, |e| &e.0);
     partition::<Angular, S, TriangleVertices, ()>(world, |t| &t.0);
+    find_edges::<Volumetric, S, TetrahedronEdges>(world, |e| &e.0);
+    find_edges::<Angular, S, TriangleEdges>(world, |e| &e.0);
+}
+
+/// Tells the ranges of a law of springs which edge-table rows they pull on.
+fn find_edges<L: Law, S: Scalar, C: Component>(world: &mut World, edges: impl Fn(&C) -> &[u32]) {
+    let mut elements = world.query::<&C>();
+    let Some(mut buffer) = world.remove_resource::<LawBuffer<L, S>>() else { return };
+    if let Some(column) = single_table(elements.contiguous_iter(world)) {
+        for span in &mut buffer.spans {
+            let own = || column[span.elements.clone()].iter().flat_map(&edges);
+            let (low, high) = (own().min(), own().max());
+            span.edges = low.map_or(0, |&e| e as usize)..high.map_or(0, |&e| e as usize + 1);
+        }
+    }
+    world.insert_resource(buffer);
 }
 
 fn partition<L: Law, S: Scalar, C: Component, F: bevy_ecs::query::ArchetypeFilter>(

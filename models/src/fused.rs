@@ -8,10 +8,10 @@ use bevy_ecs::query::ArchetypeFilter;
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    RestVolume, ShapeGradient, ShapeGradients, TetrahedronBlocks, TetrahedronEdges,
-    TetrahedronShapes, TetrahedronVertices, displacement_gradient,
+    RestVolume, ShapeGradient, ShapeGradientColumns, ShapeGradients, TetrahedronBlocks,
+    TetrahedronEdges, TetrahedronShapes, TetrahedronVertices, displacement_gradient,
 };
-use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES, padded};
+use sinew_engine::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
 use sinew_engine::scalar::{Real, Scalar};
 use sinew_engine::schedule::{ForceSystems, activate_law, column_changed, declare_inputs};
@@ -23,6 +23,7 @@ use std::ops::Range;
 use std::time::Instant;
 
 use crate::projection;
+use crate::quadratic::{MassSpring, QuadraticSprings};
 use crate::tetrahedron::{self, Element, TetrahedronTangent};
 
 macro_rules! moduli {
@@ -58,9 +59,33 @@ pub trait TetrahedronLaw: Law {
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R;
     /// Forces (N), `None` when there are none in any lane.
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]>;
-    /// Tangent (N/m): exact, or without the terms that can make it indefinite.
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 4], indefinite: bool)
-    -> TetrahedronTangent<R>;
+    /// Tangent (N/m). `Projected` is asked for only of laws that have no stress projection, and of
+    /// elements in which that has nothing to clamp.
+    fn tangent<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 4],
+        kind: TangentKind,
+    ) -> TetrahedronTangent<R>;
+    /// Product (N) of the tangent with the displacements `v` (m).
+    #[inline(always)]
+    fn product<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 4],
+        v: &[[R; 3]; 4],
+        kind: TangentKind,
+    ) -> [[R; 3]; 4] {
+        Self::tangent(e, u, kind).product(v)
+    }
+    /// Whether the volume is multiplied into the moduli beforehand and elements come with volume 1.
+    const FOLDS_VOLUME: bool = true;
+    /// Whether `Projected` clamps the eigenvalues of the St Venant-Kirchhoff stress; otherwise
+    /// [`tangent`](Self::tangent) has a semidefinite form of its own.
+    const STRESS_PROJECTION: bool = true;
+    /// Without stress projection: where the projected tangent differs from the exact one.
+    #[inline(always)]
+    fn is_clamped<R: Real>(_: &Element<R>, _: &[[R; 3]; 4]) -> R::Mask {
+        R::less(R::ONE, R::ZERO)
+    }
 }
 
 /// Fused evaluation: St Venant-Kirchhoff plus compression term, all in one pass.
@@ -72,7 +97,7 @@ impl Law for FusedStVK {
 }
 
 impl TetrahedronLaw for FusedStVK {
-    type Bodies = Without<TetrahedronEdges>;
+    type Bodies = (Without<TetrahedronEdges>, Without<QuadraticSprings>, Without<MassSpring>);
     fn contributes(_: TangentKind) -> bool {
         true
     }
@@ -88,9 +113,18 @@ impl TetrahedronLaw for FusedStVK {
     fn tangent<R: Real>(
         e: &Element<R>,
         u: &[[R; 3]; 4],
-        indefinite: bool,
+        kind: TangentKind,
     ) -> TetrahedronTangent<R> {
-        tetrahedron::tangent_parts(e, u, true, indefinite)
+        tetrahedron::tangent_parts(e, u, true, kind != TangentKind::GaussNewton)
+    }
+    #[inline(always)]
+    fn product<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 4],
+        v: &[[R; 3]; 4],
+        kind: TangentKind,
+    ) -> [[R; 3]; 4] {
+        tetrahedron::product_parts(e, u, v, true, kind != TangentKind::GaussNewton)
     }
 }
 
@@ -121,9 +155,18 @@ impl TetrahedronLaw for Compression {
     fn tangent<R: Real>(
         e: &Element<R>,
         u: &[[R; 3]; 4],
-        indefinite: bool,
+        kind: TangentKind,
     ) -> TetrahedronTangent<R> {
-        tetrahedron::tangent_parts(e, u, false, indefinite)
+        tetrahedron::tangent_parts(e, u, false, kind != TangentKind::GaussNewton)
+    }
+    #[inline(always)]
+    fn product<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 4],
+        v: &[[R; 3]; 4],
+        kind: TangentKind,
+    ) -> [[R; 3]; 4] {
+        tetrahedron::product_parts(e, u, v, false, kind != TangentKind::GaussNewton)
     }
 }
 
@@ -154,9 +197,18 @@ impl TetrahedronLaw for PooledProjection {
     fn tangent<R: Real>(
         e: &Element<R>,
         u: &[[R; 3]; 4],
-        indefinite: bool,
+        kind: TangentKind,
     ) -> TetrahedronTangent<R> {
-        tetrahedron::tangent_parts(e, u, true, indefinite)
+        tetrahedron::tangent_parts(e, u, true, kind != TangentKind::GaussNewton)
+    }
+    #[inline(always)]
+    fn product<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 4],
+        v: &[[R; 3]; 4],
+        kind: TangentKind,
+    ) -> [[R; 3]; 4] {
+        tetrahedron::product_parts(e, u, v, true, kind != TangentKind::GaussNewton)
     }
 }
 
@@ -204,12 +256,58 @@ pub struct TetrahedronColumns<'a, S> {
     pub compression: &'a [S],
 }
 
-impl<S: Scalar> TetrahedronColumns<'_, S> {
+/// Query data of [`TetrahedronColumns`].
+pub type TetrahedronData<S> = (
+    &'static TetrahedronVertices,
+    &'static TetrahedronBlocks,
+    ShapeGradients<S>,
+    &'static RestVolume<S>,
+    &'static FirstLameParameter<S>,
+    &'static ShearModulus<S>,
+    &'static CompressionModulus<S>,
+);
+
+/// Slices of [`TetrahedronData`], as a contiguous query gives them.
+pub type TetrahedronSlices<'a, S> = (
+    &'a [TetrahedronVertices],
+    &'a [TetrahedronBlocks],
+    ShapeGradientColumns<'a, S>,
+    &'a [RestVolume<S>],
+    &'a [FirstLameParameter<S>],
+    &'a [ShearModulus<S>],
+    &'a [CompressionModulus<S>],
+);
+
+impl<'a, S: Scalar> TetrahedronColumns<'a, S> {
+    /// From table columns.
+    pub fn new(
+        displacement: &'a [Displacement<S>],
+        (nodes, blocks, gradients, volume, lambda, mu, compression): TetrahedronSlices<'a, S>,
+    ) -> Self {
+        Self {
+            shapes: TetrahedronShapes::new(displacement, nodes, gradients),
+            blocks: TetrahedronBlocks::peel_slice(blocks),
+            volume: RestVolume::peel_slice(volume),
+            lambda: FirstLameParameter::peel_slice(lambda),
+            mu: ShearModulus::peel_slice(mu),
+            compression: CompressionModulus::peel_slice(compression),
+        }
+    }
+
     /// The tetrahedra from `first` on. The volume is multiplied into the moduli, which saves doing
-    /// so with every result.
+    /// so with every result, unless the law needs it.
     #[inline(always)]
-    fn element<L: Lanes<Scalar = S>>(&self, first: usize) -> Element<L> {
+    fn element<Law: TetrahedronLaw, L: Lanes<Scalar = S>>(&self, first: usize) -> Element<L> {
         let volume = L::load(&self.volume[first..]);
+        if !Law::FOLDS_VOLUME {
+            return Element {
+                gradients: self.shapes.gradients(first),
+                volume,
+                lambda: L::load(&self.lambda[first..]),
+                mu: L::load(&self.mu[first..]),
+                compression: L::load(&self.compression[first..]),
+            };
+        }
         Element {
             gradients: self.shapes.gradients(first),
             volume: L::ONE,
@@ -266,34 +364,12 @@ fn evaluate<L: TetrahedronLaw, S: Scalar>(
     workers: Res<Workers>,
     mut buffer: ResMut<LawBuffer<L, S>>,
     vertices: Query<&Displacement<S>>,
-    tetrahedra: Query<
-        (
-            &TetrahedronVertices,
-            &TetrahedronBlocks,
-            ShapeGradients<S>,
-            &RestVolume<S>,
-            &FirstLameParameter<S>,
-            &ShearModulus<S>,
-            &CompressionModulus<S>,
-        ),
-        L::Bodies,
-    >,
+    tetrahedra: Query<TetrahedronData<S>, L::Bodies>,
 ) {
     let start = Instant::now();
     let Some(displacement) = single_table(vertices.contiguous_iter()) else { return };
-    let Some((nodes, blocks, gradients, volume, lambda, mu, compression)) =
-        single_table(tetrahedra.contiguous_iter())
-    else {
-        return;
-    };
-    let columns = TetrahedronColumns {
-        shapes: TetrahedronShapes::new(displacement, nodes, gradients),
-        blocks: TetrahedronBlocks::peel_slice(blocks),
-        volume: RestVolume::peel_slice(volume),
-        lambda: FirstLameParameter::peel_slice(lambda),
-        mu: ShearModulus::peel_slice(mu),
-        compression: CompressionModulus::peel_slice(compression),
-    };
+    let Some(data) = single_table(tetrahedra.contiguous_iter()) else { return };
+    let columns = TetrahedronColumns::new(displacement, data);
     evaluate_columns::<L, S>(&columns, &request, &workers, &mut buffer);
     buffer.time = start.elapsed();
 }
@@ -339,6 +415,101 @@ pub fn evaluate_columns<L: TetrahedronLaw, S: Scalar>(
     });
 }
 
+/// The Projected tangent has no product without assembly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "law `{law}` has no product with its projected tangent: assemble it, or use the exact or the \
+     Gauss-Newton one"
+)]
+pub struct NoProduct {
+    /// Name of the law.
+    pub law: &'static str,
+}
+
+/// Adds the product `K v` of a law's tangent to `result` (N when `direction` is in m), without
+/// assembly: for [`FusedStVK`] a fraction of the work of [`evaluate_columns`] with a tangent, and of
+/// the memory. Uses the private force arrays of `buffer`, which do not hold forces afterwards.
+///
+/// `direction` and `result` have one row per vertex row; fourth entries are padding.
+///
+/// # Errors
+/// When a projected tangent is asked for of a law that clamps eigenvalues per element.
+pub fn multiply_columns<L: TetrahedronLaw, S: Scalar>(
+    columns: &TetrahedronColumns<S>,
+    kind: TangentKind,
+    direction: &[[S; 4]],
+    workers: &Workers,
+    buffer: &mut LawBuffer<L, S>,
+    result: &mut [[S; 4]],
+) -> Result<(), NoProduct> {
+    if kind == TangentKind::Projected && L::STRESS_PROJECTION {
+        return Err(NoProduct { law: L::NAME });
+    }
+    if !L::contributes(kind) {
+        return Ok(());
+    }
+    workers.for_each(&mut buffer.spans, columns.volume.len() * 12, |_, span| {
+        span.clear_force();
+        let (force, row) = (&mut span.force[..], span.rows.start);
+        let batch = ProductBatch::<L, S> { columns, direction, kind, force, row, law: PhantomData };
+        workers.dispatch(Batches(span.elements.clone(), batch));
+    });
+    buffer.add_forces_to(workers, result);
+    Ok(())
+}
+
+/// [`multiply_columns`] with the columns of the tetrahedra of law `L` in `world`, at the displacements
+/// that it holds; nothing is added when the law is not active.
+///
+/// # Errors
+/// As [`multiply_columns`].
+pub fn multiply<L: TetrahedronLaw, S: Scalar>(
+    world: &mut World,
+    kind: TangentKind,
+    direction: &[[S; 4]],
+    result: &mut [[S; 4]],
+) -> Result<(), NoProduct> {
+    let mut vertices = world.query::<&Displacement<S>>();
+    let mut tetrahedra = world.query_filtered::<TetrahedronData<S>, L::Bodies>();
+    let Some(mut buffer) = world.remove_resource::<LawBuffer<L, S>>() else { return Ok(()) };
+    let mut outcome = Ok(());
+    if let Some(displacement) = single_table(vertices.contiguous_iter(world))
+        && let Some(data) = single_table(tetrahedra.contiguous_iter(world))
+    {
+        let columns = TetrahedronColumns::new(displacement, data);
+        let workers = world.resource::<Workers>();
+        outcome = multiply_columns(&columns, kind, direction, workers, &mut buffer, result);
+    }
+    world.insert_resource(buffer);
+    outcome
+}
+
+struct ProductBatch<'a, 'b, L, S> {
+    columns: &'a TetrahedronColumns<'b, S>,
+    direction: &'a [[S; 4]],
+    kind: TangentKind,
+    force: &'a mut [[S; 4]],
+    /// Vertex row of the first entry of `force`.
+    row: usize,
+    law: PhantomData<fn() -> L>,
+}
+
+impl<Law: TetrahedronLaw, S: Scalar> Batch<S> for ProductBatch<'_, '_, Law, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let u = self.columns.shapes.displacements::<L>(first);
+        let nodes = &self.columns.shapes.nodes[first..];
+        let mut v = [[L::ZERO; 3]; 4];
+        for a in 0..4 {
+            v[a] = L::load_rows(self.direction, nodes, a);
+        }
+        let product = Law::product(&self.columns.element::<Law, L>(first), &u, &v, self.kind);
+        for a in 0..4 {
+            L::add_rows(product[a], self.force, self.row, nodes, a);
+        }
+    }
+}
+
 /// Complete batches of a range and where the incomplete one begins.
 #[inline(always)]
 fn batches<L: Lanes>(elements: &Range<usize>) -> usize {
@@ -377,7 +548,7 @@ fn energy_batch<Law: TetrahedronLaw, L: Lanes>(
     sums: &mut [f64; MAX_LANES],
 ) {
     let u = columns.shapes.displacements(first);
-    Law::energy::<L>(&columns.element(first), &u).accumulate(sums);
+    Law::energy::<L>(&columns.element::<Law, L>(first), &u).accumulate(sums);
 }
 
 struct ForcePass<'a, 'b, L, S> {
@@ -411,7 +582,7 @@ fn force_batch<Law: TetrahedronLaw, L: Lanes>(
     span: &mut Span<L::Scalar>,
 ) {
     let u = columns.shapes.displacements(first);
-    if let Some(forces) = Law::forces::<L>(&columns.element(first), &u) {
+    if let Some(forces) = Law::forces::<L>(&columns.element::<Law, L>(first), &u) {
         let nodes = &columns.shapes.nodes[first..];
         for (a, force) in forces.into_iter().enumerate() {
             L::add_rows(force, &mut span.force, span.rows.start, nodes, a);
@@ -458,8 +629,13 @@ fn tangent_batch<Law: TetrahedronLaw, L: Lanes>(
     doubtful: &mut Vec<usize>,
 ) {
     let u = columns.shapes.displacements::<L>(first);
-    let mut e = columns.element::<L>(first);
-    if kind == TangentKind::Projected {
+    let mut e = columns.element::<Law, L>(first);
+    if kind == TangentKind::Projected && !Law::STRESS_PROJECTION {
+        let mut flags = [0.0; MAX_LANES];
+        L::select(Law::is_clamped(&e, &u), L::ONE, L::ZERO).accumulate(&mut flags);
+        span.clamped += flags.iter().map(|&x| x as u64).sum::<u64>();
+    }
+    if kind == TangentKind::Projected && Law::STRESS_PROJECTION {
         let g = displacement_gradient(&e.gradients, &u);
         let margin = 1e6 * L::Scalar::EPSILON.to_f64();
         let mask = projection::is_doubtful(&e, &g, margin);
@@ -473,9 +649,19 @@ fn tangent_batch<Law: TetrahedronLaw, L: Lanes>(
             e.compression = L::select(mask, L::ZERO, e.compression);
         }
     }
-    let mut t = Law::tangent::<L>(&e, &u, kind != TangentKind::GaussNewton);
-    let (nodes, blocks) = (&columns.shapes.nodes[first..], &columns.blocks[first..]);
-    orient(&mut t, nodes);
+    let mut t = Law::tangent::<L>(&e, &u, kind);
+    add_tangent(&mut t, span, &columns.shapes.nodes[first..], &columns.blocks[first..]);
+}
+
+/// Adds the tangents of the tetrahedra at the start of `nodes` and `blocks` to a range.
+#[inline(always)]
+pub(crate) fn add_tangent<L: Lanes>(
+    t: &mut TetrahedronTangent<L>,
+    span: &mut Span<L::Scalar>,
+    nodes: &[[u32; 4]],
+    blocks: &[[u32; 6]],
+) {
+    orient(t, nodes);
     for a in 0..4 {
         L::add_blocks(&t.diagonal[a], &mut span.diagonal, span.rows.start, nodes, a);
     }
@@ -571,7 +757,7 @@ fn projection_batch<Law: TetrahedronLaw, S: Scalar, L: Lanes<Scalar = f64>>(
     }
     let g = displacement_gradient(&e.gradients, &u);
     let (clamped, core) = projection::projected_blocks(&e, &g);
-    let mut t = Law::tangent::<L>(&e, &u, true);
+    let mut t = Law::tangent::<L>(&e, &u, TangentKind::Exact);
     if L::any(clamped) {
         let projected = tetrahedron::assemble(&core);
         for a in 0..4 {

@@ -5,7 +5,10 @@
 //! | [`material`] | Young's modulus, Poisson's ratio and density as the user states them, Lamé parameters, tissue presets |
 //! | [`precompute`] | shape vectors and rest volume of a tetrahedron, its 21 biquadratic spring constants |
 //! | [`spring`] | tensile and coupling springs on squared-length changes, one scalar at a time |
-//! | [`tetrahedron`] | the same energy per element in one pass, the compression term, exact and definite tangents |
+//! | [`quadratic`] | springs on changes of length: tetrahedra of quadratic springs (TQS), mass-spring edges |
+//! | [`tetrahedron`] | the same energy per element in one pass, the compression term, exact and definite tangents and their products |
+//! | [`pooled`], [`fused`] | the systems that run these over all elements, several at a time |
+//! | [`body`] | from mesh and material to entities |
 //!
 //! Everything is in SI units and driven by the displacement `u` from the rest shape, never by
 //! positions: differences of displacements keep their digits in `f32` where differences of
@@ -40,5 +43,6 @@ pub mod material;
 pub mod pooled;
 pub mod precompute;
 mod projection;
+pub mod quadratic;
 pub mod spring;
 pub mod tetrahedron;

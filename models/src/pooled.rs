@@ -7,96 +7,87 @@
 //!
 //! 1. `measure_edges` writes `delta` per edge;
 //! 2. `evaluate_tensile`, `evaluate_angular`, `evaluate_volumetric` (and the compression term of
-//!    [`crate::fused::Compression`]) each read it and write tensions into their own column. They
-//!    share nothing they write, so they may run in any order or side by side;
-//! 3. `collect_tension` adds the tensions `s_e = dW/d delta_e` per edge in a fixed order;
+//!    [`crate::fused::Compression`]) each read it and write tensions into their own column or the
+//!    private arrays of their own ranges. They share nothing they write, so they may run in any order
+//!    or side by side;
+//! 3. `collect_tension` adds the tensions `s_e = dW/d delta_e` per edge, range by range;
 //! 4. `evaluate_spring_forces` turns tension into forces `f_a = -2 sum s_e (x_a - x_b)`.
 //!
 //! Each law also gives its share of the tangent `K = J^T B J + 2 L(s) (x) I`, where row e of `J` is
 //! `2 (x_a - x_b)^T` at a and the negative at b, and `L(s)` is the graph Laplacian with weights `s`.
+//!
+//! Tensions go to private arrays over a short span of edges, as forces do over rows: adding to them
+//! is cheaper than a list per edge of the triangles and tetrahedra round it, and is the same sum for
+//! any number of threads.
 
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestEdge, TETRAHEDRON_EDGES,
-    TetrahedronEdges, TetrahedronVertices, TriangleEdges,
+    EdgeBlock, EdgeChange, EdgeShapes, EdgeTension, EdgeVertices, RestEdge, RestEdges,
+    TETRAHEDRON_EDGES, TetrahedronBlocks, TetrahedronEdges, TetrahedronVertices, TriangleEdges,
 };
+use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
 use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
 use sinew_engine::report::SystemTimes;
-use sinew_engine::scalar::{Scalar, add, sub, xyz};
+use sinew_engine::scalar::{Real, Scalar, add, dot, scale, sub};
 use sinew_engine::schedule::{
     ForceSystems, activate_law, activate_systems, column_changed, declare_inputs,
 };
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
+use std::ops::Range;
 use std::time::Instant;
 
+use crate::fused::add_tangent;
 use crate::precompute::OPPOSITE_EDGES;
-use crate::spring::{
-    coupling_energy, coupling_tensions, edge_force, squared_length_change, tensile_energy,
-    tensile_tension,
-};
+use crate::spring::{coupling_energy, edge_force, tensile_energy, tensile_tension};
+use crate::tetrahedron::TetrahedronTangent;
 
 /// Vertex rows of a triangle, ascending.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct TriangleVertices(pub [u32; 3]);
 
 /// Tensile stiffness `k` of an edge (N/m^3).
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct TensileStiffness<S: Scalar>(pub S);
 
 /// Tension (N/m) of the tensile spring of an edge.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct TensileTension<S: Scalar>(pub S);
 
-/// Angular stiffnesses of a triangle (N/m^3): entry `m` couples the two edges that meet at vertex `m`.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+/// Angular stiffness (N/m^3) of a triangle that couples the two edges meeting at its vertex `VERTEX`
+/// (0, 1, 2).
+#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
-pub struct AngularStiffness<S: Scalar>(pub [S; 3]);
+pub struct AngularStiffness<S: Scalar, const VERTEX: usize>(pub S);
 
-/// Tensions (N/m) that the angular springs of a triangle add to its edges.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+/// All three columns of [`AngularStiffness`]: query data.
+pub type AngularStiffnesses<S> = (
+    &'static AngularStiffness<S, 0>,
+    &'static AngularStiffness<S, 1>,
+    &'static AngularStiffness<S, 2>,
+);
+
+/// Volumetric stiffness `d` (N/m^3) of a tetrahedron for pair `PAIR` of opposite edges, in the order of
+/// [`OPPOSITE_PAIRS`](crate::precompute::OPPOSITE_PAIRS).
+#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
-pub struct AngularTension<S: Scalar>(pub [S; 3]);
+pub struct VolumetricStiffness<S: Scalar, const PAIR: usize>(pub S);
 
-/// Volumetric stiffnesses `d` of a tetrahedron (N/m^3), one per pair of opposite edges.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
-#[repr(transparent)]
-pub struct VolumetricStiffness<S: Scalar>(pub [S; 3]);
-
-/// Tensions (N/m) that the volumetric springs of a tetrahedron add to its edges.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
-#[repr(transparent)]
-pub struct VolumetricTension<S: Scalar>(pub [S; 6]);
-
-/// Which triangles and tetrahedra contain each edge, in compressed rows.
-#[derive(Resource, Clone, Debug)]
-pub struct EdgeIncidence {
-    /// First entry of each edge in `triangles`.
-    pub triangle_start: Vec<u32>,
-    /// `3 * triangle row + local edge`.
-    pub triangles: Vec<u32>,
-    /// First entry of each edge in `tetrahedra`.
-    pub tetrahedron_start: Vec<u32>,
-    /// `6 * tetrahedron row + local edge`.
-    pub tetrahedra: Vec<u32>,
-}
-
-impl Default for EdgeIncidence {
-    fn default() -> Self {
-        Self {
-            triangle_start: vec![0],
-            triangles: Vec::new(),
-            tetrahedron_start: vec![0],
-            tetrahedra: Vec::new(),
-        }
-    }
-}
+/// All three columns of [`VolumetricStiffness`]: query data.
+pub type VolumetricStiffnesses<S> = (
+    &'static VolumetricStiffness<S, 0>,
+    &'static VolumetricStiffness<S, 1>,
+    &'static VolumetricStiffness<S, 2>,
+);
 
 macro_rules! law {
     ($(#[$doc:meta])* $name:ident, $text:literal, $order:literal) => {
@@ -127,12 +118,8 @@ law!(
 
 /// Puts the spring laws into the force schedule.
 pub fn activate<S: Scalar>(world: &mut World) {
-    world.init_resource::<EdgeIncidence>();
     activate_systems(world, EDGE_CHANGES, |schedule| {
-        schedule.add_systems((
-            measure_edges::<S>.in_set(ForceSystems::Measure),
-            collect_tension::<S>.in_set(ForceSystems::Collect),
-        ));
+        schedule.add_systems(measure_edges::<S>.in_set(ForceSystems::Measure));
     });
     activate_law::<Tensile, S>(world, |schedule| {
         schedule.add_systems(evaluate_tensile::<S>.in_set(ForceSystems::Evaluate));
@@ -145,16 +132,33 @@ pub fn activate<S: Scalar>(world: &mut World) {
     });
     activate_law::<SpringForces, S>(world, |schedule| {
         schedule.add_systems(
-            evaluate_spring_forces::<S>.in_set(ForceSystems::Collect).after(collect_tension::<S>),
+            (collect_tension::<S>, evaluate_spring_forces::<S>)
+                .chain()
+                .in_set(ForceSystems::Collect),
         );
     });
-    let edges = [column_changed::<EdgeVertices>, column_changed::<RestEdge<S>>];
+    let edges = [
+        column_changed::<EdgeVertices>,
+        column_changed::<RestEdge<S, 0>>,
+        column_changed::<RestEdge<S, 1>>,
+        column_changed::<RestEdge<S, 2>>,
+    ];
     declare_inputs(world, EDGE_CHANGES, &edges);
     declare_inputs(world, SpringForces::NAME, &edges);
     declare_inputs(world, Tensile::NAME, &[column_changed::<TensileStiffness<S>>]);
-    let triangles = [column_changed::<TriangleEdges>, column_changed::<AngularStiffness<S>>];
+    let triangles = [
+        column_changed::<TriangleEdges>,
+        column_changed::<AngularStiffness<S, 0>>,
+        column_changed::<AngularStiffness<S, 1>>,
+        column_changed::<AngularStiffness<S, 2>>,
+    ];
     declare_inputs(world, Angular::NAME, &triangles);
-    let tetrahedra = [column_changed::<TetrahedronEdges>, column_changed::<VolumetricStiffness<S>>];
+    let tetrahedra = [
+        column_changed::<TetrahedronEdges>,
+        column_changed::<VolumetricStiffness<S, 0>>,
+        column_changed::<VolumetricStiffness<S, 1>>,
+        column_changed::<VolumetricStiffness<S, 2>>,
+    ];
     declare_inputs(world, Volumetric::NAME, &tetrahedra);
 }
 
@@ -171,22 +175,35 @@ fn spring_tangent(request: &EvaluationRequest) -> Option<TangentKind> {
 fn measure_edges<S: Scalar>(
     workers: Res<Workers>,
     vertices: Query<&Displacement<S>>,
-    mut edges: Query<(&EdgeVertices, &RestEdge<S>, &mut EdgeChange<S>)>,
+    mut edges: Query<(&EdgeVertices, RestEdges<S>, &mut EdgeChange<S>)>,
     mut times: ResMut<SystemTimes>,
 ) {
     let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let u = Displacement::peel_slice(u);
     let Some((nodes, rest, mut change)) = single_table(edges.contiguous_iter_mut()) else { return };
-    let work = nodes.len() * 3;
-    workers.for_chunks(change.bypass_change_detection(), ROW_CHUNK, work, |first, rows| {
-        let range = first..first + rows.len();
-        for ((delta, n), r) in rows.iter_mut().zip(&nodes[range.clone()]).zip(&rest[range]) {
-            let [a, b] = n.0;
-            delta.0 = squared_length_change(r.0, xyz(u[a as usize]), xyz(u[b as usize]));
-        }
+    let shapes = &EdgeShapes::new(u, nodes, rest);
+    let change = EdgeChange::peel_slice_mut(change.bypass_change_detection());
+    workers.for_chunks(change, ROW_CHUNK, nodes.len() * 2, |first, rows| {
+        workers.dispatch(Batches(0..rows.len(), Measure { shapes, row: first, change: rows }));
     });
     times.add("edge changes", start.elapsed());
+}
+
+struct Measure<'a, S> {
+    shapes: &'a EdgeShapes<'a, S>,
+    /// Edge of the first entry of `change`.
+    row: usize,
+    change: &'a mut [S],
+}
+
+impl<S: Scalar> Batch<S> for Measure<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let rest = self.shapes.rest::<L>(self.row + first);
+        let u = self.shapes.relative::<L>(self.row + first);
+        // the form of `spring::squared_length_change`, on relative displacements
+        dot(u, add(add(rest, rest), u)).store(&mut self.change[first..]);
+    }
 }
 
 fn evaluate_tensile<S: Scalar>(
@@ -197,7 +214,7 @@ fn evaluate_tensile<S: Scalar>(
     mut edges: Query<(
         &EdgeVertices,
         &EdgeBlock,
-        &RestEdge<S>,
+        RestEdges<S>,
         &EdgeChange<S>,
         &TensileStiffness<S>,
         &mut TensileTension<S>,
@@ -205,48 +222,119 @@ fn evaluate_tensile<S: Scalar>(
 ) {
     let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let u = Displacement::peel_slice(u);
     let Some((nodes, block, rest, change, stiffness, mut tension)) =
         single_table(edges.contiguous_iter_mut())
     else {
         return;
     };
-    let tension = tension.bypass_change_detection();
-    workers.for_chunks(tension, ROW_CHUNK, nodes.len(), |first, rows| {
-        let range = first..first + rows.len();
-        for ((t, k), delta) in rows.iter_mut().zip(&stiffness[range.clone()]).zip(&change[range]) {
-            t.0 = tensile_tension(k.0, delta.0);
-        }
-    });
-    let tension = &*tension;
+    let columns = &TensileColumns {
+        shapes: EdgeShapes::new(u, nodes, rest),
+        block: EdgeBlock::peel_slice(block),
+        change: EdgeChange::peel_slice(change),
+        stiffness: TensileStiffness::peel_slice(stiffness),
+    };
+    if request.force {
+        let tension = TensileTension::peel_slice_mut(tension.bypass_change_detection());
+        workers.for_chunks(tension, ROW_CHUNK, nodes.len(), |first, rows| {
+            let batch = TensilePull { columns, row: first, tension: rows };
+            workers.dispatch(Batches(0..batch.tension.len(), batch));
+        });
+    }
     let kind = spring_tangent(&request);
-    workers.for_each(&mut buffer.spans, nodes.len() * 4, |_, span| {
+    let work = nodes.len() * (usize::from(request.energy) + 10 * usize::from(kind.is_some()));
+    workers.for_each(&mut buffer.spans, work, |_, span| {
         if request.energy {
-            let mut sum = 0.0;
-            for i in span.elements.clone() {
-                sum += tensile_energy(stiffness[i].0, change[i].0).to_f64();
-            }
-            span.energy = sum;
+            let batch = TensileEnergy { columns, sums: [0.0; MAX_LANES] };
+            span.energy = sum(workers.dispatch(Batches(span.elements.clone(), batch)).sums);
         }
         let Some(kind) = kind else {
             span.drop_tangent();
             return;
         };
         span.clear_tangent();
-        for i in span.elements.clone() {
-            let [a, b] = nodes[i].0;
-            let d = add(rest[i].0, sub(xyz(u[a as usize]), xyz(u[b as usize])));
-            let two_k = stiffness[i].0 + stiffness[i].0;
-            let mut m = outer(two_k, d, d);
-            if kind == TangentKind::Exact {
-                add_identity(&mut m, tension[i].0 + tension[i].0);
-            }
-            span.add_diagonal(a, &m);
-            span.add_diagonal(b, &m);
-            span.add_off_diagonal(block[i].0, a, b, &m.map(|x| -x));
-        }
+        let exact = kind == TangentKind::Exact;
+        workers.dispatch(Batches(span.elements.clone(), TensileTangent { columns, span, exact }));
     });
     buffer.time = start.elapsed();
+}
+
+struct TensileColumns<'a, S> {
+    shapes: EdgeShapes<'a, S>,
+    block: &'a [u32],
+    change: &'a [S],
+    stiffness: &'a [S],
+}
+
+struct TensilePull<'a, S> {
+    columns: &'a TensileColumns<'a, S>,
+    row: usize,
+    tension: &'a mut [S],
+}
+
+impl<S: Scalar> Batch<S> for TensilePull<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let from = self.row + first;
+        let k = L::load(&self.columns.stiffness[from..]);
+        let delta = L::load(&self.columns.change[from..]);
+        tensile_tension(k, delta).store(&mut self.tension[first..]);
+    }
+}
+
+struct TensileEnergy<'a, S> {
+    columns: &'a TensileColumns<'a, S>,
+    sums: [f64; MAX_LANES],
+}
+
+impl<S: Scalar> Batch<S> for TensileEnergy<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let k = L::load(&self.columns.stiffness[first..]);
+        let delta = L::load(&self.columns.change[first..]);
+        tensile_energy(k, delta).accumulate(&mut self.sums);
+    }
+}
+
+struct TensileTangent<'a, S> {
+    columns: &'a TensileColumns<'a, S>,
+    span: &'a mut Span<S>,
+    exact: bool,
+}
+
+impl<S: Scalar> Batch<S> for TensileTangent<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let shapes = &self.columns.shapes;
+        let k = L::load(&self.columns.stiffness[first..]);
+        let d = add(shapes.rest::<L>(first), shapes.relative::<L>(first));
+        let mut m = [L::ZERO; 9];
+        add_outer(&mut m, scale(d, k + k), d);
+        if self.exact {
+            // twice the tension k/2 delta
+            add_identity(&mut m, k * L::load(&self.columns.change[first..]));
+        }
+        add_edge_tangent(m, self.span, shapes.nodes, self.columns.block, first);
+    }
+}
+
+/// Adds the block `m` of the edges from `first` on: on the diagonal of both ends, and its negative
+/// between them.
+#[inline(always)]
+pub(crate) fn add_edge_tangent<L: Lanes>(
+    mut m: [L; 9],
+    span: &mut Span<L::Scalar>,
+    nodes: &[[u32; 2]],
+    block: &[u32],
+    first: usize,
+) {
+    let nodes = &nodes[first..];
+    L::add_blocks(&m, &mut span.diagonal, span.rows.start, nodes, 0);
+    L::add_blocks(&m, &mut span.diagonal, span.rows.start, nodes, 1);
+    for x in &mut m {
+        *x = -*x;
+    }
+    let (block, _) = block[first..].as_chunks::<1>();
+    L::add_blocks(&m, &mut span.off_diagonal, span.blocks.start, block, 0);
 }
 
 fn evaluate_angular<S: Scalar>(
@@ -254,82 +342,41 @@ fn evaluate_angular<S: Scalar>(
     workers: Res<Workers>,
     mut buffer: ResMut<LawBuffer<Angular, S>>,
     vertices: Query<&Displacement<S>>,
-    edges: Query<(&EdgeBlock, &RestEdge<S>, &EdgeChange<S>)>,
-    mut triangles: Query<(
-        &TriangleVertices,
-        &TriangleEdges,
-        &AngularStiffness<S>,
-        &mut AngularTension<S>,
-    )>,
+    edges: Query<(&EdgeBlock, RestEdges<S>, &EdgeChange<S>)>,
+    triangles: Query<(&TriangleVertices, &TriangleEdges, AngularStiffnesses<S>)>,
 ) {
     let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let u = Displacement::peel_slice(u);
     let Some((block, rest, change)) = single_table(edges.contiguous_iter()) else { return };
-    let Some((nodes, of, stiffness, mut tension)) = single_table(triangles.contiguous_iter_mut())
-    else {
-        return;
+    let Some((nodes, of, (c0, c1, c2))) = single_table(triangles.contiguous_iter()) else { return };
+    let columns = &CouplingColumns {
+        edges: EdgeShapes::new(u, &[], rest),
+        block: EdgeBlock::peel_slice(block),
+        change: EdgeChange::peel_slice(change),
+        nodes: TriangleVertices::peel_slice(nodes),
+        of: TriangleEdges::peel_slice(of),
+        stiffness: [
+            AngularStiffness::peel_slice(c0),
+            AngularStiffness::peel_slice(c1),
+            AngularStiffness::peel_slice(c2),
+        ],
     };
-    let tension = tension.bypass_change_detection();
-    workers.for_chunks(tension, ROW_CHUNK, nodes.len() * 2, |first, rows| {
-        let range = first..first + rows.len();
-        for ((t, c), e) in rows.iter_mut().zip(&stiffness[range.clone()]).zip(&of[range]) {
-            let delta = e.0.map(|e| change[e as usize].0);
-            t.0 = [S::ZERO; 3];
-            for m in 0..3 {
-                let (p, q) = ((m + 1) % 3, (m + 2) % 3);
-                let [sp, sq] = coupling_tensions(c.0[m], delta[p], delta[q]);
-                t.0[p] += sp;
-                t.0[q] += sq;
-            }
-        }
-    });
-    let tension = &*tension;
     let kind = spring_tangent(&request);
-    workers.for_each(&mut buffer.spans, nodes.len() * 8, |_, span| {
+    workers.for_each(&mut buffer.spans, nodes.len() * coupling_work(&request), |_, span| {
+        if request.force {
+            pull::<AngularPull, S, 3, 3>(&workers, columns, span);
+        }
         if request.energy {
-            let mut sum = 0.0;
-            for i in span.elements.clone() {
-                let delta = of[i].0.map(|e| change[e as usize].0);
-                let c = stiffness[i].0;
-                sum += (coupling_energy(c[0], delta[1], delta[2])
-                    + coupling_energy(c[1], delta[2], delta[0])
-                    + coupling_energy(c[2], delta[0], delta[1]))
-                .to_f64();
-            }
-            span.energy = sum;
+            let batch = AngularEnergy { columns, sums: [0.0; MAX_LANES] };
+            span.energy = sum(workers.dispatch(Batches(span.elements.clone(), batch)).sums);
         }
         let Some(kind) = kind else {
             span.drop_tangent();
             return;
         };
         span.clear_tangent();
-        // local vertices of edge i of a triangle with ascending rows, lower row first
-        const ENDS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
-        for i in span.elements.clone() {
-            let mut local = LocalTangent::<S, 3>::default();
-            let rows = nodes[i].0;
-            let mut d = [[S::ZERO; 3]; 3];
-            for e in 0..3 {
-                let [a, b] = ENDS[e].map(|v| xyz(u[rows[v] as usize]));
-                d[e] = add(rest[of[i].0[e] as usize].0, sub(a, b));
-            }
-            for m in 0..3 {
-                let (p, q) = ((m + 1) % 3, (m + 2) % 3);
-                local.couple(stiffness[i].0[m], ENDS[p], d[p], ENDS[q], d[q]);
-            }
-            if kind == TangentKind::Exact {
-                for e in 0..3 {
-                    local.tension(tension[i].0[e], ENDS[e]);
-                }
-            }
-            for e in 0..3 {
-                let [a, b] = ENDS[e];
-                let edge = of[i].0[e] as usize;
-                span.add_off_diagonal(block[edge].0, rows[a], rows[b], &local.0[a][b]);
-                span.add_diagonal(rows[e], &local.0[e][e]);
-            }
-        }
+        let exact = kind == TangentKind::Exact;
+        workers.dispatch(Batches(span.elements.clone(), AngularTangent { columns, span, exact }));
     });
     buffer.time = start.elapsed();
 }
@@ -339,91 +386,325 @@ fn evaluate_volumetric<S: Scalar>(
     workers: Res<Workers>,
     mut buffer: ResMut<LawBuffer<Volumetric, S>>,
     vertices: Query<&Displacement<S>>,
-    edges: Query<(&EdgeVertices, &EdgeBlock, &RestEdge<S>, &EdgeChange<S>)>,
-    mut tetrahedra: Query<(
+    edges: Query<(RestEdges<S>, &EdgeChange<S>)>,
+    tetrahedra: Query<(
         &TetrahedronVertices,
         &TetrahedronEdges,
-        &VolumetricStiffness<S>,
-        &mut VolumetricTension<S>,
+        &TetrahedronBlocks,
+        VolumetricStiffnesses<S>,
     )>,
 ) {
     let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let u = Displacement::peel_slice(u);
-    let Some((ends, block, rest, change)) = single_table(edges.contiguous_iter()) else { return };
-    let Some((nodes, of, stiffness, mut tension)) = single_table(tetrahedra.contiguous_iter_mut())
-    else {
+    let Some((rest, change)) = single_table(edges.contiguous_iter()) else { return };
+    let Some((nodes, of, blocks, (d0, d1, d2))) = single_table(tetrahedra.contiguous_iter()) else {
         return;
     };
-    let tension = tension.bypass_change_detection();
-    workers.for_chunks(tension, ROW_CHUNK, nodes.len() * 3, |first, rows| {
-        let range = first..first + rows.len();
-        for ((t, c), e) in rows.iter_mut().zip(&stiffness[range.clone()]).zip(&of[range]) {
-            for (m, [p, q]) in OPPOSITE_EDGES.into_iter().enumerate() {
-                let delta = [p, q].map(|l| change[e.0[l] as usize].0);
-                [t.0[p], t.0[q]] = coupling_tensions(c.0[m], delta[0], delta[1]);
-            }
-        }
-    });
-    let tension = &*tension;
+    let blocks = TetrahedronBlocks::peel_slice(blocks);
+    let columns = &CouplingColumns {
+        edges: EdgeShapes::new(u, &[], rest),
+        block: &[],
+        change: EdgeChange::peel_slice(change),
+        nodes: TetrahedronVertices::peel_slice(nodes),
+        of: TetrahedronEdges::peel_slice(of),
+        stiffness: [
+            VolumetricStiffness::peel_slice(d0),
+            VolumetricStiffness::peel_slice(d1),
+            VolumetricStiffness::peel_slice(d2),
+        ],
+    };
     let kind = spring_tangent(&request);
-    workers.for_each(&mut buffer.spans, nodes.len() * 8, |_, span| {
+    workers.for_each(&mut buffer.spans, nodes.len() * coupling_work(&request), |_, span| {
+        if request.force {
+            pull::<VolumetricPull, S, 4, 6>(&workers, columns, span);
+        }
         if request.energy {
-            let mut sum = 0.0;
-            for i in span.elements.clone() {
-                for (m, [p, q]) in OPPOSITE_EDGES.into_iter().enumerate() {
-                    let delta = [p, q].map(|l| change[of[i].0[l] as usize].0);
-                    sum += coupling_energy(stiffness[i].0[m], delta[0], delta[1]).to_f64();
-                }
-            }
-            span.energy = sum;
+            let batch = VolumetricEnergy { columns, sums: [0.0; MAX_LANES] };
+            span.energy = sum(workers.dispatch(Batches(span.elements.clone(), batch)).sums);
         }
         let Some(kind) = kind else {
             span.drop_tangent();
             return;
         };
         span.clear_tangent();
-        for i in span.elements.clone() {
-            let mut local = LocalTangent::<S, 4>::default();
-            let rows = nodes[i].0;
-            let mut d = [[S::ZERO; 3]; 6];
-            for (e, [a, b]) in TETRAHEDRON_EDGES.into_iter().enumerate() {
-                let edge = of[i].0[e] as usize;
-                let stored = add(rest[edge].0, {
-                    let [low, high] = ends[edge].0;
-                    sub(xyz(u[low as usize]), xyz(u[high as usize]))
-                });
-                // stored edges run from the lower row, local ones from the lower local vertex
-                d[e] = if rows[a] < rows[b] { stored } else { stored.map(|x| -x) };
-            }
-            for (m, [p, q]) in OPPOSITE_EDGES.into_iter().enumerate() {
-                let c = stiffness[i].0[m];
-                local.couple(c, TETRAHEDRON_EDGES[p], d[p], TETRAHEDRON_EDGES[q], d[q]);
-            }
-            if kind == TangentKind::Exact {
-                for (e, ends) in TETRAHEDRON_EDGES.into_iter().enumerate() {
-                    local.tension(tension[i].0[e], ends);
-                }
-            }
-            for (e, [a, b]) in TETRAHEDRON_EDGES.into_iter().enumerate() {
-                let edge = of[i].0[e] as usize;
-                span.add_off_diagonal(block[edge].0, rows[a], rows[b], &local.0[a][b]);
-            }
-            for (a, &row) in rows.iter().enumerate() {
-                span.add_diagonal(row, &local.0[a][a]);
-            }
-        }
+        let exact = kind == TangentKind::Exact;
+        let batch = VolumetricTangent { columns, blocks, span, exact };
+        workers.dispatch(Batches(batch.span.elements.clone(), batch));
     });
     buffer.time = start.elapsed();
+}
+
+/// Nanoseconds per triangle or tetrahedron, roughly.
+fn coupling_work(request: &EvaluationRequest) -> usize {
+    2 * usize::from(request.energy)
+        + 4 * usize::from(request.force)
+        + 30 * usize::from(spring_tangent(request).is_some())
+}
+
+/// Elements of `V` vertices and `E` edges whose springs couple edges.
+struct CouplingColumns<'a, S, const V: usize, const E: usize> {
+    /// Rest vectors of the edge table, and all displacements.
+    edges: EdgeShapes<'a, S>,
+    block: &'a [u32],
+    /// Squared-length changes of the edge table.
+    change: &'a [S],
+    nodes: &'a [[u32; V]],
+    /// Edge-table rows.
+    of: &'a [[u32; E]],
+    stiffness: [&'a [S]; 3],
+}
+
+impl<S: Scalar, const V: usize, const E: usize> CouplingColumns<'_, S, V, E> {
+    /// Squared-length changes of the edges of the elements from `first` on.
+    #[inline(always)]
+    fn changes<L: Lanes<Scalar = S>>(&self, first: usize) -> [L; E] {
+        let of = &self.of[first..];
+        let mut delta = [L::ZERO; E];
+        for e in 0..E {
+            delta[e] = L::gather(self.change, of, e);
+        }
+        delta
+    }
+
+    #[inline(always)]
+    fn stiffness<L: Lanes<Scalar = S>>(&self, first: usize) -> [L; 3] {
+        let [a, b, c] = self.stiffness;
+        [L::load(&a[first..]), L::load(&b[first..]), L::load(&c[first..])]
+    }
+
+    /// Deformed edge `e`, lower row minus higher; `a` and `b` are its local vertices in that order.
+    #[inline(always)]
+    fn edge<L: Lanes<Scalar = S>>(&self, first: usize, e: usize, a: usize, b: usize) -> [L; 3] {
+        let (of, nodes) = (&self.of[first..], &self.nodes[first..]);
+        let u = self.edges.displacement;
+        let mut d = sub(L::load_rows(u, nodes, a), L::load_rows(u, nodes, b));
+        for x in 0..3 {
+            d[x] += L::gather(self.edges.rest[x], of, e);
+        }
+        d
+    }
+}
+
+/// How the springs of an element turn changes into tensions.
+trait Pull<const E: usize> {
+    fn tensions<R: Real>(stiffness: [R; 3], delta: [R; E]) -> [R; E];
+}
+
+struct AngularPull;
+impl Pull<3> for AngularPull {
+    /// Stiffness `m` couples the two edges other than `m`.
+    #[inline(always)]
+    fn tensions<R: Real>(c: [R; 3], delta: [R; 3]) -> [R; 3] {
+        let half = R::from_f64(0.5);
+        let c = [half * c[0], half * c[1], half * c[2]];
+        [
+            c[1].mul_add(delta[2], c[2] * delta[1]),
+            c[2].mul_add(delta[0], c[0] * delta[2]),
+            c[0].mul_add(delta[1], c[1] * delta[0]),
+        ]
+    }
+}
+
+struct VolumetricPull;
+impl Pull<6> for VolumetricPull {
+    #[inline(always)]
+    fn tensions<R: Real>(d: [R; 3], delta: [R; 6]) -> [R; 6] {
+        let mut s = [R::ZERO; 6];
+        for m in 0..3 {
+            let [p, q] = OPPOSITE_EDGES[m];
+            let half = R::from_f64(0.5) * d[m];
+            s[p] = half * delta[q];
+            s[q] = half * delta[p];
+        }
+        s
+    }
+}
+
+/// Adds the tensions of the elements of a range to its private array.
+fn pull<P: Pull<E>, S: Scalar, const V: usize, const E: usize>(
+    workers: &Workers,
+    columns: &CouplingColumns<S, V, E>,
+    span: &mut Span<S>,
+) {
+    span.clear_tension();
+    let batch = PullBatch::<P, S, V, E> {
+        columns,
+        first_edge: span.edges.start,
+        tension: &mut span.tension,
+        law: std::marker::PhantomData,
+    };
+    workers.dispatch(Batches(span.elements.clone(), batch));
+}
+
+struct PullBatch<'a, P, S, const V: usize, const E: usize> {
+    columns: &'a CouplingColumns<'a, S, V, E>,
+    first_edge: usize,
+    tension: &'a mut [S],
+    law: std::marker::PhantomData<fn() -> P>,
+}
+
+impl<P: Pull<E>, S: Scalar, const V: usize, const E: usize> Batch<S> for PullBatch<'_, P, S, V, E> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let delta = self.columns.changes::<L>(first);
+        let s = P::tensions(self.columns.stiffness::<L>(first), delta);
+        let of = &self.columns.of[first..];
+        for e in 0..E {
+            s[e].add_at(self.tension, self.first_edge, of, e);
+        }
+    }
+}
+
+struct AngularEnergy<'a, S> {
+    columns: &'a CouplingColumns<'a, S, 3, 3>,
+    sums: [f64; MAX_LANES],
+}
+
+impl<S: Scalar> Batch<S> for AngularEnergy<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let d = self.columns.changes::<L>(first);
+        let c = self.columns.stiffness::<L>(first);
+        let energy = coupling_energy(c[0], d[1], d[2])
+            + coupling_energy(c[1], d[2], d[0])
+            + coupling_energy(c[2], d[0], d[1]);
+        energy.accumulate(&mut self.sums);
+    }
+}
+
+struct VolumetricEnergy<'a, S> {
+    columns: &'a CouplingColumns<'a, S, 4, 6>,
+    sums: [f64; MAX_LANES],
+}
+
+impl<S: Scalar> Batch<S> for VolumetricEnergy<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let delta = self.columns.changes::<L>(first);
+        let d = self.columns.stiffness::<L>(first);
+        let mut energy = L::ZERO;
+        for m in 0..3 {
+            let [p, q] = OPPOSITE_EDGES[m];
+            energy += coupling_energy(d[m], delta[p], delta[q]);
+        }
+        energy.accumulate(&mut self.sums);
+    }
+}
+
+/// Local vertices of edge `i` of a triangle with ascending rows, lower row first.
+const TRIANGLE_ENDS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
+
+struct AngularTangent<'a, S> {
+    columns: &'a CouplingColumns<'a, S, 3, 3>,
+    span: &'a mut Span<S>,
+    exact: bool,
+}
+
+impl<S: Scalar> Batch<S> for AngularTangent<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let Self { columns, span, exact } = self;
+        let c = columns.stiffness::<L>(first);
+        let mut d = [[L::ZERO; 3]; 3];
+        for e in 0..3 {
+            let [a, b] = TRIANGLE_ENDS[e];
+            d[e] = columns.edge::<L>(first, e, a, b);
+        }
+        let mut s = [L::ZERO; 3];
+        if *exact {
+            s = AngularPull::tensions(c, columns.changes::<L>(first));
+        }
+        let nodes = &columns.nodes[first..];
+        let mut blocks = [[0; 3]; MAX_LANES];
+        for lane in 0..L::COUNT {
+            for e in 0..3 {
+                blocks[lane][e] = columns.block[columns.of[first + lane][e] as usize];
+            }
+        }
+        for a in 0..3 {
+            for b in a..3 {
+                // sum of 2 c d_e d_f^T over the edges e at a and f at b that a spring couples
+                let mut m = [L::ZERO; 9];
+                for e in 0..3 {
+                    for f in 0..3 {
+                        if e == a || f == b || e == f {
+                            continue;
+                        }
+                        let same = (TRIANGLE_ENDS[e][0] == a) == (TRIANGLE_ENDS[f][0] == b);
+                        let twice = c[3 - e - f] + c[3 - e - f];
+                        add_outer(&mut m, scale(d[e], if same { twice } else { -twice }), d[f]);
+                    }
+                }
+                if a == b {
+                    let pull = s[(a + 1) % 3] + s[(a + 2) % 3];
+                    add_identity(&mut m, pull + pull);
+                    L::add_blocks(&m, &mut span.diagonal, span.rows.start, nodes, a);
+                } else {
+                    let e = 3 - a - b;
+                    add_identity(&mut m, -(s[e] + s[e]));
+                    L::add_blocks(&m, &mut span.off_diagonal, span.blocks.start, &blocks, e);
+                }
+            }
+        }
+    }
+}
+
+struct VolumetricTangent<'a, S> {
+    columns: &'a CouplingColumns<'a, S, 4, 6>,
+    blocks: &'a [[u32; 6]],
+    span: &'a mut Span<S>,
+    exact: bool,
+}
+
+impl<S: Scalar> Batch<S> for VolumetricTangent<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let columns = self.columns;
+        let stiffness = columns.stiffness::<L>(first);
+        // vertex 0 is the lowest row, so its edges run as stored; the others are differences
+        let mut d = [[L::ZERO; 3]; 6];
+        for e in 0..3 {
+            d[e] = columns.edge::<L>(first, e, 0, e + 1);
+        }
+        for e in 3..6 {
+            let [a, b] = TETRAHEDRON_EDGES[e];
+            d[e] = sub(d[b - 1], d[a - 1]);
+        }
+        let mut s = [L::ZERO; 6];
+        if self.exact {
+            s = VolumetricPull::tensions(stiffness, columns.changes::<L>(first));
+        }
+        let mut t = TetrahedronTangent { diagonal: [[L::ZERO; 9]; 4], off: [[L::ZERO; 9]; 6] };
+        for own in 0..6 {
+            let [a, b] = TETRAHEDRON_EDGES[own];
+            // the two pairs whose edges join a and b through a third vertex each: e at a, f at b
+            for e in 0..6 {
+                let f = 5 - e;
+                let (at_a, at_b) = (TETRAHEDRON_EDGES[e], TETRAHEDRON_EDGES[f]);
+                if e == own || !at_a.contains(&a) || !at_b.contains(&b) {
+                    continue;
+                }
+                let same = (at_a[0] == a) == (at_b[0] == b);
+                let m = if e < f { e } else { f };
+                let twice = stiffness[m] + stiffness[m];
+                let c = if same { twice } else { -twice };
+                add_outer(&mut t.off[own], scale(d[e], c), d[f]);
+            }
+            let twice = s[own] + s[own];
+            add_identity(&mut t.diagonal[a], twice);
+            add_identity(&mut t.diagonal[b], twice);
+            add_identity(&mut t.off[own], -twice);
+        }
+        add_tangent(&mut t, self.span, &columns.nodes[first..], &self.blocks[first..]);
+    }
 }
 
 fn collect_tension<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
-    incidence: Res<EdgeIncidence>,
+    angular: Res<LawBuffer<Angular, S>>,
+    volumetric: Res<LawBuffer<Volumetric, S>>,
     mut edges: Query<(&TensileTension<S>, &mut EdgeTension<S>)>,
-    triangles: Query<&AngularTension<S>>,
-    tetrahedra: Query<&VolumetricTension<S>>,
     mut times: ResMut<SystemTimes>,
 ) {
     if !request.force {
@@ -431,27 +712,34 @@ fn collect_tension<S: Scalar>(
     }
     let start = Instant::now();
     let Some((tensile, mut tension)) = single_table(edges.contiguous_iter_mut()) else { return };
-    let Some(angular) = single_table(triangles.contiguous_iter()) else { return };
-    let Some(volumetric) = single_table(tetrahedra.contiguous_iter()) else { return };
-    let work = tensile.len() * 6;
-    workers.for_chunks(tension.bypass_change_detection(), ROW_CHUNK, work, |first, rows| {
-        for (i, s) in rows.iter_mut().enumerate() {
-            let e = first + i;
-            let mut sum = tensile[e].0;
-            let range =
-                incidence.triangle_start[e] as usize..incidence.triangle_start[e + 1] as usize;
-            for &j in &incidence.triangles[range] {
-                sum += angular[j as usize / 3].0[j as usize % 3];
+    let tensile = TensileTension::peel_slice(tensile);
+    let tension = EdgeTension::peel_slice_mut(tension.bypass_change_detection());
+    workers.for_chunks(tension, ROW_CHUNK, tensile.len() * 2, |first, rows| {
+        rows.copy_from_slice(&tensile[first..first + rows.len()]);
+        for span in angular.spans.iter().chain(&volumetric.spans) {
+            let low = span.edges.start.max(first);
+            let high = span.edges.end.min(first + rows.len());
+            if low < high {
+                let from = &span.tension[low - span.edges.start..high - span.edges.start];
+                let sum = AddColumn { from, to: &mut rows[low - first..high - first] };
+                workers.dispatch(Batches(0..from.len(), sum));
             }
-            let range = incidence.tetrahedron_start[e] as usize
-                ..incidence.tetrahedron_start[e + 1] as usize;
-            for &j in &incidence.tetrahedra[range] {
-                sum += volumetric[j as usize / 6].0[j as usize % 6];
-            }
-            s.0 = sum;
         }
     });
     times.add("edge tensions", start.elapsed());
+}
+
+struct AddColumn<'a, S> {
+    from: &'a [S],
+    to: &'a mut [S],
+}
+
+impl<S: Scalar> Batch<S> for AddColumn<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let sum = L::load(&self.to[first..]) + L::load(&self.from[first..]);
+        sum.store(&mut self.to[first..]);
+    }
 }
 
 fn evaluate_spring_forces<S: Scalar>(
@@ -459,81 +747,61 @@ fn evaluate_spring_forces<S: Scalar>(
     workers: Res<Workers>,
     mut buffer: ResMut<LawBuffer<SpringForces, S>>,
     vertices: Query<&Displacement<S>>,
-    edges: Query<(&EdgeVertices, &RestEdge<S>, &EdgeTension<S>)>,
+    edges: Query<(&EdgeVertices, RestEdges<S>, &EdgeTension<S>)>,
 ) {
     if !request.force {
         return;
     }
     let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let u = Displacement::peel_slice(u);
     let Some((nodes, rest, tension)) = single_table(edges.contiguous_iter()) else { return };
-    workers.for_each(&mut buffer.spans, nodes.len() * 4, |_, span: &mut Span<S>| {
+    let shapes = &EdgeShapes::new(u, nodes, rest);
+    let tension = EdgeTension::peel_slice(tension);
+    workers.for_each(&mut buffer.spans, nodes.len() * 3, |_, span: &mut Span<S>| {
         span.clear_force();
-        for i in span.elements.clone() {
-            let [a, b] = nodes[i].0;
-            let d = add(rest[i].0, sub(xyz(u[a as usize]), xyz(u[b as usize])));
-            let f = edge_force(tension[i].0, d);
-            span.add_force(a, f);
-            span.add_force(b, f.map(|x| -x));
-        }
+        let elements: Range<usize> = span.elements.clone();
+        let (force, row) = (&mut span.force[..], span.rows.start);
+        workers.dispatch(Batches(elements, SpringForceBatch { shapes, tension, force, row }));
     });
     buffer.time = start.elapsed();
 }
 
-/// Blocks of a small element, `[row][column]`.
-struct LocalTangent<S, const N: usize>([[[S; 9]; N]; N]);
+struct SpringForceBatch<'a, S> {
+    shapes: &'a EdgeShapes<'a, S>,
+    tension: &'a [S],
+    force: &'a mut [[S; 4]],
+    /// Vertex row of the first entry of `force`.
+    row: usize,
+}
 
-impl<S: Scalar, const N: usize> Default for LocalTangent<S, N> {
-    fn default() -> Self {
-        Self([[[S::ZERO; 9]; N]; N])
+impl<S: Scalar> Batch<S> for SpringForceBatch<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let d = add(self.shapes.rest::<L>(first), self.shapes.relative::<L>(first));
+        let f = edge_force(L::load(&self.tension[first..]), d);
+        let nodes = &self.shapes.nodes[first..];
+        L::add_rows(f, self.force, self.row, nodes, 0);
+        L::add_rows([-f[0], -f[1], -f[2]], self.force, self.row, nodes, 1);
     }
 }
 
-impl<S: Scalar, const N: usize> LocalTangent<S, N> {
-    /// Adds `c/2 (J_e^T J_f + J_f^T J_e)`.
-    fn couple(&mut self, c: S, e: [usize; 2], d_e: [S; 3], f: [usize; 2], d_f: [S; 3]) {
-        let m = outer(c + c, d_e, d_f);
-        let t = outer(c + c, d_f, d_e);
-        for (i, &p) in e.iter().enumerate() {
-            for (j, &q) in f.iter().enumerate() {
-                let same = i == j;
-                for k in 0..9 {
-                    self.0[p][q][k] += if same { m[k] } else { -m[k] };
-                    self.0[q][p][k] += if same { t[k] } else { -t[k] };
-                }
-            }
+/// Sum of the lanes, in order.
+pub(crate) fn sum(sums: [f64; MAX_LANES]) -> f64 {
+    sums.iter().sum()
+}
+
+/// Adds `a b^T`.
+#[inline(always)]
+pub(crate) fn add_outer<R: Real>(m: &mut [R; 9], a: [R; 3], b: [R; 3]) {
+    for i in 0..3 {
+        for j in 0..3 {
+            m[3 * i + j] = a[i].mul_add(b[j], m[3 * i + j]);
         }
     }
-
-    /// Adds `2 s` times the Laplacian of an edge.
-    fn tension(&mut self, s: S, [a, b]: [usize; 2]) {
-        let two = s + s;
-        add_identity(&mut self.0[a][a], two);
-        add_identity(&mut self.0[b][b], two);
-        add_identity(&mut self.0[a][b], -two);
-        add_identity(&mut self.0[b][a], -two);
-    }
 }
 
 #[inline(always)]
-fn outer<S: Scalar>(c: S, a: [S; 3], b: [S; 3]) -> [S; 9] {
-    let a = a.map(|x| c * x);
-    [
-        a[0] * b[0],
-        a[0] * b[1],
-        a[0] * b[2],
-        a[1] * b[0],
-        a[1] * b[1],
-        a[1] * b[2],
-        a[2] * b[0],
-        a[2] * b[1],
-        a[2] * b[2],
-    ]
-}
-
-#[inline(always)]
-fn add_identity<S: Scalar>(m: &mut [S; 9], s: S) {
+pub(crate) fn add_identity<R: Real>(m: &mut [R; 9], s: R) {
     m[0] += s;
     m[4] += s;
     m[8] += s;

@@ -22,59 +22,59 @@
 //! `w_e = 2 (x_a - x_b) . (v_a - v_b)`, put `w` in place of `delta` to get `ds` from the tensions'
 //! linear laws, then `(K v)_a = sum_e 2 (ds_e (x_a - x_b) + s_e (v_a - v_b))`.
 
-use sinew_engine::scalar::{Scalar, add, dot, scale, sub};
+use sinew_engine::scalar::{Real, add, dot, scale, sub};
 
 /// Squared-length change `delta` (m^2) of an edge from `a` to `b`; `rest` is `X_a - X_b`.
 #[inline(always)]
-pub fn squared_length_change<S: Scalar>(rest: [S; 3], u_a: [S; 3], u_b: [S; 3]) -> S {
+pub fn squared_length_change<S: Real>(rest: [S; 3], u_a: [S; 3], u_b: [S; 3]) -> S {
     let u = sub(u_a, u_b);
     dot(u, add(add(rest, rest), u))
 }
 
 /// Rate of `delta` (m^2 per unit of `v`) when the nodes move along `v`; `edge` is `x_a - x_b`.
 #[inline(always)]
-pub fn squared_length_rate<S: Scalar>(edge: [S; 3], v_a: [S; 3], v_b: [S; 3]) -> S {
+pub fn squared_length_rate<S: Real>(edge: [S; 3], v_a: [S; 3], v_b: [S; 3]) -> S {
     let twice = dot(edge, sub(v_a, v_b));
     twice + twice
 }
 
 /// Energy `k/4 delta^2` (J) of a tensile spring.
 #[inline(always)]
-pub fn tensile_energy<S: Scalar>(k: S, delta: S) -> S {
+pub fn tensile_energy<S: Real>(k: S, delta: S) -> S {
     S::from_f64(0.25) * k * delta * delta
 }
 
 /// Tension `k/2 delta` (N/m) of a tensile spring.
 #[inline(always)]
-pub fn tensile_tension<S: Scalar>(k: S, delta: S) -> S {
+pub fn tensile_tension<S: Real>(k: S, delta: S) -> S {
     S::from_f64(0.5) * k * delta
 }
 
 /// Energy `c/2 delta_e delta_f` (J) of an angular (`c`) or volumetric (`d`) spring between edges
 /// `e` and `f`.
 #[inline(always)]
-pub fn coupling_energy<S: Scalar>(c: S, delta_e: S, delta_f: S) -> S {
+pub fn coupling_energy<S: Real>(c: S, delta_e: S, delta_f: S) -> S {
     S::from_f64(0.5) * c * delta_e * delta_f
 }
 
 /// What an angular or volumetric spring adds to the tensions (N/m) of its edges: `c/2 delta_f` to
 /// `e` and `c/2 delta_e` to `f`.
 #[inline(always)]
-pub fn coupling_tensions<S: Scalar>(c: S, delta_e: S, delta_f: S) -> [S; 2] {
+pub fn coupling_tensions<S: Real>(c: S, delta_e: S, delta_f: S) -> [S; 2] {
     let half = S::from_f64(0.5) * c;
     [half * delta_f, half * delta_e]
 }
 
 /// Force (N) of an edge on its node `a`; node `b` gets the opposite. `edge` is `x_a - x_b`.
 #[inline(always)]
-pub fn edge_force<S: Scalar>(tension: S, edge: [S; 3]) -> [S; 3] {
+pub fn edge_force<S: Real>(tension: S, edge: [S; 3]) -> [S; 3] {
     scale(edge, -(tension + tension))
 }
 
 /// What an edge adds to `(K v)_a`, the opposite to `(K v)_b`; `rate` is the change `ds` of its
 /// tension along `v`.
 #[inline(always)]
-pub fn edge_stiffness_product<S: Scalar>(
+pub fn edge_stiffness_product<S: Real>(
     tension: S,
     rate: S,
     edge: [S; 3],

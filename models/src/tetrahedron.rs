@@ -203,6 +203,101 @@ pub fn tangent<S: Scalar>(
     }
 }
 
+/// Product `K v` (N when `v` is in m) of the tangent with the displacements `v`, without forming it:
+/// `(K v)_a = V dP D_a`, `dP` being the rate of the first Piola-Kirchhoff stress `F S + p1 cof F` along
+/// `dF = sum_a v_a (x) D_a`. `exact` or else `GaussNewton`, which drops `dF S` and `p1 d(cof F)`.
+#[inline(always)]
+pub fn tangent_product<S: Real>(
+    e: &Element<S>,
+    u: &[[S; 3]; 4],
+    v: &[[S; 3]; 4],
+    exact: bool,
+) -> [[S; 3]; 4] {
+    product_parts(e, u, v, true, exact)
+}
+
+/// [`tangent_product`] with the elastic part on request.
+#[inline(always)]
+pub(crate) fn product_parts<S: Real>(
+    e: &Element<S>,
+    u: &[[S; 3]; 4],
+    v: &[[S; 3]; 4],
+    elastic: bool,
+    exact: bool,
+) -> [[S; 3]; 4] {
+    let g = displacement_gradient(&e.gradients, u);
+    let h = displacement_gradient(&e.gradients, v);
+    // dP; `nodal_forces` turns a stress into forces against it, hence the sign at the end
+    let mut p = [S::ZERO; 9];
+    if elastic {
+        // dE = sym(F^T dF) = sym(dF) + sym(G^T dF)
+        let mut rate = [S::ZERO; 9];
+        for i in 0..3 {
+            for j in 0..3 {
+                let product = dot([g[i], g[3 + i], g[6 + i]], [h[j], h[3 + j], h[6 + j]]);
+                rate[3 * i + j] = h[3 * i + j] + product;
+            }
+        }
+        let half = S::from_f64(0.5);
+        let strain_rate = [
+            rate[0],
+            rate[4],
+            rate[8],
+            half * (rate[5] + rate[7]),
+            half * (rate[2] + rate[6]),
+            half * (rate[1] + rate[3]),
+        ];
+        p = elastic_stress(&g, &second_piola_kirchhoff(e, &strain_rate));
+        if exact {
+            let s = second_piola_kirchhoff(e, &green_strain(&g));
+            let rows = [[s[0], s[5], s[4]], [s[5], s[1], s[3]], [s[4], s[3], s[2]]];
+            for i in 0..3 {
+                for j in 0..3 {
+                    p[3 * i + j] += dot([h[3 * i], h[3 * i + 1], h[3 * i + 2]], rows[j]);
+                }
+            }
+        }
+    }
+    let m = volume_change(&g).min(S::ZERO);
+    let p2 = S::from_f64(6.0) * e.compression * (m * m);
+    if S::any(S::less(S::ZERO, p2)) {
+        let cof = cofactor(&g);
+        let mut volume_rate = S::ZERO;
+        for k in 0..9 {
+            volume_rate = cof[k].mul_add(h[k], volume_rate);
+        }
+        let c = p2 * volume_rate;
+        for k in 0..9 {
+            p[k] = c.mul_add(cof[k], p[k]);
+        }
+        if exact {
+            let p1 = (e.compression + e.compression) * (m * m * m);
+            let f = [
+                [S::ONE + g[0], g[1], g[2]],
+                [g[3], S::ONE + g[4], g[5]],
+                [g[6], g[7], S::ONE + g[8]],
+            ];
+            let h = [[h[0], h[1], h[2]], [h[3], h[4], h[5]], [h[6], h[7], h[8]]];
+            for i in 0..3 {
+                // row i of cof F is the vector product of the next two rows of F
+                let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                let (a, b) = (cross(h[j], f[k]), cross(f[j], h[k]));
+                for x in 0..3 {
+                    p[3 * i + x] = p1.mul_add(a[x] + b[x], p[3 * i + x]);
+                }
+            }
+        }
+    }
+    let f = nodal_forces(e, &p);
+    let mut product = [[S::ZERO; 3]; 4];
+    for a in 0..4 {
+        for x in 0..3 {
+            product[a][x] = -f[a][x];
+        }
+    }
+    product
+}
+
 /// The compression term alone, on the same [`Element`]; its `lambda` and `mu` play no part.
 ///
 /// Its exact tangent is indefinite wherever it is not zero. A definite tangent that solvers like

@@ -18,6 +18,7 @@ use sinew_models::precompute::{
     ADJACENT_EDGES, ADJACENT_PAIRS, EDGES, OPPOSITE_EDGES, OPPOSITE_PAIRS, RestTetrahedron,
     SpringConstants,
 };
+use sinew_models::quadratic;
 use sinew_models::spring;
 use sinew_models::tetrahedron::{self, Element, TangentKind, compression};
 
@@ -158,6 +159,27 @@ fn tetrahedra() {
         let gauss_newton = tetrahedron::tangent(&stvk, &u, TangentKind::GaussNewton).to_dense();
         let material = flat(&tbs["hessian_material"]);
         same(&mut worst, "material tangent", gauss_newton.as_flattened(), &material);
+
+        // Quadratic springs; where an edge has no length their tangent is singular.
+        let tqs = &case["tqs"];
+        let chi: Vec<f64> =
+            (0..6).map(|e| 4.0 * springs.tensile[e] * number(&case["rest_len2"][e])).collect();
+        same(&mut worst, "chi", &chi, &list(&tqs["chi_printed"]));
+        let w_tqs = quadratic::tetrahedron::energy(&stvk, &u);
+        worst.note("TQS energy", (w_tqs - number(&tqs["energy"])).abs(), c.energy_unit, name);
+        let f_tqs = quadratic::tetrahedron::forces(&stvk, &u);
+        let theirs = flat(&tqs["forces"]);
+        worst.note("TQS forces", max_difference(f_tqs.as_flattened(), &theirs), c.force_unit, name);
+        let t_tqs = quadratic::tetrahedron::tangent(&stvk, &u, TangentKind::Exact).to_dense();
+        same(&mut worst, "TQS tangent", t_tqs.as_flattened(), &flat(&tqs["hessian"]));
+        // Mass-spring: twice the rest length squared times k, as the edge kernel has it.
+        let constants: Vec<f64> = chi.iter().map(|chi| 0.5 * chi).collect();
+        same(
+            &mut worst,
+            "spring constants",
+            &constants,
+            &list(&case["mass_spring"]["spring_constant"]),
+        );
 
         // Compression term, alone and in the sum.
         let comp = &case["compression"];
