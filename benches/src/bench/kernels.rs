@@ -12,8 +12,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::engine::columns::single_table;
 use sinew::engine::element::{
-    EdgeChange, EdgeTension, EdgeVertices, RestEdge, TetrahedronBlocks, TetrahedronEdges,
-    TetrahedronVertices, TriangleEdges,
+    EdgeVertices, TetrahedronBlocks, TetrahedronEdges, TetrahedronVertices, TriangleEdges,
 };
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::law::{ElasticEnergy, LawBuffer, TangentKind};
@@ -25,10 +24,6 @@ use sinew::engine::topology::Topology;
 use sinew::engine::vertex::ElasticForce;
 use sinew::engine::workers::Workers;
 use sinew::models::fused::FusedStVK;
-use sinew::models::pooled::{
-    AngularStiffness, AngularTension, TensileStiffness, TensileTension, VolumetricStiffness,
-    VolumetricTension,
-};
 use sinew::models::precompute::RestTetrahedron;
 use sinew::models::tetrahedron::{self, Element};
 use sinew::prelude::*;
@@ -468,15 +463,10 @@ impl<S: Scalar> Subject for Body<S> {
             tetrahedra * size_of::<TetrahedronBlocks>() as f64 + (vertices + edges) * block;
         if self.evaluation == Evaluation::Pooled {
             let sizes = [
-                tetrahedra
-                    * size_of::<(TetrahedronEdges, VolumetricStiffness<S>, VolumetricTension<S>)>()
-                        as f64,
-                triangles
-                    * size_of::<(TriangleEdges, AngularStiffness<S>, AngularTension<S>)>() as f64,
-                edges
-                    * (size_of::<(EdgeVertices, RestEdge<S>, TensileStiffness<S>)>()
-                        + size_of::<(TensileTension<S>, EdgeTension<S>, EdgeChange<S>)>())
-                        as f64,
+                tetrahedra * size_of::<(TetrahedronEdges, [S; 3])>() as f64,
+                triangles * size_of::<(TriangleEdges, [S; 3])>() as f64,
+                // rest vector, stiffness, change, tension by each of the three laws and in sum
+                edges * size_of::<(EdgeVertices, [S; 3 + 1 + 1 + 3 + 1])>() as f64,
                 // the compression term reads the columns of the fused law
                 read,
                 vertices * row,
