@@ -48,6 +48,7 @@ fn solve<S: Scalar>(c: &mut Criterion, size: &str, cells: [usize; 3], precision:
             }
         }
         let mass: Vec<S> = mass.iter().map(|m| m.0).collect();
+        let rest: Vec<_> = rest.iter().map(|x| x.0).collect();
         let world = simulation.world();
         let system = ShiftedTangent {
             topology: simulation.topology(),
@@ -59,7 +60,6 @@ fn solve<S: Scalar>(c: &mut Criterion, size: &str, cells: [usize; 3], precision:
             damping: None,
             fixed: &fixed,
         };
-        let rest: Vec<_> = rest.iter().map(|x| x.0).collect();
         let mut x = vec![[S::ZERO; 4]; b.len()];
         for preconditioner in PRECONDITIONERS {
             let options = LinearOptions { preconditioner, ..Default::default() };
