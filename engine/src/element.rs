@@ -32,6 +32,7 @@ pub const TETRAHEDRON_FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3],
 
 /// Vertex rows of an edge, lower first.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct EdgeVertices(pub [u32; 2]);
 
@@ -42,6 +43,7 @@ pub struct EdgeBlock(pub u32);
 
 /// Rest vector X_a - X_b of an edge (m), a the lower row.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct RestEdge<S: Scalar>(pub [S; 3]);
 
@@ -57,11 +59,13 @@ pub struct EdgeTension<S: Scalar>(pub S);
 
 /// Edge-table rows of a triangle, edge `i` opposite vertex `i`.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct TriangleEdges(pub [u32; 3]);
 
 /// Vertex rows of a tetrahedron, positively oriented.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct TetrahedronVertices(pub [u32; 4]);
 
@@ -72,6 +76,7 @@ pub struct TetrahedronBlocks(pub [u32; 6]);
 
 /// Edge-table rows of the six edges of a tetrahedron (pooled evaluation only).
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct TetrahedronEdges(pub [u32; 6]);
 
@@ -85,6 +90,7 @@ pub struct TetrahedronIndex(pub u32);
 ///
 /// One column per number, so that kernels load the same entry of neighbouring tetrahedra at once.
 #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct ShapeGradient<S: Scalar, const VERTEX: usize, const AXIS: usize>(pub S);
 
@@ -193,6 +199,7 @@ impl<'a, S: Scalar> TetrahedronShapes<'a, S> {
 
 /// Rest volume (m^3).
 #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct RestVolume<S: Scalar>(pub S);
 

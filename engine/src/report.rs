@@ -57,8 +57,8 @@ pub struct StepReport {
     pub elastic_energy: f64,
     /// Kinetic energy (J) at the end of the step, held vertices included.
     pub kinetic_energy: f64,
-    /// Work (J) of gravity and loads during the step, the loads of its end acting all the way. 0 for
-    /// equilibria.
+    /// Work (J) of gravity and loads during the step: along the way for explicit integrators, the loads
+    /// of the step's end acting all the way for implicit ones. 0 for equilibria.
     pub load_work: f64,
     /// Work (J) of the constraints. Explicit integrators integrate the reaction along the way.
     /// Implicit ones book the energy it takes to move the held vertices at once, the rest following

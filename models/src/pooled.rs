@@ -25,7 +25,9 @@ use sinew_engine::element::{
 use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
 use sinew_engine::report::SystemTimes;
 use sinew_engine::scalar::{Scalar, add, sub, xyz};
-use sinew_engine::schedule::{ForceSystems, activate_law, activate_systems};
+use sinew_engine::schedule::{
+    ForceSystems, activate_law, activate_systems, column_changed, declare_inputs,
+};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
@@ -126,7 +128,7 @@ law!(
 /// Puts the spring laws into the force schedule.
 pub fn activate<S: Scalar>(world: &mut World) {
     world.init_resource::<EdgeIncidence>();
-    activate_systems(world, "edge changes", |schedule| {
+    activate_systems(world, EDGE_CHANGES, |schedule| {
         schedule.add_systems((
             measure_edges::<S>.in_set(ForceSystems::Measure),
             collect_tension::<S>.in_set(ForceSystems::Collect),
@@ -146,7 +148,18 @@ pub fn activate<S: Scalar>(world: &mut World) {
             evaluate_spring_forces::<S>.in_set(ForceSystems::Collect).after(collect_tension::<S>),
         );
     });
+    let edges = [column_changed::<EdgeVertices>, column_changed::<RestEdge<S>>];
+    declare_inputs(world, EDGE_CHANGES, &edges);
+    declare_inputs(world, SpringForces::NAME, &edges);
+    declare_inputs(world, Tensile::NAME, &[column_changed::<TensileStiffness<S>>]);
+    let triangles = [column_changed::<TriangleEdges>, column_changed::<AngularStiffness<S>>];
+    declare_inputs(world, Angular::NAME, &triangles);
+    let tetrahedra = [column_changed::<TetrahedronEdges>, column_changed::<VolumetricStiffness<S>>];
+    declare_inputs(world, Volumetric::NAME, &tetrahedra);
 }
+
+/// Name of the systems that measure edges and collect their tensions.
+const EDGE_CHANGES: &str = "edge changes";
 
 const ROW_CHUNK: usize = 2048;
 

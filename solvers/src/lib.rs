@@ -11,6 +11,7 @@ pub mod explicit;
 pub mod implicit;
 pub mod settings;
 mod simd;
+pub mod stability;
 pub mod state;
 pub mod support;
 pub mod system;

@@ -119,7 +119,7 @@ impl Default for SolverSettings {
             mass_damping: 0.0,
             stiffness_damping: 0.0,
             max_substeps: 100_000,
-            explicit_safety: 0.7,
+            explicit_safety: 0.9,
         }
     }
 }
