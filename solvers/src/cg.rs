@@ -5,11 +5,12 @@
 //! are taken out exactly by masking, not by penalties. Bodies do not couple, so each is solved alone.
 //!
 //! A solve adds the matrix up once and hands it to preconditioned conjugate gradients
-//! ([`crate::engine`]). With mixed precision the matrix, the vectors and the preconditioner are in `f32` and
-//! only a correction is solved for; the residual is formed anew in `f64` with the tangent as it came, and
-//! corrections are added until that residual holds the tolerance. Where `f32` no longer gets closer, or
-//! claims a negative curvature that the `f64` tangent does not confirm, the solve goes on in `f64`. Sums run over fixed pieces in `f64`, so the iterates do
-//! not depend on the number of threads.
+//! ([`crate::engine`]). With mixed precision the matrix, the vectors and the preconditioner are in
+//! `f32` and only a correction is solved for; the residual is formed anew in `f64` with the tangent
+//! as it came, and corrections are added until that residual holds the tolerance. Where `f32` gets
+//! no closer, or claims a negative curvature that the `f64` tangent does not confirm, the solve goes
+//! on in `f64`. Sums run over fixed pieces in `f64`, so the iterates do not depend on the number of
+//! threads.
 
 use crate::engine::{Engine, Inner, InnerStatus};
 use crate::settings::{LinearPrecision, Preconditioner};

@@ -2,8 +2,8 @@
 //!
 //! A [`Kernel`] is compiled twice from the same source, with AVX and with the vectors of the build.
 //! AVX is enough, since all rows here have four numbers or eight: with AVX2 or AVX-512 the compiler
-//! prefers to run one loop iteration per lane, and gathers (measured: sweeps up to twice as slow). None
-//! of the kernels fuses multiplications and additions, so all instruction sets give the same bits.
+//! prefers to run one loop iteration per lane, and gathers, which is slower. None of the kernels fuses
+//! multiplications and additions, so all instruction sets give the same bits.
 
 /// A piece of work whose code is worth compiling for wider vectors. `run` and all that it calls must be
 /// inlined (`#[inline(always)]`): a function that is not keeps the instruction set of the build.
