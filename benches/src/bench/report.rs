@@ -386,8 +386,7 @@ impl Report {
         let _ = write!(
             page,
             "<h2>How to reproduce</h2>\n<p><code>cargo run --release -- {}</code> from a checkout, \
-             with nothing else running. Peers need what <code>sinew bench peers --help</code> \
-             says.</p>\n",
+             with nothing else running. For the other engines see <code>sinew bench --help</code>.</p>\n",
             escape(self.command.trim_start_matches("sinew "))
         );
         Ok(page + "</main>\n</body>\n</html>\n")
