@@ -40,7 +40,7 @@ enum What {
     /// The demo scenes as they are.
     Scenes,
     /// Sinew beside MuJoCo flex (pip install mujoco; see --python) and Rapier (build with --features
-    /// rapier), same mesh, material and load; what is absent is skipped with a message.
+    /// sinew-cli/rapier), same mesh, material and load; what is absent is skipped with a message.
     Peers,
     /// Everything, one report.
     All,

@@ -120,9 +120,7 @@ pub fn steps(report: &StepReport) -> Vec<Aim> {
             [("in smooth motion", false, 1.2), ("with projection", true, 2.0)]
         {
             let pick = |r: &StepRow| {
-                r.ratio_to_plain.is_some()
-                    && (r.projections > 0) == projected
-                    && r.precision == "f64"
+                default(r) && (r.projections > 0) == projected && r.precision == "f64"
             };
             if let Some((row, ratio)) =
                 report.fastest(size, 2, pick).and_then(|r| Some((r, r.ratio_to_plain?)))

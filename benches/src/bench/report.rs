@@ -252,75 +252,74 @@ impl Report {
         Ok(charts)
     }
 
-    /// The key figures for the README, in Markdown.
+    /// The key figures for the README, in Markdown: forces with the widest instruction set, steps with
+    /// the default solver, other engines, and for every case the cheapest method below 1 % error.
     pub fn readme(&self) -> String {
         let mut text = format!("Measured by `{}` on {}.\n", self.command, self.machine.line());
-        for warning in &self.warnings {
-            let _ = writeln!(text, "\nWarning: {warning}.");
+        if !self.warnings.is_empty() {
+            let parts: Vec<&str> =
+                self.warnings.iter().filter_map(|w| w.split(':').next()).collect();
+            let _ = writeln!(text, "\nThe machine was busy during: {}.", parts.join(", "));
         }
-        let mut key =
-            Table::new("key", "Key figures", &["what", "conditions", "median", "unit", "error"]);
+        let threads = |n: usize| if n == 1 { "1 thread".into() } else { format!("{n} threads") };
+        let columns = ["what", "conditions", "median", "unit", "error"];
+        let mut key = Table::new("key", "Key figures", &columns);
+        let best = InstructionSet::best().name();
         for row in self.kernels.iter().flat_map(|k| &k.rows) {
-            if row.quantity == "force" && row.model == "svk_comp" && !row.kernel.contains(": ") {
+            let whole = !row.kernel.starts_with("pooled: ") && row.model == "svk_comp";
+            if whole && row.quantity == "force" && row.instructions == best {
+                let (tets, threads) = (row.tetrahedra, threads(row.threads));
                 key.row(vec![
                     format!("{} force", row.kernel.replace(", all passes", "")).into(),
-                    format!("{} tets, {}, {} threads", row.tetrahedra, row.precision, row.threads)
-                        .into(),
+                    format!("{tets} tets, {}, {threads}", row.precision).into(),
                     row.ns_per_tet.median.into(),
                     "ns/tet".into(),
-                    row.error.map_or("-".into(), |e| format!("{e:.0e} of the force")).into(),
+                    row.error.map(|e| format!("{e:.0e} of the force")).into(),
                 ]);
             }
         }
+        let most = self.step.iter().flat_map(|s| &s.rows).map(|r| r.threads).max();
         for row in self.step.iter().flat_map(|s| &s.rows) {
-            if row.threads > 1 || self.machine.cores == 1 {
+            let default = row.solver.starts_with("auto") || row.integrator == "stormer-verlet";
+            if default && Some(row.threads) == most {
+                let solver = if row.solver.is_empty() { "substeps" } else { &row.solver };
+                let (tets, threads) = (row.tetrahedra, threads(row.threads));
                 key.row(vec![
                     format!("{} step of 10 ms, {}", row.integrator, row.state).into(),
-                    format!(
-                        "{} tets, {}, {} threads{}{}",
-                        row.tetrahedra,
-                        row.precision,
-                        row.threads,
-                        if row.solver.is_empty() { "" } else { ", " },
-                        row.solver
-                    )
-                    .into(),
+                    format!("{tets} tets, {solver}, {}, {threads}", row.precision).into(),
                     row.ms.median.into(),
                     "ms".into(),
-                    row.error_percent
-                        .map_or("-".into(), |e| format!("{e:.1e} % of the converged step"))
-                        .into(),
+                    row.error_percent.map(|e| format!("{e:.1e} % of the converged step")).into(),
                 ]);
             }
         }
         for r in self.peers.iter().flat_map(|p| &p.rows) {
+            let threads = threads(r.threads);
             key.row(vec![
-                format!("{} {}: step", r.engine, r.version).into(),
-                format!("{}, {} tets, {}, {} threads", r.scene, r.elements, r.setting, r.threads)
-                    .into(),
+                format!("{} {}, step", r.engine, r.version).into(),
+                format!("{}, {}, {}, {threads}", r.scene, r.setting, r.precision).into(),
                 r.ms_per_step.into(),
                 "ms".into(),
-                r.error_percent.map_or("-".into(), |e| format!("{e:.1e} % static")).into(),
+                r.error_percent.map(|e| format!("{e:.1e} %, static")).into(),
             ]);
         }
-        for p in self.accuracy.iter().flat_map(|a| &a.points) {
-            if p.pareto && p.error_percent.is_some_and(|e| e < 5.0) {
-                let motion = self.accuracy.iter().flat_map(|a| &a.cases);
-                let motion = motion.into_iter().any(|c| c.case == p.case && c.motion);
+        for case in self.accuracy.iter().flat_map(|a| &a.cases) {
+            let points = self.accuracy.iter().flat_map(|a| &a.points);
+            let mut good: Vec<&Point> = points
+                .filter(|p| p.case == case.case && p.error_percent.is_some_and(|e| e < 1.0))
+                .collect();
+            let cost = |p: &Point| p.cost.map_or(f64::INFINITY, |c| c.median);
+            good.sort_by(|a, b| a.tetrahedra.cmp(&b.tetrahedra).then(cost(a).total_cmp(&cost(b))));
+            good.dedup_by_key(|p| p.tetrahedra);
+            for p in good {
+                let method = format!("{}, {}, {}", p.method(), p.model, p.evaluation);
+                let threads = threads(p.threads);
                 key.row(vec![
                     (&p.case).into(),
-                    format!(
-                        "{} tets, {}, {}, {}, {} threads",
-                        p.tetrahedra,
-                        p.method(),
-                        p.evaluation,
-                        p.precision,
-                        p.threads
-                    )
-                    .into(),
+                    format!("{} tets, {method}, {}, {threads}", p.tetrahedra, p.precision).into(),
                     p.cost.map(|c| 1e3 * c.median).into(),
-                    if motion { "ms per simulated s" } else { "ms to the answer" }.into(),
-                    p.error_percent.map_or("-".into(), |e| format!("{e:.2} %")).into(),
+                    if case.motion { "ms per simulated s" } else { "ms to the answer" }.into(),
+                    p.error_percent.map(|e| format!("{e:.1e} % on the same mesh")).into(),
                 ]);
             }
         }
@@ -386,8 +385,7 @@ impl Report {
         let _ = write!(
             page,
             "<h2>How to reproduce</h2>\n<p><code>cargo run --release -- {}</code> from a checkout, \
-             with nothing else running. Peers need what <code>sinew bench peers --help</code> \
-             says.</p>\n",
+             with nothing else running. For the other engines see <code>sinew bench --help</code>.</p>\n",
             escape(self.command.trim_start_matches("sinew "))
         );
         Ok(page + "</main>\n</body>\n</html>\n")
