@@ -22,6 +22,17 @@ pub fn bent(
     threads: usize,
     evaluation: Evaluation,
 ) -> (Simulation, BodyHandle) {
+    bent_model(mesh, precision, threads, Model::CompressibleStVK, evaluation)
+}
+
+/// The same beam with any model.
+pub fn bent_model(
+    mesh: &Mesh,
+    precision: Precision,
+    threads: usize,
+    model: Model,
+    evaluation: Evaluation,
+) -> (Simulation, BodyHandle) {
     let options = SimulationOptions { precision, threads, ..Default::default() };
     let mut simulation = Simulation::new(options).expect("threads");
     let body = simulation
@@ -30,7 +41,7 @@ pub fn bent(
             points: &mesh.points,
             tetrahedra: &mesh.tetrahedra,
             material: YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.45, density: 1000.0 },
-            model: Model::CompressibleStVK,
+            model,
             evaluation,
         })
         .expect("body");
