@@ -20,7 +20,7 @@ use sinew_engine::vertex::{
 };
 use sinew_engine::workers::{Workers, WorkersError};
 use sinew_models::body::{BodyDescription, BodyError, spawn_body};
-use sinew_solvers::explicit::estimate_stable_step;
+use sinew_solvers::explicit::{estimate_stable_step, forget_steps};
 use sinew_solvers::settings::SolverSettings;
 
 /// Number type of the state.
@@ -252,7 +252,8 @@ impl Simulation {
         by_precision!(self, run_step(world))
     }
 
-    /// Largest stable explicit step (s) at the current state, by power iteration on the tangent.
+    /// Largest stable explicit step (s) at the current state, from the largest eigenvalue by Lanczos
+    /// steps; see [`sinew_solvers::stability`].
     pub fn stable_step(&mut self) -> f64 {
         let world = self.app.world_mut();
         by_precision!(self, estimate_stable_step(world))
@@ -419,6 +420,7 @@ fn write_state<S: Scalar>(
         }
     }
     // what the solver does with a state must not depend on the state before
+    forget_steps::<S>(world);
     world
         .run_system_cached(measure_volume_ratios::<S>)
         .map_err(|error| StepError::InvalidSetting(error.to_string()))

@@ -10,13 +10,13 @@ use sinew::engine::element::{EdgeVertices, TetrahedronIndex, TetrahedronVertices
 use sinew::engine::law::{EvaluationRequest, TangentKind};
 use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::schedule::ForceSchedule;
-use sinew::engine::vertex::{FixedAxes, Mass};
+use sinew::engine::vertex::{FixedAxes, Mass, RestPosition};
 use sinew::engine::workers::Workers;
 use sinew::models::pooled::{
     AngularStiffnesses, TensileStiffness, TriangleVertices, VolumetricStiffnesses,
 };
 use sinew::prelude::*;
-use sinew::solvers::cg::{CgScratch, CgStatus, ShiftedTangent};
+use sinew::solvers::cg::{CgStatus, LinearOptions, LinearSolver, ShiftedTangent};
 
 const BOTH: [Evaluation; 2] = [Evaluation::Pooled, Evaluation::Fused];
 
@@ -224,12 +224,10 @@ fn linearised_implicit_steps() {
                 // solve on the free unknowns
                 let rows = simulation.topology().bodies[body.0].clone();
                 let world = simulation.world_mut();
-                let mut query = world.query::<&Mass<f64>>();
-                let masses: Vec<f64> = single_table(query.contiguous_iter(world))
-                    .unwrap()
-                    .iter()
-                    .map(|m| m.0)
-                    .collect();
+                let mut query = world.query::<(&Mass<f64>, &RestPosition)>();
+                let (masses, positions) = single_table(query.contiguous_iter(world)).unwrap();
+                let masses: Vec<f64> = masses.iter().map(|m| m.0).collect();
+                let positions: Vec<DVec3> = positions.iter().map(|x| x.0).collect();
                 let mut fixed = vec![FixedAxes::NONE; masses.len()];
                 for &p in &pinned {
                     fixed[rows.row(p).unwrap() as usize] = FixedAxes::ALL;
@@ -258,8 +256,13 @@ fn linearised_implicit_steps() {
                     fixed: &fixed,
                 };
                 let mut dv = vec![[0.0; 4]; b.len()];
-                let outcome =
-                    system.solve(&mut CgScratch::default(), 0, &b, &mut dv, 1e-13, 10_000);
+                let options = LinearOptions {
+                    tolerance: 1e-13,
+                    max_iterations: 10_000,
+                    ..Default::default()
+                };
+                let mut solver = LinearSolver::default();
+                let outcome = solver.solve(&system, &positions, 0, &b, &mut dv, &options);
                 if number(&case[key]["min_eig_A"]) < 0.0 {
                     assert_eq!(outcome.status, CgStatus::Indefinite, "{name} {key}");
                     indefinite += 1;

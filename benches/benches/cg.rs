@@ -13,7 +13,11 @@ use sinew::engine::scalar::Scalar;
 use sinew::engine::vertex::{ElasticForce, FixedAxes, Mass, RestPosition};
 use sinew::engine::workers::Workers;
 use sinew::prelude::*;
-use sinew::solvers::cg::{CgScratch, ShiftedTangent};
+use sinew::solvers::cg::{LinearOptions, LinearSolver, ShiftedTangent};
+use sinew::solvers::settings::Preconditioner;
+
+const PRECONDITIONERS: [Preconditioner; 3] =
+    [Preconditioner::BlockJacobi, Preconditioner::IncompleteCholesky, Preconditioner::Multigrid];
 
 fn cg(c: &mut Criterion) {
     for (size, cells) in SIZES {
@@ -55,16 +59,28 @@ fn solve<S: Scalar>(c: &mut Criterion, size: &str, cells: [usize; 3], precision:
             damping: None,
             fixed: &fixed,
         };
-        let mut scratch = CgScratch::default();
+        let rest: Vec<_> = rest.iter().map(|x| x.0).collect();
         let mut x = vec![[S::ZERO; 4]; b.len()];
-        let outcome = system.solve(&mut scratch, 0, &b, &mut x, 1e-3, 5000);
-        println!("cg {size} {} {threads} threads: {outcome:?}", precision.name());
-        group.bench_function(BenchmarkId::new(precision.name(), threads), |bench| {
-            bench.iter(|| {
+        for preconditioner in PRECONDITIONERS {
+            let options = LinearOptions { preconditioner, ..Default::default() };
+            let mut solver = LinearSolver::default();
+            // the first solve computes the preconditioner, the others keep it
+            for kept in [false, true] {
                 x.fill([S::ZERO; 4]);
-                system.solve(&mut scratch, 0, &b, &mut x, 1e-3, 5000)
+                let outcome = solver.solve(&system, &rest, 0, &b, &mut x, &options);
+                println!(
+                    "cg {size} {} {threads} threads, kept {kept}: {outcome:?}",
+                    precision.name()
+                );
+            }
+            let name = format!("{} {}", preconditioner.name(), precision.name());
+            group.bench_function(BenchmarkId::new(name, threads), |bench| {
+                bench.iter(|| {
+                    x.fill([S::ZERO; 4]);
+                    solver.solve(&system, &rest, 0, &b, &mut x, &options)
+                });
             });
-        });
+        }
     }
     group.finish();
 }

@@ -1,3 +1,4 @@
-//! Sinew benches: the hard-case suite; criterion benches live in `benches/`.
+//! Sinew benches: the hard-case suite and the rivals; criterion benches live in `benches/`.
 
+pub mod peers;
 pub mod stability;

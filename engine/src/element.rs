@@ -32,6 +32,7 @@ pub const TETRAHEDRON_FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3],
 
 /// Vertex rows of an edge, lower first.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct EdgeVertices(pub [u32; 2]);
 
@@ -44,6 +45,7 @@ pub struct EdgeBlock(pub u32);
 ///
 /// One column per number, so that kernels load the same entry of neighbouring edges at once.
 #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct RestEdge<S: Scalar, const AXIS: usize>(pub S);
 
@@ -115,11 +117,13 @@ pub struct EdgeTension<S: Scalar>(pub S);
 
 /// Edge-table rows of a triangle, edge `i` opposite vertex `i`.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct TriangleEdges(pub [u32; 3]);
 
 /// Vertex rows of a tetrahedron, positively oriented.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct TetrahedronVertices(pub [u32; 4]);
 
@@ -130,6 +134,7 @@ pub struct TetrahedronBlocks(pub [u32; 6]);
 
 /// Edge-table rows of the six edges of a tetrahedron (pooled evaluation only).
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct TetrahedronEdges(pub [u32; 6]);
 
@@ -143,6 +148,7 @@ pub struct TetrahedronIndex(pub u32);
 ///
 /// One column per number, so that kernels load the same entry of neighbouring tetrahedra at once.
 #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct ShapeGradient<S: Scalar, const VERTEX: usize, const AXIS: usize>(pub S);
 
@@ -251,6 +257,7 @@ impl<'a, S: Scalar> TetrahedronShapes<'a, S> {
 
 /// Rest volume (m^3).
 #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct RestVolume<S: Scalar>(pub S);
 

@@ -15,6 +15,7 @@ pub mod report;
 pub mod scalar;
 pub mod schedule;
 pub mod step;
+pub mod substep;
 pub mod topology;
 pub mod vertex;
 pub mod workers;

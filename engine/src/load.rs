@@ -35,6 +35,29 @@ impl Curve {
         Self::Points(vec![[start, 0.0], [end, 1.0]])
     }
 
+    /// Whether it takes more than one value between `from` and `to` (s).
+    pub fn varies(&self, from: f64, to: f64) -> bool {
+        match self {
+            Self::Constant => false,
+            Self::Points(points) => {
+                let start = self.value(from);
+                let within = points.iter().filter(|p| p[0] > from && p[0] < to);
+                self.value(to) != start || within.into_iter().any(|p| p[1] != start)
+            }
+            Self::Sine { frequency, .. } => *frequency != 0.0,
+        }
+    }
+
+    /// Whether it jumps after `from` and up to `to` (s): two points at the same time.
+    pub fn jumps(&self, from: f64, to: f64) -> bool {
+        match self {
+            Self::Points(points) => points.windows(2).any(|p| {
+                p[0][0] == p[1][0] && p[0][1] != p[1][1] && p[0][0] > from && p[0][0] <= to
+            }),
+            _ => false,
+        }
+    }
+
     /// What is wrong with it, if anything.
     fn problem(&self) -> Option<&'static str> {
         match self {
@@ -118,7 +141,7 @@ pub struct Constraint {
     /// Displacements (m) when it took hold; filled by the engine.
     pub start: Vec<DVec3>,
     /// Place in the order of creation.
-    sequence: u64,
+    pub(crate) sequence: u64,
 }
 
 /// Constraints made so far.
@@ -149,6 +172,41 @@ impl Constraint {
     pub fn active(&self, t: f64) -> bool {
         t >= self.from && t <= self.until
     }
+
+    /// The motion at a time (s).
+    pub(crate) fn pose(&self, t: f64) -> Pose {
+        let factor = self.curve.value(t);
+        match &self.motion {
+            Motion::Rotate { axis, angle, .. } => {
+                Pose::Turn(DQuat::from_axis_angle(axis.normalize(), angle * factor))
+            }
+            _ => Pose::Factor(factor),
+        }
+    }
+
+    /// Displacement (m) of its vertex `i`, which rests at `rest` (m).
+    pub(crate) fn displacement(&self, pose: &Pose, i: usize, rest: DVec3) -> DVec3 {
+        let start = self.start[i];
+        match (&self.motion, pose) {
+            (Motion::Translate(d), Pose::Factor(factor)) => start + *d * *factor,
+            (Motion::TranslateEach(d), Pose::Factor(factor)) => {
+                start + d.get(i).copied().unwrap_or(DVec3::ZERO) * *factor
+            }
+            (Motion::Rotate { centre, .. }, Pose::Turn(turn)) => {
+                *centre + *turn * (rest + start - *centre) - rest
+            }
+            _ => start,
+        }
+    }
+}
+
+/// A motion at one time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Pose {
+    /// Value of the curve.
+    Factor(f64),
+    /// Rotation about the centre.
+    Turn(DQuat),
 }
 
 impl Constraint {
@@ -250,20 +308,9 @@ pub fn apply_constraints<S: Scalar>(
                 })
                 .collect();
         }
-        let factor = constraint.curve.value(t);
-        for (i, (&row, &start)) in constraint.rows.iter().zip(&constraint.start).enumerate() {
-            let u = match &constraint.motion {
-                Motion::Hold => start,
-                Motion::Translate(d) => start + *d * factor,
-                Motion::TranslateEach(d) => {
-                    start + d.get(i).copied().unwrap_or(DVec3::ZERO) * factor
-                }
-                Motion::Rotate { centre, axis, angle } => {
-                    let x = rest[row as usize].0 + start;
-                    let turn = DQuat::from_axis_angle(axis.normalize(), angle * factor);
-                    *centre + turn * (x - *centre) - rest[row as usize].0
-                }
-            };
+        let pose = constraint.pose(t);
+        for (i, &row) in constraint.rows.iter().enumerate() {
+            let u = constraint.displacement(&pose, i, rest[row as usize].0);
             fixed[row as usize].0 |= constraint.axes.0;
             for k in 0..3 {
                 if constraint.axes.holds(k) {

@@ -15,6 +15,17 @@ pub struct StepReport {
     pub cg_caps: u32,
     /// Relative residual of the last linear solve.
     pub cg_residual: f64,
+    /// Preconditioner of the last linear solve, empty without one.
+    pub preconditioner: &'static str,
+    /// Times the values of preconditioners were computed anew; other solves used those of earlier
+    /// ones.
+    pub preconditioner_refreshes: u32,
+    /// Incomplete factorisations of parts of a body that broke down and were repeated with weaker
+    /// couplings.
+    pub preconditioner_breakdowns: u32,
+    /// Linear solves that mixed precision could not bring to the tolerance and full precision took
+    /// over.
+    pub precision_fallbacks: u32,
     /// Newton ended at its iteration cap without reaching the tolerance.
     pub unconverged: bool,
     /// Length of the last Newton step over body size.
@@ -46,8 +57,8 @@ pub struct StepReport {
     pub elastic_energy: f64,
     /// Kinetic energy (J) at the end of the step, held vertices included.
     pub kinetic_energy: f64,
-    /// Work (J) of gravity and loads during the step, the loads of its end acting all the way. 0 for
-    /// equilibria.
+    /// Work (J) of gravity and loads during the step: along the way for explicit integrators, the loads
+    /// of the step's end acting all the way for implicit ones. 0 for equilibria.
     pub load_work: f64,
     /// Work (J) of the constraints. Explicit integrators integrate the reaction along the way.
     /// Implicit ones book the energy it takes to move the held vertices at once, the rest following

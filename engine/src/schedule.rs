@@ -9,6 +9,7 @@ use crate::scalar::Scalar;
 use crate::topology::Topology;
 use crate::vertex::ElasticForce;
 use crate::workers::Workers;
+use bevy_ecs::change_detection::{ContiguousRef, Tick};
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::{
     LogLevel, MultiThreadedExecutor, ScheduleBuildSettings, ScheduleLabel, SingleThreadedExecutor,
@@ -168,6 +169,55 @@ pub fn activate_systems(
     active.0.push(name);
     add(world.resource_mut::<Schedules>().entry(ForceSchedule));
     true
+}
+
+/// Says whether a column changed since [`World::last_change_tick`].
+pub type ColumnWatch = fn(&mut World) -> bool;
+
+/// What the active laws read beside the displacements. A law that is missing here may depend on
+/// anything, and is evaluated anew whenever its force is needed.
+#[derive(Resource, Default, Debug, Clone)]
+struct LawInputs(Vec<(&'static str, Vec<ColumnWatch>)>);
+
+/// Declares that the law or system `name` of [`activate_law`] or [`activate_systems`] reads nothing
+/// but displacements, the order of rows and these columns, so that its force at unchanged
+/// displacements may be used again. Systems put into [`ForceSchedule`] in any other way are not seen.
+pub fn declare_inputs(world: &mut World, name: &'static str, columns: &[ColumnWatch]) {
+    let mut inputs = world.get_resource_or_init::<LawInputs>();
+    if inputs.0.iter().all(|(known, _)| *known != name) {
+        inputs.0.push((name, columns.to_vec()));
+    }
+}
+
+/// Whether a component of type `C` changed since [`World::last_change_tick`]: a [`ColumnWatch`].
+/// Constant time for components with `#[component(summary_tick)]`, else a pass over the ticks.
+pub fn column_changed<C: Component>(world: &mut World) -> bool {
+    let mut query = world.query::<Ref<C>>();
+    let tables = query.contiguous_iter(world).expect("element components are stored in tables");
+    tables.map(ContiguousRef::split).any(|(_, ticks)| {
+        ticks.summary_tick_is_changed() != Some(false) && ticks.is_changed_iter().any(|c| c)
+    })
+}
+
+/// Whether the elastic force at the same displacements is still what it was at tick `since`: every
+/// active law has declared what it reads, and none of it was changed. The order of rows is up to
+/// the caller ([`Topology::revision`]).
+pub fn law_inputs_unchanged(world: &mut World, since: Tick) -> bool {
+    let (Some(active), Some(inputs)) =
+        (world.get_resource::<ActiveLaws>(), world.get_resource::<LawInputs>())
+    else {
+        return false;
+    };
+    let mut columns: Vec<ColumnWatch> = Vec::new();
+    for law in &active.0 {
+        let Some((_, own)) = inputs.0.iter().find(|(name, _)| name == law) else { return false };
+        for &column in own {
+            if !columns.iter().any(|&known| std::ptr::fn_addr_eq(known, column)) {
+                columns.push(column);
+            }
+        }
+    }
+    world.last_change_tick_scope(since, |world| !columns.iter().any(|changed| changed(world)))
 }
 
 fn clear_totals<S: Scalar>(

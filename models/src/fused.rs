@@ -8,13 +8,13 @@ use bevy_ecs::query::ArchetypeFilter;
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    RestVolume, ShapeGradientColumns, ShapeGradients, TetrahedronBlocks, TetrahedronEdges,
-    TetrahedronShapes, TetrahedronVertices, displacement_gradient,
+    RestVolume, ShapeGradient, ShapeGradientColumns, ShapeGradients, TetrahedronBlocks,
+    TetrahedronEdges, TetrahedronShapes, TetrahedronVertices, displacement_gradient,
 };
 use sinew_engine::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
 use sinew_engine::scalar::{Real, Scalar};
-use sinew_engine::schedule::{ForceSystems, activate_law};
+use sinew_engine::schedule::{ForceSystems, activate_law, column_changed, declare_inputs};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
@@ -30,6 +30,7 @@ macro_rules! moduli {
     ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {$(
         $(#[$doc])*
         #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+        #[component(summary_tick)]
         #[repr(transparent)]
         pub struct $name<S: Scalar>(pub S);
     )+};
@@ -217,6 +218,26 @@ pub fn activate<L: TetrahedronLaw, S: Scalar>(world: &mut World) {
     activate_law::<L, S>(world, |schedule| {
         schedule.add_systems(evaluate::<L, S>.in_set(ForceSystems::Evaluate));
     });
+    declare_inputs(
+        world,
+        L::NAME,
+        &[
+            column_changed::<TetrahedronVertices>,
+            column_changed::<ShapeGradient<S, 1, 0>>,
+            column_changed::<ShapeGradient<S, 1, 1>>,
+            column_changed::<ShapeGradient<S, 1, 2>>,
+            column_changed::<ShapeGradient<S, 2, 0>>,
+            column_changed::<ShapeGradient<S, 2, 1>>,
+            column_changed::<ShapeGradient<S, 2, 2>>,
+            column_changed::<ShapeGradient<S, 3, 0>>,
+            column_changed::<ShapeGradient<S, 3, 1>>,
+            column_changed::<ShapeGradient<S, 3, 2>>,
+            column_changed::<RestVolume<S>>,
+            column_changed::<FirstLameParameter<S>>,
+            column_changed::<ShearModulus<S>>,
+            column_changed::<CompressionModulus<S>>,
+        ],
+    );
 }
 
 /// Columns of the tetrahedra, as slices.

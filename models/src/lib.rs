@@ -12,8 +12,8 @@
 //!
 //! Everything is in SI units and driven by the displacement `u` from the rest shape, never by
 //! positions: differences of displacements keep their digits in `f32` where differences of
-//! positions do not. Kernels are generic over [`Scalar`](sinew_engine::scalar::Scalar), allocate
-//! nothing and hold no state.
+//! positions do not. Kernels are generic over [`Real`](sinew_engine::scalar::Real), one number
+//! or a register of them, allocate nothing and hold no state.
 //!
 //! ```
 //! use sinew_models::material::YoungPoisson;

@@ -24,14 +24,16 @@ use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    EdgeBlock, EdgeChange, EdgeShapes, EdgeTension, EdgeVertices, RestEdges, TETRAHEDRON_EDGES,
-    TetrahedronBlocks, TetrahedronEdges, TetrahedronVertices, TriangleEdges,
+    EdgeBlock, EdgeChange, EdgeShapes, EdgeTension, EdgeVertices, RestEdge, RestEdges,
+    TETRAHEDRON_EDGES, TetrahedronBlocks, TetrahedronEdges, TetrahedronVertices, TriangleEdges,
 };
 use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
 use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
 use sinew_engine::report::SystemTimes;
 use sinew_engine::scalar::{Real, Scalar, add, dot, scale, sub};
-use sinew_engine::schedule::{ForceSystems, activate_law, activate_systems};
+use sinew_engine::schedule::{
+    ForceSystems, activate_law, activate_systems, column_changed, declare_inputs,
+};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
@@ -50,6 +52,7 @@ pub struct TriangleVertices(pub [u32; 3]);
 
 /// Tensile stiffness `k` of an edge (N/m^3).
 #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct TensileStiffness<S: Scalar>(pub S);
 
@@ -61,6 +64,7 @@ pub struct TensileTension<S: Scalar>(pub S);
 /// Angular stiffness (N/m^3) of a triangle that couples the two edges meeting at its vertex `VERTEX`
 /// (0, 1, 2).
 #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct AngularStiffness<S: Scalar, const VERTEX: usize>(pub S);
 
@@ -74,6 +78,7 @@ pub type AngularStiffnesses<S> = (
 /// Volumetric stiffness `d` (N/m^3) of a tetrahedron for pair `PAIR` of opposite edges, in the order of
 /// [`OPPOSITE_PAIRS`](crate::precompute::OPPOSITE_PAIRS).
 #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct VolumetricStiffness<S: Scalar, const PAIR: usize>(pub S);
 
@@ -113,7 +118,7 @@ law!(
 
 /// Puts the spring laws into the force schedule.
 pub fn activate<S: Scalar>(world: &mut World) {
-    activate_systems(world, "edge changes", |schedule| {
+    activate_systems(world, EDGE_CHANGES, |schedule| {
         schedule.add_systems(measure_edges::<S>.in_set(ForceSystems::Measure));
     });
     activate_law::<Tensile, S>(world, |schedule| {
@@ -132,7 +137,33 @@ pub fn activate<S: Scalar>(world: &mut World) {
                 .in_set(ForceSystems::Collect),
         );
     });
+    let edges = [
+        column_changed::<EdgeVertices>,
+        column_changed::<RestEdge<S, 0>>,
+        column_changed::<RestEdge<S, 1>>,
+        column_changed::<RestEdge<S, 2>>,
+    ];
+    declare_inputs(world, EDGE_CHANGES, &edges);
+    declare_inputs(world, SpringForces::NAME, &edges);
+    declare_inputs(world, Tensile::NAME, &[column_changed::<TensileStiffness<S>>]);
+    let triangles = [
+        column_changed::<TriangleEdges>,
+        column_changed::<AngularStiffness<S, 0>>,
+        column_changed::<AngularStiffness<S, 1>>,
+        column_changed::<AngularStiffness<S, 2>>,
+    ];
+    declare_inputs(world, Angular::NAME, &triangles);
+    let tetrahedra = [
+        column_changed::<TetrahedronEdges>,
+        column_changed::<VolumetricStiffness<S, 0>>,
+        column_changed::<VolumetricStiffness<S, 1>>,
+        column_changed::<VolumetricStiffness<S, 2>>,
+    ];
+    declare_inputs(world, Volumetric::NAME, &tetrahedra);
 }
+
+/// Name of the systems that measure edges and collect their tensions.
+const EDGE_CHANGES: &str = "edge changes";
 
 const ROW_CHUNK: usize = 2048;
 
@@ -155,7 +186,7 @@ fn measure_edges<S: Scalar>(
     workers.for_chunks(change, ROW_CHUNK, nodes.len() * 2, |first, rows| {
         workers.dispatch(Batches(0..rows.len(), Measure { shapes, row: first, change: rows }));
     });
-    times.add("edge changes", start.elapsed());
+    times.add(EDGE_CHANGES, start.elapsed());
 }
 
 struct Measure<'a, S> {

@@ -35,11 +35,11 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::columns::single_table;
-use sinew_engine::element::{EdgeBlock, EdgeShapes, EdgeVertices, RestEdges};
+use sinew_engine::element::{EdgeBlock, EdgeShapes, EdgeVertices, RestEdge, RestEdges};
 use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
 use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
 use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
-use sinew_engine::schedule::{ForceSystems, activate_law};
+use sinew_engine::schedule::{ForceSystems, activate_law, column_changed, declare_inputs};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
@@ -349,6 +349,17 @@ pub fn activate_mass_spring<S: Scalar>(world: &mut World) {
     activate_law::<MassSpring, S>(world, |schedule| {
         schedule.add_systems(evaluate_edges::<S>.in_set(ForceSystems::Evaluate));
     });
+    declare_inputs(
+        world,
+        MassSpring::NAME,
+        &[
+            column_changed::<EdgeVertices>,
+            column_changed::<RestEdge<S, 0>>,
+            column_changed::<RestEdge<S, 1>>,
+            column_changed::<RestEdge<S, 2>>,
+            column_changed::<TensileStiffness<S>>,
+        ],
+    );
 }
 
 /// Columns of the edges of mass-spring bodies, as slices.

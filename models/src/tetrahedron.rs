@@ -380,6 +380,9 @@ fn elastic_density<S: Real>(e: &Element<S>, strain: &[S; 6]) -> S {
 /// `kappa/2 m^4`, Pa.
 #[inline(always)]
 fn compression_density<S: Real>(e: &Element<S>, g: &[S; 9]) -> S {
+    if !S::any(S::less(S::ZERO, e.compression)) {
+        return S::ZERO;
+    }
     let m = volume_change(g).min(S::ZERO);
     let m2 = m * m;
     S::from_f64(0.5) * e.compression * m2 * m2
@@ -420,6 +423,10 @@ fn elastic_stress<S: Real>(g: &[S; 9], s: &[S; 6]) -> [S; 9] {
 /// Adds `p1 cof F`; adds zero for `J >= 1`.
 #[inline(always)]
 fn add_compression_stress<S: Real>(e: &Element<S>, g: &[S; 9], p: &mut [S; 9]) {
+    // a body without the term does not pay for it
+    if !S::any(S::less(S::ZERO, e.compression)) {
+        return;
+    }
     let m = volume_change(g).min(S::ZERO);
     let p1 = (e.compression + e.compression) * (m * m * m);
     let cof = cofactor(g);

@@ -1,11 +1,21 @@
-//! Preconditioned conjugate gradients for a shifted tangent on the free unknowns.
+//! Linear systems with a shifted tangent on the free unknowns.
 //!
 //! The system matrix is `A = c_M M + c_K K + c_C C` with lumped mass `M`, tangent `K` and an optional
 //! frozen damping tangent `C`, restricted to the free unknowns: rows and columns of held unknowns
-//! are taken out exactly by masking, not by penalties. Bodies do not couple, so each is solved alone. All sums run over fixed chunks in `f64`, so
-//! the iterates do not depend on the number of threads.
+//! are taken out exactly by masking, not by penalties. Bodies do not couple, so each is solved alone.
+//!
+//! A solve adds the matrix up once and hands it to preconditioned conjugate gradients
+//! ([`crate::engine`]). With mixed precision the matrix, the vectors and the preconditioner are in `f32` and
+//! only a correction is solved for; the residual is formed anew in `f64` with the tangent as it came, and
+//! corrections are added until that residual holds the tolerance. Where `f32` no longer gets closer, or
+//! claims a negative curvature that the `f64` tangent does not confirm, the solve goes on in `f64`. Sums run over fixed pieces in `f64`, so the iterates do
+//! not depend on the number of threads.
 
+use crate::engine::{Engine, Inner, InnerStatus};
+use crate::settings::{LinearPrecision, Preconditioner};
 use crate::state::{Rows, dot3};
+use crate::system::{Pattern, definite_inverse, diagonal_inverse, transpose_product};
+use glam::DVec3;
 use sinew_engine::matrix::{BlockMatrix, ProductSpans};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
@@ -14,6 +24,7 @@ use sinew_engine::workers::Workers;
 use std::ops::Range;
 
 /// The system matrix.
+#[derive(Clone, Copy)]
 pub struct ShiftedTangent<'a, S> {
     /// Edge graph.
     pub topology: &'a Topology,
@@ -46,6 +57,30 @@ pub enum CgStatus {
     NotFinite,
 }
 
+/// What a solve is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinearOptions {
+    /// Residual, relative to that of the start vector, at which the system counts as solved.
+    pub tolerance: f64,
+    /// Cap on iterations.
+    pub max_iterations: u32,
+    /// Preconditioner.
+    pub preconditioner: Preconditioner,
+    /// Number type of matrix and iteration.
+    pub precision: LinearPrecision,
+}
+
+impl Default for LinearOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-3,
+            max_iterations: 5_000,
+            preconditioner: Preconditioner::default(),
+            precision: LinearPrecision::default(),
+        }
+    }
+}
+
 /// Result of a solve.
 #[derive(Clone, Copy, Debug)]
 pub struct CgOutcome {
@@ -55,18 +90,33 @@ pub struct CgOutcome {
     pub iterations: u32,
     /// Residual over that of the start vector (or the right-hand side, if smaller), Euclidean norm.
     pub residual: f64,
+    /// Preconditioner that was used, never [`Preconditioner::Auto`].
+    pub preconditioner: Preconditioner,
+    /// Times its values were computed; otherwise those of an earlier solve were used.
+    pub refreshes: u32,
+    /// Restarts of its factorisation after breakdowns.
+    pub breakdowns: u32,
+    /// The solve had to go on in full precision.
+    pub fell_back: bool,
 }
 
-/// Work vectors, kept between solves.
+/// Solves the systems of the bodies of a world, one by one, and keeps what can be used again.
 #[derive(Clone, Debug, Default)]
-pub struct CgScratch<S> {
-    r: Rows<S>,
-    z: Rows<S>,
-    p: Rows<S>,
-    q: Rows<S>,
-    t: Rows<S>,
-    inverse: Vec<[S; 9]>,
+pub struct LinearSolver<S> {
+    revision: u64,
+    bodies: Vec<BodySolver<S>>,
     spans: ProductSpans<S>,
+    damped: Rows<S>,
+    residual: Rows<S>,
+    correction: Rows<S>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct BodySolver<S> {
+    pattern: Pattern,
+    single: Engine<f32>,
+    /// In use when `S` is `f64` and mixed precision is off or not enough.
+    full: Engine<S>,
 }
 
 const CHUNK: usize = 2048;
@@ -113,200 +163,229 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
         });
     }
 
-    /// Inverses of the diagonal blocks of one body. A block that is not positive definite is replaced
-    /// by the absolute values of its diagonal, so that the preconditioner always is.
-    fn invert_diagonal(&self, body: usize, inverse: &mut Vec<[S; 9]>) {
-        let rows = self.rows(body);
-        inverse.resize(rows.len(), [S::ZERO; 9]);
-        self.workers.for_chunks(inverse, CHUNK, rows.len() * 20, |first, blocks| {
-            for (i, inverse) in blocks.iter_mut().enumerate() {
-                let row = rows.start + first + i;
-                let mut m = [0.0; 9];
-                for k in 0..9 {
-                    m[k] = self.tangent.diagonal[row][k].to_f64() * self.tangent_factor.to_f64();
-                    if let Some((c, factor)) = self.damping {
-                        m[k] += c.diagonal[row][k].to_f64() * factor.to_f64();
-                    }
-                }
-                for k in 0..3 {
-                    m[4 * k] += self.mass_factor.to_f64() * self.mass[row].to_f64();
-                }
-                for k in 0..3 {
-                    if self.fixed[row].holds(k) {
-                        for j in 0..3 {
-                            m[3 * k + j] = 0.0;
-                            m[3 * j + k] = 0.0;
-                        }
-                        m[4 * k] = 1.0;
-                    }
-                }
-                *inverse = inverse_or_diagonal(&m).map(S::from_f64);
-            }
-        });
+    /// Right-hand side of one body times the inverse diagonal blocks: a descent direction whatever the
+    /// matrix.
+    pub fn preconditioned(&self, body: usize, b: &[[S; 4]], x: &mut [[S; 4]]) {
+        let mut matrix = crate::system::SystemMatrix::<S>::default();
+        matrix.assemble(self, body);
+        for ((m, b), x) in matrix.diagonal.iter().zip(b).zip(x) {
+            let inverse = definite_inverse(m).unwrap_or_else(|| diagonal_inverse(m));
+            *x = transpose_product(&inverse, *b).map(|x| x * S::from_f64(matrix.factor));
+        }
     }
+}
 
-    fn precondition(&self, inverse: &[[S; 9]], r: &[[S; 4]], z: &mut [[S; 4]]) {
-        self.workers.for_chunks(z, CHUNK, r.len() * 4, |first, rows| {
-            for (i, z) in rows.iter_mut().enumerate() {
-                let (m, r) = (&inverse[first + i], &r[first + i]);
-                for k in 0..3 {
-                    z[k] = m[3 * k] * r[0] + m[3 * k + 1] * r[1] + m[3 * k + 2] * r[2];
-                }
-                z[3] = S::ZERO;
-            }
-        });
-    }
-
-    fn dot(&self, a: &[[S; 4]], b: &[[S; 4]]) -> f64 {
-        self.workers.sum(a.len(), a.len() * 2, |range| {
-            a[range.clone()].iter().zip(&b[range]).map(|(a, b)| dot3(a, b)).sum()
-        })
-    }
-
+impl<S: Scalar> LinearSolver<S> {
     /// Solves the rows of one body of `A x = b` from the start vector in `x`; `b` and `x` hold those
-    /// rows only, and their held entries must be zero.
+    /// rows only, and their held entries must be zero. `rest` holds the rest positions (m) of all
+    /// rows of the world.
     ///
     /// The residual is measured against that of the start vector (or `b`, if smaller): a start that
     /// already carries the inertia must not make the forces look small.
     pub fn solve(
-        &self,
-        scratch: &mut CgScratch<S>,
+        &mut self,
+        system: &ShiftedTangent<'_, S>,
+        rest: &[DVec3],
         body: usize,
         b: &[[S; 4]],
         x: &mut [[S; 4]],
-        tolerance: f64,
-        cap: u32,
+        options: &LinearOptions,
     ) -> CgOutcome {
-        // on a thread of the pool, regions follow each other without a hand-over
-        if b.len() > CHUNK {
-            self.workers.enter(|| self.iterate(scratch, body, b, x, tolerance, cap))
-        } else {
-            self.iterate(scratch, body, b, x, tolerance, cap)
+        if self.revision != system.topology.revision
+            || self.bodies.len() != system.topology.bodies.len()
+        {
+            self.revision = system.topology.revision;
+            self.bodies.clear();
+            self.bodies.resize_with(system.topology.bodies.len(), BodySolver::default);
         }
+        if self.bodies[body].pattern.is_empty() {
+            self.bodies[body].pattern = Pattern::new(system.topology, body);
+        }
+        // on a thread of the pool, regions follow each other without a hand-over
+        system.workers.enter(|| self.refine(system, rest, body, b, x, options))
     }
 
-    fn iterate(
-        &self,
-        scratch: &mut CgScratch<S>,
+    fn refine(
+        &mut self,
+        system: &ShiftedTangent<'_, S>,
+        rest: &[DVec3],
         body: usize,
         b: &[[S; 4]],
         x: &mut [[S; 4]],
-        tolerance: f64,
-        cap: u32,
+        options: &LinearOptions,
     ) -> CgOutcome {
-        let n = b.len();
-        let CgScratch { r, z, p, q, t, inverse, spans } = scratch;
-        for v in [&mut *r, &mut *z, &mut *p, &mut *q] {
-            v.resize(n, [S::ZERO; 4]);
-        }
-        self.invert_diagonal(body, inverse);
-        let norm_b = self.dot(b, b).sqrt();
+        let mut outcome = CgOutcome {
+            status: CgStatus::Converged,
+            iterations: 0,
+            residual: 0.0,
+            preconditioner: options.preconditioner.resolve(b.len()),
+            refreshes: 0,
+            breakdowns: 0,
+            fell_back: false,
+        };
+        let norm_b = norm(b);
         if norm_b == 0.0 {
             x.fill([S::ZERO; 4]);
-            return CgOutcome { status: CgStatus::Converged, iterations: 0, residual: 0.0 };
+            return outcome;
         }
-        // r = b - A x
-        if self.dot(x, x) > 0.0 {
-            self.multiply(spans, t, body, x, q);
-            for i in 0..n {
-                for k in 0..3 {
-                    r[i][k] = b[i][k] - q[i][k];
-                }
-            }
-        } else {
-            r.copy_from_slice(b);
+        let mut r = std::mem::take(&mut self.residual);
+        let mut e = std::mem::take(&mut self.correction);
+        r.clear();
+        r.extend_from_slice(b);
+        if x.iter().any(|x| *x != [S::ZERO; 4]) {
+            self.subtract_product(system, body, x, &mut r, &mut e);
         }
-        self.precondition(inverse, r, z);
-        p.copy_from_slice(z);
-        let mut rho = self.dot(r, z);
-        let norm_r = self.dot(r, r).sqrt();
+        let norm_r = norm(&r);
         // below a few units of rounding of b there is nothing left to solve for
-        let reference = norm_r.min(norm_b).max(16.0 * S::EPSILON.to_f64() * norm_b / tolerance);
-        let mut residual = norm_r / reference;
-        let mut iterations = 0;
-        let status = loop {
-            if !residual.is_finite() {
-                break CgStatus::NotFinite;
+        let floor = 16.0 * S::EPSILON.to_f64() * norm_b / options.tolerance;
+        let reference = norm_r.min(norm_b).max(floor);
+        let same_type = size_of::<S>() == size_of::<f32>();
+        let mut mixed = options.precision == LinearPrecision::Mixed || same_type;
+        let mut assembled = [false; 2];
+        let mut now = norm_r;
+        loop {
+            outcome.residual = now / reference;
+            if !now.is_finite() {
+                outcome.status = CgStatus::NotFinite;
+                break;
             }
-            if residual <= tolerance {
-                break CgStatus::Converged;
+            if outcome.residual <= options.tolerance {
+                outcome.status = CgStatus::Converged;
+                break;
             }
-            if iterations == cap {
-                break CgStatus::Cap;
+            if outcome.iterations >= options.max_iterations {
+                outcome.status = CgStatus::Cap;
+                break;
             }
-            self.multiply(spans, t, body, p, q);
-            let curvature = self.dot(p, q);
-            if !curvature.is_finite() {
-                break CgStatus::NotFinite;
+            let mut target = options.tolerance * reference / now;
+            if mixed && !same_type {
+                // a little below, since the recurrence drifts; f32 gets no further than this at once
+                target = (0.9 * target).max(SINGLE_REDUCTION);
             }
-            if curvature <= 0.0 {
-                break CgStatus::Indefinite;
-            }
-            let alpha = S::from_f64(rho / curvature);
-            let work = n * 4;
-            self.workers.for_chunks(x, CHUNK, work, |first, rows| {
-                for (x, p) in rows.iter_mut().zip(&p[first..]) {
-                    for k in 0..3 {
-                        x[k] += alpha * p[k];
-                    }
+            let own = &mut self.bodies[body];
+            let cap = options.max_iterations - outcome.iterations;
+            let pattern = &own.pattern;
+            let kind = outcome.preconditioner;
+            e.resize(b.len(), [S::ZERO; 4]);
+            let inner = if mixed {
+                if !assembled[0] {
+                    own.single.assemble(system, body);
+                    assembled[0] = true;
                 }
-            });
-            self.workers.for_chunks(r, CHUNK, work, |first, rows| {
-                for (r, q) in rows.iter_mut().zip(&q[first..]) {
-                    for k in 0..3 {
-                        r[k] -= alpha * q[k];
-                    }
+                own.single.solve(system, pattern, rest, body, kind, &r, &mut e, now, target, cap)
+            } else {
+                if !assembled[1] {
+                    own.full.assemble(system, body);
+                    assembled[1] = true;
                 }
-            });
-            self.precondition(inverse, r, z);
-            let next = self.dot(r, z);
-            let beta = S::from_f64(next / rho);
-            rho = next;
-            self.workers.for_chunks(p, CHUNK, work, |first, rows| {
-                for (p, z) in rows.iter_mut().zip(&z[first..]) {
-                    for k in 0..3 {
-                        p[k] = z[k] + beta * p[k];
+                own.full.solve(system, pattern, rest, body, kind, &r, &mut e, now, target, cap)
+            };
+            let Inner { status, iterations, reduction, refreshes, breakdowns } = inner;
+            outcome.iterations += iterations;
+            outcome.refreshes += refreshes;
+            outcome.breakdowns += breakdowns;
+            let to_full = |mixed: &mut bool, outcome: &mut CgOutcome| {
+                *mixed = false;
+                outcome.fell_back = true;
+            };
+            match status {
+                InnerStatus::NotFinite | InnerStatus::Indefinite if mixed && !same_type => {
+                    // only the tangent as it came may say that it is indefinite
+                    if status == InnerStatus::Indefinite {
+                        own.single.direction(pattern, &mut e);
+                        let curvature = self.curvature(system, body, &e);
+                        if curvature <= 0.0 {
+                            outcome.status = CgStatus::Indefinite;
+                            break;
+                        }
                     }
+                    to_full(&mut mixed, &mut outcome);
+                    continue;
                 }
-            });
-            residual = self.dot(r, r).sqrt() / reference;
-            iterations += 1;
-        };
-        CgOutcome { status, iterations, residual }
+                InnerStatus::NotFinite => {
+                    outcome.status = CgStatus::NotFinite;
+                    break;
+                }
+                InnerStatus::Indefinite => {
+                    outcome.status = CgStatus::Indefinite;
+                    break;
+                }
+                InnerStatus::Converged | InnerStatus::Cap => {}
+            }
+            for (x, e) in x.iter_mut().zip(&e) {
+                for k in 0..3 {
+                    x[k] += e[k];
+                }
+            }
+            if !(mixed && !same_type) {
+                // the iteration ran in the number type of the state: its own residual counts
+                outcome.residual = reduction * now / reference;
+                outcome.status = if status == InnerStatus::Converged {
+                    CgStatus::Converged
+                } else {
+                    CgStatus::Cap
+                };
+                break;
+            }
+            self.subtract_product_of(system, body, b, x, &mut r, &mut e);
+            let next = norm(&r);
+            if next > STALLED * now && next > options.tolerance * reference {
+                to_full(&mut mixed, &mut outcome);
+            }
+            now = next;
+        }
+        self.residual = r;
+        self.correction = e;
+        outcome
     }
 
-    /// Preconditioned right-hand side of one body: a descent direction whatever the matrix.
-    pub fn preconditioned(
-        &self,
-        scratch: &mut CgScratch<S>,
+    /// `r = b - A x`.
+    fn subtract_product_of(
+        &mut self,
+        system: &ShiftedTangent<'_, S>,
         body: usize,
         b: &[[S; 4]],
-        x: &mut [[S; 4]],
+        x: &[[S; 4]],
+        r: &mut Rows<S>,
+        work: &mut Rows<S>,
     ) {
-        self.invert_diagonal(body, &mut scratch.inverse);
-        self.precondition(&scratch.inverse, b, x);
+        r.clear();
+        r.extend_from_slice(b);
+        self.subtract_product(system, body, x, r, work);
+    }
+
+    /// `r -= A x`.
+    fn subtract_product(
+        &mut self,
+        system: &ShiftedTangent<'_, S>,
+        body: usize,
+        x: &[[S; 4]],
+        r: &mut [[S; 4]],
+        work: &mut Rows<S>,
+    ) {
+        work.resize(x.len(), [S::ZERO; 4]);
+        system.multiply(&mut self.spans, &mut self.damped, body, x, work);
+        for (r, q) in r.iter_mut().zip(&*work) {
+            for k in 0..3 {
+                r[k] -= q[k];
+            }
+        }
+    }
+
+    /// `p . A p`.
+    fn curvature(&mut self, system: &ShiftedTangent<'_, S>, body: usize, p: &[[S; 4]]) -> f64 {
+        let mut q = vec![[S::ZERO; 4]; p.len()];
+        system.multiply(&mut self.spans, &mut self.damped, body, p, &mut q);
+        p.iter().zip(&q).map(|(p, q)| dot3(p, q)).sum()
     }
 }
 
-/// Inverse of a symmetric 3x3 matrix if it is positive definite, else of its absolute diagonal.
-fn inverse_or_diagonal(m: &[f64; 9]) -> [f64; 9] {
-    let c00 = m[4] * m[8] - m[5] * m[7];
-    let c01 = m[5] * m[6] - m[3] * m[8];
-    let c02 = m[3] * m[7] - m[4] * m[6];
-    let det = m[0] * c00 + m[1] * c01 + m[2] * c02;
-    let minor = m[0] * m[4] - m[1] * m[3];
-    // definite with a margin against rounding, relative to the entries
-    let scale = m[0].abs().max(m[4].abs()).max(m[8].abs());
-    if m[0] > 0.0 && minor > 0.0 && det > 1e-14 * scale * scale * scale {
-        let c11 = m[0] * m[8] - m[2] * m[6];
-        let c12 = m[1] * m[6] - m[0] * m[7];
-        let c22 = minor;
-        return [c00, c01, c02, c01, c11, c12, c02, c12, c22].map(|c| c / det);
-    }
-    let mut d = [0.0; 9];
-    for k in 0..3 {
-        let entry = m[4 * k].abs().max(1e-3 * scale);
-        d[4 * k] = if entry > 0.0 { 1.0 / entry } else { 1.0 };
-    }
-    d
+/// Reduction of the residual asked of one round in `f32`.
+const SINGLE_REDUCTION: f64 = 1e-5;
+/// A round that reduces the residual by less than this is the last one in `f32`.
+const STALLED: f64 = 0.5;
+
+/// Euclidean norm.
+fn norm<S: Scalar>(x: &[[S; 4]]) -> f64 {
+    x.iter().map(|x| dot3(x, x)).sum::<f64>().sqrt()
 }

@@ -17,17 +17,20 @@
 //! * **Newton**: the same iteration to convergence.
 //! * **Quasi-static**: the same without inertia.
 
-use crate::cg::{CgScratch, CgStatus, ShiftedTangent};
+use crate::cg::{CgStatus, LinearOptions, LinearSolver, ShiftedTangent};
 use crate::settings::{Integrator, SolverSettings};
 use crate::state::{NodeState, Rows, dot3, evaluate, read_force, write_state};
 use crate::support::check_support;
 use bevy_ecs::prelude::*;
+use glam::DVec3;
+use sinew_engine::columns::single_table;
 use sinew_engine::law::{ElasticEnergy, TangentKind};
 use sinew_engine::matrix::{BlockMatrix, ProductSpans, Tangent};
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepClock, StepError, not_finite};
 use sinew_engine::topology::Topology;
+use sinew_engine::vertex::RestPosition;
 use sinew_engine::workers::Workers;
 use std::ops::Range;
 use std::time::Instant;
@@ -50,7 +53,10 @@ pub struct ImplicitScratch<S: Scalar> {
     damped: Rows<S>,
     damped_step: Rows<S>,
     product: ProductSpans<S>,
-    cg: CgScratch<S>,
+    linear: LinearSolver<S>,
+    /// Rest positions (m), read once per topology.
+    rest: Vec<DVec3>,
+    revision: u64,
 }
 
 /// What the iteration knows of a body; bodies share a world but not a solve, a line search or a cap.
@@ -105,6 +111,15 @@ pub fn implicit_step<S: Scalar>(
 ) -> Result<(), StepError> {
     let mut scratch = world.remove_resource::<ImplicitScratch<S>>().unwrap_or_default();
     scratch.node.read(world);
+    let revision = world.resource::<Topology>().revision;
+    if scratch.revision != revision || scratch.rest.len() != scratch.node.len() {
+        let mut query = world.query::<&RestPosition>();
+        scratch.rest.clear();
+        if let Some(rest) = single_table(query.contiguous_iter(world)) {
+            scratch.rest.extend(rest.iter().map(|x| x.0));
+        }
+        scratch.revision = revision;
+    }
     let result = if scratch.node.is_empty() {
         Ok(())
     } else {
@@ -352,13 +367,9 @@ fn directions<S: Scalar>(
         let warm = !newton && projected(&bodies[i]);
         if !solve_body(world, settings, w, i, &bodies[i], warm, report, s)? {
             let rows = bodies[i].rows.clone();
-            let ImplicitScratch { cg, node, rhs, step, damping, .. } = s;
-            system(world, w, node, damping).preconditioned(
-                cg,
-                i,
-                &rhs[rows.clone()],
-                &mut step[rows],
-            );
+            let ImplicitScratch { node, rhs, step, damping, .. } = s;
+            let system = system(world, w, node, damping);
+            system.preconditioned(i, &rhs[rows.clone()], &mut step[rows]);
             report.gradient_fallbacks += 1;
         }
     }
@@ -409,17 +420,21 @@ fn solve_body<S: Scalar>(
             };
         }
     }
-    let ImplicitScratch { cg, node, rhs, step, damping, .. } = s;
+    let ImplicitScratch { linear, rest, node, rhs, step, damping, .. } = s;
     let (rhs, step) = (&rhs[rows.clone()], &mut step[rows.clone()]);
-    let outcome = system(world, w, node, damping).solve(
-        cg,
-        index,
-        rhs,
-        step,
-        settings.linear_tolerance,
-        settings.max_linear_iterations,
-    );
+    let options = LinearOptions {
+        tolerance: settings.linear_tolerance,
+        max_iterations: settings.max_linear_iterations,
+        preconditioner: settings.preconditioner,
+        precision: settings.linear_precision,
+    };
+    let system = system(world, w, node, damping);
+    let outcome = linear.solve(&system, rest, index, rhs, step, &options);
     report.cg_iterations += outcome.iterations;
+    report.preconditioner = outcome.preconditioner.name();
+    report.preconditioner_refreshes += outcome.refreshes;
+    report.preconditioner_breakdowns += outcome.breakdowns;
+    report.precision_fallbacks += u32::from(outcome.fell_back);
     let descent: f64 = rhs.iter().zip(&*step).map(|(b, d)| dot3(b, d)).sum();
     match outcome.status {
         CgStatus::NotFinite => Err(locate(world, &s.rhs, "residual force")),

@@ -2,11 +2,17 @@
 //! tangents, never a law.
 
 pub mod cg;
+pub mod cholesky;
+pub mod coarse;
+pub mod engine;
 pub mod explicit;
 pub mod implicit;
 pub mod settings;
+mod simd;
+pub mod stability;
 pub mod state;
 pub mod support;
+pub mod system;
 
 use bevy_ecs::prelude::*;
 use settings::{Integrator, SolverSettings};

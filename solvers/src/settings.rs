@@ -22,6 +22,56 @@ pub enum Integrator {
     StormerVerlet,
 }
 
+/// Preconditioner of conjugate gradients.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Preconditioner {
+    /// By the size of the body (default).
+    #[default]
+    Auto,
+    /// Inverse diagonal blocks.
+    BlockJacobi,
+    /// Incomplete Cholesky factors without fill.
+    IncompleteCholesky,
+    /// Incomplete Cholesky factors and the rigid motions of aggregates of vertices: two levels.
+    Multigrid,
+}
+
+impl Preconditioner {
+    /// Name as in a scene file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::BlockJacobi => "block-jacobi",
+            Self::IncompleteCholesky => "incomplete-cholesky",
+            Self::Multigrid => "multigrid",
+        }
+    }
+
+    /// What `Auto` stands for in a body of `vertices` vertices.
+    pub fn resolve(self, vertices: usize) -> Self {
+        match self {
+            Self::Auto if vertices < MULTIGRID_FROM => Self::IncompleteCholesky,
+            Self::Auto => Self::Multigrid,
+            chosen => chosen,
+        }
+    }
+}
+
+/// Vertices from which the coarse space pays.
+const MULTIGRID_FROM: usize = 600;
+
+/// Number type in which linear systems are solved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LinearPrecision {
+    /// `f32`, refined to the tolerance with residuals in the number type of the state (default).
+    #[default]
+    Mixed,
+    /// The number type of the state.
+    Full,
+}
+
 /// Settings of the solver; the defaults suit interactive use.
 #[derive(Resource, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -32,6 +82,10 @@ pub struct SolverSettings {
     pub linear_tolerance: f64,
     /// Cap on conjugate-gradient iterations per linear system; reaching it is counted and reported.
     pub max_linear_iterations: u32,
+    /// Preconditioner of conjugate gradients.
+    pub preconditioner: Preconditioner,
+    /// Number type in which linear systems are solved.
+    pub linear_precision: LinearPrecision,
     /// Newton step (largest displacement) over body size at which Newton has converged.
     pub newton_tolerance: f64,
     /// Cap on Newton iterations per step; reaching it is reported.
@@ -52,12 +106,14 @@ impl Default for SolverSettings {
             integrator: Integrator::Safe,
             linear_tolerance: 1e-3,
             max_linear_iterations: 5_000,
+            preconditioner: Preconditioner::Auto,
+            linear_precision: LinearPrecision::Mixed,
             newton_tolerance: 1e-9,
             max_newton_iterations: 100,
             mass_damping: 0.0,
             stiffness_damping: 0.0,
             max_substeps: 100_000,
-            explicit_safety: 0.7,
+            explicit_safety: 0.9,
         }
     }
 }

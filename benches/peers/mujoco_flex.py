@@ -1,0 +1,149 @@
+"""A beam as a MuJoCo flex, driven by one JSON request per line of standard input.
+
+Every answer is one JSON line on standard output; {"error": ...} when a request fails. Requests:
+
+  {"op": "version"}
+  {"op": "load", "mesh": PATH, "young": Pa, "poisson": -, "gravity": m/s^2}
+  {"op": "time", "h": s, "steps": n, "iterations": n, "start": PATH or null}
+  {"op": "settle", "h": s, "steps": n, "iterations": n, "damping": 1/s,
+   "start": PATH or null}
+  {"op": "force", "repeats": n}
+
+PATH of `load` is the JSON that Sinew writes: points, tetrahedra, fixed, masses. `start` is a JSON
+list of displacements, three per vertex. Needs `pip install mujoco` (version 4 or later).
+"""
+
+import json
+import sys
+import time
+
+import mujoco
+import numpy as np
+
+
+def words(array):
+    return " ".join(map(repr, array.ravel().tolist()))
+
+
+class Beam:
+    def __init__(self, request):
+        with open(request["mesh"]) as file:
+            mesh = json.load(file)
+        self.points = np.array(mesh["points"])
+        elements = np.array(mesh["tetrahedra"])
+        masses = np.array(mesh["masses"])
+        fixed = np.array(mesh["fixed"])
+        self.free = np.setdiff1d(np.arange(len(self.points)), fixed)
+        self.n_elements = len(elements)
+        if not hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
+            raise RuntimeError(
+                "this MuJoCo has no discrete integrator: pip install --upgrade mujoco (4 or later)"
+            )
+        xml = f"""<mujoco><option integrator="discrete" gravity="0 0 {-request["gravity"]!r}"/>
+<size memory="8G"/><worldbody>
+<flexcomp name="beam" type="direct" dim="3" dof="full" mass="{float(masses.sum())!r}" radius="1e-4"
+ point="{words(self.points)}" element="{words(elements)}">
+<elasticity young="{request["young"]!r}" poisson="{request["poisson"]!r}"/>
+<contact contype="0" conaffinity="0" selfcollide="none"/><pin id="{words(fixed)}"/></flexcomp>
+</worldbody></mujoco>"""
+        start = time.perf_counter()
+        self.model = mujoco.MjModel.from_xml_string(xml)
+        self.iterations = int(self.model.opt.iterations)
+        # flexcomp gives every vertex the same mass; ours are lumped from the elements
+        body = self.model.flex_vertbodyid
+        self.model.body_mass[body[self.free]] = masses[self.free]
+        self.data = mujoco.MjData(self.model)
+        mujoco.mj_setConst(self.model, self.data)
+        # one body with three slides per free vertex
+        adr = self.model.body_dofadr[body[self.free]]
+        if not np.all(self.model.body_dofnum[body[self.free]] == 3):
+            raise RuntimeError("a free flex vertex has not three degrees of freedom")
+        self.dofs = (adr[:, None] + np.arange(3)).ravel()
+        self.dof_mass = np.repeat(masses[self.free], 3)
+        self.seconds = time.perf_counter() - start
+
+    def reset(self, request, damping):
+        mujoco.mj_resetData(self.model, self.data)
+        self.model.opt.timestep = request["h"]
+        self.model.opt.iterations = request["iterations"]
+        start = request["start"]
+        self.model.dof_damping[self.dofs] = damping * self.dof_mass
+        if start:
+            with open(start) as file:
+                u = np.array(json.load(file)).reshape(-1, 3)
+            self.data.qpos[self.dofs] = u[self.free].ravel()
+        mujoco.mj_forward(self.model, self.data)
+
+    def steps(self, n):
+        milliseconds = []
+        for _ in range(n):
+            start = time.perf_counter()
+            mujoco.mj_step(self.model, self.data)
+            milliseconds.append((time.perf_counter() - start) * 1e3)
+        return milliseconds
+
+    def displacements(self):
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_flex(self.model, self.data)
+        return (self.data.flexvert_xpos - self.points).ravel()
+
+    def force(self, repeats):
+        """Seconds of the passive forces, and of the flex kinematics they need (medians)."""
+        mujoco.mj_forward(self.model, self.data)
+        result = []
+        for function in (mujoco.mj_passive, mujoco.mj_flex):
+            seconds = []
+            for _ in range(repeats):
+                start = time.perf_counter()
+                function(self.model, self.data)
+                seconds.append(time.perf_counter() - start)
+            result.append(float(np.median(seconds)))
+        return result
+
+
+def answer(beam, request, warnings):
+    op = request["op"]
+    if op == "version":
+        return beam, {"version": mujoco.__version__}
+    if op == "load":
+        beam = Beam(request)
+        return beam, {
+            "iterations": beam.iterations,
+            "nodes": len(beam.points),
+            "elements": beam.n_elements,
+            "seconds": beam.seconds,
+        }
+    if op == "time":
+        beam.reset(request, 0.0)
+        reply = {"milliseconds": beam.steps(request["steps"])}
+    elif op == "settle":
+        beam.reset(request, request["damping"])
+        beam.steps(request["steps"])
+        reply = {"displacements": beam.displacements().tolist()}
+        reply["speed"] = float(np.abs(beam.data.qvel).max())
+    elif op == "force":
+        passive, kinematics = beam.force(request["repeats"])
+        reply = {"passive_seconds": passive, "kinematics_seconds": kinematics}
+    else:
+        raise ValueError(f"unknown request {op!r}")
+    if not np.isfinite(beam.data.qpos).all():
+        raise FloatingPointError("the state is not finite")
+    reply["warnings"] = list(warnings)
+    return beam, reply
+
+
+def main():
+    warnings = []
+    mujoco.set_mju_user_warning(lambda text: warnings.append(str(text)))
+    beam = None
+    for line in sys.stdin:
+        warnings.clear()
+        try:
+            beam, reply = answer(beam, json.loads(line), warnings)
+        except Exception as error:  # the caller prints it beside the row that is missing
+            reply = {"error": f"{type(error).__name__}: {error}"}
+        print(json.dumps(reply), flush=True)
+
+
+if __name__ == "__main__":
+    main()

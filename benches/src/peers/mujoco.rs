@@ -1,0 +1,266 @@
+//! MuJoCo flex, in a Python process that answers one JSON line per request.
+
+use super::{Case, DAMPING, PeerError, PeerRow, Rival};
+use glam::DVec3;
+use serde::Deserialize;
+use serde_json::json;
+use std::cell::RefCell;
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::rc::Rc;
+
+const SCRIPT: &str = include_str!("../../peers/mujoco_flex.py");
+/// Iterations at which its linear solves converge on all beams here; its own cap is 100.
+const ENOUGH_ITERATIONS: u32 = 1000;
+
+/// An answer of the script; which fields are there depends on the request.
+#[derive(Debug, Default, Deserialize, PartialEq)]
+#[serde(default)]
+pub(super) struct Reply {
+    pub error: Option<String>,
+    pub version: String,
+    pub nodes: usize,
+    pub elements: usize,
+    pub milliseconds: Vec<f64>,
+    pub displacements: Vec<f64>,
+    pub speed: f64,
+    pub passive_seconds: f64,
+    pub kinematics_seconds: f64,
+    pub warnings: Vec<String>,
+    pub iterations: u32,
+}
+
+/// Reads an answer; the script's own complaint becomes the error.
+pub(super) fn parse(line: &str) -> Result<Reply, PeerError> {
+    let fail = |text: String| Err(PeerError::Rival(format!("MuJoCo flex: {text}")));
+    match serde_json::from_str::<Reply>(line) {
+        Ok(Reply { error: Some(error), .. }) => fail(error),
+        Ok(reply) => Ok(reply),
+        Err(error) => fail(format!("cannot read its answer ({error}): {}", line.trim_end())),
+    }
+}
+
+/// Displacements (m) from a flat list, three per vertex.
+pub(super) fn to_vectors(flat: &[f64], expected: usize) -> Result<Vec<DVec3>, PeerError> {
+    if flat.len() != 3 * expected {
+        return Err(PeerError::Rival(format!(
+            "MuJoCo flex: {} numbers for {expected} vertices; its mesh is not ours",
+            flat.len()
+        )));
+    }
+    Ok(flat.chunks_exact(3).map(DVec3::from_slice).collect())
+}
+
+/// The process, its pipes and its folder; all go when it is dropped.
+struct Process {
+    child: Child,
+    input: Option<ChildStdin>,
+    output: BufReader<ChildStdout>,
+    folder: PathBuf,
+}
+
+impl Process {
+    fn ask(&mut self, request: &serde_json::Value) -> Result<Reply, PeerError> {
+        let gone = |error: &dyn std::fmt::Display| {
+            PeerError::Rival(format!("MuJoCo flex: its process ended ({error})"))
+        };
+        let input = self.input.as_mut().ok_or_else(|| gone(&"closed"))?;
+        writeln!(input, "{request}").and_then(|()| input.flush()).map_err(|e| gone(&e))?;
+        let mut line = String::new();
+        match self.output.read_line(&mut line) {
+            Ok(0) => Err(gone(&"no answer")),
+            Ok(_) => parse(&line),
+            Err(error) => Err(gone(&error)),
+        }
+    }
+
+    fn write(&self, name: &str, content: &impl serde::Serialize) -> Result<PathBuf, PeerError> {
+        let path = self.folder.join(name);
+        let fail = |e: &dyn std::fmt::Display| PeerError::Rival(format!("{}: {e}", path.display()));
+        let text = serde_json::to_string(content).map_err(|e| fail(&e))?;
+        std::fs::write(&path, text).map_err(|e| fail(&e))?;
+        Ok(path)
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // end of input ends the script; a failure here leaves nothing that matters
+        self.input = None;
+        let _ = self.child.wait();
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+/// MuJoCo, running.
+pub(super) struct MuJoCo {
+    process: Rc<RefCell<Process>>,
+    version: String,
+}
+
+impl MuJoCo {
+    /// Starts the script, or says why not and what to do.
+    pub(super) fn start(python: &str) -> Result<Self, String> {
+        let remedy = "install it with `python3 -m pip install mujoco` and name that Python";
+        let skip = |why: &dyn std::fmt::Display| {
+            format!("MuJoCo flex: not run with `{python}` ({why}); {remedy}")
+        };
+        let folder = std::env::temp_dir().join(format!("sinew-peers-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).map_err(|e| skip(&e))?;
+        let process = Self::spawn(python, &folder).map_err(|e| {
+            // nothing but the script is in it
+            let _ = std::fs::remove_dir_all(&folder);
+            skip(&e)
+        })?;
+        let process = Rc::new(RefCell::new(process));
+        let hello = process.borrow_mut().ask(&json!({ "op": "version" })).map_err(|e| skip(&e))?;
+        Ok(Self { process, version: hello.version })
+    }
+
+    fn spawn(python: &str, folder: &Path) -> std::io::Result<Process> {
+        let script = folder.join("mujoco_flex.py");
+        std::fs::write(&script, SCRIPT)?;
+        let mut child = Command::new(python)
+            .arg(&script)
+            // it writes a log of its warnings where it runs
+            .current_dir(folder)
+            // one thread, as the rows say
+            .env("OMP_NUM_THREADS", "1")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()?;
+        let missing = || std::io::Error::other("no pipe");
+        let input = child.stdin.take().ok_or_else(missing)?;
+        let output = BufReader::new(child.stdout.take().ok_or_else(missing)?);
+        Ok(Process { child, input: Some(input), output, folder: folder.into() })
+    }
+
+    /// Loads the beam; rows for each step with its own iteration cap, and one with enough iterations.
+    pub(super) fn rivals(
+        &mut self,
+        case: &Case,
+        steps: &[f64],
+    ) -> Result<Vec<Box<dyn Rival>>, PeerError> {
+        let process = self.process.borrow_mut();
+        let mesh = process.write("mesh.json", &case.beam.file())?;
+        let flat = |u: &[DVec3]| u.iter().flat_map(|x| x.to_array()).collect::<Vec<f64>>();
+        let start = process.write("start.json", &flat(&case.start()))?;
+        let truth = process.write("truth.json", &flat(&case.truth))?;
+        drop(process);
+        let loaded = self.process.borrow_mut().ask(&json!({
+            "op": "load",
+            "mesh": mesh,
+            "young": case.beam.material.young_modulus,
+            "poisson": case.beam.material.poisson_ratio,
+            "gravity": case.beam.gravity,
+        }))?;
+        let (nodes, elements) = (case.beam.mesh.points.len(), case.beam.mesh.tetrahedra.len());
+        if (loaded.nodes, loaded.elements) != (nodes, elements) {
+            return Err(PeerError::Rival(format!(
+                "MuJoCo flex: {} vertices and {} tetrahedra of {nodes} and {elements}",
+                loaded.nodes, loaded.elements
+            )));
+        }
+        let middle = steps[steps.len() / 2];
+        let mut settings: Vec<(f64, u32)> = steps.iter().map(|&h| (h, loaded.iterations)).collect();
+        settings.push((middle, ENOUGH_ITERATIONS));
+        Ok(settings
+            .into_iter()
+            .map(|(h, iterations)| -> Box<dyn Rival> {
+                Box::new(Run {
+                    process: self.process.clone(),
+                    version: self.version.clone(),
+                    h,
+                    iterations,
+                    default_cap: iterations == loaded.iterations,
+                    // the forces do not depend on the setting
+                    measure_force: h == middle && iterations == loaded.iterations,
+                    start: start.clone(),
+                    truth: truth.clone(),
+                    remark: String::new(),
+                })
+            })
+            .collect())
+    }
+}
+
+/// One setting of MuJoCo on the loaded beam.
+struct Run {
+    process: Rc<RefCell<Process>>,
+    version: String,
+    h: f64,
+    iterations: u32,
+    default_cap: bool,
+    measure_force: bool,
+    start: PathBuf,
+    truth: PathBuf,
+    remark: String,
+}
+
+impl Run {
+    fn ask(&mut self, request: serde_json::Value) -> Result<Reply, PeerError> {
+        let reply = self.process.borrow_mut().ask(&request)?;
+        for warning in &reply.warnings {
+            // the first sentence says what; numbers in the rest differ from run to run
+            let text = warning.split(':').next().unwrap_or(warning);
+            if !self.remark.contains(text) {
+                super::say(&mut self.remark, format!("it warns: {text}"));
+            }
+        }
+        Ok(reply)
+    }
+}
+
+impl Rival for Run {
+    fn time(&mut self, _: &Case, steps: usize) -> Result<Vec<f64>, PeerError> {
+        let request = json!({
+            "op": "time", "h": self.h, "steps": steps, "start": self.start,
+            "iterations": self.iterations,
+        });
+        Ok(self.ask(request)?.milliseconds)
+    }
+
+    fn force(&mut self, case: &Case) -> Result<Option<f64>, PeerError> {
+        if !self.measure_force {
+            return Ok(None);
+        }
+        let reply = self.ask(json!({ "op": "force", "repeats": 20 }))?;
+        let text = "its flex kinematics before that cost another";
+        if !self.remark.contains(text) {
+            let ns = reply.kinematics_seconds * 1e9 / case.beam.mesh.tetrahedra.len() as f64;
+            super::say(&mut self.remark, format!("force is mj_passive; {text} {ns:.1} ns/tet"));
+        }
+        Ok(Some(reply.passive_seconds))
+    }
+
+    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, PeerError> {
+        let (steps, warm) = case.settling(self.h);
+        let start = warm.then(|| self.truth.clone());
+        let request = json!({
+            "op": "settle", "h": self.h, "steps": steps, "start": start, "damping": DAMPING,
+            "iterations": self.iterations,
+        });
+        let reply = self.ask(request)?;
+        to_vectors(&reply.displacements, case.beam.mesh.points.len())
+    }
+
+    fn row(&self, case: &Case) -> PeerRow {
+        let setting = format!(
+            "flex StVK, discrete, h = {}, at most {} iterations{}",
+            super::milliseconds(self.h),
+            self.iterations,
+            if self.default_cap { " (its default)" } else { "" }
+        );
+        case.row("MuJoCo", &self.version, setting)
+    }
+
+    fn step(&self) -> Option<f64> {
+        Some(self.h)
+    }
+
+    fn remark(&self) -> String {
+        self.remark.clone()
+    }
+}

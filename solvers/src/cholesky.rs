@@ -1,0 +1,232 @@
+//! Incomplete Cholesky factorisation by 3x3 blocks without fill, piece by piece: blocks that lead
+//! from one piece of rows to another are left out, so that pieces are factorised and applied in
+//! parallel and the result does not depend on the number of threads.
+//!
+//! `M = (I + U^T) D (I + U)` with strictly upper `U`; applying the inverse takes one sweep forwards,
+//! which adds multiples of whole rows, and one backwards, which gathers. A piece whose factorisation
+//! breaks down is factorised again with its off-diagonal blocks made smaller against the diagonal
+//! (the same as a shift of the diagonal), and at last without them: block Jacobi.
+
+use crate::simd::{Kernel, vectorised};
+use crate::system::{
+    Block, Pattern, Piece, SystemMatrix, add4, definite_inverse, diagonal_inverse, mul4, sub4,
+    sum4, transpose_product, zero_block,
+};
+use sinew_engine::scalar::Scalar;
+use sinew_engine::workers::Workers;
+
+/// Off-diagonal factors tried one after the other; 0 is block Jacobi.
+const DAMPING: [f64; 5] = [1.0, 0.99, 0.9, 0.5, 0.0];
+const NONE: u32 = u32::MAX;
+
+/// The factors of all pieces.
+#[derive(Clone, Debug, Default)]
+pub struct IncompleteCholesky<T> {
+    /// In the order of [`Pattern::pieces`].
+    pub pieces: Vec<FactorPiece<T>>,
+}
+
+/// The factor of one piece.
+#[derive(Clone, Debug)]
+pub struct FactorPiece<T> {
+    /// First block of each row, counted within the piece; empty rows for block Jacobi.
+    start: Vec<u32>,
+    /// Column of each block relative to the piece's first row.
+    column: Vec<u32>,
+    /// For every row the pairs `a < b` of its blocks, in order: block that couples their columns.
+    target: Vec<u32>,
+    /// Inverse diagonal blocks.
+    inverse: Vec<Block<T>>,
+    upper: Vec<Block<T>>,
+    /// Restarts of the last factorisation.
+    pub breakdowns: u32,
+}
+
+impl<T: Scalar> IncompleteCholesky<T> {
+    /// Symbolic part; without `couplings` it is block Jacobi.
+    pub fn new(pattern: &Pattern, couplings: bool) -> Self {
+        let pieces = &pattern.pieces;
+        Self { pieces: pieces.iter().map(|p| FactorPiece::new(pattern, p, couplings)).collect() }
+    }
+
+    /// Factorises; returns the number of restarts after breakdowns.
+    pub fn factorise(
+        &mut self,
+        workers: &Workers,
+        pattern: &Pattern,
+        matrix: &SystemMatrix<T>,
+    ) -> u32 {
+        workers.for_each(&mut self.pieces, usize::MAX, |i, piece| {
+            vectorised(Factorise { factor: piece, pattern, piece: &pattern.pieces[i], matrix });
+        });
+        self.pieces.iter().map(|p| p.breakdowns).sum()
+    }
+
+    /// Multiplications of blocks in one factorisation, about.
+    pub fn work(&self) -> f64 {
+        self.pieces
+            .iter()
+            .map(|p| p.target.iter().filter(|&&t| t != NONE).count() + 2 * p.column.len())
+            .sum::<usize>() as f64
+    }
+}
+
+impl<T: Scalar> FactorPiece<T> {
+    fn new(pattern: &Pattern, piece: &Piece, couplings: bool) -> Self {
+        let base = piece.rows.start;
+        let mut start = vec![0];
+        let mut column: Vec<u32> = Vec::new();
+        for row in piece.rows.clone() {
+            if couplings {
+                // columns ascend, so the blocks inside are the first ones
+                let own = &pattern.column[pattern.blocks(row)];
+                let inside = own.iter().take_while(|&&c| (c as usize) < piece.rows.end);
+                column.extend(inside.map(|c| c - base as u32));
+            }
+            start.push(column.len() as u32);
+        }
+        let mut target = Vec::new();
+        for row in 0..piece.rows.len() {
+            let own = &column[start[row] as usize..start[row + 1] as usize];
+            for (i, &a) in own.iter().enumerate() {
+                let of_a = start[a as usize] as usize..start[a as usize + 1] as usize;
+                for b in &own[i + 1..] {
+                    let found = column[of_a.clone()].binary_search(b);
+                    target.push(found.map_or(NONE, |at| (of_a.start + at) as u32));
+                }
+            }
+        }
+        Self { start, column, target, inverse: Vec::new(), upper: Vec::new(), breakdowns: 0 }
+    }
+
+    #[inline(always)]
+    fn factorise(&mut self, pattern: &Pattern, piece: &Piece, matrix: &SystemMatrix<T>) {
+        for (tried, &damping) in DAMPING.iter().enumerate() {
+            self.breakdowns = tried as u32;
+            if self.try_factorise(pattern, piece, matrix, T::from_f64(damping)) {
+                return;
+            }
+        }
+    }
+
+    /// False when a pivot is not positive definite.
+    #[inline(always)]
+    fn try_factorise(
+        &mut self,
+        pattern: &Pattern,
+        piece: &Piece,
+        matrix: &SystemMatrix<T>,
+        damping: T,
+    ) -> bool {
+        let n = piece.rows.len();
+        let jacobi = damping == T::ZERO || self.column.is_empty();
+        self.inverse.clear();
+        self.inverse.extend_from_slice(&matrix.diagonal[piece.rows.clone()]);
+        self.upper.clear();
+        if jacobi {
+            self.upper.resize(self.column.len(), zero_block());
+            for m in &mut self.inverse {
+                *m = definite_inverse(m).unwrap_or_else(|| diagonal_inverse(m));
+            }
+            return true;
+        }
+        for row in 0..n {
+            let first = pattern.start[piece.rows.start + row] as usize;
+            let inside = (self.start[row + 1] - self.start[row]) as usize;
+            let own = &matrix.upper[first..first + inside];
+            if damping == T::ONE {
+                self.upper.extend_from_slice(own);
+            } else {
+                let damp = |m: &Block<T>| m.map(|r| r.map(|x| x * damping));
+                self.upper.extend(own.iter().map(damp));
+            }
+        }
+        let mut scaled: Vec<Block<T>> = Vec::new();
+        let mut pair = 0;
+        for row in 0..n {
+            let Some(inverse) = definite_inverse(&self.inverse[row]) else { return false };
+            self.inverse[row] = inverse;
+            let range = self.start[row] as usize..self.start[row + 1] as usize;
+            let (own, rest) = self.upper[range.start..].split_at_mut(range.len());
+            scaled.clear();
+            // the inverse is symmetric: its columns are its rows
+            scaled.extend(own.iter().map(|m| inverse.map(|r| transpose_product(m, r))));
+            let columns = &self.column[range.clone()];
+            for (i, (a, &column)) in own.iter().zip(columns).enumerate() {
+                subtract(&mut self.inverse[column as usize], a, &scaled[i]);
+                for b in &scaled[i + 1..] {
+                    let target = self.target[pair];
+                    pair += 1;
+                    if target != NONE {
+                        subtract(&mut rest[target as usize - range.end], a, b);
+                    }
+                }
+            }
+            own.copy_from_slice(&scaled);
+        }
+        true
+    }
+
+    /// `z = M^-1 r` for the rows of the piece.
+    #[inline(always)]
+    pub fn apply(&self, r: &[[T; 4]], z: &mut [[T; 4]]) {
+        let n = self.inverse.len();
+        let (r, z) = (&r[..n], &mut z[..n]);
+        if self.column.is_empty() {
+            for (row, z) in z.iter_mut().enumerate() {
+                *z = transpose_product(&self.inverse[row], r[row]);
+            }
+            return;
+        }
+        z.copy_from_slice(r);
+        for row in 0..n {
+            let x = z[row];
+            let range = self.start[row] as usize..self.start[row + 1] as usize;
+            for (m, &column) in self.upper[range.clone()].iter().zip(&self.column[range]) {
+                let t = &mut z[column as usize];
+                *t = sub4(*t, transpose_product(m, x));
+            }
+        }
+        for row in (0..n).rev() {
+            let range = self.start[row] as usize..self.start[row + 1] as usize;
+            let mut sum = [[T::ZERO; 4]; 3];
+            for (m, &column) in self.upper[range.clone()].iter().zip(&self.column[range]) {
+                let y = z[column as usize];
+                for k in 0..3 {
+                    sum[k] = add4(sum[k], mul4(m[k], y));
+                }
+            }
+            let gathered = [sum4(sum[0]), sum4(sum[1]), sum4(sum[2]), T::ZERO];
+            z[row] = sub4(transpose_product(&self.inverse[row], z[row]), gathered);
+        }
+    }
+}
+
+struct Factorise<'a, T> {
+    factor: &'a mut FactorPiece<T>,
+    pattern: &'a Pattern,
+    piece: &'a Piece,
+    matrix: &'a SystemMatrix<T>,
+}
+
+impl<T: Scalar> Kernel for Factorise<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.factor.factorise(self.pattern, self.piece, self.matrix);
+    }
+}
+
+/// `t -= a^T b`.
+#[inline(always)]
+fn subtract<T: Scalar>(t: &mut Block<T>, a: &Block<T>, b: &Block<T>) {
+    for r in 0..3 {
+        for s in 0..3 {
+            let x = a[s][r];
+            for c in 0..4 {
+                t[r][c] -= x * b[s][c];
+            }
+        }
+    }
+}

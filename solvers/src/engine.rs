@@ -1,0 +1,445 @@
+//! Preconditioned conjugate gradients in one number type, and what they keep between solves.
+//!
+//! An iteration is two parallel regions over the fixed pieces of the pattern: one forms the new
+//! direction, multiplies the piece's rows of the upper half and takes the scalar product on the way; the
+//! other updates solution and residual, applies the preconditioner to the piece and takes the
+//! other two products. What a piece adds to the rows of later ones stays in its own array and is
+//! fetched by them.
+//!
+//! Values of the preconditioner are kept over solves. They are computed again when the unknowns held
+//! or the factors of the matrix change, and when the iterations spent beyond those of the first solve
+//! after the last refresh add up to what a refresh costs.
+
+use crate::cg::ShiftedTangent;
+use crate::cholesky::IncompleteCholesky;
+use crate::coarse::{CoarseSpace, Motion};
+use crate::settings::Preconditioner;
+use crate::simd::{Kernel, vectorised};
+use crate::system::{Pattern, SystemMatrix, accumulate, add4, scale4, sub4};
+use glam::DVec3;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::vertex::FixedAxes;
+use sinew_engine::workers::Workers;
+
+/// How an inner solve ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InnerStatus {
+    /// The recurrence of the residual fell below the target.
+    Converged,
+    /// The cap was reached.
+    Cap,
+    /// A direction of non-positive curvature turned up.
+    Indefinite,
+    /// A number is not finite.
+    NotFinite,
+}
+
+/// Result of an inner solve.
+#[derive(Clone, Copy, Debug)]
+pub struct Inner {
+    /// How it ended.
+    pub status: InnerStatus,
+    /// Iterations.
+    pub iterations: u32,
+    /// Residual of the recurrence over that of the start.
+    pub reduction: f64,
+    /// Refreshes of the preconditioner.
+    pub refreshes: u32,
+    /// Restarts of its factorisation.
+    pub breakdowns: u32,
+}
+
+/// Matrix, preconditioner and vectors of one body in one number type.
+#[derive(Clone, Debug, Default)]
+pub struct Engine<T> {
+    /// The matrix.
+    pub matrix: SystemMatrix<T>,
+    product: Vec<ProductPiece<T>>,
+    update: Vec<UpdatePiece<T>>,
+    cholesky: IncompleteCholesky<T>,
+    coarse: Option<CoarseSpace<T>>,
+    forces: Vec<[T; 8]>,
+    motions: Vec<Motion<T>>,
+    kept: Option<Kept>,
+}
+
+/// What the kept values of the preconditioner were computed for, and how they did since.
+#[derive(Clone, Debug)]
+struct Kept {
+    kind: Preconditioner,
+    factors: [f64; 3],
+    held: Vec<FixedAxes>,
+    /// Iterations per power of ten of the first solve after the refresh.
+    fresh: Option<f64>,
+    /// Iterations spent beyond that since.
+    excess: f64,
+    /// Iterations that a refresh costs.
+    cost: f64,
+}
+
+/// What the first region of an iteration writes, rows from the piece's first to its reach.
+#[derive(Clone, Debug, Default)]
+struct ProductPiece<T> {
+    p: Vec<[T; 4]>,
+    q: Vec<[T; 4]>,
+    curvature: f64,
+}
+
+/// What the second region writes, rows of the piece.
+#[derive(Clone, Debug, Default)]
+struct UpdatePiece<T> {
+    x: Vec<[T; 4]>,
+    r: Vec<[T; 4]>,
+    z: Vec<[T; 4]>,
+    /// `r . z` of the piece's part of the preconditioner.
+    rz: f64,
+    rr: f64,
+    /// Forces on the aggregates of the piece's rows.
+    coarse: Vec<[T; 8]>,
+    aggregates: std::ops::Range<usize>,
+}
+
+/// Share of an iteration that a multiplication of blocks takes in a factorisation, which is less
+/// regular than a product.
+const FACTOR_COST: f64 = 1.5;
+
+impl<T: Scalar> Engine<T> {
+    /// Adds the matrix up.
+    pub fn assemble<S: Scalar>(&mut self, system: &ShiftedTangent<'_, S>, body: usize) {
+        self.matrix.assemble(system, body);
+    }
+
+    /// Solves `A e = r` for the correction `e` to a relative residual of `target`; `norm` is that of `r`.
+    pub fn solve<S: Scalar>(
+        &mut self,
+        system: &ShiftedTangent<'_, S>,
+        pattern: &Pattern,
+        rest: &[DVec3],
+        body: usize,
+        kind: Preconditioner,
+        r: &[[S; 4]],
+        e: &mut [[S; 4]],
+        norm: f64,
+        target: f64,
+        cap: u32,
+    ) -> Inner {
+        let factors = [
+            system.mass_factor.to_f64(),
+            system.tangent_factor.to_f64(),
+            system.damping.map_or(0.0, |(_, c)| c.to_f64()),
+        ];
+        let mut inner = Inner {
+            status: InnerStatus::Cap,
+            iterations: 0,
+            reduction: 1.0,
+            refreshes: 0,
+            breakdowns: 0,
+        };
+        let usable = self.kept.as_ref().is_some_and(|k| {
+            k.kind == kind
+                && k.factors == factors
+                && k.held == self.matrix.held
+                && k.excess < k.cost
+        });
+        if !usable {
+            inner.breakdowns = self.refresh(system, pattern, rest, body, kind, factors);
+            inner.refreshes = 1;
+        }
+        let workers = system.workers;
+        self.load(pattern, r, 1.0 / norm);
+        self.iterate(workers, pattern, target, cap, &mut inner);
+        if let Some(kept) = &mut self.kept
+            && inner.status == InnerStatus::Converged
+        {
+            let decades = -inner.reduction.log10();
+            match kept.fresh {
+                None => kept.fresh = Some(f64::from(inner.iterations) / decades),
+                Some(fresh) => {
+                    kept.excess += (f64::from(inner.iterations) - fresh * decades).max(0.0);
+                }
+            }
+        }
+        // the matrix was scaled by its factor and the residual by its norm
+        let scale = norm * self.matrix.factor;
+        for (piece, own) in pattern.pieces.iter().zip(&self.update) {
+            for (e, x) in e[piece.rows.clone()].iter_mut().zip(&own.x) {
+                for k in 0..3 {
+                    e[k] = S::from_f64(x[k].to_f64() * scale);
+                }
+            }
+        }
+        inner
+    }
+
+    /// The last direction, any length.
+    pub fn direction<S: Scalar>(&self, pattern: &Pattern, p: &mut [[S; 4]]) {
+        for (piece, own) in pattern.pieces.iter().zip(&self.product) {
+            for (to, from) in p[piece.rows.clone()].iter_mut().zip(&own.p) {
+                *to = from.map(|x| S::from_f64(x.to_f64()));
+            }
+        }
+    }
+
+    /// Computes the values of the preconditioner, its symbolic part too when it is new.
+    fn refresh<S: Scalar>(
+        &mut self,
+        system: &ShiftedTangent<'_, S>,
+        pattern: &Pattern,
+        rest: &[DVec3],
+        body: usize,
+        kind: Preconditioner,
+        factors: [f64; 3],
+    ) -> u32 {
+        let workers = system.workers;
+        if self.kept.as_ref().is_none_or(|k| k.kind != kind) {
+            self.cholesky = IncompleteCholesky::new(pattern, kind != Preconditioner::BlockJacobi);
+            self.coarse = (kind == Preconditioner::Multigrid).then(|| {
+                let rows = &system.topology.bodies[body];
+                let own = rows.vertices.start as usize..rows.vertices.end as usize;
+                // in large bodies the work of the factor would outgrow that of an iteration
+                let size = AGGREGATE.max((0.45 * (own.len() as f64).sqrt()) as usize);
+                CoarseSpace::new(pattern, &rest[own], &rows.piece, size)
+            });
+            self.product.clear();
+            self.update.clear();
+            for piece in &pattern.pieces {
+                let (n, reach) = (piece.rows.len(), piece.reach - piece.rows.start);
+                let zero = |n| vec![[T::ZERO; 4]; n];
+                self.product.push(ProductPiece { p: zero(reach), q: zero(reach), curvature: 0.0 });
+                let aggregates =
+                    self.coarse.as_ref().map_or(0..0, |c| c.aggregates_of(piece.rows.clone()));
+                self.update.push(UpdatePiece {
+                    x: zero(n),
+                    r: zero(n),
+                    z: zero(n),
+                    rz: 0.0,
+                    rr: 0.0,
+                    coarse: vec![[T::ZERO; 8]; aggregates.len()],
+                    aggregates,
+                });
+            }
+            let aggregates = self.coarse.as_ref().map_or(0, CoarseSpace::aggregates);
+            self.forces = vec![[T::ZERO; 8]; aggregates];
+        }
+        let breakdowns = self.cholesky.factorise(workers, pattern, &self.matrix);
+        let blocks = (pattern.len() + 2 * pattern.column.len()) as f64;
+        let mut refresh = self.cholesky.work();
+        let mut iteration = 2.0 * blocks;
+        if let Some(coarse) = &mut self.coarse {
+            coarse.factorise(workers, &self.matrix);
+            refresh += coarse.work();
+            iteration += coarse.solve_work();
+        }
+        let cost = FACTOR_COST * refresh / iteration;
+        let held = self.matrix.held.clone();
+        self.kept = Some(Kept { kind, factors, held, fresh: None, excess: 0.0, cost });
+        breakdowns
+    }
+
+    /// Start of an iteration: residual `scale r`, solution zero.
+    fn load<S: Scalar>(&mut self, pattern: &Pattern, r: &[[S; 4]], scale: f64) {
+        for (piece, own) in pattern.pieces.iter().zip(&mut self.update) {
+            own.x.fill([T::ZERO; 4]);
+            for (to, from) in own.r.iter_mut().zip(&r[piece.rows.clone()]) {
+                *to = [0, 1, 2].map(|k| T::from_f64(from[k].to_f64() * scale)).padded();
+            }
+        }
+    }
+
+    fn iterate(
+        &mut self,
+        workers: &Workers,
+        pattern: &Pattern,
+        target: f64,
+        cap: u32,
+        inner: &mut Inner,
+    ) {
+        let (mut rr, mut rho) = self.update(workers, pattern, None);
+        let mut beta = T::ZERO;
+        inner.status = loop {
+            if !rr.is_finite() || !rho.is_finite() {
+                break InnerStatus::NotFinite;
+            }
+            inner.reduction = rr.sqrt();
+            if inner.reduction <= target {
+                break InnerStatus::Converged;
+            }
+            if inner.iterations == cap {
+                break InnerStatus::Cap;
+            }
+            let curvature = self.multiply(workers, pattern, beta);
+            if !curvature.is_finite() {
+                break InnerStatus::NotFinite;
+            }
+            if curvature <= 0.0 || rho <= 0.0 {
+                break InnerStatus::Indefinite;
+            }
+            let previous = rho;
+            (rr, rho) = self.update(workers, pattern, Some(T::from_f64(rho / curvature)));
+            beta = T::from_f64(rho / previous);
+            inner.iterations += 1;
+        };
+    }
+
+    /// `p = z + beta p` and `q = A p`; returns `p . q`.
+    fn multiply(&mut self, workers: &Workers, pattern: &Pattern, beta: T) -> f64 {
+        let Self { matrix, product, update, coarse, motions, .. } = self;
+        let (matrix, update, coarse, motions) = (&*matrix, &*update, coarse.as_ref(), &*motions);
+        workers.for_each(product, usize::MAX, |index, own| {
+            vectorised(Multiply { matrix, pattern, update, coarse, motions, beta, index, own });
+        });
+        self.product.iter().map(|p| p.curvature).sum()
+    }
+
+    /// `x += alpha p`, `r -= alpha q`, `z = M^-1 r`; returns `r . r` and `r . z`. Without `alpha` only
+    /// the preconditioner is applied, and the directions forgotten.
+    fn update(&mut self, workers: &Workers, pattern: &Pattern, alpha: Option<T>) -> (f64, f64) {
+        let Self { product, update, coarse, forces, motions, cholesky, .. } = self;
+        if alpha.is_none() {
+            for own in product.iter_mut() {
+                own.p.fill([T::ZERO; 4]);
+            }
+        }
+        let (product, cholesky) = (&*product, &*cholesky);
+        let space = coarse.as_ref();
+        workers.for_each(update, usize::MAX, |index, own| {
+            vectorised(Update { pattern, product, cholesky, space, alpha, index, own });
+        });
+        let rr = update.iter().map(|u| u.rr).sum();
+        let mut rz: f64 = update.iter().map(|u| u.rz).sum();
+        if let Some(space) = coarse {
+            forces.fill([T::ZERO; 8]);
+            for own in &*update {
+                for (total, part) in forces[own.aggregates.clone()].iter_mut().zip(&own.coarse) {
+                    for k in 0..6 {
+                        total[k] += part[k];
+                    }
+                }
+            }
+            rz += space.solve(forces);
+            CoarseSpace::motions(forces, motions);
+        }
+        (rr, rz)
+    }
+}
+
+/// First region of an iteration for one piece.
+struct Multiply<'a, T> {
+    matrix: &'a SystemMatrix<T>,
+    pattern: &'a Pattern,
+    update: &'a [UpdatePiece<T>],
+    coarse: Option<&'a CoarseSpace<T>>,
+    motions: &'a [Motion<T>],
+    beta: T,
+    index: usize,
+    own: &'a mut ProductPiece<T>,
+}
+
+impl<T: Scalar> Kernel for Multiply<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { matrix, pattern, update, coarse, motions, beta, index, own } = self;
+        let piece = &pattern.pieces[index];
+        let mut at = piece.rows.start;
+        // own rows, and those of later pieces that the blocks reach
+        for (other, later) in update[index..].iter().zip(&pattern.pieces[index..]) {
+            let end = later.rows.end.min(piece.reach);
+            if at >= end {
+                break;
+            }
+            let base = piece.rows.start;
+            let p = &mut own.p[at - base..end - base];
+            let z = &other.z[..end - at];
+            match coarse {
+                None => {
+                    for (p, z) in p.iter_mut().zip(z) {
+                        *p = add4(*z, scale4(*p, beta));
+                    }
+                }
+                Some(coarse) => {
+                    for (i, (p, z)) in p.iter_mut().zip(z).enumerate() {
+                        let motion = coarse.prolong(at + i, motions);
+                        let held = matrix.held[at + i];
+                        let mut direction = add4(*z, motion);
+                        if held.0 != 0 {
+                            for k in 0..3 {
+                                if held.holds(k) {
+                                    direction[k] = T::ZERO;
+                                }
+                            }
+                        }
+                        *p = add4(direction, scale4(*p, beta));
+                    }
+                }
+            }
+            at = end;
+        }
+        own.curvature = matrix.multiply_piece(pattern, piece, &own.p, &mut own.q);
+    }
+}
+
+/// Second region of an iteration for one piece.
+struct Update<'a, T> {
+    pattern: &'a Pattern,
+    product: &'a [ProductPiece<T>],
+    cholesky: &'a IncompleteCholesky<T>,
+    space: Option<&'a CoarseSpace<T>>,
+    alpha: Option<T>,
+    index: usize,
+    own: &'a mut UpdatePiece<T>,
+}
+
+impl<T: Scalar> Kernel for Update<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { pattern, product, cholesky, space, alpha, index, own } = self;
+        let rows = &pattern.pieces[index].rows;
+        if let Some(alpha) = alpha {
+            for (x, p) in own.x.iter_mut().zip(&product[index].p) {
+                *x = add4(*x, scale4(*p, alpha));
+            }
+            for (r, q) in own.r.iter_mut().zip(&product[index].q) {
+                *r = sub4(*r, scale4(*q, alpha));
+            }
+            for (piece, other) in pattern.pieces[..index].iter().zip(product) {
+                if piece.reach <= rows.start {
+                    continue;
+                }
+                let q = &other.q[rows.start - piece.rows.start..];
+                for (r, q) in own.r.iter_mut().zip(q) {
+                    *r = sub4(*r, scale4(*q, alpha));
+                }
+            }
+        }
+        cholesky.pieces[index].apply(&own.r, &mut own.z);
+        let (mut rz, mut rr) = ([0.0; 4], [0.0; 4]);
+        for (r, z) in own.r.iter().zip(&own.z) {
+            accumulate(&mut rz, *r, *z);
+            accumulate(&mut rr, *r, *r);
+        }
+        (own.rz, own.rr) = (rz.iter().sum(), rr.iter().sum());
+        if let Some(space) = space {
+            own.coarse.fill([T::ZERO; 8]);
+            space.restrict(rows.start, &own.r, own.aggregates.start, &mut own.coarse);
+        }
+    }
+}
+
+/// Vertices per aggregate of small bodies; in large ones aggregates grow, since the work of the
+/// factor grows faster than that of an iteration.
+const AGGREGATE: usize = 64;
+
+trait Padded<T> {
+    fn padded(self) -> [T; 4];
+}
+
+impl<T: Scalar> Padded<T> for [T; 3] {
+    #[inline(always)]
+    fn padded(self) -> [T; 4] {
+        [self[0], self[1], self[2], T::ZERO]
+    }
+}

@@ -1,0 +1,325 @@
+//! The matrix of one linear solve, as conjugate gradients and preconditioners see it: inertia,
+//! tangent and damping added up in one pass, held unknowns eliminated, in the number type of the
+//! solve.
+//!
+//! Only the upper half is stored. Rows of blocks are padded to four numbers, so that both halves of
+//! the product are vector operations on whole rows: `A_ij x_j` accumulates row by row and is summed
+//! across once per block row, `A_ij^T x_i` adds multiples of the rows of `A_ij`. The code is plain
+//! loops over four numbers without fused operations, so that every instruction set gives the same bits.
+
+use crate::cg::ShiftedTangent;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::Topology;
+use sinew_engine::vertex::FixedAxes;
+use sinew_engine::workers::Workers;
+use std::ops::Range;
+
+/// A 3x3 block, rows padded by a zero.
+pub type Block<T> = [[T; 4]; 3];
+
+/// The zero block.
+#[inline(always)]
+pub(crate) fn zero_block<T: Scalar>() -> Block<T> {
+    [[T::ZERO; 4]; 3]
+}
+
+/// `a + b`.
+#[inline(always)]
+pub(crate) fn add4<T: Scalar>(a: [T; 4], b: [T; 4]) -> [T; 4] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]]
+}
+
+/// `a - b`.
+#[inline(always)]
+pub(crate) fn sub4<T: Scalar>(a: [T; 4], b: [T; 4]) -> [T; 4] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]]
+}
+
+/// Entry by entry `a b`.
+#[inline(always)]
+pub(crate) fn mul4<T: Scalar>(a: [T; 4], b: [T; 4]) -> [T; 4] {
+    [a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3]]
+}
+
+/// `s a`.
+#[inline(always)]
+pub(crate) fn scale4<T: Scalar>(a: [T; 4], s: T) -> [T; 4] {
+    [a[0] * s, a[1] * s, a[2] * s, a[3] * s]
+}
+
+/// Sum of the entries.
+#[inline(always)]
+pub(crate) fn sum4<T: Scalar>(a: [T; 4]) -> T {
+    (a[0] + a[2]) + (a[1] + a[3])
+}
+
+/// `m^T x`: the rows of `m` weighted by the entries of `x`.
+#[inline(always)]
+pub(crate) fn transpose_product<T: Scalar>(m: &Block<T>, x: [T; 4]) -> [T; 4] {
+    add4(add4(scale4(m[0], x[0]), scale4(m[1], x[1])), scale4(m[2], x[2]))
+}
+
+/// Scalar product in `f64`, four partial sums.
+#[inline(always)]
+pub(crate) fn accumulate<T: Scalar>(sum: &mut [f64; 4], a: [T; 4], b: [T; 4]) {
+    for k in 0..4 {
+        sum[k] += a[k].to_f64() * b[k].to_f64();
+    }
+}
+
+/// Rows that a task works on, cut by size alone.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Piece {
+    /// Block rows of the body.
+    pub rows: Range<usize>,
+    /// End of the rows that the blocks of these rows reach.
+    pub reach: usize,
+}
+
+/// Non-zero pattern of the upper half of one body's matrix, and the pieces it is worked on in.
+#[derive(Clone, Debug, Default)]
+pub struct Pattern {
+    /// First off-diagonal block of each row (one entry more than rows).
+    pub start: Vec<u32>,
+    /// Column of each off-diagonal block, ascending within a row and above it.
+    pub column: Vec<u32>,
+    /// Consecutive rows, in order.
+    pub pieces: Vec<Piece>,
+}
+
+/// Rows per piece, about.
+const ROWS_PER_PIECE: usize = 640;
+/// Most pieces.
+const MAX_PIECES: usize = 16;
+
+impl Pattern {
+    /// Pattern of a body.
+    pub fn new(topology: &Topology, body: usize) -> Self {
+        let body = &topology.bodies[body];
+        let rows = body.vertices.start as usize..body.vertices.end as usize;
+        let blocks = body.blocks.start as usize..body.blocks.end as usize;
+        let start: Vec<u32> = topology.edge_start[rows.start..=rows.end]
+            .iter()
+            .map(|s| s - blocks.start as u32)
+            .collect();
+        let column: Vec<u32> =
+            topology.edges[blocks].iter().map(|e| e[1] - rows.start as u32).collect();
+        let n = rows.len();
+        let count = ((n + ROWS_PER_PIECE / 2) / ROWS_PER_PIECE).clamp(1, MAX_PIECES);
+        // equal numbers of blocks, the diagonal counted
+        let total = n + column.len();
+        let mut pieces = Vec::with_capacity(count);
+        let mut first = 0;
+        for piece in 1..=count {
+            let target = total * piece / count;
+            let mut end = first;
+            while end < n && (piece == count || end + (start[end] as usize) < target) {
+                end += 1;
+            }
+            if end == first {
+                continue;
+            }
+            let own = &column[start[first] as usize..start[end] as usize];
+            let reach = own.iter().map(|&c| c as usize + 1).max().unwrap_or(end).max(end);
+            pieces.push(Piece { rows: first..end, reach });
+            first = end;
+        }
+        Self { start, column, pieces }
+    }
+
+    /// Number of block rows.
+    pub fn len(&self) -> usize {
+        self.start.len().saturating_sub(1)
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Off-diagonal blocks of a row.
+    #[inline(always)]
+    pub fn blocks(&self, row: usize) -> Range<usize> {
+        self.start[row] as usize..self.start[row + 1] as usize
+    }
+}
+
+/// A symmetric matrix on a [`Pattern`]: `factor (c_M M + c_K K + c_C C)` with the rows and columns of
+/// held unknowns replaced by those of the identity.
+#[derive(Clone, Debug, Default)]
+pub struct SystemMatrix<T> {
+    /// Diagonal blocks.
+    pub diagonal: Vec<Block<T>>,
+    /// Upper off-diagonal blocks in the order of [`Pattern::column`].
+    pub upper: Vec<Block<T>>,
+    /// Held unknowns of each row: bits 0, 1, 2.
+    pub held: Vec<FixedAxes>,
+    /// Factor that brings the largest diagonal entry of the tangent and inertia to one: no number type
+    /// overflows, and `f32` rounds the same in all units of measurement.
+    pub factor: f64,
+}
+
+const CHUNK: usize = 2048;
+
+impl<T: Scalar> SystemMatrix<T> {
+    /// Adds the matrix up.
+    pub fn assemble<S: Scalar>(&mut self, system: &ShiftedTangent<'_, S>, body: usize) {
+        let body = &system.topology.bodies[body];
+        let rows = body.vertices.start as usize..body.vertices.end as usize;
+        let blocks = body.blocks.start as usize..body.blocks.end as usize;
+        let tangent = &system.tangent.diagonal[rows.clone()];
+        let mass_factor = system.mass_factor.to_f64();
+        let largest = tangent
+            .iter()
+            .zip(&system.mass[rows.clone()])
+            .map(|(k, m)| {
+                let k = k[0].abs().max(k[4].abs()).max(k[8].abs());
+                k.to_f64() * system.tangent_factor.to_f64().abs() + mass_factor * m.to_f64()
+            })
+            .fold(0.0, f64::max);
+        self.factor = if largest.is_normal() { largest.recip() } else { 1.0 };
+        self.held.clear();
+        self.held.extend_from_slice(&system.fixed[rows.clone()]);
+        self.diagonal.resize(rows.len(), zero_block());
+        self.upper.resize(blocks.len(), zero_block());
+
+        let c_k = system.tangent_factor.to_f64() * self.factor;
+        let c_m = mass_factor * self.factor;
+        let c_c = system.damping.map_or(0.0, |(_, c)| c.to_f64() * self.factor);
+        let held = &self.held;
+        let workers: &Workers = system.workers;
+        workers.for_chunks(&mut self.diagonal, CHUNK, rows.len() * 10, |first, own| {
+            for (i, m) in own.iter_mut().enumerate() {
+                let row = rows.start + first + i;
+                let damping = system.damping.map(|(c, _)| &c.diagonal[row]);
+                let mut entries = add_blocks(&system.tangent.diagonal[row], c_k, damping, c_c);
+                let inertia = c_m * system.mass[row].to_f64();
+                for k in 0..3 {
+                    entries[4 * k] += inertia;
+                }
+                let h = held[first + i];
+                mask(&mut entries, h, h, 1.0);
+                *m = block(&entries);
+            }
+        });
+        let (edges, offset) = (&system.topology.edges, rows.start);
+        workers.for_chunks(&mut self.upper, CHUNK, blocks.len() * 6, |first, own| {
+            for (i, m) in own.iter_mut().enumerate() {
+                let index = blocks.start + first + i;
+                let damping = system.damping.map(|(c, _)| &c.off_diagonal[index]);
+                let tangent = &system.tangent.off_diagonal[index];
+                let mut entries = add_blocks(tangent, c_k, damping, c_c);
+                let [a, b] = edges[index];
+                let (a, b) = (held[a as usize - offset], held[b as usize - offset]);
+                if a.0 | b.0 != 0 {
+                    mask(&mut entries, a, b, 0.0);
+                }
+                *m = block(&entries);
+            }
+        });
+    }
+
+    /// Rows of one piece of the upper half and their transposes: `q = A_piece p`; both vectors hold
+    /// the rows from the piece's first to its reach. Returns `p . q`.
+    #[inline(always)]
+    pub fn multiply_piece(
+        &self,
+        pattern: &Pattern,
+        piece: &Piece,
+        p: &[[T; 4]],
+        q: &mut [[T; 4]],
+    ) -> f64 {
+        let base = piece.rows.start;
+        let length = piece.reach - base;
+        let (p, q) = (&p[..length], &mut q[..length]);
+        q.fill([T::ZERO; 4]);
+        for row in piece.rows.clone() {
+            let x = p[row - base];
+            let d = &self.diagonal[row];
+            let mut sum = [mul4(d[0], x), mul4(d[1], x), mul4(d[2], x)];
+            let blocks = pattern.blocks(row);
+            for (m, &column) in self.upper[blocks.clone()].iter().zip(&pattern.column[blocks]) {
+                let local = column as usize - base;
+                let y = p[local];
+                for k in 0..3 {
+                    sum[k] = add4(sum[k], mul4(m[k], y));
+                }
+                q[local] = add4(q[local], transpose_product(m, x));
+            }
+            let own = [sum4(sum[0]), sum4(sum[1]), sum4(sum[2]), T::ZERO];
+            q[row - base] = add4(q[row - base], own);
+        }
+        let mut dot = [0.0; 4];
+        for (p, q) in p.iter().zip(&*q) {
+            accumulate(&mut dot, *p, *q);
+        }
+        dot.iter().sum()
+    }
+}
+
+/// `a x + b y` of two blocks, the second one optional.
+#[inline(always)]
+fn add_blocks<S: Scalar>(x: &[S; 9], a: f64, y: Option<&[S; 9]>, b: f64) -> [f64; 9] {
+    let mut m = [0.0; 9];
+    for k in 0..9 {
+        m[k] = a * x[k].to_f64();
+    }
+    if let Some(y) = y {
+        for k in 0..9 {
+            m[k] += b * y[k].to_f64();
+        }
+    }
+    m
+}
+
+/// Eliminates held rows and columns; `diagonal` goes where both meet.
+#[inline(always)]
+fn mask(m: &mut [f64; 9], row: FixedAxes, column: FixedAxes, diagonal: f64) {
+    for k in 0..3 {
+        for j in 0..3 {
+            if row.holds(k) || column.holds(j) {
+                m[3 * k + j] = if k == j { diagonal } else { 0.0 };
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn block<T: Scalar>(m: &[f64; 9]) -> Block<T> {
+    let t = |k: usize| T::from_f64(m[k]);
+    [[t(0), t(1), t(2), T::ZERO], [t(3), t(4), t(5), T::ZERO], [t(6), t(7), t(8), T::ZERO]]
+}
+
+/// Inverse of a symmetric 3x3 block if it is positive definite with a margin against rounding.
+#[inline(always)]
+pub(crate) fn definite_inverse<T: Scalar>(m: &Block<T>) -> Option<Block<T>> {
+    let m = [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[i][j].to_f64()));
+    let c00 = m[1][1] * m[2][2] - m[1][2] * m[2][1];
+    let c01 = m[1][2] * m[2][0] - m[1][0] * m[2][2];
+    let c02 = m[1][0] * m[2][1] - m[1][1] * m[2][0];
+    let det = m[0][0] * c00 + m[0][1] * c01 + m[0][2] * c02;
+    let minor = m[0][0] * m[1][1] - m[0][1] * m[1][0];
+    let scale = m[0][0].max(m[1][1]).max(m[2][2]);
+    let margin = T::EPSILON.to_f64();
+    let definite = m[0][0] > 0.0
+        && minor > margin * scale * m[0][0]
+        && det > margin * scale * minor
+        && det.is_finite();
+    definite.then(|| {
+        let c11 = m[0][0] * m[2][2] - m[0][2] * m[2][0];
+        let c12 = m[0][1] * m[2][0] - m[0][0] * m[2][1];
+        block(&[c00, c01, c02, c01, c11, c12, c02, c12, minor].map(|c| c / det))
+    })
+}
+
+/// Inverse of the absolute diagonal, for blocks that are not positive definite.
+pub(crate) fn diagonal_inverse<T: Scalar>(m: &Block<T>) -> Block<T> {
+    let entry = |k: usize| m[k][k].to_f64().abs();
+    let scale = entry(0).max(entry(1)).max(entry(2));
+    let mut d = [0.0; 9];
+    for k in 0..3 {
+        let entry = entry(k).max(1e-3 * scale);
+        d[4 * k] = if entry > 0.0 { 1.0 / entry } else { 1.0 };
+    }
+    block(&d)
+}
