@@ -1,10 +1,11 @@
-//! Energies and forces: the fused law, the pooled springs, and entity columns against plain arrays.
+//! Energies and forces: the fused law, the pooled springs, quadratic springs, plain springs on edges
+//! (per tetrahedron too), and entity columns against plain arrays.
 #![allow(clippy::print_stdout, reason = "ratios and times per system are part of the result")]
 #![allow(missing_docs, reason = "criterion's macros make public items")]
 
 mod common;
 
-use common::{SIZES, beam, bent, evaluate, request};
+use common::{SIZES, beam, bent, bent_model, evaluate, request};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use sinew::engine::report::SystemTimes;
 use sinew::engine::scalar::Scalar;
@@ -19,12 +20,23 @@ fn laws(c: &mut Criterion) {
         let count = mesh.tetrahedra.len() as u64;
         let mut group = c.benchmark_group(format!("laws/{size}"));
         group.throughput(Throughput::Elements(count));
-        for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
+        let laws = [
+            (Model::CompressibleStVK, Evaluation::Fused),
+            (Model::CompressibleStVK, Evaluation::Pooled),
+            (Model::QuadraticSprings, Evaluation::Fused),
+            (Model::MassSpring, Evaluation::Fused),
+        ];
+        for (model, evaluation) in laws {
             for precision in [Precision::F64, Precision::F32] {
                 for threads in [1, 2] {
-                    let (mut simulation, _) = bent(&mesh, precision, threads, evaluation);
+                    let (mut simulation, _) =
+                        bent_model(&mesh, precision, threads, model, evaluation);
                     for (what, energy) in [("energy", true), ("force", false)] {
-                        let name = format!("{evaluation:?} {what} {}", precision.name());
+                        let law = match model {
+                            Model::CompressibleStVK => format!("{evaluation:?}"),
+                            _ => model.name().to_string(),
+                        };
+                        let name = format!("{law} {what} {}", precision.name());
                         request(&mut simulation, energy, !energy, None);
                         group.bench_function(BenchmarkId::new(name, threads), |b| {
                             b.iter(|| evaluate(&mut simulation));

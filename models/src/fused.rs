@@ -149,7 +149,8 @@ impl TetrahedronLaw for Compression {
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
         let ratio = tetrahedron::volume_ratio(e, u);
         let acts = R::both(R::less(ratio, R::ONE), R::less(R::ZERO, e.compression));
-        R::any(acts).then(|| tetrahedron::compression::forces(e, u))
+        // no `then`: a closure would be compiled without the instruction set
+        if R::any(acts) { Some(tetrahedron::compression::forces(e, u)) } else { None }
     }
     #[inline(always)]
     fn tangent<R: Real>(

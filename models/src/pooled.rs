@@ -186,7 +186,7 @@ fn measure_edges<S: Scalar>(
     workers.for_chunks(change, ROW_CHUNK, nodes.len() * 2, |first, rows| {
         workers.dispatch(Batches(0..rows.len(), Measure { shapes, row: first, change: rows }));
     });
-    times.add("edge changes", start.elapsed());
+    times.add(EDGE_CHANGES, start.elapsed());
 }
 
 struct Measure<'a, S> {

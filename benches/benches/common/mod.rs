@@ -17,6 +17,16 @@ pub fn bent(
     threads: usize,
     evaluation: Evaluation,
 ) -> (Simulation, BodyHandle) {
-    let model = Model::CompressibleStVK;
+    bent_model(mesh, precision, threads, Model::CompressibleStVK, evaluation)
+}
+
+/// The same beam with any model.
+pub fn bent_model(
+    mesh: &Mesh,
+    precision: Precision,
+    threads: usize,
+    model: Model,
+    evaluation: Evaluation,
+) -> (Simulation, BodyHandle) {
     sinew_benches::beam::bent(mesh, precision, threads, evaluation, model).expect("a beam")
 }
