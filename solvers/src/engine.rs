@@ -8,7 +8,8 @@
 //!
 //! Values of the preconditioner are kept over solves. They are computed again when the unknowns held
 //! or the factors of the matrix change, and when the iterations spent beyond those of the first solve
-//! after the last refresh add up to what a refresh costs.
+//! after the last refresh add up to what a refresh costs, in the middle of a solve if need be, or when
+//! a solve with them did not converge.
 
 use crate::cg::ShiftedTangent;
 use crate::cholesky::IncompleteCholesky;
@@ -135,28 +136,39 @@ impl<T: Scalar> Engine<T> {
             refreshes: 0,
             breakdowns: 0,
         };
-        let usable = self.kept.as_ref().is_some_and(|k| {
+        let kept = self.kept.as_ref().filter(|k| {
             k.kind == kind
                 && k.factors == factors
                 && k.held == self.matrix.held
                 && k.excess < k.cost
         });
-        if !usable {
-            inner.breakdowns = self.refresh(system, pattern, rest, body, kind, factors);
-            inner.refreshes = 1;
-        }
+        // what kept values may spend before a refresh is cheaper
+        let allowance = kept.map(|k| {
+            let expected = k.fresh.map_or(0.0, |fresh| fresh * -target.log10());
+            (expected + k.cost - k.excess).ceil() as u32
+        });
         let workers = system.workers;
         self.load(pattern, r, 1.0 / norm);
-        self.iterate(workers, pattern, target, cap, &mut inner);
-        if let Some(kept) = &mut self.kept
-            && inner.status == InnerStatus::Converged
-        {
-            let decades = -inner.reduction.log10();
-            match kept.fresh {
-                None => kept.fresh = Some(f64::from(inner.iterations) / decades),
-                Some(fresh) => {
-                    kept.excess += (f64::from(inner.iterations) - fresh * decades).max(0.0);
-                }
+        let mut since = (0, 1.0);
+        if let Some(allowance) = allowance {
+            self.iterate(workers, pattern, target, cap.min(allowance), &mut inner);
+        }
+        if allowance.is_none() || (inner.status == InnerStatus::Cap && inner.iterations < cap) {
+            inner.breakdowns = self.refresh(system, pattern, rest, body, kind, factors);
+            inner.refreshes = 1;
+            since = (inner.iterations, inner.reduction);
+            self.iterate(workers, pattern, target, cap, &mut inner);
+        }
+        if let Some(kept) = &mut self.kept {
+            let iterations = f64::from(inner.iterations - since.0);
+            let decades = (since.1 / inner.reduction).log10();
+            if inner.status != InnerStatus::Converged {
+                // made for a matrix that was given up: not worth keeping
+                kept.excess = f64::INFINITY;
+            } else if let Some(fresh) = kept.fresh {
+                kept.excess += (iterations - fresh * decades).max(0.0);
+            } else if decades > 0.0 {
+                kept.fresh = Some(iterations / decades);
             }
         }
         // the matrix was scaled by its factor and the residual by its norm
