@@ -595,3 +595,13 @@ fn a_column_of_slices_is_one_table() {
     let column = single_table(edges.contiguous_iter(&world)).unwrap();
     assert!(column.iter().enumerate().all(|(i, b)| b.0 as usize == i));
 }
+
+#[test]
+fn models_are_called_the_same_everywhere() {
+    let all = [Model::StVK, Model::CompressibleStVK, Model::QuadraticSprings, Model::MassSpring];
+    for model in all {
+        assert_eq!(serde_json::to_value(model).unwrap(), model.name());
+        assert_eq!(serde_json::from_value::<Model>(model.name().into()).unwrap(), model);
+        assert!(model.supports(Evaluation::Fused));
+    }
+}
