@@ -5,17 +5,21 @@ use crate::lanes::{InstructionSet, Kernel, dispatch_on};
 use crate::scalar::Scalar;
 use bevy_ecs::prelude::Resource;
 use rayon::prelude::*;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Below this much work (nanoseconds, estimated) a parallel region costs more than it saves.
 const PARALLEL_THRESHOLD_NS: usize = 40_000;
+/// The same inside [`Workers::enter`], where the other threads are awake.
+const AWAKE_THRESHOLD_NS: usize = 8_000;
 
 /// Threads that carry out parallel regions, and the instruction set that kernels run with.
 ///
 /// rayon rather than bevy's task pool: bevy's pool is one per process and cannot be sized per
 /// simulation, and a region costs about the same in both.
-#[derive(Resource)]
+#[derive(Resource, Clone)]
 pub struct Workers {
-    pool: Option<rayon::ThreadPool>,
+    pool: Option<Arc<rayon::ThreadPool>>,
     threads: usize,
     instruction_set: InstructionSet,
 }
@@ -78,7 +82,7 @@ impl Workers {
             .num_threads(threads)
             .build()
             .map_err(|source| WorkersError::Refused { threads, source })?;
-        Ok(Self { pool: Some(pool), threads, instruction_set: InstructionSet::best() })
+        Ok(Self { pool: Some(Arc::new(pool)), threads, instruction_set: InstructionSet::best() })
     }
 
     /// The same threads with another instruction set than the widest of this machine. Results depend
@@ -110,12 +114,31 @@ impl Workers {
         self.threads
     }
 
-    /// Runs `f` on a thread of the pool, where many small regions follow each other cheaply.
+    /// Runs `f` on a thread of the pool while the others stay awake, so that many small regions follow
+    /// each other without a hand-over: waking a thread takes as long as 5 000 tetrahedra do.
     pub fn enter<R: Send>(&self, f: impl FnOnce() -> R + Send) -> R {
         match &self.pool {
-            Some(pool) => pool.install(f),
-            None => f(),
+            Some(pool) if pool.current_thread_index().is_none() => pool.install(|| {
+                let this = pool.current_thread_index();
+                let finished = AtomicBool::new(false);
+                rayon::scope(|scope| {
+                    let _finish = SetOnDrop(&finished);
+                    scope.spawn_broadcast(|_, thread| {
+                        if Some(thread.index()) != this {
+                            stay_awake(&finished);
+                        }
+                    });
+                    f()
+                })
+            }),
+            _ => f(),
         }
+    }
+
+    /// Whether a region of this much work is worth its hand-over.
+    fn pays(&self, pool: &rayon::ThreadPool, work_ns: usize) -> bool {
+        let awake = pool.current_thread_index().is_some();
+        work_ns > if awake { AWAKE_THRESHOLD_NS } else { PARALLEL_THRESHOLD_NS }
     }
 
     /// Calls `f(index, item)` for every item, in parallel when the whole is worth it.
@@ -128,7 +151,7 @@ impl Workers {
         f: impl Fn(usize, &mut T) + Send + Sync,
     ) {
         match &self.pool {
-            Some(pool) if items.len() > 1 && work_ns > PARALLEL_THRESHOLD_NS => {
+            Some(pool) if items.len() > 1 && self.pays(pool, work_ns) => {
                 pool.install(|| items.par_iter_mut().enumerate().for_each(|(i, t)| f(i, t)));
             }
             _ => items.iter_mut().enumerate().for_each(|(i, t)| f(i, t)),
@@ -144,7 +167,7 @@ impl Workers {
         f: impl Fn(usize, &mut [T]) + Send + Sync,
     ) {
         match &self.pool {
-            Some(pool) if rows.len() > chunk && work_ns > PARALLEL_THRESHOLD_NS => {
+            Some(pool) if rows.len() > chunk && self.pays(pool, work_ns) => {
                 pool.install(|| {
                     rows.par_chunks_mut(chunk).enumerate().for_each(|(i, c)| f(i * chunk, c))
                 });
@@ -169,6 +192,32 @@ impl Workers {
             *p = f(i * CHUNK..((i + 1) * CHUNK).min(n));
         });
         partial.iter().sum()
+    }
+}
+
+/// Sets a flag when it goes, also when a panic unwinds.
+struct SetOnDrop<'a>(&'a AtomicBool);
+
+impl Drop for SetOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
+}
+
+/// Takes work of the pool as soon as there is any, until `finished`; makes way for other programs.
+fn stay_awake(finished: &AtomicBool) {
+    let mut idle = 0_u32;
+    while !finished.load(Ordering::Acquire) {
+        if rayon::yield_now() == Some(rayon::Yield::Executed) {
+            idle = 0;
+            continue;
+        }
+        idle += 1;
+        if idle.is_multiple_of(64) {
+            std::thread::yield_now();
+        } else {
+            std::hint::spin_loop();
+        }
     }
 }
 

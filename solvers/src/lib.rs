@@ -22,6 +22,8 @@ use sinew_engine::report::{StepReport, SystemTimes};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
 use sinew_engine::step::{IntegratorInstalled, StepFailure};
+use sinew_engine::topology::Topology;
+use sinew_engine::workers::Workers;
 
 /// Installs the integrator; [`SolverSettings`] chooses which.
 pub fn install_solver<S: Scalar>(world: &mut World) {
@@ -33,19 +35,29 @@ pub fn install_solver<S: Scalar>(world: &mut World) {
         .add_systems(integrate::<S>.in_set(StepSystems::Integrate));
 }
 
+/// Vertices below which no region is worth two threads.
+const SMALL: usize = 500;
+
 /// The one system of [`StepSystems::Integrate`].
 fn integrate<S: Scalar>(world: &mut World) {
     let start = std::time::Instant::now();
     let settings = world.resource::<SolverSettings>().clone();
+    let workers = world.resource::<Workers>().clone();
+    let vertices = world.resource::<Topology>().vertex_count();
     let mut report = StepReport::default();
-    let result = settings.validate().and_then(|()| match settings.integrator {
-        Integrator::Safe | Integrator::Newton | Integrator::QuasiStatic => {
-            implicit::implicit_step::<S>(world, &settings, &mut report)
-        }
-        Integrator::SymplecticEuler | Integrator::StormerVerlet => {
-            explicit::explicit_step::<S>(world, &settings, &mut report)
-        }
-    });
+    let mut step = || {
+        settings.validate().and_then(|()| match settings.integrator {
+            Integrator::Safe | Integrator::Newton | Integrator::QuasiStatic => {
+                implicit::implicit_step::<S>(world, &settings, &mut report)
+            }
+            Integrator::SymplecticEuler | Integrator::StormerVerlet => {
+                explicit::explicit_step::<S>(world, &settings, &mut report)
+            }
+        })
+    };
+    // On a thread of the pool the many small regions of a step follow each other without a hand-over;
+    // a small body has none, and is spared the one to get there.
+    let result = if vertices < SMALL { step() } else { workers.enter(step) };
     world.resource_mut::<StepFailure>().0 = result.err();
     world.insert_resource(report);
     world.resource_mut::<SystemTimes>().add("integrator in all", start.elapsed());
