@@ -1,10 +1,12 @@
 //! The beams that all kernel and step benches use: 0.2 x 0.05 x 0.05 m, bent by half a radian.
 
+use bevy_ecs::prelude::World;
 use glam::DVec3;
 use sinew::engine::law::{EvaluationRequest, TangentKind};
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::engine::schedule::ForceSchedule;
+use sinew::engine::workers::Workers;
 use sinew::prelude::*;
 
 /// Name and cells of 5 040 and 49 392 tetrahedra.
@@ -90,6 +92,16 @@ pub fn request(
 /// One run of the force schedule.
 pub fn evaluate(simulation: &mut Simulation) {
     simulation.world_mut().run_schedule(ForceSchedule);
+}
+
+/// Runs `f` on the threads of the simulation, awake as they are throughout a step.
+pub fn as_in_a_step<R: Send>(
+    simulation: &mut Simulation,
+    f: impl FnOnce(&mut World) -> R + Send,
+) -> R {
+    let workers = simulation.world().resource::<Workers>().clone();
+    let world = simulation.world_mut();
+    workers.enter(|| f(world))
 }
 
 #[cfg(test)]

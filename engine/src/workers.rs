@@ -62,7 +62,8 @@ impl Workers {
         Self { pool: None, threads: 1, instruction_set: InstructionSet::best() }
     }
 
-    /// A pool of `threads` threads; 0 means one per core.
+    /// A pool of `threads` threads; 0 means one per core. A pool with one thread per core keeps each on
+    /// its own.
     ///
     /// # Errors
     /// When the threads cannot be started, or are more than 512.
@@ -80,6 +81,7 @@ impl Workers {
         }
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
+            .start_handler(move |thread| pin(thread, threads))
             .build()
             .map_err(|source| WorkersError::Refused { threads, source })?;
         Ok(Self { pool: Some(Arc::new(pool)), threads, instruction_set: InstructionSet::best() })
@@ -192,6 +194,19 @@ impl Workers {
             *p = f(i * CHUNK..((i + 1) * CHUNK).min(n));
         });
         partial.iter().sum()
+    }
+}
+
+/// Keeps a thread of a pool that has one for every core on a core of its own. Left to themselves, two
+/// threads that are woken for a step may share one core for milliseconds before they are moved apart,
+/// longer than the step takes. A smaller pool is left to the system, which may need to move it out of
+/// the way of other programs.
+fn pin(thread: usize, threads: usize) {
+    if let Some(cores) = core_affinity::get_core_ids().filter(|cores| cores.len() == threads)
+        && let Some(&core) = cores.get(thread)
+    {
+        // refused at worst, which costs speed only
+        core_affinity::set_for_current(core);
     }
 }
 

@@ -7,24 +7,30 @@ use super::flops::{ElementFlops, pooled_flops};
 use super::roofline::Limits;
 use super::stats::{Rounds, Spread, interleave};
 use super::table::{Cell, Table};
-use crate::beam::{MATERIAL, beam, bend, bent, cells_for, evaluate, request};
+use crate::beam::{MATERIAL, as_in_a_step, beam, bend, bent, cells_for, evaluate, request};
+use bevy_ecs::prelude::World;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::engine::columns::single_table;
 use sinew::engine::element::{
-    EdgeVertices, TetrahedronBlocks, TetrahedronEdges, TetrahedronVertices, TriangleEdges,
+    EdgeVertices, TETRAHEDRON_EDGES, TetrahedronBlocks, TetrahedronEdges, TetrahedronVertices,
+    TriangleEdges,
 };
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::law::{ElasticEnergy, LawBuffer, TangentKind};
 use sinew::engine::matrix::{BlockMatrix, ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::report::SystemTimes;
-use sinew::engine::scalar::Scalar;
+use sinew::engine::scalar::{Scalar, sub};
+use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::ElasticForce;
 use sinew::engine::workers::Workers;
-use sinew::models::fused::FusedStVK;
-use sinew::models::precompute::RestTetrahedron;
+use sinew::models::fused::{self, FusedStVK};
+use sinew::models::material::LameParameters;
+use sinew::models::precompute::{RestTetrahedron, SpringConstants};
+use sinew::models::quadratic::{self, Stretch};
+use sinew::models::spring::{tensile_energy, tensile_tension};
 use sinew::models::tetrahedron::{self, Element};
 use sinew::prelude::*;
 use std::collections::BTreeMap;
@@ -106,6 +112,7 @@ enum Quantity {
     Force,
     Tangent(TangentKind),
     Product,
+    MatrixFree,
     Gather,
 }
 
@@ -118,6 +125,7 @@ impl Quantity {
             Self::Tangent(TangentKind::Projected) => "projected tangent",
             Self::Tangent(TangentKind::GaussNewton) => "Gauss-Newton tangent",
             Self::Product => "matrix-vector product",
+            Self::MatrixFree => "exact tangent times vector",
             Self::Gather => "gather of forces",
         }
     }
@@ -164,6 +172,8 @@ fn size_rows(
         (Evaluation::Fused, Model::StVK),
         (Evaluation::Fused, Model::CompressibleStVK),
         (Evaluation::Pooled, Model::CompressibleStVK),
+        (Evaluation::Fused, Model::QuadraticSprings),
+        (Evaluation::Fused, Model::MassSpring),
     ] {
         let reference = Reference::of(mesh, model)?;
         subjects.push(Box::new(Body::<f64>::new(mesh, evaluation, model, &reference)?));
@@ -356,20 +366,8 @@ impl<S: Scalar> Body<S> {
     }
 
     fn once(&mut self, quantity: Quantity) {
-        let world = self.simulation.world();
-        match quantity {
-            Quantity::Product => {
-                let (topology, workers) =
-                    (world.resource::<Topology>(), world.resource::<Workers>());
-                self.matrix.multiply(topology, workers, &mut self.spans, &self.x, &mut self.y);
-            }
-            Quantity::Gather => {
-                let workers = world.resource::<Workers>();
-                let buffer = world.resource::<LawBuffer<FusedStVK, S>>();
-                buffer.add_forces_to(workers, black_box(&mut self.y));
-            }
-            _ => evaluate(&mut self.simulation),
-        }
+        let Self { simulation, matrix, spans, x, y, .. } = self;
+        once(quantity, simulation.world_mut(), matrix, spans, x, y);
     }
 
     fn prepare(&mut self, quantity: Quantity) {
@@ -384,14 +382,45 @@ impl<S: Scalar> Body<S> {
     }
 }
 
+/// One evaluation.
+fn once<S: Scalar>(
+    quantity: Quantity,
+    world: &mut World,
+    matrix: &BlockMatrix<S>,
+    spans: &mut ProductSpans<S>,
+    x: &[[S; 4]],
+    y: &mut [[S; 4]],
+) {
+    match quantity {
+        Quantity::Product => {
+            let (topology, workers) = (world.resource::<Topology>(), world.resource::<Workers>());
+            matrix.multiply(topology, workers, spans, x, y);
+        }
+        Quantity::MatrixFree => {
+            y.fill([S::ZERO; 4]);
+            let done = fused::multiply::<FusedStVK, S>(world, TangentKind::Exact, x, y);
+            debug_assert!(done.is_ok(), "exact tangents have a product");
+        }
+        Quantity::Gather => {
+            let workers = world.resource::<Workers>();
+            let buffer = world.resource::<LawBuffer<FusedStVK, S>>();
+            buffer.add_forces_to(workers, black_box(y));
+        }
+        _ => world.run_schedule(ForceSchedule),
+    }
+}
+
 impl<S: Scalar> Subject for Body<S> {
     fn quantities(&self) -> Vec<Quantity> {
-        let mut all =
-            vec![Quantity::Energy, Quantity::Force, Quantity::Tangent(TangentKind::Exact)];
+        let mut all = vec![Quantity::Energy, Quantity::Force];
+        // no reference has the tangent of plain edge springs
+        if self.model != Model::MassSpring {
+            all.push(Quantity::Tangent(TangentKind::Exact));
+        }
         if self.model == Model::CompressibleStVK {
             all.push(Quantity::Tangent(TangentKind::Projected));
             if self.evaluation == Evaluation::Fused {
-                all.extend([Quantity::Product, Quantity::Gather]);
+                all.extend([Quantity::Product, Quantity::MatrixFree, Quantity::Gather]);
             }
         }
         all
@@ -420,11 +449,14 @@ impl<S: Scalar> Subject for Body<S> {
         }
         self.prepare(quantity);
         self.simulation.world_mut().insert_resource(SystemTimes::default());
-        let start = Instant::now();
-        for _ in 0..repetitions {
-            self.once(quantity);
-        }
-        let seconds = start.elapsed().as_secs_f64() / repetitions as f64;
+        let Self { simulation, matrix, spans, x, y, .. } = self;
+        let seconds = as_in_a_step(simulation, |world| {
+            let start = Instant::now();
+            for _ in 0..repetitions {
+                once(quantity, world, matrix, spans, x, y);
+            }
+            start.elapsed().as_secs_f64() / repetitions as f64
+        });
         let world = self.simulation.world_mut();
         let parts = world.resource::<SystemTimes>().entries.iter();
         let parts = parts.map(|p| (p.name, p.seconds / repetitions as f64)).collect();
@@ -438,7 +470,10 @@ impl<S: Scalar> Subject for Body<S> {
     fn names(&self, quantity: Quantity) -> (String, String) {
         let kernel = match (quantity, self.evaluation) {
             (Quantity::Product, _) => "assembled symmetric half",
+            (Quantity::MatrixFree, _) => "matrix-free",
             (Quantity::Gather, _) => "private force arrays",
+            _ if self.model == Model::QuadraticSprings => "TQS",
+            _ if self.model == Model::MassSpring => "mass-spring edges",
             (_, Evaluation::Fused) => "fused",
             (_, Evaluation::Pooled) => "pooled, all passes",
         };
@@ -479,6 +514,19 @@ impl<S: Scalar> Subject for Body<S> {
                 _ => Work::default(),
             };
         }
+        if self.model == Model::MassSpring {
+            let read = edges * size_of::<(EdgeVertices, [S; 3 + 1])>() as f64 + vertices * row;
+            let written = if quantity == Quantity::Force { vertices * row } else { 0.0 };
+            return Work { flops: None, bytes: Some(read + written) };
+        }
+        if self.model == Model::QuadraticSprings {
+            let written = match quantity {
+                Quantity::Force => vertices * row,
+                Quantity::Tangent(_) => tangent_bytes,
+                _ => 0.0,
+            };
+            return Work { flops: None, bytes: Some(read + written) };
+        }
         let flops = |per_element: u64| Some(tetrahedra * per_element as f64);
         match quantity {
             Quantity::Energy => Work { flops: flops(fused.energy), bytes: Some(read) },
@@ -497,6 +545,7 @@ impl<S: Scalar> Subject for Body<S> {
                         + 2.0 * vertices * row,
                 ),
             },
+            Quantity::MatrixFree => Work { flops: None, bytes: Some(read + 2.0 * vertices * row) },
             Quantity::Gather => {
                 Work { flops: Some(4.0 * vertices), bytes: Some(3.0 * vertices * row) }
             }
@@ -508,7 +557,9 @@ impl<S: Scalar> Subject for Body<S> {
         Some(match quantity {
             Quantity::Energy => energy,
             Quantity::Force | Quantity::Gather => force,
-            Quantity::Tangent(TangentKind::Exact) | Quantity::Product => exact,
+            Quantity::Tangent(TangentKind::Exact) | Quantity::Product | Quantity::MatrixFree => {
+                exact
+            }
             Quantity::Tangent(TangentKind::Projected) => projected,
             Quantity::Tangent(TangentKind::GaussNewton) => return None,
         })
@@ -568,6 +619,20 @@ impl Reference {
             let rest = RestTetrahedron::new(pick(&mesh.points))?;
             let e = Element::<f64>::new(&rest, lame, model == Model::CompressibleStVK);
             let (u, v) = (pick(&u), pick(&v));
+            if model == Model::MassSpring {
+                sum.add_edges(&rest, lame, nodes, pick(&mesh.points), u);
+                continue;
+            }
+            if model == Model::QuadraticSprings {
+                sum.energy += quadratic::tetrahedron::energy(&e, &u);
+                let forces = quadratic::tetrahedron::forces(&e, &u);
+                let exact = quadratic::tetrahedron::tangent(&e, &u, TangentKind::Exact).product(&v);
+                for (a, &node) in nodes.iter().enumerate() {
+                    sum.forces[node as usize] += DVec3::from_array(forces[a]);
+                    sum.product[node as usize] += DVec3::from_array(exact[a]);
+                }
+                continue;
+            }
             sum.energy += tetrahedron::energy(&e, &u);
             let forces = tetrahedron::forces(&e, &u);
             let exact = tetrahedron::tangent(&e, &u, TangentKind::Exact).product(&v);
@@ -580,6 +645,26 @@ impl Reference {
             }
         }
         Ok(sum)
+    }
+
+    /// Tensile springs of one tetrahedron.
+    fn add_edges(
+        &mut self,
+        rest: &RestTetrahedron,
+        lame: LameParameters,
+        nodes: &[u32; 4],
+        points: [[f64; 3]; 4],
+        u: [[f64; 3]; 4],
+    ) {
+        let tensile = SpringConstants::new(rest, lame).tensile;
+        for (k, [a, b]) in tensile.into_iter().zip(TETRAHEDRON_EDGES) {
+            let stretch = Stretch::new(sub(points[a], points[b]), sub(u[a], u[b]));
+            self.energy += tensile_energy(k, stretch.change);
+            let force = stretch.slope * tensile_tension(k, stretch.change);
+            let force = DVec3::from_array(stretch.edge) * force;
+            self.forces[nodes[a] as usize] -= force;
+            self.forces[nodes[b] as usize] += force;
+        }
     }
 }
 
