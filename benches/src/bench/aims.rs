@@ -41,7 +41,7 @@ pub fn kernels(report: &KernelReport) -> Vec<Aim> {
     let force = [
         ("fused", "svk", "f64", [8.0, 5.0]),
         ("fused", "svk", "f32", [6.0, 3.5]),
-        ("pooled, all passes", "svk_comp", "f64", [14.0, 8.0]),
+        ("pooled, all passes", "svk", "f64", [14.0, 8.0]),
     ];
     for (kernel, model, precision, limits) in force {
         for (threads, limit) in [1, 2].into_iter().zip(limits) {

@@ -143,12 +143,12 @@ impl ElementFlops {
     }
 }
 
-/// Operations of the force of pooled springs, compression term included. Per edge: change of squared
+/// Operations of the force of pooled springs, with or without the compression term. Per edge: change of squared
 /// length 14, tension 2, force 4, adding it to both ends 6, adding the tensile tension 1; per triangle
 /// (angular) and per tetrahedron (volumetric): three pairs of springs with 4 operations and 2 additions
 /// to sums of tensions each, and one addition to the tension of every edge.
-pub fn pooled_flops(edges: f64, triangles: f64, tetrahedra: f64) -> f64 {
-    let compression = ElementFlops::count(true).compression as f64;
+pub fn pooled_flops(edges: f64, triangles: f64, tetrahedra: f64, compressible: bool) -> f64 {
+    let compression = if compressible { ElementFlops::count(true).compression as f64 } else { 0.0 };
     27.0 * edges + 21.0 * triangles + (24.0 + compression) * tetrahedra
 }
 

@@ -171,6 +171,7 @@ fn size_rows(
     for (evaluation, model) in [
         (Evaluation::Fused, Model::StVK),
         (Evaluation::Fused, Model::CompressibleStVK),
+        (Evaluation::Pooled, Model::StVK),
         (Evaluation::Pooled, Model::CompressibleStVK),
         (Evaluation::Fused, Model::QuadraticSprings),
         (Evaluation::Fused, Model::MassSpring),
@@ -497,18 +498,19 @@ impl<S: Scalar> Subject for Body<S> {
         let tangent_bytes =
             tetrahedra * size_of::<TetrahedronBlocks>() as f64 + (vertices + edges) * block;
         if self.evaluation == Evaluation::Pooled {
+            let compressible = self.model == Model::CompressibleStVK;
             let sizes = [
                 tetrahedra * size_of::<(TetrahedronEdges, [S; 3])>() as f64,
                 triangles * size_of::<(TriangleEdges, [S; 3])>() as f64,
                 // rest vector, stiffness, change, tension by each of the three laws and in sum
                 edges * size_of::<(EdgeVertices, [S; 3 + 1 + 1 + 3 + 1])>() as f64,
                 // the compression term reads the columns of the fused law
-                read,
+                if compressible { read } else { vertices * row },
                 vertices * row,
             ];
             return match quantity {
                 Quantity::Force => Work {
-                    flops: Some(pooled_flops(edges, triangles, tetrahedra)),
+                    flops: Some(pooled_flops(edges, triangles, tetrahedra, compressible)),
                     bytes: Some(sizes.iter().sum()),
                 },
                 _ => Work::default(),
