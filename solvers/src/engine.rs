@@ -148,15 +148,19 @@ impl<T: Scalar> Engine<T> {
             (expected + k.cost - k.excess).ceil() as u32
         });
         let workers = system.workers;
-        self.load(pattern, r, 1.0 / norm);
         let mut since = (0, 1.0);
         if let Some(allowance) = allowance {
+            self.load(pattern, r, 1.0 / norm);
             self.iterate(workers, pattern, target, cap.min(allowance), &mut inner);
         }
         if allowance.is_none() || (inner.status == InnerStatus::Cap && inner.iterations < cap) {
+            since = (inner.iterations, inner.reduction);
             inner.breakdowns = self.refresh(system, pattern, rest, body, kind, factors);
             inner.refreshes = 1;
-            since = (inner.iterations, inner.reduction);
+            if allowance.is_none() {
+                // the work space may be new
+                self.load(pattern, r, 1.0 / norm);
+            }
             self.iterate(workers, pattern, target, cap, &mut inner);
         }
         if let Some(kept) = &mut self.kept {
