@@ -8,7 +8,7 @@
 //!
 //! The element matrix of a tetrahedron depends on its deformation only through the lengths of its six
 //! edges, up to rotation. So an estimate is good until the squared length of some edge has changed by
-//! [`STRAIN_CHANGE`] of its rest value; then a few steps from the last mode renew it.
+//! `STRAIN_CHANGE` of its rest value; then a few steps from the last mode renew it.
 
 use crate::state::{NodeState, Rows, dot3, evaluate, read_force};
 use bevy_ecs::prelude::*;
