@@ -235,11 +235,12 @@ impl CoreTimes {
     }
 }
 
-/// Clock ticks of this process: `utime` and `stime`, the 12th and 13th field after the name.
+/// Clock ticks of this process and of its children that have ended: `utime`, `stime`, `cutime` and
+/// `cstime`, the 12th to 15th field after the name. Other engines run as children.
 fn own_ticks() -> Option<u64> {
     let text = read_to_string("/proc/self/stat").ok()?;
-    let mut fields = text.rsplit_once(')')?.1.split_whitespace().skip(11);
-    Some(fields.next()?.parse::<u64>().ok()? + fields.next()?.parse::<u64>().ok()?)
+    let fields = text.rsplit_once(')')?.1.split_whitespace().skip(11);
+    fields.take(4).map(|ticks| ticks.parse::<u64>().ok()).sum()
 }
 
 /// Nanoseconds that this thread ran, and that it waited for a core.
