@@ -40,6 +40,7 @@
 pub mod body;
 pub mod fused;
 pub mod material;
+pub mod membrane;
 pub mod pooled;
 pub mod precompute;
 mod projection;

@@ -85,7 +85,7 @@ impl<R: Real> Stretch<R> {
 
     /// `c (I - n n^T)` added to `m`.
     #[inline(always)]
-    fn add_geometric(&self, m: &mut [R; 9], c: R) {
+    pub(crate) fn add_geometric(&self, m: &mut [R; 9], c: R) {
         add_outer(m, scale(self.edge, -(c * self.inverse_square)), self.edge);
         add_identity(m, c);
     }
