@@ -19,7 +19,7 @@
 )]
 
 use crate::lanes::Lanes;
-use crate::scalar::{Real, Scalar, dot, sub};
+use crate::scalar::{Real, Scalar, add, cross, dot, sub};
 use crate::vertex::Displacement;
 use bevy_ecs::prelude::Component;
 use bytemuck::TransparentWrapper;
@@ -253,6 +253,134 @@ impl<'a, S: Scalar> TetrahedronShapes<'a, S> {
         }
         u
     }
+}
+
+/// Vertex rows of a membrane triangle, ascending.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
+#[repr(transparent)]
+pub struct MembraneVertices(pub [u32; 3]);
+
+/// Tangent blocks (edge-graph indices) of a membrane triangle, block `i` opposite vertex `i`.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[repr(transparent)]
+pub struct MembraneBlocks(pub [u32; 3]);
+
+/// Index of the membrane triangle in the list that the user gave.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
+pub struct MembraneIndex(pub u32);
+
+/// Component `AXIS` (0, 1, 2) of the rest edge `X_VERTEX - X_0` (m) of a membrane triangle, `VERTEX` 1 or
+/// 2.
+#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
+#[repr(transparent)]
+pub struct MembraneEdge<S: Scalar, const VERTEX: usize, const AXIS: usize>(pub S);
+
+/// Rest area (m^2).
+#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+#[component(summary_tick)]
+#[repr(transparent)]
+pub struct RestArea<S: Scalar>(pub S);
+
+/// Rest shape of membrane triangles, six columns of [`MembraneEdge`] and [`RestArea`]: query data.
+pub type MembraneRest<S> = (
+    (&'static MembraneEdge<S, 1, 0>, &'static MembraneEdge<S, 1, 1>, &'static MembraneEdge<S, 1, 2>),
+    (&'static MembraneEdge<S, 2, 0>, &'static MembraneEdge<S, 2, 1>, &'static MembraneEdge<S, 2, 2>),
+    &'static RestArea<S>,
+);
+
+/// The components of [`MembraneRest`].
+pub type MembraneRestBundle<S> = (
+    (MembraneEdge<S, 1, 0>, MembraneEdge<S, 1, 1>, MembraneEdge<S, 1, 2>),
+    (MembraneEdge<S, 2, 0>, MembraneEdge<S, 2, 1>, MembraneEdge<S, 2, 2>),
+    RestArea<S>,
+);
+
+/// The components of [`MembraneRest`] from the rest edges (m) and the rest area (m^2).
+pub fn membrane_rest_bundle<S: Scalar>(edges: [[f64; 3]; 2], area: f64) -> MembraneRestBundle<S> {
+    let [[a, b, c], [d, e, f]] = edges.map(|edge| edge.map(S::from_f64));
+    (
+        (MembraneEdge(a), MembraneEdge(b), MembraneEdge(c)),
+        (MembraneEdge(d), MembraneEdge(e), MembraneEdge(f)),
+        RestArea(S::from_f64(area)),
+    )
+}
+
+/// Slices of the columns of [`MembraneRest`], as a contiguous query gives them.
+pub type MembraneRestColumns<'a, S> = (
+    (&'a [MembraneEdge<S, 1, 0>], &'a [MembraneEdge<S, 1, 1>], &'a [MembraneEdge<S, 1, 2>]),
+    (&'a [MembraneEdge<S, 2, 0>], &'a [MembraneEdge<S, 2, 1>], &'a [MembraneEdge<S, 2, 2>]),
+    &'a [RestArea<S>],
+);
+
+/// Deformation of many triangles: vertex displacements and the columns of their rest shapes.
+#[derive(Clone, Copy, Debug)]
+pub struct MembraneShapes<'a, S> {
+    /// Displacement of every vertex row (m).
+    pub displacement: &'a [[S; 4]],
+    /// Vertex rows of the triangles.
+    pub nodes: &'a [[u32; 3]],
+    /// Components of the rest edges `X_1 - X_0` and `X_2 - X_0` (m).
+    pub edges: [&'a [S]; 6],
+    /// Rest areas (m^2).
+    pub area: &'a [S],
+}
+
+impl<'a, S: Scalar> MembraneShapes<'a, S> {
+    /// From table columns.
+    pub fn new(
+        displacement: &'a [Displacement<S>],
+        nodes: &'a [MembraneVertices],
+        (a, b, area): MembraneRestColumns<'a, S>,
+    ) -> Self {
+        Self {
+            displacement: Displacement::peel_slice(displacement),
+            nodes: MembraneVertices::peel_slice(nodes),
+            edges: [
+                MembraneEdge::peel_slice(a.0),
+                MembraneEdge::peel_slice(a.1),
+                MembraneEdge::peel_slice(a.2),
+                MembraneEdge::peel_slice(b.0),
+                MembraneEdge::peel_slice(b.1),
+                MembraneEdge::peel_slice(b.2),
+            ],
+            area: RestArea::peel_slice(area),
+        }
+    }
+
+    /// Rest edges of the triangles from `first` on.
+    #[inline(always)]
+    pub fn edges<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 2] {
+        let mut edges = [[L::ZERO; 3]; 2];
+        for a in 0..2 {
+            for x in 0..3 {
+                edges[a][x] = L::load(&self.edges[3 * a + x][first..]);
+            }
+        }
+        edges
+    }
+
+    /// Displacements of the vertices of the triangles from `first` on.
+    #[inline(always)]
+    pub fn displacements<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 3] {
+        let nodes = &self.nodes[first..];
+        let mut u = [[L::ZERO; 3]; 3];
+        for a in 0..3 {
+            u[a] = L::load_rows(self.displacement, nodes, a);
+        }
+        u
+    }
+}
+
+/// Deformed over rest area of a triangle with the rest edges `edges` (m) and rest area `area` (m^2).
+#[inline(always)]
+pub fn area_ratio<S: Real>(edges: &[[S; 3]; 2], area: S, u: &[[S; 3]; 3]) -> S {
+    let a = add(edges[0], sub(u[1], u[0]));
+    let b = add(edges[1], sub(u[2], u[0]));
+    let normal = cross(a, b);
+    dot(normal, normal).sqrt() / (area + area)
 }
 
 /// Rest volume (m^3).

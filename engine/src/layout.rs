@@ -1,5 +1,6 @@
 //! From a mesh in the user's order to the order in which the engine stores it, and the edges,
-//! triangles and incidences that follow from the tetrahedra. Plain data; rows are local to a body.
+//! triangles and incidences that follow from tetrahedra and membrane triangles. Plain data; rows are
+//! local to a body.
 //!
 //! Vertices are put in reverse Cuthill-McKee order and elements are sorted by their lowest row, so
 //! that a range of elements touches a short span of vertices: that keeps gathers in cache and makes
@@ -32,13 +33,32 @@ pub struct BodyLayout {
     pub triangle_edges: Vec<[u32; 3]>,
     /// Triangle rows of the tetrahedra; face `i` lies opposite vertex `i`.
     pub tetrahedron_triangles: Vec<[u32; 4]>,
+    /// Vertex rows of the membrane triangles, ascending. They are no faces by themselves: an edge or a
+    /// face that a membrane shares with a tetrahedron is there once.
+    pub membrane: Vec<[u32; 3]>,
+    /// Membrane triangle row -> index in the user's list.
+    pub membrane_order: Vec<u32>,
+    /// Edge rows of the membrane triangles, edge `i` opposite vertex `i`.
+    pub membrane_edges: Vec<[u32; 3]>,
+    /// Row of every membrane triangle in `triangles`.
+    pub membrane_triangles: Vec<u32>,
 }
 
 impl BodyLayout {
-    /// Orders the mesh of `vertex_count` vertices; `tetrahedra` must hold valid, distinct indices
-    /// (which [`crate::mesh`]'s check guarantees).
+    /// Orders a mesh of `vertex_count` vertices without membranes; `tetrahedra` must hold valid, distinct
+    /// indices (which [`crate::mesh`]'s check guarantees).
     pub fn new(vertex_count: usize, tetrahedra: &[[u32; 4]]) -> Self {
-        let vertex_order = reverse_cuthill_mckee(vertex_count, tetrahedra);
+        Self::with_membrane(vertex_count, tetrahedra, &[])
+    }
+
+    /// Orders a mesh of tetrahedra and membrane triangles with valid, distinct indices. Both share
+    /// vertices and edges where they share indices.
+    pub fn with_membrane(
+        vertex_count: usize,
+        tetrahedra: &[[u32; 4]],
+        membrane: &[[u32; 3]],
+    ) -> Self {
+        let vertex_order = reverse_cuthill_mckee(vertex_count, tetrahedra, membrane);
         let mut row_of_vertex = vec![UNUSED; vertex_count];
         for (row, &v) in vertex_order.iter().enumerate() {
             row_of_vertex[v as usize] = row as u32;
@@ -52,15 +72,25 @@ impl BodyLayout {
         });
         let ordered: Vec<[u32; 4]> = order.iter().map(|&t| lowest_first(rows(t))).collect();
 
+        let sheet = |t: u32| {
+            let [a, b, c] = membrane[t as usize].map(|v| row_of_vertex[v as usize]);
+            sorted3(a, b, c)
+        };
+        let mut membrane_order: Vec<u32> = (0..membrane.len() as u32).collect();
+        membrane_order.sort_by_cached_key(|&t| (sheet(t), t));
+        let membrane: Vec<[u32; 3]> = membrane_order.iter().map(|&t| sheet(t)).collect();
+
         let mut edges: Vec<[u32; 2]> = ordered
             .iter()
             .flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| sorted2(t[a], t[b])))
+            .chain(membrane.iter().flat_map(|&[a, b, c]| [[b, c], [a, c], [a, b]]))
             .collect();
         edges.sort_unstable();
         edges.dedup();
         let mut triangles: Vec<[u32; 3]> = ordered
             .iter()
             .flat_map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| sorted3(t[a], t[b], t[c])))
+            .chain(membrane.iter().copied())
             .collect();
         triangles.sort_unstable();
         triangles.dedup();
@@ -83,10 +113,12 @@ impl BodyLayout {
             .iter()
             .map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| triangle_row(t[a], t[b], t[c])))
             .collect();
-        let triangle_edges = triangles
-            .iter()
-            .map(|t| [edge_row(t[1], t[2]), edge_row(t[2], t[0]), edge_row(t[0], t[1])])
-            .collect();
+        let opposite =
+            |t: &[u32; 3]| [edge_row(t[1], t[2]), edge_row(t[2], t[0]), edge_row(t[0], t[1])];
+        let triangle_edges = triangles.iter().map(opposite).collect();
+        let membrane_edges = membrane.iter().map(opposite).collect();
+        let membrane_triangles =
+            membrane.iter().map(|&[a, b, c]| triangle_row(a, b, c)).collect();
         Self {
             vertex_order,
             row_of_vertex,
@@ -97,6 +129,10 @@ impl BodyLayout {
             triangles,
             triangle_edges,
             tetrahedron_triangles,
+            membrane,
+            membrane_order,
+            membrane_edges,
+            membrane_triangles,
         }
     }
 }
@@ -147,11 +183,18 @@ pub fn starts(n: usize, keys: impl Iterator<Item = u32>) -> Vec<u32> {
     start
 }
 
-/// Reverse Cuthill-McKee order of the vertices that some tetrahedron uses. Each component starts
+/// Reverse Cuthill-McKee order of the vertices that some element uses. Each component starts
 /// from a vertex far from everything (two breadth-first sweeps), which keeps the bandwidth low.
-fn reverse_cuthill_mckee(n: usize, tetrahedra: &[[u32; 4]]) -> Vec<u32> {
+fn reverse_cuthill_mckee(
+    n: usize,
+    tetrahedra: &[[u32; 4]],
+    membrane: &[[u32; 3]],
+) -> Vec<u32> {
     // adjacency in compressed rows, duplicates removed
-    let mut pairs: Vec<[u32; 2]> = Vec::with_capacity(tetrahedra.len() * 12);
+    let mut pairs: Vec<[u32; 2]> = Vec::with_capacity(tetrahedra.len() * 12 + membrane.len() * 6);
+    for &[a, b, c] in membrane {
+        pairs.extend([[a, b], [b, a], [b, c], [c, b], [c, a], [a, c]]);
+    }
     for t in tetrahedra {
         for [a, b] in TETRAHEDRON_EDGES {
             pairs.push([t[a], t[b]]);
@@ -245,6 +288,26 @@ mod tests {
             assert_eq!(layout.edges[edges[0] as usize], sorted2(t[1], t[2]));
             assert_eq!(layout.edges[edges[1] as usize], sorted2(t[2], t[0]));
         }
+    }
+
+    #[test]
+    fn a_membrane_shares_the_edges_of_the_solid() {
+        // a triangle on a face of the tetrahedron, and one that hangs on an edge of it
+        let layout = BodyLayout::with_membrane(6, &[[0, 1, 2, 3]], &[[5, 2, 1], [2, 1, 0]]);
+        assert_eq!(layout.vertex_order.len(), 5);
+        assert_eq!((layout.edges.len(), layout.triangles.len()), (8, 5));
+        for (i, t) in layout.membrane.iter().enumerate() {
+            assert!(t[0] < t[1] && t[1] < t[2]);
+            assert_eq!(layout.triangles[layout.membrane_triangles[i] as usize], *t);
+            let edges = layout.membrane_edges[i];
+            assert_eq!(layout.edges[edges[0] as usize], [t[1], t[2]]);
+            assert_eq!(layout.edges[edges[1] as usize], [t[0], t[2]]);
+        }
+        let mut order = layout.membrane_order.clone();
+        order.sort_unstable();
+        assert_eq!(order, [0, 1]);
+        let alone = BodyLayout::with_membrane(3, &[], &[[2, 0, 1]]);
+        assert_eq!((alone.edges.len(), alone.triangles.len(), alone.tetrahedra.len()), (3, 1, 0));
     }
 
     #[test]

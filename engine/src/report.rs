@@ -87,6 +87,21 @@ impl Default for VolumeReport {
     }
 }
 
+/// Area ratios of membranes at the end of the step; a world without membranes does not have it.
+///
+/// A membrane triangle that is turned over is no error, so there is nothing to count.
+#[derive(Resource, Clone, Copy, Debug, Serialize)]
+pub struct AreaReport {
+    /// Smallest deformed area over rest area; never negative.
+    pub smallest_ratio: f64,
+}
+
+impl Default for AreaReport {
+    fn default() -> Self {
+        Self { smallest_ratio: f64::INFINITY }
+    }
+}
+
 /// Host time spent in each system since the start, in order of first appearance.
 #[derive(Resource, Clone, Debug, Default, Serialize)]
 pub struct SystemTimes {

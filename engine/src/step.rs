@@ -2,11 +2,12 @@
 
 use crate::columns::single_table;
 use crate::element::{
-    ShapeGradients, TetrahedronShapes, TetrahedronVertices, displacement_gradient, volume_change,
+    MembraneRest, MembraneShapes, MembraneVertices, ShapeGradients, TetrahedronShapes,
+    TetrahedronVertices, area_ratio, displacement_gradient, volume_change,
 };
-use crate::lanes::{Kernel, Lanes, MAX_LANES, padded};
+use crate::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use crate::load::{Constraint, Load, apply_constraints, apply_loads};
-use crate::report::{StepReport, SystemTimes, VolumeReport};
+use crate::report::{AreaReport, StepReport, SystemTimes, VolumeReport};
 use crate::scalar::Scalar;
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
 use crate::topology::{ElementTables, Topology};
@@ -331,6 +332,64 @@ impl<S: Scalar> Kernel<S> for VolumeRatios<'_, S> {
 fn volume_ratios<L: Lanes>(shapes: &TetrahedronShapes<L::Scalar>, first: usize) -> L {
     let u = shapes.displacements(first);
     L::ONE + volume_change(&displacement_gradient(&shapes.gradients(first), &u))
+}
+
+/// Puts [`AreaReport`] and the system that fills it into a world, once; bodies with a membrane call it.
+pub fn report_areas<S: Scalar>(world: &mut World) {
+    if !world.contains_resource::<AreaReport>() {
+        world.init_resource::<AreaReport>();
+        let mut schedules = world.resource_mut::<Schedules>();
+        schedules
+            .entry(StepSchedule)
+            .add_systems(measure_area_ratios::<S>.in_set(StepSystems::Report));
+    }
+}
+
+/// Smallest area ratio of the current state into [`AreaReport`].
+pub fn measure_area_ratios<S: Scalar>(
+    workers: Res<Workers>,
+    failure: Res<StepFailure>,
+    mut report: ResMut<AreaReport>,
+    vertices: Query<&Displacement<S>>,
+    triangles: Query<(&MembraneVertices, MembraneRest<S>)>,
+) {
+    const CHUNK: usize = 4096;
+    if failure.0.is_some() {
+        return;
+    }
+    report.smallest_ratio = f64::INFINITY;
+    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
+    // every formulation keeps its triangles in a table of its own
+    for (nodes, rest) in triangles.contiguous_iter().expect("elements are stored in tables") {
+        let shapes = &MembraneShapes::new(u, nodes, rest);
+        let mut partial = vec![f64::INFINITY; nodes.len().div_ceil(CHUNK)];
+        workers.for_each(&mut partial, nodes.len() * 3, |i, least| {
+            let elements = i * CHUNK..((i + 1) * CHUNK).min(nodes.len());
+            let batch = AreaRatios { shapes, least: [f64::INFINITY; MAX_LANES] };
+            let found = workers.dispatch(Batches(elements, batch)).least;
+            *least = found.into_iter().fold(f64::INFINITY, f64::min);
+        });
+        report.smallest_ratio = partial.into_iter().fold(report.smallest_ratio, f64::min);
+    }
+}
+
+struct AreaRatios<'a, S> {
+    shapes: &'a MembraneShapes<'a, S>,
+    least: [f64; MAX_LANES],
+}
+
+impl<S: Scalar> Batch<S> for AreaRatios<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let shapes = self.shapes;
+        let u = shapes.displacements(first);
+        let ratio = area_ratio(&shapes.edges(first), L::load(&shapes.area[first..]), &u);
+        let mut lanes = [S::ZERO; MAX_LANES];
+        ratio.store(&mut lanes);
+        for lane in 0..L::COUNT {
+            self.least[lane] = self.least[lane].min(lanes[lane].to_f64());
+        }
+    }
 }
 
 fn write_positions<S: Scalar>(

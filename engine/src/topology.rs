@@ -1,7 +1,7 @@
 //! What the bodies of a world share: their row ranges and the edge graph, on which every tangent
 //! lives (all springs of a tetrahedron couple its own vertices).
 
-use crate::element::{EdgeVertices, TetrahedronVertices, TriangleEdges};
+use crate::element::{EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges};
 use crate::layout::starts;
 use crate::vertex::RestPosition;
 use bevy_ecs::archetype::ArchetypeId;
@@ -25,6 +25,10 @@ pub struct BodyRows {
     pub tetrahedra: Vec<[u32; 4]>,
     /// Tetrahedron in engine order -> index in the user's mesh.
     pub tetrahedron_order: Vec<u32>,
+    /// Membrane triangles in engine order: vertex rows relative to `vertices.start`, ascending.
+    pub membrane: Vec<[u32; 3]>,
+    /// Membrane triangle in engine order -> index in the user's list.
+    pub membrane_order: Vec<u32>,
     /// Longest side of the rest bounding box (m).
     pub size: f64,
     /// Connected piece of each vertex row (relative to `vertices.start`), counted from 0; filled by
@@ -133,6 +137,7 @@ impl ElementTables {
             world.component_id::<EdgeVertices>(),
             world.component_id::<TriangleEdges>(),
             world.component_id::<TetrahedronVertices>(),
+            world.component_id::<MembraneVertices>(),
         ];
         let is_element =
             |a: &&bevy_ecs::archetype::Archetype| kinds.iter().flatten().any(|&k| a.contains(k));

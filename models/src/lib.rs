@@ -39,6 +39,7 @@
 
 pub mod body;
 pub mod fused;
+pub mod fused_membrane;
 pub mod material;
 pub mod membrane;
 pub mod pooled;

@@ -411,9 +411,7 @@ fn assemble<R: Real>([k11, k22, k12]: &[[R; 9]; 3]) -> TriangleTangent<R> {
 /// Ratio of deformed to rest area; zero when shrunk to a line or a point, never negative.
 #[inline(always)]
 pub fn area_ratio<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
-    let [a, b] = deformed(e, &relative(u));
-    let normal = cross(a, b);
-    dot(normal, normal).sqrt() * (e.area + e.area).recip()
+    sinew_engine::element::area_ratio(&e.edges, e.area, u)
 }
 
 /// Area ratio from the change of the Gram matrix, continued where it vanishes.

@@ -1,0 +1,531 @@
+//! Membrane laws evaluated triangle by triangle ([`crate::membrane`]), and two that complete the pooled
+//! springs of [`crate::pooled`]: the compression term, and the projected tangent, which needs the whole
+//! stress of a triangle. Mass-spring membranes are springs on edges ([`crate::quadratic::MassSpring`]).
+
+use bevy_ecs::prelude::*;
+use bevy_ecs::query::ArchetypeFilter;
+use bytemuck::TransparentWrapper;
+use sinew_engine::columns::single_table;
+use sinew_engine::element::{
+    MembraneBlocks, MembraneEdge, MembraneRest, MembraneRestColumns, MembraneShapes,
+    MembraneVertices, RestArea,
+};
+use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
+use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
+use sinew_engine::scalar::{Real, Scalar};
+use sinew_engine::schedule::{ForceSystems, activate_law, column_changed, declare_inputs};
+use sinew_engine::vertex::Displacement;
+use sinew_engine::workers::Workers;
+
+use std::marker::PhantomData;
+use std::time::Instant;
+
+use crate::membrane::{
+    Element, TriangleTangent, biquadratic, corotational, linear, quadratic,
+};
+use crate::pooled::sum;
+
+macro_rules! moduli {
+    ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {$(
+        $(#[$doc])*
+        #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+        #[component(summary_tick)]
+        #[repr(transparent)]
+        pub struct $name<S: Scalar>(pub S);
+    )+};
+}
+moduli! {
+    /// First modulus of plane stress times thickness of a membrane triangle (N/m).
+    MembraneFirstModulus,
+    /// Shear modulus times thickness of a membrane triangle (N/m).
+    MembraneShearModulus,
+    /// Modulus of the compression term of a membrane triangle (N/m), or 0 without it.
+    MembraneCompressionModulus,
+}
+
+/// A law whose energy is a sum over membrane triangles of a function of their three displacements.
+pub trait TriangleLaw: Law {
+    /// Triangles it acts on.
+    type Bodies: ArchetypeFilter + 'static;
+    /// Whether it contributes energy and force.
+    const FORCES: bool = true;
+    /// Whether it contributes to a tangent of this kind.
+    fn contributes(_: TangentKind) -> bool {
+        true
+    }
+    /// Energy (J).
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R;
+    /// Forces (N).
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3];
+    /// Tangent (N/m).
+    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R>;
+    /// Product (N) of the tangent with the displacements `v` (m).
+    #[inline(always)]
+    fn product<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 3],
+        v: &[[R; 3]; 3],
+        kind: TangentKind,
+    ) -> [[R; 3]; 3] {
+        Self::tangent(e, u, kind).product(v)
+    }
+    /// Where the projected tangent differs from the exact one.
+    #[inline(always)]
+    fn is_clamped<R: Real>(_: &Element<R>, _: &[[R; 3]; 3]) -> R::Mask {
+        R::less(R::ONE, R::ZERO)
+    }
+}
+
+macro_rules! law {
+    ($(#[$doc:meta])* $name:ident, $text:literal, $order:literal) => {
+        $(#[$doc])*
+        #[derive(Component, Clone, Copy, Debug, Default)]
+        pub struct $name;
+        impl Law for $name {
+            const NAME: &'static str = $text;
+            const ORDER: u8 = $order;
+        }
+    };
+}
+law!(
+    /// Biquadratic springs (TRBS), one triangle at a time; also the mark of its triangles.
+    BiquadraticMembrane, "biquadratic membrane", 12
+);
+law!(
+    /// Quadratic springs (TRQS); also the mark of its triangles.
+    QuadraticMembrane, "quadratic membrane", 13
+);
+law!(
+    /// Constant-strain triangles; also the mark of its triangles.
+    LinearMembrane, "linear membrane", 14
+);
+law!(
+    /// Corotational triangles; also the mark of its triangles.
+    CorotationalMembrane, "corotational membrane", 15
+);
+law!(
+    /// Projected tangent of pooled membranes; also the mark of their triangles.
+    PooledMembrane, "projected tangent of a pooled membrane", 16
+);
+law!(
+    /// The compression term of pooled membranes, an independent law beside their springs.
+    MembraneCompression, "membrane compression term", 17
+);
+
+impl TriangleLaw for BiquadraticMembrane {
+    type Bodies = With<Self>;
+    #[inline(always)]
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+        biquadratic::energy(e, u)
+    }
+    #[inline(always)]
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+        biquadratic::forces(e, u)
+    }
+    #[inline(always)]
+    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
+        biquadratic::tangent(e, u, kind)
+    }
+    #[inline(always)]
+    fn product<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 3],
+        v: &[[R; 3]; 3],
+        kind: TangentKind,
+    ) -> [[R; 3]; 3] {
+        match kind {
+            TangentKind::Projected => biquadratic::tangent(e, u, kind).product(v),
+            _ => biquadratic::product(e, u, v, kind == TangentKind::Exact),
+        }
+    }
+    #[inline(always)]
+    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
+        biquadratic::is_clamped(e, u)
+    }
+}
+
+impl TriangleLaw for QuadraticMembrane {
+    type Bodies = With<Self>;
+    #[inline(always)]
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+        quadratic::energy(e, u)
+    }
+    #[inline(always)]
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+        quadratic::forces(e, u)
+    }
+    #[inline(always)]
+    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
+        quadratic::tangent(e, u, kind)
+    }
+    #[inline(always)]
+    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
+        quadratic::is_clamped(e, u)
+    }
+}
+
+impl TriangleLaw for LinearMembrane {
+    type Bodies = With<Self>;
+    #[inline(always)]
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+        linear::energy(e, u)
+    }
+    #[inline(always)]
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+        linear::forces(e, u)
+    }
+    #[inline(always)]
+    fn tangent<R: Real>(e: &Element<R>, _: &[[R; 3]; 3], _: TangentKind) -> TriangleTangent<R> {
+        linear::tangent(e)
+    }
+}
+
+impl TriangleLaw for CorotationalMembrane {
+    type Bodies = With<Self>;
+    #[inline(always)]
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+        corotational::energy(e, u)
+    }
+    #[inline(always)]
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+        corotational::forces(e, u)
+    }
+    #[inline(always)]
+    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
+        corotational::tangent(e, u, kind)
+    }
+    #[inline(always)]
+    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
+        corotational::is_clamped(e, u)
+    }
+}
+
+impl TriangleLaw for PooledMembrane {
+    type Bodies = With<Self>;
+    const FORCES: bool = false;
+    fn contributes(kind: TangentKind) -> bool {
+        kind == TangentKind::Projected
+    }
+    #[inline(always)]
+    fn energy<R: Real>(_: &Element<R>, _: &[[R; 3]; 3]) -> R {
+        R::ZERO
+    }
+    #[inline(always)]
+    fn forces<R: Real>(_: &Element<R>, _: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+        [[R::ZERO; 3]; 3]
+    }
+    #[inline(always)]
+    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
+        biquadratic::tangent(e, u, kind)
+    }
+    #[inline(always)]
+    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
+        biquadratic::is_clamped(e, u)
+    }
+}
+
+/// The element without its springs.
+#[inline(always)]
+fn compression_only<R: Real>(e: &Element<R>) -> Element<R> {
+    Element { lambda: R::ZERO, mu: R::ZERO, ..*e }
+}
+
+impl TriangleLaw for MembraneCompression {
+    type Bodies = With<PooledMembrane>;
+    fn contributes(kind: TangentKind) -> bool {
+        kind != TangentKind::Projected
+    }
+    #[inline(always)]
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+        biquadratic::energy(&compression_only(e), u)
+    }
+    #[inline(always)]
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+        biquadratic::forces(&compression_only(e), u)
+    }
+    #[inline(always)]
+    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
+        biquadratic::tangent(&compression_only(e), u, kind)
+    }
+}
+
+/// Puts `L` into the force schedule.
+pub fn activate<L: TriangleLaw, S: Scalar>(world: &mut World) {
+    activate_law::<L, S>(world, |schedule| {
+        schedule.add_systems(evaluate::<L, S>.in_set(ForceSystems::Evaluate));
+    });
+    declare_inputs(
+        world,
+        L::NAME,
+        &[
+            column_changed::<MembraneVertices>,
+            column_changed::<MembraneEdge<S, 1, 0>>,
+            column_changed::<MembraneEdge<S, 1, 1>>,
+            column_changed::<MembraneEdge<S, 1, 2>>,
+            column_changed::<MembraneEdge<S, 2, 0>>,
+            column_changed::<MembraneEdge<S, 2, 1>>,
+            column_changed::<MembraneEdge<S, 2, 2>>,
+            column_changed::<RestArea<S>>,
+            column_changed::<MembraneFirstModulus<S>>,
+            column_changed::<MembraneShearModulus<S>>,
+            column_changed::<MembraneCompressionModulus<S>>,
+        ],
+    );
+}
+
+/// Columns of the membrane triangles, as slices.
+#[derive(Clone, Copy, Debug)]
+pub struct MembraneColumns<'a, S> {
+    /// Displacements, vertex rows and rest shapes.
+    pub shapes: MembraneShapes<'a, S>,
+    /// Tangent blocks of the edges.
+    pub blocks: &'a [[u32; 3]],
+    /// First moduli (N/m).
+    pub lambda: &'a [S],
+    /// Shear moduli (N/m).
+    pub mu: &'a [S],
+    /// Moduli of the compression term (N/m).
+    pub compression: &'a [S],
+}
+
+/// Query data of [`MembraneColumns`].
+pub type MembraneData<S> = (
+    &'static MembraneVertices,
+    &'static MembraneBlocks,
+    MembraneRest<S>,
+    &'static MembraneFirstModulus<S>,
+    &'static MembraneShearModulus<S>,
+    &'static MembraneCompressionModulus<S>,
+);
+
+/// Slices of [`MembraneData`], as a contiguous query gives them.
+pub type MembraneSlices<'a, S> = (
+    &'a [MembraneVertices],
+    &'a [MembraneBlocks],
+    MembraneRestColumns<'a, S>,
+    &'a [MembraneFirstModulus<S>],
+    &'a [MembraneShearModulus<S>],
+    &'a [MembraneCompressionModulus<S>],
+);
+
+impl<'a, S: Scalar> MembraneColumns<'a, S> {
+    /// From table columns.
+    pub fn new(
+        displacement: &'a [Displacement<S>],
+        (nodes, blocks, rest, lambda, mu, compression): MembraneSlices<'a, S>,
+    ) -> Self {
+        Self {
+            shapes: MembraneShapes::new(displacement, nodes, rest),
+            blocks: MembraneBlocks::peel_slice(blocks),
+            lambda: MembraneFirstModulus::peel_slice(lambda),
+            mu: MembraneShearModulus::peel_slice(mu),
+            compression: MembraneCompressionModulus::peel_slice(compression),
+        }
+    }
+
+    /// The triangles from `first` on.
+    #[inline(always)]
+    fn element<L: Lanes<Scalar = S>>(&self, first: usize) -> Element<L> {
+        Element {
+            edges: self.shapes.edges(first),
+            area: L::load(&self.shapes.area[first..]),
+            lambda: L::load(&self.lambda[first..]),
+            mu: L::load(&self.mu[first..]),
+            compression: L::load(&self.compression[first..]),
+        }
+    }
+}
+
+fn evaluate<L: TriangleLaw, S: Scalar>(
+    request: Res<EvaluationRequest>,
+    workers: Res<Workers>,
+    mut buffer: ResMut<LawBuffer<L, S>>,
+    vertices: Query<&Displacement<S>>,
+    triangles: Query<MembraneData<S>, L::Bodies>,
+) {
+    let start = Instant::now();
+    let Some(displacement) = single_table(vertices.contiguous_iter()) else { return };
+    let Some(data) = single_table(triangles.contiguous_iter()) else { return };
+    let columns = MembraneColumns::new(displacement, data);
+    evaluate_columns::<L, S>(&columns, &request, &workers, &mut buffer);
+    buffer.time = start.elapsed();
+}
+
+/// What the system of law `L` does with the columns of its triangles: energy, force and tangent of
+/// every range into its private arrays, as far as they are asked for.
+pub fn evaluate_columns<L: TriangleLaw, S: Scalar>(
+    columns: &MembraneColumns<S>,
+    request: &EvaluationRequest,
+    workers: &Workers,
+    buffer: &mut LawBuffer<L, S>,
+) {
+    let tangent = request.tangent.filter(|&kind| L::contributes(kind));
+    let (energy, force) = (L::FORCES && request.energy, L::FORCES && request.force);
+    if !energy && !force && tangent.is_none() {
+        buffer.drop_tangent();
+        return;
+    }
+    let work_ns =
+        4 * usize::from(energy) + 5 * usize::from(force) + 30 * usize::from(tangent.is_some());
+    workers.for_each(&mut buffer.spans, columns.blocks.len() * work_ns, |_, span| {
+        let (law, elements) = (PhantomData::<fn() -> L>, span.elements.clone());
+        if energy {
+            let batch = EnergyBatch { columns, sums: [0.0; MAX_LANES], law };
+            span.energy = sum(workers.dispatch(Batches(elements.clone(), batch)).sums);
+        }
+        if force {
+            span.clear_force();
+            let (row, force) = (span.rows.start, &mut span.force[..]);
+            workers.dispatch(Batches(elements.clone(), ForceBatch { columns, force, row, law }));
+        }
+        match tangent {
+            Some(kind) => {
+                span.clear_tangent();
+                let batch = TangentBatch { columns, span, kind, clamped: [0.0; MAX_LANES], law };
+                let clamped = workers.dispatch(Batches(elements, batch)).clamped;
+                span.clamped = sum(clamped) as u64;
+            }
+            None => span.drop_tangent(),
+        }
+    });
+}
+
+/// Adds the product `K v` of a law's tangent to `result` (N when `direction` is in m), without
+/// assembly. Uses the private force arrays of `buffer`, which do not hold forces afterwards.
+pub fn multiply_columns<L: TriangleLaw, S: Scalar>(
+    columns: &MembraneColumns<S>,
+    kind: TangentKind,
+    direction: &[[S; 4]],
+    workers: &Workers,
+    buffer: &mut LawBuffer<L, S>,
+    result: &mut [[S; 4]],
+) {
+    if !L::contributes(kind) {
+        return;
+    }
+    workers.for_each(&mut buffer.spans, columns.blocks.len() * 8, |_, span| {
+        span.clear_force();
+        let (force, row) = (&mut span.force[..], span.rows.start);
+        let batch = ProductBatch::<L, S> { columns, direction, kind, force, row, law: PhantomData };
+        workers.dispatch(Batches(span.elements.clone(), batch));
+    });
+    buffer.add_forces_to(workers, result);
+}
+
+/// [`multiply_columns`] with the columns of the triangles of law `L` in `world`, at the displacements
+/// that it holds; nothing is added when the law is not active.
+pub fn multiply<L: TriangleLaw, S: Scalar>(
+    world: &mut World,
+    kind: TangentKind,
+    direction: &[[S; 4]],
+    result: &mut [[S; 4]],
+) {
+    let mut vertices = world.query::<&Displacement<S>>();
+    let mut triangles = world.query_filtered::<MembraneData<S>, L::Bodies>();
+    let Some(mut buffer) = world.remove_resource::<LawBuffer<L, S>>() else { return };
+    if let Some(displacement) = single_table(vertices.contiguous_iter(world))
+        && let Some(data) = single_table(triangles.contiguous_iter(world))
+    {
+        let columns = MembraneColumns::new(displacement, data);
+        let workers = world.resource::<Workers>();
+        multiply_columns(&columns, kind, direction, workers, &mut buffer, result);
+    }
+    world.insert_resource(buffer);
+}
+
+struct EnergyBatch<'a, 'b, L, S> {
+    columns: &'a MembraneColumns<'b, S>,
+    sums: [f64; MAX_LANES],
+    law: PhantomData<fn() -> L>,
+}
+
+impl<Law: TriangleLaw, S: Scalar> Batch<S> for EnergyBatch<'_, '_, Law, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let u = self.columns.shapes.displacements::<L>(first);
+        Law::energy(&self.columns.element::<L>(first), &u).accumulate(&mut self.sums);
+    }
+}
+
+struct ForceBatch<'a, 'b, L, S> {
+    columns: &'a MembraneColumns<'b, S>,
+    force: &'a mut [[S; 4]],
+    /// Vertex row of the first entry of `force`.
+    row: usize,
+    law: PhantomData<fn() -> L>,
+}
+
+impl<Law: TriangleLaw, S: Scalar> Batch<S> for ForceBatch<'_, '_, Law, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let u = self.columns.shapes.displacements::<L>(first);
+        let forces = Law::forces(&self.columns.element::<L>(first), &u);
+        let nodes = &self.columns.shapes.nodes[first..];
+        for a in 0..3 {
+            L::add_rows(forces[a], self.force, self.row, nodes, a);
+        }
+    }
+}
+
+struct TangentBatch<'a, 'b, L, S> {
+    columns: &'a MembraneColumns<'b, S>,
+    span: &'a mut Span<S>,
+    kind: TangentKind,
+    clamped: [f64; MAX_LANES],
+    law: PhantomData<fn() -> L>,
+}
+
+impl<Law: TriangleLaw, S: Scalar> Batch<S> for TangentBatch<'_, '_, Law, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let Self { columns, span, kind, clamped, .. } = self;
+        let u = columns.shapes.displacements::<L>(first);
+        let e = columns.element::<L>(first);
+        if *kind == TangentKind::Projected {
+            L::select(Law::is_clamped(&e, &u), L::ONE, L::ZERO).accumulate(clamped);
+        }
+        add_tangent(&Law::tangent(&e, &u, *kind), span, columns.shapes.nodes, columns.blocks, first);
+    }
+}
+
+/// Adds the tangents of the triangles from `first` on; their vertex rows ascend.
+#[inline(always)]
+pub(crate) fn add_tangent<L: Lanes>(
+    t: &TriangleTangent<L>,
+    span: &mut Span<L::Scalar>,
+    nodes: &[[u32; 3]],
+    blocks: &[[u32; 3]],
+    first: usize,
+) {
+    let (nodes, blocks) = (&nodes[first..], &blocks[first..]);
+    for a in 0..3 {
+        L::add_blocks(&t.diagonal[a], &mut span.diagonal, span.rows.start, nodes, a);
+        L::add_blocks(&t.off[a], &mut span.off_diagonal, span.blocks.start, blocks, a);
+    }
+}
+
+struct ProductBatch<'a, 'b, L, S> {
+    columns: &'a MembraneColumns<'b, S>,
+    direction: &'a [[S; 4]],
+    kind: TangentKind,
+    force: &'a mut [[S; 4]],
+    /// Vertex row of the first entry of `force`.
+    row: usize,
+    law: PhantomData<fn() -> L>,
+}
+
+impl<Law: TriangleLaw, S: Scalar> Batch<S> for ProductBatch<'_, '_, Law, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let u = self.columns.shapes.displacements::<L>(first);
+        let nodes = &self.columns.shapes.nodes[first..];
+        let mut v = [[L::ZERO; 3]; 3];
+        for a in 0..3 {
+            v[a] = L::load_rows(self.direction, nodes, a);
+        }
+        let product = Law::product(&self.columns.element::<L>(first), &u, &v, self.kind);
+        for a in 0..3 {
+            L::add_rows(product[a], self.force, self.row, nodes, a);
+        }
+    }
+}
