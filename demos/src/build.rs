@@ -536,12 +536,9 @@ impl Builder<'_> {
         }));
         let handle = simulation
             .add_body(&BodyDescription {
-                name: &body.name,
-                points: &checked.mesh.points,
-                tetrahedra: &checked.mesh.tetrahedra,
-                material,
                 model: body.model,
                 evaluation: body.evaluation,
+                ..BodyDescription::new(&body.name, &checked.mesh, material)
             })
             .map_err(|source| SceneError::Body {
                 place: self.place(mesh_key),
