@@ -20,11 +20,12 @@ use sinew_engine::vertex::{
     PrescribedDisplacement, RestPosition, Velocity, VertexIndex,
 };
 
+use crate::field::{FieldError, MaterialField};
 use crate::fused::{
     self, Compression, CompressionModulus, FirstLameParameter, FusedStVK, PooledProjection,
     ShearModulus, TetrahedronLaw,
 };
-use crate::material::{LameParameters, MaterialError, YoungPoisson};
+use crate::material::{LameParameters, YoungPoisson};
 use crate::pooled::{
     self, Angular, AngularStiffness, SpringForces, Tensile, TensileStiffness, TensileTension,
     TriangleVertices, Volumetric, VolumetricStiffness,
@@ -92,6 +93,12 @@ pub struct BodyDescription<'a> {
     pub tetrahedra: &'a [[u32; 4]],
     /// Material of the whole body.
     pub material: YoungPoisson,
+    /// Young's modulus (Pa) of every tetrahedron, in the user's order, in place of the material's.
+    pub young_modulus: Option<&'a [f64]>,
+    /// Poisson's ratio of every tetrahedron, likewise.
+    pub poisson_ratio: Option<&'a [f64]>,
+    /// Density (kg/m^3) of every tetrahedron, likewise.
+    pub density: Option<&'a [f64]>,
     /// Energy.
     pub model: Model,
     /// Evaluation.
@@ -101,13 +108,36 @@ pub struct BodyDescription<'a> {
 impl<'a> BodyDescription<'a> {
     /// A body of all tetrahedra of a mesh, with the default model and evaluation.
     pub fn new(name: &'a str, mesh: &'a Mesh, material: YoungPoisson) -> Self {
+        Self::from_parts(name, &mesh.points, &mesh.tetrahedra, material)
+    }
+
+    /// A body of these points (m) and tetrahedra, with the default model and evaluation.
+    pub fn from_parts(
+        name: &'a str,
+        points: &'a [DVec3],
+        tetrahedra: &'a [[u32; 4]],
+        material: YoungPoisson,
+    ) -> Self {
         Self {
             name,
-            points: &mesh.points,
-            tetrahedra: &mesh.tetrahedra,
+            points,
+            tetrahedra,
             material,
+            young_modulus: None,
+            poisson_ratio: None,
+            density: None,
             model: Model::default(),
             evaluation: Evaluation::default(),
+        }
+    }
+
+    /// Material of its tetrahedra.
+    pub fn material_field(&self) -> MaterialField<'a> {
+        MaterialField {
+            material: self.material,
+            young_modulus: self.young_modulus,
+            poisson_ratio: self.poisson_ratio,
+            density: self.density,
         }
     }
 }
@@ -116,13 +146,13 @@ impl<'a> BodyDescription<'a> {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BodyError {
-    /// Material out of range.
+    /// Material out of range, or a field of another length than the mesh.
     #[error("body `{body}`: {source}")]
     Material {
         /// Name of the body.
         body: String,
         /// What is wrong.
-        source: MaterialError,
+        source: FieldError,
     },
     /// A tetrahedron without a usable rest shape.
     #[error("body `{body}`, tetrahedron {tetrahedron}: {source}")]
@@ -222,8 +252,10 @@ pub fn spawn_body<S: Scalar>(
     if body.tetrahedra.is_empty() {
         return Err(BodyError::Empty { body: name() });
     }
-    let lame =
-        body.material.lame().map_err(|source| BodyError::Material { body: name(), source })?;
+    let field = body.material_field();
+    let user_lame = field
+        .lame(body.tetrahedra.len())
+        .map_err(|source| BodyError::Material { body: name(), source })?;
     let count = body.points.len();
     for (tetrahedron, &t) in body.tetrahedra.iter().enumerate() {
         let distinct = (0..4).all(|i| (0..i).all(|j| t[i] != t[j]));
@@ -244,6 +276,8 @@ pub fn spawn_body<S: Scalar>(
     }
 
     // from here on nothing can fail
+    let of_user = |&original: &u32| user_lame[original as usize];
+    let lame: Vec<_> = layout.tetrahedron_order.iter().map(of_user).collect();
     let n = layout.vertex_order.len();
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let mut mass = vec![0.0; n];
@@ -251,9 +285,10 @@ pub fn spawn_body<S: Scalar>(
         low = low.min(rest_of(row));
         high = high.max(rest_of(row));
     }
-    for (t, r) in layout.tetrahedra.iter().zip(&rest) {
+    for ((t, r), &original) in layout.tetrahedra.iter().zip(&rest).zip(&layout.tetrahedron_order) {
+        let density = field.at(original as usize).density;
         for &v in t {
-            mass[v as usize] += body.material.density * r.volume / 4.0;
+            mass[v as usize] += density * r.volume / 4.0;
         }
     }
     let index = world.resource::<Topology>().bodies.len();
@@ -297,20 +332,13 @@ pub fn spawn_body<S: Scalar>(
             .collect::<Vec<_>>(),
     );
 
-    let compression =
-        if body.model == Model::CompressibleStVK { lame.lambda + lame.mu } else { 0.0 };
-    let moduli = (
-        FirstLameParameter(S::from_f64(lame.lambda)),
-        ShearModulus(S::from_f64(lame.mu)),
-        CompressionModulus(S::from_f64(compression)),
-    );
     let geometry: Vec<_> = layout
         .tetrahedra
         .iter()
         .zip(&layout.tetrahedron_edges)
         .zip(&layout.tetrahedron_order)
-        .zip(&rest)
-        .map(|(((t, e), &original), r)| {
+        .zip(rest.iter().zip(&lame))
+        .map(|(((t, e), &original), (r, &lame))| {
             let d = [r.gradients[1], r.gradients[2], r.gradients[3]];
             (
                 TetrahedronVertices(t.map(|v| v + v0)),
@@ -319,7 +347,7 @@ pub fn spawn_body<S: Scalar>(
                 id,
                 shape_gradient_bundle::<S>(d),
                 RestVolume(S::from_f64(r.volume)),
-                moduli,
+                moduli_bundle::<S>(lame, body.model),
             )
         })
         .collect();
@@ -333,7 +361,7 @@ pub fn spawn_body<S: Scalar>(
         }
         (Model::MassSpring, _) => {
             world.spawn_batch(geometry.into_iter().map(|g| (g, MassSpring)).collect::<Vec<_>>());
-            spawn_edge_springs::<S>(world, &layout, &rest, lame, &rest_of, v0, block0, id);
+            spawn_edge_springs::<S>(world, &layout, &rest, &lame, &rest_of, v0, block0, id);
             quadratic::activate_mass_spring::<S>(world);
         }
         (_, Evaluation::Fused) => {
@@ -341,7 +369,7 @@ pub fn spawn_body<S: Scalar>(
             fused::activate::<FusedStVK, S>(world);
         }
         (_, Evaluation::Pooled) => {
-            spawn_springs::<S>(world, &layout, &rest, lame, &rest_of, geometry, v0, block0, id);
+            spawn_springs::<S>(world, &layout, &rest, &lame, &rest_of, geometry, v0, block0, id);
             pooled::activate::<S>(world);
             fused::activate::<PooledProjection, S>(world);
             if body.model == Model::CompressibleStVK {
@@ -356,19 +384,32 @@ pub fn spawn_body<S: Scalar>(
     Ok(world.spawn(SoftBody { index, material, model, evaluation }).id())
 }
 
+/// Moduli of a tetrahedron.
+fn moduli_bundle<S: Scalar>(
+    lame: LameParameters,
+    model: Model,
+) -> (FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>) {
+    let compression = if model == Model::CompressibleStVK { lame.lambda + lame.mu } else { 0.0 };
+    (
+        FirstLameParameter(S::from_f64(lame.lambda)),
+        ShearModulus(S::from_f64(lame.mu)),
+        CompressionModulus(S::from_f64(compression)),
+    )
+}
+
 /// Edges of a mass-spring body, with constants summed over the tetrahedra.
 fn spawn_edge_springs<S: Scalar>(
     world: &mut World,
     layout: &BodyLayout,
     rest: &[RestTetrahedron],
-    lame: LameParameters,
+    lame: &[LameParameters],
     rest_of: &dyn Fn(u32) -> DVec3,
     v0: u32,
     block0: u32,
     id: BodyId,
 ) {
     let mut tensile = vec![0.0; layout.edges.len()];
-    for (edges, r) in layout.tetrahedron_edges.iter().zip(rest) {
+    for ((edges, r), &lame) in layout.tetrahedron_edges.iter().zip(rest).zip(lame) {
         for (k, &e) in SpringConstants::new(r, lame).tensile.iter().zip(edges) {
             tensile[e as usize] += k;
         }
@@ -398,7 +439,7 @@ fn spawn_springs<S: Scalar>(
     world: &mut World,
     layout: &BodyLayout,
     rest: &[RestTetrahedron],
-    lame: LameParameters,
+    lame: &[LameParameters],
     rest_of: &dyn Fn(u32) -> DVec3,
     geometry: Vec<impl Bundle<Effect: NoBundleEffect>>,
     v0: u32,
@@ -408,7 +449,7 @@ fn spawn_springs<S: Scalar>(
     let mut tensile = vec![0.0; layout.edges.len()];
     let mut angular = vec![[0.0; 3]; layout.triangles.len()];
     let mut volumetric = Vec::with_capacity(rest.len());
-    for (i, r) in rest.iter().enumerate() {
+    for (i, (r, &lame)) in rest.iter().zip(lame).enumerate() {
         let constants = SpringConstants::new(r, lame);
         for (k, &e) in constants.tensile.iter().zip(&layout.tetrahedron_edges[i]) {
             tensile[e as usize] += k;

@@ -3,6 +3,7 @@
 //! | module | content |
 //! |---|---|
 //! | [`material`] | Young's modulus, Poisson's ratio and density as the user states them, Lamé parameters, tissue presets |
+//! | [`field`] | a material that varies from tetrahedron to tetrahedron |
 //! | [`precompute`] | shape vectors and rest volume of a tetrahedron, its 21 biquadratic spring constants |
 //! | [`spring`] | tensile and coupling springs on squared-length changes, one scalar at a time |
 //! | [`quadratic`] | springs on changes of length: tetrahedra of quadratic springs (TQS), mass-spring edges |
@@ -38,6 +39,7 @@
 //! ```
 
 pub mod body;
+pub mod field;
 pub mod fused;
 pub mod fused_membrane;
 pub mod material;
