@@ -16,7 +16,7 @@ pub mod prelude {
         BodyHandle, Precision, Simulation, SimulationError, SimulationOptions,
     };
     pub use glam::{DQuat, DVec3};
-    pub use sinew_engine::load::{Constraint, Curve, Load, Motion};
+    pub use sinew_engine::load::{Constraint, Curve, Load, Motion, Pressure};
     pub use sinew_engine::mesh::{CheckOptions, Mesh, check};
     pub use sinew_engine::report::{StepReport, VolumeReport};
     pub use sinew_engine::step::StepError;

@@ -8,18 +8,21 @@ use sinew_engine::columns::single_table;
 use sinew_engine::element::{ShapeGradients, TetrahedronVertices};
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
-use sinew_engine::load::{Constraint, Load};
+use sinew_engine::load::{Constraint, Load, Pressure};
 use sinew_engine::mesh::Mesh;
-use sinew_engine::report::{StepReport, VolumeReport};
+use sinew_engine::report::{AreaReport, StepReport, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule};
-use sinew_engine::step::{Gravity, StepClock, StepError, measure_volume_ratios, run_step};
+use sinew_engine::step::{
+    Gravity, StepClock, StepError, measure_area_ratios, measure_volume_ratios, run_step,
+};
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{
     Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, RestPosition, Velocity,
 };
 use sinew_engine::workers::{Workers, WorkersError};
 use sinew_models::body::{BodyDescription, BodyError, spawn_body};
+use sinew_models::pressure::activate as activate_pressure;
 use sinew_solvers::explicit::{estimate_stable_step, forget_steps};
 use sinew_solvers::settings::SolverSettings;
 
@@ -82,6 +85,21 @@ pub enum SimulationError {
         body: String,
         /// Index in the user's mesh.
         vertex: u32,
+    },
+    /// A pressure names a triangle whose edges are not all in elements of its body.
+    #[error(
+        "`{name}`: triangle {triangle} (vertices {vertices:?}) of body `{body}` is no face of its \
+         tetrahedra and no triangle of its membrane, so no pressure can act on it"
+    )]
+    Face {
+        /// Pressure.
+        name: String,
+        /// Body.
+        body: String,
+        /// Index in the list that was given.
+        triangle: usize,
+        /// Its vertices in the user's mesh.
+        vertices: [u32; 3],
     },
     /// A mesh has no group of this name.
     #[error("{mesh} has no group `{group}`; it has {}", known.join(", "))]
@@ -228,6 +246,39 @@ impl Simulation {
         self.world_mut().spawn(load).id()
     }
 
+    /// Vertex rows of triangles given in the user's order, winding kept, for a [`Pressure`].
+    ///
+    /// # Errors
+    /// When a triangle names a vertex that no element uses, or has an edge that none has; `name` says in
+    /// the error who asked.
+    pub fn face_rows(
+        &self,
+        body: BodyHandle,
+        name: &str,
+        triangles: &[[u32; 3]],
+    ) -> Result<Vec<[u32; 3]>, SimulationError> {
+        let mut faces = Vec::with_capacity(triangles.len());
+        for (triangle, &vertices) in triangles.iter().enumerate() {
+            let rows = self.rows(body, name, &vertices)?;
+            let [a, b, c] = [rows[0], rows[1], rows[2]];
+            let topology = self.topology();
+            if [(a, b), (b, c), (c, a)].iter().any(|&(a, b)| topology.block(a, b).is_none()) {
+                let body = topology.bodies[body.0].name.clone();
+                return Err(SimulationError::Face { name: name.into(), body, triangle, vertices });
+            }
+            faces.push([a, b, c]);
+        }
+        Ok(faces)
+    }
+
+    /// Adds a follower pressure on rows of [`Simulation::face_rows`].
+    pub fn add_pressure(&mut self, pressure: Pressure) -> Entity {
+        let world = self.app.world_mut();
+        let entity = world.spawn(pressure).id();
+        by_precision!(self, activate_pressure(world));
+        entity
+    }
+
     /// Sets gravity (m/s^2).
     pub fn set_gravity(&mut self, gravity: DVec3) {
         self.world_mut().insert_resource(Gravity(gravity));
@@ -274,6 +325,11 @@ impl Simulation {
         self.world().resource()
     }
 
+    /// Smallest area ratio of membranes after the last step; infinite without membranes.
+    pub fn area_report(&self) -> AreaReport {
+        self.world().get_resource().copied().unwrap_or_default()
+    }
+
     /// Bodies and edge graph.
     pub fn topology(&self) -> &Topology {
         self.world().resource()
@@ -312,6 +368,11 @@ impl Simulation {
         by_precision!(self, volume_ratios(self, body))
     }
 
+    /// Area ratio of every membrane triangle of a body, in the user's order.
+    pub fn area_ratios(&mut self, body: BodyHandle) -> Vec<f64> {
+        by_precision!(self, area_ratios(self, body))
+    }
+
     /// Sets displacements (m) and velocities (m/s) in the user's order.
     ///
     /// # Errors
@@ -342,7 +403,7 @@ impl Simulation {
         let world = self.world_mut();
         world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: None });
         world.run_schedule(ForceSchedule);
-        world.resource::<ElasticEnergy>().total
+        world.resource::<ElasticEnergy>().elastic()
     }
 
     /// Force (N) that a constraint exerts on the body at the current state: what is needed at its
@@ -421,9 +482,11 @@ fn write_state<S: Scalar>(
     }
     // what the solver does with a state must not depend on the state before
     forget_steps::<S>(world);
-    world
-        .run_system_cached(measure_volume_ratios::<S>)
-        .map_err(|error| StepError::InvalidSetting(error.to_string()))
+    let failed = |error: &dyn std::fmt::Display| StepError::InvalidSetting(error.to_string());
+    if world.contains_resource::<AreaReport>() {
+        world.run_system_cached(measure_area_ratios::<S>).map_err(|e| failed(&e))?;
+    }
+    world.run_system_cached(measure_volume_ratios::<S>).map_err(|e| failed(&e))
 }
 
 fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Vec<f64> {
@@ -444,6 +507,27 @@ fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Ve
             let local = nodes.0.map(|v| xyz(u[v as usize].0));
             let change = volume_change(&displacement_gradient(&gradients, &local));
             result[index.0 as usize] = 1.0 + change.to_f64();
+        }
+    }
+    result
+}
+
+fn area_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Vec<f64> {
+    use sinew_engine::element::{MembraneIndex, MembraneRest, MembraneVertices, area_ratio};
+    use sinew_engine::scalar::xyz;
+    use sinew_engine::vertex::BodyId;
+    let count = simulation.topology().bodies[body.0].membrane.len();
+    let mut result = vec![1.0; count];
+    let world = simulation.world_mut();
+    let mut vertices = world.query::<&Displacement<S>>();
+    let mut triangles =
+        world.query::<(&MembraneVertices, MembraneRest<S>, &MembraneIndex, &BodyId)>();
+    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
+    for (nodes, (a, b, area), index, of) in triangles.iter(world) {
+        if of.0 as usize == body.0 {
+            let edges = [[a.0.0, a.1.0, a.2.0], [b.0.0, b.1.0, b.2.0]];
+            let local = nodes.0.map(|v| xyz(u[v as usize].0));
+            result[index.0 as usize] = area_ratio(&edges, area.0, &local).to_f64();
         }
     }
     result

@@ -286,8 +286,16 @@ pub struct RestArea<S: Scalar>(pub S);
 
 /// Rest shape of membrane triangles, six columns of [`MembraneEdge`] and [`RestArea`]: query data.
 pub type MembraneRest<S> = (
-    (&'static MembraneEdge<S, 1, 0>, &'static MembraneEdge<S, 1, 1>, &'static MembraneEdge<S, 1, 2>),
-    (&'static MembraneEdge<S, 2, 0>, &'static MembraneEdge<S, 2, 1>, &'static MembraneEdge<S, 2, 2>),
+    (
+        &'static MembraneEdge<S, 1, 0>,
+        &'static MembraneEdge<S, 1, 1>,
+        &'static MembraneEdge<S, 1, 2>,
+    ),
+    (
+        &'static MembraneEdge<S, 2, 0>,
+        &'static MembraneEdge<S, 2, 1>,
+        &'static MembraneEdge<S, 2, 2>,
+    ),
     &'static RestArea<S>,
 );
 

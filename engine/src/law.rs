@@ -42,7 +42,7 @@ pub struct EvaluationRequest {
     pub tangent: Option<TangentKind>,
 }
 
-/// Elastic energy of the last evaluation (J).
+/// Elastic energy of the last evaluation (J), with the potential of loads that are laws.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct ElasticEnergy {
     /// Sum over all laws.
@@ -51,6 +51,15 @@ pub struct ElasticEnergy {
     pub by_law: Vec<(&'static str, f64)>,
     /// Sum over all laws for each body, in the order of [`Topology::bodies`].
     pub by_body: Vec<f64>,
+    /// Part of `total` that is no elastic energy but the potential of loads ([`Law::IS_LOAD`]).
+    pub load: f64,
+}
+
+impl ElasticEnergy {
+    /// Energy stored in the bodies (J), without the potential of loads.
+    pub fn elastic(&self) -> f64 {
+        self.total - self.load
+    }
 }
 
 /// A force law: a marker type that names its buffer and its place in the sum.
@@ -59,6 +68,9 @@ pub trait Law: Send + Sync + 'static {
     const NAME: &'static str;
     /// Place in the fixed order in which contributions are added; unique per law.
     const ORDER: u8;
+    /// Whether its energy is the potential of a load: part of what solvers minimise, but booked as work of
+    /// loads and not as elastic energy.
+    const IS_LOAD: bool = false;
 }
 
 /// Private arrays of one range of elements.
@@ -86,6 +98,35 @@ pub struct Span<S> {
     pub energy: f64,
     /// Elements whose eigenvalues had to be clamped.
     pub clamped: u64,
+}
+
+impl<S> Span<S> {
+    /// Cuts a range of elements, which lie body by body, into fixed ranges; `vertices(i)` lists the
+    /// vertex rows of element `i`.
+    pub fn cut<'a>(
+        elements: Range<usize>,
+        topology: &Topology,
+        vertices: impl Fn(usize) -> &'a [u32],
+    ) -> Vec<Self> {
+        let mut spans = Vec::new();
+        let mut first = elements.start;
+        for (body, rows) in topology.bodies.iter().enumerate() {
+            let mut end = first;
+            while end < elements.end && rows.vertices.contains(&vertices(end)[0]) {
+                end += 1;
+            }
+            let own = end - first;
+            let pieces = (own / ELEMENTS_PER_SPAN).clamp(1, MAX_SPANS);
+            for piece in 0..pieces {
+                let elements = first + own * piece / pieces..first + own * (piece + 1) / pieces;
+                if !elements.is_empty() {
+                    spans.push(span(body, elements, topology, &vertices));
+                }
+            }
+            first = end;
+        }
+        spans
+    }
 }
 
 impl<S: Scalar> Span<S> {
@@ -184,23 +225,7 @@ impl<L: Law, S: Scalar> LawBuffer<L, S> {
         topology: &Topology,
         vertices: impl Fn(usize) -> &'a [u32],
     ) {
-        self.spans.clear();
-        let mut first = 0;
-        for (body, rows) in topology.bodies.iter().enumerate() {
-            let mut end = first;
-            while end < count && rows.vertices.contains(&vertices(end)[0]) {
-                end += 1;
-            }
-            let own = end - first;
-            let pieces = (own / ELEMENTS_PER_SPAN).clamp(1, MAX_SPANS);
-            for piece in 0..pieces {
-                let elements = first + own * piece / pieces..first + own * (piece + 1) / pieces;
-                if !elements.is_empty() {
-                    self.spans.push(span(body, elements, topology, &vertices));
-                }
-            }
-            first = end;
-        }
+        self.spans = Span::cut(0..count, topology, vertices);
     }
 
     /// Empties the tangent arrays of all ranges.

@@ -117,8 +117,7 @@ impl BodyLayout {
             |t: &[u32; 3]| [edge_row(t[1], t[2]), edge_row(t[2], t[0]), edge_row(t[0], t[1])];
         let triangle_edges = triangles.iter().map(opposite).collect();
         let membrane_edges = membrane.iter().map(opposite).collect();
-        let membrane_triangles =
-            membrane.iter().map(|&[a, b, c]| triangle_row(a, b, c)).collect();
+        let membrane_triangles = membrane.iter().map(|&[a, b, c]| triangle_row(a, b, c)).collect();
         Self {
             vertex_order,
             row_of_vertex,
@@ -185,11 +184,7 @@ pub fn starts(n: usize, keys: impl Iterator<Item = u32>) -> Vec<u32> {
 
 /// Reverse Cuthill-McKee order of the vertices that some element uses. Each component starts
 /// from a vertex far from everything (two breadth-first sweeps), which keeps the bandwidth low.
-fn reverse_cuthill_mckee(
-    n: usize,
-    tetrahedra: &[[u32; 4]],
-    membrane: &[[u32; 3]],
-) -> Vec<u32> {
+fn reverse_cuthill_mckee(n: usize, tetrahedra: &[[u32; 4]], membrane: &[[u32; 3]]) -> Vec<u32> {
     // adjacency in compressed rows, duplicates removed
     let mut pairs: Vec<[u32; 2]> = Vec::with_capacity(tetrahedra.len() * 12 + membrane.len() * 6);
     for &[a, b, c] in membrane {

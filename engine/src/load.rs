@@ -268,6 +268,52 @@ pub struct Load {
     pub curve: Curve,
 }
 
+/// Follower pressure: pushes every triangle along its normal with pressure times deformed area. The law
+/// that does so has to be activated (`sinew_models::pressure::activate`).
+#[derive(Component, Clone, Debug, PartialEq)]
+pub struct Pressure {
+    /// Name for reports.
+    pub name: String,
+    /// Vertex rows of the triangles; the pressure pushes along `(x_1 - x_0) x (x_2 - x_0)`. Triangles with
+    /// an edge that is in no element carry nothing.
+    pub faces: Vec<[u32; 3]>,
+    /// Pressure (Pa); negative for suction.
+    pub pressure: f64,
+    /// Factor on it.
+    pub curve: Curve,
+}
+
+impl Pressure {
+    /// What is wrong with it in a world of `rows` vertices, if anything.
+    pub(crate) fn problem(&self, rows: usize) -> Option<&'static str> {
+        if self.faces.iter().flatten().any(|&r| r as usize >= rows) {
+            return Some("it names a vertex row that does not exist");
+        }
+        if !self.pressure.is_finite() {
+            return Some("its pressure is not finite");
+        }
+        self.curve.problem()
+    }
+}
+
+/// Time (s) whose loads the next run of [`ForceSchedule`](crate::schedule::ForceSchedule) takes: the end
+/// of the step, unless an integrator cuts it into substeps.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+pub struct LoadTime(pub f64);
+
+/// Pressure (Pa) and volume (m^3) swept from rest of every [`Pressure`], in order of entities, at the last
+/// evaluation of energy or force.
+#[derive(Resource, Clone, Debug, Default, PartialEq)]
+pub struct SweptVolumes(pub Vec<[f64; 2]>);
+
+impl SweptVolumes {
+    /// Work (J) from an earlier evaluation to this one, by the trapezoidal rule.
+    pub fn work_since(&self, before: &Self) -> f64 {
+        let ways = self.0.iter().zip(&before.0);
+        ways.map(|([p, v], [q, w])| 0.5 * (p + q) * (v - w)).sum()
+    }
+}
+
 /// Writes [`FixedAxes`] and [`PrescribedDisplacement`] for the end of the step.
 pub fn apply_constraints<S: Scalar>(
     clock: Res<StepClock>,
@@ -321,15 +367,17 @@ pub fn apply_constraints<S: Scalar>(
     }
 }
 
-/// Writes [`ExternalForce`] for the end of the step: gravity plus loads.
+/// Writes [`ExternalForce`] and [`LoadTime`] for the end of the step: gravity plus loads.
 pub fn apply_loads<S: Scalar>(
     clock: Res<StepClock>,
     gravity: Res<Gravity>,
     loads: Query<(Entity, &Load)>,
+    mut time: ResMut<LoadTime>,
     mut vertices: Query<(&Mass<S>, &mut ExternalForce<S>)>,
     mut order: Local<Vec<Entity>>,
 ) {
     let t = clock.time + clock.dt;
+    time.0 = t;
     let Some((mass, mut force)) = single_table(vertices.contiguous_iter_mut()) else { return };
     let force = force.bypass_change_detection();
     let g = gravity.0.to_array().map(S::from_f64);

@@ -229,6 +229,7 @@ fn clear_totals<S: Scalar>(
 ) {
     if request.energy {
         energy.total = 0.0;
+        energy.load = 0.0;
         energy.by_law.clear();
         energy.by_body.clear();
         energy.by_body.resize(topology.bodies.len(), 0.0);
@@ -258,6 +259,7 @@ fn gather_law<L: Law, S: Scalar>(
     if request.energy {
         let own = buffer.energy();
         energy.total += own;
+        energy.load += if L::IS_LOAD { own } else { 0.0 };
         energy.by_law.push((L::NAME, own));
         for span in &buffer.spans {
             energy.by_body[span.body] += span.energy;

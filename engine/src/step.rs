@@ -6,7 +6,7 @@ use crate::element::{
     TetrahedronVertices, area_ratio, displacement_gradient, volume_change,
 };
 use crate::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
-use crate::load::{Constraint, Load, apply_constraints, apply_loads};
+use crate::load::{Constraint, Load, LoadTime, Pressure, apply_constraints, apply_loads};
 use crate::report::{AreaReport, StepReport, SystemTimes, VolumeReport};
 use crate::scalar::Scalar;
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
@@ -128,6 +128,7 @@ pub fn install_engine<S: Scalar>(world: &mut World, executor: Executor) {
     install::<S>(world, executor);
     world.init_resource::<StepClock>();
     world.init_resource::<Gravity>();
+    world.init_resource::<LoadTime>();
     world.init_resource::<StepFailure>();
     world.init_resource::<StepReport>();
     world.init_resource::<VolumeReport>();
@@ -190,6 +191,11 @@ fn check_state<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     for load in world.query::<&Load>().iter(world) {
         if let Some(problem) = load.problem(expected) {
             return Err(StepError::InvalidConstraint { name: load.name.clone(), problem });
+        }
+    }
+    for pressure in world.query::<&Pressure>().iter(world) {
+        if let Some(problem) = pressure.problem(expected) {
+            return Err(StepError::InvalidConstraint { name: pressure.name.clone(), problem });
         }
     }
     let Some((u, v, rest)) = single_table(vertices.contiguous_iter(world)) else { return Ok(()) };

@@ -74,6 +74,15 @@ impl Topology {
         self.edge_start.len() - 1
     }
 
+    /// Block that couples two vertex rows, `None` when no element joins them.
+    pub fn block(&self, a: u32, b: u32) -> Option<u32> {
+        let (low, high) = (a.min(b), a.max(b));
+        let from = *self.edge_start.get(low as usize)?;
+        let to = *self.edge_start.get(low as usize + 1)?;
+        let own = self.edges.get(from as usize..to as usize)?;
+        Some(from + own.binary_search(&[low, high]).ok()? as u32)
+    }
+
     /// Appends a body whose vertices and edges follow all others; `edges` in local rows.
     pub fn push(&mut self, mut body: BodyRows, edges: &[[u32; 2]]) {
         let (v0, e0) = (self.vertex_count() as u32, self.edges.len() as u32);

@@ -6,9 +6,9 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestVolume, TETRAHEDRON_FACES,
-    TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices, TriangleEdges,
-    rest_edge_bundle, shape_gradient_bundle,
+    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, MembraneVertices, RestVolume,
+    TETRAHEDRON_FACES, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices,
+    TriangleEdges, rest_edge_bundle, shape_gradient_bundle,
 };
 use sinew_engine::law::{Law, LawBuffer};
 use sinew_engine::layout::BodyLayout;
@@ -25,6 +25,10 @@ use crate::fused::{
     self, Compression, CompressionModulus, FirstLameParameter, FusedStVK, PooledProjection,
     ShearModulus, TetrahedronLaw,
 };
+use crate::fused_membrane::{
+    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, MembraneCompression, PooledMembrane,
+    QuadraticMembrane,
+};
 use crate::material::{LameParameters, YoungPoisson};
 use crate::pooled::{
     self, Angular, AngularStiffness, SpringForces, Tensile, TensileStiffness, TensileTension,
@@ -32,6 +36,7 @@ use crate::pooled::{
 };
 use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants};
 use crate::quadratic::{self, MassSpring, QuadraticSprings};
+use crate::sheet::{MembraneDescription, MembraneError, MembraneModel, Sheet};
 
 /// Energy of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -87,7 +92,7 @@ pub enum Evaluation {
 pub struct BodyDescription<'a> {
     /// Name, unique in the world.
     pub name: &'a str,
-    /// Rest positions (m) in the user's order; vertices that no tetrahedron uses are left out.
+    /// Rest positions (m) in the user's order; vertices that no element uses are left out.
     pub points: &'a [DVec3],
     /// Tetrahedra, positively oriented ([`sinew_engine::mesh`]'s check repairs orientation).
     pub tetrahedra: &'a [[u32; 4]],
@@ -103,6 +108,9 @@ pub struct BodyDescription<'a> {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// Membrane beside the tetrahedra, or instead of them: without tetrahedra `material`, `model` and
+    /// `evaluation` mean nothing.
+    pub membrane: Option<MembraneDescription<'a>>,
 }
 
 impl<'a> BodyDescription<'a> {
@@ -128,6 +136,7 @@ impl<'a> BodyDescription<'a> {
             density: None,
             model: Model::default(),
             evaluation: Evaluation::default(),
+            membrane: None,
         }
     }
 
@@ -190,8 +199,19 @@ pub enum BodyError {
         /// Its model.
         model: Model,
     },
-    /// No tetrahedra.
-    #[error("body `{body}` has no tetrahedra; membranes of triangles alone are not supported yet")]
+    /// A membrane that cannot be built.
+    #[error("membrane of body `{body}`: {source}")]
+    Membrane {
+        /// Name of the body.
+        body: String,
+        /// What is wrong.
+        source: MembraneError,
+    },
+    /// Neither tetrahedra nor membrane triangles.
+    #[error(
+        "body `{body}` has no tetrahedra and no membrane: fill it with tetrahedra, or give its \
+         triangles as a membrane of some thickness"
+    )]
     Empty {
         /// Name of the body.
         body: String,
@@ -225,10 +245,12 @@ pub struct SoftBody {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// Thickness (m), material, energy and evaluation of its membrane.
+    pub membrane: Option<(f64, YoungPoisson, MembraneModel, Evaluation)>,
 }
 
-/// Builds a body: orders the mesh, precomputes stiffnesses, spawns one entity per vertex and
-/// tetrahedron (per edge and triangle too when springs are pooled) and puts the laws it needs into
+/// Builds a body: orders the mesh, precomputes stiffnesses, spawns one entity per vertex, tetrahedron
+/// and membrane triangle (per edge and triangle too when springs are pooled) and puts the laws it needs into
 /// the force schedule.
 ///
 /// # Errors
@@ -249,13 +271,19 @@ pub fn spawn_body<S: Scalar>(
     if !body.model.supports(body.evaluation) {
         return Err(BodyError::Evaluation { body: name(), model: body.model });
     }
-    if body.tetrahedra.is_empty() {
+    let membrane = body.membrane.filter(|m| !m.triangles.is_empty());
+    let solid = !body.tetrahedra.is_empty();
+    if !solid && membrane.is_none() {
         return Err(BodyError::Empty { body: name() });
     }
     let field = body.material_field();
-    let user_lame = field
-        .lame(body.tetrahedra.len())
-        .map_err(|source| BodyError::Material { body: name(), source })?;
+    let user_lame = if solid {
+        field
+            .lame(body.tetrahedra.len())
+            .map_err(|source| BodyError::Material { body: name(), source })?
+    } else {
+        Vec::new()
+    };
     let count = body.points.len();
     for (tetrahedron, &t) in body.tetrahedra.iter().enumerate() {
         let distinct = (0..4).all(|i| (0..i).all(|j| t[i] != t[j]));
@@ -263,7 +291,12 @@ pub fn spawn_body<S: Scalar>(
             return Err(BodyError::Index { body: name(), tetrahedron, vertices: t, count });
         }
     }
-    let layout = BodyLayout::new(count, body.tetrahedra);
+    let of_membrane = |source| BodyError::Membrane { body: name(), source };
+    if let Some(m) = &membrane {
+        m.validate(count).map_err(of_membrane)?;
+    }
+    let sheets = membrane.map_or(&[][..], |m| m.triangles);
+    let layout = BodyLayout::with_membrane(count, body.tetrahedra, sheets);
     let rest_of = |row: u32| body.points[layout.vertex_order[row as usize] as usize];
     let mut rest = Vec::with_capacity(layout.tetrahedra.len());
     for (t, &original) in layout.tetrahedra.iter().zip(&layout.tetrahedron_order) {
@@ -274,6 +307,10 @@ pub fn spawn_body<S: Scalar>(
             source,
         })?);
     }
+    let sheet = match &membrane {
+        Some(m) => Some(Sheet::new(m, &layout, rest_of).map_err(of_membrane)?),
+        None => None,
+    };
 
     // from here on nothing can fail
     let of_user = |&original: &u32| user_lame[original as usize];
@@ -291,6 +328,9 @@ pub fn spawn_body<S: Scalar>(
             mass[v as usize] += density * r.volume / 4.0;
         }
     }
+    if let Some(sheet) = &sheet {
+        sheet.add_mass(&layout, &mut mass);
+    }
     let index = world.resource::<Topology>().bodies.len();
     let id = BodyId(index as u32);
     world.resource_mut::<Topology>().push(
@@ -302,6 +342,8 @@ pub fn spawn_body<S: Scalar>(
             row_of_vertex: layout.row_of_vertex.clone(),
             tetrahedra: layout.tetrahedra.clone(),
             tetrahedron_order: layout.tetrahedron_order.clone(),
+            membrane: layout.membrane.clone(),
+            membrane_order: layout.membrane_order.clone(),
             size: (high - low).max_element(),
             piece: Vec::new(),
         },
@@ -352,7 +394,11 @@ pub fn spawn_body<S: Scalar>(
         })
         .collect();
 
+    let springs = Springs::new(&layout, body, &rest, &lame, sheet.as_ref());
+    springs.spawn_edges::<S>(world, &layout, &rest_of, v0, block0, id);
+    let edge_rows = springs.spawn_pooled::<S>(world, &layout, &rest_of, v0, block0, id);
     match (body.model, body.evaluation) {
+        _ if !solid => {}
         (Model::QuadraticSprings, _) => {
             world.spawn_batch(
                 geometry.into_iter().map(|g| (g, QuadraticSprings)).collect::<Vec<_>>(),
@@ -361,27 +407,28 @@ pub fn spawn_body<S: Scalar>(
         }
         (Model::MassSpring, _) => {
             world.spawn_batch(geometry.into_iter().map(|g| (g, MassSpring)).collect::<Vec<_>>());
-            spawn_edge_springs::<S>(world, &layout, &rest, &lame, &rest_of, v0, block0, id);
-            quadratic::activate_mass_spring::<S>(world);
         }
         (_, Evaluation::Fused) => {
             world.spawn_batch(geometry);
             fused::activate::<FusedStVK, S>(world);
         }
         (_, Evaluation::Pooled) => {
-            spawn_springs::<S>(world, &layout, &rest, &lame, &rest_of, geometry, v0, block0, id);
-            pooled::activate::<S>(world);
+            spawn_volumetric::<S>(world, &layout, &rest, &lame, geometry, &edge_rows);
             fused::activate::<PooledProjection, S>(world);
             if body.model == Model::CompressibleStVK {
                 fused::activate::<Compression, S>(world);
             }
         }
     }
+    if let Some(sheet) = &sheet {
+        sheet.spawn::<S>(world, &layout, v0, block0, id);
+    }
     partition_laws::<S>(world);
     let tables = ElementTables::of(world);
     world.insert_resource(tables);
     let (material, model, evaluation) = (body.material, body.model, body.evaluation);
-    Ok(world.spawn(SoftBody { index, material, model, evaluation }).id())
+    let membrane = membrane.map(|m| (m.thickness, m.material, m.model, m.evaluation));
+    Ok(world.spawn(SoftBody { index, material, model, evaluation, membrane }).id())
 }
 
 /// Moduli of a tetrahedron.
@@ -397,125 +444,178 @@ fn moduli_bundle<S: Scalar>(
     )
 }
 
-/// Edges of a mass-spring body, with constants summed over the tetrahedra.
-fn spawn_edge_springs<S: Scalar>(
-    world: &mut World,
-    layout: &BodyLayout,
-    rest: &[RestTetrahedron],
-    lame: &[LameParameters],
-    rest_of: &dyn Fn(u32) -> DVec3,
-    v0: u32,
-    block0: u32,
-    id: BodyId,
-) {
-    let mut tensile = vec![0.0; layout.edges.len()];
-    for ((edges, r), &lame) in layout.tetrahedron_edges.iter().zip(rest).zip(lame) {
-        for (k, &e) in SpringConstants::new(r, lame).tensile.iter().zip(edges) {
-            tensile[e as usize] += k;
-        }
-    }
-    world.spawn_batch(
-        layout
-            .edges
-            .iter()
-            .zip(tensile)
-            .enumerate()
-            .map(|(i, (&[a, b], k))| {
-                (
-                    EdgeVertices([a + v0, b + v0]),
-                    EdgeBlock(i as u32 + block0),
-                    id,
-                    rest_edge_bundle::<S>((rest_of(a) - rest_of(b)).to_array()),
-                    TensileStiffness(S::from_f64(k)),
-                    MassSpring,
-                )
-            })
-            .collect::<Vec<_>>(),
-    );
+/// Constants (N/m^3) of the springs of a body, summed over its tetrahedra and membrane triangles.
+struct Springs {
+    /// Plain mass-spring edges; 0 where there is none, since every element gives a positive one.
+    mass_spring: Vec<f64>,
+    /// Tensile springs of pooled elements; 0 where there is none.
+    tensile: Vec<f64>,
+    /// Angular springs of pooled elements per triangle of the layout, `None` where there is none.
+    angular: Vec<Option<[f64; 3]>>,
 }
 
-/// Edges, triangles and tetrahedra of a pooled body, with constants summed over the tetrahedra.
-fn spawn_springs<S: Scalar>(
+impl Springs {
+    fn new(
+        layout: &BodyLayout,
+        body: &BodyDescription,
+        rest: &[RestTetrahedron],
+        lame: &[LameParameters],
+        sheet: Option<&Sheet>,
+    ) -> Self {
+        let mut mass_spring = vec![0.0; layout.edges.len()];
+        let mut tensile = vec![0.0; layout.edges.len()];
+        let mut angular = vec![[0.0; 3]; layout.triangles.len()];
+        let mut used = vec![false; layout.triangles.len()];
+        let pooled = body.evaluation == Evaluation::Pooled;
+        if pooled || body.model == Model::MassSpring {
+            for (i, (r, &lame)) in rest.iter().zip(lame).enumerate() {
+                let constants = SpringConstants::new(r, lame);
+                let own = if pooled { &mut tensile } else { &mut mass_spring };
+                for (k, &e) in constants.tensile.iter().zip(&layout.tetrahedron_edges[i]) {
+                    own[e as usize] += k;
+                }
+                if !pooled {
+                    continue;
+                }
+                let t = layout.tetrahedra[i];
+                for (c, [apex, j, k]) in constants.angular.iter().zip(ADJACENT_PAIRS) {
+                    // the face through the pair lies opposite the one vertex that it does not use
+                    let face = (0..4).find(|v| ![apex, j, k].contains(v)).unwrap_or(0);
+                    debug_assert!(TETRAHEDRON_FACES[face].contains(&apex));
+                    let triangle = layout.tetrahedron_triangles[i][face] as usize;
+                    let vertices = &layout.triangles[triangle];
+                    let m = vertices.iter().position(|&v| v == t[apex]).unwrap_or(0);
+                    angular[triangle][m] += c;
+                    used[triangle] = true;
+                }
+            }
+        }
+        match sheet {
+            Some(sheet) if sheet.is_pooled() => {
+                sheet.add_springs(layout, &mut tensile, &mut angular);
+                layout.membrane_triangles.iter().for_each(|&t| used[t as usize] = true);
+            }
+            Some(sheet) if sheet.is_mass_spring() => {
+                sheet.add_springs(layout, &mut mass_spring, &mut []);
+            }
+            _ => {}
+        }
+        let angular = angular.into_iter().zip(used).map(|(c, used)| used.then_some(c)).collect();
+        Self { mass_spring, tensile, angular }
+    }
+
+    /// Spawns the mass-spring edges, if there are any.
+    fn spawn_edges<S: Scalar>(
+        &self,
+        world: &mut World,
+        layout: &BodyLayout,
+        rest_of: &dyn Fn(u32) -> DVec3,
+        v0: u32,
+        block0: u32,
+        id: BodyId,
+    ) {
+        let edges: Vec<_> = edge_bundles::<S>(layout, &self.mass_spring, rest_of, v0, block0, id)
+            .map(|edge| (edge, MassSpring))
+            .collect();
+        if !edges.is_empty() {
+            world.spawn_batch(edges);
+            quadratic::activate_mass_spring::<S>(world);
+        }
+    }
+
+    /// Spawns the edges and triangles of pooled elements, if there are any; edge-table rows of the
+    /// edges of the layout.
+    fn spawn_pooled<S: Scalar>(
+        &self,
+        world: &mut World,
+        layout: &BodyLayout,
+        rest_of: &dyn Fn(u32) -> DVec3,
+        v0: u32,
+        block0: u32,
+        id: BodyId,
+    ) -> Vec<u32> {
+        let mut edges = world.query::<&EdgeChange<S>>();
+        let mut next = edges.iter(world).len() as u32;
+        let mut rows = Vec::with_capacity(layout.edges.len());
+        for &k in &self.tensile {
+            rows.push(next);
+            next += u32::from(k != 0.0);
+        }
+        let edges: Vec<_> = edge_bundles::<S>(layout, &self.tensile, rest_of, v0, block0, id)
+            .map(|edge| {
+                let change = EdgeChange::<S>::default();
+                (edge, change, EdgeTension::<S>::default(), TensileTension::<S>::default())
+            })
+            .collect();
+        if edges.is_empty() {
+            return rows;
+        }
+        world.spawn_batch(edges);
+        world.spawn_batch(
+            layout
+                .triangles
+                .iter()
+                .zip(&layout.triangle_edges)
+                .zip(&self.angular)
+                .filter_map(|((t, e), c)| c.map(|c| (t, e, c)))
+                .map(|(t, e, c)| {
+                    (
+                        TriangleVertices(t.map(|v| v + v0)),
+                        TriangleEdges(e.map(|e| rows[e as usize])),
+                        id,
+                        AngularStiffness::<S, 0>(S::from_f64(c[0])),
+                        AngularStiffness::<S, 1>(S::from_f64(c[1])),
+                        AngularStiffness::<S, 2>(S::from_f64(c[2])),
+                    )
+                })
+                .collect::<Vec<_>>(),
+        );
+        pooled::activate::<S>(world);
+        rows
+    }
+}
+
+/// Components of the edges that have a spring.
+fn edge_bundles<S: Scalar>(
+    layout: &BodyLayout,
+    tensile: &[f64],
+    rest_of: &dyn Fn(u32) -> DVec3,
+    v0: u32,
+    block0: u32,
+    id: BodyId,
+) -> impl Iterator<Item = impl Bundle<Effect: NoBundleEffect>> {
+    let edges = layout.edges.iter().zip(tensile).enumerate();
+    edges.filter(|(_, (_, k))| **k != 0.0).map(move |(i, (&[a, b], &k))| {
+        (
+            EdgeVertices([a + v0, b + v0]),
+            EdgeBlock(i as u32 + block0),
+            id,
+            rest_edge_bundle::<S>((rest_of(a) - rest_of(b)).to_array()),
+            TensileStiffness(S::from_f64(k)),
+        )
+    })
+}
+
+/// Spawns pooled tetrahedra; `edge_rows` are the edge-table rows of the edges of the layout.
+fn spawn_volumetric<S: Scalar>(
     world: &mut World,
     layout: &BodyLayout,
     rest: &[RestTetrahedron],
     lame: &[LameParameters],
-    rest_of: &dyn Fn(u32) -> DVec3,
     geometry: Vec<impl Bundle<Effect: NoBundleEffect>>,
-    v0: u32,
-    block0: u32,
-    id: BodyId,
+    edge_rows: &[u32],
 ) {
-    let mut tensile = vec![0.0; layout.edges.len()];
-    let mut angular = vec![[0.0; 3]; layout.triangles.len()];
-    let mut volumetric = Vec::with_capacity(rest.len());
-    for (i, (r, &lame)) in rest.iter().zip(lame).enumerate() {
-        let constants = SpringConstants::new(r, lame);
-        for (k, &e) in constants.tensile.iter().zip(&layout.tetrahedron_edges[i]) {
-            tensile[e as usize] += k;
-        }
-        let t = layout.tetrahedra[i];
-        for (c, [apex, j, k]) in constants.angular.iter().zip(ADJACENT_PAIRS) {
-            // the face through the pair lies opposite the one vertex that it does not use
-            let face = (0..4).find(|v| ![apex, j, k].contains(v)).unwrap_or(0);
-            debug_assert!(TETRAHEDRON_FACES[face].contains(&apex));
-            let triangle = layout.tetrahedron_triangles[i][face] as usize;
-            let m = layout.triangles[triangle].iter().position(|&v| v == t[apex]).unwrap_or(0);
-            angular[triangle][m] += c;
-        }
-        volumetric.push(constants.volumetric);
-    }
-
-    let mut edges = world.query::<&EdgeChange<S>>();
-    let edge0 = edges.iter(world).len() as u32;
-
-    world.spawn_batch(
-        layout
-            .edges
-            .iter()
-            .zip(tensile)
-            .enumerate()
-            .map(|(i, (&[a, b], k))| {
-                (
-                    EdgeVertices([a + v0, b + v0]),
-                    EdgeBlock(i as u32 + block0),
-                    id,
-                    rest_edge_bundle::<S>((rest_of(a) - rest_of(b)).to_array()),
-                    EdgeChange::<S>::default(),
-                    EdgeTension::<S>::default(),
-                    TensileStiffness(S::from_f64(k)),
-                    TensileTension::<S>::default(),
-                )
-            })
-            .collect::<Vec<_>>(),
-    );
-    world.spawn_batch(
-        layout
-            .triangles
-            .iter()
-            .zip(&layout.triangle_edges)
-            .zip(angular)
-            .map(|((t, e), c)| {
-                (
-                    TriangleVertices(t.map(|v| v + v0)),
-                    TriangleEdges(e.map(|e| e + edge0)),
-                    id,
-                    AngularStiffness::<S, 0>(S::from_f64(c[0])),
-                    AngularStiffness::<S, 1>(S::from_f64(c[1])),
-                    AngularStiffness::<S, 2>(S::from_f64(c[2])),
-                )
-            })
-            .collect::<Vec<_>>(),
-    );
+    let constants =
+        rest.iter().zip(lame).map(|(r, &lame)| SpringConstants::new(r, lame).volumetric);
     world.spawn_batch(
         geometry
             .into_iter()
             .zip(&layout.tetrahedron_edges)
-            .zip(volumetric)
+            .zip(constants)
             .map(|((geometry, e), d)| {
                 (
                     geometry,
-                    TetrahedronEdges(e.map(|e| e + edge0)),
+                    TetrahedronEdges(e.map(|e| edge_rows[e as usize])),
                     VolumetricStiffness::<S, 0>(S::from_f64(d[0])),
                     VolumetricStiffness::<S, 1>(S::from_f64(d[1])),
                     VolumetricStiffness::<S, 2>(S::from_f64(d[2])),
@@ -539,6 +639,17 @@ fn partition_laws<S: Scalar>(world: &mut World) {
     partition::<Tensile, S, EdgeVertices, With<TensileTension<S>>>(world, |e| &e.0);
     partition::<SpringForces, S, EdgeVertices, With<TensileTension<S>>>(world, |e| &e.0);
     partition::<Angular, S, TriangleVertices, ()>(world, |t| &t.0);
+    partition::<BiquadraticMembrane, S, MembraneVertices, With<BiquadraticMembrane>>(world, |t| {
+        &t.0
+    });
+    partition::<QuadraticMembrane, S, MembraneVertices, With<QuadraticMembrane>>(world, |t| &t.0);
+    partition::<LinearMembrane, S, MembraneVertices, With<LinearMembrane>>(world, |t| &t.0);
+    partition::<CorotationalMembrane, S, MembraneVertices, With<CorotationalMembrane>>(
+        world,
+        |t| &t.0,
+    );
+    partition::<PooledMembrane, S, MembraneVertices, With<PooledMembrane>>(world, |t| &t.0);
+    partition::<MembraneCompression, S, MembraneVertices, With<PooledMembrane>>(world, |t| &t.0);
     find_edges::<Volumetric, S, TetrahedronEdges>(world, |e| &e.0);
     find_edges::<Angular, S, TriangleEdges>(world, |e| &e.0);
 }

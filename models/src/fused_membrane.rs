@@ -20,9 +20,7 @@ use sinew_engine::workers::Workers;
 use std::marker::PhantomData;
 use std::time::Instant;
 
-use crate::membrane::{
-    Element, TriangleTangent, biquadratic, corotational, linear, quadratic,
-};
+use crate::membrane::{Element, TriangleTangent, biquadratic, corotational, linear, quadratic};
 use crate::pooled::sum;
 
 macro_rules! moduli {
@@ -484,7 +482,13 @@ impl<Law: TriangleLaw, S: Scalar> Batch<S> for TangentBatch<'_, '_, Law, S> {
         if *kind == TangentKind::Projected {
             L::select(Law::is_clamped(&e, &u), L::ONE, L::ZERO).accumulate(clamped);
         }
-        add_tangent(&Law::tangent(&e, &u, *kind), span, columns.shapes.nodes, columns.blocks, first);
+        add_tangent(
+            &Law::tangent(&e, &u, *kind),
+            span,
+            columns.shapes.nodes,
+            columns.blocks,
+            first,
+        );
     }
 }
 

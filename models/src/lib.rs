@@ -8,7 +8,10 @@
 //! | [`spring`] | tensile and coupling springs on squared-length changes, one scalar at a time |
 //! | [`quadratic`] | springs on changes of length: tetrahedra of quadratic springs (TQS), mass-spring edges |
 //! | [`tetrahedron`] | the same energy per element in one pass, the compression term, exact and definite tangents and their products |
-//! | [`pooled`], [`fused`] | the systems that run these over all elements, several at a time |
+//! | [`membrane`] | triangles in space: biquadratic and quadratic springs, linear and corotational, their compression term |
+//! | [`pressure`] | follower pressure on surfaces |
+//! | [`pooled`], [`fused`], [`fused_membrane`] | the systems that run these over all elements, several at a time |
+//! | [`sheet`] | membranes as parts of bodies |
 //! | [`body`] | from mesh and material to entities |
 //!
 //! Everything is in SI units and driven by the displacement `u` from the rest shape, never by
@@ -46,7 +49,9 @@ pub mod material;
 pub mod membrane;
 pub mod pooled;
 pub mod precompute;
+pub mod pressure;
 mod projection;
 pub mod quadratic;
+pub mod sheet;
 pub mod spring;
 pub mod tetrahedron;

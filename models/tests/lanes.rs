@@ -111,6 +111,8 @@ impl Strip {
                 row_of_vertex: (0..u.len() as u32).collect(),
                 tetrahedra: self.nodes.clone(),
                 tetrahedron_order: Vec::new(),
+                membrane: Vec::new(),
+                membrane_order: Vec::new(),
                 size: 1.0,
                 piece: Vec::new(),
             },

@@ -25,6 +25,7 @@ use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
+use sinew_engine::load::{LoadTime, SweptVolumes};
 use sinew_engine::report::StepReport;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ActiveLaws, ForceSchedule, law_inputs_unchanged};
@@ -56,6 +57,8 @@ pub struct ExplicitScratch<S: Scalar> {
     /// Energy (J) that came from nowhere, summed since it was last 0.
     creep: f64,
     last: Option<LastStep<S>>,
+    /// Volumes that pressures have swept, at the start of the step.
+    swept: SweptVolumes,
 }
 
 /// The end of the last step.
@@ -85,6 +88,7 @@ impl<S: Scalar> Default for ExplicitScratch<S> {
             caution: 1.0,
             creep: 0.0,
             last: None,
+            swept: SweptVolumes::default(),
         }
     }
 }
@@ -246,9 +250,12 @@ fn evaluate_start<S: Scalar>(
     s: &mut ExplicitScratch<S>,
 ) -> f64 {
     report.evaluations += 1;
-    let elastic = evaluate(world, &s.node.u, true, true, None);
+    let start = world.resource::<StepClock>().time;
+    world.insert_resource(LoadTime(start));
+    evaluate(world, &s.node.u, true, true, None);
     read_force(world, &mut s.force);
-    elastic
+    s.swept = world.get_resource::<SweptVolumes>().cloned().unwrap_or_default();
+    world.resource::<ElasticEnergy>().elastic()
 }
 
 /// The columns that a substep works on.
@@ -292,7 +299,7 @@ struct Bookkeeping {
     differences_before: Vec<DVec3>,
     /// Displacements (m) of the loaded vertices at the start of the substep.
     loaded: Vec<DVec3>,
-    /// Work (J) of the reactions, and of the varying part of the loads.
+    /// Work (J) of the reactions, and of pressures and the varying part of the loads.
     constraint_work: f64,
     load_work: f64,
 }
@@ -308,8 +315,9 @@ fn attempt<S: Scalar>(
     substeps: u32,
 ) -> Option<[f64; 2]> {
     let n = s.node.len();
-    let dt = world.resource::<StepClock>().dt;
+    let StepClock { dt, time, .. } = *world.resource::<StepClock>();
     let h = dt / f64::from(substeps);
+    let mut swept = s.swept.clone();
     let verlet = settings.integrator == Integrator::StormerVerlet;
     // damping is taken implicitly in every kick
     let damped = |t: f64| 1.0 / (1.0 + settings.mass_damping * t);
@@ -357,7 +365,12 @@ fn attempt<S: Scalar>(
         load(s, &books);
         let end = i == substeps;
         world.insert_resource(EvaluationRequest { energy: end, force: true, tangent: None });
+        world.insert_resource(LoadTime(time + part * dt));
         world.run_schedule(ForceSchedule);
+        if let Some(now) = world.get_resource::<SweptVolumes>() {
+            books.load_work += now.work_since(&swept);
+            swept.clone_from(now);
+        }
         report.evaluations += 1;
         let (workers, mut columns) = state.get_mut(world).expect("engine resources");
         let (mut u, mut v, f) =
@@ -371,7 +384,7 @@ fn attempt<S: Scalar>(
         }
     }
 
-    let elastic = world.resource::<ElasticEnergy>().total;
+    let elastic = world.resource::<ElasticEnergy>().elastic();
     let (_, mut columns) = state.get_mut(world).expect("engine resources");
     let (u, v, _) = single_table(columns.contiguous_iter_mut()).expect("there are vertices");
     let (u, v) = (Displacement::peel_slice(&u), Velocity::peel_slice(&v));
@@ -425,6 +438,7 @@ fn finish<S: Scalar>(
         s.creep = 0.0;
     }
     std::mem::swap(&mut s.low, &mut s.low_start);
+    s.swept = world.get_resource::<SweptVolumes>().cloned().unwrap_or_default();
     read_force(world, &mut s.force);
     let mut u = s.last.take().map_or_else(Vec::new, |last| last.u);
     u.clear();

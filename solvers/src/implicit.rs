@@ -25,6 +25,7 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::law::{ElasticEnergy, TangentKind};
+use sinew_engine::load::SweptVolumes;
 use sinew_engine::matrix::{BlockMatrix, ProductSpans, Tangent};
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
 use sinew_engine::scalar::Scalar;
@@ -154,6 +155,7 @@ fn minimise<S: Scalar>(
     if statics {
         check_support(world, &s.node)?;
     }
+    let follower = follower_potential(world, &s.node.u);
     let mut bodies = body_iterations(world, &s.node);
     let moved_any = start(s, if statics { 0.0 } else { h });
     let before = if moved_any {
@@ -218,8 +220,23 @@ fn minimise<S: Scalar>(
             "the step was undone; try a smaller step or check material and loads",
         ));
     }
+    let follower = [follower, follower_potential(world, &s.y)];
     finish(world, report, s, if statics { None } else { Some(h) }, newton, &bodies);
+    report.elastic_energy -= follower[1];
+    if !statics {
+        report.load_work += follower[0] - follower[1];
+    }
     Ok(())
+}
+
+/// Potential (J) of the loads that are laws at displacements `u`; 0 without an evaluation where there are
+/// none.
+fn follower_potential<S: Scalar>(world: &mut World, u: &[[S; 4]]) -> f64 {
+    if !world.contains_resource::<SweptVolumes>() {
+        return 0.0;
+    }
+    evaluate(world, u, true, false, None);
+    world.resource::<ElasticEnergy>().load
 }
 
 /// One entry per body.

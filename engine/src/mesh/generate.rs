@@ -170,35 +170,7 @@ pub fn cylinder_tets(
     let n_tets = fits(NAME, "tetrahedra", product(&[18, rings, rings, layers]))?;
     let per_layer = n_points / (layers + 1);
 
-    let mut disc = vec![DVec2::ZERO];
-    for ring in 1..=rings {
-        for i in 0..6 * ring {
-            let angle = std::f64::consts::TAU * i as f64 / (6 * ring) as f64;
-            disc.push(DVec2::from_angle(angle) * (radius * ring as f64 / rings as f64));
-        }
-    }
-    // Each sixth of a ring is a strip of triangles between its inner and its outer vertices.
-    let vertex = |ring: usize, i: usize| -> u32 {
-        if ring == 0 { 0 } else { (1 + 3 * ring * (ring - 1) + i % (6 * ring)) as u32 }
-    };
-    let mut triangles = Vec::with_capacity(6 * rings * rings);
-    for ring in 1..=rings {
-        for sixth in 0..6 {
-            for i in 0..ring {
-                let outer = sixth * ring + i;
-                let inner = sixth * (ring - 1) + i;
-                triangles.push([
-                    vertex(ring, outer),
-                    vertex(ring, outer + 1),
-                    vertex(ring - 1, inner),
-                ]);
-                if i + 1 < ring {
-                    let (a, b) = (vertex(ring - 1, inner), vertex(ring - 1, inner + 1));
-                    triangles.push([a, vertex(ring, outer + 1), b]);
-                }
-            }
-        }
-    }
+    let (disc, triangles) = disc(radius, rings);
     let mut points = Vec::with_capacity(n_points);
     for layer in 0..=layers {
         let x = if layer == layers { height } else { height * layer as f64 / layers as f64 };
@@ -364,14 +336,115 @@ pub fn triangle_grid(size: DVec2, n: [usize; 2]) -> Result<Mesh, MeshError> {
         }
     }
     mesh.groups = groups.into();
-    mesh.groups.push(Group {
+    mesh.groups.push(whole(mesh.points.len(), mesh.triangles.len()));
+    Ok(mesh)
+}
+
+/// Vertices of a disc around the origin, ring by ring from the centre, and its counter-clockwise
+/// triangles.
+fn disc(radius: f64, rings: usize) -> (Vec<DVec2>, Vec<[u32; 3]>) {
+    let mut disc = vec![DVec2::ZERO];
+    for ring in 1..=rings {
+        for i in 0..6 * ring {
+            let angle = std::f64::consts::TAU * i as f64 / (6 * ring) as f64;
+            disc.push(DVec2::from_angle(angle) * (radius * ring as f64 / rings as f64));
+        }
+    }
+    // Each sixth of a ring is a strip of triangles between its inner and its outer vertices.
+    let vertex = |ring: usize, i: usize| -> u32 {
+        if ring == 0 { 0 } else { (1 + 3 * ring * (ring - 1) + i % (6 * ring)) as u32 }
+    };
+    let mut triangles = Vec::with_capacity(6 * rings * rings);
+    for ring in 1..=rings {
+        for sixth in 0..6 {
+            for i in 0..ring {
+                let outer = sixth * ring + i;
+                let inner = sixth * (ring - 1) + i;
+                triangles.push([
+                    vertex(ring, outer),
+                    vertex(ring, outer + 1),
+                    vertex(ring - 1, inner),
+                ]);
+                if i + 1 < ring {
+                    let (a, b) = (vertex(ring - 1, inner), vertex(ring - 1, inner + 1));
+                    triangles.push([a, vertex(ring, outer + 1), b]);
+                }
+            }
+        }
+    }
+    (disc, triangles)
+}
+
+/// A disc of triangles in the plane z = 0 around the origin, its normal along z.
+///
+/// `radius` in metres; `rings` rings around the centre, `6 rings^2` triangles. Groups `rim` (vertices) and
+/// `body`.
+///
+/// # Errors
+///
+/// [`MeshError::InvalidParameter`] or [`MeshError::TooMany`].
+pub fn disc_triangles(radius: f64, rings: usize) -> Result<Mesh, MeshError> {
+    const NAME: &str = "disc_triangles";
+    length(NAME, "radius", radius)?;
+    cells(NAME, "rings", rings)?;
+    fits(NAME, "triangles", product(&[6, rings, rings]))?;
+    let (disc, triangles) = disc(radius, rings);
+    let rim = (disc.len() - 6 * rings) as u32..disc.len() as u32;
+    let rim =
+        Group { name: "rim".to_owned(), dimension: 1, vertices: rim.collect(), ..Group::default() };
+    Ok(Mesh {
+        source: format!("{NAME} radius {radius} m, {rings} rings"),
+        groups: vec![rim, whole(disc.len(), triangles.len())],
+        points: disc.into_iter().map(|p| p.extend(0.0)).collect(),
+        triangles,
+        ..Mesh::default()
+    })
+}
+
+/// A sphere of triangles around the origin, its normals outward.
+///
+/// `radius` in metres; the edges of an icosahedron are cut into `n` parts: `20 n^2` triangles. Group
+/// `body`.
+///
+/// # Errors
+///
+/// [`MeshError::InvalidParameter`] or [`MeshError::TooMany`].
+pub fn sphere_triangles(radius: f64, n: usize) -> Result<Mesh, MeshError> {
+    let ball = sphere_tets(radius, n)?;
+    let mut index = vec![u32::MAX; ball.points.len()];
+    let mut points = Vec::new();
+    let triangles: Vec<[u32; 3]> = ball
+        .surface_triangles()
+        .into_iter()
+        .map(|t| {
+            t.map(|v| {
+                let place = &mut index[v as usize];
+                if *place == u32::MAX {
+                    *place = points.len() as u32;
+                    points.push(ball.points[v as usize]);
+                }
+                *place
+            })
+        })
+        .collect();
+    Ok(Mesh {
+        source: format!("sphere_triangles radius {radius} m, edges cut into {n}"),
+        groups: vec![whole(points.len(), triangles.len())],
+        points,
+        triangles,
+        ..Mesh::default()
+    })
+}
+
+/// The group `body` of a mesh of triangles.
+fn whole(points: usize, triangles: usize) -> Group {
+    Group {
         name: "body".to_owned(),
         dimension: 2,
-        vertices: (0..mesh.points.len() as u32).collect(),
+        vertices: (0..points as u32).collect(),
         tetrahedra: Vec::new(),
-        triangles: (0..mesh.triangles.len() as u32).collect(),
-    });
-    Ok(mesh)
+        triangles: (0..triangles as u32).collect(),
+    }
 }
 
 /// Random numbers for [`jitter_interior`]: the splitmix64 sequence.
@@ -497,6 +570,33 @@ pub fn jitter_interior(mesh: &Mesh, fraction: f64, seed: u64) -> Result<Mesh, Me
 mod tests {
     use super::*;
     use std::f64::consts::PI;
+
+    #[test]
+    fn discs_and_spheres_of_triangles() {
+        let area = |mesh: &Mesh| -> DVec3 {
+            let p = |i: u32| mesh.points[i as usize];
+            let normal = |&[a, b, c]: &[u32; 3]| 0.5 * (p(b) - p(a)).cross(p(c) - p(a));
+            mesh.triangles.iter().map(normal).sum()
+        };
+        let disc = disc_triangles(2.0, 5).unwrap();
+        assert_eq!((disc.points.len(), disc.triangles.len()), (91, 150));
+        // a polygon of 30 sides
+        let polygon = 0.5 * 30.0 * 4.0 * (2.0 * PI / 30.0).sin();
+        assert!((area(&disc) - polygon * DVec3::Z).length() < 1e-12);
+        let rim = &disc.group("rim").unwrap().vertices;
+        assert_eq!(rim.len(), 30);
+        assert!(rim.iter().all(|&v| (disc.points[v as usize].length() - 2.0).abs() < 1e-12));
+        let sphere = sphere_triangles(0.5, 8).unwrap();
+        assert_eq!((sphere.points.len(), sphere.triangles.len()), (642, 1280));
+        assert!(sphere.points.iter().all(|p| (p.length() - 0.5).abs() < 1e-12));
+        assert!(area(&sphere).length() < 1e-12);
+        let outward = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| sphere.points[v as usize]);
+            (b - a).cross(c - a).dot(a) > 0.0
+        };
+        assert!(sphere.triangles.iter().all(outward));
+        assert!(disc_triangles(-1.0, 5).is_err() && sphere_triangles(1.0, 0).is_err());
+    }
 
     /// All volumes positive, their sum as enclosed by the surface, and every vertex used.
     fn sound(mesh: &Mesh) -> f64 {

@@ -1,0 +1,318 @@
+//! Follower pressure: on every triangle of a surface, pressure times deformed area along the normal,
+//! a third to each vertex.
+//!
+//! With deformed edges `d_1 = x_1 - x_0`, `d_2 = x_2 - x_0`, rest edges `E_a`, displacements `u` relative to
+//! rest, `w_a = d_a - E_a` and mean displacement `m`:
+//!
+//! ```text
+//! f_0 = f_1 = f_2 = p/3 a,   a = d_1 x d_2 / 2                                    (N)
+//! V   = m . (a_0 + a_1/2 + a_2/3)                                                 (m^3)
+//!       a_0 = E_1 x E_2 / 2,  a_1 = (E_1 x w_2 + w_1 x E_2)/2,  a_2 = w_1 x w_2 / 2
+//! K   = symmetric part of -df/dx:  K_12 = -p/12 skew(x_1 + x_2 - 2 x_0), cyclic;  K_aa = 0
+//! ```
+//!
+//! `V` is the volume that the triangle sweeps on the straight way from rest, so that of a surface is the
+//! change of the volume behind it; displacements alone enter, so nothing cancels. Where the surface is
+//! closed, or its rim is held (at least within planes that the volume ends at), `-p V` is a potential of
+//! the forces, and the antisymmetric parts of `-df/dx` of neighbouring triangles cancel: the tangent is
+//! exact. On a rim that is free to move the pressure is no conservative force; its work still is `p`
+//! times the swept volume along the way, but `-p V` and the symmetric tangent are approximations there,
+//! which slows Newton down and leaves the energy bound of the safe step to the rest of the surface.
+//!
+//! The tangent is indefinite by itself, and left out of the semidefinite stand-ins.
+//!
+//! The potential is booked apart from elastic energy ([`Law::IS_LOAD`]).
+
+use bevy_ecs::prelude::*;
+use sinew_engine::columns::single_table;
+use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
+use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
+use sinew_engine::load::{LoadTime, Pressure, SweptVolumes};
+use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
+use sinew_engine::schedule::{
+    ForceSystems, StepSchedule, StepSystems, activate_law, declare_inputs,
+};
+use sinew_engine::topology::Topology;
+use sinew_engine::vertex::{Displacement, RestPosition};
+use sinew_engine::workers::Workers;
+
+use std::time::Instant;
+
+use crate::fused_membrane::add_tangent;
+use crate::membrane::TriangleTangent;
+use crate::pooled::sum;
+
+/// Volume (m^3) that a triangle of rest edges `X_1 - X_0`, `X_2 - X_0` sweeps from rest to displacements
+/// `u`, positive along its normal.
+///
+/// ```
+/// use sinew_models::pressure::swept_volume;
+/// // A right triangle lifted by 2, then another whose one corner is lifted by 3.
+/// let edges = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+/// assert_eq!(swept_volume(&edges, &[[0.0, 0.0, 2.0]; 3]), 1.0);
+/// assert_eq!(swept_volume(&edges, &[[0.0, 0.0, 3.0], [0.0; 3], [0.0; 3]]), 0.5);
+/// ```
+#[inline(always)]
+pub fn swept_volume<R: Real>(edges: &[[R; 3]; 2], u: &[[R; 3]; 3]) -> R {
+    let [a, b] = *edges;
+    let w = [sub(u[1], u[0]), sub(u[2], u[0])];
+    let mean = add(u[0], add(u[1], u[2]));
+    let rest = dot(mean, cross(a, b));
+    let first = dot(mean, add(cross(a, w[1]), cross(w[0], b)));
+    let second = dot(mean, cross(w[0], w[1]));
+    let sum = (R::from_f64(1.0 / 3.0)).mul_add(second, R::from_f64(0.5).mul_add(first, rest));
+    R::from_f64(1.0 / 6.0) * sum
+}
+
+/// Force (N) of `pressure` (Pa) on each of the three vertices.
+#[inline(always)]
+pub fn force<R: Real>(edges: &[[R; 3]; 2], u: &[[R; 3]; 3], pressure: R) -> [R; 3] {
+    let d = deformed(edges, u);
+    scale(cross(d[0], d[1]), R::from_f64(1.0 / 6.0) * pressure)
+}
+
+/// Symmetric tangent of `pressure` (Pa), N/m.
+#[inline(always)]
+pub fn tangent<R: Real>(edges: &[[R; 3]; 2], u: &[[R; 3]; 3], pressure: R) -> TriangleTangent<R> {
+    let [a, b] = deformed(edges, u);
+    let c = R::from_f64(-1.0 / 12.0) * pressure;
+    let arms = [add(a, b), sub(add(a, a), b), sub(a, add(b, b))];
+    let mut off = [[R::ZERO; 9]; 3];
+    for i in 0..3 {
+        let [x, y, z] = scale(arms[i], c);
+        off[i] = [R::ZERO, -z, y, z, R::ZERO, -x, -y, x, R::ZERO];
+    }
+    TriangleTangent { diagonal: [[R::ZERO; 9]; 3], off }
+}
+
+#[inline(always)]
+fn deformed<R: Real>(edges: &[[R; 3]; 2], u: &[[R; 3]; 3]) -> [[R; 3]; 2] {
+    [add(edges[0], sub(u[1], u[0])), add(edges[1], sub(u[2], u[0]))]
+}
+
+/// Follower pressure of all [`Pressure`] entities.
+pub struct FollowerPressure;
+
+impl Law for FollowerPressure {
+    const NAME: &'static str = "follower pressure";
+    const ORDER: u8 = 24;
+    const IS_LOAD: bool = true;
+}
+
+/// The triangles of all [`Pressure`] entities in the order of evaluation.
+#[derive(Resource, Debug, Default)]
+struct PressureFaces<S> {
+    /// What they were made of.
+    sources: Vec<(Entity, Pressure)>,
+    revision: u64,
+    /// Vertex rows, ascending within a triangle.
+    nodes: Vec<[u32; 3]>,
+    /// Tangent blocks, block `i` opposite vertex `i`.
+    blocks: Vec<[u32; 3]>,
+    /// Components of the rest edges (m).
+    edges: [Vec<S>; 6],
+    /// 1, or -1 where ascending rows turned a triangle over.
+    sign: Vec<S>,
+    /// Source of every range of the law's buffer.
+    source_of_span: Vec<u32>,
+}
+
+/// Puts the law into the force schedule of a world; call it when a [`Pressure`] is added. Changes of
+/// such entities later on are seen by themselves, at the next step.
+pub fn activate<S: Scalar>(world: &mut World) {
+    if !world.contains_resource::<PressureFaces<S>>() {
+        world.insert_resource(PressureFaces::<S>::default());
+        world.init_resource::<SweptVolumes>();
+        world.init_resource::<LoadTime>();
+        let mut schedules = world.resource_mut::<Schedules>();
+        schedules.entry(StepSchedule).add_systems(collect_faces::<S>.in_set(StepSystems::Prepare));
+        activate_law::<FollowerPressure, S>(world, |schedule| {
+            schedule.add_systems(evaluate::<S>.in_set(ForceSystems::Evaluate));
+        });
+        declare_inputs(world, FollowerPressure::NAME, &[pressures_changed::<S>]);
+    }
+    collect_faces::<S>(world);
+}
+
+fn pressures_changed<S: Scalar>(world: &mut World) -> bool {
+    world.is_resource_changed::<PressureFaces<S>>()
+}
+
+/// Makes the faces fit the entities and the rows of bodies, if they do not.
+fn collect_faces<S: Scalar>(world: &mut World) {
+    let mut entities = world.query::<(Entity, &Pressure)>();
+    let mut sources: Vec<(Entity, &Pressure)> = entities.iter(world).collect();
+    sources.sort_unstable_by_key(|(entity, _)| *entity);
+    let revision = world.resource::<Topology>().revision;
+    let known = world.resource::<PressureFaces<S>>();
+    let same = known.sources.iter().map(|(e, p)| (*e, p)).eq(sources.iter().copied());
+    if same && known.revision == revision {
+        return;
+    }
+    let sources: Vec<(Entity, Pressure)> =
+        sources.into_iter().map(|(e, p)| (e, p.clone())).collect();
+    let mut faces = PressureFaces::<S> { revision, ..Default::default() };
+    let mut buffer = world.remove_resource::<LawBuffer<FollowerPressure, S>>().unwrap_or_default();
+    buffer.spans.clear();
+    let mut rests = world.query::<&RestPosition>();
+    let rest = single_table(rests.contiguous_iter(world)).unwrap_or(&[]);
+    let topology = world.resource::<Topology>();
+    for (source, (_, pressure)) in sources.iter().enumerate() {
+        let first = faces.nodes.len();
+        // an edge that no element has any more carries nothing
+        let mut own: Vec<_> =
+            pressure.faces.iter().filter_map(|&t| ascending(t, topology)).collect();
+        own.sort_unstable_by_key(|(nodes, _, _)| *nodes);
+        for (nodes, blocks, flipped) in own {
+            let x = nodes.map(|v| rest[v as usize].0);
+            let edges = [x[1] - x[0], x[2] - x[0]];
+            for (column, value) in
+                faces.edges.iter_mut().zip(edges.iter().flat_map(|e| e.to_array()))
+            {
+                column.push(S::from_f64(value));
+            }
+            faces.nodes.push(nodes);
+            faces.blocks.push(blocks);
+            faces.sign.push(if flipped { -S::ONE } else { S::ONE });
+        }
+        let nodes = &faces.nodes;
+        let spans = Span::cut(first..nodes.len(), topology, |i| &nodes[i]);
+        faces.source_of_span.resize(buffer.spans.len() + spans.len(), source as u32);
+        buffer.spans.extend(spans);
+    }
+    faces.sources = sources;
+    world.insert_resource(buffer);
+    world.insert_resource(faces);
+}
+
+/// A triangle with its rows in ascending order, the blocks of its edges, and whether that turned it
+/// over; `None` when an edge is in no element.
+fn ascending(t: [u32; 3], topology: &Topology) -> Option<([u32; 3], [u32; 3], bool)> {
+    let mut nodes = t;
+    nodes.sort_unstable();
+    let flipped = ![[0, 1, 2], [1, 2, 0], [2, 0, 1]].map(|p| p.map(|i| nodes[i])).contains(&t);
+    let [a, b, c] = nodes;
+    Some((nodes, [topology.block(b, c)?, topology.block(a, c)?, topology.block(a, b)?], flipped))
+}
+
+fn evaluate<S: Scalar>(
+    request: Res<EvaluationRequest>,
+    workers: Res<Workers>,
+    time: Res<LoadTime>,
+    faces: Res<PressureFaces<S>>,
+    mut swept: ResMut<SweptVolumes>,
+    mut buffer: ResMut<LawBuffer<FollowerPressure, S>>,
+    vertices: Query<&Displacement<S>>,
+) {
+    let start = Instant::now();
+    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
+    let displacement = bytemuck::TransparentWrapper::peel_slice(u);
+    let pressures: Vec<f64> =
+        faces.sources.iter().map(|(_, p)| p.pressure * p.curve.value(time.0)).collect();
+    let of_span = |i: usize| pressures[faces.source_of_span[i] as usize];
+    let exact = request.tangent == Some(TangentKind::Exact);
+    let work_ns = 6 + 20 * usize::from(exact);
+    workers.for_each(&mut buffer.spans, faces.nodes.len() * work_ns, |i, span| {
+        let (faces, elements) = (&*faces, span.elements.clone());
+        if request.force || request.energy {
+            let batch = Volumes { faces, displacement, sums: [0.0; MAX_LANES] };
+            // the volume, for now
+            span.energy = sum(workers.dispatch(Batches(elements.clone(), batch)).sums);
+        }
+        let pressure = S::from_f64(of_span(i));
+        if request.force {
+            span.clear_force();
+            let (row, force) = (span.rows.start, &mut span.force[..]);
+            let batch = Forces { faces, displacement, pressure, force, row };
+            workers.dispatch(Batches(elements.clone(), batch));
+        }
+        if exact {
+            span.clear_tangent();
+            workers.dispatch(Batches(elements, Tangents { faces, displacement, pressure, span }));
+        } else {
+            span.drop_tangent();
+        }
+    });
+    if request.force || request.energy {
+        swept.0.clear();
+        swept.0.extend(pressures.iter().map(|&p| [p, 0.0]));
+        for (span, &source) in buffer.spans.iter_mut().zip(&faces.source_of_span) {
+            let [pressure, volume] = &mut swept.0[source as usize];
+            *volume += span.energy;
+            span.energy *= -*pressure;
+        }
+    }
+    buffer.time = start.elapsed();
+}
+
+impl<S: Scalar> PressureFaces<S> {
+    /// Rest edges, displacements and signs of the triangles from `first` on.
+    #[inline(always)]
+    fn shape<L: Lanes<Scalar = S>>(
+        &self,
+        displacement: &[[S; 4]],
+        first: usize,
+    ) -> ([[L; 3]; 2], [[L; 3]; 3], L) {
+        let mut edges = [[L::ZERO; 3]; 2];
+        for a in 0..2 {
+            for x in 0..3 {
+                edges[a][x] = L::load(&self.edges[3 * a + x][first..]);
+            }
+        }
+        let mut u = [[L::ZERO; 3]; 3];
+        for a in 0..3 {
+            u[a] = L::load_rows(displacement, &self.nodes[first..], a);
+        }
+        (edges, u, L::load(&self.sign[first..]))
+    }
+}
+
+struct Volumes<'a, S> {
+    faces: &'a PressureFaces<S>,
+    displacement: &'a [[S; 4]],
+    sums: [f64; MAX_LANES],
+}
+
+impl<S: Scalar> Batch<S> for Volumes<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let (edges, u, sign) = self.faces.shape::<L>(self.displacement, first);
+        (sign * swept_volume(&edges, &u)).accumulate(&mut self.sums);
+    }
+}
+
+struct Forces<'a, S> {
+    faces: &'a PressureFaces<S>,
+    displacement: &'a [[S; 4]],
+    pressure: S,
+    force: &'a mut [[S; 4]],
+    /// Vertex row of the first entry of `force`.
+    row: usize,
+}
+
+impl<S: Scalar> Batch<S> for Forces<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let (edges, u, sign) = self.faces.shape::<L>(self.displacement, first);
+        let f = force(&edges, &u, sign * L::splat(self.pressure));
+        for a in 0..3 {
+            L::add_rows(f, self.force, self.row, &self.faces.nodes[first..], a);
+        }
+    }
+}
+
+struct Tangents<'a, S> {
+    faces: &'a PressureFaces<S>,
+    displacement: &'a [[S; 4]],
+    pressure: S,
+    span: &'a mut Span<S>,
+}
+
+impl<S: Scalar> Batch<S> for Tangents<'_, S> {
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let (edges, u, sign) = self.faces.shape::<L>(self.displacement, first);
+        let t = tangent(&edges, &u, sign * L::splat(self.pressure));
+        add_tangent(&t, self.span, &self.faces.nodes, &self.faces.blocks, first);
+    }
+}

@@ -1,0 +1,499 @@
+//! Membranes as entities: reference meshes, every instruction set, pooled against fused, and bodies of
+//! tetrahedra and triangles against the two alone.
+
+mod common;
+
+use bevy_ecs::prelude::*;
+use common::{Worst, max_abs, max_difference, symmetric_eigen};
+use glam::DVec3;
+use serde_json::Value;
+use sinew_engine::columns::single_table;
+use sinew_engine::element::{EdgeTension, EdgeVertices};
+use sinew_engine::lanes::InstructionSet;
+use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
+use sinew_engine::matrix::{ProductSpans, Tangent};
+use sinew_engine::mesh::generate::box_tets;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::schedule::{Executor, ForceSchedule, install};
+use sinew_engine::topology::Topology;
+use sinew_engine::vertex::{Displacement, ElasticForce, Mass};
+use sinew_engine::workers::Workers;
+use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, spawn_body};
+use sinew_models::fused_membrane::{
+    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, QuadraticMembrane, multiply,
+};
+use sinew_models::material::YoungPoisson;
+use sinew_models::sheet::{MembraneDescription, MembraneError, MembraneModel};
+
+const KINDS: [TangentKind; 3] =
+    [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected];
+
+const FUSED: Evaluation = Evaluation::Fused;
+const POOLED: Evaluation = Evaluation::Pooled;
+
+/// Every way to build a membrane.
+const MEMBRANES: [(MembraneModel, Evaluation); 8] = [
+    (MembraneModel::Biquadratic, FUSED),
+    (MembraneModel::Biquadratic, POOLED),
+    (MembraneModel::CompressibleBiquadratic, FUSED),
+    (MembraneModel::CompressibleBiquadratic, POOLED),
+    (MembraneModel::Quadratic, FUSED),
+    (MembraneModel::MassSpring, FUSED),
+    (MembraneModel::Linear, FUSED),
+    (MembraneModel::Corotational, FUSED),
+];
+
+fn load(file: &str) -> Value {
+    let path = match std::env::var_os("SINEW_REFERENCE") {
+        Some(root) => std::path::PathBuf::from(root).join("reference").join(file),
+        None => std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(file),
+    };
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    match value.as_array() {
+        Some(rows) => rows.iter().flat_map(numbers).collect(),
+        None => vec![number(value)],
+    }
+}
+
+fn vectors(value: &Value) -> Vec<DVec3> {
+    numbers(value).chunks(3).map(DVec3::from_slice).collect()
+}
+
+fn material(young_modulus: f64, poisson_ratio: f64) -> YoungPoisson {
+    YoungPoisson { young_modulus, poisson_ratio, density: 1000.0 }
+}
+
+/// A world with one body, displaced by `moved` (user's order).
+fn world<S: Scalar>(body: &BodyDescription, moved: &[DVec3], set: InstructionSet) -> World {
+    let mut world = World::new();
+    install::<S>(&mut world, Executor::SingleThreaded);
+    world.insert_resource(Workers::new(1).unwrap().with_instruction_set(set).unwrap());
+    spawn_body::<S>(&mut world, body).unwrap();
+    let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
+    let mut query = world.query::<&mut Displacement<S>>();
+    for (mut u, v) in query.iter_mut(&mut world).zip(order) {
+        let [x, y, z] = moved[v as usize].to_array().map(S::from_f64);
+        u.0 = [x, y, z, S::ZERO];
+    }
+    world
+}
+
+/// Energy, forces, masses and dense tangent in the user's order.
+struct Sums {
+    energy: f64,
+    force: Vec<f64>,
+    mass: Vec<f64>,
+    tangent: Vec<f64>,
+    clamped: u64,
+}
+
+fn evaluate<S: Scalar>(world: &mut World, count: usize, kind: TangentKind) -> Sums {
+    world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: Some(kind) });
+    world.run_schedule(ForceSchedule);
+    let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
+    let mut sums = Sums {
+        energy: world.resource::<ElasticEnergy>().total,
+        force: vec![0.0; 3 * count],
+        mass: vec![0.0; count],
+        tangent: vec![0.0; 9 * count * count],
+        clamped: world.resource::<Tangent<S>>().clamped,
+    };
+    let mut rows = world.query::<(&ElasticForce<S>, &Mass<S>)>();
+    for ((f, m), &v) in rows.iter(world).zip(&order) {
+        sums.mass[v as usize] = m.0.to_f64();
+        for k in 0..3 {
+            sums.force[3 * v as usize + k] = f.0[k].to_f64();
+        }
+    }
+    let n = 3 * count;
+    let mut add = |a: u32, b: u32, m: &[S; 9]| {
+        let (a, b) = (order[a as usize] as usize, order[b as usize] as usize);
+        for i in 0..3 {
+            for j in 0..3 {
+                sums.tangent[(3 * a + i) * n + 3 * b + j] += m[3 * i + j].to_f64();
+                if a != b {
+                    sums.tangent[(3 * b + j) * n + 3 * a + i] += m[3 * i + j].to_f64();
+                }
+            }
+        }
+    };
+    let matrix = &world.resource::<Tangent<S>>().matrix;
+    for (row, m) in matrix.diagonal.iter().enumerate() {
+        add(row as u32, row as u32, m);
+    }
+    for (&[a, b], m) in world.resource::<Topology>().edges.iter().zip(&matrix.off_diagonal) {
+        add(a, b, m);
+    }
+    sums
+}
+
+fn product(tangent: &[f64], v: &[f64]) -> Vec<f64> {
+    tangent.chunks(v.len()).map(|row| row.iter().zip(v).map(|(a, b)| a * b).sum()).collect()
+}
+
+fn available() -> impl Iterator<Item = InstructionSet> {
+    InstructionSet::ALL.into_iter().filter(|set| set.is_available())
+}
+
+#[test]
+fn reference_meshes() {
+    let mut worst = Worst::default();
+    let file = load("pooled_membrane_meshes.json");
+    for case in file["cases"].as_array().unwrap() {
+        let name = case["name"].as_str().unwrap();
+        let points = vectors(&case["rest"]);
+        let triangles: Vec<[u32; 3]> = numbers(&case["triangles"])
+            .chunks(3)
+            .map(|t| [t[0] as u32, t[1] as u32, t[2] as u32])
+            .collect();
+        let moved: Vec<DVec3> =
+            vectors(&case["deformed"]).iter().zip(&points).map(|(x, p)| *x - *p).collect();
+        let dx = numbers(&case["dx"]);
+        let stretch = number(&case["E_2d"]);
+        let thickness = 0.002;
+        let material = material(stretch / thickness, number(&case["nu"]));
+        let variants = [
+            ("trbs", MembraneModel::Biquadratic, FUSED),
+            ("trbs", MembraneModel::Biquadratic, POOLED),
+            ("trqs", MembraneModel::Quadratic, FUSED),
+            ("mass_spring", MembraneModel::MassSpring, FUSED),
+        ];
+        for (key, model, evaluation) in variants {
+            let membrane = MembraneDescription::new(&triangles, thickness, material);
+            let body = BodyDescription {
+                membrane: Some(MembraneDescription { model, evaluation, ..membrane }),
+                ..BodyDescription::from_parts("sheet", &points, &[], material)
+            };
+            for set in available() {
+                let mut world = world::<f64>(&body, &moved, set);
+                let sums = evaluate::<f64>(&mut world, points.len(), TangentKind::Exact);
+                let reference = &case[key];
+                let energy = number(&reference["energy"]);
+                worst.note("energy", (sums.energy - energy).abs(), energy, name);
+                let forces = numbers(&reference["forces"]);
+                worst.note("forces", max_difference(&sums.force, &forces), max_abs(&forces), name);
+                let expected = numbers(&case[format!("{key}_K_dx")]);
+                let ours = product(&sums.tangent, &dx);
+                worst.note("K dx", max_difference(&ours, &expected), max_abs(&expected), name);
+                if evaluation == POOLED {
+                    let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
+                    let mut edges = world.query::<(&EdgeVertices, &EdgeTension<f64>)>();
+                    let tensions = numbers(&reference["edge_tension"]);
+                    for (i, edge) in numbers(&case["edges"]).chunks(2).enumerate() {
+                        let found = edges.iter(&world).find(|(e, _)| {
+                            let [a, b] = e.0.map(|row| order[row as usize] as f64);
+                            [a.min(b), a.max(b)] == [edge[0], edge[1]]
+                        });
+                        let (_, tension) = found.expect("an edge of the mesh");
+                        let error = (tension.0 - tensions[i]).abs();
+                        worst.note("edge tension", error, max_abs(&tensions), name);
+                    }
+                }
+            }
+        }
+    }
+    worst.check(1e-9);
+}
+
+/// A box with a membrane on one side and a flap that hangs on an edge of it, and displacements.
+fn skinned_box() -> (Vec<DVec3>, Vec<[u32; 4]>, Vec<[u32; 3]>, Vec<DVec3>) {
+    let mesh = box_tets(DVec3::new(1.0, 0.8, 0.6), [3, 2, 2]).unwrap();
+    let mut points = mesh.points.clone();
+    let mut triangles: Vec<[u32; 3]> = mesh
+        .surface_triangles()
+        .into_iter()
+        .filter(|t| t.iter().all(|&v| points[v as usize].z > 0.59))
+        .collect();
+    let edge = triangles[0];
+    points.push(DVec3::new(0.1, -0.2, 0.9));
+    triangles.push([edge[0], points.len() as u32 - 1, edge[1]]);
+    let mut seed = 7u64;
+    let mut next = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 33) as f64 / f64::from(1u32 << 30) - 1.0
+    };
+    let moved = points.iter().map(|_| 0.08 * DVec3::new(next(), next(), next())).collect();
+    (points, mesh.tetrahedra, triangles, moved)
+}
+
+#[test]
+fn a_body_of_both_is_the_sum_of_the_two() {
+    let (points, tetrahedra, triangles, moved) = skinned_box();
+    let n = points.len();
+    let soft = material(5e3, 0.4);
+    let skin = material(8e4, 0.3);
+    let solids = [
+        (Model::CompressibleStVK, FUSED),
+        (Model::CompressibleStVK, POOLED),
+        (Model::QuadraticSprings, FUSED),
+        (Model::MassSpring, FUSED),
+    ];
+    for (membrane_model, membrane_evaluation) in MEMBRANES {
+        for (model, evaluation) in solids {
+            let membrane = MembraneDescription {
+                model: membrane_model,
+                evaluation: membrane_evaluation,
+                ..MembraneDescription::new(&triangles, 0.01, skin)
+            };
+            let solid = BodyDescription {
+                model,
+                evaluation,
+                ..BodyDescription::from_parts("both", &points, &tetrahedra, soft)
+            };
+            let alone = BodyDescription {
+                membrane: Some(membrane),
+                ..BodyDescription::from_parts("sheet", &points, &[], soft)
+            };
+            let both = BodyDescription { membrane: Some(membrane), ..solid.clone() };
+            let best = InstructionSet::best();
+            let mut worlds = [&solid, &alone, &both].map(|b| world::<f64>(b, &moved, best));
+            for kind in KINDS {
+                let [a, b, sum] = worlds.each_mut().map(|w| evaluate::<f64>(w, n, kind));
+                let what = format!("{membrane_model:?} {membrane_evaluation:?} {model:?} {kind:?}");
+                let energy = (sum.energy - a.energy - b.energy).abs();
+                assert!(energy < 1e-12 * sum.energy, "{what}");
+                let parts = [
+                    ("mass", &a.mass, &b.mass, &sum.mass),
+                    ("force", &a.force, &b.force, &sum.force),
+                    ("tangent", &a.tangent, &b.tangent, &sum.tangent),
+                ];
+                for (name, a, b, sum) in parts {
+                    let added: Vec<f64> = a.iter().zip(b).map(|(a, b)| a + b).collect();
+                    let error = max_difference(&added, sum) / max_abs(sum);
+                    assert!(error < 1e-12, "{what} {name}: {error:e}");
+                }
+                assert_eq!(sum.clamped, a.clamped + b.clamped, "{what}");
+            }
+        }
+    }
+}
+
+#[test]
+fn pooled_and_fused_agree_and_projections_are_semidefinite() {
+    let (points, _, triangles, moved) = skinned_box();
+    let n = points.len();
+    for model in [MembraneModel::Biquadratic, MembraneModel::CompressibleBiquadratic] {
+        for kind in KINDS {
+            let mut results = Vec::new();
+            for evaluation in [FUSED, POOLED] {
+                let membrane = MembraneDescription {
+                    model,
+                    evaluation,
+                    ..MembraneDescription::new(&triangles, 0.01, material(8e4, 0.3))
+                };
+                let body = BodyDescription {
+                    membrane: Some(membrane),
+                    ..BodyDescription::from_parts("sheet", &points, &[], material(1.0, 0.3))
+                };
+                let mut world = world::<f64>(&body, &moved, InstructionSet::best());
+                results.push(evaluate::<f64>(&mut world, n, kind));
+            }
+            let [fused, pooled] = &results[..] else { unreachable!() };
+            assert!((fused.energy - pooled.energy).abs() < 1e-12 * fused.energy);
+            for (a, b) in [(&fused.force, &pooled.force), (&fused.tangent, &pooled.tangent)] {
+                assert!(max_difference(a, b) < 1e-11 * max_abs(a), "{model:?} {kind:?}");
+            }
+            if kind == TangentKind::Projected {
+                assert!(fused.clamped > 0 && fused.clamped == pooled.clamped);
+            }
+        }
+    }
+}
+
+/// One triangle, so that its matrix is small enough to decompose.
+#[test]
+fn projected_tangents_of_entities_are_semidefinite() {
+    let points = [DVec3::ZERO, DVec3::X, DVec3::new(0.2, 0.9, 0.1)];
+    let moved = [DVec3::ZERO, DVec3::new(-0.4, 0.1, 0.2), DVec3::new(0.1, -0.5, 0.3)];
+    for (model, evaluation) in MEMBRANES {
+        let membrane = MembraneDescription {
+            model,
+            evaluation,
+            ..MembraneDescription::new(&[[0, 1, 2]], 0.01, material(100.0, 0.3))
+        };
+        let body = BodyDescription {
+            membrane: Some(membrane),
+            ..BodyDescription::from_parts("one", &points, &[], material(1.0, 0.3))
+        };
+        let mut world = world::<f64>(&body, &moved, InstructionSet::best());
+        let least = |world: &mut World, kind| {
+            let sums = evaluate::<f64>(world, 3, kind);
+            let mut k = [[0.0; 9]; 9];
+            for (row, values) in k.iter_mut().zip(sums.tangent.chunks(9)) {
+                row.copy_from_slice(values);
+            }
+            symmetric_eigen(k).0.into_iter().fold(f64::INFINITY, f64::min)
+        };
+        assert!(least(&mut world, TangentKind::Projected) > -1e-12, "{model:?} {evaluation:?}");
+        let indefinite = least(&mut world, TangentKind::Exact) < -1e-3;
+        assert_eq!(indefinite, model != MembraneModel::Linear, "{model:?}");
+    }
+}
+
+#[test]
+fn products_without_assembly() {
+    let (points, _, triangles, moved) = skinned_box();
+    for (model, evaluation) in MEMBRANES.into_iter().filter(|(_, e)| *e == FUSED) {
+        let membrane = MembraneDescription {
+            model,
+            evaluation,
+            ..MembraneDescription::new(&triangles, 0.01, material(8e4, 0.3))
+        };
+        let body = BodyDescription {
+            membrane: Some(membrane),
+            ..BodyDescription::from_parts("sheet", &points, &[], material(1.0, 0.3))
+        };
+        for kind in KINDS {
+            let mut world = world::<f64>(&body, &moved, InstructionSet::best());
+            evaluate::<f64>(&mut world, points.len(), kind);
+            let topology = world.resource::<Topology>();
+            let v: Vec<[f64; 4]> = (0..topology.vertex_count())
+                .map(|i| [(i as f64).sin(), (2.0 * i as f64).cos(), (0.3 * i as f64).sin(), 0.0])
+                .collect();
+            let mut assembled = vec![[0.0; 4]; v.len()];
+            let matrix = &world.resource::<Tangent<f64>>().matrix;
+            let mut spans = ProductSpans::default();
+            matrix.multiply(topology, world.resource::<Workers>(), &mut spans, &v, &mut assembled);
+            let mut free = vec![[0.0; 4]; v.len()];
+            match model {
+                MembraneModel::Quadratic => {
+                    multiply::<QuadraticMembrane, f64>(&mut world, kind, &v, &mut free);
+                }
+                MembraneModel::Linear => {
+                    multiply::<LinearMembrane, f64>(&mut world, kind, &v, &mut free);
+                }
+                MembraneModel::Corotational => {
+                    multiply::<CorotationalMembrane, f64>(&mut world, kind, &v, &mut free);
+                }
+                MembraneModel::MassSpring => continue,
+                _ => multiply::<BiquadraticMembrane, f64>(&mut world, kind, &v, &mut free),
+            }
+            let (a, b) = (assembled.as_flattened(), free.as_flattened());
+            assert!(max_difference(a, b) < 1e-12 * max_abs(a), "{model:?} {kind:?}");
+        }
+    }
+}
+
+#[test]
+fn single_precision_follows() {
+    let (points, tetrahedra, triangles, moved) = skinned_box();
+    let n = points.len();
+    for (model, evaluation) in MEMBRANES {
+        let membrane = MembraneDescription {
+            model,
+            evaluation,
+            ..MembraneDescription::new(&triangles, 0.01, material(8e4, 0.3))
+        };
+        let body = BodyDescription {
+            membrane: Some(membrane),
+            evaluation: POOLED,
+            ..BodyDescription::from_parts("both", &points, &tetrahedra, material(5e3, 0.4))
+        };
+        let best = InstructionSet::best();
+        let wide = evaluate::<f64>(&mut world::<f64>(&body, &moved, best), n, TangentKind::Exact);
+        for set in available() {
+            let mut narrow = world::<f32>(&body, &moved, set);
+            let narrow = evaluate::<f32>(&mut narrow, n, TangentKind::Exact);
+            let error = max_difference(&wide.force, &narrow.force) / max_abs(&wide.force);
+            assert!(error < 1e-5, "{model:?} {evaluation:?} {set:?}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn several_bodies_share_the_tables() {
+    let (points, tetrahedra, triangles, moved) = skinned_box();
+    let mut together = World::new();
+    install::<f64>(&mut together, Executor::SingleThreaded);
+    let mut energies = Vec::new();
+    for (i, (model, evaluation)) in MEMBRANES.iter().chain(&MEMBRANES).enumerate() {
+        let membrane = MembraneDescription {
+            model: *model,
+            evaluation: *evaluation,
+            ..MembraneDescription::new(&triangles, 0.01, material(8e4 + i as f64, 0.3))
+        };
+        let name = format!("body {i}");
+        let tetrahedra = if i % 3 == 0 { &[][..] } else { &tetrahedra[..] };
+        let body = BodyDescription {
+            membrane: Some(membrane),
+            evaluation: if i % 2 == 0 { POOLED } else { FUSED },
+            ..BodyDescription::from_parts(&name, &points, tetrahedra, material(5e3, 0.4))
+        };
+        spawn_body::<f64>(&mut together, &body).unwrap();
+        let mut alone = world::<f64>(&body, &moved, InstructionSet::best());
+        energies.push(evaluate::<f64>(&mut alone, points.len(), TangentKind::Exact).energy);
+    }
+    let orders: Vec<u32> = together
+        .resource::<Topology>()
+        .bodies
+        .iter()
+        .flat_map(|b| b.vertex_order.iter().copied())
+        .collect();
+    let mut query = together.query::<&mut Displacement<f64>>();
+    let mut rows = single_table(query.contiguous_iter_mut(&mut together)).unwrap();
+    for (u, v) in rows.iter_mut().zip(orders) {
+        let [x, y, z] = moved[v as usize].to_array();
+        u.0 = [x, y, z, 0.0];
+    }
+    together.insert_resource(EvaluationRequest { energy: true, force: false, tangent: None });
+    together.run_schedule(ForceSchedule);
+    let by_body = &together.resource::<ElasticEnergy>().by_body;
+    for (own, alone) in by_body.iter().zip(&energies) {
+        assert!((own - alone).abs() < 1e-11 * alone, "{own} {alone}");
+    }
+}
+
+#[test]
+fn bad_membranes_are_refused() {
+    let points = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(2.0, 0.0, 0.0)];
+    let good = [[0, 1, 2]];
+    let try_spawn = |membrane: MembraneDescription| {
+        let mut world = World::new();
+        install::<f64>(&mut world, Executor::SingleThreaded);
+        let body = BodyDescription {
+            membrane: Some(membrane),
+            ..BodyDescription::from_parts("sheet", &points, &[], material(1.0, 0.3))
+        };
+        let result = spawn_body::<f64>(&mut world, &body);
+        if result.is_err() {
+            assert!(world.resource::<Topology>().bodies.is_empty());
+        }
+        result.map(|_| ())
+    };
+    let skin = material(100.0, 0.3);
+    let refused = |result| match result {
+        Err(BodyError::Membrane { source, .. }) => source,
+        other => panic!("{other:?}"),
+    };
+    let sheet = MembraneDescription::new(&good, 0.01, skin);
+    assert!(try_spawn(sheet).is_ok());
+    for thickness in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let source = refused(try_spawn(MembraneDescription { thickness, ..sheet }));
+        assert!(matches!(source, MembraneError::Thickness { .. }));
+    }
+    let bad = MembraneDescription { material: material(-1.0, 0.3), ..sheet };
+    assert!(matches!(refused(try_spawn(bad)), MembraneError::Material(_)));
+    let pooled =
+        MembraneDescription { model: MembraneModel::Quadratic, evaluation: POOLED, ..sheet };
+    assert!(matches!(refused(try_spawn(pooled)), MembraneError::Evaluation { .. }));
+    for triangle in [[0, 1, 9], [0, 1, 1]] {
+        let source = refused(try_spawn(MembraneDescription::new(&[triangle], 0.01, skin)));
+        assert!(matches!(source, MembraneError::Index { triangle: 0, .. }));
+    }
+    let line = [[0, 1, 2], [0, 1, 3]];
+    let source = refused(try_spawn(MembraneDescription::new(&line, 0.01, skin)));
+    assert!(matches!(source, MembraneError::Triangle { triangle: 1, .. }));
+    let twice = [[0, 1, 2], [2, 1, 0]];
+    let source = refused(try_spawn(MembraneDescription::new(&twice, 0.01, skin)));
+    assert!(matches!(source, MembraneError::Duplicate { .. }));
+    let none = try_spawn(MembraneDescription::new(&[], 0.01, skin));
+    assert!(matches!(none, Err(BodyError::Empty { .. })));
+}

@@ -1,0 +1,273 @@
+//! Follower pressure and membranes through whole steps: forces are derivatives of the potential, energy
+//! is booked, spheres and discs inflate as they should, solids share the mechanism.
+
+mod common;
+
+use common::{group, max_distance, max_length, random_field, soft};
+use sinew::engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
+use sinew::engine::load::SweptVolumes;
+use sinew::engine::matrix::{ProductSpans, Tangent};
+use sinew::engine::mesh::generate::{box_tets, disc_triangles, sphere_triangles, triangle_grid};
+use sinew::engine::schedule::ForceSchedule;
+use sinew::engine::topology::Topology;
+use sinew::engine::vertex::FixedAxes;
+use sinew::engine::workers::Workers;
+use sinew::models::membrane::plane_stress;
+use sinew::models::sheet::{MembraneDescription, MembraneModel};
+use sinew::prelude::*;
+
+/// A body that is all membrane.
+fn sheet(
+    options: SimulationOptions,
+    mesh: &Mesh,
+    thickness: f64,
+    material: YoungPoisson,
+    model: MembraneModel,
+) -> (Simulation, BodyHandle) {
+    let mut simulation = Simulation::new(options).expect("threads");
+    let membrane = MembraneDescription {
+        model,
+        ..MembraneDescription::new(&mesh.triangles, thickness, material)
+    };
+    let body = BodyDescription {
+        membrane: Some(membrane),
+        ..BodyDescription::from_parts("sheet", &mesh.points, &[], material)
+    };
+    let body = simulation.add_body(&body).expect("body");
+    simulation.set_gravity(DVec3::ZERO);
+    (simulation, body)
+}
+
+fn inflate(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    triangles: &[[u32; 3]],
+    pressure: f64,
+    curve: Curve,
+) -> bevy_ecs::entity::Entity {
+    let faces = simulation.face_rows(body, "air", triangles).expect("faces of the body");
+    simulation.add_pressure(Pressure { name: "air".into(), faces, pressure, curve })
+}
+
+/// Energy, load part, forces and `K v` at displacements `u`.
+fn evaluate(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    u: &[DVec3],
+    v: &[DVec3],
+) -> (f64, f64, Vec<DVec3>, Vec<DVec3>) {
+    let still = vec![DVec3::ZERO; u.len()];
+    simulation.set_state(body, u, &still).unwrap();
+    let order = simulation.topology().bodies[body.0].vertex_order.clone();
+    let world = simulation.world_mut();
+    let tangent = Some(TangentKind::Exact);
+    world.insert_resource(EvaluationRequest { energy: true, force: true, tangent });
+    world.run_schedule(ForceSchedule);
+    let energy = world.resource::<ElasticEnergy>().clone();
+    let rows: Vec<[f64; 4]> =
+        order.iter().map(|&i| [v[i as usize].x, v[i as usize].y, v[i as usize].z, 0.0]).collect();
+    let mut product = vec![[0.0; 4]; rows.len()];
+    let (topology, workers) = (world.resource::<Topology>(), world.resource::<Workers>());
+    let matrix = &world.resource::<Tangent<f64>>().matrix;
+    matrix.multiply(topology, workers, &mut ProductSpans::default(), &rows, &mut product);
+    let mut kv = vec![DVec3::ZERO; u.len()];
+    for (p, &i) in product.iter().zip(&order) {
+        kv[i as usize] = DVec3::new(p[0], p[1], p[2]);
+    }
+    (energy.total, energy.load, simulation.elastic_forces(body), kv)
+}
+
+#[test]
+fn pressure_on_a_closed_surface_is_conservative() {
+    let mesh = sphere_triangles(0.1, 3).unwrap();
+    let n = mesh.points.len();
+    let (mut s, body) =
+        sheet(SimulationOptions::default(), &mesh, 1e-3, soft(1e4, 0.3), MembraneModel::default());
+    // soft walls: the pressure dominates what is compared
+    inflate(&mut s, body, &mesh.triangles, 3e3, Curve::Constant);
+    let u: Vec<DVec3> = random_field(n, 1).iter().map(|x| 0.01 * *x).collect();
+    let v = random_field(n, 2);
+    let h = 1e-6;
+    let at = |t: f64| -> Vec<DVec3> { u.iter().zip(&v).map(|(u, v)| *u + t * *v).collect() };
+    let (_, load, force, kv) = evaluate(&mut s, body, &u, &v);
+    assert!(load != 0.0);
+    let (ahead, _, f1, _) = evaluate(&mut s, body, &at(h), &v);
+    let (behind, _, f0, _) = evaluate(&mut s, body, &at(-h), &v);
+    let slope = (ahead - behind) / (2.0 * h);
+    let work: f64 = force.iter().zip(&v).map(|(f, v)| f.dot(*v)).sum();
+    assert!((slope + work).abs() < 1e-7 * work.abs(), "{slope} {work}");
+    let change: Vec<DVec3> = f0.iter().zip(&f1).map(|(a, b)| (*a - *b) / (2.0 * h)).collect();
+    assert!(max_distance(&change, &kv) < 1e-6 * max_length(&kv));
+    // no net force, and the swept volume is the change of the enclosed one
+    let net: DVec3 = force.iter().sum();
+    assert!(net.length() < 1e-12 * max_length(&force) * n as f64);
+    let volume = |u: &[DVec3]| -> f64 {
+        let x = |i: u32| mesh.points[i as usize] + u[i as usize];
+        mesh.triangles.iter().map(|&[a, b, c]| x(a).dot(x(b).cross(x(c))) / 6.0).sum()
+    };
+    evaluate(&mut s, body, &u, &v);
+    let swept = s.world().resource::<SweptVolumes>().0[0][1];
+    let change = volume(&u) - volume(&vec![DVec3::ZERO; n]);
+    assert!((swept - change).abs() < 1e-12 * change.abs(), "{swept} {change}");
+}
+
+/// Holds the vertices on the coordinate axes so that a sphere cannot move rigidly but can grow.
+fn hold_axes(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) {
+    for k in 0..3 {
+        let axis = DVec3::AXES[k];
+        let on: Vec<u32> = (0..mesh.points.len() as u32)
+            .filter(|&v| mesh.points[v as usize].cross(axis).length() < 1e-9)
+            .collect();
+        assert_eq!(on.len(), 2);
+        let rows = simulation.rows(body, "axis", &on).unwrap();
+        let mut hold = Constraint::hold(format!("axis {k}"), rows);
+        hold.axes = FixedAxes(7 & !(1 << k));
+        simulation.add_constraint(hold);
+    }
+}
+
+fn quasi_static() -> SolverSettings {
+    SolverSettings {
+        integrator: Integrator::QuasiStatic,
+        linear_tolerance: 1e-6,
+        newton_tolerance: 1e-9,
+        max_newton_iterations: 100,
+        ..Default::default()
+    }
+}
+
+#[test]
+fn a_sphere_inflates_to_the_stretch_of_the_exact_solution() {
+    let radius = 0.1;
+    let mesh = sphere_triangles(radius, 8).unwrap();
+    assert_eq!(mesh.triangles.len(), 1280);
+    let (young, nu, thickness) = (1e5, 0.3, 1e-3);
+    let moduli = plane_stress(young * thickness, nu);
+    for (stretch, limit) in [(1.2, 1e-3), (2.0, 3e-3), (4.0, 5e-3)] {
+        // the paper's mu2 is twice the shear modulus
+        let pressure = (2.0 * moduli.lambda + 2.0 * moduli.mu) * (stretch * stretch - 1.0)
+            / (radius * stretch);
+        let (mut s, body) = sheet(
+            SimulationOptions::default(),
+            &mesh,
+            thickness,
+            soft(young, nu),
+            MembraneModel::default(),
+        );
+        hold_axes(&mut s, body, &mesh);
+        inflate(&mut s, body, &mesh.triangles, pressure, Curve::ramp(0.0, 1.0));
+        s.set_solver(quasi_static());
+        let steps = 8;
+        s.set_dt(1.0 / f64::from(steps));
+        for _ in 0..steps {
+            s.step().unwrap();
+            assert!(!s.report().unconverged);
+        }
+        let u = s.displacements(body);
+        let mean = u.iter().zip(&mesh.points).map(|(u, x)| (*u + *x).length()).sum::<f64>()
+            / mesh.points.len() as f64;
+        let error = mean / (stretch * radius) - 1.0;
+        println!("stretch {stretch}: radius off by {:.3} %", 100.0 * error);
+        assert!(error.abs() < limit, "stretch {stretch}: radius off by {error:e}");
+        assert!(s.area_report().smallest_ratio > 0.9 * stretch * stretch);
+    }
+}
+
+#[test]
+fn pressure_work_is_booked_apart_and_energy_is_kept() {
+    let mesh = disc_triangles(0.1, 6).unwrap();
+    let settings = |integrator| SolverSettings { integrator, ..Default::default() };
+    let mut ends = Vec::new();
+    for (integrator, dt, steps) in
+        [(Integrator::StormerVerlet, 2e-3, 50), (Integrator::Newton, 2.5e-4, 400)]
+    {
+        let (mut s, body) = sheet(
+            SimulationOptions::default(),
+            &mesh,
+            1e-3,
+            soft(1e5, 0.3),
+            MembraneModel::default(),
+        );
+        let rows = s.rows(body, "rim", &group(&mesh, "rim")).unwrap();
+        s.add_constraint(Constraint::hold("rim", rows));
+        inflate(&mut s, body, &mesh.triangles, 100.0, Curve::ramp(0.0, 0.05));
+        s.set_solver(settings(integrator));
+        s.set_dt(dt);
+        let (mut work, mut least) = (0.0, f64::INFINITY);
+        for _ in 0..steps {
+            s.step().unwrap();
+            let report = s.report();
+            work += report.load_work;
+            let lost = work - report.elastic_energy - report.kinetic_energy;
+            least = least.min(lost);
+            assert!(report.elastic_energy > 0.0, "the potential of the pressure is not in it");
+        }
+        let report = s.report();
+        let energy = report.elastic_energy + report.kinetic_energy;
+        if integrator == Integrator::StormerVerlet {
+            assert!((work - energy).abs() < 1e-3 * work, "{work} {energy}");
+        } else {
+            // implicit Euler dissipates, and may not gain
+            assert!(least > -1e-9 * work, "{least} of {work}");
+        }
+        let direct = s.evaluate();
+        assert!((direct - s.report().elastic_energy).abs() < 1e-9 * direct);
+        ends.push(s.displacements(body)[0].z);
+    }
+    assert!(ends[0] > 0.01);
+    assert!((ends[0] - ends[1]).abs() < 0.3 * ends[0], "{ends:?}");
+}
+
+#[test]
+fn pressure_on_a_solid_pushes_into_it() {
+    let mesh = box_tets(DVec3::ONE, [2, 2, 2]).unwrap();
+    let (mut s, body) = common::simulate(
+        SimulationOptions::default(),
+        &mesh,
+        soft(1e4, 0.3),
+        Model::StVK,
+        Evaluation::Fused,
+    );
+    s.set_gravity(DVec3::ZERO);
+    common::clamp(&mut s, body, &mesh, "x0");
+    let top: Vec<[u32; 3]> = mesh
+        .surface_triangles()
+        .into_iter()
+        .filter(|t| t.iter().all(|&v| mesh.points[v as usize].x == 1.0))
+        // inward
+        .map(|[a, b, c]| [a, c, b])
+        .collect();
+    inflate(&mut s, body, &top, 100.0, Curve::Constant);
+    s.set_solver(quasi_static());
+    s.step().unwrap();
+    assert!(!s.report().unconverged);
+    let u = s.displacements(body);
+    let tip = mesh.points.iter().position(|p| *p == DVec3::ONE).unwrap();
+    // 100 Pa on 10 kPa: about 1 % shorter
+    assert!((u[tip].x + 0.01).abs() < 2e-3, "{}", u[tip]);
+    let wrong = s.face_rows(body, "nowhere", &[[0, 13, 26]]);
+    assert!(matches!(wrong, Err(SimulationError::Face { triangle: 0, .. })), "{wrong:?}");
+}
+
+#[test]
+fn pressures_come_and_go_and_bad_ones_are_refused() {
+    let mesh = triangle_grid(glam::DVec2::ONE, [3, 3]).unwrap();
+    let (mut s, body) =
+        sheet(SimulationOptions::default(), &mesh, 1e-3, soft(1e4, 0.3), MembraneModel::default());
+    let air = inflate(&mut s, body, &mesh.triangles, 10.0, Curve::Constant);
+    let push = |s: &mut Simulation| {
+        s.set_dt(1e-4);
+        s.set_state(body, &vec![DVec3::ZERO; 16], &vec![DVec3::ZERO; 16]).unwrap();
+        s.step().unwrap();
+        s.velocities(body)[5].z
+    };
+    let first = push(&mut s);
+    assert!(first > 0.0);
+    s.world_mut().get_mut::<Pressure>(air).unwrap().pressure = 20.0;
+    assert!((push(&mut s) / first - 2.0).abs() < 1e-3);
+    s.world_mut().get_mut::<Pressure>(air).unwrap().pressure = f64::NAN;
+    let error = s.step().unwrap_err();
+    assert!(matches!(error, StepError::InvalidConstraint { .. }), "{error}");
+    s.world_mut().despawn(air);
+    assert_eq!(push(&mut s), 0.0);
+}
