@@ -39,12 +39,16 @@
 //! ```
 
 pub mod body;
+pub mod corotational;
 pub mod field;
 pub mod fused;
+pub mod linear;
 pub mod material;
+pub mod neo_hookean;
 pub mod pooled;
 pub mod precompute;
 mod projection;
 pub mod quadratic;
 pub mod spring;
+pub mod stvk_fem;
 pub mod tetrahedron;
