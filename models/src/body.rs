@@ -432,7 +432,7 @@ fn spawn_marked<L: TetrahedronLaw + Component + Default, S: Scalar>(
 }
 
 /// Moduli of a tetrahedron.
-fn moduli_bundle<S: Scalar>(
+pub(crate) fn moduli_bundle<S: Scalar>(
     lame: LameParameters,
     model: Model,
 ) -> (FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>) {

@@ -87,7 +87,8 @@ impl<R: Real> Polar<R> {
             half * (entry(0, 2) + entry(2, 0)),
             half * (entry(0, 1) + entry(1, 0)),
         ];
-        // from the Green-Lagrange strain where S - I would cancel
+        // From the Green-Lagrange strain where S - I would cancel; a mirrored element has none either,
+        // but there S + I is singular.
         let green = green_strain(g);
         let sum = [s[0] + one, s[1] + one, s[2] + one, s[3], s[4], s[5]];
         let (adjugate, determinant) = adjugate(&sum);
@@ -95,7 +96,8 @@ impl<R: Real> Polar<R> {
         for x in green {
             size = size.max(x.abs());
         }
-        let small = R::less(size, R::from_f64(0.05));
+        let upright = R::less(R::from_f64(-0.5), volume_change(g));
+        let small = R::both(upright, R::less(size, R::from_f64(0.05)));
         let factor = R::from_f64(2.0) / R::select(small, determinant, one);
         let product = |i: usize, j: usize| dot(row(&green, i), row(&adjugate, j));
         let near = [

@@ -9,7 +9,18 @@
 //! | [`quadratic`] | springs on changes of length: tetrahedra of quadratic springs (TQS), mass-spring edges |
 //! | [`tetrahedron`] | the same energy per element in one pass, the compression term, exact and definite tangents and their products |
 //! | [`pooled`], [`fused`] | the systems that run these over all elements, several at a time |
-//! | [`body`] | from mesh and material to entities |
+//! | [`body`], [`change`] | from mesh and material to entities, and to a new material |
+//!
+//! Comparison models, each fused only, without compression term:
+//!
+//! | module | for | not for |
+//! |---|---|---|
+//! | [`linear`] | finite element references, modes of vibration, small displacements | anything that turns: it swells |
+//! | [`corotational`] `corotational_warped` | the classic of real-time simulation: forces of the next row, tangent always definite | Newton's method to convergence: linear, not quadratic |
+//! | [`corotational`] `corotational` | comparison with other engines, recovery from inversion | large strain of real materials |
+//! | [`stvk_fem`] | cost and rounding of the textbook form | work: same energy as the default, slower |
+//! | [`neo_hookean`] | large strain, strong compression | small-strain speed: its projected tangent decomposes every element |
+//!
 //!
 //! Everything is in SI units and driven by the displacement `u` from the rest shape, never by
 //! positions: differences of displacements keep their digits in `f32` where differences of
@@ -39,6 +50,7 @@
 //! ```
 
 pub mod body;
+pub mod change;
 pub mod corotational;
 pub mod field;
 pub mod fused;
