@@ -20,6 +20,7 @@ use sinew_engine::vertex::{
     PrescribedDisplacement, RestPosition, Velocity, VertexIndex,
 };
 
+use crate::corotational::{Corotational, WarpedStiffness};
 use crate::field::{FieldError, MaterialField};
 use crate::fused::{
     self, Compression, CompressionModulus, FirstLameParameter, FusedStVK, PooledProjection,
@@ -29,7 +30,9 @@ use crate::fused_membrane::{
     BiquadraticMembrane, CorotationalMembrane, LinearMembrane, MembraneCompression, PooledMembrane,
     QuadraticMembrane,
 };
+use crate::linear::Linear;
 use crate::material::{LameParameters, YoungPoisson};
+use crate::neo_hookean::NeoHookean;
 use crate::pooled::{
     self, Angular, AngularStiffness, SpringForces, Tensile, TensileStiffness, TensileTension,
     TriangleVertices, Volumetric, VolumetricStiffness,
@@ -37,6 +40,7 @@ use crate::pooled::{
 use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants};
 use crate::quadratic::{self, MassSpring, QuadraticSprings};
 use crate::sheet::{MembraneDescription, MembraneError, MembraneModel, Sheet};
+use crate::stvk_fem::StVKFem;
 
 /// Energy of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -56,9 +60,38 @@ pub enum Model {
     /// comparison. One pass over edges; nothing resists inversion.
     #[serde(rename = "mass_spring")]
     MassSpring,
+    /// Linear elasticity ([`crate::linear`]): small displacements only. For comparison.
+    #[serde(rename = "linear")]
+    Linear,
+    /// Stiffness warping ([`crate::corotational`]): corotational forces, tangent with rotations held.
+    /// For comparison.
+    #[serde(rename = "corotational_warped")]
+    WarpedStiffness,
+    /// Corotational elasticity ([`crate::corotational`]). For comparison.
+    #[serde(rename = "corotational")]
+    Corotational,
+    /// St Venant-Kirchhoff written as in textbooks ([`crate::stvk_fem`]). For comparison of cost.
+    #[serde(rename = "svk_fem")]
+    StVKFem,
+    /// Stable neo-Hookean ([`crate::neo_hookean`]). For comparison at large strain.
+    #[serde(rename = "neo_hookean")]
+    NeoHookean,
 }
 
 impl Model {
+    /// All of them, in the order of their documentation.
+    pub const ALL: [Self; 9] = [
+        Self::CompressibleStVK,
+        Self::StVK,
+        Self::QuadraticSprings,
+        Self::MassSpring,
+        Self::Linear,
+        Self::WarpedStiffness,
+        Self::Corotational,
+        Self::StVKFem,
+        Self::NeoHookean,
+    ];
+
     /// Name in scene files and reports.
     pub fn name(self) -> &'static str {
         match self {
@@ -66,6 +99,11 @@ impl Model {
             Self::CompressibleStVK => "svk_comp",
             Self::QuadraticSprings => "tqs",
             Self::MassSpring => "mass_spring",
+            Self::Linear => "linear",
+            Self::WarpedStiffness => "corotational_warped",
+            Self::Corotational => "corotational",
+            Self::StVKFem => "svk_fem",
+            Self::NeoHookean => "neo_hookean",
         }
     }
 
@@ -399,12 +437,12 @@ pub fn spawn_body<S: Scalar>(
     let edge_rows = springs.spawn_pooled::<S>(world, &layout, &rest_of, v0, block0, id);
     match (body.model, body.evaluation) {
         _ if !solid => {}
-        (Model::QuadraticSprings, _) => {
-            world.spawn_batch(
-                geometry.into_iter().map(|g| (g, QuadraticSprings)).collect::<Vec<_>>(),
-            );
-            fused::activate::<QuadraticSprings, S>(world);
-        }
+        (Model::QuadraticSprings, _) => spawn_marked::<QuadraticSprings, S>(world, geometry),
+        (Model::Linear, _) => spawn_marked::<Linear, S>(world, geometry),
+        (Model::WarpedStiffness, _) => spawn_marked::<WarpedStiffness, S>(world, geometry),
+        (Model::Corotational, _) => spawn_marked::<Corotational, S>(world, geometry),
+        (Model::StVKFem, _) => spawn_marked::<StVKFem, S>(world, geometry),
+        (Model::NeoHookean, _) => spawn_marked::<NeoHookean, S>(world, geometry),
         (Model::MassSpring, _) => {
             world.spawn_batch(geometry.into_iter().map(|g| (g, MassSpring)).collect::<Vec<_>>());
         }
@@ -431,8 +469,17 @@ pub fn spawn_body<S: Scalar>(
     Ok(world.spawn(SoftBody { index, material, model, evaluation, membrane }).id())
 }
 
+/// Tetrahedra of a law with a table of its own, marked by the law itself.
+fn spawn_marked<L: TetrahedronLaw + Component + Default, S: Scalar>(
+    world: &mut World,
+    geometry: Vec<impl Bundle<Effect: NoBundleEffect>>,
+) {
+    world.spawn_batch(geometry.into_iter().map(|g| (g, L::default())).collect::<Vec<_>>());
+    fused::activate::<L, S>(world);
+}
+
 /// Moduli of a tetrahedron.
-fn moduli_bundle<S: Scalar>(
+pub(crate) fn moduli_bundle<S: Scalar>(
     lame: LameParameters,
     model: Model,
 ) -> (FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>) {
@@ -627,14 +674,19 @@ fn spawn_volumetric<S: Scalar>(
 
 /// Cuts the elements of every active law into its fixed ranges.
 fn partition_laws<S: Scalar>(world: &mut World) {
-    type Bodies<L> = <L as TetrahedronLaw>::Bodies;
-    partition::<FusedStVK, S, TetrahedronVertices, Bodies<FusedStVK>>(world, |t| &t.0);
-    partition::<QuadraticSprings, S, TetrahedronVertices, Bodies<QuadraticSprings>>(world, |t| {
-        &t.0
-    });
+    fn tetrahedra<L: TetrahedronLaw, S: Scalar>(world: &mut World) {
+        partition::<L, S, TetrahedronVertices, L::Bodies>(world, |t| &t.0);
+    }
+    tetrahedra::<FusedStVK, S>(world);
+    tetrahedra::<QuadraticSprings, S>(world);
+    tetrahedra::<Linear, S>(world);
+    tetrahedra::<WarpedStiffness, S>(world);
+    tetrahedra::<Corotational, S>(world);
+    tetrahedra::<StVKFem, S>(world);
+    tetrahedra::<NeoHookean, S>(world);
     partition::<MassSpring, S, EdgeVertices, With<MassSpring>>(world, |e| &e.0);
-    partition::<Compression, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
-    partition::<PooledProjection, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
+    tetrahedra::<Compression, S>(world);
+    tetrahedra::<PooledProjection, S>(world);
     partition::<Volumetric, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
     partition::<Tensile, S, EdgeVertices, With<TensileTension<S>>>(world, |e| &e.0);
     partition::<SpringForces, S, EdgeVertices, With<TensileTension<S>>>(world, |e| &e.0);

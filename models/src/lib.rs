@@ -12,7 +12,18 @@
 //! | [`pressure`] | follower pressure on surfaces |
 //! | [`pooled`], [`fused`], [`fused_membrane`] | the systems that run these over all elements, several at a time |
 //! | [`sheet`] | membranes as parts of bodies |
-//! | [`body`] | from mesh and material to entities |
+//! | [`body`], [`change`] | from mesh and material to entities, and to a new material |
+//!
+//! Comparison models, each fused only, without compression term:
+//!
+//! | module | for | not for |
+//! |---|---|---|
+//! | [`linear`] | finite element references, modes of vibration, small displacements | anything that turns: it swells |
+//! | [`corotational`] `corotational_warped` | the classic of real-time simulation: forces of the next row, tangent always definite | Newton's method to convergence: linear, not quadratic |
+//! | [`corotational`] `corotational` | comparison with other engines, recovery from inversion | large strain of real materials |
+//! | [`stvk_fem`] | cost and rounding of the textbook form | work: same energy as the default, slower |
+//! | [`neo_hookean`] | large strain, strong compression | small-strain speed: its projected tangent decomposes every element |
+//!
 //!
 //! Everything is in SI units and driven by the displacement `u` from the rest shape, never by
 //! positions: differences of displacements keep their digits in `f32` where differences of
@@ -42,11 +53,15 @@
 //! ```
 
 pub mod body;
+pub mod change;
+pub mod corotational;
 pub mod field;
 pub mod fused;
 pub mod fused_membrane;
+pub mod linear;
 pub mod material;
 pub mod membrane;
+pub mod neo_hookean;
 pub mod pooled;
 pub mod precompute;
 pub mod pressure;
@@ -54,4 +69,5 @@ mod projection;
 pub mod quadratic;
 pub mod sheet;
 pub mod spring;
+pub mod stvk_fem;
 pub mod tetrahedron;

@@ -156,6 +156,12 @@ pub enum MembraneError {
     },
 }
 
+/// Plane-stress moduli (N/m) and mass per rest area (kg/m^2) of a membrane of some thickness (m).
+pub(crate) fn surface(material: &YoungPoisson, thickness: f64) -> (LameParameters, f64) {
+    let &YoungPoisson { young_modulus, poisson_ratio, density } = material;
+    (plane_stress(young_modulus * thickness, poisson_ratio), density * thickness)
+}
+
 /// A membrane in engine order, ready to be spawned.
 pub(crate) struct Sheet {
     rest: Vec<RestTriangle>,
@@ -203,12 +209,12 @@ impl Sheet {
             let triangle = original as usize;
             RestTriangle::new(points).map_err(|source| MembraneError::Triangle { triangle, source })
         });
-        let YoungPoisson { young_modulus, poisson_ratio, density } = description.material;
-        let thickness = description.thickness;
+        let rest = rest.collect::<Result<_, _>>()?;
+        let (moduli, surface_density) = surface(&description.material, description.thickness);
         Ok(Self {
-            rest: rest.collect::<Result<_, _>>()?,
-            moduli: plane_stress(young_modulus * thickness, poisson_ratio),
-            surface_density: density * thickness,
+            rest,
+            moduli,
+            surface_density,
             model: description.model,
             evaluation: description.evaluation,
         })
