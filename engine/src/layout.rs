@@ -52,41 +52,8 @@ impl BodyLayout {
         });
         let ordered: Vec<[u32; 4]> = order.iter().map(|&t| lowest_first(rows(t))).collect();
 
-        let mut edges: Vec<[u32; 2]> = ordered
-            .iter()
-            .flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| sorted2(t[a], t[b])))
-            .collect();
-        edges.sort_unstable();
-        edges.dedup();
-        let mut triangles: Vec<[u32; 3]> = ordered
-            .iter()
-            .flat_map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| sorted3(t[a], t[b], t[c])))
-            .collect();
-        triangles.sort_unstable();
-        triangles.dedup();
-
-        let edge_start = starts(vertex_order.len(), edges.iter().map(|e| e[0]));
-        let triangle_start = starts(vertex_order.len(), triangles.iter().map(|t| t[0]));
-        let edge_row = |a: u32, b: u32| {
-            let key = sorted2(a, b);
-            let (from, to) = (edge_start[key[0] as usize], edge_start[key[0] as usize + 1]);
-            from + edges[from as usize..to as usize].binary_search(&key).unwrap_or(0) as u32
-        };
-        let triangle_row = |a: u32, b: u32, c: u32| {
-            let key = sorted3(a, b, c);
-            let (from, to) = (triangle_start[key[0] as usize], triangle_start[key[0] as usize + 1]);
-            from + triangles[from as usize..to as usize].binary_search(&key).unwrap_or(0) as u32
-        };
-        let tetrahedron_edges =
-            ordered.iter().map(|t| TETRAHEDRON_EDGES.map(|[a, b]| edge_row(t[a], t[b]))).collect();
-        let tetrahedron_triangles = ordered
-            .iter()
-            .map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| triangle_row(t[a], t[b], t[c])))
-            .collect();
-        let triangle_edges = triangles
-            .iter()
-            .map(|t| [edge_row(t[1], t[2]), edge_row(t[2], t[0]), edge_row(t[0], t[1])])
-            .collect();
+        let Cells { edges, tetrahedron_edges, triangles, triangle_edges, tetrahedron_triangles } =
+            Cells::new(vertex_order.len(), &ordered);
         Self {
             vertex_order,
             row_of_vertex,
@@ -98,6 +65,65 @@ impl BodyLayout {
             triangle_edges,
             tetrahedron_triangles,
         }
+    }
+}
+
+/// Edges and triangles of tetrahedra.
+#[derive(Clone, Debug, Default)]
+pub struct Cells {
+    /// As [`BodyLayout::edges`].
+    pub edges: Vec<[u32; 2]>,
+    /// As [`BodyLayout::tetrahedron_edges`].
+    pub tetrahedron_edges: Vec<[u32; 6]>,
+    /// As [`BodyLayout::triangles`].
+    pub triangles: Vec<[u32; 3]>,
+    /// As [`BodyLayout::triangle_edges`].
+    pub triangle_edges: Vec<[u32; 3]>,
+    /// As [`BodyLayout::tetrahedron_triangles`].
+    pub tetrahedron_triangles: Vec<[u32; 4]>,
+}
+
+impl Cells {
+    /// Of tetrahedra given by their vertex rows, below `vertex_count`.
+    pub fn new(vertex_count: usize, tetrahedra: &[[u32; 4]]) -> Self {
+        let mut edges: Vec<[u32; 2]> = tetrahedra
+            .iter()
+            .flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| sorted2(t[a], t[b])))
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        let mut triangles: Vec<[u32; 3]> = tetrahedra
+            .iter()
+            .flat_map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| sorted3(t[a], t[b], t[c])))
+            .collect();
+        triangles.sort_unstable();
+        triangles.dedup();
+
+        let edge_start = starts(vertex_count, edges.iter().map(|e| e[0]));
+        let triangle_start = starts(vertex_count, triangles.iter().map(|t| t[0]));
+        let edge_row = |a: u32, b: u32| {
+            let key = sorted2(a, b);
+            let (from, to) = (edge_start[key[0] as usize], edge_start[key[0] as usize + 1]);
+            from + edges[from as usize..to as usize].binary_search(&key).unwrap_or(0) as u32
+        };
+        let triangle_row = |a: u32, b: u32, c: u32| {
+            let key = sorted3(a, b, c);
+            let (from, to) = (triangle_start[key[0] as usize], triangle_start[key[0] as usize + 1]);
+            from + triangles[from as usize..to as usize].binary_search(&key).unwrap_or(0) as u32
+        };
+        let tetrahedron_edges = tetrahedra
+            .iter()
+            .map(|t| TETRAHEDRON_EDGES.map(|[a, b]| edge_row(t[a], t[b])))
+            .collect();
+        let tetrahedron_triangles = tetrahedra
+            .iter()
+            .map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| triangle_row(t[a], t[b], t[c])))
+            .collect();
+        let triangle_edges = triangles
+            .iter()
+            .map(|t| [edge_row(t[1], t[2]), edge_row(t[2], t[0]), edge_row(t[0], t[1])])
+            .collect();
+        Self { edges, tetrahedron_edges, triangles, triangle_edges, tetrahedron_triangles }
     }
 }
 

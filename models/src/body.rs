@@ -269,6 +269,7 @@ pub fn spawn_body<S: Scalar>(
             tetrahedron_order: layout.tetrahedron_order.clone(),
             size: (high - low).max_element(),
             piece: Vec::new(),
+            splits: 0,
         },
         &layout.edges,
     );

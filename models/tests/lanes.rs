@@ -113,6 +113,7 @@ impl Strip {
                 tetrahedron_order: Vec::new(),
                 size: 1.0,
                 piece: Vec::new(),
+                splits: 0,
             },
             &edges,
         );
