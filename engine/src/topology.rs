@@ -101,6 +101,14 @@ impl Topology {
         !self.unused_edges.get(edge).copied().unwrap_or(false)
     }
 
+    /// Index of the edge between two vertex rows, `None` when the edge graph has none.
+    pub fn find_edge(&self, a: u32, b: u32) -> Option<usize> {
+        let key = [a.min(b), a.max(b)];
+        let of = self.edge_start[key[0] as usize] as usize
+            ..self.edge_start[key[0] as usize + 1] as usize;
+        Some(of.start + self.edges[of].binary_search(&key).ok()?)
+    }
+
     /// Body of a given name.
     pub fn body(&self, name: &str) -> Option<&BodyRows> {
         self.bodies.iter().find(|b| b.name == name)

@@ -31,6 +31,7 @@ use crate::pooled::{
 };
 use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants};
 use crate::quadratic::{self, MassSpring, QuadraticSprings};
+use crate::resection;
 
 /// Energy of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -351,6 +352,7 @@ pub fn spawn_body<S: Scalar>(
         }
     }
     partition_laws::<S>(world);
+    resection::install::<S>(world);
     let tables = ElementTables::of(world);
     world.insert_resource(tables);
     let (material, model, evaluation) = (body.material, body.model, body.evaluation);
@@ -415,10 +417,8 @@ fn spawn_springs<S: Scalar>(
             tensile[e as usize] += k;
         }
         let t = layout.tetrahedra[i];
-        for (c, [apex, j, k]) in constants.angular.iter().zip(ADJACENT_PAIRS) {
-            // the face through the pair lies opposite the one vertex that it does not use
-            let face = (0..4).find(|v| ![apex, j, k].contains(v)).unwrap_or(0);
-            debug_assert!(TETRAHEDRON_FACES[face].contains(&apex));
+        for (c, pair) in constants.angular.iter().zip(ADJACENT_PAIRS) {
+            let (face, apex) = angular_place(pair);
             let triangle = layout.tetrahedron_triangles[i][face] as usize;
             let m = layout.triangles[triangle].iter().position(|&v| v == t[apex]).unwrap_or(0);
             angular[triangle][m] += c;
@@ -485,8 +485,16 @@ fn spawn_springs<S: Scalar>(
     );
 }
 
+/// Local face and vertex to which the angular spring of a pair of adjacent edges belongs.
+pub(crate) fn angular_place([apex, j, k]: [usize; 3]) -> (usize, usize) {
+    // the face through the pair lies opposite the one vertex that it does not use
+    let face = (0..4).find(|v| ![apex, j, k].contains(v)).unwrap_or(0);
+    debug_assert!(TETRAHEDRON_FACES[face].contains(&apex));
+    (face, apex)
+}
+
 /// Cuts the elements of every active law into its fixed ranges.
-fn partition_laws<S: Scalar>(world: &mut World) {
+pub(crate) fn partition_laws<S: Scalar>(world: &mut World) {
     type Bodies<L> = <L as TetrahedronLaw>::Bodies;
     partition::<FusedStVK, S, TetrahedronVertices, Bodies<FusedStVK>>(world, |t| &t.0);
     partition::<QuadraticSprings, S, TetrahedronVertices, Bodies<QuadraticSprings>>(world, |t| {
@@ -526,6 +534,8 @@ fn partition<L: Law, S: Scalar, C: Component, F: bevy_ecs::query::ArchetypeFilte
     let topology = world.resource::<Topology>();
     if let Some(column) = single_table(elements.contiguous_iter(world)) {
         buffer.partition(column.len(), topology, |i| vertices(&column[i]));
+    } else {
+        buffer.spans.clear();
     }
     world.insert_resource(buffer);
 }

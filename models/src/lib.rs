@@ -44,5 +44,6 @@ pub mod pooled;
 pub mod precompute;
 mod projection;
 pub mod quadratic;
+pub mod resection;
 pub mod spring;
 pub mod tetrahedron;
