@@ -30,6 +30,7 @@ use sinew_engine::scalar::{Scalar, sub};
 use sinew_engine::schedule::{StepSchedule, StepSystems};
 use sinew_engine::topology::{ElementTables, Topology};
 use sinew_engine::vertex::{BodyId, Displacement, Mass, RestPosition, Velocity};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::body::{Evaluation, Model, SoftBody, angular_place};
@@ -196,13 +197,24 @@ pub enum RemovalError {
 }
 
 /// Asks for a removal in [`StepSystems::Edit`] of the next step; the entity is despawned then.
-/// Requests are carried out in the order of their entities.
+/// Requests are carried out in the order in which they were made.
 #[derive(Component, Clone, Debug)]
 pub struct RemovalRequest {
     /// Index into [`Topology::bodies`].
     pub body: usize,
     /// What to remove.
     pub removal: Removal,
+    sequence: u64,
+}
+
+/// Requests made so far.
+static REQUESTS: AtomicU64 = AtomicU64::new(0);
+
+impl RemovalRequest {
+    /// Asks for a removal from the body at an index of [`Topology::bodies`].
+    pub fn new(body: usize, removal: Removal) -> Self {
+        Self { body, removal, sequence: REQUESTS.fetch_add(1, Ordering::Relaxed) }
+    }
 }
 
 /// What came of the [`RemovalRequest`]s of the last step, with the index of the body. A request that
@@ -261,8 +273,8 @@ fn apply_removal_requests<S: Scalar>(world: &mut World) {
     world.resource_mut::<RemovalLog>().0.clear();
     let mut query = world.query::<(Entity, &RemovalRequest)>();
     let mut requests: Vec<_> = query.iter(world).map(|(e, r)| (e, r.clone())).collect();
-    requests.sort_unstable_by_key(|(entity, _)| *entity);
-    for (entity, RemovalRequest { body, removal }) in requests {
+    requests.sort_unstable_by_key(|(_, request)| request.sequence);
+    for (entity, RemovalRequest { body, removal, .. }) in requests {
         world.despawn(entity);
         let result = remove_tetrahedra::<S>(world, body, &removal);
         world.resource_mut::<RemovalLog>().0.push((body, result));
