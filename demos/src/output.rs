@@ -118,6 +118,10 @@ pub struct Writer {
     points: Vec<DVec3>,
     tetrahedra: Vec<[u32; 4]>,
     body: Vec<f64>,
+    /// Index of each tetrahedron in its body.
+    index: Vec<f64>,
+    /// First tetrahedron of each body.
+    start: Vec<u32>,
 }
 
 fn write_error(path: &Path) -> impl Fn(std::io::Error) -> RunError + '_ {
@@ -153,14 +157,18 @@ impl Writer {
                 .collect();
         writeln!(csv, "{}", header.join(",")).map_err(write_error(&csv_path))?;
         let (mut points, mut tetrahedra, mut body) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut index, mut start) = (Vec::new(), Vec::new());
         for (i, b) in built.bodies.iter().enumerate() {
             let first = points.len() as u32;
             points.extend_from_slice(&b.mesh.points);
             tetrahedra.extend(b.mesh.tetrahedra.iter().map(|t| t.map(|v| v + first)));
+            start.push(body.len() as u32);
             body.resize(tetrahedra.len(), i as f64);
+            index.extend((0..b.mesh.tetrahedra.len()).map(|t| t as f64));
         }
         let folder = folder.to_path_buf();
-        Ok(Self { folder, stem, frames: Vec::new(), csv, csv_path, points, tetrahedra, body })
+        let frames = Vec::new();
+        Ok(Self { folder, stem, frames, csv, csv_path, points, tetrahedra, body, index, start })
     }
 
     /// Adds a row to the CSV file.
@@ -195,15 +203,24 @@ impl Writer {
             }
         }
         let points: Vec<DVec3> = self.points.iter().zip(&u).map(|(x, u)| x + u).collect();
+        // only what is left
+        let mut left = Vec::with_capacity(self.tetrahedra.len());
+        for (body, &first) in built.bodies.iter().zip(&self.start) {
+            let own = built.simulation.remaining_tetrahedra(body.handle);
+            left.extend(own.into_iter().map(|t| (t + first) as usize));
+        }
+        let pick = |values: &[f64]| left.iter().map(|&t| values[t]).collect::<Vec<f64>>();
+        let (j, body, index) = (pick(&j), pick(&self.body), pick(&self.index));
+        let tetrahedra: Vec<[u32; 4]> = left.iter().map(|&t| self.tetrahedra[t]).collect();
         let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
         write_vtu(
             &self.folder.join(&name),
             &VtuData {
                 points: &points,
-                tetrahedra: &self.tetrahedra,
+                tetrahedra: &tetrahedra,
                 point_vectors: &[("displacement", &u), ("velocity", &v)],
                 point_scalars: &[("held", &held)],
-                cell_scalars: &[("J", &j), ("body", &self.body)],
+                cell_scalars: &[("J", &j), ("body", &body), ("index", &index)],
                 single_precision: true,
                 ..VtuData::default()
             },
