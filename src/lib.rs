@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod plugin;
+mod resection;
 pub mod simulation;
 
 pub use plugin::SinewPlugins;
@@ -23,5 +24,6 @@ pub mod prelude {
     pub use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model};
     pub use sinew_models::field::{FieldError, MaterialField};
     pub use sinew_models::material::{MaterialError, YoungPoisson, preset, presets};
+    pub use sinew_models::resection::{MassPolicy, Region, Removal, RemovalError, RemovalReport};
     pub use sinew_solvers::settings::{Integrator, SolverSettings};
 }

@@ -2,6 +2,7 @@
 //! that was found on the way is kept as a warning.
 
 use crate::error::{Place, SceneError, hint};
+use crate::resection::{self, BuiltResection};
 use crate::scene::{
     Body, CurveEntry, Generate, LoadedScene, Material, Mode, Probe, Quantity, Rotation, Selection,
 };
@@ -42,6 +43,8 @@ pub struct BuiltScene {
     pub constraints: Vec<BuiltConstraint>,
     /// Loads in the order of the file.
     pub loads: Vec<BuiltLoad>,
+    /// Resections in the order of the file.
+    pub resections: Vec<BuiltResection>,
     /// Probes in the order of the file.
     pub probes: Vec<BuiltProbe>,
     /// Steps and intervals.
@@ -166,6 +169,7 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     builder.unique("body", scene.bodies.iter().map(|b| b.name.as_str()))?;
     builder.unique("constraint", scene.constraints.iter().map(|c| c.name.as_str()))?;
     builder.unique("load", scene.loads.iter().map(|l| l.name.as_str()))?;
+    builder.unique("resection", scene.resections.iter().map(|r| r.name.as_str()))?;
     builder.unique("probe", scene.probes.iter().map(|p| p.name.as_str()))?;
     for (i, load) in scene.loads.iter().enumerate() {
         if scene.constraints.iter().any(|c| c.name == load.name) {
@@ -190,11 +194,13 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     }
     let constraints = builder.constraints(&mut simulation, &bodies, &plan, &mut warnings)?;
     let loads = builder.loads(&mut simulation, &bodies, &plan)?;
+    let resections =
+        resection::build(&builder, &scene.resections, &mut simulation, &bodies, &plan)?;
     let probes = builder.probes(&bodies, &constraints)?;
     if plan.mode == Mode::Static || plan.settings.integrator == Integrator::QuasiStatic {
         builder.all_held(&bodies, &constraints)?;
     }
-    Ok(BuiltScene { simulation, bodies, constraints, loads, probes, plan, warnings })
+    Ok(BuiltScene { simulation, bodies, constraints, loads, resections, probes, plan, warnings })
 }
 
 /// The mesh of a generated shape.
@@ -228,7 +234,7 @@ fn material_key(error: &MaterialError) -> &'static str {
     }
 }
 
-struct Builder<'a> {
+pub(crate) struct Builder<'a> {
     loaded: &'a LoadedScene,
 }
 
@@ -237,7 +243,7 @@ impl Builder<'_> {
         self.loaded.place(key)
     }
 
-    fn value(
+    pub(crate) fn value(
         &self,
         key: impl Into<String>,
         found: impl Into<String>,
@@ -246,7 +252,11 @@ impl Builder<'_> {
         SceneError::Value { place: self.place(key), found: found.into(), remedy: remedy.into() }
     }
 
-    fn finite<const N: usize>(&self, key: &str, values: [f64; N]) -> Result<DVec3, SceneError> {
+    pub(crate) fn finite<const N: usize>(
+        &self,
+        key: &str,
+        values: [f64; N],
+    ) -> Result<DVec3, SceneError> {
         if values.iter().all(|x| x.is_finite()) {
             let at = |i: usize| values.get(i).copied().unwrap_or(0.0);
             Ok(DVec3::new(at(0), at(1), at(2)))
@@ -626,7 +636,7 @@ impl Builder<'_> {
     }
 
     /// The body of that name, or the only one.
-    fn which(
+    pub(crate) fn which(
         &self,
         key: &str,
         name: Option<&str>,

@@ -22,6 +22,7 @@ pub mod check;
 pub mod error;
 pub mod mesh_tool;
 pub mod output;
+pub mod resection;
 pub mod run;
 pub mod scene;
 pub mod summary;

@@ -147,6 +147,10 @@ pub struct Writer {
     body: Vec<f64>,
     /// Cell data of the mesh files; NaN for bodies without it.
     cell_data: Vec<CellData>,
+    /// Index of each tetrahedron in its body.
+    index: Vec<f64>,
+    /// First tetrahedron of each body.
+    start: Vec<u32>,
 }
 
 fn write_error(path: &Path) -> impl Fn(std::io::Error) -> RunError + '_ {
@@ -182,15 +186,30 @@ impl Writer {
                 .collect();
         writeln!(csv, "{}", header.join(",")).map_err(write_error(&csv_path))?;
         let (mut points, mut tetrahedra, mut body) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut index, mut start) = (Vec::new(), Vec::new());
         for (i, b) in built.bodies.iter().enumerate() {
             let first = points.len() as u32;
             points.extend_from_slice(&b.mesh.points);
             tetrahedra.extend(b.mesh.tetrahedra.iter().map(|t| t.map(|v| v + first)));
+            start.push(body.len() as u32);
             body.resize(tetrahedra.len(), i as f64);
+            index.extend((0..b.mesh.tetrahedra.len()).map(|t| t as f64));
         }
         let cell_data = joined_cell_data(built);
         let (folder, frames) = (folder.to_path_buf(), Vec::new());
-        Ok(Self { folder, stem, frames, csv, csv_path, points, tetrahedra, body, cell_data })
+        Ok(Self {
+            folder,
+            stem,
+            frames,
+            csv,
+            csv_path,
+            points,
+            tetrahedra,
+            body,
+            cell_data,
+            index,
+            start,
+        })
     }
 
     /// Adds a row to the CSV file.
@@ -225,16 +244,30 @@ impl Writer {
             }
         }
         let points: Vec<DVec3> = self.points.iter().zip(&u).map(|(x, u)| x + u).collect();
+        // only what is left
+        let mut left = Vec::with_capacity(self.tetrahedra.len());
+        for (body, &first) in built.bodies.iter().zip(&self.start) {
+            let own = built.simulation.remaining_tetrahedra(body.handle);
+            left.extend(own.into_iter().map(|t| (t + first) as usize));
+        }
+        let pick = |values: &[f64]| left.iter().map(|&t| values[t]).collect::<Vec<f64>>();
+        let (j, body, index) = (pick(&j), pick(&self.body), pick(&self.index));
+        let tetrahedra: Vec<[u32; 4]> = left.iter().map(|&t| self.tetrahedra[t]).collect();
+        let cell_data: Vec<CellData> = self
+            .cell_data
+            .iter()
+            .map(|data| CellData { tetrahedra: pick(&data.tetrahedra), ..data.clone() })
+            .collect();
         let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
         write_vtu(
             &self.folder.join(&name),
             &VtuData {
                 points: &points,
-                tetrahedra: &self.tetrahedra,
+                tetrahedra: &tetrahedra,
                 point_vectors: &[("displacement", &u), ("velocity", &v)],
                 point_scalars: &[("held", &held)],
-                cell_scalars: &[("J", &j), ("body", &self.body)],
-                cell_data: &self.cell_data,
+                cell_scalars: &[("J", &j), ("body", &body), ("index", &index)],
+                cell_data: &cell_data,
                 single_precision: true,
                 ..VtuData::default()
             },

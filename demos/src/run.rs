@@ -3,6 +3,7 @@
 use crate::build::{BuildOptions, BuiltScene, build};
 use crate::error::RunError;
 use crate::output::{Writer, probe_columns, probe_values};
+use crate::resection;
 use crate::scene::{LoadedScene, Mode, Quantity};
 use crate::summary::{
     BodySummary, ConstraintSummary, EnergySummary, Level, LoadSummary, Machine, RunSummary, SCHEMA,
@@ -106,7 +107,7 @@ impl Totals {
 
     fn dissipated(&self) -> f64 {
         let e = &self.energy;
-        e.initial + e.load_work + e.constraint_work - e.elastic - e.kinetic
+        e.initial + e.load_work + e.constraint_work - e.removed - e.elastic - e.kinetic
     }
 }
 
@@ -155,6 +156,13 @@ pub fn run(
         if plan.mode == Mode::Static {
             let share = done as f64 / plan.steps as f64;
             built.simulation.set_gravity(plan.gravity * share);
+        }
+        let time = built.simulation.time();
+        let removed = resection::apply(&mut built.resections, &mut built.simulation, time, plan.dt);
+        totals.energy.removed = built.resections.iter().map(|r| r.summary.energy).sum();
+        if let Err(error) = removed {
+            failure = Some(error.to_string());
+            break;
         }
         let clock = Instant::now();
         let result = built.simulation.step();
@@ -540,6 +548,7 @@ fn summarise(
         bodies,
         constraints,
         loads,
+        resections: built.resections.iter().map(|r| r.summary.clone()).collect(),
         final_probes,
         timing,
         solver: totals.solver,

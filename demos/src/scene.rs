@@ -4,6 +4,7 @@
 use crate::error::{Place, SceneError, hint};
 use serde::{Deserialize, Serialize};
 use sinew::models::body::{Evaluation, Model};
+use sinew::models::resection::MassPolicy;
 use sinew::simulation::Precision;
 use sinew::solvers::settings::SolverSettings;
 use std::cmp::Reverse;
@@ -50,6 +51,9 @@ pub struct Scene {
     /// Forces.
     #[serde(default, rename = "load")]
     pub loads: Vec<LoadEntry>,
+    /// Elements that are removed on the way.
+    #[serde(default, rename = "resection")]
+    pub resections: Vec<ResectionEntry>,
     /// Columns of the CSV file.
     #[serde(default, rename = "probe")]
     pub probes: Vec<Probe>,
@@ -320,6 +324,44 @@ pub struct Sine {
     /// Phase (degrees); default 0.
     #[serde(default)]
     pub degrees: f64,
+}
+
+/// Elements that are removed while the scene runs; exactly one of `tetrahedra`, `sphere`, `tool`,
+/// `strain` and `stress`. Dynamic scenes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResectionEntry {
+    /// Name, unique among resections.
+    pub name: String,
+    /// Name of the body; may be left out when there is only one.
+    pub body: Option<String>,
+    /// Tetrahedra by their indices, counted from 0; removed once.
+    pub tetrahedra: Option<Vec<u32>>,
+    /// Those whose barycentre is in a sphere, at every step.
+    pub sphere: Option<SphereRegion>,
+    /// Those whose barycentre a moving ball passes over.
+    pub tool: Option<ToolEntry>,
+    /// Those whose largest principal Green strain (-) is above this, at every step.
+    pub strain: Option<f64>,
+    /// Those whose von Mises stress (Pa) is above this, at every step.
+    pub stress: Option<f64>,
+    /// What becomes of their mass: `"recompute"` (default) or `"keep"`.
+    #[serde(default)]
+    pub mass: MassPolicy,
+    /// Time (s) from which it acts; default 0.
+    pub from: Option<f64>,
+    /// Time (s) until which it acts; default the end.
+    pub until: Option<f64>,
+}
+
+/// A ball that moves along a path.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ToolEntry {
+    /// Radius (m).
+    pub radius: f64,
+    /// `[time (s), x, y, z (m)]`, linear between; it acts from the first to the last.
+    pub path: Vec<[f64; 4]>,
 }
 
 /// Columns of the CSV file.

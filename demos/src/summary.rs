@@ -1,6 +1,7 @@
 //! What a run reports: [`RunSummary`] as JSON (schema [`SCHEMA`]) and, through [`std::fmt::Display`],
 //! as text for a terminal.
 
+use crate::resection::ResectionSummary;
 use serde::Serialize;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::material::YoungPoisson;
@@ -66,6 +67,8 @@ pub struct RunSummary {
     pub constraints: Vec<ConstraintSummary>,
     /// The loads.
     pub loads: Vec<LoadSummary>,
+    /// The resections.
+    pub resections: Vec<ResectionSummary>,
     /// Probe values at the end, by column of the CSV file.
     pub final_probes: Vec<(String, f64)>,
     /// Host time.
@@ -388,12 +391,14 @@ pub struct EnergySummary {
     pub load_work: f64,
     /// Energy put in by moving constraints: an upper bound of their work.
     pub constraint_work: f64,
+    /// Energy that left with removed elements.
+    pub removed: f64,
     /// Elastic energy at the end.
     pub elastic: f64,
     /// Kinetic energy at the end.
     pub kinetic: f64,
-    /// `initial + load_work + constraint_work - elastic - kinetic`: taken out by damping and by the
-    /// integrator; `None` for a series of equilibria.
+    /// `initial + load_work + constraint_work - removed - elastic - kinetic`: taken out by damping and
+    /// by the integrator; `None` for a series of equilibria.
     pub dissipated: Option<f64>,
     /// Largest elastic energy.
     pub elastic_max: f64,
@@ -472,8 +477,10 @@ impl RunSummary {
         let bodies = self.bodies.iter().map(|b| b.name.chars().count());
         let constraints = self.constraints.iter().map(|c| c.name.chars().count());
         let loads = self.loads.iter().map(|l| l.name.chars().count());
+        let resections = self.resections.iter().map(|r| r.name.chars().count() + 2);
         // 5 for "body " and its like
-        bodies.chain(constraints).chain(loads).max().unwrap_or(0).clamp(10, 30) + 5
+        let longest = bodies.chain(constraints).chain(loads).chain(resections).max();
+        longest.unwrap_or(0).clamp(10, 30) + 5
     }
 
     fn headline(&self) -> String {
@@ -604,6 +611,24 @@ impl RunSummary {
             block.line(
                 &format!("load {}", load.name),
                 format!("[{x}, {y}, {z}] N on {} vertices of {}", load.vertices, load.body),
+            )?;
+        }
+        for r in &self.resections {
+            block.line(
+                &format!("resect {}", r.name),
+                format!(
+                    "{} tetrahedra of {} ({} left in {} piece(s), {} vertices without any), {} kg, \
+                     {} J; {} in all, {} longest",
+                    r.removed,
+                    r.body,
+                    r.remaining,
+                    r.pieces,
+                    r.orphans,
+                    short(r.mass),
+                    short(r.energy),
+                    seconds(r.total_s),
+                    seconds(r.longest_s)
+                ),
             )?;
         }
         let integrator = crate::build::integrator_name(self.settings.solver.integrator);
@@ -750,10 +775,16 @@ impl RunSummary {
             Some(dissipated) => block.line(
                 "energy (J)",
                 format!(
-                    "{} initial + {} loads + {} constraints = {} elastic + {} kinetic + {} dissipated",
+                    "{} initial + {} loads + {} constraints{} = {} elastic + {} kinetic + {} \
+                     dissipated",
                     short(e.initial),
                     short(e.load_work),
                     short(e.constraint_work),
+                    if e.removed == 0.0 {
+                        String::new()
+                    } else {
+                        format!(" - {} removed", short(e.removed))
+                    },
                     short(e.elastic),
                     short(e.kinetic),
                     short(dissipated)

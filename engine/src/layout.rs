@@ -79,45 +79,15 @@ impl BodyLayout {
         let mut membrane_order: Vec<u32> = (0..membrane.len() as u32).collect();
         membrane_order.sort_by_cached_key(|&t| (sheet(t), t));
         let membrane: Vec<[u32; 3]> = membrane_order.iter().map(|&t| sheet(t)).collect();
-
-        let mut edges: Vec<[u32; 2]> = ordered
-            .iter()
-            .flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| sorted2(t[a], t[b])))
-            .chain(membrane.iter().flat_map(|&[a, b, c]| [[b, c], [a, c], [a, b]]))
-            .collect();
-        edges.sort_unstable();
-        edges.dedup();
-        let mut triangles: Vec<[u32; 3]> = ordered
-            .iter()
-            .flat_map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| sorted3(t[a], t[b], t[c])))
-            .chain(membrane.iter().copied())
-            .collect();
-        triangles.sort_unstable();
-        triangles.dedup();
-
-        let edge_start = starts(vertex_order.len(), edges.iter().map(|e| e[0]));
-        let triangle_start = starts(vertex_order.len(), triangles.iter().map(|t| t[0]));
-        let edge_row = |a: u32, b: u32| {
-            let key = sorted2(a, b);
-            let (from, to) = (edge_start[key[0] as usize], edge_start[key[0] as usize + 1]);
-            from + edges[from as usize..to as usize].binary_search(&key).unwrap_or(0) as u32
-        };
-        let triangle_row = |a: u32, b: u32, c: u32| {
-            let key = sorted3(a, b, c);
-            let (from, to) = (triangle_start[key[0] as usize], triangle_start[key[0] as usize + 1]);
-            from + triangles[from as usize..to as usize].binary_search(&key).unwrap_or(0) as u32
-        };
-        let tetrahedron_edges =
-            ordered.iter().map(|t| TETRAHEDRON_EDGES.map(|[a, b]| edge_row(t[a], t[b]))).collect();
-        let tetrahedron_triangles = ordered
-            .iter()
-            .map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| triangle_row(t[a], t[b], t[c])))
-            .collect();
-        let opposite =
-            |t: &[u32; 3]| [edge_row(t[1], t[2]), edge_row(t[2], t[0]), edge_row(t[0], t[1])];
-        let triangle_edges = triangles.iter().map(opposite).collect();
-        let membrane_edges = membrane.iter().map(opposite).collect();
-        let membrane_triangles = membrane.iter().map(|&[a, b, c]| triangle_row(a, b, c)).collect();
+        let Cells {
+            edges,
+            tetrahedron_edges,
+            triangles,
+            triangle_edges,
+            tetrahedron_triangles,
+            membrane_edges,
+            membrane_triangles,
+        } = Cells::new(vertex_order.len(), &ordered, &membrane);
         Self {
             vertex_order,
             row_of_vertex,
@@ -130,6 +100,81 @@ impl BodyLayout {
             tetrahedron_triangles,
             membrane,
             membrane_order,
+            membrane_edges,
+            membrane_triangles,
+        }
+    }
+}
+
+/// Edges and triangles of tetrahedra and membranes.
+#[derive(Clone, Debug, Default)]
+pub struct Cells {
+    /// As [`BodyLayout::edges`].
+    pub edges: Vec<[u32; 2]>,
+    /// As [`BodyLayout::tetrahedron_edges`].
+    pub tetrahedron_edges: Vec<[u32; 6]>,
+    /// As [`BodyLayout::triangles`].
+    pub triangles: Vec<[u32; 3]>,
+    /// As [`BodyLayout::triangle_edges`].
+    pub triangle_edges: Vec<[u32; 3]>,
+    /// As [`BodyLayout::tetrahedron_triangles`].
+    pub tetrahedron_triangles: Vec<[u32; 4]>,
+    /// As [`BodyLayout::membrane_edges`].
+    pub membrane_edges: Vec<[u32; 3]>,
+    /// As [`BodyLayout::membrane_triangles`].
+    pub membrane_triangles: Vec<u32>,
+}
+
+impl Cells {
+    /// Of tetrahedra and membrane triangles given by their vertex rows, below `vertex_count`; those of
+    /// the triangles ascending.
+    pub fn new(vertex_count: usize, tetrahedra: &[[u32; 4]], membrane: &[[u32; 3]]) -> Self {
+        let mut edges: Vec<[u32; 2]> = tetrahedra
+            .iter()
+            .flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| sorted2(t[a], t[b])))
+            .chain(membrane.iter().flat_map(|&[a, b, c]| [[b, c], [a, c], [a, b]]))
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        let mut triangles: Vec<[u32; 3]> = tetrahedra
+            .iter()
+            .flat_map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| sorted3(t[a], t[b], t[c])))
+            .chain(membrane.iter().copied())
+            .collect();
+        triangles.sort_unstable();
+        triangles.dedup();
+
+        let edge_start = starts(vertex_count, edges.iter().map(|e| e[0]));
+        let triangle_start = starts(vertex_count, triangles.iter().map(|t| t[0]));
+        let edge_row = |a: u32, b: u32| {
+            let key = sorted2(a, b);
+            let (from, to) = (edge_start[key[0] as usize], edge_start[key[0] as usize + 1]);
+            from + edges[from as usize..to as usize].binary_search(&key).unwrap_or(0) as u32
+        };
+        let triangle_row = |a: u32, b: u32, c: u32| {
+            let key = sorted3(a, b, c);
+            let (from, to) = (triangle_start[key[0] as usize], triangle_start[key[0] as usize + 1]);
+            from + triangles[from as usize..to as usize].binary_search(&key).unwrap_or(0) as u32
+        };
+        let tetrahedron_edges = tetrahedra
+            .iter()
+            .map(|t| TETRAHEDRON_EDGES.map(|[a, b]| edge_row(t[a], t[b])))
+            .collect();
+        let tetrahedron_triangles = tetrahedra
+            .iter()
+            .map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| triangle_row(t[a], t[b], t[c])))
+            .collect();
+        let opposite =
+            |t: &[u32; 3]| [edge_row(t[1], t[2]), edge_row(t[2], t[0]), edge_row(t[0], t[1])];
+        let triangle_edges = triangles.iter().map(opposite).collect();
+        let membrane_edges = membrane.iter().map(opposite).collect();
+        let membrane_triangles = membrane.iter().map(|&[a, b, c]| triangle_row(a, b, c)).collect();
+        Self {
+            edges,
+            tetrahedron_edges,
+            triangles,
+            triangle_edges,
+            tetrahedron_triangles,
             membrane_edges,
             membrane_triangles,
         }

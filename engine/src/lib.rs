@@ -4,6 +4,7 @@
 //! slices. See `ARCHITECTURE.md` at the root of the repository for the map.
 
 pub mod columns;
+pub mod connectivity;
 pub mod element;
 pub mod lanes;
 pub mod law;

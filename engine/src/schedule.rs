@@ -35,6 +35,8 @@ pub struct StepSchedule;
 /// Stages of [`StepSchedule`], in this order.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub enum StepSystems {
+    /// Changes of the bodies themselves, such as the removal of elements.
+    Edit,
     /// Loads and prescribed motion at the end of the step.
     Prepare,
     /// The integrator; it runs [`ForceSchedule`] (evaluate, gather) as often as it needs.
@@ -96,6 +98,7 @@ pub fn install<S: Scalar>(world: &mut World, executor: Executor) {
     configure(&mut step, executor);
     step.configure_sets(
         (
+            StepSystems::Edit,
             StepSystems::Prepare,
             StepSystems::Integrate,
             StepSystems::Constrain,

@@ -32,14 +32,18 @@ pub struct BodyRows {
     /// Longest side of the rest bounding box (m).
     pub size: f64,
     /// Connected piece of each vertex row (relative to `vertices.start`), counted from 0; filled by
-    /// [`Topology::push`].
+    /// [`Topology::push`]. [`UNUSED`](crate::layout::UNUSED) for a vertex without an element, which
+    /// removing elements may leave.
     pub piece: Vec<u32>,
+    /// Counts up when the body falls into other pieces.
+    pub splits: u64,
 }
 
 impl BodyRows {
     /// Number of connected pieces.
     pub fn piece_count(&self) -> usize {
-        self.piece.iter().max().map_or(0, |&p| p as usize + 1)
+        let pieces = self.piece.iter().filter(|&&p| p != crate::layout::UNUSED);
+        pieces.max().map_or(0, |&p| p as usize + 1)
     }
 
     /// Vertex-table row of a vertex of the user's mesh, `None` when no element uses it.
@@ -58,13 +62,21 @@ pub struct Topology {
     pub edges: Vec<[u32; 2]>,
     /// First edge of each lower vertex (compressed rows, one entry more than vertices).
     pub edge_start: Vec<u32>,
+    /// Edges that no element uses any more, as far as it is long: blocks of zeros.
+    pub unused_edges: Vec<bool>,
     /// Counts up whenever rows change; caches built on rows compare it.
     pub revision: u64,
 }
 
 impl Default for Topology {
     fn default() -> Self {
-        Self { bodies: Vec::new(), edges: Vec::new(), edge_start: vec![0], revision: 0 }
+        Self {
+            bodies: Vec::new(),
+            edges: Vec::new(),
+            edge_start: vec![0],
+            unused_edges: Vec::new(),
+            revision: 0,
+        }
     }
 }
 
@@ -87,7 +99,7 @@ impl Topology {
     pub fn push(&mut self, mut body: BodyRows, edges: &[[u32; 2]]) {
         let (v0, e0) = (self.vertex_count() as u32, self.edges.len() as u32);
         let n = body.vertex_order.len();
-        body.piece = pieces(n, edges);
+        body.piece = pieces(n, edges.iter().copied());
         body.vertices = v0..v0 + n as u32;
         body.blocks = e0..e0 + edges.len() as u32;
         let local = starts(n, edges.iter().map(|e| e[0]));
@@ -97,23 +109,38 @@ impl Topology {
         self.revision += 1;
     }
 
+    /// Whether some element uses an edge.
+    pub fn uses_edge(&self, edge: usize) -> bool {
+        !self.unused_edges.get(edge).copied().unwrap_or(false)
+    }
+
+    /// Index of the edge between two vertex rows, `None` when the edge graph has none.
+    pub fn find_edge(&self, a: u32, b: u32) -> Option<usize> {
+        let key = [a.min(b), a.max(b)];
+        let of = self.edge_start[key[0] as usize] as usize
+            ..self.edge_start[key[0] as usize + 1] as usize;
+        Some(of.start + self.edges[of].binary_search(&key).ok()?)
+    }
+
     /// Body of a given name.
     pub fn body(&self, name: &str) -> Option<&BodyRows> {
         self.bodies.iter().find(|b| b.name == name)
     }
 }
 
-/// Number of the connected piece of every vertex, by union-find along the edges.
-fn pieces(n: usize, edges: &[[u32; 2]]) -> Vec<u32> {
-    fn root(parent: &mut [u32], mut i: u32) -> u32 {
-        while parent[i as usize] != i {
-            parent[i as usize] = parent[parent[i as usize] as usize];
-            i = parent[i as usize];
-        }
-        i
+/// Representative of the set of `i` in a union-find forest.
+pub(crate) fn root(parent: &mut [u32], mut i: u32) -> u32 {
+    while parent[i as usize] != i {
+        parent[i as usize] = parent[parent[i as usize] as usize];
+        i = parent[i as usize];
     }
+    i
+}
+
+/// Number of the connected piece of every vertex, by union-find along the edges.
+pub(crate) fn pieces(n: usize, edges: impl IntoIterator<Item = [u32; 2]>) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..n as u32).collect();
-    for &[a, b] in edges {
+    for [a, b] in edges {
         let (a, b) = (root(&mut parent, a), root(&mut parent, b));
         // the lower number stays root, so that pieces are numbered in row order
         parent[a.max(b) as usize] = a.min(b);

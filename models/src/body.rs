@@ -39,6 +39,7 @@ use crate::pooled::{
 };
 use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants};
 use crate::quadratic::{self, MassSpring, QuadraticSprings};
+use crate::resection;
 use crate::sheet::{MembraneDescription, MembraneError, MembraneModel, Sheet};
 use crate::stvk_fem::StVKFem;
 
@@ -384,6 +385,7 @@ pub fn spawn_body<S: Scalar>(
             membrane_order: layout.membrane_order.clone(),
             size: (high - low).max_element(),
             piece: Vec::new(),
+            splits: 0,
         },
         &layout.edges,
     );
@@ -462,6 +464,7 @@ pub fn spawn_body<S: Scalar>(
         sheet.spawn::<S>(world, &layout, v0, block0, id);
     }
     partition_laws::<S>(world);
+    resection::install::<S>(world);
     let tables = ElementTables::of(world);
     world.insert_resource(tables);
     let (material, model, evaluation) = (body.material, body.model, body.evaluation);
@@ -672,8 +675,16 @@ fn spawn_volumetric<S: Scalar>(
     );
 }
 
+/// Local face and vertex to which the angular spring of a pair of adjacent edges belongs.
+pub(crate) fn angular_place([apex, j, k]: [usize; 3]) -> (usize, usize) {
+    // the face through the pair lies opposite the one vertex that it does not use
+    let face = (0..4).find(|v| ![apex, j, k].contains(v)).unwrap_or(0);
+    debug_assert!(TETRAHEDRON_FACES[face].contains(&apex));
+    (face, apex)
+}
+
 /// Cuts the elements of every active law into its fixed ranges.
-fn partition_laws<S: Scalar>(world: &mut World) {
+pub(crate) fn partition_laws<S: Scalar>(world: &mut World) {
     fn tetrahedra<L: TetrahedronLaw, S: Scalar>(world: &mut World) {
         partition::<L, S, TetrahedronVertices, L::Bodies>(world, |t| &t.0);
     }
@@ -729,6 +740,8 @@ fn partition<L: Law, S: Scalar, C: Component, F: bevy_ecs::query::ArchetypeFilte
     let topology = world.resource::<Topology>();
     if let Some(column) = single_table(elements.contiguous_iter(world)) {
         buffer.partition(column.len(), topology, |i| vertices(&column[i]));
+    } else {
+        buffer.spans.clear();
     }
     world.insert_resource(buffer);
 }

@@ -67,6 +67,7 @@ pub mod precompute;
 pub mod pressure;
 mod projection;
 pub mod quadratic;
+pub mod resection;
 pub mod sheet;
 pub mod spring;
 pub mod stvk_fem;

@@ -70,7 +70,9 @@ impl<R: Real> Stretch<R> {
     pub fn new(rest: [R; 3], relative: [R; 3]) -> Self {
         let edge = add(rest, relative);
         let delta = dot(relative, add(rest, edge));
+        // the edges of a removed tetrahedron have no length; without moduli any will do
         let rest2 = dot(rest, rest);
+        let rest2 = R::select(R::less(R::ZERO, rest2), rest2, R::ONE);
         let length2 = (rest2 + delta).max(R::from_f64(1e-12) * rest2);
         // 1/(L l): neither length is needed, only their ratio
         let p = (rest2 * length2).recip_sqrt();

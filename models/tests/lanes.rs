@@ -115,6 +115,7 @@ impl Strip {
                 membrane_order: Vec::new(),
                 size: 1.0,
                 piece: Vec::new(),
+                splits: 0,
             },
             &edges,
         );

@@ -70,6 +70,8 @@ struct Kept {
     kind: Preconditioner,
     factors: [f64; 3],
     held: Vec<FixedAxes>,
+    /// Splits of the body: aggregates must not reach across a gap.
+    splits: u64,
     /// Iterations per power of ten of the first solve after the refresh.
     fresh: Option<f64>,
     /// Iterations spent beyond that since.
@@ -140,6 +142,7 @@ impl<T: Scalar> Engine<T> {
             k.kind == kind
                 && k.factors == factors
                 && k.held == self.matrix.held
+                && k.splits == system.topology.bodies[body].splits
                 && k.excess < k.cost
         });
         // what kept values may spend before a refresh is cheaper
@@ -208,6 +211,9 @@ impl<T: Scalar> Engine<T> {
     ) -> u32 {
         let rows = &system.topology.bodies[body];
         let rest = &rest[rows.vertices.start as usize..rows.vertices.end as usize];
+        if self.kept.as_ref().is_some_and(|k| k.splits != rows.splits) {
+            self.kept = None;
+        }
         let breakdowns = self.build(system.workers, pattern, rest, &rows.piece, kind);
         let blocks = (pattern.len() + 2 * pattern.column.len()) as f64;
         let mut refresh = self.cholesky.work();
@@ -218,7 +224,8 @@ impl<T: Scalar> Engine<T> {
         }
         let cost = FACTOR_COST * refresh / iteration;
         let held = self.matrix.held.clone();
-        self.kept = Some(Kept { kind, factors, held, fresh: None, excess: 0.0, cost });
+        let splits = rows.splits;
+        self.kept = Some(Kept { kind, factors, held, splits, fresh: None, excess: 0.0, cost });
         breakdowns
     }
 

@@ -215,7 +215,8 @@ fn take_up<S: Scalar>(
         s.made_of = (s.node.mass.clone(), s.node.fixed.clone());
         s.weight.clear();
         s.weight.extend(s.node.mass.iter().enumerate().map(|(row, m)| {
-            let weight = S::ONE / *m;
+            // vertices without mass stay where they are
+            let weight = if *m > S::ZERO { S::ONE / *m } else { S::ZERO };
             let axis = |k| if s.node.free(row, k) { weight } else { S::ZERO };
             [axis(0), axis(1), axis(2), S::ZERO]
         }));

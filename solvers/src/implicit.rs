@@ -18,6 +18,7 @@
 //! * **Quasi-static**: the same without inertia.
 
 use crate::cg::{CgStatus, LinearOptions, LinearSolver, ShiftedTangent};
+use crate::orphan::prescribe_orphans;
 use crate::settings::{Integrator, SolverSettings};
 use crate::state::{NodeState, Rows, dot3, evaluate, read_force, write_state};
 use crate::support::check_support;
@@ -30,8 +31,8 @@ use sinew_engine::matrix::{BlockMatrix, ProductSpans, Tangent};
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepClock, StepError, not_finite};
-use sinew_engine::topology::Topology;
-use sinew_engine::vertex::RestPosition;
+use sinew_engine::topology::{BodyRows, Topology};
+use sinew_engine::vertex::{FixedAxes, RestPosition};
 use sinew_engine::workers::Workers;
 use std::ops::Range;
 use std::time::Instant;
@@ -65,8 +66,8 @@ pub struct ImplicitScratch<S: Scalar> {
 struct BodyIteration {
     rows: Range<usize>,
     size: f64,
-    /// In one piece and without held unknowns: its momentum can be balanced exactly.
-    free_flight: bool,
+    /// Pieces without held unknowns: their momentum can be balanced exactly.
+    free_pieces: Vec<FreePiece>,
     /// Elements were inverted when the step began.
     inverted: bool,
     /// Elastic energy (J) at the current iterate.
@@ -75,6 +76,15 @@ struct BodyIteration {
     budget: f64,
     done: bool,
     converged: bool,
+}
+
+/// Rows of a piece without held unknowns.
+#[derive(Clone, Debug)]
+enum FreePiece {
+    /// All rows of the body.
+    Whole,
+    /// Some of them.
+    Rows(Vec<u32>),
 }
 
 /// Weights of the incremental potential.
@@ -162,8 +172,10 @@ fn minimise<S: Scalar>(
         check_support(world, &s.node)?;
     }
     let follower = follower_potential(world, &s.node.u);
+    let topology = world.resource::<Topology>();
+    let orphans = prescribe_orphans(topology, &mut s.node, h, w.inertia, w.mass_damping);
     let mut bodies = body_iterations(world, &s.node);
-    let moved_any = start(s, if statics { 0.0 } else { h });
+    let moved_any = orphans | start(s, if statics { 0.0 } else { h });
     let before = if moved_any {
         report.evaluations += 1;
         evaluate(world, &s.node.u, true, false, None);
@@ -252,11 +264,10 @@ fn body_iterations<S: Scalar>(world: &World, node: &NodeState<S>) -> Vec<BodyIte
     bodies
         .map(|(i, body)| {
             let rows = body.vertices.start as usize..body.vertices.end as usize;
-            let held = node.fixed[rows.clone()].iter().any(|f| f.0 != 0);
             BodyIteration {
+                free_pieces: free_pieces(body, &node.fixed[rows.clone()]),
                 rows,
                 size: body.size,
-                free_flight: !held && body.piece_count() == 1,
                 inverted: inverted.get(i).is_some_and(|&count| count > 0),
                 elastic: 0.0,
                 budget: f64::INFINITY,
@@ -265,6 +276,28 @@ fn body_iterations<S: Scalar>(world: &World, node: &NodeState<S>) -> Vec<BodyIte
             }
         })
         .collect()
+}
+
+/// Pieces of a body without held unknowns; `fixed` belongs to its rows.
+fn free_pieces(body: &BodyRows, fixed: &[FixedAxes]) -> Vec<FreePiece> {
+    let held = fixed.iter().any(|f| f.0 != 0);
+    if body.piece_count() == 1 && !held {
+        return vec![FreePiece::Whole];
+    }
+    if body.piece_count() < 2 {
+        return Vec::new();
+    }
+    let mut pieces = vec![Some(Vec::new()); body.piece_count()];
+    let first = body.vertices.start;
+    for (row, (&piece, fixed)) in (first..).zip(body.piece.iter().zip(fixed)) {
+        // vertices without elements belong to no piece
+        let Some(rows) = pieces.get_mut(piece as usize) else { continue };
+        match rows {
+            Some(rows) if fixed.0 == 0 => rows.push(row),
+            rows => *rows = None,
+        }
+    }
+    pieces.into_iter().flatten().map(FreePiece::Rows).collect()
 }
 
 /// Start of the iteration: the old state with the held unknowns where they have to go; says whether
@@ -464,8 +497,16 @@ fn solve_body<S: Scalar>(
         CgStatus::Converged | CgStatus::Cap if descent > 0.0 || largest(rhs) == 0.0 => {
             report.cg_residual = report.cg_residual.max(outcome.residual);
             report.cg_caps += u32::from(outcome.status == CgStatus::Cap);
-            if body.free_flight && w.inertia > 0.0 {
-                correct_momentum(rows, s, w.inertia + w.mass_damping);
+            if w.inertia > 0.0 {
+                let factor = w.inertia + w.mass_damping;
+                for piece in &body.free_pieces {
+                    match piece {
+                        FreePiece::Whole => correct_momentum(rows.clone(), s, factor),
+                        FreePiece::Rows(rows) => {
+                            correct_momentum(rows.iter().map(|&row| row as usize), s, factor);
+                        }
+                    }
+                }
             }
             Ok(true)
         }
@@ -473,11 +514,15 @@ fn solve_body<S: Scalar>(
     }
 }
 
-/// Adds to the step of a body without held unknowns the translation that balances its momentum.
+/// Adds to the step of a piece without held unknowns the translation that balances its momentum.
 ///
 /// A tangent resists no translation, so the exact solution has `c_M sum m d = sum rhs`; a loose
 /// solve leaves a residual with a resultant, which would push a free body about.
-fn correct_momentum<S: Scalar>(rows: Range<usize>, s: &mut ImplicitScratch<S>, factor: f64) {
+fn correct_momentum<S: Scalar>(
+    rows: impl Iterator<Item = usize> + Clone,
+    s: &mut ImplicitScratch<S>,
+    factor: f64,
+) {
     let (mut missing, mut mass) = ([0.0; 3], 0.0);
     for row in rows.clone() {
         let m = factor * s.node.mass[row].to_f64();

@@ -9,6 +9,7 @@ pub mod direct;
 pub mod engine;
 pub mod explicit;
 pub mod implicit;
+mod orphan;
 pub mod settings;
 mod simd;
 pub mod stability;

@@ -78,9 +78,14 @@ impl<S: Scalar> StabilityLimit<S> {
         let cold = self.limit.is_none() || change.is_nan();
         if cold {
             self.shortest = shortest_edge(world);
+            if !self.shortest.is_finite() {
+                // no element is left
+                return f64::INFINITY;
+            }
             self.root.clear();
             self.root.extend(node.mass.iter().enumerate().map(|(row, m)| {
-                let root = S::ONE / m.sqrt();
+                // vertices without mass stay where they are
+                let root = if *m > S::ZERO { S::ONE / m.sqrt() } else { S::ZERO };
                 let axis = |k| if node.free(row, k) { root } else { S::ZERO };
                 [axis(0), axis(1), axis(2), S::ZERO]
             }));
@@ -131,16 +136,18 @@ impl<S: Scalar> StabilityLimit<S> {
             }
             (change / length) as f32
         };
-        let mut pieces: Vec<(&mut [f32], &[[u32; 2]], f32)> = self
+        let mut pieces: Vec<(usize, &mut [f32], &[[u32; 2]], f32)> = self
             .strain
             .chunks_mut(EDGE_CHUNK)
             .zip(edges.chunks(EDGE_CHUNK))
-            .map(|(s, e)| (s, e, 0.0))
+            .enumerate()
+            .map(|(i, (s, e))| (i * EDGE_CHUNK, s, e, 0.0))
             .collect();
         let keep = self.limit.is_some();
-        workers.for_each(&mut pieces, edges.len() * 4, |_, (strain, edges, largest)| {
-            for (then, &edge) in strain.iter_mut().zip(*edges) {
-                let now = strain_of(edge);
+        workers.for_each(&mut pieces, edges.len() * 4, |_, (first, strain, edges, largest)| {
+            for (i, (then, &edge)) in strain.iter_mut().zip(*edges).enumerate() {
+                // without stiffness its length is of no matter
+                let now = if topology.uses_edge(*first + i) { strain_of(edge) } else { 0.0 };
                 if keep {
                     let change = (now - *then).abs();
                     // NaN must count as a change
@@ -276,9 +283,10 @@ fn add_noise<S: Scalar>(mode: &mut Rows<S>, root: &Rows<S>, share: f64) {
 fn shortest_edge(world: &mut World) -> f64 {
     let mut rests = world.query::<&RestPosition>();
     let Some(rest) = single_table(rests.contiguous_iter(world)) else { return 0.0 };
-    let edges = &world.resource::<Topology>().edges;
+    let topology = world.resource::<Topology>();
     let length = |e: &[u32; 2]| rest[e[0] as usize].0.distance_squared(rest[e[1] as usize].0);
-    edges.iter().map(length).fold(f64::INFINITY, f64::min).sqrt()
+    let used = topology.edges.iter().enumerate().filter(|(i, _)| topology.uses_edge(*i));
+    used.map(|(_, e)| length(e)).fold(f64::INFINITY, f64::min).sqrt()
 }
 
 /// Largest eigenvalue and its vector (length 1) of the symmetric tridiagonal matrix with diagonal

@@ -4,6 +4,7 @@ use crate::state::NodeState;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
+use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::StepError;
 use sinew_engine::topology::Topology;
@@ -12,7 +13,7 @@ use sinew_engine::vertex::RestPosition;
 /// Pivot of the rigid-motion matrix, relative to the largest, below which a motion counts as free.
 const FREE: f64 = 1e-9;
 
-/// Every connected piece must have its six rigid motions held.
+/// Every connected piece of elements must have its six rigid motions held.
 ///
 /// # Errors
 /// [`StepError::InvalidSetting`] naming the body, a vertex of the piece and the number of motions
@@ -27,6 +28,9 @@ pub fn check_support<S: Scalar>(world: &mut World, node: &NodeState<S>) -> Resul
         let mut gram = vec![[[0.0; 6]; 6]; body.piece_count()];
         let mut sample = vec![0; body.piece_count()];
         for (local, &piece) in body.piece.iter().enumerate() {
+            if piece == UNUSED {
+                continue;
+            }
             let row = first + local;
             sample[piece as usize] = body.vertex_order[local];
             let arm = (rest[row].0 - centre) / body.size;

@@ -1,0 +1,251 @@
+//! Holds a body that lost elements against one that is built anew from what is left.
+
+use super::Resection;
+use crate::body::{BodyDescription, BodyError, SoftBody, spawn_body};
+use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::pooled::{AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness};
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use sinew_engine::columns::single_table;
+use sinew_engine::element::{
+    EdgeVertices, RestEdges, RestVolume, ShapeGradients, TETRAHEDRON_EDGES, TetrahedronVertices,
+};
+use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
+use sinew_engine::matrix::Tangent;
+use sinew_engine::mesh::Mesh;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::schedule::{Executor, ForceSchedule};
+use sinew_engine::step::install_engine;
+use sinew_engine::topology::Topology;
+use sinew_engine::vertex::{BodyId, Displacement, ElasticForce, Mass, RestPosition};
+use std::collections::BTreeMap;
+
+/// Largest difference of each quantity, over its largest value in the new body (or in the old one,
+/// if that is larger).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FreshDifference {
+    /// Lumped masses; equal only as long as removals recompute them.
+    pub mass: f64,
+    /// Everything else by name: columns, energy, forces, and the three tangents.
+    pub others: Vec<(&'static str, f64)>,
+}
+
+impl FreshDifference {
+    /// Largest difference, masses left out.
+    pub fn largest(&self) -> f64 {
+        self.others.iter().map(|(_, x)| *x).fold(0.0, f64::max)
+    }
+}
+
+/// Values of elements, keyed by the user's indices of their vertices.
+type Values = BTreeMap<Vec<u32>, Vec<f64>>;
+
+/// Compares everything that a body holds (masses, rest shapes, moduli, pooled constants) and gives at
+/// the present state (energy, forces, tangents) with a body built anew from the tetrahedra left. For
+/// tests and doubts: it builds that body.
+///
+/// # Errors
+/// When the new body cannot be built.
+pub fn compare_with_fresh<S: Scalar>(
+    world: &mut World,
+    body: usize,
+) -> Result<FreshDifference, BodyError> {
+    let rows = world.resource::<Topology>().bodies[body].clone();
+    let present = |t: usize| {
+        let resection = world.get_resource::<Resection>();
+        let connectivity = resection.and_then(|r| r.connectivity(body));
+        connectivity.is_none_or(|c| c.is_present(t as u32))
+    };
+    let mut mesh = Mesh { points: vec![DVec3::ZERO; rows.row_of_vertex.len()], ..Mesh::default() };
+    let left = rows.tetrahedra.iter().enumerate().filter(|(t, _)| present(*t));
+    mesh.tetrahedra = left.map(|(_, t)| t.map(|v| rows.vertex_order[v as usize])).collect();
+    let mut vertices = world.query::<(&RestPosition, &Displacement<S>)>();
+    let mut displacement = vec![Displacement::<S>::default(); rows.row_of_vertex.len()];
+    if let Some((rest, u)) = single_table(vertices.contiguous_iter(world)) {
+        for (row, &v) in (rows.vertices.start as usize..).zip(&rows.vertex_order) {
+            mesh.points[v as usize] = rest[row].0;
+            displacement[v as usize] = u[row];
+        }
+    }
+    let Some(soft) = world.query::<&SoftBody>().iter(world).find(|b| b.index == body).cloned()
+    else {
+        return Ok(FreshDifference::default());
+    };
+    let mut fresh = World::new();
+    install_engine::<S>(&mut fresh, Executor::SingleThreaded);
+    if !mesh.tetrahedra.is_empty() {
+        let description = BodyDescription {
+            model: soft.model,
+            evaluation: soft.evaluation,
+            ..BodyDescription::new("fresh", &mesh, soft.material)
+        };
+        spawn_body::<S>(&mut fresh, &description)?;
+        let order = fresh.resource::<Topology>().bodies[0].vertex_order.clone();
+        let mut vertices = fresh.query::<&mut Displacement<S>>();
+        if let Some(mut u) = single_table(vertices.contiguous_iter_mut(&mut fresh)) {
+            for (u, v) in u.iter_mut().zip(order) {
+                *u = displacement[v as usize];
+            }
+        }
+    }
+    let old = snapshot::<S>(world, body);
+    let new = snapshot::<S>(&mut fresh, 0);
+    let mut difference = FreshDifference::default();
+    for (name, old) in &old {
+        let none = Values::new();
+        let x = largest_difference(old, new.get(name).unwrap_or(&none));
+        if *name == "mass" {
+            difference.mass = x;
+        } else {
+            difference.others.push((name, x));
+        }
+    }
+    Ok(difference)
+}
+
+/// What one has and the other has not counts as zero there.
+fn largest_difference(a: &Values, b: &Values) -> f64 {
+    let size = |v: &Values| v.values().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let mut largest = 0.0_f64;
+    for (key, x) in a.iter().chain(b) {
+        let other = |v: &Values, i: usize| v.get(key).map_or(0.0, |v| v[i]);
+        for i in 0..x.len() {
+            let difference = (other(a, i) - other(b, i)).abs();
+            // what is not a number must not pass
+            largest = if difference <= largest { largest } else { difference };
+        }
+    }
+    let size = size(a).max(size(b));
+    if size > 0.0 { largest / size } else { largest }
+}
+
+/// Everything that a body holds and gives.
+fn snapshot<S: Scalar>(world: &mut World, body: usize) -> BTreeMap<&'static str, Values> {
+    let mut all: BTreeMap<&'static str, Values> = BTreeMap::new();
+    let Some(rows) = world.resource::<Topology>().bodies.get(body).cloned() else { return all };
+    let user = |row: u32| rows.vertex_order[(row - rows.vertices.start) as usize];
+    let mut add = |name, key: &[u32], values: &[f64]| {
+        all.entry(name).or_default().insert(key.to_vec(), values.to_vec());
+    };
+    let kinds = [
+        (TangentKind::Exact, "exact tangent"),
+        (TangentKind::GaussNewton, "Gauss-Newton tangent"),
+        (TangentKind::Projected, "projected tangent"),
+    ];
+    for (kind, name) in kinds {
+        world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: Some(kind) });
+        world.run_schedule(ForceSchedule);
+        let (topology, tangent) = (world.resource::<Topology>(), world.resource::<Tangent<S>>());
+        let mut block = |a: u32, b: u32, m: &[S; 9]| {
+            let (a, b) = (user(a), user(b));
+            let m = m.map(|x| x.to_f64());
+            let t = if a <= b { m } else { [0, 3, 6, 1, 4, 7, 2, 5, 8].map(|i| m[i]) };
+            add(name, &[a.min(b), a.max(b)], &t);
+        };
+        for row in rows.vertices.clone() {
+            block(row, row, &tangent.matrix.diagonal[row as usize]);
+        }
+        for edge in rows.blocks.clone() {
+            let [a, b] = topology.edges[edge as usize];
+            block(a, b, &tangent.matrix.off_diagonal[edge as usize]);
+        }
+    }
+    let energy = world.resource::<ElasticEnergy>().by_body[body];
+    add("energy", &[], &[energy]);
+    let mut vertices = world.query::<(&Mass<S>, &ElasticForce<S>)>();
+    if let Some((mass, force)) = single_table(vertices.contiguous_iter(world)) {
+        for row in rows.vertices.clone() {
+            add("mass", &[user(row)], &[mass[row as usize].0.to_f64()]);
+            let force = force[row as usize].0.map(|x| x.to_f64());
+            add("force", &[user(row)], &force[..3]);
+        }
+    }
+    let mut tetrahedra = world.query::<(
+        &BodyId,
+        &TetrahedronVertices,
+        ShapeGradients<S>,
+        &RestVolume<S>,
+        (&FirstLameParameter<S>, &ShearModulus<S>, &CompressionModulus<S>),
+    )>();
+    for (id, nodes, (d1, d2, d3), volume, (lambda, mu, compression)) in tetrahedra.iter(world) {
+        if id.0 as usize != body {
+            continue;
+        }
+        let nodes = nodes.0.map(user);
+        let mut key = nodes;
+        key.sort_unstable();
+        let d = [[d1.0.0, d1.1.0, d1.2.0], [d2.0.0, d2.1.0, d2.2.0], [d3.0.0, d3.1.0, d3.2.0]]
+            .map(|d| d.map(|x| x.to_f64()));
+        let mut by_vertex = Vec::new();
+        for v in key {
+            let local = nodes.iter().position(|&n| n == v).unwrap_or(0);
+            by_vertex.extend((0..3).map(|x| match local {
+                0 => -(d[0][x] + d[1][x] + d[2][x]),
+                a => d[a - 1][x],
+            }));
+        }
+        add("shape vectors", &key, &by_vertex);
+        add("volume", &key, &[volume.0.to_f64()]);
+        let moduli = [lambda.0.to_f64(), mu.0.to_f64(), compression.0.to_f64()];
+        add("moduli", &key, &moduli);
+    }
+    let mut volumetric = world.query::<(
+        &BodyId,
+        &TetrahedronVertices,
+        &VolumetricStiffness<S, 0>,
+        &VolumetricStiffness<S, 1>,
+        &VolumetricStiffness<S, 2>,
+    )>();
+    for (id, nodes, a, b, c) in volumetric.iter(world) {
+        if id.0 as usize != body {
+            continue;
+        }
+        let nodes = nodes.0.map(user);
+        let mut key = nodes;
+        key.sort_unstable();
+        // a pair of opposite edges is named by the partner of the lowest vertex
+        let mut pairs: Vec<(u32, f64)> = [a.0, b.0, c.0]
+            .iter()
+            .zip(TETRAHEDRON_EDGES)
+            .map(|(d, [_, partner])| {
+                let own = [nodes[0], nodes[partner]];
+                let rest: Vec<u32> = nodes.iter().copied().filter(|n| !own.contains(n)).collect();
+                let name = match own.iter().position(|&n| n == key[0]) {
+                    Some(at) => own[1 - at],
+                    None => rest.into_iter().find(|&n| n != key[0]).unwrap_or(0),
+                };
+                (name, d.to_f64())
+            })
+            .collect();
+        pairs.sort_unstable_by_key(|p| p.0);
+        add("volumetric stiffness", &key, &pairs.iter().map(|p| p.1).collect::<Vec<_>>());
+    }
+    let mut edges = world.query::<(&BodyId, &EdgeVertices, RestEdges<S>, &TensileStiffness<S>)>();
+    for (id, edge, (x, y, z), k) in edges.iter(world) {
+        // an edge without elements keeps its rest vector
+        if id.0 as usize == body && k.0 != S::ZERO {
+            let [a, b] = edge.0.map(user);
+            let sign = if a < b { 1.0 } else { -1.0 };
+            let rest = [x.0, y.0, z.0].map(|x| sign * x.to_f64());
+            add("rest edges", &[a.min(b), a.max(b)], &rest);
+            add("tensile stiffness", &[a.min(b), a.max(b)], &[k.0.to_f64()]);
+        }
+    }
+    let mut triangles = world.query::<(
+        &BodyId,
+        &TriangleVertices,
+        &AngularStiffness<S, 0>,
+        &AngularStiffness<S, 1>,
+        &AngularStiffness<S, 2>,
+    )>();
+    for (id, nodes, a, b, c) in triangles.iter(world) {
+        if id.0 as usize == body {
+            let mut values: Vec<(u32, f64)> =
+                nodes.0.map(user).into_iter().zip([a.0, b.0, c.0].map(|x| x.to_f64())).collect();
+            values.sort_unstable_by_key(|v| v.0);
+            let key: Vec<u32> = values.iter().map(|v| v.0).collect();
+            add("angular stiffness", &key, &values.iter().map(|v| v.1).collect::<Vec<_>>());
+        }
+    }
+    all
+}
