@@ -1,14 +1,33 @@
 //! `sinew bench`.
 
-use crate::{Outcome, print};
-use clap::{Args, ValueEnum};
+use crate::{Outcome, PrecisionArgument, choice, print};
+use clap::{Args, Subcommand};
+use sinew::prelude::{Integrator, Model};
 use sinew_benches::bench::{BenchOptions, Part, run};
+use sinew_benches::stability::SuiteOptions;
 use std::path::PathBuf;
+
+#[derive(Subcommand)]
+pub enum BenchCommand {
+    /// Laws, gather and matrices: ns per tetrahedron, roofline, error.
+    Kernels(BenchArguments),
+    /// Whole steps, loading and building.
+    Step(BenchArguments),
+    /// Speed against error of every method on every scene, with Pareto fronts.
+    Accuracy(BenchArguments),
+    /// The demo scenes as they are.
+    Scenes(BenchArguments),
+    /// Sinew beside MuJoCo flex (pip install mujoco; see --python) and Rapier (build with --features
+    /// sinew-cli/rapier), same mesh, material and load; what is absent is skipped with a message.
+    Peers(BenchArguments),
+    /// Everything that is measured, one report.
+    All(BenchArguments),
+    /// Run the hard cases and print the pass table; fails when a case misses that must pass.
+    Stability(StabilityArguments),
+}
 
 #[derive(Args)]
 pub struct BenchArguments {
-    /// What to measure.
-    what: What,
     /// Smaller sizes and fewer repeats: a minute or two instead of a quarter of an hour.
     #[arg(long)]
     quick: bool,
@@ -29,55 +48,103 @@ pub struct BenchArguments {
     python: Option<String>,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum What {
-    /// Laws, gather and matrices: ns per tetrahedron, roofline, error.
-    Kernels,
-    /// Whole steps, loading and building.
-    Step,
-    /// Speed against error of every method on every scene, with Pareto fronts.
-    Accuracy,
-    /// The demo scenes as they are.
-    Scenes,
-    /// Sinew beside MuJoCo flex (pip install mujoco; see --python) and Rapier (build with --features
-    /// sinew-cli/rapier), same mesh, material and load; what is absent is skipped with a message.
-    Peers,
-    /// Everything, one report.
-    All,
+#[derive(Args)]
+pub struct StabilityArguments {
+    /// A selection from every group: below a minute on two cores.
+    #[arg(long)]
+    quick: bool,
+    /// Number type of the state.
+    #[arg(long, default_value = "f64")]
+    precision: PrecisionArgument,
+    /// Only this integrator; may be given several times.
+    #[arg(long = "integrator", value_parser = choice::<Integrator>)]
+    integrators: Vec<Integrator>,
+    /// Only this energy; may be given several times.
+    #[arg(long = "model", value_parser = choice::<Model>)]
+    models: Vec<Model>,
+    /// Only this group, 1 to 11; may be given several times.
+    #[arg(long = "group", value_name = "N")]
+    groups: Vec<u8>,
+    /// File for the JSON form; `-` prints it instead of the tables.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Page with all cases: a file, or a folder for stability.html.
+    #[arg(long, value_name = "FILE|DIR")]
+    html: Option<PathBuf>,
 }
 
-impl BenchArguments {
-    fn parts(&self) -> Vec<Part> {
-        match self.what {
-            What::Kernels => vec![Part::Kernels],
-            What::Step => vec![Part::Step],
-            What::Accuracy => vec![Part::Accuracy],
-            What::Scenes => vec![Part::Scenes],
-            What::Peers => vec![Part::Peers],
-            What::All => {
-                vec![Part::Kernels, Part::Step, Part::Accuracy, Part::Scenes, Part::Peers]
+/// What to measure, its name, and how.
+fn measured(command: &BenchCommand) -> Option<(Vec<Part>, &'static str, &BenchArguments)> {
+    Some(match command {
+        BenchCommand::Kernels(a) => (vec![Part::Kernels], "kernels", a),
+        BenchCommand::Step(a) => (vec![Part::Step], "step", a),
+        BenchCommand::Accuracy(a) => (vec![Part::Accuracy], "accuracy", a),
+        BenchCommand::Scenes(a) => (vec![Part::Scenes], "scenes", a),
+        BenchCommand::Peers(a) => (vec![Part::Peers], "peers", a),
+        BenchCommand::All(a) => {
+            let all = [Part::Kernels, Part::Step, Part::Accuracy, Part::Scenes, Part::Peers];
+            (all.to_vec(), "all", a)
+        }
+        BenchCommand::Stability(_) => return None,
+    })
+}
+
+/// The command that makes such a report.
+fn command(what: &str, arguments: &BenchArguments) -> String {
+    let mut words = vec!["sinew bench".to_string(), what.into()];
+    if arguments.quick {
+        words.push("--quick".into());
+    }
+    if !arguments.tets.is_empty() {
+        let sizes: Vec<String> = arguments.tets.iter().map(usize::to_string).collect();
+        words.push(format!("--tets {}", sizes.join(",")));
+    }
+    words.extend(arguments.cases.iter().map(|case| format!("--case \"{case}\"")));
+    words.push("--out DIR".into());
+    words.join(" ")
+}
+
+pub fn bench(bench: &BenchCommand) -> Outcome {
+    match (bench, measured(bench)) {
+        (BenchCommand::Stability(arguments), _) => stability(arguments),
+        (_, Some((parts, what, arguments))) => measure(&parts, what, arguments),
+        (_, None) => Ok(true),
+    }
+}
+
+fn stability(arguments: &StabilityArguments) -> Outcome {
+    let options = SuiteOptions {
+        quick: arguments.quick,
+        precision: arguments.precision.into(),
+        integrators: arguments.integrators.clone(),
+        models: arguments.models.clone(),
+        groups: arguments.groups.clone(),
+    };
+    let tell = |done: usize, all: usize| {
+        if done == all || done.is_multiple_of(100) {
+            eprintln!("{done} of {all} cases");
+        }
+    };
+    let suite = sinew_benches::stability::run(&options, tell)?;
+    let json = || serde_json::to_string_pretty(&suite);
+    match &arguments.json {
+        Some(path) if path.as_os_str() == "-" => print(format_args!("{}\n", json()?))?,
+        path => {
+            print(format_args!("{suite}"))?;
+            if let Some(path) = path {
+                let error = |e| format!("{}: {e}", path.display());
+                std::fs::write(path, json()? + "\n").map_err(error)?;
+                eprintln!("written to {}", path.display());
             }
         }
     }
-
-    /// The command that makes such a report.
-    fn command(&self) -> String {
-        let what = self.what.to_possible_value().map_or(String::new(), |v| v.get_name().into());
-        let mut words = vec!["sinew bench".to_string(), what];
-        if self.quick {
-            words.push("--quick".into());
-        }
-        if !self.tets.is_empty() {
-            let sizes: Vec<String> = self.tets.iter().map(usize::to_string).collect();
-            words.push(format!("--tets {}", sizes.join(",")));
-        }
-        words.extend(self.cases.iter().map(|case| format!("--case \"{case}\"")));
-        words.push("--out DIR".into());
-        words.join(" ")
+    if let Some(path) = &arguments.html {
+        eprintln!("written to {}", suite.write_html(path)?.display());
     }
+    Ok(suite.passed())
 }
 
-pub fn bench(arguments: &BenchArguments) -> Outcome {
+fn measure(parts: &[Part], what: &str, arguments: &BenchArguments) -> Outcome {
     if cfg!(debug_assertions) {
         eprintln!(
             "warning: this is a debug build; use `cargo run --release` for figures that count"
@@ -90,7 +157,7 @@ pub fn bench(arguments: &BenchArguments) -> Outcome {
         python: arguments.python.clone(),
     };
     let tell = |what: &str| eprintln!("{what}");
-    let report = run(&arguments.command(), &arguments.parts(), &options, tell)?;
+    let report = run(&command(what, arguments), parts, &options, tell)?;
     if arguments.json {
         print(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
     } else {

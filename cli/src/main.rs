@@ -5,16 +5,17 @@
 mod advise;
 mod bench;
 mod progress;
+mod reproduce;
 
 use advise::{AdviseArguments, advise_scene};
-use bench::{BenchArguments, bench};
+use bench::{BenchCommand, bench};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use progress::Progress;
+use reproduce::{ReproduceCommand, reproduce};
 use sinew::engine::mesh::Mesh;
 use sinew::prelude::{Evaluation, Integrator, Model};
 use sinew::simulation::Precision;
 use sinew_benches::advise::Choice;
-use sinew_benches::stability::SuiteOptions;
 use sinew_demos::build::{BuildOptions, generate};
 use sinew_demos::check::check_file;
 use sinew_demos::mesh_tool::{MeshInfo, convert, write};
@@ -58,10 +59,12 @@ enum Command {
     Check(CheckArguments),
     /// Run reference cases and compare with their stored truth.
     Validate(ValidateArguments),
-    /// Run the hard cases and print the pass table.
-    Stability(StabilityArguments),
-    /// Measure speed and error on this machine, in one report.
-    Bench(BenchArguments),
+    /// Measure speed and error on this machine, or run the hard cases.
+    #[command(subcommand)]
+    Bench(BenchCommand),
+    /// Make the figures of a paper again and say what agrees.
+    #[command(subcommand)]
+    Reproduce(ReproduceCommand),
     /// Find the settings that run a scene within a budget of time and error on this machine.
     Advise(AdviseArguments),
     /// Look at, convert or generate a mesh.
@@ -160,22 +163,6 @@ struct ValidateArguments {
     threads: usize,
 }
 
-#[derive(Args)]
-struct StabilityArguments {
-    /// A third of the cases.
-    #[arg(long)]
-    quick: bool,
-    /// Converged implicit Euler instead of the safe step, for comparison.
-    #[arg(long)]
-    newton: bool,
-    /// Number type of the state.
-    #[arg(long, default_value = "f64")]
-    precision: PrecisionArgument,
-    /// Print JSON.
-    #[arg(long)]
-    json: bool,
-}
-
 #[derive(Subcommand)]
 enum MeshCommand {
     /// What is in a mesh file.
@@ -262,8 +249,8 @@ fn main() -> ExitCode {
         Command::Run(arguments) => run_scene(arguments),
         Command::Check(arguments) => check_scene_or_mesh(&arguments),
         Command::Validate(arguments) => validate_cases(arguments),
-        Command::Stability(arguments) => stability(&arguments),
-        Command::Bench(arguments) => bench(&arguments),
+        Command::Bench(command) => bench(&command),
+        Command::Reproduce(command) => reproduce(&command),
         Command::Advise(arguments) => advise_scene(&arguments),
         Command::Mesh(command) => mesh(command),
     };
@@ -337,20 +324,6 @@ fn validate_cases(arguments: ValidateArguments) -> Outcome {
         }
     }
     Ok(report.passed())
-}
-
-fn stability(arguments: &StabilityArguments) -> Outcome {
-    let suite = sinew_benches::stability::run(SuiteOptions {
-        quick: arguments.quick,
-        integrator: if arguments.newton { Integrator::Newton } else { Integrator::Safe },
-        precision: arguments.precision.into(),
-    })?;
-    if arguments.json {
-        sayln!("{}", serde_json::to_string_pretty(&suite)?);
-    } else {
-        say!("{suite}");
-    }
-    Ok(suite.passed())
 }
 
 fn check_scene_or_mesh(arguments: &CheckArguments) -> Outcome {

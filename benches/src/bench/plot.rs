@@ -8,9 +8,9 @@ use plotters::prelude::*;
 pub struct Series {
     /// Name in the legend.
     pub name: String,
-    /// Cost and error.
+    /// Cost and error, or places of a line.
     pub points: Vec<[f64; 2]>,
-    /// Drawn hollow.
+    /// Drawn hollow, lines thin.
     pub hollow: bool,
     /// Place in the list of colours.
     pub colour: usize,
@@ -186,6 +186,69 @@ pub fn speed_against_error(
     })
 }
 
+/// Lines over linear axes, with equal scales if `equal`.
+///
+/// # Errors
+/// When it cannot be drawn.
+pub fn lines(
+    title: &str,
+    [x, y]: [&str; 2],
+    series: &[Series],
+    equal: bool,
+) -> Result<String, BenchError> {
+    let points =
+        || series.iter().flat_map(|s| &s.points).filter(|p| p.iter().all(|x| x.is_finite()));
+    let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+    for p in points() {
+        for k in 0..2 {
+            bounds[k] = [bounds[k][0].min(p[k]), bounds[k][1].max(p[k])];
+        }
+    }
+    let widths = bounds.map(|[low, high]| high - low);
+    if points().next().is_none() || widths.iter().all(|w| *w == 0.0) {
+        return Err(BenchError::Chart(format!("{title}: no points")));
+    }
+    // the drawing area is about 550 by 440
+    let scale = (widths[0] / 550.0).max(widths[1] / 440.0);
+    let [xs, ys] = std::array::from_fn(|k| {
+        let least = if equal { scale * [550.0, 440.0][k] } else { widths[k] };
+        let width = 1.08 * if least > 0.0 { least } else { widths[1 - k] };
+        let middle = 0.5 * (bounds[k][0] + bounds[k][1]);
+        middle - 0.5 * width..middle + 0.5 * width
+    });
+    svg((860, 520), |area| {
+        let (chart_area, legend) = area.split_horizontally(630);
+        let mut chart = ChartBuilder::on(&chart_area)
+            .caption(title, (FONT, 17).into_font().color(&INK))
+            .margin(12)
+            .x_label_area_size(46)
+            .y_label_area_size(66)
+            .build_cartesian_2d(xs, ys)
+            .map_err(failed)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(GRID)
+            .axis_style(INK)
+            .x_desc(x)
+            .y_desc(y)
+            .label_style((FONT, 13).into_font().color(&INK))
+            .axis_desc_style((FONT, 14).into_font().color(&INK))
+            .draw()
+            .map_err(failed)?;
+        for (i, s) in series.iter().enumerate() {
+            let style = colour(s.colour).stroke_width(if s.hollow { 1 } else { 2 });
+            let line = s.points.iter().map(|p| (p[0], p[1]));
+            chart.draw_series(LineSeries::new(line, style)).map_err(failed)?;
+            let at = 52 + 21 * i as i32;
+            legend.draw(&PathElement::new(vec![(5, at), (19, at)], style)).map_err(failed)?;
+            let words = (FONT, 13).into_font().color(&INK);
+            legend.draw(&Text::new(s.name.clone(), (24, at - 7), words)).map_err(failed)?;
+        }
+        Ok(())
+    })
+}
+
 /// Horizontal bars with quartiles; a tick shows what was aimed at. Logarithmic when they differ by
 /// more than a factor of 30.
 ///
@@ -275,6 +338,15 @@ mod tests {
         assert_eq!(text.matches("<circle").count(), 4);
         assert!(!text.contains("NaN"));
         assert!(speed_against_error("t", "c", "e", &[], &[]).is_err());
+    }
+
+    #[test]
+    fn lines_are_drawn_with_their_names() {
+        let line = |points| Series { name: "a & b".into(), points, hollow: false, colour: 2 };
+        let series = [line(vec![[0.0, 0.0], [1.0, -2.0]])];
+        let text = lines("title", ["x", "y"], &series, true).unwrap();
+        assert!(text.contains("<polyline") && text.contains("a &amp; b") && !text.contains("NaN"));
+        assert!(lines("t", ["x", "y"], &[line(vec![[f64::NAN, 1.0]])], false).is_err());
     }
 
     #[test]

@@ -332,18 +332,13 @@ impl Report {
     /// # Errors
     /// When a chart cannot be drawn.
     pub fn html(&self) -> Result<String, BenchError> {
-        let mut page = String::from(
-            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta name=\"viewport\" content=\"width=device-width\">\n<title>Sinew bench</title>\n",
-        );
-        let _ = write!(page, "<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n");
-        page += "<h1>Sinew bench: speed against error</h1>\n";
-        let _ = writeln!(page, "<p class=\"machine\">{}</p>", escape(&self.machine.line()));
+        let mut body = String::from("<h1>Sinew bench: speed against error</h1>\n");
+        let _ = writeln!(body, "<p class=\"machine\">{}</p>", escape(&self.machine.line()));
         for warning in &self.warnings {
-            let _ = writeln!(page, "<p class=\"warning\">{}</p>", escape(warning));
+            let _ = writeln!(body, "<p class=\"warning\">{}</p>", escape(warning));
         }
         let _ = writeln!(
-            page,
+            body,
             "<p>Made by <code>{}</code>{}. Every figure is a median of repeats in which the variants \
              took turns; quartiles and minima stand beside it. The same data are in \
              <code>report.json</code> and in one CSV file per table.</p>",
@@ -352,43 +347,43 @@ impl Report {
         );
         let met = self.aims.iter().filter(|a| a.met).count();
         let tables = self.tables();
-        page += "<nav>";
+        body += "<nav>";
         for table in &tables {
             let _ =
-                write!(page, "<a href=\"#{}\">{}</a> ", table.name, escape(short(&table.title)));
+                write!(body, "<a href=\"#{}\">{}</a> ", table.name, escape(short(&table.title)));
         }
-        page += "</nav>\n";
+        body += "</nav>\n";
         for chart in self.charts()? {
             let _ = writeln!(
-                page,
+                body,
                 "<figure id=\"chart-{}\">{}</figure>",
                 chart.name,
                 scalable(&chart.svg)
             );
         }
         if !self.aims.is_empty() {
-            let _ = writeln!(page, "<p>{met} of {} aims met.</p>", self.aims.len());
+            let _ = writeln!(body, "<p>{met} of {} aims met.</p>", self.aims.len());
         }
         for table in &tables {
             if table.rows.len() > LONG {
                 let _ = write!(
-                    page,
+                    body,
                     "<details><summary>{} ({} rows)</summary>\n{}</details>\n",
                     escape(&table.title),
                     table.rows.len(),
                     table.html()
                 );
             } else {
-                page += &table.html();
+                body += &table.html();
             }
         }
         let _ = write!(
-            page,
+            body,
             "<h2>How to reproduce</h2>\n<p><code>cargo run --release -- {}</code> from a checkout, \
              with nothing else running. For the other engines see <code>sinew bench --help</code>.</p>\n",
             escape(self.command.trim_start_matches("sinew "))
         );
-        Ok(page + "</main>\n</body>\n</html>\n")
+        Ok(page("Sinew bench", &body))
     }
 
     /// For the terminal.
@@ -480,6 +475,16 @@ fn peer_tables(report: &PeerReport) -> Vec<Table> {
     vec![aims, rows]
 }
 
+/// A self-contained page in the style of all reports.
+pub fn page(title: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width\">\n<title>{}</title>\n\
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n",
+        escape(title)
+    )
+}
+
 /// Rows above which a table is folded in the page.
 const LONG: usize = 60;
 
@@ -488,7 +493,7 @@ fn short(title: &str) -> &str {
 }
 
 /// Width and height become a view box, so that the page decides.
-fn scalable(svg: &str) -> String {
+pub(crate) fn scalable(svg: &str) -> String {
     match svg.find("<svg") {
         Some(at) => svg[at..].to_string(),
         None => svg.to_string(),

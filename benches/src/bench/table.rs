@@ -124,7 +124,7 @@ pub struct Table {
     /// What the reader must know: definitions, conditions.
     pub notes: Vec<String>,
     /// Headings of the columns, with unit.
-    pub columns: Vec<&'static str>,
+    pub columns: Vec<String>,
     /// One entry per column in each.
     pub rows: Vec<Vec<Cell>>,
     /// Rows to point out.
@@ -133,8 +133,9 @@ pub struct Table {
 
 impl Table {
     /// An empty table.
-    pub fn new(name: &'static str, title: impl Into<String>, columns: &[&'static str]) -> Self {
-        Self { name, title: title.into(), columns: columns.to_vec(), ..Self::default() }
+    pub fn new(name: &'static str, title: impl Into<String>, columns: &[&str]) -> Self {
+        let columns = columns.iter().map(|c| (*c).to_string()).collect();
+        Self { name, title: title.into(), columns, ..Self::default() }
     }
 
     /// Adds a remark.
@@ -176,9 +177,8 @@ impl Table {
             }
             text.trim_end().to_string() + "\n"
         };
-        let headings: Vec<String> = self.columns.iter().map(|c| (*c).to_string()).collect();
         let mut text = format!("{}\n", self.title);
-        text += &line(&headings, " ");
+        text += &line(&self.columns, " ");
         for (i, row) in shown.iter().enumerate() {
             text += &line(row, if self.marked.contains(&i) { "*" } else { " " });
         }
@@ -204,7 +204,7 @@ impl Table {
     /// A Markdown table without its heading.
     pub fn markdown(&self) -> String {
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
-        let mut text = line(self.columns.iter().map(|c| (*c).to_string()).collect());
+        let mut text = line(self.columns.clone());
         let rule = |c| if self.words(c) { "---" } else { "---:" }.to_string();
         text += &line((0..self.columns.len()).map(rule).collect());
         for row in &self.rows {

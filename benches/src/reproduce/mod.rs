@@ -1,0 +1,208 @@
+//! `sinew reproduce`: the figures of a paper made again with this engine, as charts and numbers, with a
+//! paragraph each that says what agrees and what does not. The paragraphs are worked out from the
+//! numbers of the run.
+
+mod compression;
+mod cylinder;
+
+use crate::bench::error::BenchError;
+use crate::bench::machine::MachineNotes;
+use crate::bench::report::{Chart, page, scalable};
+use crate::bench::table::{Table, escape};
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// A statement of the paper held against the numbers of this run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Finding {
+    /// Whether they agree.
+    pub agrees: bool,
+    /// The statement and the numbers.
+    pub text: String,
+}
+
+/// A figure or table of the paper, made again.
+pub struct Figure {
+    /// Its letter on the command line.
+    pub letter: char,
+    /// What it shows.
+    pub title: &'static str,
+    /// How it was made: sizes and settings that the paper does not print.
+    pub setting: String,
+    /// What agrees with the paper and what does not.
+    pub findings: Vec<Finding>,
+    /// Numbers.
+    pub tables: Vec<Table>,
+    /// Charts.
+    pub charts: Vec<Chart>,
+}
+
+/// Delingette 2008 made again.
+pub struct PaperA {
+    /// Where it ran.
+    pub machine: MachineNotes,
+    /// The figures, in order.
+    pub figures: Vec<Figure>,
+    /// Figures that cannot be made yet: letter, title, reason.
+    pub not_available: Vec<(char, &'static str, &'static str)>,
+}
+
+/// Figures that need what the engine does not have yet.
+const NOT_AVAILABLE: [(char, &str, &str); 4] = [
+    ('c', "Membranes on regular and irregular tessellations", "there are no membrane elements yet"),
+    ('d', "Cost of membrane formulations (Fig. 3, top)", "there are no membrane elements yet"),
+    (
+        'e',
+        "Cost of formulations on tetrahedra",
+        "there is no corotational body to compare with yet",
+    ),
+    ('f', "Liver resection (Fig. 3, bottom)", "elements cannot be removed yet"),
+];
+
+const PAPER: &str = "Delingette 2008, Biquadratic and Quadratic Springs for Modeling St Venant \
+                     Kirchhoff Materials";
+
+/// Makes the figures of Delingette 2008 with the letters given, all with none; `tell` hears what is going
+/// on.
+///
+/// # Errors
+/// When a letter is unknown, a simulation cannot be run or a chart not be drawn.
+pub fn paper_a(only: &[char], mut tell: impl FnMut(&str)) -> Result<PaperA, BenchError> {
+    if let Some(letter) = only.iter().find(|c| !('a'..='f').contains(*c)) {
+        return Err(BenchError::Request {
+            what: format!("figure {letter}"),
+            remedy: "choose of a, b, c, d, e, f".into(),
+        });
+    }
+    let wanted = |letter: char| only.is_empty() || only.contains(&letter);
+    let mut figures = Vec::new();
+    if wanted('a') {
+        tell("a: one tetrahedron under compression");
+        figures.push(compression::figure()?);
+    }
+    if wanted('b') {
+        tell("b: a slender cylinder under its weight");
+        figures.push(cylinder::figure()?);
+    }
+    let not_available = NOT_AVAILABLE.into_iter().filter(|n| wanted(n.0)).collect();
+    Ok(PaperA { machine: MachineNotes::now(), figures, not_available })
+}
+
+impl Figure {
+    /// Findings in sentences.
+    fn paragraph(&self) -> String {
+        let sentence = |f: &Finding| {
+            format!("{}: {}.", if f.agrees { "Agrees" } else { "Does not agree" }, f.text)
+        };
+        let sentences: Vec<String> = self.findings.iter().map(sentence).collect();
+        sentences.join(" ")
+    }
+}
+
+impl PaperA {
+    /// Whether every statement agrees with the numbers.
+    pub fn agrees(&self) -> bool {
+        self.figures.iter().all(|f| f.findings.iter().all(|f| f.agrees))
+    }
+
+    /// For the terminal.
+    pub fn text(&self) -> String {
+        let mut text = format!("{PAPER}\n{}\n", self.machine.line());
+        for figure in &self.figures {
+            let _ = writeln!(text, "\n({}) {}", figure.letter, figure.title);
+            let _ = writeln!(text, "{}\n", figure.setting);
+            for finding in &figure.findings {
+                let word = if finding.agrees { "agrees  " } else { "DIFFERS " };
+                let _ = writeln!(text, "  {word} {}", finding.text);
+            }
+            for table in figure.tables.iter().filter(|t| t.rows.len() <= 20) {
+                let _ = write!(text, "\n{}", table.text());
+            }
+        }
+        for (letter, title, reason) in &self.not_available {
+            let _ = writeln!(text, "\n({letter}) {title}: not available, {reason}");
+        }
+        text
+    }
+
+    /// In Markdown, with the charts as files beside it.
+    pub fn markdown(&self) -> String {
+        let mut text = format!("# {PAPER}\n\n{}\n", self.machine.line());
+        for figure in &self.figures {
+            let _ = writeln!(text, "\n## ({}) {}\n", figure.letter, figure.title);
+            let _ = writeln!(text, "{}\n\n{}", figure.setting, figure.paragraph());
+            for chart in &figure.charts {
+                let _ = writeln!(text, "\n![{0}]({0}.svg)", chart.name);
+            }
+            for table in figure.tables.iter().filter(|t| t.rows.len() <= 20) {
+                let _ = writeln!(text, "\n{}\n\n{}", table.title, table.markdown());
+            }
+        }
+        for (letter, title, reason) in &self.not_available {
+            let _ = writeln!(text, "\n## ({letter}) {title}\n\nNot available: {reason}.");
+        }
+        text
+    }
+
+    /// One self-contained page.
+    pub fn html(&self) -> String {
+        let mut body = format!("<h1>{PAPER}</h1>\n");
+        let _ = writeln!(body, "<p class=\"machine\">{}</p>", escape(&self.machine.line()));
+        for figure in &self.figures {
+            let _ = writeln!(body, "<h2>({}) {}</h2>", figure.letter, escape(figure.title));
+            let _ = writeln!(body, "<p class=\"note\">{}</p>", escape(&figure.setting));
+            let _ = writeln!(body, "<p>{}</p>", escape(&figure.paragraph()));
+            for chart in &figure.charts {
+                let _ = writeln!(body, "<figure>{}</figure>", scalable(&chart.svg));
+            }
+            for table in figure.tables.iter().filter(|t| t.rows.len() <= 20) {
+                body += &table.html();
+            }
+        }
+        for (letter, title, reason) in &self.not_available {
+            let _ = writeln!(body, "<h2>({letter}) {title}</h2>\n<p>Not available: {reason}.</p>");
+        }
+        page("Delingette 2008 made again", &body)
+    }
+
+    /// Writes page, Markdown, findings (JSON), one CSV per table and one SVG per chart into a folder,
+    /// which is made; returns the files.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, BenchError> {
+        let error = |path: &Path, reason: String| BenchError::Write { path: path.into(), reason };
+        std::fs::create_dir_all(folder).map_err(|e| error(folder, e.to_string()))?;
+        let findings: Vec<_> = self.figures.iter().map(|f| (f.letter, &f.findings)).collect();
+        let json = serde_json::json!({
+            "schema": "sinew-reproduce/1",
+            "paper": PAPER,
+            "machine": self.machine,
+            "findings": findings,
+            "not_available": self.not_available,
+        });
+        let mut files = vec![
+            ("paper-a.html".to_string(), self.html().into_bytes()),
+            ("paper-a.md".to_string(), self.markdown().into_bytes()),
+            ("paper-a.json".to_string(), format!("{json:#}\n").into_bytes()),
+        ];
+        for figure in &self.figures {
+            for chart in &figure.charts {
+                files.push((format!("{}.svg", chart.name), chart.svg.clone().into_bytes()));
+            }
+            for table in &figure.tables {
+                let name = format!("{}.csv", table.name);
+                let csv = table.csv().map_err(|e| error(&folder.join(&name), e.to_string()))?;
+                files.push((name, csv));
+            }
+        }
+        let mut written = Vec::new();
+        for (name, bytes) in files {
+            let path = folder.join(name);
+            std::fs::write(&path, bytes).map_err(|e| error(&path, e.to_string()))?;
+            written.push(path);
+        }
+        Ok(written)
+    }
+}

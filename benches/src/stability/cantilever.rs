@@ -1,0 +1,111 @@
+//! Group 1: cantilevers over a grid of steps and materials, and explicit steps beyond their limit.
+
+use super::Check;
+use super::Part;
+use super::runner::{Case, Outcome, Problem, Run, Scope, Setting, tissue};
+use glam::DVec3;
+use sinew::engine::mesh::generate::{box_tets, jitter_interior};
+use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::prelude::*;
+use std::sync::Arc;
+
+const GRID: Part = Part {
+    group: 1,
+    name: "cantilevers",
+    criterion: "none inverted where rho g L < 2 (lambda + mu)",
+};
+const LIMITS: Part = Part {
+    group: 1,
+    name: "explicit step limit",
+    criterion: "beyond it a typed error, state intact, or substeps; never garbage",
+};
+const LENGTH: f64 = 0.3;
+const STEPS: u64 = 30;
+
+pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+    let size = DVec3::new(LENGTH, 0.075, 0.075);
+    let mesh = Arc::new(jitter_interior(&box_tets(size, [12, 3, 3])?, 0.15, 1)?);
+    let mut cases = Vec::new();
+    for dt in [1e-4, 1e-3, 1e-2, 1.0 / 30.0, 0.1] {
+        for young in [1e3, 1e4, 1e5, 1e6, 1e7] {
+            for nu in [0.0, 0.3, 0.45, 0.49, 0.499] {
+                let quick = [1e-4, 1e-2, 0.1].contains(&dt)
+                    && [1e3, 1e5, 1e7].contains(&young)
+                    && [0.0, 0.45, 0.499].contains(&nu);
+                let of = Arc::clone(&mesh);
+                cases.push(Case {
+                    part: GRID,
+                    name: format!("h {dt:.4} E {young:.0e} nu {nu}"),
+                    quick,
+                    scope: Scope::Every,
+                    run: Box::new(move |setting| swing(setting, &of, young, nu, dt)),
+                });
+                if dt == 0.1 && [1e3, 1e7].contains(&young) && [0.0, 0.499].contains(&nu) {
+                    let of = Arc::clone(&mesh);
+                    cases.push(Case {
+                        part: LIMITS,
+                        name: format!("E {young:.0e} nu {nu}"),
+                        quick: young == 1e3,
+                        scope: Scope::Explicit,
+                        run: Box::new(move |setting| limit(setting, &of, young, nu)),
+                    });
+                }
+            }
+        }
+    }
+    Ok(cases)
+}
+
+fn hanging<'a>(setting: &Setting, mesh: &'a Mesh, young: f64, nu: f64) -> Result<Run<'a>, Problem> {
+    let mut run = Run::new(setting, mesh, tissue(young, nu))?;
+    run.simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
+    run.clamp("x0")?;
+    Ok(run)
+}
+
+fn swing(setting: &Setting, mesh: &Mesh, young: f64, nu: f64, dt: f64) -> Outcome {
+    let mut run = hanging(setting, mesh, young, nu)?;
+    run.simulation.set_dt(dt);
+    let mass: f64 = run.simulation.masses(run.body).iter().sum();
+    run.steps(STEPS)?;
+    // the compression term gives way above a nominal stress of 2 (lambda + mu)
+    let lame = tissue(young, nu).lame()?;
+    let loaded = 1000.0 * 9.81 * LENGTH;
+    let inverted = run.figures.most_inverted;
+    let check = (loaded < 2.0 * (lame.lambda + lame.mu))
+        .then(|| Check::none("most inverted in a step", inverted));
+    Ok(run.finish(mass * 9.81 * LENGTH, check))
+}
+
+/// Steps from a tenth to ten thousand times the limit, with one substep allowed.
+fn limit(setting: &Setting, mesh: &Mesh, young: f64, nu: f64) -> Outcome {
+    let mut run = hanging(setting, mesh, young, nu)?;
+    let mass: f64 = run.simulation.masses(run.body).iter().sum();
+    run.simulation.set_dt(1e-6);
+    run.step()?;
+    let stable = run.simulation.stable_step();
+    run.solver(|s| s.max_substeps = 1);
+    let mut checks = Vec::new();
+    for factor in [0.1, 0.5, 1.2, 10.0, 1e4] {
+        run.simulation.set_dt(factor * stable);
+        let (hash, time) = (run.simulation.state_hash(), run.simulation.time());
+        if factor < 0.9 {
+            run.steps(10)?;
+            continue;
+        }
+        let refused = match run.simulation.step() {
+            Err(StepError::Diverged { reason, .. }) => reason.contains("substeps"),
+            _ => false,
+        };
+        let intact = run.simulation.state_hash() == hash && run.simulation.time() == time;
+        checks.push(Check::holds("refused beyond the limit", refused));
+        checks.push(Check::holds("state intact after the refusal", intact));
+    }
+    // with substeps allowed the same step is carried out
+    run.solver(|_| ());
+    run.simulation.set_dt(10.0 * stable);
+    run.steps(3)?;
+    let substeps = f64::from(run.simulation.report().substeps);
+    checks.push(Check::at_least("substeps of ten limits", substeps, 10.0));
+    Ok(run.finish(mass * 9.81 * LENGTH, checks))
+}

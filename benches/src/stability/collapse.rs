@@ -1,0 +1,122 @@
+//! Group 3: free cubes that start flat, folded, mirrored, collapsed or at random.
+
+use super::runner::{Case, DAMPING, Outcome, Random, Run, Scope, Setting, nearest, tissue};
+use super::{Check, Part};
+use glam::DVec3;
+use sinew::engine::mesh::generate::{box_tets, jitter_interior};
+use sinew::engine::mesh::{Mesh, MeshError};
+use std::sync::Arc;
+
+const ORDERED: Part = Part {
+    group: 3,
+    name: "flat, line, mirror, fold, push",
+    criterion: "edge error < 1 %, none inverted",
+};
+const DISORDERED: Part = Part {
+    group: 3,
+    name: "point and random starts",
+    criterion: "H / H(0) < 5 %, at most 2 % inverted",
+};
+const EQUAL: Part = Part {
+    group: 3,
+    name: "all vertices equal",
+    criterion: "moves, or every element is reported as inverted",
+};
+/// Cell size of the cubes (m); how fast a crushed cube springs back, in steps, depends on it.
+const CELL: f64 = 0.02;
+const STEPS: u64 = 180;
+
+pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+    let mut cases = Vec::new();
+    for cells in [3, 5] {
+        let size = cells as f64 * CELL;
+        let mesh = Arc::new(jitter_interior(&box_tets(DVec3::splat(size), [cells; 3])?, 0.15, 3)?);
+        for (part, name, start) in starts(&mesh.points, size) {
+            let start = Arc::new(start);
+            for nu in [0.3, 0.45] {
+                for dt in [1.0 / 60.0, 0.1] {
+                    let (mesh, start) = (Arc::clone(&mesh), Arc::clone(&start));
+                    let first_seed = name.ends_with('0') || part != DISORDERED;
+                    cases.push(Case {
+                        part,
+                        name: format!("{name} {cells}^3 nu {nu} h {dt:.4}"),
+                        quick: cells == 3 && dt < 0.1 && first_seed,
+                        scope: Scope::Every,
+                        run: Box::new(move |setting| recover(setting, part, &mesh, &start, nu, dt)),
+                    });
+                }
+            }
+        }
+    }
+    Ok(cases)
+}
+
+/// The starts: part, name, positions (m).
+fn starts(x: &[DVec3], size: f64) -> Vec<(Part, String, Vec<DVec3>)> {
+    let centre = DVec3::splat(size / 2.0);
+    let map = |f: &dyn Fn(DVec3) -> DVec3| -> Vec<DVec3> { x.iter().map(|&x| f(x)).collect() };
+    let moved = |from: DVec3, to: DVec3| {
+        let mut y = x.to_vec();
+        y[nearest(x, from)] = to;
+        y
+    };
+    let mirrored = |x: DVec3| DVec3::new(x.x, x.y, size - x.z);
+    let ordered = [
+        ("plane", map(&|x| DVec3::new(x.x, x.y, centre.z))),
+        ("line", map(&|x| DVec3::new(x.x, centre.y, centre.z))),
+        ("mirror", map(&mirrored)),
+        ("folded", map(&|x| if x.z > centre.z { mirrored(x) } else { x })),
+        ("pushed through", moved(DVec3::splat(size), DVec3::splat(-0.3 * size))),
+        ("pushed out", moved(centre, DVec3::new(1.5 * size, centre.y, centre.z))),
+    ];
+    let mut starts: Vec<(Part, String, Vec<DVec3>)> =
+        ordered.into_iter().map(|(name, y)| (ORDERED, name.to_string(), y)).collect();
+    for seed in 0..4 {
+        let half = DVec3::splat(0.5);
+        let mut random = Random(0x1234_5678_9abc_def1 + seed);
+        let point = x.iter().map(|_| centre + (random.vector() - half) * 1e-6 * size).collect();
+        let mut random = Random(0x2345_6789_abcd_ef12 + seed);
+        let scattered = x.iter().map(|_| random.vector() * size).collect();
+        let mut random = Random(0x3456_789a_bcde_f123 + seed);
+        let wide = x.iter().map(|_| centre + (random.vector() - half) * 3.0 * size).collect();
+        let with = |name: &str, y| (DISORDERED, format!("{name} {seed}"), y);
+        starts.extend([with("point", point), with("random", scattered), with("random 3x", wide)]);
+    }
+    starts.push((EQUAL, "equal".into(), map(&|_| centre)));
+    starts
+}
+
+fn recover(
+    setting: &Setting,
+    part: Part,
+    mesh: &Mesh,
+    start: &[DVec3],
+    nu: f64,
+    dt: f64,
+) -> Outcome {
+    let mut run = Run::new(setting, mesh, tissue(1e4, nu))?;
+    run.solver(|s| s.mass_damping = DAMPING);
+    run.simulation.set_dt(dt);
+    let u: Vec<DVec3> = start.iter().zip(&mesh.points).map(|(y, x)| *y - *x).collect();
+    run.place(&u, &vec![DVec3::ZERO; u.len()])?;
+    let energy = run.energy();
+    run.steps(STEPS)?;
+    let tets = mesh.tetrahedra.len() as f64;
+    let checks = if part == ORDERED {
+        run.recovered().to_vec()
+    } else if part == DISORDERED {
+        run.edge_error();
+        let left = run.energy() / energy;
+        let share = run.inverted() as f64 / tets;
+        vec![
+            Check::at_most("energy left", left, setting.loose(0.05)),
+            Check::at_most("share inverted at the end", share, 0.02),
+        ]
+    } else {
+        // edges of no length have an error of 1
+        let moved = run.edge_error() < 0.99;
+        let said = run.inverted() as f64 == tets;
+        vec![Check::holds("moved or reported as inverted", moved || said)]
+    };
+    Ok(run.finish(energy, checks))
+}

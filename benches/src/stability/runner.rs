@@ -1,0 +1,271 @@
+//! One simulated case: a body, its clock and the books of its energy.
+
+use super::{Check, Column, Figures, Part};
+use bevy_ecs::entity::Entity;
+use glam::DVec3;
+use sinew::engine::mesh::Mesh;
+use sinew::prelude::*;
+
+/// Why a case could not be run to its end.
+pub(super) type Problem = Box<dyn std::error::Error + Send + Sync>;
+
+/// What a case gives: figures and criteria.
+pub(super) type Outcome = Result<(Figures, Vec<Check>), Problem>;
+
+/// With what a case is run.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Setting {
+    pub column: Column,
+    pub precision: Precision,
+    pub threads: usize,
+}
+
+impl Setting {
+    /// A limit that single precision may miss by a factor of ten.
+    pub fn loose(&self, limit: f64) -> f64 {
+        match self.precision {
+            Precision::F64 => limit,
+            Precision::F32 => 10.0 * limit,
+        }
+    }
+
+    /// Rise of energy over its scale that counts as none: rounding for the safe step, which promises
+    /// that there is none, and what explodes for the others.
+    fn energy_limit(&self) -> f64 {
+        if self.column.integrator == Integrator::Safe { self.loose(1e-6) } else { 0.05 }
+    }
+}
+
+/// Whether an integrator is explicit.
+pub(super) fn explicit(integrator: Integrator) -> bool {
+    matches!(integrator, Integrator::SymplecticEuler | Integrator::StormerVerlet)
+}
+
+/// Which columns a case concerns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scope {
+    /// All.
+    Every,
+    /// Explicit integrators, all of which must pass.
+    Explicit,
+    /// None: it does not depend on integrator and model.
+    Once,
+}
+
+/// A case and how to run it.
+pub(super) struct Case {
+    pub part: Part,
+    pub name: String,
+    /// Part of the quick selection.
+    pub quick: bool,
+    pub scope: Scope,
+    pub run: Box<dyn Fn(&Setting) -> Outcome + Send + Sync>,
+}
+
+/// Soft tissue of water's density.
+pub(super) fn tissue(young_modulus: f64, poisson_ratio: f64) -> YoungPoisson {
+    YoungPoisson { young_modulus, poisson_ratio, density: 1000.0 }
+}
+
+/// Damping (1/s) proportional to mass where rest is to be reached.
+pub(super) const DAMPING: f64 = 3.5;
+
+/// A body on its way through a case.
+pub(super) struct Run<'a> {
+    pub simulation: Simulation,
+    pub body: BodyHandle,
+    pub mesh: &'a Mesh,
+    pub figures: Figures,
+    setting: Setting,
+    /// Energy (J) at the start of the phase, and outside work since then.
+    start: f64,
+    outside: f64,
+    /// Largest rise (J) above these.
+    excess: f64,
+}
+
+impl<'a> Run<'a> {
+    /// A body at rest without gravity, no damping.
+    pub fn new(setting: &Setting, mesh: &'a Mesh, material: YoungPoisson) -> Result<Self, Problem> {
+        let Setting { precision, threads, column } = *setting;
+        let options = SimulationOptions { precision, threads, ..Default::default() };
+        let mut simulation = Simulation::new(options)?;
+        let description = BodyDescription::new("body", mesh, material);
+        let body = simulation.add_body(&BodyDescription { model: column.model, ..description })?;
+        simulation.set_gravity(DVec3::ZERO);
+        let mut run = Self {
+            simulation,
+            body,
+            mesh,
+            figures: Figures::default(),
+            setting: *setting,
+            start: 0.0,
+            outside: 0.0,
+            excess: 0.0,
+        };
+        run.solver(|_| ());
+        Ok(run)
+    }
+
+    /// Sets the solver: defaults with the integrator of the column, then changes.
+    pub fn solver(&mut self, change: impl FnOnce(&mut SolverSettings)) {
+        let integrator = self.setting.column.integrator;
+        let mut settings = SolverSettings { integrator, ..Default::default() };
+        change(&mut settings);
+        self.simulation.set_solver(settings);
+    }
+
+    /// Vertex rows of a side of the mesh.
+    pub fn side(&self, name: &str) -> Result<Vec<u32>, Problem> {
+        Ok(self.simulation.group_rows(self.body, self.mesh, name)?)
+    }
+
+    /// Holds a side for good.
+    pub fn clamp(&mut self, side: &str) -> Result<Entity, Problem> {
+        let rows = self.side(side)?;
+        Ok(self.simulation.add_constraint(Constraint::hold(side, rows)))
+    }
+
+    /// Puts the body somewhere, and starts the books there.
+    pub fn place(&mut self, displacements: &[DVec3], velocities: &[DVec3]) -> Result<(), Problem> {
+        self.simulation.set_state(self.body, displacements, velocities)?;
+        self.open_books();
+        Ok(())
+    }
+
+    /// Kinetic plus elastic energy (J) now.
+    pub fn energy(&mut self) -> f64 {
+        let masses = self.simulation.masses(self.body);
+        let velocities = self.simulation.velocities(self.body);
+        let kinetic: f64 =
+            masses.iter().zip(&velocities).map(|(m, v)| 0.5 * m * v.length_squared()).sum();
+        kinetic + self.simulation.evaluate()
+    }
+
+    /// Energy may not rise above what it is now plus outside work; returns it (J).
+    pub fn open_books(&mut self) -> f64 {
+        (self.start, self.outside) = (self.energy(), 0.0);
+        self.start
+    }
+
+    /// One step, booked.
+    pub fn step(&mut self) -> Result<(), Problem> {
+        self.simulation.step()?;
+        let report = self.simulation.report();
+        self.outside += report.load_work + report.constraint_work;
+        let energy = report.kinetic_energy + report.elastic_energy;
+        let excess = energy - self.start - self.outside;
+        // a NaN must not get lost
+        self.excess = if excess.is_nan() { f64::NAN } else { self.excess.max(excess) };
+        let f = &mut self.figures;
+        f.steps += 1;
+        f.solves += u64::from(report.newton_iterations);
+        f.most_solves = f.most_solves.max(report.newton_iterations);
+        f.projected += u64::from(report.projections > 0);
+        f.capped += u64::from(report.energy_caps > 0);
+        f.fallbacks += u64::from(report.gradient_fallbacks + report.line_search_failures > 0);
+        f.unconverged += u64::from(report.unconverged);
+        f.substeps += u64::from(report.substeps);
+        f.inverted = self.simulation.volume_report().inverted;
+        f.most_inverted = f.most_inverted.max(f.inverted);
+        let u = self.simulation.displacements(self.body);
+        let v = self.simulation.velocities(self.body);
+        match u.iter().chain(&v).all(|x| x.is_finite()) {
+            true => Ok(()),
+            false => Err(format!("not finite after step {}", self.figures.steps).into()),
+        }
+    }
+
+    /// Several steps.
+    pub fn steps(&mut self, count: u64) -> Result<(), Problem> {
+        (0..count).try_for_each(|_| self.step())
+    }
+
+    /// Steps of `dt` until about so many seconds have passed.
+    pub fn seconds(&mut self, dt: f64, seconds: f64) -> Result<(), Problem> {
+        self.simulation.set_dt(dt);
+        self.steps((seconds / dt).round() as u64)
+    }
+
+    /// Inverted elements after the last step.
+    pub fn inverted(&self) -> u64 {
+        self.simulation.volume_report().inverted
+    }
+
+    /// Root mean square over edges of relative length change.
+    pub fn edge_error(&mut self) -> f64 {
+        let u = self.simulation.displacements(self.body);
+        let topology = self.simulation.topology();
+        let rows = &topology.bodies[self.body.0];
+        let vertex = |row: u32| rows.vertex_order[(row - rows.vertices.start) as usize] as usize;
+        let x = &self.mesh.points;
+        let changes = topology.edges.iter().map(|edge| {
+            let [a, b] = edge.map(vertex);
+            let now = (x[a] + u[a]).distance(x[b] + u[b]);
+            (now / x[a].distance(x[b]) - 1.0).powi(2)
+        });
+        let error = (changes.sum::<f64>() / topology.edges.len() as f64).sqrt();
+        self.figures.edge_error = Some(error);
+        error
+    }
+
+    /// Shape regained: small edge error, nothing inverted.
+    pub fn recovered(&mut self) -> [Check; 2] {
+        let error = self.edge_error();
+        let limit = self.setting.loose(0.01);
+        [
+            Check::at_most("edge error at the end", error, limit),
+            Check::none("inverted at the end", self.inverted()),
+        ]
+    }
+
+    /// Closes the books: energy bounded, over a scale (J), and whatever else there is to check.
+    pub fn finish(
+        mut self,
+        scale: f64,
+        others: impl IntoIterator<Item = Check>,
+    ) -> (Figures, Vec<Check>) {
+        let excess = self.excess / scale;
+        self.figures.energy_excess = Some(excess);
+        self.figures.hash = self.simulation.state_hash();
+        let limit = self.setting.energy_limit();
+        let mut checks = vec![Check::at_most("rise of energy over its scale", excess, limit)];
+        checks.extend(others);
+        (self.figures, checks)
+    }
+}
+
+/// A small generator of random numbers: the suite must be the same everywhere.
+pub(super) struct Random(pub u64);
+
+impl Random {
+    /// Between 0 and 1.
+    pub fn number(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// In the unit cube.
+    pub fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.number(), self.number(), self.number())
+    }
+}
+
+/// Index of the vertex nearest to a place.
+pub(super) fn nearest(points: &[DVec3], to: DVec3) -> usize {
+    let by_distance =
+        |a: &usize, b: &usize| points[*a].distance(to).total_cmp(&points[*b].distance(to));
+    (0..points.len()).min_by(by_distance).unwrap_or(0)
+}
+
+/// Displacements (m) of a bar along x bent into an arc of a radius (m).
+pub(super) fn bend(mesh: &Mesh, radius: f64) -> Vec<DVec3> {
+    let place = |x: &DVec3| {
+        let (sin, cos) = (x.x / radius).sin_cos();
+        let r = radius - x.z;
+        DVec3::new(r * sin, x.y, radius - r * cos) - *x
+    };
+    mesh.points.iter().map(place).collect()
+}

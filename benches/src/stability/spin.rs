@@ -1,0 +1,144 @@
+//! Group 5: momentum of spinning and flying bodies.
+
+use super::runner::{Case, Outcome, Run, Scope, Setting, explicit, tissue};
+use super::{Check, Part};
+use glam::DVec3;
+use sinew::engine::mesh::generate::{box_tets, jitter_interior};
+use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::prelude::*;
+use std::sync::Arc;
+
+const SPIN: Part = Part {
+    group: 5,
+    name: "spin at 100 rad/s",
+    criterion: "linear momentum to 1e-10; angular momentum kept as the method has it",
+};
+const FLIGHT: Part = Part {
+    group: 5,
+    name: "free flight",
+    criterion: "linear momentum and centre of mass as the scheme's closed form, to 1e-10",
+};
+const STEPS: [f64; 4] = [1e-4, 1e-3, 1e-2, 1.0 / 60.0];
+/// The bar (m) for which the angular momentum that implicit Euler keeps was measured by another program.
+const SIZE: DVec3 = DVec3::new(0.2, 0.05, 0.05);
+
+pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+    let mesh = Arc::new(jitter_interior(&box_tets(SIZE, [8, 2, 2])?, 0.15, 5)?);
+    let mut cases = Vec::new();
+    for (place, dt) in STEPS.into_iter().enumerate() {
+        let of = Arc::clone(&mesh);
+        cases.push(Case {
+            part: SPIN,
+            name: format!("h {dt:.4}"),
+            quick: true,
+            scope: Scope::Every,
+            run: Box::new(move |setting| spin(setting, &of, place)),
+        });
+        let of = Arc::clone(&mesh);
+        cases.push(Case {
+            part: FLIGHT,
+            name: format!("(1, 2, 3) rad/s, h {dt:.4}"),
+            quick: true,
+            scope: Scope::Every,
+            run: Box::new(move |setting| fly(setting, &of, dt)),
+        });
+    }
+    Ok(cases)
+}
+
+/// Mass (kg), centre of mass (m), momentum (kg m/s), angular momentum about the centre (kg m^2/s) and
+/// the sum of m |v| (kg m/s).
+struct Momenta {
+    mass: f64,
+    centre: DVec3,
+    linear: DVec3,
+    angular: DVec3,
+    size: f64,
+}
+
+fn momenta(run: &mut Run) -> Momenta {
+    let m = run.simulation.masses(run.body);
+    let u = run.simulation.displacements(run.body);
+    let v = run.simulation.velocities(run.body);
+    let x: Vec<DVec3> = run.mesh.points.iter().zip(&u).map(|(x, u)| *x + *u).collect();
+    let mass: f64 = m.iter().sum();
+    let centre = m.iter().zip(&x).map(|(m, x)| *m * *x).sum::<DVec3>() / mass;
+    let linear = m.iter().zip(&v).map(|(m, v)| *m * *v).sum();
+    let angular = (0..m.len()).map(|i| m[i] * (x[i] - centre).cross(v[i])).sum();
+    let size = m.iter().zip(&v).map(|(m, v)| m * v.length()).sum();
+    Momenta { mass, centre, linear, angular, size }
+}
+
+/// Turns about the centre of mass (rad/s) and flies (m/s).
+fn launch(run: &mut Run, turn: DVec3, flight: DVec3) -> Result<Momenta, super::runner::Problem> {
+    let centre = momenta(run).centre;
+    let v: Vec<DVec3> = run.mesh.points.iter().map(|x| flight + turn.cross(*x - centre)).collect();
+    run.place(&vec![DVec3::ZERO; v.len()], &v)?;
+    Ok(momenta(run))
+}
+
+fn spin(setting: &Setting, mesh: &Mesh, place: usize) -> Outcome {
+    let mut run = Run::new(setting, mesh, tissue(1e5, 0.3))?;
+    let dt = STEPS[place];
+    let start = launch(&mut run, DVec3::Z * 100.0, DVec3::ZERO)?;
+    let scale = run.energy();
+    let mut drift = 0.0_f64;
+    run.simulation.set_dt(dt);
+    for _ in 0..(0.1 / dt).round() as u64 {
+        run.step()?;
+        drift = drift.max(momenta(&mut run).linear.length() / start.size);
+    }
+    let kept = momenta(&mut run).angular.z / start.angular.z;
+    let double = setting.precision == Precision::F64;
+    let mut checks =
+        vec![Check::at_most("drift of momentum", drift, if double { 1e-10 } else { 1e-5 })];
+    // percent kept by implicit Euler, one linear solve and converged
+    let expected = match setting.column.integrator {
+        Integrator::Safe => Some([94.2, 65.7, 8.7, 3.8]),
+        Integrator::Newton => Some([94.2, 66.5, 24.1, 18.6]),
+        _ => None,
+    };
+    if explicit(setting.column.integrator) {
+        let limit = if double { 1e-12 } else { 1e-5 };
+        checks.push(Check::at_most("angular momentum lost", (1.0 - kept).abs(), limit));
+    } else if let Some(expected) = expected {
+        let off = (100.0 * kept - expected[place]).abs();
+        checks.push(Check::at_most("points off the angular momentum expected", off, 2.0));
+    } else if dt < 0.005 {
+        let limit = if place == 0 { 0.998 } else { 0.98 };
+        checks.push(Check::at_least("angular momentum kept", kept, limit));
+    }
+    Ok(run.finish(scale, checks))
+}
+
+fn fly(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
+    let mut run = Run::new(setting, mesh, tissue(1e5, 0.3))?;
+    let gravity = DVec3::new(0.0, 0.0, -9.81);
+    run.simulation.set_gravity(gravity);
+    let turn = DVec3::new(1.0, 2.0, 3.0);
+    let start = launch(&mut run, turn, DVec3::new(0.3, -0.2, 0.5))?;
+    let scale = run.energy() + start.mass * 9.81 * SIZE.x;
+    run.simulation.set_dt(dt);
+    let (mut x, mut v) = (start.centre, start.linear / start.mass);
+    let (mut off_course, mut off_speed) = (0.0_f64, 0.0_f64);
+    for _ in 0..((0.1 / dt).round() as u64).min(100) {
+        run.step()?;
+        // symplectic Euler as the substeps have it; Störmer-Verlet is exact; implicit Euler
+        let substeps = f64::from(run.simulation.report().substeps.max(1));
+        let fall = match setting.column.integrator {
+            Integrator::StormerVerlet => 0.5,
+            _ => 0.5 * (1.0 + 1.0 / substeps),
+        };
+        x += v * dt + gravity * dt * dt * fall;
+        v += gravity * dt;
+        let now = momenta(&mut run);
+        off_course = off_course.max(now.centre.distance(x) / SIZE.x);
+        off_speed = off_speed.max((now.linear / start.mass).distance(v) * start.mass / start.size);
+    }
+    let limit = if setting.precision == Precision::F64 { 1e-10 } else { 1e-5 };
+    let checks = [
+        Check::at_most("centre of mass off its course over size", off_course, limit),
+        Check::at_most("momentum off its value", off_speed, limit),
+    ];
+    Ok(run.finish(scale, checks))
+}

@@ -1,0 +1,33 @@
+//! `sinew reproduce`.
+
+use crate::{Outcome, print};
+use clap::{Args, Subcommand};
+use std::path::PathBuf;
+
+#[derive(Subcommand)]
+pub enum ReproduceCommand {
+    /// Delingette 2008, Biquadratic and Quadratic Springs for Modeling St Venant Kirchhoff Materials.
+    PaperA(ReproduceArguments),
+}
+
+#[derive(Args)]
+pub struct ReproduceArguments {
+    /// Only these figures, by letter: a, b, ... [default: all].
+    #[arg(long, value_name = "LETTERS", value_delimiter = ',')]
+    only: Vec<char>,
+    /// Folder for the page, Markdown, JSON, one CSV per table and one SVG per chart.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Figures that differ from the paper are a result, not a failure.
+pub fn reproduce(command: &ReproduceCommand) -> Outcome {
+    let ReproduceCommand::PaperA(arguments) = command;
+    let paper = sinew_benches::reproduce::paper_a(&arguments.only, |what| eprintln!("{what}"))?;
+    print(format_args!("{}", paper.text()))?;
+    if let Some(folder) = &arguments.out {
+        let files = paper.write(folder)?;
+        eprintln!("{} files written to {}", files.len(), folder.display());
+    }
+    Ok(true)
+}
