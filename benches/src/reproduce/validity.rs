@@ -1,0 +1,445 @@
+//! Where a cheaper or another law may stand in for St Venant-Kirchhoff: equilibria of a bar whose ends
+//! are moved, against those of the reference law on the same mesh (Delingette 2008, section 2.4 and
+//! discussion: quadratic springs below about 10 % strain).
+
+use super::{Figure, Finding};
+use crate::bench::error::BenchError;
+use crate::bench::plot::{Series, lines};
+use crate::bench::report::Chart;
+use crate::bench::table::{Cell, Table};
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+use sinew::engine::mesh::Mesh;
+use sinew::engine::mesh::generate::{box_tets, jitter_interior};
+use sinew::prelude::*;
+
+/// Strains at which laws are compared.
+const STRAINS: [f64; 7] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5];
+
+/// Largest change of strain from one equilibrium to the next on the way.
+const STRIDE: f64 = 0.025;
+
+/// How the bar is deformed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    /// One end pulled away; the strain is its displacement over the length.
+    Tension,
+    /// One end pushed in.
+    Compression,
+    /// The large faces of a slab moved along each other; the strain is gamma.
+    Shear,
+    /// The bar laid on a circle; the strain is that of its outer fibre.
+    Bending,
+    /// One end turned about the axis; the strain is the shear at the middle of a side.
+    Twist,
+}
+
+impl Mode {
+    const ALL: [Self; 5] =
+        [Self::Tension, Self::Compression, Self::Shear, Self::Bending, Self::Twist];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Tension => "tension",
+            Self::Compression => "compression",
+            Self::Shear => "shear",
+            Self::Bending => "bending",
+            Self::Twist => "twist",
+        }
+    }
+
+    /// Size (m) and cells of the specimen; the end at `x = size.x` moves. Always 768 tetrahedra.
+    fn specimen(self) -> (DVec3, [usize; 3]) {
+        match self {
+            Self::Shear => (DVec3::new(0.05, 0.2, 0.2), [2, 8, 8]),
+            _ => (DVec3::new(0.2, 0.1, 0.1), [8, 4, 4]),
+        }
+    }
+
+    /// Displacement (m) of a vertex of the moving end at rest position `x`.
+    fn displacement(self, size: DVec3, x: DVec3, strain: f64) -> DVec3 {
+        let centre = DVec3::new(size.x, 0.5 * size.y, 0.5 * size.z);
+        let turned = |rotation: DQuat, to: DVec3| to + rotation * (x - centre) - x;
+        match self {
+            Self::Tension => DVec3::X * strain * size.x,
+            Self::Compression => -DVec3::X * strain * size.x,
+            Self::Shear => DVec3::Z * strain * size.x,
+            Self::Bending => {
+                let angle = 2.0 * strain * size.x / size.z;
+                let radius = size.x / angle;
+                let to = DVec3::new(radius * angle.sin(), 0.0, radius * (1.0 - angle.cos()));
+                turned(DQuat::from_rotation_y(-angle), centre.with_x(0.0) + to)
+            }
+            Self::Twist => {
+                let angle = 2.0 * strain * size.x / size.z;
+                turned(DQuat::from_rotation_x(angle), centre)
+            }
+        }
+    }
+
+    /// The component of force (N) or moment (N m) at the moving end that does the work.
+    fn reaction(self, force: DVec3, moment: DVec3) -> f64 {
+        match self {
+            Self::Tension | Self::Compression => force.x,
+            Self::Shear => force.z,
+            Self::Bending => moment.y,
+            Self::Twist => moment.x,
+        }
+    }
+}
+
+/// One law at one strain, beside the reference law.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    mode: Mode,
+    model: Model,
+    poisson_ratio: f64,
+    strain: f64,
+    /// Errors (%) of force or moment and of displacement; `None` without an equilibrium. The latter is
+    /// the root mean square over the vertices that are not moved, over that of their displacement.
+    errors: Option<[f64; 2]>,
+    /// The reference law has inverted elements there: another branch of equilibria.
+    collapsed: bool,
+}
+
+/// An equilibrium.
+struct State {
+    reaction: f64,
+    displacements: Vec<DVec3>,
+    inverted: u64,
+}
+
+/// Compares [`MODELS`] with plain St Venant-Kirchhoff at [`STRAINS`], all modes, 10 kPa.
+fn measure(poisson_ratio: f64) -> Result<Vec<Row>, BenchError> {
+    let material = YoungPoisson { young_modulus: 1e4, poisson_ratio, density: 1000.0 };
+    let laws: Vec<Model> = std::iter::once(Model::StVK).chain(MODELS).collect();
+    let runs: Vec<(Mode, Model)> =
+        Mode::ALL.iter().flat_map(|&mode| laws.iter().map(move |&law| (mode, law))).collect();
+    let paths: Vec<Vec<Option<State>>> = runs
+        .par_iter()
+        .map(|&(mode, law)| path(mode, law, material))
+        .collect::<Result<_, BenchError>>()?;
+    let mut rows = Vec::new();
+    for (runs, paths) in runs.chunks(laws.len()).zip(paths.chunks(laws.len())) {
+        let reference = &paths[0];
+        for (&(mode, model), path) in runs.iter().zip(paths).skip(1) {
+            for (i, &strain) in STRAINS.iter().enumerate() {
+                let both = path[i].as_ref().zip(reference[i].as_ref());
+                let error = |a: &State, b: &State| (a.reaction / b.reaction - 1.0).abs();
+                let errors = both.map(|(a, b)| [error(a, b), distance(a, b)].map(|x| 100.0 * x));
+                let collapsed = reference[i].as_ref().is_none_or(|s| s.inverted > 0);
+                rows.push(Row { mode, model, poisson_ratio, strain, errors, collapsed });
+            }
+        }
+    }
+    Ok(rows)
+}
+
+fn distance(a: &State, b: &State) -> f64 {
+    let pairs = || a.displacements.iter().zip(&b.displacements);
+    let difference: f64 = pairs().map(|(a, b)| a.distance_squared(*b)).sum();
+    let size: f64 = pairs().map(|(_, b)| b.length_squared()).sum();
+    (difference / size).sqrt()
+}
+
+/// Equilibria at [`STRAINS`], each reached from the one before; `None` from where there is none.
+fn path(
+    mode: Mode,
+    model: Model,
+    material: YoungPoisson,
+) -> Result<Vec<Option<State>>, BenchError> {
+    let (size, cells) = mode.specimen();
+    let mesh = jitter_interior(&box_tets(size, cells)?, 0.15, 1)?;
+    let mut simulation =
+        Simulation::new(SimulationOptions { threads: 1, ..SimulationOptions::default() })?;
+    simulation.set_gravity(DVec3::ZERO);
+    simulation.set_solver(SolverSettings {
+        integrator: Integrator::QuasiStatic,
+        linear_tolerance: 1e-6,
+        newton_tolerance: 1e-9,
+        max_newton_iterations: 200,
+        ..SolverSettings::default()
+    });
+    let description = BodyDescription { model, ..BodyDescription::new("bar", &mesh, material) };
+    let body = simulation.add_body(&description).map_err(SimulationError::from)?;
+    let fixed = simulation.group_rows(body, &mesh, "x0")?;
+    simulation.add_constraint(Constraint::hold("fixed", fixed));
+    let moved = end(&mesh, size);
+    let rows = simulation.rows(body, "moved", &moved)?;
+
+    let mut states: Vec<Option<State>> = Vec::new();
+    let mut before = 0.0;
+    for strain in STRAINS {
+        let parts = ((strain - before) / STRIDE - 1e-9).ceil().max(1.0) as u32;
+        let mut found = states.last().is_none_or(Option::is_some);
+        for part in 1..=parts {
+            if !found {
+                break;
+            }
+            let from = before + (strain - before) * f64::from(part - 1) / f64::from(parts);
+            let to = before + (strain - before) * f64::from(part) / f64::from(parts);
+            let change = |&v: &u32| {
+                let x = mesh.points[v as usize];
+                mode.displacement(size, x, to) - at(mode, size, x, from)
+            };
+            let motion = Motion::TranslateEach(moved.iter().map(change).collect());
+            let constraint = Constraint::moving("moved", rows.clone(), motion, Curve::Constant);
+            let constraint = simulation.add_constraint(constraint);
+            found = simulation.step().is_ok() && !simulation.report().unconverged;
+            simulation.world_mut().despawn(constraint);
+        }
+        states.push(found.then(|| state(&mut simulation, body, &mesh, mode, size, &moved)));
+        before = strain;
+    }
+    Ok(states)
+}
+
+/// [`Mode::displacement`], zero without strain.
+fn at(mode: Mode, size: DVec3, x: DVec3, strain: f64) -> DVec3 {
+    if strain == 0.0 { DVec3::ZERO } else { mode.displacement(size, x, strain) }
+}
+
+/// Vertices of the moving end.
+fn end(mesh: &Mesh, size: DVec3) -> Vec<u32> {
+    let close = |&v: &u32| (mesh.points[v as usize].x - size.x).abs() < 1e-9 * size.x;
+    (0..mesh.points.len() as u32).filter(close).collect()
+}
+
+fn state(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    mesh: &Mesh,
+    mode: Mode,
+    size: DVec3,
+    moved: &[u32],
+) -> State {
+    simulation.evaluate();
+    let forces = simulation.elastic_forces(body);
+    let u = simulation.displacements(body);
+    let places = || moved.iter().map(|&v| (mesh.points[v as usize] + u[v as usize], v));
+    let centre = places().map(|(x, _)| x).sum::<DVec3>() / moved.len() as f64;
+    let (mut force, mut moment) = (DVec3::ZERO, DVec3::ZERO);
+    for (x, v) in places() {
+        force -= forces[v as usize];
+        moment -= (x - centre).cross(forces[v as usize]);
+    }
+    let free = |&(i, _): &(usize, &DVec3)| {
+        let x = mesh.points[i].x;
+        x > 1e-9 * size.x && x < (1.0 - 1e-9) * size.x
+    };
+    State {
+        reaction: mode.reaction(force, moment),
+        displacements: u.iter().enumerate().filter(free).map(|(_, u)| *u).collect(),
+        inverted: simulation.volume_report().inverted,
+    }
+}
+
+/// The laws compared.
+const MODELS: [Model; 6] = [
+    Model::CompressibleStVK,
+    Model::QuadraticSprings,
+    Model::Corotational,
+    Model::Linear,
+    Model::NeoHookean,
+    Model::MassSpring,
+];
+const POISSON_RATIOS: [f64; 2] = [0.3, 0.45];
+/// What the paper calls small.
+const SMALL: f64 = 0.1;
+
+pub(super) fn figure() -> Result<Figure, BenchError> {
+    let mut rows = Vec::new();
+    for nu in POISSON_RATIOS {
+        rows.extend(measure(nu)?);
+    }
+    let columns = ["nu", "mode", "model", "1 %", "2 %", "5 %", "10 %", "20 %", "30 %", "50 %"];
+    let title = "Error of reaction / displacement against St Venant-Kirchhoff, %";
+    let mut people = Table::new("d-validity", title, &columns).note(
+        "* St Venant-Kirchhoff itself has inverted elements or no equilibrium there: another branch. \
+         -: no equilibrium found.",
+    );
+    let numbers = ["nu", "mode", "model", "strain", "reaction error %", "displacement error %"];
+    let mut all = Table::new("d-validity-numbers", title, &numbers);
+    for path in rows.chunks(STRAINS.len()) {
+        let mut cells: Vec<Cell> = vec![
+            path[0].poisson_ratio.into(),
+            path[0].mode.name().into(),
+            path[0].model.name().into(),
+        ];
+        for row in path {
+            let star = if row.collapsed { "*" } else { "" };
+            let text = row.errors.map_or(String::new(), |[reaction, displacement]| {
+                format!("{} / {}", short(reaction), short(displacement))
+            });
+            let text = if text.is_empty() { "-".to_string() } else { text };
+            cells.push(format!("{text}{star}").into());
+            all.row(vec![
+                row.poisson_ratio.into(),
+                row.mode.name().into(),
+                row.model.name().into(),
+                row.strain.into(),
+                row.errors.map(|e| e[0]).into(),
+                row.errors.map(|e| e[1]).into(),
+            ]);
+        }
+        people.row(cells);
+    }
+    let svg = chart(&rows)?;
+    Ok(Figure {
+        letter: 'd',
+        title: "Quadratic springs and other laws against strain",
+        setting: "A bar of 0.2 x 0.1 x 0.1 m (shear: a slab of 0.05 x 0.2 x 0.2 m), 768 irregular tetrahedra, \
+                  both ends prescribed, 10 kPa; converged equilibria, each strain reached from the one \
+                  before. Strain: end displacement over length, gamma in shear, that of the outer fibre in \
+                  bending, the shear at the middle of a side in twist."
+            .into(),
+        findings: findings(&rows),
+        tables: vec![people, all],
+        charts: vec![Chart { name: "d-validity".into(), svg }],
+    })
+}
+
+/// Two significant digits.
+fn short(x: f64) -> String {
+    if x >= 9.95 {
+        format!("{x:.0}")
+    } else if x >= 0.995 {
+        format!("{x:.1}")
+    } else if x >= 1e-3 {
+        let digits = (1.0 - x.log10().floor()) as usize;
+        format!("{x:.digits$}")
+    } else if x == 0.0 {
+        "0".into()
+    } else {
+        "<0.001".into()
+    }
+}
+
+/// Worst errors (%) of a law up to a strain where St Venant-Kirchhoff holds.
+fn worst(rows: &[Row], model: Model, most: f64) -> [f64; 2] {
+    let counted = rows.iter().filter(|r| r.model == model && r.strain <= most && !r.collapsed);
+    counted.fold([0.0, 0.0], |w: [f64; 2], row| {
+        let e = row.errors.unwrap_or([f64::INFINITY; 2]);
+        [w[0].max(e[0]), w[1].max(e[1])]
+    })
+}
+
+fn findings(rows: &[Row]) -> Vec<Finding> {
+    let [force, displacement] = worst(rows, Model::QuadraticSprings, SMALL);
+    let percent = 100.0 * SMALL;
+    let mut findings = vec![
+        Finding {
+            agrees: displacement < 2.0,
+            text: format!(
+                "quadratic springs may stand in for biquadratic ones up to about {percent} % strain, as far \
+                 as displacements go: {displacement:.1} % at worst"
+            ),
+        },
+        Finding {
+            agrees: force < 2.0,
+            text: format!(
+                "the same for forces: {force:.0} % off at worst; the two measure strain differently, so their \
+                 forces part by 1.5 % for every percent"
+            ),
+        },
+    ];
+    let [force, displacement] = worst(rows, Model::CompressibleStVK, SMALL);
+    findings.push(Finding {
+        agrees: force < 1.0,
+        text: format!(
+            "the compression term leaves small strains alone: force {force:.2} %, displacement \
+             {displacement:.2} % at worst up to {percent} %"
+        ),
+    });
+    let error = |model, mode, strain| {
+        let found = rows.iter().find(|r| {
+            r.model == model
+                && r.mode == mode
+                && r.strain == strain
+                && r.poisson_ratio == POISSON_RATIOS[0]
+        });
+        found.and_then(|r| r.errors).unwrap_or([f64::INFINITY; 2])
+    };
+    let pull = |model| error(model, Mode::Tension, SMALL)[0];
+    let [tqs, corotational, linear] =
+        [Model::QuadraticSprings, Model::Corotational, Model::Linear].map(pull);
+    findings.push(Finding {
+        agrees: (tqs / corotational - 1.0).abs() < 0.25,
+        text: format!(
+            "quadratic springs are as near to it in tension as other laws of engineering strain: {tqs:.0} % \
+             in force at {percent} %, corotational {corotational:.0} %, linear {linear:.0} %"
+        ),
+    });
+    let least = |model: Model| {
+        let small = rows.iter().filter(|r| r.model == model && r.strain == STRAINS[0]);
+        small.filter_map(|r| r.errors).map(|e| e[0]).fold(f64::INFINITY, f64::min)
+    };
+    let springs = least(Model::MassSpring);
+    findings.push(Finding {
+        agrees: springs > 10.0,
+        text: format!(
+            "tensile springs alone are no such material at any strain: their force is off by {springs:.0} % \
+             or more at 1 %, in every mode"
+        ),
+    });
+    findings
+}
+
+/// Errors of reaction in tension and bending, both axes logarithmic.
+fn chart(rows: &[Row]) -> Result<String, BenchError> {
+    let mut series = Vec::new();
+    for (colour, model) in MODELS.into_iter().enumerate().skip(1) {
+        for mode in [Mode::Tension, Mode::Bending] {
+            let own = rows.iter().filter(|r| {
+                (r.model, r.mode) == (model, mode)
+                    && r.poisson_ratio == POISSON_RATIOS[0]
+                    && !r.collapsed
+            });
+            series.push(Series {
+                name: format!("{}, {}", model.name(), mode.name()),
+                points: own
+                    .filter_map(|r| Some([100.0 * r.strain, r.errors?[0].max(1e-2)]))
+                    .collect(),
+                hollow: mode == Mode::Bending,
+                colour: colour - 1,
+            });
+        }
+    }
+    let points = |s: &Series| s.points.iter().map(|p| p.map(f64::log10)).collect();
+    let series: Vec<Series> =
+        series.into_iter().map(|s| Series { points: points(&s), ..s }).collect();
+    lines(
+        "Error of the reaction, nu = 0.3",
+        ["log10 of strain in %", "log10 of error in %"],
+        &series,
+        false,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ends_move_as_the_modes_say() {
+        for mode in Mode::ALL {
+            let (size, _) = mode.specimen();
+            let corner = DVec3::new(size.x, 0.0, 0.0);
+            let first = mode.displacement(size, corner, 1e-9) / 1e-9;
+            // small strains are proportional
+            let second = mode.displacement(size, corner, 2e-9) / 2e-9;
+            assert!((first - second).length() < 1e-6, "{}", mode.name());
+        }
+        // the outer fibre of a bent bar: its end turned by the angle that belongs to the strain
+        let (size, _) = Mode::Bending.specimen();
+        let top = DVec3::new(size.x, 0.0, size.z);
+        let bottom = DVec3::new(size.x, 0.0, 0.0);
+        let moved = [top, bottom].map(|x| x + Mode::Bending.displacement(size, x, 0.1));
+        let angle = 2.0 * 0.1 * size.x / size.z;
+        let (radius, half) = (size.x / angle, 0.5 * size.z);
+        let centre = DVec3::new(0.0, 0.0, half + radius);
+        assert!(((moved[0] - centre).length() - (radius - half)).abs() < 1e-12);
+        assert!(((moved[1] - centre).length() - (radius + half)).abs() < 1e-12);
+        assert!((angle * (radius + half) / size.x - 1.1).abs() < 1e-12);
+    }
+}
