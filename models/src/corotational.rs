@@ -182,8 +182,10 @@ pub fn rotation<R: Real>(g: &[R; 9]) -> [R; 9] {
     }
     let kappa = R::from_f64(0.5) * (x * x - squares);
     let zeta = kappa * x - R::from_f64(0.125) * eight_j;
-    let good =
-        R::both(done, R::less(R::from_f64(BADLY_DETERMINED) * squares * squares.sqrt(), zeta));
+    let determined = R::less(R::from_f64(BADLY_DETERMINED) * squares * squares.sqrt(), zeta);
+    // cofactors from displacements have lost their digits where `F` is small
+    let resolved = R::less(R::from_f64(1e-2), squares);
+    let good = R::both(done, R::both(determined, resolved));
     let scale = one / R::select(good, zeta, one);
     // F F^T
     let (r0, r1, r2) = (line(&f, 0), line(&f, 1), line(&f, 2));
