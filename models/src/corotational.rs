@@ -149,7 +149,7 @@ impl<R: Real> Polar<R> {
 const MAX_STEPS: usize = 12;
 
 /// `(s_1 + s_2)(s_2 + s_3)(s_3 + s_1)` below this part of `|F|^3` leaves `R` to the decomposition.
-const BADLY_DETERMINED: f64 = 0.05;
+const BADLY_DETERMINED: f64 = 0.3;
 
 /// The rotation closest to `F = I + G`, row-major: of the proper rotations it maximises `tr(R^T F)`.
 #[inline(always)]
