@@ -258,10 +258,10 @@ proptest! {
 
     #[test]
     fn single_precision_keeps_its_digits(
-        (p, u) in (shape(), prop::array::uniform4(vector())),
+        p in shape().prop_filter("flat", |p| volume(p) > 0.2),
+        u in prop::array::uniform4(vector()),
         size in prop::sample::select(vec![1e-6, 1e-4, 1e-2]),
     ) {
-        prop_assume!(volume(&p) > 0.3);
         check_digits::<Linear>(p, u, size)?;
         check_digits::<WarpedStiffness>(p, u, size)?;
         check_digits::<Corotational>(p, u, size)?;
