@@ -1,6 +1,5 @@
 //! Corotational elasticity: linear elasticity in a frame that turns with the element. A comparison
-//! model, and the energy of the recovery mode: it is the only one here without a spurious minimum for
-//! elements turned inside out.
+//! model, and an energy that brings bodies with many inverted elements back.
 //!
 //! With the polar decomposition `F = R S` of the deformation gradient and `e = S - I`:
 //!
