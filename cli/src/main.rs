@@ -106,7 +106,8 @@ struct RunArguments {
     /// Evaluation of all bodies: fused or pooled.
     #[arg(long, value_parser = choice::<Evaluation>)]
     evaluation: Option<Evaluation>,
-    /// Energy of all bodies: svk or svk_comp.
+    /// Energy of all bodies: svk_comp, svk, tqs, mass_spring, linear, corotational_warped,
+    /// corotational, svk_fem or neo_hookean.
     #[arg(long, value_parser = choice::<Model>)]
     model: Option<Model>,
     /// Carry out this many steps instead of the whole scene.

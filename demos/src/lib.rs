@@ -16,11 +16,13 @@
 //! * [`output`]: VTU frames, their PVD index and the CSV of probes.
 //! * [`summary`]: what a run reports, as data and as text.
 //! * [`check`], [`mesh_tool`], [`validate`](mod@validate): the other subcommands.
+//! * [`modes`](mod@modes): modes of free vibration.
 
 pub mod build;
 pub mod check;
 pub mod error;
 pub mod mesh_tool;
+pub mod modes;
 pub mod output;
 pub mod resection;
 pub mod run;

@@ -115,7 +115,8 @@ pub struct Body {
     pub translate: Option<[f64; 3]>,
     /// Material.
     pub material: Material,
-    /// Energy: `"svk_comp"` (default), `"svk"`, `"tqs"` or `"mass_spring"`.
+    /// Energy: `"svk_comp"` (default), `"svk"`, `"tqs"`, `"mass_spring"`, `"linear"`,
+    /// `"corotational_warped"`, `"corotational"`, `"svk_fem"` or `"neo_hookean"`.
     #[serde(default)]
     pub model: Model,
     /// How the energy is summed: `"fused"` (default), or `"pooled"` for the first two.

@@ -2,6 +2,7 @@
 //! an independent program. Each is run with the engine's own laws and compared with the stored
 //! discrete truth on the same mesh. What cannot be run is listed with its reason, never as passed.
 
+use crate::modes::modes;
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::Value;
@@ -195,13 +196,10 @@ pub fn validate(
         let new = match kind {
             "sinew-fem-ref/1" => case.run_static(options)?,
             "sinew-fem-elements/1" => case.run_elements(options)?,
+            "sinew-fem-modes/1" => case.run_modes(options)?,
             "" if case.value["implicit_euler"].is_object() => case.run_trajectory(options)?,
             other => {
-                let why = if other == "sinew-fem-modes/1" {
-                    "modal analysis is not built yet".into()
-                } else {
-                    format!("schema `{other}` is not known")
-                };
+                let why = format!("schema `{other}` is not known");
                 vec![ValidationRow::unsupported(&case.name(), "-", 0, 0, why)]
             }
         };
@@ -217,7 +215,8 @@ struct Case {
 }
 
 /// Laws by their names in the case files.
-const LAWS: [(&str, Model); 2] = [("svk", Model::StVK), ("svk_comp", Model::CompressibleStVK)];
+const LAWS: [(&str, Model); 3] =
+    [("svk", Model::StVK), ("svk_comp", Model::CompressibleStVK), ("linear", Model::Linear)];
 
 impl Case {
     fn read(path: &Path) -> Result<Self, CaseError> {
@@ -304,10 +303,11 @@ impl Case {
         let threads = options.threads;
         let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })
             .map_err(|e| self.simulation_error(e))?;
+        let pooled = model.supports(options.evaluation);
         let body = simulation
             .add_body(&BodyDescription {
                 model,
-                evaluation: options.evaluation,
+                evaluation: if pooled { options.evaluation } else { Evaluation::Fused },
                 ..BodyDescription::from_parts("body", points, tetrahedra, material)
             })
             .map_err(|e| self.simulation_error(e))?;
@@ -606,9 +606,76 @@ impl Case {
                 rows.push(ValidationRow::unsupported(&name, "-", 0, count, why));
             }
         }
-        let why = "law `linear` is not built yet".into();
-        rows.push(ValidationRow::unsupported(&name, "linear", 4 * tets.len(), tets.len(), why));
         Ok(rows)
+    }
+
+    /// Frequencies (energy column) and shapes (displacement columns) of free vibration.
+    fn run_modes(&self, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
+        let name = self.name();
+        let mesh = self.mesh(options)?;
+        let (nodes, cells) = (mesh.points.len(), mesh.tetrahedra.len());
+        let law = "linear, modes";
+        if mesh.tetrahedra.is_empty() {
+            let why = "only tetrahedra are built".into();
+            return Ok(vec![ValidationRow::unsupported(&name, law, nodes, cells, why)]);
+        }
+        let mut row = ValidationRow::new(&name, law, nodes, cells);
+        let fail = || self.field_error("frequencies_hz", "a list of numbers");
+        let frequencies: Vec<f64> = self.value["frequencies_hz"]
+            .as_array()
+            .ok_or_else(fail)?
+            .iter()
+            .map(|f| f.as_f64().ok_or_else(fail))
+            .collect::<Result<_, CaseError>>()?;
+        let fail = || self.field_error("mode_shapes_first3", "a list of fields on the nodes");
+        let shapes: Vec<Vec<DVec3>> = self.value["mode_shapes_first3"]
+            .as_array()
+            .ok_or_else(fail)?
+            .iter()
+            .map(|shape| self.vectors(shape, "mode_shapes_first3"))
+            .collect::<Result<_, CaseError>>()?;
+        if shapes.len() > frequencies.len() || shapes.iter().any(|shape| shape.len() != nodes) {
+            return Err(fail());
+        }
+        let group = self.value["fixed_group"].as_str().unwrap_or("fixed");
+        let fail = || self.field_error("fixed_group", "a group of the mesh");
+        let held = mesh.group(group).ok_or_else(fail)?.vertices.clone();
+        let material = self.material(&self.value)?;
+        let start = Instant::now();
+        let (mut simulation, body) =
+            self.simulation(&mesh.points, &mesh.tetrahedra, material, Model::Linear, options)?;
+        match modes(&mut simulation, body, &held, frequencies.len()) {
+            Ok((found, iterations)) => {
+                row.cg_iterations = iterations;
+                let pairs = found.iter().zip(&frequencies);
+                let off = pairs.map(|(mode, f)| (mode.frequency / f - 1.0).abs());
+                row.energy_difference = off.fold(0.0, worst);
+                (row.max_difference, row.rms_difference) = (0.0, 0.0);
+                for (mode, truth) in found.iter().zip(&shapes) {
+                    // a mode has any length and sign
+                    let product = |a: &[DVec3], b: &[DVec3]| -> f64 {
+                        a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
+                    };
+                    let factor = product(&mode.shape, truth) / product(&mode.shape, &mode.shape);
+                    let shape: Vec<DVec3> = mode.shape.iter().map(|u| *u * factor).collect();
+                    let (max, rms) = difference(&shape, truth, largest(truth));
+                    row.max_difference = worst(row.max_difference, max);
+                    row.rms_difference = worst(row.rms_difference, rms);
+                }
+                let tolerance = options.tolerance.unwrap_or(STATIC_TOLERANCE);
+                if row.max_difference <= tolerance && row.energy_difference <= tolerance {
+                    row.status = Status::Pass;
+                }
+                row.note = format!(
+                    "{} frequencies (energy column), {} shapes",
+                    frequencies.len(),
+                    shapes.len()
+                );
+            }
+            Err(error) => row.note = error.to_string(),
+        }
+        row.seconds = start.elapsed().as_secs_f64();
+        Ok(vec![row])
     }
 
     fn run_trajectory(&self, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
@@ -620,7 +687,7 @@ impl Case {
             return Ok(vec![ValidationRow::unsupported(&name, "trbs", nodes, 0, why)]);
         }
         if value["E"].is_array() {
-            let why = "a Young's modulus per element is not built yet".into();
+            let why = "a Young's modulus per element is not read from case files".into();
             return Ok(vec![ValidationRow::unsupported(&name, "-", 0, 0, why)]);
         }
         let rest = self.vectors(&value["vertices"], "vertices")?;

@@ -1,6 +1,5 @@
 //! Corotational elasticity: linear elasticity in a frame that turns with the element. A comparison
-//! model, and the energy of the recovery mode: it is the only one here without a spurious minimum for
-//! elements turned inside out.
+//! model, and an energy that brings bodies with many inverted elements back.
 //!
 //! With the polar decomposition `F = R S` of the deformation gradient and `e = S - I`:
 //!
@@ -149,7 +148,7 @@ impl<R: Real> Polar<R> {
 const MAX_STEPS: usize = 12;
 
 /// `(s_1 + s_2)(s_2 + s_3)(s_3 + s_1)` below this part of `|F|^3` leaves `R` to the decomposition.
-const BADLY_DETERMINED: f64 = 0.05;
+const BADLY_DETERMINED: f64 = 0.3;
 
 /// The rotation closest to `F = I + G`, row-major: of the proper rotations it maximises `tr(R^T F)`.
 #[inline(always)]
@@ -182,8 +181,10 @@ pub fn rotation<R: Real>(g: &[R; 9]) -> [R; 9] {
     }
     let kappa = R::from_f64(0.5) * (x * x - squares);
     let zeta = kappa * x - R::from_f64(0.125) * eight_j;
-    let good =
-        R::both(done, R::less(R::from_f64(BADLY_DETERMINED) * squares * squares.sqrt(), zeta));
+    let determined = R::less(R::from_f64(BADLY_DETERMINED) * squares * squares.sqrt(), zeta);
+    // cofactors from displacements have lost their digits where `F` is small
+    let resolved = R::less(R::from_f64(1e-2), squares);
+    let good = R::both(done, R::both(determined, resolved));
     let scale = one / R::select(good, zeta, one);
     // F F^T
     let (r0, r1, r2) = (line(&f, 0), line(&f, 1), line(&f, 2));

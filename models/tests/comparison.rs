@@ -135,7 +135,7 @@ fn check_definiteness<L: TetrahedronLaw>(p: Nodes, u: Nodes) -> Result<(), TestC
         let dense = L::tangent(&e, &u, kind).to_dense();
         let (values, _) = symmetric_eigen(dense);
         let least = values.iter().fold(f64::INFINITY, |m, x| m.min(*x));
-        prop_assert!(least > -1e-12 * max_abs(&values), "{} {kind:?} {least}", L::NAME);
+        prop_assert!(least >= -1e-12 * max_abs(&values), "{} {kind:?} {least} {u:?}", L::NAME);
         if kind == TangentKind::Projected && !L::is_clamped(&e, &u) {
             let off = max_difference(dense.as_flattened(), exact.as_flattened());
             prop_assert!(off < 1e-12 * max_abs(&values), "{} {off}", L::NAME);
@@ -258,10 +258,10 @@ proptest! {
 
     #[test]
     fn single_precision_keeps_its_digits(
-        (p, u) in (shape(), prop::array::uniform4(vector())),
+        p in shape().prop_filter("flat", |p| volume(p) > 0.2),
+        u in prop::array::uniform4(vector()),
         size in prop::sample::select(vec![1e-6, 1e-4, 1e-2]),
     ) {
-        prop_assume!(volume(&p) > 0.3);
         check_digits::<Linear>(p, u, size)?;
         check_digits::<WarpedStiffness>(p, u, size)?;
         check_digits::<Corotational>(p, u, size)?;

@@ -26,11 +26,15 @@ use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::ElasticForce;
 use sinew::engine::workers::Workers;
-use sinew::models::fused::{self, FusedStVK};
+use sinew::models::corotational::{Corotational, WarpedStiffness};
+use sinew::models::fused::{self, FusedStVK, TetrahedronLaw};
+use sinew::models::linear::Linear;
 use sinew::models::material::LameParameters;
+use sinew::models::neo_hookean::NeoHookean;
 use sinew::models::precompute::{RestTetrahedron, SpringConstants};
-use sinew::models::quadratic::{self, Stretch};
+use sinew::models::quadratic::{QuadraticSprings, Stretch};
 use sinew::models::spring::{tensile_energy, tensile_tension};
+use sinew::models::stvk_fem::StVKFem;
 use sinew::models::tetrahedron::{self, Element};
 use sinew::prelude::*;
 use std::collections::BTreeMap;
@@ -175,6 +179,11 @@ fn size_rows(
         (Evaluation::Pooled, Model::CompressibleStVK),
         (Evaluation::Fused, Model::QuadraticSprings),
         (Evaluation::Fused, Model::MassSpring),
+        (Evaluation::Fused, Model::Linear),
+        (Evaluation::Fused, Model::WarpedStiffness),
+        (Evaluation::Fused, Model::Corotational),
+        (Evaluation::Fused, Model::StVKFem),
+        (Evaluation::Fused, Model::NeoHookean),
     ] {
         let reference = Reference::of(mesh, model)?;
         subjects.push(Box::new(Body::<f64>::new(mesh, evaluation, model, &reference)?));
@@ -418,6 +427,9 @@ impl<S: Scalar> Subject for Body<S> {
         if self.model != Model::MassSpring {
             all.push(Quantity::Tangent(TangentKind::Exact));
         }
+        if matches!(self.model, Model::Corotational | Model::NeoHookean) {
+            all.push(Quantity::Tangent(TangentKind::Projected));
+        }
         if self.model == Model::CompressibleStVK {
             all.push(Quantity::Tangent(TangentKind::Projected));
             if self.evaluation == Evaluation::Fused {
@@ -473,10 +485,17 @@ impl<S: Scalar> Subject for Body<S> {
             (Quantity::Product, _) => "assembled symmetric half",
             (Quantity::MatrixFree, _) => "matrix-free",
             (Quantity::Gather, _) => "private force arrays",
-            _ if self.model == Model::QuadraticSprings => "TQS",
-            _ if self.model == Model::MassSpring => "mass-spring edges",
-            (_, Evaluation::Fused) => "fused",
             (_, Evaluation::Pooled) => "pooled, all passes",
+            _ => match self.model {
+                Model::StVK | Model::CompressibleStVK => "fused",
+                Model::QuadraticSprings => "TQS",
+                Model::MassSpring => "mass-spring edges",
+                Model::Linear => "linear",
+                Model::WarpedStiffness => "warped stiffness",
+                Model::Corotational => "corotational",
+                Model::StVKFem => "StVK, textbook form",
+                Model::NeoHookean => "stable neo-Hookean",
+            },
         };
         (kernel.to_string(), quantity.name().to_string())
     }
@@ -521,7 +540,7 @@ impl<S: Scalar> Subject for Body<S> {
             let written = if quantity == Quantity::Force { vertices * row } else { 0.0 };
             return Work { flops: None, bytes: Some(read + written) };
         }
-        if self.model == Model::QuadraticSprings {
+        if !matches!(self.model, Model::StVK | Model::CompressibleStVK) {
             let written = match quantity {
                 Quantity::Force => vertices * row,
                 Quantity::Tangent(_) => tangent_bytes,
@@ -597,6 +616,17 @@ fn largest_difference(pairs: impl Iterator<Item = (DVec3, DVec3)>) -> f64 {
     difference / size
 }
 
+/// Energy, forces, and products with exact and projected tangent, of one element.
+fn element_sums<L: TetrahedronLaw>(
+    e: &Element<f64>,
+    u: &[[f64; 3]; 4],
+    v: &[[f64; 3]; 4],
+) -> (f64, [[f64; 3]; 4], [[f64; 3]; 4], [[f64; 3]; 4]) {
+    let product = |kind| L::tangent(e, u, kind).product(v);
+    let forces = L::forces(e, u).unwrap_or_default();
+    (L::energy(e, u), forces, product(TangentKind::Exact), product(TangentKind::Projected))
+}
+
 /// Plain `f64` sums over elements, without columns, ranges, lanes or springs.
 struct Reference {
     energy: f64,
@@ -625,20 +655,21 @@ impl Reference {
                 sum.add_edges(&rest, lame, nodes, pick(&mesh.points), u);
                 continue;
             }
-            if model == Model::QuadraticSprings {
-                sum.energy += quadratic::tetrahedron::energy(&e, &u);
-                let forces = quadratic::tetrahedron::forces(&e, &u);
-                let exact = quadratic::tetrahedron::tangent(&e, &u, TangentKind::Exact).product(&v);
-                for (a, &node) in nodes.iter().enumerate() {
-                    sum.forces[node as usize] += DVec3::from_array(forces[a]);
-                    sum.product[node as usize] += DVec3::from_array(exact[a]);
-                }
-                continue;
-            }
-            sum.energy += tetrahedron::energy(&e, &u);
-            let forces = tetrahedron::forces(&e, &u);
-            let exact = tetrahedron::tangent(&e, &u, TangentKind::Exact).product(&v);
-            let projected = tetrahedron::tangent(&e, &u, TangentKind::Projected).product(&v);
+            let (energy, forces, exact, projected) = match model {
+                Model::QuadraticSprings => element_sums::<QuadraticSprings>(&e, &u, &v),
+                Model::Linear => element_sums::<Linear>(&e, &u, &v),
+                Model::WarpedStiffness => element_sums::<WarpedStiffness>(&e, &u, &v),
+                Model::Corotational => element_sums::<Corotational>(&e, &u, &v),
+                Model::StVKFem => element_sums::<StVKFem>(&e, &u, &v),
+                Model::NeoHookean => element_sums::<NeoHookean>(&e, &u, &v),
+                _ => (
+                    tetrahedron::energy(&e, &u),
+                    tetrahedron::forces(&e, &u),
+                    tetrahedron::tangent(&e, &u, TangentKind::Exact).product(&v),
+                    tetrahedron::tangent(&e, &u, TangentKind::Projected).product(&v),
+                ),
+            };
+            sum.energy += energy;
             for (a, &node) in nodes.iter().enumerate() {
                 let node = node as usize;
                 sum.forces[node] += DVec3::from_array(forces[a]);
