@@ -101,6 +101,10 @@ pub fn probe_values(
                     let ratios = simulation.volume_ratios(handle);
                     values.push(ratios.into_iter().fold(f64::INFINITY, f64::min));
                 }
+                Quantity::MinAreaRatio => {
+                    let ratios = simulation.area_ratios(handle);
+                    values.push(ratios.into_iter().fold(f64::INFINITY, f64::min));
+                }
             }
         }
     }
@@ -144,6 +148,8 @@ pub struct Writer {
     csv_path: PathBuf,
     points: Vec<DVec3>,
     tetrahedra: Vec<[u32; 4]>,
+    /// Membrane triangles, the cells after the tetrahedra.
+    triangles: Vec<[u32; 3]>,
     body: Vec<f64>,
     /// Cell data of the mesh files; NaN for bodies without it.
     cell_data: Vec<CellData>,
@@ -188,9 +194,26 @@ impl Writer {
             tetrahedra.extend(b.mesh.tetrahedra.iter().map(|t| t.map(|v| v + first)));
             body.resize(tetrahedra.len(), i as f64);
         }
+        let (mut triangles, mut first) = (Vec::new(), 0);
+        for (i, b) in built.bodies.iter().enumerate() {
+            triangles.extend(b.membrane_triangles().iter().map(|t| t.map(|v| v + first)));
+            body.resize(tetrahedra.len() + triangles.len(), i as f64);
+            first += b.mesh.points.len() as u32;
+        }
         let cell_data = joined_cell_data(built);
         let (folder, frames) = (folder.to_path_buf(), Vec::new());
-        Ok(Self { folder, stem, frames, csv, csv_path, points, tetrahedra, body, cell_data })
+        Ok(Self {
+            folder,
+            stem,
+            frames,
+            csv,
+            csv_path,
+            points,
+            tetrahedra,
+            triangles,
+            body,
+            cell_data,
+        })
     }
 
     /// Adds a row to the CSV file.
@@ -224,6 +247,10 @@ impl Writer {
                 c.vertices.iter().for_each(|&vertex| held[first + vertex as usize] = 1.0);
             }
         }
+        // of a membrane the ratio of areas
+        for body in &built.bodies {
+            j.extend(simulation.area_ratios(body.handle));
+        }
         let points: Vec<DVec3> = self.points.iter().zip(&u).map(|(x, u)| x + u).collect();
         let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
         write_vtu(
@@ -231,6 +258,7 @@ impl Writer {
             &VtuData {
                 points: &points,
                 tetrahedra: &self.tetrahedra,
+                triangles: &self.triangles,
                 point_vectors: &[("displacement", &u), ("velocity", &v)],
                 point_scalars: &[("held", &held)],
                 cell_scalars: &[("J", &j), ("body", &self.body)],

@@ -5,9 +5,9 @@ use crate::error::RunError;
 use crate::output::{Writer, probe_columns, probe_values};
 use crate::scene::{LoadedScene, Mode, Quantity};
 use crate::summary::{
-    BodySummary, ConstraintSummary, EnergySummary, Level, LoadSummary, Machine, RunSummary, SCHEMA,
-    SceneSummary, Settings, SolverSummary, Stage, StepTiming, SystemSummary, Timing, Versions,
-    VolumeSummary, Warning,
+    BodySummary, ConstraintSummary, EnergySummary, Level, LoadSummary, Machine, MembraneSummary,
+    PressureSummary, RunSummary, SCHEMA, SceneSummary, Settings, SolverSummary, Stage, StepTiming,
+    SystemSummary, Timing, Versions, VolumeSummary, Warning,
 };
 use glam::DVec3;
 use sinew::engine::report::{StepReport, SystemTimes};
@@ -484,6 +484,14 @@ fn summarise(
                 material: body.material,
                 model: body.model,
                 evaluation: body.evaluation,
+                membrane: body.membrane.as_ref().map(|m| MembraneSummary {
+                    triangles: m.triangles.len(),
+                    area: m.area,
+                    thickness: m.thickness,
+                    material: m.material,
+                    model: m.model,
+                    evaluation: m.evaluation,
+                }),
             }
         })
         .collect();
@@ -502,6 +510,12 @@ fn summarise(
             largest_reaction,
         })
         .collect();
+    let pressures = built.pressures.iter().map(|p| PressureSummary {
+        name: p.name.clone(),
+        body: built.bodies[p.body].name.clone(),
+        triangles: p.triangles,
+        pressure: p.pressure,
+    });
     let loads = built
         .loads
         .iter()
@@ -540,6 +554,7 @@ fn summarise(
         bodies,
         constraints,
         loads,
+        pressures: pressures.collect(),
         final_probes,
         timing,
         solver: totals.solver,
