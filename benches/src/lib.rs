@@ -6,4 +6,5 @@ pub mod beam;
 pub mod bench;
 pub mod peers;
 pub mod reproduce;
+pub mod sheets;
 pub mod stability;

@@ -4,18 +4,22 @@
 use crate::error::{Place, SceneError, hint};
 use crate::resection::{self, BuiltResection};
 use crate::scene::{
-    Body, CurveEntry, Generate, LoadedScene, Material, Mode, Probe, Quantity, Rotation, Selection,
+    Body, CurveEntry, Faces, Generate, LoadedScene, Material, Membrane, Mode, Probe, Quantity,
+    Rotation, Selection,
 };
 use crate::summary::{Level, Warning};
-use glam::{DQuat, DVec3};
-use sinew::engine::load::{Constraint, Curve, Load, Motion};
+use glam::{DQuat, DVec2, DVec3};
+use sinew::engine::load::{Constraint, Curve, Load, Motion, Pressure};
 use sinew::engine::mesh::check::Severity;
-use sinew::engine::mesh::generate::{box_tets, cylinder_tets, sphere_tets};
+use sinew::engine::mesh::generate::{
+    box_tets, cylinder_tets, disc_triangles, sphere_tets, sphere_triangles, triangle_grid,
+};
 use sinew::engine::mesh::{CheckOptions, CheckReport, Mesh, MeshError, check};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::{BodyDescription, Evaluation, Model};
 use sinew::models::field::FieldError;
 use sinew::models::material::{MaterialError, YoungPoisson, preset};
+use sinew::models::sheet::{MembraneDescription, MembraneModel};
 use sinew::simulation::{BodyHandle, Precision, Simulation, SimulationOptions};
 use sinew::solvers::settings::{Integrator, SolverSettings};
 use std::collections::HashMap;
@@ -45,6 +49,8 @@ pub struct BuiltScene {
     pub loads: Vec<BuiltLoad>,
     /// Resections in the order of the file.
     pub resections: Vec<BuiltResection>,
+    /// Pressures in the order of the file.
+    pub pressures: Vec<BuiltPressure>,
     /// Probes in the order of the file.
     pub probes: Vec<BuiltProbe>,
     /// Steps and intervals.
@@ -84,18 +90,57 @@ pub struct BuiltBody {
     pub mesh: Mesh,
     /// What the check found.
     pub report: CheckReport,
-    /// Vertices that its tetrahedra use, sorted.
+    /// Vertices that its elements use, sorted.
     pub used_vertices: Vec<u32>,
     /// Material.
     pub material: YoungPoisson,
-    /// Sum of the masses of its tetrahedra (kg).
+    /// Sum of the masses of its elements (kg).
     pub mass: f64,
+    /// Its membrane.
+    pub membrane: Option<BuiltMembrane>,
     /// Preset that it came from.
     pub preset: Option<String>,
     /// Energy.
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+}
+
+/// The membrane of a body.
+#[derive(Clone, Debug)]
+pub struct BuiltMembrane {
+    /// Triangles.
+    pub triangles: Vec<[u32; 3]>,
+    /// Thickness (m).
+    pub thickness: f64,
+    /// Material.
+    pub material: YoungPoisson,
+    /// Energy.
+    pub model: MembraneModel,
+    /// Evaluation.
+    pub evaluation: Evaluation,
+    /// Area (m^2).
+    pub area: f64,
+}
+
+impl BuiltBody {
+    /// Triangles of its membrane, none without one.
+    pub fn membrane_triangles(&self) -> &[[u32; 3]] {
+        self.membrane.as_ref().map_or(&[], |m| &m.triangles)
+    }
+}
+
+/// A pressure in the simulation.
+#[derive(Clone, Debug)]
+pub struct BuiltPressure {
+    /// Name.
+    pub name: String,
+    /// Index of the body.
+    pub body: usize,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Pressure (Pa) at curve value 1.
+    pub pressure: f64,
 }
 
 /// A constraint in the simulation.
@@ -196,11 +241,23 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     let loads = builder.loads(&mut simulation, &bodies, &plan)?;
     let resections =
         resection::build(&builder, &scene.resections, &mut simulation, &bodies, &plan)?;
+    let pressures =
+        builder.pressures(&mut simulation, &bodies, &constraints, &plan, &mut warnings)?;
     let probes = builder.probes(&bodies, &constraints)?;
     if plan.mode == Mode::Static || plan.settings.integrator == Integrator::QuasiStatic {
         builder.all_held(&bodies, &constraints)?;
     }
-    Ok(BuiltScene { simulation, bodies, constraints, loads, resections, probes, plan, warnings })
+    Ok(BuiltScene {
+        simulation,
+        bodies,
+        constraints,
+        loads,
+        pressures,
+        resections,
+        probes,
+        plan,
+        warnings,
+    })
 }
 
 /// The mesh of a generated shape.
@@ -208,16 +265,18 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
 /// # Errors
 /// [`MeshError`] when a parameter is out of range, `Ok(None)` unless exactly one shape is given.
 pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
-    match shape {
-        Generate { cuboid: Some(s), cylinder: None, sphere: None } => {
-            box_tets(DVec3::from_array(s.size), s.cells).map(Some)
-        }
-        Generate { cuboid: None, cylinder: Some(s), sphere: None } => {
-            cylinder_tets(s.radius, s.length, s.rings, s.layers).map(Some)
-        }
-        Generate { cuboid: None, cylinder: None, sphere: Some(s) } => {
-            sphere_tets(s.radius, s.shells).map(Some)
-        }
+    let Generate { cuboid, cylinder, sphere, sheet, disc, balloon } = shape;
+    let shapes = [
+        cuboid.as_ref().map(|s| box_tets(DVec3::from_array(s.size), s.cells)),
+        cylinder.as_ref().map(|s| cylinder_tets(s.radius, s.length, s.rings, s.layers)),
+        sphere.as_ref().map(|s| sphere_tets(s.radius, s.shells)),
+        sheet.as_ref().map(|s| triangle_grid(DVec2::from_array(s.size), s.cells)),
+        disc.as_ref().map(|s| disc_triangles(s.radius, s.rings)),
+        balloon.as_ref().map(|s| sphere_triangles(s.radius, s.cuts)),
+    ];
+    let mut given = shapes.into_iter().flatten();
+    match (given.next(), given.next()) {
+        (Some(mesh), None) => mesh.map(Some),
         _ => Ok(None),
     }
 }
@@ -405,8 +464,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn material(&self, key: &str, body: &Body) -> Result<YoungPoisson, SceneError> {
-        let entry = &body.material;
+    fn material(&self, key: &str, entry: &Material) -> Result<YoungPoisson, SceneError> {
         let base = match &entry.preset {
             Some(name) => {
                 let found = preset(name).map_err(|source| SceneError::Material {
@@ -509,7 +567,8 @@ impl Builder<'_> {
                     source: Box::new(source),
                 })?;
                 mesh.ok_or_else(|| {
-                    let remedy = "give one of `box`, `cylinder` and `sphere`";
+                    let remedy =
+                        "give one of `box`, `cylinder`, `sphere`, `sheet`, `disc` and `balloon`";
                     self.value(key, "not exactly one shape is given", remedy)
                 })?
             }
@@ -560,17 +619,22 @@ impl Builder<'_> {
         warnings: &mut Vec<Warning>,
     ) -> Result<BuiltBody, SceneError> {
         let key = format!("body[{index}]");
-        let material = self.material(&format!("{key}.material"), body)?;
+        let material = self.material(&format!("{key}.material"), &body.material)?;
         let mesh = self.mesh(&key, body)?;
         let mesh_key =
             if body.mesh.is_some() { format!("{key}.mesh") } else { format!("{key}.generate") };
         let checked = check(&mesh, &CheckOptions::default())
             .map_err(|source| SceneError::Check { place: self.place(&mesh_key), source })?;
-        if checked.mesh.tetrahedra.is_empty() {
+        let membrane = match &body.membrane {
+            Some(entry) => Some(self.membrane(&key, entry, &checked.mesh, material)?),
+            None => None,
+        };
+        if checked.mesh.tetrahedra.is_empty() && membrane.is_none() {
             return Err(self.value(
                 mesh_key,
                 "the mesh has triangles but no tetrahedra",
-                "fill it with tetrahedra (Gmsh, TetGen); membranes are not supported yet",
+                "give them a thickness, membrane = { thickness = 0.001 }, or fill the mesh with \
+                 tetrahedra (Gmsh, TetGen)",
             ));
         }
         warnings.extend(checked.report.findings.iter().map(|finding| Warning {
@@ -604,6 +668,11 @@ impl Builder<'_> {
             density: field("density", &entry.density_field)?,
             model: body.model,
             evaluation: body.evaluation,
+            membrane: membrane.as_ref().map(|m| MembraneDescription {
+                model: m.model,
+                evaluation: m.evaluation,
+                ..MembraneDescription::new(&m.triangles, m.thickness, m.material)
+            }),
             ..BodyDescription::new(&body.name, &checked.mesh, material)
         };
         description
@@ -617,6 +686,14 @@ impl Builder<'_> {
             }
             None => checked.report.statistics.total_volume * material.density,
         };
+        let sheet = membrane.as_ref().map_or(0.0, |m| m.area * m.thickness * m.material.density);
+        let mut used_vertices = checked.used_vertices;
+        if let Some(m) = &membrane {
+            used_vertices = checked.mesh.tetrahedra.as_flattened().to_vec();
+            used_vertices.extend(m.triangles.as_flattened());
+            used_vertices.sort_unstable();
+            used_vertices.dedup();
+        }
         let handle = simulation.add_body(&description).map_err(|source| SceneError::Body {
             place: self.place(mesh_key),
             source: Box::new(source),
@@ -626,13 +703,181 @@ impl Builder<'_> {
             handle,
             mesh: checked.mesh,
             report: checked.report,
-            used_vertices: checked.used_vertices,
+            used_vertices,
             material,
-            mass,
+            mass: mass + sheet,
+            membrane,
             preset: body.material.preset.clone(),
             model: body.model,
             evaluation: body.evaluation,
         })
+    }
+
+    /// The membrane of a body: its triangles, and what they are made of.
+    fn membrane(
+        &self,
+        body: &str,
+        entry: &Membrane,
+        mesh: &Mesh,
+        base: YoungPoisson,
+    ) -> Result<BuiltMembrane, SceneError> {
+        let key = format!("{body}.membrane");
+        let material = match &entry.material {
+            Some(own) => self.material(&format!("{key}.material"), own)?,
+            None => base,
+        };
+        if !(entry.thickness > 0.0 && entry.thickness.is_finite()) {
+            let key = format!("{key}.thickness");
+            let found = format!("the thickness is {} m", entry.thickness);
+            return Err(self.value(key, found, "make it positive and finite"));
+        }
+        if !entry.model.supports(entry.evaluation) {
+            let found = format!("model \"{}\" has no pooled evaluation", entry.model.name());
+            return Err(self.value(format!("{key}.evaluation"), found, "leave it out"));
+        }
+        let triangles = match (&entry.group, entry.surface) {
+            (Some(group), None) => self.group_triangles(&key, group, mesh)?,
+            (None, Some(true)) => mesh.surface_triangles(),
+            (None, None) if mesh.tetrahedra.is_empty() => mesh.triangles.clone(),
+            _ => {
+                let found = "not exactly one kind of triangles is given";
+                return Err(self.value(key, found, "give `group`, or `surface = true`"));
+            }
+        };
+        if triangles.is_empty() {
+            return Err(self.value(key, "it has no triangles", "choose other ones"));
+        }
+        let area = triangles
+            .iter()
+            .map(|t| {
+                let [a, b, c] = t.map(|v| mesh.points[v as usize]);
+                0.5 * (b - a).cross(c - a).length()
+            })
+            .sum();
+        let Membrane { thickness, model, evaluation, .. } = *entry;
+        Ok(BuiltMembrane { triangles, thickness, material, model, evaluation, area })
+    }
+
+    /// Triangles of the groups of that name, at least one.
+    fn group_triangles(
+        &self,
+        key: &str,
+        name: &str,
+        mesh: &Mesh,
+    ) -> Result<Vec<[u32; 3]>, SceneError> {
+        let place = || self.place(format!("{key}.group"));
+        if mesh.group(name).is_none() {
+            let hint = hint("group", name, mesh.groups.iter().map(|g| g.name.as_str()));
+            let name = name.to_string();
+            return Err(SceneError::Unknown { place: place(), kind: "group", name, hint });
+        }
+        let groups = mesh.groups.iter().filter(|g| g.name == name);
+        let triangles: Vec<[u32; 3]> =
+            groups.flat_map(|g| &g.triangles).map(|&t| mesh.triangles[t as usize]).collect();
+        if triangles.is_empty() {
+            let found = format!("group `{name}` has no triangles");
+            let with: Vec<&str> = mesh
+                .groups
+                .iter()
+                .filter(|g| !g.triangles.is_empty())
+                .map(|g| g.name.as_str())
+                .collect();
+            let remedy = format!("groups with triangles: {}", with.join(", "));
+            return Err(self.value(format!("{key}.group"), found, remedy));
+        }
+        Ok(triangles)
+    }
+
+    fn pressures(
+        &self,
+        simulation: &mut Simulation,
+        bodies: &[BuiltBody],
+        constraints: &[BuiltConstraint],
+        plan: &Plan,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Vec<BuiltPressure>, SceneError> {
+        let entries = &self.loaded.scene.pressures;
+        self.unique("pressure", entries.iter().map(|p| p.name.as_str()))?;
+        let mut built = Vec::new();
+        for (i, entry) in entries.iter().enumerate() {
+            let key = format!("pressure[{i}]");
+            let body = self.which(&key, entry.body.as_deref(), bodies)?;
+            let triangles = self.faces(&format!("{key}.on"), &entry.on, &bodies[body])?;
+            self.finite(&format!("{key}.pressure"), [entry.pressure])?;
+            let curve = self.factor(&key, entry.curve.as_ref(), plan)?;
+            // a rim vertex that is free along every axis
+            let mut edges = HashMap::new();
+            for &[a, b, c] in &triangles {
+                for (a, b) in [(a, b), (b, c), (c, a)] {
+                    *edges.entry((a.min(b), a.max(b))).or_insert(0) += 1;
+                }
+            }
+            let held = |v: u32| {
+                let mut own = constraints.iter().filter(|c| c.body == body);
+                own.any(|c| c.vertices.binary_search(&v).is_ok())
+            };
+            let rim = edges.iter().filter(|(_, count)| **count == 1);
+            let free = rim.filter(|((a, b), _)| !held(*a) || !held(*b)).count();
+            if free > 0 {
+                warnings.push(Warning {
+                    code: "scene.pressure.rim".into(),
+                    level: Level::Note,
+                    subject: format!("pressure `{}`", entry.name),
+                    message: format!(
+                        "{free} edges of its rim are free to move: there it has no potential, and \
+                         energies of implicit steps are approximate"
+                    ),
+                    remedy: "hold the rim, or put it on a closed surface, for exact energies"
+                        .into(),
+                });
+            }
+            let (name, count) = (entry.name.clone(), triangles.len());
+            let faces =
+                simulation.face_rows(bodies[body].handle, &name, &triangles).map_err(|source| {
+                    SceneError::Simulation {
+                        place: self.place(format!("{key}.on")),
+                        source: Box::new(source),
+                    }
+                })?;
+            let pressure = entry.pressure;
+            simulation.add_pressure(Pressure { name: name.clone(), faces, pressure, curve });
+            built.push(BuiltPressure { name, body, triangles: count, pressure });
+        }
+        Ok(built)
+    }
+
+    /// Triangles that a pressure pushes along their normals.
+    fn faces(&self, key: &str, on: &Faces, body: &BuiltBody) -> Result<Vec<[u32; 3]>, SceneError> {
+        let inward = |[a, b, c]: [u32; 3]| [a, c, b];
+        let triangles = match (&on.group, on.surface, on.membrane) {
+            (Some(group), None, None) => {
+                let sorted = |mut t: [u32; 3]| {
+                    t.sort_unstable();
+                    t
+                };
+                let boundary: HashMap<[u32; 3], [u32; 3]> =
+                    body.mesh.surface_triangles().into_iter().map(|t| (sorted(t), t)).collect();
+                let triangles = self.group_triangles(key, group, &body.mesh)?;
+                let turn = |t| boundary.get(&sorted(t)).map_or(t, |&outward| inward(outward));
+                triangles.into_iter().map(turn).collect()
+            }
+            (None, Some(true), None) => {
+                body.mesh.surface_triangles().into_iter().map(inward).collect()
+            }
+            (None, None, Some(true)) => body.membrane_triangles().to_vec(),
+            _ => {
+                return Err(self.value(
+                    key,
+                    "not exactly one kind of triangles is given",
+                    "give one of `group`, `surface = true` and `membrane = true`",
+                ));
+            }
+        };
+        if triangles.is_empty() {
+            let found = format!("body `{}` has no such triangles", body.name);
+            return Err(self.value(key, found, "choose other ones, or give the body a membrane"));
+        }
+        Ok(triangles)
     }
 
     /// The body of that name, or the only one.
@@ -699,7 +944,7 @@ impl Builder<'_> {
             chosen.sort_unstable();
             chosen.dedup();
             chosen.retain(|v| body.used_vertices.binary_search(v).is_ok());
-            (chosen, "the group has no vertex that a tetrahedron uses".to_string())
+            (chosen, "the group has no vertex that an element uses".to_string())
         } else if let Some(vertices) = vertices {
             if let Some(&vertex) = vertices.iter().find(|&&v| v as usize >= points.len()) {
                 return Err(SceneError::VertexIndex {
@@ -714,7 +959,7 @@ impl Builder<'_> {
             {
                 return Err(self.value(
                     format!("{key}.vertices"),
-                    format!("no tetrahedron uses vertex {vertex} of body `{}`", body.name),
+                    format!("no element uses vertex {vertex} of body `{}`", body.name),
                     "leave it out",
                 ));
             }

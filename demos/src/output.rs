@@ -101,6 +101,10 @@ pub fn probe_values(
                     let ratios = simulation.volume_ratios(handle);
                     values.push(ratios.into_iter().fold(f64::INFINITY, f64::min));
                 }
+                Quantity::MinAreaRatio => {
+                    let ratios = simulation.area_ratios(handle);
+                    values.push(ratios.into_iter().fold(f64::INFINITY, f64::min));
+                }
             }
         }
     }
@@ -144,10 +148,12 @@ pub struct Writer {
     csv_path: PathBuf,
     points: Vec<DVec3>,
     tetrahedra: Vec<[u32; 4]>,
+    /// Membrane triangles, the cells after the tetrahedra.
+    triangles: Vec<[u32; 3]>,
     body: Vec<f64>,
     /// Cell data of the mesh files; NaN for bodies without it.
     cell_data: Vec<CellData>,
-    /// Index of each tetrahedron in its body.
+    /// Index of each tetrahedron, and of each triangle of a membrane, in its body.
     index: Vec<f64>,
     /// First tetrahedron of each body.
     start: Vec<u32>,
@@ -195,6 +201,13 @@ impl Writer {
             body.resize(tetrahedra.len(), i as f64);
             index.extend((0..b.mesh.tetrahedra.len()).map(|t| t as f64));
         }
+        let (mut triangles, mut first) = (Vec::new(), 0);
+        for (i, b) in built.bodies.iter().enumerate() {
+            triangles.extend(b.membrane_triangles().iter().map(|t| t.map(|v| v + first)));
+            body.resize(tetrahedra.len() + triangles.len(), i as f64);
+            index.extend((0..b.membrane_triangles().len()).map(|t| t as f64));
+            first += b.mesh.points.len() as u32;
+        }
         let cell_data = joined_cell_data(built);
         let (folder, frames) = (folder.to_path_buf(), Vec::new());
         Ok(Self {
@@ -205,6 +218,7 @@ impl Writer {
             csv_path,
             points,
             tetrahedra,
+            triangles,
             body,
             cell_data,
             index,
@@ -243,6 +257,10 @@ impl Writer {
                 c.vertices.iter().for_each(|&vertex| held[first + vertex as usize] = 1.0);
             }
         }
+        // of a membrane the ratio of areas
+        for body in &built.bodies {
+            j.extend(simulation.area_ratios(body.handle));
+        }
         let points: Vec<DVec3> = self.points.iter().zip(&u).map(|(x, u)| x + u).collect();
         // only what is left
         let mut left = Vec::with_capacity(self.tetrahedra.len());
@@ -251,19 +269,22 @@ impl Writer {
             left.extend(own.into_iter().map(|t| (t + first) as usize));
         }
         let pick = |values: &[f64]| left.iter().map(|&t| values[t]).collect::<Vec<f64>>();
-        let (j, body, index) = (pick(&j), pick(&self.body), pick(&self.index));
         let tetrahedra: Vec<[u32; 4]> = left.iter().map(|&t| self.tetrahedra[t]).collect();
         let cell_data: Vec<CellData> = self
             .cell_data
             .iter()
             .map(|data| CellData { tetrahedra: pick(&data.tetrahedra), ..data.clone() })
             .collect();
+        left.extend(self.tetrahedra.len()..self.body.len());
+        let pick = |values: &[f64]| left.iter().map(|&t| values[t]).collect::<Vec<f64>>();
+        let (j, body, index) = (pick(&j), pick(&self.body), pick(&self.index));
         let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
         write_vtu(
             &self.folder.join(&name),
             &VtuData {
                 points: &points,
                 tetrahedra: &tetrahedra,
+                triangles: &self.triangles,
                 point_vectors: &[("displacement", &u), ("velocity", &v)],
                 point_scalars: &[("held", &held)],
                 cell_scalars: &[("J", &j), ("body", &body), ("index", &index)],

@@ -6,9 +6,9 @@ use crate::output::{Writer, probe_columns, probe_values};
 use crate::resection;
 use crate::scene::{LoadedScene, Mode, Quantity};
 use crate::summary::{
-    BodySummary, ConstraintSummary, EnergySummary, Level, LoadSummary, Machine, RunSummary, SCHEMA,
-    SceneSummary, Settings, SolverSummary, Stage, StepTiming, SystemSummary, Timing, Versions,
-    VolumeSummary, Warning,
+    BodySummary, ConstraintSummary, EnergySummary, Level, LoadSummary, Machine, MembraneSummary,
+    PressureSummary, RunSummary, SCHEMA, SceneSummary, Settings, SolverSummary, Stage, StepTiming,
+    SystemSummary, Timing, Versions, VolumeSummary, Warning,
 };
 use glam::DVec3;
 use sinew::engine::report::{StepReport, SystemTimes};
@@ -492,6 +492,14 @@ fn summarise(
                 material: body.material,
                 model: body.model,
                 evaluation: body.evaluation,
+                membrane: body.membrane.as_ref().map(|m| MembraneSummary {
+                    triangles: m.triangles.len(),
+                    area: m.area,
+                    thickness: m.thickness,
+                    material: m.material,
+                    model: m.model,
+                    evaluation: m.evaluation,
+                }),
             }
         })
         .collect();
@@ -510,6 +518,12 @@ fn summarise(
             largest_reaction,
         })
         .collect();
+    let pressures = built.pressures.iter().map(|p| PressureSummary {
+        name: p.name.clone(),
+        body: built.bodies[p.body].name.clone(),
+        triangles: p.triangles,
+        pressure: p.pressure,
+    });
     let loads = built
         .loads
         .iter()
@@ -549,6 +563,7 @@ fn summarise(
         constraints,
         loads,
         resections: built.resections.iter().map(|r| r.summary.clone()).collect(),
+        pressures: pressures.collect(),
         final_probes,
         timing,
         solver: totals.solver,

@@ -5,6 +5,7 @@ use crate::error::{Place, SceneError, hint};
 use serde::{Deserialize, Serialize};
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::resection::MassPolicy;
+use sinew::models::sheet::MembraneModel;
 use sinew::simulation::Precision;
 use sinew::solvers::settings::SolverSettings;
 use std::cmp::Reverse;
@@ -54,6 +55,9 @@ pub struct Scene {
     /// Elements that are removed on the way.
     #[serde(default, rename = "resection")]
     pub resections: Vec<ResectionEntry>,
+    /// Follower pressures.
+    #[serde(default, rename = "pressure")]
+    pub pressures: Vec<PressureEntry>,
     /// Columns of the CSV file.
     #[serde(default, rename = "probe")]
     pub probes: Vec<Probe>,
@@ -122,6 +126,30 @@ pub struct Body {
     /// How the energy is summed: `"fused"` (default), or `"pooled"` for the first two.
     #[serde(default)]
     pub evaluation: Evaluation,
+    /// Membrane on or instead of the tetrahedra.
+    pub membrane: Option<Membrane>,
+}
+
+/// A membrane: triangles of the body's mesh with a thickness.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Membrane {
+    /// Thickness (m).
+    pub thickness: f64,
+    /// Group of triangles; this or `surface` in a body with tetrahedra, all triangles of the mesh
+    /// otherwise.
+    pub group: Option<String>,
+    /// The whole boundary of the tetrahedra.
+    pub surface: Option<bool>,
+    /// Material; that of the body without it.
+    pub material: Option<Material>,
+    /// Energy: `"trbs"` (default), `"trbs_comp"`, `"trqs"`, `"mass_spring"`, `"linear"` or
+    /// `"corotational"`.
+    #[serde(default)]
+    pub model: MembraneModel,
+    /// How the energy is summed: `"fused"` (default), or `"pooled"` for the first two.
+    #[serde(default)]
+    pub evaluation: Evaluation,
 }
 
 /// A generated shape; exactly one key.
@@ -135,6 +163,43 @@ pub struct Generate {
     pub cylinder: Option<CylinderShape>,
     /// A ball around the origin; groups `surface`, `body`.
     pub sphere: Option<SphereShape>,
+    /// A rectangle of triangles at z = 0 with one corner at the origin; groups `x0`, `x1`, `y0`, `y1`,
+    /// `body`.
+    pub sheet: Option<SheetShape>,
+    /// A disc of triangles at z = 0 around the origin; groups `rim`, `body`.
+    pub disc: Option<DiscShape>,
+    /// A hollow sphere of triangles around the origin; group `body`.
+    pub balloon: Option<BalloonShape>,
+}
+
+/// A rectangle of `2 nx ny` triangles.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SheetShape {
+    /// Edge lengths (m).
+    pub size: [f64; 2],
+    /// Cells along each axis.
+    pub cells: [usize; 2],
+}
+
+/// A disc of `6 rings^2` triangles.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DiscShape {
+    /// Radius (m).
+    pub radius: f64,
+    /// Rings around the centre.
+    pub rings: usize,
+}
+
+/// A sphere of `20 cuts^2` triangles.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BalloonShape {
+    /// Radius (m).
+    pub radius: f64,
+    /// Parts into which the edges of an icosahedron are cut.
+    pub cuts: usize,
 }
 
 /// A box of `6 nx ny nz` tetrahedra.
@@ -298,6 +363,35 @@ pub struct LoadEntry {
     pub curve: Option<CurveEntry>,
 }
 
+/// A pressure that follows the deformed surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PressureEntry {
+    /// Name, unique among pressures.
+    pub name: String,
+    /// Name of the body; may be left out when there is only one.
+    pub body: Option<String>,
+    /// Which triangles.
+    pub on: Faces,
+    /// Pressure (Pa); negative for suction.
+    pub pressure: f64,
+    /// Factor over time; 1 without it. Dynamic scenes.
+    pub curve: Option<CurveEntry>,
+}
+
+/// Triangles of a body; exactly one key.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Faces {
+    /// A group of triangles: on faces of tetrahedra the pressure pushes into the body, on other
+    /// membrane triangles along their normal.
+    pub group: Option<String>,
+    /// The whole boundary of the tetrahedra, pushed inward.
+    pub surface: Option<bool>,
+    /// All triangles of the membrane, pushed along their normals.
+    pub membrane: Option<bool>,
+}
+
 /// A factor over time; exactly one key.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -399,6 +493,8 @@ pub enum Quantity {
     KineticEnergy,
     /// Smallest volume ratio J of the body.
     MinJ,
+    /// Smallest area ratio of the membrane of the body.
+    MinAreaRatio,
 }
 
 impl Quantity {
@@ -412,6 +508,7 @@ impl Quantity {
             Self::ElasticEnergy => ("elastic_energy", "J", false),
             Self::KineticEnergy => ("kinetic_energy", "J", false),
             Self::MinJ => ("min_J", "-", false),
+            Self::MinAreaRatio => ("min_area_ratio", "-", false),
         }
     }
 }

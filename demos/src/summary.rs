@@ -5,6 +5,7 @@ use crate::resection::ResectionSummary;
 use serde::Serialize;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::material::YoungPoisson;
+use sinew::models::sheet::MembraneModel;
 use sinew::solvers::settings::{Integrator, SolverSettings};
 use std::fmt;
 
@@ -69,6 +70,8 @@ pub struct RunSummary {
     pub loads: Vec<LoadSummary>,
     /// The resections.
     pub resections: Vec<ResectionSummary>,
+    /// The pressures.
+    pub pressures: Vec<PressureSummary>,
     /// Probe values at the end, by column of the CSV file.
     pub final_probes: Vec<(String, f64)>,
     /// Host time.
@@ -187,9 +190,9 @@ pub struct BodySummary {
     pub name: String,
     /// Mesh file or shape.
     pub source: String,
-    /// Vertices that tetrahedra use.
+    /// Vertices that elements use.
     pub vertices: usize,
-    /// Vertices of the mesh that no tetrahedron uses.
+    /// Vertices of the mesh that no element uses.
     pub unused_vertices: usize,
     /// Tetrahedra.
     pub tetrahedra: usize,
@@ -211,6 +214,38 @@ pub struct BodySummary {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// Membrane.
+    pub membrane: Option<MembraneSummary>,
+}
+
+/// The membrane of a body of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct MembraneSummary {
+    /// Triangles.
+    pub triangles: usize,
+    /// Area (m^2).
+    pub area: f64,
+    /// Thickness (m).
+    pub thickness: f64,
+    /// Material.
+    pub material: YoungPoisson,
+    /// Energy.
+    pub model: MembraneModel,
+    /// Evaluation.
+    pub evaluation: Evaluation,
+}
+
+/// A pressure of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct PressureSummary {
+    /// Name.
+    pub name: String,
+    /// Body.
+    pub body: String,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Pressure (Pa) at curve value 1.
+    pub pressure: f64,
 }
 
 /// A constraint of a run.
@@ -576,17 +611,37 @@ impl RunSummary {
             )?;
             let preset =
                 body.preset.as_ref().map_or(String::new(), |name| format!(" (preset {name})"));
-            block.line(
-                "",
-                format!(
-                    "E = {}, nu = {}, {} kg/m^3{preset}; model {}, {} evaluation",
-                    pressure(m.young_modulus),
-                    m.poisson_ratio,
-                    short(m.density),
-                    model_name(body.model),
-                    evaluation_name(body.evaluation),
-                ),
-            )?;
+            if body.tetrahedra > 0 {
+                block.line(
+                    "",
+                    format!(
+                        "E = {}, nu = {}, {} kg/m^3{preset}; model {}, {} evaluation",
+                        pressure(m.young_modulus),
+                        m.poisson_ratio,
+                        short(m.density),
+                        model_name(body.model),
+                        evaluation_name(body.evaluation),
+                    ),
+                )?;
+            }
+            if let Some(sheet) = &body.membrane {
+                let m = &sheet.material;
+                block.line(
+                    "  membrane",
+                    format!(
+                        "{} triangles, {} cm^2, {} mm; E = {}, nu = {}, {} kg/m^3; model {}, {} \
+                         evaluation",
+                        sheet.triangles,
+                        short(sheet.area * 1e4),
+                        short(sheet.thickness * 1e3),
+                        pressure(m.young_modulus),
+                        m.poisson_ratio,
+                        short(m.density),
+                        sheet.model.name(),
+                        evaluation_name(sheet.evaluation),
+                    ),
+                )?;
+            }
         }
         for c in &self.constraints {
             let window = match (c.from, c.until) {
@@ -604,6 +659,12 @@ impl RunSummary {
                     "{} vertices of {} along {}, {}{window}{force}",
                     c.vertices, c.body, c.axes, c.motion
                 ),
+            )?;
+        }
+        for p in &self.pressures {
+            block.line(
+                &format!("pressure {}", p.name),
+                format!("{} on {} triangles of {}", pressure(p.pressure), p.triangles, p.body),
             )?;
         }
         for load in &self.loads {

@@ -231,6 +231,7 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
     let body = "name = \"a\"\n[[body]]\nname = \"b\"\n";
     let constraint = "name = \"a\"\n[[constraint]]\nname = \"b\"\n";
     let load = "name = \"a\"\n[[load]]\nname = \"b\"\n";
+    let pressure = "name = \"a\"\n[[pressure]]\nname = \"b\"\n";
     let sections = [
         ("scene", "zzz = 1".to_string()),
         ("[solver]", "name = \"a\"\n[solver]\nzzz = 1".into()),
@@ -239,6 +240,12 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("generate.box", format!("{body}generate = {{ box = {{ zzz = 1 }} }}")),
         ("generate.cylinder", format!("{body}generate = {{ cylinder = {{ zzz = 1 }} }}")),
         ("generate.sphere", format!("{body}generate = {{ sphere = {{ zzz = 1 }} }}")),
+        ("generate.sheet", format!("{body}generate = {{ sheet = {{ zzz = 1 }} }}")),
+        ("generate.disc", format!("{body}generate = {{ disc = {{ zzz = 1 }} }}")),
+        ("generate.balloon", format!("{body}generate = {{ balloon = {{ zzz = 1 }} }}")),
+        ("membrane", format!("{body}membrane = {{ zzz = 1 }}")),
+        ("[[pressure]]", format!("{pressure}zzz = 1")),
+        ("on", format!("{pressure}on = {{ zzz = 1 }}")),
         ("rotate", format!("{body}rotate = {{ zzz = 1 }}")),
         ("material", format!("{body}material = {{ zzz = 1 }}")),
         ("select", format!("{constraint}select = {{ zzz = 1 }}")),

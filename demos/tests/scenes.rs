@@ -66,12 +66,34 @@ fn every_shipped_scene_has_a_test_here() {
         .map(|path| path.file_stem().unwrap().to_string_lossy().into_owned())
         .collect();
     names.sort();
-    assert_eq!(names, ["cantilever", "crush", "liver", "slender_cylinder", "static_beam"]);
+    let shipped =
+        ["cantilever", "crush", "liver", "membrane_drum", "slender_cylinder", "static_beam"];
+    assert_eq!(names, shipped);
     for name in names {
         let scene = LoadedScene::read(&shipped_scene(&name)).unwrap().scene;
         assert_eq!(scene.name, name);
         assert!(!scene.description.is_empty());
     }
+}
+
+#[test]
+fn drum_is_blown_up_and_snaps_back_and_a_block_is_sucked_up() {
+    let (summary, table) = run_whole("membrane_drum", None);
+    let sheets: Vec<_> = summary.bodies.iter().map(|b| b.membrane.as_ref().unwrap()).collect();
+    assert_eq!((summary.bodies[0].tetrahedra, sheets[0].triangles), (0, 6 * 14 * 14));
+    assert_eq!((summary.bodies[1].tetrahedra, sheets[1].triangles), (6 * 12 * 12 * 5, 2 * 12 * 12));
+    let drum: Vec<f64> = table.vector("drum.mean_displacement", "m").iter().map(|u| u.z).collect();
+    let time = table.column("time_s");
+    let at = |t: f64| time.iter().position(|&x| x >= t - 1e-9).unwrap();
+    // a dome of about a quarter of the radius while blown up, the other way after it is let go
+    let dome = drum[at(0.59)];
+    assert!(dome > 0.008 && dome < 0.025, "{dome}");
+    let back = drum[at(0.61)..].iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(back < -0.2 * dome, "{back} after {dome}");
+    let skin: Vec<f64> = table.vector("skin.mean_displacement", "m").iter().map(|u| u.z).collect();
+    assert!(skin[at(0.59)] > 0.001 && *skin.last().unwrap() < 0.3 * skin[at(0.59)], "{skin:?}");
+    assert!(table.column("skin.min_area_ratio (-)").iter().all(|&r| r > 0.5 && r < 1.5));
+    assert!(summary.volume.inverted_max == 0);
 }
 
 #[test]

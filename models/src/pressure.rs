@@ -124,8 +124,11 @@ pub fn activate<S: Scalar>(world: &mut World) {
         world.insert_resource(PressureFaces::<S>::default());
         world.init_resource::<SweptVolumes>();
         world.init_resource::<LoadTime>();
+        // alone between the two stages, so that it is ordered against whatever Prepare holds
         let mut schedules = world.resource_mut::<Schedules>();
-        schedules.entry(StepSchedule).add_systems(collect_faces::<S>.in_set(StepSystems::Prepare));
+        schedules.entry(StepSchedule).add_systems(
+            collect_faces::<S>.after(StepSystems::Prepare).before(StepSystems::Integrate),
+        );
         activate_law::<FollowerPressure, S>(world, |schedule| {
             schedule.add_systems(evaluate::<S>.in_set(ForceSystems::Evaluate));
         });

@@ -4,6 +4,7 @@ use crate::peers::PeerError;
 use sinew::engine::mesh::MeshError;
 use sinew::models::body::BodyError;
 use sinew::models::material::MaterialError;
+use sinew::models::membrane::RestTriangleError;
 use sinew::models::precompute::RestTetrahedronError;
 use sinew::simulation::SimulationError;
 use sinew_demos::error::{RunError, SceneError};
@@ -28,6 +29,9 @@ pub enum BenchError {
     /// An element has no usable rest shape.
     #[error(transparent)]
     Element(#[from] RestTetrahedronError),
+    /// A membrane triangle has no usable rest shape.
+    #[error(transparent)]
+    Triangle(#[from] RestTriangleError),
     /// A scene cannot be read or built.
     #[error(transparent)]
     Scene(#[from] SceneError),

@@ -4,6 +4,7 @@
 use super::arrays::PlainArrays;
 use super::error::BenchError;
 use super::flops::{ElementFlops, pooled_flops};
+use super::membranes::{self, MembraneRow};
 use super::roofline::Limits;
 use super::stats::{Rounds, Spread, interleave};
 use super::table::{Cell, Table};
@@ -108,6 +109,9 @@ pub struct KernelReport {
     pub rows: Vec<KernelRow>,
     /// Entity columns against plain arrays.
     pub columns: Vec<ColumnRow>,
+    /// Membranes.
+    #[serde(default)]
+    pub membranes: Vec<MembraneRow>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -152,6 +156,7 @@ pub fn run(
         let rounds = Rounds { most: 2 * options.rounds.most + 1, ..options.rounds };
         report.columns.push(columns_against_arrays::<f64>(&mesh, rounds)?);
         report.columns.push(columns_against_arrays::<f32>(&mesh, rounds)?);
+        report.membranes.extend(membranes::run(size, options.rounds)?);
     }
     Ok(report)
 }
@@ -857,7 +862,7 @@ impl KernelReport {
                 r.difference.into(),
             ]);
         }
-        vec![kernels, passes, columns]
+        vec![kernels, passes, columns, membranes::table(&self.membranes)]
     }
 }
 

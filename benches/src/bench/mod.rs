@@ -8,6 +8,7 @@ pub mod error;
 pub mod flops;
 pub mod kernels;
 pub mod machine;
+pub mod membranes;
 pub mod pareto;
 pub mod plot;
 pub mod refine;
