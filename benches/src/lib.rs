@@ -5,4 +5,5 @@ pub mod advise;
 pub mod beam;
 pub mod bench;
 pub mod peers;
+pub mod resection;
 pub mod stability;

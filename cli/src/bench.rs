@@ -3,6 +3,7 @@
 use crate::{Outcome, print};
 use clap::{Args, ValueEnum};
 use sinew_benches::bench::{BenchOptions, Part, run};
+use sinew_benches::resection::ResectionOptions;
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -12,7 +13,8 @@ pub struct BenchArguments {
     /// Smaller sizes and fewer repeats: a minute or two instead of a quarter of an hour.
     #[arg(long)]
     quick: bool,
-    /// Folder for report.html, report.json, readme.md, one CSV per table and one SVG per chart.
+    /// Folder for report.html, report.json, readme.md, one CSV per table and one SVG per chart; of
+    /// `resection` only resection.json.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the JSON report instead of tables.
@@ -42,7 +44,9 @@ enum What {
     /// Sinew beside MuJoCo flex (pip install mujoco; see --python) and Rapier (build with --features
     /// sinew-cli/rapier), same mesh, material and load; what is absent is skipped with a message.
     Peers,
-    /// Everything, one report.
+    /// Frame times while one tetrahedron a frame is removed, on two threads; not part of `all`.
+    Resection,
+    /// Everything but `resection`, one report.
     All,
 }
 
@@ -54,6 +58,7 @@ impl BenchArguments {
             What::Accuracy => vec![Part::Accuracy],
             What::Scenes => vec![Part::Scenes],
             What::Peers => vec![Part::Peers],
+            What::Resection => Vec::new(),
             What::All => {
                 vec![Part::Kernels, Part::Step, Part::Accuracy, Part::Scenes, Part::Peers]
             }
@@ -77,11 +82,35 @@ impl BenchArguments {
     }
 }
 
+/// Frame times; printed only.
+fn resection(arguments: &BenchArguments) -> Outcome {
+    let sizes = match (arguments.tets.is_empty(), arguments.quick) {
+        (false, _) => arguments.tets.clone(),
+        (true, true) => vec![5_000],
+        (true, false) => vec![5_000, 50_000],
+    };
+    let frames = if arguments.quick { 100 } else { 500 };
+    let report = sinew_benches::resection::run(&ResectionOptions { sizes, frames, threads: 2 })?;
+    if arguments.json {
+        print(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
+    } else {
+        print(format_args!("{report}"))?;
+    }
+    if let Some(folder) = &arguments.out {
+        std::fs::create_dir_all(folder)?;
+        std::fs::write(folder.join("resection.json"), serde_json::to_string_pretty(&report)?)?;
+    }
+    Ok(true)
+}
+
 pub fn bench(arguments: &BenchArguments) -> Outcome {
     if cfg!(debug_assertions) {
         eprintln!(
             "warning: this is a debug build; use `cargo run --release` for figures that count"
         );
+    }
+    if matches!(arguments.what, What::Resection) {
+        return resection(arguments);
     }
     let options = BenchOptions {
         quick: arguments.quick,

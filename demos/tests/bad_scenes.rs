@@ -231,6 +231,7 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
     let body = "name = \"a\"\n[[body]]\nname = \"b\"\n";
     let constraint = "name = \"a\"\n[[constraint]]\nname = \"b\"\n";
     let load = "name = \"a\"\n[[load]]\nname = \"b\"\n";
+    let resection = "name = \"a\"\n[[resection]]\nname = \"b\"\n";
     let sections = [
         ("scene", "zzz = 1".to_string()),
         ("[solver]", "name = \"a\"\n[solver]\nzzz = 1".into()),
@@ -250,6 +251,8 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("[[load]]", format!("{load}zzz = 1")),
         ("curve", format!("{load}curve = {{ zzz = 1 }}")),
         ("curve.sine", format!("{load}curve = {{ sine = {{ zzz = 1 }} }}")),
+        ("[[resection]]", format!("{resection}zzz = 1")),
+        ("tool", format!("{resection}tool = {{ zzz = 1 }}")),
         ("[[probe]]", "name = \"a\"\n[[probe]]\nzzz = 1".into()),
         ("[output]", "name = \"a\"\n[output]\nzzz = 1".into()),
     ];
