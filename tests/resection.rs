@@ -315,6 +315,31 @@ fn vertices(mesh: &Mesh, test: impl Fn(DVec3) -> bool) -> Vec<u32> {
     (0..).zip(&mesh.points).filter(|(_, p)| test(**p)).map(|(i, _)| i).collect()
 }
 
+/// Nothing holds the body: it and the vertex that it lost fall by the closed form, as one.
+#[test]
+fn a_free_body_falls_with_its_orphans() {
+    let mesh = bar(0.05, [5, 2, 2]);
+    let (mut simulation, body) = build(&mesh, BODIES[0], options(Precision::F64, 1));
+    disturb(&mut simulation, body, 0.0005, 9);
+    let start = simulation.displacements(body);
+    let region = touching(&mesh, |p| p.distance(DVec3::new(0.25, 0.1, 0.1)) < 1e-9);
+    simulation.remove_tetrahedra(body, &Removal { region, mass: MassPolicy::Keep }).unwrap();
+    let masses = simulation.masses(body);
+    let h = 0.01;
+    simulation.set_dt(h);
+    for step in 1..=20 {
+        simulation.step().unwrap();
+        let u = simulation.displacements(body);
+        let total: f64 = masses.iter().sum();
+        let way = |v: usize| masses[v] * (u[v] - start[v]);
+        let centre = (0..u.len()).map(way).sum::<DVec3>() / total;
+        let expected = -9.81 * h * h * (step * (step + 1)) as f64 / 2.0;
+        let report = simulation.report();
+        assert_eq!((report.energy_caps, report.backtracks), (0, 0));
+        assert!((centre.z - expected).abs() < 1e-9 * expected.abs(), "{step}: {centre}");
+    }
+}
+
 /// A vertex without mass stays, even under a load, and a constraint on it still moves it.
 #[test]
 fn vertices_without_mass_stay_where_they_are() {
@@ -502,6 +527,38 @@ fn a_hundred_single_removals_stay_bounded() {
         }
         let difference = simulation.verify_against_fresh(body).unwrap();
         assert!(difference.largest().max(difference.mass) < 1e-12, "{difference:?}");
+    }
+}
+
+/// What explicit integrators remember from step to step does not outlive a removal.
+#[test]
+fn explicit_steps_notice_a_removal() {
+    let mesh = bar(0.02, [5, 2, 2]);
+    for kind in [BODIES[0], BODIES[1], BODIES[5]] {
+        let mut results = Vec::new();
+        for forget in [false, true] {
+            let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 1));
+            let settings =
+                SolverSettings { integrator: Integrator::StormerVerlet, ..Default::default() };
+            simulation.set_solver(settings);
+            let rows = simulation.rows(body, "end", &vertices(&mesh, |p| p.x < 1e-9)).unwrap();
+            simulation.add_constraint(Constraint::hold("end", rows));
+            simulation.set_dt(0.01);
+            for _ in 0..5 {
+                simulation.step().unwrap();
+            }
+            let chosen = pick(&simulation, body, 4, 1);
+            let keep = Removal { mass: MassPolicy::Keep, ..list(&chosen) };
+            simulation.remove_tetrahedra(body, &keep).unwrap();
+            if forget {
+                let (u, v) = (simulation.displacements(body), simulation.velocities(body));
+                simulation.set_state(body, &u, &v).unwrap();
+            }
+            simulation.step().unwrap();
+            results.push(simulation.displacements(body));
+        }
+        let size = common::max_length(&results[0]);
+        assert!(common::max_distance(&results[0], &results[1]) < 1e-12 * size, "{kind:?}");
     }
 }
 
