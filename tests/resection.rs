@@ -315,6 +315,31 @@ fn vertices(mesh: &Mesh, test: impl Fn(DVec3) -> bool) -> Vec<u32> {
     (0..).zip(&mesh.points).filter(|(_, p)| test(**p)).map(|(i, _)| i).collect()
 }
 
+/// Nothing holds the body: it and the vertex that it lost fall by the closed form, as one.
+#[test]
+fn a_free_body_falls_with_its_orphans() {
+    let mesh = bar(0.05, [5, 2, 2]);
+    let (mut simulation, body) = build(&mesh, BODIES[0], options(Precision::F64, 1));
+    disturb(&mut simulation, body, 0.0005, 9);
+    let start = simulation.displacements(body);
+    let region = touching(&mesh, |p| p.distance(DVec3::new(0.25, 0.1, 0.1)) < 1e-9);
+    simulation.remove_tetrahedra(body, &Removal { region, mass: MassPolicy::Keep }).unwrap();
+    let masses = simulation.masses(body);
+    let h = 0.01;
+    simulation.set_dt(h);
+    for step in 1..=20 {
+        simulation.step().unwrap();
+        let u = simulation.displacements(body);
+        let total: f64 = masses.iter().sum();
+        let way = |v: usize| masses[v] * (u[v] - start[v]);
+        let centre = (0..u.len()).map(way).sum::<DVec3>() / total;
+        let expected = -9.81 * h * h * (step * (step + 1)) as f64 / 2.0;
+        let report = simulation.report();
+        assert_eq!((report.energy_caps, report.backtracks), (0, 0));
+        assert!((centre.z - expected).abs() < 1e-9 * expected.abs(), "{step}: {centre}");
+    }
+}
+
 /// A vertex without mass stays, even under a load, and a constraint on it still moves it.
 #[test]
 fn vertices_without_mass_stay_where_they_are() {
@@ -433,20 +458,107 @@ fn thirty_per_cent_at_once_stay_bounded() {
                 let chosen = pick(&simulation, body, count, 5);
                 let removal = Removal { mass, ..list(&chosen) };
                 simulation.remove_tetrahedra(body, &removal).unwrap();
-                let mut energy = simulation.evaluate() + simulation.report().kinetic_energy;
-                let scale = energy.abs();
-                for _ in 0..60 {
-                    simulation.step().unwrap();
-                    let r = simulation.report();
-                    let now = r.elastic_energy + r.kinetic_energy;
-                    energy += r.load_work + r.constraint_work;
-                    assert!(now <= energy + 1e-6 * (scale + energy.abs()), "{now} {energy}");
-                    energy = now;
-                }
+                stays_bounded(&mut simulation, 60);
                 hashes.push(simulation.state_hash());
             }
             assert_eq!(hashes[0], hashes[1], "{kind:?} {mass:?}");
         }
+    }
+}
+
+/// Steps of 1/60 s; the total energy never rises by more than what is put in.
+fn stays_bounded(simulation: &mut Simulation, steps: usize) {
+    let mut energy = simulation.evaluate() + simulation.report().kinetic_energy;
+    let mut scale = energy.abs();
+    for _ in 0..steps {
+        simulation.step().unwrap();
+        let r = simulation.report();
+        let now = r.elastic_energy + r.kinetic_energy;
+        scale = scale.max(now.abs());
+        energy += r.load_work + r.constraint_work;
+        assert!(now <= energy + 1e-6 * scale, "{now} {energy}");
+        energy = now;
+    }
+}
+
+/// All but a held block and one more element goes, which then hangs on an edge, on a vertex or on
+/// nothing.
+#[test]
+fn elements_hanging_by_little_stay_bounded() {
+    let mesh = bar(0.05, [3, 2, 2]);
+    let base = |t: &[u32; 4]| t.iter().all(|&v| mesh.points[v as usize].x < 0.051);
+    let shared = |t: &[u32; 4]| t.iter().filter(|&&v| mesh.points[v as usize].x < 0.051).count();
+    for (common, pieces) in [(2, 1), (1, 1), (0, 2)] {
+        let hanging = mesh.tetrahedra.iter().position(|t| shared(t) == common).unwrap();
+        for mass in [MassPolicy::Keep, MassPolicy::Recompute] {
+            for kind in [BODIES[0], BODIES[1]] {
+                let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 1));
+                let rows = simulation.rows(body, "end", &vertices(&mesh, |p| p.x < 1e-9)).unwrap();
+                simulation.add_constraint(Constraint::hold("end", rows));
+                simulation.set_dt(1.0 / 60.0);
+                for _ in 0..10 {
+                    simulation.step().unwrap();
+                }
+                let gone = (0..).zip(&mesh.tetrahedra).filter(|(i, t)| !base(t) && *i != hanging);
+                let gone: Vec<u32> = gone.map(|(i, _)| i as u32).collect();
+                let removal = Removal { mass, ..list(&gone) };
+                let report = simulation.remove_tetrahedra(body, &removal).unwrap();
+                assert_eq!((report.pieces, report.compacted), (pieces, true));
+                stays_bounded(&mut simulation, 120);
+                assert_eq!(simulation.volume_report().inverted, 0);
+            }
+        }
+    }
+}
+
+/// A loaded bar loses 100 tetrahedra one after the other.
+#[test]
+fn a_hundred_single_removals_stay_bounded() {
+    let mesh = bar(0.025, [10, 4, 4]);
+    for kind in [BODIES[0], BODIES[1]] {
+        let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 2));
+        let rows = simulation.rows(body, "end", &vertices(&mesh, |p| p.x < 1e-9)).unwrap();
+        simulation.add_constraint(Constraint::hold("end", rows));
+        simulation.set_dt(1.0 / 60.0);
+        for removal in 0..100 {
+            let chosen = pick(&simulation, body, 1, removal);
+            simulation.remove_tetrahedra(body, &list(&chosen)).unwrap();
+            stays_bounded(&mut simulation, 1);
+        }
+        let difference = simulation.verify_against_fresh(body).unwrap();
+        assert!(difference.largest().max(difference.mass) < 1e-12, "{difference:?}");
+    }
+}
+
+/// What explicit integrators remember from step to step does not outlive a removal.
+#[test]
+fn explicit_steps_notice_a_removal() {
+    let mesh = bar(0.02, [5, 2, 2]);
+    for kind in [BODIES[0], BODIES[1], BODIES[5]] {
+        let mut results = Vec::new();
+        for forget in [false, true] {
+            let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 1));
+            let settings =
+                SolverSettings { integrator: Integrator::StormerVerlet, ..Default::default() };
+            simulation.set_solver(settings);
+            let rows = simulation.rows(body, "end", &vertices(&mesh, |p| p.x < 1e-9)).unwrap();
+            simulation.add_constraint(Constraint::hold("end", rows));
+            simulation.set_dt(0.01);
+            for _ in 0..5 {
+                simulation.step().unwrap();
+            }
+            let chosen = pick(&simulation, body, 4, 1);
+            let keep = Removal { mass: MassPolicy::Keep, ..list(&chosen) };
+            simulation.remove_tetrahedra(body, &keep).unwrap();
+            if forget {
+                let (u, v) = (simulation.displacements(body), simulation.velocities(body));
+                simulation.set_state(body, &u, &v).unwrap();
+            }
+            simulation.step().unwrap();
+            results.push(simulation.displacements(body));
+        }
+        let size = common::max_length(&results[0]);
+        assert!(common::max_distance(&results[0], &results[1]) < 1e-12 * size, "{kind:?}");
     }
 }
 
@@ -491,6 +603,11 @@ fn random_run(cells: [usize; 3], kind: usize, seed: u64, threads: usize) -> (u64
         simulation.step().unwrap();
         let report = simulation.report();
         assert!(report.elastic_energy.is_finite() && report.kinetic_energy.is_finite());
+        if next(8) == 0 {
+            let tolerance = if precision == Precision::F64 { 1e-12 } else { 1e-4 };
+            let difference = simulation.verify_against_fresh(body).unwrap();
+            assert!(difference.largest() <= tolerance, "{kind} {seed}: {difference:?}");
+        }
         // nothing flies further than falling takes it
         let fall = 0.5 * 9.81 * (simulation.time() + 1.0 / 60.0).powi(2);
         let reach = common::max_length(&simulation.displacements(body));

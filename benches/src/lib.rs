@@ -6,5 +6,6 @@ pub mod beam;
 pub mod bench;
 pub mod peers;
 pub mod reproduce;
+pub mod resection;
 pub mod sheets;
 pub mod stability;

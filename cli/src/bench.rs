@@ -4,6 +4,7 @@ use crate::{Outcome, PrecisionArgument, choice, print};
 use clap::{Args, Subcommand};
 use sinew::prelude::{Integrator, Model};
 use sinew_benches::bench::{BenchOptions, Part, run};
+use sinew_benches::resection::ResectionOptions;
 use sinew_benches::stability::SuiteOptions;
 use std::path::PathBuf;
 
@@ -20,7 +21,9 @@ pub enum BenchCommand {
     /// Sinew beside MuJoCo flex (pip install mujoco; see --python) and Rapier (build with --features
     /// sinew-cli/rapier), same mesh, material and load; what is absent is skipped with a message.
     Peers(BenchArguments),
-    /// Everything that is measured, one report.
+    /// Frame times while one tetrahedron a frame is removed, on two threads; not part of `all`.
+    Resection(BenchArguments),
+    /// Everything but `resection` and `stability`, one report.
     All(BenchArguments),
     /// Run the hard cases and print the pass table; fails when a case misses that must pass.
     Stability(StabilityArguments),
@@ -31,7 +34,8 @@ pub struct BenchArguments {
     /// Smaller sizes and fewer repeats: a minute or two instead of a quarter of an hour.
     #[arg(long)]
     quick: bool,
-    /// Folder for report.html, report.json, readme.md, one CSV per table and one SVG per chart.
+    /// Folder for report.html, report.json, readme.md, one CSV per table and one SVG per chart; of
+    /// `resection` only resection.json.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the JSON report instead of tables.
@@ -85,7 +89,7 @@ fn measured(command: &BenchCommand) -> Option<(Vec<Part>, &'static str, &BenchAr
             let all = [Part::Kernels, Part::Step, Part::Accuracy, Part::Scenes, Part::Peers];
             (all.to_vec(), "all", a)
         }
-        BenchCommand::Stability(_) => return None,
+        BenchCommand::Resection(_) | BenchCommand::Stability(_) => return None,
     })
 }
 
@@ -107,6 +111,7 @@ fn command(what: &str, arguments: &BenchArguments) -> String {
 pub fn bench(bench: &BenchCommand) -> Outcome {
     match (bench, measured(bench)) {
         (BenchCommand::Stability(arguments), _) => stability(arguments),
+        (BenchCommand::Resection(arguments), _) => resection(arguments),
         (_, Some((parts, what, arguments))) => measure(&parts, what, arguments),
         (_, None) => Ok(true),
     }
@@ -142,6 +147,27 @@ fn stability(arguments: &StabilityArguments) -> Outcome {
         eprintln!("written to {}", suite.write_html(path)?.display());
     }
     Ok(suite.passed())
+}
+
+/// Frame times; printed only.
+fn resection(arguments: &BenchArguments) -> Outcome {
+    let sizes = match (arguments.tets.is_empty(), arguments.quick) {
+        (false, _) => arguments.tets.clone(),
+        (true, true) => vec![5_000],
+        (true, false) => vec![5_000, 50_000],
+    };
+    let frames = if arguments.quick { 100 } else { 500 };
+    let report = sinew_benches::resection::run(&ResectionOptions { sizes, frames, threads: 2 })?;
+    if arguments.json {
+        print(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
+    } else {
+        print(format_args!("{report}"))?;
+    }
+    if let Some(folder) = &arguments.out {
+        std::fs::create_dir_all(folder)?;
+        std::fs::write(folder.join("resection.json"), serde_json::to_string_pretty(&report)?)?;
+    }
+    Ok(true)
 }
 
 fn measure(parts: &[Part], what: &str, arguments: &BenchArguments) -> Outcome {

@@ -116,6 +116,20 @@ bad! {
     box_without_cells: "[4, 1, 1]" => "[4, 0, 1]", Mesh { .. }, 11, ["cells[1]"];
     two_shapes: "{ box =" => "{ sphere = { radius = 1.0, shells = 2 }, box =",
         Value { .. }, 11, ["exactly one shape"];
+    resection_of_nothing: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\n\n[[probe]]", Value { .. }, 24, ["exactly one kind of resection"];
+    resection_of_two_kinds: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\nstrain = 0.5\nstress = 1e3\n\n[[probe]]", Value { .. }, 24, ["exactly one kind of resection"];
+    resection_of_a_tetrahedron_that_is_not_there: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\ntetrahedra = [3, 24]\n\n[[probe]]", Value { .. }, 26, ["no tetrahedron 24", "it has 24"];
+    resection_of_a_tetrahedron_twice: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\ntetrahedra = [3, 3]\n\n[[probe]]", Value { .. }, 26, ["tetrahedron 3 comes twice"];
+    resection_with_a_bad_limit: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\nstrain = -1.0\n\n[[probe]]", Value { .. }, 26, ["strain is -1", "positive"];
+    resection_with_a_path_back_in_time: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\ntool = { radius = 0.01, path = [[1.0, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0]] }\n\n[[probe]]", Value { .. }, 26, ["follows time 1 s", "ascending"];
+    resection_with_an_end_that_never_counts: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\ntetrahedra = [3]\nuntil = 1.0\n\n[[probe]]", Value { .. }, 27, ["`until`", "leave it out"];
     negative_young_modulus: "1e5" => "-1e5",
         Material { .. }, 12, ["young_modulus", "-100000 Pa", "positive"];
     incompressible: "poisson_ratio = 0.4" => "poisson_ratio = 0.5",
@@ -232,6 +246,7 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
     let constraint = "name = \"a\"\n[[constraint]]\nname = \"b\"\n";
     let load = "name = \"a\"\n[[load]]\nname = \"b\"\n";
     let pressure = "name = \"a\"\n[[pressure]]\nname = \"b\"\n";
+    let resection = "name = \"a\"\n[[resection]]\nname = \"b\"\n";
     let sections = [
         ("scene", "zzz = 1".to_string()),
         ("[solver]", "name = \"a\"\n[solver]\nzzz = 1".into()),
@@ -257,6 +272,8 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("[[load]]", format!("{load}zzz = 1")),
         ("curve", format!("{load}curve = {{ zzz = 1 }}")),
         ("curve.sine", format!("{load}curve = {{ sine = {{ zzz = 1 }} }}")),
+        ("[[resection]]", format!("{resection}zzz = 1")),
+        ("tool", format!("{resection}tool = {{ zzz = 1 }}")),
         ("[[probe]]", "name = \"a\"\n[[probe]]\nzzz = 1".into()),
         ("[output]", "name = \"a\"\n[output]\nzzz = 1".into()),
     ];

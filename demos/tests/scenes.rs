@@ -1,6 +1,7 @@
 //! Every shipped scene runs and does what its description says.
 
 use glam::DVec3;
+use sinew::engine::mesh::Mesh;
 use sinew::simulation::Precision;
 use sinew_demos::build::{BuildOptions, BuiltScene};
 use sinew_demos::run::{Observer, RunOptions, Silent, run};
@@ -66,9 +67,16 @@ fn every_shipped_scene_has_a_test_here() {
         .map(|path| path.file_stem().unwrap().to_string_lossy().into_owned())
         .collect();
     names.sort();
-    let shipped =
-        ["cantilever", "crush", "liver", "membrane_drum", "slender_cylinder", "static_beam"];
-    assert_eq!(names, shipped);
+    let expected = [
+        "cantilever",
+        "crush",
+        "liver",
+        "liver_resection",
+        "membrane_drum",
+        "slender_cylinder",
+        "static_beam",
+    ];
+    assert_eq!(names, expected);
     for name in names {
         let scene = LoadedScene::read(&shipped_scene(&name)).unwrap().scene;
         assert_eq!(scene.name, name);
@@ -119,6 +127,37 @@ fn liver_sags_follows_the_tool_and_swings_back() {
     assert_eq!((summary.scene.vertices, summary.scene.tetrahedra), (1118, 5020));
     let text = summary.to_string();
     for part in ["liver", "per step", "real time", "energy", "state hash", "liver.pvd"] {
+        assert!(text.contains(part), "{part} is not in\n{text}");
+    }
+}
+
+#[test]
+fn liver_loses_its_lobe() {
+    let (summary, table) = run_whole("liver_resection", None);
+    let cut = &summary.resections[0];
+    assert!(cut.pieces > 1 && cut.orphans > 0 && cut.mass > 0.0, "{summary}");
+    assert_eq!(cut.remaining, 5020 - cut.removed);
+    assert!((0.05..0.25).contains(&(cut.removed as f64 / 5020.0)), "{summary}");
+    // frames hold what is left: all of it before the cut, ever less, and what remains at the end
+    let frames = folder("liver_resection").join("frames");
+    let mut files: Vec<_> =
+        std::fs::read_dir(frames).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    let counts: Vec<usize> =
+        files.iter().map(|file| Mesh::read(file).unwrap().tetrahedra.len()).collect();
+    assert_eq!((counts[0], counts[15]), (5020, 5020));
+    assert!(counts.windows(2).all(|w| w[1] <= w[0]));
+    assert_eq!(counts[counts.len() - 1], cut.remaining);
+    // the lobe is on its way down at the end
+    let fallen = table.column("liver.max_displacement (m)");
+    assert!(fallen[fallen.len() - 1] > 0.3, "{summary}");
+    // the ligament carries what still hangs
+    let held = table.vector("ligament.reaction", "N");
+    let weight = (summary.bodies[0].mass - cut.mass) * 9.81;
+    let last = held[held.len() - 1].z;
+    assert!(last > 0.5 * weight && last < 1.05 * weight, "{last} N of {weight} N");
+    let text = summary.to_string();
+    for part in ["resect tool", "left in", "removed"] {
         assert!(text.contains(part), "{part} is not in\n{text}");
     }
 }

@@ -284,9 +284,6 @@ fn free_pieces(body: &BodyRows, fixed: &[FixedAxes]) -> Vec<FreePiece> {
     if body.piece_count() == 1 && !held {
         return vec![FreePiece::Whole];
     }
-    if body.piece_count() < 2 {
-        return Vec::new();
-    }
     let mut pieces = vec![Some(Vec::new()); body.piece_count()];
     let first = body.vertices.start;
     for (row, (&piece, fixed)) in (first..).zip(body.piece.iter().zip(fixed)) {
