@@ -248,7 +248,7 @@ fn explicit_steps_follow_the_material() {
         Evaluation::Fused,
     );
     clamp(&mut simulation, body, &mesh, "x0");
-    simulation.set_dt(5e-3);
+    simulation.set_dt(0.03);
     simulation
         .set_solver(SolverSettings { integrator: Integrator::StormerVerlet, ..Default::default() });
     simulation.step().unwrap();
@@ -259,7 +259,7 @@ fn explicit_steps_follow_the_material() {
     assert!((ratio / 4.0 - 1.0).abs() < 0.1, "{ratio}");
     simulation.step().unwrap();
     let more = simulation.report().substeps;
-    assert!(more >= 3 * substeps && more <= 5 * substeps + 5, "{substeps} to {more}");
+    assert!(more >= 3 * substeps && more <= 5 * substeps, "{substeps} to {more}");
 }
 
 #[test]

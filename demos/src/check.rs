@@ -74,6 +74,17 @@ fn check_scene(path: &Path, summary: &mut CheckSummary) -> Result<(), SceneError
             body.material.poisson_ratio,
             short(body.material.density),
         ));
+        if let Some(m) = &body.membrane {
+            summary.plan.push(format!(
+                "membrane of `{}`: {} triangles, {} m thick, E = {} Pa, nu = {}, {} kg/m^3",
+                body.name,
+                m.triangles.len(),
+                short(m.thickness),
+                short(m.material.young_modulus),
+                m.material.poisson_ratio,
+                short(m.material.density),
+            ));
+        }
         summary.meshes.push(body.report.clone());
     }
     for c in &built.constraints {
@@ -84,6 +95,10 @@ fn check_scene(path: &Path, summary: &mut CheckSummary) -> Result<(), SceneError
     for load in &built.loads {
         let (body, count) = (&built.bodies[load.body].name, load.vertices);
         summary.plan.push(format!("load `{}`: {count} vertices of `{body}`", load.name));
+    }
+    for p in &built.pressures {
+        let (body, count) = (&built.bodies[p.body].name, p.triangles);
+        summary.plan.push(format!("pressure `{}`: {count} triangles of `{body}`", p.name));
     }
     for probe in &built.probes {
         let (body, count) = (&built.bodies[probe.body].name, probe.vertices.len());

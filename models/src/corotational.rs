@@ -173,7 +173,7 @@ pub fn rotation<R: Real>(g: &[R; 9]) -> [R; 9] {
         let value = d.mul_add(d, -(eight_j.mul_add(x, four * cofactors)));
         let slope = four * x * d - eight_j;
         let step = value / slope;
-        x = x - step;
+        x -= step;
         done = R::less(step.abs(), enough * x);
         if !R::any(R::less(R::select(done, one, R::ZERO), one)) {
             break;
@@ -394,7 +394,7 @@ fn inverse<R: Real>(s: &[R; 6]) -> [R; 6] {
     let floor = (R::from_f64(1e-6) * size * size * size).max(R::from_f64(1e-30));
     let factor = R::ONE / determinant.max(floor);
     for x in &mut inverse {
-        *x = *x * factor;
+        *x *= factor;
     }
     inverse
 }
