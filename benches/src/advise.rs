@@ -16,7 +16,7 @@ use crate::bench::table::{Table, three_digits};
 use glam::DVec3;
 use serde::Serialize;
 use sinew::prelude::*;
-use sinew_demos::build::{BuildOptions, build, integrator_name};
+use sinew_demos::build::{BuildOptions, build};
 use sinew_demos::scene::{LoadedScene, Mode, PrecisionName};
 use sinew_demos::summary::{evaluation_name, model_name};
 use std::time::Instant;
@@ -116,7 +116,7 @@ impl Choice {
         let mut add = |name: &str, value: Option<String>| {
             words.extend(value.map(|value| format!("--{name} {value}")));
         };
-        add("integrator", self.integrator.map(|i| integrator_name(i).to_string()));
+        add("integrator", self.integrator.map(|i| i.name().to_string()));
         add("dt", self.dt.map(|x| x.to_string()));
         add("load-steps", self.load_steps.map(|n| n.to_string()));
         add("linear-tolerance", self.linear_tolerance.map(|x| format!("{x:e}")));
@@ -480,7 +480,7 @@ impl Search<'_> {
             all.join("+")
         };
         Ok(Row {
-            integrator: integrator_name(integrator).into(),
+            integrator: integrator.name().into(),
             step: match (self.fixed, scene.dt) {
                 (false, Some(dt)) => format!("{} ms", three_digits(1e3 * dt)),
                 _ => format!("{} load steps", scene.load_steps.unwrap_or(1)),

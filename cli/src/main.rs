@@ -165,9 +165,9 @@ struct StabilityArguments {
     /// A third of the cases.
     #[arg(long)]
     quick: bool,
-    /// Converged implicit Euler instead of the safe step, for comparison.
-    #[arg(long)]
-    newton: bool,
+    /// Time integrator.
+    #[arg(long, value_parser = choice::<Integrator>, default_value = "auto")]
+    integrator: Integrator,
     /// Number type of the state.
     #[arg(long, default_value = "f64")]
     precision: PrecisionArgument,
@@ -342,7 +342,7 @@ fn validate_cases(arguments: ValidateArguments) -> Outcome {
 fn stability(arguments: &StabilityArguments) -> Outcome {
     let suite = sinew_benches::stability::run(SuiteOptions {
         quick: arguments.quick,
-        integrator: if arguments.newton { Integrator::Newton } else { Integrator::Safe },
+        integrator: arguments.integrator,
         precision: arguments.precision.into(),
     })?;
     if arguments.json {

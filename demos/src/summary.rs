@@ -606,7 +606,7 @@ impl RunSummary {
                 format!("[{x}, {y}, {z}] N on {} vertices of {}", load.vertices, load.body),
             )?;
         }
-        let integrator = crate::build::integrator_name(self.settings.solver.integrator);
+        let integrator = self.settings.solver.integrator.name();
         if self.scene.mode == "static" {
             let steps = self.settings.steps;
             block.line("integrator", format!("{integrator}, {steps} load step(s)"))

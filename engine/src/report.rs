@@ -44,6 +44,10 @@ pub struct StepReport {
     pub line_search_failures: u32,
     /// The energy cap scaled the velocity.
     pub energy_caps: u32,
+    /// Bodies that took a linearised BDF2 step.
+    pub second_order_steps: u32,
+    /// Bodies that did not.
+    pub fallbacks: Fallbacks,
     /// Explicit substeps.
     pub substeps: u32,
     /// Steps repeated with more substeps because the energy grew.
@@ -64,10 +68,29 @@ pub struct StepReport {
     /// Implicit ones book the energy it takes to move the held vertices at once, the rest following
     /// after: an upper bound, which the step then dissipates down to. 0 for equilibria.
     pub constraint_work: f64,
+    /// Energy (J) that went away during the step: kinetic and elastic energy at its start plus work,
+    /// less both energies at its end. Damping and the integrator's own dissipation; 0 for equilibria.
+    pub dissipation: f64,
     /// Total momentum of the step end (kg m/s).
     pub momentum: [f64; 3],
     /// Force evaluations of any kind.
     pub evaluations: u32,
+}
+
+/// Bodies that took the safe step instead of linearised BDF2, by reason. Integrators that converge BDF2
+/// count their first steps under `start`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Fallbacks {
+    /// There is no history: first step, state, held axes or masses changed, much other step length.
+    pub start: u32,
+    /// The tangent was not positive definite.
+    pub indefinite: u32,
+    /// The full step did not lower the incremental potential enough.
+    pub shortened: u32,
+    /// The energy would have gone above its budget.
+    pub energy: u32,
+    /// A step shortly before failed, or elements are inverted.
+    pub waiting: u32,
 }
 
 /// Volume ratios J at the end of the step.
