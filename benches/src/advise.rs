@@ -360,7 +360,7 @@ impl Search<'_> {
             return all;
         }
         for part in [1.0, 2.0, 4.0, 8.0] {
-            for integrator in [Integrator::Safe, Integrator::Newton] {
+            for integrator in [Integrator::LinearisedBdf2, Integrator::Safe, Integrator::Newton] {
                 all.push(Choice {
                     integrator: Some(integrator),
                     dt: Some(self.dt / part),
@@ -472,8 +472,7 @@ impl Search<'_> {
         let vertices = truth.first().map_or(0, Vec::len);
         let error = if run.finished { field_error(&run.states, truth, vertices) } else { None };
         let integrator = if self.fixed { Integrator::QuasiStatic } else { scene.solver.integrator };
-        let explicit =
-            matches!(integrator, Integrator::SymplecticEuler | Integrator::StormerVerlet);
+        let explicit = integrator.is_explicit();
         let names = |name: &dyn Fn(usize) -> &'static str| {
             let mut all: Vec<&str> = (0..scene.bodies.len()).map(name).collect();
             all.dedup();
@@ -486,8 +485,7 @@ impl Search<'_> {
                 _ => format!("{} load steps", scene.load_steps.unwrap_or(1)),
             },
             linear_tolerance: (!explicit).then_some(scene.solver.linear_tolerance),
-            newton_tolerance: matches!(integrator, Integrator::QuasiStatic | Integrator::Newton)
-                .then_some(scene.solver.newton_tolerance),
+            newton_tolerance: integrator.converges().then_some(scene.solver.newton_tolerance),
             precision: Precision::from(scene.precision).name().into(),
             evaluation: names(&|i| evaluation_name(scene.bodies[i].evaluation)),
             model: names(&|i| model_name(scene.bodies[i].model)),

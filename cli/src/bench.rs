@@ -37,6 +37,8 @@ enum What {
     Step,
     /// Speed against error of every method on every scene, with Pareto fronts.
     Accuracy,
+    /// Integrators beside each other: order, work against error, spin.
+    Integrators,
     /// The demo scenes as they are.
     Scenes,
     /// Sinew beside MuJoCo flex (pip install mujoco; see --python) and Rapier (build with --features
@@ -52,10 +54,18 @@ impl BenchArguments {
             What::Kernels => vec![Part::Kernels],
             What::Step => vec![Part::Step],
             What::Accuracy => vec![Part::Accuracy],
+            What::Integrators => vec![Part::Integrators],
             What::Scenes => vec![Part::Scenes],
             What::Peers => vec![Part::Peers],
             What::All => {
-                vec![Part::Kernels, Part::Step, Part::Accuracy, Part::Scenes, Part::Peers]
+                vec![
+                    Part::Kernels,
+                    Part::Step,
+                    Part::Accuracy,
+                    Part::Integrators,
+                    Part::Scenes,
+                    Part::Peers,
+                ]
             }
         }
     }

@@ -71,8 +71,13 @@ pub struct StepReport {
     /// Energy (J) that went away during the step: kinetic and elastic energy at its start plus work,
     /// less both energies at its end. Damping and the integrator's own dissipation; 0 for equilibria.
     pub dissipation: f64,
+    /// The part of it that Rayleigh damping took (J), by its power at the end of the step, for explicit
+    /// integrators by the mean of both ends. The rest is the integrator's.
+    pub damping_dissipation: f64,
     /// Total momentum of the step end (kg m/s).
     pub momentum: [f64; 3],
+    /// Total angular momentum about the origin at the step end (kg m^2/s).
+    pub angular_momentum: [f64; 3],
     /// Force evaluations of any kind.
     pub evaluations: u32,
 }
@@ -89,6 +94,8 @@ pub struct Fallbacks {
     pub shortened: u32,
     /// The energy would have gone above its budget.
     pub energy: u32,
+    /// An element would have been turned inside out.
+    pub inverted: u32,
     /// A step shortly before failed, or elements are inverted.
     pub waiting: u32,
 }

@@ -25,7 +25,7 @@
 //!   what damping stores when held vertices move), so the total energy never rises between outside
 //!   actions, for any step length.
 //! * **Linearised BDF2**: one Newton step of BDF2 from `x_n + h v_n`. It counts if the tangent was
-//!   positive definite, the full step was taken and the energy stayed below its budget: the largest
+//!   positive definite, the full step was taken, no element was turned inside out and the energy stayed below its budget: the largest
 //!   it has been, decaying by [`BUDGET_DECAY`] of the excess a step, plus outside work. Otherwise the
 //!   body takes the safe step, and so do its next [`WAIT`] steps. Where there is no history (first
 //!   step, state set or held axes changed from outside, much other step length) it starts with a
@@ -37,19 +37,20 @@
 use crate::cg::{CgStatus, LinearOptions, LinearSolver, ShiftedTangent};
 use crate::history::{BodyHistory, History, Past};
 use crate::settings::{Integrator, SolverSettings};
-use crate::state::{NodeState, Rows, dot3, evaluate, read_force, write_state};
+use crate::state::{
+    NodeState, Rows, book_momentum, dot3, evaluate, read_force, read_rest, write_displacement,
+    write_state,
+};
 use crate::support::check_support;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
-use sinew_engine::columns::single_table;
 use sinew_engine::law::{ElasticEnergy, TangentKind};
 use sinew_engine::matrix::{BlockMatrix, ProductSpans, Tangent};
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::step::{StepClock, StepError, not_finite};
+use sinew_engine::step::{StepClock, StepError, measure_volume_ratios, not_finite};
 use sinew_engine::substep::WithinStep;
 use sinew_engine::topology::Topology;
-use sinew_engine::vertex::RestPosition;
 use sinew_engine::workers::Workers;
 use std::ops::Range;
 use std::time::Instant;
@@ -129,6 +130,7 @@ enum Rejected {
     Indefinite,
     Shortened,
     Energy,
+    Inverted,
 }
 
 /// Weights of the incremental potential.
@@ -187,11 +189,7 @@ pub fn implicit_step<S: Scalar>(
     scratch.node.read(world);
     let revision = world.resource::<Topology>().revision;
     if scratch.revision != revision || scratch.rest.len() != scratch.node.len() {
-        let mut query = world.query::<&RestPosition>();
-        scratch.rest.clear();
-        if let Some(rest) = single_table(query.contiguous_iter(world)) {
-            scratch.rest.extend(rest.iter().map(|x| x.0));
-        }
+        read_rest(world, &mut scratch.rest);
         scratch.revision = revision;
     }
     let result = if scratch.node.is_empty() {
@@ -569,6 +567,18 @@ fn fall_back<S: Scalar>(
             body.reject(Rejected::Energy);
         }
     }
+    if bodies.iter().any(|b| b.mode == Mode::Trial && b.rejected.is_none()) {
+        // trial steps begin without inverted elements
+        write_displacement(world, &s.y);
+        let before = world.resource::<VolumeReport>().clone();
+        world.run_system_cached(measure_volume_ratios::<S>).expect("engine resources");
+        let after = std::mem::replace(&mut *world.resource_mut::<VolumeReport>(), before);
+        for (body, &inverted) in bodies.iter_mut().zip(&after.inverted_by_body) {
+            if body.mode == Mode::Trial && body.rejected.is_none() && inverted > 0 {
+                body.reject(Rejected::Inverted);
+            }
+        }
+    }
     for body in bodies.iter_mut().filter(|b| b.mode == Mode::Trial) {
         let f = &mut report.fallbacks;
         match body.rejected {
@@ -576,6 +586,7 @@ fn fall_back<S: Scalar>(
             Some(Rejected::Indefinite) => f.indefinite += 1,
             Some(Rejected::Shortened) => f.shortened += 1,
             Some(Rejected::Energy) => f.energy += 1,
+            Some(Rejected::Inverted) => f.inverted += 1,
         }
         body.done = body.rejected.is_none();
     }
@@ -1102,6 +1113,18 @@ fn velocities<S: Scalar>(s: &mut ImplicitScratch<S>, body: &BodyIteration) {
     }
 }
 
+/// Power (W) that damping takes at the velocities in `s.step`, `s.damped` being up to date.
+fn damping_power<S: Scalar>(
+    settings: &SolverSettings,
+    s: &ImplicitScratch<S>,
+    body: &BodyIteration,
+) -> f64 {
+    let stiffness: f64 =
+        body.rows.clone().map(|row| dot3(&s.step[row], &s.damped[row])).sum::<f64>();
+    let kinetic = s.node.kinetic_energy(body.rows.clone(), &s.step)[0];
+    2.0 * settings.mass_damping * kinetic + settings.stiffness_damping * body.w.rate * stiffness
+}
+
 /// Velocities, energy cap, report, and the new state into the columns and the history.
 fn finish<S: Scalar>(
     world: &mut World,
@@ -1114,9 +1137,13 @@ fn finish<S: Scalar>(
     let dynamic = settings.integrator != Integrator::QuasiStatic;
     s.history.bodies.clear();
     let mut energy_before = 0.0;
+    damp(world, settings, s);
     for body in bodies {
         velocities(s, body);
         let rows = body.rows.clone();
+        if dynamic {
+            report.damping_dissipation += dt * damping_power(settings, s, body);
+        }
         let potential = body.elastic - s.node.load_potential(rows.clone(), &s.y);
         let [mut kinetic, held] = s.node.kinetic_energy(rows.clone(), &s.step);
         if dynamic
@@ -1165,7 +1192,7 @@ fn finish<S: Scalar>(
         let now = report.elastic_energy + report.kinetic_energy;
         report.dissipation = energy_before + work - now;
     }
-    report.momentum = momentum(&s.node.mass, &s.step);
+    book_momentum(report, &s.rest, &s.node.mass, &s.y, &s.step);
     write_state(world, &s.y, &s.step);
     let h = &mut s.history;
     std::mem::swap(&mut h.u, &mut s.y);
@@ -1176,17 +1203,6 @@ fn finish<S: Scalar>(
     h.fixed.clone_from(&s.node.fixed);
     h.dt = dt;
     h.stamp(world);
-}
-
-/// Total momentum (kg m/s).
-pub(crate) fn momentum<S: Scalar>(mass: &[S], v: &[[S; 4]]) -> [f64; 3] {
-    let mut sum = [0.0; 3];
-    for (m, v) in mass.iter().zip(v) {
-        for k in 0..3 {
-            sum[k] += m.to_f64() * v[k].to_f64();
-        }
-    }
-    sum
 }
 
 /// Error naming the first row that is not finite.

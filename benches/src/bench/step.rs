@@ -166,8 +166,12 @@ fn solvers(precision: Precision, large: bool) -> Vec<(String, SolverSettings)> {
             (Precision::F64, LinearPrecision::Mixed) => "mixed",
             (Precision::F32, _) => "f32",
         };
-        let settings =
-            SolverSettings { preconditioner, linear_precision, ..SolverSettings::default() };
+        let settings = SolverSettings {
+            integrator: Integrator::Safe,
+            preconditioner,
+            linear_precision,
+            ..SolverSettings::default()
+        };
         (format!("{} {digits}", preconditioner.name()), settings)
     };
     let mut all = vec![solver(Preconditioner::Auto, LinearPrecision::Mixed)];
