@@ -13,7 +13,7 @@ pub use sinew_solvers as solvers;
 pub mod prelude {
     pub use crate::plugin::SinewPlugins;
     pub use crate::simulation::{
-        BodyHandle, Precision, Simulation, SimulationError, SimulationOptions,
+        BodyHandle, MaterialChange, Precision, Simulation, SimulationError, SimulationOptions,
     };
     pub use glam::{DQuat, DVec3};
     pub use sinew_engine::load::{Constraint, Curve, Load, Motion};
@@ -21,6 +21,7 @@ pub mod prelude {
     pub use sinew_engine::report::{StepReport, VolumeReport};
     pub use sinew_engine::step::StepError;
     pub use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model};
+    pub use sinew_models::field::{FieldError, MaterialField};
     pub use sinew_models::material::{MaterialError, YoungPoisson, preset, presets};
     pub use sinew_solvers::settings::{Integrator, SolverSettings};
 }

@@ -20,7 +20,10 @@ use sinew_engine::vertex::{
 };
 use sinew_engine::workers::{Workers, WorkersError};
 use sinew_models::body::{BodyDescription, BodyError, spawn_body};
+use sinew_models::change::set_material;
+use sinew_models::field::{FieldError, MaterialField};
 use sinew_solvers::explicit::{estimate_stable_step, forget_steps};
+use sinew_solvers::implicit::forget_matrices;
 use sinew_solvers::settings::SolverSettings;
 
 /// Number type of the state.
@@ -70,6 +73,14 @@ pub enum SimulationError {
     /// A step.
     #[error(transparent)]
     Step(#[from] StepError),
+    /// A material for a body that exists.
+    #[error("new material of body `{body}`: {source}")]
+    Material {
+        /// Body.
+        body: String,
+        /// What is wrong.
+        source: FieldError,
+    },
     /// A constraint or load names a vertex that its body does not have.
     #[error(
         "`{name}`: vertex {vertex} of body `{body}` does not exist or belongs to no element, so it \
@@ -105,6 +116,15 @@ pub enum SimulationError {
         /// Entries given.
         given: usize,
     },
+}
+
+/// What a new material made of the energy of a body at rest in time: work done from outside.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MaterialChange {
+    /// Change of the elastic energy (J): the same displacements in another material.
+    pub elastic_energy: f64,
+    /// Change of the kinetic energy (J): the same velocities of other masses.
+    pub kinetic_energy: f64,
 }
 
 /// A body of a simulation: index into [`Topology::bodies`]. Only good for the simulation that gave it
@@ -228,12 +248,61 @@ impl Simulation {
         self.world_mut().spawn(load).id()
     }
 
-    /// Sets gravity (m/s^2).
+    /// Gives a body another material, uniform ([`YoungPoisson`](sinew_models::material::YoungPoisson))
+    /// or by tetrahedron ([`MaterialField`]), from the start of the next step on.
+    ///
+    /// Moduli, spring constants and masses are computed again; displacements and velocities stay, so
+    /// elastic and kinetic energy jump by what is returned. The jump is work from outside: the next
+    /// step starts from the energy after it, and the energy bound of the safe step counts from there.
+    /// Kept preconditioners, factors and the remembered steps of explicit integrators are forgotten,
+    /// the stability limit is estimated anew. A body changed so equals one built with the material at
+    /// the same state, bit for bit.
+    ///
+    /// # Errors
+    /// When the material cannot be used; nothing is changed then.
+    ///
+    /// # Panics
+    /// As [`Simulation::evaluate`].
+    pub fn set_material<'a>(
+        &mut self,
+        body: BodyHandle,
+        material: impl Into<MaterialField<'a>>,
+    ) -> Result<MaterialChange, SimulationError> {
+        let field = material.into();
+        let before = (self.evaluate(), self.kinetic_energy(body));
+        let world = self.app.world_mut();
+        let result = by_precision!(self, set_material(world, body.0, &field));
+        if let Err(source) = result {
+            let body = self.topology().bodies[body.0].name.clone();
+            return Err(SimulationError::Material { body, source });
+        }
+        let world = self.app.world_mut();
+        by_precision!(self, forget_steps(world));
+        let world = self.app.world_mut();
+        by_precision!(self, forget_matrices(world));
+        Ok(MaterialChange {
+            elastic_energy: self.evaluate() - before.0,
+            kinetic_energy: self.kinetic_energy(body) - before.1,
+        })
+    }
+
+    /// Kinetic energy of a body (J).
+    fn kinetic_energy(&mut self, body: BodyHandle) -> f64 {
+        let (m, v) = (self.masses(body), self.velocities(body));
+        m.iter().zip(&v).map(|(m, v)| 0.5 * m * v.length_squared()).sum()
+    }
+
+    /// Sets gravity (m/s^2), from the next step on.
+    ///
+    /// Gravity acts as the load it has at the end of a step. A change between steps does no work by
+    /// itself: reports count the work `m g . du` of each step with that step's gravity, and potential
+    /// energies before and after a change cannot be compared.
     pub fn set_gravity(&mut self, gravity: DVec3) {
         self.world_mut().insert_resource(Gravity(gravity));
     }
 
-    /// Sets the step length (s).
+    /// Sets the length of the steps to come (s). Positions and velocities are those of the last step's
+    /// end; explicit integrators divide the new step anew, and no energy is added or taken.
     pub fn set_dt(&mut self, dt: f64) {
         self.world_mut().resource_mut::<StepClock>().dt = dt;
     }

@@ -44,12 +44,9 @@ fn add(
     material: YoungPoisson,
 ) -> Result<BodyHandle, BodyError> {
     simulation.add_body(&BodyDescription {
-        name,
-        points,
-        tetrahedra,
-        material,
         model: Model::CompressibleStVK,
         evaluation: Evaluation::Fused,
+        ..BodyDescription::from_parts(name, points, tetrahedra, material)
     })
 }
 

@@ -619,12 +619,13 @@ fn several_bodies_equal_separate_scenes() {
         for &i in chosen {
             let body = simulation
                 .add_body(&BodyDescription {
-                    name: &format!("body {i}"),
-                    points: &meshes[i].points,
-                    tetrahedra: &meshes[i].tetrahedra,
-                    material: soft([1e4, 2e4, 5e3][i], 0.4),
                     model: Model::CompressibleStVK,
                     evaluation: kinds[i],
+                    ..BodyDescription::new(
+                        &format!("body {i}"),
+                        &meshes[i],
+                        soft([1e4, 2e4, 5e3][i], 0.4),
+                    )
                 })
                 .unwrap();
             clamp(&mut simulation, body, &meshes[i], "x0");

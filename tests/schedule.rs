@@ -39,12 +39,14 @@ fn scene(kinds: &[Kind], executor: Executor) -> Simulation {
         let points: Vec<DVec3> = mesh.points.iter().map(|x| *x + DVec3::Y * i as f64).collect();
         simulation
             .add_body(&BodyDescription {
-                name: &format!("body {i}"),
-                points: &points,
-                tetrahedra: &mesh.tetrahedra,
-                material: soft(1e4, 0.4),
                 model,
                 evaluation,
+                ..BodyDescription::from_parts(
+                    &format!("body {i}"),
+                    &points,
+                    &mesh.tetrahedra,
+                    soft(1e4, 0.4),
+                )
             })
             .unwrap();
     }

@@ -324,12 +324,9 @@ impl Case {
             ..Default::default()
         })?;
         let body = simulation.add_body(&BodyDescription {
-            name: "body",
-            points: &self.mesh.points,
-            tetrahedra: &self.mesh.tetrahedra,
-            material: self.material,
             model: Model::CompressibleStVK,
             evaluation: Evaluation::Fused,
+            ..BodyDescription::new("body", &self.mesh, self.material)
         })?;
         simulation.set_dt(self.dt);
         simulation.set_gravity(DVec3::ZERO);

@@ -3,7 +3,7 @@
 
 use crate::error::{Place, SceneError, hint};
 use crate::scene::{
-    Body, CurveEntry, Generate, LoadedScene, Mode, Probe, Quantity, Rotation, Selection,
+    Body, CurveEntry, Generate, LoadedScene, Material, Mode, Probe, Quantity, Rotation, Selection,
 };
 use crate::summary::{Level, Warning};
 use glam::{DQuat, DVec3};
@@ -13,6 +13,7 @@ use sinew::engine::mesh::generate::{box_tets, cylinder_tets, sphere_tets};
 use sinew::engine::mesh::{CheckOptions, CheckReport, Mesh, MeshError, check};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::{BodyDescription, Evaluation, Model};
+use sinew::models::field::FieldError;
 use sinew::models::material::{MaterialError, YoungPoisson, preset};
 use sinew::simulation::{BodyHandle, Precision, Simulation, SimulationOptions};
 use sinew::solvers::settings::{Integrator, SolverSettings};
@@ -84,6 +85,8 @@ pub struct BuiltBody {
     pub used_vertices: Vec<u32>,
     /// Material.
     pub material: YoungPoisson,
+    /// Sum of the masses of its tetrahedra (kg).
+    pub mass: f64,
     /// Preset that it came from.
     pub preset: Option<String>,
     /// Energy.
@@ -210,6 +213,18 @@ pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
             sphere_tets(s.radius, s.shells).map(Some)
         }
         _ => Ok(None),
+    }
+}
+
+/// Key of the value that is wrong.
+fn material_key(error: &MaterialError) -> &'static str {
+    match error {
+        MaterialError::NonFinite { quantity, .. } if quantity.starts_with('Y') => "young_modulus",
+        MaterialError::YoungModulus { .. } => "young_modulus",
+        MaterialError::NonFinite { quantity, .. } if quantity.starts_with('d') => "density",
+        MaterialError::Density { .. } => "density",
+        MaterialError::UnknownPreset { .. } => "preset",
+        _ => "poisson_ratio",
     }
 }
 
@@ -412,25 +427,60 @@ impl Builder<'_> {
             )?,
             density: pick("density", entry.density, base.map(|m| m.density))?,
         };
-        material.validate().map_err(|source| {
-            let name = match &source {
-                MaterialError::YoungModulus { .. } => ".young_modulus",
-                MaterialError::PoissonRatioTooLow { .. }
-                | MaterialError::PoissonRatioTooHigh { .. }
-                | MaterialError::NearlyIncompressible { .. } => ".poisson_ratio",
-                MaterialError::Density { .. } => ".density",
-                MaterialError::NonFinite { quantity, .. } if quantity.starts_with('Y') => {
-                    ".young_modulus"
-                }
-                MaterialError::NonFinite { quantity, .. } if quantity.starts_with('P') => {
-                    ".poisson_ratio"
-                }
-                MaterialError::NonFinite { .. } => ".density",
-                _ => "",
-            };
-            SceneError::Material { place: self.place(format!("{key}{name}")), source }
+        material.validate().map_err(|source| SceneError::Material {
+            place: self.place(format!("{key}.{}", material_key(&source))),
+            source,
         })?;
         Ok(material)
+    }
+
+    /// Values of the tetrahedra from the cell data of that name, when a scene names one.
+    fn field<'m>(
+        &self,
+        key: &str,
+        name: Option<&String>,
+        mesh: &'m Mesh,
+    ) -> Result<Option<&'m [f64]>, SceneError> {
+        let Some(name) = name else { return Ok(None) };
+        match mesh.data(name) {
+            Some(data) => Ok(Some(&data.tetrahedra)),
+            None if mesh.cell_data.is_empty() => Err(self.value(
+                key,
+                format!("there is no cell data `{name}` in {}", mesh.source),
+                "use a mesh file with cell data (VTU, VTK or Gmsh's $ElementData)",
+            )),
+            None => {
+                let known = mesh.cell_data.iter().map(|data| data.name.as_str());
+                let place = self.place(key);
+                let hint = hint("array", name, known);
+                Err(SceneError::Unknown { place, kind: "cell data", name: name.clone(), hint })
+            }
+        }
+    }
+
+    /// A value of a field that cannot be used, with the array that it stands in.
+    fn field_error(
+        &self,
+        key: &str,
+        entry: &Material,
+        mesh: &Mesh,
+        source: FieldError,
+    ) -> SceneError {
+        let quantity = match &source {
+            FieldError::Tetrahedron { source, .. } => material_key(source),
+            _ => "",
+        };
+        let array = match quantity {
+            "young_modulus" => &entry.young_modulus_field,
+            "poisson_ratio" => &entry.poisson_ratio_field,
+            _ => &entry.density_field,
+        };
+        SceneError::Field {
+            place: self.place(format!("{key}.material.{quantity}_field")),
+            mesh: mesh.source.clone(),
+            array: array.clone().unwrap_or_default(),
+            source,
+        }
     }
 
     /// Reads or generates the mesh of a body and puts it in place.
@@ -534,19 +584,33 @@ impl Builder<'_> {
             message: finding.message,
             remedy: finding.remedy.into(),
         }));
-        let handle = simulation
-            .add_body(&BodyDescription {
-                name: &body.name,
-                points: &checked.mesh.points,
-                tetrahedra: &checked.mesh.tetrahedra,
-                material,
-                model: body.model,
-                evaluation: body.evaluation,
-            })
-            .map_err(|source| SceneError::Body {
-                place: self.place(mesh_key),
-                source: Box::new(source),
-            })?;
+        let entry = &body.material;
+        let field = |quantity: &str, name: &Option<String>| {
+            self.field(&format!("{key}.material.{quantity}_field"), name.as_ref(), &checked.mesh)
+        };
+        let description = BodyDescription {
+            young_modulus: field("young_modulus", &entry.young_modulus_field)?,
+            poisson_ratio: field("poisson_ratio", &entry.poisson_ratio_field)?,
+            density: field("density", &entry.density_field)?,
+            model: body.model,
+            evaluation: body.evaluation,
+            ..BodyDescription::new(&body.name, &checked.mesh, material)
+        };
+        description
+            .material_field()
+            .validate(checked.mesh.tetrahedra.len())
+            .map_err(|source| self.field_error(&key, entry, &checked.mesh, source))?;
+        let mass = match description.density {
+            Some(density) => {
+                let volumes = checked.mesh.tetrahedra.iter().zip(density);
+                volumes.map(|(&t, rho)| rho * checked.mesh.signed_volume(t).unwrap_or(0.0)).sum()
+            }
+            None => checked.report.statistics.total_volume * material.density,
+        };
+        let handle = simulation.add_body(&description).map_err(|source| SceneError::Body {
+            place: self.place(mesh_key),
+            source: Box::new(source),
+        })?;
         Ok(BuiltBody {
             name: body.name.clone(),
             handle,
@@ -554,6 +618,7 @@ impl Builder<'_> {
             report: checked.report,
             used_vertices: checked.used_vertices,
             material,
+            mass,
             preset: body.material.preset.clone(),
             model: body.model,
             evaluation: body.evaluation,

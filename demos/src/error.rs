@@ -3,6 +3,7 @@
 use sinew::engine::mesh::{CheckError, MeshError};
 use sinew::engine::step::StepError;
 use sinew::models::body::BodyError;
+use sinew::models::field::FieldError;
 use sinew::models::material::MaterialError;
 use sinew::simulation::SimulationError;
 use std::fmt;
@@ -158,6 +159,19 @@ pub enum SceneError {
         /// What is wrong.
         #[source]
         source: MaterialError,
+    },
+    /// Cell data of a mesh file that are no material.
+    #[error("{place}: cell data `{array}` of {mesh}, {source}")]
+    Field {
+        /// Where.
+        place: Box<Place>,
+        /// The mesh file.
+        mesh: String,
+        /// Name of the data.
+        array: String,
+        /// What is wrong.
+        #[source]
+        source: FieldError,
     },
     /// A body that cannot be built.
     #[error("{place}: {source}")]

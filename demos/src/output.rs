@@ -5,6 +5,7 @@ use crate::build::{BuiltBody, BuiltConstraint, BuiltProbe, BuiltScene};
 use crate::error::RunError;
 use crate::scene::Quantity;
 use glam::DVec3;
+use sinew::engine::mesh::CellData;
 use sinew::engine::mesh::io::{VtuData, write_pvd, write_vtu};
 use sinew::simulation::Simulation;
 use std::io::Write;
@@ -25,6 +26,9 @@ pub const COMMON_COLUMNS: [&str; 12] = [
     "cg_iterations",
     "step_ms",
 ];
+
+/// Cell data that every frame has.
+const FRAME_CELL_DATA: [&str; 2] = ["J", "body"];
 
 /// Columns of the probes.
 pub fn probe_columns(probes: &[BuiltProbe]) -> Vec<String> {
@@ -108,6 +112,29 @@ pub fn acts(constraint: &BuiltConstraint, time: f64) -> bool {
     time >= constraint.from && time <= constraint.until
 }
 
+/// Cell data of all bodies, one after another; arrays of a frame's own names are left out.
+fn joined_cell_data(built: &BuiltScene) -> Vec<CellData> {
+    let mut joined: Vec<CellData> = Vec::new();
+    for data in built.bodies.iter().flat_map(|b| &b.mesh.cell_data) {
+        if !FRAME_CELL_DATA.contains(&data.name.as_str())
+            && joined.iter().all(|known| known.name != data.name)
+        {
+            let (name, tetrahedra, triangles) = (data.name.clone(), Vec::new(), Vec::new());
+            joined.push(CellData { name, integer: true, tetrahedra, triangles });
+        }
+    }
+    for array in &mut joined {
+        for body in &built.bodies {
+            let length = array.tetrahedra.len() + body.mesh.tetrahedra.len();
+            let data = body.mesh.data(&array.name);
+            array.integer &= data.is_some_and(|data| data.integer);
+            array.tetrahedra.extend(data.iter().flat_map(|data| &data.tetrahedra));
+            array.tetrahedra.resize(length, f64::NAN);
+        }
+    }
+    joined
+}
+
 /// Writes the files of a run into one folder.
 pub struct Writer {
     folder: PathBuf,
@@ -118,6 +145,8 @@ pub struct Writer {
     points: Vec<DVec3>,
     tetrahedra: Vec<[u32; 4]>,
     body: Vec<f64>,
+    /// Cell data of the mesh files; NaN for bodies without it.
+    cell_data: Vec<CellData>,
 }
 
 fn write_error(path: &Path) -> impl Fn(std::io::Error) -> RunError + '_ {
@@ -159,8 +188,9 @@ impl Writer {
             tetrahedra.extend(b.mesh.tetrahedra.iter().map(|t| t.map(|v| v + first)));
             body.resize(tetrahedra.len(), i as f64);
         }
-        let folder = folder.to_path_buf();
-        Ok(Self { folder, stem, frames: Vec::new(), csv, csv_path, points, tetrahedra, body })
+        let cell_data = joined_cell_data(built);
+        let (folder, frames) = (folder.to_path_buf(), Vec::new());
+        Ok(Self { folder, stem, frames, csv, csv_path, points, tetrahedra, body, cell_data })
     }
 
     /// Adds a row to the CSV file.
@@ -204,6 +234,7 @@ impl Writer {
                 point_vectors: &[("displacement", &u), ("velocity", &v)],
                 point_scalars: &[("held", &held)],
                 cell_scalars: &[("J", &j), ("body", &self.body)],
+                cell_data: &self.cell_data,
                 single_precision: true,
                 ..VtuData::default()
             },

@@ -494,7 +494,7 @@ fn summarise(
                 tetrahedra: body.mesh.tetrahedra.len(),
                 edges: blocks.len(),
                 volume: statistics.total_volume,
-                mass: statistics.total_volume * body.material.density,
+                mass: body.mass,
                 extent,
                 worst_quality: statistics.worst_quality,
                 preset: body.preset.clone(),

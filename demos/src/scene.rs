@@ -188,6 +188,12 @@ pub struct Material {
     pub poisson_ratio: Option<f64>,
     /// Density (kg/m^3).
     pub density: Option<f64>,
+    /// Cell data of the mesh file with a Young's modulus (Pa) for every tetrahedron.
+    pub young_modulus_field: Option<String>,
+    /// Cell data with a Poisson's ratio (-) for every tetrahedron.
+    pub poisson_ratio_field: Option<String>,
+    /// Cell data with a density (kg/m^3) for every tetrahedron.
+    pub density_field: Option<String>,
 }
 
 /// Vertices of a body; exactly one key. Boxes and spheres are those of the rest shape.

@@ -306,12 +306,9 @@ impl Case {
             .map_err(|e| self.simulation_error(e))?;
         let body = simulation
             .add_body(&BodyDescription {
-                name: "body",
-                points,
-                tetrahedra,
-                material,
                 model,
                 evaluation: options.evaluation,
+                ..BodyDescription::from_parts("body", points, tetrahedra, material)
             })
             .map_err(|e| self.simulation_error(e))?;
         simulation.set_gravity(DVec3::ZERO);

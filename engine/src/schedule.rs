@@ -70,7 +70,7 @@ pub enum ForceSystems {
 struct GatherSlot(u8);
 
 /// Highest value of [`Law::ORDER`].
-pub const MAX_LAW_ORDER: u8 = 15;
+pub const MAX_LAW_ORDER: u8 = 31;
 
 /// Which executor runs the schedules.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]

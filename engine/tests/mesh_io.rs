@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use proptest::prelude::*;
 use sinew_engine::mesh::generate::{box_tets, triangle_grid};
 use sinew_engine::mesh::io::*;
-use sinew_engine::mesh::{FileLines, Group, Mesh, MeshError};
+use sinew_engine::mesh::{CellData, FileLines, Group, Mesh, MeshError};
 
 /// The mesh without what differs between files of equal content.
 fn bare(mut mesh: Mesh) -> Mesh {
@@ -40,6 +40,54 @@ fn written_files_read_back_the_same() {
         let msh = encode_gmsh(&mesh);
         assert_eq!(by_name(read_gmsh(msh.as_bytes(), "a.msh").unwrap()), mesh);
     }
+}
+
+#[test]
+fn numbers_of_cells_survive_every_format() {
+    let mut mesh = cube();
+    let (n_tets, n_triangles) = (mesh.tetrahedra.len(), mesh.triangles.len());
+    let stiffness = |i: usize| 1e3 + i as f64 / 3.0;
+    let label = |i: usize| (i % 3) as f64;
+    let data = |name: &str, integer, value: &dyn Fn(usize) -> f64| CellData {
+        name: name.to_owned(),
+        integer,
+        tetrahedra: (0..n_tets).map(value).collect(),
+        triangles: (n_tets..n_tets + n_triangles).map(value).collect(),
+    };
+    mesh.cell_data = vec![data("young modulus", false, &stiffness), data("fibre", true, &label)];
+    let file = VtuData::of_mesh(&mesh);
+    let vtu = read_vtu(&encode_vtu(&file).unwrap(), "").unwrap();
+    assert_eq!(vtu.cell_data, mesh.cell_data);
+    // a label also names the regions it divides the mesh into, as before
+    assert!(vtu.group("fibre 2").is_some());
+    for binary in [false, true] {
+        let vtk = read_vtk(&encode_vtk(&file, binary).unwrap(), "").unwrap();
+        assert_eq!(vtk.cell_data, mesh.cell_data);
+    }
+    let msh = read_gmsh(encode_gmsh(&mesh).as_bytes(), "").unwrap();
+    assert_eq!(msh.data("young modulus").unwrap().tetrahedra, mesh.cell_data[0].tetrahedra);
+    let fibre = msh.data("fibre").unwrap();
+    // the format stores reals only
+    assert_eq!((fibre.integer, &fibre.triangles), (false, &mesh.cell_data[1].triangles));
+    let short = VtuData { cell_data: &[CellData::default()], ..file };
+    assert!(matches!(encode_vtu(&short), Err(MeshError::LengthMismatch { .. })));
+}
+
+#[test]
+fn gmsh_data_of_elements() {
+    let data = |count: usize, lines: &str| {
+        let head = "$ElementData\n1\n\"stiffness\"\n1\n0.0\n3\n0\n1";
+        read_gmsh(format!("{MSH_2}{head}\n{count}\n{lines}$EndElementData\n").as_bytes(), "")
+    };
+    let mesh = data(3, "1 7\n4 2.5e3\n3 8\n").unwrap();
+    // elements 2 and 3 are the same triangle in two groups
+    assert_eq!(mesh.data("stiffness").unwrap().tetrahedra, [2.5e3]);
+    assert_eq!(mesh.data("stiffness").unwrap().triangles, [8.0]);
+    // without a value for the tetrahedron
+    let mesh = data(1, "3 8\n").unwrap();
+    assert!(mesh.data("stiffness").unwrap().tetrahedra[0].is_nan());
+    assert!(matches!(data(2, "3 8\n"), Err(MeshError::CountMismatch { .. })));
+    assert!(matches!(data(1, "3 x\n"), Err(MeshError::InvalidValue { .. })));
 }
 
 #[test]

@@ -20,17 +20,22 @@ use sinew_engine::vertex::{
     PrescribedDisplacement, RestPosition, Velocity, VertexIndex,
 };
 
+use crate::corotational::{Corotational, WarpedStiffness};
+use crate::field::{FieldError, MaterialField};
 use crate::fused::{
     self, Compression, CompressionModulus, FirstLameParameter, FusedStVK, PooledProjection,
     ShearModulus, TetrahedronLaw,
 };
-use crate::material::{LameParameters, MaterialError, YoungPoisson};
+use crate::linear::Linear;
+use crate::material::{LameParameters, YoungPoisson};
+use crate::neo_hookean::NeoHookean;
 use crate::pooled::{
     self, Angular, AngularStiffness, SpringForces, Tensile, TensileStiffness, TensileTension,
     TriangleVertices, Volumetric, VolumetricStiffness,
 };
 use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants};
 use crate::quadratic::{self, MassSpring, QuadraticSprings};
+use crate::stvk_fem::StVKFem;
 
 /// Energy of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -50,9 +55,38 @@ pub enum Model {
     /// comparison. One pass over edges; nothing resists inversion.
     #[serde(rename = "mass_spring")]
     MassSpring,
+    /// Linear elasticity ([`crate::linear`]): small displacements only. For comparison.
+    #[serde(rename = "linear")]
+    Linear,
+    /// Stiffness warping ([`crate::corotational`]): corotational forces, tangent with rotations held.
+    /// For comparison.
+    #[serde(rename = "corotational_warped")]
+    WarpedStiffness,
+    /// Corotational elasticity ([`crate::corotational`]). For comparison.
+    #[serde(rename = "corotational")]
+    Corotational,
+    /// St Venant-Kirchhoff written as in textbooks ([`crate::stvk_fem`]). For comparison of cost.
+    #[serde(rename = "svk_fem")]
+    StVKFem,
+    /// Stable neo-Hookean ([`crate::neo_hookean`]). For comparison at large strain.
+    #[serde(rename = "neo_hookean")]
+    NeoHookean,
 }
 
 impl Model {
+    /// All of them, in the order of their documentation.
+    pub const ALL: [Self; 9] = [
+        Self::CompressibleStVK,
+        Self::StVK,
+        Self::QuadraticSprings,
+        Self::MassSpring,
+        Self::Linear,
+        Self::WarpedStiffness,
+        Self::Corotational,
+        Self::StVKFem,
+        Self::NeoHookean,
+    ];
+
     /// Name in scene files and reports.
     pub fn name(self) -> &'static str {
         match self {
@@ -60,6 +94,11 @@ impl Model {
             Self::CompressibleStVK => "svk_comp",
             Self::QuadraticSprings => "tqs",
             Self::MassSpring => "mass_spring",
+            Self::Linear => "linear",
+            Self::WarpedStiffness => "corotational_warped",
+            Self::Corotational => "corotational",
+            Self::StVKFem => "svk_fem",
+            Self::NeoHookean => "neo_hookean",
         }
     }
 
@@ -92,6 +131,12 @@ pub struct BodyDescription<'a> {
     pub tetrahedra: &'a [[u32; 4]],
     /// Material of the whole body.
     pub material: YoungPoisson,
+    /// Young's modulus (Pa) of every tetrahedron, in the user's order, in place of the material's.
+    pub young_modulus: Option<&'a [f64]>,
+    /// Poisson's ratio of every tetrahedron, likewise.
+    pub poisson_ratio: Option<&'a [f64]>,
+    /// Density (kg/m^3) of every tetrahedron, likewise.
+    pub density: Option<&'a [f64]>,
     /// Energy.
     pub model: Model,
     /// Evaluation.
@@ -101,13 +146,36 @@ pub struct BodyDescription<'a> {
 impl<'a> BodyDescription<'a> {
     /// A body of all tetrahedra of a mesh, with the default model and evaluation.
     pub fn new(name: &'a str, mesh: &'a Mesh, material: YoungPoisson) -> Self {
+        Self::from_parts(name, &mesh.points, &mesh.tetrahedra, material)
+    }
+
+    /// A body of these points (m) and tetrahedra, with the default model and evaluation.
+    pub fn from_parts(
+        name: &'a str,
+        points: &'a [DVec3],
+        tetrahedra: &'a [[u32; 4]],
+        material: YoungPoisson,
+    ) -> Self {
         Self {
             name,
-            points: &mesh.points,
-            tetrahedra: &mesh.tetrahedra,
+            points,
+            tetrahedra,
             material,
+            young_modulus: None,
+            poisson_ratio: None,
+            density: None,
             model: Model::default(),
             evaluation: Evaluation::default(),
+        }
+    }
+
+    /// Material of its tetrahedra.
+    pub fn material_field(&self) -> MaterialField<'a> {
+        MaterialField {
+            material: self.material,
+            young_modulus: self.young_modulus,
+            poisson_ratio: self.poisson_ratio,
+            density: self.density,
         }
     }
 }
@@ -116,13 +184,13 @@ impl<'a> BodyDescription<'a> {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BodyError {
-    /// Material out of range.
+    /// Material out of range, or a field of another length than the mesh.
     #[error("body `{body}`: {source}")]
     Material {
         /// Name of the body.
         body: String,
         /// What is wrong.
-        source: MaterialError,
+        source: FieldError,
     },
     /// A tetrahedron without a usable rest shape.
     #[error("body `{body}`, tetrahedron {tetrahedron}: {source}")]
@@ -222,8 +290,10 @@ pub fn spawn_body<S: Scalar>(
     if body.tetrahedra.is_empty() {
         return Err(BodyError::Empty { body: name() });
     }
-    let lame =
-        body.material.lame().map_err(|source| BodyError::Material { body: name(), source })?;
+    let field = body.material_field();
+    let user_lame = field
+        .lame(body.tetrahedra.len())
+        .map_err(|source| BodyError::Material { body: name(), source })?;
     let count = body.points.len();
     for (tetrahedron, &t) in body.tetrahedra.iter().enumerate() {
         let distinct = (0..4).all(|i| (0..i).all(|j| t[i] != t[j]));
@@ -244,6 +314,8 @@ pub fn spawn_body<S: Scalar>(
     }
 
     // from here on nothing can fail
+    let of_user = |&original: &u32| user_lame[original as usize];
+    let lame: Vec<_> = layout.tetrahedron_order.iter().map(of_user).collect();
     let n = layout.vertex_order.len();
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let mut mass = vec![0.0; n];
@@ -251,9 +323,10 @@ pub fn spawn_body<S: Scalar>(
         low = low.min(rest_of(row));
         high = high.max(rest_of(row));
     }
-    for (t, r) in layout.tetrahedra.iter().zip(&rest) {
+    for ((t, r), &original) in layout.tetrahedra.iter().zip(&rest).zip(&layout.tetrahedron_order) {
+        let density = field.at(original as usize).density;
         for &v in t {
-            mass[v as usize] += body.material.density * r.volume / 4.0;
+            mass[v as usize] += density * r.volume / 4.0;
         }
     }
     let index = world.resource::<Topology>().bodies.len();
@@ -297,20 +370,13 @@ pub fn spawn_body<S: Scalar>(
             .collect::<Vec<_>>(),
     );
 
-    let compression =
-        if body.model == Model::CompressibleStVK { lame.lambda + lame.mu } else { 0.0 };
-    let moduli = (
-        FirstLameParameter(S::from_f64(lame.lambda)),
-        ShearModulus(S::from_f64(lame.mu)),
-        CompressionModulus(S::from_f64(compression)),
-    );
     let geometry: Vec<_> = layout
         .tetrahedra
         .iter()
         .zip(&layout.tetrahedron_edges)
         .zip(&layout.tetrahedron_order)
-        .zip(&rest)
-        .map(|(((t, e), &original), r)| {
+        .zip(rest.iter().zip(&lame))
+        .map(|(((t, e), &original), (r, &lame))| {
             let d = [r.gradients[1], r.gradients[2], r.gradients[3]];
             (
                 TetrahedronVertices(t.map(|v| v + v0)),
@@ -319,21 +385,21 @@ pub fn spawn_body<S: Scalar>(
                 id,
                 shape_gradient_bundle::<S>(d),
                 RestVolume(S::from_f64(r.volume)),
-                moduli,
+                moduli_bundle::<S>(lame, body.model),
             )
         })
         .collect();
 
     match (body.model, body.evaluation) {
-        (Model::QuadraticSprings, _) => {
-            world.spawn_batch(
-                geometry.into_iter().map(|g| (g, QuadraticSprings)).collect::<Vec<_>>(),
-            );
-            fused::activate::<QuadraticSprings, S>(world);
-        }
+        (Model::QuadraticSprings, _) => spawn_marked::<QuadraticSprings, S>(world, geometry),
+        (Model::Linear, _) => spawn_marked::<Linear, S>(world, geometry),
+        (Model::WarpedStiffness, _) => spawn_marked::<WarpedStiffness, S>(world, geometry),
+        (Model::Corotational, _) => spawn_marked::<Corotational, S>(world, geometry),
+        (Model::StVKFem, _) => spawn_marked::<StVKFem, S>(world, geometry),
+        (Model::NeoHookean, _) => spawn_marked::<NeoHookean, S>(world, geometry),
         (Model::MassSpring, _) => {
             world.spawn_batch(geometry.into_iter().map(|g| (g, MassSpring)).collect::<Vec<_>>());
-            spawn_edge_springs::<S>(world, &layout, &rest, lame, &rest_of, v0, block0, id);
+            spawn_edge_springs::<S>(world, &layout, &rest, &lame, &rest_of, v0, block0, id);
             quadratic::activate_mass_spring::<S>(world);
         }
         (_, Evaluation::Fused) => {
@@ -341,7 +407,7 @@ pub fn spawn_body<S: Scalar>(
             fused::activate::<FusedStVK, S>(world);
         }
         (_, Evaluation::Pooled) => {
-            spawn_springs::<S>(world, &layout, &rest, lame, &rest_of, geometry, v0, block0, id);
+            spawn_springs::<S>(world, &layout, &rest, &lame, &rest_of, geometry, v0, block0, id);
             pooled::activate::<S>(world);
             fused::activate::<PooledProjection, S>(world);
             if body.model == Model::CompressibleStVK {
@@ -356,19 +422,41 @@ pub fn spawn_body<S: Scalar>(
     Ok(world.spawn(SoftBody { index, material, model, evaluation }).id())
 }
 
+/// Tetrahedra of a law with a table of its own, marked by the law itself.
+fn spawn_marked<L: TetrahedronLaw + Component + Default, S: Scalar>(
+    world: &mut World,
+    geometry: Vec<impl Bundle<Effect: NoBundleEffect>>,
+) {
+    world.spawn_batch(geometry.into_iter().map(|g| (g, L::default())).collect::<Vec<_>>());
+    fused::activate::<L, S>(world);
+}
+
+/// Moduli of a tetrahedron.
+pub(crate) fn moduli_bundle<S: Scalar>(
+    lame: LameParameters,
+    model: Model,
+) -> (FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>) {
+    let compression = if model == Model::CompressibleStVK { lame.lambda + lame.mu } else { 0.0 };
+    (
+        FirstLameParameter(S::from_f64(lame.lambda)),
+        ShearModulus(S::from_f64(lame.mu)),
+        CompressionModulus(S::from_f64(compression)),
+    )
+}
+
 /// Edges of a mass-spring body, with constants summed over the tetrahedra.
 fn spawn_edge_springs<S: Scalar>(
     world: &mut World,
     layout: &BodyLayout,
     rest: &[RestTetrahedron],
-    lame: LameParameters,
+    lame: &[LameParameters],
     rest_of: &dyn Fn(u32) -> DVec3,
     v0: u32,
     block0: u32,
     id: BodyId,
 ) {
     let mut tensile = vec![0.0; layout.edges.len()];
-    for (edges, r) in layout.tetrahedron_edges.iter().zip(rest) {
+    for ((edges, r), &lame) in layout.tetrahedron_edges.iter().zip(rest).zip(lame) {
         for (k, &e) in SpringConstants::new(r, lame).tensile.iter().zip(edges) {
             tensile[e as usize] += k;
         }
@@ -398,7 +486,7 @@ fn spawn_springs<S: Scalar>(
     world: &mut World,
     layout: &BodyLayout,
     rest: &[RestTetrahedron],
-    lame: LameParameters,
+    lame: &[LameParameters],
     rest_of: &dyn Fn(u32) -> DVec3,
     geometry: Vec<impl Bundle<Effect: NoBundleEffect>>,
     v0: u32,
@@ -408,7 +496,7 @@ fn spawn_springs<S: Scalar>(
     let mut tensile = vec![0.0; layout.edges.len()];
     let mut angular = vec![[0.0; 3]; layout.triangles.len()];
     let mut volumetric = Vec::with_capacity(rest.len());
-    for (i, r) in rest.iter().enumerate() {
+    for (i, (r, &lame)) in rest.iter().zip(lame).enumerate() {
         let constants = SpringConstants::new(r, lame);
         for (k, &e) in constants.tensile.iter().zip(&layout.tetrahedron_edges[i]) {
             tensile[e as usize] += k;
@@ -486,14 +574,19 @@ fn spawn_springs<S: Scalar>(
 
 /// Cuts the elements of every active law into its fixed ranges.
 fn partition_laws<S: Scalar>(world: &mut World) {
-    type Bodies<L> = <L as TetrahedronLaw>::Bodies;
-    partition::<FusedStVK, S, TetrahedronVertices, Bodies<FusedStVK>>(world, |t| &t.0);
-    partition::<QuadraticSprings, S, TetrahedronVertices, Bodies<QuadraticSprings>>(world, |t| {
-        &t.0
-    });
+    fn tetrahedra<L: TetrahedronLaw, S: Scalar>(world: &mut World) {
+        partition::<L, S, TetrahedronVertices, L::Bodies>(world, |t| &t.0);
+    }
+    tetrahedra::<FusedStVK, S>(world);
+    tetrahedra::<QuadraticSprings, S>(world);
+    tetrahedra::<Linear, S>(world);
+    tetrahedra::<WarpedStiffness, S>(world);
+    tetrahedra::<Corotational, S>(world);
+    tetrahedra::<StVKFem, S>(world);
+    tetrahedra::<NeoHookean, S>(world);
     partition::<MassSpring, S, EdgeVertices, With<MassSpring>>(world, |e| &e.0);
-    partition::<Compression, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
-    partition::<PooledProjection, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
+    tetrahedra::<Compression, S>(world);
+    tetrahedra::<PooledProjection, S>(world);
     partition::<Volumetric, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
     partition::<Tensile, S, EdgeVertices, With<TensileTension<S>>>(world, |e| &e.0);
     partition::<SpringForces, S, EdgeVertices, With<TensileTension<S>>>(world, |e| &e.0);

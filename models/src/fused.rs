@@ -22,8 +22,12 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::time::Instant;
 
+use crate::corotational::{Corotational, WarpedStiffness};
+use crate::linear::Linear;
+use crate::neo_hookean::NeoHookean;
 use crate::projection;
 use crate::quadratic::{MassSpring, QuadraticSprings};
+use crate::stvk_fem::StVKFem;
 use crate::tetrahedron::{self, Element, TetrahedronTangent};
 
 macro_rules! moduli {
@@ -97,7 +101,16 @@ impl Law for FusedStVK {
 }
 
 impl TetrahedronLaw for FusedStVK {
-    type Bodies = (Without<TetrahedronEdges>, Without<QuadraticSprings>, Without<MassSpring>);
+    type Bodies = (
+        Without<TetrahedronEdges>,
+        Without<QuadraticSprings>,
+        Without<MassSpring>,
+        Without<Linear>,
+        Without<WarpedStiffness>,
+        Without<Corotational>,
+        Without<StVKFem>,
+        Without<NeoHookean>,
+    );
     fn contributes(_: TangentKind) -> bool {
         true
     }
@@ -409,7 +422,9 @@ pub fn evaluate_columns<L: TetrahedronLaw, S: Scalar>(
                 span.clear_tangent();
                 let mut doubtful = Vec::new();
                 workers.dispatch(TangentPass { columns, span, kind, doubtful: &mut doubtful, law });
-                workers.dispatch(ProjectionPass { columns, span, doubtful: &doubtful, law });
+                if L::STRESS_PROJECTION {
+                    workers.dispatch(ProjectionPass { columns, span, doubtful: &doubtful, law });
+                }
             }
             None => span.drop_tangent(),
         }

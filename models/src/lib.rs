@@ -3,12 +3,24 @@
 //! | module | content |
 //! |---|---|
 //! | [`material`] | Young's modulus, Poisson's ratio and density as the user states them, Lamé parameters, tissue presets |
+//! | [`field`] | a material that varies from tetrahedron to tetrahedron |
 //! | [`precompute`] | shape vectors and rest volume of a tetrahedron, its 21 biquadratic spring constants |
 //! | [`spring`] | tensile and coupling springs on squared-length changes, one scalar at a time |
 //! | [`quadratic`] | springs on changes of length: tetrahedra of quadratic springs (TQS), mass-spring edges |
 //! | [`tetrahedron`] | the same energy per element in one pass, the compression term, exact and definite tangents and their products |
 //! | [`pooled`], [`fused`] | the systems that run these over all elements, several at a time |
-//! | [`body`] | from mesh and material to entities |
+//! | [`body`], [`change`] | from mesh and material to entities, and to a new material |
+//!
+//! Comparison models, each fused only, without compression term:
+//!
+//! | module | for | not for |
+//! |---|---|---|
+//! | [`linear`] | finite element references, modes of vibration, small displacements | anything that turns: it swells |
+//! | [`corotational`] `corotational_warped` | the classic of real-time simulation: forces of the next row, tangent always definite | Newton's method to convergence: linear, not quadratic |
+//! | [`corotational`] `corotational` | comparison with other engines, recovery from inversion | large strain of real materials |
+//! | [`stvk_fem`] | cost and rounding of the textbook form | work: same energy as the default, slower |
+//! | [`neo_hookean`] | large strain, strong compression | small-strain speed: its projected tangent decomposes every element |
+//!
 //!
 //! Everything is in SI units and driven by the displacement `u` from the rest shape, never by
 //! positions: differences of displacements keep their digits in `f32` where differences of
@@ -38,11 +50,17 @@
 //! ```
 
 pub mod body;
+pub mod change;
+pub mod corotational;
+pub mod field;
 pub mod fused;
+pub mod linear;
 pub mod material;
+pub mod neo_hookean;
 pub mod pooled;
 pub mod precompute;
 mod projection;
 pub mod quadratic;
 pub mod spring;
+pub mod stvk_fem;
 pub mod tetrahedron;

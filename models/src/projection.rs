@@ -103,7 +103,35 @@ pub(crate) fn projected_blocks<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R::Mask,
         largest = largest.max(b.abs()).max(o.abs());
     }
 
-    let floor = R::from_f64(-NEGLIGIBLE) * largest;
+    let spectrum = Spectrum { stretches: a, plus, minus };
+    clamped_blocks(&Svd { u, s, v }, spectrum, largest, doubtful, &e.gradients, e.volume)
+}
+
+/// The 9x9 second derivative of an isotropic energy by `F` in the basis of the decomposition.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spectrum<R> {
+    /// Second derivatives by the singular values.
+    pub stretches: [[R; 3]; 3],
+    /// Eigenvalues of the symmetric pairs; entry `k` belongs to the two indices other than `k`.
+    pub plus: [R; 3],
+    /// Eigenvalues of the antisymmetric pairs.
+    pub minus: [R; 3],
+}
+
+/// Blocks of vertices 1, 2, 3 in the order of [`CORE`] from a spectrum whose negative eigenvalues are
+/// clamped at zero, and where among the `doubtful` there were any below a rounding of `largest`.
+#[inline(always)]
+pub(crate) fn clamped_blocks<R: Real>(
+    svd: &Svd<R>,
+    spectrum: Spectrum<R>,
+    largest: R,
+    doubtful: R::Mask,
+    gradients: &[[R; 3]; 3],
+    volume: R,
+) -> (R::Mask, [[R; 9]; 6]) {
+    let Svd { u, v, .. } = svd;
+    let Spectrum { stretches: mut a, plus, minus } = spectrum;
+    let floor = R::from_f64(-NEGLIGIBLE / f64::EPSILON) * rounding::<R>() * largest;
     let mut least = plus[0].min(minus[0]);
     for k in 1..3 {
         least = least.min(plus[k]).min(minus[k]);
@@ -137,7 +165,7 @@ pub(crate) fn projected_blocks<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R::Mask,
     let mut d = [[R::ZERO; 3]; 3];
     for n in 0..3 {
         for i in 0..3 {
-            d[n][i] = dot(column(&v, i), e.gradients[n]);
+            d[n][i] = dot(column(v, i), gradients[n]);
         }
     }
     let mut blocks = [[R::ZERO; 9]; 6];
@@ -161,7 +189,7 @@ pub(crate) fn projected_blocks<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R::Mask,
         }
         for i in 0..3 {
             for j in 0..3 {
-                block[3 * i + j] = e.volume * dot(half[i], u[j]);
+                block[3 * i + j] = volume * dot(half[i], u[j]);
             }
         }
     }
@@ -176,10 +204,18 @@ pub(crate) fn projected_blocks<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R::Mask,
 }
 
 /// `F = U diag(s) V^T` with rotations `U`, `V` given by rows, and `s_1 >= s_2 >= |s_3|`.
-struct Svd<R> {
-    u: [[R; 3]; 3],
-    s: [R; 3],
-    v: [[R; 3]; 3],
+pub(crate) struct Svd<R> {
+    pub u: [[R; 3]; 3],
+    pub s: [R; 3],
+    pub v: [[R; 3]; 3],
+}
+
+/// Distance from 1 to the next larger number of a lane.
+#[inline(always)]
+pub(crate) fn rounding<R: Real>() -> R {
+    // a number between the two distances is rounded away in single precision
+    let double = R::any(R::less(R::ONE, R::from_f64(1.0 + 1e-10)));
+    R::from_f64(if double { f64::EPSILON } else { f64::from(f32::EPSILON) })
 }
 
 /// Sweeps after which a Jacobi iteration gives up; five to eight are usual.
@@ -189,8 +225,8 @@ const MAX_SWEEPS: usize = 30;
 /// orthogonal, which diagonalises `F^T F` without forming it, so small singular values keep their
 /// digits. Any finite `F` will do; missing directions of a singular one are filled in.
 #[inline(always)]
-fn signed_svd<R: Real>(f: &[[R; 3]; 3]) -> Svd<R> {
-    let epsilon = R::from_f64(f64::EPSILON);
+pub(crate) fn signed_svd<R: Real>(f: &[[R; 3]; 3]) -> Svd<R> {
+    let epsilon = rounding::<R>();
     // Columns of F V and of V; V stays a rotation.
     let mut b = [column(f, 0), column(f, 1), column(f, 2)];
     let (o, l) = (R::ZERO, R::ONE);
@@ -226,7 +262,7 @@ fn signed_svd<R: Real>(f: &[[R; 3]; 3]) -> Svd<R> {
     let u0 = chosen(exists, scale(b[0], l / R::select(exists, first, l)), [l, o, o]);
     let rest = sub(b[1], scale(u0, dot(u0, b[1])));
     let second = dot(rest, rest).sqrt();
-    let exists = R::less((R::from_f64(1e-15) * first).max(tiny), second);
+    let exists = R::less((R::from_f64(4.5) * epsilon * first).max(tiny), second);
     let mut u1 = chosen(exists, scale(rest, l / R::select(exists, second, l)), perpendicular(u0));
     // A second pass restores the angle that a short column lost to rounding.
     u1 = sub(u1, scale(u0, dot(u0, u1)));
@@ -242,14 +278,17 @@ fn signed_svd<R: Real>(f: &[[R; 3]; 3]) -> Svd<R> {
 /// Eigenvalues and eigenvectors (columns) of symmetric matrices by cyclic Jacobi rotations, where
 /// `wanted` holds; elsewhere the values mean nothing.
 #[inline(always)]
-fn symmetric_eigen<R: Real>(mut a: [[R; 3]; 3], wanted: R::Mask) -> ([R; 3], [[R; 3]; 3]) {
+pub(crate) fn symmetric_eigen<R: Real>(
+    mut a: [[R; 3]; 3],
+    wanted: R::Mask,
+) -> ([R; 3], [[R; 3]; 3]) {
     let (o, l) = (R::ZERO, R::ONE);
     let mut v = [[l, o, o], [o, l, o], [o, o, l]];
     for _sweep in 0..MAX_SWEEPS {
         let size = a[0][0].abs() + a[1][1].abs() + a[2][2].abs();
         let off = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
         // false where something is not finite: there is nothing to find
-        let turn = R::both(wanted, R::less(R::from_f64(1e-3 * f64::EPSILON) * size, off));
+        let turn = R::both(wanted, R::less(R::from_f64(1e-3) * rounding::<R>() * size, off));
         let turn = R::both(turn, R::less(off, R::from_f64(f64::INFINITY)));
         if !R::any(turn) {
             break;
@@ -293,7 +332,7 @@ fn chosen<R: Real>(mask: R::Mask, yes: [R; 3], no: [R; 3]) -> [R; 3] {
 
 /// Leading minors all positive; `false` in doubt.
 #[inline(always)]
-fn is_positive_definite<R: Real>(a: &[[R; 3]; 3], margin: f64) -> R::Mask {
+pub(crate) fn is_positive_definite<R: Real>(a: &[[R; 3]; 3], margin: f64) -> R::Mask {
     let m1 = a[0][0];
     let m2 = a[0][0] * a[1][1] - a[0][1] * a[1][0];
     let m3 = dot(a[0], cross(a[1], a[2]));

@@ -396,7 +396,7 @@ fn compression_density<S: Real>(e: &Element<S>, g: &[S; 9]) -> S {
 
 /// `cof F = I + (tr G) I - G^T + cof G`, the derivative of `J` by `F`.
 #[inline(always)]
-fn cofactor<S: Real>(g: &[S; 9]) -> [S; 9] {
+pub(crate) fn cofactor<S: Real>(g: &[S; 9]) -> [S; 9] {
     [
         S::ONE + (g[4] + g[8]) + minor(g[4], g[8], g[5], g[7]),
         minor(g[5], g[6], g[3], g[8]) - g[3],
@@ -443,7 +443,7 @@ fn add_compression_stress<S: Real>(e: &Element<S>, g: &[S; 9], p: &mut [S; 9]) {
 
 /// `f_a = -V P D_a`.
 #[inline(always)]
-fn nodal_forces<S: Real>(e: &Element<S>, p: &[S; 9]) -> [[S; 3]; 4] {
+pub(crate) fn nodal_forces<S: Real>(e: &Element<S>, p: &[S; 9]) -> [[S; 3]; 4] {
     let mut f = [[S::ZERO; 3]; 4];
     for a in 0..3 {
         let pd = mat_vec(p, e.gradients[a]);

@@ -86,6 +86,21 @@ fn strip(count: usize, noise: &[f64], motion: Motion) -> (Vec<DVec3>, Vec<[u32; 
     (points, tetrahedra, moved)
 }
 
+/// A body of the common material.
+fn body<'a>(
+    name: &'a str,
+    points: &'a [DVec3],
+    tetrahedra: &'a [[u32; 4]],
+    model: Model,
+    evaluation: Evaluation,
+) -> BodyDescription<'a> {
+    BodyDescription {
+        model,
+        evaluation,
+        ..BodyDescription::from_parts(name, points, tetrahedra, material())
+    }
+}
+
 /// A world with one body, displaced.
 fn world<S: Scalar>(
     points: &[DVec3],
@@ -97,9 +112,7 @@ fn world<S: Scalar>(
     let mut world = World::new();
     install::<S>(&mut world, Executor::SingleThreaded);
     world.insert_resource(workers);
-    let body =
-        BodyDescription { name: "b", points, tetrahedra, material: material(), model, evaluation };
-    spawn_body::<S>(&mut world, &body).unwrap();
+    spawn_body::<S>(&mut world, &body("b", points, tetrahedra, model, evaluation)).unwrap();
     let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
     let mut query = world.query::<&mut Displacement<S>>();
     for (mut u, v) in query.iter_mut(&mut world).zip(order) {
@@ -401,18 +414,9 @@ fn quadratic_springs_have_no_pooled_evaluation() {
         install::<f64>(&mut world, Executor::SingleThreaded);
         let (points, tetrahedra, _) = strip(3, &noise(), Motion::Rest);
         let evaluation = Evaluation::Pooled;
-        let error = spawn_body::<f64>(
-            &mut world,
-            &BodyDescription {
-                name: "b",
-                points: &points,
-                tetrahedra: &tetrahedra,
-                material: material(),
-                model,
-                evaluation,
-            },
-        )
-        .unwrap_err();
+        let error =
+            spawn_body::<f64>(&mut world, &body("b", &points, &tetrahedra, model, evaluation))
+                .unwrap_err();
         assert_eq!(error, BodyError::Evaluation { body: "b".into(), model });
         assert!(error.to_string().contains(model.name()) && error.to_string().contains("fused"));
     }
@@ -440,7 +444,7 @@ fn all_kinds_side_by_side() {
         let material = material();
         spawn_body::<f64>(
             &mut together,
-            &BodyDescription { name, points, tetrahedra, material, model, evaluation },
+            &BodyDescription { material, ..body(name, points, tetrahedra, model, evaluation) },
         )
         .unwrap();
     }
@@ -598,8 +602,7 @@ fn a_column_of_slices_is_one_table() {
 
 #[test]
 fn models_are_called_the_same_everywhere() {
-    let all = [Model::StVK, Model::CompressibleStVK, Model::QuadraticSprings, Model::MassSpring];
-    for model in all {
+    for model in Model::ALL {
         assert_eq!(serde_json::to_value(model).unwrap(), model.name());
         assert_eq!(serde_json::from_value::<Model>(model.name().into()).unwrap(), model);
         assert!(model.supports(Evaluation::Fused));

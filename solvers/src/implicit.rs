@@ -175,6 +175,12 @@ fn noise<S: Scalar>() -> f64 {
     450.0 * S::EPSILON.to_f64()
 }
 
+/// Forgets the kept preconditioners and factors of the implicit integrators: they belong to matrices
+/// that will not come again.
+pub fn forget_matrices<S: Scalar>(world: &mut World) {
+    world.remove_resource::<ImplicitScratch<S>>();
+}
+
 /// Carries out one implicit step, or finds one equilibrium.
 ///
 /// # Errors

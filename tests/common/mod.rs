@@ -68,12 +68,9 @@ pub fn simulation(
     let mut simulation = Simulation::new(options).expect("threads");
     let body = simulation
         .add_body(&BodyDescription {
-            name: "body",
-            points,
-            tetrahedra,
-            material,
             model,
             evaluation,
+            ..BodyDescription::from_parts("body", points, tetrahedra, material)
         })
         .expect("body");
     (simulation, body)

@@ -35,6 +35,8 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Physical groups, regions and node sets under their names.
     pub groups: Vec<Group>,
+    /// Numbers that the file keeps with its cells, such as a stiffness or a label.
+    pub cell_data: Vec<CellData>,
     /// Cells of kinds that the engine cannot use, counted by kind.
     pub skipped: Vec<SkippedCells>,
     /// Lines of the file on which vertices and cells stand, where a reader knows them.
@@ -54,6 +56,19 @@ pub struct Group {
     pub tetrahedra: Vec<u32>,
     /// Indices of the triangles.
     pub triangles: Vec<u32>,
+}
+
+/// A named number for every tetrahedron and triangle; NaN where the file has none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CellData {
+    /// Name in the file.
+    pub name: String,
+    /// Whether the file holds whole numbers; writers keep them so.
+    pub integer: bool,
+    /// One value for each tetrahedron.
+    pub tetrahedra: Vec<f64>,
+    /// One value for each triangle.
+    pub triangles: Vec<f64>,
 }
 
 /// How many cells of one kind were left out.
@@ -97,6 +112,11 @@ impl Mesh {
     /// The group of that name whose cells have `dimension` dimensions (0 to 3).
     pub fn group_of_dimension(&self, name: &str, dimension: u8) -> Option<&Group> {
         self.groups.iter().find(|group| group.name == name && group.dimension == dimension)
+    }
+
+    /// The cell data of that name.
+    pub fn data(&self, name: &str) -> Option<&CellData> {
+        self.cell_data.iter().find(|data| data.name == name)
     }
 
     /// Smallest and largest corner (m) of the box around all points, `None` without points.

@@ -2,7 +2,7 @@
 
 use super::scan::Cursor;
 use crate::mesh::error::MeshError;
-use crate::mesh::{Group, Mesh, SkippedCells};
+use crate::mesh::{CellData, Group, Mesh, SkippedCells};
 
 /// What a cell of a file becomes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,7 +109,23 @@ impl Builder {
         }
     }
 
+    /// The data of that name, filled up with NaN to all cells so far.
+    pub fn data(&mut self, name: &str, integer: bool) -> &mut CellData {
+        let mesh = &mut self.mesh;
+        let at = mesh.cell_data.iter().position(|data| data.name == name).unwrap_or_else(|| {
+            mesh.cell_data.push(CellData { name: name.to_owned(), integer, ..CellData::default() });
+            mesh.cell_data.len() - 1
+        });
+        let data = &mut mesh.cell_data[at];
+        fill(data, mesh.tetrahedra.len(), mesh.triangles.len());
+        data.integer &= integer;
+        data
+    }
+
     pub fn finish(mut self) -> Mesh {
+        for data in &mut self.mesh.cell_data {
+            fill(data, self.mesh.tetrahedra.len(), self.mesh.triangles.len());
+        }
         for group in &mut self.mesh.groups {
             for list in [&mut group.vertices, &mut group.tetrahedra, &mut group.triangles] {
                 list.sort_unstable();
@@ -118,6 +134,13 @@ impl Builder {
         }
         self.mesh
     }
+}
+
+/// A number that is missing is no whole number.
+fn fill(data: &mut CellData, n_tetrahedra: usize, n_triangles: usize) {
+    data.integer &= data.tetrahedra.len() == n_tetrahedra && data.triangles.len() == n_triangles;
+    data.tetrahedra.resize(n_tetrahedra, f64::NAN);
+    data.triangles.resize(n_triangles, f64::NAN);
 }
 
 fn push_line(lines: &mut Vec<u32>, line: usize) {

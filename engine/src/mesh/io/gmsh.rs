@@ -81,6 +81,8 @@ struct Reader<'a> {
     /// Used cells of version 2 by vertices and geometric entity: position and first physical tag.
     seen: HashMap<([u32; 4], i64), (usize, i64)>,
     vertices: Vec<u32>,
+    /// Used cells by element number.
+    elements: HashMap<i64, (CellUse, usize)>,
     has_nodes: bool,
     has_elements: bool,
 }
@@ -106,6 +108,7 @@ pub fn read_gmsh(data: &[u8], source: &str) -> Result<Mesh, MeshError> {
         groups: HashMap::new(),
         seen: HashMap::new(),
         vertices: Vec::new(),
+        elements: HashMap::new(),
         has_nodes: false,
         has_elements: false,
     };
@@ -159,6 +162,7 @@ impl<'a> Reader<'a> {
                     (_, true) => self.elements_binary()?,
                     (_, false) => self.elements_by_line(b"$EndElements")?,
                 },
+                b"$ElementData" => self.element_data()?,
                 [b'$', ..] => self.skip(line)?,
                 _ => {
                     return Err(self.cursor.invalid(line, "the start of a section such as $Nodes"));
@@ -347,7 +351,7 @@ impl<'a> Reader<'a> {
                     self.push_vertex(node, kind, number)?;
                 }
             }
-            self.add_cell(kind, physical, elementary, self.cursor.line)?;
+            self.add_cell(kind, number, [physical, elementary], self.cursor.line)?;
         }
         self.expect_end(end, "elements", count)
     }
@@ -371,8 +375,8 @@ impl<'a> Reader<'a> {
     fn add_cell(
         &mut self,
         kind: CellKind,
-        physical: i64,
-        elementary: i64,
+        number: i64,
+        [physical, elementary]: [i64; 2],
         line: usize,
     ) -> Result<(), MeshError> {
         let vertices = std::mem::take(&mut self.vertices);
@@ -399,6 +403,9 @@ impl<'a> Reader<'a> {
             let &mut (index, first) =
                 self.seen.entry((key, elementary)).or_insert((next, physical));
             known = (first != physical).then_some(index);
+        }
+        if cell != CellUse::Skipped {
+            self.elements.insert(number, (cell, known.unwrap_or(next)));
         }
         match known {
             Some(index) => self.builder.join(cell, index, &vertices, groups),
@@ -499,7 +506,7 @@ impl<'a> Reader<'a> {
                     let node = self.int("a node number")?;
                     self.push_vertex(node, kind, number)?;
                 }
-                self.add_cell(kind, group[0], group[1], 0)?;
+                self.add_cell(kind, number, group, 0)?;
             }
             read += here;
         }
@@ -711,7 +718,16 @@ impl<'a> Reader<'a> {
                 self.cursor.room_for(count, width as u64, "elements")?;
             }
             for i in 0..count {
-                self.element_of_block(kind, total, read + i)?;
+                let number = self.element_of_block(kind, total, read + i)?;
+                let cell = kind.used_as();
+                let index = match cell {
+                    CellUse::Tetrahedron => self.builder.mesh.tetrahedra.len(),
+                    CellUse::Triangle => self.builder.mesh.triangles.len(),
+                    CellUse::Skipped => 0,
+                };
+                if cell != CellUse::Skipped {
+                    self.elements.insert(number, (cell, index));
+                }
                 let vertices = std::mem::take(&mut self.vertices);
                 let line = if self.cursor.binary { 0 } else { self.cursor.line };
                 self.builder.cell(kind, &vertices, &groups, line);
@@ -725,8 +741,13 @@ impl<'a> Reader<'a> {
         self.expect_end(b"$EndElements", "elements", total)
     }
 
-    /// Collects the vertices of the next element of a block (4.1).
-    fn element_of_block(&mut self, kind: CellKind, total: u64, read: u64) -> Result<(), MeshError> {
+    /// Collects the vertices of the next element of a block (4.1); its number.
+    fn element_of_block(
+        &mut self,
+        kind: CellKind,
+        total: u64,
+        read: u64,
+    ) -> Result<i64, MeshError> {
         self.vertices.clear();
         if self.cursor.binary {
             let number = self.tag("an element number")?;
@@ -734,7 +755,7 @@ impl<'a> Reader<'a> {
                 let node = self.tag("a node number")?;
                 self.push_vertex(node, kind, number)?;
             }
-            return Ok(());
+            return Ok(number);
         }
         let line = match self.cursor.filled_line() {
             None => return Err(self.cursor.end(&format!("element {} of {total}", read + 1))),
@@ -746,7 +767,7 @@ impl<'a> Reader<'a> {
         let mut fields = words(line);
         let number = self.cursor.integer(fields.next().unwrap_or(b""), "an element number")?;
         if kind == UNKNOWN_KIND {
-            return Ok(());
+            return Ok(number);
         }
         for field in fields {
             let node = self.cursor.integer(field, "a node number")?;
@@ -760,7 +781,57 @@ impl<'a> Reader<'a> {
                 self.vertices.len() as u64,
             ));
         }
-        Ok(())
+        Ok(number)
+    }
+
+    /// One number for each element of a list; other numbers of components are read past.
+    fn element_data(&mut self) -> Result<(), MeshError> {
+        let mut tags: [Vec<&[u8]>; 3] = Default::default();
+        for (of_kind, what) in tags.iter_mut().zip(["names", "real tags", "integer tags"]) {
+            let expected = format!("the number of {what} of $ElementData");
+            let line = self.cursor.expect_line(&expected)?;
+            for _ in 0..self.cursor.count(line, &expected)? {
+                of_kind.push(self.cursor.expect_line(what)?);
+            }
+        }
+        let integer = |i: usize| tags[2].get(i).copied().unwrap_or(b"");
+        let components = self.cursor.count(integer(1), "the number of components")?;
+        let count = self.cursor.count(integer(2), "the number of values")?;
+        if components != 1 {
+            return self.skip(b"$ElementData");
+        }
+        let name = String::from_utf8_lossy(tags[0].first().copied().unwrap_or(b"")).into_owned();
+        let name = name.trim().trim_matches('"').to_owned();
+        if self.cursor.binary {
+            self.cursor.room_for(count, 12, "values of elements")?;
+        }
+        self.builder.data(&name, false);
+        for read in 0..count {
+            let (number, value) = if self.cursor.binary {
+                (self.int("an element number")?, self.double()?)
+            } else {
+                let line = match self.cursor.filled_line() {
+                    None => return Err(self.cursor.end(&format!("value {} of {count}", read + 1))),
+                    Some(line) if line.starts_with(b"$") => {
+                        return Err(self.cursor.mismatch("the number of values", count, read));
+                    }
+                    Some(line) => line,
+                };
+                let mut fields = words(line);
+                let number =
+                    self.cursor.integer(fields.next().unwrap_or(b""), "an element number")?;
+                (number, self.cursor.real(fields.next().unwrap_or(b""), "a value")?)
+            };
+            let Some(data) = self.builder.mesh.cell_data.iter_mut().find(|d| d.name == name) else {
+                continue;
+            };
+            match self.elements.get(&number) {
+                Some(&(CellUse::Tetrahedron, index)) => data.tetrahedra[index] = value,
+                Some(&(CellUse::Triangle, index)) => data.triangles[index] = value,
+                _ => {}
+            }
+        }
+        self.expect_end(b"$EndElementData", "values", count)
     }
 
     /// Names the groups and puts them in order of dimension and tag.
@@ -845,11 +916,15 @@ pub fn encode_gmsh(mesh: &Mesh) -> String {
             elements.push(15, tag, &[vertex]);
         }
     }
+    // number of each cell, for its data; one that is listed more than once has several
+    let (mut triangle_numbers, mut tet_numbers) = (Vec::new(), Vec::new());
     for (triangle, tags) in mesh.triangles.iter().zip(&triangles_of) {
         elements.push_each(2, tags, triangle);
+        triangle_numbers.push(elements.count);
     }
     for (tet, tags) in mesh.tetrahedra.iter().zip(&tets_of) {
         elements.push_each(4, tags, tet);
+        tet_numbers.push(elements.count);
     }
 
     let mut text = String::from("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n");
@@ -857,18 +932,7 @@ pub fn encode_gmsh(mesh: &Mesh) -> String {
     if !names.is_empty() {
         let _ = writeln!(text, "$PhysicalNames\n{}", names.len());
         for (dimension, tag, name) in names {
-            let name: String = name
-                .chars()
-                .map(|c| {
-                    if c == '"' {
-                        '\''
-                    } else if c.is_control() {
-                        ' '
-                    } else {
-                        c
-                    }
-                })
-                .collect();
+            let name = plain(name);
             let _ = writeln!(text, "{dimension} {tag} \"{name}\"");
         }
         text.push_str("$EndPhysicalNames\n");
@@ -880,7 +944,29 @@ pub fn encode_gmsh(mesh: &Mesh) -> String {
     let _ = writeln!(text, "$EndNodes\n$Elements\n{}", elements.count);
     text.push_str(&elements.text);
     text.push_str("$EndElements\n");
+    for data in &mesh.cell_data {
+        let numbers = tet_numbers.iter().chain(&triangle_numbers);
+        let values = numbers.zip(data.tetrahedra.iter().chain(&data.triangles));
+        let values: Vec<_> = values.filter(|(_, value)| value.is_finite()).collect();
+        let count = values.len();
+        let _ =
+            writeln!(text, "$ElementData\n1\n\"{}\"\n1\n0.0\n3\n0\n1\n{count}", plain(&data.name));
+        for (number, value) in values {
+            let _ = writeln!(text, "{number} {value:?}");
+        }
+        text.push_str("$EndElementData\n");
+    }
     text
+}
+
+/// A name without quotation marks and control characters.
+fn plain(name: &str) -> String {
+    let shown = |c: char| match c {
+        '"' => '\'',
+        c if c.is_control() => ' ',
+        c => c,
+    };
+    name.chars().map(shown).collect()
 }
 
 struct Elements {

@@ -2,7 +2,7 @@
 //!
 //! A group is kept as a pair of 0/1 arrays named `group:<dimension>:<name>`, one on the points and one
 //! on the cells. An integer cell array of any other name with few distinct values gives one group for
-//! each value, named `<array> <value>`.
+//! each value, named `<array> <value>`. Every array of one number for each cell is kept as it is too.
 
 use super::cells::{Builder, CellKind, CellUse};
 use super::scan::Cursor;
@@ -128,6 +128,42 @@ pub(crate) struct Located<T> {
     pub place: Place,
 }
 
+/// An array of one number for each point or cell.
+pub(crate) enum Array {
+    Integers(Located<i64>),
+    Reals(Located<f64>),
+}
+
+impl Array {
+    fn len(&self) -> usize {
+        match self {
+            Array::Integers(array) => array.values.len(),
+            Array::Reals(array) => array.values.len(),
+        }
+    }
+
+    fn place(&self) -> Place {
+        match self {
+            Array::Integers(array) => array.place,
+            Array::Reals(array) => array.place,
+        }
+    }
+
+    fn integers(&self) -> Option<&[i64]> {
+        match self {
+            Array::Integers(array) => Some(&array.values),
+            Array::Reals(_) => None,
+        }
+    }
+
+    fn value(&self, index: usize) -> f64 {
+        match self {
+            Array::Integers(array) => array.values[index] as f64,
+            Array::Reals(array) => array.values[index],
+        }
+    }
+}
+
 /// One grid as both formats store it.
 pub(crate) struct Piece {
     /// Three values per point.
@@ -137,10 +173,10 @@ pub(crate) struct Piece {
     /// For each cell, where its vertices end in `connectivity`.
     pub ends: Located<i64>,
     pub types: Located<i64>,
-    /// Integer arrays with one value per point.
-    pub point_arrays: Vec<(String, Located<i64>)>,
-    /// Integer arrays with one value per cell.
-    pub cell_arrays: Vec<(String, Located<i64>)>,
+    /// Arrays with one value per point.
+    pub point_arrays: Vec<(String, Array)>,
+    /// Arrays with one value per cell.
+    pub cell_arrays: Vec<(String, Array)>,
 }
 
 /// Groups in the making, by dimension and name, over all pieces.
@@ -193,9 +229,9 @@ impl Assembly {
         let n_points = self.builder.mesh.points.len() - base;
         for (arrays, n) in [(&piece.point_arrays, n_points), (&piece.cell_arrays, n_cells)] {
             for (name, array) in arrays {
-                if array.values.len() != n {
+                if array.len() != n {
                     let what = format!("the number of values of the array `{name}`");
-                    return Err(mismatch(array.place, &what, n, array.values.len()));
+                    return Err(mismatch(array.place(), &what, n, array.len()));
                 }
             }
         }
@@ -203,10 +239,17 @@ impl Assembly {
         // Groups of every cell, one array at a time, then the cells.
         let mut memberships: Vec<(&[i64], HashMap<i64, Membership>)> = Vec::new();
         for (name, array) in &piece.cell_arrays {
-            if let Some(values) = self.membership(name, &array.values) {
-                memberships.push((&array.values, values));
+            if let Some(integers) = array.integers()
+                && let Some(values) = self.membership(name, integers)
+            {
+                memberships.push((integers, values));
             }
         }
+        // Data of earlier pieces end where this one begins, whether it has such data or not.
+        for (name, array) in self.data_arrays(piece) {
+            self.builder.data(name, array.integers().is_some());
+        }
+        let (mut tetrahedra, mut triangles) = (Vec::new(), Vec::new());
         let mut start = 0usize;
         let mut vertices = Vec::new();
         let mut groups = Vec::new();
@@ -267,17 +310,43 @@ impl Assembly {
                 CellUse::Skipped => 0,
             };
             self.builder.cell(kind, &vertices, &groups, 0);
+            match cell {
+                CellUse::Tetrahedron => tetrahedra.push(number),
+                CellUse::Triangle => triangles.push(number),
+                CellUse::Skipped => {}
+            }
             // The vertices of a written group come from its point array.
             self.builder.join(cell, index, &[], &exact);
         }
+        for (name, array) in self.data_arrays(piece) {
+            let found = self.builder.mesh.cell_data.iter_mut().find(|data| data.name == *name);
+            if let Some(data) = found {
+                data.tetrahedra.extend(tetrahedra.iter().map(|&number| array.value(number)));
+                data.triangles.extend(triangles.iter().map(|&number| array.value(number)));
+            }
+        }
         for (name, array) in &piece.point_arrays {
-            let Some((dimension, name)) = group_name(name) else { continue };
+            let (Some((dimension, name)), Some(values)) = (group_name(name), array.integers())
+            else {
+                continue;
+            };
             let slot = self.slot(dimension, name);
-            let members = array.values.iter().enumerate().filter(|&(_, &value)| value != 0);
+            let members = values.iter().enumerate().filter(|&(_, &value)| value != 0);
             let group: &mut Group = &mut self.builder.mesh.groups[slot];
             group.vertices.extend(members.map(|(i, _)| (base + i) as u32));
         }
         Ok(())
+    }
+
+    /// Cell arrays that are data and not groups; of several with one name the first.
+    fn data_arrays<'p>(&self, piece: &'p Piece) -> Vec<(&'p str, &'p Array)> {
+        let mut arrays: Vec<(&str, &Array)> = Vec::new();
+        for (name, array) in &piece.cell_arrays {
+            if group_name(name).is_none() && arrays.iter().all(|(known, _)| known != name) {
+                arrays.push((name, array));
+            }
+        }
+        arrays
     }
 
     /// Which group each value of a cell array stands for; `None` for arrays that are no regions.

@@ -3,7 +3,7 @@
 //! The known crate for these files reports errors without a line and takes counts on trust, so the
 //! format is read here.
 
-use super::grid::{Assembly, Located, Number, Piece, array_name, cell_mask, mask};
+use super::grid::{Array, Assembly, Located, Number, Piece, array_name, cell_mask, mask};
 use super::scan::{Cursor, words};
 use super::vtu::VtuData;
 use crate::mesh::Mesh;
@@ -153,13 +153,13 @@ impl Reader<'_> {
         Ok((Located { values: connectivity, place }, Located { values: ends, place }))
     }
 
-    /// An array of point or cell data; integer arrays are kept, others are read past.
+    /// An array of point or cell data; arrays of one number each are kept, others are read past.
     fn attribute(
         &mut self,
         keyword: &[u8],
         upper: &[u8],
         count: u64,
-        arrays: &mut Vec<(String, Located<i64>)>,
+        arrays: &mut Vec<(String, Array)>,
     ) -> Result<(), MeshError> {
         match upper {
             b"SCALARS" => {
@@ -248,7 +248,7 @@ impl Reader<'_> {
         &mut self,
         count: u64,
         components: u64,
-        arrays: &mut Vec<(String, Located<i64>)>,
+        arrays: &mut Vec<(String, Array)>,
     ) -> Result<(), MeshError> {
         let name = self.name()?;
         let number = self.number_type()?;
@@ -261,15 +261,18 @@ impl Reader<'_> {
         count: u64,
         components: u64,
         number: Number,
-        arrays: &mut Vec<(String, Located<i64>)>,
+        arrays: &mut Vec<(String, Array)>,
     ) -> Result<(), MeshError> {
         let total = count.saturating_mul(components);
         let what = format!("values of the array `{name}`");
         if number.is_integer() && components == 1 {
             let values = self.integers(total, number, &what)?;
-            arrays.push((name, values));
+            arrays.push((name, Array::Integers(values)));
         } else {
-            self.reals(total, number, &what)?;
+            let values = self.reals(total, number, &what)?;
+            if components == 1 {
+                arrays.push((name, Array::Reals(values)));
+            }
         }
         Ok(())
     }
@@ -449,12 +452,25 @@ pub fn encode_vtk(data: &VtuData<'_>, binary: bool) -> Result<Vec<u8>, MeshError
             out.mask(&array_name(group), &mask(data.points.len(), members));
         }
     }
-    let n_arrays = n_groups + data.cell_scalars.len();
+    let n_arrays = n_groups + data.cell_scalars.len() + data.cell_data.len();
     if n_arrays > 0 {
         out.text(&format!("CELL_DATA {n_cells}\nFIELD data {n_arrays}\n"));
         for (name, values) in data.cell_scalars {
             out.text(&format!("{} 1 {} {real}\n", encode_name(name), values.len()));
             out.reals(values.iter().copied());
+        }
+        for array in data.cell_data {
+            let values = array.tetrahedra.iter().chain(&array.triangles);
+            // the format knows no portable name for wider integers
+            let fits = values.clone().all(|&v| f64::from(v as i32) == v);
+            let kind = if array.integer && fits { "int" } else { real };
+            out.text(&format!("{} 1 {n_cells} {kind}\n", encode_name(&array.name)));
+            if array.integer && fits {
+                out.integers(values.map(|&v| v as i32));
+                out.end_binary();
+            } else {
+                out.reals(values.copied());
+            }
         }
         for group in data.groups {
             out.mask(&array_name(group), &cell_mask(group, n_tets, n_triangles));

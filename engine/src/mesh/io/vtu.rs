@@ -3,10 +3,12 @@
 //! Reads text arrays, inline base64, and appended raw or base64 data, plain or zlib-compressed; writes
 //! appended raw data.
 
-use super::grid::{Assembly, Located, Number, Piece, array_name, cell_mask, group_name, mask};
+use super::grid::{
+    self, Assembly, Located, Number, Piece, array_name, cell_mask, group_name, mask,
+};
 use super::scan::{Cursor, line_at, parse, words};
 use crate::mesh::error::{MeshError, Place, shown};
-use crate::mesh::{Group, Mesh};
+use crate::mesh::{CellData, Group, Mesh};
 use glam::DVec3;
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
@@ -85,8 +87,8 @@ struct Draft {
     connectivity: Option<Located<i64>>,
     ends: Option<Located<i64>>,
     types: Option<Located<i64>>,
-    point_arrays: Vec<(String, Located<i64>)>,
-    cell_arrays: Vec<(String, Located<i64>)>,
+    point_arrays: Vec<(String, grid::Array)>,
+    cell_arrays: Vec<(String, grid::Array)>,
 }
 
 impl<'a> Reader<'a> {
@@ -324,7 +326,7 @@ impl<'a> Reader<'a> {
             };
         let components = attribute("NumberOfComponents")?.unwrap_or_else(|| "1".to_owned());
         let mut name = attribute("Name")?.unwrap_or_default();
-        if components.trim() != "1" && components.trim() != "0" {
+        if kind == "String" || components.trim() != "1" && components.trim() != "0" {
             // Marks arrays that cannot hold one number per entity.
             name.push('\0');
         }
@@ -341,10 +343,16 @@ impl<'a> Reader<'a> {
             (Part::Cells, "offsets") => draft.ends = Some(self.integers(array)?),
             (Part::Cells, "types") => draft.types = Some(self.integers(array)?),
             (Part::PointData, name) if group_name(name).is_some() => {
-                draft.point_arrays.push((name.to_owned(), self.integers(array)?));
+                let values = grid::Array::Integers(self.integers(array)?);
+                draft.point_arrays.push((name.to_owned(), values));
             }
-            (Part::CellData, name) if array.number.is_integer() && !name.ends_with('\0') => {
-                draft.cell_arrays.push((name.to_owned(), self.integers(array)?));
+            (Part::CellData, name) if !name.ends_with('\0') => {
+                let values = if array.number.is_integer() {
+                    grid::Array::Integers(self.integers(array)?)
+                } else {
+                    grid::Array::Reals(self.reals(array)?)
+                };
+                draft.cell_arrays.push((name.to_owned(), values));
             }
             _ => {}
         }
@@ -597,6 +605,8 @@ pub struct VtuData<'a> {
     pub point_scalars: &'a [(&'a str, &'a [f64])],
     /// Named numbers, one for each tetrahedron and then each triangle, in any unit.
     pub cell_scalars: &'a [(&'a str, &'a [f64])],
+    /// Numbers kept with the mesh, written as they were read.
+    pub cell_data: &'a [CellData],
     /// Groups, written as 0/1 arrays named `group:<dimension>:<name>` on points and cells.
     pub groups: &'a [Group],
     /// Writes real numbers with 32 instead of 64 bits.
@@ -611,6 +621,7 @@ impl<'a> VtuData<'a> {
             tetrahedra: &mesh.tetrahedra,
             triangles: &mesh.triangles,
             groups: &mesh.groups,
+            cell_data: &mesh.cell_data,
             ..VtuData::default()
         }
     }
@@ -623,6 +634,17 @@ impl<'a> VtuData<'a> {
         let scalars =
             self.point_scalars.iter().map(|(name, v)| (name, v.len(), n_points, "points"));
         let cells = self.cell_scalars.iter().map(|(name, v)| (name, v.len(), n_cells, "cells"));
+        let data = self.cell_data.iter().flat_map(|data| {
+            let (n_tets, n_triangles) = (self.tetrahedra.len(), self.triangles.len());
+            [(&data.tetrahedra, n_tets, "tetrahedra"), (&data.triangles, n_triangles, "triangles")]
+                .map(|(values, expected, cells)| (&data.name, values.len(), expected, cells))
+        });
+        for (name, found, expected, entities) in data {
+            if found != expected {
+                let what = name.clone();
+                return Err(MeshError::LengthMismatch { what, entities, expected, found });
+            }
+        }
         for (name, found, expected, entities) in vectors.chain(scalars).chain(cells) {
             if found != expected {
                 let what = (*name).to_owned();
@@ -676,6 +698,15 @@ pub fn encode_vtu(data: &VtuData<'_>) -> Result<Vec<u8>, MeshError> {
     out.xml.push_str("</PointData>\n<CellData>\n");
     for (name, values) in data.cell_scalars {
         out.reals(name, 1, values.iter().copied());
+    }
+    for array in data.cell_data {
+        let values = array.tetrahedra.iter().chain(&array.triangles);
+        if array.integer {
+            let bytes: Vec<u8> = values.flat_map(|&v| (v as i64).to_le_bytes()).collect();
+            out.array("Int64", &array.name, 1, &bytes);
+        } else {
+            out.reals(&array.name, 1, values.copied());
+        }
     }
     for group in data.groups {
         out.array("UInt8", &array_name(group), 1, &cell_mask(group, n_tets, n_triangles));

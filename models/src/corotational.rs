@@ -1,0 +1,474 @@
+//! Corotational elasticity: linear elasticity in a frame that turns with the element. A comparison
+//! model, and the energy of the recovery mode: it is the only one here without a spurious minimum for
+//! elements turned inside out.
+//!
+//! With the polar decomposition `F = R S` of the deformation gradient and `e = S - I`:
+//!
+//! ```text
+//! W    = V (mu |F - R|^2 + lambda/2 (tr e)^2) = V (mu e:e + lambda/2 (tr e)^2)          J
+//! P    = R (2 mu e + lambda (tr e) I),   f_a = -V P D_a                                 N
+//! K_ab = V [ 2 mu (D_a.D_b) I + lambda (R D_a)(R D_b)^T - c [R D_a]x H [R D_b]x ]       N/m
+//! c    = lambda tr e - 2 mu,   H = (tr(S) I - R S R^T)^-1
+//! ```
+//!
+//! `[w]x v = w x v`. The last term of `K` is the turning of `R`: `R^T dR` has the axis
+//! `(tr(S) I - S)^-1` times the axis of `R^T dF - dF^T R`. It becomes singular where two singular values
+//! of `F` add up to zero, where `R` is not unique, and is kept finite there.
+//!
+//! `R` is the rotation that maximises `tr(R^T F)` whatever the sign of `det F`: the smallest singular
+//! value takes the sign, so a flat or inverted element finds a rotation too, the one that needs the
+//! least movement to become right again (Irving, Teran and Fedkiw 2004). It is found without a singular
+//! value decomposition: `tr S` is the largest root of
+//! `(x^2 - |F|^2)^2 - 8 det(F) x - 4 |cof F|^2`, and `R` is rational in it (Markley 1993, attitude
+//! determination by the fast optimal attitude matrix); only where `R` is badly determined the
+//! decomposition of [`Projected`](TangentKind::Projected) tangents is used.
+//!
+//! `e` solves `(S + I) e = 2 E` with the Green-Lagrange strain `E`, which keeps its digits at small
+//! strain; `S - I` would lose them.
+//!
+//! | tangent | what it is |
+//! |---|---|
+//! | `Exact` | as above |
+//! | `GaussNewton` | `R` held: `R K0 R^T` of linear elasticity, semidefinite; exact where `e = 0` |
+//! | `Projected` | eigenvalues of the turning part below `-2 mu` raised to it: semidefinite |
+//!
+//! # Stiffness warping
+//!
+//! [`WarpedStiffness`] is the older form of the same law: force `-R K0 (R^T x - X)`, tangent
+//! `R K0 R^T` (Müller and Gross 2004). For a linear tetrahedron `R^T x - X` has the strain `e`
+//! exactly, so **the force is the same** and does derive from `W`; what is not derived is the tangent,
+//! which leaves the turning of `R` out. It is semidefinite in every state. A line search on `W` and the
+//! energy cap of the safe step therefore hold for it as for any other model; Newton's method with it
+//! converges linearly where the element is strained. (With rotations found in other ways, by
+//! Gram-Schmidt for example, the force would not be derived from an energy.)
+//!
+//! The 42 % limit of St Venant-Kirchhoff under compression does not exist: the resistance to a flat
+//! element is that of linear elasticity. But a body may pass through `J = 0`, and at large strain the
+//! law is softer in tension and less stiff in volume than a real material.
+
+use bevy_ecs::prelude::*;
+use sinew_engine::element::{displacement_gradient, volume_change};
+use sinew_engine::law::{Law, TangentKind};
+use sinew_engine::scalar::{Real, cross, dot, mat_vec};
+
+use crate::fused::TetrahedronLaw;
+use crate::projection::{Svd, is_positive_definite, rounding, signed_svd, symmetric_eigen};
+use crate::tetrahedron::{
+    CORE, Element, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
+};
+
+/// Polar decomposition of a deformation gradient.
+#[derive(Clone, Copy, Debug)]
+pub struct Polar<R> {
+    /// Rotation `R`, row-major.
+    pub rotation: [R; 9],
+    /// `e = S - I`: entries xx, yy, zz, yz, xz, xy.
+    pub strain: [R; 6],
+}
+
+impl<R: Real> Polar<R> {
+    /// Of `F = I + G`.
+    #[inline(always)]
+    pub fn new(g: &[R; 9]) -> Self {
+        let rotation = rotation(g);
+        let one = R::ONE;
+        let f = [one + g[0], g[1], g[2], g[3], one + g[4], g[5], g[6], g[7], one + g[8]];
+        // S = R^T F to rounding of its largest entry
+        let entry = |i: usize, j: usize| {
+            let (r, f) = (column(&rotation, i), column(&f, j));
+            dot(r, f)
+        };
+        let half = R::from_f64(0.5);
+        let s = [
+            entry(0, 0),
+            entry(1, 1),
+            entry(2, 2),
+            half * (entry(1, 2) + entry(2, 1)),
+            half * (entry(0, 2) + entry(2, 0)),
+            half * (entry(0, 1) + entry(1, 0)),
+        ];
+        // From the Green-Lagrange strain where S - I would cancel; a mirrored element has none either,
+        // but there S + I is singular.
+        let green = green_strain(g);
+        let sum = [s[0] + one, s[1] + one, s[2] + one, s[3], s[4], s[5]];
+        let (adjugate, determinant) = adjugate(&sum);
+        let mut size = R::ZERO;
+        for x in green {
+            size = size.max(x.abs());
+        }
+        let upright = R::less(R::from_f64(-0.5), volume_change(g));
+        let small = R::both(upright, R::less(size, R::from_f64(0.05)));
+        let factor = R::from_f64(2.0) / R::select(small, determinant, one);
+        let product = |i: usize, j: usize| dot(row(&green, i), row(&adjugate, j));
+        let near = [
+            factor * product(0, 0),
+            factor * product(1, 1),
+            factor * product(2, 2),
+            half * factor * (product(1, 2) + product(2, 1)),
+            half * factor * (product(0, 2) + product(2, 0)),
+            half * factor * (product(0, 1) + product(1, 0)),
+        ];
+        let far = [s[0] - one, s[1] - one, s[2] - one, s[3], s[4], s[5]];
+        let mut strain = far;
+        for k in 0..6 {
+            strain[k] = R::select(small, near[k], far[k]);
+        }
+        Self { rotation, strain }
+    }
+
+    /// `tr e`.
+    #[inline(always)]
+    fn trace(&self) -> R {
+        self.strain[0] + self.strain[1] + self.strain[2]
+    }
+
+    /// `tr(S) I - R S R^T`, whose eigenvalues are the sums of two singular values.
+    #[inline(always)]
+    fn sums(&self) -> [R; 6] {
+        // tr(S) I - S = (2 + tr e) I - e, turned by R
+        let trace = R::from_f64(2.0) + self.trace();
+        let mut turned = [[R::ZERO; 3]; 3];
+        for i in 0..3 {
+            for j in 0..3 {
+                turned[i][j] = dot(line(&self.rotation, i), row(&self.strain, j));
+            }
+        }
+        let entry = |i: usize, j: usize| dot(turned[i], line(&self.rotation, j));
+        [
+            trace - entry(0, 0),
+            trace - entry(1, 1),
+            trace - entry(2, 2),
+            -entry(1, 2),
+            -entry(0, 2),
+            -entry(0, 1),
+        ]
+    }
+}
+
+/// Steps after which Newton's method for `tr S` gives up; one to four are usual.
+const MAX_STEPS: usize = 12;
+
+/// `(s_1 + s_2)(s_2 + s_3)(s_3 + s_1)` below this part of `|F|^3` leaves `R` to the decomposition.
+const BADLY_DETERMINED: f64 = 0.05;
+
+/// The rotation closest to `F = I + G`, row-major: of the proper rotations it maximises `tr(R^T F)`.
+#[inline(always)]
+pub fn rotation<R: Real>(g: &[R; 9]) -> [R; 9] {
+    let one = R::ONE;
+    let f = [one + g[0], g[1], g[2], g[3], one + g[4], g[5], g[6], g[7], one + g[8]];
+    let cof = cofactor(g);
+    let (mut squares, mut cofactors) = (R::ZERO, R::ZERO);
+    for k in 0..9 {
+        squares = f[k].mul_add(f[k], squares);
+        cofactors = cof[k].mul_add(cof[k], cofactors);
+    }
+    let eight_j = R::from_f64(8.0) * (one + volume_change(g));
+    let four = R::from_f64(4.0);
+    // from above, where the steps are monotone
+    let mut x = (R::from_f64(3.0) * squares).sqrt();
+    // converges quadratically: the step after one this small is below rounding
+    let enough = R::from_f64(4.0) * rounding::<R>().sqrt();
+    let mut done = R::less(one, R::ZERO);
+    for _step in 0..MAX_STEPS {
+        let d = x * x - squares;
+        let value = d.mul_add(d, -(eight_j.mul_add(x, four * cofactors)));
+        let slope = four * x * d - eight_j;
+        let step = value / slope;
+        x = x - step;
+        done = R::less(step.abs(), enough * x);
+        if !R::any(R::less(R::select(done, one, R::ZERO), one)) {
+            break;
+        }
+    }
+    let kappa = R::from_f64(0.5) * (x * x - squares);
+    let zeta = kappa * x - R::from_f64(0.125) * eight_j;
+    let good =
+        R::both(done, R::less(R::from_f64(BADLY_DETERMINED) * squares * squares.sqrt(), zeta));
+    let scale = one / R::select(good, zeta, one);
+    // F F^T
+    let (r0, r1, r2) = (line(&f, 0), line(&f, 1), line(&f, 2));
+    let (b01, b02, b12) = (dot(r0, r1), dot(r0, r2), dot(r1, r2));
+    let left = [[dot(r0, r0), b01, b02], [b01, dot(r1, r1), b12], [b02, b12, dot(r2, r2)]];
+    let sum = kappa + squares;
+    let mut rotation = [R::ZERO; 9];
+    for i in 0..3 {
+        for j in 0..3 {
+            let k = 3 * i + j;
+            let cubic = dot(left[i], column(&f, j));
+            rotation[k] = scale * (sum.mul_add(f[k], x * cof[k]) - cubic);
+        }
+    }
+    if R::any(R::less(R::select(good, one, R::ZERO), one)) {
+        let Svd { u, v, .. } = signed_svd(&[r0, r1, r2]);
+        for i in 0..3 {
+            for j in 0..3 {
+                let k = 3 * i + j;
+                rotation[k] = R::select(good, rotation[k], dot(u[i], v[j]));
+            }
+        }
+    }
+    rotation
+}
+
+/// Energy, J.
+#[inline(always)]
+pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+    let polar = Polar::new(&displacement_gradient(&e.gradients, u));
+    let [xx, yy, zz, yz, xz, xy] = polar.strain;
+    let trace = polar.trace();
+    let shear = dot([yz, xz, xy], [yz, xz, xy]);
+    let squares = dot([xx, yy, zz], [xx, yy, zz]) + (shear + shear);
+    e.volume * (R::from_f64(0.5) * e.lambda * trace).mul_add(trace, e.mu * squares)
+}
+
+/// Forces on the four vertices, N.
+#[inline(always)]
+pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [[R; 3]; 4] {
+    let polar = Polar::new(&displacement_gradient(&e.gradients, u));
+    let two_mu = e.mu + e.mu;
+    let pressure = e.lambda * polar.trace();
+    let [xx, yy, zz, yz, xz, xy] = polar.strain;
+    let stress = [
+        two_mu.mul_add(xx, pressure),
+        two_mu.mul_add(yy, pressure),
+        two_mu.mul_add(zz, pressure),
+        two_mu * yz,
+        two_mu * xz,
+        two_mu * xy,
+    ];
+    let mut p = [R::ZERO; 9];
+    for i in 0..3 {
+        for j in 0..3 {
+            p[3 * i + j] = dot(line(&polar.rotation, i), row(&stress, j));
+        }
+    }
+    nodal_forces(e, &p)
+}
+
+/// Tangent `+d2W/du2` or a semidefinite stand-in for it, N/m; see the table of the module.
+#[inline(always)]
+pub fn tangent<R: Real>(
+    e: &Element<R>,
+    u: &[[R; 3]; 4],
+    kind: TangentKind,
+) -> TetrahedronTangent<R> {
+    let polar = Polar::new(&displacement_gradient(&e.gradients, u));
+    let (lambda, two_mu) = (e.lambda * e.volume, (e.mu + e.mu) * e.volume);
+    let mut rd = [[R::ZERO; 3]; 3];
+    for a in 0..3 {
+        rd[a] = mat_vec(&polar.rotation, e.gradients[a]);
+    }
+    if kind == TangentKind::GaussNewton {
+        return assemble(&warped(&rd, lambda, e.mu * e.volume));
+    }
+    let c = e.lambda.mul_add(polar.trace(), -(e.mu + e.mu));
+    let sums = polar.sums();
+    let mut h = inverse(&sums);
+    if kind == TangentKind::Projected {
+        let clamp = clamped(e, c, &sums);
+        if R::any(clamp) {
+            let least = -c / R::select(clamp, e.mu, R::ONE);
+            let (values, vectors) = symmetric_eigen(square(&sums), clamp);
+            for (k, (i, j)) in ENTRIES.into_iter().enumerate() {
+                let mut sum = R::ZERO;
+                for n in 0..3 {
+                    let value = R::select(clamp, values[n].max(least), R::ONE);
+                    sum += vectors[i][n] * vectors[j][n] / value;
+                }
+                h[k] = R::select(clamp, sum, h[k]);
+            }
+        }
+    }
+    let c = c * e.volume;
+    // H [R D_b]x
+    let mut turning = [[[R::ZERO; 3]; 3]; 3];
+    for b in 0..3 {
+        for i in 0..3 {
+            turning[b][i] = cross(row(&h, i), rd[b]);
+        }
+    }
+    let mut core = [[R::ZERO; 9]; 6];
+    for (block, [a, b]) in core.iter_mut().zip(CORE) {
+        let shear = two_mu * dot(e.gradients[a], e.gradients[b]);
+        for j in 0..3 {
+            let of_column = [turning[b][0][j], turning[b][1][j], turning[b][2][j]];
+            let turned = cross(rd[a], of_column);
+            for i in 0..3 {
+                let volume = lambda * rd[a][i] * rd[b][j];
+                block[3 * i + j] = volume - c * turned[i];
+            }
+        }
+        block[0] += shear;
+        block[4] += shear;
+        block[8] += shear;
+        if a == b {
+            symmetrise(block);
+        }
+    }
+    assemble(&core)
+}
+
+/// Where the exact tangent has a negative eigenvalue that `Projected` raises.
+#[inline(always)]
+pub fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {
+    let polar = Polar::new(&displacement_gradient(&e.gradients, u));
+    let c = e.lambda.mul_add(polar.trace(), -(e.mu + e.mu));
+    clamped(e, c, &polar.sums())
+}
+
+/// The eigenvalues of the turning part are `2 mu + 2 c/g` with the sums `g` of two singular values.
+#[inline(always)]
+fn clamped<R: Real>(e: &Element<R>, c: R, sums: &[R; 6]) -> R::Mask {
+    let soft = R::both(R::less(c, R::ZERO), R::less(R::ZERO, e.mu));
+    let least = -c / R::select(soft, e.mu, R::ONE);
+    // a rotation alone has its eigenvalues at zero: those are not negative
+    let slack = R::from_f64(64.0) * rounding::<R>() * least;
+    let mut shifted = *sums;
+    for k in 0..3 {
+        shifted[k] = sums[k] - least + slack;
+    }
+    let definite = is_positive_definite(&square(&shifted), 0.0);
+    R::both(soft, R::less(R::select(definite, R::ONE, R::ZERO), R::from_f64(0.5)))
+}
+
+/// Blocks of `R K0 R^T`, from turned shape vectors and moduli times volume.
+#[inline(always)]
+pub(crate) fn warped<R: Real>(d: &[[R; 3]; 3], lambda: R, mu: R) -> [[R; 9]; 6] {
+    let mut core = [[R::ZERO; 9]; 6];
+    for (block, [a, b]) in core.iter_mut().zip(CORE) {
+        let shear = mu * dot(d[a], d[b]);
+        for i in 0..3 {
+            for j in 0..3 {
+                let volume = lambda * d[a][i] * d[b][j];
+                block[3 * i + j] = (mu * d[b][i]).mul_add(d[a][j], volume);
+            }
+            block[4 * i] += shear;
+        }
+    }
+    core
+}
+
+/// Places of the six entries of a symmetric matrix.
+const ENTRIES: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)];
+
+#[inline(always)]
+fn square<R: Real>(s: &[R; 6]) -> [[R; 3]; 3] {
+    [row(s, 0), row(s, 1), row(s, 2)]
+}
+
+/// Row of a symmetric matrix.
+#[inline(always)]
+fn row<R: Real>(s: &[R; 6], i: usize) -> [R; 3] {
+    match i {
+        0 => [s[0], s[5], s[4]],
+        1 => [s[5], s[1], s[3]],
+        _ => [s[4], s[3], s[2]],
+    }
+}
+
+/// Row of a row-major matrix.
+#[inline(always)]
+fn line<R: Real>(m: &[R; 9], i: usize) -> [R; 3] {
+    [m[3 * i], m[3 * i + 1], m[3 * i + 2]]
+}
+
+#[inline(always)]
+fn column<R: Real>(m: &[R; 9], j: usize) -> [R; 3] {
+    [m[j], m[3 + j], m[6 + j]]
+}
+
+/// Adjugate and determinant of a symmetric matrix.
+#[inline(always)]
+fn adjugate<R: Real>(s: &[R; 6]) -> ([R; 6], R) {
+    let (r0, r1, r2) = (row(s, 0), row(s, 1), row(s, 2));
+    let (c0, c1, c2) = (cross(r1, r2), cross(r2, r0), cross(r0, r1));
+    ([c0[0], c1[1], c2[2], c1[2], c0[2], c0[1]], dot(r0, c0))
+}
+
+/// Inverse of `tr(S) I - S`, kept finite where two singular values add up to zero.
+#[inline(always)]
+fn inverse<R: Real>(s: &[R; 6]) -> [R; 6] {
+    let (mut inverse, determinant) = adjugate(s);
+    let size = s[0].abs().max(s[1].abs()).max(s[2].abs());
+    let floor = (R::from_f64(1e-6) * size * size * size).max(R::from_f64(1e-30));
+    let factor = R::ONE / determinant.max(floor);
+    for x in &mut inverse {
+        *x = *x * factor;
+    }
+    inverse
+}
+
+#[inline(always)]
+fn symmetrise<R: Real>(block: &mut [R; 9]) {
+    for (k, l) in [(1, 3), (2, 6), (5, 7)] {
+        let mean = R::from_f64(0.5) * (block[k] + block[l]);
+        (block[k], block[l]) = (mean, mean);
+    }
+}
+
+/// Corotational elasticity with its exact tangent; also the mark of its tetrahedra.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct Corotational;
+
+impl Law for Corotational {
+    const NAME: &'static str = "corotational";
+    const ORDER: u8 = 11;
+}
+
+/// Stiffness warping: [`Corotational`] with the tangent `R K0 R^T` in place of every kind; also the mark
+/// of its tetrahedra.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct WarpedStiffness;
+
+impl Law for WarpedStiffness {
+    const NAME: &'static str = "warped stiffness";
+    const ORDER: u8 = 10;
+}
+
+impl TetrahedronLaw for Corotational {
+    type Bodies = With<Corotational>;
+    const STRESS_PROJECTION: bool = false;
+    fn contributes(_: TangentKind) -> bool {
+        true
+    }
+    #[inline(always)]
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+        energy(e, u)
+    }
+    #[inline(always)]
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+        Some(forces(e, u))
+    }
+    #[inline(always)]
+    fn tangent<R: Real>(
+        e: &Element<R>,
+        u: &[[R; 3]; 4],
+        kind: TangentKind,
+    ) -> TetrahedronTangent<R> {
+        tangent(e, u, kind)
+    }
+    #[inline(always)]
+    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {
+        is_clamped(e, u)
+    }
+}
+
+impl TetrahedronLaw for WarpedStiffness {
+    type Bodies = With<WarpedStiffness>;
+    const STRESS_PROJECTION: bool = false;
+    fn contributes(_: TangentKind) -> bool {
+        true
+    }
+    #[inline(always)]
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+        energy(e, u)
+    }
+    #[inline(always)]
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+        Some(forces(e, u))
+    }
+    #[inline(always)]
+    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 4], _: TangentKind) -> TetrahedronTangent<R> {
+        tangent(e, u, TangentKind::GaussNewton)
+    }
+}

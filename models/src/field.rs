@@ -1,0 +1,147 @@
+//! A material that varies from tetrahedron to tetrahedron.
+
+use thiserror::Error;
+
+use crate::material::{LameParameters, MaterialError, YoungPoisson};
+
+/// Material of every tetrahedron of a body: one material, and arrays that replace single constants of
+/// it, one value per tetrahedron in the order of the user's mesh.
+///
+/// ```
+/// use sinew_models::field::MaterialField;
+/// use sinew_models::material::YoungPoisson;
+///
+/// let liver = YoungPoisson { young_modulus: 5e3, poisson_ratio: 0.45, density: 1060.0 };
+/// let stiffness = [5e3, 5e3, 2e4];
+/// let field = MaterialField { young_modulus: Some(&stiffness), ..liver.into() };
+/// assert_eq!(field.at(2).young_modulus, 2e4);
+/// assert_eq!(field.at(2).density, 1060.0);
+/// assert!(field.validate(4).is_err());
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MaterialField<'a> {
+    /// Constants of tetrahedra without a value of their own.
+    pub material: YoungPoisson,
+    /// Young's moduli, Pa.
+    pub young_modulus: Option<&'a [f64]>,
+    /// Poisson's ratios.
+    pub poisson_ratio: Option<&'a [f64]>,
+    /// Densities, kg/m^3.
+    pub density: Option<&'a [f64]>,
+}
+
+/// A field that cannot be used.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum FieldError {
+    /// The material of the whole body is out of range.
+    #[error(transparent)]
+    Material(#[from] MaterialError),
+    /// The material of one tetrahedron is out of range.
+    #[error("tetrahedron {tetrahedron}: {source}")]
+    Tetrahedron {
+        /// Index in the user's mesh.
+        tetrahedron: usize,
+        /// What is wrong.
+        source: MaterialError,
+    },
+    /// An array does not have one value per tetrahedron.
+    #[error(
+        "the field of {quantity} has {found} values for {expected} tetrahedra: give one for each"
+    )]
+    Length {
+        /// What the array holds.
+        quantity: &'static str,
+        /// Its length.
+        found: usize,
+        /// Number of tetrahedra.
+        expected: usize,
+    },
+}
+
+impl From<YoungPoisson> for MaterialField<'_> {
+    fn from(material: YoungPoisson) -> Self {
+        Self { material, young_modulus: None, poisson_ratio: None, density: None }
+    }
+}
+
+impl MaterialField<'_> {
+    /// Material of a tetrahedron.
+    pub fn at(&self, tetrahedron: usize) -> YoungPoisson {
+        let pick = |field: Option<&[f64]>, base| field.map_or(base, |values| values[tetrahedron]);
+        YoungPoisson {
+            young_modulus: pick(self.young_modulus, self.material.young_modulus),
+            poisson_ratio: pick(self.poisson_ratio, self.material.poisson_ratio),
+            density: pick(self.density, self.material.density),
+        }
+    }
+
+    /// Whether tetrahedra have values of their own.
+    pub fn varies(&self) -> bool {
+        self.young_modulus.or(self.poisson_ratio).or(self.density).is_some()
+    }
+
+    /// Checks the material of every one of `count` tetrahedra.
+    ///
+    /// # Errors
+    /// A constant out of range, naming the tetrahedron, or an array of another length.
+    pub fn validate(&self, count: usize) -> Result<(), FieldError> {
+        self.lame(count).map(drop)
+    }
+
+    /// Lamé parameters (Pa) of every one of `count` tetrahedra, in the user's order.
+    ///
+    /// # Errors
+    /// As [`validate`](Self::validate).
+    pub fn lame(&self, count: usize) -> Result<Vec<LameParameters>, FieldError> {
+        let fields = [
+            ("Young's modulus", self.young_modulus),
+            ("Poisson's ratio", self.poisson_ratio),
+            ("density", self.density),
+        ];
+        for (quantity, field) in fields {
+            if let Some(found) = field.map(<[f64]>::len).filter(|&n| n != count) {
+                return Err(FieldError::Length { quantity, found, expected: count });
+            }
+        }
+        // a constant that no tetrahedron uses must be right all the same: it is what reports show
+        let whole = self.material.lame()?;
+        if !self.varies() {
+            return Ok(vec![whole; count]);
+        }
+        (0..count)
+            .map(|tetrahedron| {
+                let of_tetrahedron = |source| FieldError::Tetrahedron { tetrahedron, source };
+                self.at(tetrahedron).lame().map_err(of_tetrahedron)
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_values_name_the_tetrahedron() {
+        let base = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.3, density: 1e3 };
+        let bad = [0.3, 0.5, 0.3];
+        let field = MaterialField { poisson_ratio: Some(&bad), ..base.into() };
+        let error = field.validate(3).unwrap_err();
+        assert_eq!(
+            error,
+            FieldError::Tetrahedron {
+                tetrahedron: 1,
+                source: MaterialError::PoissonRatioTooHigh { value: 0.5 }
+            }
+        );
+        assert!(error.to_string().contains("tetrahedron 1"), "{error}");
+        let error = field.validate(2).unwrap_err();
+        assert!(error.to_string().contains("3 values for 2 tetrahedra"), "{error}");
+        let bad = [1e3, f64::NAN];
+        let field = MaterialField { density: Some(&bad), ..base.into() };
+        assert!(matches!(field.validate(2), Err(FieldError::Tetrahedron { tetrahedron: 1, .. })));
+        let field = MaterialField { young_modulus: Some(&bad[..1]), ..base.into() };
+        assert_eq!(field.lame(1).unwrap().len(), 1);
+    }
+}

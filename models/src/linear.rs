@@ -1,0 +1,84 @@
+//! Linear elasticity: a comparison model for small displacements.
+//!
+//! ```text
+//! eps  = (G + G^T)/2
+//! W    = V (lambda/2 (tr eps)^2 + mu eps:eps)                                           J
+//! f_a  = -V (lambda (tr eps) I + 2 mu eps) D_a                                          N
+//! K_ab = V (lambda D_a D_b^T + mu D_b D_a^T + mu (D_a.D_b) I)                           N/m
+//! ```
+//!
+//! The tangent is constant and semidefinite, so every kind of it is the same and Newton's method takes
+//! one step. The law does not know rotations: a turn by the angle `t` is a strain of `cos(t) - 1`, and
+//! a body that turns swells. It is the model of the finite element references and of modal analysis,
+//! not one for large motion. Turning an element inside out costs what the displacement costs.
+
+use bevy_ecs::prelude::*;
+use sinew_engine::element::displacement_gradient;
+use sinew_engine::law::{Law, TangentKind};
+use sinew_engine::scalar::{Real, dot};
+
+use crate::corotational::warped;
+use crate::fused::TetrahedronLaw;
+use crate::tetrahedron::{
+    Element, TetrahedronTangent, assemble, nodal_forces, second_piola_kirchhoff,
+};
+
+/// Entries xx, yy, zz, yz, xz, xy of the strain.
+#[inline(always)]
+fn strain<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [R; 6] {
+    let g = displacement_gradient(&e.gradients, u);
+    let half = R::from_f64(0.5);
+    [g[0], g[4], g[8], half * (g[5] + g[7]), half * (g[2] + g[6]), half * (g[1] + g[3])]
+}
+
+/// Energy, J.
+#[inline(always)]
+pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+    let [xx, yy, zz, yz, xz, xy] = strain(e, u);
+    let trace = xx + yy + zz;
+    let shear = dot([yz, xz, xy], [yz, xz, xy]);
+    let squares = dot([xx, yy, zz], [xx, yy, zz]) + (shear + shear);
+    e.volume * (R::from_f64(0.5) * e.lambda * trace).mul_add(trace, e.mu * squares)
+}
+
+/// Forces on the four vertices, N.
+#[inline(always)]
+pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [[R; 3]; 4] {
+    let [xx, yy, zz, yz, xz, xy] = second_piola_kirchhoff(e, &strain(e, u));
+    nodal_forces(e, &[xx, xy, xz, xy, yy, yz, xz, yz, zz])
+}
+
+/// Tangent `+d2W/du2`, N/m, at any displacement.
+#[inline(always)]
+pub fn tangent<R: Real>(e: &Element<R>) -> TetrahedronTangent<R> {
+    assemble(&warped(&e.gradients, e.lambda * e.volume, e.mu * e.volume))
+}
+
+/// Linear elasticity; also the mark of its tetrahedra.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct Linear;
+
+impl Law for Linear {
+    const NAME: &'static str = "linear elasticity";
+    const ORDER: u8 = 9;
+}
+
+impl TetrahedronLaw for Linear {
+    type Bodies = With<Linear>;
+    const STRESS_PROJECTION: bool = false;
+    fn contributes(_: TangentKind) -> bool {
+        true
+    }
+    #[inline(always)]
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+        energy(e, u)
+    }
+    #[inline(always)]
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+        Some(forces(e, u))
+    }
+    #[inline(always)]
+    fn tangent<R: Real>(e: &Element<R>, _: &[[R; 3]; 4], _: TangentKind) -> TetrahedronTangent<R> {
+        tangent(e)
+    }
+}

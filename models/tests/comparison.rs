@@ -1,0 +1,511 @@
+//! The comparison laws: derivatives, invariance, small strain, definiteness, registers, determinism.
+
+mod common;
+
+use common::{max_abs, max_difference, symmetric_eigen};
+use glam::{DMat3, DQuat, DVec3};
+use proptest::prelude::*;
+use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronShapes};
+use sinew_engine::lanes::InstructionSet;
+use sinew_engine::law::{EvaluationRequest, Law, LawBuffer};
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::{BodyRows, Topology};
+use sinew_engine::workers::Workers;
+use sinew_models::corotational::{self, Corotational, Polar, WarpedStiffness};
+use sinew_models::fused::{TetrahedronColumns, TetrahedronLaw, evaluate_columns};
+use sinew_models::linear::Linear;
+use sinew_models::material::LameParameters;
+use sinew_models::neo_hookean::NeoHookean;
+use sinew_models::precompute::RestTetrahedron;
+use sinew_models::stvk_fem::StVKFem;
+use sinew_models::tetrahedron::{self, Element, TangentKind};
+
+type Nodes = [[f64; 3]; 4];
+
+fn element(points: Nodes) -> Element<f64> {
+    let lame = LameParameters { lambda: 1.4, mu: 0.6 };
+    Element::new(&RestTetrahedron::new(points).unwrap(), lame, false)
+}
+
+fn vector() -> impl Strategy<Value = [f64; 3]> {
+    prop::array::uniform3(-1.0..1.0_f64)
+}
+
+fn volume(p: &Nodes) -> f64 {
+    let p = p.map(DVec3::from_array);
+    (p[1] - p[0]).cross(p[2] - p[0]).dot(p[3] - p[0]) / 6.0
+}
+
+/// A tetrahedron that is not too flat.
+fn shape() -> impl Strategy<Value = Nodes> {
+    prop::array::uniform4(vector()).prop_filter_map("flat", |mut p| {
+        if volume(&p) < 0.0 {
+            p.swap(0, 1);
+        }
+        (volume(&p) > 0.1).then_some(p)
+    })
+}
+
+/// Displacements of a given size, small to inverting.
+fn state() -> impl Strategy<Value = (Nodes, Nodes)> {
+    let size = prop::sample::select(vec![1e-4, 0.1, 0.5, 1.0]);
+    (shape(), prop::array::uniform4(vector()), size)
+        .prop_map(|(p, u, size)| (p, u.map(|u| u.map(|x| size * x))))
+}
+
+fn gradient(p: &Nodes, u: &Nodes) -> DMat3 {
+    let (p, u) = (p.map(DVec3::from_array), u.map(DVec3::from_array));
+    let columns = |x: [DVec3; 4]| DMat3::from_cols(x[1] - x[0], x[2] - x[0], x[3] - x[0]);
+    columns(std::array::from_fn(|a| p[a] + u[a])) * columns(p).inverse()
+}
+
+/// How well the rotation is determined: the smallest sum of two signed singular values.
+fn gap(f: DMat3) -> f64 {
+    let c = f.transpose() * f;
+    let rows = |i: usize| [c.row(i).x, c.row(i).y, c.row(i).z];
+    let (mut values, _) = symmetric_eigen([rows(0), rows(1), rows(2)]);
+    values.sort_by(f64::total_cmp);
+    values[1].max(0.0).sqrt() + f.determinant().signum() * values[0].max(0.0).sqrt()
+}
+
+/// Flat, mirrored, folded and collapsed states of a tetrahedron.
+fn degenerate(p: &Nodes) -> Vec<Nodes> {
+    let map = |m: DMat3| p.map(|x| (m * DVec3::from_array(x) - DVec3::from_array(x)).to_array());
+    let diagonal = |x, y, z| DMat3::from_diagonal(DVec3::new(x, y, z));
+    vec![
+        map(diagonal(1.0, 1.0, 0.0)),
+        map(diagonal(1.2, 0.0, 0.0)),
+        map(DMat3::ZERO),
+        map(diagonal(1.0, 1.0, -1.0)),
+        map(diagonal(-1.0, -1.0, -1.0)),
+        map(diagonal(0.7, 1.4, -0.5)),
+        map(diagonal(3.0, 0.2, 0.2)),
+        map(diagonal(0.3, 0.3, 0.3)),
+        [[0.0; 3]; 4],
+    ]
+}
+
+fn check_derivatives<L: TetrahedronLaw>(p: Nodes, u: Nodes) -> Result<(), TestCaseError> {
+    let e = element(p);
+    let h = 1e-5;
+    let forces = L::forces(&e, &u).unwrap();
+    let tangent = L::tangent(&e, &u, TangentKind::Exact).to_dense();
+    let scale = max_abs(tangent.as_flattened());
+    for a in 0..4 {
+        for x in 0..3 {
+            let at = |steps: f64| {
+                let mut moved = u;
+                moved[a][x] += steps * h;
+                moved
+            };
+            let energy = |s: f64| L::energy(&e, &at(s));
+            let slope =
+                (8.0 * (energy(1.0) - energy(-1.0)) - (energy(2.0) - energy(-2.0))) / (12.0 * h);
+            prop_assert!((slope + forces[a][x]).abs() < 1e-9 * scale, "{} {slope}", L::NAME);
+            if L::NAME == WarpedStiffness::NAME {
+                continue; // its tangent is not the derivative, see below
+            }
+            let force = |s: f64| L::forces(&e, &at(s)).unwrap();
+            let (m2, m1, p1, p2) = (force(-2.0), force(-1.0), force(1.0), force(2.0));
+            for b in 0..4 {
+                for y in 0..3 {
+                    let d = (8.0 * (p1[b][y] - m1[b][y]) - (p2[b][y] - m2[b][y])) / (12.0 * h);
+                    let k = tangent[3 * b + y][3 * a + x];
+                    prop_assert!((d + k).abs() < 1e-8 * scale, "{} {d} {k}", L::NAME);
+                }
+            }
+        }
+    }
+    for i in 0..12 {
+        for j in 0..12 {
+            prop_assert!((tangent[i][j] - tangent[j][i]).abs() < 1e-13 * scale, "{}", L::NAME);
+        }
+    }
+    Ok(())
+}
+
+fn check_definiteness<L: TetrahedronLaw>(p: Nodes, u: Nodes) -> Result<(), TestCaseError> {
+    let e = element(p);
+    let exact = L::tangent(&e, &u, TangentKind::Exact).to_dense();
+    prop_assert!(exact.as_flattened().iter().all(|x| x.is_finite()), "{}", L::NAME);
+    for kind in [TangentKind::GaussNewton, TangentKind::Projected] {
+        if kind == TangentKind::Projected && L::STRESS_PROJECTION {
+            continue; // asked of the pass over all elements only
+        }
+        let dense = L::tangent(&e, &u, kind).to_dense();
+        let (values, _) = symmetric_eigen(dense);
+        let least = values.iter().fold(f64::INFINITY, |m, x| m.min(*x));
+        prop_assert!(least > -1e-12 * max_abs(&values), "{} {kind:?} {least}", L::NAME);
+        if kind == TangentKind::Projected && !L::is_clamped(&e, &u) {
+            let off = max_difference(dense.as_flattened(), exact.as_flattened());
+            prop_assert!(off < 1e-12 * max_abs(&values), "{} {off}", L::NAME);
+        }
+    }
+    let force = L::forces(&e, &u).unwrap();
+    prop_assert!(force.as_flattened().iter().all(|x| x.is_finite()), "{}", L::NAME);
+    let energy = L::energy(&e, &u);
+    prop_assert!(energy > -1e-28 * e.mu, "{} {energy:e}", L::NAME);
+    Ok(())
+}
+
+fn check_rigid_motion<L: TetrahedronLaw>(
+    p: Nodes,
+    axis: [f64; 3],
+    shift: [f64; 3],
+) -> Result<(), TestCaseError> {
+    let e = element(p);
+    let turn = DQuat::from_scaled_axis(3.0 * DVec3::from_array(axis));
+    let u = p.map(|x| {
+        let x = DVec3::from_array(x);
+        (turn * x + DVec3::from_array(shift) - x).to_array()
+    });
+    let rest = L::tangent(&e, &[[0.0; 3]; 4], TangentKind::Exact).to_dense();
+    let scale = max_abs(rest.as_flattened());
+    let f = L::forces(&e, &u).unwrap();
+    prop_assert!(max_abs(f.as_flattened()) < 1e-13 * scale, "{} {f:?}", L::NAME);
+    prop_assert!(L::energy(&e, &u).abs() < 1e-24 * scale, "{}", L::NAME);
+    // a turned element has the turned stiffness, and no eigenvalue to clamp but rounding
+    let least = symmetric_eigen(L::tangent(&e, &u, TangentKind::Exact).to_dense()).0;
+    let least = least.iter().fold(f64::INFINITY, |m: f64, x| m.min(*x));
+    prop_assert!(least > -1e-13 * scale, "{} {least}", L::NAME);
+    Ok(())
+}
+
+fn check_small_strain<L: TetrahedronLaw>(p: Nodes, u: Nodes) -> Result<(), TestCaseError> {
+    // forces agree with linear elasticity to first order: the difference falls with the square
+    let e = element(p);
+    let off = |size: f64| {
+        let u = u.map(|u| u.map(|x| 1e-3 * size * x));
+        let (a, b) = (L::forces(&e, &u).unwrap(), Linear::forces(&e, &u).unwrap());
+        max_difference(a.as_flattened(), b.as_flattened())
+    };
+    let ratio = off(1.0) / off(0.5);
+    prop_assert!((ratio - 4.0).abs() < 0.2, "{} {ratio}", L::NAME);
+    let zero = [[0.0; 3]; 4];
+    let a = L::tangent(&e, &zero, TangentKind::Exact).to_dense();
+    let b = Linear::tangent(&e, &zero, TangentKind::Exact).to_dense();
+    let off = max_difference(a.as_flattened(), b.as_flattened());
+    prop_assert!(off < 1e-13 * max_abs(b.as_flattened()), "{} {off}", L::NAME);
+    Ok(())
+}
+
+/// Force and energy in single precision against double precision at small strain.
+fn check_digits<L: TetrahedronLaw>(p: Nodes, u: Nodes, size: f64) -> Result<(), TestCaseError> {
+    let p = p.map(|x| x.map(|x| f64::from(x as f32)));
+    let u = u.map(|x| x.map(|x| f64::from((size * x) as f32)));
+    let rest = RestTetrahedron::new(p).unwrap();
+    let lame = LameParameters { lambda: 1.4, mu: 0.6 };
+    let narrow = Element::<f32>::new(&rest, lame, false);
+    // the same rounded shape vectors on both sides
+    let wide = Element::<f64> {
+        gradients: narrow.gradients.map(|d| d.map(f64::from)),
+        volume: f64::from(narrow.volume),
+        lambda: f64::from(narrow.lambda),
+        mu: f64::from(narrow.mu),
+        compression: 0.0,
+    };
+    let f = L::forces(&wide, &u).unwrap();
+    let g = L::forces(&narrow, &u.map(|x| x.map(|x| x as f32))).unwrap();
+    let g = g.map(|x| x.map(f64::from));
+    let off = max_difference(f.as_flattened(), g.as_flattened()) / max_abs(f.as_flattened());
+    prop_assert!(off < 1e-4, "{} {size:e}: {off:e}", L::NAME);
+    let w = L::energy(&wide, &u);
+    let v = f64::from(L::energy(&narrow, &u.map(|x| x.map(|x| x as f32))));
+    prop_assert!((w - v).abs() < 1e-4 * w, "{} {size:e}: {w:e} {v:e}", L::NAME);
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
+
+    #[test]
+    fn forces_and_tangents_are_derivatives((p, u) in state()) {
+        check_derivatives::<Linear>(p, u)?;
+        check_derivatives::<StVKFem>(p, u)?;
+        check_derivatives::<NeoHookean>(p, u)?;
+        // where the rotation is determined it is differentiable
+        prop_assume!(gap(gradient(&p, &u)) > 0.1);
+        check_derivatives::<Corotational>(p, u)?;
+        check_derivatives::<WarpedStiffness>(p, u)?;
+    }
+
+    #[test]
+    fn stand_ins_are_semidefinite((p, u) in state()) {
+        for u in degenerate(&p).into_iter().chain([u]) {
+            check_definiteness::<Linear>(p, u)?;
+            check_definiteness::<WarpedStiffness>(p, u)?;
+            check_definiteness::<Corotational>(p, u)?;
+            check_definiteness::<StVKFem>(p, u)?;
+            check_definiteness::<NeoHookean>(p, u)?;
+        }
+    }
+
+    #[test]
+    fn turning_costs_nothing(p in shape(), axis in vector(), shift in vector()) {
+        check_rigid_motion::<WarpedStiffness>(p, axis, shift)?;
+        check_rigid_motion::<Corotational>(p, axis, shift)?;
+        check_rigid_motion::<StVKFem>(p, axis, shift)?;
+        check_rigid_motion::<NeoHookean>(p, axis, shift)?;
+    }
+
+    #[test]
+    fn small_strains_are_linear((p, u) in (shape(), prop::array::uniform4(vector()))) {
+        check_small_strain::<WarpedStiffness>(p, u)?;
+        check_small_strain::<Corotational>(p, u)?;
+        check_small_strain::<StVKFem>(p, u)?;
+        check_small_strain::<NeoHookean>(p, u)?;
+    }
+
+    #[test]
+    fn single_precision_keeps_its_digits(
+        (p, u) in (shape(), prop::array::uniform4(vector())),
+        size in prop::sample::select(vec![1e-6, 1e-4, 1e-2]),
+    ) {
+        prop_assume!(volume(&p) > 0.3);
+        check_digits::<Linear>(p, u, size)?;
+        check_digits::<WarpedStiffness>(p, u, size)?;
+        check_digits::<Corotational>(p, u, size)?;
+        check_digits::<NeoHookean>(p, u, size)?;
+    }
+
+    #[test]
+    fn textbook_form_is_st_venant_kirchhoff((p, u) in state()) {
+        let e = element(p);
+        let scale = max_abs(tetrahedron::exact_tangent(&e, &u).to_dense().as_flattened());
+        let (a, b) = (StVKFem::forces(&e, &u).unwrap(), tetrahedron::forces(&e, &u));
+        prop_assert!(max_difference(a.as_flattened(), b.as_flattened()) < 1e-12 * scale);
+        let (a, b) = (StVKFem::energy(&e, &u), tetrahedron::energy(&e, &u));
+        prop_assert!((a - b).abs() < 1e-12 * scale);
+        for kind in [TangentKind::Exact, TangentKind::GaussNewton] {
+            let a = StVKFem::tangent(&e, &u, kind).to_dense();
+            let b = tetrahedron::tangent(&e, &u, kind).to_dense();
+            let off = max_difference(a.as_flattened(), b.as_flattened());
+            prop_assert!(off < 1e-12 * scale, "{kind:?} {off}");
+        }
+    }
+
+    /// `R` is a rotation, `R^T F` is symmetric, and no rotation near it is closer to `F`.
+    #[test]
+    fn rotations_are_the_closest_ones((p, u) in state()) {
+        for u in degenerate(&p).into_iter().chain([u]) {
+            let f = gradient(&p, &u);
+            let g = f - DMat3::IDENTITY;
+            let g: [f64; 9] = std::array::from_fn(|k| g.row(k / 3)[k % 3]);
+            let r = corotational::rotation(&g);
+            let narrow = corotational::rotation(&g.map(|x| x as f32));
+            let r = DMat3::from_cols_array(&r).transpose();
+            let narrow = DMat3::from_cols_array(&narrow.map(f64::from)).transpose();
+            for (r, tolerance) in [(r, 1e-11), (narrow, 2e-3)] {
+                let off = (r.transpose() * r - DMat3::IDENTITY).to_cols_array();
+                prop_assert!(max_abs(&off) < tolerance && r.determinant() > 0.0, "{r}");
+                let s = r.transpose() * f;
+                let skew = (s - s.transpose()).to_cols_array();
+                let size = max_abs(&f.to_cols_array()).max(1e-30);
+                prop_assert!(max_abs(&skew) < tolerance * size, "{r} {f}");
+                // the stretch with the smallest singular value negative, if one is
+                let rows = |i: usize| [s.row(i).x, s.row(i).y, s.row(i).z];
+                let (mut values, _) = symmetric_eigen([rows(0), rows(1), rows(2)]);
+                values.sort_by(f64::total_cmp);
+                prop_assert!(values[0] + values[1] > -tolerance * size, "{values:?}");
+            }
+        }
+    }
+}
+
+/// With the rotation held the stiffness is what `Exact` lacks only by the turning term.
+#[test]
+fn warping_leaves_out_only_the_turning() {
+    let p = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 1.1, 0.0], [0.1, 0.3, 0.9]];
+    let e = element(p);
+    let stretched = p.map(|x| [0.3 * x[0], -0.2 * x[1], 0.1 * x[2]]);
+    let exact = Corotational::tangent(&e, &stretched, TangentKind::Exact).to_dense();
+    let held = Corotational::tangent(&e, &stretched, TangentKind::GaussNewton).to_dense();
+    for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
+        assert_eq!(WarpedStiffness::tangent(&e, &stretched, kind).to_dense(), held);
+    }
+    let off = max_difference(exact.as_flattened(), held.as_flattened());
+    assert!(off > 0.05 * max_abs(exact.as_flattened()), "{off}");
+    let stretch = Polar::new(&[0.3, 0.0, 0.0, 0.0, -0.2, 0.0, 0.0, 0.0, 0.1]);
+    assert!(max_difference(&stretch.strain, &[0.3, -0.2, 0.1, 0.0, 0.0, 0.0]) < 1e-15);
+}
+
+/// Uniform hydrostatic and uniaxial states against closed forms.
+#[test]
+fn energies_of_plain_states() {
+    let p = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let e = element(p);
+    let (lambda, mu, volume) = (e.lambda, e.mu, e.volume);
+    for s in [-0.5, 0.2, 0.9, 1.0, 1.3, 4.0_f64] {
+        let u = p.map(|x| [(s - 1.0) * x[0], 0.0, 0.0]);
+        let d = s - 1.0;
+        let cases = [
+            (Linear::energy(&e, &u), (lambda / 2.0 + mu) * d * d),
+            (Corotational::energy(&e, &u), (lambda / 2.0 + mu) * d * d),
+            (StVKFem::energy(&e, &u), (lambda / 2.0 + mu) * ((s * s - 1.0) / 2.0).powi(2)),
+            (NeoHookean::energy(&e, &u), {
+                let (m, l) = (4.0 / 3.0 * mu, lambda + 5.0 / 6.0 * mu);
+                let (i, a) = (s * s + 2.0, 1.0 + 3.0 * m / (4.0 * l));
+                let w = |i: f64, j: f64| {
+                    m / 2.0 * (i - 3.0) - m / 2.0 * (i + 1.0).ln() + l / 2.0 * (j - a).powi(2)
+                };
+                w(i, s) - w(3.0, 1.0)
+            }),
+        ];
+        for (k, (found, expected)) in cases.into_iter().enumerate() {
+            let error = (found / volume - expected).abs();
+            assert!(error < 1e-13 * expected.max(mu), "{k} at {s}: {found} {expected}");
+        }
+    }
+}
+
+/// A strip of tetrahedra over registers against the same functions one element at a time.
+fn check_registers<L: TetrahedronLaw, S: Scalar>(count: usize, seed: usize, size: f64) {
+    let noise = |k: usize| (((k * 37 + seed * 11) % 97) as f64) / 48.5 - 1.0;
+    let points: Vec<[f64; 3]> = (0..count + 3)
+        .map(|i| {
+            let t = i as f64 * 1.9;
+            let n = |k| 0.1 * noise(3 * i + k);
+            [t.cos() + n(0), t.sin() + n(1), 0.4 * i as f64 + n(2)]
+        })
+        .collect();
+    let (mut nodes, mut elements) = (Vec::new(), Vec::new());
+    let lame = LameParameters { lambda: 1.4, mu: 0.6 };
+    for i in 0..count as u32 {
+        let mut t = [i, i + 1, i + 2, i + 3];
+        let corner = |t: [u32; 4]| RestTetrahedron::new(t.map(|v| points[v as usize]));
+        let rest = corner(t).or_else(|_| {
+            t.swap(2, 3);
+            corner(t)
+        });
+        nodes.push(t);
+        elements.push(Element::<S>::new(&rest.unwrap(), lame, false));
+    }
+    // turned, and stretched or mirrored along z, so that rotations are far from the identity
+    let turn = DQuat::from_scaled_axis(DVec3::new(0.7, -1.1, 0.4));
+    let stretch = if seed % 2 == 0 { 1.2 } else { -0.4 };
+    let u: Vec<[S; 4]> = (0..count + 3)
+        .map(|i| {
+            let x = DVec3::from_array(points[i]);
+            let n = |k| size * noise(5 * i + k);
+            let moved = turn * (x * DVec3::new(1.0, 0.9, stretch)) + DVec3::new(n(0), n(1), n(2));
+            let [a, b, c] = (moved - x).to_array();
+            [a, b, c, 0.0].map(S::from_f64)
+        })
+        .collect();
+    let mut edges: Vec<[u32; 2]> = nodes
+        .iter()
+        .flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| [t[a].min(t[b]), t[a].max(t[b])]))
+        .collect();
+    edges.sort_unstable();
+    edges.dedup();
+    let block = |a: u32, b: u32| edges.binary_search(&[a.min(b), a.max(b)]).unwrap() as u32;
+    let blocks: Vec<[u32; 6]> =
+        nodes.iter().map(|t| TETRAHEDRON_EDGES.map(|[a, b]| block(t[a], t[b]))).collect();
+    let mut topology = Topology::default();
+    let body = BodyRows {
+        name: String::new(),
+        vertices: 0..0,
+        blocks: 0..0,
+        vertex_order: (0..u.len() as u32).collect(),
+        row_of_vertex: (0..u.len() as u32).collect(),
+        tetrahedra: nodes.clone(),
+        tetrahedron_order: Vec::new(),
+        size: 1.0,
+        piece: Vec::new(),
+    };
+    topology.push(body, &edges);
+    let column = |f: &dyn Fn(&Element<S>) -> S| elements.iter().map(f).collect::<Vec<S>>();
+    let gradients: [Vec<S>; 9] = std::array::from_fn(|i| column(&|e| e.gradients[i / 3][i % 3]));
+    let columns = TetrahedronColumns {
+        shapes: TetrahedronShapes {
+            displacement: &u,
+            nodes: &nodes,
+            gradients: std::array::from_fn(|i| &gradients[i][..]),
+        },
+        blocks: &blocks,
+        volume: &column(&|e| e.volume),
+        lambda: &column(&|e| e.lambda),
+        mu: &column(&|e| e.mu),
+        compression: &column(&|e| e.compression),
+    };
+    for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
+        // one by one
+        let mut energy = 0.0;
+        let mut force = vec![[0.0; 3]; u.len()];
+        let mut diagonal = vec![[0.0; 9]; u.len()];
+        let mut off = vec![[0.0; 9]; edges.len()];
+        let (mut scale, mut clamped) = (0.0_f64, 0);
+        for (i, e) in elements.iter().enumerate() {
+            let local = nodes[i].map(|v| u[v as usize]).map(|u| [u[0], u[1], u[2]]);
+            energy += L::energy(e, &local).to_f64();
+            let f = L::forces(e, &local).unwrap();
+            let exact = L::tangent(e, &local, TangentKind::Exact);
+            let t = if kind == TangentKind::Projected && L::STRESS_PROJECTION {
+                let t = tetrahedron::tangent(e, &local, kind);
+                clamped += u64::from(t != tetrahedron::tangent(e, &local, TangentKind::Exact));
+                t
+            } else {
+                let counts = kind == TangentKind::Projected && L::is_clamped(e, &local);
+                clamped += u64::from(counts);
+                L::tangent(e, &local, kind)
+            };
+            scale =
+                exact.to_dense().as_flattened().iter().fold(scale, |m, x| m.max(x.to_f64().abs()));
+            for (a, &row) in nodes[i].iter().enumerate() {
+                (0..3).for_each(|k| force[row as usize][k] += f[a][k].to_f64());
+                (0..9).for_each(|k| diagonal[row as usize][k] += t.diagonal[a][k].to_f64());
+            }
+            for (edge, [a, b]) in TETRAHEDRON_EDGES.into_iter().enumerate() {
+                let (a, b) = if nodes[i][a] < nodes[i][b] { (a, b) } else { (b, a) };
+                let m = t.block(a, b);
+                (0..9).for_each(|k| off[blocks[i][edge] as usize][k] += m[k].to_f64());
+            }
+        }
+        for set in InstructionSet::ALL.into_iter().filter(|set| set.is_available()) {
+            let mut buffer = LawBuffer::<L, S>::default();
+            buffer.partition(nodes.len(), &topology, |i| &nodes[i]);
+            let workers = Workers::serial().with_instruction_set(set).unwrap();
+            let request = EvaluationRequest { energy: true, force: true, tangent: Some(kind) };
+            evaluate_columns(&columns, &request, &workers, &mut buffer);
+            let [span] = &buffer.spans[..] else { panic!("a small body is one range") };
+            let tolerance = 4000.0 * S::EPSILON.to_f64() * scale;
+            let name = format!("{} {} {} {kind:?} {count}", L::NAME, set.name(), S::NAME);
+            let close = |a: &[f64], b: Vec<f64>, what: &str| {
+                assert!(b.iter().all(|x| x.is_finite()), "{what} {name}");
+                let error = max_difference(a, &b);
+                assert!(error < tolerance, "{what} {name}: {error:e} of {scale:e}");
+            };
+            let wide = |rows: &[[S; 4]]| -> Vec<f64> {
+                rows.iter().flat_map(|r| r[..3].iter().map(|x| x.to_f64())).collect()
+            };
+            let blocks = |rows: &[[S; 9]]| -> Vec<f64> {
+                rows.as_flattened().iter().map(|x| x.to_f64()).collect()
+            };
+            close(force.as_flattened(), wide(&span.force), "force");
+            close(diagonal.as_flattened(), blocks(&span.diagonal), "diagonal");
+            close(off.as_flattened(), blocks(&span.off_diagonal), "off");
+            assert!((energy - span.energy).abs() < tolerance, "energy {name}");
+            // an eigenvalue at the threshold may fall on either side
+            assert!(clamped.abs_diff(span.clamped) <= 1, "{clamped} {} {name}", span.clamped);
+        }
+    }
+}
+
+#[test]
+fn every_instruction_set_gives_what_single_elements_give() {
+    fn each<L: TetrahedronLaw>() {
+        for count in [1, 3, 7, 8, 15, 16, 17, 33] {
+            for seed in 0..4 {
+                for size in [1e-3, 0.1] {
+                    check_registers::<L, f64>(count, seed, size);
+                    check_registers::<L, f32>(count, seed, size);
+                }
+            }
+        }
+    }
+    each::<Linear>();
+    each::<WarpedStiffness>();
+    each::<Corotational>();
+    each::<StVKFem>();
+    each::<NeoHookean>();
+}
