@@ -867,3 +867,28 @@ fn equilibrium_needs_every_rigid_motion_held() {
     let error = simulation.step().unwrap_err().to_string();
     assert!(error.contains("3 of the 6 rigid motions"), "{error}");
 }
+
+/// Half a turn in one step: in one go Newton ends in a minimum with inverted elements, so the solver
+/// takes it in parts.
+#[test]
+fn equilibria_are_sought_in_parts_where_one_go_inverts_elements() {
+    let mesh = jittered_box([0.3, 0.075, 0.075], [12, 3, 3]);
+    let (mut simulation, body) = fused(&mesh, soft(1e4, 0.3));
+    simulation.set_gravity(DVec3::ZERO);
+    clamp(&mut simulation, body, &mesh, "x0");
+    let rows = simulation.group_rows(body, &mesh, "x1").unwrap();
+    let centre = DVec3::new(0.3, 0.0375, 0.0375);
+    let turn = Motion::Rotate { centre, axis: DVec3::X, angle: std::f64::consts::PI };
+    simulation.add_constraint(Constraint::moving("x1", rows, turn, Curve::Constant));
+    simulation.set_solver(exact(Integrator::QuasiStatic));
+    simulation.step().unwrap();
+    let report = simulation.report().clone();
+    println!("{report:?}");
+    assert!(!report.unconverged && simulation.volume_report().inverted == 0);
+    assert!(report.load_partings > 0 && report.load_parts > 1);
+    // every part of the way counts: the whole residual is gone
+    let again = simulation.displacements(body);
+    simulation.step().unwrap();
+    assert!(max_distance(&again, &simulation.displacements(body)) < 1e-9);
+    assert_eq!(simulation.report().load_parts, 1);
+}

@@ -89,6 +89,8 @@ impl Totals {
         s.line_search_failures += u64::from(report.line_search_failures);
         s.energy_caps += u64::from(report.energy_caps);
         s.unconverged_steps += u64::from(report.unconverged);
+        s.recovering += u64::from(report.recovering);
+        s.load_partings += u64::from(report.load_partings);
         s.second_order_steps += u64::from(report.second_order_steps);
         let f = &report.fallbacks;
         let reasons = [f.start, f.indefinite, f.shortened, f.energy, f.inverted, f.waiting];
@@ -103,6 +105,7 @@ impl Totals {
         }
         let e = &mut self.energy;
         e.load_work += report.load_work;
+        e.initial += report.recovery_energy;
         e.constraint_work += report.constraint_work;
         e.damping += report.damping_dissipation;
         e.elastic = report.elastic_energy;
@@ -374,6 +377,24 @@ fn run_warnings(
             "the implicit midpoint rule gains energy without bound where steps are too large"
                 .into(),
             "compare with integrator = \"tr-bdf2\", or leave the integrator out",
+        );
+    }
+    if s.recovering > 0 {
+        add(
+            "run.recovery",
+            Level::Note,
+            "solver",
+            format!("in {} steps a body moved by the corotational energy", s.recovering),
+            "nothing to do; its own law is back when it is in shape again",
+        );
+    }
+    if s.load_partings > 0 {
+        add(
+            "run.load-parts",
+            Level::Note,
+            "solver",
+            format!("loads were applied in parts, {} halvings", s.load_partings),
+            "nothing to do; a larger load_steps may save the failed attempts",
         );
     }
     if s.refinements > 0 {

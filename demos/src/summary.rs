@@ -377,6 +377,10 @@ pub struct SolverSummary {
     pub second_order_steps: u64,
     /// See there.
     pub fallbacks: [u64; 6],
+    /// Bodies' steps in recovery from inversion.
+    pub recovering: u64,
+    /// Times a part of the loads of an equilibrium was halved.
+    pub load_partings: u64,
     /// Explicit substeps.
     pub substeps: u64,
     /// Explicit steps repeated with more substeps.

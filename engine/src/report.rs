@@ -48,6 +48,15 @@ pub struct StepReport {
     pub second_order_steps: u32,
     /// Bodies that did not.
     pub fallbacks: Fallbacks,
+    /// Bodies that moved by the corotational energy to recover from inversion.
+    pub recovering: u32,
+    /// What changing to that energy and back added (J).
+    pub recovery_energy: f64,
+    /// Parts in which the equilibrium was found, and times a part was halved because Newton did not
+    /// converge or turned elements inside out.
+    pub load_parts: u32,
+    /// See there.
+    pub load_partings: u32,
     /// Explicit substeps.
     pub substeps: u32,
     /// Steps repeated with more substeps because the energy grew.
@@ -109,11 +118,21 @@ pub struct VolumeReport {
     pub inverted: u64,
     /// The same for each body.
     pub inverted_by_body: Vec<u64>,
+    /// Smallest ratio of each body.
+    pub smallest_by_body: Vec<f64>,
+    /// Tetrahedra of each body.
+    pub tetrahedra_by_body: Vec<u64>,
 }
 
 impl Default for VolumeReport {
     fn default() -> Self {
-        Self { smallest_ratio: f64::INFINITY, inverted: 0, inverted_by_body: Vec::new() }
+        Self {
+            smallest_ratio: f64::INFINITY,
+            inverted: 0,
+            inverted_by_body: Vec::new(),
+            smallest_by_body: Vec::new(),
+            tetrahedra_by_body: Vec::new(),
+        }
     }
 }
 

@@ -32,10 +32,12 @@
 //!   safe step.
 //! * **Newton, BDF2, TR-BDF2, midpoint**: iterated to convergence, the last three from where the
 //!   velocities lead.
-//! * **Quasi-static**: the same without inertia.
+//! * **Quasi-static**: the same without inertia; in parts if it does not converge in one go, or turns
+//!   elements inside out (`equilibrium`).
 
 use crate::cg::{CgStatus, LinearOptions, LinearSolver, ShiftedTangent};
 use crate::history::{BodyHistory, History, Past};
+use crate::recovery::Recovery;
 use crate::settings::{Integrator, SolverSettings};
 use crate::state::{
     NodeState, Rows, book_momentum, dot3, evaluate, read_force, read_rest, write_displacement,
@@ -83,6 +85,7 @@ pub struct ImplicitScratch<S: Scalar> {
     product: ProductSpans<S>,
     linear: LinearSolver<S>,
     history: History<S>,
+    recovery: Recovery,
     within: WithinStep,
     /// Rest positions (m), read once per topology.
     rest: Vec<DVec3>,
@@ -167,6 +170,8 @@ const UNRESOLVED: f64 = 1e-10;
 const MAX_HALVINGS: u32 = 30;
 /// Part of the energy budget's excess over the energy that is lost every step.
 pub const BUDGET_DECAY: f64 = 0.05;
+/// Most halvings of the parts in which an equilibrium is sought.
+pub const MAX_PARTINGS: u32 = 5;
 /// Safe steps that follow one at which linearised BDF2 failed its tests.
 pub const WAIT: u32 = 2;
 
@@ -224,13 +229,19 @@ fn minimise<S: Scalar>(
     s.load.clone_from(&s.node.external);
     s.target.clone_from(&s.node.prescribed);
     let (energies_hold, past) = s.history.compare(world, &s.node, dt);
+    let recovers = s.recovery.update(world, settings.recovery, &s.node, &s.rest, report);
     let mut bodies = body_iterations(world, &s.node, past);
+    for (body, _) in bodies.iter_mut().zip(recovers).filter(|(_, recovers)| *recovers) {
+        // other energies than those remembered, and safe steps
+        body.past = Past::default();
+        body.inverted = true;
+    }
     match integrator {
-        Integrator::QuasiStatic | Integrator::Newton | Integrator::Safe => {
-            let h = if integrator == Integrator::QuasiStatic { f64::INFINITY } else { dt };
+        Integrator::QuasiStatic => equilibrium(world, settings, report, s, &mut bodies)?,
+        Integrator::Newton | Integrator::Safe => {
             let mode = if integrator == Integrator::Safe { Mode::Safe } else { Mode::Converge };
             for body in &mut bodies {
-                (body.mode, body.w) = (mode, Weights::new(settings, h));
+                (body.mode, body.w) = (mode, Weights::new(settings, dt));
             }
             let before = if begin(s) {
                 report.evaluations += 1;
@@ -240,7 +251,7 @@ fn minimise<S: Scalar>(
                 None
             };
             freeze_damping(world, settings, report, &s.node.u, &mut s.damping);
-            for body in bodies.iter().filter(|b| b.w.inertia > 0.0) {
+            for body in &bodies {
                 euler(s, body, dt);
             }
             solve(world, settings, report, s, &mut bodies, Some(before.as_deref()))?;
@@ -352,7 +363,7 @@ fn solve<S: Scalar>(
             break;
         }
     }
-    report.unconverged |= bodies.iter().any(|b| b.mode == Mode::Converge && !b.converged);
+    report.unconverged = bodies.iter().any(|b| b.mode == Mode::Converge && !b.converged);
     Ok(())
 }
 
@@ -575,11 +586,8 @@ fn fall_back<S: Scalar>(
     }
     if bodies.iter().any(|b| b.mode == Mode::Trial && b.rejected.is_none()) {
         // trial steps begin without inverted elements
-        write_displacement(world, &s.y);
-        let before = world.resource::<VolumeReport>().clone();
-        world.run_system_cached(measure_volume_ratios::<S>).expect("engine resources");
-        let after = std::mem::replace(&mut *world.resource_mut::<VolumeReport>(), before);
-        for (body, &inverted) in bodies.iter_mut().zip(&after.inverted_by_body) {
+        let after = inverted_by_body(world, &s.y);
+        for (body, inverted) in bodies.iter_mut().zip(after) {
             if body.mode == Mode::Trial && body.rejected.is_none() && inverted > 0 {
                 body.reject(Rejected::Inverted);
             }
@@ -613,6 +621,14 @@ fn fall_back<S: Scalar>(
         }
     }
     solve(world, settings, report, s, bodies, None)
+}
+
+/// Inverted elements of the bodies at displacements `y`; the report of volumes stays as it is.
+fn inverted_by_body<S: Scalar>(world: &mut World, y: &[[S; 4]]) -> Vec<u64> {
+    write_displacement(world, y);
+    let before = world.resource::<VolumeReport>().clone();
+    world.run_system_cached(measure_volume_ratios::<S>).expect("engine resources");
+    std::mem::replace(&mut *world.resource_mut::<VolumeReport>(), before).inverted_by_body
 }
 
 /// Fraction of the step at which TR-BDF2 changes from the trapezoid to BDF2.
@@ -768,7 +784,100 @@ fn second_stage<S: Scalar>(
         }
     }
     freeze_damping(world, settings, report, &s.y, &mut s.damping);
-    solve(world, settings, report, s, bodies, None)
+    let first = report.unconverged;
+    solve(world, settings, report, s, bodies, None)?;
+    report.unconverged |= first;
+    Ok(())
+}
+
+/// Equilibrium at the loads and held displacements of the step's end: in one go if Newton converges
+/// and turns no element inside out, else by parts. The loads of a part leave a share of the residual
+/// at the start uncovered, so that the start is the equilibrium of part 0; held unknowns go their way
+/// evenly. A part that fails is halved, at most [`MAX_PARTINGS`] times; if that does not help either,
+/// the result of the attempt in one go stands.
+fn equilibrium<S: Scalar>(
+    world: &mut World,
+    settings: &SolverSettings,
+    report: &mut StepReport,
+    s: &mut ImplicitScratch<S>,
+    bodies: &mut [BodyIteration],
+) -> Result<(), StepError> {
+    for body in bodies.iter_mut() {
+        (body.mode, body.w) = (Mode::Converge, Weights::new(settings, f64::INFINITY));
+    }
+    let mut uncovered = Rows::default();
+    // displacements of the last equilibrium, and of the attempt in one go
+    let mut last = s.node.u.clone();
+    let mut at_once: Option<(Rows<S>, Vec<BodyIteration>, bool)> = None;
+    let (mut done, mut size) = (0.0, 1.0_f64);
+    let smallest = 0.5_f64.powi(MAX_PARTINGS as i32);
+    loop {
+        let part: f64 = (done + size).min(1.0);
+        if part < 1.0 && uncovered.is_empty() {
+            evaluate(world, &s.node.u, false, true, None);
+            report.evaluations += 1;
+            read_force(world, &mut uncovered);
+            for (r, f) in uncovered.iter_mut().zip(&s.node.external) {
+                for k in 0..3 {
+                    r[k] += f[k];
+                }
+            }
+        }
+        s.load.clone_from(&s.node.external);
+        s.target.clone_from(&s.node.prescribed);
+        if part < 1.0 {
+            let (now, left) = (S::from_f64(part), S::from_f64(1.0 - part));
+            for row in 0..s.node.len() {
+                for k in 0..3 {
+                    s.load[row][k] -= left * uncovered[row][k];
+                    let u = s.node.u[row][k];
+                    s.target[row][k] = u + now * (s.node.prescribed[row][k] - u);
+                }
+            }
+        }
+        begin(s);
+        for row in 0..s.node.len() {
+            for k in (0..3).filter(|&k| s.node.free(row, k)) {
+                s.y[row][k] = last[row][k];
+                s.moved[row][k] = last[row][k] - s.node.u[row][k];
+            }
+        }
+        for body in bodies.iter_mut() {
+            (body.done, body.converged) = (false, false);
+        }
+        let outcome = solve(world, settings, report, s, bodies, None);
+        if at_once.is_none() {
+            outcome?;
+            at_once = Some((s.y.clone(), bodies.to_vec(), report.unconverged));
+        } else if outcome.is_err() {
+            report.unconverged = true;
+        }
+        let inverts = !report.unconverged && {
+            let now = inverted_by_body(world, &s.y);
+            bodies.iter().zip(now).any(|(b, now)| !b.inverted && now > 0)
+        };
+        if !(report.unconverged || inverts) {
+            report.load_parts += 1;
+            if part == 1.0 {
+                return Ok(());
+            }
+            done = part;
+            last.clone_from(&s.y);
+        } else if size * 0.5 >= smallest {
+            report.load_partings += 1;
+            size *= 0.5;
+        } else {
+            let (y, then, unconverged) = at_once.take().expect("the first attempt is kept");
+            (s.y, report.unconverged, report.load_parts) = (y, unconverged, 1);
+            bodies.clone_from_slice(&then);
+            for row in 0..s.node.len() {
+                for k in 0..3 {
+                    s.moved[row][k] = s.y[row][k] - s.node.u[row][k];
+                }
+            }
+            return Ok(());
+        }
+    }
 }
 
 /// `K_gn (d - o)` for the stiffness damping into `s.damped`, zero without it.

@@ -10,6 +10,7 @@ pub mod engine;
 pub mod explicit;
 mod history;
 pub mod implicit;
+pub mod recovery;
 pub mod settings;
 mod simd;
 pub mod stability;

@@ -151,6 +151,9 @@ pub struct SolverSettings {
     pub max_substeps: u32,
     /// Fraction of the estimated stability limit used by explicit substeps.
     pub explicit_safety: f64,
+    /// Bodies with many inverted elements move by the corotational energy until they are in shape again
+    /// (`sinew_solvers::recovery`); integrators `auto`, `linearised-bdf2` and `safe`.
+    pub recovery: bool,
 }
 
 impl Default for SolverSettings {
@@ -167,6 +170,7 @@ impl Default for SolverSettings {
             stiffness_damping: 0.0,
             max_substeps: 100_000,
             explicit_safety: 0.9,
+            recovery: false,
         }
     }
 }
@@ -212,6 +216,13 @@ impl SolverSettings {
                  `direct`, or use \"auto\""
                     .into(),
             ));
+        }
+        if self.recovery && (self.integrator.is_explicit() || self.integrator.converges()) {
+            return Err(StepError::InvalidSetting(format!(
+                "recovery with integrator = \"{}\": it needs safe steps; use integrator = \"auto\" or \
+                 \"safe\"",
+                self.integrator.name()
+            )));
         }
         if self.integrator.is_explicit() && self.stiffness_damping > 0.0 {
             return Err(StepError::InvalidSetting(format!(
