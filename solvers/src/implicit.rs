@@ -277,7 +277,7 @@ fn minimise<S: Scalar>(
         }
         Integrator::ImplicitMidpoint => {
             half_way(world, s);
-            bodies.iter_mut().for_each(|b| b.past.goes_on = false);
+            bodies.iter_mut().for_each(|b| (b.mode, b.past.goes_on) = (Mode::Converge, false));
             start_ahead(world, settings, report, s, &mut bodies, energies_hold, dt, 0.5 * dt);
             solve(world, settings, report, s, &mut bodies, None)?;
             whole_way(world, report, s, &mut bodies, dt);
