@@ -104,6 +104,15 @@ combinations! {
     newton_fused_f32: Newton Fused F32, 1;
     newton_pooled_f64: Newton Pooled F64, 1;
     newton_pooled_f32: Newton Pooled F32, 1;
+    linearised_bdf2_fused_f64: LinearisedBdf2 Fused F64, 3;
+    linearised_bdf2_fused_f32: LinearisedBdf2 Fused F32, 3;
+    linearised_bdf2_pooled_f64: LinearisedBdf2 Pooled F64, 3;
+    bdf2_fused_f64: Bdf2 Fused F64, 2;
+    bdf2_fused_f32: Bdf2 Fused F32, 2;
+    tr_bdf2_fused_f64: TrBdf2 Fused F64, 1;
+    tr_bdf2_fused_f32: TrBdf2 Fused F32, 1;
+    midpoint_fused_f64: ImplicitMidpoint Fused F64, 1;
+    midpoint_fused_f32: ImplicitMidpoint Fused F32, 1;
     verlet_fused_f64: StormerVerlet Fused F64, 2;
     verlet_fused_f32: StormerVerlet Fused F32, 2;
     verlet_pooled_f64: StormerVerlet Pooled F64, 2;

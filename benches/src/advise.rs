@@ -16,7 +16,7 @@ use crate::bench::table::{Table, three_digits};
 use glam::DVec3;
 use serde::Serialize;
 use sinew::prelude::*;
-use sinew_demos::build::{BuildOptions, build, integrator_name};
+use sinew_demos::build::{BuildOptions, build};
 use sinew_demos::scene::{LoadedScene, Mode, PrecisionName};
 use sinew_demos::summary::{evaluation_name, model_name};
 use std::time::Instant;
@@ -116,7 +116,7 @@ impl Choice {
         let mut add = |name: &str, value: Option<String>| {
             words.extend(value.map(|value| format!("--{name} {value}")));
         };
-        add("integrator", self.integrator.map(|i| integrator_name(i).to_string()));
+        add("integrator", self.integrator.map(|i| i.name().to_string()));
         add("dt", self.dt.map(|x| x.to_string()));
         add("load-steps", self.load_steps.map(|n| n.to_string()));
         add("linear-tolerance", self.linear_tolerance.map(|x| format!("{x:e}")));
@@ -360,7 +360,7 @@ impl Search<'_> {
             return all;
         }
         for part in [1.0, 2.0, 4.0, 8.0] {
-            for integrator in [Integrator::Safe, Integrator::Newton] {
+            for integrator in [Integrator::LinearisedBdf2, Integrator::Safe, Integrator::Newton] {
                 all.push(Choice {
                     integrator: Some(integrator),
                     dt: Some(self.dt / part),
@@ -472,22 +472,20 @@ impl Search<'_> {
         let vertices = truth.first().map_or(0, Vec::len);
         let error = if run.finished { field_error(&run.states, truth, vertices) } else { None };
         let integrator = if self.fixed { Integrator::QuasiStatic } else { scene.solver.integrator };
-        let explicit =
-            matches!(integrator, Integrator::SymplecticEuler | Integrator::StormerVerlet);
+        let explicit = integrator.is_explicit();
         let names = |name: &dyn Fn(usize) -> &'static str| {
             let mut all: Vec<&str> = (0..scene.bodies.len()).map(name).collect();
             all.dedup();
             all.join("+")
         };
         Ok(Row {
-            integrator: integrator_name(integrator).into(),
+            integrator: integrator.name().into(),
             step: match (self.fixed, scene.dt) {
                 (false, Some(dt)) => format!("{} ms", three_digits(1e3 * dt)),
                 _ => format!("{} load steps", scene.load_steps.unwrap_or(1)),
             },
             linear_tolerance: (!explicit).then_some(scene.solver.linear_tolerance),
-            newton_tolerance: matches!(integrator, Integrator::QuasiStatic | Integrator::Newton)
-                .then_some(scene.solver.newton_tolerance),
+            newton_tolerance: integrator.converges().then_some(scene.solver.newton_tolerance),
             precision: Precision::from(scene.precision).name().into(),
             evaluation: names(&|i| evaluation_name(scene.bodies[i].evaluation)),
             model: names(&|i| model_name(scene.bodies[i].model)),

@@ -16,6 +16,8 @@ pub enum BenchCommand {
     Step(BenchArguments),
     /// Speed against error of every method on every scene, with Pareto fronts.
     Accuracy(BenchArguments),
+    /// Integrators beside each other: order, work against error, spin.
+    Integrators(BenchArguments),
     /// The demo scenes as they are.
     Scenes(BenchArguments),
     /// Sinew beside MuJoCo flex (pip install mujoco; see --python) and Rapier (build with --features
@@ -83,10 +85,18 @@ fn measured(command: &BenchCommand) -> Option<(Vec<Part>, &'static str, &BenchAr
         BenchCommand::Kernels(a) => (vec![Part::Kernels], "kernels", a),
         BenchCommand::Step(a) => (vec![Part::Step], "step", a),
         BenchCommand::Accuracy(a) => (vec![Part::Accuracy], "accuracy", a),
+        BenchCommand::Integrators(a) => (vec![Part::Integrators], "integrators", a),
         BenchCommand::Scenes(a) => (vec![Part::Scenes], "scenes", a),
         BenchCommand::Peers(a) => (vec![Part::Peers], "peers", a),
         BenchCommand::All(a) => {
-            let all = [Part::Kernels, Part::Step, Part::Accuracy, Part::Scenes, Part::Peers];
+            let all = [
+                Part::Kernels,
+                Part::Step,
+                Part::Accuracy,
+                Part::Integrators,
+                Part::Scenes,
+                Part::Peers,
+            ];
             (all.to_vec(), "all", a)
         }
         BenchCommand::Resection(_) | BenchCommand::Stability(_) => return None,

@@ -390,7 +390,7 @@ impl Builder<'_> {
                 if integrator != Integrator::QuasiStatic && integrator != Integrator::default() {
                     return Err(self.value(
                         "solver.integrator",
-                        format!("integrator {} in a static scene", integrator_name(integrator)),
+                        format!("integrator {} in a static scene", integrator.name()),
                         "leave it out, or use mode = \"dynamic\"",
                     ));
                 }
@@ -1327,16 +1327,5 @@ fn bounds_remedy(body: &BuiltBody) -> String {
             low.x, low.y, low.z, high.x, high.y, high.z
         ),
         None => "the body has no points".into(),
-    }
-}
-
-/// Name of an integrator in a scene file.
-pub fn integrator_name(integrator: Integrator) -> &'static str {
-    match integrator {
-        Integrator::Safe => "safe",
-        Integrator::Newton => "newton",
-        Integrator::QuasiStatic => "quasi-static",
-        Integrator::SymplecticEuler => "symplectic-euler",
-        Integrator::StormerVerlet => "stormer-verlet",
     }
 }

@@ -90,6 +90,14 @@ impl Totals {
         s.line_search_failures += u64::from(report.line_search_failures);
         s.energy_caps += u64::from(report.energy_caps);
         s.unconverged_steps += u64::from(report.unconverged);
+        s.recovering += u64::from(report.recovering);
+        s.load_partings += u64::from(report.load_partings);
+        s.second_order_steps += u64::from(report.second_order_steps);
+        let f = &report.fallbacks;
+        let reasons = [f.start, f.indefinite, f.shortened, f.energy, f.inverted, f.waiting];
+        for (sum, count) in s.fallbacks.iter_mut().zip(reasons) {
+            *sum += u64::from(count);
+        }
         s.substeps += u64::from(report.substeps);
         s.refinements += u64::from(report.refinements);
         if report.stable_step > 0.0 {
@@ -98,7 +106,9 @@ impl Totals {
         }
         let e = &mut self.energy;
         e.load_work += report.load_work;
+        e.initial += report.recovery_energy;
         e.constraint_work += report.constraint_work;
+        e.damping += report.damping_dissipation;
         e.elastic = report.elastic_energy;
         e.kinetic = report.kinetic_energy;
         e.elastic_max = e.elastic_max.max(e.elastic);
@@ -358,13 +368,41 @@ fn run_warnings(
             "the motion is damped there; use a smaller dt where it matters",
         );
     }
-    if s.backtracks > 0 && integrator == Integrator::Safe {
+    if s.backtracks > 0 && !integrator.converges() {
         add(
             "run.backtrack",
             Level::Note,
             "solver",
             format!("{} steps were shortened by the line search", s.backtracks),
             "the motion is damped there; use a smaller dt where it matters",
+        );
+    }
+    if integrator == Integrator::ImplicitMidpoint {
+        add(
+            "run.not-robust",
+            Level::Note,
+            "solver",
+            "the implicit midpoint rule gains energy without bound where steps are too large"
+                .into(),
+            "compare with integrator = \"tr-bdf2\", or leave the integrator out",
+        );
+    }
+    if s.recovering > 0 {
+        add(
+            "run.recovery",
+            Level::Note,
+            "solver",
+            format!("in {} steps a body moved by the corotational energy", s.recovering),
+            "nothing to do; its own law is back when it is in shape again",
+        );
+    }
+    if s.load_partings > 0 {
+        add(
+            "run.load-parts",
+            Level::Note,
+            "solver",
+            format!("loads were applied in parts, {} halvings", s.load_partings),
+            "nothing to do; a larger load_steps may save the failed attempts",
         );
     }
     if s.refinements > 0 {
@@ -388,10 +426,10 @@ fn run_warnings(
     if integrator != Integrator::QuasiStatic {
         let e = &totals.energy;
         let scale = e.initial + e.load_work.abs() + e.constraint_work.abs() + e.elastic_max;
-        let explicit =
-            matches!(integrator, Integrator::SymplecticEuler | Integrator::StormerVerlet);
-        let share = match (explicit, precision) {
+        let share = match (integrator.is_explicit(), precision) {
             (true, _) => 1e-2,
+            // its budget lets energy swing
+            _ if integrator.resolve() == Integrator::LinearisedBdf2 => 1e-2,
             (false, Precision::F64) => 1e-6,
             (false, Precision::F32) => 1e-3,
         };

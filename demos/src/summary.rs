@@ -6,7 +6,7 @@ use serde::Serialize;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::material::YoungPoisson;
 use sinew::models::sheet::MembraneModel;
-use sinew::solvers::settings::{Integrator, SolverSettings};
+use sinew::solvers::settings::SolverSettings;
 use std::fmt;
 
 /// Version of the JSON summary.
@@ -409,6 +409,16 @@ pub struct SolverSummary {
     pub energy_caps: u64,
     /// Steps whose Newton iteration did not converge.
     pub unconverged_steps: u64,
+    /// Bodies' steps that linearised BDF2 took, and that it left to the safe step: no history, tangent
+    /// not positive definite, step shortened, energy over its budget, elements turned inside out, waiting
+    /// after one of these.
+    pub second_order_steps: u64,
+    /// See there.
+    pub fallbacks: [u64; 6],
+    /// Bodies' steps in recovery from inversion.
+    pub recovering: u64,
+    /// Times a part of the loads of an equilibrium was halved.
+    pub load_partings: u64,
     /// Explicit substeps.
     pub substeps: u64,
     /// Explicit steps repeated with more substeps.
@@ -435,6 +445,8 @@ pub struct EnergySummary {
     /// `initial + load_work + constraint_work - removed - elastic - kinetic`: taken out by damping and
     /// by the integrator; `None` for a series of equilibria.
     pub dissipated: Option<f64>,
+    /// The part of it that damping took; the rest is the integrator's.
+    pub damping: f64,
     /// Largest elastic energy.
     pub elastic_max: f64,
     /// Largest kinetic energy.
@@ -692,7 +704,7 @@ impl RunSummary {
                 ),
             )?;
         }
-        let integrator = crate::build::integrator_name(self.settings.solver.integrator);
+        let integrator = self.settings.solver.integrator.resolve().name();
         if self.scene.mode == "static" {
             let steps = self.settings.steps;
             block.line("integrator", format!("{integrator}, {steps} load step(s)"))
@@ -800,7 +812,19 @@ impl RunSummary {
                     s.preconditioner_refreshes
                 ),
             )?;
-            if self.settings.solver.integrator == Integrator::Safe {
+            if !self.settings.solver.integrator.converges() {
+                let [start, indefinite, shortened, energy, inverted, waiting] = s.fallbacks;
+                if s.second_order_steps > 0 {
+                    block.line(
+                        "linearised BDF2",
+                        format!(
+                            "{} steps; safe steps: {start} at a start, {indefinite} indefinite, \
+                             {shortened} shortened, {energy} energy, {inverted} inverted, {waiting} \
+                             waiting",
+                            s.second_order_steps
+                        ),
+                    )?;
+                }
                 block.line(
                     "linearisation",
                     format!(
@@ -836,8 +860,8 @@ impl RunSummary {
             Some(dissipated) => block.line(
                 "energy (J)",
                 format!(
-                    "{} initial + {} loads + {} constraints{} = {} elastic + {} kinetic + {} \
-                     dissipated",
+                    "{} initial + {} loads + {} constraints{} = {} elastic + {} kinetic + {} damped + \
+                     {} by the integrator",
                     short(e.initial),
                     short(e.load_work),
                     short(e.constraint_work),
@@ -848,7 +872,8 @@ impl RunSummary {
                     },
                     short(e.elastic),
                     short(e.kinetic),
-                    short(dissipated)
+                    short(e.damping),
+                    short(dissipated - e.damping)
                 ),
             )?,
             None => block.line("energy (J)", format!("{} elastic", short(e.elastic)))?,

@@ -42,6 +42,19 @@ pub struct EvaluationRequest {
     pub tangent: Option<TangentKind>,
 }
 
+/// Bodies that recover from inversion: their laws give way to the corotational energy, whose elements
+/// have one minimum only.
+#[derive(Resource, Clone, Debug, Default, PartialEq, Eq)]
+pub struct RecoveringBodies(pub Vec<bool>);
+
+impl RecoveringBodies {
+    /// Whether a body recovers.
+    #[inline]
+    pub fn contains(&self, body: usize) -> bool {
+        self.0.get(body).is_some_and(|&recovers| recovers)
+    }
+}
+
 /// Elastic energy of the last evaluation (J), with the potential of loads that are laws.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct ElasticEnergy {
@@ -156,6 +169,12 @@ impl<S: Scalar> Span<S> {
         self.diagonal.clear();
         self.off_diagonal.clear();
         self.clamped = 0;
+    }
+
+    /// No energy and no part in the tangent: the body's elements follow another law.
+    pub fn silence(&mut self) {
+        self.energy = 0.0;
+        self.drop_tangent();
     }
 
     /// Adds a force to a vertex row.

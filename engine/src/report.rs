@@ -44,6 +44,19 @@ pub struct StepReport {
     pub line_search_failures: u32,
     /// The energy cap scaled the velocity.
     pub energy_caps: u32,
+    /// Bodies that took a linearised BDF2 step.
+    pub second_order_steps: u32,
+    /// Bodies that did not.
+    pub fallbacks: Fallbacks,
+    /// Bodies that moved by the corotational energy to recover from inversion.
+    pub recovering: u32,
+    /// What changing to that energy and back added (J).
+    pub recovery_energy: f64,
+    /// Parts in which the equilibrium was found, and times a part was halved because Newton did not
+    /// converge or turned elements inside out.
+    pub load_parts: u32,
+    /// See there.
+    pub load_partings: u32,
     /// Explicit substeps.
     pub substeps: u32,
     /// Steps repeated with more substeps because the energy grew.
@@ -64,10 +77,36 @@ pub struct StepReport {
     /// Implicit ones book the energy it takes to move the held vertices at once, the rest following
     /// after: an upper bound, which the step then dissipates down to. 0 for equilibria.
     pub constraint_work: f64,
+    /// Energy (J) that went away during the step: kinetic and elastic energy at its start plus work,
+    /// less both energies at its end. Damping and the integrator's own dissipation; 0 for equilibria.
+    pub dissipation: f64,
+    /// The part of it that Rayleigh damping took (J), by its power at the end of the step, for explicit
+    /// integrators by the mean of both ends. The rest is the integrator's.
+    pub damping_dissipation: f64,
     /// Total momentum of the step end (kg m/s).
     pub momentum: [f64; 3],
+    /// Total angular momentum about the origin at the step end (kg m^2/s).
+    pub angular_momentum: [f64; 3],
     /// Force evaluations of any kind.
     pub evaluations: u32,
+}
+
+/// Bodies that took the safe step instead of linearised BDF2, by reason. Integrators that converge BDF2
+/// count their first steps under `start`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Fallbacks {
+    /// There is no history: first step, state, held axes or masses changed, much other step length.
+    pub start: u32,
+    /// The tangent was not positive definite.
+    pub indefinite: u32,
+    /// The full step did not lower the incremental potential enough.
+    pub shortened: u32,
+    /// The energy would have gone above its budget.
+    pub energy: u32,
+    /// An element would have been turned inside out.
+    pub inverted: u32,
+    /// A step shortly before failed, or elements are inverted.
+    pub waiting: u32,
 }
 
 /// Volume ratios J at the end of the step.
@@ -79,11 +118,21 @@ pub struct VolumeReport {
     pub inverted: u64,
     /// The same for each body.
     pub inverted_by_body: Vec<u64>,
+    /// Smallest ratio of each body.
+    pub smallest_by_body: Vec<f64>,
+    /// Tetrahedra of each body.
+    pub tetrahedra_by_body: Vec<u64>,
 }
 
 impl Default for VolumeReport {
     fn default() -> Self {
-        Self { smallest_ratio: f64::INFINITY, inverted: 0, inverted_by_body: Vec::new() }
+        Self {
+            smallest_ratio: f64::INFINITY,
+            inverted: 0,
+            inverted_by_body: Vec::new(),
+            smallest_by_body: Vec::new(),
+            tetrahedra_by_body: Vec::new(),
+        }
     }
 }
 

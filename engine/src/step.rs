@@ -251,7 +251,7 @@ pub fn measure_volume_ratios<S: Scalar>(
     vertices: Query<&Displacement<S>>,
     topology: Res<Topology>,
     tetrahedra: Query<(&TetrahedronVertices, ShapeGradients<S>, &BodyId)>,
-    mut partial: Local<Vec<Vec<(BodyId, f64, u64)>>>,
+    mut partial: Local<Vec<Vec<(BodyId, f64, u64, u64)>>>,
 ) {
     const CHUNK: usize = 4096;
     let start = Instant::now();
@@ -261,6 +261,10 @@ pub fn measure_volume_ratios<S: Scalar>(
     report.smallest_ratio = f64::INFINITY;
     report.inverted_by_body.clear();
     report.inverted_by_body.resize(topology.bodies.len(), 0);
+    report.smallest_by_body.clear();
+    report.smallest_by_body.resize(topology.bodies.len(), f64::INFINITY);
+    report.tetrahedra_by_body.clear();
+    report.tetrahedra_by_body.resize(topology.bodies.len(), 0);
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     // pooled and fused bodies keep their tetrahedra in a table each
     for (nodes, gradients, bodies) in
@@ -277,13 +281,16 @@ pub fn measure_volume_ratios<S: Scalar>(
                 let length = bodies[first..end].iter().take_while(|b| **b == body).count();
                 let elements = first..first + length;
                 let (smallest, inverted) = workers.dispatch(VolumeRatios { shapes, elements });
-                runs.push((body, smallest, inverted));
+                runs.push((body, smallest, inverted, length as u64));
                 first += length;
             }
         });
-        for &(body, smallest, inverted) in partial.iter().flatten() {
+        for &(body, smallest, inverted, count) in partial.iter().flatten() {
             report.smallest_ratio = report.smallest_ratio.min(smallest);
-            report.inverted_by_body[body.0 as usize] += inverted;
+            let body = body.0 as usize;
+            report.inverted_by_body[body] += inverted;
+            report.smallest_by_body[body] = report.smallest_by_body[body].min(smallest);
+            report.tetrahedra_by_body[body] += count;
         }
     }
     report.inverted = report.inverted_by_body.iter().sum();

@@ -12,7 +12,7 @@ use sinew_engine::element::{
     TetrahedronEdges, TetrahedronShapes, TetrahedronVertices, displacement_gradient,
 };
 use sinew_engine::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
+use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, RecoveringBodies, Span, TangentKind};
 use sinew_engine::scalar::{Real, Scalar};
 use sinew_engine::schedule::{ForceSystems, activate_law, column_changed, declare_inputs};
 use sinew_engine::vertex::Displacement;
@@ -376,6 +376,7 @@ impl<S: Scalar> Tail<S> {
 fn evaluate<L: TetrahedronLaw, S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
+    recovering: Res<RecoveringBodies>,
     mut buffer: ResMut<LawBuffer<L, S>>,
     vertices: Query<&Displacement<S>>,
     tetrahedra: Query<TetrahedronData<S>, L::Bodies>,
@@ -384,7 +385,7 @@ fn evaluate<L: TetrahedronLaw, S: Scalar>(
     let Some(displacement) = single_table(vertices.contiguous_iter()) else { return };
     let Some(data) = single_table(tetrahedra.contiguous_iter()) else { return };
     let columns = TetrahedronColumns::new(displacement, data);
-    evaluate_columns::<L, S>(&columns, &request, &workers, &mut buffer);
+    evaluate_spans::<L, S>(&columns, &request, &workers, &recovering, &mut buffer);
     buffer.time = start.elapsed();
 }
 
@@ -396,9 +397,21 @@ pub fn evaluate_columns<L: TetrahedronLaw, S: Scalar>(
     workers: &Workers,
     buffer: &mut LawBuffer<L, S>,
 ) {
+    evaluate_spans(columns, request, workers, &RecoveringBodies::default(), buffer);
+}
+
+/// [`evaluate_columns`] with the corotational energy for bodies that recover.
+fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
+    columns: &TetrahedronColumns<S>,
+    request: &EvaluationRequest,
+    workers: &Workers,
+    recovering: &RecoveringBodies,
+    buffer: &mut LawBuffer<L, S>,
+) {
     let tangent = request.tangent.filter(|&kind| L::contributes(kind));
     let (energy, force) = (L::FORCES && request.energy, L::FORCES && request.force);
-    if !energy && !force && tangent.is_none() {
+    let recovery = buffer.spans.iter().any(|s| recovering.contains(s.body));
+    if !recovery && !energy && !force && tangent.is_none() {
         buffer.drop_tangent();
         return;
     }
@@ -410,25 +423,52 @@ pub fn evaluate_columns<L: TetrahedronLaw, S: Scalar>(
             None => 0,
         };
     workers.for_each(&mut buffer.spans, columns.volume.len() * work_ns, |_, span| {
-        let law = PhantomData::<fn() -> L>;
-        if energy {
-            workers.dispatch(EnergyPass { columns, span, law });
-        }
-        if force {
-            workers.dispatch(ForcePass { columns, span, law });
-        }
-        match tangent {
-            Some(kind) => {
-                span.clear_tangent();
-                let mut doubtful = Vec::new();
-                workers.dispatch(TangentPass { columns, span, kind, doubtful: &mut doubtful, law });
-                if L::STRESS_PROJECTION {
-                    workers.dispatch(ProjectionPass { columns, span, doubtful: &doubtful, law });
-                }
-            }
-            None => span.drop_tangent(),
+        if !recovering.contains(span.body) {
+            evaluate_span::<L, S>(columns, workers, span, energy, force, tangent);
+        } else if L::FORCES {
+            // one law of a body stands in for all
+            let request = *request;
+            evaluate_span::<Corotational, S>(
+                columns,
+                workers,
+                span,
+                request.energy,
+                request.force,
+                request.tangent,
+            );
+        } else {
+            span.drop_tangent();
         }
     });
+}
+
+/// Energy, force and tangent of one range, as far as they are asked for.
+fn evaluate_span<L: TetrahedronLaw, S: Scalar>(
+    columns: &TetrahedronColumns<S>,
+    workers: &Workers,
+    span: &mut Span<S>,
+    energy: bool,
+    force: bool,
+    tangent: Option<TangentKind>,
+) {
+    let law = PhantomData::<fn() -> L>;
+    if energy {
+        workers.dispatch(EnergyPass { columns, span, law });
+    }
+    if force {
+        workers.dispatch(ForcePass { columns, span, law });
+    }
+    match tangent {
+        Some(kind) => {
+            span.clear_tangent();
+            let mut doubtful = Vec::new();
+            workers.dispatch(TangentPass { columns, span, kind, doubtful: &mut doubtful, law });
+            if L::STRESS_PROJECTION {
+                workers.dispatch(ProjectionPass { columns, span, doubtful: &doubtful, law });
+            }
+        }
+        None => span.drop_tangent(),
+    }
 }
 
 /// The Projected tangent has no product without assembly.

@@ -28,7 +28,7 @@ use sinew_engine::element::{
     TETRAHEDRON_EDGES, TetrahedronBlocks, TetrahedronEdges, TetrahedronVertices, TriangleEdges,
 };
 use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
+use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, RecoveringBodies, Span, TangentKind};
 use sinew_engine::report::SystemTimes;
 use sinew_engine::scalar::{Real, Scalar, add, dot, scale, sub};
 use sinew_engine::schedule::{
@@ -209,6 +209,7 @@ impl<S: Scalar> Batch<S> for Measure<'_, S> {
 fn evaluate_tensile<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
+    recovering: Res<RecoveringBodies>,
     mut buffer: ResMut<LawBuffer<Tensile, S>>,
     vertices: Query<&Displacement<S>>,
     mut edges: Query<(
@@ -243,6 +244,10 @@ fn evaluate_tensile<S: Scalar>(
     let kind = spring_tangent(&request);
     let work = nodes.len() * (usize::from(request.energy) + 10 * usize::from(kind.is_some()));
     workers.for_each(&mut buffer.spans, work, |_, span| {
+        if recovering.contains(span.body) {
+            span.silence();
+            return;
+        }
         if request.energy {
             let batch = TensileEnergy { columns, sums: [0.0; MAX_LANES] };
             span.energy = sum(workers.dispatch(Batches(span.elements.clone(), batch)).sums);
@@ -340,6 +345,7 @@ pub(crate) fn add_edge_tangent<L: Lanes>(
 fn evaluate_angular<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
+    recovering: Res<RecoveringBodies>,
     mut buffer: ResMut<LawBuffer<Angular, S>>,
     vertices: Query<&Displacement<S>>,
     edges: Query<(&EdgeBlock, RestEdges<S>, &EdgeChange<S>)>,
@@ -366,6 +372,10 @@ fn evaluate_angular<S: Scalar>(
         if request.force {
             pull::<AngularPull, S, 3, 3>(&workers, columns, span);
         }
+        if recovering.contains(span.body) {
+            span.silence();
+            return;
+        }
         if request.energy {
             let batch = AngularEnergy { columns, sums: [0.0; MAX_LANES] };
             span.energy = sum(workers.dispatch(Batches(span.elements.clone(), batch)).sums);
@@ -384,6 +394,7 @@ fn evaluate_angular<S: Scalar>(
 fn evaluate_volumetric<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
+    recovering: Res<RecoveringBodies>,
     mut buffer: ResMut<LawBuffer<Volumetric, S>>,
     vertices: Query<&Displacement<S>>,
     edges: Query<(RestEdges<S>, &EdgeChange<S>)>,
@@ -417,6 +428,10 @@ fn evaluate_volumetric<S: Scalar>(
     workers.for_each(&mut buffer.spans, nodes.len() * coupling_work(&request), |_, span| {
         if request.force {
             pull::<VolumetricPull, S, 4, 6>(&workers, columns, span);
+        }
+        if recovering.contains(span.body) {
+            span.silence();
+            return;
         }
         if request.energy {
             let batch = VolumetricEnergy { columns, sums: [0.0; MAX_LANES] };
@@ -745,6 +760,7 @@ impl<S: Scalar> Batch<S> for AddColumn<'_, S> {
 fn evaluate_spring_forces<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
+    recovering: Res<RecoveringBodies>,
     mut buffer: ResMut<LawBuffer<SpringForces, S>>,
     vertices: Query<&Displacement<S>>,
     edges: Query<(&EdgeVertices, RestEdges<S>, &EdgeTension<S>)>,
@@ -759,6 +775,9 @@ fn evaluate_spring_forces<S: Scalar>(
     let tension = EdgeTension::peel_slice(tension);
     workers.for_each(&mut buffer.spans, nodes.len() * 3, |_, span: &mut Span<S>| {
         span.clear_force();
+        if recovering.contains(span.body) {
+            return;
+        }
         let elements: Range<usize> = span.elements.clone();
         let (force, row) = (&mut span.force[..], span.rows.start);
         workers.dispatch(Batches(elements, SpringForceBatch { shapes, tension, force, row }));

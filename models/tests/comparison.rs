@@ -410,8 +410,11 @@ fn check_registers<L: TetrahedronLaw, S: Scalar>(count: usize, seed: usize, size
         row_of_vertex: (0..u.len() as u32).collect(),
         tetrahedra: nodes.clone(),
         tetrahedron_order: Vec::new(),
+        membrane: Vec::new(),
+        membrane_order: Vec::new(),
         size: 1.0,
         piece: Vec::new(),
+        splits: 0,
     };
     topology.push(body, &edges);
     let column = |f: &dyn Fn(&Element<S>) -> S| elements.iter().map(f).collect::<Vec<S>>();

@@ -13,11 +13,12 @@
 //! * Displacements carry what their number type cannot hold (`low`) along, over substeps and steps:
 //!   in `f32`, `h v` is below the rounding of a displacement of metres.
 
-use crate::implicit::momentum;
 use crate::settings::{Integrator, SolverSettings};
 use crate::simd::{Kernel, vectorised};
 use crate::stability::StabilityLimit;
-use crate::state::{NodeState, Rows, dot3, evaluate, read_force, write_state};
+use crate::state::{
+    NodeState, Rows, book_momentum, dot3, evaluate, read_force, read_rest, write_state,
+};
 use bevy_ecs::change_detection::Tick;
 use bevy_ecs::prelude::*;
 use bevy_ecs::system::SystemState;
@@ -59,6 +60,9 @@ pub struct ExplicitScratch<S: Scalar> {
     last: Option<LastStep<S>>,
     /// Volumes that pressures have swept, at the start of the step.
     swept: SweptVolumes,
+    /// Rest positions (m), read once per topology.
+    rest: Vec<DVec3>,
+    revision: Option<u64>,
 }
 
 /// The end of the last step.
@@ -89,6 +93,8 @@ impl<S: Scalar> Default for ExplicitScratch<S> {
             creep: 0.0,
             last: None,
             swept: SweptVolumes::default(),
+            rest: Vec::new(),
+            revision: None,
         }
     }
 }
@@ -119,6 +125,11 @@ pub fn explicit_step<S: Scalar>(
 ) -> Result<(), StepError> {
     let mut s = world.remove_resource::<ExplicitScratch<S>>().unwrap_or_default();
     s.node.read(world);
+    let revision = Some(world.resource::<Topology>().revision);
+    if s.revision != revision {
+        read_rest(world, &mut s.rest);
+        s.revision = revision;
+    }
     let result = if s.node.is_empty() { Ok(()) } else { substep(world, settings, report, &mut s) };
     if result.is_err() {
         write_state(world, &s.node.u, &s.node.v);
@@ -128,10 +139,11 @@ pub fn explicit_step<S: Scalar>(
     result
 }
 
-/// Forgets what the explicit integrators remember from step to step, so that the next step depends
+/// Forgets what the integrators remember from step to step, so that the next step depends
 /// on nothing but the state.
 pub fn forget_steps<S: Scalar>(world: &mut World) {
     world.remove_resource::<ExplicitScratch<S>>();
+    world.remove_resource::<crate::implicit::ImplicitScratch<S>>();
 }
 
 /// Largest stable explicit step (s) at the current state, before any safety factor; infinite when
@@ -418,7 +430,9 @@ fn attempt<S: Scalar>(
     // what holds vertices also speeds them up and slows them down
     report.constraint_work = books.constraint_work + held - held0;
     report.load_work = load_work;
-    report.momentum = momentum(&s.node.mass, v);
+    report.dissipation = -grown;
+    report.damping_dissipation = settings.mass_damping * dt * (kinetic0 + kinetic);
+    book_momentum(report, &s.rest, &s.node.mass, u, v);
     Some([grown, scale])
 }
 

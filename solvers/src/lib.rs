@@ -8,8 +8,10 @@ pub mod coarse;
 pub mod direct;
 pub mod engine;
 pub mod explicit;
+mod history;
 pub mod implicit;
 mod orphan;
+pub mod recovery;
 pub mod settings;
 mod simd;
 pub mod stability;
@@ -18,7 +20,7 @@ pub mod support;
 pub mod system;
 
 use bevy_ecs::prelude::*;
-use settings::{Integrator, SolverSettings};
+use settings::SolverSettings;
 use sinew_engine::report::{StepReport, SystemTimes};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
@@ -47,12 +49,11 @@ fn integrate<S: Scalar>(world: &mut World) {
     let vertices = world.resource::<Topology>().vertex_count();
     let mut report = StepReport::default();
     let mut step = || {
-        settings.validate().and_then(|()| match settings.integrator {
-            Integrator::Safe | Integrator::Newton | Integrator::QuasiStatic => {
-                implicit::implicit_step::<S>(world, &settings, &mut report)
-            }
-            Integrator::SymplecticEuler | Integrator::StormerVerlet => {
+        settings.validate().and_then(|()| {
+            if settings.integrator.is_explicit() {
                 explicit::explicit_step::<S>(world, &settings, &mut report)
+            } else {
+                implicit::implicit_step::<S>(world, &settings, &mut report)
             }
         })
     };

@@ -2,40 +2,61 @@
 //! forces, so their step is known beforehand and no linear solve, line search or energy cap of their
 //! former body may touch it: they take part in implicit steps as held unknowns that move along it.
 
+use crate::settings::Integrator;
 use crate::state::NodeState;
 use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
 
-/// Prescribes the step of the vertices without elements on their free axes: the `d` (m) that solves
-/// `m inertia (d - h v) + m damping d = f`. Those without mass, or without inertia, stay where they
-/// are. Returns whether there are any.
+/// A vertex row without elements.
+pub(crate) struct Flown<S> {
+    pub row: usize,
+    /// Axes held by constraints.
+    pub held: FixedAxes,
+    /// Velocity (m/s) of the others at the end of the step.
+    pub velocity: [S; 4],
+}
+
+/// Prescribes the step of the vertices without elements on their free axes, with mass damping `damping`
+/// (1/s): implicit Euler's where the integrator is of that kind, else the midpoint rule's, which is exact
+/// without damping. Those without mass stay where they are, as all do in equilibria.
 pub(crate) fn prescribe_orphans<S: Scalar>(
     topology: &Topology,
     node: &mut NodeState<S>,
     h: f64,
-    inertia: f64,
     damping: f64,
-) -> bool {
-    let mut any = false;
+    integrator: Integrator,
+) -> Vec<Flown<S>> {
+    let euler = matches!(integrator, Integrator::Safe | Integrator::Newton);
+    let mut flown = Vec::new();
     for body in &topology.bodies {
         for (local, _) in body.piece.iter().enumerate().filter(|(_, piece)| **piece == UNUSED) {
-            any = true;
             let row = body.vertices.start as usize + local;
             let mass = node.mass[row].to_f64();
-            let flies = mass > 0.0 && inertia > 0.0;
+            let flies = mass > 0.0 && integrator != Integrator::QuasiStatic;
+            let mut velocity = [S::ZERO; 4];
             for k in (0..3).filter(|&k| !node.fixed[row].holds(k)) {
                 let mut u = node.u[row][k];
                 if flies {
-                    let force = node.external[row][k].to_f64() / mass;
-                    let drift = h * node.v[row][k].to_f64();
-                    u += S::from_f64((inertia * drift + force) / (inertia + damping));
+                    let acceleration = node.external[row][k].to_f64() / mass;
+                    let v = node.v[row][k].to_f64();
+                    let (new, mean) = if euler {
+                        let new = (v + h * acceleration) / (1.0 + h * damping);
+                        (new, new)
+                    } else {
+                        let half = 0.5 * h * damping;
+                        let new = (v * (1.0 - half) + h * acceleration) / (1.0 + half);
+                        (new, 0.5 * (v + new))
+                    };
+                    u += S::from_f64(h * mean);
+                    velocity[k] = S::from_f64(new);
                 }
                 node.prescribed[row][k] = u;
             }
-            node.fixed[row] = FixedAxes::ALL;
+            let held = std::mem::replace(&mut node.fixed[row], FixedAxes::ALL);
+            flown.push(Flown { row, held, velocity });
         }
     }
-    any
+    flown
 }

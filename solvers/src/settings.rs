@@ -8,18 +8,65 @@ use sinew_engine::step::StepError;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Integrator {
-    /// Linearised implicit Euler with line search and energy cap: one linear system a step, and the
-    /// energy provably never rises between outside actions (default).
+    /// The solver's choice (default): [`Self::LinearisedBdf2`]; a static scene looks for equilibria.
     #[default]
+    Auto,
+    /// Linearised implicit Euler with line search and energy cap: one linear system a step, and the
+    /// energy provably never rises between outside actions. First order.
     Safe,
-    /// Implicit Euler solved to convergence.
+    /// BDF2 linearised at `x_n + h v_n`, one linear system a step; a body for which that step fails
+    /// its tests (tangent not positive definite, step shortened, energy above its budget) takes the
+    /// safe step instead. Second order as long as the tests pass.
+    LinearisedBdf2,
+    /// Implicit Euler solved to convergence. First order.
     Newton,
+    /// BDF2 solved to convergence. Second order, damps high frequencies.
+    Bdf2,
+    /// TR-BDF2 solved to convergence, two solves a step. Second order, damps high frequencies, and
+    /// needs no history.
+    TrBdf2,
+    /// Implicit midpoint rule solved to convergence. Second order, keeps angular momentum; not robust:
+    /// large steps make it gain energy without bound.
+    ImplicitMidpoint,
     /// Equilibrium at the loads and constraints of the step's end; no inertia.
     QuasiStatic,
     /// Symplectic Euler, substepped below the stability limit.
     SymplecticEuler,
     /// Störmer-Verlet (velocity form), substepped below the stability limit.
     StormerVerlet,
+}
+
+impl Integrator {
+    /// Name as in a scene file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Safe => "safe",
+            Self::LinearisedBdf2 => "linearised-bdf2",
+            Self::Newton => "newton",
+            Self::Bdf2 => "bdf2",
+            Self::TrBdf2 => "tr-bdf2",
+            Self::ImplicitMidpoint => "implicit-midpoint",
+            Self::QuasiStatic => "quasi-static",
+            Self::SymplecticEuler => "symplectic-euler",
+            Self::StormerVerlet => "stormer-verlet",
+        }
+    }
+
+    /// What `Auto` stands for.
+    pub fn resolve(self) -> Self {
+        if self == Self::Auto { Self::LinearisedBdf2 } else { self }
+    }
+
+    /// Whether it cuts steps below a stability limit and solves no linear system.
+    pub fn is_explicit(self) -> bool {
+        matches!(self, Self::SymplecticEuler | Self::StormerVerlet)
+    }
+
+    /// Whether it solves a nonlinear system to convergence.
+    pub fn converges(self) -> bool {
+        !self.is_explicit() && !matches!(self.resolve(), Self::Safe | Self::LinearisedBdf2)
+    }
 }
 
 /// Preconditioner of conjugate gradients.
@@ -104,12 +151,15 @@ pub struct SolverSettings {
     pub max_substeps: u32,
     /// Fraction of the estimated stability limit used by explicit substeps.
     pub explicit_safety: f64,
+    /// Bodies with many inverted elements move by the corotational energy until they are in shape again
+    /// (`sinew_solvers::recovery`); integrators `auto`, `linearised-bdf2` and `safe`.
+    pub recovery: bool,
 }
 
 impl Default for SolverSettings {
     fn default() -> Self {
         Self {
-            integrator: Integrator::Safe,
+            integrator: Integrator::Auto,
             linear_tolerance: 1e-3,
             max_linear_iterations: 5_000,
             preconditioner: Preconditioner::Auto,
@@ -120,6 +170,7 @@ impl Default for SolverSettings {
             stiffness_damping: 0.0,
             max_substeps: 100_000,
             explicit_safety: 0.9,
+            recovery: false,
         }
     }
 }
@@ -166,9 +217,14 @@ impl SolverSettings {
                     .into(),
             ));
         }
-        let explicit =
-            matches!(self.integrator, Integrator::SymplecticEuler | Integrator::StormerVerlet);
-        if explicit && self.stiffness_damping > 0.0 {
+        if self.recovery && (self.integrator.is_explicit() || self.integrator.converges()) {
+            return Err(StepError::InvalidSetting(format!(
+                "recovery with integrator = \"{}\": it needs safe steps; use integrator = \"auto\" or \
+                 \"safe\"",
+                self.integrator.name()
+            )));
+        }
+        if self.integrator.is_explicit() && self.stiffness_damping > 0.0 {
             return Err(StepError::InvalidSetting(format!(
                 "stiffness_damping = {} with an explicit integrator: it would need a linear system \
                  every substep; use mass_damping, or integrator = \"safe\"",

@@ -2,12 +2,15 @@
 //! energies, forces and tangents.
 
 use bevy_ecs::prelude::*;
+use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
+use sinew_engine::report::StepReport;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::ForceSchedule;
 use sinew_engine::vertex::{
-    Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, PrescribedDisplacement, Velocity,
+    Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, PrescribedDisplacement,
+    RestPosition, Velocity,
 };
 use std::ops::Range;
 
@@ -99,6 +102,34 @@ impl<S: Scalar> NodeState<S> {
 #[inline(always)]
 pub fn dot3<S: Scalar>(a: &[S; 4], b: &[S; 4]) -> f64 {
     a[0].to_f64() * b[0].to_f64() + a[1].to_f64() * b[1].to_f64() + a[2].to_f64() * b[2].to_f64()
+}
+
+/// Momentum (kg m/s) and angular momentum about the origin (kg m^2/s) of displacements `u` and
+/// velocities `v`.
+pub fn book_momentum<S: Scalar>(
+    report: &mut StepReport,
+    rest: &[DVec3],
+    mass: &[S],
+    u: &[[S; 4]],
+    v: &[[S; 4]],
+) {
+    let vector = |x: &[S; 4]| DVec3::new(x[0].to_f64(), x[1].to_f64(), x[2].to_f64());
+    let (mut linear, mut angular) = (DVec3::ZERO, DVec3::ZERO);
+    for (((x, m), u), v) in rest.iter().zip(mass).zip(u).zip(v) {
+        let p = m.to_f64() * vector(v);
+        linear += p;
+        angular += (*x + vector(u)).cross(p);
+    }
+    (report.momentum, report.angular_momentum) = (linear.to_array(), angular.to_array());
+}
+
+/// Rest positions (m) of all rows.
+pub fn read_rest(world: &mut World, rest: &mut Vec<DVec3>) {
+    let mut query = world.query::<&RestPosition>();
+    rest.clear();
+    if let Some(column) = single_table(query.contiguous_iter(world)) {
+        rest.extend(column.iter().map(|x| x.0));
+    }
 }
 
 /// Writes displacements.

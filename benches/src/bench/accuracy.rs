@@ -7,7 +7,6 @@ use super::stats::{Rounds, Spread, interleave};
 use super::table::Table;
 use serde::{Deserialize, Serialize};
 use sinew::prelude::*;
-use sinew_demos::build::integrator_name;
 use sinew_demos::summary::{evaluation_name, model_name};
 
 /// What is measured.
@@ -325,7 +324,7 @@ impl Point {
             evaluation: evaluation_name(method.evaluation).into(),
             precision: method.precision.name().into(),
             threads: method.threads,
-            integrator: integrator_name(s.integrator).into(),
+            integrator: s.integrator.name().into(),
             step_s: (!loads).then_some(method.dt),
             load_steps: loads.then(|| (1.0 / method.dt).round() as u32),
             linear_tolerance: (!explicit).then_some(s.linear_tolerance),

@@ -6,6 +6,7 @@ pub mod arrays;
 pub mod cases;
 pub mod error;
 pub mod flops;
+pub mod integrators;
 pub mod kernels;
 pub mod machine;
 pub mod membranes;
@@ -34,6 +35,8 @@ pub enum Part {
     Step,
     /// Speed against error.
     Accuracy,
+    /// Integrators beside each other.
+    Integrators,
     /// Demo scenes.
     Scenes,
     /// Other engines beside ours.
@@ -47,6 +50,7 @@ impl Part {
             Self::Kernels => "kernels",
             Self::Step => "step",
             Self::Accuracy => "accuracy",
+            Self::Integrators => "integrators",
             Self::Scenes => "scenes",
             Self::Peers => "peers",
         }
@@ -124,6 +128,9 @@ pub fn run(
                 let only = options.cases.clone();
                 let accuracy = accuracy::AccuracyOptions { quick, rounds, only };
                 report.accuracy = Some(accuracy::run(&accuracy, &mut tell)?);
+            }
+            Part::Integrators => {
+                report.integrators = Some(integrators::run(quick, &mut tell)?);
             }
             Part::Scenes => {
                 report.scenes = Some(scenes::run(quick.then_some(50), &mut tell)?);

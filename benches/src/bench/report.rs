@@ -3,6 +3,7 @@
 use super::accuracy::{AccuracyReport, Point};
 use super::aims::{self, Aim};
 use super::error::BenchError;
+use super::integrators::IntegratorReport;
 use super::kernels::KernelReport;
 use super::machine::{Load, MachineNotes};
 use super::plot::{self, Bar, Series};
@@ -44,6 +45,8 @@ pub struct Report {
     pub step: Option<StepReport>,
     /// Speed against error.
     pub accuracy: Option<AccuracyReport>,
+    /// Integrators beside each other.
+    pub integrators: Option<IntegratorReport>,
     /// Demo scenes.
     pub scenes: Option<Vec<SceneRow>>,
     /// Other engines beside ours.
@@ -82,6 +85,7 @@ impl Report {
             kernels: None,
             step: None,
             accuracy: None,
+            integrators: None,
             scenes: None,
             peers: None,
         }
@@ -115,6 +119,7 @@ impl Report {
         }
         tables.extend(self.step.iter().flat_map(StepReport::tables));
         tables.extend(self.accuracy.iter().flat_map(AccuracyReport::tables));
+        tables.extend(self.integrators.iter().flat_map(IntegratorReport::tables));
         tables.extend(self.scenes.as_deref().map(scenes::table));
         tables.extend(self.peers.iter().flat_map(peer_tables));
         tables.push(self.load_table());

@@ -3,7 +3,7 @@
 use super::error::BenchError;
 use super::table::Table;
 use serde::{Deserialize, Serialize};
-use sinew_demos::build::{BuildOptions, integrator_name};
+use sinew_demos::build::BuildOptions;
 use sinew_demos::run::{RunOptions, Silent, run as run_scene};
 use sinew_demos::scene::LoadedScene;
 use sinew_demos::scene_folder;
@@ -79,7 +79,7 @@ pub fn run(
         rows.push(SceneRow {
             scene: s.scene.name.clone(),
             tetrahedra: s.scene.tetrahedra,
-            integrator: integrator_name(s.settings.solver.integrator).into(),
+            integrator: s.settings.solver.integrator.name().into(),
             dt: s.settings.dt,
             steps: s.timing.step.count,
             precision: s.settings.precision.into(),

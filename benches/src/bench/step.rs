@@ -15,7 +15,6 @@ use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::workers::Workers;
 use sinew::prelude::*;
 use sinew::solvers::settings::{LinearPrecision, Preconditioner};
-use sinew_demos::build::integrator_name;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -167,8 +166,12 @@ fn solvers(precision: Precision, large: bool) -> Vec<(String, SolverSettings)> {
             (Precision::F64, LinearPrecision::Mixed) => "mixed",
             (Precision::F32, _) => "f32",
         };
-        let settings =
-            SolverSettings { preconditioner, linear_precision, ..SolverSettings::default() };
+        let settings = SolverSettings {
+            integrator: Integrator::Safe,
+            preconditioner,
+            linear_precision,
+            ..SolverSettings::default()
+        };
         (format!("{} {digits}", preconditioner.name()), settings)
     };
     let mut all = vec![solver(Preconditioner::Auto, LinearPrecision::Mixed)];
@@ -378,7 +381,7 @@ impl Variant {
         let zero = 0.0;
         StepRow {
             tetrahedra: mesh.tetrahedra.len(),
-            integrator: integrator_name(self.settings.integrator).to_string(),
+            integrator: self.settings.integrator.name().to_string(),
             solver: self.solver.clone(),
             state: start.name.to_string(),
             precision: s.precision().name().to_string(),

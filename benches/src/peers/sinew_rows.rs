@@ -66,7 +66,8 @@ struct Run {
 /// The settings that run beside the rivals. `all` adds the equilibrium and the explicit ones.
 pub(super) fn rivals(threads: usize, steps: &[f64], all: bool) -> Vec<Box<dyn Rival>> {
     let safe = |name, model, precision, linear_tolerance, h| -> Box<dyn Rival> {
-        let settings = SolverSettings { linear_tolerance, ..Default::default() };
+        let settings =
+            SolverSettings { integrator: Integrator::Safe, linear_tolerance, ..Default::default() };
         Box::new(Run { name, model, precision, threads, settings, h: Some(h), world: None })
     };
     let mut runs = Vec::new();

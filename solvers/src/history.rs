@@ -1,0 +1,110 @@
+//! What multistep integrators remember of the last step, and whether it still holds.
+
+use crate::state::{NodeState, Rows};
+use bevy_ecs::change_detection::Tick;
+use bevy_ecs::prelude::*;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::schedule::{ActiveLaws, law_inputs_unchanged};
+use sinew_engine::topology::Topology;
+use sinew_engine::vertex::FixedAxes;
+use std::ops::Range;
+
+/// Ratios of step lengths over which BDF2 goes on; beyond them it starts anew.
+const RATIOS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+
+/// The last step.
+#[derive(Clone, Debug)]
+pub(crate) struct History<S> {
+    /// Displacements (m) and velocities (m/s) at its end, masses (kg) and held axes.
+    pub u: Rows<S>,
+    pub v: Rows<S>,
+    pub mass: Vec<S>,
+    pub fixed: Vec<FixedAxes>,
+    /// Way (m) through it, and velocities (m/s) at its start.
+    pub way: Rows<S>,
+    pub v_before: Rows<S>,
+    /// Its length (s).
+    pub dt: f64,
+    pub bodies: Vec<BodyHistory>,
+    revision: u64,
+    laws: usize,
+    tick: Option<Tick>,
+}
+
+/// What is remembered of a body.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct BodyHistory {
+    /// Elastic energy (J) at the end of the step.
+    pub elastic: f64,
+    /// What the energy budget was above the energy then (J).
+    pub excess: f64,
+    /// Steps to be taken with the safe step.
+    pub wait: u32,
+}
+
+/// What of a body's history holds at the start of a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Past {
+    /// The state is that of the last step's end.
+    pub same_state: bool,
+    /// Masses, held axes and step length let BDF2 go on.
+    pub goes_on: bool,
+    pub body: BodyHistory,
+}
+
+impl<S: Scalar> Default for History<S> {
+    fn default() -> Self {
+        Self {
+            u: Vec::new(),
+            v: Vec::new(),
+            mass: Vec::new(),
+            fixed: Vec::new(),
+            way: Vec::new(),
+            v_before: Vec::new(),
+            dt: 0.0,
+            bodies: Vec::new(),
+            revision: 0,
+            laws: 0,
+            tick: None,
+        }
+    }
+}
+
+impl<S: Scalar> History<S> {
+    /// Compares the state with the end of the last step, body by body; `dt` is the length (s) of the
+    /// step to come. Also whether the elastic energies then still hold: a changed constant leaves the
+    /// motion before it as it was, but voids energies and what they allow.
+    pub fn compare(&self, world: &mut World, node: &NodeState<S>, dt: f64) -> (bool, Vec<Past>) {
+        let topology = world.resource::<Topology>();
+        let revision = topology.revision;
+        let rows: Vec<Range<usize>> = topology
+            .bodies
+            .iter()
+            .map(|b| b.vertices.start as usize..b.vertices.end as usize)
+            .collect();
+        let laws = world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len());
+        let Some(tick) = self.tick.filter(|_| self.revision == revision && self.laws == laws)
+        else {
+            return (false, vec![Past::default(); rows.len()]);
+        };
+        let energies = law_inputs_unchanged(world, tick);
+        let past = rows.into_iter().zip(&self.bodies).map(|(rows, &body)| {
+            let same_state = self.u[rows.clone()] == node.u[rows.clone()]
+                && self.v[rows.clone()] == node.v[rows.clone()];
+            let goes_on = same_state
+                && RATIOS.contains(&(dt / self.dt))
+                && self.mass[rows.clone()] == node.mass[rows.clone()]
+                && self.fixed[rows.clone()] == node.fixed[rows];
+            Past { same_state, goes_on, body }
+        });
+        (energies, past.collect())
+    }
+
+    /// Marks that it describes the state as it is now.
+    pub fn stamp(&mut self, world: &mut World) {
+        self.revision = world.resource::<Topology>().revision;
+        self.laws = world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len());
+        // what is changed from here on has a later tick
+        self.tick = Some(world.increment_change_tick());
+    }
+}

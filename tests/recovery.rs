@@ -1,0 +1,152 @@
+//! Bodies that were collapsed, scrambled or mirrored find back to their rest shape in recovery mode.
+
+mod common;
+
+use common::*;
+use glam::DVec3;
+use sinew::engine::mesh::Mesh;
+use sinew::prelude::*;
+
+const CELL: f64 = 0.02;
+
+/// Root mean square over edges of relative length change.
+fn edge_error(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) -> f64 {
+    let u = simulation.displacements(body);
+    let order = simulation.topology().bodies[body.0].vertex_order.clone();
+    let edges = simulation.topology().edges.clone();
+    let sum: f64 = edges
+        .iter()
+        .map(|&[a, b]| {
+            let [a, b] = [order[a as usize] as usize, order[b as usize] as usize];
+            let rest = mesh.points[a] - mesh.points[b];
+            ((rest + u[a] - u[b]).length() / rest.length() - 1.0).powi(2)
+        })
+        .sum();
+    (sum / edges.len() as f64).sqrt()
+}
+
+/// What came of a start.
+#[derive(Debug)]
+struct Outcome {
+    error: f64,
+    inverted: u64,
+    steps: u32,
+    /// Largest energy over that at the start.
+    highest: f64,
+}
+
+fn recover(
+    mesh: &Mesh,
+    nu: f64,
+    evaluation: Evaluation,
+    start: &[DVec3],
+    integrator: Integrator,
+) -> Outcome {
+    let options = SimulationOptions { threads: 1, ..Default::default() };
+    let (mut simulation, body) =
+        simulate(options, mesh, soft(1e4, nu), Model::CompressibleStVK, evaluation);
+    simulation.set_gravity(DVec3::ZERO);
+    simulation.set_dt(1.0 / 60.0);
+    simulation.set_solver(SolverSettings {
+        integrator,
+        mass_damping: 3.5,
+        recovery: true,
+        ..Default::default()
+    });
+    let u: Vec<_> = start.iter().zip(&mesh.points).map(|(x, r)| *x - *r).collect();
+    simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    let energy = simulation.evaluate();
+    let (mut steps, mut highest) = (0, 0.0_f64);
+    for _ in 0..180 {
+        simulation.step().unwrap();
+        let report = simulation.report();
+        steps += report.recovering;
+        highest = highest.max(report.elastic_energy + report.kinetic_energy);
+    }
+    Outcome {
+        error: edge_error(&mut simulation, body, mesh),
+        inverted: simulation.volume_report().inverted,
+        steps,
+        highest: highest / energy,
+    }
+}
+
+fn starts(mesh: &Mesh, size: f64, seed: u64) -> Vec<(&'static str, Vec<DVec3>)> {
+    let n = mesh.points.len();
+    let centre = DVec3::splat(0.5 * size);
+    let field = |s: u64| random_field(n, 100 * seed + s);
+    let map = |f: &dyn Fn(DVec3) -> DVec3| mesh.points.iter().map(|x| f(*x)).collect::<Vec<_>>();
+    let around = |s: u64, scale: f64| field(s).iter().map(|r| centre + *r * scale).collect();
+    let mut all: Vec<(&str, Vec<DVec3>)> = vec![
+        ("point", around(1, 1e-6 * size)),
+        ("random", around(2, 0.5 * size)),
+        ("random 3x", around(3, 1.5 * size)),
+    ];
+    if seed == 0 {
+        all.push(("mirrored", map(&|x| DVec3::new(x.x, x.y, size - x.z))));
+        all.push(("flat", map(&|x| DVec3::new(x.x, x.y, centre.z))));
+    }
+    all
+}
+
+#[test]
+fn every_start_recovers() {
+    let mut failed = Vec::new();
+    for cells in [3, 5] {
+        let size = cells as f64 * CELL;
+        let mesh = jittered_box([size; 3], [cells; 3]);
+        for seed in 0..4 {
+            for (name, start) in starts(&mesh, size, seed) {
+                for nu in [0.3, 0.45] {
+                    let outcome = recover(&mesh, nu, Evaluation::Fused, &start, Integrator::Auto);
+                    println!("{name} {seed} {cells}^3 nu {nu}: {outcome:?}");
+                    let good = outcome.error < 0.01
+                        && outcome.inverted == 0
+                        && outcome.highest <= 1.0 + 1e-6;
+                    if !good {
+                        failed.push(format!("{name} {seed} {cells}^3 nu {nu}: {outcome:?}"));
+                    }
+                }
+            }
+        }
+    }
+    assert!(failed.is_empty(), "{failed:#?}");
+}
+
+#[test]
+fn pooled_bodies_recover_too() {
+    let mesh = jittered_box([3.0 * CELL; 3], [3; 3]);
+    for (name, start) in starts(&mesh, 3.0 * CELL, 0) {
+        let outcome = recover(&mesh, 0.45, Evaluation::Pooled, &start, Integrator::Safe);
+        assert!(outcome.error < 0.01 && outcome.inverted == 0, "{name}: {outcome:?}");
+    }
+}
+
+/// All vertices in one place, exactly.
+#[test]
+fn a_point_recovers() {
+    let mesh = jittered_box([3.0 * CELL; 3], [3; 3]);
+    let start = vec![DVec3::splat(0.01); mesh.points.len()];
+    let outcome = recover(&mesh, 0.3, Evaluation::Fused, &start, Integrator::Auto);
+    assert!(outcome.steps > 0 && outcome.error < 0.01 && outcome.inverted == 0, "{outcome:?}");
+}
+
+/// A body in shape never leaves its own law, and costs the same bits.
+#[test]
+fn nothing_changes_for_a_body_in_shape() {
+    let mesh = jittered_box([0.2, 0.05, 0.05], [6, 2, 2]);
+    let run = |recovery: bool| {
+        let options = SimulationOptions::default();
+        let model = Model::CompressibleStVK;
+        let (mut simulation, body) =
+            simulate(options, &mesh, soft(3e4, 0.4), model, Evaluation::Fused);
+        clamp(&mut simulation, body, &mesh, "x0");
+        simulation.set_solver(SolverSettings { recovery, ..Default::default() });
+        for _ in 0..20 {
+            simulation.step().unwrap();
+            assert_eq!(simulation.report().recovering, 0);
+        }
+        simulation.state_hash()
+    };
+    assert_eq!(run(true), run(false));
+}
