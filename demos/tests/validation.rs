@@ -21,7 +21,7 @@ fn own_cases() {
         files.push(root.join(format!("tests/data/reference_dynamics/{name}.json")));
     }
     for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
-        check(&files, evaluation, 9);
+        check(&files, evaluation, 6);
     }
 }
 
