@@ -547,7 +547,7 @@ impl Builder<'_> {
             place: self.place(format!("{key}.material.{quantity}_field")),
             mesh: mesh.source.clone(),
             array: array.clone().unwrap_or_default(),
-            source,
+            source: Box::new(source),
         }
     }
 

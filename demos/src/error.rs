@@ -171,7 +171,7 @@ pub enum SceneError {
         array: String,
         /// What is wrong.
         #[source]
-        source: FieldError,
+        source: Box<FieldError>,
     },
     /// A body that cannot be built.
     #[error("{place}: {source}")]

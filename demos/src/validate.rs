@@ -398,8 +398,10 @@ impl Case {
             ((_, Some(model)), true) => Elements::Membrane(&mesh.triangles, 1.0, model),
             _ => return Err(self.field_error("cell_type", "the cells of the mesh")),
         };
-        let cells =
-            mesh.tetrahedra.len().max(mesh.triangles.len() * usize::from(models.0.is_none()));
+        let cells = match elements {
+            Elements::Solid(tetrahedra, _) => tetrahedra.len(),
+            Elements::Membrane(triangles, ..) => triangles.len(),
+        };
         let mut row = ValidationRow::new(name, law, mesh.points.len(), cells);
         let plane = result["u"][0].as_array().is_some_and(|u| u.len() == 2);
         let truth = self.vectors(&result["u"], "u")?;
@@ -796,6 +798,11 @@ impl Case {
         for case in &cases {
             let points = self.vectors(&case["points"], "points")?;
             let u = self.vectors(&case["u"], "u")?;
+            if N == 3 && law == "svk_comp" && turns_over(&points, &u) {
+                // signed areas of the plane there; in space a triangle has no wrong side
+                row.note.push_str("; one turned over left out");
+                continue;
+            }
             let (mut simulation, body) =
                 self.simulation(&points, elements(&cell), material, options)?;
             simulation
@@ -946,6 +953,13 @@ fn dome(points: &[DVec3], held: &BTreeMap<u32, (u8, DVec3)>) -> Vec<DVec3> {
     };
     let distances: Vec<f64> = points.iter().map(distance).collect();
     distances.iter().map(|d| 0.2 * d * DVec3::Z).collect()
+}
+
+/// Whether displacements `u` turn a triangle of the plane z = 0 over.
+fn turns_over(points: &[DVec3], u: &[DVec3]) -> bool {
+    let area = |x: [DVec3; 3]| (x[1] - x[0]).cross(x[2] - x[0]).z;
+    let rest = [points[0], points[1], points[2]];
+    area(rest) * area([rest[0] + u[0], rest[1] + u[1], rest[2] + u[2]]) <= 0.0
 }
 
 /// The larger of two differences; a NaN counts as the largest and is not lost.

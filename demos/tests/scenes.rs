@@ -133,6 +133,8 @@ fn liver_sags_follows_the_tool_and_swings_back() {
 
 #[test]
 fn liver_loses_its_lobe() {
+    // no frames of an earlier run
+    let _ = std::fs::remove_dir_all(folder("liver_resection"));
     let (summary, table) = run_whole("liver_resection", None);
     let cut = &summary.resections[0];
     assert!(cut.pieces > 1 && cut.orphans > 0 && cut.mass > 0.0, "{summary}");
@@ -155,7 +157,7 @@ fn liver_loses_its_lobe() {
     let held = table.vector("ligament.reaction", "N");
     let weight = (summary.bodies[0].mass - cut.mass) * 9.81;
     let last = held[held.len() - 1].z;
-    assert!(last > 0.5 * weight && last < 1.05 * weight, "{last} N of {weight} N");
+    assert!(last > 0.8 * weight && last < 0.97 * weight, "{last} N of {weight} N");
     let text = summary.to_string();
     for part in ["resect tool", "left in", "removed"] {
         assert!(text.contains(part), "{part} is not in\n{text}");

@@ -17,11 +17,11 @@ fn check(files: &[PathBuf], evaluation: Evaluation, expected: usize) {
 fn own_cases() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut files = vec![root.join("models/tests/data/element_forces.json")];
-    for name in ["p1_cantilever", "p2_spin_stvk", "p3_compressed_release"] {
+    for name in ["p1_cantilever", "p2_spin_stvk", "p3_compressed_release", "p4_drum_trbs"] {
         files.push(root.join(format!("tests/data/reference_dynamics/{name}.json")));
     }
     for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
-        check(&files, evaluation, 5);
+        check(&files, evaluation, 6);
     }
 }
 
@@ -47,6 +47,6 @@ fn whole_reference_set() {
     }
     files.sort();
     for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
-        check(&files, evaluation, 20);
+        check(&files, evaluation, 32);
     }
 }

@@ -36,14 +36,14 @@ pub struct MaterialField<'a> {
 pub enum FieldError {
     /// The material of the whole body is out of range.
     #[error(transparent)]
-    Material(#[from] MaterialError),
+    Material(Box<MaterialError>),
     /// The material of one tetrahedron is out of range.
     #[error("tetrahedron {tetrahedron}: {source}")]
     Tetrahedron {
         /// Index in the user's mesh.
         tetrahedron: usize,
         /// What is wrong.
-        source: MaterialError,
+        source: Box<MaterialError>,
     },
     /// An array does not have one value per tetrahedron.
     #[error(
@@ -105,13 +105,15 @@ impl MaterialField<'_> {
             }
         }
         // a constant that no tetrahedron uses must be right all the same: it is what reports show
-        let whole = self.material.lame()?;
+        let whole =
+            self.material.lame().map_err(|source| FieldError::Material(Box::new(source)))?;
         if !self.varies() {
             return Ok(vec![whole; count]);
         }
         (0..count)
             .map(|tetrahedron| {
-                let of_tetrahedron = |source| FieldError::Tetrahedron { tetrahedron, source };
+                let of_tetrahedron =
+                    |source| FieldError::Tetrahedron { tetrahedron, source: Box::new(source) };
                 self.at(tetrahedron).lame().map_err(of_tetrahedron)
             })
             .collect()
@@ -132,7 +134,7 @@ mod tests {
             error,
             FieldError::Tetrahedron {
                 tetrahedron: 1,
-                source: MaterialError::PoissonRatioTooHigh { value: 0.5 }
+                source: Box::new(MaterialError::PoissonRatioTooHigh { value: 0.5 })
             }
         );
         assert!(error.to_string().contains("tetrahedron 1"), "{error}");

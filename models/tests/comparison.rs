@@ -382,7 +382,7 @@ fn check_registers<L: TetrahedronLaw, S: Scalar>(count: usize, seed: usize, size
     }
     // turned, and stretched or mirrored along z, so that rotations are far from the identity
     let turn = DQuat::from_scaled_axis(DVec3::new(0.7, -1.1, 0.4));
-    let stretch = if seed % 2 == 0 { 1.2 } else { -0.4 };
+    let stretch = if seed.is_multiple_of(2) { 1.2 } else { -0.4 };
     let u: Vec<[S; 4]> = (0..count + 3)
         .map(|i| {
             let x = DVec3::from_array(points[i]);

