@@ -308,6 +308,8 @@ mod tests {
             size: 1.0,
             piece: Vec::new(),
             splits: 0,
+            membrane: Vec::new(),
+            membrane_order: Vec::new(),
         }
     }
 
