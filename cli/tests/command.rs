@@ -98,6 +98,33 @@ fn a_bench_writes_one_report_in_all_its_forms() {
 }
 
 #[test]
+fn hard_cases_print_a_table_and_write_a_page() {
+    let page = file("stability.html").display().to_string();
+    let arguments = ["bench", "stability", "--quick", "--group", "11", "--html", &page];
+    check(&arguments, 0, "14 of 14 required cases passed", "written to");
+    assert!(std::fs::read_to_string(&page).unwrap().contains("bad input"));
+    let json = sinew(&["bench", "stability", "--quick", "--group", "10", "--json", "-"]);
+    let value: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!(value["schema"], "sinew-stability/2");
+    assert_eq!(value["rows"][0]["status"], "not-available");
+    check(&["bench", "stability", "--group", "12"], 1, "", "1 to 11");
+    check(&["bench", "stability", "--integrator", "quasi-static"], 1, "", "equilibria");
+    check(&["stability"], 2, "", "Usage");
+}
+
+#[test]
+fn figures_of_a_paper_are_made_again() {
+    let folder = file("paper-a");
+    let out = folder.display().to_string();
+    check(&["reproduce", "paper-a", "--only", "a,f", "--out", &out], 0, "DIFFERS", "7 files");
+    let page = std::fs::read_to_string(folder.join("paper-a.html")).unwrap();
+    assert!(page.contains("<svg") && page.contains("Not available: elements cannot be removed"));
+    let csv = std::fs::read_to_string(folder.join("a-force.csv")).unwrap();
+    assert!(csv.starts_with("nu,altitude ratio") && csv.lines().count() == 1 + 4 * 171);
+    check(&["reproduce", "paper-a", "--only", "z"], 1, "", "a, b, c");
+}
+
+#[test]
 fn advice_can_be_followed_and_impossible_requests_fail() {
     let scene = file("advise.toml");
     let text = r#"

@@ -118,7 +118,7 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
         ]);
     }
     let of = |model: Model| rests.iter().filter(move |r| r.model == model);
-    let softest = |model: Model| of(model).last();
+    let softest = |model: Model| of(model).next_back();
     let tets = mesh.tetrahedra.len();
     let mut findings = Vec::new();
     if let (Some(svk), Some(comp)) = (softest(Model::StVK), softest(Model::CompressibleStVK)) {

@@ -314,8 +314,32 @@ const NOT_AVAILABLE: [(Part, &str); 5] = [
     ),
 ];
 
-/// Required cases that fail today, with what was tried: part of the case's name, number type, remark.
-const KNOWN: [(u8, &str, Precision, &str); 0] = [];
+/// What is known of cases that fail: group, part of the case's name, remark.
+const KNOWN: [(u8, &str, &str); 6] = [
+    (
+        1,
+        "E 1e4 nu 0",
+        "inverts in full swing and recovers; so it does with converged implicit Euler",
+    ),
+    (
+        3,
+        "line 5^3 nu 0.3",
+        "ends wound around, every element positive; a local minimum of the energy",
+    ),
+    (
+        3,
+        "mirror 5^3 nu 0.3",
+        "ends wound around, every element positive; a local minimum of the energy",
+    ),
+    (3, "random 3x 1 5^3", "still untangling after 180 steps"),
+    (4, "dihedral 0.01", "one thin element turns over in a step of 0.1 s and back"),
+    (
+        4,
+        "of aspect 1000, nu",
+        "thin elements turn over in the first swing; with converged Newton and the explicit integrators \
+         too",
+    ),
+];
 
 /// Runs the suite; cases run side by side, one thread each. `tell` hears how many of how many are done.
 ///
@@ -355,6 +379,10 @@ pub fn run(
         row
     };
     let mut rows: Vec<Row> = jobs.par_iter().map(run).collect();
+    // one after the other: a thread that waits for another pool would take up further cases meanwhile
+    for (job, row) in jobs.iter().zip(&mut rows).filter(|(job, _)| job.sampled) {
+        job.repeat(options.precision, row);
+    }
     rows.extend(NOT_AVAILABLE.iter().filter(|(part, _)| wanted(part.group)).map(|(part, why)| {
         Row {
             part: *part,
@@ -390,12 +418,14 @@ struct Job<'a> {
     sampled: bool,
 }
 
-/// The cases in all columns that they concern; the first of every part is sampled for repetition.
+/// The cases in all columns that they concern; where they must pass, the first of every part is sampled
+/// for repetition.
 fn jobs<'a>(cases: &'a [Case], columns: &[Column]) -> Vec<Job<'a>> {
     let mut jobs: Vec<Job> = Vec::new();
     for case in cases {
         let mut add = |column: Option<Column>, required| {
-            let sampled = !jobs.iter().any(|j| j.case.part == case.part && j.column == column);
+            let first = !jobs.iter().any(|j| j.case.part == case.part && j.column == column);
+            let sampled = required && first;
             jobs.push(Job { case, column, required, sampled });
         };
         match case.scope {
@@ -413,13 +443,30 @@ fn jobs<'a>(cases: &'a [Case], columns: &[Column]) -> Vec<Job<'a>> {
 }
 
 impl Job<'_> {
+    fn setting(&self, precision: Precision, threads: usize) -> Setting {
+        let (integrator, model) = (Integrator::default(), Model::CompressibleStVK);
+        let column = self.column.unwrap_or(Column { integrator, model });
+        Setting { column, precision, threads }
+    }
+
+    /// Runs the case again, on one and on two threads: its row must stand, bit for bit.
+    fn repeat(&self, precision: Precision, row: &mut Row) {
+        if row.figures.steps == 0 {
+            return;
+        }
+        let repeats = [1, 2].into_iter().all(|threads| {
+            let again = (self.case.run)(&self.setting(precision, threads));
+            again.is_ok_and(|(figures, _)| figures.hash == row.figures.hash)
+        });
+        row.checks.push(Check::holds("same bits again and with two threads", repeats));
+        if !repeats {
+            row.status = Status::Fail;
+        }
+    }
+
     fn run(&self, precision: Precision) -> Row {
         let start = Instant::now();
-        let column = self.column.unwrap_or(Column {
-            integrator: Integrator::default(),
-            model: Model::CompressibleStVK,
-        });
-        let setting = Setting { column, precision, threads: 1 };
+        let setting = self.setting(precision, 1);
         let mut row = Row {
             part: self.case.part,
             case: self.case.name.clone(),
@@ -432,15 +479,7 @@ impl Job<'_> {
             seconds: 0.0,
         };
         match (self.case.run)(&setting) {
-            Ok((figures, mut checks)) => {
-                if self.sampled && figures.steps > 0 {
-                    let same = |threads| {
-                        let again = (self.case.run)(&Setting { threads, ..setting });
-                        again.is_ok_and(|(again, _)| again.hash == figures.hash)
-                    };
-                    let repeats = same(1) && same(2);
-                    checks.push(Check::holds("same bits again and with two threads", repeats));
-                }
+            Ok((figures, checks)) => {
                 if checks.iter().all(|c| c.pass) && !checks.is_empty() {
                     row.status = Status::Pass;
                 }
@@ -448,9 +487,8 @@ impl Job<'_> {
             }
             Err(problem) => row.note = problem.to_string(),
         }
-        let known = KNOWN.iter().find(|(group, name, known_precision, _)| {
-            *group == row.part.group && row.case.contains(name) && *known_precision == precision
-        });
+        let known =
+            KNOWN.iter().find(|(g, name, _)| *g == row.part.group && row.case.contains(name));
         if let Some((.., tried)) = known.filter(|_| row.required && row.status == Status::Fail) {
             row.note =
                 format!("{}{}{tried}", row.note, if row.note.is_empty() { "" } else { "; " });

@@ -65,8 +65,8 @@ impl Suite {
             Table::new("criteria", "Criteria", &["", "hard case", "criterion"]).note(format!(
                 "every simulated case: finite positions and velocities after every step; total energy \
                  at most its start plus outside work, to {} of the energy scale for the safe step and 5 % \
-                 for the others; the first case of each subgroup gives the same bits again and with two \
-                 threads.",
+                 for the others; where it must pass, the first case of each subgroup gives the same bits \
+                 again and with two threads.",
                 if self.precision == "f32" { "1e-5" } else { "1e-6" }
             ));
         for part in self.parts() {

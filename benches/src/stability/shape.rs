@@ -35,15 +35,17 @@ pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
     let plates = thin_layer(&bar, 2, 0.001 * CELL);
     let needles = thin_layer(&plates, 1, 0.001 * CELL);
     let shapes = [
-        ("dihedral 1 deg", with_dihedral(&bar, 1.0), 1.0),
-        ("dihedral 0.01 deg", with_dihedral(&bar, 0.01), 1.0),
-        ("plates of aspect 1000", plates, 1.0),
-        ("needles of aspect 1000", needles, 1.0),
-        ("vertex 1e6 heavier", bar.clone(), 1e6),
-        ("nu 0.4999", bar.clone(), 1.0),
+        ("dihedral 1 deg", with_dihedral(&bar, 1.0), 1e4, 1.0),
+        ("dihedral 0.01 deg", with_dihedral(&bar, 0.01), 1e4, 1.0),
+        ("plates of aspect 1000", plates.clone(), 1e4, 1.0),
+        ("needles of aspect 1000", needles.clone(), 1e4, 1.0),
+        ("plates of aspect 1000, E 1e5", plates, 1e5, 1.0),
+        ("needles of aspect 1000, E 1e5", needles, 1e5, 1.0),
+        ("vertex 1e6 heavier", bar.clone(), 1e4, 1e6),
+        ("nu 0.4999", bar.clone(), 1e4, 1.0),
     ];
     let mut cases = Vec::new();
-    for (name, mesh, heavy) in shapes {
+    for (name, mesh, young, heavy) in shapes {
         let mesh = Arc::new(mesh);
         let ratios = if name.starts_with("nu") { vec![0.4999] } else { vec![0.3, 0.45] };
         for nu in ratios {
@@ -54,7 +56,9 @@ pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
                     name: format!("{name}, nu {nu} h {dt:.4}"),
                     quick: nu != 0.45 && dt < 0.1,
                     scope: Scope::Every,
-                    run: Box::new(move |setting| hang(setting, &mesh, nu, dt, heavy)),
+                    run: Box::new(move |setting| {
+                        hang(setting, &mesh, tissue(young, nu), dt, heavy)
+                    }),
                 });
             }
         }
@@ -122,8 +126,8 @@ fn smallest_dihedral(mesh: &Mesh) -> f64 {
     smallest.to_degrees()
 }
 
-fn hang(setting: &Setting, mesh: &Mesh, nu: f64, dt: f64, heavy: f64) -> Outcome {
-    let mut run = Run::new(setting, mesh, tissue(1e4, nu))?;
+fn hang(setting: &Setting, mesh: &Mesh, material: YoungPoisson, dt: f64, heavy: f64) -> Outcome {
+    let mut run = Run::new(setting, mesh, material)?;
     run.clamp("x0")?;
     run.simulation.set_dt(dt);
     let vertex = nearest(&mesh.points, 0.5 * SIZE) as u32;
