@@ -4,7 +4,7 @@
 use serde::Serialize;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::material::YoungPoisson;
-use sinew::solvers::settings::{Integrator, SolverSettings};
+use sinew::solvers::settings::SolverSettings;
 use std::fmt;
 
 /// Version of the JSON summary.
@@ -392,7 +392,7 @@ pub struct SolverSummary {
 /// Energies of a run (J).
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct EnergySummary {
-    /// Elastic plus kinetic energy at the start.
+    /// Elastic plus kinetic energy at the start, and what recovery from inversion added by changing laws.
     pub initial: f64,
     /// Work of gravity and loads.
     pub load_work: f64,

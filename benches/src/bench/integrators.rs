@@ -3,14 +3,14 @@
 use super::error::BenchError;
 use super::table::{Cell, Table};
 use glam::DVec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::prelude::*;
 use std::time::Instant;
 
 /// What was measured.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IntegratorReport {
     /// The swinging beam.
     pub swings: Vec<SwingRow>,
@@ -19,10 +19,10 @@ pub struct IntegratorReport {
 }
 
 /// One integrator at one step on the swinging beam.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SwingRow {
     /// Integrator.
-    pub integrator: &'static str,
+    pub integrator: String,
     /// Step (s).
     pub dt: f64,
     /// Largest error over largest displacement at 0.2 and 0.4 s.
@@ -38,10 +38,10 @@ pub struct SwingRow {
 }
 
 /// One integrator at one step on the spinning cube.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpinRow {
     /// Integrator.
-    pub integrator: &'static str,
+    pub integrator: String,
     /// Step (s).
     pub dt: f64,
     /// Angular momentum kept after 0.1 s at 100 rad/s (%).
@@ -173,7 +173,7 @@ fn swing(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<Swing, BenchErr
     for half in 0..2 {
         for _ in 0..steps {
             let clock = Instant::now();
-            simulation.step()?;
+            simulation.step().map_err(SimulationError::from)?;
             swing.milliseconds += 1e3 * clock.elapsed().as_secs_f64();
             let report = simulation.report();
             swing.solves += u64::from(report.newton_iterations);
@@ -203,7 +203,7 @@ fn spin(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<[f64; 2], BenchE
     simulation.set_dt(dt);
     simulation.set_solver(settings(integrator));
     for _ in 0..(0.1 / dt).round() as usize {
-        simulation.step()?;
+        simulation.step().map_err(SimulationError::from)?;
     }
     let report = simulation.report();
     let now = report.kinetic_energy + report.elastic_energy;
@@ -237,7 +237,7 @@ pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<IntegratorReport,
                 pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / size[i]
             };
             swings.push(SwingRow {
-                integrator: integrator.name(),
+                integrator: integrator.name().into(),
                 dt: 1e-3 * milliseconds,
                 errors: [error(0), error(1)],
                 elsewhere: swing_elsewhere(integrator, milliseconds),
@@ -260,7 +260,7 @@ pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<IntegratorReport,
                 Err(error) => ([f64::NAN; 2], Some(error.to_string())),
             };
             spins.push(SpinRow {
-                integrator: integrator.name(),
+                integrator: integrator.name().into(),
                 dt,
                 angular_percent: found[0],
                 energy_percent: found[1],
@@ -294,7 +294,7 @@ impl IntegratorReport {
         );
         for r in &self.swings {
             swings.row(vec![
-                r.integrator.into(),
+                (&r.integrator).into(),
                 r.dt.into(),
                 r.errors[0].into(),
                 r.errors[1].into(),
@@ -324,7 +324,7 @@ impl IntegratorReport {
         );
         for r in &self.spins {
             spins.row(vec![
-                r.integrator.into(),
+                (&r.integrator).into(),
                 r.dt.into(),
                 r.angular_percent.into(),
                 r.energy_percent.into(),
