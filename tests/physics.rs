@@ -301,6 +301,8 @@ fn energy_never_rises_with_safe() {
             let forces = tip.iter().map(|&r| (r, DVec3::new(0.0, 0.1, 0.2))).collect();
             simulation.add_load(Load { name: "tip".into(), forces, curve: Curve::Constant });
             simulation.set_dt(dt);
+            simulation
+                .set_solver(SolverSettings { integrator: Integrator::Safe, ..Default::default() });
 
             let held = group(&mesh, "x0");
             let masses = simulation.masses(body);
