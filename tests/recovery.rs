@@ -31,7 +31,7 @@ struct Outcome {
     error: f64,
     inverted: u64,
     steps: u32,
-    /// Largest energy over that at the start.
+    /// Largest energy, less what changes of law added, over that at the start.
     highest: f64,
 }
 
@@ -56,12 +56,14 @@ fn recover(
     let u: Vec<_> = start.iter().zip(&mesh.points).map(|(x, r)| *x - *r).collect();
     simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
     let energy = simulation.evaluate();
-    let (mut steps, mut highest) = (0, 0.0_f64);
+    let (mut steps, mut highest, mut added) = (0, 0.0_f64, 0.0);
     for _ in 0..180 {
         simulation.step().unwrap();
         let report = simulation.report();
         steps += report.recovering;
-        highest = highest.max(report.elastic_energy + report.kinetic_energy);
+        // at a point the corotational energy is up to 2.6 times that of the springs
+        added += report.recovery_energy;
+        highest = highest.max(report.elastic_energy + report.kinetic_energy - added);
     }
     Outcome {
         error: edge_error(&mut simulation, body, mesh),

@@ -430,7 +430,7 @@ pub struct SolverSummary {
 /// Energies of a run (J).
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct EnergySummary {
-    /// Elastic plus kinetic energy at the start.
+    /// Elastic plus kinetic energy at the start, and what recovery from inversion added by changing laws.
     pub initial: f64,
     /// Work of gravity and loads.
     pub load_work: f64,

@@ -847,8 +847,8 @@ fn second_stage<S: Scalar>(
 
 /// Equilibrium at the loads and held displacements of the step's end: in one go if Newton converges
 /// and turns no element inside out, else by parts. The loads of a part leave a share of the residual
-/// at the start uncovered, so that the start is the equilibrium of part 0; held unknowns go their way
-/// evenly. A part that fails is halved, at most [`MAX_PARTINGS`] times; if that does not help either,
+/// at the start uncovered, so that the start is the equilibrium of part 0; held unknowns follow their
+/// curves. A part that fails is halved, at most [`MAX_PARTINGS`] times; if that does not help either,
 /// the result of the attempt in one go stands.
 fn equilibrium<S: Scalar>(
     world: &mut World,
@@ -860,7 +860,8 @@ fn equilibrium<S: Scalar>(
     for body in bodies.iter_mut() {
         (body.mode, body.w) = (Mode::Converge, Weights::new(settings, f64::INFINITY));
     }
-    let mut uncovered = Rows::default();
+    s.within.read(world, &s.node.u, &s.node.prescribed, &s.node.fixed);
+    let (mut uncovered, mut ways) = (Rows::default(), Vec::new());
     // displacements of the last equilibrium, and of the attempt in one go
     let mut last = s.node.u.clone();
     let mut at_once: Option<(Rows<S>, Vec<BodyIteration>, bool)> = None;
@@ -881,13 +882,16 @@ fn equilibrium<S: Scalar>(
         s.load.clone_from(&s.node.external);
         s.target.clone_from(&s.node.prescribed);
         if part < 1.0 {
-            let (now, left) = (S::from_f64(part), S::from_f64(1.0 - part));
+            let left = S::from_f64(1.0 - part);
             for row in 0..s.node.len() {
                 for k in 0..3 {
                     s.load[row][k] -= left * uncovered[row][k];
-                    let u = s.node.u[row][k];
-                    s.target[row][k] = u + now * (s.node.prescribed[row][k] - u);
                 }
+            }
+            s.within.ways(part, &mut ways);
+            for (m, way) in s.within.moving.iter().zip(&ways) {
+                let (row, k) = (m.row as usize, m.axis as usize);
+                s.target[row][k] = s.node.u[row][k] + S::from_f64(*way);
             }
         }
         begin(s);

@@ -237,7 +237,7 @@ pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<IntegratorReport,
                 pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / size[i]
             };
             swings.push(SwingRow {
-                integrator: integrator.name().to_string(),
+                integrator: integrator.name().into(),
                 dt: 1e-3 * milliseconds,
                 errors: [error(0), error(1)],
                 elsewhere: swing_elsewhere(integrator, milliseconds),
@@ -260,7 +260,7 @@ pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<IntegratorReport,
                 Err(error) => ([f64::NAN; 2], Some(error.to_string())),
             };
             spins.push(SpinRow {
-                integrator: integrator.name().to_string(),
+                integrator: integrator.name().into(),
                 dt,
                 angular_percent: found[0],
                 energy_percent: found[1],
