@@ -1,7 +1,6 @@
 //! Frame times while tetrahedra are removed: one per frame of 1/60 s, safe step, organs that hang
 //! under their weight.
 
-use glam::DVec3;
 use serde::Serialize;
 use sinew::engine::mesh::generate::sphere_tets;
 use sinew::prelude::*;
