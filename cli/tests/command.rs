@@ -157,7 +157,8 @@ fn advice_can_be_followed_and_impossible_requests_fail() {
 #[test]
 fn bad_bench_arguments_are_named() {
     check(&["bench"], 2, "", "Usage");
-    check(&["bench", "everything"], 2, "", "kernels");
+    check(&["bench", "everything"], 2, "", "'everything'");
+    check(&["bench", "--help"], 0, "kernels", "");
     check(&["bench", "kernels", "--tets", "3"], 1, "", "between 24 and");
     check(&["bench", "accuracy", "--quick", "--case", "fold"], 1, "", "cantilever");
     check(&["run", &shipped("liver"), "--integrator", "magic"], 2, "", "newton");
