@@ -540,7 +540,7 @@ pub mod biquadratic {
         let p1 = (kappa + kappa) * (m * m * m) * inverse;
         if exact {
             // the second derivative of the square root
-            p2 = p2 - R::select(flat, R::ZERO, p1);
+            p2 -= R::select(flat, R::ZERO, p1);
         }
         for (block, (a, b)) in core.iter_mut().zip([(0, 0), (1, 1), (0, 1)]) {
             add_outer(block, scale(g[a], p2), g[b]);

@@ -16,8 +16,9 @@
 //! closed, or its rim is held (at least within planes that the volume ends at), `-p V` is a potential of
 //! the forces, and the antisymmetric parts of `-df/dx` of neighbouring triangles cancel: the tangent is
 //! exact. On a rim that is free to move the pressure is no conservative force; its work still is `p`
-//! times the swept volume along the way, but `-p V` and the symmetric tangent are approximations there,
-//! which slows Newton down and leaves the energy bound of the safe step to the rest of the surface.
+//! times the swept volume along the way, but `-p V` and the symmetric tangent are approximations there: the
+//! line search of Newton may then end without converging (which is reported), and the energy bound of the
+//! safe step holds for the approximate potential only.
 //!
 //! The tangent is indefinite by itself, and left out of the semidefinite stand-ins.
 //!
