@@ -183,12 +183,17 @@ pub fn padded<T: Copy>(column: &[T], first: usize, end: usize) -> [T; MAX_LANES]
 pub trait Kernel<S: Scalar> {
     /// Result.
     type Output;
+    /// Whether it is compiled for AVX2 too; without, machines that have no wider registers run it one
+    /// element at a time. For kernels whose speed matters little: each set costs compile time.
+    const AVX2: bool = true;
     /// The loop; mark implementations `#[inline(always)]`.
     fn run<L: Lanes<Scalar = S>>(self) -> Self::Output;
 }
 
 /// What a kernel does with one register full of elements.
 pub trait Batch<S: Scalar> {
+    /// As [`Kernel::AVX2`].
+    const AVX2: bool = true;
     /// The elements from `first` on; mark implementations `#[inline(always)]`.
     fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize);
 }
@@ -199,6 +204,7 @@ pub struct Batches<B>(pub Range<usize>, pub B);
 
 impl<S: Scalar, B: Batch<S>> Kernel<S> for Batches<B> {
     type Output = B;
+    const AVX2: bool = B::AVX2;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) -> B {
         let Self(elements, mut batch) = self;
@@ -280,8 +286,14 @@ pub fn dispatch_on<S: Scalar, K: Kernel<S>>(set: InstructionSet, kernel: K) -> K
     assert!(set.is_available(), "this machine has no {}", set.name());
     match set {
         InstructionSet::Scalar => kernel.run::<S::One>(),
-        // SAFETY: the machine has the instruction set, by the assertion above.
-        InstructionSet::Avx2 => unsafe { S::run_avx2(kernel) },
+        InstructionSet::Avx2 => {
+            if K::AVX2 {
+                // SAFETY: the machine has the instruction set, by the assertion above.
+                unsafe { S::run_avx2(kernel) }
+            } else {
+                kernel.run::<S::One>()
+            }
+        }
         // SAFETY: as above.
         InstructionSet::Avx512 => unsafe { S::run_avx512(kernel) },
     }

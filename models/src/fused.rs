@@ -80,6 +80,8 @@ pub trait TetrahedronLaw: Law {
     ) -> [[R; 3]; 4] {
         Self::tangent(e, u, kind).product(v)
     }
+    /// Whether it is compiled for AVX2 too ([`Kernel::AVX2`]).
+    const AVX2: bool = true;
     /// Whether the volume is multiplied into the moduli beforehand and elements come with volume 1.
     const FOLDS_VOLUME: bool = true;
     /// Whether `Projected` clamps the eigenvalues of the St Venant-Kirchhoff stress; otherwise
@@ -464,7 +466,7 @@ fn evaluate_span<L: TetrahedronLaw, S: Scalar>(
             let mut doubtful = Vec::new();
             workers.dispatch(TangentPass { columns, span, kind, doubtful: &mut doubtful, law });
             if L::STRESS_PROJECTION {
-                workers.dispatch(ProjectionPass { columns, span, doubtful: &doubtful, law });
+                workers.dispatch(ProjectionPass { columns, span, doubtful: &doubtful });
             }
         }
         None => span.drop_tangent(),
@@ -551,6 +553,7 @@ struct ProductBatch<'a, 'b, L, S> {
 }
 
 impl<Law: TetrahedronLaw, S: Scalar> Batch<S> for ProductBatch<'_, '_, Law, S> {
+    const AVX2: bool = Law::AVX2;
     #[inline(always)]
     fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
         let u = self.columns.shapes.displacements::<L>(first);
@@ -572,6 +575,29 @@ fn batches<L: Lanes>(elements: &Range<usize>) -> usize {
     elements.end - elements.len() % L::COUNT
 }
 
+/// The batches of a range: `$batch` runs with the columns `$columns`, complete or those of the tail, at
+/// `$at`, whose first element has the table row `$first`. One place of use, so that a law is compiled
+/// once for each register type.
+macro_rules! for_batches {
+    ($L:ident, $all:expr, $elements:expr, |$columns:ident, $at:ident, $first:ident| $batch:expr) => {{
+        let (all, elements): (&TetrahedronColumns<_>, Range<usize>) = ($all, $elements);
+        let whole = batches::<$L>(&elements);
+        let tail =
+            if whole < elements.end { Some(Tail::new(all, whole, elements.end)) } else { None };
+        let last = match &tail {
+            Some(tail) => Some(tail.columns(all.shapes.displacement)),
+            None => None,
+        };
+        for $first in elements.step_by($L::COUNT) {
+            let ($columns, $at) = match &last {
+                Some(columns) if $first == whole => (columns, 0),
+                _ => (all, $first),
+            };
+            $batch;
+        }
+    }};
+}
+
 struct EnergyPass<'a, 'b, L, S> {
     columns: &'a TetrahedronColumns<'b, S>,
     span: &'a mut Span<S>,
@@ -580,19 +606,13 @@ struct EnergyPass<'a, 'b, L, S> {
 
 impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for EnergyPass<'_, '_, Law, S> {
     type Output = ();
+    const AVX2: bool = Law::AVX2;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
-        let Range { start, end } = self.span.elements;
-        let whole = batches::<L>(&self.span.elements);
         let mut sums = [0.0; MAX_LANES];
-        for first in (start..whole).step_by(L::COUNT) {
-            energy_batch::<Law, L>(self.columns, first, &mut sums);
-        }
-        if whole < end {
-            let tail = Tail::new(self.columns, whole, end);
-            let columns = tail.columns(self.columns.shapes.displacement);
-            energy_batch::<Law, L>(&columns, 0, &mut sums);
-        }
+        for_batches!(L, self.columns, self.span.elements.clone(), |columns, at, _first| {
+            energy_batch::<Law, L>(columns, at, &mut sums)
+        });
         self.span.energy = sums.iter().sum();
     }
 }
@@ -615,19 +635,14 @@ struct ForcePass<'a, 'b, L, S> {
 
 impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for ForcePass<'_, '_, Law, S> {
     type Output = ();
+    const AVX2: bool = Law::AVX2;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { columns, span, .. } = self;
         span.clear_force();
-        let Range { start, end } = span.elements;
-        let whole = batches::<L>(&span.elements);
-        for first in (start..whole).step_by(L::COUNT) {
-            force_batch::<Law, L>(columns, first, span);
-        }
-        if whole < end {
-            let tail = Tail::new(columns, whole, end);
-            force_batch::<Law, L>(&tail.columns(columns.shapes.displacement), 0, span);
-        }
+        for_batches!(L, columns, span.elements.clone(), |columns, at, _first| {
+            force_batch::<Law, L>(columns, at, span)
+        });
     }
 }
 
@@ -658,19 +673,13 @@ struct TangentPass<'a, 'b, L, S> {
 
 impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for TangentPass<'_, '_, Law, S> {
     type Output = ();
+    const AVX2: bool = Law::AVX2;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { columns, span, kind, doubtful, .. } = self;
-        let Range { start, end } = span.elements;
-        let whole = batches::<L>(&span.elements);
-        for first in (start..whole).step_by(L::COUNT) {
-            tangent_batch::<Law, L>(columns, first, first, kind, span, doubtful);
-        }
-        if whole < end {
-            let tail = Tail::new(columns, whole, end);
-            let columns = tail.columns(columns.shapes.displacement);
-            tangent_batch::<Law, L>(&columns, 0, whole, kind, span, doubtful);
-        }
+        for_batches!(L, columns, span.elements.clone(), |columns, at, first| {
+            tangent_batch::<Law, L>(columns, at, first, kind, span, doubtful)
+        });
     }
 }
 
@@ -744,27 +753,27 @@ fn orient<L: Lanes>(t: &mut TetrahedronTangent<L>, nodes: &[[u32; 4]]) {
     }
 }
 
-/// Projected tangents of the elements that may need it, in `f64` whatever the simulation's type.
-struct ProjectionPass<'a, 'b, L, S> {
+/// Projected tangents of the elements that may need it, in `f64` whatever the simulation's type: that of St
+/// Venant-Kirchhoff with the compression term, whose stress the laws with a stress projection share.
+struct ProjectionPass<'a, 'b, S> {
     columns: &'a TetrahedronColumns<'b, S>,
     span: &'a mut Span<S>,
     doubtful: &'a [usize],
-    law: PhantomData<fn() -> L>,
 }
 
-impl<Law: TetrahedronLaw, S: Scalar> Kernel<f64> for ProjectionPass<'_, '_, Law, S> {
+impl<S: Scalar> Kernel<f64> for ProjectionPass<'_, '_, S> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes<Scalar = f64>>(self) {
         let Self { columns, span, doubtful, .. } = self;
         for batch in doubtful.chunks(L::COUNT) {
-            projection_batch::<Law, S, L>(columns, batch, span);
+            projection_batch::<S, L>(columns, batch, span);
         }
     }
 }
 
 #[inline(always)]
-fn projection_batch<Law: TetrahedronLaw, S: Scalar, L: Lanes<Scalar = f64>>(
+fn projection_batch<S: Scalar, L: Lanes<Scalar = f64>>(
     columns: &TetrahedronColumns<S>,
     batch: &[usize],
     span: &mut Span<S>,
@@ -813,7 +822,7 @@ fn projection_batch<Law: TetrahedronLaw, S: Scalar, L: Lanes<Scalar = f64>>(
     }
     let g = displacement_gradient(&e.gradients, &u);
     let (clamped, core) = projection::projected_blocks(&e, &g);
-    let mut t = Law::tangent::<L>(&e, &u, TangentKind::Exact);
+    let mut t = tetrahedron::tangent_parts(&e, &u, true, true);
     if L::any(clamped) {
         let projected = tetrahedron::assemble(&core);
         for a in 0..4 {

@@ -253,6 +253,7 @@ impl Law for NeoHookean {
 }
 
 impl TetrahedronLaw for NeoHookean {
+    const AVX2: bool = false;
     type Bodies = With<NeoHookean>;
     const STRESS_PROJECTION: bool = false;
     fn contributes(_: TangentKind) -> bool {
