@@ -2,7 +2,7 @@
 
 use super::{Figure, Finding};
 use crate::bench::error::BenchError;
-use crate::bench::plot::{Series, lines};
+use crate::bench::plot::{Scales, Series, lines};
 use crate::bench::report::Chart;
 use crate::bench::table::Table;
 use glam::DVec3;
@@ -181,7 +181,7 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
             colour: i / MODELS.len(),
         })
         .collect();
-    let svg = lines("Axis of the cylinder at rest", ["x / L", "z / L"], &series, true)?;
+    let svg = lines("Axis of the cylinder at rest", ["x / L", "z / L"], &series, Scales::Equal)?;
     Ok(Figure {
         letter: 'b',
         title: "A slender cylinder under its weight (Fig. 2, right)",

@@ -3,6 +3,7 @@
 //! numbers of the run.
 
 mod compression;
+mod cost;
 mod cylinder;
 mod validity;
 
@@ -76,6 +77,10 @@ pub fn paper_a(only: &[char], mut tell: impl FnMut(&str)) -> Result<PaperA, Benc
     if wanted('b') {
         tell("b: a slender cylinder under its weight");
         figures.push(cylinder::figure()?);
+    }
+    if wanted('c') {
+        tell("c: time of force and matrix-vector product");
+        figures.push(cost::figure()?);
     }
     if wanted('d') {
         tell("d: laws against strain");

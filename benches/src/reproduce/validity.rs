@@ -4,7 +4,7 @@
 
 use super::{Figure, Finding};
 use crate::bench::error::BenchError;
-use crate::bench::plot::{Series, lines};
+use crate::bench::plot::{Scales, Series, lines};
 use crate::bench::report::Chart;
 use crate::bench::table::{Cell, Table};
 use glam::{DQuat, DVec3};
@@ -385,7 +385,7 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
     findings
 }
 
-/// Errors of reaction in tension and bending, both axes logarithmic.
+/// Errors of reaction in tension and bending.
 fn chart(rows: &[Row]) -> Result<String, BenchError> {
     let mut series = Vec::new();
     for (colour, model) in MODELS.into_iter().enumerate().skip(1) {
@@ -397,22 +397,17 @@ fn chart(rows: &[Row]) -> Result<String, BenchError> {
             });
             series.push(Series {
                 name: format!("{}, {}", model.name(), mode.name()),
-                points: own
-                    .filter_map(|r| Some([100.0 * r.strain, r.errors?[0].max(1e-2)]))
-                    .collect(),
+                points: own.filter_map(|r| Some([100.0 * r.strain, r.errors?[0]])).collect(),
                 hollow: mode == Mode::Bending,
                 colour: colour - 1,
             });
         }
     }
-    let points = |s: &Series| s.points.iter().map(|p| p.map(f64::log10)).collect();
-    let series: Vec<Series> =
-        series.into_iter().map(|s| Series { points: points(&s), ..s }).collect();
     lines(
-        "Error of the reaction, nu = 0.3",
-        ["log10 of strain in %", "log10 of error in %"],
+        "Error of the reaction against St Venant-Kirchhoff, nu = 0.3",
+        ["strain (%)", "error (%)"],
         &series,
-        false,
+        Scales::Logarithmic,
     )
 }
 
