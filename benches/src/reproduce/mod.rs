@@ -5,6 +5,8 @@
 mod compression;
 mod cost;
 mod cylinder;
+mod resection;
+mod tessellation;
 mod validity;
 
 use crate::bench::error::BenchError;
@@ -85,6 +87,14 @@ pub fn paper_a(only: &[char], mut tell: impl FnMut(&str)) -> Result<PaperA, Benc
     if wanted('d') {
         tell("d: laws against strain");
         figures.push(validity::figure()?);
+    }
+    if wanted('e') {
+        tell("e: regular and irregular membranes");
+        figures.push(tessellation::figure()?);
+    }
+    if wanted('f') {
+        tell("f: resection of a liver-like organ");
+        figures.push(resection::figure()?);
     }
     let not_available = NOT_AVAILABLE.into_iter().filter(|n| wanted(n.0)).collect();
     Ok(PaperA { machine: MachineNotes::now(), figures, not_available })
