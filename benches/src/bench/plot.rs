@@ -93,7 +93,12 @@ fn tick_label(x: &f64) -> String {
     if (1e-3..1e4).contains(&rounded) { format!("{rounded}") } else { format!("{x:.0e}") }
 }
 
-/// The same, only where the number begins with 1, 2 or 5: others would touch.
+/// Label of a tick of linear axes, without rounding errors and the sign of 0.
+fn plain_label(x: &f64) -> String {
+    format!("{}", (x * 1e9).round() / 1e9 + 0.0)
+}
+
+/// The same as [`tick_label`], only where the number begins with 1, 2 or 5: others would touch.
 fn sparse_label(x: &f64) -> String {
     match format!("{x:.0e}").bytes().next() {
         Some(b'1' | b'2' | b'5') => tick_label(x),
@@ -198,7 +203,7 @@ pub enum Scales {
     Logarithmic,
 }
 
-/// Lines, and points on logarithmic axes.
+/// Lines, and points on logarithmic axes. Series of one name share a place in the legend.
 ///
 /// # Errors
 /// When it cannot be drawn.
@@ -222,10 +227,13 @@ pub fn lines(
     }
     if logarithmic {
         let [xs, ys] = bounds.map(|[low, high]| low / 1.2..high * 1.2);
+        // ticks of more than a decade would touch
+        let labels: [Label; 2] = [&xs, &ys]
+            .map(|r| if r.end / r.start < 10.0 { tick_label as Label } else { sparse_label });
         return svg((860, 520), |area| {
             let (chart, legend) = area.split_horizontally(630);
             let chart = framed(&chart, title).build_cartesian_2d(xs.log_scale(), ys.log_scale());
-            draw_lines(chart.map_err(failed)?, axes, series, Some(&sparse_label))?;
+            draw_lines(chart.map_err(failed)?, axes, series, Some(labels))?;
             name_lines(&legend, series)
         });
     }
@@ -247,6 +255,8 @@ pub fn lines(
     })
 }
 
+type Label = fn(&f64) -> String;
+
 fn framed<'a, 'b>(
     area: &'a DrawingArea<SVGBackend<'b>, Shift>,
     title: &str,
@@ -257,12 +267,12 @@ fn framed<'a, 'b>(
     chart
 }
 
-/// Grid, lines, and points if labels are those of logarithmic axes.
+/// Grid, lines, and points on logarithmic axes, which come with labels of their ticks.
 fn draw_lines<X, Y>(
     mut chart: ChartContext<'_, SVGBackend<'_>, Cartesian2d<X, Y>>,
     [x, y]: [&str; 2],
     series: &[Series],
-    label: Option<&dyn Fn(&f64) -> String>,
+    logarithmic: Option<[Label; 2]>,
 ) -> Result<(), BenchError>
 where
     X: Ranged<ValueType = f64> + ValueFormatter<f64>,
@@ -272,18 +282,17 @@ where
     mesh.light_line_style(TRANSPARENT).bold_line_style(GRID).axis_style(INK).x_desc(x).y_desc(y);
     mesh.label_style((FONT, 13).into_font().color(&INK));
     mesh.axis_desc_style((FONT, 14).into_font().color(&INK));
-    if let Some(label) = &label {
-        mesh.x_label_formatter(label).y_label_formatter(label);
-    }
+    let [x_label, y_label] = logarithmic.unwrap_or([plain_label; 2]);
+    mesh.x_label_formatter(&x_label).y_label_formatter(&y_label);
     mesh.draw().map_err(failed)?;
     for s in series {
         let style = colour(s.colour).stroke_width(if s.hollow { 1 } else { 2 });
         let line = || {
-            let drawn = |x: &f64| x.is_finite() && (label.is_none() || *x > 0.0);
+            let drawn = |x: &f64| x.is_finite() && (logarithmic.is_none() || *x > 0.0);
             s.points.iter().filter(move |p| p.iter().all(drawn)).map(|p| (p[0], p[1]))
         };
         chart.draw_series(LineSeries::new(line(), style)).map_err(failed)?;
-        if label.is_some() {
+        if logarithmic.is_some() {
             let shape = if s.hollow { style } else { colour(s.colour).filled() };
             chart.draw_series(line().map(|p| Circle::new(p, 3, shape))).map_err(failed)?;
         }
@@ -295,9 +304,11 @@ fn name_lines(
     legend: &DrawingArea<SVGBackend<'_>, Shift>,
     series: &[Series],
 ) -> Result<(), BenchError> {
-    for (i, s) in series.iter().enumerate() {
+    let first = |i: &usize| series[..*i].iter().all(|s| s.name != series[*i].name);
+    for (place, i) in (0..series.len()).filter(first).enumerate() {
+        let s = &series[i];
         let style = colour(s.colour).stroke_width(if s.hollow { 1 } else { 2 });
-        let at = 52 + 21 * i as i32;
+        let at = 52 + 21 * place as i32;
         legend.draw(&PathElement::new(vec![(5, at), (19, at)], style)).map_err(failed)?;
         let words = (FONT, 13).into_font().color(&INK);
         legend.draw(&Text::new(s.name.clone(), (24, at - 7), words)).map_err(failed)?;
@@ -429,6 +440,10 @@ mod tests {
         let labels =
             [0.1 + 1e-17, 0.30000000000000004, 9.999999999999e-5, 20.0].map(|x| sparse_label(&x));
         assert_eq!(labels, ["0.1", "", "1e-4", "20"]);
+        assert_eq!(
+            [-1e-17, 0.30000000000000004, -40.0].map(|x| plain_label(&x)),
+            ["0", "0.3", "-40"]
+        );
     }
 
     #[test]

@@ -190,7 +190,8 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
                   shape."
             .into(),
         findings,
-        tables: vec![key, numbers],
+        tables: vec![key],
+        numbers: vec![numbers],
         charts: vec![
             chart("a-parts", "One tetrahedron, nu 0.3: both terms and their sum", &parts)?,
             chart("a-sums", "One tetrahedron: the sum for several nu", &sums)?,
