@@ -313,7 +313,7 @@ fn findings(rows: &[Row], sizes: &Sizes) -> Vec<Finding> {
     findings.push(Finding {
         agrees: springs > SAME,
         text: format!(
-            "edge springs alone do not: their force differs by {springs:.1} % between the tessellations"
+            "edge springs alone do not behave alike: their force differs by {springs:.1} % between the tessellations"
         ),
     });
     findings
