@@ -157,7 +157,10 @@ pub fn at_random(tetrahedra: usize) -> impl FnMut(usize) -> Region {
 /// frame; in the end a third of what is left.
 ///
 /// # Errors
-/// When the body cannot be made, a removal or a step fails, or there are no frames.
+/// When the body cannot be made, or a removal or a step fails.
+///
+/// # Panics
+/// When there are no frames.
 pub fn cut(
     organ: &Organ<'_>,
     frames: usize,
