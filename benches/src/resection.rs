@@ -76,6 +76,33 @@ pub struct Run {
     pub batch_ms: f64,
     /// Largest difference from a fresh build at the end, masses included.
     pub difference: f64,
+    /// Every frame.
+    #[serde(skip)]
+    pub frames: Vec<Frame>,
+}
+
+/// One frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    /// Tetrahedra removed.
+    pub removed: usize,
+    /// Time of the removal (ms).
+    pub removal_ms: f64,
+    /// Time of the step (ms).
+    pub step_ms: f64,
+    /// Relative residual of the linear system.
+    pub residual: f64,
+}
+
+/// What is cut.
+#[derive(Clone, Debug)]
+pub struct Organ<'a> {
+    /// Its mesh.
+    pub mesh: &'a Mesh,
+    /// Vertices it hangs from.
+    pub held: &'a [u32],
+    /// Its material.
+    pub material: YoungPoisson,
 }
 
 /// All runs.
@@ -89,7 +116,8 @@ pub struct Report {
     pub runs: Vec<Run>,
 }
 
-const FRAME: f64 = 1.0 / 60.0;
+/// Length of a frame and of its step (s).
+pub const FRAME: f64 = 1.0 / 60.0;
 /// Radius of the ball (m): about a litre.
 const RADIUS: f64 = 0.065;
 
@@ -106,13 +134,43 @@ pub fn run(options: &ResectionOptions) -> Result<Report, Box<dyn Error>> {
 fn run_one(size: usize, options: &ResectionOptions) -> Result<Run, Box<dyn Error>> {
     let shells = (size as f64 / 20.0).cbrt().round().max(2.0) as usize;
     let mesh = sphere_tets(RADIUS, shells)?;
-    let threads = options.threads;
-    let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })?;
-    let material = preset("liver")?.material;
-    let body = simulation.add_body(&BodyDescription::new("organ", &mesh, material))?;
-    let top: Vec<u32> =
+    let held: Vec<u32> =
         (0..).zip(&mesh.points).filter(|(_, p)| p.z > 0.7 * RADIUS).map(|(i, _)| i).collect();
-    let rows = simulation.rows(body, "ligament", &top)?;
+    let organ = Organ { mesh: &mesh, held: &held, material: preset("liver")?.material };
+    let frames = options.frames.min(mesh.tetrahedra.len());
+    cut(&organ, frames, options.threads, at_random(mesh.tetrahedra.len()))
+}
+
+/// One of so many tetrahedra a frame, at random, none twice.
+pub fn at_random(tetrahedra: usize) -> impl FnMut(usize) -> Region {
+    let mut left: Vec<u32> = (0..tetrahedra as u32).collect();
+    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+    move |_| {
+        seed ^= seed << 13;
+        seed ^= seed >> 7;
+        seed ^= seed << 17;
+        Region::Tetrahedra(vec![left.swap_remove((seed >> 11) as usize % left.len())])
+    }
+}
+
+/// Lets the organ sag for half a second, then removes what `next` says for a frame and steps, frame by
+/// frame; in the end a third of what is left.
+///
+/// # Errors
+/// When the body cannot be made, or a removal or a step fails.
+///
+/// # Panics
+/// When there are no frames.
+pub fn cut(
+    organ: &Organ<'_>,
+    frames: usize,
+    threads: usize,
+    mut next: impl FnMut(usize) -> Region,
+) -> Result<Run, Box<dyn Error>> {
+    let Organ { mesh, held, material } = *organ;
+    let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })?;
+    let body = simulation.add_body(&BodyDescription::new("organ", mesh, material))?;
+    let rows = simulation.rows(body, "ligament", held)?;
     simulation.add_constraint(Constraint::hold("ligament", rows));
     simulation.set_dt(FRAME);
     simulation.set_solver(SolverSettings {
@@ -128,61 +186,58 @@ fn run_one(size: usize, options: &ResectionOptions) -> Result<Run, Box<dyn Error
     simulation.prepare_removals(body)?;
     let prepare_ms = clock.elapsed().as_secs_f64() * 1e3;
 
-    let mut left: Vec<u32> = (0..mesh.tetrahedra.len() as u32).collect();
-    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
-    let (mut removal, mut step, mut frame) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut residual, mut iterations, mut projections) = (0.0_f64, 0, 0);
+    let mut present = vec![true; mesh.tetrahedra.len()];
+    let mut all: Vec<Frame> = Vec::new();
+    let (mut iterations, mut projections) = (0, 0);
     let (mut compactions, mut pieces, mut orphans) = (0, 1, 0);
-    for _ in 0..options.frames.min(mesh.tetrahedra.len()) {
-        seed ^= seed << 13;
-        seed ^= seed >> 7;
-        seed ^= seed << 17;
-        let chosen = left.swap_remove((seed >> 11) as usize % left.len());
+    for frame in 0..frames {
+        let region = next(frame);
         let clock = Instant::now();
-        let region = Region::Tetrahedra(vec![chosen]);
-        let report = simulation.remove_tetrahedra(body, &Removal::new(region))?;
-        let removed = clock.elapsed().as_secs_f64() * 1e3;
+        let removed = simulation.remove_tetrahedra(body, &Removal::new(region))?;
+        let removal_ms = clock.elapsed().as_secs_f64() * 1e3;
         simulation.step()?;
-        let total = clock.elapsed().as_secs_f64() * 1e3;
-        removal.push(removed);
-        step.push(total - removed);
-        frame.push(total);
-        compactions += usize::from(report.compacted);
-        pieces = report.pieces;
-        orphans += report.orphans.len();
+        let step_ms = clock.elapsed().as_secs_f64() * 1e3 - removal_ms;
+        removed.tetrahedra.iter().for_each(|&t| present[t as usize] = false);
+        compactions += usize::from(removed.compacted);
+        pieces = removed.pieces;
+        orphans += removed.orphans.len();
         let report = simulation.report();
-        residual = residual.max(report.cg_residual);
+        let residual = report.cg_residual;
+        all.push(Frame { removed: removed.tetrahedra.len(), removal_ms, step_ms, residual });
         iterations += report.cg_iterations;
         projections += report.projections;
     }
-    let batch: Vec<u32> = left.iter().copied().step_by(3).collect();
+    let batch: Vec<u32> = (0..).zip(&present).filter(|p| *p.1).map(|p| p.0).step_by(3).collect();
     let batch = simulation.remove_tetrahedra(body, &Removal::new(Region::Tetrahedra(batch)))?;
     compactions += usize::from(batch.compacted);
     let difference = simulation.verify_against_fresh(body)?;
+    let total = |f: &Frame| f.removal_ms + f.step_ms;
     let mut histogram: Vec<(f64, usize)> = Vec::new();
     for exponent in -3..12 {
         let limit = 2.0_f64.powi(exponent);
-        let count = frame.iter().filter(|&&t| t <= limit && t > limit / 2.0).count();
+        let within = |t: f64| t <= limit && t > limit / 2.0;
+        let count = all.iter().filter(|f| within(total(f))).count();
         if count > 0 {
             histogram.push((limit, count));
         }
     }
-    let frames = frame.len() as f64;
+    let times = |pick: fn(&Frame) -> f64| Times::of(all.iter().map(pick).collect());
     Ok(Run {
         tetrahedra: mesh.tetrahedra.len(),
         prepare_ms,
-        frame: Times::of(frame),
-        removal: Times::of(removal),
-        step: Times::of(step),
+        frame: times(total),
+        removal: times(|f| f.removal_ms),
+        step: times(|f| f.step_ms),
         histogram,
-        residual,
-        iterations: f64::from(iterations) / frames,
+        residual: all.iter().map(|f| f.residual).fold(0.0, f64::max),
+        iterations: f64::from(iterations) / all.len() as f64,
         projections,
         compactions,
         pieces,
         orphans,
         batch_ms: batch.time.as_secs_f64() * 1e3,
         difference: difference.largest().max(difference.mass),
+        frames: all,
     })
 }
 

@@ -116,9 +116,9 @@ fn hard_cases_print_a_table_and_write_a_page() {
 fn figures_of_a_paper_are_made_again() {
     let folder = file("paper-a");
     let out = folder.display().to_string();
-    check(&["reproduce", "paper-a", "--only", "a,f", "--out", &out], 0, "DIFFERS", "7 files");
+    check(&["reproduce", "paper-a", "--only", "a,f", "--out", &out], 0, "DIFFERS", "11 files");
     let page = std::fs::read_to_string(folder.join("paper-a.html")).unwrap();
-    assert!(page.contains("<svg") && page.contains("Not available: elements cannot be removed"));
+    assert!(page.contains("<svg") && page.contains("(f) Resection of a liver in real time"));
     let csv = std::fs::read_to_string(folder.join("a-force.csv")).unwrap();
     assert!(csv.starts_with("nu,altitude ratio") && csv.lines().count() == 1 + 4 * 171);
     check(&["reproduce", "paper-a", "--only", "z"], 1, "", "a, b, c");

@@ -22,7 +22,7 @@ use sinew::engine::law::{ElasticEnergy, LawBuffer, TangentKind};
 use sinew::engine::matrix::{BlockMatrix, ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::report::SystemTimes;
-use sinew::engine::scalar::{Scalar, sub};
+use sinew::engine::scalar::{Scalar, add, dot, scale, sub};
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::ElasticForce;
@@ -190,7 +190,7 @@ fn size_rows(
         (Evaluation::Fused, Model::StVKFem),
         (Evaluation::Fused, Model::NeoHookean),
     ] {
-        let reference = Reference::of(mesh, model)?;
+        let reference = Reference::of(mesh, &bend(mesh), model)?;
         subjects.push(Box::new(Body::<f64>::new(mesh, evaluation, model, &reference)?));
         subjects.push(Box::new(Body::<f32>::new(mesh, evaluation, model, &reference)?));
     }
@@ -427,11 +427,8 @@ fn once<S: Scalar>(
 
 impl<S: Scalar> Subject for Body<S> {
     fn quantities(&self) -> Vec<Quantity> {
-        let mut all = vec![Quantity::Energy, Quantity::Force];
-        // no reference has the tangent of plain edge springs
-        if self.model != Model::MassSpring {
-            all.push(Quantity::Tangent(TangentKind::Exact));
-        }
+        let mut all =
+            vec![Quantity::Energy, Quantity::Force, Quantity::Tangent(TangentKind::Exact)];
         if matches!(self.model, Model::Corotational | Model::NeoHookean) {
             all.push(Quantity::Tangent(TangentKind::Projected));
         }
@@ -605,12 +602,13 @@ impl<S: Scalar> Subject for Body<S> {
 }
 
 /// A fixed direction with components along everything.
-fn directions(n: usize) -> Vec<DVec3> {
+pub(crate) fn directions(n: usize) -> Vec<DVec3> {
     let wave = |i: usize, k: f64| (i as f64 * k).sin();
     (0..n).map(|i| DVec3::new(wave(i, 0.7), wave(i, 1.3), wave(i, 2.1))).collect()
 }
 
-fn largest_difference(pairs: impl Iterator<Item = (DVec3, DVec3)>) -> f64 {
+/// Largest distance of two vectors over the largest length of the second ones.
+pub(crate) fn largest_difference(pairs: impl Iterator<Item = (DVec3, DVec3)>) -> f64 {
     let (mut difference, mut size) = (0.0_f64, 0.0_f64);
     for (found, truth) in pairs {
         let d = (found - truth).length();
@@ -633,18 +631,20 @@ fn element_sums<L: TetrahedronLaw>(
 }
 
 /// Plain `f64` sums over elements, without columns, ranges, lanes or springs.
-struct Reference {
+pub(crate) struct Reference {
     energy: f64,
-    forces: Vec<DVec3>,
-    product: Vec<DVec3>,
+    pub(crate) forces: Vec<DVec3>,
+    /// Of the exact tangent with [`directions`].
+    pub(crate) product: Vec<DVec3>,
     projected_product: Vec<DVec3>,
 }
 
 impl Reference {
-    fn of(mesh: &Mesh, model: Model) -> Result<Self, BenchError> {
+    /// At displacements `u` (m), of [`MATERIAL`].
+    pub(crate) fn of(mesh: &Mesh, u: &[DVec3], model: Model) -> Result<Self, BenchError> {
         let n = mesh.points.len();
         let lame = MATERIAL.lame()?;
-        let (u, v) = (bend(mesh), directions(n));
+        let v = directions(n);
         let mut sum = Self {
             energy: 0.0,
             forces: vec![DVec3::ZERO; n],
@@ -655,9 +655,9 @@ impl Reference {
             let pick = |field: &[DVec3]| nodes.map(|i| field[i as usize].to_array());
             let rest = RestTetrahedron::new(pick(&mesh.points))?;
             let e = Element::<f64>::new(&rest, lame, model == Model::CompressibleStVK);
-            let (u, v) = (pick(&u), pick(&v));
+            let (u, v) = (pick(u), pick(&v));
             if model == Model::MassSpring {
-                sum.add_edges(&rest, lame, nodes, pick(&mesh.points), u);
+                sum.add_edges(&rest, lame, nodes, pick(&mesh.points), [u, v]);
                 continue;
             }
             let (energy, forces, exact, projected) = match model {
@@ -692,17 +692,51 @@ impl Reference {
         lame: LameParameters,
         nodes: &[u32; 4],
         points: [[f64; 3]; 4],
-        u: [[f64; 3]; 4],
+        [u, v]: [[[f64; 3]; 4]; 2],
     ) {
         let tensile = SpringConstants::new(rest, lame).tensile;
         for (k, [a, b]) in tensile.into_iter().zip(TETRAHEDRON_EDGES) {
-            let stretch = Stretch::new(sub(points[a], points[b]), sub(u[a], u[b]));
-            self.energy += tensile_energy(k, stretch.change);
-            let force = stretch.slope * tensile_tension(k, stretch.change);
-            let force = DVec3::from_array(stretch.edge) * force;
-            self.forces[nodes[a] as usize] -= force;
-            self.forces[nodes[b] as usize] += force;
+            let spring = Spring::new(k, sub(points[a], points[b]), sub(u[a], u[b]));
+            let way = sub(v[a], v[b]);
+            let (a, b) = (nodes[a] as usize, nodes[b] as usize);
+            self.energy += tensile_energy(k, spring.stretch.change);
+            let pull = DVec3::from_array(spring.pull());
+            self.forces[a] -= pull;
+            self.forces[b] += pull;
+            let change = DVec3::from_array(spring.product(way));
+            self.product[a] += change;
+            self.product[b] -= change;
         }
+    }
+}
+
+/// A quadratic spring on an edge, written for reference sums.
+pub(crate) struct Spring {
+    stiffness: f64,
+    stretch: Stretch<f64>,
+    /// Tension over length (N/m).
+    tension: f64,
+}
+
+impl Spring {
+    /// Of stiffness `k` (N/m^3), with rest vector and difference of displacements `a - b` (m).
+    pub(crate) fn new(stiffness: f64, rest: [f64; 3], change: [f64; 3]) -> Self {
+        let stretch = Stretch::new(rest, change);
+        let tension = stretch.slope * tensile_tension(stiffness, stretch.change);
+        Self { stiffness, stretch, tension }
+    }
+
+    /// Force (N) on `b`.
+    pub(crate) fn pull(&self) -> [f64; 3] {
+        scale(self.stretch.edge, self.tension)
+    }
+
+    /// Product (N) of the tangent with the difference `way` of directions `a - b`, at `a`.
+    pub(crate) fn product(&self, way: [f64; 3]) -> [f64; 3] {
+        let s = &self.stretch;
+        let along = dot(s.edge, way);
+        let stiff = 0.5 * self.stiffness * s.slope * s.slope - self.tension * s.inverse_square;
+        add(scale(s.edge, stiff * along), scale(way, self.tension))
     }
 }
 

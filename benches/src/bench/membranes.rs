@@ -2,6 +2,7 @@
 //! (Fig. 3, top), each with the error of what was computed.
 
 use super::error::BenchError;
+use super::kernels::Spring;
 use super::stats::{Rounds, Spread, interleave};
 use super::table::Table;
 use crate::beam::{as_in_a_step, request};
@@ -11,7 +12,7 @@ use sinew::engine::law::TangentKind;
 use sinew::engine::matrix::{BlockMatrix, ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{jitter_interior, triangle_grid};
-use sinew::engine::scalar::{Scalar, add, dot, scale, sub};
+use sinew::engine::scalar::{Scalar, add, sub};
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
 use sinew::engine::workers::Workers;
@@ -21,9 +22,7 @@ use sinew::models::fused_membrane::{
 use sinew::models::membrane::{
     Element, RestTriangle, SpringConstants, biquadratic, corotational, plane_stress, quadratic,
 };
-use sinew::models::quadratic::Stretch;
 use sinew::models::sheet::{MembraneDescription, MembraneModel};
-use sinew::models::spring::tensile_tension;
 use sinew::prelude::*;
 use std::time::Instant;
 
@@ -59,24 +58,24 @@ const SUBJECTS: [(MembraneModel, Evaluation, Option<f64>); 5] = [
     (MembraneModel::Corotational, Evaluation::Fused, None),
 ];
 
-const QUANTITIES: [&str; 4] =
+pub(crate) const QUANTITIES: [&str; 4] =
     ["force", "exact tangent", "product, assembled", "product, matrix-free"];
 
 const MATERIAL: YoungPoisson =
     YoungPoisson { young_modulus: 1e5, poisson_ratio: 0.3, density: 1000.0 };
 const THICKNESS: f64 = 1e-3;
 
-struct Subject<S: Scalar> {
+/// A sheet of one formulation.
+pub(crate) struct Subject<S: Scalar> {
     simulation: Simulation,
     model: MembraneModel,
     evaluation: Evaluation,
-    paper: Option<f64>,
     matrix: BlockMatrix<S>,
     spans: ProductSpans<S>,
     x: Vec<[S; 4]>,
     y: Vec<[S; 4]>,
     /// Errors of force and product.
-    errors: [f64; 2],
+    pub(crate) errors: [f64; 2],
 }
 
 /// Measures all formulations on a jittered sheet of about so many triangles, bent and stretched.
@@ -84,40 +83,41 @@ struct Subject<S: Scalar> {
 /// # Errors
 /// When the sheet cannot be built.
 pub fn run(triangles: usize, rounds: Rounds) -> Result<Vec<MembraneRow>, BenchError> {
-    let n = ((triangles as f64 / 2.0).sqrt().round() as usize).max(2);
-    let mesh = jitter_interior(&triangle_grid(DVec2::splat(0.1), [n, n])?, 0.2, 1)?;
+    let mesh = sheet(triangles)?;
     let mut rows = rows_of::<f64>(&mesh, rounds)?;
     rows.extend(rows_of::<f32>(&mesh, rounds)?);
     Ok(rows)
 }
 
+/// A jittered sheet of about so many triangles.
+pub(crate) fn sheet(triangles: usize) -> Result<Mesh, BenchError> {
+    let n = ((triangles as f64 / 2.0).sqrt().round() as usize).max(2);
+    Ok(jitter_interior(&triangle_grid(DVec2::splat(0.1), [n, n])?, 0.2, 1)?)
+}
+
 fn rows_of<S: Scalar>(mesh: &Mesh, rounds: Rounds) -> Result<Vec<MembraneRow>, BenchError> {
     let mut subjects = Vec::new();
     for (model, evaluation, paper) in SUBJECTS {
-        subjects.push(Subject::<S>::new(mesh, model, evaluation, paper)?);
+        subjects.push((Subject::<S>::new(mesh, model, evaluation)?, paper));
     }
     let mut variants = Vec::new();
-    for (i, subject) in subjects.iter_mut().enumerate() {
-        for (quantity, name) in QUANTITIES.into_iter().enumerate() {
-            let edges = subject.model == MembraneModel::MassSpring;
-            let free = name != "product, matrix-free";
-            if free || !(edges || subject.evaluation == Evaluation::Pooled) {
-                let start = Instant::now();
-                subject.measure(quantity, 1);
-                let repetitions = (1e-3 / start.elapsed().as_secs_f64().max(1e-6)).ceil();
-                variants.push((i, quantity, repetitions.clamp(1.0, 1000.0) as usize));
-            }
+    for (i, (subject, _)) in subjects.iter_mut().enumerate() {
+        for quantity in subject.quantities() {
+            let start = Instant::now();
+            subject.measure(quantity, 1);
+            let repetitions = (1e-3 / start.elapsed().as_secs_f64().max(1e-6)).ceil();
+            variants.push((i, quantity, repetitions.clamp(1.0, 1000.0) as usize));
         }
     }
     let samples = interleave(&mut variants, rounds, |&mut (subject, quantity, repetitions)| {
-        Ok::<f64, BenchError>(subjects[subject].measure(quantity, repetitions))
+        Ok::<f64, BenchError>(subjects[subject].0.measure(quantity, repetitions))
     })?;
     let mut rows: Vec<MembraneRow> = Vec::new();
     for (&(subject, quantity, _), samples) in variants.iter().zip(&samples) {
         // the first figure warms up pages and caches
         let later = if samples.len() > 1 { &samples[1..] } else { &samples[..] };
         let Some(seconds) = Spread::of(later) else { continue };
-        let subject = &subjects[subject];
+        let (subject, paper) = &subjects[subject];
         let spread = seconds.scaled(1e9 / mesh.triangles.len() as f64);
         let alike = if quantity == 3 { QUANTITIES[2] } else { QUANTITIES[quantity] };
         let base = rows.iter().find(|r| r.model == "mass_spring" && r.quantity == alike);
@@ -130,7 +130,7 @@ fn rows_of<S: Scalar>(mesh: &Mesh, rounds: Rounds) -> Result<Vec<MembraneRow>, B
             precision: S::NAME.into(),
             over_mass_spring: base.map(|b| spread.median / b.ns_per_triangle.median).or(own),
             ns_per_triangle: spread,
-            paper: subject.paper,
+            paper: *paper,
             error: subject.errors[usize::from(quantity > 0)],
         });
     }
@@ -138,11 +138,10 @@ fn rows_of<S: Scalar>(mesh: &Mesh, rounds: Rounds) -> Result<Vec<MembraneRow>, B
 }
 
 impl<S: Scalar> Subject<S> {
-    fn new(
+    pub(crate) fn new(
         mesh: &Mesh,
         model: MembraneModel,
         evaluation: Evaluation,
-        paper: Option<f64>,
     ) -> Result<Self, BenchError> {
         let precision = if S::NAME == "f32" { Precision::F32 } else { Precision::F64 };
         let options = SimulationOptions { precision, threads: 1, ..Default::default() };
@@ -193,11 +192,17 @@ impl<S: Scalar> Subject<S> {
             worst / b.iter().map(|b| b.length()).fold(0.0, f64::max)
         };
         let errors = [difference(&forces, &force), difference(&products, &product)];
-        Ok(Self { simulation, model, evaluation, paper, matrix, spans, x, y, errors })
+        Ok(Self { simulation, model, evaluation, matrix, spans, x, y, errors })
+    }
+
+    /// Places in [`QUANTITIES`] of what it can compute.
+    pub(crate) fn quantities(&self) -> Vec<usize> {
+        let free = self.model != MembraneModel::MassSpring && self.evaluation == Evaluation::Fused;
+        (0..QUANTITIES.len() - usize::from(!free)).collect()
     }
 
     /// Seconds of one repetition.
-    fn measure(&mut self, quantity: usize, repetitions: usize) -> f64 {
+    pub(crate) fn measure(&mut self, quantity: usize, repetitions: usize) -> f64 {
         let tangent = (quantity == 1).then_some(TangentKind::Exact);
         request(&mut self.simulation, false, quantity == 0, tangent);
         let Self { simulation, model, matrix, spans, x, y, .. } = self;
@@ -257,14 +262,10 @@ fn plain_sums(
                 let (mut f, mut kv) = ([[0.0; 3]; 3], [[0.0; 3]; 3]);
                 for (i, k) in springs.tensile.into_iter().enumerate() {
                     let (a, b) = ((i + 1) % 3, (i + 2) % 3);
-                    let s = Stretch::new(sub(points[a], points[b]), sub(u[a], u[b]));
-                    let h = s.slope * tensile_tension(k, s.change);
-                    let pull = scale(s.edge, h);
+                    let spring = Spring::new(k, sub(points[a], points[b]), sub(u[a], u[b]));
+                    let pull = spring.pull();
                     (f[a], f[b]) = (sub(f[a], pull), add(f[b], pull));
-                    let way = sub(v[a], v[b]);
-                    let along = dot(s.edge, way);
-                    let c = 0.5 * k * s.slope * s.slope * along - h * s.inverse_square * along;
-                    let change = add(scale(s.edge, c), scale(way, h));
+                    let change = spring.product(sub(v[a], v[b]));
                     (kv[a], kv[b]) = (add(kv[a], change), sub(kv[b], change));
                 }
                 (f, kv)

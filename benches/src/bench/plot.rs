@@ -2,6 +2,7 @@
 
 use super::error::BenchError;
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;
 
 /// Points of one kind.
@@ -92,7 +93,12 @@ fn tick_label(x: &f64) -> String {
     if (1e-3..1e4).contains(&rounded) { format!("{rounded}") } else { format!("{x:.0e}") }
 }
 
-/// The same, only where the number begins with 1, 2 or 5: others would touch.
+/// Label of a tick of linear axes, without rounding errors and the sign of 0.
+fn plain_label(x: &f64) -> String {
+    format!("{}", (x * 1e9).round() / 1e9 + 0.0)
+}
+
+/// The same as [`tick_label`], only where the number begins with 1, 2 or 5: others would touch.
 fn sparse_label(x: &f64) -> String {
     match format!("{x:.0e}").bytes().next() {
         Some(b'1' | b'2' | b'5') => tick_label(x),
@@ -186,67 +192,128 @@ pub fn speed_against_error(
     })
 }
 
-/// Lines over linear axes, with equal scales if `equal`.
+/// Scales of a line chart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scales {
+    /// Both linear.
+    Linear,
+    /// Both linear and equal, for shapes.
+    Equal,
+    /// Both logarithmic; what is not positive is left out.
+    Logarithmic,
+}
+
+/// Lines, and points on logarithmic axes. Series of one name share a place in the legend.
 ///
 /// # Errors
 /// When it cannot be drawn.
 pub fn lines(
     title: &str,
-    [x, y]: [&str; 2],
+    axes: [&str; 2],
     series: &[Series],
-    equal: bool,
+    scales: Scales,
 ) -> Result<String, BenchError> {
-    let points =
-        || series.iter().flat_map(|s| &s.points).filter(|p| p.iter().all(|x| x.is_finite()));
+    let logarithmic = scales == Scales::Logarithmic;
+    let drawn = |p: &&[f64; 2]| p.iter().all(|x| x.is_finite() && (!logarithmic || *x > 0.0));
+    let points = || series.iter().flat_map(|s| &s.points).filter(drawn);
     let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     for p in points() {
         for k in 0..2 {
             bounds[k] = [bounds[k][0].min(p[k]), bounds[k][1].max(p[k])];
         }
     }
-    let widths = bounds.map(|[low, high]| high - low);
-    if points().next().is_none() || widths.iter().all(|w| *w == 0.0) {
+    if points().next().is_none() || bounds.iter().all(|[low, high]| low == high) {
         return Err(BenchError::Chart(format!("{title}: no points")));
     }
+    if logarithmic {
+        let [xs, ys] = bounds.map(|[low, high]| low / 1.2..high * 1.2);
+        // ticks of more than a decade would touch
+        let labels: [Label; 2] = [&xs, &ys]
+            .map(|r| if r.end / r.start < 10.0 { tick_label as Label } else { sparse_label });
+        return svg((860, 520), |area| {
+            let (chart, legend) = area.split_horizontally(630);
+            let chart = framed(&chart, title).build_cartesian_2d(xs.log_scale(), ys.log_scale());
+            draw_lines(chart.map_err(failed)?, axes, series, Some(labels))?;
+            name_lines(&legend, series)
+        });
+    }
+    let widths = bounds.map(|[low, high]| high - low);
     // the drawing area is about 550 by 440
     let scale = (widths[0] / 550.0).max(widths[1] / 440.0);
     let [xs, ys] = std::array::from_fn(|k| {
+        let equal = scales == Scales::Equal;
         let least = if equal { scale * [550.0, 440.0][k] } else { widths[k] };
         let width = 1.08 * if least > 0.0 { least } else { widths[1 - k] };
         let middle = 0.5 * (bounds[k][0] + bounds[k][1]);
         middle - 0.5 * width..middle + 0.5 * width
     });
     svg((860, 520), |area| {
-        let (chart_area, legend) = area.split_horizontally(630);
-        let mut chart = ChartBuilder::on(&chart_area)
-            .caption(title, (FONT, 17).into_font().color(&INK))
-            .margin(12)
-            .x_label_area_size(46)
-            .y_label_area_size(66)
-            .build_cartesian_2d(xs, ys)
-            .map_err(failed)?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GRID)
-            .axis_style(INK)
-            .x_desc(x)
-            .y_desc(y)
-            .label_style((FONT, 13).into_font().color(&INK))
-            .axis_desc_style((FONT, 14).into_font().color(&INK))
-            .draw()
-            .map_err(failed)?;
-        for (i, s) in series.iter().enumerate() {
-            let style = colour(s.colour).stroke_width(if s.hollow { 1 } else { 2 });
-            let line = s.points.iter().map(|p| (p[0], p[1]));
-            chart.draw_series(LineSeries::new(line, style)).map_err(failed)?;
-            let at = 52 + 21 * i as i32;
-            legend.draw(&PathElement::new(vec![(5, at), (19, at)], style)).map_err(failed)?;
-            let words = (FONT, 13).into_font().color(&INK);
-            legend.draw(&Text::new(s.name.clone(), (24, at - 7), words)).map_err(failed)?;
-        }
-        Ok(())
+        let (chart, legend) = area.split_horizontally(630);
+        let chart = framed(&chart, title).build_cartesian_2d(xs, ys).map_err(failed)?;
+        draw_lines(chart, axes, series, None)?;
+        name_lines(&legend, series)
     })
+}
+
+type Label = fn(&f64) -> String;
+
+fn framed<'a, 'b>(
+    area: &'a DrawingArea<SVGBackend<'b>, Shift>,
+    title: &str,
+) -> ChartBuilder<'a, 'a, SVGBackend<'b>> {
+    let mut chart = ChartBuilder::on(area);
+    chart.caption(title, (FONT, 17).into_font().color(&INK));
+    chart.margin(12).x_label_area_size(46).y_label_area_size(66);
+    chart
+}
+
+/// Grid, lines, and points on logarithmic axes, which come with labels of their ticks.
+fn draw_lines<X, Y>(
+    mut chart: ChartContext<'_, SVGBackend<'_>, Cartesian2d<X, Y>>,
+    [x, y]: [&str; 2],
+    series: &[Series],
+    logarithmic: Option<[Label; 2]>,
+) -> Result<(), BenchError>
+where
+    X: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
+{
+    let mut mesh = chart.configure_mesh();
+    mesh.light_line_style(TRANSPARENT).bold_line_style(GRID).axis_style(INK).x_desc(x).y_desc(y);
+    mesh.label_style((FONT, 13).into_font().color(&INK));
+    mesh.axis_desc_style((FONT, 14).into_font().color(&INK));
+    let [x_label, y_label] = logarithmic.unwrap_or([plain_label; 2]);
+    mesh.x_label_formatter(&x_label).y_label_formatter(&y_label);
+    mesh.draw().map_err(failed)?;
+    for s in series {
+        let style = colour(s.colour).stroke_width(if s.hollow { 1 } else { 2 });
+        let line = || {
+            let drawn = |x: &f64| x.is_finite() && (logarithmic.is_none() || *x > 0.0);
+            s.points.iter().filter(move |p| p.iter().all(drawn)).map(|p| (p[0], p[1]))
+        };
+        chart.draw_series(LineSeries::new(line(), style)).map_err(failed)?;
+        if logarithmic.is_some() {
+            let shape = if s.hollow { style } else { colour(s.colour).filled() };
+            chart.draw_series(line().map(|p| Circle::new(p, 3, shape))).map_err(failed)?;
+        }
+    }
+    Ok(())
+}
+
+fn name_lines(
+    legend: &DrawingArea<SVGBackend<'_>, Shift>,
+    series: &[Series],
+) -> Result<(), BenchError> {
+    let first = |i: &usize| series[..*i].iter().all(|s| s.name != series[*i].name);
+    for (place, i) in (0..series.len()).filter(first).enumerate() {
+        let s = &series[i];
+        let style = colour(s.colour).stroke_width(if s.hollow { 1 } else { 2 });
+        let at = 52 + 21 * place as i32;
+        legend.draw(&PathElement::new(vec![(5, at), (19, at)], style)).map_err(failed)?;
+        let words = (FONT, 13).into_font().color(&INK);
+        legend.draw(&Text::new(s.name.clone(), (24, at - 7), words)).map_err(failed)?;
+    }
+    Ok(())
 }
 
 /// Horizontal bars with quartiles; a tick shows what was aimed at. Logarithmic when they differ by
@@ -344,9 +411,14 @@ mod tests {
     fn lines_are_drawn_with_their_names() {
         let line = |points| Series { name: "a & b".into(), points, hollow: false, colour: 2 };
         let series = [line(vec![[0.0, 0.0], [1.0, -2.0]])];
-        let text = lines("title", ["x", "y"], &series, true).unwrap();
+        let text = lines("title", ["x", "y"], &series, Scales::Equal).unwrap();
         assert!(text.contains("<polyline") && text.contains("a &amp; b") && !text.contains("NaN"));
-        assert!(lines("t", ["x", "y"], &[line(vec![[f64::NAN, 1.0]])], false).is_err());
+        let nothing = [line(vec![[f64::NAN, 1.0]])];
+        assert!(lines("t", ["x", "y"], &nothing, Scales::Linear).is_err());
+        // 0 has no place on logarithmic axes
+        let series = [line(vec![[0.0, 1.0], [1.0, 1e-3], [10.0, 1e-2]])];
+        let text = lines("title", ["x", "y"], &series, Scales::Logarithmic).unwrap();
+        assert_eq!(text.matches("<circle").count(), 2);
     }
 
     #[test]
@@ -368,6 +440,10 @@ mod tests {
         let labels =
             [0.1 + 1e-17, 0.30000000000000004, 9.999999999999e-5, 20.0].map(|x| sparse_label(&x));
         assert_eq!(labels, ["0.1", "", "1e-4", "20"]);
+        assert_eq!(
+            [-1e-17, 0.30000000000000004, -40.0].map(|x| plain_label(&x)),
+            ["0", "0.3", "-40"]
+        );
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::{Figure, Finding};
 use crate::bench::error::BenchError;
-use crate::bench::plot::{Series, lines};
+use crate::bench::plot::{Scales, Series, lines};
 use crate::bench::report::Chart;
 use crate::bench::table::Table;
 use sinew::engine::scalar::dot;
@@ -180,7 +180,7 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
         sums.push(series(format!("svk_comp, nu {}", c.nu), c, i, |p| p[1] + p[2]));
     }
     let chart = |name: &str, title: &str, series: &[Series]| -> Result<Chart, BenchError> {
-        Ok(Chart { name: name.into(), svg: lines(title, axes, series, false)? })
+        Ok(Chart { name: name.into(), svg: lines(title, axes, series, Scales::Linear)? })
     };
     Ok(Figure {
         letter: 'a',
@@ -190,7 +190,8 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
                   shape."
             .into(),
         findings,
-        tables: vec![key, numbers],
+        tables: vec![key],
+        numbers: vec![numbers],
         charts: vec![
             chart("a-parts", "One tetrahedron, nu 0.3: both terms and their sum", &parts)?,
             chart("a-sums", "One tetrahedron: the sum for several nu", &sums)?,

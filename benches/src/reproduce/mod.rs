@@ -3,7 +3,10 @@
 //! numbers of the run.
 
 mod compression;
+mod cost;
 mod cylinder;
+mod resection;
+mod tessellation;
 mod validity;
 
 use crate::bench::error::BenchError;
@@ -33,8 +36,10 @@ pub struct Figure {
     pub setting: String,
     /// What agrees with the paper and what does not.
     pub findings: Vec<Finding>,
-    /// Numbers.
+    /// What people read.
     pub tables: Vec<Table>,
+    /// All numbers, for files only.
+    pub numbers: Vec<Table>,
     /// Charts.
     pub charts: Vec<Chart>,
 }
@@ -45,12 +50,7 @@ pub struct PaperA {
     pub machine: MachineNotes,
     /// The figures, in order.
     pub figures: Vec<Figure>,
-    /// Figures that cannot be made yet: letter, title, reason.
-    pub not_available: Vec<(char, &'static str, &'static str)>,
 }
-
-/// Figures that need what the engine does not have yet.
-const NOT_AVAILABLE: [(char, &str, &str); 0] = [];
 
 const PAPER: &str = "Delingette 2008, Biquadratic and Quadratic Springs for Modeling St Venant \
                      Kirchhoff Materials";
@@ -77,12 +77,23 @@ pub fn paper_a(only: &[char], mut tell: impl FnMut(&str)) -> Result<PaperA, Benc
         tell("b: a slender cylinder under its weight");
         figures.push(cylinder::figure()?);
     }
+    if wanted('c') {
+        tell("c: time of force and matrix-vector product");
+        figures.push(cost::figure()?);
+    }
     if wanted('d') {
         tell("d: laws against strain");
         figures.push(validity::figure()?);
     }
-    let not_available = NOT_AVAILABLE.into_iter().filter(|n| wanted(n.0)).collect();
-    Ok(PaperA { machine: MachineNotes::now(), figures, not_available })
+    if wanted('e') {
+        tell("e: regular and irregular membranes");
+        figures.push(tessellation::figure()?);
+    }
+    if wanted('f') {
+        tell("f: resection of a liver-like organ");
+        figures.push(resection::figure()?);
+    }
+    Ok(PaperA { machine: MachineNotes::now(), figures })
 }
 
 impl Figure {
@@ -112,12 +123,9 @@ impl PaperA {
                 let word = if finding.agrees { "agrees  " } else { "DIFFERS " };
                 let _ = writeln!(text, "  {word} {}", finding.text);
             }
-            for table in figure.tables.iter().filter(|t| t.rows.len() <= 20) {
+            for table in &figure.tables {
                 let _ = write!(text, "\n{}", table.text());
             }
-        }
-        for (letter, title, reason) in &self.not_available {
-            let _ = writeln!(text, "\n({letter}) {title}: not available, {reason}");
         }
         text
     }
@@ -131,12 +139,9 @@ impl PaperA {
             for chart in &figure.charts {
                 let _ = writeln!(text, "\n![{0}]({0}.svg)", chart.name);
             }
-            for table in figure.tables.iter().filter(|t| t.rows.len() <= 20) {
+            for table in &figure.tables {
                 let _ = writeln!(text, "\n{}\n\n{}", table.title, table.markdown());
             }
-        }
-        for (letter, title, reason) in &self.not_available {
-            let _ = writeln!(text, "\n## ({letter}) {title}\n\nNot available: {reason}.");
         }
         text
     }
@@ -152,12 +157,9 @@ impl PaperA {
             for chart in &figure.charts {
                 let _ = writeln!(body, "<figure>{}</figure>", scalable(&chart.svg));
             }
-            for table in figure.tables.iter().filter(|t| t.rows.len() <= 20) {
+            for table in &figure.tables {
                 body += &table.html();
             }
-        }
-        for (letter, title, reason) in &self.not_available {
-            let _ = writeln!(body, "<h2>({letter}) {title}</h2>\n<p>Not available: {reason}.</p>");
         }
         page("Delingette 2008 made again", &body)
     }
@@ -176,7 +178,6 @@ impl PaperA {
             "paper": PAPER,
             "machine": self.machine,
             "findings": findings,
-            "not_available": self.not_available,
         });
         let mut files = vec![
             ("paper-a.html".to_string(), self.html().into_bytes()),
@@ -187,7 +188,7 @@ impl PaperA {
             for chart in &figure.charts {
                 files.push((format!("{}.svg", chart.name), chart.svg.clone().into_bytes()));
             }
-            for table in &figure.tables {
+            for table in figure.tables.iter().chain(&figure.numbers) {
                 let name = format!("{}.csv", table.name);
                 let csv = table.csv().map_err(|e| error(&folder.join(&name), e.to_string()))?;
                 files.push((name, csv));
