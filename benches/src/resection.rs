@@ -140,7 +140,7 @@ fn run_one(size: usize, options: &ResectionOptions) -> Result<Run, Box<dyn Error
         let chosen = left.swap_remove((seed >> 11) as usize % left.len());
         let clock = Instant::now();
         let region = Region::Tetrahedra(vec![chosen]);
-        let report = simulation.remove_tetrahedra(body, &Removal::new(region))?;
+        let report = simulation.remove_elements(body, &Removal::new(region))?;
         let removed = clock.elapsed().as_secs_f64() * 1e3;
         simulation.step()?;
         let total = clock.elapsed().as_secs_f64() * 1e3;
@@ -156,7 +156,7 @@ fn run_one(size: usize, options: &ResectionOptions) -> Result<Run, Box<dyn Error
         projections += report.projections;
     }
     let batch: Vec<u32> = left.iter().copied().step_by(3).collect();
-    let batch = simulation.remove_tetrahedra(body, &Removal::new(Region::Tetrahedra(batch)))?;
+    let batch = simulation.remove_elements(body, &Removal::new(Region::Tetrahedra(batch)))?;
     compactions += usize::from(batch.compacted);
     let difference = simulation.verify_against_fresh(body)?;
     let mut histogram: Vec<(f64, usize)> = Vec::new();

@@ -43,10 +43,10 @@ use std::time::{Duration, Instant};
 use crate::body::{Evaluation, Model, SoftBody, angular_place};
 use crate::corotational::{Corotational, WarpedStiffness};
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
-use crate::linear::Linear;
 use crate::fused_membrane::{
     MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
 };
+use crate::linear::Linear;
 use crate::material::LameParameters;
 use crate::membrane::{self, RestTriangle};
 use crate::neo_hookean::NeoHookean;

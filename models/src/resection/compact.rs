@@ -17,7 +17,8 @@ use bevy_ecs::component::{ComponentId, Mutable};
 use bevy_ecs::prelude::*;
 use sinew_engine::element::{
     EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, MembraneBlocks, MembraneEdge, MembraneIndex,
-    MembraneVertices, RestArea, RestEdge, RestVolume, ShapeGradient, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices, TriangleEdges,
+    MembraneVertices, RestArea, RestEdge, RestVolume, ShapeGradient, TetrahedronBlocks,
+    TetrahedronEdges, TetrahedronIndex, TetrahedronVertices, TriangleEdges,
 };
 use sinew_engine::layout::{UNUSED, starts};
 use sinew_engine::scalar::Scalar;
