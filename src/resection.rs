@@ -4,15 +4,15 @@ use crate::simulation::{BodyHandle, Precision, Simulation};
 use sinew_models::body::BodyError;
 use sinew_models::resection::{
     FreshDifference, Removal, RemovalError, RemovalReport, Resection, compare_with_fresh,
-    prepare_removals, remove_tetrahedra,
+    prepare_removals, remove_elements,
 };
 
 impl Simulation {
-    /// Removes tetrahedra of a body, from now on; see [`sinew_models::resection`]. To do so from a
+    /// Removes tetrahedra and membrane triangles of a body, from now on; see [`sinew_models::resection`]. To do so from a
     /// schedule, spawn a [`RemovalRequest`](sinew_models::resection::RemovalRequest).
     ///
     /// # Errors
-    /// When the region cannot be used, or names a tetrahedron that does not exist, is gone already or
+    /// When the region cannot be used, or names an element that does not exist, is gone already or
     /// comes twice; nothing is changed then.
     ///
     /// ```
@@ -24,14 +24,14 @@ impl Simulation {
     /// let material = preset("liver")?.material;
     /// let body = simulation.add_body(&BodyDescription::new("box", &mesh, material))?;
     /// let half = Region::Sphere { centre: DVec3::new(0.05, 0.05, 0.05), radius: 0.07 };
-    /// let report = simulation.remove_tetrahedra(body, &Removal::new(half))?;
+    /// let report = simulation.remove_elements(body, &Removal::new(half))?;
     /// assert_eq!((report.tetrahedra.len(), report.remaining, report.pieces), (6, 6, 1));
     /// assert_eq!(report.orphans.len(), 4);
     /// assert!((report.mass - 1e-3 * material.density).abs() < 1e-12);
     /// simulation.step()?;
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn remove_tetrahedra(
+    pub fn remove_elements(
         &mut self,
         body: BodyHandle,
         removal: &Removal,
@@ -39,8 +39,8 @@ impl Simulation {
         let precision = self.precision();
         let world = self.world_mut();
         match precision {
-            Precision::F64 => remove_tetrahedra::<f64>(world, body.0, removal),
-            Precision::F32 => remove_tetrahedra::<f32>(world, body.0, removal),
+            Precision::F64 => remove_elements::<f64>(world, body.0, removal),
+            Precision::F32 => remove_elements::<f32>(world, body.0, removal),
         }
     }
 
@@ -67,7 +67,21 @@ impl Simulation {
         left
     }
 
-    /// Triangles of the surface of what is left, outward, each with the tetrahedron behind it; all by
+    /// Membrane triangles that are left, by their indices in the user's list, ascending.
+    pub fn remaining_triangles(&self, body: BodyHandle) -> Vec<u32> {
+        let rows = &self.topology().bodies[body.0];
+        let resection = self.world().get_resource::<Resection>();
+        let connectivity = resection.and_then(|r| r.connectivity(body.0));
+        let mut left: Vec<u32> = (0..)
+            .zip(&rows.membrane_order)
+            .filter(|(t, _)| connectivity.is_none_or(|c| c.is_membrane_present(*t)))
+            .map(|(_, &index)| index)
+            .collect();
+        left.sort_unstable();
+        left
+    }
+
+    /// Triangles of the surface of what is left of the tetrahedra, outward, each with the tetrahedron behind it; all by
     /// their indices in the user's mesh. It is kept up to date by removals: the cost is that of the
     /// list, once the body is prepared.
     ///

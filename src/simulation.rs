@@ -282,7 +282,9 @@ impl Simulation {
             let rows = self.rows(body, name, &vertices)?;
             let [a, b, c] = [rows[0], rows[1], rows[2]];
             let topology = self.topology();
-            if [(a, b), (b, c), (c, a)].iter().any(|&(a, b)| topology.block(a, b).is_none()) {
+            let is_edge =
+                |a, b| topology.block(a, b).is_some_and(|edge| topology.uses_edge(edge as usize));
+            if ![(a, b), (b, c), (c, a)].iter().all(|&(a, b)| is_edge(a, b)) {
                 let body = topology.bodies[body.0].name.clone();
                 return Err(SimulationError::Face { name: name.into(), body, triangle, vertices });
             }

@@ -96,7 +96,7 @@ fn what_is_left_equals_a_fresh_build() {
             for (batch, count) in [1, 1, 30, 1, 60, 1, 100].into_iter().enumerate() {
                 let chosen = pick(&simulation, body, count, batch as u64 + 7 * i as u64);
                 let before = simulation.evaluate();
-                let report = simulation.remove_tetrahedra(body, &list(&chosen)).unwrap();
+                let report = simulation.remove_elements(body, &list(&chosen)).unwrap();
                 let after = simulation.evaluate();
                 compactions += u32::from(report.compacted);
                 assert!(
@@ -128,7 +128,7 @@ fn reports_add_up() {
     let mut orphans = Vec::new();
     while removed < n {
         let chosen = pick(&simulation, body, 7, removed as u64);
-        let report = simulation.remove_tetrahedra(body, &list(&chosen)).unwrap();
+        let report = simulation.remove_elements(body, &list(&chosen)).unwrap();
         let mut sorted = chosen.clone();
         sorted.sort_unstable();
         assert_eq!(report.tetrahedra, sorted);
@@ -160,25 +160,26 @@ fn reports_add_up() {
 fn wrong_requests_change_nothing() {
     let mesh = bar(0.02, [2, 2, 2]);
     let (mut simulation, body) = build(&mesh, BODIES[0], options(Precision::F64, 1));
-    simulation.remove_tetrahedra(body, &list(&[3, 5])).unwrap();
+    simulation.remove_elements(body, &list(&[3, 5])).unwrap();
     simulation.step().unwrap();
     let (hash, left) = (simulation.state_hash(), simulation.remaining_tetrahedra(body));
     let masses = simulation.masses(body);
     let n = mesh.tetrahedra.len() as u32;
     let name = || "body".to_string();
+    let kind = "tetrahedron";
     let capsule = |radius| Region::Capsule { from: DVec3::ZERO, to: DVec3::X, radius };
     for (region, expected) in [
         (
             Region::Tetrahedra(vec![0, n]),
-            Some(RemovalError::Tetrahedron { body: name(), tetrahedron: n, count: n as usize }),
+            Some(RemovalError::Element { body: name(), kind, index: n, count: n as usize }),
         ),
         (
             Region::Tetrahedra(vec![0, 5]),
-            Some(RemovalError::Removed { body: name(), tetrahedron: 5 }),
+            Some(RemovalError::Removed { body: name(), kind, index: 5 }),
         ),
         (
             Region::Tetrahedra(vec![0, 1, 0]),
-            Some(RemovalError::Removed { body: name(), tetrahedron: 0 }),
+            Some(RemovalError::Removed { body: name(), kind, index: 0 }),
         ),
         (Region::Sphere { centre: DVec3::NAN, radius: 1.0 }, None),
         (Region::Sphere { centre: DVec3::ZERO, radius: 0.0 }, None),
@@ -186,7 +187,7 @@ fn wrong_requests_change_nothing() {
         (Region::Strain { above: f64::NAN }, None),
         (Region::Stress { above: -1.0 }, None),
     ] {
-        let error = simulation.remove_tetrahedra(body, &Removal::new(region.clone())).unwrap_err();
+        let error = simulation.remove_elements(body, &Removal::new(region.clone())).unwrap_err();
         match expected {
             Some(expected) => assert_eq!(error, expected),
             None => assert!(matches!(error, RemovalError::Region { .. }), "{region:?}: {error}"),
@@ -194,12 +195,12 @@ fn wrong_requests_change_nothing() {
         assert_eq!(simulation.remaining_tetrahedra(body), left);
         assert_eq!(simulation.masses(body), masses);
     }
-    let nowhere = simulation.remove_tetrahedra(BodyHandle(1), &list(&[0])).unwrap_err();
+    let nowhere = simulation.remove_elements(BodyHandle(1), &list(&[0])).unwrap_err();
     assert_eq!(nowhere, RemovalError::Body { index: 1, count: 1 });
     assert_eq!(simulation.state_hash(), hash);
     // a region without elements is none of them
     let far = Region::Sphere { centre: DVec3::splat(9.0), radius: 1.0 };
-    let report = simulation.remove_tetrahedra(body, &Removal::new(far)).unwrap();
+    let report = simulation.remove_elements(body, &Removal::new(far)).unwrap();
     assert_eq!((report.tetrahedra.len(), report.remaining), (0, left.len()));
 }
 
@@ -222,13 +223,13 @@ fn regions_choose_by_the_present_shape() {
     };
     let centre = DVec3::new(0.03, 1.02, 0.02);
     let sphere = Region::Sphere { centre, radius: 0.015 };
-    let report = simulation.remove_tetrahedra(body, &Removal::new(sphere)).unwrap();
+    let report = simulation.remove_elements(body, &Removal::new(sphere)).unwrap();
     let first = within(&|x| x.distance(centre) <= 0.015);
     assert_eq!(report.tetrahedra, first);
     assert!(!first.is_empty());
     let (from, to) = (DVec3::new(0.06, 0.9, 0.02), DVec3::new(0.06, 1.2, 0.02));
     let capsule = Region::Capsule { from, to, radius: 0.008 };
-    let report = simulation.remove_tetrahedra(body, &Removal::new(capsule)).unwrap();
+    let report = simulation.remove_elements(body, &Removal::new(capsule)).unwrap();
     let distance = |x: DVec3| DVec3::new(x.x - 0.06, 0.0, x.z - 0.02).length();
     let second = within(&|x| distance(x) <= 0.008);
     assert_eq!(report.tetrahedra, second);
@@ -236,8 +237,8 @@ fn regions_choose_by_the_present_shape() {
 
     // Green strain 0.5 (1.2^2 - 1) = 0.22 beyond the middle
     let limit = |above| Removal::new(Region::Strain { above });
-    assert!(simulation.remove_tetrahedra(body, &limit(0.2201)).unwrap().tetrahedra.is_empty());
-    let report = simulation.remove_tetrahedra(body, &limit(0.2199)).unwrap();
+    assert!(simulation.remove_elements(body, &limit(0.2201)).unwrap().tetrahedra.is_empty());
+    let report = simulation.remove_elements(body, &limit(0.2199)).unwrap();
     assert!(!report.tetrahedra.is_empty());
     for t in report.tetrahedra {
         let x = mesh.tetrahedra[t as usize].map(|v| mesh.points[v as usize].x);
@@ -252,8 +253,8 @@ fn regions_choose_by_the_present_shape() {
     let mises = 0.22 * (1.44 * (lame.lambda + 2.0 * lame.mu) - lame.lambda) / 1.2;
     let limit = |above| Removal::new(Region::Stress { above });
     let above = limit(mises * (1.0 + 1e-9));
-    assert!(simulation.remove_tetrahedra(body, &above).unwrap().tetrahedra.is_empty());
-    let report = simulation.remove_tetrahedra(body, &limit(mises * (1.0 - 1e-9))).unwrap();
+    assert!(simulation.remove_elements(body, &above).unwrap().tetrahedra.is_empty());
+    let report = simulation.remove_elements(body, &limit(mises * (1.0 - 1e-9))).unwrap();
     assert_eq!(report.remaining, 0);
 }
 
@@ -267,11 +268,11 @@ fn requests_are_carried_out_with_the_step() {
     }
     simulation.step().unwrap();
     let log = &simulation.world().resource::<RemovalLog>().0;
-    assert_eq!(log.len(), 3);
-    assert_eq!(log[0].1.as_ref().unwrap().tetrahedra, [1, 2]);
-    let error = RemovalError::Removed { body: "body".into(), tetrahedron: 2 };
-    assert_eq!(log[1].1.as_ref().unwrap_err(), &error);
-    assert_eq!(log[2].1.as_ref().unwrap().tetrahedra, [7]);
+    // one batch, after the request that could not be carried out
+    assert_eq!(log.len(), 2);
+    let error = RemovalError::Removed { body: "body".into(), kind: "tetrahedron", index: 2 };
+    assert_eq!(log[0].1.as_ref().unwrap_err(), &error);
+    assert_eq!(log[1].1.as_ref().unwrap().tetrahedra, [1, 2, 7]);
     simulation.step().unwrap();
     assert!(simulation.world().resource::<RemovalLog>().0.is_empty());
     assert_eq!(simulation.remaining_tetrahedra(body).len(), mesh.tetrahedra.len() - 3);
@@ -288,7 +289,7 @@ fn an_isolated_vertex_falls_freely() {
         let corner = DVec3::new(0.25, 0.1, 0.1);
         let region = touching(&mesh, |p| p.distance(corner) < 1e-9);
         let keep = Removal { region, mass: MassPolicy::Keep };
-        let report = simulation.remove_tetrahedra(body, &keep).unwrap();
+        let report = simulation.remove_elements(body, &keep).unwrap();
         assert_eq!(report.orphans.len(), 1);
         assert_eq!(report.mass, 0.0);
         let v = report.orphans[0] as usize;
@@ -326,7 +327,7 @@ fn a_free_body_falls_with_its_orphans() {
     disturb(&mut simulation, body, 0.0005, 9);
     let start = simulation.displacements(body);
     let region = touching(&mesh, |p| p.distance(DVec3::new(0.25, 0.1, 0.1)) < 1e-9);
-    simulation.remove_tetrahedra(body, &Removal { region, mass: MassPolicy::Keep }).unwrap();
+    simulation.remove_elements(body, &Removal { region, mass: MassPolicy::Keep }).unwrap();
     let masses = simulation.masses(body);
     let h = 0.01;
     simulation.set_dt(h);
@@ -353,7 +354,7 @@ fn vertices_without_mass_stay_where_they_are() {
         let far = touching(&mesh, |p| p.x > 0.249 && p.y > 0.099);
         simulation.set_dt(0.005);
         simulation.step().unwrap();
-        let report = simulation.remove_tetrahedra(body, &Removal::new(far)).unwrap();
+        let report = simulation.remove_elements(body, &Removal::new(far)).unwrap();
         assert!(report.orphans.len() >= 2);
         let [loaded, moved] = [report.orphans[0], report.orphans[1]];
         let row = simulation.rows(body, "load", &[loaded]).unwrap()[0];
@@ -393,7 +394,7 @@ fn a_piece_cut_off_falls_freely() {
                 .map(|(i, _)| i)
                 .collect(),
         );
-        let report = simulation.remove_tetrahedra(body, &Removal::new(cut)).unwrap();
+        let report = simulation.remove_elements(body, &Removal::new(cut)).unwrap();
         assert_eq!(report.pieces, 2);
         assert_eq!(report.tetrahedra.len(), 6 * 4);
         let masses = simulation.masses(body);
@@ -435,7 +436,7 @@ fn equilibria_ignore_vertices_without_elements() {
     for (mass, y) in [(MassPolicy::Keep, 0.1), (MassPolicy::Recompute, 0.0)] {
         let region = touching(&mesh, |p| p.x > 0.249 && (p.y - y).abs() < 0.001);
         let removal = Removal { region, mass };
-        let report = simulation.remove_tetrahedra(body, &removal).unwrap();
+        let report = simulation.remove_elements(body, &removal).unwrap();
         assert!(!report.orphans.is_empty());
         simulation.step().unwrap();
         assert!(!simulation.report().unconverged);
@@ -460,7 +461,7 @@ fn thirty_per_cent_at_once_stay_bounded() {
                 let count = mesh.tetrahedra.len() * 3 / 10;
                 let chosen = pick(&simulation, body, count, 5);
                 let removal = Removal { mass, ..list(&chosen) };
-                simulation.remove_tetrahedra(body, &removal).unwrap();
+                simulation.remove_elements(body, &removal).unwrap();
                 stays_bounded(&mut simulation, 60);
                 hashes.push(simulation.state_hash());
             }
@@ -505,7 +506,7 @@ fn elements_hanging_by_little_stay_bounded() {
                 let gone = (0..).zip(&mesh.tetrahedra).filter(|(i, t)| !base(t) && *i != hanging);
                 let gone: Vec<u32> = gone.map(|(i, _)| i as u32).collect();
                 let removal = Removal { mass, ..list(&gone) };
-                let report = simulation.remove_tetrahedra(body, &removal).unwrap();
+                let report = simulation.remove_elements(body, &removal).unwrap();
                 assert_eq!((report.pieces, report.compacted), (pieces, true));
                 stays_bounded(&mut simulation, 120);
                 assert_eq!(simulation.volume_report().inverted, 0);
@@ -525,7 +526,7 @@ fn a_hundred_single_removals_stay_bounded() {
         simulation.set_dt(1.0 / 60.0);
         for removal in 0..100 {
             let chosen = pick(&simulation, body, 1, removal);
-            simulation.remove_tetrahedra(body, &list(&chosen)).unwrap();
+            simulation.remove_elements(body, &list(&chosen)).unwrap();
             stays_bounded(&mut simulation, 1);
         }
         let difference = simulation.verify_against_fresh(body).unwrap();
@@ -552,7 +553,7 @@ fn explicit_steps_notice_a_removal() {
             }
             let chosen = pick(&simulation, body, 4, 1);
             let keep = Removal { mass: MassPolicy::Keep, ..list(&chosen) };
-            simulation.remove_tetrahedra(body, &keep).unwrap();
+            simulation.remove_elements(body, &keep).unwrap();
             if forget {
                 let (u, v) = (simulation.displacements(body), simulation.velocities(body));
                 simulation.set_state(body, &u, &v).unwrap();
@@ -573,7 +574,7 @@ fn fused_and_pooled_agree_after_removals() {
         let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 1));
         for batch in 0..20 {
             let chosen = pick(&simulation, body, 8, batch);
-            simulation.remove_tetrahedra(body, &list(&chosen)).unwrap();
+            simulation.remove_elements(body, &list(&chosen)).unwrap();
         }
         disturb(&mut simulation, body, 0.003, 1);
         let energy = simulation.evaluate();
@@ -603,7 +604,7 @@ fn random_run(cells: [usize; 3], kind: usize, seed: u64, threads: usize) -> (u64
         let chosen = pick(&simulation, body, count, seed + removals as u64);
         let mass = if next(2) == 0 { MassPolicy::Keep } else { MassPolicy::Recompute };
         removals += chosen.len();
-        simulation.remove_tetrahedra(body, &Removal { mass, ..list(&chosen) }).unwrap();
+        simulation.remove_elements(body, &Removal { mass, ..list(&chosen) }).unwrap();
         simulation.step().unwrap();
         let report = simulation.report();
         assert!(report.elastic_energy.is_finite() && report.kinetic_energy.is_finite());

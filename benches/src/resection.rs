@@ -193,7 +193,7 @@ pub fn cut(
     for frame in 0..frames {
         let region = next(frame);
         let clock = Instant::now();
-        let removed = simulation.remove_tetrahedra(body, &Removal::new(region))?;
+        let removed = simulation.remove_elements(body, &Removal::new(region))?;
         let removal_ms = clock.elapsed().as_secs_f64() * 1e3;
         simulation.step()?;
         let step_ms = clock.elapsed().as_secs_f64() * 1e3 - removal_ms;
@@ -208,7 +208,7 @@ pub fn cut(
         projections += report.projections;
     }
     let batch: Vec<u32> = (0..).zip(&present).filter(|p| *p.1).map(|p| p.0).step_by(3).collect();
-    let batch = simulation.remove_tetrahedra(body, &Removal::new(Region::Tetrahedra(batch)))?;
+    let batch = simulation.remove_elements(body, &Removal::new(Region::Tetrahedra(batch)))?;
     compactions += usize::from(batch.compacted);
     let difference = simulation.verify_against_fresh(body)?;
     let total = |f: &Frame| f.removal_ms + f.step_ms;

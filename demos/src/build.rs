@@ -14,7 +14,7 @@ use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::generate::{
     box_tets, cylinder_tets, disc_triangles, sphere_tets, sphere_triangles, triangle_grid,
 };
-use sinew::engine::mesh::{CheckOptions, CheckReport, Mesh, MeshError, check};
+use sinew::engine::mesh::{CheckOptions, CheckReport, FindingCode, Mesh, MeshError, check};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::{BodyDescription, Evaluation, Model};
 use sinew::models::field::FieldError;
@@ -623,7 +623,7 @@ impl Builder<'_> {
         let mesh = self.mesh(&key, body)?;
         let mesh_key =
             if body.mesh.is_some() { format!("{key}.mesh") } else { format!("{key}.generate") };
-        let checked = check(&mesh, &CheckOptions::default())
+        let mut checked = check(&mesh, &CheckOptions::default())
             .map_err(|source| SceneError::Check { place: self.place(&mesh_key), source })?;
         let membrane = match &body.membrane {
             Some(entry) => Some(self.membrane(&key, entry, &checked.mesh, material)?),
@@ -636,6 +636,22 @@ impl Builder<'_> {
                 "give them a thickness, membrane = { thickness = 0.001 }, or fill the mesh with \
                  tetrahedra (Gmsh, TetGen)",
             ));
+        }
+        if let Some(m) = &membrane {
+            let used = &mut checked.used_vertices;
+            *used = checked.mesh.tetrahedra.as_flattened().to_vec();
+            used.extend(m.triangles.as_flattened());
+            used.sort_unstable();
+            used.dedup();
+            // the check does not know of the membrane
+            let unused = checked.mesh.points.len() - used.len();
+            let findings = &mut checked.report.findings;
+            findings.retain(|f| f.code != FindingCode::UnusedVertices || unused > 0);
+            for finding in findings.iter_mut().filter(|f| f.code == FindingCode::UnusedVertices) {
+                (finding.count, finding.entity) = (unused, String::new());
+                finding.message =
+                    format!("{unused} vertices belong to no element and are left out");
+            }
         }
         warnings.extend(checked.report.findings.iter().map(|finding| Warning {
             code: format!("mesh.{}", finding.code),
@@ -687,13 +703,6 @@ impl Builder<'_> {
             None => checked.report.statistics.total_volume * material.density,
         };
         let sheet = membrane.as_ref().map_or(0.0, |m| m.area * m.thickness * m.material.density);
-        let mut used_vertices = checked.used_vertices;
-        if let Some(m) = &membrane {
-            used_vertices = checked.mesh.tetrahedra.as_flattened().to_vec();
-            used_vertices.extend(m.triangles.as_flattened());
-            used_vertices.sort_unstable();
-            used_vertices.dedup();
-        }
         let handle = simulation.add_body(&description).map_err(|source| SceneError::Body {
             place: self.place(mesh_key),
             source: Box::new(source),
@@ -703,7 +712,7 @@ impl Builder<'_> {
             handle,
             mesh: checked.mesh,
             report: checked.report,
-            used_vertices,
+            used_vertices: checked.used_vertices,
             material,
             mass: mass + sheet,
             membrane,

@@ -155,8 +155,8 @@ pub struct Writer {
     cell_data: Vec<CellData>,
     /// Index of each tetrahedron, and of each triangle of a membrane, in its body.
     index: Vec<f64>,
-    /// First tetrahedron of each body.
-    start: Vec<u32>,
+    /// First tetrahedron and first membrane triangle of each body.
+    start: Vec<[u32; 2]>,
 }
 
 fn write_error(path: &Path) -> impl Fn(std::io::Error) -> RunError + '_ {
@@ -197,12 +197,13 @@ impl Writer {
             let first = points.len() as u32;
             points.extend_from_slice(&b.mesh.points);
             tetrahedra.extend(b.mesh.tetrahedra.iter().map(|t| t.map(|v| v + first)));
-            start.push(body.len() as u32);
+            start.push([body.len() as u32, 0]);
             body.resize(tetrahedra.len(), i as f64);
             index.extend((0..b.mesh.tetrahedra.len()).map(|t| t as f64));
         }
         let (mut triangles, mut first) = (Vec::new(), 0);
         for (i, b) in built.bodies.iter().enumerate() {
+            start[i][1] = triangles.len() as u32;
             triangles.extend(b.membrane_triangles().iter().map(|t| t.map(|v| v + first)));
             body.resize(tetrahedra.len() + triangles.len(), i as f64);
             index.extend((0..b.membrane_triangles().len()).map(|t| t as f64));
@@ -264,7 +265,10 @@ impl Writer {
         let points: Vec<DVec3> = self.points.iter().zip(&u).map(|(x, u)| x + u).collect();
         // only what is left
         let mut left = Vec::with_capacity(self.tetrahedra.len());
-        for (body, &first) in built.bodies.iter().zip(&self.start) {
+        let mut sheets = Vec::with_capacity(self.triangles.len());
+        for (body, &[first, sheet]) in built.bodies.iter().zip(&self.start) {
+            let own_sheets = built.simulation.remaining_triangles(body.handle);
+            sheets.extend(own_sheets.into_iter().map(|t| (t + sheet) as usize));
             let own = built.simulation.remaining_tetrahedra(body.handle);
             left.extend(own.into_iter().map(|t| (t + first) as usize));
         }
@@ -275,7 +279,8 @@ impl Writer {
             .iter()
             .map(|data| CellData { tetrahedra: pick(&data.tetrahedra), ..data.clone() })
             .collect();
-        left.extend(self.tetrahedra.len()..self.body.len());
+        let triangles: Vec<[u32; 3]> = sheets.iter().map(|&t| self.triangles[t]).collect();
+        left.extend(sheets.iter().map(|t| self.tetrahedra.len() + t));
         let pick = |values: &[f64]| left.iter().map(|&t| values[t]).collect::<Vec<f64>>();
         let (j, body, index) = (pick(&j), pick(&self.body), pick(&self.index));
         let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
@@ -284,7 +289,7 @@ impl Writer {
             &VtuData {
                 points: &points,
                 tetrahedra: &tetrahedra,
-                triangles: &self.triangles,
+                triangles: &triangles,
                 point_vectors: &[("displacement", &u), ("velocity", &v)],
                 point_scalars: &[("held", &held)],
                 cell_scalars: &[("J", &j), ("body", &body), ("index", &index)],

@@ -39,11 +39,15 @@ pub struct ResectionSummary {
     pub body: String,
     /// Tetrahedra removed.
     pub removed: usize,
+    /// Membrane triangles removed.
+    pub removed_triangles: usize,
     /// Tetrahedra left in the body after its last removal.
     pub remaining: usize,
+    /// Membrane triangles left in the body after its last removal.
+    pub remaining_triangles: usize,
     /// Connected pieces of the body after its last removal.
     pub pieces: usize,
-    /// Vertices that lost their last tetrahedron.
+    /// Vertices that lost their last element.
     pub orphans: usize,
     /// Mass removed (kg).
     pub mass: f64,
@@ -99,6 +103,7 @@ pub(crate) fn build(
             name: entry.name.clone(),
             body: bodies[body].name.clone(),
             remaining: bodies[body].mesh.tetrahedra.len(),
+            remaining_triangles: bodies[body].membrane_triangles().len(),
             pieces: simulation.topology().bodies[handle.0].piece_count(),
             ..ResectionSummary::default()
         };
@@ -122,28 +127,37 @@ fn action(
             Err(builder.value(key, format!("{name} is {value}"), "make it positive and finite"))
         }
     };
-    let ResectionEntry { tetrahedra, sphere, tool, strain, stress, .. } = entry;
-    Ok(match (tetrahedra, sphere, tool, strain, stress) {
-        (Some(list), None, None, None, None) => {
-            let key = format!("{key}.tetrahedra");
-            let count = body.mesh.tetrahedra.len();
-            let mut sorted = list.clone();
-            sorted.sort_unstable();
-            if let Some(t) = sorted.iter().find(|&&t| t as usize >= count) {
-                let found = format!("body `{}` has no tetrahedron {t}", body.name);
-                return Err(builder.value(key, found, format!("it has {count}, from 0 on")));
-            }
-            if let Some(pair) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
-                let found = format!("tetrahedron {} comes twice", pair[0]);
-                return Err(builder.value(key, found, "name it once"));
-            }
-            Action::Once(Region::Tetrahedra(sorted))
+    let listed = |list: &[u32], keys: &str, kind: &str, count: usize| {
+        let key = format!("{key}.{keys}");
+        let mut sorted = list.to_vec();
+        sorted.sort_unstable();
+        if let Some(t) = sorted.iter().find(|&&t| t as usize >= count) {
+            let found = format!("body `{}` has no {kind} {t}", body.name);
+            return Err(builder.value(key, found, format!("it has {count}, from 0 on")));
         }
-        (None, Some(s), None, None, None) => {
+        if let Some(pair) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
+            let found = format!("{kind} {} comes twice", pair[0]);
+            return Err(builder.value(key, found, "name it once"));
+        }
+        Ok(sorted)
+    };
+    let ResectionEntry { tetrahedra, triangles, sphere, tool, strain, stress, .. } = entry;
+    Ok(match (tetrahedra, triangles, sphere, tool, strain, stress) {
+        (Some(list), None, None, None, None, None) => {
+            let count = body.mesh.tetrahedra.len();
+            let list = listed(list, "tetrahedra", "tetrahedron", count)?;
+            Action::Once(Region::Tetrahedra(list))
+        }
+        (None, Some(list), None, None, None, None) => {
+            let count = body.membrane_triangles().len();
+            let list = listed(list, "triangles", "membrane triangle", count)?;
+            Action::Once(Region::Triangles(list))
+        }
+        (None, None, Some(s), None, None, None) => {
             let centre = builder.finite(&format!("{key}.sphere.centre"), s.centre)?;
             Action::Always(Region::Sphere { centre, radius: positive("sphere.radius", s.radius)? })
         }
-        (None, None, Some(ToolEntry { radius, path }), None, None) => {
+        (None, None, None, Some(ToolEntry { radius, path }), None, None) => {
             let radius = positive("tool.radius", *radius)?;
             let key = format!("{key}.tool.path");
             if path.is_empty() {
@@ -159,17 +173,17 @@ fn action(
             let path = path.iter().map(|&[t, x, y, z]| (t, DVec3::new(x, y, z))).collect();
             Action::Tool { path, radius }
         }
-        (None, None, None, Some(above), None) => {
+        (None, None, None, None, Some(above), None) => {
             Action::Always(Region::Strain { above: positive("strain", *above)? })
         }
-        (None, None, None, None, Some(above)) => {
+        (None, None, None, None, None, Some(above)) => {
             Action::Always(Region::Stress { above: positive("stress", *above)? })
         }
         _ => {
             return Err(builder.value(
                 key,
                 "not exactly one kind of resection is given",
-                "give one of `tetrahedra`, `sphere`, `tool`, `strain` and `stress`",
+                "give one of `tetrahedra`, `triangles`, `sphere`, `tool`, `strain` and `stress`",
             ));
         }
     })
@@ -200,15 +214,17 @@ pub fn apply(
         }
         for region in regions {
             let removal = Removal { region, mass: own.mass };
-            let report = simulation.remove_tetrahedra(own.body, &removal)?;
+            let report = simulation.remove_elements(own.body, &removal)?;
             let s = &mut own.summary;
             s.total_s += report.time.as_secs_f64();
             s.longest_s = s.longest_s.max(report.time.as_secs_f64());
-            if report.tetrahedra.is_empty() {
+            if report.tetrahedra.is_empty() && report.triangles.is_empty() {
                 continue;
             }
             s.removed += report.tetrahedra.len();
+            s.removed_triangles += report.triangles.len();
             (s.remaining, s.pieces) = (report.remaining, report.pieces);
+            s.remaining_triangles = report.remaining_triangles;
             s.orphans += report.orphans.len();
             s.mass += report.mass;
             s.energy += report.elastic_energy + report.kinetic_energy;

@@ -421,8 +421,8 @@ pub struct Sine {
     pub degrees: f64,
 }
 
-/// Elements that are removed while the scene runs; exactly one of `tetrahedra`, `sphere`, `tool`,
-/// `strain` and `stress`. Dynamic scenes.
+/// Elements that are removed while the scene runs; exactly one of `tetrahedra`, `triangles`, `sphere`,
+/// `tool`, `strain` and `stress`. Dynamic scenes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResectionEntry {
@@ -432,6 +432,8 @@ pub struct ResectionEntry {
     pub body: Option<String>,
     /// Tetrahedra by their indices, counted from 0; removed once.
     pub tetrahedra: Option<Vec<u32>>,
+    /// Membrane triangles by their indices in the membrane, counted from 0; removed once.
+    pub triangles: Option<Vec<u32>>,
     /// Those whose barycentre is in a sphere, at every step.
     pub sphere: Option<SphereRegion>,
     /// Those whose barycentre a moving ball passes over.

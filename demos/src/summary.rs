@@ -687,14 +687,19 @@ impl RunSummary {
             )?;
         }
         for r in &self.resections {
+            let sheet = r.removed_triangles + r.remaining_triangles > 0;
+            let elements = |tetrahedra: usize, triangles: usize| match sheet {
+                true => format!("{tetrahedra} tetrahedra and {triangles} triangles"),
+                false => format!("{tetrahedra} tetrahedra"),
+            };
             block.line(
                 &format!("resect {}", r.name),
                 format!(
-                    "{} tetrahedra of {} ({} left in {} piece(s), {} vertices without any), {} kg, \
-                     {} J; {} in all, {} longest",
-                    r.removed,
+                    "{} of {} ({} left in {} piece(s), {} vertices without any), {} kg, {} J; {} in \
+                     all, {} longest",
+                    elements(r.removed, r.removed_triangles),
                     r.body,
-                    r.remaining,
+                    elements(r.remaining, r.remaining_triangles),
                     r.pieces,
                     r.orphans,
                     short(r.mass),

@@ -124,6 +124,8 @@ bad! {
         => "[[resection]]\nname = \"cut\"\ntetrahedra = [3, 24]\n\n[[probe]]", Value { .. }, 26, ["no tetrahedron 24", "it has 24"];
     resection_of_a_tetrahedron_twice: "[[probe]]"
         => "[[resection]]\nname = \"cut\"\ntetrahedra = [3, 3]\n\n[[probe]]", Value { .. }, 26, ["tetrahedron 3 comes twice"];
+    resection_of_a_triangle_without_membrane: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\ntriangles = [0]\n\n[[probe]]", Value { .. }, 26, ["no membrane triangle 0", "it has 0"];
     resection_with_a_bad_limit: "[[probe]]"
         => "[[resection]]\nname = \"cut\"\nstrain = -1.0\n\n[[probe]]", Value { .. }, 26, ["strain is -1", "positive"];
     resection_with_a_path_back_in_time: "[[probe]]"

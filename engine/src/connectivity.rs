@@ -1,43 +1,48 @@
-//! Which tetrahedra of a body are left and what hangs together through them: plain data, kept up to
-//! date while elements are removed at a cost that grows with their number alone. Numbers are local
-//! to the body and those of its layout; they never change.
+//! Which elements of a body (tetrahedra, membrane triangles) are left and what hangs together through
+//! them: plain data, kept up to date while elements are removed at a cost that grows with their number
+//! alone. Numbers are local to the body and those of its layout; they never change.
 
 use crate::element::TETRAHEDRON_FACES;
 use crate::layout::{Cells, UNUSED, starts};
 use crate::topology::{BodyRows, pieces, root};
 
-/// Tetrahedra round vertices, edges or triangles, in ascending order.
+/// Elements of one kind round vertices, edges or triangles, in ascending order.
 #[derive(Clone, Debug, Default)]
 pub struct Incidence {
     start: Vec<u32>,
-    tetrahedra: Vec<u32>,
+    elements: Vec<u32>,
 }
 
 impl Incidence {
-    /// Of `count` items, from the items of every tetrahedron.
+    /// Of `count` items, from the items of every element.
     fn new<const N: usize>(count: usize, items: &[[u32; N]]) -> Self {
         let start = starts(count, items.iter().flatten().copied());
         let mut next = start.clone();
-        let mut tetrahedra = vec![0; items.len() * N];
+        let mut elements = vec![0; items.len() * N];
         for (t, items) in items.iter().enumerate() {
             for &item in items {
-                tetrahedra[next[item as usize] as usize] = t as u32;
+                elements[next[item as usize] as usize] = t as u32;
                 next[item as usize] += 1;
             }
         }
-        Self { start, tetrahedra }
+        Self { start, elements }
     }
 
-    /// Tetrahedra round an item, removed ones included.
+    /// Elements round an item, removed ones included.
     #[inline]
     pub fn of(&self, item: u32) -> &[u32] {
         let item = item as usize;
-        &self.tetrahedra[self.start[item] as usize..self.start[item + 1] as usize]
+        &self.elements[self.start[item] as usize..self.start[item + 1] as usize]
     }
 
-    /// Number of tetrahedra round every item.
+    /// Number of elements round every item.
     fn counts(&self) -> Vec<u32> {
         self.start.windows(2).map(|w| w[1] - w[0]).collect()
+    }
+
+    /// Number of elements of both kinds round every item.
+    fn counts_with(&self, other: &Self) -> Vec<u32> {
+        self.counts().iter().zip(other.counts()).map(|(a, b)| a + b).collect()
     }
 }
 
@@ -46,6 +51,8 @@ impl Incidence {
 pub struct Connectivity {
     /// Vertex rows of the tetrahedra.
     pub tetrahedra: Vec<[u32; 4]>,
+    /// Vertex rows of the membrane triangles, ascending.
+    pub membrane: Vec<[u32; 3]>,
     /// Edges and triangles of the whole body.
     pub cells: Cells,
     /// Tetrahedra round every vertex.
@@ -54,8 +61,17 @@ pub struct Connectivity {
     pub round_edge: Incidence,
     /// Tetrahedra at every triangle.
     pub round_triangle: Incidence,
+    /// Membrane triangles round every vertex.
+    pub membrane_round_vertex: Incidence,
+    /// Membrane triangles round every edge.
+    pub membrane_round_edge: Incidence,
+    /// Membrane triangle at every triangle, [`UNUSED`] where there is none.
+    pub membrane_at: Vec<u32>,
     present: Vec<bool>,
+    membrane_present: Vec<bool>,
     remaining: usize,
+    membrane_remaining: usize,
+    /// Elements of either kind round vertices and edges; tetrahedra at triangles.
     vertex_count: Vec<u32>,
     edge_count: Vec<u32>,
     triangle_count: Vec<u32>,
@@ -69,18 +85,18 @@ pub struct Connectivity {
 /// What a batch of removals touched: everything ascending, each once.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Touched {
-    /// Vertices of the removed tetrahedra.
+    /// Vertices of the removed elements.
     pub vertices: Vec<u32>,
     /// Their edges.
     pub edges: Vec<u32>,
-    /// Their triangles.
+    /// Their triangles, those of membranes included.
     pub triangles: Vec<u32>,
     /// Vertices among them that have no element any more.
     pub orphans: Vec<u32>,
     /// Edges among them that have no element any more.
     pub unused_edges: Vec<u32>,
-    /// Number of triangles among them that have no element any more.
-    pub unused_triangles: usize,
+    /// Triangles among them that have no element any more.
+    pub unused_triangles: Vec<u32>,
     /// Whether the number of pieces may be another than before.
     pub may_split: bool,
 }
@@ -95,6 +111,13 @@ impl Connectivity {
         let round_edge = Incidence::new(cells.edges.len(), &cells.tetrahedron_edges);
         let round_triangle = Incidence::new(cells.triangles.len(), &cells.tetrahedron_triangles);
         let triangle_count = round_triangle.counts();
+        let membrane = body.membrane.clone();
+        let membrane_round_vertex = Incidence::new(n, &membrane);
+        let membrane_round_edge = Incidence::new(cells.edges.len(), &cells.membrane_edges);
+        let mut membrane_at = vec![UNUSED; cells.triangles.len()];
+        for (t, &triangle) in (0..).zip(&cells.membrane_triangles) {
+            membrane_at[triangle as usize] = t;
+        }
         let mut surface = Vec::new();
         let mut surface_place = vec![UNUSED; cells.triangles.len()];
         for (i, _) in triangle_count.iter().enumerate().filter(|(_, count)| **count == 1) {
@@ -104,17 +127,23 @@ impl Connectivity {
         Self {
             present: vec![true; tetrahedra.len()],
             remaining: tetrahedra.len(),
-            vertex_count: round_vertex.counts(),
-            edge_count: round_edge.counts(),
+            membrane_present: vec![true; membrane.len()],
+            membrane_remaining: membrane.len(),
+            vertex_count: round_vertex.counts_with(&membrane_round_vertex),
+            edge_count: round_edge.counts_with(&membrane_round_edge),
             triangle_count,
             surface,
             surface_place,
             parent: (0..n as u32).collect(),
             tetrahedra,
+            membrane,
             cells,
             round_vertex,
             round_edge,
             round_triangle,
+            membrane_round_vertex,
+            membrane_round_edge,
+            membrane_at,
         }
     }
 
@@ -124,9 +153,20 @@ impl Connectivity {
         self.present[tetrahedron as usize]
     }
 
+    /// Whether a membrane triangle is left.
+    #[inline]
+    pub fn is_membrane_present(&self, triangle: u32) -> bool {
+        self.membrane_present[triangle as usize]
+    }
+
     /// Number of tetrahedra left.
     pub fn remaining(&self) -> usize {
         self.remaining
+    }
+
+    /// Number of membrane triangles left.
+    pub fn membrane_remaining(&self) -> usize {
+        self.membrane_remaining
     }
 
     /// Whether some element uses an edge.
@@ -136,7 +176,9 @@ impl Connectivity {
 
     /// Whether some element uses a triangle.
     pub fn uses_triangle(&self, triangle: u32) -> bool {
+        let membrane = self.membrane_at[triangle as usize];
         self.triangle_count[triangle as usize] > 0
+            || (membrane != UNUSED && self.is_membrane_present(membrane))
     }
 
     /// Whether some element uses a vertex.
@@ -149,7 +191,12 @@ impl Connectivity {
         among.iter().copied().filter(|&t| self.is_present(t))
     }
 
-    /// Triangles of the surface, outward, each with the tetrahedron behind it; in no particular
+    /// Membrane triangles that are left among some.
+    pub fn membrane_left<'a>(&'a self, among: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
+        among.iter().copied().filter(|&t| self.is_membrane_present(t))
+    }
+
+    /// Triangles of the surface of the solid, outward, each with the tetrahedron behind it; in no particular
     /// order, but the same one for the same removals.
     pub fn surface(&self) -> impl ExactSizeIterator<Item = ([u32; 3], u32)> + '_ {
         self.surface.iter().map(|&triangle| {
@@ -161,8 +208,8 @@ impl Connectivity {
         })
     }
 
-    /// Takes tetrahedra out; they must be left and be named once.
-    pub fn remove(&mut self, removed: &[u32]) -> Touched {
+    /// Takes tetrahedra and membrane triangles out; they must be left and be named once.
+    pub fn remove(&mut self, removed: &[u32], membrane: &[u32]) -> Touched {
         let mut touched = Touched::default();
         for &t in removed {
             self.present[t as usize] = false;
@@ -180,6 +227,19 @@ impl Connectivity {
             }
         }
         self.remaining -= removed.len();
+        for &t in membrane {
+            self.membrane_present[t as usize] = false;
+            for v in self.membrane[t as usize] {
+                self.vertex_count[v as usize] -= 1;
+                touched.vertices.push(v);
+            }
+            for e in self.cells.membrane_edges[t as usize] {
+                self.edge_count[e as usize] -= 1;
+                touched.edges.push(e);
+            }
+            touched.triangles.push(self.cells.membrane_triangles[t as usize]);
+        }
+        self.membrane_remaining -= membrane.len();
         for list in [&mut touched.vertices, &mut touched.edges, &mut touched.triangles] {
             list.sort_unstable();
             list.dedup();
@@ -189,11 +249,12 @@ impl Connectivity {
         };
         touched.orphans = unused(&touched.vertices, &self.vertex_count);
         touched.unused_edges = unused(&touched.edges, &self.edge_count);
-        touched.unused_triangles = unused(&touched.triangles, &self.triangle_count).len();
+        let unused = touched.triangles.iter().copied().filter(|&f| !self.uses_triangle(f));
+        touched.unused_triangles = unused.collect();
         for &f in &touched.triangles {
             self.update_surface(f);
         }
-        touched.may_split = self.may_split(removed, &touched.vertices);
+        touched.may_split = self.may_split(removed, membrane, &touched.vertices);
         touched
     }
 
@@ -215,15 +276,14 @@ impl Connectivity {
         }
     }
 
-    /// Whether pieces may have split or vanished. They have not when whatever the removed
-    /// tetrahedra held together still hangs together through their neighbours: every way that led
-    /// through them can then go round.
-    fn may_split(&mut self, removed: &[u32], vertices: &[u32]) -> bool {
+    /// Whether pieces may have split or vanished. They have not when whatever the removed elements
+    /// held together still hangs together through their neighbours: every way that led through them
+    /// can then go round.
+    fn may_split(&mut self, removed: &[u32], membrane: &[u32], vertices: &[u32]) -> bool {
         let mut parent = std::mem::take(&mut self.parent);
         let mut seen: Vec<u32> = vertices.to_vec();
-        let mut join = |parent: &mut [u32], t: u32| {
-            let vertices = self.tetrahedra[t as usize];
-            for v in vertices {
+        let mut join = |parent: &mut [u32], vertices: &[u32]| {
+            for &v in vertices {
                 seen.push(v);
                 let (a, b) = (root(parent, vertices[0]), root(parent, v));
                 parent[a.max(b) as usize] = a.min(b);
@@ -231,7 +291,10 @@ impl Connectivity {
         };
         for &v in vertices {
             for t in self.left(self.round_vertex.of(v)) {
-                join(&mut parent, t);
+                join(&mut parent, &self.tetrahedra[t as usize]);
+            }
+            for t in self.membrane_left(self.membrane_round_vertex.of(v)) {
+                join(&mut parent, &self.membrane[t as usize]);
             }
         }
         // components that hold elements: roots of used vertices
@@ -242,16 +305,21 @@ impl Connectivity {
             .collect();
         alive.sort_unstable();
         alive.dedup();
-        for &t in removed {
-            join(&mut parent, t);
+        let gone: Vec<&[u32]> = removed
+            .iter()
+            .map(|&t| &self.tetrahedra[t as usize][..])
+            .chain(membrane.iter().map(|&t| &self.membrane[t as usize][..]))
+            .collect();
+        for vertices in &gone {
+            join(&mut parent, vertices);
         }
         // the removed elements must join none of them, and be joined to one each
         let mut joined: Vec<u32> = alive.iter().map(|&v| root(&mut parent, v)).collect();
         joined.sort_unstable();
         let before = joined.len();
         joined.dedup();
-        let vanished = removed.iter().any(|&t| {
-            let own = root(&mut parent, self.tetrahedra[t as usize][0]);
+        let vanished = gone.iter().any(|vertices| {
+            let own = root(&mut parent, vertices[0]);
             joined.binary_search(&own).is_err()
         });
         let may_split = joined.len() < before || vanished;
@@ -294,9 +362,18 @@ mod tests {
     use crate::mesh::generate::box_tets;
     use glam::DVec3;
 
-    fn body(cells: [usize; 3]) -> BodyRows {
+    /// A box, with a membrane on its surface and through some of its inside if asked for.
+    fn body(cells: [usize; 3], skin: bool) -> BodyRows {
         let mesh = box_tets(DVec3::ONE, cells).unwrap();
-        let layout = BodyLayout::new(mesh.points.len(), &mesh.tetrahedra);
+        let mut membrane = if skin { mesh.surface_triangles() } else { Vec::new() };
+        if skin {
+            let inner = mesh.tetrahedra.iter().step_by(3).map(|t| [t[0], t[1], t[2]]);
+            membrane.extend(inner);
+            membrane.iter_mut().for_each(|t| t.sort_unstable());
+            membrane.sort_unstable();
+            membrane.dedup();
+        }
+        let layout = BodyLayout::with_membrane(mesh.points.len(), &mesh.tetrahedra, &membrane);
         BodyRows {
             name: String::new(),
             vertices: 0..0,
@@ -308,8 +385,8 @@ mod tests {
             size: 1.0,
             piece: Vec::new(),
             splits: 0,
-            membrane: Vec::new(),
-            membrane_order: Vec::new(),
+            membrane: layout.membrane,
+            membrane_order: layout.membrane_order,
         }
     }
 
@@ -322,32 +399,49 @@ mod tests {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             ((state >> 33) as usize) % n
         };
-        for cells in [[1, 1, 1], [4, 1, 1], [3, 3, 2]] {
-            let body = body(cells);
+        let cases = [[1, 1, 1], [4, 1, 1], [3, 3, 2]].into_iter();
+        for (cells, skin) in cases.flat_map(|cells| [(cells, false), (cells, true)]) {
+            let body = body(cells, skin);
             let mut connectivity = Connectivity::new(&body);
             let mut pieces = connectivity.pieces().iter().max().copied();
             let mut splits = 0;
-            while connectivity.remaining() > 0 {
+            while connectivity.remaining() + connectivity.membrane_remaining() > 0 {
                 let left: Vec<u32> = (0..body.tetrahedra.len() as u32)
                     .filter(|&t| connectivity.is_present(t))
                     .collect();
-                let mut batch: Vec<u32> =
-                    (0..1 + next(4)).map(|_| left[next(left.len())]).collect();
-                batch.sort_unstable();
-                batch.dedup();
-                let touched = connectivity.remove(&batch);
+                let sheets: Vec<u32> = (0..body.membrane.len() as u32)
+                    .filter(|&t| connectivity.is_membrane_present(t))
+                    .collect();
+                let mut some = |left: &[u32]| {
+                    let count = if left.is_empty() { 0 } else { next(5) };
+                    let mut batch: Vec<u32> = (0..count).map(|_| left[next(left.len())]).collect();
+                    batch.sort_unstable();
+                    batch.dedup();
+                    batch
+                };
+                let touched = connectivity.remove(&some(&left), &some(&sheets));
                 let kept: Vec<[u32; 4]> = (0..body.tetrahedra.len() as u32)
                     .filter(|&t| connectivity.is_present(t))
                     .map(|t| body.tetrahedra[t as usize])
                     .collect();
                 assert_eq!(kept.len(), connectivity.remaining());
-                let fresh = Cells::new(body.vertex_order.len(), &kept, &body.membrane);
+                let sheets: Vec<[u32; 3]> = (0..body.membrane.len() as u32)
+                    .filter(|&t| connectivity.is_membrane_present(t))
+                    .map(|t| body.membrane[t as usize])
+                    .collect();
+                assert_eq!(sheets.len(), connectivity.membrane_remaining());
+                let fresh = Cells::new(body.vertex_order.len(), &kept, &sheets);
                 let cells = &connectivity.cells;
                 let edges: Vec<[u32; 2]> = (0..cells.edges.len() as u32)
                     .filter(|&e| connectivity.uses_edge(e))
                     .map(|e| cells.edges[e as usize])
                     .collect();
                 assert_eq!(edges, fresh.edges);
+                let triangles: Vec<[u32; 3]> = (0..cells.triangles.len() as u32)
+                    .filter(|&f| connectivity.uses_triangle(f))
+                    .map(|f| cells.triangles[f as usize])
+                    .collect();
+                assert_eq!(triangles, fresh.triangles);
                 let mut surface: Vec<[u32; 3]> = connectivity
                     .surface()
                     .map(|(mut f, _)| {

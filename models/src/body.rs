@@ -21,7 +21,7 @@ use sinew_engine::vertex::{
 };
 
 use crate::corotational::{Corotational, WarpedStiffness};
-use crate::field::{FieldError, MaterialField};
+use crate::field::{FieldError, MaterialArrays, MaterialField};
 use crate::fused::{
     self, Compression, CompressionModulus, FirstLameParameter, FusedStVK, PooledProjection,
     ShearModulus, TetrahedronLaw,
@@ -280,12 +280,21 @@ pub struct SoftBody {
     pub index: usize,
     /// Material.
     pub material: YoungPoisson,
+    /// What varies of it from tetrahedron to tetrahedron.
+    pub arrays: MaterialArrays,
     /// Energy.
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
     /// Thickness (m), material, energy and evaluation of its membrane.
     pub membrane: Option<(f64, YoungPoisson, MembraneModel, Evaluation)>,
+}
+
+impl SoftBody {
+    /// Material of its tetrahedra, in the order of the user's mesh.
+    pub fn field(&self) -> MaterialField<'_> {
+        self.arrays.field(self.material)
+    }
 }
 
 /// Builds a body: orders the mesh, precomputes stiffnesses, spawns one entity per vertex, tetrahedron
@@ -468,8 +477,9 @@ pub fn spawn_body<S: Scalar>(
     let tables = ElementTables::of(world);
     world.insert_resource(tables);
     let (material, model, evaluation) = (body.material, body.model, body.evaluation);
+    let arrays = MaterialArrays::of(&field);
     let membrane = membrane.map(|m| (m.thickness, m.material, m.model, m.evaluation));
-    Ok(world.spawn(SoftBody { index, material, model, evaluation, membrane }).id())
+    Ok(world.spawn(SoftBody { index, material, arrays, model, evaluation, membrane }).id())
 }
 
 /// Tetrahedra of a law with a table of its own, marked by the law itself.

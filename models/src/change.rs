@@ -4,16 +4,17 @@
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::element::{
-    EdgeBlock, MembraneBlocks, MembraneVertices, TETRAHEDRON_FACES, TetrahedronBlocks,
+    EdgeBlock, MembraneBlocks, MembraneVertices, RestVolume, TETRAHEDRON_FACES, TetrahedronBlocks,
     TetrahedronIndex, TetrahedronVertices,
 };
+use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{BodyId, Mass, RestPosition};
 use std::collections::HashMap;
 
 use crate::body::{Evaluation, Model, SoftBody, moduli_bundle};
-use crate::field::{FieldError, MaterialField};
+use crate::field::{FieldError, MaterialArrays, MaterialField};
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::membrane::{self, RestTriangle};
 use crate::pooled::{AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness};
@@ -23,7 +24,11 @@ use crate::sheet::{MembraneModel, surface};
 
 /// Gives the tetrahedra of body number `body` (index into [`Topology::bodies`]) the material of `field`:
 /// moduli, constants of pooled and edge springs, masses. Displacements and velocities stay; so does the
-/// material of its membrane.
+/// material of its membrane. Arrays of the field are those of the whole mesh, also after removals.
+///
+/// Removed elements stay removed, and masses are summed over what is left: what
+/// [`MassPolicy::Keep`](crate::resection::MassPolicy::Keep) left of removed elements at vertices that have
+/// others goes; a vertex without elements keeps the mass that it has, whatever the new material.
 ///
 /// What solvers remember is not touched: `sinew::simulation::Simulation::set_material` does that too.
 ///
@@ -44,6 +49,7 @@ pub fn set_material<S: Scalar>(
         return Ok(());
     };
     soft.material = field.material;
+    soft.arrays = MaterialArrays::of(field);
     let soft = soft.clone();
     let own = |id: &BodyId| id.0 as usize == body;
     let rest: Vec<DVec3> = world.query::<&RestPosition>().iter(world).map(|x| x.0).collect();
@@ -58,7 +64,7 @@ pub fn set_material<S: Scalar>(
         &TetrahedronVertices,
         &TetrahedronBlocks,
         &TetrahedronIndex,
-        &BodyId,
+        (&BodyId, &RestVolume<S>),
         (&mut FirstLameParameter<S>, &mut ShearModulus<S>, &mut CompressionModulus<S>),
         Option<(
             &mut VolumetricStiffness<S, 0>,
@@ -66,8 +72,9 @@ pub fn set_material<S: Scalar>(
             &mut VolumetricStiffness<S, 2>,
         )>,
     )>();
-    for (nodes, blocks, index, id, moduli, volumetric) in tetrahedra.iter_mut(world) {
-        if !own(id) {
+    for (nodes, blocks, index, (id, volume), moduli, volumetric) in tetrahedra.iter_mut(world) {
+        // removed ones have no volume
+        if !own(id) || volume.0 == S::ZERO {
             continue;
         }
         let lame = lame[index.0 as usize];
@@ -106,6 +113,7 @@ pub fn set_material<S: Scalar>(
         let mut triangles = world.query::<(&MembraneVertices, &MembraneBlocks, &BodyId)>();
         for (nodes, blocks, _) in triangles.iter(world).filter(|(_, _, id)| own(id)) {
             let points = nodes.0.map(|v| rest[v as usize].to_array());
+            // removed ones have no area
             let Ok(shape) = RestTriangle::new(points) else { continue };
             for v in nodes.0 {
                 mass[(v - rows.vertices.start) as usize] += surface_density * shape.area / 3.0;
@@ -148,8 +156,10 @@ pub fn set_material<S: Scalar>(
     }
     let mut masses = world.query::<(&BodyId, &mut Mass<S>)>();
     let own_masses = masses.iter_mut(world).filter(|(id, _)| own(id));
-    for ((_, mut m), new) in own_masses.zip(mass) {
-        m.0 = S::from_f64(new);
+    for (((_, mut m), new), &piece) in own_masses.zip(mass).zip(&rows.piece) {
+        if piece != UNUSED {
+            m.0 = S::from_f64(new);
+        }
     }
     Ok(())
 }

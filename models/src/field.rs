@@ -1,5 +1,6 @@
 //! A material that varies from tetrahedron to tetrahedron.
 
+use std::sync::Arc;
 use thiserror::Error;
 
 use crate::material::{LameParameters, MaterialError, YoungPoisson};
@@ -28,6 +29,35 @@ pub struct MaterialField<'a> {
     pub poisson_ratio: Option<&'a [f64]>,
     /// Densities, kg/m^3.
     pub density: Option<&'a [f64]>,
+}
+
+/// The arrays of a [`MaterialField`], kept with the body.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MaterialArrays {
+    young_modulus: Option<Arc<[f64]>>,
+    poisson_ratio: Option<Arc<[f64]>>,
+    density: Option<Arc<[f64]>>,
+}
+
+impl MaterialArrays {
+    /// Those of a field.
+    pub fn of(field: &MaterialField) -> Self {
+        Self {
+            young_modulus: field.young_modulus.map(Arc::from),
+            poisson_ratio: field.poisson_ratio.map(Arc::from),
+            density: field.density.map(Arc::from),
+        }
+    }
+
+    /// The field that they and the material of the whole body make.
+    pub fn field(&self, material: YoungPoisson) -> MaterialField<'_> {
+        MaterialField {
+            material,
+            young_modulus: self.young_modulus.as_deref(),
+            poisson_ratio: self.poisson_ratio.as_deref(),
+            density: self.density.as_deref(),
+        }
+    }
 }
 
 /// A field that cannot be used.

@@ -138,6 +138,13 @@ pub fn activate<S: Scalar>(world: &mut World) {
     collect_faces::<S>(world);
 }
 
+/// Makes the faces fit at once what bodies lost.
+pub(crate) fn refresh<S: Scalar>(world: &mut World) {
+    if world.contains_resource::<PressureFaces<S>>() {
+        collect_faces::<S>(world);
+    }
+}
+
 fn pressures_changed<S: Scalar>(world: &mut World) -> bool {
     world.is_resource_changed::<PressureFaces<S>>()
 }

@@ -1,20 +1,26 @@
-//! Resection: tetrahedra are removed while the scene runs.
+//! Resection: tetrahedra and membrane triangles are removed while the scene runs.
 //!
 //! A removed tetrahedron keeps its table row for the time being, with moduli, volume and shape
-//! vectors 0: every law then gives exact zeros for it, and `J = 1`. Pooled constants of the edges and
-//! triangles round it are summed again over the tetrahedra that are left, never subtracted, so they do
-//! not drift. A batch costs in proportion to the elements it touches, but for choosing elements by a
-//! region or by their state, which looks at every one. Once more than a quarter of a body's
-//! rows are dead, tables and edge graph are compacted in place, in their order.
+//! vectors 0: every law then gives exact zeros for it, and `J = 1`. A removed membrane triangle gets
+//! moduli 0 and is drawn together into one vertex, which leaves its area ratio at 1. Pooled constants of
+//! the edges and triangles round them are summed again over the elements that are left, never
+//! subtracted, so they do not drift. A batch costs in proportion to the elements it touches, but for
+//! choosing elements by a region or by their state, which looks at every one. Once more than a quarter of
+//! a body's rows of either kind are dead, tables and edge graph are compacted in place, in their order.
 //!
 //! Vertices keep their rows, so constraints and loads stay valid. One that has lost its last element
 //! flies freely if it has mass left, and stays where it is if not ([`MassPolicy`]).
 //!
+//! A follower pressure goes on acting on a face for as long as an element of either kind has it; faces
+//! that none has any more leave their [`Pressure`] for good. The surface that a cut lays open carries no
+//! pressure until it is given one.
+//!
 //! Removing elements is an action from outside: their elastic energy (and the kinetic energy of the
 //! removed mass) leaves the scene, see [`RemovalReport`].
 //!
-//! [`remove_tetrahedra`] acts at once. In a schedule, spawn a [`RemovalRequest`]: it is carried out in
-//! [`StepSystems::Edit`], and [`RemovalLog`] tells what came of it.
+//! [`remove_elements`] acts at once. In a schedule, spawn a [`RemovalRequest`]: it is carried out in
+//! [`StepSystems::Edit`], with the others of the same body and [`MassPolicy`] that were made in a row as one
+//! batch, and [`RemovalLog`] tells what came of it.
 
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
@@ -22,10 +28,11 @@ use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
 use sinew_engine::connectivity::{Connectivity, Touched};
 use sinew_engine::element::{
-    EdgeVertices, RestVolume, ShapeGradient, ShapeGradients, TetrahedronIndex,
-    displacement_gradient, volume_change,
+    EdgeVertices, MembraneBlocks, MembraneIndex, MembraneVertices, RestVolume, ShapeGradient,
+    ShapeGradients, TetrahedronIndex, displacement_gradient, volume_change,
 };
 use sinew_engine::layout::UNUSED;
+use sinew_engine::load::Pressure;
 use sinew_engine::scalar::{Scalar, sub};
 use sinew_engine::schedule::{StepSchedule, StepSystems};
 use sinew_engine::topology::{ElementTables, Topology};
@@ -36,12 +43,18 @@ use std::time::{Duration, Instant};
 use crate::body::{Evaluation, Model, SoftBody, angular_place};
 use crate::corotational::{Corotational, WarpedStiffness};
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
+use crate::fused_membrane::{
+    MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
+};
 use crate::linear::Linear;
 use crate::material::LameParameters;
+use crate::membrane::{self, RestTriangle};
 use crate::neo_hookean::NeoHookean;
 use crate::pooled::{AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness};
 use crate::precompute::{ADJACENT_PAIRS, EDGES, RestTetrahedron, SpringConstants};
-use crate::quadratic::{self, Stretch};
+use crate::pressure;
+use crate::quadratic::{self, MassSpring, Stretch};
+use crate::sheet::{MembraneModel, surface};
 use crate::spring::tensile_energy;
 use crate::stvk_fem::StVKFem;
 use crate::tetrahedron::{self, Element, green_strain, second_piola_kirchhoff};
@@ -51,11 +64,14 @@ mod verify;
 
 pub use verify::{FreshDifference, compare_with_fresh};
 
-/// Which tetrahedra of a body to remove. Positions are those at the present state.
+/// Which elements of a body to remove: all but the lists take tetrahedra and membrane triangles alike.
+/// Positions are those at the present state.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Region {
-    /// By their indices in the user's mesh.
+    /// Tetrahedra by their indices in the user's mesh.
     Tetrahedra(Vec<u32>),
+    /// Membrane triangles by their indices in the user's list.
+    Triangles(Vec<u32>),
     /// Those whose barycentre lies within a sphere.
     Sphere {
         /// Centre (m).
@@ -80,19 +96,19 @@ pub enum Region {
         above: f64,
     },
     /// Those whose von Mises equivalent of the Cauchy stress is above a limit. The stress is that of
-    /// St Venant-Kirchhoff with the moduli of the element, whatever the model; the compression term is
-    /// a pressure and plays no part.
+    /// St Venant-Kirchhoff with the moduli of the element (of plane stress in a membrane, over its
+    /// deformed thickness at constant volume), whatever the model; compression terms play no part.
     Stress {
         /// The limit (Pa).
         above: f64,
     },
 }
 
-/// What becomes of the mass of the vertices of removed tetrahedra.
+/// What becomes of the mass of the vertices of removed elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MassPolicy {
-    /// Their masses are summed again over the tetrahedra that are left: removed matter is gone
+    /// Their masses are summed again over the elements that are left: removed matter is gone
     /// (default). A vertex without element has no mass then and stays where it is.
     #[default]
     Recompute,
@@ -103,7 +119,7 @@ pub enum MassPolicy {
 /// What to remove.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Removal {
-    /// Which tetrahedra.
+    /// Which elements.
     pub region: Region,
     /// What becomes of their mass.
     pub mass: MassPolicy,
@@ -121,21 +137,27 @@ impl Removal {
 pub struct RemovalReport {
     /// Tetrahedra removed, by their indices in the user's mesh, ascending.
     pub tetrahedra: Vec<u32>,
+    /// Membrane triangles removed, by their indices in the user's list, ascending.
+    pub triangles: Vec<u32>,
     /// Tetrahedra left in the body.
     pub remaining: usize,
-    /// Mesh edges that no tetrahedron uses any more.
+    /// Membrane triangles left in the body.
+    pub remaining_triangles: usize,
+    /// Mesh edges that no element uses any more.
     pub edges: usize,
-    /// Mesh triangles that no tetrahedron uses any more.
-    pub triangles: usize,
-    /// Vertices that lost their last tetrahedron, by their indices in the user's mesh, ascending.
+    /// Mesh faces that no element uses any more.
+    pub faces: usize,
+    /// Faces that follower pressures lost with them.
+    pub pressure_faces: usize,
+    /// Vertices that lost their last element, by their indices in the user's mesh, ascending.
     pub orphans: Vec<u32>,
-    /// Connected pieces of the body now; vertices without tetrahedra are none.
+    /// Connected pieces of the body now; vertices without elements are none.
     pub pieces: usize,
-    /// Volume removed (m^3, at rest).
+    /// Volume of the removed tetrahedra (m^3, at rest).
     pub volume: f64,
     /// Mass removed (kg); 0 when masses are kept.
     pub mass: f64,
-    /// Elastic energy (J) that left with the tetrahedra.
+    /// Elastic energy (J) that left with the elements.
     pub elastic_energy: f64,
     /// Kinetic energy (J) that left with the mass.
     pub kinetic_energy: f64,
@@ -157,26 +179,29 @@ pub enum RemovalError {
         /// Number of bodies.
         count: usize,
     },
-    /// There is no such tetrahedron.
-    #[error("body `{body}` has no tetrahedron {tetrahedron}: indices must be below {count}")]
-    Tetrahedron {
+    /// There is no such tetrahedron or membrane triangle.
+    #[error("body `{body}` has no {kind} {index}: indices must be below {count}")]
+    Element {
         /// Name of the body.
         body: String,
+        /// `"tetrahedron"` or `"membrane triangle"`.
+        kind: &'static str,
         /// Index asked for.
-        tetrahedron: u32,
-        /// Number of tetrahedra in the user's mesh.
+        index: u32,
+        /// Number of those in the user's mesh.
         count: usize,
     },
     /// It is gone already, or named twice.
     #[error(
-        "tetrahedron {tetrahedron} of body `{body}` was removed before or is named twice; ask which \
-         ones are left"
+        "{kind} {index} of body `{body}` was removed before or is named twice; ask which ones are left"
     )]
     Removed {
         /// Name of the body.
         body: String,
+        /// `"tetrahedron"` or `"membrane triangle"`.
+        kind: &'static str,
         /// Index asked for.
-        tetrahedron: u32,
+        index: u32,
     },
     /// A number of the region cannot be used.
     #[error("region of the removal: {quantity} is {value}, it must be {range}")]
@@ -221,8 +246,9 @@ impl RemovalRequest {
     }
 }
 
-/// What came of the [`RemovalRequest`]s of the last step, with the index of the body. A request that
-/// fails changes nothing and does not stop the step.
+/// What came of the [`RemovalRequest`]s of the last step, with the index of the body: a report for every
+/// batch, after the errors of its requests. A request that fails changes nothing and does not stop the
+/// step; an element of a list that an earlier request of the batch takes counts as removed.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct RemovalLog(pub Vec<(usize, Result<RemovalReport, RemovalError>)>);
 
@@ -244,18 +270,30 @@ struct BodyResection {
     connectivity: Connectivity,
     /// Index in the user's mesh -> tetrahedron.
     tetrahedron_of: Vec<u32>,
-    /// Entities in whose rows the tetrahedra, edges and triangles stand; a placeholder for those that
-    /// have no row.
+    /// Index in the user's list -> membrane triangle.
+    membrane_of: Vec<u32>,
+    /// Entities in whose rows the elements stand; a placeholder for those that have no row.
     rows: Entities,
-    /// Removed tetrahedra that still have a row.
-    dead: usize,
+    /// Removed tetrahedra and membrane triangles that still have a row.
+    dead: [usize; 2],
+    /// Number of connected pieces.
+    pieces: usize,
+}
+
+/// Elements of both kinds, each list ascending.
+#[derive(Clone, Debug, Default)]
+struct Chosen {
+    tetrahedra: Vec<u32>,
+    membrane: Vec<u32>,
 }
 
 #[derive(Debug, Default)]
 struct Entities {
     tetrahedra: Vec<Entity>,
-    edges: Vec<Entity>,
+    /// Edges of pooled springs, and those that are springs by themselves.
+    edges: [Vec<Entity>; 2],
     triangles: Vec<Entity>,
+    membrane: Vec<Entity>,
 }
 
 /// Part of a body's rows that may be dead.
@@ -278,14 +316,22 @@ fn apply_removal_requests<S: Scalar>(world: &mut World) {
     let mut query = world.query::<(Entity, &RemovalRequest)>();
     let mut requests: Vec<_> = query.iter(world).map(|(e, r)| (e, r.clone())).collect();
     requests.sort_unstable_by_key(|(_, request)| request.sequence);
-    for (entity, RemovalRequest { body, removal, .. }) in requests {
+    let mut requests = requests.into_iter().peekable();
+    while let Some((entity, RemovalRequest { body, removal, .. })) = requests.next() {
         world.despawn(entity);
-        let result = remove_tetrahedra::<S>(world, body, &removal);
-        world.resource_mut::<RemovalLog>().0.push((body, result));
+        let mut regions = vec![removal.region];
+        let same = |r: &RemovalRequest| r.body == body && r.removal.mass == removal.mass;
+        while let Some((entity, next)) = requests.next_if(|(_, request)| same(request)) {
+            world.despawn(entity);
+            regions.push(next.removal.region);
+        }
+        let results = remove_batch::<S>(world, body, &regions, removal.mass);
+        let log = &mut world.resource_mut::<RemovalLog>().0;
+        log.extend(results.into_iter().map(|result| (body, result)));
     }
 }
 
-/// Finds out what [`remove_tetrahedra`] needs to know about a body, which it otherwise does at first
+/// Finds out what [`remove_elements`] needs to know about a body, which it otherwise does at first
 /// use. Linear in the size of the body.
 ///
 /// # Errors
@@ -299,15 +345,18 @@ pub fn prepare_removals(world: &mut World, body: usize) -> Result<(), RemovalErr
     resection.bodies.resize_with(count, || None);
     if resection.bodies[body].is_none() {
         let rows = &world.resource::<Topology>().bodies[body];
-        let mut tetrahedron_of = vec![0; rows.tetrahedra.len()];
-        for (t, &index) in rows.tetrahedron_order.iter().enumerate() {
-            tetrahedron_of[index as usize] = t as u32;
-        }
+        let inverse = |order: &[u32]| {
+            let mut inverse = vec![0; order.len()];
+            (0..).zip(order).for_each(|(t, &index)| inverse[index as usize] = t);
+            inverse
+        };
         resection.bodies[body] = Some(BodyResection {
             connectivity: Connectivity::new(rows),
-            tetrahedron_of,
+            tetrahedron_of: inverse(&rows.tetrahedron_order),
+            membrane_of: inverse(&rows.membrane_order),
             rows: Entities::default(),
-            dead: 0,
+            dead: [0; 2],
+            pieces: rows.piece_count(),
         });
         resection.find_rows(world);
     }
@@ -322,12 +371,13 @@ impl Resection {
         let first: Vec<u32> = topology.bodies.iter().map(|b| b.vertices.start).collect();
         for own in self.bodies.iter_mut().flatten() {
             let cells = &own.connectivity.cells;
-            own.rows.tetrahedra.clear();
-            own.rows.tetrahedra.resize(own.tetrahedron_of.len(), Entity::PLACEHOLDER);
-            own.rows.edges.clear();
-            own.rows.edges.resize(cells.edges.len(), Entity::PLACEHOLDER);
-            own.rows.triangles.clear();
-            own.rows.triangles.resize(cells.triangles.len(), Entity::PLACEHOLDER);
+            let none = |count: usize| vec![Entity::PLACEHOLDER; count];
+            own.rows = Entities {
+                tetrahedra: none(own.tetrahedron_of.len()),
+                edges: [none(cells.edges.len()), none(cells.edges.len())],
+                triangles: none(cells.triangles.len()),
+                membrane: none(own.membrane_of.len()),
+            };
         }
         for (entity, index, body) in
             world.query::<(Entity, &TetrahedronIndex, &BodyId)>().iter(world)
@@ -336,11 +386,18 @@ impl Resection {
                 own.rows.tetrahedra[own.tetrahedron_of[index.0 as usize] as usize] = entity;
             }
         }
-        for (entity, edge, body) in world.query::<(Entity, &EdgeVertices, &BodyId)>().iter(world) {
+        for (entity, index, body) in world.query::<(Entity, &MembraneIndex, &BodyId)>().iter(world)
+        {
+            if let Some(own) = &mut self.bodies[body.0 as usize] {
+                own.rows.membrane[own.membrane_of[index.0 as usize] as usize] = entity;
+            }
+        }
+        let mut edges = world.query::<(Entity, &EdgeVertices, &BodyId, Has<MassSpring>)>();
+        for (entity, edge, body, alone) in edges.iter(world) {
             if let Some(own) = &mut self.bodies[body.0 as usize] {
                 let local = edge.0.map(|v| v - first[body.0 as usize]);
                 if let Ok(at) = own.connectivity.cells.edges.binary_search(&local) {
-                    own.rows.edges[at] = entity;
+                    own.rows.edges[usize::from(alone)][at] = entity;
                 }
             }
         }
@@ -357,31 +414,48 @@ impl Resection {
     }
 }
 
-/// Removes tetrahedra of a body, between steps.
+/// Removes elements of a body, between steps.
 ///
 /// The work is done on the calling thread in a fixed order.
 ///
 /// # Errors
-/// When the region cannot be used, or names a tetrahedron that does not exist, is gone already or
-/// comes twice; nothing is changed then. A region that holds no tetrahedra is no error.
-pub fn remove_tetrahedra<S: Scalar>(
+/// When the region cannot be used, or names an element that does not exist, is gone already or comes
+/// twice; nothing is changed then. A region that holds no element is no error.
+pub fn remove_elements<S: Scalar>(
     world: &mut World,
     body: usize,
     removal: &Removal,
 ) -> Result<RemovalReport, RemovalError> {
+    let regions = std::slice::from_ref(&removal.region);
+    let mut results = remove_batch::<S>(world, body, regions, removal.mass);
+    results.swap_remove(0)
+}
+
+/// Removes what several regions hold as one batch: the errors of regions that cannot be used, then the
+/// report of the others, if there are any.
+fn remove_batch<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    regions: &[Region],
+    mass: MassPolicy,
+) -> Vec<Result<RemovalReport, RemovalError>> {
     let start = Instant::now();
-    check_region(&removal.region)?;
-    prepare_removals(world, body)?;
+    if let Err(error) = prepare_removals(world, body) {
+        return vec![Err(error); regions.len()];
+    }
     if let Some(spawned) = world.get_resource::<ElementTables>()
         && *spawned != ElementTables::of(world)
     {
         let body = world.resource::<Topology>().bodies[body].name.clone();
-        return Err(RemovalError::LayoutChanged { body });
+        return vec![Err(RemovalError::LayoutChanged { body }); regions.len()];
     }
     let mut resection = world.remove_resource::<Resection>().unwrap_or_default();
-    let result = resection.remove::<S>(world, body, removal);
+    let mut results = resection.remove::<S>(world, body, regions, mass);
     world.insert_resource(resection);
-    result.map(|report| RemovalReport { time: start.elapsed(), ..report })
+    for report in results.iter_mut().flatten() {
+        report.time = start.elapsed();
+    }
+    results
 }
 
 fn check_region(region: &Region) -> Result<(), RemovalError> {
@@ -398,7 +472,7 @@ fn check_region(region: &Region) -> Result<(), RemovalError> {
         }),
     };
     match region {
-        Region::Tetrahedra(_) => Ok(()),
+        Region::Tetrahedra(_) | Region::Triangles(_) => Ok(()),
         Region::Sphere { centre, radius } => {
             point("centre", *centre).and_then(|()| positive("radius", *radius))
         }
@@ -460,40 +534,52 @@ macro_rules! element {
     }};
 }
 
-/// Rest positions and displacements (m) of the vertices of one body.
-struct Vertices {
-    rest: Vec<DVec3>,
-    displacement: Vec<DVec3>,
+/// Rest positions and displacements (m) of all vertices of a world, as one body numbers them.
+struct Vertices<'a, S: Scalar> {
+    rest: &'a [RestPosition],
+    displacement: &'a [Displacement<S>],
 }
 
-impl Vertices {
-    fn read<S: Scalar>(world: &mut World, body: usize) -> Self {
+type VertexQuery<S> = QueryState<(&'static RestPosition, &'static Displacement<S>)>;
+
+impl<'a, S: Scalar> Vertices<'a, S> {
+    /// Nothing is copied.
+    fn of(query: &'a mut VertexQuery<S>, world: &'a World, body: usize) -> Self {
         let rows = world.resource::<Topology>().bodies[body].vertices.clone();
         let rows = rows.start as usize..rows.end as usize;
-        let mut query = world.query::<(&RestPosition, &Displacement<S>)>();
-        let Some((rest, displacement)) = single_table(query.contiguous_iter(world)) else {
-            return Self { rest: Vec::new(), displacement: Vec::new() };
-        };
-        let vector =
-            |u: &Displacement<S>| DVec3::new(u.0[0].to_f64(), u.0[1].to_f64(), u.0[2].to_f64());
-        Self {
-            rest: rest[rows.clone()].iter().map(|x| x.0).collect(),
-            displacement: displacement[rows].iter().map(vector).collect(),
+        match single_table(query.contiguous_iter(world)) {
+            Some((rest, u)) => Self { rest: &rest[rows.clone()], displacement: &u[rows] },
+            None => Self { rest: &[], displacement: &[] },
         }
     }
 
-    fn position(&self, vertex: u32) -> DVec3 {
-        self.rest[vertex as usize] + self.displacement[vertex as usize]
+    fn displacement(&self, vertex: u32) -> DVec3 {
+        let u = self.displacement[vertex as usize].0;
+        DVec3::new(u[0].to_f64(), u[1].to_f64(), u[2].to_f64())
     }
 
-    fn displacements(&self, tetrahedron: [u32; 4]) -> [[f64; 3]; 4] {
-        tetrahedron.map(|v| self.displacement[v as usize].to_array())
+    fn barycentre(&self, vertices: &[u32]) -> DVec3 {
+        let sum: DVec3 =
+            vertices.iter().map(|&v| self.rest[v as usize].0 + self.displacement(v)).sum();
+        sum / vertices.len() as f64
+    }
+
+    fn displacements<const N: usize>(&self, vertices: [u32; N]) -> [[f64; 3]; N] {
+        vertices.map(|v| self.displacement(v).to_array())
+    }
+
+    fn rest<const N: usize>(&self, vertices: [u32; N]) -> [[f64; 3]; N] {
+        vertices.map(|v| self.rest[v as usize].0.to_array())
     }
 
     /// Rest shape; it was found usable when the body was built.
-    fn rest_shape(&self, tetrahedron: [u32; 4]) -> RestTetrahedron {
-        RestTetrahedron::new(tetrahedron.map(|v| self.rest[v as usize].to_array()))
-            .expect("the body was built with it")
+    fn rest_tetrahedron(&self, vertices: [u32; 4]) -> RestTetrahedron {
+        RestTetrahedron::new(self.rest(vertices)).expect("the body was built with it")
+    }
+
+    /// The same of a membrane triangle.
+    fn rest_triangle(&self, vertices: [u32; 3]) -> RestTriangle {
+        RestTriangle::new(self.rest(vertices)).expect("the body was built with it")
     }
 }
 
@@ -502,27 +588,36 @@ impl Resection {
         &mut self,
         world: &mut World,
         body: usize,
-        removal: &Removal,
-    ) -> Result<RemovalReport, RemovalError> {
-        let Some(own) = &mut self.bodies[body] else { return Ok(RemovalReport::default()) };
-        let Some(soft) = world.query::<&SoftBody>().iter(world).find(|b| b.index == body).cloned()
-        else {
-            return Ok(RemovalReport::default());
+        regions: &[Region],
+        mass: MassPolicy,
+    ) -> Vec<Result<RemovalReport, RemovalError>> {
+        let soft = world.query::<&SoftBody>().iter(world).find(|b| b.index == body).cloned();
+        let (Some(own), Some(soft)) = (&mut self.bodies[body], soft) else {
+            return vec![Ok(RemovalReport::default())];
         };
-        let vertices = Vertices::read::<S>(world, body);
-        let chosen = own.choose::<S>(world, body, &removal.region, &vertices)?;
-        let mut report = RemovalReport::default();
-        for (&t, element) in chosen.iter().zip(own.elements::<S>(world, &chosen)) {
-            let nodes = own.connectivity.tetrahedra[t as usize];
-            report.elastic_energy += energy(soft.model, &element, nodes, &vertices);
-            report.volume += element.volume;
+        let mut results = Vec::new();
+        let mut chosen = Chosen::default();
+        for region in regions {
+            let found =
+                check_region(region).and_then(|()| own.choose::<S>(world, &soft, region, &chosen));
+            match found {
+                Ok(found) => chosen.add(found),
+                Err(error) => results.push(Err(error)),
+            }
         }
+        if results.len() == regions.len() {
+            return results;
+        }
+        let mut report = RemovalReport::default();
+        own.book_energies::<S>(world, &soft, &chosen, &mut report);
         own.clear::<S>(world, &chosen);
-        let touched = own.connectivity.remove(&chosen);
-        own.sum_constants::<S>(world, &soft, &touched, &vertices);
-        if removal.mass == MassPolicy::Recompute {
-            let density = soft.material.density;
-            own.sum_masses::<S>(world, body, density, &touched, &vertices, &mut report);
+        let touched = own.connectivity.remove(&chosen.tetrahedra, &chosen.membrane);
+        own.sum_constants::<S>(world, &soft, &touched);
+        if mass == MassPolicy::Recompute {
+            own.sum_masses::<S>(world, &soft, &touched, &mut report);
+        }
+        if !touched.unused_triangles.is_empty() {
+            report.pressure_faces = own.drop_pressures(world, body);
         }
 
         let mut topology = world.resource_mut::<Topology>();
@@ -546,89 +641,184 @@ impl Resection {
             if pieces != of_body.piece {
                 of_body.piece = pieces;
                 of_body.splits += 1;
+                own.pieces = of_body.piece_count();
             }
         }
-        report.pieces = of_body.piece_count();
-        let index = |v: &u32| of_body.vertex_order[*v as usize];
-        report.orphans = touched.orphans.iter().map(index).collect();
-        report.orphans.sort_unstable();
-        let index = |t: &u32| of_body.tetrahedron_order[*t as usize];
-        report.tetrahedra = chosen.iter().map(index).collect();
-        report.tetrahedra.sort_unstable();
+        report.pieces = own.pieces;
+        let sorted = |of: &[u32], order: &[u32]| {
+            let mut user: Vec<u32> = of.iter().map(|&i| order[i as usize]).collect();
+            user.sort_unstable();
+            user
+        };
+        report.orphans = sorted(&touched.orphans, &of_body.vertex_order);
+        report.tetrahedra = sorted(&chosen.tetrahedra, &of_body.tetrahedron_order);
+        report.triangles = sorted(&chosen.membrane, &of_body.membrane_order);
         report.remaining = own.connectivity.remaining();
+        report.remaining_triangles = own.connectivity.membrane_remaining();
         report.edges = touched.unused_edges.len();
-        report.triangles = touched.unused_triangles;
+        report.faces = touched.unused_triangles.len();
 
-        own.dead += chosen.len();
-        let rows = own.connectivity.remaining() + own.dead;
-        if own.dead as f64 > DEAD_SHARE * rows as f64 && compact::compact::<S>(world, self) {
+        let left = [report.remaining, report.remaining_triangles];
+        own.dead[0] += chosen.tetrahedra.len();
+        own.dead[1] += chosen.membrane.len();
+        let too_many =
+            |kind: usize| own.dead[kind] as f64 > DEAD_SHARE * (left[kind] + own.dead[kind]) as f64;
+        if (too_many(0) || too_many(1)) && compact::compact::<S>(world, self) {
             report.compacted = true;
         }
-        Ok(report)
+        if report.compacted || report.pressure_faces > 0 {
+            pressure::refresh::<S>(world);
+        }
+        results.push(Ok(report));
+        results
+    }
+}
+
+impl Chosen {
+    /// Adds what is not in it.
+    fn add(&mut self, other: Self) {
+        for (own, more) in
+            [(&mut self.tetrahedra, other.tetrahedra), (&mut self.membrane, other.membrane)]
+        {
+            own.extend(more);
+            own.sort_unstable();
+            own.dedup();
+        }
     }
 }
 
 impl BodyResection {
-    /// Tetrahedra of a region that are left, ascending.
+    /// Elements of a region that are left and not `taken`.
     fn choose<S: Scalar>(
         &self,
         world: &mut World,
-        body: usize,
+        soft: &SoftBody,
         region: &Region,
-        vertices: &Vertices,
-    ) -> Result<Vec<u32>, RemovalError> {
-        let all = 0..self.tetrahedron_of.len() as u32;
-        let left = all.filter(|&t| self.connectivity.is_present(t));
-        let nodes = |t: u32| self.connectivity.tetrahedra[t as usize];
-        let barycentre =
-            |t: u32| nodes(t).iter().map(|&v| vertices.position(v)).sum::<DVec3>() / 4.0;
-        let exceed = |world: &mut World, limit: f64, measure: fn(&Element<f64>, &_) -> f64| {
-            let left: Vec<u32> = left.clone().collect();
-            let elements = self.elements::<S>(world, &left);
-            let above = left.iter().zip(&elements).filter(|&(&t, element)| {
-                measure(element, &vertices.displacements(nodes(t))) > limit
-            });
-            above.map(|(&t, _)| t).collect()
-        };
-        Ok(match region {
-            Region::Tetrahedra(list) => {
-                let name = |world: &World| world.resource::<Topology>().bodies[body].name.clone();
-                let mut chosen = Vec::with_capacity(list.len());
-                for &tetrahedron in list {
-                    let count = self.tetrahedron_of.len();
-                    let Some(&t) = self.tetrahedron_of.get(tetrahedron as usize) else {
-                        let body = name(world);
-                        return Err(RemovalError::Tetrahedron { body, tetrahedron, count });
-                    };
-                    chosen.push((t, tetrahedron));
-                }
-                chosen.sort_unstable();
-                let twice = chosen.windows(2).find(|w| w[0] == w[1]).map(|w| w[0].1);
-                let gone = chosen.iter().find(|(t, _)| !self.connectivity.is_present(*t));
-                if let Some(tetrahedron) = twice.or(gone.map(|g| g.1)) {
-                    return Err(RemovalError::Removed { body: name(world), tetrahedron });
-                }
-                chosen.into_iter().map(|(t, _)| t).collect()
-            }
-            Region::Sphere { centre, radius } => {
-                left.filter(|&t| barycentre(t).distance(*centre) <= *radius).collect()
-            }
-            Region::Capsule { from, to, radius } => {
-                let axis = *to - *from;
-                let square = axis.length_squared();
-                let distance = |x: DVec3| {
-                    let along = if square > 0.0 {
-                        ((x - *from).dot(axis) / square).clamp(0.0, 1.0)
-                    } else {
-                        0.0
-                    };
-                    x.distance(*from + axis * along)
+        taken: &Chosen,
+    ) -> Result<Chosen, RemovalError> {
+        let connectivity = &self.connectivity;
+        let listed = |list: &[u32], kind, of: &[u32], is_left: &dyn Fn(u32) -> bool| {
+            let body = || world.resource::<Topology>().bodies[soft.index].name.clone();
+            let mut chosen = Vec::with_capacity(list.len());
+            for &index in list {
+                let Some(&t) = of.get(index as usize) else {
+                    let count = of.len();
+                    return Err(RemovalError::Element { body: body(), kind, index, count });
                 };
-                left.filter(|&t| distance(barycentre(t)) <= *radius).collect()
+                chosen.push((t, index));
             }
-            Region::Strain { above } => exceed(world, *above, largest_strain),
-            Region::Stress { above } => exceed(world, *above, von_mises_stress),
-        })
+            chosen.sort_unstable();
+            let twice = chosen.windows(2).find(|w| w[0] == w[1]).map(|w| w[0].1);
+            let gone = chosen.iter().find(|(t, _)| !is_left(*t));
+            match twice.or(gone.map(|g| g.1)) {
+                Some(index) => Err(RemovalError::Removed { body: body(), kind, index }),
+                None => Ok(chosen.into_iter().map(|(t, _)| t).collect()),
+            }
+        };
+        let tetrahedron_left =
+            |t: u32| connectivity.is_present(t) && taken.tetrahedra.binary_search(&t).is_err();
+        let triangle_left = |t: u32| {
+            connectivity.is_membrane_present(t) && taken.membrane.binary_search(&t).is_err()
+        };
+        match region {
+            Region::Tetrahedra(list) => {
+                let (kind, of) = ("tetrahedron", &self.tetrahedron_of);
+                let tetrahedra = listed(list, kind, of, &tetrahedron_left)?;
+                return Ok(Chosen { tetrahedra, ..Chosen::default() });
+            }
+            Region::Triangles(list) => {
+                let (kind, of) = ("membrane triangle", &self.membrane_of);
+                let membrane = listed(list, kind, of, &triangle_left)?;
+                return Ok(Chosen { membrane, ..Chosen::default() });
+            }
+            _ => {}
+        }
+        let tetrahedra: Vec<u32> =
+            (0..self.tetrahedron_of.len() as u32).filter(|&t| tetrahedron_left(t)).collect();
+        let membrane: Vec<u32> =
+            (0..self.membrane_of.len() as u32).filter(|&t| triangle_left(t)).collect();
+        let mut query = world.query();
+        match region {
+            Region::Strain { above } => {
+                let limit = *above;
+                Ok(self.exceeding::<S>(
+                    world,
+                    soft,
+                    (tetrahedra, membrane),
+                    |e, u| largest_strain(e, u) > limit,
+                    |e, u| principal(membrane_strain(e, u))[0] > limit,
+                ))
+            }
+            Region::Stress { above } => {
+                let limit = *above;
+                let thickness = soft.membrane.map_or(0.0, |m| m.0);
+                Ok(self.exceeding::<S>(
+                    world,
+                    soft,
+                    (tetrahedra, membrane),
+                    |e, u| von_mises_stress(e, u) > limit,
+                    |e, u| membrane_von_mises(e, u, thickness) > limit,
+                ))
+            }
+            _ => {
+                let vertices = Vertices::<S>::of(&mut query, world, soft.index);
+                let within = |nodes: &[u32]| region.holds(vertices.barycentre(nodes));
+                let mut chosen = Chosen { tetrahedra, membrane };
+                chosen.tetrahedra.retain(|&t| within(&connectivity.tetrahedra[t as usize]));
+                chosen.membrane.retain(|&t| within(&connectivity.membrane[t as usize]));
+                Ok(chosen)
+            }
+        }
+    }
+
+    /// Elements that fulfil a condition on their constants and displacements.
+    fn exceeding<S: Scalar>(
+        &self,
+        world: &mut World,
+        soft: &SoftBody,
+        (mut tetrahedra, mut membrane): (Vec<u32>, Vec<u32>),
+        tetrahedron: impl Fn(&Element<f64>, &[[f64; 3]; 4]) -> bool,
+        triangle: impl Fn(&membrane::Element<f64>, &[[f64; 3]; 3]) -> bool,
+    ) -> Chosen {
+        let mut query = world.query();
+        let elements = self.elements::<S>(world, &tetrahedra);
+        let vertices = Vertices::<S>::of(&mut query, world, soft.index);
+        let mut elements = elements.iter();
+        tetrahedra.retain(|&t| {
+            let u = vertices.displacements(self.connectivity.tetrahedra[t as usize]);
+            elements.next().is_some_and(|e| tetrahedron(e, &u))
+        });
+        let sheets = self.membrane_elements(soft, &membrane, &vertices);
+        let mut sheets = sheets.iter();
+        membrane.retain(|&t| {
+            let u = vertices.displacements(self.connectivity.membrane[t as usize]);
+            sheets.next().is_some_and(|e| triangle(e, &u))
+        });
+        Chosen { tetrahedra, membrane }
+    }
+
+    /// Books elastic energy and volume of the elements that go.
+    fn book_energies<S: Scalar>(
+        &self,
+        world: &mut World,
+        soft: &SoftBody,
+        chosen: &Chosen,
+        report: &mut RemovalReport,
+    ) {
+        let mut query = world.query();
+        let elements = self.elements::<S>(world, &chosen.tetrahedra);
+        let vertices = Vertices::<S>::of(&mut query, world, soft.index);
+        for (&t, element) in chosen.tetrahedra.iter().zip(elements) {
+            let nodes = self.connectivity.tetrahedra[t as usize];
+            report.elastic_energy += energy(soft.model, &element, nodes, &vertices);
+            report.volume += element.volume;
+        }
+        let Some((_, _, model, _)) = soft.membrane else { return };
+        let sheets = self.membrane_elements(soft, &chosen.membrane, &vertices);
+        for (&t, element) in chosen.membrane.iter().zip(&sheets) {
+            let u = vertices.displacements(self.connectivity.membrane[t as usize]);
+            report.elastic_energy += membrane_energy(model, element, &u);
+        }
     }
 
     /// Columns of tetrahedra that have a row.
@@ -642,10 +832,27 @@ impl BodyResection {
             .collect()
     }
 
-    /// Sets the columns of tetrahedra to zero.
-    fn clear<S: Scalar>(&self, world: &mut World, removed: &[u32]) {
+    /// Membrane triangles that are left; the membrane of a body is of one material.
+    fn membrane_elements<S: Scalar>(
+        &self,
+        soft: &SoftBody,
+        of: &[u32],
+        vertices: &Vertices<S>,
+    ) -> Vec<membrane::Element<f64>> {
+        let Some((thickness, material, model, _)) = soft.membrane else { return Vec::new() };
+        let (moduli, _) = surface(&material, thickness);
+        let compression = model == MembraneModel::CompressibleBiquadratic;
+        let element = |&t: &u32| {
+            let rest = vertices.rest_triangle(self.connectivity.membrane[t as usize]);
+            membrane::Element::new(&rest, moduli, compression)
+        };
+        of.iter().map(element).collect()
+    }
+
+    /// Makes the rows of elements dead.
+    fn clear<S: Scalar>(&self, world: &mut World, chosen: &Chosen) {
         let mut query = world.query::<Stiff<S>>();
-        for &t in removed {
+        for &t in &chosen.tetrahedra {
             let columns = query.get_mut(world, self.rows.tetrahedra[t as usize]);
             let (mut d1, mut d2, mut d3, mut volume, mut lambda, mut mu, mut compression) =
                 columns.expect("a tetrahedron that is left has a row");
@@ -659,60 +866,116 @@ impl BodyResection {
             &mut VolumetricStiffness<S, 1>,
             &mut VolumetricStiffness<S, 2>,
         )>();
-        for &t in removed {
+        for &t in &chosen.tetrahedra {
             let entity = self.rows.tetrahedra[t as usize];
             // only pooled bodies have these
             if let Ok((mut a, mut b, mut c)) = query.get_mut(world, entity) {
                 (a.0, b.0, c.0) = (S::ZERO, S::ZERO, S::ZERO);
             }
         }
+        let mut query = world.query::<(
+            &mut MembraneVertices,
+            &mut MembraneBlocks,
+            &mut MembraneFirstModulus<S>,
+            &mut MembraneShearModulus<S>,
+            &mut MembraneCompressionModulus<S>,
+        )>();
+        for &t in &chosen.membrane {
+            let columns = query.get_mut(world, self.rows.membrane[t as usize]);
+            let (mut nodes, mut blocks, mut lambda, mut mu, mut compression) =
+                columns.expect("a membrane triangle that is left has a row");
+            // one vertex, and the block that its row owns: the deformed edges are those at rest
+            nodes.0 = [nodes.0[0]; 3];
+            blocks.0 = [blocks.0[2]; 3];
+            (lambda.0, mu.0, compression.0) = (S::ZERO, S::ZERO, S::ZERO);
+        }
     }
 
-    /// Sums the constants of the touched edges and triangles again.
-    fn sum_constants<S: Scalar>(
-        &self,
-        world: &mut World,
-        soft: &SoftBody,
-        touched: &Touched,
-        vertices: &Vertices,
-    ) {
+    /// Sums the constants of the springs at the touched edges and triangles again, in the order in which
+    /// a new body sums them.
+    fn sum_constants<S: Scalar>(&self, world: &mut World, soft: &SoftBody, touched: &Touched) {
+        let Connectivity {
+            tetrahedra,
+            membrane,
+            cells,
+            round_edge,
+            round_triangle,
+            membrane_round_edge,
+            membrane_at,
+            ..
+        } = &self.connectivity;
+        // springs of pooled elements, and edges that are springs by themselves
         let pooled = soft.evaluation == Evaluation::Pooled;
-        if !pooled && soft.model != Model::MassSpring {
+        let solid = [pooled, soft.model == Model::MassSpring];
+        let sheet = soft.membrane.map_or([false; 2], |(_, _, model, evaluation)| {
+            [evaluation == Evaluation::Pooled, model == MembraneModel::MassSpring]
+        });
+        if [solid, sheet] == [[false; 2]; 2] {
             return;
         }
-        let Connectivity { tetrahedra, cells, round_edge, round_triangle, .. } = &self.connectivity;
-        let edges = touched.edges.iter().flat_map(|&e| round_edge.of(e));
-        // whoever shares a triangle with a removed tetrahedron shares its edges
-        let mut round: Vec<u32> =
-            edges.copied().filter(|&t| self.connectivity.is_present(t)).collect();
-        round.sort_unstable();
-        round.dedup();
+        // whoever shares a triangle with a removed element shares its edges
+        let mut round = Vec::new();
+        if solid != [false; 2] {
+            let edges = touched.edges.iter().flat_map(|&e| round_edge.of(e));
+            round.extend(edges.copied().filter(|&t| self.connectivity.is_present(t)));
+            round.sort_unstable();
+            round.dedup();
+        }
+        let mut sheets = Vec::new();
+        if sheet != [false; 2] {
+            let edges = touched.edges.iter().flat_map(|&e| membrane_round_edge.of(e));
+            sheets.extend(edges.copied().filter(|&t| self.connectivity.is_membrane_present(t)));
+            sheets.sort_unstable();
+            sheets.dedup();
+        }
+        let mut query = world.query();
         let elements = self.elements::<S>(world, &round);
+        let vertices = Vertices::<S>::of(&mut query, world, soft.index);
         let constants: Vec<SpringConstants> = round
             .iter()
             .zip(&elements)
             .map(|(&t, element)| {
-                SpringConstants::new(&vertices.rest_shape(tetrahedra[t as usize]), lame(element))
+                let rest = vertices.rest_tetrahedron(tetrahedra[t as usize]);
+                SpringConstants::new(&rest, lame(element))
             })
             .collect();
-        let constants = |t: u32| {
-            let at = round.binary_search(&t).expect("it is one of those around");
-            (&constants[at], tetrahedra[t as usize])
-        };
+        let moduli = soft.membrane.map(|(thickness, material, ..)| surface(&material, thickness).0);
+        let sheet_constants: Vec<membrane::SpringConstants> = sheets
+            .iter()
+            .zip(moduli.into_iter().cycle())
+            .map(|(&t, moduli)| {
+                let rest = vertices.rest_triangle(membrane[t as usize]);
+                membrane::SpringConstants::new(&rest, moduli)
+            })
+            .collect();
+        // none where the elements have no springs
+        let constants = |t: u32| Some(&constants[round.binary_search(&t).ok()?]);
+        let sheet_constants = |t: u32| Some(&sheet_constants[sheets.binary_search(&t).ok()?]);
 
         let mut query = world.query::<&mut TensileStiffness<S>>();
-        for &edge in &touched.edges {
-            let mut sum = 0.0;
-            for t in self.connectivity.left(round_edge.of(edge)) {
-                let own = &cells.tetrahedron_edges[t as usize];
-                let local = own.iter().position(|&e| e == edge).unwrap_or(0);
-                sum += constants(t).0.tensile[local];
-            }
-            if let Ok(mut stiffness) = query.get_mut(world, self.rows.edges[edge as usize]) {
-                stiffness.0 = S::from_f64(sum);
+        for kind in [0, 1] {
+            for &edge in &touched.edges {
+                let mut sum = 0.0;
+                if solid[kind] {
+                    for t in self.connectivity.left(round_edge.of(edge)) {
+                        let own = &cells.tetrahedron_edges[t as usize];
+                        let local = own.iter().position(|&e| e == edge).unwrap_or(0);
+                        sum += constants(t).map_or(0.0, |c| c.tensile[local]);
+                    }
+                }
+                if sheet[kind] {
+                    for t in self.connectivity.membrane_left(membrane_round_edge.of(edge)) {
+                        let own = &cells.membrane_edges[t as usize];
+                        let local = own.iter().position(|&e| e == edge).unwrap_or(0);
+                        sum += sheet_constants(t).map_or(0.0, |c| c.tensile[local]);
+                    }
+                }
+                if let Ok(mut k) = query.get_mut(world, self.rows.edges[kind][edge as usize]) {
+                    k.0 = S::from_f64(sum);
+                }
             }
         }
-        if !pooled {
+        if !solid[0] && !sheet[0] {
             return;
         }
         let mut query = world.query::<(
@@ -722,8 +985,11 @@ impl BodyResection {
         )>();
         for &triangle in &touched.triangles {
             let mut sum = [0.0; 3];
-            for t in self.connectivity.left(round_triangle.of(triangle)) {
-                let (constants, nodes) = constants(t);
+            let solid = if solid[0] { round_triangle.of(triangle) } else { &[] };
+            for t in self.connectivity.left(solid) {
+                let (Some(constants), nodes) = (constants(t), tetrahedra[t as usize]) else {
+                    continue;
+                };
                 for (c, pair) in constants.angular.iter().zip(ADJACENT_PAIRS) {
                     let (face, apex) = angular_place(pair);
                     if cells.tetrahedron_triangles[t as usize][face] == triangle {
@@ -731,6 +997,13 @@ impl BodyResection {
                         let m = own.iter().position(|&v| v == nodes[apex]).unwrap_or(0);
                         sum[m] += c;
                     }
+                }
+            }
+            let at = Some(membrane_at[triangle as usize]).filter(|&t| sheet[0] && t != UNUSED);
+            let at = at.filter(|&t| self.connectivity.is_membrane_present(t));
+            if let Some(constants) = at.and_then(sheet_constants) {
+                for m in 0..3 {
+                    sum[m] += constants.angular[m];
                 }
             }
             let columns = query.get_mut(world, self.rows.triangles[triangle as usize]);
@@ -744,24 +1017,38 @@ impl BodyResection {
     fn sum_masses<S: Scalar>(
         &self,
         world: &mut World,
-        body: usize,
-        density: f64,
+        soft: &SoftBody,
         touched: &Touched,
-        vertices: &Vertices,
         report: &mut RemovalReport,
     ) {
-        let v0 = world.resource::<Topology>().bodies[body].vertices.start;
+        let connectivity = &self.connectivity;
+        let mut query = world.query();
+        let vertices = Vertices::<S>::of(&mut query, world, soft.index);
+        let rows = &world.resource::<Topology>().bodies[soft.index];
+        let v0 = rows.vertices.start;
+        let field = soft.field();
+        let surface_density = soft.membrane.map_or(0.0, |m| surface(&m.1, m.0).1);
+        let of_vertex = |&v: &u32| {
+            let mut sum = 0.0;
+            for t in connectivity.left(connectivity.round_vertex.of(v)) {
+                let density = field.at(rows.tetrahedron_order[t as usize] as usize).density;
+                let rest = vertices.rest_tetrahedron(connectivity.tetrahedra[t as usize]);
+                sum += density * rest.volume / 4.0;
+            }
+            let round = connectivity.membrane_round_vertex.of(v);
+            for t in connectivity.membrane_left(round) {
+                let rest = vertices.rest_triangle(connectivity.membrane[t as usize]);
+                sum += surface_density * rest.area / 3.0;
+            }
+            sum
+        };
+        let sums: Vec<f64> = touched.vertices.iter().map(of_vertex).collect();
         let mut query = world.query::<(&mut Mass<S>, &mut Velocity<S>)>();
         let Some((mut mass, mut velocity)) = single_table(query.contiguous_iter_mut(world)) else {
             return;
         };
         let (mass, velocity) = (mass.bypass_change_detection(), velocity.bypass_change_detection());
-        for &v in &touched.vertices {
-            let mut sum = 0.0;
-            for t in self.connectivity.left(self.connectivity.round_vertex.of(v)) {
-                let nodes = self.connectivity.tetrahedra[t as usize];
-                sum += density * vertices.rest_shape(nodes).volume / 4.0;
-            }
+        for (&v, sum) in touched.vertices.iter().zip(sums) {
             let row = (v + v0) as usize;
             let before = mass[row].0.to_f64();
             mass[row].0 = S::from_f64(sum);
@@ -769,9 +1056,58 @@ impl BodyResection {
             let speed = (0..3).map(|k| velocity[row].0[k].to_f64().powi(2)).sum::<f64>();
             report.mass += gone;
             report.kinetic_energy += 0.5 * gone * speed;
-            if !self.connectivity.uses_vertex(v) {
+            if !connectivity.uses_vertex(v) {
                 velocity[row] = Velocity::default();
             }
+        }
+    }
+
+    /// Takes the faces that no element has any more out of the pressures; how many there were.
+    fn drop_pressures(&self, world: &mut World, body: usize) -> usize {
+        let rows = world.resource::<Topology>().bodies[body].vertices.clone();
+        let cells = &self.connectivity.cells;
+        let is_gone = |face: &[u32; 3]| {
+            if !rows.contains(&face[0]) {
+                return false;
+            }
+            let mut local = face.map(|v| v - rows.start);
+            local.sort_unstable();
+            let [a, b, c] = local;
+            match cells.triangles.binary_search(&local) {
+                Ok(at) => !self.connectivity.uses_triangle(at as u32),
+                // between edges of the body, but no face of it
+                Err(_) => [[a, b], [b, c], [a, c]].iter().any(|edge| {
+                    let at = cells.edges.binary_search(edge);
+                    !at.is_ok_and(|at| self.connectivity.uses_edge(at as u32))
+                }),
+            }
+        };
+        let mut dropped = 0;
+        for mut pressure in world.query::<&mut Pressure>().iter_mut(world) {
+            let before = pressure.faces.len();
+            pressure.bypass_change_detection().faces.retain(|face| !is_gone(face));
+            dropped += before - pressure.faces.len();
+        }
+        dropped
+    }
+}
+
+impl Region {
+    /// Whether a sphere or capsule holds a point.
+    fn holds(&self, x: DVec3) -> bool {
+        match self {
+            Self::Sphere { centre, radius } => x.distance(*centre) <= *radius,
+            Self::Capsule { from, to, radius } => {
+                let axis = *to - *from;
+                let square = axis.length_squared();
+                let along = if square > 0.0 {
+                    ((x - *from).dot(axis) / square).clamp(0.0, 1.0)
+                } else {
+                    0.0
+                };
+                x.distance(*from + axis * along) <= *radius
+            }
+            _ => false,
         }
     }
 }
@@ -781,7 +1117,12 @@ fn lame(element: &Element<f64>) -> LameParameters {
 }
 
 /// Energy (J) of a tetrahedron by its own.
-fn energy(model: Model, element: &Element<f64>, nodes: [u32; 4], vertices: &Vertices) -> f64 {
+fn energy<S: Scalar>(
+    model: Model,
+    element: &Element<f64>,
+    nodes: [u32; 4],
+    vertices: &Vertices<S>,
+) -> f64 {
     let u = vertices.displacements(nodes);
     match model {
         Model::StVK | Model::CompressibleStVK => tetrahedron::energy(element, &u),
@@ -792,15 +1133,69 @@ fn energy(model: Model, element: &Element<f64>, nodes: [u32; 4], vertices: &Vert
         Model::StVKFem => StVKFem::energy(element, &u),
         Model::NeoHookean => NeoHookean::energy(element, &u),
         Model::MassSpring => {
-            let constants = SpringConstants::new(&vertices.rest_shape(nodes), lame(element));
-            let change = |[a, b]: [usize; 2]| {
-                let rest = vertices.rest[nodes[a] as usize] - vertices.rest[nodes[b] as usize];
-                Stretch::new(rest.to_array(), sub(u[a], u[b])).change
-            };
+            let constants = SpringConstants::new(&vertices.rest_tetrahedron(nodes), lame(element));
+            let rest = vertices.rest(nodes);
+            let change =
+                |[a, b]: [usize; 2]| Stretch::new(sub(rest[a], rest[b]), sub(u[a], u[b])).change;
             let edges = constants.tensile.iter().zip(EDGES);
             edges.map(|(&k, edge)| tensile_energy(k, change(edge))).sum()
         }
     }
+}
+
+/// Energy (J) of a membrane triangle by its own.
+fn membrane_energy(model: MembraneModel, e: &membrane::Element<f64>, u: &[[f64; 3]; 3]) -> f64 {
+    match model {
+        MembraneModel::Biquadratic | MembraneModel::CompressibleBiquadratic => {
+            membrane::biquadratic::energy(e, u)
+        }
+        MembraneModel::Quadratic => membrane::quadratic::energy(e, u),
+        MembraneModel::Linear => membrane::linear::energy(e, u),
+        MembraneModel::Corotational => membrane::corotational::energy(e, u),
+        MembraneModel::MassSpring => {
+            let rest = RestTriangle { edges: e.edges, area: e.area };
+            let moduli = LameParameters { lambda: e.lambda, mu: e.mu };
+            let constants = membrane::SpringConstants::new(&rest, moduli);
+            let [a, b] = e.edges;
+            let pairs = [(sub(b, a), 2, 1), (b, 2, 0), (a, 1, 0)];
+            let change = pairs.map(|(rest, i, j)| Stretch::new(rest, sub(u[i], u[j])).change);
+            constants.tensile.iter().zip(change).map(|(&k, c)| tensile_energy(k, c)).sum()
+        }
+    }
+}
+
+/// Green strain of a membrane triangle in its plane: entries xx, yy, xy, with x along the first edge.
+fn membrane_strain(e: &membrane::Element<f64>, u: &[[f64; 3]; 3]) -> [f64; 3] {
+    let [a, b] = e.edges.map(DVec3::from_array);
+    let w = [1, 2].map(|i| DVec3::from_array(sub(u[i], u[0])));
+    let c = [
+        w[0].dot(a + a + w[0]),
+        w[1].dot(b + b + w[1]),
+        w[0].dot(b) + a.dot(w[1]) + w[0].dot(w[1]),
+    ];
+    // edges in the frame of the triangle: a = (l, 0), b = (p, q)
+    let length = a.length();
+    let (p, q) = (a.dot(b) / length, a.cross(b).length() / length);
+    let xx = c[0] / (length * length);
+    let xy = (c[2] / length - p * xx) / q;
+    let yy = (c[1] - p * p * xx - 2.0 * p * q * xy) / (q * q);
+    [0.5 * xx, 0.5 * yy, 0.5 * xy]
+}
+
+/// Principal values of a symmetric 2x2 matrix given as xx, yy, xy, larger first.
+fn principal([xx, yy, xy]: [f64; 3]) -> [f64; 2] {
+    let (mean, radius) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+    [mean + radius, mean - radius]
+}
+
+/// Von Mises equivalent (Pa) of the Cauchy stress of a membrane triangle of this thickness (m), whose
+/// material keeps its volume. Both stresses share the principal axes of the strain.
+fn membrane_von_mises(e: &membrane::Element<f64>, u: &[[f64; 3]; 3], thickness: f64) -> f64 {
+    let strain = principal(membrane_strain(e, u));
+    let stress = strain.map(|x| e.lambda * (strain[0] + strain[1]) + 2.0 * e.mu * x);
+    // F S F^T / (J2 t) with t = thickness / J2
+    let [a, b] = [0, 1].map(|i| (1.0 + 2.0 * strain[i]) * stress[i] / thickness);
+    (a * a - a * b + b * b).sqrt()
 }
 
 /// Largest principal Green strain (-).

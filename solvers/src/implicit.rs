@@ -238,7 +238,7 @@ fn minimise<S: Scalar>(
     if integrator == Integrator::QuasiStatic {
         check_support(world, &s.node)?;
     }
-    let follower = follower_potential(world, &s.node.u);
+    let follower = follower_energies(world, &s.node.u);
     let flown = prescribe_orphans(
         world.resource::<Topology>(),
         &mut s.node,
@@ -322,23 +322,29 @@ fn minimise<S: Scalar>(
             "the step was undone; try a smaller step or check material and loads",
         ));
     }
-    let follower = [follower, follower_potential(world, &s.y)];
+    let [before, after] = [follower, follower_energies(world, &s.y)];
     finish(world, settings, report, s, dt, &bodies, &flown);
-    report.elastic_energy -= follower[1];
-    if integrator != Integrator::QuasiStatic {
-        report.load_work += follower[0] - follower[1];
+    if let (Some([load_before, _]), Some([load, elastic])) = (before, after) {
+        // small beside the potential of the loads, so better read than found by subtraction
+        let booked = report.elastic_energy - load;
+        report.elastic_energy = elastic;
+        if integrator != Integrator::QuasiStatic {
+            report.dissipation += booked - elastic;
+            report.load_work += load_before - load;
+        }
     }
     Ok(())
 }
 
-/// Potential (J) of the loads that are laws at displacements `u`; 0 without an evaluation where there are
-/// none.
-fn follower_potential<S: Scalar>(world: &mut World, u: &[[S; 4]]) -> f64 {
+/// Potential of the loads that are laws and elastic energy (J) at displacements `u`; `None`, without an
+/// evaluation, where there are no such loads.
+fn follower_energies<S: Scalar>(world: &mut World, u: &[[S; 4]]) -> Option<[f64; 2]> {
     if !world.contains_resource::<SweptVolumes>() {
-        return 0.0;
+        return None;
     }
     evaluate(world, u, true, false, None);
-    world.resource::<ElasticEnergy>().load
+    let energy = world.resource::<ElasticEnergy>();
+    Some([energy.load, energy.elastic()])
 }
 
 /// Newton's iteration for all bodies that are not done: once for safe and trial steps. `book` asks for

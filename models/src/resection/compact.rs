@@ -7,14 +7,18 @@
 use super::Resection;
 use crate::body::partition_laws;
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::fused_membrane::{
+    MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
+};
 use crate::pooled::{
     AngularStiffness, TensileStiffness, TensileTension, TriangleVertices, VolumetricStiffness,
 };
 use bevy_ecs::component::{ComponentId, Mutable};
 use bevy_ecs::prelude::*;
 use sinew_engine::element::{
-    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestEdge, RestVolume, ShapeGradient,
-    TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices, TriangleEdges,
+    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, MembraneBlocks, MembraneEdge, MembraneIndex,
+    MembraneVertices, RestArea, RestEdge, RestVolume, ShapeGradient, TetrahedronBlocks,
+    TetrahedronEdges, TetrahedronIndex, TetrahedronVertices, TriangleEdges,
 };
 use sinew_engine::layout::{UNUSED, starts};
 use sinew_engine::scalar::Scalar;
@@ -66,6 +70,10 @@ fn known_columns<S: Scalar>(world: &mut World) -> Vec<Column> {
         EdgeChange<S>, EdgeTension<S>, TensileStiffness<S>, TensileTension<S>,
         TriangleVertices, TriangleEdges,
         AngularStiffness<S, 0>, AngularStiffness<S, 1>, AngularStiffness<S, 2>,
+        MembraneVertices, MembraneBlocks, MembraneIndex, RestArea<S>,
+        MembraneEdge<S, 1, 0>, MembraneEdge<S, 1, 1>, MembraneEdge<S, 1, 2>,
+        MembraneEdge<S, 2, 0>, MembraneEdge<S, 2, 1>, MembraneEdge<S, 2, 2>,
+        MembraneFirstModulus<S>, MembraneShearModulus<S>, MembraneCompressionModulus<S>,
     ]
 }
 
@@ -134,6 +142,9 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     for mut blocks in world.query::<&mut TetrahedronBlocks>().iter_mut(world) {
         blocks.0 = blocks.0.map(|b| block[b as usize]);
     }
+    for mut blocks in world.query::<&mut MembraneBlocks>().iter_mut(world) {
+        blocks.0 = blocks.0.map(|b| block[b as usize]);
+    }
     for mut own in world.query::<&mut EdgeBlock>().iter_mut(world) {
         own.0 = block[own.0 as usize];
     }
@@ -146,7 +157,7 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     partition_laws::<S>(world);
     let tables = ElementTables::of(world);
     world.insert_resource(tables);
-    resection.bodies.iter_mut().flatten().for_each(|own| own.dead = 0);
+    resection.bodies.iter_mut().flatten().for_each(|own| own.dead = [0; 2]);
     resection.find_rows(world);
     true
 }
@@ -193,6 +204,15 @@ fn find_tables(world: &mut World, resection: &Resection) -> Vec<Table> {
             bodies(id).is_none_or(|own| {
                 let found = own.connectivity.cells.triangles.binary_search(&local);
                 found.is_ok_and(|triangle| own.connectivity.uses_triangle(triangle as u32))
+            })
+        });
+        tables.push(Table { entities: entities.to_vec(), keep: keep.collect() });
+    }
+    let mut query = world.query::<(Entity, &MembraneIndex, &BodyId)>();
+    for (entities, index, id) in query.contiguous_iter(world).expect("stored in tables") {
+        let keep = index.iter().zip(id).map(|(index, id)| {
+            bodies(id).is_none_or(|own| {
+                own.connectivity.is_membrane_present(own.membrane_of[index.0 as usize])
             })
         });
         tables.push(Table { entities: entities.to_vec(), keep: keep.collect() });

@@ -3,14 +3,21 @@
 use super::Resection;
 use crate::body::{BodyDescription, BodyError, SoftBody, spawn_body};
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::fused_membrane::{
+    MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
+};
 use crate::pooled::{AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness};
+use crate::pressure;
+use crate::sheet::MembraneDescription;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    EdgeVertices, RestEdges, RestVolume, ShapeGradients, TETRAHEDRON_EDGES, TetrahedronVertices,
+    EdgeVertices, MembraneRest, MembraneVertices, RestEdges, RestVolume, ShapeGradients,
+    TETRAHEDRON_EDGES, TetrahedronVertices,
 };
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
+use sinew_engine::load::{LoadTime, Pressure};
 use sinew_engine::matrix::Tangent;
 use sinew_engine::mesh::Mesh;
 use sinew_engine::scalar::Scalar;
@@ -41,8 +48,8 @@ impl FreshDifference {
 type Values = BTreeMap<Vec<u32>, Vec<f64>>;
 
 /// Compares everything that a body holds (masses, rest shapes, moduli, pooled constants) and gives at
-/// the present state (energy, forces, tangents) with a body built anew from the tetrahedra left. For
-/// tests and doubts: it builds that body.
+/// the present state (energy, forces, tangents) with a body built anew from the elements left, under the
+/// same pressures. For tests and doubts: it builds that body.
 ///
 /// # Errors
 /// When the new body cannot be built.
@@ -51,14 +58,22 @@ pub fn compare_with_fresh<S: Scalar>(
     body: usize,
 ) -> Result<FreshDifference, BodyError> {
     let rows = world.resource::<Topology>().bodies[body].clone();
-    let present = |t: usize| {
-        let resection = world.get_resource::<Resection>();
-        let connectivity = resection.and_then(|r| r.connectivity(body));
-        connectivity.is_none_or(|c| c.is_present(t as u32))
-    };
+    let resection = world.get_resource::<Resection>();
+    let connectivity = resection.and_then(|r| r.connectivity(body));
     let mut mesh = Mesh { points: vec![DVec3::ZERO; rows.row_of_vertex.len()], ..Mesh::default() };
-    let left = rows.tetrahedra.iter().enumerate().filter(|(t, _)| present(*t));
-    mesh.tetrahedra = left.map(|(_, t)| t.map(|v| rows.vertex_order[v as usize])).collect();
+    let user = |v: u32| rows.vertex_order[v as usize];
+    let mut index = Vec::new();
+    for (t, &original) in (0..).zip(&rows.tetrahedron_order) {
+        if connectivity.is_none_or(|c| c.is_present(t)) {
+            mesh.tetrahedra.push(rows.tetrahedra[t as usize].map(user));
+            index.push(original as usize);
+        }
+    }
+    for t in 0..rows.membrane.len() as u32 {
+        if connectivity.is_none_or(|c| c.is_membrane_present(t)) {
+            mesh.triangles.push(rows.membrane[t as usize].map(user));
+        }
+    }
     let mut vertices = world.query::<(&RestPosition, &Displacement<S>)>();
     let mut displacement = vec![Displacement::<S>::default(); rows.row_of_vertex.len()];
     if let Some((rest, u)) = single_table(vertices.contiguous_iter(world)) {
@@ -73,13 +88,47 @@ pub fn compare_with_fresh<S: Scalar>(
     };
     let mut fresh = World::new();
     install_engine::<S>(&mut fresh, Executor::SingleThreaded);
-    if !mesh.tetrahedra.is_empty() {
+    if !mesh.tetrahedra.is_empty() || !mesh.triangles.is_empty() {
+        let field = soft.field();
+        let left = |array: Option<&[f64]>| -> Option<Vec<f64>> {
+            array.map(|values| index.iter().map(|&t| values[t]).collect())
+        };
+        let (young, poisson, density) =
+            (left(field.young_modulus), left(field.poisson_ratio), left(field.density));
+        let membrane = soft.membrane.map(|(thickness, material, model, evaluation)| {
+            let triangles = &mesh.triangles;
+            MembraneDescription { triangles, thickness, material, model, evaluation }
+        });
         let description = BodyDescription {
+            young_modulus: young.as_deref(),
+            poisson_ratio: poisson.as_deref(),
+            density: density.as_deref(),
             model: soft.model,
             evaluation: soft.evaluation,
+            membrane,
             ..BodyDescription::new("fresh", &mesh, soft.material)
         };
         spawn_body::<S>(&mut fresh, &description)?;
+        let new = fresh.resource::<Topology>().bodies[0].clone();
+        let row = |row: u32| new.row(user(row - rows.vertices.start)).unwrap_or(0);
+        let mut pressures: Vec<(Entity, Pressure)> = world
+            .query::<(Entity, &Pressure)>()
+            .iter(world)
+            .filter(|(_, p)| p.faces.iter().all(|face| rows.vertices.contains(&face[0])))
+            .map(|(entity, p)| {
+                (
+                    entity,
+                    Pressure { faces: p.faces.iter().map(|f| f.map(row)).collect(), ..p.clone() },
+                )
+            })
+            .collect();
+        pressures.sort_unstable_by_key(|(entity, _)| *entity);
+        if !pressures.is_empty() {
+            fresh.spawn_batch(pressures.into_iter().map(|(_, p)| p).collect::<Vec<_>>());
+            pressure::activate::<S>(&mut fresh);
+            let time = world.get_resource::<LoadTime>().map_or(0.0, |time| time.0);
+            fresh.insert_resource(LoadTime(time));
+        }
         let order = fresh.resource::<Topology>().bodies[0].vertex_order.clone();
         let mut vertices = fresh.query::<&mut Displacement<S>>();
         if let Some(mut u) = single_table(vertices.contiguous_iter_mut(&mut fresh)) {
@@ -188,6 +237,32 @@ fn snapshot<S: Scalar>(world: &mut World, body: usize) -> BTreeMap<&'static str,
         add("volume", &key, &[volume.0.to_f64()]);
         let moduli = [lambda.0.to_f64(), mu.0.to_f64(), compression.0.to_f64()];
         add("moduli", &key, &moduli);
+    }
+    let mut membrane = world.query::<(
+        &BodyId,
+        &MembraneVertices,
+        MembraneRest<S>,
+        &MembraneFirstModulus<S>,
+        &MembraneShearModulus<S>,
+        &MembraneCompressionModulus<S>,
+    )>();
+    for (id, nodes, (a, b, area), lambda, mu, compression) in membrane.iter(world) {
+        // removed ones are drawn together into one vertex
+        if id.0 as usize != body || nodes.0[0] == nodes.0[1] {
+            continue;
+        }
+        // rest vectors of its edges by the user's order of vertices
+        let nodes = nodes.0.map(user);
+        let mut key = nodes;
+        key.sort_unstable();
+        let e = [[S::ZERO; 3], [a.0.0, a.1.0, a.2.0], [b.0.0, b.1.0, b.2.0]];
+        let at = |v: u32| e[nodes.iter().position(|&n| n == v).unwrap_or(0)].map(|x| x.to_f64());
+        let points = key.map(at);
+        let sides = [1, 2].map(|i| [0, 1, 2].map(|k| points[i][k] - points[0][k]));
+        add("membrane edges", &key, sides.as_flattened());
+        add("area", &key, &[area.0.to_f64()]);
+        let moduli = [lambda.0, mu.0, compression.0].map(|x| x.to_f64());
+        add("membrane moduli", &key, &moduli);
     }
     let mut volumetric = world.query::<(
         &BodyId,
