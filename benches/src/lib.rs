@@ -7,5 +7,4 @@ pub mod bench;
 pub mod peers;
 pub mod reproduce;
 pub mod resection;
-pub mod sheets;
 pub mod stability;

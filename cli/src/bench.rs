@@ -68,6 +68,9 @@ pub struct StabilityArguments {
     /// Only this energy; may be given several times.
     #[arg(long = "model", value_parser = choice::<Model>)]
     models: Vec<Model>,
+    /// Without recovery from inversion.
+    #[arg(long)]
+    no_recovery: bool,
     /// Only this group, 1 to 11; may be given several times.
     #[arg(long = "group", value_name = "N")]
     groups: Vec<u8>,
@@ -133,6 +136,7 @@ fn stability(arguments: &StabilityArguments) -> Outcome {
         precision: arguments.precision.into(),
         integrators: arguments.integrators.clone(),
         models: arguments.models.clone(),
+        no_recovery: arguments.no_recovery,
         groups: arguments.groups.clone(),
     };
     let tell = |done: usize, all: usize| {

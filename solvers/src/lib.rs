@@ -44,7 +44,8 @@ const SMALL: usize = 500;
 /// The one system of [`StepSystems::Integrate`].
 fn integrate<S: Scalar>(world: &mut World) {
     let start = std::time::Instant::now();
-    let settings = world.resource::<SolverSettings>().clone();
+    let mut settings = world.resource::<SolverSettings>().clone();
+    settings.recovery &= settings.integrator.recovers();
     let workers = world.resource::<Workers>().clone();
     let vertices = world.resource::<Topology>().vertex_count();
     let mut report = StepReport::default();

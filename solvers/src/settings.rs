@@ -63,6 +63,11 @@ impl Integrator {
         matches!(self, Self::SymplecticEuler | Self::StormerVerlet)
     }
 
+    /// Whether it can take over bodies with many inverted elements ([`SolverSettings::recovery`]).
+    pub fn recovers(self) -> bool {
+        matches!(self.resolve(), Self::Safe | Self::LinearisedBdf2)
+    }
+
     /// Whether it solves a nonlinear system to convergence.
     pub fn converges(self) -> bool {
         !self.is_explicit() && !matches!(self.resolve(), Self::Safe | Self::LinearisedBdf2)
@@ -152,7 +157,8 @@ pub struct SolverSettings {
     /// Fraction of the estimated stability limit used by explicit substeps.
     pub explicit_safety: f64,
     /// Bodies with many inverted elements move by the corotational energy until they are in shape again
-    /// (`sinew_solvers::recovery`); integrators `auto`, `linearised-bdf2` and `safe`.
+    /// (`sinew_solvers::recovery`). On by default; integrators other than `auto`, `linearised-bdf2` and
+    /// `safe` have none.
     pub recovery: bool,
 }
 
@@ -170,7 +176,7 @@ impl Default for SolverSettings {
             stiffness_damping: 0.0,
             max_substeps: 100_000,
             explicit_safety: 0.9,
-            recovery: false,
+            recovery: true,
         }
     }
 }
@@ -216,13 +222,6 @@ impl SolverSettings {
                  `direct`, or use \"auto\""
                     .into(),
             ));
-        }
-        if self.recovery && (self.integrator.is_explicit() || self.integrator.converges()) {
-            return Err(StepError::InvalidSetting(format!(
-                "recovery with integrator = \"{}\": it needs safe steps; use integrator = \"auto\" or \
-                 \"safe\"",
-                self.integrator.name()
-            )));
         }
         if self.integrator.is_explicit() && self.stiffness_damping > 0.0 {
             return Err(StepError::InvalidSetting(format!(

@@ -7,9 +7,11 @@
 mod cantilever;
 mod collapse;
 mod input;
+mod membranes;
 mod motion;
 mod release;
 mod report;
+mod resection;
 mod runner;
 mod shape;
 mod spin;
@@ -29,30 +31,37 @@ pub struct Column {
     pub integrator: Integrator,
     /// Energy.
     pub model: Model,
+    /// Recovery from inversion switched on; not every integrator has it.
+    pub recovery: bool,
 }
 
 impl Column {
+    /// The default setting.
+    pub const DEFAULT: Self =
+        Self { integrator: Integrator::Auto, model: Model::CompressibleStVK, recovery: true };
+
     /// Whether the suite must pass with it: the integrators that are meant for anything, with the
-    /// energy that undoes inversion. The others are shown for comparison.
+    /// energy that undoes inversion and recovery as by default. The others are shown for comparison.
     pub fn required(self) -> bool {
-        let robust = [Integrator::default(), Integrator::Safe].contains(&self.integrator);
-        robust && self.model == Model::CompressibleStVK
+        self.recovers() && self.model == Model::CompressibleStVK
     }
 
-    /// Name in tables; the default model goes without saying.
+    /// Whether bodies with many inverted elements recover by another energy.
+    pub fn recovers(self) -> bool {
+        self.recovery && self.integrator.recovers()
+    }
+
+    /// Name in tables; what is default goes without saying.
     pub fn name(self) -> String {
-        let integrator = integrator_name(self.integrator);
-        match self.model {
-            Model::CompressibleStVK => integrator,
-            model => format!("{integrator} {}", model.name()),
+        let mut name = self.integrator.name().to_string();
+        if self.model != Self::DEFAULT.model {
+            name = format!("{name} {}", self.model.name());
         }
+        if self.integrator.recovers() && !self.recovery {
+            name += ", no recovery";
+        }
+        name
     }
-}
-
-/// Name of an integrator in scene files.
-fn integrator_name(integrator: Integrator) -> String {
-    let name = serde_json::to_value(integrator).ok();
-    name.as_ref().and_then(|n| n.as_str()).unwrap_or("?").to_string()
 }
 
 /// A subgroup of cases: a row of the pass table.
@@ -120,6 +129,8 @@ pub struct Figures {
     pub fallbacks: u64,
     /// Steps in which Newton's method did not converge.
     pub unconverged: u64,
+    /// Steps in recovery from inversion.
+    pub recovering: u64,
     /// Explicit substeps, all steps together.
     pub substeps: u64,
     /// Largest rise of total energy above its start plus outside work, over the energy scale.
@@ -213,39 +224,54 @@ pub struct SuiteOptions {
     pub integrators: Vec<Integrator>,
     /// Models; with none, the default one and others beside it for comparison.
     pub models: Vec<Model>,
+    /// Recovery from inversion switched off, also where it is on by default.
+    pub no_recovery: bool,
     /// Groups; all when empty.
     pub groups: Vec<u8>,
 }
 
 impl SuiteOptions {
-    /// Every integrator named with every model named. With neither named: the robust integrators and the
-    /// others with the default model, and the default integrator with the other models.
+    /// Every integrator named with every model named. With neither named: the robust integrators, and
+    /// for comparison the others with the default model and the default integrator with the other models,
+    /// of which the quick selection has one each.
     pub fn columns(&self) -> Vec<Column> {
-        let default = Model::CompressibleStVK;
+        let recovery = !self.no_recovery;
+        let default = Column { recovery, ..Column::DEFAULT };
+        let with = |integrator, model| Column { integrator, model, recovery };
         if self.integrators.is_empty() && self.models.is_empty() {
+            let safe = Column { integrator: Integrator::Safe, ..default };
+            if self.quick {
+                let newton = Column { integrator: Integrator::Newton, ..default };
+                return vec![default, safe, newton, Column { model: Model::MassSpring, ..default }];
+            }
             let integrators = [
-                Integrator::Safe,
                 Integrator::Newton,
+                Integrator::Bdf2,
+                Integrator::TrBdf2,
+                Integrator::ImplicitMidpoint,
                 Integrator::StormerVerlet,
                 Integrator::SymplecticEuler,
             ];
-            let models = [Model::StVK, Model::QuadraticSprings, Model::MassSpring];
-            let with = |integrator, model| Column { integrator, model };
-            let first = integrators.map(|integrator| with(integrator, default));
-            let others = models.map(|model| with(Integrator::Safe, model));
-            return first.into_iter().chain(others).collect();
+            let mut columns = vec![default, safe];
+            if recovery {
+                columns.push(Column { recovery: false, ..default });
+            }
+            columns.extend(integrators.map(|integrator| Column { integrator, ..default }));
+            let models = Model::ALL.into_iter().filter(|m| *m != default.model);
+            columns.extend(models.map(|model| Column { model, ..default }));
+            return columns;
         }
         let integrators = match self.integrators.is_empty() {
-            true => vec![Integrator::default()],
+            true => vec![default.integrator],
             false => self.integrators.clone(),
         };
         let models = match self.models.is_empty() {
-            true => vec![default],
+            true => vec![default.model],
             false => self.models.clone(),
         };
         let pairs = integrators
             .iter()
-            .flat_map(|&integrator| models.iter().map(move |&model| Column { integrator, model }));
+            .flat_map(|&integrator| models.iter().map(move |&model| with(integrator, model)));
         pairs.collect()
     }
 
@@ -258,10 +284,11 @@ impl SuiteOptions {
         if self.precision == Precision::F32 {
             words.push("--precision f32".into());
         }
-        words.extend(
-            self.integrators.iter().map(|&i| format!("--integrator {}", integrator_name(i))),
-        );
+        words.extend(self.integrators.iter().map(|i| format!("--integrator {}", i.name())));
         words.extend(self.models.iter().map(|m| format!("--model {}", m.name())));
+        if self.no_recovery {
+            words.push("--no-recovery".into());
+        }
         words.extend(self.groups.iter().map(|g| format!("--group {g}")));
         words.join(" ")
     }
@@ -282,37 +309,11 @@ pub enum SuiteError {
     QuasiStatic,
 }
 
-/// Parts of the suite that the engine cannot run yet.
-const NOT_AVAILABLE: [(Part, &str); 5] = [
-    (
-        Part {
-            group: 3,
-            name: "collapse, recovery mode",
-            criterion: "edge error < 1 %, none inverted",
-        },
-        "the engine has no recovery mode yet",
-    ),
-    (
-        Part { group: 4, name: "stiffness 1e6 : 1", criterion: "none inverted" },
-        "a body has one Young's modulus; fields per element are not in the engine yet",
-    ),
-    (
-        Part {
-            group: 8,
-            name: "resection",
-            criterion: "closed form of an isolated vertex to 1e-9",
-        },
-        "elements cannot be removed yet",
-    ),
-    (
-        Part { group: 9, name: "membranes", criterion: "edge error < 1e-3, radius within 0.5 %" },
-        "there are no membrane elements yet",
-    ),
-    (
-        Part { group: 10, name: "axis springs 100 : 1", criterion: "none inverted with a base" },
-        "there are no axis springs yet",
-    ),
-];
+/// Parts of the suite that the engine cannot run, and why.
+const NOT_AVAILABLE: [(Part, &str); 1] = [(
+    Part { group: 10, name: "axis springs 100 : 1", criterion: "none inverted with a base" },
+    "axis springs are not built",
+)];
 
 /// What is known of cases that fail: group, part of the case's name, remark.
 const KNOWN: [(u8, &str, &str); 6] = [
@@ -356,6 +357,8 @@ pub fn run(
         shape::cases,
         spin::cases,
         motion::cases,
+        resection::cases,
+        membranes::cases,
         input::cases,
     ] {
         cases.extend(build()?);
@@ -390,7 +393,7 @@ pub fn run(
     }));
     rows.sort_by_key(|row| row.part.group);
     Ok(Suite {
-        schema: "sinew-stability/2",
+        schema: "sinew-stability/3",
         command: options.command(),
         machine: crate::bench::machine::MachineNotes::now(),
         quick: options.quick,
@@ -420,15 +423,19 @@ fn jobs<'a>(cases: &'a [Case], columns: &[Column]) -> Vec<Job<'a>> {
             let sampled = required && first;
             jobs.push(Job { case, column, required, sampled });
         };
+        let wanted = |c: &Column| match case.scope {
+            Scope::Every => true,
+            Scope::Integrators => c.model == Column::DEFAULT.model,
+            Scope::Explicit => c.integrator.is_explicit(),
+            Scope::Once => false,
+        };
         match case.scope {
-            Scope::Every => columns.iter().for_each(|&c| add(Some(c), c.required())),
-            Scope::Explicit => {
-                columns
-                    .iter()
-                    .filter(|c| runner::explicit(c.integrator))
-                    .for_each(|&c| add(Some(c), true));
-            }
             Scope::Once => add(None, true),
+            scope => {
+                let explicit = scope == Scope::Explicit;
+                let concerned = columns.iter().filter(|c| wanted(c));
+                concerned.for_each(|&c| add(Some(c), c.required() || explicit));
+            }
         }
     }
     jobs
@@ -436,9 +443,7 @@ fn jobs<'a>(cases: &'a [Case], columns: &[Column]) -> Vec<Job<'a>> {
 
 impl Job<'_> {
     fn setting(&self, precision: Precision, threads: usize) -> Setting {
-        let (integrator, model) = (Integrator::default(), Model::CompressibleStVK);
-        let column = self.column.unwrap_or(Column { integrator, model });
-        Setting { column, precision, threads }
+        Setting { column: self.column.unwrap_or(Column::DEFAULT), precision, threads }
     }
 
     /// Runs the case again, on one and on two threads: its row must stand, bit for bit.

@@ -7,6 +7,19 @@ use crate::bench::table::{Cell, Table, escape, three_digits};
 use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
 
+/// Passed of run; what fails though it is required is called so.
+fn tally(rows: &[&Row]) -> String {
+    let passed = rows.iter().filter(|r| r.status == Status::Pass).count();
+    match rows {
+        [] => String::new(),
+        [row] if row.status == Status::NotAvailable => "not available".into(),
+        _ if rows.iter().any(|r| r.required && r.status == Status::Fail) => {
+            format!("{passed}/{} FAIL", rows.len())
+        }
+        _ => format!("{passed}/{}", rows.len()),
+    }
+}
+
 impl Suite {
     /// Subgroups in order.
     fn parts(&self) -> Vec<super::Part> {
@@ -19,42 +32,71 @@ impl Suite {
         parts
     }
 
-    /// Passed of run, per subgroup and column.
+    /// Passed of run, where the suite must pass: per subgroup and column.
     pub fn pass_table(&self) -> Table {
-        let names: Vec<String> = self.columns.iter().map(|c| c.name()).collect();
+        let mut settings: Vec<Option<Column>> =
+            self.columns.iter().filter(|c| c.required()).map(|c| Some(*c)).collect();
+        settings.push(None);
+        let names: Vec<String> =
+            settings.iter().map(|c| c.map_or("any setting".into(), Column::name)).collect();
         let mut columns = vec!["", "hard case"];
         columns.extend(names.iter().map(String::as_str));
-        columns.push("independent");
-        let cells = self.columns.iter().map(|c| Some(*c)).chain([None]);
-        let cells: Vec<Option<Column>> = cells.collect();
-        let required: Vec<String> =
-            self.columns.iter().filter(|c| c.required()).map(|c| c.name()).collect();
         let mut table = Table::new("pass", "Hard cases: passed of run", &columns).note(format!(
-            "{}: must pass, as must everything that depends on neither integrator nor model, and what \
-             explicit integrators do beyond their limit. The others are shown for comparison. Energy \
-             svk_comp unless named.",
-            required.join(", ")
+            "Energy {}, recovery from inversion on unless named. \"any setting\": what depends on neither \
+             integrator nor energy, and what every explicit integrator does beyond its limit.",
+            Column::DEFAULT.model.name()
         ));
         for part in self.parts() {
-            let of_part = || self.rows.iter().filter(|r| r.part == part);
             let mut row: Vec<Cell> = vec![u64::from(part.group).into(), part.name.into()];
-            row.extend(cells.iter().map(|column| {
-                let rows: Vec<&Row> = of_part().filter(|r| r.column == *column).collect();
-                let available = rows.iter().filter(|r| r.status != Status::NotAvailable).count();
-                let passed = rows.iter().filter(|r| r.status == Status::Pass).count();
-                match (available, rows.len()) {
-                    (0, 0) => Cell::Text(String::new()),
-                    (0, _) => Cell::Text("not yet".into()),
-                    _ if rows.iter().any(|r| r.required && r.status == Status::Fail) => {
-                        Cell::Text(format!("{passed}/{available} FAIL"))
-                    }
-                    _ => Cell::Text(format!("{passed}/{available}")),
-                }
-            }));
-            table.row(row);
+            let of_part = |r: &&Row| r.part == part;
+            for setting in &settings {
+                let rows: Vec<&Row> = self
+                    .rows
+                    .iter()
+                    .filter(of_part)
+                    .filter(|r| r.column.filter(|c| c.required()) == *setting)
+                    .filter(|r| r.required || r.status == Status::NotAvailable)
+                    .collect();
+                row.push(tally(&rows).into());
+            }
+            if row[2..].iter().any(|c| *c != Cell::Text(String::new())) {
+                table.row(row);
+            }
         }
         for row in self.rows.iter().filter(|r| r.status == Status::NotAvailable) {
-            table.notes.push(format!("{} {}: {}.", row.part.group, row.part.name, row.note));
+            table.notes.push(format!(
+                "{} {}: not available: {}.",
+                row.part.group, row.part.name, row.note
+            ));
+        }
+        table
+    }
+
+    /// Passed of run with the settings that are shown for comparison, per group.
+    pub fn comparison_table(&self) -> Table {
+        let compared = |r: &&Row| !r.required && r.status != Status::NotAvailable;
+        let mut groups: Vec<u8> = self.rows.iter().filter(compared).map(|r| r.part.group).collect();
+        groups.dedup();
+        let names: Vec<String> = groups.iter().map(u8::to_string).collect();
+        let mut columns = vec!["setting"];
+        columns.extend(names.iter().map(String::as_str));
+        let mut table =
+            Table::new("comparison", "For comparison: passed of run, by group", &columns).note(
+                "Not required: integrators and energies that are not robust, or not meant to be. A dash: \
+                 the group has no such case.",
+            );
+        for &column in self.columns.iter().filter(|c| !c.required()) {
+            let mut row: Vec<Cell> = vec![column.name().into()];
+            for &group in &groups {
+                let rows: Vec<&Row> = self
+                    .rows
+                    .iter()
+                    .filter(compared)
+                    .filter(|r| r.part.group == group && r.column == Some(column))
+                    .collect();
+                row.push(if rows.is_empty() { "-".into() } else { tally(&rows).into() });
+            }
+            table.row(row);
         }
         table
     }
@@ -64,7 +106,7 @@ impl Suite {
         let mut table =
             Table::new("criteria", "Criteria", &["", "hard case", "criterion"]).note(format!(
                 "every simulated case: finite positions and velocities after every step; total energy \
-                 at most its start plus outside work, to {} of the energy scale for the safe step and 5 % \
+                 at most its start plus outside work, to {} of the energy scale for auto and safe and 5 % \
                  for the others; where it must pass, the first case of each subgroup gives the same bits \
                  again and with two threads.",
                 if self.precision == "f32" { "1e-5" } else { "1e-6" }
@@ -126,6 +168,7 @@ impl Suite {
                 "capped",
                 "fallbacks",
                 "unconverged",
+                "recovering",
                 "substeps",
                 "s",
                 "missed",
@@ -166,6 +209,7 @@ impl Suite {
                 count(f.capped).into(),
                 count(f.fallbacks).into(),
                 count(f.unconverged).into(),
+                count(f.recovering).into(),
                 count(f.substeps).into(),
                 row.seconds.into(),
                 missed.join("; ").into(),
@@ -181,15 +225,20 @@ impl Suite {
         };
         let (passed, failed) = (count(true, Status::Pass), count(true, Status::Fail));
         let (other_passed, other_failed) = (count(false, Status::Pass), count(false, Status::Fail));
-        format!(
-            "{passed} of {} required cases passed; {other_passed} of {} for comparison; {} subgroups not \
-             available yet; {}, {:.0} s",
-            passed + failed,
-            other_passed + other_failed,
-            count(false, Status::NotAvailable),
-            self.precision,
-            self.seconds,
-        )
+        let mut text = format!("{passed} of {} required cases passed", passed + failed);
+        if other_passed + other_failed > 0 {
+            let _ =
+                write!(text, "; {other_passed} of {} for comparison", other_passed + other_failed);
+        }
+        match count(false, Status::NotAvailable) {
+            0 => {}
+            n => {
+                let _ =
+                    write!(text, "; {n} subgroup{} not available", if n == 1 { "" } else { "s" });
+            }
+        }
+        let _ = write!(text, "; {}, {:.0} s", self.precision, self.seconds);
+        text
     }
 
     /// One page with everything in it.
@@ -206,6 +255,10 @@ impl Suite {
         body += &self.pass_table().html();
         if self.failures().next().is_some() {
             body += &self.failure_table().html();
+        }
+        let comparison = self.comparison_table();
+        if !comparison.rows.is_empty() {
+            body += &comparison.html();
         }
         body += &self.criteria_table().html();
         let rows = self.row_table();
@@ -237,10 +290,54 @@ impl Suite {
 
 impl fmt::Display for Suite {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{}", self.pass_table().text())?;
+        writeln!(f, "{}", wrapped(&self.pass_table().text()))?;
+        let comparison = self.comparison_table();
+        if !comparison.rows.is_empty() {
+            writeln!(f, "{}", wrapped(&comparison.text()))?;
+        }
         if self.failures().next().is_some() {
-            writeln!(f, "{}", self.failure_table().text())?;
+            writeln!(f, "Required cases that fail")?;
+        }
+        for row in self.failures() {
+            let with = row.column.map_or(String::new(), |c| format!(" [{}]", c.name()));
+            writeln!(f, "  {} {}: {}{with}", row.part.group, row.part.name, row.case)?;
+            for c in row.checks.iter().filter(|c| !c.pass) {
+                let sign = if c.at_most { "<=" } else { ">=" };
+                let [is, limit] = [c.measured, c.limit].map(three_digits);
+                writeln!(f, "      {}: {is}, must be {sign} {limit}", c.what)?;
+            }
+            if !row.note.is_empty() {
+                write!(f, "{}", wrapped(&format!("      {}\n", row.note)))?;
+            }
         }
         writeln!(f, "{}", self.summary())
     }
+}
+
+/// Lines of notes broken at 110 characters, each part as far in as the first; tables are narrower.
+fn wrapped(text: &str) -> String {
+    let mut wrapped = String::new();
+    for line in text.lines() {
+        let indent = " ".repeat(line.len() - line.trim_start().len());
+        if line.chars().count() <= 110 {
+            wrapped += line;
+            wrapped.push('\n');
+            continue;
+        }
+        let mut now = indent.clone();
+        for word in line.split_whitespace() {
+            if now.chars().count() + 1 + word.chars().count() > 110 {
+                wrapped += &now;
+                wrapped.push('\n');
+                now.clone_from(&indent);
+            }
+            if now.len() > indent.len() {
+                now.push(' ');
+            }
+            now += word;
+        }
+        wrapped += &now;
+        wrapped.push('\n');
+    }
+    wrapped
 }

@@ -4,6 +4,8 @@ use super::{Check, Column, Figures, Part};
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
+use sinew::engine::report::StepReport;
+use sinew::models::resection::RemovalReport;
 use sinew::prelude::*;
 
 /// Why a case could not be run to its end.
@@ -29,16 +31,11 @@ impl Setting {
         }
     }
 
-    /// Rise of energy over its scale that counts as none: rounding for the safe step, which promises
-    /// that there is none, and what explodes for the others.
+    /// Rise of energy over its scale that counts as none: rounding for the integrators that promise that
+    /// there is none, and what explodes for the others.
     fn energy_limit(&self) -> f64 {
-        if self.column.integrator == Integrator::Safe { self.loose(1e-6) } else { 0.05 }
+        if self.column.integrator.recovers() { self.loose(1e-6) } else { 0.05 }
     }
-}
-
-/// Whether an integrator is explicit.
-pub(super) fn explicit(integrator: Integrator) -> bool {
-    matches!(integrator, Integrator::SymplecticEuler | Integrator::StormerVerlet)
 }
 
 /// Which columns a case concerns.
@@ -46,6 +43,8 @@ pub(super) fn explicit(integrator: Integrator) -> bool {
 pub(super) enum Scope {
     /// All.
     Every,
+    /// All integrators with the default energy.
+    Integrators,
     /// Explicit integrators, all of which must pass.
     Explicit,
     /// None: it does not depend on integrator and model.
@@ -82,16 +81,27 @@ pub(super) struct Run<'a> {
     outside: f64,
     /// Largest rise (J) above these.
     excess: f64,
+    /// Largest energy (J) since then.
+    pub largest: f64,
 }
 
 impl<'a> Run<'a> {
     /// A body at rest without gravity, no damping.
     pub fn new(setting: &Setting, mesh: &'a Mesh, material: YoungPoisson) -> Result<Self, Problem> {
+        Self::of(setting, mesh, &BodyDescription::new("body", mesh, material))
+    }
+
+    /// The same of a body described in full; the energy is that of the column.
+    pub fn of(
+        setting: &Setting,
+        mesh: &'a Mesh,
+        description: &BodyDescription,
+    ) -> Result<Self, Problem> {
         let Setting { precision, threads, column } = *setting;
         let options = SimulationOptions { precision, threads, ..Default::default() };
         let mut simulation = Simulation::new(options)?;
-        let description = BodyDescription::new("body", mesh, material);
-        let body = simulation.add_body(&BodyDescription { model: column.model, ..description })?;
+        let description = BodyDescription { model: column.model, ..description.clone() };
+        let body = simulation.add_body(&description)?;
         simulation.set_gravity(DVec3::ZERO);
         let mut run = Self {
             simulation,
@@ -102,6 +112,7 @@ impl<'a> Run<'a> {
             start: 0.0,
             outside: 0.0,
             excess: 0.0,
+            largest: 0.0,
         };
         run.solver(|_| ());
         Ok(run)
@@ -109,8 +120,8 @@ impl<'a> Run<'a> {
 
     /// Sets the solver: defaults with the integrator of the column, then changes.
     pub fn solver(&mut self, change: impl FnOnce(&mut SolverSettings)) {
-        let integrator = self.setting.column.integrator;
-        let mut settings = SolverSettings { integrator, ..Default::default() };
+        let Column { integrator, recovery, .. } = self.setting.column;
+        let mut settings = SolverSettings { integrator, recovery, ..Default::default() };
         change(&mut settings);
         self.simulation.set_solver(settings);
     }
@@ -145,6 +156,7 @@ impl<'a> Run<'a> {
     /// Energy may not rise above what it is now plus outside work; returns it (J).
     pub fn open_books(&mut self) -> f64 {
         (self.start, self.outside) = (self.energy(), 0.0);
+        self.largest = self.start;
         self.start
     }
 
@@ -152,11 +164,12 @@ impl<'a> Run<'a> {
     pub fn step(&mut self) -> Result<(), Problem> {
         self.simulation.step()?;
         let report = self.simulation.report();
-        self.outside += report.load_work + report.constraint_work;
+        self.outside += report.load_work + report.constraint_work + report.recovery_energy;
         let energy = report.kinetic_energy + report.elastic_energy;
         let excess = energy - self.start - self.outside;
         // a NaN must not get lost
         self.excess = if excess.is_nan() { f64::NAN } else { self.excess.max(excess) };
+        self.largest = self.largest.max(energy);
         let f = &mut self.figures;
         f.steps += 1;
         f.solves += u64::from(report.newton_iterations);
@@ -165,6 +178,7 @@ impl<'a> Run<'a> {
         f.capped += u64::from(report.energy_caps > 0);
         f.fallbacks += u64::from(report.gradient_fallbacks + report.line_search_failures > 0);
         f.unconverged += u64::from(report.unconverged);
+        f.recovering += u64::from(report.recovering > 0);
         f.substeps += u64::from(report.substeps);
         f.inverted = self.simulation.volume_report().inverted;
         f.most_inverted = f.most_inverted.max(f.inverted);
@@ -174,6 +188,13 @@ impl<'a> Run<'a> {
             true => Ok(()),
             false => Err(format!("not finite after step {}", self.figures.steps).into()),
         }
+    }
+
+    /// Takes elements away; the energy that goes with them counts as outside work.
+    pub fn remove(&mut self, removal: &Removal) -> Result<RemovalReport, Problem> {
+        let report = self.simulation.remove_tetrahedra(self.body, removal)?;
+        self.outside -= report.elastic_energy + report.kinetic_energy;
+        Ok(report)
     }
 
     /// Several steps.
@@ -227,11 +248,53 @@ impl<'a> Run<'a> {
     ) -> (Figures, Vec<Check>) {
         let excess = self.excess / scale;
         self.figures.energy_excess = Some(excess);
-        self.figures.hash = self.simulation.state_hash();
         let limit = self.setting.energy_limit();
         let mut checks = vec![Check::at_most("rise of energy over its scale", excess, limit)];
         checks.extend(others);
-        (self.figures, checks)
+        (self.close(), checks)
+    }
+
+    /// Ends without a look at the books, which equilibria do not keep.
+    pub fn close(mut self) -> Figures {
+        self.figures.hash = self.simulation.state_hash();
+        self.figures
+    }
+}
+
+/// Motion of a mass under a constant acceleration, in the closed form of the integrator.
+pub(super) struct Fall {
+    /// Place (m) and velocity (m/s).
+    pub x: DVec3,
+    pub v: DVec3,
+    /// Way (m) through the last step.
+    way: DVec3,
+}
+
+impl Fall {
+    pub fn new(x: DVec3, v: DVec3) -> Self {
+        Self { x, v, way: DVec3::ZERO }
+    }
+
+    /// Follows a step of length `h` (s) that was reported; every step so far had this length.
+    pub fn step(&mut self, integrator: Integrator, report: &StepReport, h: f64, a: DVec3) {
+        let second_order = match integrator.resolve() {
+            Integrator::LinearisedBdf2 => report.second_order_steps > 0,
+            Integrator::Bdf2 => report.fallbacks.start == 0,
+            _ => false,
+        };
+        let v = self.v + h * a;
+        self.way = match integrator.resolve() {
+            _ if second_order => (2.0 * h * v + self.way) / 3.0,
+            Integrator::StormerVerlet | Integrator::TrBdf2 | Integrator::ImplicitMidpoint => {
+                h * (self.v + v) / 2.0
+            }
+            Integrator::SymplecticEuler => {
+                let substeps = f64::from(report.substeps);
+                h * self.v + h * h * a * (0.5 + 0.5 / substeps)
+            }
+            _ => h * v,
+        };
+        (self.x, self.v) = (self.x + self.way, v);
     }
 }
 

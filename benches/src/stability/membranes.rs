@@ -1,0 +1,159 @@
+//! Group 9: a sheet whose edges are brought together until it wrinkles, sheets collapsed to a point or a
+//! line, a sphere blown up to many times its size.
+
+use super::runner::{Case, Outcome, Problem, Random, Run, Scope, Setting, tissue};
+use super::{Check, Part};
+use glam::{DVec2, DVec3};
+use sinew::engine::mesh::generate::{sphere_triangles, triangle_grid};
+use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::engine::vertex::FixedAxes;
+use sinew::models::membrane::plane_stress;
+use sinew::models::sheet::{MembraneDescription, MembraneModel};
+use sinew::prelude::*;
+use std::sync::Arc;
+
+const WRINKLED: Part = Part {
+    group: 9,
+    name: "wrinkled sheet",
+    criterion: "leaves its plane by more than 1 % of its size",
+};
+const COLLAPSED: Part = Part {
+    group: 9,
+    name: "sheet collapsed to point, line",
+    criterion: "edge error < 1e-3 after 5 s",
+};
+const INFLATED: Part =
+    Part { group: 9, name: "inflated sphere", criterion: "radius within 0.5 % of the closed form" };
+/// Side of the sheet, thickness, radius of the sphere (m).
+const SIZE: f64 = 0.2;
+const THICKNESS: f64 = 0.001;
+const RADIUS: f64 = 0.1;
+
+pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+    let sheet = Arc::new(triangle_grid(DVec2::splat(SIZE), [10; 2])?);
+    let sphere = Arc::new(sphere_triangles(RADIUS, 8)?);
+    let mut cases = Vec::new();
+    for model in [MembraneModel::Biquadratic, MembraneModel::CompressibleBiquadratic] {
+        for dt in [1.0 / 60.0, 0.1] {
+            for fraction in [0.1, 0.3, 0.6] {
+                let mesh = Arc::clone(&sheet);
+                cases.push(Case {
+                    part: WRINKLED,
+                    name: format!("{} {:.0} % h {dt:.4}", model.name(), 100.0 * fraction),
+                    quick: dt < 0.1 && fraction == 0.6,
+                    scope: Scope::Integrators,
+                    run: Box::new(move |setting| wrinkle(setting, &mesh, model, fraction, dt)),
+                });
+            }
+            for (name, line) in [("point", false), ("line", true)] {
+                let mesh = Arc::clone(&sheet);
+                cases.push(Case {
+                    part: COLLAPSED,
+                    name: format!("{} {name} h {dt:.4}", model.name()),
+                    quick: dt < 0.1 && model == MembraneModel::Biquadratic,
+                    scope: Scope::Integrators,
+                    run: Box::new(move |setting| collapse(setting, &mesh, model, line, dt)),
+                });
+            }
+        }
+    }
+    for stretch in [1.2, 2.0, 4.0] {
+        let mesh = Arc::clone(&sphere);
+        cases.push(Case {
+            part: INFLATED,
+            name: format!("stretch {stretch}"),
+            quick: true,
+            scope: Scope::Once,
+            run: Box::new(move |setting| inflate(setting, &mesh, stretch)),
+        });
+    }
+    Ok(cases)
+}
+
+fn sheet<'a>(setting: &Setting, mesh: &'a Mesh, model: MembraneModel) -> Result<Run<'a>, Problem> {
+    let material = tissue(1e4, 0.3);
+    let membrane = MembraneDescription::new(&mesh.triangles, THICKNESS, material);
+    let body = BodyDescription {
+        membrane: Some(MembraneDescription { model, ..membrane }),
+        ..BodyDescription::from_parts("sheet", &mesh.points, &[], material)
+    };
+    Run::of(setting, mesh, &body)
+}
+
+/// Starts at rest, with noise (m) on the displacements.
+fn start(run: &mut Run, mut u: Vec<DVec3>, noise: f64) -> Result<(), Problem> {
+    let mut random = Random(0x5678_9abc_def1_2345);
+    u.iter_mut().for_each(|u| *u += 2.0 * noise * (random.vector() - DVec3::splat(0.5)));
+    let still = vec![DVec3::ZERO; u.len()];
+    run.place(&u, &still)
+}
+
+/// Two opposite edges are brought together in half a second and held for another.
+fn wrinkle(
+    setting: &Setting,
+    mesh: &Mesh,
+    model: MembraneModel,
+    fraction: f64,
+    dt: f64,
+) -> Outcome {
+    let mut run = sheet(setting, mesh, model)?;
+    run.solver(|s| s.mass_damping = 2.0);
+    for (side, sign) in [("x0", 0.5), ("x1", -0.5)] {
+        let motion = Motion::Translate(DVec3::X * (sign * fraction * SIZE));
+        let rows = run.side(side)?;
+        let together = Constraint::moving(side, rows, motion, Curve::ramp(0.0, 0.5));
+        run.simulation.add_constraint(together);
+    }
+    start(&mut run, vec![DVec3::ZERO; mesh.points.len()], 1e-6 * SIZE)?;
+    run.seconds(dt, 1.0)?;
+    let u = run.simulation.displacements(run.body);
+    let out = u.iter().map(|u| u.z.abs()).fold(0.0, f64::max) / SIZE;
+    let scale = run.largest;
+    Ok(run.finish(scale, [Check::at_least("way out of its plane over size", out, 0.01)]))
+}
+
+/// A free sheet in a point or on a line.
+fn collapse(setting: &Setting, mesh: &Mesh, model: MembraneModel, line: bool, dt: f64) -> Outcome {
+    let mut run = sheet(setting, mesh, model)?;
+    run.solver(|s| s.mass_damping = 4.0);
+    let centre = DVec3::new(0.5 * SIZE, 0.5 * SIZE, 0.0);
+    let onto = if line { DVec3::Y } else { DVec3::ONE };
+    let u = mesh.points.iter().map(|x| (centre - *x) * onto).collect();
+    start(&mut run, u, 1e-7 * SIZE)?;
+    run.seconds(dt, 5.0)?;
+    let error = run.edge_error();
+    let (scale, limit) = (run.largest, setting.loose(1e-3));
+    Ok(run.finish(scale, [Check::at_most("edge error at the end", error, limit)]))
+}
+
+/// A sphere under the pressure at which a perfect one has `stretch` times its radius,
+/// `p = 2 (lambda + mu) (s^2 - 1) / (R s)`.
+fn inflate(setting: &Setting, mesh: &Mesh, stretch: f64) -> Outcome {
+    let mut run = sheet(setting, mesh, MembraneModel::Biquadratic)?;
+    run.solver(|s| {
+        s.integrator = Integrator::QuasiStatic;
+        s.linear_tolerance = 1e-6;
+        s.newton_tolerance = if setting.precision == Precision::F64 { 1e-9 } else { 1e-6 };
+    });
+    run.simulation.set_dt(0.125);
+    // vertices on the axes may move along them only: the sphere cannot move rigidly, but grow
+    for k in 0..3 {
+        let axis = DVec3::AXES[k];
+        let on = |v: &u32| mesh.points[*v as usize].cross(axis).length() < 1e-9 * RADIUS;
+        let on: Vec<u32> = (0..mesh.points.len() as u32).filter(on).collect();
+        let mut hold = Constraint::hold("axis", run.simulation.rows(run.body, "axis", &on)?);
+        hold.axes = FixedAxes(7 & !(1 << k));
+        run.simulation.add_constraint(hold);
+    }
+    let moduli = plane_stress(1e4 * THICKNESS, 0.3);
+    let pressure =
+        2.0 * (moduli.lambda + moduli.mu) * (stretch * stretch - 1.0) / (RADIUS * stretch);
+    let faces = run.simulation.face_rows(run.body, "air", &mesh.triangles)?;
+    let curve = Curve::ramp(0.0, 1.0);
+    run.simulation.add_pressure(Pressure { name: "air".into(), faces, pressure, curve });
+    run.steps(8)?;
+    let u = run.simulation.displacements(run.body);
+    let sum: f64 = u.iter().zip(&mesh.points).map(|(u, x)| (*u + *x).length()).sum();
+    let error = (sum / u.len() as f64 / (stretch * RADIUS) - 1.0).abs();
+    Ok((run.close(), vec![Check::at_most("relative error of the mean radius", error, 0.005)]))
+}
