@@ -192,7 +192,7 @@ impl<'a> Run<'a> {
 
     /// Takes elements away; the energy that goes with them counts as outside work.
     pub fn remove(&mut self, removal: &Removal) -> Result<RemovalReport, Problem> {
-        let report = self.simulation.remove_tetrahedra(self.body, removal)?;
+        let report = self.simulation.remove_elements(self.body, removal)?;
         self.outside -= report.elastic_energy + report.kinetic_energy;
         Ok(report)
     }
