@@ -492,7 +492,7 @@ mod tests {
                     assert!(fine < 0.5 * coarse, "{mode:?} {strain}: {fine} beside {coarse}");
                 }
                 let springs = pair(&rows, mode, strain, MembraneModel::MassSpring, 16).unwrap();
-                let [own, others] = [both(16), springs].map(|p| p[0].errors.unwrap()[0]);
+                let [own, others] = [both(16), springs].map(|p| p[0].errors.unwrap()[1]);
                 assert!(others > 5.0 * own, "{mode:?} {strain}: {others} beside {own}");
             }
         }
