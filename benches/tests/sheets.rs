@@ -1,5 +1,7 @@
 //! Membranes in hard cases: wrinkled, collapsed, blown up.
 
+#![allow(clippy::print_stdout, reason = "shown where a test fails")]
+
 use sinew::models::sheet::MembraneModel;
 use sinew::prelude::*;
 use sinew_benches::sheets::{Collapse, SheetOptions, collapse, inflation_error, wrinkle};
