@@ -25,8 +25,9 @@
 //!   what damping stores when held vertices move), so the total energy never rises between outside
 //!   actions, for any step length.
 //! * **Linearised BDF2**: one Newton step of BDF2 from `x_n + h v_n`. It counts if the tangent was
-//!   positive definite, the full step was taken, no element was turned inside out and the energy stayed below its budget: the largest
-//!   it has been, decaying by [`BUDGET_DECAY`] of the excess a step, plus outside work. Otherwise the
+//!   positive definite, the full step was taken, no element was turned inside out and the energy stayed
+//!   below its budget: the largest it has been, decaying by [`BUDGET_DECAY`] of the excess a step, plus
+//!   outside work. Otherwise the
 //!   body takes the safe step, and so do its next [`WAIT`] steps. Where there is no history (first
 //!   step, state set or held axes changed from outside, much other step length) it starts with a
 //!   safe step.
@@ -641,7 +642,9 @@ fn fall_back<S: Scalar>(
         let potential = body.elastic - s.node.load_potential(body.rows.clone(), &s.y);
         let allowed =
             body.budget + body.past.body.excess + noise::<S>() * (kinetic + potential.abs());
-        if !(kinetic + potential <= allowed) {
+        // false for NaN
+        let within = kinetic + potential <= allowed;
+        if !within {
             body.reject(Rejected::Energy);
         }
     }

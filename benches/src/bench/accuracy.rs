@@ -279,6 +279,7 @@ fn methods(case: &Case, level: usize, quick: bool) -> Vec<Method> {
             let steps: &[f64] =
                 if quick { &[0.02, 0.01, 0.005] } else { &[0.02, 0.01, 0.005, 0.002, 0.001] };
             for &dt in steps {
+                all.push(with(Integrator::Auto, dt));
                 let safe = with(Integrator::Safe, dt);
                 all.push(safe.clone());
                 all.push(tolerance(&safe, 1e-2));
