@@ -641,7 +641,9 @@ fn fall_back<S: Scalar>(
         let potential = body.elastic - s.node.load_potential(body.rows.clone(), &s.y);
         let allowed =
             body.budget + body.past.body.excess + noise::<S>() * (kinetic + potential.abs());
-        if !(kinetic + potential <= allowed) {
+        // what is not a number is not within
+        let within = kinetic + potential <= allowed;
+        if !within {
             body.reject(Rejected::Energy);
         }
     }
