@@ -641,8 +641,8 @@ impl Resection {
             if pieces != of_body.piece {
                 of_body.piece = pieces;
                 of_body.splits += 1;
-                own.pieces = of_body.piece_count();
             }
+            own.pieces = of_body.piece_count();
         }
         report.pieces = own.pieces;
         let sorted = |of: &[u32], order: &[u32]| {

@@ -8,6 +8,7 @@ use crate::fused_membrane::{
 };
 use crate::pooled::{AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness};
 use crate::pressure;
+use crate::quadratic::MassSpring;
 use crate::sheet::MembraneDescription;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -295,15 +296,19 @@ fn snapshot<S: Scalar>(world: &mut World, body: usize) -> BTreeMap<&'static str,
         pairs.sort_unstable_by_key(|p| p.0);
         add("volumetric stiffness", &key, &pairs.iter().map(|p| p.1).collect::<Vec<_>>());
     }
-    let mut edges = world.query::<(&BodyId, &EdgeVertices, RestEdges<S>, &TensileStiffness<S>)>();
-    for (id, edge, (x, y, z), k) in edges.iter(world) {
+    let mut edges =
+        world
+            .query::<(&BodyId, &EdgeVertices, RestEdges<S>, &TensileStiffness<S>, Has<MassSpring>)>(
+            );
+    for (id, edge, (x, y, z), k, alone) in edges.iter(world) {
         // an edge without elements keeps its rest vector
         if id.0 as usize == body && k.0 != S::ZERO {
             let [a, b] = edge.0.map(user);
             let sign = if a < b { 1.0 } else { -1.0 };
             let rest = [x.0, y.0, z.0].map(|x| sign * x.to_f64());
             add("rest edges", &[a.min(b), a.max(b)], &rest);
-            add("tensile stiffness", &[a.min(b), a.max(b)], &[k.0.to_f64()]);
+            let name = if alone { "mass-spring stiffness" } else { "tensile stiffness" };
+            add(name, &[a.min(b), a.max(b)], &[k.0.to_f64()]);
         }
     }
     let mut triangles = world.query::<(
