@@ -45,7 +45,7 @@ pub(super) enum Scope {
     Every,
     /// All integrators with the default energy.
     Integrators,
-    /// Explicit integrators, all of which must pass.
+    /// The explicit integrators, whatever the columns; both must pass.
     Explicit,
     /// None: it does not depend on integrator and model.
     Once,
