@@ -45,7 +45,7 @@ pub(super) enum Scope {
     Every,
     /// All integrators with the default energy.
     Integrators,
-    /// Explicit integrators, all of which must pass.
+    /// The explicit integrators, whatever the columns; both must pass.
     Explicit,
     /// None: it does not depend on integrator and model.
     Once,
@@ -68,6 +68,9 @@ pub(super) fn tissue(young_modulus: f64, poisson_ratio: f64) -> YoungPoisson {
 
 /// Damping (1/s) proportional to mass where rest is to be reached.
 pub(super) const DAMPING: f64 = 3.5;
+
+/// Explicit integrators refuse steps that need more: with stiffness 1e6 : 1 a case would take minutes.
+const MAX_SUBSTEPS: u32 = 10_000;
 
 /// A body on its way through a case.
 pub(super) struct Run<'a> {
@@ -121,7 +124,9 @@ impl<'a> Run<'a> {
     /// Sets the solver: defaults with the integrator of the column, then changes.
     pub fn solver(&mut self, change: impl FnOnce(&mut SolverSettings)) {
         let Column { integrator, recovery, .. } = self.setting.column;
-        let mut settings = SolverSettings { integrator, recovery, ..Default::default() };
+        let max_substeps = MAX_SUBSTEPS;
+        let mut settings =
+            SolverSettings { integrator, recovery, max_substeps, ..Default::default() };
         change(&mut settings);
         self.simulation.set_solver(settings);
     }
