@@ -105,7 +105,7 @@ fn hard_cases_print_a_table_and_write_a_page() {
     assert!(std::fs::read_to_string(&page).unwrap().contains("bad input"));
     let json = sinew(&["bench", "stability", "--quick", "--group", "10", "--json", "-"]);
     let value: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
-    assert_eq!(value["schema"], "sinew-stability/2");
+    assert_eq!(value["schema"], "sinew-stability/3");
     assert_eq!(value["rows"][0]["status"], "not-available");
     check(&["bench", "stability", "--group", "12"], 1, "", "1 to 11");
     check(&["bench", "stability", "--integrator", "quasi-static"], 1, "", "equilibria");

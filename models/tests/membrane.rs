@@ -1,7 +1,7 @@
 //! Membrane triangles: reference vectors computed elsewhere (as `reference.rs`), and what holds for
 //! every triangle and every displacement.
 
-mod common;
+use crate::common;
 
 use std::path::PathBuf;
 

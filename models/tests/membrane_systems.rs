@@ -1,7 +1,7 @@
 //! Membranes as entities: reference meshes, every instruction set, pooled against fused, and bodies of
 //! tetrahedra and triangles against the two alone.
 
-mod common;
+use crate::common;
 
 use bevy_ecs::prelude::*;
 use common::{Worst, max_abs, max_difference, symmetric_eigen};

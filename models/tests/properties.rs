@@ -2,7 +2,7 @@
 //! derivatives, rigid motions cost nothing, projections are semidefinite, degenerate states are
 //! finite, springs and fused element agree, `f32` follows `f64`.
 
-mod common;
+use crate::common;
 
 use std::f64::consts::TAU;
 

@@ -7,7 +7,7 @@
 //!
 //! Units of the errors: energy `E V`, force `E V^(2/3)`, matrices their largest entry.
 
-mod common;
+use crate::common;
 
 use std::path::PathBuf;
 

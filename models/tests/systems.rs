@@ -1,7 +1,7 @@
 //! The systems of whole bodies, through entities: every instruction set of this machine against the
 //! same sums formed one element at a time, pooled against fused, products against assembled tangents.
 
-mod common;
+use crate::common;
 
 use bevy_ecs::prelude::*;
 use common::{max_abs, max_difference, symmetric_eigen};

@@ -1190,7 +1190,7 @@ fn line_search<S: Scalar>(
 ) {
     s.damped_step.clear();
     s.damped_step.resize(s.node.len(), [S::ZERO; 4]);
-    if settings.stiffness_damping > 0.0 {
+    if settings.stiffness_damping > 0.0 && settings.integrator != Integrator::QuasiStatic {
         let (topology, workers) = (world.resource::<Topology>(), world.resource::<Workers>());
         s.damping.multiply(topology, workers, &mut s.product, &s.step, &mut s.damped_step);
     }

@@ -17,7 +17,7 @@ use sinew_engine::element::{
     EdgeVertices, MembraneRest, MembraneVertices, RestEdges, RestVolume, ShapeGradients,
     TETRAHEDRON_EDGES, TetrahedronVertices,
 };
-use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
+use sinew_engine::law::{ElasticEnergy, EvaluationRequest, RecoveringBodies, TangentKind};
 use sinew_engine::load::{LoadTime, Pressure};
 use sinew_engine::matrix::Tangent;
 use sinew_engine::mesh::Mesh;
@@ -138,12 +138,22 @@ pub fn compare_with_fresh<S: Scalar>(
             }
         }
     }
+    let recovers = world.get_resource::<RecoveringBodies>().is_some_and(|r| r.contains(body));
+    fresh.insert_resource(RecoveringBodies(vec![recovers]));
     let old = snapshot::<S>(world, body);
     let new = snapshot::<S>(&mut fresh, 0);
+    // forces of a body that is turned but hardly strained are small differences of large numbers
+    let none = Values::new();
+    let stiffness = size(old.get("exact tangent").unwrap_or(&none));
+    let reach = spread(&displacement);
     let mut difference = FreshDifference::default();
     for (name, old) in &old {
-        let none = Values::new();
-        let x = largest_difference(old, new.get(name).unwrap_or(&none));
+        let least = match *name {
+            "force" => ROUNDED * stiffness * reach,
+            "energy" => ROUNDED * stiffness * reach * reach,
+            _ => 0.0,
+        };
+        let x = largest_difference(old, new.get(name).unwrap_or(&none), least);
         if *name == "mass" {
             difference.mass = x;
         } else {
@@ -153,9 +163,24 @@ pub fn compare_with_fresh<S: Scalar>(
     Ok(difference)
 }
 
-/// What one has and the other has not counts as zero there.
-fn largest_difference(a: &Values, b: &Values) -> f64 {
-    let size = |v: &Values| v.values().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
+/// Part of stiffness times displacement to which forces and energies are compared at least.
+const ROUNDED: f64 = 1e-3;
+
+/// Largest extent (m) of displacements along an axis.
+fn spread<S: Scalar>(u: &[Displacement<S>]) -> f64 {
+    let along = |k: usize| {
+        let values = || u.iter().map(|u| u.0[k].to_f64());
+        values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
+    };
+    (0..3).map(along).fold(0.0, f64::max)
+}
+
+fn size(values: &Values) -> f64 {
+    values.values().flatten().fold(0.0_f64, |m, x| m.max(x.abs()))
+}
+
+/// Over the largest value of either, or `least`. What one has and the other has not counts as zero there.
+fn largest_difference(a: &Values, b: &Values, least: f64) -> f64 {
     let mut largest = 0.0_f64;
     for (key, x) in a.iter().chain(b) {
         let other = |v: &Values, i: usize| v.get(key).map_or(0.0, |v| v[i]);
@@ -165,7 +190,7 @@ fn largest_difference(a: &Values, b: &Values) -> f64 {
             largest = if difference <= largest { largest } else { difference };
         }
     }
-    let size = size(a).max(size(b));
+    let size = size(a).max(size(b)).max(least);
     if size > 0.0 { largest / size } else { largest }
 }
 

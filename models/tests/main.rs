@@ -1,0 +1,10 @@
+//! Tests of laws and bodies, in one binary because each would compile all kernels for itself.
+
+mod common;
+mod comparison;
+mod lanes;
+mod membrane;
+mod membrane_systems;
+mod properties;
+mod reference;
+mod systems;
