@@ -101,7 +101,6 @@ fn every_start_recovers() {
             for (name, start) in starts(&mesh, size, seed) {
                 for nu in [0.3, 0.45] {
                     let outcome = recover(&mesh, nu, Evaluation::Fused, &start, Integrator::Auto);
-                    println!("{name} {seed} {cells}^3 nu {nu}: {outcome:?}");
                     let good = outcome.error < 0.01
                         && outcome.inverted == 0
                         && outcome.highest <= 1.0 + 1e-6;
