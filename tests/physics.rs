@@ -261,7 +261,6 @@ fn bdf2_tr_bdf2_and_midpoint_are_of_second_order() {
         Integrator::ImplicitMidpoint,
     ] {
         let e = errors(integrator, &[50, 100, 200]);
-        println!("{integrator:?}: {e:?}");
         for (coarse, fine) in [(e[0], e[1]), (e[1], e[2])] {
             assert!((3.3..4.7).contains(&(coarse / fine)), "{integrator:?}: {e:?}");
         }
@@ -366,7 +365,6 @@ fn energy_balance_tells_damping_from_the_integrators_own_dissipation() {
             let left = report.kinetic_energy + report.elastic_energy;
             assert!((work - lost - left).abs() < 1e-9 * work, "{integrator:?}: books do not close");
             let share = (lost - damping) / lost;
-            println!("{integrator:?} {mass_damping} {stiffness_damping}: {damping} of {lost}");
             assert!(damping > 0.0 && share.abs() < own, "{integrator:?}: {damping} of {lost}");
         }
     }
@@ -886,7 +884,6 @@ fn equilibria_are_sought_in_parts_where_one_go_inverts_elements() {
     simulation.set_solver(exact(Integrator::QuasiStatic));
     simulation.step().unwrap();
     let report = simulation.report().clone();
-    println!("{report:?}");
     assert!(!report.unconverged && simulation.volume_report().inverted == 0);
     assert!(report.load_partings > 0 && report.load_parts > 1);
     // every part of the way counts: the whole residual is gone
