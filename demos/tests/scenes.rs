@@ -85,7 +85,7 @@ fn every_shipped_scene_has_a_test_here() {
 }
 
 #[test]
-fn drum_is_blown_up_and_snaps_back_and_a_block_is_sucked_up() {
+fn drum_is_blown_up_and_snaps_back_and_a_block_swells() {
     let (summary, table) = run_whole("membrane_drum", None);
     let sheets: Vec<_> = summary.bodies.iter().map(|b| b.membrane.as_ref().unwrap()).collect();
     assert_eq!((summary.bodies[0].tetrahedra, sheets[0].triangles), (0, 6 * 14 * 14));
