@@ -247,7 +247,7 @@ const POISSON_RATIOS: [f64; 2] = [0.3, 0.45];
 /// What the paper calls small.
 const SMALL: f64 = 0.1;
 /// Error (%) below which one law stands in for another.
-const SAME: f64 = 5.0;
+const SAME: f64 = 2.0;
 
 pub(super) fn figure() -> Result<Figure, BenchError> {
     let mut rows = Vec::new();
