@@ -1,0 +1,382 @@
+//! Springs of a whole mesh.
+//!
+//! Elements are fitted in parallel, congruent ones of the same material once. Springs on the same pair of nodes are added up in the order of the elements, so the result has the same bits
+//! for any number of threads.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{ElementError, IdentifyError};
+use crate::fit::ElementFit;
+use crate::geometry::{ElementGeometry, ElementKind, norm, sub};
+use crate::mass::{MassLumping, lumped_masses};
+use crate::material::{LinearMaterial, Section};
+use crate::method::{ElementMethod, fit_element};
+use crate::springs::pairs;
+
+/// Elements whose distances between nodes agree to this part of their size are congruent.
+const CONGRUENT: f64 = 1e-12;
+/// Width of a bucket of the search for congruent elements, in the logarithm of the sum of distances.
+const BUCKET: f64 = 1e-10;
+/// Pooled constants below this part of the largest count as negative.
+const NEGATIVE: f64 = 1e-9;
+
+/// Cells of a mesh, nodes in the order of Gmsh and VTK. Elements are counted in this order of kinds.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Cells<'a> {
+    /// Triangles.
+    pub triangles: &'a [[u32; 3]],
+    /// Quadrilaterals.
+    pub quads: &'a [[u32; 4]],
+    /// Tetrahedra.
+    pub tetrahedra: &'a [[u32; 4]],
+    /// Hexahedra.
+    pub hexahedra: &'a [[u32; 8]],
+}
+
+impl<'a> Cells<'a> {
+    /// Number of elements of all kinds.
+    pub fn len(&self) -> usize {
+        self.triangles.len() + self.quads.len() + self.tetrahedra.len() + self.hexahedra.len()
+    }
+
+    /// Whether there is no element.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Kind, index among its kind, and nodes of element `element` among all.
+    ///
+    /// # Panics
+    /// If there is no such element.
+    pub fn element(&self, element: usize) -> (ElementKind, usize, &'a [u32]) {
+        let mut index = element;
+        if index < self.triangles.len() {
+            return (ElementKind::Triangle, index, &self.triangles[index]);
+        }
+        index -= self.triangles.len();
+        if index < self.quads.len() {
+            return (ElementKind::Quad, index, &self.quads[index]);
+        }
+        index -= self.quads.len();
+        if index < self.tetrahedra.len() {
+            return (ElementKind::Tetrahedron, index, &self.tetrahedra[index]);
+        }
+        index -= self.tetrahedra.len();
+        (ElementKind::Hexahedron, index, &self.hexahedra[index])
+    }
+
+    /// Rest shape of element `element` among all.
+    ///
+    /// # Errors
+    /// [`IdentifyError::NodeOutOfRange`], [`IdentifyError::Element`].
+    pub fn geometry(
+        &self,
+        points: &[[f64; 3]],
+        element: usize,
+    ) -> Result<ElementGeometry, IdentifyError> {
+        let (kind, index, nodes) = self.element(element);
+        let mut positions = [[0.0; 3]; 8];
+        for (position, &node) in positions.iter_mut().zip(nodes) {
+            *position = *points.get(node as usize).ok_or(IdentifyError::NodeOutOfRange {
+                kind,
+                index,
+                node,
+                points: points.len(),
+            })?;
+        }
+        ElementGeometry::new(kind, &positions[..nodes.len()])
+            .map_err(|source| self.locate(element, source))
+    }
+
+    fn locate(&self, element: usize, source: ElementError) -> IdentifyError {
+        let (kind, index, _) = self.element(element);
+        IdentifyError::Element { kind, index, source }
+    }
+}
+
+/// Springs of a mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FittedSprings {
+    /// Pairs of nodes, each sorted, in lexicographic order, without repetition.
+    pub edges: Vec<[u32; 2]>,
+    /// Constants (N/m), one to an edge: sums over the elements round it.
+    pub constants: Vec<f64>,
+    /// What came out.
+    pub report: FitReport,
+}
+
+/// How a fit of a mesh went.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitReport {
+    /// Method.
+    pub method: ElementMethod,
+    /// Whether the formula was recalled and not read in its original text ([`ElementMethod::recalled`]).
+    pub recalled: bool,
+    /// Elements.
+    pub elements: usize,
+    /// Fits that were computed: elements that are not congruent to an earlier one.
+    pub distinct_fits: usize,
+    /// Constants of single elements, over all elements.
+    pub element_constants: usize,
+    /// Those of them that are negative.
+    pub negative_element_constants: usize,
+    /// Edges whose sum is negative.
+    pub negative_edges: usize,
+    /// Least sum of an edge, N/m.
+    pub least_constant: f64,
+    /// `|R - K|_F / |R|_F` over the elements.
+    pub frobenius_residual: Residuals,
+    /// `|R - K|_2 / |R|_2` over the elements.
+    pub two_norm_residual: Residuals,
+    /// 2-norm fits: largest relative distance between norm and lower bound. Means nothing where the springs are exact.
+    pub worst_certificate_gap: Option<f64>,
+    /// Largest distance of a node from the mean plane of its triangle or quadrilateral, relative to the element's size.
+    pub worst_off_plane: f64,
+}
+
+/// A residual over all elements.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Residuals {
+    /// Mean.
+    pub mean: f64,
+    /// Largest.
+    pub worst: f64,
+    /// Element that has it, counted over all kinds in the order of [`Cells`].
+    pub worst_element: usize,
+}
+
+impl Residuals {
+    fn new(values: impl ExactSizeIterator<Item = f64>) -> Self {
+        let count = values.len() as f64;
+        let mut sum = 0.0;
+        let (mut worst, mut worst_element) = (f64::NEG_INFINITY, 0);
+        for (element, value) in values.enumerate() {
+            sum += value;
+            if value > worst {
+                (worst, worst_element) = (value, element);
+            }
+        }
+        Self { mean: sum / count, worst, worst_element }
+    }
+}
+
+/// Finds the springs of a mesh.
+///
+/// `points` (m) are rest positions, `materials` one for all elements or one for each (in the order of [`Cells`]), `section` that of plane
+/// elements.
+///
+/// # Errors
+/// [`IdentifyError`], naming the first element (in order) that cannot be fitted and what to do.
+///
+/// ```
+/// use sinew_identify::mesh::{Cells, fit_elements};
+/// use sinew_identify::{ElementMethod, LinearMaterial, Section};
+///
+/// // two cubes of 1 m side by side
+/// let points: Vec<[f64; 3]> =
+///     (0..12).map(|i| [(i % 3) as f64, (i / 3 % 2) as f64, (i / 6) as f64]).collect();
+/// let hexahedra = [[0, 1, 4, 3, 6, 7, 10, 9], [1, 2, 5, 4, 7, 8, 11, 10]];
+/// let cells = Cells { hexahedra: &hexahedra, ..Cells::default() };
+/// let material = [LinearMaterial::new(1.0, 0.25)?];
+/// let springs =
+///     fit_elements(&points, &cells, &material, &Section::default(), ElementMethod::Baudet)?;
+/// assert_eq!(springs.edges.len(), 28 + 28 - 6);
+/// assert_eq!(springs.report.distinct_fits, 1);
+/// let shared = springs.edges.iter().position(|e| *e == [1, 7]).unwrap();
+/// assert!((springs.constants[shared] - 2.0 * 0.2).abs() < 1e-15);
+/// # Ok::<(), sinew_identify::IdentifyError>(())
+/// ```
+pub fn fit_elements(
+    points: &[[f64; 3]],
+    cells: &Cells<'_>,
+    materials: &[LinearMaterial],
+    section: &Section,
+    method: ElementMethod,
+) -> Result<FittedSprings, IdentifyError> {
+    let count = cells.len();
+    if count == 0 {
+        return Err(IdentifyError::NoElements);
+    }
+    if materials.len() != 1 && materials.len() != count {
+        return Err(IdentifyError::MaterialCount { given: materials.len(), elements: count });
+    }
+    let material = |element: usize| &materials[if materials.len() == 1 { 0 } else { element }];
+    let shapes = first_error(
+        (0..count)
+            .into_par_iter()
+            .map(|element| Shape::new(points, cells, element))
+            .collect::<Vec<_>>(),
+    )?;
+    let (representatives, fit_of) = congruence_classes(cells, &shapes, material);
+    let fits = first_error(
+        representatives
+            .par_iter()
+            .map(|&element| {
+                let geometry = cells.geometry(points, element)?;
+                fit_element(&geometry, material(element), section, method)
+                    .map_err(|source| cells.locate(element, source))
+            })
+            .collect::<Vec<_>>(),
+    )?;
+    let (edges, constants) = pool(cells, &fits, &fit_of);
+    let report = report(method, &shapes, &fits, &fit_of, &constants);
+    Ok(FittedSprings { edges, constants, report })
+}
+
+/// Masses (kg) of the nodes of a mesh of density `density` (kg/m^3), summed over the elements.
+///
+/// # Errors
+/// As [`fit_elements`], and [`ElementError::Density`].
+///
+/// ```
+/// use sinew_identify::mass::MassLumping;
+/// use sinew_identify::mesh::{Cells, mesh_masses};
+/// use sinew_identify::Section;
+///
+/// let points = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+/// let cells = Cells { triangles: &[[0, 1, 2], [0, 2, 3]], ..Cells::default() };
+/// let masses = mesh_masses(&points, &cells, 6.0, &Section::default(), MassLumping::RowSum)?;
+/// for (mass, expected) in masses.iter().zip([2.0, 1.0, 2.0, 1.0]) {
+///     assert!((mass - expected).abs() < 1e-14);
+/// }
+/// # Ok::<(), sinew_identify::IdentifyError>(())
+/// ```
+pub fn mesh_masses(
+    points: &[[f64; 3]],
+    cells: &Cells<'_>,
+    density: f64,
+    section: &Section,
+    lumping: MassLumping,
+) -> Result<Vec<f64>, IdentifyError> {
+    let mut masses = vec![0.0; points.len()];
+    for element in 0..cells.len() {
+        let geometry = cells.geometry(points, element)?;
+        let shares = lumped_masses(&geometry, density, section, lumping)
+            .map_err(|source| cells.locate(element, source))?;
+        for (&node, share) in cells.element(element).2.iter().zip(shares) {
+            masses[node as usize] += share;
+        }
+    }
+    Ok(masses)
+}
+
+/// What congruence and the report need of an element.
+struct Shape {
+    lengths: [f64; 28],
+    size: f64,
+    off_plane: f64,
+}
+
+impl Shape {
+    fn new(points: &[[f64; 3]], cells: &Cells<'_>, element: usize) -> Result<Self, IdentifyError> {
+        let geometry = cells.geometry(points, element)?;
+        let (_, _, nodes) = cells.element(element);
+        let mut lengths = [0.0; 28];
+        for (length, (a, b)) in lengths.iter_mut().zip(pairs(nodes.len())) {
+            *length = norm(sub(points[nodes[a] as usize], points[nodes[b] as usize]));
+        }
+        let size = geometry.size();
+        Ok(Self { lengths, size, off_plane: geometry.off_plane() / size })
+    }
+
+    fn congruent(&self, other: &Self) -> bool {
+        let allowed = CONGRUENT * self.size;
+        self.lengths.iter().zip(&other.lengths).all(|(a, b)| (a - b).abs() <= allowed)
+    }
+}
+
+/// The first error in the order of the elements, whatever thread met one first.
+fn first_error<T>(results: Vec<Result<T, IdentifyError>>) -> Result<Vec<T>, IdentifyError> {
+    results.into_iter().collect()
+}
+
+/// Elements to be fitted, and for every element which of them it is congruent to.
+///
+/// Buckets hold elements by the sum of their distances; congruent ones are at most one bucket apart.
+fn congruence_classes<'m>(
+    cells: &Cells<'_>,
+    shapes: &[Shape],
+    material: impl Fn(usize) -> &'m LinearMaterial,
+) -> (Vec<usize>, Vec<usize>) {
+    let mut representatives: Vec<usize> = Vec::new();
+    let mut buckets: HashMap<(ElementKind, u64, u64, i64), Vec<usize>> = HashMap::new();
+    let fit_of = (0..shapes.len())
+        .map(|element| {
+            let shape = &shapes[element];
+            let material = material(element);
+            let sum: f64 = shape.lengths.iter().sum();
+            let bucket = (sum.ln() / BUCKET).floor() as i64;
+            let (e, nu) = (material.youngs_modulus.to_bits(), material.poissons_ratio.to_bits());
+            let kind = cells.element(element).0;
+            let known = (bucket - 1..=bucket + 1)
+                .filter_map(|b| buckets.get(&(kind, e, nu, b)))
+                .flatten()
+                .copied()
+                .find(|&class| shapes[representatives[class]].congruent(shape));
+            known.unwrap_or_else(|| {
+                let class = representatives.len();
+                representatives.push(element);
+                buckets.entry((kind, e, nu, bucket)).or_default().push(class);
+                class
+            })
+        })
+        .collect();
+    (representatives, fit_of)
+}
+
+/// Adds up the springs on the same pair of nodes, in the order of the elements.
+fn pool(cells: &Cells<'_>, fits: &[ElementFit], fit_of: &[usize]) -> (Vec<[u32; 2]>, Vec<f64>) {
+    let mut springs: Vec<([u32; 2], f64)> = Vec::new();
+    for (element, &fit) in fit_of.iter().enumerate() {
+        let (_, _, nodes) = cells.element(element);
+        for ((a, b), &k) in pairs(nodes.len()).zip(&fits[fit].constants) {
+            springs.push(([nodes[a].min(nodes[b]), nodes[a].max(nodes[b])], k));
+        }
+    }
+    // stable: springs of one pair stay in the order of the elements
+    springs.par_sort_by_key(|s| s.0);
+    let mut edges: Vec<[u32; 2]> = Vec::new();
+    let mut constants: Vec<f64> = Vec::new();
+    for (edge, k) in springs {
+        if edges.last() == Some(&edge) {
+            *constants.last_mut().expect("as many as edges") += k;
+        } else {
+            edges.push(edge);
+            constants.push(k);
+        }
+    }
+    (edges, constants)
+}
+
+fn report(
+    method: ElementMethod,
+    shapes: &[Shape],
+    fits: &[ElementFit],
+    fit_of: &[usize],
+    constants: &[f64],
+) -> FitReport {
+    let over = |value: fn(&ElementFit) -> f64| {
+        Residuals::new(fit_of.iter().map(move |&fit| value(&fits[fit])))
+    };
+    let largest = constants.iter().fold(0f64, |m, k| m.max(k.abs()));
+    let gaps = fits
+        .iter()
+        .filter_map(|f| f.two_norm_bound.map(|b| (f.two_norm_residual - b) / f.two_norm_residual));
+    FitReport {
+        method,
+        recalled: method.recalled(),
+        elements: shapes.len(),
+        distinct_fits: fits.len(),
+        element_constants: fit_of.iter().map(|&f| fits[f].constants.len()).sum(),
+        negative_element_constants: fit_of.iter().map(|&f| fits[f].negative).sum(),
+        negative_edges: constants.iter().filter(|&&k| k < -NEGATIVE * largest).count(),
+        least_constant: constants.iter().copied().fold(f64::INFINITY, f64::min),
+        frobenius_residual: over(|f| f.frobenius_residual),
+        two_norm_residual: over(|f| f.two_norm_residual),
+        worst_certificate_gap: gaps.reduce(f64::max),
+        worst_off_plane: shapes.iter().map(|s| s.off_plane).fold(0.0, f64::max),
+    }
+}

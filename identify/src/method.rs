@@ -1,0 +1,190 @@
+//! Methods by name, and one element.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::baselines;
+use crate::error::{ElementError, IdentifyError};
+use crate::fit::{ElementFit, FitProblem, Sign, block, frobenius, nonnegative, two_norm};
+use crate::geometry::{ElementGeometry, ElementKind};
+use crate::material::{LinearMaterial, Section};
+use crate::springs::spring_vectors;
+use crate::stiffness::element_stiffness;
+
+/// How spring constants of an element are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ElementMethod {
+    /// Full Frobenius fit, [`frobenius`](mod@crate::fit::frobenius).
+    #[default]
+    Frobenius,
+    /// Off-diagonal blocks, [`block`](mod@crate::fit::block).
+    Block,
+    /// Induced 2-norm fit with certificate, [`two_norm`](mod@crate::fit::two_norm).
+    TwoNorm,
+    /// Non-negative Frobenius fit, [`nonnegative`](mod@crate::fit::nonnegative).
+    Nonnegative,
+    /// Non-negative 2-norm fit with certificate, [`two_norm`](mod@crate::fit::two_norm).
+    TwoNormNonnegative,
+    /// Van Gelder's simple formula, [`baselines`].
+    VanGelder,
+    /// Van Gelder's formula with Poisson's ratio, [`baselines`].
+    VanGelderFull,
+    /// Lloyd et al., [`baselines`].
+    Lloyd,
+    /// Baudet et al., [`baselines`].
+    Baudet,
+    /// Tensile springs of Delingette 2008, [`baselines`].
+    PaperA,
+}
+
+impl ElementMethod {
+    /// All methods.
+    pub const ALL: [Self; 10] = [
+        Self::Frobenius,
+        Self::Block,
+        Self::TwoNorm,
+        Self::Nonnegative,
+        Self::TwoNormNonnegative,
+        Self::VanGelder,
+        Self::VanGelderFull,
+        Self::Lloyd,
+        Self::Baudet,
+        Self::PaperA,
+    ];
+
+    /// Name in files and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Frobenius => "frobenius",
+            Self::Block => "block",
+            Self::TwoNorm => "two-norm",
+            Self::Nonnegative => "nonnegative",
+            Self::TwoNormNonnegative => "two-norm-nonnegative",
+            Self::VanGelder => "van-gelder",
+            Self::VanGelderFull => "van-gelder-full",
+            Self::Lloyd => "lloyd",
+            Self::Baudet => "baudet",
+            Self::PaperA => "paper-a",
+        }
+    }
+
+    /// Whether the formula was recalled from the literature and not read in its original text: reports should say so.
+    pub const fn recalled(self) -> bool {
+        matches!(self, Self::VanGelder | Self::VanGelderFull | Self::Lloyd | Self::Baudet)
+    }
+
+    /// Whether there is a formula for elements of `kind`. Baudet's further needs rectangles or cubes.
+    ///
+    /// ```
+    /// use sinew_identify::{ElementKind, ElementMethod};
+    ///
+    /// assert!(ElementMethod::Frobenius.serves(ElementKind::Hexahedron));
+    /// assert!(!ElementMethod::Lloyd.serves(ElementKind::Hexahedron));
+    /// ```
+    pub const fn serves(self, kind: ElementKind) -> bool {
+        use ElementKind::{Hexahedron, Quad, Tetrahedron, Triangle};
+        match self {
+            Self::Frobenius
+            | Self::Block
+            | Self::TwoNorm
+            | Self::Nonnegative
+            | Self::TwoNormNonnegative => true,
+            Self::VanGelder | Self::PaperA => matches!(kind, Triangle | Tetrahedron),
+            Self::VanGelderFull => matches!(kind, Triangle),
+            Self::Lloyd => matches!(kind, Triangle | Quad | Tetrahedron),
+            Self::Baudet => matches!(kind, Quad | Hexahedron),
+        }
+    }
+
+    fn not_served(self, kind: ElementKind) -> ElementError {
+        let served: Vec<String> = ElementKind::ALL
+            .iter()
+            .filter(|k| self.serves(**k))
+            .map(ElementKind::to_string)
+            .collect();
+        ElementError::NotServed { method: self, kind, served: served.join(", ") }
+    }
+}
+
+impl fmt::Display for ElementMethod {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for ElementMethod {
+    type Err = IdentifyError;
+
+    /// ```
+    /// use sinew_identify::ElementMethod;
+    ///
+    /// assert_eq!("two-norm".parse(), Ok(ElementMethod::TwoNorm));
+    /// assert!("2-norm".parse::<ElementMethod>().unwrap_err().to_string().contains("two-norm"));
+    /// ```
+    fn from_str(name: &str) -> Result<Self, Self::Err> {
+        Self::ALL.into_iter().find(|m| m.name() == name).ok_or_else(|| {
+            let known: Vec<_> = Self::ALL.iter().map(|m| m.name()).collect();
+            IdentifyError::UnknownMethod { name: name.to_owned(), known: known.join(", ") }
+        })
+    }
+}
+
+/// Spring constants (N/m) of one element, and how well they meet its finite element stiffness.
+///
+/// # Errors
+/// Whatever is wrong with material, section or shape for this method; see [`ElementError`].
+///
+/// ```
+/// use sinew_identify::{
+///     ElementGeometry, ElementKind, ElementMethod, LinearMaterial, Section, fit_element,
+/// };
+///
+/// // a square in plane stress with lambda = mu = 3/8 E: full fit 5 lambda/21 + 4 mu/7 on the sides
+/// let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+/// let square = ElementGeometry::planar(ElementKind::Quad, &square)?;
+/// let material = LinearMaterial::new(1.0, 1.0 / 3.0)?;
+/// let fit = fit_element(&square, &material, &Section::default(), ElementMethod::Frobenius)?;
+/// assert!((fit.constants[0] - 0.375 * 17.0 / 21.0).abs() < 1e-15);
+/// // and the printed closed form gives Lloyd's 5/16 and 7/16
+/// let fit = fit_element(&square, &material, &Section::default(), ElementMethod::Block)?;
+/// assert!((fit.constants[0] - 5.0 / 16.0).abs() < 1e-15);
+/// assert!((fit.constants[1] - 7.0 / 16.0).abs() < 1e-15);
+/// # Ok::<(), sinew_identify::ElementError>(())
+/// ```
+pub fn fit_element(
+    geometry: &ElementGeometry,
+    material: &LinearMaterial,
+    section: &Section,
+    method: ElementMethod,
+) -> Result<ElementFit, ElementError> {
+    let problem = FitProblem {
+        stiffness: element_stiffness(geometry, material, section)?,
+        springs: spring_vectors(geometry),
+        dimension: geometry.kind().dimension(),
+    };
+    let mut bound = None;
+    let constants = match method {
+        ElementMethod::Frobenius => frobenius(&problem)?,
+        ElementMethod::Block => block(&problem),
+        ElementMethod::Nonnegative => nonnegative(&problem)?,
+        ElementMethod::TwoNorm | ElementMethod::TwoNormNonnegative => {
+            let sign =
+                if method == ElementMethod::TwoNorm { Sign::Free } else { Sign::Nonnegative };
+            let (constants, lower) = two_norm(&problem, sign)?;
+            bound = Some(lower);
+            constants
+        }
+        ElementMethod::VanGelder
+        | ElementMethod::VanGelderFull
+        | ElementMethod::Lloyd
+        | ElementMethod::Baudet
+        | ElementMethod::PaperA => baselines::constants(method, geometry, material, section)?
+            .ok_or_else(|| method.not_served(geometry.kind()))?,
+    };
+    let mut fit = ElementFit::measure(&problem, constants);
+    fit.two_norm_bound = bound.map(|b| b / crate::fit::spectral_norm(problem.stiffness));
+    Ok(fit)
+}
