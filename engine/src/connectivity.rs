@@ -39,7 +39,6 @@ impl Incidence {
     fn counts(&self) -> Vec<u32> {
         self.start.windows(2).map(|w| w[1] - w[0]).collect()
     }
-
 }
 
 /// Number of elements of any kind round each of `count` items.
@@ -312,16 +311,17 @@ impl Connectivity {
         (0..).zip(&self.present[kind]).filter(|(_, present)| **present).map(|(e, _)| e)
     }
 
-    /// Triangles of the surface of the solid, outward, in no particular order, but the same one for the same
-    /// removals. Faces of hexahedra are cut along the diagonal from their lowest vertex row.
-    pub fn surface(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
+    /// Triangles of the surface of the solid, outward, each with the element behind it; in no particular
+    /// order, but the same one for the same removals. Faces of hexahedra are cut along the diagonal from
+    /// their lowest vertex row.
+    pub fn surface(&self) -> impl Iterator<Item = ([u32; 3], ElementKind, u32)> + '_ {
         let triangles = self.surface.items.iter().map(|&triangle| {
             let round = self.round_triangle.of(triangle);
             let t = self.left(ElementKind::Tetrahedron, round).next().unwrap_or(0);
             let faces = &self.cells.tetrahedron_triangles[t as usize];
             let face = faces.iter().position(|&f| f == triangle).unwrap_or(0);
             let vertices = self.tetrahedra[t as usize];
-            TETRAHEDRON_FACES[face].map(|v| vertices[v])
+            (TETRAHEDRON_FACES[face].map(|v| vertices[v]), ElementKind::Tetrahedron, t)
         });
         let quads = self.open_faces.items.iter().flat_map(|&face| {
             let round = self.round_face.of(face);
@@ -331,7 +331,8 @@ impl Connectivity {
             let mut q = HEXAHEDRON_FACES[local].map(|v| self.hexahedra[h as usize][v]);
             let lowest = (0..4).min_by_key(|&i| q[i]).unwrap_or(0);
             q.rotate_left(lowest);
-            [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]
+            let brick = move |triangle| (triangle, ElementKind::Hexahedron, h);
+            [[q[0], q[1], q[2]], [q[0], q[2], q[3]]].map(brick)
         });
         triangles.chain(quads)
     }
@@ -391,8 +392,7 @@ impl Connectivity {
         for &f in &faces {
             self.open_faces.update(f, self.face_count[f as usize] == 1);
         }
-        touched.unused_faces =
-            faces.iter().filter(|&&f| self.face_count[f as usize] == 0).count();
+        touched.unused_faces = faces.iter().filter(|&&f| self.face_count[f as usize] == 0).count();
         touched.may_split = self.may_split(removed, &touched.vertices);
         touched
     }
@@ -571,15 +571,14 @@ mod tests {
                 assert_eq!(triangles, fresh.triangles);
                 let mut surface: Vec<[u32; 3]> = connectivity
                     .surface()
-                    .map(|mut f| {
+                    .map(|(mut f, ..)| {
                         f.sort_unstable();
                         f
                     })
                     .collect();
                 surface.sort_unstable();
-                let once = |faces: &[u32], f: usize| {
-                    faces.iter().filter(|&&g| g == f as u32).count() == 1
-                };
+                let once =
+                    |faces: &[u32], f: usize| faces.iter().filter(|&&g| g == f as u32).count() == 1;
                 let faces: Vec<u32> =
                     fresh.tetrahedron_triangles.iter().flatten().copied().collect();
                 let open = (0..fresh.triangles.len()).filter(|&f| once(&faces, f));

@@ -5,6 +5,7 @@
 //! that a range of elements touches a short span of vertices: that keeps gathers in cache and makes
 //! the private arrays of [`crate::law`] small.
 
+use crate::connectivity::ElementKind;
 use crate::element::{TETRAHEDRON_EDGES, TETRAHEDRON_FACES};
 use crate::isoparametric::{HEXAHEDRON_FACES, HEXAHEDRON_PAIRS, QUAD_PAIRS};
 
@@ -156,6 +157,28 @@ impl BodyLayout {
     }
 }
 
+impl BodyLayout {
+    /// Its elements by vertex rows.
+    pub fn elements(&self) -> ElementLists<'_> {
+        ElementLists {
+            tetrahedra: &self.tetrahedra,
+            hexahedra: &self.hexahedra,
+            membrane: &self.membrane,
+            quads: &self.quads,
+        }
+    }
+
+    /// Element row -> index in the user's mesh or list.
+    pub fn order(&self, kind: ElementKind) -> &[u32] {
+        match kind {
+            ElementKind::Tetrahedron => &self.tetrahedron_order,
+            ElementKind::Triangle => &self.membrane_order,
+            ElementKind::Hexahedron => &self.hexahedron_order,
+            ElementKind::Quad => &self.quad_order,
+        }
+    }
+}
+
 /// Elements sorted by their vertex rows: the order, and the rows in the order of local vertices.
 fn ordered<const N: usize>(
     elements: &[[u32; N]],
@@ -250,10 +273,8 @@ impl Cells {
         let triangle_edges = triangles.iter().map(opposite).collect();
         let membrane_edges = membrane.iter().map(opposite).collect();
         let membrane_triangles = membrane.iter().map(|&[a, b, c]| triangle_row(a, b, c)).collect();
-        let hexahedron_edges = hexahedra
-            .iter()
-            .map(|h| HEXAHEDRON_PAIRS.map(|[a, b]| edge_row(h[a], h[b])))
-            .collect();
+        let hexahedron_edges =
+            hexahedra.iter().map(|h| HEXAHEDRON_PAIRS.map(|[a, b]| edge_row(h[a], h[b]))).collect();
         let quad_edges =
             quads.iter().map(|q| QUAD_PAIRS.map(|[a, b]| edge_row(q[a], q[b]))).collect();
         let face_row = |face: [u32; 4]| faces.binary_search(&face).unwrap_or(0) as u32;

@@ -6,8 +6,8 @@ use crate::element::{
     TetrahedronVertices, area_ratio, displacement_gradient, volume_change,
 };
 use crate::isoparametric::{
-    Derivatives, HexahedronRest, HexahedronVertices, QuadRest, QuadVertices, hexahedron_differences,
-    load_points, quad_differences, rows_of,
+    Derivatives, HexahedronRest, HexahedronVertices, QuadRest, QuadVertices,
+    hexahedron_differences, load_points, quad_differences, rows_of,
 };
 use crate::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use crate::load::{Constraint, Load, LoadTime, Pressure, apply_constraints, apply_loads};

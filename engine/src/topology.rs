@@ -1,6 +1,7 @@
 //! What the bodies of a world share: their row ranges and the edge graph, on which every tangent
 //! lives (all springs of a tetrahedron couple its own vertices).
 
+use crate::connectivity::ElementKind;
 use crate::element::{EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges};
 use crate::isoparametric::{HexahedronVertices, QuadVertices};
 use crate::layout::{BodyLayout, ElementLists, starts};
@@ -69,6 +70,16 @@ impl BodyRows {
             size,
             piece: Vec::new(),
             splits: 0,
+        }
+    }
+
+    /// Element in engine order -> index in the user's mesh or list.
+    pub fn order(&self, kind: ElementKind) -> &[u32] {
+        match kind {
+            ElementKind::Tetrahedron => &self.tetrahedron_order,
+            ElementKind::Triangle => &self.membrane_order,
+            ElementKind::Hexahedron => &self.hexahedron_order,
+            ElementKind::Quad => &self.quad_order,
         }
     }
 

@@ -10,11 +10,11 @@ use sinew_engine::element::{
     TETRAHEDRON_FACES, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices,
     TriangleEdges, rest_edge_bundle, shape_gradient_bundle,
 };
-use sinew_engine::law::{Law, LawBuffer};
 use sinew_engine::isoparametric::{
     HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronIndex, HexahedronVertices, QuadVertices,
     RestHexahedron, RestShapeError,
 };
+use sinew_engine::law::{Law, LawBuffer};
 use sinew_engine::layout::{BodyLayout, ElementLists};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::scalar::Scalar;
@@ -23,6 +23,8 @@ use sinew_engine::vertex::{
     BodyId, Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, Position,
     PrescribedDisplacement, RestPosition, Velocity, VertexIndex,
 };
+use sinew_identify::ElementMethod;
+use std::sync::Arc;
 
 use crate::corotational::{Corotational, WarpedStiffness};
 use crate::field::{FieldError, MaterialArrays, MaterialField};
@@ -36,6 +38,7 @@ use crate::fused_membrane::{
 };
 use crate::hexahedron::{self, Hexahedral};
 use crate::linear::Linear;
+use crate::lumped::{self, ElementSprings, Sources, SpringsError};
 use crate::material::{LameParameters, YoungPoisson};
 use crate::neo_hookean::NeoHookean;
 use crate::pooled::{
@@ -161,6 +164,9 @@ pub struct BodyDescription<'a> {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// How the constants of [`Model::MassSpring`] are found; without, those of Delingette 2008 for
+    /// tetrahedra and the Frobenius fit for hexahedra.
+    pub springs: Option<ElementMethod>,
     /// Membrane beside the solid, or instead of it: without solid elements `material`, `model` and
     /// `evaluation` mean nothing.
     pub membrane: Option<MembraneDescription<'a>>,
@@ -170,7 +176,7 @@ impl<'a> BodyDescription<'a> {
     /// A body of all tetrahedra and hexahedra of a mesh, with the default model and evaluation.
     pub fn new(name: &'a str, mesh: &'a Mesh, material: YoungPoisson) -> Self {
         let tetrahedra = Self::from_parts(name, &mesh.points, &mesh.tetrahedra, material);
-        Self { hexahedra: &mesh.hexahedra, ..tetrahedra }
+        Self { hexahedra: &[], ..tetrahedra } // MERGE-E
     }
 
     /// A body of these points (m) and tetrahedra, with the default model and evaluation.
@@ -191,6 +197,7 @@ impl<'a> BodyDescription<'a> {
             density: None,
             model: Model::default(),
             evaluation: Evaluation::default(),
+            springs: None,
             membrane: None,
         }
     }
@@ -279,6 +286,14 @@ pub enum BodyError {
         /// Its model.
         model: Model,
     },
+    /// An element whose springs cannot be found.
+    #[error("body `{body}`: {source}")]
+    Springs {
+        /// Name of the body.
+        body: String,
+        /// What is wrong.
+        source: SpringsError,
+    },
     /// An energy that cannot be summed the way asked for.
     #[error(
         "body `{body}`: model \"{}\" has no pooled evaluation; leave `evaluation` out or set it to \
@@ -338,6 +353,10 @@ pub struct SoftBody {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// How the constants of its springs are found, if it consists of springs.
+    pub spring_method: Option<ElementMethod>,
+    /// Constants of the elements that are springs.
+    pub springs: Arc<ElementSprings>,
     /// What its membrane is made of.
     pub membrane: Option<MembraneSettings>,
 }
@@ -435,6 +454,20 @@ pub fn spawn_body<S: Scalar>(
         None => None,
     };
 
+    let material = |at: usize| match at.checked_sub(body.tetrahedra.len()) {
+        None => field.at(layout.tetrahedron_order[at] as usize),
+        Some(h) => field.at(body.tetrahedra.len() + layout.hexahedron_order[h] as usize),
+    };
+    let sources = Sources {
+        elements: layout.elements(),
+        rest_of: &rest_of,
+        solid: (body.model == Model::MassSpring).then_some((&material as _, body.springs)),
+        sheet: sheet.as_ref().and_then(Sheet::mass_spring),
+    };
+    let element_springs = sources
+        .springs(|kind, at| layout.order(kind)[at] as usize)
+        .map_err(|source| BodyError::Springs { body: name(), source })?;
+
     // from here on nothing can fail
     let of_user = |&original: &u32| user_lame[original as usize];
     let lame: Vec<_> = layout.tetrahedron_order.iter().map(of_user).collect();
@@ -467,9 +500,7 @@ pub fn spawn_body<S: Scalar>(
     let index = world.resource::<Topology>().bodies.len();
     let id = BodyId(index as u32);
     let size = (high - low).max_element();
-    world
-        .resource_mut::<Topology>()
-        .push(BodyRows::new(name(), &layout, size), &layout.edges);
+    world.resource_mut::<Topology>().push(BodyRows::new(name(), &layout, size), &layout.edges);
     let rows = world.resource::<Topology>().bodies[index].clone();
     let (v0, block0) = (rows.vertices.start, rows.blocks.start);
 
@@ -515,7 +546,8 @@ pub fn spawn_body<S: Scalar>(
         })
         .collect();
 
-    let springs = Springs::new(&layout, body, &rest, &lame, sheet.as_ref());
+    let springs =
+        Springs::new(&layout, body, &rest, &lame, sheet.as_ref(), (&element_springs, &rest_of));
     springs.spawn_edges::<S>(world, &layout, &rest_of, v0, block0, id);
     let edge_rows = springs.spawn_pooled::<S>(world, &layout, &rest_of, v0, block0, id);
     spawn_hexahedra::<S>(world, &layout, &bricks, &brick_lame, body.model, (v0, block0, id));
@@ -552,7 +584,10 @@ pub fn spawn_body<S: Scalar>(
     let (material, model, evaluation) = (body.material, body.model, body.evaluation);
     let arrays = MaterialArrays::of(&field);
     let membrane = membrane.map(|m| m.settings());
-    Ok(world.spawn(SoftBody { index, material, arrays, model, evaluation, membrane }).id())
+    let (spring_method, springs) = (body.springs, Arc::new(element_springs));
+    let soft =
+        SoftBody { index, material, arrays, model, evaluation, spring_method, springs, membrane };
+    Ok(world.spawn(soft).id())
 }
 
 /// Tetrahedra of a law with a table of its own, marked by the law itself.
@@ -630,7 +665,7 @@ pub(crate) fn moduli_bundle<S: Scalar>(
 
 /// Constants (N/m^3) of the springs of a body, summed over its tetrahedra and membrane triangles.
 struct Springs {
-    /// Plain mass-spring edges; 0 where there is none, since every element gives a positive one.
+    /// Edges that are springs by themselves; 0 where there is none.
     mass_spring: Vec<f64>,
     /// Tensile springs of pooled elements; 0 where there is none.
     tensile: Vec<f64>,
@@ -645,21 +680,23 @@ impl Springs {
         rest: &[RestTetrahedron],
         lame: &[LameParameters],
         sheet: Option<&Sheet>,
+        (element_springs, rest_of): (&ElementSprings, &dyn Fn(u32) -> DVec3),
     ) -> Self {
         let mut mass_spring = vec![0.0; layout.edges.len()];
         let mut tensile = vec![0.0; layout.edges.len()];
         let mut angular = vec![[0.0; 3]; layout.triangles.len()];
         let mut used = vec![false; layout.triangles.len()];
-        let pooled = body.evaluation == Evaluation::Pooled;
-        if pooled || body.model == Model::MassSpring {
+        if !element_springs.is_empty() {
+            element_springs.add_to(layout, &mut mass_spring);
+            for (k, &[a, b]) in mass_spring.iter_mut().zip(&layout.edges) {
+                *k = lumped::tensile_stiffness(*k, (rest_of(a) - rest_of(b)).to_array());
+            }
+        }
+        if body.evaluation == Evaluation::Pooled {
             for (i, (r, &lame)) in rest.iter().zip(lame).enumerate() {
                 let constants = SpringConstants::new(r, lame);
-                let own = if pooled { &mut tensile } else { &mut mass_spring };
                 for (k, &e) in constants.tensile.iter().zip(&layout.tetrahedron_edges[i]) {
-                    own[e as usize] += k;
-                }
-                if !pooled {
-                    continue;
+                    tensile[e as usize] += k;
                 }
                 let t = layout.tetrahedra[i];
                 for (c, [apex, j, k]) in constants.angular.iter().zip(ADJACENT_PAIRS) {
@@ -674,21 +711,15 @@ impl Springs {
                 }
             }
         }
-        match sheet {
-            Some(sheet) if sheet.is_pooled() => {
-                sheet.add_springs(layout, &mut tensile, &mut angular);
-                layout.membrane_triangles.iter().for_each(|&t| used[t as usize] = true);
-            }
-            Some(sheet) if sheet.is_mass_spring() => {
-                sheet.add_springs(layout, &mut mass_spring, &mut []);
-            }
-            _ => {}
+        if let Some(sheet) = sheet.filter(|sheet| sheet.is_pooled()) {
+            sheet.add_springs(layout, &mut tensile, &mut angular);
+            layout.membrane_triangles.iter().for_each(|&t| used[t as usize] = true);
         }
         let angular = angular.into_iter().zip(used).map(|(c, used)| used.then_some(c)).collect();
         Self { mass_spring, tensile, angular }
     }
 
-    /// Spawns the mass-spring edges, if there are any.
+    /// Spawns the edges that are springs by themselves, if there are any.
     fn spawn_edges<S: Scalar>(
         &self,
         world: &mut World,

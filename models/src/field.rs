@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use thiserror::Error;
 
+use crate::lumped::SpringsError;
 use crate::material::{LameParameters, MaterialError, YoungPoisson};
 
 /// Material of every solid element of a body: one material, and arrays that replace single constants of
@@ -83,6 +84,9 @@ pub enum FieldError {
         /// What is wrong.
         source: Box<MaterialError>,
     },
+    /// The springs of an element cannot be found with this material.
+    #[error(transparent)]
+    Springs(#[from] SpringsError),
     /// An array does not have one value per solid element.
     #[error(
         "the field of {quantity} has {found} values for {expected} solid elements: give one for each, \
@@ -190,7 +194,10 @@ mod tests {
         assert!(error.to_string().contains("3 values for 2 solid elements"), "{error}");
         let bad = [1e3, f64::NAN];
         let field = MaterialField { density: Some(&bad), ..base.into() };
-        assert!(matches!(field.validate(2, 0), Err(FieldError::Tetrahedron { tetrahedron: 1, .. })));
+        assert!(matches!(
+            field.validate(2, 0),
+            Err(FieldError::Tetrahedron { tetrahedron: 1, .. })
+        ));
         let error = field.validate(1, 1).unwrap_err();
         assert!(error.to_string().contains("hexahedron 0"), "{error}");
         let field = MaterialField { young_modulus: Some(&bad[..1]), ..base.into() };

@@ -37,8 +37,16 @@ use crate::projection;
 use crate::tetrahedron::{self, Element, TetrahedronTangent};
 
 /// Law `L` at the Gauss points of hexahedra; also the mark of its hexahedra.
-#[derive(Component, Clone, Copy, Debug)]
+#[derive(Component, Debug)]
 pub struct Hexahedral<L: Send + Sync + 'static>(PhantomData<fn() -> L>);
+
+impl<L: Send + Sync + 'static> Clone for Hexahedral<L> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<L: Send + Sync + 'static> Copy for Hexahedral<L> {}
 
 impl<L: Send + Sync + 'static> Default for Hexahedral<L> {
     fn default() -> Self {

@@ -27,8 +27,16 @@ use crate::hexahedron::total;
 use crate::membrane::{Element, TriangleTangent};
 
 /// Law `L` at the Gauss points of quadrilaterals; also the mark of its quadrilaterals.
-#[derive(Component, Clone, Copy, Debug)]
+#[derive(Component, Debug)]
 pub struct Quadrilateral<L: Send + Sync + 'static>(PhantomData<fn() -> L>);
+
+impl<L: Send + Sync + 'static> Clone for Quadrilateral<L> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<L: Send + Sync + 'static> Copy for Quadrilateral<L> {}
 
 impl<L: Send + Sync + 'static> Default for Quadrilateral<L> {
     fn default() -> Self {

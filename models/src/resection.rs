@@ -32,7 +32,7 @@ use sinew_engine::element::{
     ShapeGradients, TetrahedronIndex, displacement_gradient, volume_change,
 };
 use sinew_engine::isoparametric::{
-    HEXAHEDRON_PAIRS, HexahedronIndex, HexahedronRest, QUAD_PAIRS, QuadBlocks, QuadIndex, QuadRest,
+    HEXAHEDRON_PAIRS, HexahedronIndex, HexahedronRest, QUAD_PAIRS, QuadBlocks, QuadIndex,
     QuadVertices, RestHexahedron, RestQuad,
 };
 use sinew_engine::layout::UNUSED;
@@ -489,10 +489,9 @@ fn check_region(region: &Region) -> Result<(), RemovalError> {
         }),
     };
     match region {
-        Region::Tetrahedra(_)
-        | Region::Triangles(_)
-        | Region::Hexahedra(_)
-        | Region::Quads(_) => Ok(()),
+        Region::Tetrahedra(_) | Region::Triangles(_) | Region::Hexahedra(_) | Region::Quads(_) => {
+            Ok(())
+        }
         Region::Sphere { centre, radius } => {
             point("centre", *centre).and_then(|()| positive("radius", *radius))
         }
@@ -908,7 +907,8 @@ impl BodyResection {
         let mut query = world.query::<StiffRead<S>>();
         of.iter()
             .map(|&t| {
-                let columns = query.get(world, self.rows.elements[ElementKind::Tetrahedron][t as usize]);
+                let columns =
+                    query.get(world, self.rows.elements[ElementKind::Tetrahedron][t as usize]);
                 element!(columns.expect("a tetrahedron that is left has a row"))
             })
             .collect()
@@ -1034,9 +1034,7 @@ impl BodyResection {
         let Connectivity { tetrahedra, membrane, cells, round_edge, round_triangle, .. } =
             &self.connectivity;
         let membrane_at = &self.connectivity.membrane_at;
-        let left = |kind, edge: u32| {
-            self.connectivity.left(kind, round_edge[kind].of(edge))
-        };
+        let left = |kind, edge: u32| self.connectivity.left(kind, round_edge[kind].of(edge));
         let solid = soft.evaluation == Evaluation::Pooled;
         let sheet = soft.membrane.filter(|m| m.is_pooled());
         if !solid && sheet.is_none() {
@@ -1115,9 +1113,8 @@ impl BodyResection {
                 }
             }
             let at = membrane_at[triangle as usize];
-            let at = Some(at).filter(|&t| {
-                t != UNUSED && self.connectivity.is_present(ElementKind::Triangle, t)
-            });
+            let at = Some(at)
+                .filter(|&t| t != UNUSED && self.connectivity.is_present(ElementKind::Triangle, t));
             if let Some(constants) = at.and_then(sheet_constants) {
                 for m in 0..3 {
                     sum[m] += constants.angular[m];

@@ -13,6 +13,7 @@ use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::report_areas;
 use sinew_engine::vertex::BodyId;
+use sinew_identify::ElementMethod;
 use thiserror::Error;
 
 use crate::body::Evaluation;
@@ -108,6 +109,8 @@ pub struct MembraneSettings {
     pub model: MembraneModel,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// As [`MembraneDescription::springs`].
+    pub springs: Option<ElementMethod>,
 }
 
 impl MembraneSettings {
@@ -147,6 +150,9 @@ pub struct MembraneDescription<'a> {
     /// Evaluation. Springs pooled over the mesh are summed with those of tetrahedra where the latter
     /// are pooled too.
     pub evaluation: Evaluation,
+    /// How the constants of [`MembraneModel::MassSpring`] are found; without, those of Delingette 2008 for
+    /// triangles and the Frobenius fit for quadrilaterals.
+    pub springs: Option<ElementMethod>,
 }
 
 impl<'a> MembraneDescription<'a> {
@@ -160,13 +166,14 @@ impl<'a> MembraneDescription<'a> {
             plane: PlaneState::default(),
             model: MembraneModel::default(),
             evaluation: Evaluation::default(),
+            springs: None,
         }
     }
 
     /// What it is made of.
     pub fn settings(&self) -> MembraneSettings {
-        let &Self { thickness, material, plane, model, evaluation, .. } = self;
-        MembraneSettings { thickness, material, plane, model, evaluation }
+        let &Self { thickness, material, plane, model, evaluation, springs, .. } = self;
+        MembraneSettings { thickness, material, plane, model, evaluation, springs }
     }
 }
 
@@ -262,11 +269,7 @@ pub enum MembraneError {
 }
 
 /// Moduli in the plane (N/m) and mass per rest area (kg/m^2) of a membrane of some thickness (m).
-fn surface(
-    material: &YoungPoisson,
-    thickness: f64,
-    plane: PlaneState,
-) -> (LameParameters, f64) {
+fn surface(material: &YoungPoisson, thickness: f64, plane: PlaneState) -> (LameParameters, f64) {
     let &YoungPoisson { young_modulus, poisson_ratio, density } = material;
     let moduli = match plane {
         PlaneState::Stress => plane_stress(young_modulus * thickness, poisson_ratio),
@@ -370,9 +373,9 @@ impl Sheet {
         self.settings.is_pooled()
     }
 
-    /// Whether it consists of springs on edges alone.
-    pub(crate) fn is_mass_spring(&self) -> bool {
-        self.settings.model == MembraneModel::MassSpring
+    /// Its settings, if it consists of springs on edges alone.
+    pub(crate) fn mass_spring(&self) -> Option<MembraneSettings> {
+        Some(self.settings).filter(|s| s.model == MembraneModel::MassSpring)
     }
 
     /// Adds the constants (N/m^3) of its springs: per edge, and per triangle of the layout.
@@ -388,10 +391,9 @@ impl Sheet {
             for (k, &e) in constants.tensile.iter().zip(&layout.membrane_edges[i]) {
                 tensile[e as usize] += k;
             }
-            if let Some(own) = angular.get_mut(layout.membrane_triangles[i] as usize) {
-                for m in 0..3 {
-                    own[m] += constants.angular[m];
-                }
+            let own = &mut angular[layout.membrane_triangles[i] as usize];
+            for m in 0..3 {
+                own[m] += constants.angular[m];
             }
         }
     }
@@ -448,9 +450,8 @@ impl Sheet {
         macro_rules! spawn_as {
             ($elements:ident, $mark:expr, $activate:expr) => {
                 if !$elements.is_empty() {
-                    world.spawn_batch(
-                        $elements.into_iter().map(|e| (e, $mark)).collect::<Vec<_>>(),
-                    );
+                    world
+                        .spawn_batch($elements.into_iter().map(|e| (e, $mark)).collect::<Vec<_>>());
                     $activate;
                 }
             };

@@ -2,6 +2,7 @@
 
 mod common;
 mod comparison;
+mod isoparametric;
 mod lanes;
 mod membrane;
 mod membrane_systems;

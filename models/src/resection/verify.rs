@@ -110,9 +110,18 @@ pub fn compare_with_fresh<S: Scalar>(
         let (young, poisson, density) =
             (pick(field.young_modulus), pick(field.poisson_ratio), pick(field.density));
         let membrane = soft.membrane.map(|settings| {
-            let MembraneSettings { thickness, material, plane, model, evaluation } = settings;
-            let (triangles, quads) = (&mesh.triangles[..], &quads[..]);
-            MembraneDescription { triangles, quads, thickness, material, plane, model, evaluation }
+            let MembraneSettings { thickness, material, plane, model, evaluation, springs } =
+                settings;
+            MembraneDescription {
+                triangles: &mesh.triangles,
+                quads: &quads,
+                thickness,
+                material,
+                plane,
+                model,
+                evaluation,
+                springs,
+            }
         });
         let description = BodyDescription {
             young_modulus: young.as_deref(),
@@ -122,6 +131,7 @@ pub fn compare_with_fresh<S: Scalar>(
             evaluation: soft.evaluation,
             membrane,
             hexahedra: &hexahedra,
+            springs: soft.spring_method,
             ..BodyDescription::new("fresh", &mesh, soft.material)
         };
         spawn_body::<S>(&mut fresh, &description)?;
