@@ -29,6 +29,24 @@ pub(crate) fn hexahedron_faces(hexahedron: [u32; 8]) -> [[u32; 4]; 6] {
     HEXAHEDRON_FACES.map(|face| face.map(|corner| hexahedron[corner]))
 }
 
+/// Calls `visit` with both ends of every edge of a tetrahedron.
+pub(crate) fn tetrahedron_edges([a, b, c, d]: [u32; 4], mut visit: impl FnMut(u32, u32)) {
+    [[a, b], [a, c], [a, d], [b, c], [b, d], [c, d]].into_iter().for_each(|[i, j]| visit(i, j));
+}
+
+/// Calls `visit` with both ends of every edge of a hexahedron.
+pub(crate) fn hexahedron_edges(hexahedron: &[u32; 8], mut visit: impl FnMut(u32, u32)) {
+    let edges = HEXAHEDRON_EDGES.as_flattened();
+    edges.iter().for_each(|&[i, j]| visit(hexahedron[i], hexahedron[j]));
+}
+
+/// Calls `visit` with both ends of every edge of a triangle or quadrilateral, in its direction.
+pub(crate) fn face_edges(face: &[u32], mut visit: impl FnMut(u32, u32)) {
+    for (k, &vertex) in face.iter().enumerate() {
+        visit(vertex, face[(k + 1) % face.len()]);
+    }
+}
+
 /// A hexahedron and its mirror image have the same faces; bottom and top change places.
 pub(crate) fn mirrored_hexahedron([a, b, c, d, e, f, g, h]: [u32; 8]) -> [u32; 8] {
     [e, f, g, h, a, b, c, d]

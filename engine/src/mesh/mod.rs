@@ -181,7 +181,8 @@ impl Mesh {
     pub fn total_volume(&self) -> f64 {
         let tets = self.tetrahedra.iter().filter_map(|&tet| self.signed_volume(tet));
         let hexes = self.hexahedra.iter().filter_map(|&hex| self.hexahedron_volume(hex));
-        tets.sum::<f64>() + hexes.sum::<f64>()
+        // From 0: the sum of nothing is -0.
+        tets.chain(hexes).fold(0.0, |sum, volume| sum + volume)
     }
 
     /// Whether there are cells with a volume: tetrahedra or hexahedra.
@@ -204,6 +205,21 @@ impl Mesh {
             *corner = *self.points.get(index as usize)?;
         }
         Some(cell::hexahedron_volume(&corners))
+    }
+
+    /// Edges of the volume cells, or of the faces in a mesh without them: smaller index first, in the
+    /// order of the cells, once for each cell that has them.
+    pub fn edges(&self) -> Vec<[u32; 2]> {
+        let mut edges = Vec::new();
+        let mut push = |i: u32, j: u32| edges.push([i.min(j), i.max(j)]);
+        if self.is_solid() {
+            self.tetrahedra.iter().for_each(|&tet| cell::tetrahedron_edges(tet, &mut push));
+            self.hexahedra.iter().for_each(|hex| cell::hexahedron_edges(hex, &mut push));
+        } else {
+            self.triangles.iter().for_each(|face| cell::face_edges(face, &mut push));
+            self.quads.iter().for_each(|face| cell::face_edges(face, &mut push));
+        }
+        edges
     }
 
     /// The mesh with every point scaled, then rotated, then moved by `translation` (m).
@@ -236,6 +252,36 @@ mod tests {
         assert_eq!(mesh.total_volume(), 1.0 / 6.0);
         assert_eq!(mesh.bounds(), Some((DVec3::ZERO, DVec3::ONE)));
         assert_eq!(Mesh::default().bounds(), None);
+    }
+
+    #[test]
+    fn edges_of_every_kind_of_cell() {
+        let count = |mesh: &Mesh| {
+            let mut edges = mesh.edges();
+            assert!(edges.iter().all(|[a, b]| a < b));
+            let listed = edges.len();
+            edges.sort_unstable();
+            edges.dedup();
+            (listed, edges.len())
+        };
+        let mut mesh = unit_tet();
+        assert!(mesh.is_solid());
+        assert_eq!(count(&mesh), (6, 6));
+        // the faces of a volume have its edges
+        mesh.triangles.push([0, 2, 1]);
+        assert_eq!(count(&mesh), (6, 6));
+        let cells = [2, 3, 4];
+        let mut mesh = generate::box_hexahedra(DVec3::ONE, cells).unwrap();
+        let along = |i: usize| cells[i] * (cells[(i + 1) % 3] + 1) * (cells[(i + 2) % 3] + 1);
+        assert_eq!(count(&mesh), (12 * 24, along(0) + along(1) + along(2)));
+        mesh.hexahedra.clear();
+        assert!(!mesh.is_solid());
+        // n quads on a closed surface have 2 n edges
+        assert_eq!(count(&mesh), (4 * 52, 2 * 52));
+        mesh.quads.clear();
+        mesh.triangles = vec![[0, 1, 2], [2, 1, 3]];
+        assert_eq!(count(&mesh), (6, 5));
+        assert_eq!(mesh.total_volume().to_bits(), 0f64.to_bits());
     }
 
     #[test]

@@ -7,7 +7,7 @@ mod places;
 mod shape;
 mod topology;
 
-use super::cell::HEXAHEDRON_EDGES;
+use super::cell::{face_edges, hexahedron_edges, tetrahedron_edges};
 use super::{Mesh, sorted};
 use serde::Serialize;
 use std::fmt;
@@ -373,20 +373,11 @@ impl Sound {
     /// Calls `visit` with both ends of every edge of these cells, more than once where cells share it.
     fn for_edges(&self, mesh: &Mesh, mut visit: impl FnMut(u32, u32)) {
         if mesh.is_solid() {
-            for (_, &[a, b, c, d]) in self.tetrahedra(mesh) {
-                let edges = [(a, b), (a, c), (a, d), (b, c), (b, d), (c, d)];
-                edges.into_iter().for_each(|(i, j)| visit(i, j));
-            }
-            for (_, hex) in self.hexahedra(mesh) {
-                HEXAHEDRON_EDGES.iter().flatten().for_each(|&[i, j]| visit(hex[i], hex[j]));
-            }
+            self.tetrahedra(mesh).for_each(|(_, &tet)| tetrahedron_edges(tet, &mut visit));
+            self.hexahedra(mesh).for_each(|(_, hex)| hexahedron_edges(hex, &mut visit));
         } else {
-            for (_, &[a, b, c]) in self.triangles(mesh) {
-                [(a, b), (b, c), (c, a)].into_iter().for_each(|(i, j)| visit(i, j));
-            }
-            for (_, &[a, b, c, d]) in self.quads(mesh) {
-                [(a, b), (b, c), (c, d), (d, a)].into_iter().for_each(|(i, j)| visit(i, j));
-            }
+            self.triangles(mesh).for_each(|(_, face)| face_edges(face, &mut visit));
+            self.quads(mesh).for_each(|(_, face)| face_edges(face, &mut visit));
         }
     }
 }
@@ -443,7 +434,9 @@ pub fn check(mesh: &Mesh, options: &CheckOptions) -> Result<CheckedMesh, CheckEr
 
     let tets = cells.tetrahedra(&mesh).filter_map(|(_, &tet)| mesh.signed_volume(tet));
     let hexes = cells.hexahedra(&mesh).filter_map(|(_, &hex)| mesh.hexahedron_volume(hex));
-    statistics.total_volume = tets.chain(hexes).filter(|volume| volume.is_finite()).sum();
+    let volumes = tets.chain(hexes).filter(|volume| volume.is_finite());
+    // From 0: the sum of nothing is -0.
+    statistics.total_volume = volumes.fold(0.0, |sum, volume| sum + volume);
     let mut findings = found.0;
     // Stable, so that equal severities keep the order of the checks.
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));

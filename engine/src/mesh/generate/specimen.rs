@@ -115,7 +115,7 @@ pub fn specimen_triangles(width: f64, n: [usize; 2]) -> Result<Mesh, MeshError> 
     let mut mesh = flat(NAME, width, n, points);
     for (i, [a, b, c, d]) in grid_quads(n).into_iter().enumerate() {
         // Diagonals change from cell to cell, so that the mesh has no preferred direction.
-        mesh.triangles.extend(if (i / n[1] + i % n[1]) % 2 == 0 {
+        mesh.triangles.extend(if (i / n[1] + i % n[1]).is_multiple_of(2) {
             [[a, b, c], [a, c, d]]
         } else {
             [[b, c, d], [b, d, a]]
