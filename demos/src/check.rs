@@ -139,8 +139,11 @@ impl fmt::Display for CheckSummary {
             writeln!(f, "mesh {}", report.source)?;
             writeln!(
                 f,
-                "  {} vertices ({} used), {} tetrahedra, {} triangles, {} part(s)",
-                s.vertices, s.used_vertices, s.tetrahedra, s.triangles, s.components
+                "  {} vertices ({} used), {}, {} part(s)",
+                s.vertices,
+                s.used_vertices,
+                s.cells(),
+                s.components
             )?;
             writeln!(
                 f,

@@ -123,8 +123,8 @@ fn joined_cell_data(built: &BuiltScene) -> Vec<CellData> {
         if !FRAME_CELL_DATA.contains(&data.name.as_str())
             && joined.iter().all(|known| known.name != data.name)
         {
-            let (name, tetrahedra, triangles) = (data.name.clone(), Vec::new(), Vec::new());
-            joined.push(CellData { name, integer: true, tetrahedra, triangles });
+            let name = data.name.clone();
+            joined.push(CellData { name, integer: true, ..CellData::default() });
         }
     }
     for array in &mut joined {
