@@ -1,7 +1,9 @@
 //! What the bodies of a world share: their row ranges and the edge graph, on which every tangent
 //! lives (all springs of a tetrahedron couple its own vertices).
 
-use crate::element::{EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges};
+use crate::element::{
+    AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges,
+};
 use crate::layout::starts;
 use crate::vertex::RestPosition;
 use bevy_ecs::archetype::ArchetypeId;
@@ -174,6 +176,7 @@ impl ElementTables {
             world.component_id::<TriangleEdges>(),
             world.component_id::<TetrahedronVertices>(),
             world.component_id::<MembraneVertices>(),
+            world.component_id::<AxisVertices>(),
         ];
         let is_element =
             |a: &&bevy_ecs::archetype::Archetype| kinds.iter().flatten().any(|&k| a.contains(k));

@@ -28,8 +28,8 @@ use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
 use sinew_engine::connectivity::{Connectivity, Touched};
 use sinew_engine::element::{
-    EdgeVertices, MembraneBlocks, MembraneIndex, MembraneVertices, RestVolume, ShapeGradient,
-    ShapeGradients, TetrahedronIndex, displacement_gradient, volume_change,
+    AxisTetrahedron, EdgeVertices, MembraneBlocks, MembraneIndex, MembraneVertices, RestVolume,
+    ShapeGradient, ShapeGradients, TetrahedronIndex, displacement_gradient, volume_change,
 };
 use sinew_engine::layout::UNUSED;
 use sinew_engine::load::Pressure;
@@ -40,6 +40,7 @@ use sinew_engine::vertex::{BodyId, Displacement, Mass, RestPosition, Velocity};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::axes;
 use crate::body::{Evaluation, Model, SoftBody, angular_place};
 use crate::corotational::{Corotational, WarpedStiffness};
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
@@ -294,6 +295,16 @@ struct Entities {
     edges: [Vec<Entity>; 2],
     triangles: Vec<Entity>,
     membrane: Vec<Entity>,
+    /// Axes of all kinds, with the tetrahedron that they lie in, ascending.
+    axes: Vec<(u32, Entity)>,
+}
+
+impl Entities {
+    /// Axes in a tetrahedron.
+    fn axes(&self, tetrahedron: u32) -> impl Iterator<Item = Entity> {
+        let first = self.axes.partition_point(|(t, _)| *t < tetrahedron);
+        self.axes[first..].iter().take_while(move |(t, _)| *t == tetrahedron).map(|(_, e)| *e)
+    }
 }
 
 /// Part of a body's rows that may be dead.
@@ -377,6 +388,7 @@ impl Resection {
                 edges: [none(cells.edges.len()), none(cells.edges.len())],
                 triangles: none(cells.triangles.len()),
                 membrane: none(own.membrane_of.len()),
+                axes: Vec::new(),
             };
         }
         for (entity, index, body) in
@@ -391,6 +403,16 @@ impl Resection {
             if let Some(own) = &mut self.bodies[body.0 as usize] {
                 own.rows.membrane[own.membrane_of[index.0 as usize] as usize] = entity;
             }
+        }
+        for (entity, index, body) in
+            world.query::<(Entity, &AxisTetrahedron, &BodyId)>().iter(world)
+        {
+            if let Some(own) = &mut self.bodies[body.0 as usize] {
+                own.rows.axes.push((own.tetrahedron_of[index.0 as usize], entity));
+            }
+        }
+        for own in self.bodies.iter_mut().flatten() {
+            own.rows.axes.sort_unstable();
         }
         let mut edges = world.query::<(Entity, &EdgeVertices, &BodyId, Has<MassSpring>)>();
         for (entity, edge, body, alone) in edges.iter(world) {
@@ -812,6 +834,10 @@ impl BodyResection {
             let nodes = self.connectivity.tetrahedra[t as usize];
             report.elastic_energy += energy(soft.model, &element, nodes, &vertices);
             report.volume += element.volume;
+            let u = vertices.displacements(nodes);
+            for entity in self.rows.axes(t) {
+                report.elastic_energy += axes::removal::energy::<S>(world, entity, &u);
+            }
         }
         let Some((_, _, model, _)) = soft.membrane else { return };
         let sheets = self.membrane_elements(soft, &chosen.membrane, &vertices);
@@ -860,6 +886,9 @@ impl BodyResection {
             (d2.0.0, d2.1.0, d2.2.0) = (S::ZERO, S::ZERO, S::ZERO);
             (d3.0.0, d3.1.0, d3.2.0) = (S::ZERO, S::ZERO, S::ZERO);
             (volume.0, lambda.0, mu.0, compression.0) = (S::ZERO, S::ZERO, S::ZERO, S::ZERO);
+        }
+        for entity in chosen.tetrahedra.iter().flat_map(|&t| self.rows.axes(t)) {
+            axes::removal::clear::<S>(world, entity);
         }
         let mut query = world.query::<(
             &mut VolumetricStiffness<S, 0>,
@@ -1132,6 +1161,8 @@ fn energy<S: Scalar>(
         Model::Corotational => Corotational::energy(element, &u),
         Model::StVKFem => StVKFem::energy(element, &u),
         Model::NeoHookean => NeoHookean::energy(element, &u),
+        // theirs is that of their axes
+        Model::Axes => 0.0,
         Model::MassSpring => {
             let constants = SpringConstants::new(&vertices.rest_tetrahedron(nodes), lame(element));
             let rest = vertices.rest(nodes);

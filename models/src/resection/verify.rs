@@ -1,6 +1,7 @@
 //! Holds a body that lost elements against one that is built anew from what is left.
 
 use super::Resection;
+use crate::axes::muscle::{Muscles, copy_activations};
 use crate::body::{BodyDescription, BodyError, SoftBody, spawn_body};
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::fused_membrane::{
@@ -107,9 +108,18 @@ pub fn compare_with_fresh<S: Scalar>(
             model: soft.model,
             evaluation: soft.evaluation,
             membrane,
+            axes: match &soft.axes {
+                Some(axes) if !index.is_empty() => Some(axes.description.of_tetrahedra(&index)),
+                _ => None,
+            },
             ..BodyDescription::new("fresh", &mesh, soft.material)
         };
         spawn_body::<S>(&mut fresh, &description)?;
+        if let Some(muscles) = world.get_resource::<Muscles>() {
+            let own = muscles.iter().filter(|m| m.body == body);
+            let activations: Vec<_> = own.map(|m| (m.family.clone(), m.activation())).collect();
+            copy_activations::<S>(&mut fresh, &activations);
+        }
         let new = fresh.resource::<Topology>().bodies[0].clone();
         let row = |row: u32| new.row(user(row - rows.vertices.start)).unwrap_or(0);
         let mut pressures: Vec<(Entity, Pressure)> = world

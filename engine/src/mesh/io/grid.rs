@@ -164,6 +164,14 @@ impl Array {
     }
 }
 
+/// The components of an array of three numbers per entity, as arrays `NAME_x`, `NAME_y` and `NAME_z`.
+pub(crate) fn components(name: &str, array: Located<f64>) -> [(String, Array); 3] {
+    [(0, "x"), (1, "y"), (2, "z")].map(|(k, axis)| {
+        let values = array.values.iter().skip(k).step_by(3).copied().collect();
+        (format!("{name}_{axis}"), Array::Reals(Located { values, place: array.place }))
+    })
+}
+
 /// One grid as both formats store it.
 pub(crate) struct Piece {
     /// Three values per point.

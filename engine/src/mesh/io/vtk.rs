@@ -3,7 +3,7 @@
 //! The known crate for these files reports errors without a line and takes counts on trust, so the
 //! format is read here.
 
-use super::grid::{Array, Assembly, Located, Number, Piece, array_name, cell_mask, mask};
+use super::grid::{self, Array, Assembly, Located, Number, Piece, array_name, cell_mask, mask};
 use super::scan::{Cursor, words};
 use super::vtu::VtuData;
 use crate::mesh::Mesh;
@@ -153,7 +153,8 @@ impl Reader<'_> {
         Ok((Located { values: connectivity, place }, Located { values: ends, place }))
     }
 
-    /// An array of point or cell data; arrays of one number each are kept, others are read past.
+    /// An array of point or cell data; arrays of one or three numbers each are kept, others are
+    /// read past.
     fn attribute(
         &mut self,
         keyword: &[u8],
@@ -270,8 +271,10 @@ impl Reader<'_> {
             arrays.push((name, Array::Integers(values)));
         } else {
             let values = self.reals(total, number, &what)?;
-            if components == 1 {
-                arrays.push((name, Array::Reals(values)));
+            match components {
+                1 => arrays.push((name, Array::Reals(values))),
+                3 => arrays.extend(grid::components(&name, values)),
+                _ => {}
             }
         }
         Ok(())

@@ -60,6 +60,8 @@ struct Reader<'a> {
 /// A `DataArray` element.
 struct Array<'a> {
     name: String,
+    /// Holds three numbers per entity.
+    vector: bool,
     number: Number,
     format: String,
     offset: Option<usize>,
@@ -326,6 +328,7 @@ impl<'a> Reader<'a> {
             };
         let components = attribute("NumberOfComponents")?.unwrap_or_else(|| "1".to_owned());
         let mut name = attribute("Name")?.unwrap_or_default();
+        let vector = kind != "String" && components.trim() == "3";
         if kind == "String" || components.trim() != "1" && components.trim() != "0" {
             // Marks arrays that cannot hold one number per entity.
             name.push('\0');
@@ -333,7 +336,7 @@ impl<'a> Reader<'a> {
         let text = self.head.get(start..).unwrap_or(&[]);
         let length = text.iter().position(|&b| b == b'<').unwrap_or(text.len());
         let format = attribute("format")?.unwrap_or_else(|| "ascii".to_owned());
-        Ok(Array { place, name, number, format, offset, text: &text[..length], start })
+        Ok(Array { place, name, vector, number, format, offset, text: &text[..length], start })
     }
 
     fn array(&self, draft: &mut Draft, part: Part, array: &Array<'_>) -> Result<(), MeshError> {
@@ -353,6 +356,10 @@ impl<'a> Reader<'a> {
                     grid::Array::Reals(self.reals(array)?)
                 };
                 draft.cell_arrays.push((name.to_owned(), values));
+            }
+            (Part::CellData, name) if array.vector => {
+                let values = self.reals(array)?;
+                draft.cell_arrays.extend(grid::components(name.trim_end_matches('\0'), values));
             }
             _ => {}
         }
