@@ -2,7 +2,9 @@
 //! lives (all springs of a tetrahedron couple its own vertices).
 
 use crate::connectivity::ElementKind;
-use crate::element::{EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges};
+use crate::element::{
+    AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges,
+};
 use crate::isoparametric::{HexahedronVertices, QuadVertices};
 use crate::layout::{BodyLayout, ElementLists, starts};
 use crate::vertex::RestPosition;
@@ -229,6 +231,7 @@ impl ElementTables {
             world.component_id::<MembraneVertices>(),
             world.component_id::<HexahedronVertices>(),
             world.component_id::<QuadVertices>(),
+            world.component_id::<AxisVertices>(),
         ];
         let is_element =
             |a: &&bevy_ecs::archetype::Archetype| kinds.iter().flatten().any(|&k| a.contains(k));

@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, MembraneVertices, RestVolume,
+    AxisVertices, EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, MembraneVertices, RestVolume,
     TETRAHEDRON_FACES, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices,
     TriangleEdges, rest_edge_bundle, shape_gradient_bundle,
 };
@@ -26,6 +26,10 @@ use sinew_engine::vertex::{
 use sinew_identify::ElementMethod;
 use std::sync::Arc;
 
+use crate::axes::columns::{AxisAngleStiffness, FibreShape, VolumeAlone};
+use crate::axes::description::{AxesDescription, AxesError, BodyAxes};
+use crate::axes::spawn::{Offsets, spawn_axes};
+use crate::axes::systems::{AxesOnly, AxisTriads, Fibres, VolumePreservation};
 use crate::corotational::{Corotational, WarpedStiffness};
 use crate::field::{FieldError, MaterialArrays, MaterialField};
 use crate::fused::{
@@ -86,10 +90,14 @@ pub enum Model {
     /// Stable neo-Hookean ([`crate::neo_hookean`]). For comparison at large strain.
     #[serde(rename = "neo_hookean")]
     NeoHookean,
+    /// Nothing but the axes of the body ([`crate::axes`]); of its material only the density counts.
+    #[serde(rename = "axes")]
+    Axes,
 }
 
 impl Model {
-    /// All of them, in the order of their documentation.
+    /// All that a material defines, in the order of their documentation; not [`Axes`](Self::Axes), which
+    /// need a description.
     pub const ALL: [Self; 9] = [
         Self::CompressibleStVK,
         Self::StVK,
@@ -114,12 +122,13 @@ impl Model {
             Self::Corotational => "corotational",
             Self::StVKFem => "svk_fem",
             Self::NeoHookean => "neo_hookean",
+            Self::Axes => "axes",
         }
     }
 
     /// Whether hexahedra have it; the textbook form is that of [`StVK`](Self::StVK) there.
     pub fn serves_hexahedra(self) -> bool {
-        !matches!(self, Self::QuadraticSprings | Self::WarpedStiffness)
+        !matches!(self, Self::QuadraticSprings | Self::WarpedStiffness | Self::Axes)
     }
 
     /// Whether the energy can be summed this way. [`Evaluation::Fused`] always can; for
@@ -170,13 +179,15 @@ pub struct BodyDescription<'a> {
     /// Membrane beside the solid, or instead of it: without solid elements `material`, `model` and
     /// `evaluation` mean nothing.
     pub membrane: Option<MembraneDescription<'a>>,
+    /// Axes of anisotropy beside the model, or with [`Model::Axes`] instead of one.
+    pub axes: Option<AxesDescription<'a>>,
 }
 
 impl<'a> BodyDescription<'a> {
     /// A body of all tetrahedra and hexahedra of a mesh, with the default model and evaluation.
     pub fn new(name: &'a str, mesh: &'a Mesh, material: YoungPoisson) -> Self {
         let tetrahedra = Self::from_parts(name, &mesh.points, &mesh.tetrahedra, material);
-        Self { hexahedra: &[], ..tetrahedra } // MERGE-E
+        Self { hexahedra: &mesh.hexahedra, ..tetrahedra }
     }
 
     /// A body of these points (m) and tetrahedra, with the default model and evaluation.
@@ -199,6 +210,7 @@ impl<'a> BodyDescription<'a> {
             evaluation: Evaluation::default(),
             springs: None,
             membrane: None,
+            axes: None,
         }
     }
 
@@ -313,6 +325,14 @@ pub enum BodyError {
         /// What is wrong.
         source: MembraneError,
     },
+    /// Axes that cannot be used.
+    #[error("axes of body `{body}`: {source}")]
+    Axes {
+        /// Name of the body.
+        body: String,
+        /// What is wrong.
+        source: AxesError,
+    },
     /// Neither solid elements nor a membrane.
     #[error(
         "body `{body}` has no tetrahedra, no hexahedra and no membrane: fill it with tetrahedra, or give \
@@ -359,6 +379,8 @@ pub struct SoftBody {
     pub springs: Arc<ElementSprings>,
     /// What its membrane is made of.
     pub membrane: Option<MembraneSettings>,
+    /// Its axes, and which of their directions were repaired.
+    pub axes: Option<BodyAxes>,
 }
 
 impl SoftBody {
@@ -422,6 +444,12 @@ pub fn spawn_body<S: Scalar>(
     let of_membrane = |source| BodyError::Membrane { body: name(), source };
     if let Some(m) = &membrane {
         m.validate(count).map_err(of_membrane)?;
+    }
+    let of_axes = |source| BodyError::Axes { body: name(), source };
+    match &body.axes {
+        Some(axes) => axes.validate(body.tetrahedra.len()).map_err(of_axes)?,
+        None if body.model == Model::Axes && solid => return Err(of_axes(AxesError::Missing)),
+        None => {}
     }
     let lists = ElementLists {
         tetrahedra: body.tetrahedra,
@@ -559,6 +587,9 @@ pub fn spawn_body<S: Scalar>(
         (Model::Corotational, _) => spawn_marked::<Corotational, S>(world, geometry),
         (Model::StVKFem, _) => spawn_marked::<StVKFem, S>(world, geometry),
         (Model::NeoHookean, _) => spawn_marked::<NeoHookean, S>(world, geometry),
+        (Model::Axes, _) => {
+            world.spawn_batch(geometry.into_iter().map(|g| (g, AxesOnly)).collect::<Vec<_>>());
+        }
         (Model::MassSpring, _) => {
             world.spawn_batch(geometry.into_iter().map(|g| (g, MassSpring)).collect::<Vec<_>>());
         }
@@ -577,6 +608,10 @@ pub fn spawn_body<S: Scalar>(
     if let Some(sheet) = &sheet {
         sheet.spawn::<S>(world, &layout, v0, block0, id);
     }
+    if let Some(axes) = &body.axes {
+        let at = Offsets { vertex: v0, block: block0, body: id };
+        spawn_axes::<S>(world, axes, &layout, &rest, at, body.model == Model::Axes);
+    }
     partition_laws::<S>(world);
     resection::install::<S>(world);
     let tables = ElementTables::of(world);
@@ -584,9 +619,21 @@ pub fn spawn_body<S: Scalar>(
     let (material, model, evaluation) = (body.material, body.model, body.evaluation);
     let arrays = MaterialArrays::of(&field);
     let membrane = membrane.map(|m| m.settings());
-    let (spring_method, springs) = (body.springs, Arc::new(element_springs));
-    let soft =
-        SoftBody { index, material, arrays, model, evaluation, spring_method, springs, membrane };
+    let axes = body.axes.as_ref().map(|axes| BodyAxes {
+        description: axes.clone().into_owned(),
+        repaired: axes.count_repairs(),
+    });
+    let soft = SoftBody {
+        index,
+        material,
+        arrays,
+        model,
+        evaluation,
+        spring_method: body.springs,
+        springs: Arc::new(element_springs),
+        membrane,
+        axes,
+    };
     Ok(world.spawn(soft).id())
 }
 
@@ -646,7 +693,7 @@ fn spawn_hexahedra<S: Scalar>(
             world.spawn_batch(elements.into_iter().map(|e| (e, MassSpring)).collect::<Vec<_>>());
         }
         // refused for hexahedra
-        Model::QuadraticSprings | Model::WarpedStiffness => {}
+        Model::QuadraticSprings | Model::WarpedStiffness | Model::Axes => {}
     }
 }
 
@@ -656,6 +703,10 @@ pub(crate) fn moduli_bundle<S: Scalar>(
     model: Model,
 ) -> (FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>) {
     let compression = if model == Model::CompressibleStVK { lame.lambda + lame.mu } else { 0.0 };
+    let lame = match model {
+        Model::Axes => LameParameters { lambda: 0.0, mu: 0.0 },
+        _ => lame,
+    };
     (
         FirstLameParameter(S::from_f64(lame.lambda)),
         ShearModulus(S::from_f64(lame.mu)),
@@ -897,6 +948,9 @@ pub(crate) fn partition_laws<S: Scalar>(world: &mut World) {
     );
     partition::<PooledMembrane, S, MembraneVertices, With<PooledMembrane>>(world, |t| &t.0);
     partition::<MembraneCompression, S, MembraneVertices, With<PooledMembrane>>(world, |t| &t.0);
+    partition::<AxisTriads, S, AxisVertices, With<AxisAngleStiffness<S, 0>>>(world, |t| &t.0);
+    partition::<Fibres, S, AxisVertices, With<FibreShape<S, 1>>>(world, |t| &t.0);
+    partition::<VolumePreservation, S, AxisVertices, VolumeAlone<S>>(world, |t| &t.0);
     find_edges::<Volumetric, S, TetrahedronEdges>(world, |e| &e.0);
     find_edges::<Angular, S, TriangleEdges>(world, |e| &e.0);
 }

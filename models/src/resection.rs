@@ -28,8 +28,8 @@ use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
 use sinew_engine::connectivity::{ByKind, Connectivity, ElementKind, Touched};
 use sinew_engine::element::{
-    EdgeVertices, MembraneBlocks, MembraneIndex, MembraneVertices, RestVolume, ShapeGradient,
-    ShapeGradients, TetrahedronIndex, displacement_gradient, volume_change,
+    AxisTetrahedron, EdgeVertices, MembraneBlocks, MembraneIndex, MembraneVertices, RestVolume,
+    ShapeGradient, ShapeGradients, TetrahedronIndex, displacement_gradient, volume_change,
 };
 use sinew_engine::isoparametric::{
     HEXAHEDRON_PAIRS, HexahedronIndex, HexahedronRest, QUAD_PAIRS, QuadBlocks, QuadIndex,
@@ -44,6 +44,7 @@ use sinew_engine::vertex::{BodyId, Displacement, Mass, RestPosition, Velocity};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::axes;
 use crate::body::{Evaluation, Model, SoftBody, angular_place};
 use crate::corotational::{Corotational, WarpedStiffness};
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
@@ -306,6 +307,16 @@ struct Entities {
     /// Edges of pooled springs, and those that are springs by themselves.
     edges: [Vec<Entity>; 2],
     triangles: Vec<Entity>,
+    /// Axes of all kinds, with the tetrahedron that they lie in, ascending.
+    axes: Vec<(u32, Entity)>,
+}
+
+impl Entities {
+    /// Axes in a tetrahedron.
+    fn axes(&self, tetrahedron: u32) -> impl Iterator<Item = Entity> {
+        let first = self.axes.partition_point(|(t, _)| *t < tetrahedron);
+        self.axes[first..].iter().take_while(move |(t, _)| *t == tetrahedron).map(|(_, e)| *e)
+    }
 }
 
 /// Part of a body's rows that may be dead.
@@ -392,6 +403,7 @@ impl Resection {
                 elements: ByKind(ElementKind::ALL.map(|kind| none(own.element_of[kind].len()))),
                 edges: [none(cells.edges.len()), none(cells.edges.len())],
                 triangles: none(cells.triangles.len()),
+                axes: Vec::new(),
             };
         }
         macro_rules! find {
@@ -409,6 +421,16 @@ impl Resection {
         find!(MembraneIndex, ElementKind::Triangle);
         find!(HexahedronIndex, ElementKind::Hexahedron);
         find!(QuadIndex, ElementKind::Quad);
+        for (entity, index, body) in
+            world.query::<(Entity, &AxisTetrahedron, &BodyId)>().iter(world)
+        {
+            if let Some(own) = &mut self.bodies[body.0 as usize] {
+                own.rows.axes.push((own.element_of[ElementKind::Tetrahedron][index.0 as usize], entity));
+            }
+        }
+        for own in self.bodies.iter_mut().flatten() {
+            own.rows.axes.sort_unstable();
+        }
         let mut edges = world.query::<(Entity, &EdgeVertices, &BodyId, Has<MassSpring>)>();
         for (entity, edge, body, alone) in edges.iter(world) {
             if let Some(own) = &mut self.bodies[body.0 as usize] {
@@ -879,6 +901,9 @@ impl BodyResection {
             let u = vertices.displacements(connectivity.tetrahedra[t as usize]);
             report.elastic_energy += energy(soft.model, &element, &u);
             report.volume += element.volume;
+            for entity in self.rows.axes(t) {
+                report.elastic_energy += axes::removal::energy::<S>(world, entity, &u);
+            }
         }
         for (&h, (rest, moduli)) in chosen[ElementKind::Hexahedron].iter().zip(&bricks) {
             let u = vertices.displacements(connectivity.hexahedra[h as usize]);
@@ -968,6 +993,9 @@ impl BodyResection {
             (d2.0.0, d2.1.0, d2.2.0) = (S::ZERO, S::ZERO, S::ZERO);
             (d3.0.0, d3.1.0, d3.2.0) = (S::ZERO, S::ZERO, S::ZERO);
             (volume.0, lambda.0, mu.0, compression.0) = (S::ZERO, S::ZERO, S::ZERO, S::ZERO);
+        }
+        for entity in chosen[ElementKind::Tetrahedron].iter().flat_map(|&t| self.rows.axes(t)) {
+            axes::removal::clear::<S>(world, entity);
         }
         let mut query = world.query::<(
             &mut VolumetricStiffness<S, 0>,
@@ -1278,7 +1306,8 @@ fn energy(model: Model, element: &Element<f64>, u: &[[f64; 3]; 4]) -> f64 {
         Model::Corotational => Corotational::energy(element, u),
         Model::StVKFem => StVKFem::energy(element, u),
         Model::NeoHookean => NeoHookean::energy(element, u),
-        Model::MassSpring => 0.0,
+        // theirs are those of their edges and axes
+        Model::MassSpring | Model::Axes => 0.0,
     }
 }
 

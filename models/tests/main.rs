@@ -1,5 +1,6 @@
 //! Tests of laws and bodies, in one binary because each would compile all kernels for itself.
 
+mod axes;
 mod common;
 mod comparison;
 mod isoparametric;

@@ -5,6 +5,7 @@
 //! have them. Vertex rows do not change.
 
 use super::Resection;
+use crate::axes::columns::*;
 use crate::body::partition_laws;
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::fused_membrane::{
@@ -17,9 +18,10 @@ use bevy_ecs::component::{ComponentId, Mutable};
 use bevy_ecs::prelude::*;
 use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::element::{
-    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, MembraneBlocks, MembraneEdge, MembraneIndex,
-    MembraneVertices, RestArea, RestEdge, RestVolume, ShapeGradient, TetrahedronBlocks,
-    TetrahedronEdges, TetrahedronIndex, TetrahedronVertices, TriangleEdges,
+    AxisBlocks, AxisTetrahedron, AxisVertices, EdgeBlock, EdgeChange, EdgeTension, EdgeVertices,
+    MembraneBlocks, MembraneEdge, MembraneIndex, MembraneVertices, RestArea, RestEdge, RestVolume,
+    ShapeGradient, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices,
+    TriangleEdges,
 };
 use sinew_engine::isoparametric::{
     HexahedronBlocks, HexahedronIndex, HexahedronRest, HexahedronVertices, QuadBlocks, QuadIndex,
@@ -81,6 +83,15 @@ fn known_columns<S: Scalar>(world: &mut World) -> Vec<Column> {
         MembraneFirstModulus<S>, MembraneShearModulus<S>, MembraneCompressionModulus<S>,
         HexahedronVertices, HexahedronBlocks, HexahedronIndex, HexahedronRest<S>,
         QuadVertices, QuadBlocks, QuadIndex, QuadRest<S>,
+        AxisVertices, AxisBlocks, AxisTetrahedron,
+        AxisDirection<S, 0, 0>, AxisDirection<S, 0, 1>, AxisDirection<S, 0, 2>,
+        AxisDirection<S, 1, 0>, AxisDirection<S, 1, 1>, AxisDirection<S, 1, 2>,
+        AxisDirection<S, 2, 0>, AxisDirection<S, 2, 1>, AxisDirection<S, 2, 2>,
+        AxialStiffness<S, 0>, AxialStiffness<S, 1>, AxialStiffness<S, 2>,
+        AxisAngleStiffness<S, 0>, AxisAngleStiffness<S, 1>, AxisAngleStiffness<S, 2>,
+        VolumeStiffness<S>, FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>,
+        FibreShortening<S>, FibreActive<S>, FibreOffset<S>, FibreInverseWidth<S>,
+        PassiveStiffness<S>, PeakTension<S>, MuscleIndex,
     ]
 }
 
@@ -158,6 +169,9 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     for mut blocks in world.query::<&mut QuadBlocks>().iter_mut(world) {
         blocks.0 = blocks.0.map(|b| block[b as usize]);
     }
+    for mut blocks in world.query::<&mut AxisBlocks>().iter_mut(world) {
+        blocks.0 = blocks.0.map(|b| block[b as usize]);
+    }
     for mut own in world.query::<&mut EdgeBlock>().iter_mut(world) {
         own.0 = block[own.0 as usize];
     }
@@ -231,6 +245,7 @@ fn find_tables(world: &mut World, resection: &Resection) -> Vec<Table> {
         });
         tables.push(Table { entities: entities.to_vec(), keep: keep.collect() });
     }
+    elements!(AxisTetrahedron, ElementKind::Tetrahedron);
     tables.retain(|table| !table.entities.is_empty());
     tables
 }

@@ -1,6 +1,7 @@
 //! Holds a body that lost elements against one that is built anew from what is left.
 
 use super::Resection;
+use crate::axes::muscle::{Muscles, copy_activations};
 use crate::body::{BodyDescription, BodyError, SoftBody, spawn_body};
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::fused_membrane::{
@@ -132,9 +133,18 @@ pub fn compare_with_fresh<S: Scalar>(
             membrane,
             hexahedra: &hexahedra,
             springs: soft.spring_method,
+            axes: match &soft.axes {
+                Some(axes) if !mesh.tetrahedra.is_empty() => Some(axes.description.of_tetrahedra(&index[..mesh.tetrahedra.len()])),
+                _ => None,
+            },
             ..BodyDescription::new("fresh", &mesh, soft.material)
         };
         spawn_body::<S>(&mut fresh, &description)?;
+        if let Some(muscles) = world.get_resource::<Muscles>() {
+            let own = muscles.iter().filter(|m| m.body == body);
+            let activations: Vec<_> = own.map(|m| (m.family.clone(), m.activation())).collect();
+            copy_activations::<S>(&mut fresh, &activations);
+        }
         let new = fresh.resource::<Topology>().bodies[0].clone();
         let row = |row: u32| new.row(user(row - rows.vertices.start)).unwrap_or(0);
         let mut pressures: Vec<(Entity, Pressure)> = world
