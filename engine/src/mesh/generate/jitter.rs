@@ -176,7 +176,9 @@ pub fn jitter_interior(mesh: &Mesh, fraction: f64, seed: u64) -> Result<Mesh, Me
 ///
 /// Every vertex draws a priority; each face of a brick is cut along the diagonal from its first
 /// vertex, and the brick from its own first vertex. `size` in metres; vertices and groups as those of
-/// [`box_tets`](super::box_tets), whose diagonals all point the same way.
+/// [`box_tets`](super::box_tets), whose diagonals all point the same way. Large moves give slivers: of
+/// 8 x 8 x 8 cells the worst quality over five seeds was 0.57, 0.31, 0.18, 0.05 and 0.007 at a
+/// `fraction` of 0, 0.1, 0.15, 0.2 and 0.3.
 ///
 /// ```
 /// use glam::DVec3;

@@ -180,7 +180,7 @@ fn name_cylinder_sides(mesh: &mut Mesh, height: f64) {
 
 /// A cylinder of hexahedra along x from the origin.
 ///
-/// `radius` and `length` in metres. Its cross-section is that of [`disc_quads`]: a bulged square of
+/// `radius` and `length` in metres. Its cross-section is that of [`disc_quads`](super::disc_quads): a bulged square of
 /// `core` cells along each side and `rings` rings of `4 core` cells around it; `layers` layers along
 /// the axis. Groups `x0`, `x1`, `side` (vertices and outward quadrilaterals) and `body`.
 ///
