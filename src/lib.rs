@@ -7,6 +7,7 @@ pub mod simulation;
 pub use plugin::SinewPlugins;
 
 pub use sinew_engine as engine;
+pub use sinew_identify as identify;
 pub use sinew_models as models;
 pub use sinew_solvers as solvers;
 

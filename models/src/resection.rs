@@ -425,7 +425,9 @@ impl Resection {
             world.query::<(Entity, &AxisTetrahedron, &BodyId)>().iter(world)
         {
             if let Some(own) = &mut self.bodies[body.0 as usize] {
-                own.rows.axes.push((own.element_of[ElementKind::Tetrahedron][index.0 as usize], entity));
+                own.rows
+                    .axes
+                    .push((own.element_of[ElementKind::Tetrahedron][index.0 as usize], entity));
             }
         }
         for own in self.bodies.iter_mut().flatten() {

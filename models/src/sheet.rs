@@ -114,6 +114,25 @@ pub struct MembraneSettings {
 }
 
 impl MembraneSettings {
+    /// A membrane of these elements.
+    pub fn of<'a>(
+        &self,
+        triangles: &'a [[u32; 3]],
+        quads: &'a [[u32; 4]],
+    ) -> MembraneDescription<'a> {
+        let &Self { thickness, material, plane, model, evaluation, springs } = self;
+        MembraneDescription {
+            triangles,
+            quads,
+            thickness,
+            material,
+            plane,
+            model,
+            evaluation,
+            springs,
+        }
+    }
+
     /// Moduli in the plane times the thickness (N/m) and mass per rest area (kg/m^2).
     pub fn surface(&self) -> (LameParameters, f64) {
         surface(&self.material, self.thickness, self.plane)

@@ -10,7 +10,6 @@ use crate::fused_membrane::{
 use crate::pooled::{AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness};
 use crate::pressure;
 use crate::quadratic::MassSpring;
-use crate::sheet::{MembraneDescription, MembraneSettings};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
@@ -110,20 +109,7 @@ pub fn compare_with_fresh<S: Scalar>(
         };
         let (young, poisson, density) =
             (pick(field.young_modulus), pick(field.poisson_ratio), pick(field.density));
-        let membrane = soft.membrane.map(|settings| {
-            let MembraneSettings { thickness, material, plane, model, evaluation, springs } =
-                settings;
-            MembraneDescription {
-                triangles: &mesh.triangles,
-                quads: &quads,
-                thickness,
-                material,
-                plane,
-                model,
-                evaluation,
-                springs,
-            }
-        });
+        let membrane = soft.membrane.as_ref().map(|m| m.of(&mesh.triangles, &quads));
         let description = BodyDescription {
             young_modulus: young.as_deref(),
             poisson_ratio: poisson.as_deref(),
@@ -134,7 +120,9 @@ pub fn compare_with_fresh<S: Scalar>(
             hexahedra: &hexahedra,
             springs: soft.spring_method,
             axes: match &soft.axes {
-                Some(axes) if !mesh.tetrahedra.is_empty() => Some(axes.description.of_tetrahedra(&index[..mesh.tetrahedra.len()])),
+                Some(axes) if !mesh.tetrahedra.is_empty() => {
+                    Some(axes.description.of_tetrahedra(&index[..mesh.tetrahedra.len()]))
+                }
                 _ => None,
             },
             ..BodyDescription::new("fresh", &mesh, soft.material)
