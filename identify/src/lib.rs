@@ -19,6 +19,7 @@
 //! | [`mesh`] | a whole mesh, in parallel, congruent elements once |
 //! | [`response`] | the moduli that a spring lattice really has |
 //! | [`error_metrics`] | paper B's errors between two sets of positions |
+//! | `virtual_test` (feature `virtual-test`) | tension, shear, torsion and bending of meshes: finite elements against springs |
 //!
 //! # What springs cannot do
 //!
@@ -58,6 +59,8 @@ pub mod method;
 pub mod response;
 pub mod springs;
 pub mod stiffness;
+#[cfg(feature = "virtual-test")]
+pub mod virtual_test;
 
 pub use error::{ElementError, IdentifyError};
 pub use fit::ElementFit;

@@ -26,7 +26,7 @@ use super::{FitProblem, frobenius, nonnegative, spectral_norm};
 use crate::error::ElementError;
 
 /// Relative gap between norm and lower bound at which the fit is done.
-const GAP: f64 = 1e-7;
+const GAP: f64 = 1e-8;
 /// Relative gap above which the fit is refused.
 const WORST_GAP: f64 = 1e-6;
 /// Factor by which the barrier is weakened.
