@@ -23,11 +23,11 @@
 //!
 //! # What springs cannot do
 //!
-//! Central forces obey the Cauchy relation `C12 = C44`, so an isotropic lattice has a Poisson ratio of 1/4
-//! in space and 1/3 in the plane, whatever the target ([`response`] measures it). Near incompressibility
-//! the fits are several times too stiff in tension. Fits may also give negative constants, with which solvers lose
-//! definiteness; every fit counts them, and the non-negative fits and
-//! [`ElementMethod::PaperA`](method::ElementMethod::PaperA) have none.
+//! Central forces obey the Cauchy relation `C12 = C44`, so an isotropic lattice has a Poisson ratio of
+//! 1/4 in space and 1/3 in the plane, whatever the target ([`response`] measures it). Near
+//! incompressibility the fits are several times too stiff in tension. Fits may also give negative
+//! constants, with which solvers lose definiteness; every fit counts them, and the non-negative fits
+//! and [`ElementMethod::PaperA`] have none.
 //!
 //! ```
 //! use sinew_identify::mesh::{Cells, fit_elements};

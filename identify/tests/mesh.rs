@@ -5,8 +5,8 @@ use sinew_identify::mesh::{Cells, fit_elements, mesh_masses};
 use sinew_identify::response::effective_moduli;
 use sinew_identify::springs::pairs;
 use sinew_identify::{
-    ElementError, ElementGeometry, ElementKind, ElementMethod, IdentifyError, LinearMaterial, Plane,
-    Section, fit_element,
+    ElementError, ElementGeometry, ElementKind, ElementMethod, IdentifyError, LinearMaterial,
+    Plane, Section, fit_element,
 };
 
 const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
@@ -59,8 +59,9 @@ fn lattice(geometry: &ElementGeometry, nu: f64, method: ElementMethod) -> [f64; 
     [moduli.youngs_modulus, moduli.poissons_ratio, shear]
 }
 
-/// The moduli that spring lattices have, to the printed digits. Poisson's ratio of the 2-norm fit is that of a flat minimum:
-/// the stored minimiser of the last case has 0.20646, the point with a norm larger by 1e-7 that breaks ties 0.20654.
+/// The moduli that spring lattices have, to the printed digits. Poisson's ratio of the 2-norm fit is
+/// that of a flat minimum: the stored minimiser of the last case has 0.20646, the point with a norm
+/// larger by 1e-7 that breaks ties 0.20654.
 #[test]
 fn lattices_have_their_own_moduli() {
     use ElementMethod::{Baudet, Block, Frobenius, TwoNorm};
@@ -98,7 +99,8 @@ fn exact_cases() {
     let h = 3f64.sqrt() / 2.0;
     let flat = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, h, 0.0]];
     let (s, c) = 0.7f64.sin_cos();
-    let turned = flat.map(|[x, y, _]| [5.0 + c * x - s * y * 0.6, s * x + c * y * 0.6, 0.8 * y - 2.0]);
+    let turned =
+        flat.map(|[x, y, _]| [5.0 + c * x - s * y * 0.6, s * x + c * y * 0.6, 0.8 * y - 2.0]);
     for (plane, nu) in [(Plane::Stress, 1.0 / 3.0), (Plane::Strain, 0.25)] {
         let material = LinearMaterial::new(1e4, nu).expect("material");
         let section = Section { plane, thickness: 0.01 };
@@ -319,9 +321,10 @@ fn certificates_of_random_elements() {
                     [n[0] + 0.2 * r[0], flat * (n[1] + 0.2 * r[1]), 0.0]
                 })
                 .collect(),
-            ElementKind::Triangle | ElementKind::Tetrahedron => {
-                (0..kind.nodes()).map(|_| random.point()).map(|x| [x[0], flat * x[1], x[2]]).collect()
-            }
+            ElementKind::Triangle | ElementKind::Tetrahedron => (0..kind.nodes())
+                .map(|_| random.point())
+                .map(|x| [x[0], flat * x[1], x[2]])
+                .collect(),
         };
         let nu = 0.24 + 0.24 * random.next();
         let material = LinearMaterial::new(1e4, nu).expect("material");
@@ -362,7 +365,12 @@ fn errors() {
     assert_eq!(fit(&points, &Cells::default(), frobenius), IdentifyError::NoElements);
     assert_eq!(
         fit(&points[..20], &cells, frobenius),
-        IdentifyError::NodeOutOfRange { kind: ElementKind::Hexahedron, index: 4, node: 22, points: 20 }
+        IdentifyError::NodeOutOfRange {
+            kind: ElementKind::Hexahedron,
+            index: 4,
+            node: 22,
+            points: 20
+        }
     );
     let mut bad = points.clone();
     bad[26] = [0.1; 3];
@@ -382,13 +390,17 @@ fn errors() {
     bad[26] = bad[25];
     assert!(matches!(
         fit(&bad, &cells, frobenius),
-        IdentifyError::Element { index: 7, source: ElementError::CoincidentNodes { a: 6, b: 7 }, .. }
+        IdentifyError::Element {
+            index: 7,
+            source: ElementError::CoincidentNodes { a: 6, b: 7 },
+            ..
+        }
     ));
     bad[26] = [2.0, 2.0, 2.02];
     let error = fit(&bad, &cells, ElementMethod::Baudet);
     let text = error.to_string();
     assert!(text.contains("hexahedron 7") && text.contains("needs a cube"), "{text}");
-    assert!(text.contains("off by 0.6") && text.contains("`frobenius`"), "{text}");
+    assert!(text.contains("off by 1.055 %") && text.contains("`frobenius`"), "{text}");
     let text = fit(&points, &cells, ElementMethod::Lloyd).to_string();
     assert!(text.contains("serves: triangle, quadrilateral, tetrahedron"), "{text}");
 

@@ -1,15 +1,17 @@
 //! Virtual tests: linear finite elements against stored solutions, springs against finite elements.
 
 use serde_json::Value;
+use sinew_identify::baselines::baudet_tension_correction;
 use sinew_identify::error_metrics::position_errors;
 use sinew_identify::mesh::{Cells, FittedSprings, fit_elements};
+use sinew_identify::virtual_test::comparison::{SpringModel, VirtualTest};
 use sinew_identify::virtual_test::facets::{facets_within, loose_nodes, nodes_at, traction_forces};
 use sinew_identify::virtual_test::gauge::tensile_moduli;
 use sinew_identify::virtual_test::{
     Loading, SpringOptions, VirtualTestError, dimension, finite_elements, linear_springs,
     rest_length_springs,
 };
-use sinew_identify::{ElementMethod, LinearMaterial, Section};
+use sinew_identify::{ElementMethod, LinearMaterial, Plane, Section};
 
 struct Case {
     name: String,
@@ -96,8 +98,9 @@ fn springs_of(case: &Case, method: ElementMethod) -> FittedSprings {
 fn finite_elements_equal_the_stored_solutions() {
     for case in cases() {
         let section = Section::default();
-        let u = finite_elements(&case.points, &case.cells(), &[case.material], &section, &case.loading)
-            .expect("displacements");
+        let u =
+            finite_elements(&case.points, &case.cells(), &[case.material], &section, &case.loading)
+                .expect("displacements");
         let largest = case.u.iter().flatten().fold(0f64, |m, x| m.max(x.abs()));
         for (node, (found, stored)) in u.iter().zip(&case.u).enumerate() {
             for axis in 0..3 {
@@ -145,7 +148,8 @@ fn cube(n: usize, size: f64) -> (Vec<[f64; 3]>, Vec<[u32; 8]>) {
     (points, cells.collect())
 }
 
-/// Paper B, Tables 1 and 3: the 2 cm cube of 512 hexahedra in tension. The Frobenius fit is printed with 14.98 and 25.19 %.
+/// Paper B, Tables 1 and 3: the 2 cm cube of 512 hexahedra in tension. The Frobenius fit is printed
+/// with 14.98 and 25.19 %.
 #[test]
 fn cube_in_tension_of_paper_b() {
     let (points, hexahedra) = cube(8, 0.02);
@@ -201,7 +205,8 @@ fn small_loads_are_linear() {
     }
 }
 
-/// A lattice of Baudet's cubes with nu = 1/4 under uniaxial stretch stays a lattice: its force is that of the springs, in closed form.
+/// A lattice of Baudet's cubes with nu = 1/4 under uniaxial stretch stays a lattice: its force is that
+/// of the springs, in closed form.
 #[test]
 fn rest_length_springs_at_thirty_percent() {
     let (points, hexahedra) = cube(2, 2.0);
@@ -225,7 +230,8 @@ fn rest_length_springs_at_thirty_percent() {
         rest_length_springs(&points, &springs.edges, &springs.constants, 3, &loading, &options)
             .expect("equilibrium");
     assert!(solution.definite);
-    // one cell: 4 edges along each axis (0.2 each), 4 body diagonals (0.3 each); lateral stretch s minimises its energy
+    // one cell: 4 edges along each axis (0.2 each), 4 body diagonals (0.3 each); lateral stretch s
+    // minimises its energy
     let energy = |s: f64| {
         let diagonal = (2.0 * s * s + 1.3 * 1.3).sqrt() - 3f64.sqrt();
         4.0 * 0.5 * 0.3 * diagonal * diagonal + 8.0 * 0.5 * 0.2 * (s - 1.0) * (s - 1.0)
@@ -251,25 +257,100 @@ fn specimens() {
         let number = |key: &str| stored[key].as_f64().expect("number");
         let middle = 0.5 * case.points.iter().map(|p| p[0]).fold(f64::NEG_INFINITY, f64::max);
         let gauge: Vec<usize> = (0..case.points.len())
-            .filter(|&n| (case.points[n][0] - middle).abs() <= 0.0100001)
+            .filter(|&n| (case.points[n][0] - middle).abs() <= 0.01 * (1.0 + 1e-9))
             .collect();
         let stress = number("sigma");
-        let moduli = |u: &[[f64; 3]]| {
-            tensile_moduli(&case.points, u, &gauge, 2, 0, stress).expect("moduli")
-        };
+        let moduli =
+            |u: &[[f64; 3]]| tensile_moduli(&case.points, u, &gauge, 2, 0, stress).expect("moduli");
         let fem = moduli(&case.u);
-        assert!((fem.youngs_modulus - number("E_out")).abs() < 2e-3 * number("E_out"), "{fem:?}");
-        assert!((fem.poissons_ratio - number("nu_out")).abs() < 5e-3, "{fem:?}");
+        assert!((fem.youngs_modulus - number("E_out")).abs() < 1e-9 * number("E_out"), "{fem:?}");
+        assert!((fem.poissons_ratio - number("nu_out")).abs() < 1e-9, "{fem:?}");
         let springs = springs_of(case, ElementMethod::Frobenius);
         let (edges, constants) = (&springs.edges, &springs.constants);
         let lem =
             linear_springs(&case.points, edges, constants, 2, &case.loading).expect("springs");
         let found = moduli(&lem.displacements);
-        assert!(found.youngs_modulus > 0.7e4 && found.youngs_modulus < 1.2e4, "{found:?}");
+        // springs have their own ratio, near 1/3 whatever went in; the values are those of these meshes
+        assert!(found.poissons_ratio > 1.0 / 3.0, "{found:?}");
+        assert!(found.youngs_modulus < 0.95 * 1e4, "{found:?}");
     }
 }
 
-/// Torsion and bending: a turned end, and a linear one to first order.
+/// Baudet's springs with their lateral forces have the moduli that went in; without them they do not.
+#[test]
+fn baudets_correction() {
+    let nu = 0.1;
+    let material = [LinearMaterial::new(1e4, nu).expect("material")];
+    let section = Section { plane: Plane::Stress, thickness: 0.5 };
+    let (solid, hexahedra) = cube(3, 0.3);
+    // rectangles of 1 x 2, in z = 0
+    let plane: Vec<[f64; 3]> =
+        (0..12).map(|i| [(i % 4) as f64, 2.0 * (i / 4) as f64, 0.0]).collect();
+    let quads: Vec<[u32; 4]> = (0..6)
+        .map(|c| {
+            let corner = c % 3 + 4 * (c / 3);
+            [corner, corner + 1, corner + 5, corner + 4]
+        })
+        .collect();
+    let quads = Cells { quads: &quads, ..Cells::default() };
+    let hexahedra = Cells { hexahedra: &hexahedra, ..Cells::default() };
+    for (points, cells, end, d) in [(&solid, hexahedra, 0.3, 3), (&plane, quads, 3.0, 2)] {
+        let springs = fit_elements(points, &cells, &material, &section, ElementMethod::Baudet);
+        let springs = springs.expect("fit");
+        let mut loading = Loading::default();
+        for axis in 0..d {
+            loading
+                .displacements
+                .extend(nodes_at(points, axis, 0.0).iter().map(|&n| (n, axis, 0.0)));
+        }
+        let facets = facets_within(&cells, &nodes_at(points, 0, end));
+        let traction = [500.0, 0.0, 0.0];
+        loading.forces = traction_forces(points, &facets, traction, section.thickness);
+        let measure = |loading: &Loading| {
+            let (edges, constants) = (&springs.edges, &springs.constants);
+            let u = linear_springs(points, edges, constants, d, loading).expect("springs");
+            let all: Vec<usize> = (0..points.len()).collect();
+            tensile_moduli(points, &u.displacements, &all, d, 0, 500.0).expect("moduli")
+        };
+        let without = measure(&loading);
+        assert!((without.poissons_ratio - nu).abs() > 0.1, "{without:?}");
+        let lateral = baudet_tension_correction(points, &cells, &section, nu, 0, 500.0);
+        loading.forces.extend(lateral.expect("forces").into_iter().enumerate());
+        let with = measure(&loading);
+        assert!((with.youngs_modulus - 1e4).abs() < 1e-7, "{with:?}");
+        assert!((with.poissons_ratio - nu).abs() < 1e-11, "{with:?}");
+    }
+}
+
+/// One call for what paper B's tables hold.
+#[test]
+fn comparison() {
+    let cases = cases();
+    let case = cases.iter().find(|c| c.name == "cube_shear_tet").expect("case");
+    let test = VirtualTest {
+        points: &case.points,
+        cells: case.cells(),
+        materials: &[case.material],
+        section: Section::default(),
+        loading: &case.loading,
+    };
+    let reference = test.finite_elements().expect("reference");
+    let linear =
+        test.compare(&reference, ElementMethod::Frobenius, SpringModel::Linear).expect("linear");
+    let found = add(&case.points, &linear.displacements);
+    let expected = position_errors(&case.points, &add(&case.points, &case.u), &found);
+    let expected = expected.expect("errors");
+    assert!((linear.errors.rms_percent - expected.rms_percent).abs() < 1e-6);
+    // printed for another mesh of the cube: 5.30 and 14.55 %
+    assert!(linear.errors.rms_percent > 2.0 && linear.errors.rms_percent < 11.0, "{linear:?}");
+    let options = SpringOptions::default();
+    let full = SpringModel::RestLength(options);
+    let full = test.compare(&reference, ElementMethod::Nonnegative, full).expect("springs");
+    assert!(full.springs.negative_edges == 0 && full.errors.rms_percent > 0.0);
+    assert_ne!(full.displacements, linear.displacements);
+}
+
+/// Torsion: a turned end, and a linear one to first order.
 #[test]
 fn torsion() {
     let (points, hexahedra) = cube(3, 0.03);
@@ -313,10 +394,8 @@ fn errors() {
     let mut loading = Loading { forces: vec![(7, [1.0, 0.0, 0.0])], ..Loading::default() };
     let fem = |loading: &Loading| finite_elements(&points, &cells, &material, &section, loading);
     assert!(matches!(fem(&loading), Err(VirtualTestError::Singular { .. })));
-    let balanced = Loading {
-        forces: vec![(7, [1.0, 0.0, 0.0]), (6, [-1.0, 0.0, 0.0])],
-        ..Loading::default()
-    };
+    let balanced =
+        Loading { forces: vec![(7, [1.0, 0.0, 0.0]), (6, [-1.0, 0.0, 0.0])], ..Loading::default() };
     assert!(matches!(fem(&balanced), Err(VirtualTestError::Singular { .. })));
     loading.hold(&[0, 1, 2, 3], 3, [0.0; 3]);
     assert!(fem(&loading).is_ok());

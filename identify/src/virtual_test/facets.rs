@@ -9,7 +9,8 @@ const HEXAHEDRON_FACES: [[usize; 4]; 6] =
 
 /// Facets (edges of plane elements, triangles or quadrilaterals of solids) whose nodes are all in `nodes`.
 ///
-/// On a flat end of a body these are the facets of its surface there. Facets that two elements share come once.
+/// On a flat end of a body these are the facets of its surface there. Facets that two elements share
+/// come once.
 pub fn facets_within(cells: &Cells<'_>, nodes: &[usize]) -> Vec<Vec<u32>> {
     let mut found: Vec<(Vec<u32>, Vec<u32>)> = Vec::new();
     let mut sorted = nodes.to_vec();
@@ -39,7 +40,8 @@ pub fn facets_within(cells: &Cells<'_>, nodes: &[usize]) -> Vec<Vec<u32>> {
     found.into_iter().map(|f| f.1).collect()
 }
 
-/// Consistent nodal forces (N) of the constant traction `traction` (Pa) on `facets`; edges of plane bodies have the thickness `thickness` (m).
+/// Consistent nodal forces (N) of the constant traction `traction` (Pa) on `facets`; edges of plane
+/// bodies have the thickness `thickness` (m).
 ///
 /// ```
 /// use sinew_identify::virtual_test::facets::traction_forces;
@@ -91,7 +93,8 @@ fn quad_areas(x: [[f64; 3]; 4]) -> Vec<f64> {
     areas
 }
 
-/// Nodes of `points` whose coordinate along `axis` is `value` to `1e-6` of the body's extent along all axes.
+/// Nodes of `points` whose coordinate along `axis` is `value` to `1e-6` of the body's extent along all
+/// axes.
 pub fn nodes_at(points: &[[f64; 3]], axis: usize, value: f64) -> Vec<usize> {
     let extent = (0..3)
         .map(|d| {

@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-/// Displacement gradient `G[i][j] = du_i/dx_j` of the affine map that fits the displacements of `nodes` best (least squares). `None` if the nodes
-/// do not span the `dimension` axes.
+/// Displacement gradient `G[i][j] = du_i/dx_j` of the affine map that fits the displacements of `nodes`
+/// best (least squares). `None` if the nodes do not span the `dimension` axes.
 ///
 /// ```
 /// use sinew_identify::virtual_test::gauge::displacement_gradient;
@@ -72,8 +72,9 @@ pub struct MeasuredModuli {
     pub strain: f64,
 }
 
-/// Moduli from the displacements of the gauge `nodes` under the axial stress `stress` (Pa) along `axis` (0, 1 or 2). Lateral strain is the mean over
-/// the other axes. `None` if the nodes span too little, or nothing moved.
+/// Moduli from the displacements of the gauge `nodes` under the axial stress `stress` (Pa) along `axis`
+/// (0, 1 or 2). Lateral strain is the mean over the other axes. `None` if the nodes span too little, or
+/// nothing moved.
 ///
 /// ```
 /// use sinew_identify::virtual_test::gauge::tensile_moduli;

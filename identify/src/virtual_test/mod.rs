@@ -6,12 +6,16 @@
 //! | [`linear_springs`] | springs with their stiffness at rest, `K(k) u = f`: paper B's spring model |
 //! | [`rest_length_springs`] | springs of energy `1/2 k (l - L)^2` at finite displacement, what a simulation runs |
 //!
-//! A [`Loading`] holds prescribed displacements and nodal forces and is the same for all three;
-//! [`facets`] finds faces and turns tractions into nodal forces, [`gauge`] measures what a tensile test machine would.
-//! Plane bodies (triangles and quadrilaterals) lie in x and y; the third coordinate is ignored and must be the same everywhere.
+//! [`comparison`] runs a method against the reference and gives a row of paper B's tables. A
+//! [`Loading`] holds prescribed displacements and nodal forces and is the same for all three;
+//! [`facets`] finds faces and turns tractions into nodal forces, [`gauge`] measures what a tensile test
+//! machine would. Plane bodies (triangles and quadrilaterals) lie in x and y; the third coordinate is
+//! ignored and must be the same everywhere.
 //!
-//! Systems are factorised directly: meshes of these tests are small, and springs with negative constants are indefinite.
+//! Systems are factorised directly: meshes of these tests are small, and springs with negative
+//! constants are indefinite.
 
+pub mod comparison;
 pub mod facets;
 pub mod gauge;
 mod sparse;
@@ -37,8 +41,8 @@ pub enum VirtualTestError {
     Identify(#[from] IdentifyError),
     /// A plane body that is not flat.
     #[error(
-        "triangles and quadrilaterals are tested in the plane, but node {node} is {off} m off the plane of node 0; \
-         flatten the mesh to constant z"
+        "triangles and quadrilaterals are tested in the plane, but node {node} is {off} m off the \
+         plane of node 0; flatten the mesh to constant z"
     )]
     NotPlane {
         /// the node
@@ -50,7 +54,9 @@ pub enum VirtualTestError {
     #[error("the mesh has plane elements and solids; test them one at a time")]
     MixedDimensions,
     /// A node or an axis that does not exist, or a number that is none.
-    #[error("{what} names node {node}, axis {axis} with value {value}: there are {nodes} nodes and {dimension} axes, and values are finite")]
+    #[error(
+        "{what} names node {node}, axis {axis} with value {value}: there are {nodes} nodes and {dimension} axes, and values are finite"
+    )]
     Loading {
         /// constraint or load
         what: &'static str,
@@ -67,7 +73,8 @@ pub enum VirtualTestError {
     },
     /// A body that can move without resistance.
     #[error(
-        "the {body} is singular under these constraints: hold it against rigid motions, and remove nodes that belong to no element"
+        "the {body} is singular under these constraints: hold it against rigid motions, and remove \
+         nodes that belong to no element"
     )]
     Singular {
         /// what was to be solved
@@ -75,8 +82,8 @@ pub enum VirtualTestError {
     },
     /// Newton's method found no equilibrium.
     #[error(
-        "no equilibrium of the springs at load step {step} of {steps} (residual {residual:.1e} of the spring forces); use more load \
-         steps, a smaller load, or non-negative constants"
+        "no equilibrium of the springs at load step {step} of {steps} (residual {residual:.1e} of the \
+         spring forces); use more load steps, a smaller load, or non-negative constants"
     )]
     NoEquilibrium {
         /// load step, from 1
@@ -107,8 +114,9 @@ impl Loading {
         }
     }
 
-    /// Turns `nodes` of `points` rigidly by `angle` (rad) about the axis through `centre` along `axis` (x 0, y 1, z 2). `linear` takes the displacement
-    /// `angle x r` of small rotations, which belongs to linear bodies, instead of the rotation.
+    /// Turns `nodes` of `points` rigidly by `angle` (rad) about the axis through `centre` along `axis`
+    /// (x 0, y 1, z 2). `linear` takes the displacement `angle x r` of small rotations, which belongs
+    /// to linear bodies, instead of the rotation.
     pub fn turn(
         &mut self,
         points: &[[f64; 3]],
@@ -231,10 +239,8 @@ pub fn finite_elements(
         let mut geometry = cells.geometry(points, element)?;
         if dimension == 2 {
             // in the axes of the mesh, not of the element
-            let flat: Vec<_> = nodes
-                .iter()
-                .map(|&n| [points[n as usize][0], points[n as usize][1]])
-                .collect();
+            let flat: Vec<_> =
+                nodes.iter().map(|&n| [points[n as usize][0], points[n as usize][1]]).collect();
             geometry = ElementGeometry::planar(kind, &flat).map_err(locate)?;
         }
         let material = &materials[if materials.len() == 1 { 0 } else { element }];

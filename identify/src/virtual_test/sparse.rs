@@ -1,10 +1,11 @@
 //! A sparse symmetric system with held unknowns, factorised directly.
 
-use faer::{Mat, Side};
 use faer::linalg::solvers::Solve;
 use faer::sparse::{SparseColMat, Triplet};
+use faer::{Mat, Side};
 
-/// Residual of a right-hand side of order 1 above which a matrix counts as singular. Rounding leaves about 1e-16 times the condition.
+/// Residual of a right-hand side of order 1 above which a matrix counts as singular. Rounding leaves
+/// about 1e-16 times the condition.
 const SINGULAR: f64 = 1e-4;
 
 /// Entries of a symmetric matrix over all unknowns; those that are held are eliminated when it is solved.
@@ -30,7 +31,8 @@ impl System {
         self.entries.push((row, column, value));
     }
 
-    /// Solves `A x = b` with the held unknowns at their values in `held`; says whether the matrix is positive definite. `None` if it is singular.
+    /// Solves `A x = b` with the held unknowns at their values in `held`; says whether the matrix is
+    /// positive definite. `None` if it is singular.
     pub(super) fn solve(&self, b: &[f64], held: &[f64]) -> Option<(Vec<f64>, bool)> {
         let n = self.free.len();
         let mut right: Vec<f64> = self.free.iter().map(|&i| b[i]).collect();
@@ -47,8 +49,8 @@ impl System {
             return Some((x, true));
         }
         let matrix = SparseColMat::<usize, f64>::try_new_from_triplets(n, n, &triplets).ok()?;
-        // The second column is in no equilibrium with anything: if the matrix is singular and passed the factorisation by
-        // rounding, the solution for it does not solve its system.
+        // The second column is in no equilibrium with anything: if the matrix is singular and passed
+        // the factorisation by rounding, the solution for it does not solve its system.
         let right = Mat::from_fn(n, 2, |i, column| if column == 0 { right[i] } else { probe(i) });
         let (solution, definite) = match matrix.sp_cholesky(Side::Lower) {
             Ok(factor) => (factor.solve(&right), true),

@@ -11,7 +11,8 @@ use crate::geometry::{norm, sub};
 pub struct SpringOptions {
     /// Steps in which the loading is applied.
     pub load_steps: usize,
-    /// Out-of-balance force, relative to the largest sum of spring forces on a node, at which a step is done.
+    /// Out-of-balance force, relative to the largest sum of spring forces on a node, at which a step is
+    /// done.
     pub tolerance: f64,
     /// Newton steps to a load step.
     pub newton_steps: usize,
@@ -73,8 +74,9 @@ pub fn linear_springs(
 
 /// Equilibrium of springs of energy `1/2 k (l - L)^2` at finite displacement.
 ///
-/// The loading is applied in steps; in each, Newton's method with the exact tangent reduces the out-of-balance force, with a
-/// line search on its norm. It may end in an unstable equilibrium, see [`SpringSolution::definite`].
+/// The loading is applied in steps; in each, Newton's method with the exact tangent reduces the
+/// out-of-balance force, with a line search on its norm. It may end in an unstable equilibrium, see
+/// [`SpringSolution::definite`].
 ///
 /// # Errors
 /// [`VirtualTestError::Loading`], [`VirtualTestError::Singular`], [`VirtualTestError::NoEquilibrium`].
@@ -82,17 +84,16 @@ pub fn linear_springs(
 /// ```
 /// use sinew_identify::virtual_test::{Loading, SpringOptions, rest_length_springs};
 ///
-/// // a spring of 1 m and 2 N/m on its own axis: linear; turned by its load it would not be
-/// let points = [[0.0; 3], [1.0, 0.0, 0.0]];
-/// let mut loading = Loading { forces: vec![(1, [1.0, 1.0, 0.0])], ..Loading::default() };
-/// loading.hold(&[0], 2, [0.0; 3]);
-/// let options = SpringOptions::default();
-/// let solution = rest_length_springs(&points, &[[0, 1]], &[2.0], 2, &loading, &options);
-/// let tip = solution?.displacements[1];
-/// // along the force, lengthened by sqrt(2)/2
-/// let length = 1.0 + 0.5f64.sqrt();
-/// assert!((tip[0] + 1.0 - length * 0.5f64.sqrt()).abs() < 1e-9);
-/// assert!((tip[1] - length * 0.5f64.sqrt()).abs() < 1e-9);
+/// // two springs from (-1, 0) and (1, 0) meet at (0, 1) and are drawn out to (0, 2)
+/// let points = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+/// let (l, rest) = (5f64.sqrt(), 2f64.sqrt());
+/// let force = 2.0 * (l - rest) * 2.0 / l;
+/// let mut loading = Loading { forces: vec![(2, [0.0, force, 0.0])], ..Loading::default() };
+/// loading.hold(&[0, 1], 2, [0.0; 3]);
+/// let (edges, options) = ([[0, 2], [1, 2]], SpringOptions::default());
+/// let solution = rest_length_springs(&points, &edges, &[1.0; 2], 2, &loading, &options)?;
+/// let tip = solution.displacements[2];
+/// assert!(tip[0].abs() < 1e-9 && (tip[1] - 1.0).abs() < 1e-9 && solution.definite);
 /// # Ok::<(), sinew_identify::virtual_test::VirtualTestError>(())
 /// ```
 pub fn rest_length_springs(
@@ -132,9 +133,8 @@ pub fn rest_length_springs(
                 done = true;
                 break;
             }
-            let held: Vec<f64> = (0..unknowns)
-                .map(|i| loading.held[i].map_or(0.0, |h| h * part - u[i]))
-                .collect();
+            let held: Vec<f64> =
+                (0..unknowns).map(|i| loading.held[i].map_or(0.0, |h| h * part - u[i])).collect();
             let mut system = System::new(&loading.held);
             body.add_tangent(&u, &mut system);
             let (du, is_definite) = system.solve(&r, &held).ok_or_else(|| singular.clone())?;
@@ -183,8 +183,8 @@ impl<'a> Springs<'a> {
         Self { points, edges, constants, dimension, rest: edges.iter().map(length).collect() }
     }
 
-    /// Unit vector from the second node to the first, length, and change of length formed without cancellation:
-    /// `l - L = (l^2 - L^2) / (l + L)`, `l^2 - L^2 = du . (2 X + du)`.
+    /// Unit vector from the second node to the first, length, and change of length formed without
+    /// cancellation: `l - L = (l^2 - L^2) / (l + L)`, `l^2 - L^2 = du . (2 X + du)`.
     fn spring(&self, s: usize, u: &[f64]) -> ([f64; 3], f64, f64) {
         let [a, b] = self.edges[s].map(|n| n as usize);
         let rest = sub(self.points[a], self.points[b]);
