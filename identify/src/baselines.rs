@@ -1,8 +1,10 @@
 //! Closed forms for spring constants from the literature, per element and in N/m.
 //!
-//! Constants are in the order of [`pairs`]. `E2 = E t` (N/m) is the modulus of a sheet; for plane strain `E / (1 - nu^2)` and `nu / (1 - nu)` take the
-//! place of `E` and `nu`. All but paper A's were written down from memory of the literature, not from the original texts, and count
-//! as *recalled* ([`ElementMethod::recalled`]): what they reproduce was checked, the wording of their authors was not.
+//! Constants are in the order of [`pairs`]. `E2 = E t` (N/m) is the modulus of a sheet; for plane
+//! strain `E / (1 - nu^2)` and `nu / (1 - nu)` take the place of `E` and `nu`. All but paper A's were
+//! written down from memory of the literature, not from the original texts, and count as *recalled*
+//! ([`ElementMethod::recalled`]): what they reproduce was checked, the wording of their authors was
+//! not.
 //!
 //! | method | element | constant |
 //! |---|---|---|
@@ -16,16 +18,19 @@
 //! | Baudet et al. 2007 | cube of edge `a` | edges `a E (4 nu + 1)/(8 (1+nu))`, body diagonals `3 a E/(8 (1+nu))`, face diagonals 0 |
 //! | Delingette 2008 (paper A) | triangle, tetrahedron | `2 L^2 k` of the tensile biquadratic springs, always positive |
 //!
-//! Baudet's springs have the right Young's modulus, Poisson's ratio and shear modulus only together with lateral forces:
-//! [`baudet_rectangle_correction`], [`baudet_cube_correction`].
+//! Baudet's springs have the right Young's modulus, Poisson's ratio and shear modulus only together
+//! with lateral forces: [`baudet_rectangle_correction`], [`baudet_cube_correction`], and
+//! [`baudet_tension_correction`] for a mesh.
 
-use crate::error::ElementError;
-use crate::geometry::{ElementGeometry, ElementKind, dot};
+use crate::error::{ElementError, IdentifyError};
+use crate::geometry::{ElementGeometry, ElementKind, dot, norm, scale, sub};
 use crate::material::{LinearMaterial, Section};
+use crate::mesh::Cells;
 use crate::method::ElementMethod;
 use crate::springs::{directions, pairs};
 
-/// Deviation from a rectangle or cube, relative to the diagonal, that is put down to the digits of a mesh file.
+/// Deviation from a rectangle or cube, relative to the diagonal, that is put down to the digits of a
+/// mesh file.
 const RECTANGULAR: f64 = 1e-5;
 
 /// What the closed forms need to know of an element.
@@ -148,7 +153,8 @@ impl Element<'_> {
         })
     }
 
-    /// `k_i = (2 cot_i^2 (lambda2 + mu2) + mu2) / (16 A)`, where `mu2 = E2/(1+nu)` is twice the shear modulus.
+    /// `k_i = (2 cot_i^2 (lambda2 + mu2) + mu2) / (16 A)`, where `mu2 = E2/(1+nu)` is twice the shear
+    /// modulus.
     fn paper_a_triangle(&self) -> Vec<f64> {
         let lambda = self.modulus * self.nu / (1.0 - self.nu * self.nu);
         let mu = self.modulus / (1.0 + self.nu);
@@ -181,10 +187,10 @@ impl Element<'_> {
     }
 }
 
-/// Outward lateral force (N) on every node of a rectangle, `length` (m) along the pull and `height` (m) across,
-/// under tension by Baudet's springs: `(length/height) F (1 - 3 nu) / 4` with the total force `force` (N) on a face. In plane
-/// stress. It cancels the stress that the springs alone leave across; derived from their stiffness, since the factor printed
-/// by the authors could not be confirmed.
+/// Outward lateral force (N) on every node of a rectangle, `length` (m) along the pull and `height` (m)
+/// across, under tension by Baudet's springs: `(length/height) F (1 - 3 nu) / 4` with the total force
+/// `force` (N) on a face. In plane stress. It cancels the stress that the springs alone leave across;
+/// derived from their stiffness, since the factor printed by the authors could not be confirmed.
 ///
 /// ```
 /// use sinew_identify::baselines::baudet_rectangle_correction;
@@ -196,12 +202,88 @@ pub fn baudet_rectangle_correction(length: f64, height: f64, force: f64, nu: f64
     length / height * force * (1.0 - 3.0 * nu) / 4.0
 }
 
-/// Outward lateral force (N), in each of the two directions across, on every node of a cube pulled with the total
-/// force `force` (N) on a face: `F (1 - 4 nu) / 8`. See [`baudet_rectangle_correction`].
+/// Outward lateral force (N), in each of the two directions across, on every node of a cube pulled with
+/// the total force `force` (N) on a face: `F (1 - 4 nu) / 8`. See [`baudet_rectangle_correction`].
 ///
 /// ```
 /// assert_eq!(sinew_identify::baselines::baudet_cube_correction(8.0, 0.0), 1.0);
 /// ```
 pub fn baudet_cube_correction(force: f64, nu: f64) -> f64 {
     force * (1.0 - 4.0 * nu) / 8.0
+}
+
+/// Lateral forces (N) on every node of a mesh of rectangles or cubes under the uniform tension `stress`
+/// (Pa) along `axis` (0, 1 or 2): with them Baudet's springs have the right moduli. In the interior
+/// they cancel.
+///
+/// Elements are to be aligned with `axis`; the correction belongs to a tension test and to no other
+/// loading.
+///
+/// # Errors
+/// [`IdentifyError`]; [`ElementError::NotServed`] for other kinds of elements,
+/// [`ElementError::NotRectangular`] also for elements that are not aligned with the pull.
+///
+/// ```
+/// use sinew_identify::Section;
+/// use sinew_identify::baselines::baudet_tension_correction;
+/// use sinew_identify::mesh::Cells;
+///
+/// let points = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+/// let cells = Cells { quads: &[[0, 1, 2, 3]], ..Cells::default() };
+/// let forces = baudet_tension_correction(&points, &cells, &Section::default(), 0.0, 0, 8.0)?;
+/// assert_eq!(forces, [[0.0, -2.0, 0.0], [0.0, -2.0, 0.0], [0.0, 2.0, 0.0], [0.0, 2.0, 0.0]]);
+/// # Ok::<(), sinew_identify::IdentifyError>(())
+/// ```
+pub fn baudet_tension_correction(
+    points: &[[f64; 3]],
+    cells: &Cells<'_>,
+    section: &Section,
+    nu: f64,
+    axis: usize,
+    stress: f64,
+) -> Result<Vec<[f64; 3]>, IdentifyError> {
+    let mut forces = vec![[0.0; 3]; points.len()];
+    for element in 0..cells.len() {
+        let (kind, index, nodes) = cells.element(element);
+        let locate = |source| IdentifyError::Element { kind, index, source };
+        if !ElementMethod::Baudet.serves(kind) {
+            return Err(locate(ElementMethod::Baudet.not_served(kind)));
+        }
+        let size = cells.geometry(points, element)?.size();
+        let at = |a: usize| points[nodes[a] as usize];
+        let dimension = kind.dimension();
+        // sides from node 0; which of them is the pull, and where along the others each node is
+        let sides: Vec<[f64; 3]> =
+            [1, 3, 4][..dimension].iter().map(|&a| sub(at(a), at(0))).collect();
+        let pull = (0..dimension)
+            .max_by(|&a, &b| sides[a][axis].abs().total_cmp(&sides[b][axis].abs()))
+            .expect("two or three sides");
+        let length = norm(sides[pull]);
+        let off = (length - sides[pull][axis].abs()) / size;
+        if off > RECTANGULAR {
+            let shape =
+                if dimension == 2 { "rectangle along the pull" } else { "cube along the pull" };
+            return Err(locate(ElementError::NotRectangular {
+                shape,
+                kind,
+                off_percent: 100.0 * off,
+            }));
+        }
+        for lateral in (0..dimension).filter(|&d| d != pull) {
+            let height = norm(sides[lateral]);
+            let size = if dimension == 2 {
+                let force = stress * height * section.thickness;
+                baudet_rectangle_correction(length, height, force, nu)
+            } else {
+                baudet_cube_correction(stress * height * height, nu)
+            };
+            let outward = scale(sides[lateral], size / height);
+            for (node, place) in nodes.iter().zip(kind.reference_nodes()) {
+                for d in 0..3 {
+                    forces[*node as usize][d] += place[lateral] * outward[d];
+                }
+            }
+        }
+    }
+    Ok(forces)
 }

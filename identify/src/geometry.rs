@@ -1,8 +1,8 @@
 //! Rest shapes of elements: nodes, shape functions, Jacobians.
 //!
-//! Nodes are in the order of Gmsh and VTK: triangles and quadrilaterals run round, hexahedra have their bottom face
-//! 0 1 2 3 and the top face 4 5 6 7 above it. Whether they run clockwise, or a solid is mirrored, does not matter:
-//! stiffness and springs are the same.
+//! Nodes are in the order of Gmsh and VTK: triangles and quadrilaterals run round, hexahedra have their
+//! bottom face 0 1 2 3 and the top face 4 5 6 7 above it. Whether they run clockwise, or a solid is
+//! mirrored, does not matter: stiffness and springs are the same.
 
 use std::fmt;
 
@@ -165,9 +165,9 @@ const LEAST_JACOBIAN: f64 = 1e-13;
 impl ElementGeometry {
     /// An element of `kind` with its `nodes` (m) in space.
     ///
-    /// Triangles and quadrilaterals may lie anywhere: they are projected to their mean plane (through the
-    /// centroid, normal to the cross product of the diagonals), and [`off_plane`](Self::off_plane) tells how far
-    /// the nodes are off it. The plane's first axis is along the first side.
+    /// Triangles and quadrilaterals may lie anywhere: they are projected to their mean plane (through
+    /// the centroid, normal to the cross product of the diagonals), and [`off_plane`](Self::off_plane)
+    /// tells how far the nodes are off it. The plane's first axis is along the first side.
     ///
     /// # Errors
     /// [`ElementError::NodeCount`], [`ElementError::NotFinite`], [`ElementError::CoincidentNodes`],
@@ -292,7 +292,8 @@ impl ElementGeometry {
         self.sign * self.jacobian(xi).1
     }
 
-    /// Jacobian `J[a][b] = dx_b / dxi_a` and its determinant. The third row of a plane element is the unit vector.
+    /// Jacobian `J[a][b] = dx_b / dxi_a` and its determinant. The third row of a plane element is the
+    /// unit vector.
     fn jacobian(&self, xi: [f64; 3]) -> ([[f64; 3]; 3], f64) {
         let gradients = self.kind.reference_gradients(xi);
         let mut j = [[0.0; 3]; 3];

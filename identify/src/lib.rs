@@ -19,14 +19,15 @@
 //! | [`mesh`] | a whole mesh, in parallel, congruent elements once |
 //! | [`response`] | the moduli that a spring lattice really has |
 //! | [`error_metrics`] | paper B's errors between two sets of positions |
+//! | `virtual_test` (feature `virtual-test`) | tension, shear, torsion and bending of meshes: finite elements against springs |
 //!
 //! # What springs cannot do
 //!
-//! Central forces obey the Cauchy relation `C12 = C44`, so an isotropic lattice has a Poisson ratio of 1/4
-//! in space and 1/3 in the plane, whatever the target ([`response`] measures it). Near incompressibility
-//! the fits are several times too stiff in tension. Fits may also give negative constants, with which solvers lose
-//! definiteness; every fit counts them, and the non-negative fits and
-//! [`ElementMethod::PaperA`](method::ElementMethod::PaperA) have none.
+//! Central forces obey the Cauchy relation `C12 = C44`, so an isotropic lattice has a Poisson ratio of
+//! 1/4 in space and 1/3 in the plane, whatever the target ([`response`] measures it). Near
+//! incompressibility the fits are several times too stiff in tension. Fits may also give negative
+//! constants, with which solvers lose definiteness; every fit counts them, and the non-negative fits
+//! and [`ElementMethod::PaperA`] have none.
 //!
 //! ```
 //! use sinew_identify::mesh::{Cells, fit_elements};
@@ -58,6 +59,8 @@ pub mod method;
 pub mod response;
 pub mod springs;
 pub mod stiffness;
+#[cfg(feature = "virtual-test")]
+pub mod virtual_test;
 
 pub use error::{ElementError, IdentifyError};
 pub use fit::ElementFit;

@@ -10,11 +10,12 @@ use crate::material::Section;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MassLumping {
-    /// `m_a = integral of rho N_a`: row sums of the consistent mass matrix. Keeps the mass of every element.
+    /// `m_a = integral of rho N_a`: row sums of the consistent mass matrix. Keeps the mass of every
+    /// element.
     #[default]
     RowSum,
-    /// `m_a = rho |det J(node a)|` times the weight of nodal quadrature (paper B, equation 2). Off by up to about a
-    /// percent of the mass on distorted hexahedra.
+    /// `m_a = rho |det J(node a)|` times the weight of nodal quadrature (paper B, equation 2). Off by
+    /// up to about a percent of the mass on distorted hexahedra.
     NodalQuadrature,
 }
 

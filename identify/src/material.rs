@@ -17,8 +17,8 @@ impl LinearMaterial {
     /// A material of Young's modulus `youngs_modulus` (Pa) and Poisson's ratio `poissons_ratio`.
     ///
     /// # Errors
-    /// [`ElementError::YoungsModulus`], [`ElementError::PoissonsRatio`] outside (-1, 1). Solids and plane strain
-    /// need a ratio below 1/2; that is checked where the kind of element is known.
+    /// [`ElementError::YoungsModulus`], [`ElementError::PoissonsRatio`] outside (-1, 1). Solids and
+    /// plane strain need a ratio below 1/2; that is checked where the kind of element is known.
     pub fn new(youngs_modulus: f64, poissons_ratio: f64) -> Result<Self, ElementError> {
         let material = Self { youngs_modulus, poissons_ratio };
         material.moduli(Some(Plane::Stress))?;
@@ -27,8 +27,8 @@ impl LinearMaterial {
 
     /// Lamé moduli (Pa) as they act in a plane element (`Some`) or in a solid (`None`).
     ///
-    /// Plane strain and solids: `lambda = E nu / ((1 + nu)(1 - 2 nu))`. Plane stress:
-    /// `lambda* = 2 lambda mu / (lambda + 2 mu) = E nu / (1 - nu^2)`. Always `mu = E / (2 (1 + nu))`, the shear
+    /// Plane strain and solids: `lambda = E nu / ((1 + nu)(1 - 2 nu))`. Plane stress: `lambda* = 2
+    /// lambda mu / (lambda + 2 mu) = E nu / (1 - nu^2)`. Always `mu = E / (2 (1 + nu))`, the shear
     /// modulus.
     ///
     /// # Errors

@@ -71,7 +71,8 @@ impl ElementMethod {
         }
     }
 
-    /// Whether the formula was recalled from the literature and not read in its original text: reports should say so.
+    /// Whether the formula was recalled from the literature and not read in its original text: reports
+    /// should say so.
     pub const fn recalled(self) -> bool {
         matches!(self, Self::VanGelder | Self::VanGelderFull | Self::Lloyd | Self::Baudet)
     }
@@ -99,7 +100,7 @@ impl ElementMethod {
         }
     }
 
-    fn not_served(self, kind: ElementKind) -> ElementError {
+    pub(crate) fn not_served(self, kind: ElementKind) -> ElementError {
         let served: Vec<String> = ElementKind::ALL
             .iter()
             .filter(|k| self.serves(**k))

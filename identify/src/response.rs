@@ -1,9 +1,11 @@
 //! The moduli that a lattice of springs really has.
 //!
-//! Springs of one element under an affine strain `eps` store `1/2 sum_s k_s L_s^2 (u_s . eps u_s)^2`, so per volume their
-//! stiffness is `C_ijkl = (1/V) sum_s k_s L_s^2 u_i u_j u_k u_l`: symmetric in all four indices, whence the Cauchy relation `C_iijj = C_ijij`. It is that of the
-//! cell repeated without end, where the springs of neighbours lie on one another and every node sits in the same surroundings, as long as the cell is a parallelogram or
-//! a parallelepiped; of any other element it is the response with all nodes held on the affine map.
+//! Springs of one element under an affine strain `eps` store `1/2 sum_s k_s L_s^2 (u_s . eps u_s)^2`,
+//! so per volume their stiffness is `C_ijkl = (1/V) sum_s k_s L_s^2 u_i u_j u_k u_l`: symmetric in all
+//! four indices, whence the Cauchy relation `C_iijj = C_ijij`. It is that of the cell repeated without
+//! end, where the springs of neighbours lie on one another and every node sits in the same
+//! surroundings, as long as the cell is a parallelogram or a parallelepiped; of any other element it is
+//! the response with all nodes held on the affine map.
 
 use nalgebra::DMatrix;
 
@@ -15,7 +17,8 @@ use crate::springs::directions;
 /// Affine response of a cell along the axes of its coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectiveModuli {
-    /// Stiffness in Voigt order (xx, yy, zz, yz, xz, xy; plane: xx, yy, xy) with engineering shear strains, Pa.
+    /// Stiffness in Voigt order (xx, yy, zz, yz, xz, xy; plane: xx, yy, xy) with engineering shear
+    /// strains, Pa.
     pub stiffness: DMatrix<f64>,
     /// Young's modulus under a pull along x, Pa. Not finite, or negative, if the lattice has none.
     pub youngs_modulus: f64,
@@ -25,11 +28,12 @@ pub struct EffectiveModuli {
     pub shear_modulus: f64,
 }
 
-/// Measures the springs `constants` (N/m, lexicographic pairs) of a cell. Plane elements keep the modulus of their plane: of plane strain springs
-/// it is that of the slice with its thickness held.
+/// Measures the springs `constants` (N/m, lexicographic pairs) of a cell. Plane elements keep the
+/// modulus of their plane: of plane strain springs it is that of the slice with its thickness held.
 ///
 /// # Errors
-/// [`ElementError::Thickness`]; [`ElementError::DependentSprings`] if the springs resist some strain not at all.
+/// [`ElementError::Thickness`]; [`ElementError::DependentSprings`] if the springs resist some strain
+/// not at all.
 ///
 /// ```
 /// use sinew_identify::response::effective_moduli;

@@ -1,14 +1,15 @@
 //! Fully connected springs of an element and their stiffness at rest.
 //!
-//! Spring `s = (a, b)` of rest direction `u` has the vector `w_s`, which is `u` at node `a`, `-u` at node `b` and 0 elsewhere.
-//! At rest its stiffness is `k_s w_s w_s^T`, so `K(k) = sum_s k_s w_s w_s^T` (paper B, section 2; its (A.15)
-//! is the negative force).
+//! Spring `s = (a, b)` of rest direction `u` has the vector `w_s`, which is `u` at node `a`, `-u` at
+//! node `b` and 0 elsewhere. At rest its stiffness is `k_s w_s w_s^T`, so `K(k) = sum_s k_s w_s w_s^T`
+//! (paper B, section 2; its (A.15) is the negative force).
 
 use nalgebra::DMatrix;
 
 use crate::geometry::{ElementGeometry, norm, scale, sub};
 
-/// Pairs `(a, b)` with `a < b < nodes`, in lexicographic order: 3, 6, 6, 28 for triangle, quadrilateral, tetrahedron, hexahedron.
+/// Pairs `(a, b)` with `a < b < nodes`, in lexicographic order: 3, 6, 6, 28 for triangle,
+/// quadrilateral, tetrahedron, hexahedron.
 ///
 /// ```
 /// let pairs: Vec<_> = sinew_identify::springs::pairs(3).collect();

@@ -6,9 +6,10 @@
 //! R_ab = sum over Gauss points of  w |det J| t [ lambda g_a g_b^T + mu g_b g_a^T + mu (g_a . g_b) I ]      N/m
 //! ```
 //!
-//! One point for triangles and tetrahedra, 2x2 for quadrilaterals, 2x2x2 for hexahedra. Plane elements use the moduli
-//! of plane stress or plane strain and their thickness `t`, solids `t = 1`. These are the matrices of paper B, equations (19) and
-//! (22), and its appendix; its (A.8) prints the shear stress in the place of the third normal stress.
+//! One point for triangles and tetrahedra, 2x2 for quadrilaterals, 2x2x2 for hexahedra. Plane elements
+//! use the moduli of plane stress or plane strain and their thickness `t`, solids `t = 1`. These are
+//! the matrices of paper B, equations (19) and (22), and its appendix; its (A.8) prints the shear
+//! stress in the place of the third normal stress.
 
 use nalgebra::DMatrix;
 
@@ -16,8 +17,8 @@ use crate::error::ElementError;
 use crate::geometry::{ElementGeometry, dot};
 use crate::material::{LinearMaterial, Section};
 
-/// Stiffness `+d2W/du2` (N/m) of one element: symmetric, square, one row for each (node, axis) with `dimension` axes
-/// to a node.
+/// Stiffness `+d2W/du2` (N/m) of one element: symmetric, square, one row for each (node, axis) with
+/// `dimension` axes to a node.
 ///
 /// # Errors
 /// Moduli or thickness that are not allowed here.

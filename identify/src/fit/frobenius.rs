@@ -1,7 +1,8 @@
 //! Full Frobenius fit: least squares over all entries of the stiffness.
 //!
-//! `sum_t (w_s . w_t)^2 k_t = w_s^T R w_s`, a small positive definite system. This is what paper B's equation (23)
-//! asks for; the closed forms printed with it, (27) and (29), minimise something else, see [`block`](mod@super::block).
+//! `sum_t (w_s . w_t)^2 k_t = w_s^T R w_s`, a small positive definite system. This is what paper B's
+//! equation (23) asks for; the closed forms printed with it, (27) and (29), minimise something else,
+//! see [`block`](mod@super::block).
 
 use super::{FitProblem, solve_definite};
 use crate::error::ElementError;

@@ -60,8 +60,9 @@ pub struct ElementFit {
     pub frobenius_residual: f64,
     /// `|R - K|_2 / |R|_2`.
     pub two_norm_residual: f64,
-    /// 2-norm fits: a lower bound of `|R - K|_2 / |R|_2` over all constants (over all non-negative ones), proved by a dual
-    /// matrix; how far the residual lies above it is how far at most it is from the optimum.
+    /// 2-norm fits: a lower bound of `|R - K|_2 / |R|_2` over all constants (over all non-negative
+    /// ones), proved by a dual matrix; how far the residual lies above it is how far at most it is from
+    /// the optimum.
     pub two_norm_bound: Option<f64>,
     /// Constants below 0 (by more than 1e-9 of the largest).
     pub negative: usize,

@@ -1,8 +1,9 @@
 //! Non-negative Frobenius fit: the active set method of Lawson & Hanson (1974) on the normal equations.
 //!
-//! Springs are either free or held at 0. The free one with the steepest descent is let go, the free system
-//! is solved, and if a constant would become negative the step stops where the first one reaches 0, which is then held. The
-//! objective falls with every change of the set, so no set comes back and the search ends.
+//! Springs are either free or held at 0. The free one with the steepest descent is let go, the free
+//! system is solved, and if a constant would become negative the step stops where the first one reaches
+//! 0, which is then held. The objective falls with every change of the set, so no set comes back and
+//! the search ends.
 
 use nalgebra::DMatrix;
 

@@ -4,21 +4,25 @@
 //! minimise t  subject to  -t I <= R - K(k) <= t I            (and k >= 0, if asked for)
 //! ```
 //!
-//! is a small semidefinite program (paper B, equation 24). With `M = R - K(k)`, and rigid motions projected out (both stiffnesses
-//! vanish on them), the constraints are smoothed by a barrier and
+//! is a small semidefinite program (paper B, equation 24). With `M = R - K(k)`, and rigid motions
+//! projected out (both stiffnesses vanish on them), the constraints are smoothed by a barrier and
 //!
 //! ```text
 //! t / tau - log det (t I - M) - log det (t I + M)  [ - sum_s log k_s ]
 //! ```
 //!
-//! is minimised by Newton's method while `tau` falls. Springs have rank one, so with
-//! `A = (t I - M)^-1`, `B = (t I + M)^-1`, `a = W^T A W`, `b = W^T B W` the gradient is `b_ss - a_ss` and the Hessian `a_st^2 + b_st^2`: no
-//! eigenvalues are needed until the end.
+//! is minimised by Newton's method while `tau` falls. Springs have rank one, so with `A = (t I -
+//! M)^-1`, `B = (t I + M)^-1`, `a = W^T A W`, `b = W^T B W` the gradient is `b_ss - a_ss` and the
+//! Hessian `a_st^2 + b_st^2`: no eigenvalues are needed until the end.
 //!
-//! **Certificate.** For every symmetric `G` with `<G, K_s> = 0` for all springs (`<= 0` for non-negative constants) and eigenvalues whose magnitudes sum to at most
-//! 1, `|R - K(k)|_2 >= <G, R - K(k)> >= <G, R>`. `tau (A - B)` tends to such a matrix; restricted to the eigenvectors that matter, made feasible and scaled, it gives
-//! the lower bound that is returned. The bound holds for any point at which it is formed; only its tightness depends on the iteration.
-//! The minimiser is flat: constants may move by 1e-3 where the norm moves by 1e-7, so compare norms, not constants.
+//! **Certificate.** Let `G` be symmetric with `<G, K_s> = 0` for all springs (`<= 0` for non-negative
+//! constants) and eigenvalues whose magnitudes sum to at most 1. Then
+//! `|R - K(k)|_2 >= <G, R - K(k)> >= <G, R>` for all allowed constants. `tau (A - B)` tends to such a matrix;
+//! restricted to the eigenvectors that matter, made feasible and scaled, it gives the lower bound that is
+//! returned. The bound holds wherever it is formed; only its tightness depends on the iteration.
+//!
+//! The minimiser is flat: constants may move by 1e-3 where the norm moves by 1e-7, so compare norms, not
+//! constants.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -26,13 +30,13 @@ use super::{FitProblem, frobenius, nonnegative, spectral_norm};
 use crate::error::ElementError;
 
 /// Relative gap between norm and lower bound at which the fit is done.
-const GAP: f64 = 1e-7;
+const GAP: f64 = 1e-8;
 /// Relative gap above which the fit is refused.
 const WORST_GAP: f64 = 1e-6;
 /// Factor by which the barrier is weakened.
 const WEAKEN: f64 = 0.15;
-/// Parts of the dual matrix above which a direction counts as one in which the norm is taken; the first that gives a tight
-/// bound is enough, and all bounds hold. Badly shaped elements need the later ones.
+/// Parts of the dual matrix above which a direction counts as one in which the norm is taken; the first
+/// that gives a tight bound is enough, and all bounds hold. Badly shaped elements need the later ones.
 const ACTIVE: [f64; 4] = [1e-4, 1e-6, 1e-2, 0.0];
 /// Barrier below which rounding (`1e-16 / tau`) blurs more than the barrier does.
 const LEAST_TAU: f64 = 1e-12;
@@ -50,10 +54,12 @@ pub enum Sign {
     Nonnegative,
 }
 
-/// Constants (N/m) of least `|R - K(k)|_2`, and a lower bound of that norm (N/m) over all allowed constants.
+/// Constants (N/m) of least `|R - K(k)|_2`, and a lower bound of that norm (N/m) over all allowed
+/// constants.
 ///
 /// # Errors
-/// [`ElementError::DependentSprings`]; [`ElementError::NotConverged`] if norm and bound differ by more than 1e-6.
+/// [`ElementError::DependentSprings`]; [`ElementError::NotConverged`] if norm and bound differ by more
+/// than 1e-6.
 pub fn two_norm(problem: &FitProblem, sign: Sign) -> Result<(Vec<f64>, f64), ElementError> {
     let start = match sign {
         Sign::Free => frobenius(problem)?,
@@ -127,13 +133,15 @@ impl Scaled {
     }
 }
 
-/// Orthonormal basis of the displacements that are no rigid motions. They are what the springs can feel: the span of the columns of `W`.
+/// Orthonormal basis of the displacements that are no rigid motions. They are what the springs can
+/// feel: the span of the columns of `W`.
 fn deformations(problem: &FitProblem) -> DMatrix<f64> {
     let w = &problem.springs;
     let dimension = problem.dimension;
     let rigid = dimension * (dimension + 1) / 2;
     let wanted = w.nrows() - rigid;
-    // Gram-Schmidt, twice, always taking the column with the largest rest: stable, and no eigenvalues needed
+    // Gram-Schmidt, twice, always taking the column with the largest rest: stable, and no eigenvalues
+    // needed
     let mut rest = w.clone();
     let mut basis = DMatrix::zeros(w.nrows(), wanted);
     for j in 0..wanted {
@@ -300,7 +308,8 @@ impl<'a> Barrier<'a> {
         let eigen = self.problem.residual(&self.k).symmetric_eigen();
         let weights = eigen.eigenvalues.map(|e| 1.0 / (self.t - e) - 1.0 / (self.t + e));
         let sum: f64 = weights.iter().map(|w| w.abs()).sum();
-        // The optimal dual matrix lives where |M| is near t; the rest of the barrier's would only loosen the bound.
+        // The optimal dual matrix lives where |M| is near t; the rest of the barrier's would only
+        // loosen the bound.
         let active = |positive: bool| {
             let columns: Vec<usize> = (0..weights.len())
                 .filter(|&i| (weights[i] > 0.0) == positive && weights[i].abs() > part * sum)
