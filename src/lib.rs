@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod axes;
 pub mod plugin;
 mod resection;
 pub mod simulation;
@@ -22,6 +23,8 @@ pub mod prelude {
     pub use sinew_engine::mesh::{CheckOptions, Mesh, check};
     pub use sinew_engine::report::{StepReport, VolumeReport};
     pub use sinew_engine::step::StepError;
+    pub use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
+    pub use sinew_models::axes::muscle::MuscleSettings;
     pub use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model};
     pub use sinew_models::field::{FieldError, MaterialField};
     pub use sinew_models::material::{MaterialError, YoungPoisson, preset, presets};

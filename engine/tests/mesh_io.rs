@@ -267,6 +267,31 @@ const STL: &str = "solid top\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvert
     endloop\nendfacet\nfacet normal 0 0 1\nouter loop\nvertex -0 0 0\nvertex 0 1 0\nvertex -1 0 0\nendloop\nendfacet\nendsolid\n";
 
 #[test]
+fn vectors_of_cells_become_three_columns() {
+    let vtu = VTU.replace(
+        "<CellData>",
+        "<CellData><DataArray type=\"Float64\" Name=\"fibre\" NumberOfComponents=\"3\" \
+         format=\"ascii\">0.5 -1 2 3 4 5</DataArray>",
+    );
+    let vtk = VTK.replace("SCALARS region", "VECTORS fibre float\n0.5 -1 2 3 4 5\nSCALARS region");
+    for mesh in [read_vtu(vtu.as_bytes(), "").unwrap(), read_vtk(vtk.as_bytes(), "").unwrap()] {
+        for (name, tetrahedron, triangle) in
+            [("fibre_x", 0.5, 3.0), ("fibre_y", -1.0, 4.0), ("fibre_z", 2.0, 5.0)]
+        {
+            let data = mesh.data(name).unwrap();
+            assert_eq!(
+                (&data.tetrahedra[..], &data.triangles[..]),
+                (&[tetrahedron][..], &[triangle][..])
+            );
+        }
+        assert_eq!(mesh.data("region").unwrap().tetrahedra, [3.0]);
+    }
+    // one number short
+    let short = vtu.replace("4 5</DataArray>", "4</DataArray>");
+    assert!(read_vtu(short.as_bytes(), "short.vtu").is_err());
+}
+
+#[test]
 fn vtk_formats_agree() {
     let mesh = bare(read_vtk(VTK.as_bytes(), "").unwrap());
     assert_eq!(mesh.group("region 3").unwrap().tetrahedra, [0]);

@@ -27,8 +27,9 @@ use sinew_identify::ElementMethod;
 use std::sync::Arc;
 
 use crate::axes::columns::{AxisAngleStiffness, FibreShape, VolumeAlone};
-use crate::axes::description::{AxesDescription, AxesError, BodyAxes};
-use crate::axes::spawn::{Offsets, spawn_axes};
+use crate::axes::description::{AxesDescription, AxesError, AxisForm, BodyAxes};
+use crate::axes::printed_system::{PrintedAxes, PrintedSprings};
+use crate::axes::spawn::{Offsets, spawn_axes, spawn_printed};
 use crate::axes::systems::{AxesOnly, AxisTriads, Fibres, VolumePreservation};
 use crate::corotational::{Corotational, WarpedStiffness};
 use crate::field::{FieldError, MaterialArrays, MaterialField};
@@ -610,7 +611,15 @@ pub fn spawn_body<S: Scalar>(
     }
     if let Some(axes) = &body.axes {
         let at = Offsets { vertex: v0, block: block0, body: id };
-        spawn_axes::<S>(world, axes, &layout, &rest, at, body.model == Model::Axes);
+        let alone = body.model == Model::Axes;
+        match axes.form {
+            AxisForm::EnergyConsistent => {
+                spawn_axes::<S>(world, axes, &layout, &rest, at, alone);
+            }
+            AxisForm::Printed | AxisForm::PrintedBalanced => {
+                spawn_printed::<S>(world, axes, &layout, &rest_of, at, alone);
+            }
+        }
     }
     partition_laws::<S>(world);
     resection::install::<S>(world);
@@ -949,6 +958,7 @@ pub(crate) fn partition_laws<S: Scalar>(world: &mut World) {
     partition::<PooledMembrane, S, MembraneVertices, With<PooledMembrane>>(world, |t| &t.0);
     partition::<MembraneCompression, S, MembraneVertices, With<PooledMembrane>>(world, |t| &t.0);
     partition::<AxisTriads, S, AxisVertices, With<AxisAngleStiffness<S, 0>>>(world, |t| &t.0);
+    partition::<PrintedSprings, S, AxisVertices, With<PrintedAxes>>(world, |t| &t.0);
     partition::<Fibres, S, AxisVertices, With<FibreShape<S, 1>>>(world, |t| &t.0);
     partition::<VolumePreservation, S, AxisVertices, VolumeAlone<S>>(world, |t| &t.0);
     find_edges::<Volumetric, S, TetrahedronEdges>(world, |e| &e.0);

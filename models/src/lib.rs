@@ -10,6 +10,7 @@
 //! | [`tetrahedron`] | the same energy per element in one pass, the compression term, exact and definite tangents and their products |
 //! | [`membrane`] | triangles in space: biquadratic and quadratic springs, linear and corotational, their compression term |
 //! | [`pressure`] | follower pressure on surfaces |
+//! | [`axes`] | axes of anisotropy, fibre fields, muscles, preservation of volume |
 //! | [`pooled`], [`fused`], [`fused_membrane`] | the systems that run these over all elements, several at a time |
 //! | [`sheet`] | membranes as parts of bodies |
 //! | [`body`], [`change`] | from mesh and material to entities, and to a new material |

@@ -1,6 +1,7 @@
 //! Tests of laws and bodies, in one binary because each would compile all kernels for itself.
 
 mod axes;
+mod axes_fields;
 mod common;
 mod comparison;
 mod isoparametric;

@@ -14,8 +14,13 @@ pub enum AxisForm {
     /// Forces that are the gradient of an energy ([`element`](super::element); default).
     #[default]
     EnergyConsistent,
-    /// Bourguignon & Cani 2000 as printed ([`printed`](super::printed)), for comparison.
+    /// Bourguignon & Cani 2000 as printed ([`printed`](super::printed)), for comparison. Spring constants
+    /// follow from the moduli such that both forms agree near rest: `Y V/L^2` (N/m) along an axis,
+    /// `G V/sqrt(L_i L_j)` (N) between two, `9 Lambda V/(16 R^2)` (N/m) for the sum of radii, with the lengths L
+    /// of the chords and the mean radius R of the element.
     Printed,
+    /// The same with the mean force of the volume springs subtracted, so that they have no resultant.
+    PrintedBalanced,
 }
 
 /// Axes of one kind: a direction in every tetrahedron and a modulus along it.
@@ -183,7 +188,7 @@ impl AxesDescription<'_> {
             if let Some(muscle) = &family.muscle {
                 let error = |source| AxesError::Muscle { family: name(), source };
                 muscle.validate().map_err(error)?;
-                if self.form == AxisForm::Printed {
+                if self.form != AxisForm::EnergyConsistent {
                     return Err(AxesError::PrintedMuscle { family: name() });
                 }
             }

@@ -8,7 +8,7 @@
 //! | [`description`] | axes of a body as the user states them |
 //! | [`field`] | fibre fields: where the directions come from |
 //! | [`muscle`] | active fibres |
-//! | [`attachment`], [`printed`] | where axes meet faces, and the formulas as printed, for comparison |
+//! | [`attachment`], [`printed`], [`printed_system`] | where axes meet faces, and the formulas as printed, for comparison |
 
 pub mod attachment;
 pub mod columns;
@@ -17,6 +17,7 @@ pub mod element;
 pub mod field;
 pub mod muscle;
 pub mod printed;
+pub mod printed_system;
 pub(crate) mod removal;
 pub(crate) mod spawn;
 pub mod systems;

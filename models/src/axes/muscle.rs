@@ -207,9 +207,13 @@ pub(crate) fn install<S: Scalar>(world: &mut World) {
     world.init_resource::<ActivationWork>();
     if let Some(mut schedules) = world.get_resource_mut::<Schedules>() {
         // alone between the two stages, so that it is ordered against whatever Prepare holds
-        schedules
-            .entry(StepSchedule)
-            .add_systems(update::<S>.after(StepSystems::Prepare).before(StepSystems::Integrate));
+        schedules.entry(StepSchedule).add_systems(
+            update::<S>
+                .after(StepSystems::Prepare)
+                .before(StepSystems::Integrate)
+                // systems of the whole world always conflict; those here share no data with this one
+                .ambiguous_with_all(),
+        );
     }
 }
 

@@ -10,8 +10,10 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
 use super::columns::*;
-use super::description::{AxesDescription, AxisFamily, AxisGroup};
+use super::description::{AxesDescription, AxisFamily, AxisForm, AxisGroup};
 use super::muscle::{self, Muscle, Muscles};
+use super::printed::VolumeForm;
+use super::printed_system::{self, PrintedAxes, PrintedModuli};
 use super::systems::{AxesOnlyBodies, activate_fibres, activate_triads, activate_volumes};
 use crate::precompute::RestTetrahedron;
 
@@ -149,6 +151,65 @@ pub(crate) fn spawn_axes<S: Scalar>(
     if !volumes.is_empty() {
         world.spawn_batch(volumes);
         activate_volumes::<S>(world);
+    }
+}
+
+/// Spawns the axes of a body in the printed form.
+pub(crate) fn spawn_printed<S: Scalar>(
+    world: &mut World,
+    axes: &AxesDescription,
+    layout: &BodyLayout,
+    rest_of: &dyn Fn(u32) -> DVec3,
+    at: Offsets,
+    alone: bool,
+) {
+    world.init_resource::<AxesOnlyBodies>();
+    if alone {
+        world.resource_mut::<AxesOnlyBodies>().set(at.body.0 as usize);
+    }
+    let form = match axes.form {
+        AxisForm::PrintedBalanced => VolumeForm::Balanced,
+        _ => VolumeForm::Printed,
+    };
+    let groups = axes.pack();
+    let mut printed = Vec::new();
+    for (row, &original) in layout.tetrahedron_order.iter().enumerate() {
+        let (nodes, t) = (layout.tetrahedra[row], original as usize);
+        let points = nodes.map(rest_of);
+        let [a, b, c] = [points[1] - points[0], points[2] - points[0], points[3] - points[0]];
+        let volume = a.dot(b.cross(c)) / 6.0;
+        for group in &groups {
+            let (families, axial, angular, volume_modulus) = match *group {
+                AxisGroup::Triad { axes, axial, angles, volume } => (axes, axial, angles, volume),
+                AxisGroup::Fibre(i) => {
+                    ([Some(i), None, None], [axes.families[i].modulus, 0.0, 0.0], [0.0; 3], 0.0)
+                }
+                AxisGroup::Volume(modulus) => ([None; 3], [0.0; 3], [0.0; 3], modulus),
+            };
+            let families = families.map(|f| f.map(|f| &axes.families[f]));
+            let share = families.map(|f| f.map_or(0.0, |f| f.share(t)));
+            let pairs = super::element::AXIS_PAIRS.map(|[i, j]| share[i].min(share[j]));
+            let moduli = PrintedModuli {
+                axial: [0, 1, 2].map(|i| axial[i] * share[i]),
+                angular: [0, 1, 2].map(|k| angular[k] * pairs[k]),
+                volume: volume_modulus,
+            };
+            let directions = triad_directions(families, t).map(DVec3::from_array);
+            // an axis through the barycentre of a tetrahedron with volume meets two faces
+            if let Some(springs) = PrintedAxes::new(points, volume, directions, moduli, form) {
+                printed.push((
+                    AxisVertices(nodes.map(|v| v + at.vertex)),
+                    AxisBlocks(layout.tetrahedron_edges[row].map(|b| b + at.block)),
+                    AxisTetrahedron(original),
+                    at.body,
+                    springs,
+                ));
+            }
+        }
+    }
+    if !printed.is_empty() {
+        world.spawn_batch(printed);
+        printed_system::activate::<S>(world);
     }
 }
 

@@ -65,6 +65,20 @@ impl AxesOnlyBodies {
     }
 }
 
+/// Which ranges are silent.
+#[derive(Clone, Copy)]
+pub(crate) struct Silence<'a> {
+    pub recovering: &'a RecoveringBodies,
+    pub alone: &'a AxesOnlyBodies,
+}
+
+impl Silence<'_> {
+    /// Whether the axes of a body are silent.
+    pub fn holds(&self, body: usize) -> bool {
+        self.recovering.contains(body) && !self.alone.contains(body)
+    }
+}
+
 /// Puts the law of triads into the force schedule.
 pub fn activate_triads<S: Scalar>(world: &mut World) {
     activate_law::<AxisTriads, S>(world, |schedule| {
@@ -146,13 +160,6 @@ fn direction_watches<S: Scalar>() -> [ColumnWatch; 9] {
     ]
 }
 
-/// Which ranges are silent.
-#[derive(Clone, Copy)]
-pub(crate) struct Silence<'a> {
-    pub recovering: &'a RecoveringBodies,
-    pub alone: &'a AxesOnlyBodies,
-}
-
 fn evaluate_triads<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
@@ -221,8 +228,7 @@ pub(crate) fn evaluate_spans<L: Law, S: Scalar, C: AxisColumns<S>>(
     silence: &Silence,
     buffer: &mut LawBuffer<L, S>,
 ) {
-    let silent = |body: usize| silence.recovering.contains(body) && !silence.alone.contains(body);
-    evaluate_ranges(columns, request, workers, buffer, &silent);
+    evaluate_ranges(columns, request, workers, buffer, &|body| silence.holds(body));
 }
 
 fn evaluate_ranges<L: Law, S: Scalar, C: AxisColumns<S>>(
