@@ -5,7 +5,7 @@ use sinew::engine::mesh::generate::box_hexahedra;
 use sinew_demos::build::generate;
 use sinew_demos::check::check_file;
 use sinew_demos::mesh_tool::{ConvertError, MeshInfo, convert, write};
-use sinew_demos::scene::{CylinderShape, Generate, SphereShape};
+use sinew_demos::scene::{CylinderShape, Generate, SolidCells, SphereShape};
 use sinew_demos::{scene_folder, shipped_scene};
 use std::path::{Path, PathBuf};
 
@@ -90,7 +90,13 @@ fn meshes_survive_every_format() {
 
 #[test]
 fn generated_shapes_have_their_volume_and_groups() {
-    let cylinder = CylinderShape { radius: 0.01, length: 0.1, rings: 4, layers: 5 };
+    let cylinder = CylinderShape {
+        radius: 0.01,
+        length: 0.1,
+        rings: 4,
+        layers: 5,
+        elements: SolidCells::Tetrahedra,
+    };
     let cylinder = Generate { cylinder: Some(cylinder), ..Generate::default() };
     let info = MeshInfo::of(&generate(&cylinder).unwrap().unwrap());
     assert_eq!(info.tetrahedra, 18 * 16 * 5);
