@@ -351,6 +351,22 @@ pub fn hexahedron_differences<L: Lanes>(
     result
 }
 
+/// Vertex rows of the hexahedron in which an axis lies.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
+#[repr(transparent)]
+pub struct AxisHexahedronVertices(pub [u32; 8]);
+
+/// Tangent blocks of that hexahedron, in the order of its pairs.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[repr(transparent)]
+pub struct AxisHexahedronBlocks(pub [u32; 28]);
+
+/// Index of that hexahedron in the mesh that the user gave.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
+pub struct AxisHexahedron(pub u32);
+
 /// Vertex rows of a membrane quadrilateral, counter-clockwise.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
 #[component(summary_tick)]

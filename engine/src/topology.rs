@@ -5,7 +5,7 @@ use crate::connectivity::ElementKind;
 use crate::element::{
     AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges,
 };
-use crate::isoparametric::{HexahedronVertices, QuadVertices};
+use crate::isoparametric::{AxisHexahedronVertices, HexahedronVertices, QuadVertices};
 use crate::layout::{BodyLayout, ElementLists, starts};
 use crate::vertex::RestPosition;
 use bevy_ecs::archetype::ArchetypeId;
@@ -231,6 +231,7 @@ impl ElementTables {
             world.component_id::<MembraneVertices>(),
             world.component_id::<HexahedronVertices>(),
             world.component_id::<QuadVertices>(),
+            world.component_id::<AxisHexahedronVertices>(),
             world.component_id::<AxisVertices>(),
         ];
         let is_element =

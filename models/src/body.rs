@@ -11,8 +11,8 @@ use sinew_engine::element::{
     TriangleEdges, rest_edge_bundle, shape_gradient_bundle,
 };
 use sinew_engine::isoparametric::{
-    HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronIndex, HexahedronVertices, QuadVertices,
-    RestHexahedron, RestShapeError,
+    AxisHexahedronVertices, HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronIndex,
+    HexahedronVertices, QuadVertices, RestHexahedron, RestShapeError,
 };
 use sinew_engine::law::{Law, LawBuffer};
 use sinew_engine::layout::{BodyLayout, ElementLists};
@@ -26,10 +26,11 @@ use sinew_engine::vertex::{
 use sinew_identify::ElementMethod;
 use std::sync::Arc;
 
-use crate::axes::columns::{AxisAngleStiffness, FibreShape, VolumeAlone};
+use crate::axes::columns::{AxisAngleStiffness, FibreActive, FibreShape, VolumeAlone};
 use crate::axes::description::{AxesDescription, AxesError, AxisForm, BodyAxes};
+use crate::axes::hexahedra::{HexahedronFibres, HexahedronTriads, HexahedronVolumes};
 use crate::axes::printed_system::{PrintedAxes, PrintedSprings};
-use crate::axes::spawn::{Offsets, spawn_axes, spawn_printed};
+use crate::axes::spawn::{Offsets, RestShapes, spawn_axes, spawn_printed};
 use crate::axes::systems::{AxesOnly, AxisTriads, Fibres, VolumePreservation};
 use crate::corotational::{Corotational, WarpedStiffness};
 use crate::field::{FieldError, MaterialArrays, MaterialField};
@@ -129,7 +130,7 @@ impl Model {
 
     /// Whether hexahedra have it; the textbook form is that of [`StVK`](Self::StVK) there.
     pub fn serves_hexahedra(self) -> bool {
-        !matches!(self, Self::QuadraticSprings | Self::WarpedStiffness | Self::Axes)
+        !matches!(self, Self::QuadraticSprings | Self::WarpedStiffness)
     }
 
     /// Whether the energy can be summed this way. [`Evaluation::Fused`] always can; for
@@ -448,7 +449,9 @@ pub fn spawn_body<S: Scalar>(
     }
     let of_axes = |source| BodyError::Axes { body: name(), source };
     match &body.axes {
-        Some(axes) => axes.validate(body.tetrahedra.len()).map_err(of_axes)?,
+        Some(axes) => {
+            axes.validate(body.tetrahedra.len(), body.hexahedra.len()).map_err(of_axes)?
+        }
         None if body.model == Model::Axes && solid => return Err(of_axes(AxesError::Missing)),
         None => {}
     }
@@ -614,7 +617,8 @@ pub fn spawn_body<S: Scalar>(
         let alone = body.model == Model::Axes;
         match axes.form {
             AxisForm::EnergyConsistent => {
-                spawn_axes::<S>(world, axes, &layout, &rest, at, alone);
+                let rest = RestShapes { tetrahedra: &rest, hexahedra: &bricks };
+                spawn_axes::<S>(world, axes, &layout, rest, at, alone);
             }
             AxisForm::Printed | AxisForm::PrintedBalanced => {
                 spawn_printed::<S>(world, axes, &layout, &rest_of, at, alone);
@@ -701,8 +705,12 @@ fn spawn_hexahedra<S: Scalar>(
         Model::MassSpring => {
             world.spawn_batch(elements.into_iter().map(|e| (e, MassSpring)).collect::<Vec<_>>());
         }
+        // nothing but axes
+        Model::Axes => {
+            world.spawn_batch(elements.into_iter().map(|e| (e, AxesOnly)).collect::<Vec<_>>());
+        }
         // refused for hexahedra
-        Model::QuadraticSprings | Model::WarpedStiffness | Model::Axes => {}
+        Model::QuadraticSprings | Model::WarpedStiffness => {}
     }
 }
 
@@ -961,6 +969,10 @@ pub(crate) fn partition_laws<S: Scalar>(world: &mut World) {
     partition::<PrintedSprings, S, AxisVertices, With<PrintedAxes>>(world, |t| &t.0);
     partition::<Fibres, S, AxisVertices, With<FibreShape<S, 1>>>(world, |t| &t.0);
     partition::<VolumePreservation, S, AxisVertices, VolumeAlone<S>>(world, |t| &t.0);
+    type InHexahedra = AxisHexahedronVertices;
+    partition::<HexahedronTriads, S, InHexahedra, With<AxisAngleStiffness<S, 0>>>(world, |h| &h.0);
+    partition::<HexahedronFibres, S, InHexahedra, With<FibreActive<S>>>(world, |h| &h.0);
+    partition::<HexahedronVolumes, S, InHexahedra, VolumeAlone<S>>(world, |h| &h.0);
     find_edges::<Volumetric, S, TetrahedronEdges>(world, |e| &e.0);
     find_edges::<Angular, S, TriangleEdges>(world, |e| &e.0);
 }

@@ -396,17 +396,17 @@ impl<S: Scalar> Kernel<f64> for ProjectedPass<'_, '_, S> {
 }
 
 /// Upper half of the 8x8 blocks of a hexahedron, one Gauss point per lane until they are summed.
-struct Blocks<L> {
+pub(crate) struct Blocks<L> {
     diagonal: [[L; 9]; 8],
     off: [[L; 9]; 28],
 }
 
 impl<L: Lanes> Blocks<L> {
-    const ZERO: Self = Self { diagonal: [[L::ZERO; 9]; 8], off: [[L::ZERO; 9]; 28] };
+    pub(crate) const ZERO: Self = Self { diagonal: [[L::ZERO; 9]; 8], off: [[L::ZERO; 9]; 28] };
 
     /// Adds what the tangents of some points give.
     #[inline(always)]
-    fn add(
+    pub(crate) fn add(
         &mut self,
         t: &TetrahedronTangent<L>,
         derivatives: &Derivatives<L::Scalar, 8, 3>,
@@ -447,7 +447,12 @@ impl<L: Lanes> Blocks<L> {
 
     /// Sums the points and adds the blocks to a range.
     #[inline(always)]
-    fn write<S: Scalar>(&self, span: &mut Span<S>, nodes: &[u32; 8], blocks: &[u32; 28]) {
+    pub(crate) fn write<S: Scalar>(
+        &self,
+        span: &mut Span<S>,
+        nodes: &[u32; 8],
+        blocks: &[u32; 28],
+    ) {
         let sum = |block: &[L; 9]| {
             let mut result = [S::ZERO; 9];
             for k in 0..9 {

@@ -32,8 +32,8 @@ use sinew_engine::element::{
     ShapeGradient, ShapeGradients, TetrahedronIndex, displacement_gradient, volume_change,
 };
 use sinew_engine::isoparametric::{
-    HEXAHEDRON_PAIRS, HexahedronIndex, HexahedronRest, QUAD_PAIRS, QuadBlocks, QuadIndex,
-    QuadVertices, RestHexahedron, RestQuad,
+    AxisHexahedron, HEXAHEDRON_PAIRS, HexahedronIndex, HexahedronRest, QUAD_PAIRS, QuadBlocks,
+    QuadIndex, QuadVertices, RestHexahedron, RestQuad,
 };
 use sinew_engine::layout::UNUSED;
 use sinew_engine::load::Pressure;
@@ -307,15 +307,16 @@ struct Entities {
     /// Edges of pooled springs, and those that are springs by themselves.
     edges: [Vec<Entity>; 2],
     triangles: Vec<Entity>,
-    /// Axes of all kinds, with the tetrahedron that they lie in, ascending.
-    axes: Vec<(u32, Entity)>,
+    /// Axes of all kinds, with the tetrahedron or hexahedron that they lie in, ascending.
+    axes: ByKind<Vec<(u32, Entity)>>,
 }
 
 impl Entities {
-    /// Axes in a tetrahedron.
-    fn axes(&self, tetrahedron: u32) -> impl Iterator<Item = Entity> {
-        let first = self.axes.partition_point(|(t, _)| *t < tetrahedron);
-        self.axes[first..].iter().take_while(move |(t, _)| *t == tetrahedron).map(|(_, e)| *e)
+    /// Axes in an element.
+    fn axes(&self, kind: ElementKind, element: u32) -> impl Iterator<Item = Entity> {
+        let axes = &self.axes[kind];
+        let first = axes.partition_point(|(e, _)| *e < element);
+        axes[first..].iter().take_while(move |(e, _)| *e == element).map(|(_, entity)| *entity)
     }
 }
 
@@ -403,7 +404,7 @@ impl Resection {
                 elements: ByKind(ElementKind::ALL.map(|kind| none(own.element_of[kind].len()))),
                 edges: [none(cells.edges.len()), none(cells.edges.len())],
                 triangles: none(cells.triangles.len()),
-                axes: Vec::new(),
+                axes: ByKind::default(),
             };
         }
         macro_rules! find {
@@ -421,17 +422,21 @@ impl Resection {
         find!(MembraneIndex, ElementKind::Triangle);
         find!(HexahedronIndex, ElementKind::Hexahedron);
         find!(QuadIndex, ElementKind::Quad);
-        for (entity, index, body) in
-            world.query::<(Entity, &AxisTetrahedron, &BodyId)>().iter(world)
-        {
-            if let Some(own) = &mut self.bodies[body.0 as usize] {
-                own.rows
-                    .axes
-                    .push((own.element_of[ElementKind::Tetrahedron][index.0 as usize], entity));
-            }
+        macro_rules! find_axes {
+            ($index:ty, $kind:expr) => {
+                let mut axes = world.query::<(Entity, &$index, &BodyId)>();
+                for (entity, index, body) in axes.iter(world) {
+                    if let Some(own) = &mut self.bodies[body.0 as usize] {
+                        let element = own.element_of[$kind][index.0 as usize];
+                        own.rows.axes[$kind].push((element, entity));
+                    }
+                }
+            };
         }
+        find_axes!(AxisTetrahedron, ElementKind::Tetrahedron);
+        find_axes!(AxisHexahedron, ElementKind::Hexahedron);
         for own in self.bodies.iter_mut().flatten() {
-            own.rows.axes.sort_unstable();
+            own.rows.axes.0.iter_mut().for_each(|axes| axes.sort_unstable());
         }
         let mut edges = world.query::<(Entity, &EdgeVertices, &BodyId, Has<MassSpring>)>();
         for (entity, edge, body, alone) in edges.iter(world) {
@@ -903,7 +908,7 @@ impl BodyResection {
             let u = vertices.displacements(connectivity.tetrahedra[t as usize]);
             report.elastic_energy += energy(soft.model, &element, &u);
             report.volume += element.volume;
-            for entity in self.rows.axes(t) {
+            for entity in self.rows.axes(ElementKind::Tetrahedron, t) {
                 report.elastic_energy += axes::removal::energy::<S>(world, entity, &u);
             }
         }
@@ -913,6 +918,9 @@ impl BodyResection {
             report.elastic_energy +=
                 points.iter().map(|(e, u)| energy(soft.model, e, u)).sum::<f64>();
             report.volume += rest.volume.iter().sum::<f64>();
+            for entity in self.rows.axes(ElementKind::Hexahedron, h) {
+                report.elastic_energy += axes::removal::hexahedron_energy::<S>(world, entity, &u);
+            }
         }
         let Some(settings) = &soft.membrane else { return };
         let sheets = self.membrane_elements(soft, &chosen[ElementKind::Triangle], &vertices);
@@ -996,8 +1004,10 @@ impl BodyResection {
             (d3.0.0, d3.1.0, d3.2.0) = (S::ZERO, S::ZERO, S::ZERO);
             (volume.0, lambda.0, mu.0, compression.0) = (S::ZERO, S::ZERO, S::ZERO, S::ZERO);
         }
-        for entity in chosen[ElementKind::Tetrahedron].iter().flat_map(|&t| self.rows.axes(t)) {
-            axes::removal::clear::<S>(world, entity);
+        for kind in [ElementKind::Tetrahedron, ElementKind::Hexahedron] {
+            for entity in chosen[kind].iter().flat_map(|&e| self.rows.axes(kind, e)) {
+                axes::removal::clear::<S>(world, entity);
+            }
         }
         let mut query = world.query::<(
             &mut VolumetricStiffness<S, 0>,

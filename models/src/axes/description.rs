@@ -23,17 +23,17 @@ pub enum AxisForm {
     PrintedBalanced,
 }
 
-/// Axes of one kind: a direction in every tetrahedron and a modulus along it.
+/// Axes of one kind: a direction in every solid element and a modulus along it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisFamily<'a> {
     /// Name, unique among the families of the body.
     pub name: Cow<'a, str>,
-    /// Directions at rest in the order of the user's tetrahedra, or one for all of them. Other lengths
+    /// Directions at rest in the order of the user's tetrahedra, then hexahedra, or one for all of them. Other lengths
     /// than 1 are repaired and counted ([`BodyAxes::repaired`]).
     pub directions: Cow<'a, [DVec3]>,
     /// Modulus along the axis (Pa): stress per stretch, over the rest area.
     pub modulus: f64,
-    /// Factor on modulus and muscle tension in every tetrahedron, 1 without; where it is 0 the direction
+    /// Factor on modulus and muscle tension in every solid element, 1 without; where it is 0 the direction
     /// may be anything.
     pub share: Option<Cow<'a, [f64]>>,
     /// Makes the fibres active.
@@ -52,16 +52,16 @@ impl<'a> AxisFamily<'a> {
         }
     }
 
-    /// Direction in a tetrahedron, not normalised.
-    pub(crate) fn direction(&self, tetrahedron: usize) -> DVec3 {
+    /// Direction in an element, not normalised.
+    pub(crate) fn direction(&self, element: usize) -> DVec3 {
         match self.directions.len() {
             1 => self.directions[0],
-            _ => self.directions[tetrahedron],
+            _ => self.directions[element],
         }
     }
 
-    pub(crate) fn share(&self, tetrahedron: usize) -> f64 {
-        self.share.as_ref().map_or(1.0, |share| share[tetrahedron])
+    pub(crate) fn share(&self, element: usize) -> f64 {
+        self.share.as_ref().map_or(1.0, |share| share[element])
     }
 
     fn into_owned(self) -> AxisFamily<'static> {
@@ -88,7 +88,7 @@ pub struct AxisAngle {
 /// Axes of a body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AxesDescription<'a> {
-    /// Any number of directions per tetrahedron.
+    /// Any number of directions per element.
     pub families: Vec<AxisFamily<'a>>,
     /// Angles between them that are springs.
     pub angles: Vec<AxisAngle>,
@@ -125,29 +125,33 @@ impl AxesDescription<'_> {
         }
     }
 
-    /// The axes of some tetrahedra, which are numbered anew in this order.
-    pub(crate) fn of_tetrahedra(&self, tetrahedra: &[usize]) -> AxesDescription<'static> {
+    /// The axes of some elements, which are numbered anew in this order.
+    pub(crate) fn of_elements(&self, elements: &[usize]) -> AxesDescription<'static> {
         let mut own = self.clone().into_owned();
         for family in &mut own.families {
             if family.directions.len() > 1 {
-                let left = tetrahedra.iter().map(|&t| family.directions[t]).collect();
+                let left = elements.iter().map(|&e| family.directions[e]).collect();
                 family.directions = Cow::Owned(left);
             }
             if let Some(share) = &family.share {
-                let left = tetrahedra.iter().map(|&t| share[t]).collect();
+                let left = elements.iter().map(|&e| share[e]).collect();
                 family.share = Some(Cow::Owned(left));
             }
         }
         own
     }
 
-    /// Checks everything for a body of `count` tetrahedra.
+    /// Checks everything for a body of so many tetrahedra and hexahedra, which lists hold in this order.
     ///
     /// # Errors
     /// The first thing that cannot be used.
-    pub fn validate(&self, count: usize) -> Result<(), AxesError> {
+    pub fn validate(&self, tetrahedra: usize, hexahedra: usize) -> Result<(), AxesError> {
+        let count = tetrahedra + hexahedra;
         if count == 0 {
-            return Err(AxesError::NoTetrahedra);
+            return Err(AxesError::NoElements);
+        }
+        if hexahedra > 0 && self.form != AxisForm::EnergyConsistent {
+            return Err(AxesError::PrintedHexahedra);
         }
         if self.families.is_empty() && self.volume_modulus == 0.0 {
             return Err(AxesError::Nothing);
@@ -172,17 +176,16 @@ impl AxesDescription<'_> {
                 if found != count {
                     return Err(AxesError::Length { family: name(), what: "shares", found, count });
                 }
-                if let Some(tetrahedron) = share.iter().position(|x| !(*x >= 0.0 && x.is_finite()))
-                {
-                    let value = share[tetrahedron];
-                    return Err(AxesError::Share { family: name(), tetrahedron, value });
+                if let Some(element) = share.iter().position(|x| !(*x >= 0.0 && x.is_finite())) {
+                    let value = share[element];
+                    return Err(AxesError::Share { family: name(), element, value });
                 }
             }
-            for tetrahedron in 0..if found == 1 { 1 } else { count } {
-                let value = family.direction(tetrahedron);
-                let unused = found > 1 && family.share(tetrahedron) == 0.0;
+            for element in 0..if found == 1 { 1 } else { count } {
+                let value = family.direction(element);
+                let unused = found > 1 && family.share(element) == 0.0;
                 if !unused && value.try_normalize().is_none() {
-                    return Err(AxesError::Direction { family: name(), tetrahedron, value });
+                    return Err(AxesError::Direction { family: name(), element, value });
                 }
             }
             if let Some(muscle) = &family.muscle {
@@ -263,7 +266,7 @@ impl AxesDescription<'_> {
     }
 }
 
-/// What one axis entity of a tetrahedron holds.
+/// What one axis entity of an element holds.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum AxisGroup {
     /// Families of the axes (`None`: any direction), their moduli, those of their angles and of volume (Pa).
@@ -287,9 +290,14 @@ pub struct BodyAxes {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AxesError {
-    /// A body without tetrahedra.
-    #[error("axes lie in tetrahedra, and the body has none; leave them out or fill the body")]
-    NoTetrahedra,
+    /// A body without solid elements.
+    #[error(
+        "axes lie in tetrahedra and hexahedra, and the body has none; leave them out or fill the body"
+    )]
+    NoElements,
+    /// The printed form in hexahedra.
+    #[error("the printed form of axes is there for tetrahedra only; use \"energy_consistent\"")]
+    PrintedHexahedra,
     /// Neither families nor a term of volume.
     #[error("there is no axis and no volume modulus; give a family, or leave the axes out")]
     Nothing,
@@ -311,7 +319,7 @@ pub enum AxesError {
         value: f64,
     },
     /// A list of another length than the mesh.
-    #[error("family `{family}` has {found} {what} for {count} tetrahedra; give one for each")]
+    #[error("family `{family}` has {found} {what} for {count} solid elements; give one for each")]
     Length {
         /// Name of the family.
         family: String,
@@ -319,32 +327,32 @@ pub enum AxesError {
         what: &'static str,
         /// Its length.
         found: usize,
-        /// Number of tetrahedra.
+        /// Number of solid elements.
         count: usize,
     },
     /// A direction that is none.
     #[error(
-        "family `{family}`, tetrahedron {tetrahedron}: {value} is no direction; give a finite vector \
+        "family `{family}`, element {element}: {value} is no direction; give a finite vector \
          that is not zero, or set the share of the family to 0 there"
     )]
     Direction {
         /// Name of the family.
         family: String,
-        /// Index in the user's mesh.
-        tetrahedron: usize,
+        /// Index in the user's mesh, hexahedra counted after tetrahedra.
+        element: usize,
         /// The direction.
         value: DVec3,
     },
     /// A share out of range.
     #[error(
-        "family `{family}`, tetrahedron {tetrahedron}: share is {value}; it must be finite and not \
+        "family `{family}`, element {element}: share is {value}; it must be finite and not \
          negative"
     )]
     Share {
         /// Name of the family.
         family: String,
-        /// Index in the user's mesh.
-        tetrahedron: usize,
+        /// Index in the user's mesh, hexahedra counted after tetrahedra.
+        element: usize,
         /// The share.
         value: f64,
     },

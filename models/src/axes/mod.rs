@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`element`] | energy, force and tangents of axes in a tetrahedron, with moduli in Pa |
 //! | [`columns`], [`systems`] | the same over all elements, several at a time |
+//! | [`hexahedra`] | the same at the Gauss points of hexahedra |
 //! | [`description`] | axes of a body as the user states them |
 //! | [`field`] | fibre fields: where the directions come from |
 //! | [`muscle`] | active fibres |
@@ -15,6 +16,7 @@ pub mod columns;
 pub mod description;
 pub mod element;
 pub mod field;
+pub mod hexahedra;
 pub mod muscle;
 pub mod printed;
 pub mod printed_system;

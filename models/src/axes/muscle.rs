@@ -23,6 +23,7 @@ use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
 use super::columns::*;
+use super::hexahedra::fibre_energy;
 use super::systems::{Fibres, Silence, evaluate_spans};
 
 /// What activation does to fibres.
@@ -282,7 +283,10 @@ pub(crate) fn copy_activations<S: Scalar>(world: &mut World, activations: &[(Str
 fn energy<S: Scalar>(world: &mut World) -> f64 {
     let mut vertices = world.query::<&Displacement<S>>();
     let mut fibres = world.query::<FibreData<S>>();
-    let Some(mut buffer) = world.remove_resource::<LawBuffer<Fibres, S>>() else { return 0.0 };
+    let in_hexahedra = fibre_energy::<S>(world);
+    let Some(mut buffer) = world.remove_resource::<LawBuffer<Fibres, S>>() else {
+        return in_hexahedra;
+    };
     if let Some(u) = single_table(vertices.contiguous_iter(world))
         && let Some(data) = single_table(fibres.contiguous_iter(world))
     {
@@ -293,5 +297,5 @@ fn energy<S: Scalar>(world: &mut World) -> f64 {
     }
     let energy = buffer.energy();
     world.insert_resource(buffer);
-    energy
+    energy + in_hexahedra
 }

@@ -1,11 +1,13 @@
-//! Axes of removed tetrahedra: without shape and moduli, so that their laws give exact zeros.
+//! Axes of removed elements: without shape and moduli, so that their laws give exact zeros.
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::ShapeGradient;
-use sinew_engine::scalar::Scalar;
+use sinew_engine::isoparametric::HexahedronRest;
+use sinew_engine::scalar::{Scalar, dot};
 
 use super::columns::*;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
+use super::hexahedra::energy_at_points;
 use super::printed_system::PrintedAxes;
 
 /// Number in a column of an entity; 0 where it has no such column.
@@ -15,44 +17,67 @@ macro_rules! number {
     };
 }
 
+/// Directions and moduli of an axis entity in `f64`; its gradients play no part.
+fn triad<S: Scalar>(e: &EntityRef) -> Triad<f64> {
+    Triad {
+        gradients: [[0.0; 3]; 3],
+        axes: [
+            [
+                number!(e, AxisDirection<S, 0, 0>),
+                number!(e, AxisDirection<S, 0, 1>),
+                number!(e, AxisDirection<S, 0, 2>),
+            ],
+            [
+                number!(e, AxisDirection<S, 1, 0>),
+                number!(e, AxisDirection<S, 1, 1>),
+                number!(e, AxisDirection<S, 1, 2>),
+            ],
+            [
+                number!(e, AxisDirection<S, 2, 0>),
+                number!(e, AxisDirection<S, 2, 1>),
+                number!(e, AxisDirection<S, 2, 2>),
+            ],
+        ],
+        axial: [
+            number!(e, AxialStiffness<S, 0>),
+            number!(e, AxialStiffness<S, 1>),
+            number!(e, AxialStiffness<S, 2>),
+        ],
+        angular: [
+            number!(e, AxisAngleStiffness<S, 0>),
+            number!(e, AxisAngleStiffness<S, 1>),
+            number!(e, AxisAngleStiffness<S, 2>),
+        ],
+        volumetric: number!(e, VolumeStiffness<S>),
+    }
+}
+
+/// The same of a fibre, without its shape.
+fn fibre<S: Scalar>(e: &EntityRef) -> Fibre<f64> {
+    Fibre {
+        shape: [0.0; 3],
+        axis: triad::<S>(e).axes[0],
+        stiffness: number!(e, AxialStiffness<S, 0>),
+        shortening: number!(e, FibreShortening<S>),
+        active: number!(e, FibreActive<S>),
+        offset: number!(e, FibreOffset<S>),
+        inverse_width: number!(e, FibreInverseWidth<S>),
+    }
+}
+
 /// Energy (J) of the axes of an entity at displacements (m) of their tetrahedron.
 pub(crate) fn energy<S: Scalar>(world: &World, entity: Entity, u: &[[f64; 3]; 4]) -> f64 {
     let e = world.entity(entity);
     if let Some(printed) = e.get::<PrintedAxes>() {
         return printed.energy(u);
     }
-    let axis = |i: usize| match i {
-        0 => [
-            number!(e, AxisDirection<S, 0, 0>),
-            number!(e, AxisDirection<S, 0, 1>),
-            number!(e, AxisDirection<S, 0, 2>),
-        ],
-        1 => [
-            number!(e, AxisDirection<S, 1, 0>),
-            number!(e, AxisDirection<S, 1, 1>),
-            number!(e, AxisDirection<S, 1, 2>),
-        ],
-        _ => [
-            number!(e, AxisDirection<S, 2, 0>),
-            number!(e, AxisDirection<S, 2, 1>),
-            number!(e, AxisDirection<S, 2, 2>),
-        ],
-    };
     if e.contains::<FibreShape<S, 1>>() {
-        let fibre = Fibre {
-            shape: [
-                number!(e, FibreShape<S, 1>),
-                number!(e, FibreShape<S, 2>),
-                number!(e, FibreShape<S, 3>),
-            ],
-            axis: axis(0),
-            stiffness: number!(e, AxialStiffness<S, 0>),
-            shortening: number!(e, FibreShortening<S>),
-            active: number!(e, FibreActive<S>),
-            offset: number!(e, FibreOffset<S>),
-            inverse_width: number!(e, FibreInverseWidth<S>),
-        };
-        return fibre.energy(u);
+        let shape = [
+            number!(e, FibreShape<S, 1>),
+            number!(e, FibreShape<S, 2>),
+            number!(e, FibreShape<S, 3>),
+        ];
+        return Fibre { shape, ..fibre::<S>(&e) }.energy(u);
     }
     let gradients = [
         [
@@ -75,22 +100,38 @@ pub(crate) fn energy<S: Scalar>(world: &World, entity: Entity, u: &[[f64; 3]; 4]
     if !e.contains::<AxisAngleStiffness<S, 0>>() {
         return VolumeTerm { gradients, volumetric }.energy(u);
     }
-    let triad = Triad {
-        gradients,
-        axes: [axis(0), axis(1), axis(2)],
-        axial: [
-            number!(e, AxialStiffness<S, 0>),
-            number!(e, AxialStiffness<S, 1>),
-            number!(e, AxialStiffness<S, 2>),
-        ],
-        angular: [
-            number!(e, AxisAngleStiffness<S, 0>),
-            number!(e, AxisAngleStiffness<S, 1>),
-            number!(e, AxisAngleStiffness<S, 2>),
-        ],
-        volumetric,
+    Triad { gradients, ..triad::<S>(&e) }.energy(u)
+}
+
+/// Energy (J) of the axes of an entity at displacements (m) of their hexahedron.
+pub(crate) fn hexahedron_energy<S: Scalar>(
+    world: &World,
+    entity: Entity,
+    u: &[[f64; 3]; 8],
+) -> f64 {
+    let e = world.entity(entity);
+    let Some(rest) = e.get::<HexahedronRest<S>>() else { return 0.0 };
+    let rest = HexahedronRest {
+        gradients: rest.gradients.map(|row| row.map(|x| x.to_f64())),
+        volume: rest.volume.map(|x| x.to_f64()),
     };
-    triad.energy(u)
+    if e.contains::<FibreActive<S>>() {
+        let own = fibre::<S>(&e);
+        return energy_at_points(&rest, u, |d, share| Fibre {
+            shape: d.map(|d| dot(d, own.axis)),
+            stiffness: own.stiffness * share,
+            active: own.active * share,
+            ..own
+        });
+    }
+    let own = triad::<S>(&e);
+    energy_at_points(&rest, u, |gradients, share| Triad {
+        gradients,
+        axial: own.axial.map(|y| y * share),
+        angular: own.angular.map(|g| g * share),
+        volumetric: own.volumetric * share,
+        ..own
+    })
 }
 
 /// Takes shape and moduli from the axes of an entity; directions stay unit vectors.
@@ -105,6 +146,9 @@ pub(crate) fn clear<S: Scalar>(world: &mut World, entity: Entity) {
     }
     if let Some(mut printed) = e.get_mut::<PrintedAxes>() {
         printed.clear();
+    }
+    if let Some(mut rest) = e.get_mut::<HexahedronRest<S>>() {
+        *rest = HexahedronRest { gradients: [[S::ZERO; 8]; 9], volume: [S::ZERO; 8] };
     }
     zero![
         ShapeGradient<S, 1, 0>, ShapeGradient<S, 1, 1>, ShapeGradient<S, 1, 2>,

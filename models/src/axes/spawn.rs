@@ -5,12 +5,16 @@ use glam::DVec3;
 use sinew_engine::element::{
     AxisBlocks, AxisTetrahedron, AxisVertices, ShapeGradientBundle, shape_gradient_bundle,
 };
+use sinew_engine::isoparametric::{
+    AxisHexahedron, AxisHexahedronBlocks, AxisHexahedronVertices, HexahedronRest, RestHexahedron,
+};
 use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
 use super::columns::*;
 use super::description::{AxesDescription, AxisFamily, AxisForm, AxisGroup};
+use super::hexahedra;
 use super::muscle::{self, Muscle, Muscles};
 use super::printed::VolumeForm;
 use super::printed_system::{self, PrintedAxes, PrintedModuli};
@@ -18,17 +22,17 @@ use super::systems::{AxesOnlyBodies, activate_fibres, activate_triads, activate_
 use crate::precompute::RestTetrahedron;
 
 type Place = (AxisVertices, AxisBlocks, AxisTetrahedron, BodyId);
-type TriadBundle<S> = (
-    Place,
-    ShapeGradientBundle<S>,
+type HexahedronPlace<S> =
+    (AxisHexahedronVertices, AxisHexahedronBlocks, AxisHexahedron, BodyId, HexahedronRest<S>);
+/// Directions and moduli of a triad.
+type TriadMade<S> = (
     (DirectionBundle<S, 0>, DirectionBundle<S, 1>, DirectionBundle<S, 2>),
     (AxialStiffness<S, 0>, AxialStiffness<S, 1>, AxialStiffness<S, 2>),
     (AxisAngleStiffness<S, 0>, AxisAngleStiffness<S, 1>, AxisAngleStiffness<S, 2>),
     VolumeStiffness<S>,
 );
-type FibreBundle<S> = (
-    Place,
-    (FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>),
+/// Direction and moduli of a fibre.
+type FibreMade<S> = (
     DirectionBundle<S, 0>,
     (
         AxialStiffness<S, 0>,
@@ -39,7 +43,7 @@ type FibreBundle<S> = (
     ),
     (PassiveStiffness<S>, PeakTension<S>, MuscleIndex),
 );
-type VolumeBundle<S> = (Place, ShapeGradientBundle<S>, VolumeStiffness<S>);
+type FibreShapes<S> = (FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>);
 
 /// Where the rows of a body begin.
 #[derive(Clone, Copy)]
@@ -49,12 +53,20 @@ pub(crate) struct Offsets {
     pub body: BodyId,
 }
 
-/// Spawns the axes of a body that lie in its tetrahedra, in their order; `alone` when it has no other law.
+/// Rest shapes of the solid elements of a body, in the order of its layout.
+#[derive(Clone, Copy)]
+pub(crate) struct RestShapes<'a> {
+    pub tetrahedra: &'a [RestTetrahedron],
+    pub hexahedra: &'a [RestHexahedron],
+}
+
+/// Spawns the axes of a body, element by element in the order of the layout; `alone` when it has no other
+/// law.
 pub(crate) fn spawn_axes<S: Scalar>(
     world: &mut World,
     axes: &AxesDescription,
     layout: &BodyLayout,
-    rest: &[RestTetrahedron],
+    rest: RestShapes,
     at: Offsets,
     alone: bool,
 ) {
@@ -65,10 +77,9 @@ pub(crate) fn spawn_axes<S: Scalar>(
     }
     let groups = axes.pack();
     let muscles = spawn_muscles::<S>(world, axes, body);
-    let mut triads: Vec<TriadBundle<S>> = Vec::new();
-    let mut fibres: Vec<FibreBundle<S>> = Vec::new();
-    let mut volumes: Vec<VolumeBundle<S>> = Vec::new();
-    let scalar = S::from_f64;
+    let mut triads: Vec<(Place, ShapeGradientBundle<S>, TriadMade<S>)> = Vec::new();
+    let mut fibres: Vec<(Place, FibreShapes<S>, FibreMade<S>)> = Vec::new();
+    let mut volumes: Vec<(Place, ShapeGradientBundle<S>, VolumeStiffness<S>)> = Vec::new();
     for (row, &original) in layout.tetrahedron_order.iter().enumerate() {
         let place = (
             AxisVertices(layout.tetrahedra[row].map(|v| v + at.vertex)),
@@ -76,65 +87,25 @@ pub(crate) fn spawn_axes<S: Scalar>(
             AxisTetrahedron(original),
             at.body,
         );
-        let (shape, t) = (&rest[row], original as usize);
+        let (shape, t) = (&rest.tetrahedra[row], original as usize);
         let d = [shape.gradients[1], shape.gradients[2], shape.gradients[3]];
-        let v = shape.volume;
         for group in &groups {
             match group {
-                AxisGroup::Triad { axes: of, axial, angles, volume } => {
-                    let family = |i: usize| of[i].map(|f| &axes.families[f]);
-                    let share = |i: usize| family(i).map_or(0.0, |f| f.share(t));
-                    let [a, b, c] = triad_directions(of.map(|f| f.map(|f| &axes.families[f])), t);
-                    let y = [0, 1, 2].map(|i| scalar(v * axial[i] * share(i)));
-                    // an angle is as present as the less present of its axes
-                    let g = super::element::AXIS_PAIRS.map(|[i, j]| share(i).min(share(j)));
-                    let g = [0, 1, 2].map(|k| scalar(v * angles[k] * g[k]));
-                    triads.push((
-                        place,
-                        shape_gradient_bundle(d),
-                        (direction_bundle(a), direction_bundle(b), direction_bundle(c)),
-                        (AxialStiffness(y[0]), AxialStiffness(y[1]), AxialStiffness(y[2])),
-                        (
-                            AxisAngleStiffness(g[0]),
-                            AxisAngleStiffness(g[1]),
-                            AxisAngleStiffness(g[2]),
-                        ),
-                        VolumeStiffness(scalar(v * volume)),
-                    ));
+                AxisGroup::Triad { .. } => {
+                    let made = triad(axes, group, t, shape.volume);
+                    triads.extend(made.map(|made| (place, shape_gradient_bundle(d), made)));
                 }
                 &AxisGroup::Fibre(index) => {
                     let family = &axes.families[index];
-                    let share = family.share(t);
-                    if share == 0.0 {
-                        continue;
+                    if let Some(made) = fibre(family, muscles[index], t, shape.volume) {
+                        let a = unit(family, t);
+                        let q = d.map(|d| S::from_f64(DVec3::from_array(d).dot(a)));
+                        let shapes = (FibreShape(q[0]), FibreShape(q[1]), FibreShape(q[2]));
+                        fibres.push((place, shapes, made));
                     }
-                    let a = unit(family, t);
-                    let q = d.map(|d| scalar(DVec3::from_array(d).dot(a)));
-                    let stiffness = scalar(v * family.modulus * share);
-                    let settings = family.muscle.as_ref();
-                    let peak = settings.map_or(0.0, |m| m.peak_stress);
-                    let (optimum, width) =
-                        settings.map_or((1.0, 1.0), |m| (m.optimal_stretch, m.width));
-                    fibres.push((
-                        place,
-                        (FibreShape(q[0]), FibreShape(q[1]), FibreShape(q[2])),
-                        direction_bundle(a.to_array()),
-                        (
-                            AxialStiffness(stiffness),
-                            FibreShortening(S::ZERO),
-                            FibreActive(S::ZERO),
-                            FibreOffset(scalar(1.0 - optimum)),
-                            FibreInverseWidth(scalar(1.0 / width)),
-                        ),
-                        (
-                            PassiveStiffness(stiffness),
-                            PeakTension(scalar(v * peak * share)),
-                            MuscleIndex(muscles[index]),
-                        ),
-                    ));
                 }
                 AxisGroup::Volume(modulus) => {
-                    let stiffness = VolumeStiffness(scalar(v * modulus));
+                    let stiffness = VolumeStiffness(S::from_f64(shape.volume * modulus));
                     volumes.push((place, shape_gradient_bundle(d), stiffness));
                 }
             }
@@ -152,6 +123,110 @@ pub(crate) fn spawn_axes<S: Scalar>(
         world.spawn_batch(volumes);
         activate_volumes::<S>(world);
     }
+    spawn_in_hexahedra::<S>(world, axes, (&groups, &muscles), layout, rest.hexahedra, at);
+}
+
+fn spawn_in_hexahedra<S: Scalar>(
+    world: &mut World,
+    axes: &AxesDescription,
+    (groups, muscles): (&[AxisGroup], &[u32]),
+    layout: &BodyLayout,
+    rest: &[RestHexahedron],
+    at: Offsets,
+) {
+    let mut triads: Vec<(HexahedronPlace<S>, TriadMade<S>)> = Vec::new();
+    let mut fibres: Vec<(HexahedronPlace<S>, FibreMade<S>)> = Vec::new();
+    let mut volumes: Vec<(HexahedronPlace<S>, VolumeStiffness<S>)> = Vec::new();
+    for (row, &original) in layout.hexahedron_order.iter().enumerate() {
+        let place = (
+            AxisHexahedronVertices(layout.hexahedra[row].map(|v| v + at.vertex)),
+            AxisHexahedronBlocks(layout.hexahedron_edges[row].map(|b| b + at.block)),
+            AxisHexahedron(original),
+            at.body,
+            hexahedra::shares(&rest[row]).component::<S>(),
+        );
+        let volume = rest[row].total_volume();
+        // directions of hexahedra follow those of tetrahedra
+        let e = layout.tetrahedra.len() + original as usize;
+        for group in groups {
+            match group {
+                AxisGroup::Triad { .. } => {
+                    triads.extend(triad(axes, group, e, volume).map(|made| (place, made)));
+                }
+                &AxisGroup::Fibre(index) => {
+                    let made = fibre(&axes.families[index], muscles[index], e, volume);
+                    fibres.extend(made.map(|made| (place, made)));
+                }
+                AxisGroup::Volume(modulus) => {
+                    volumes.push((place, VolumeStiffness(S::from_f64(volume * modulus))));
+                }
+            }
+        }
+    }
+    if !triads.is_empty() {
+        world.spawn_batch(triads);
+        hexahedra::activate_triads::<S>(world);
+    }
+    if !fibres.is_empty() {
+        world.spawn_batch(fibres);
+        hexahedra::activate_fibres::<S>(world);
+    }
+    if !volumes.is_empty() {
+        world.spawn_batch(volumes);
+        hexahedra::activate_volumes::<S>(world);
+    }
+}
+
+/// Directions and moduli of a triad in an element of volume `v` (m^3); `None` for other groups.
+fn triad<S: Scalar>(
+    axes: &AxesDescription,
+    group: &AxisGroup,
+    element: usize,
+    v: f64,
+) -> Option<TriadMade<S>> {
+    let AxisGroup::Triad { axes: of, axial, angles, volume } = group else { return None };
+    let families = of.map(|f| f.map(|f| &axes.families[f]));
+    let share = families.map(|f| f.map_or(0.0, |f| f.share(element)));
+    let [a, b, c] = triad_directions(families, element);
+    let y = [0, 1, 2].map(|i| S::from_f64(v * axial[i] * share[i]));
+    // an angle is as present as the less present of its axes
+    let g = super::element::AXIS_PAIRS.map(|[i, j]| share[i].min(share[j]));
+    let g = [0, 1, 2].map(|k| S::from_f64(v * angles[k] * g[k]));
+    Some((
+        (direction_bundle(a), direction_bundle(b), direction_bundle(c)),
+        (AxialStiffness(y[0]), AxialStiffness(y[1]), AxialStiffness(y[2])),
+        (AxisAngleStiffness(g[0]), AxisAngleStiffness(g[1]), AxisAngleStiffness(g[2])),
+        VolumeStiffness(S::from_f64(v * volume)),
+    ))
+}
+
+/// Direction and moduli of a fibre in an element of volume `v` (m^3); `None` where it has no share.
+fn fibre<S: Scalar>(
+    family: &AxisFamily,
+    muscle: u32,
+    element: usize,
+    v: f64,
+) -> Option<FibreMade<S>> {
+    let share = family.share(element);
+    if share == 0.0 {
+        return None;
+    }
+    let scalar = S::from_f64;
+    let stiffness = scalar(v * family.modulus * share);
+    let settings = family.muscle.as_ref();
+    let peak = settings.map_or(0.0, |m| m.peak_stress);
+    let (optimum, width) = settings.map_or((1.0, 1.0), |m| (m.optimal_stretch, m.width));
+    Some((
+        direction_bundle(unit(family, element).to_array()),
+        (
+            AxialStiffness(stiffness),
+            FibreShortening(S::ZERO),
+            FibreActive(S::ZERO),
+            FibreOffset(scalar(1.0 - optimum)),
+            FibreInverseWidth(scalar(1.0 / width)),
+        ),
+        (PassiveStiffness(stiffness), PeakTension(scalar(v * peak * share)), MuscleIndex(muscle)),
+    ))
 }
 
 /// Spawns the axes of a body in the printed form.

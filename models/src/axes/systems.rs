@@ -60,7 +60,7 @@ impl AxesOnlyBodies {
         self.0[body] = true;
     }
 
-    fn contains(&self, body: usize) -> bool {
+    pub(crate) fn contains(&self, body: usize) -> bool {
         self.0.get(body).is_some_and(|&only| only)
     }
 }
@@ -146,7 +146,7 @@ fn gradient_watches<S: Scalar>() -> [ColumnWatch; 9] {
     ]
 }
 
-fn direction_watches<S: Scalar>() -> [ColumnWatch; 9] {
+pub(crate) fn direction_watches<S: Scalar>() -> [ColumnWatch; 9] {
     [
         column_changed::<AxisDirection<S, 0, 0>>,
         column_changed::<AxisDirection<S, 0, 1>>,

@@ -25,8 +25,9 @@ use sinew_engine::element::{
     TriangleEdges,
 };
 use sinew_engine::isoparametric::{
-    HexahedronBlocks, HexahedronIndex, HexahedronRest, HexahedronVertices, QuadBlocks, QuadIndex,
-    QuadRest, QuadVertices,
+    AxisHexahedron, AxisHexahedronBlocks, AxisHexahedronVertices, HexahedronBlocks,
+    HexahedronIndex, HexahedronRest, HexahedronVertices, QuadBlocks, QuadIndex, QuadRest,
+    QuadVertices,
 };
 use sinew_engine::layout::{UNUSED, starts};
 use sinew_engine::scalar::Scalar;
@@ -83,6 +84,7 @@ fn known_columns<S: Scalar>(world: &mut World) -> Vec<Column> {
         MembraneEdge<S, 2, 0>, MembraneEdge<S, 2, 1>, MembraneEdge<S, 2, 2>,
         MembraneFirstModulus<S>, MembraneShearModulus<S>, MembraneCompressionModulus<S>,
         HexahedronVertices, HexahedronBlocks, HexahedronIndex, HexahedronRest<S>,
+        AxisHexahedronVertices, AxisHexahedronBlocks, AxisHexahedron,
         QuadVertices, QuadBlocks, QuadIndex, QuadRest<S>,
         AxisVertices, AxisBlocks, AxisTetrahedron,
         AxisDirection<S, 0, 0>, AxisDirection<S, 0, 1>, AxisDirection<S, 0, 2>,
@@ -167,6 +169,9 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     for mut blocks in world.query::<&mut HexahedronBlocks>().iter_mut(world) {
         blocks.0 = blocks.0.map(|b| block[b as usize]);
     }
+    for mut blocks in world.query::<&mut AxisHexahedronBlocks>().iter_mut(world) {
+        blocks.0 = blocks.0.map(|b| block[b as usize]);
+    }
     for mut blocks in world.query::<&mut QuadBlocks>().iter_mut(world) {
         blocks.0 = blocks.0.map(|b| block[b as usize]);
     }
@@ -247,6 +252,7 @@ fn find_tables(world: &mut World, resection: &Resection) -> Vec<Table> {
         tables.push(Table { entities: entities.to_vec(), keep: keep.collect() });
     }
     elements!(AxisTetrahedron, ElementKind::Tetrahedron);
+    elements!(AxisHexahedron, ElementKind::Hexahedron);
     tables.retain(|table| !table.entities.is_empty());
     tables
 }

@@ -120,9 +120,7 @@ pub fn compare_with_fresh<S: Scalar>(
             hexahedra: &hexahedra,
             springs: soft.spring_method,
             axes: match &soft.axes {
-                Some(axes) if !mesh.tetrahedra.is_empty() => {
-                    Some(axes.description.of_tetrahedra(&index[..mesh.tetrahedra.len()]))
-                }
+                Some(axes) if !index.is_empty() => Some(axes.description.of_elements(&index)),
                 _ => None,
             },
             ..BodyDescription::new("fresh", &mesh, soft.material)
