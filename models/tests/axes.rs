@@ -288,9 +288,9 @@ fn case() -> impl Strategy<Value = (RestTetrahedron, Nodes, Triad<f64>, Fibre<f6
     let size = prop_oneof![Just(1e-3), Just(0.1), Just(0.5), Just(2.0)];
     (points, prop::array::uniform3(unit()), moduli, active, prop::array::uniform4(vector()), size)
         .prop_filter_map("flat", |(p, axes, m, active, u, size)| {
-            let shape = RestTetrahedron::new(p)
-                .or_else(|_| RestTetrahedron::new([p[0], p[2], p[1], p[3]]))
-                .ok()?;
+            let turned = [p[0], p[2], p[1], p[3]];
+            let p = if RestTetrahedron::new(p).is_ok() { p } else { turned };
+            let shape = RestTetrahedron::new(p).ok()?;
             if shape.volume < 0.02 {
                 return None;
             }
@@ -403,8 +403,8 @@ proptest! {
         let rigid = moved(&[[0.0; 3]; 4]);
         let stiffness = triad.axial.iter().chain(&triad.angular).sum::<f64>() + triad.volumetric;
         let altitude = max_abs(triad.gradients.as_flattened());
-        // rounding of the displacement gradient
-        let rounded = (1e-14 * altitude).powi(2) * stiffness;
+        // rounding of G, of displacements of up to 5 times shape vectors, through its minors: 5e-14
+        let rounded = (1e-13 * altitude).powi(2) * stiffness;
         prop_assert!(triad.energy(&rigid) <= rounded);
         prop_assert!(fibre.energy(&rigid) <= rounded);
         prop_assert!(

@@ -91,11 +91,7 @@ fn laplace_rule_in_a_block() {
 fn generators() {
     let mesh = cylinder_tets(1.0, 2.0, 4, 4).unwrap();
     let (low, high) = mesh.bounds().unwrap();
-    let long = high - low;
-    let axis = [DVec3::X, DVec3::Y, DVec3::Z]
-        .into_iter()
-        .max_by(|a, b| (long.dot(*a) - 2.0).abs().total_cmp(&(long.dot(*b) - 2.0).abs()));
-    let axis = axis.unwrap();
+    let axis = DVec3::new(1.0, 2.0, -1.0).normalize();
     let centre = 0.5 * (low + high);
     let pitch = 0.4_f64;
     let (rings, helix) = (

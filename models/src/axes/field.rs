@@ -294,6 +294,9 @@ pub struct Laplace {
 
 /// Relative residual to which the Laplace problem is solved.
 const TOLERANCE: f64 = 1e-10;
+/// Gradient times size of the body below which the potential counts as level, and sine below which
+/// directions count as parallel.
+const LEVEL: f64 = 1e-6;
 
 impl Laplace {
     /// Solves for a mesh and the vertices of two surfaces.
@@ -323,9 +326,6 @@ impl Laplace {
                 if held[v as usize] && x[v as usize] != value {
                     return Err(FibreError::Overlap { vertex: v });
                 }
-                if which == "outer" && inner.contains(&v) {
-                    return Err(FibreError::Overlap { vertex: v });
-                }
                 (held[v as usize], x[v as usize]) = (true, value);
                 count += 1;
             }
@@ -334,12 +334,16 @@ impl Laplace {
             }
         }
         solve_laplace(mesh, &shapes, &held, &mut x)?;
+        let size = mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
         let (mut depth, mut vectors) = (Vec::new(), Vec::new());
         for (t, shape) in mesh.tetrahedra.iter().zip(&shapes) {
             let values = t.map(|v| x[v as usize]);
             depth.push(values.iter().sum::<f64>() / 4.0);
             let terms = values.iter().zip(shape.gradients);
-            vectors.push(terms.map(|(v, d)| *v * DVec3::from_array(d)).sum());
+            let gradient: DVec3 = terms.map(|(v, d)| *v * DVec3::from_array(d)).sum();
+            // a part that hangs on one surface is level, but for what the solution leaves
+            let level = gradient.length() * size < LEVEL;
+            vectors.push(if level { DVec3::ZERO } else { gradient });
         }
         let transmural = normalised("Laplace rule", vectors, false)?.directions;
         Ok(Self { potential: x, depth, transmural })
@@ -359,7 +363,9 @@ impl Laplace {
         let axis = axis_of(axis)?;
         let mut vectors = Vec::with_capacity(self.depth.len());
         for (&through, &depth) in self.transmural.iter().zip(&self.depth) {
-            let round = axis.cross(through).normalize_or_zero();
+            let round = axis.cross(through);
+            // both are unit vectors: what is left of parallel ones is rounding
+            let round = if round.length() > LEVEL { round.normalize() } else { DVec3::ZERO };
             let along = through.cross(round);
             let angle = inner + (outer - inner) * depth;
             vectors.push(round * angle.cos() + along * angle.sin());

@@ -106,7 +106,7 @@ pub struct Muscle {
     /// What activation does.
     pub settings: MuscleSettings,
     /// Activation (0 to 1) asked for; a curve overwrites it.
-    activation: f64,
+    wanted: f64,
     /// Activation that the columns hold.
     applied: f64,
 }
@@ -118,7 +118,7 @@ impl Muscle {
     }
 
     pub(crate) fn new(body: usize, family: String, settings: MuscleSettings) -> Self {
-        Self { body, family, settings, activation: 0.0, applied: 0.0 }
+        Self { body, family, settings, wanted: 0.0, applied: 0.0 }
     }
 }
 
@@ -184,7 +184,7 @@ impl Muscles {
         if muscle.settings.curve.is_some() {
             return Err(ActivationError::Curve { family: family.to_string() });
         }
-        muscle.activation = value;
+        muscle.wanted = value;
         Ok(())
     }
 }
@@ -226,9 +226,9 @@ fn update<S: Scalar>(world: &mut World) {
         if let Some(curve) = &muscle.settings.curve {
             // a curve that is not a number leaves the muscle alone
             let value = curve.value(clock.time + clock.dt).clamp(0.0, 1.0);
-            muscle.activation = if value.is_nan() { muscle.activation } else { value };
+            muscle.wanted = if value.is_nan() { muscle.wanted } else { value };
         }
-        changed |= muscle.activation != muscle.applied;
+        changed |= muscle.wanted != muscle.applied;
     }
     let mut work = 0.0;
     if changed {
@@ -244,9 +244,9 @@ fn update<S: Scalar>(world: &mut World) {
 /// Writes the activations asked for into the columns of the fibres.
 pub(crate) fn apply<S: Scalar>(world: &mut World) {
     let Some(mut muscles) = world.remove_resource::<Muscles>() else { return };
-    let changed: Vec<bool> = muscles.0.iter().map(|m| m.activation != m.applied).collect();
+    let changed: Vec<bool> = muscles.0.iter().map(|m| m.wanted != m.applied).collect();
     for muscle in &mut muscles.0 {
-        muscle.applied = muscle.activation;
+        muscle.applied = muscle.wanted;
     }
     let mut fibres = world.query::<(
         &MuscleIndex,
@@ -273,7 +273,7 @@ pub(crate) fn copy_activations<S: Scalar>(world: &mut World, activations: &[(Str
     if let Some(mut muscles) = world.get_resource_mut::<Muscles>() {
         for muscle in &mut muscles.0 {
             let known = activations.iter().find(|(family, _)| *family == muscle.family);
-            muscle.activation = known.map_or(0.0, |(_, a)| *a);
+            muscle.wanted = known.map_or(0.0, |(_, a)| *a);
         }
     }
     apply::<S>(world);
