@@ -151,6 +151,25 @@ macro_rules! scalar {
 scalar!(f32);
 scalar!(f64);
 
+/// Calls the generic `$function` for `f64` or `f32`, whichever `$S` is, through two functions that are
+/// not generic: it is then compiled in the crate that holds it and not again in every crate and test that
+/// uses it, which for functions that reach all kernels saves minutes.
+#[macro_export]
+macro_rules! compiled_here {
+    ($S:ident, $function:ident($($argument:ident: $type:ty),*) $(-> $result:ty)?) => {{
+        #[inline(never)]
+        fn double($($argument: $type),*) $(-> $result)? {
+            $function::<f64>($($argument),*)
+        }
+        #[inline(never)]
+        fn single($($argument: $type),*) $(-> $result)? {
+            $function::<f32>($($argument),*)
+        }
+        let is_double = size_of::<$S>() == size_of::<f64>();
+        if is_double { double($($argument),*) } else { single($($argument),*) }
+    }};
+}
+
 /// Sum of two vectors.
 #[inline(always)]
 pub fn add<S: Real>(a: [S; 3], b: [S; 3]) -> [S; 3] {

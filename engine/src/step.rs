@@ -1,6 +1,7 @@
 //! Running one step, and what can go wrong.
 
 use crate::columns::single_table;
+use crate::compiled_here;
 use crate::element::{
     MembraneRest, MembraneShapes, MembraneVertices, ShapeGradients, TetrahedronShapes,
     TetrahedronVertices, area_ratio, displacement_gradient, volume_change,
@@ -130,6 +131,10 @@ pub struct IntegratorInstalled;
 
 /// Adds schedules, resources and the systems that every scene needs.
 pub fn install_engine<S: Scalar>(world: &mut World, executor: Executor) {
+    compiled_here!(S, install_all(world: &mut World, executor: Executor))
+}
+
+fn install_all<S: Scalar>(world: &mut World, executor: Executor) {
     install::<S>(world, executor);
     world.init_resource::<StepClock>();
     world.init_resource::<Gravity>();
@@ -151,6 +156,10 @@ pub fn install_engine<S: Scalar>(world: &mut World, executor: Executor) {
 /// When settings or state are invalid, or when the integrator gives up; the state is then what it
 /// was before.
 pub fn run_step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
+    compiled_here!(S, step(world: &mut World) -> Result<(), StepError>)
+}
+
+fn step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     let clock = *world.resource::<StepClock>();
     if !(clock.dt > 0.0 && clock.dt.is_finite()) {
         return Err(StepError::InvalidStep { dt: clock.dt });

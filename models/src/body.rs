@@ -5,6 +5,7 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
+use sinew_engine::compiled_here;
 use sinew_engine::element::{
     AxisVertices, EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, MembraneVertices, RestVolume,
     TETRAHEDRON_FACES, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices,
@@ -402,6 +403,10 @@ pub fn spawn_body<S: Scalar>(
     world: &mut World,
     body: &BodyDescription,
 ) -> Result<Entity, BodyError> {
+    compiled_here!(S, spawn(world: &mut World, body: &BodyDescription) -> Result<Entity, BodyError>)
+}
+
+fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity, BodyError> {
     let name = || body.name.to_string();
     if world.get_resource_or_init::<Topology>().body(body.name).is_some() {
         return Err(BodyError::Duplicate { body: name() });

@@ -3,6 +3,7 @@
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
+use sinew_engine::compiled_here;
 use sinew_engine::connectivity::Connectivity;
 use sinew_engine::element::{
     EdgeBlock, EdgeVertices, MembraneBlocks, MembraneVertices, RestVolume, TETRAHEDRON_FACES,
@@ -45,6 +46,14 @@ use crate::sheet::MembraneModel;
 /// # Panics
 /// When there is no such body.
 pub fn set_material<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    field: &MaterialField,
+) -> Result<(), FieldError> {
+    compiled_here!(S, change(world: &mut World, body: usize, field: &MaterialField) -> Result<(), FieldError>)
+}
+
+fn change<S: Scalar>(
     world: &mut World,
     body: usize,
     field: &MaterialField,

@@ -26,6 +26,7 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::columns::single_table;
+use sinew_engine::compiled_here;
 use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
 use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
 use sinew_engine::load::{LoadTime, Pressure, SweptVolumes};
@@ -121,6 +122,10 @@ struct PressureFaces<S> {
 /// Puts the law into the force schedule of a world; call it when a [`Pressure`] is added. Changes of
 /// such entities later on are seen by themselves, at the next step.
 pub fn activate<S: Scalar>(world: &mut World) {
+    compiled_here!(S, activate_law_of_pressure(world: &mut World))
+}
+
+fn activate_law_of_pressure<S: Scalar>(world: &mut World) {
     if !world.contains_resource::<PressureFaces<S>>() {
         world.insert_resource(PressureFaces::<S>::default());
         world.init_resource::<SweptVolumes>();

@@ -26,6 +26,7 @@ use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
+use sinew_engine::compiled_here;
 use sinew_engine::connectivity::{ByKind, Connectivity, ElementKind, Touched};
 use sinew_engine::element::{
     AxisTetrahedron, EdgeVertices, MembraneBlocks, MembraneIndex, MembraneVertices, RestVolume,
@@ -468,6 +469,14 @@ impl Resection {
 /// When the region cannot be used, or names an element that does not exist, is gone already or comes
 /// twice; nothing is changed then. A region that holds no element is no error.
 pub fn remove_elements<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    removal: &Removal,
+) -> Result<RemovalReport, RemovalError> {
+    compiled_here!(S, remove_now(world: &mut World, body: usize, removal: &Removal) -> Result<RemovalReport, RemovalError>)
+}
+
+fn remove_now<S: Scalar>(
     world: &mut World,
     body: usize,
     removal: &Removal,

@@ -25,6 +25,7 @@ use bevy_ecs::system::SystemState;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
+use sinew_engine::compiled_here;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
 use sinew_engine::load::{LoadTime, SweptVolumes};
 use sinew_engine::report::StepReport;
@@ -149,6 +150,10 @@ pub fn forget_steps<S: Scalar>(world: &mut World) {
 /// Largest stable explicit step (s) at the current state, before any safety factor; infinite when
 /// nothing can move. Constraints count as far as the last step applied them.
 pub fn estimate_stable_step<S: Scalar>(world: &mut World) -> f64 {
+    compiled_here!(S, estimate(world: &mut World) -> f64)
+}
+
+fn estimate<S: Scalar>(world: &mut World) -> f64 {
     let mut node = NodeState::<S>::default();
     node.read(world);
     if node.is_empty() {

@@ -21,6 +21,7 @@ pub mod system;
 
 use bevy_ecs::prelude::*;
 use settings::SolverSettings;
+use sinew_engine::compiled_here;
 use sinew_engine::report::{StepReport, SystemTimes};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
@@ -30,6 +31,10 @@ use sinew_engine::workers::Workers;
 
 /// Installs the integrator; [`SolverSettings`] chooses which.
 pub fn install_solver<S: Scalar>(world: &mut World) {
+    compiled_here!(S, install(world: &mut World))
+}
+
+fn install<S: Scalar>(world: &mut World) {
     world.init_resource::<SolverSettings>();
     world.init_resource::<IntegratorInstalled>();
     world

@@ -13,6 +13,7 @@ use crate::quadratic::MassSpring;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
+use sinew_engine::compiled_here;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{
     EdgeVertices, MembraneRest, MembraneVertices, RestEdges, RestVolume, ShapeGradients,
@@ -60,6 +61,10 @@ pub fn compare_with_fresh<S: Scalar>(
     world: &mut World,
     body: usize,
 ) -> Result<FreshDifference, BodyError> {
+    compiled_here!(S, compare(world: &mut World, body: usize) -> Result<FreshDifference, BodyError>)
+}
+
+fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference, BodyError> {
     let rows = world.resource::<Topology>().bodies[body].clone();
     let resection = world.get_resource::<Resection>();
     let connectivity = resection.and_then(|r| r.connectivity(body));
