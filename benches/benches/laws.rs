@@ -7,6 +7,7 @@ mod common;
 
 use common::{SIZES, beam, bent, bent_model, evaluate, request};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use sinew::engine::mesh::generate::box_hexahedra;
 use sinew::engine::report::SystemTimes;
 use sinew::engine::scalar::Scalar;
 use sinew::prelude::*;
@@ -112,5 +113,58 @@ fn columns_against_arrays<S: Scalar>(
     );
 }
 
-criterion_group!(benches, columns, laws);
+/// Springs of hexahedra against springs of tetrahedra, per spring, and the laws of hexahedra.
+fn elements(_: &mut Criterion) {
+    let material = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.3, density: 1000.0 };
+    for (size, cells) in SIZES {
+        // as many vertices as the beam of tetrahedra
+        let tetrahedra = beam(cells);
+        let hexahedra = box_hexahedra(DVec3::new(0.2, 0.05, 0.05), cells).expect("a box");
+        let bodies = [
+            ("springs of tetrahedra", &tetrahedra, Model::MassSpring),
+            ("springs of hexahedra", &hexahedra, Model::MassSpring),
+            ("StVK hexahedra", &hexahedra, Model::CompressibleStVK),
+            ("linear hexahedra", &hexahedra, Model::Linear),
+        ];
+        for precision in [Precision::F64, Precision::F32] {
+            let mut times = Vec::new();
+            let mut simulations = Vec::new();
+            for (_, mesh, model) in &bodies {
+                let options = SimulationOptions { precision, threads: 1, ..Default::default() };
+                let mut simulation = Simulation::new(options).expect("a simulation");
+                let body = BodyDescription {
+                    model: *model,
+                    ..BodyDescription::new("body", mesh, material)
+                };
+                let handle = simulation.add_body(&body).expect("a body");
+                let bend = |p: &DVec3| DVec3::new(0.0, 0.0, 2.0 * p.x * p.x);
+                let u: Vec<DVec3> = mesh.points.iter().map(bend).collect();
+                let still = vec![DVec3::ZERO; u.len()];
+                simulation.set_state(handle, &u, &still).expect("a state");
+                request(&mut simulation, false, true, None);
+                let count = match model {
+                    Model::MassSpring => simulation.topology().edges.len(),
+                    _ => mesh.hexahedra.len(),
+                };
+                times.push((count, Vec::new()));
+                simulations.push(simulation);
+            }
+            for _ in 0..(2_000_000 / hexahedra.hexahedra.len()).max(21) {
+                for (simulation, (_, times)) in simulations.iter_mut().zip(&mut times) {
+                    let start = Instant::now();
+                    evaluate(simulation);
+                    times.push(start.elapsed());
+                }
+            }
+            for ((name, ..), (count, mut times)) in bodies.into_iter().zip(times) {
+                times.sort_unstable();
+                let ns = times[times.len() / 2].as_secs_f64() * 1e9 / count as f64;
+                let precision = precision.name();
+                println!("force {size} {precision}: {name} {ns:.2} ns each of {count}");
+            }
+        }
+    }
+}
+
+criterion_group!(benches, columns, laws, elements);
 criterion_main!(benches);
