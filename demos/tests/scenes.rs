@@ -70,6 +70,7 @@ fn every_shipped_scene_has_a_test_here() {
     let expected = [
         "cantilever",
         "crush",
+        "fit_bar",
         "liver",
         "liver_resection",
         "membrane_drum",

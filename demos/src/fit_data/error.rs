@@ -71,6 +71,16 @@ pub enum FitError {
         /// The scene file.
         file: PathBuf,
     },
+    /// A law whose tangent is not the derivative of its forces.
+    #[error(
+        "body `{body}` has the model \"corotational_warped\", whose tangent is not the derivative of its \
+         forces: equilibria cannot be found closely enough for derivatives; use model = \
+         \"corotational\", which has the same forces"
+    )]
+    NoTangent {
+        /// Name of the body.
+        body: String,
+    },
     /// Fewer observations than parameters.
     #[error(
         "{observations} observed numbers for {parameters} parameters; give more data or fit fewer \

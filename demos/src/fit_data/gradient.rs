@@ -29,7 +29,6 @@ use sinew::engine::topology::Topology;
 use sinew::engine::workers::Workers;
 use sinew::models::body::Model;
 use sinew::models::material::{LameParameters, MAX_POISSON_RATIO, YoungPoisson};
-use sinew::models::sheet::MembraneModel;
 use sinew::solvers::cg::{CgStatus, LinearOptions, ShiftedTangent};
 use sinew::solvers::state::{Rows, dot3, evaluate};
 
@@ -58,14 +57,6 @@ const DIFFERENCE: f64 = 1e-4;
 impl Forward {
     /// Why the tangent is not the derivative of the forces, if it is not.
     pub fn without_tangent(&self) -> Option<&'static str> {
-        let bodies = &self.scene.bodies;
-        if bodies.iter().any(|b| b.model == Model::WarpedStiffness) {
-            return Some("the tangent of corotational_warped holds rotations");
-        }
-        let sheets = || bodies.iter().filter_map(|b| b.membrane.as_ref());
-        if sheets().any(|m| m.settings.model == MembraneModel::Corotational) {
-            return Some("the tangent of corotational membranes holds rotations");
-        }
         let free_rim = self.scene.warnings.iter().any(|w| w.code == "scene.pressure.rim");
         free_rim.then_some("a pressure with a free rim has no symmetric tangent")
     }

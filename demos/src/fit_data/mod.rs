@@ -30,6 +30,7 @@ use nalgebra::DMatrix;
 use observe::{Observation, Observations};
 use parameter::{ElementMaterials, Parameter};
 use report::{FitReport, GradientCheck, Misfit, ParameterFit, SCHEMA};
+use sinew::models::body::Model;
 use sinew::simulation::Precision;
 use statistics::{Directions, half_width};
 use std::path::PathBuf;
@@ -69,6 +70,9 @@ pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitE
         ..BuildOptions::default()
     };
     let mut scene = build(loaded, &options)?;
+    if let Some(body) = scene.bodies.iter().find(|b| b.model == Model::WarpedStiffness) {
+        return Err(FitError::NoTangent { body: body.name.clone() });
+    }
     let materials = ElementMaterials::of(&mut scene);
     let elements = materials.iter().map(|m| m.young.len()).sum();
     let parameters = parameter::parse(&request.fit, &request.bounds, &scene, &materials)?;
