@@ -27,7 +27,7 @@ use error::FitError;
 use forward::Forward;
 use gradient::Gradient;
 use nalgebra::DMatrix;
-use observe::{Observation, Observations};
+use observe::{DataFile, Observation, Observations};
 use parameter::{ElementMaterials, Parameter};
 use report::{FitReport, GradientCheck, Misfit, ParameterFit, SCHEMA};
 use sinew::models::body::Model;
@@ -149,26 +149,20 @@ pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitE
         report.gradient = gradient;
         let scaled = scaled_jacobian(&jacobian, &chosen, &outcome.values, observed);
         let directions = Directions::of(&scaled);
-        let squares: f64 = {
-            let predictions = forward.predictions(observed);
-            residuals(observed, &predictions).iter().map(|r| r * r).sum()
-        };
+        let predictions = forward.predictions(observed);
+        let squares: f64 = residuals(observed, &predictions).iter().map(|r| r * r).sum();
         let variance = match (observations.has_sigma, report.degrees_of_freedom) {
             (true, _) => Some(1.0),
             (false, 0) => None,
             (false, freedom) => Some(squares / freedom as f64),
         };
-        if let Some((covariance, variance)) = directions.covariance().zip(variance) {
+        if let Some(variance) = variance {
+            let (covariance, determined) = (directions.covariance(), directions.determined());
             for (k, (&i, p)) in active.iter().zip(&chosen).enumerate() {
-                let scale = p.scale(values[i]);
-                standard[i] = Some(scale * (variance * covariance[(k, k)]).sqrt());
+                let error = p.scale(values[i]) * (variance * covariance[(k, k)]).sqrt();
+                standard[i] = determined[k].then_some(error);
             }
-            let correlation = |i: usize, j: usize| {
-                covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()
-            };
-            let n = chosen.len();
-            report.correlation =
-                Some((0..n).map(|i| (0..n).map(|j| correlation(i, j)).collect()).collect());
+            report.correlation = determined.iter().all(|&d| d).then(|| correlations(&covariance));
         }
         report.condition = Some(directions.condition()).filter(|c| c.is_finite());
         let found = verdict::of_fit(
@@ -192,20 +186,7 @@ pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitE
     let predictions = forward.predictions(observed);
     let residual = residuals(observed, &predictions);
     report.objective[1] = residual.iter().map(|r| r * r).sum();
-    report.data = observations
-        .files
-        .iter()
-        .map(|file| {
-            let own = file.range.clone();
-            let gap = |i: usize| predictions[i] - observed[i].value;
-            let squares: f64 = own.clone().map(|i| gap(i).powi(2)).sum();
-            let rms = (squares / own.len() as f64).sqrt();
-            let worst = own.map(|i| gap(i).abs()).fold(0.0, f64::max);
-            let rms_percent =
-                if file.largest > 0.0 { 100.0 * rms / file.largest } else { f64::NAN };
-            Misfit { file: file.clone(), rms, rms_percent, worst }
-        })
-        .collect();
+    report.data = misfits(&observations, &predictions);
     let freedom = (!observations.has_sigma).then_some(report.degrees_of_freedom);
     report.parameters = parameters
         .iter()
@@ -226,6 +207,28 @@ pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitE
     report.work = forward.work;
     report.seconds = clock.elapsed().as_secs_f64();
     Ok(report)
+}
+
+/// Correlation matrix of a covariance.
+fn correlations(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let n = covariance.nrows();
+    let entry =
+        |i: usize, j: usize| covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+    (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect()
+}
+
+/// How well the observations of every file are met.
+fn misfits(observations: &Observations, predictions: &[f64]) -> Vec<Misfit> {
+    let misfit = |file: &DataFile| {
+        let own = file.range.clone();
+        let gap = |i: usize| predictions[i] - observations.list[i].value;
+        let squares: f64 = own.clone().map(|i| gap(i).powi(2)).sum();
+        let rms = (squares / own.len() as f64).sqrt();
+        let rms_percent = (file.largest > 0.0).then(|| 100.0 * rms / file.largest);
+        let worst = own.map(|i| gap(i).abs()).fold(0.0, f64::max);
+        Misfit { file: file.clone(), rms, rms_percent, worst }
+    };
+    observations.files.iter().map(misfit).collect()
 }
 
 /// 95 % confidence interval.

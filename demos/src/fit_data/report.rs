@@ -44,8 +44,8 @@ pub struct Misfit {
     pub file: DataFile,
     /// Root mean square of model less observation (m or N).
     pub rms: f64,
-    /// The same in percent of the largest observed displacement or force.
-    pub rms_percent: f64,
+    /// The same in percent of the largest observed displacement or force; none when that is zero.
+    pub rms_percent: Option<f64>,
     /// Largest difference (m or N).
     pub worst: f64,
 }
@@ -149,17 +149,13 @@ impl fmt::Display for FitReport {
                 DataKind::Forces => "force",
             };
             let unit = m.file.kind.unit();
-            writeln!(
-                f,
-                "  {}: {} numbers in {} rows, rms {:.3e} {unit} ({:.3e} % of the largest {what}), \
-                 largest {:.3e} {unit}",
-                m.file.path.display(),
-                m.file.observations,
-                m.file.rows,
-                m.rms,
-                m.rms_percent,
-                m.worst,
-            )?;
+            let (path, file) = (m.file.path.display(), &m.file);
+            write!(f, "  {path}: {} numbers in {} rows, ", file.observations, file.rows)?;
+            write!(f, "rms {:.3e} {unit}", m.rms)?;
+            if let Some(percent) = m.rms_percent {
+                write!(f, " ({percent:.3e} % of the largest {what})")?;
+            }
+            writeln!(f, ", largest {:.3e} {unit}", m.worst)?;
             if m.file.farthest_vertex > 0.0 {
                 let far = m.file.farthest_vertex;
                 writeln!(f, "    positions up to {far:.3e} m from the nearest vertex")?;

@@ -44,24 +44,36 @@ impl Directions {
 
     /// Directions along which the observations hardly change.
     pub fn unidentifiable(&self) -> impl Iterator<Item = &[f64]> {
-        let least = self.singular_values.first().map_or(0.0, |s| s / WORST_CONDITION);
         let all = self.singular_values.iter().zip(&self.vectors);
-        all.filter(move |(s, _)| **s <= least).map(|(_, v)| v.as_slice())
+        all.filter(|(s, _)| **s <= self.least()).map(|(_, v)| v.as_slice())
     }
 
-    /// `(J^T J)^-1`, `None` when it does not exist.
-    pub fn covariance(&self) -> Option<DMatrix<f64>> {
+    /// Whether each parameter is determined: it has no part in a direction that is not identifiable.
+    pub fn determined(&self) -> Vec<bool> {
+        let part = |i: usize| self.unidentifiable().any(|v| v[i].abs() > NO_PART);
+        (0..self.vectors.len()).map(|i| !part(i)).collect()
+    }
+
+    /// `(J^T J)^-1` along the identifiable directions: entries of determined parameters are those of the
+    /// whole inverse.
+    pub fn covariance(&self) -> DMatrix<f64> {
         let n = self.vectors.len();
-        let largest = *self.singular_values.first()?;
-        let floor = f64::EPSILON * n as f64 * largest;
-        if self.singular_values.iter().any(|&s| s <= floor) {
-            return None;
-        }
-        let all = || self.singular_values.iter().zip(&self.vectors);
-        let entry = |i: usize, j: usize| all().map(|(s, v)| v[i] * v[j] / (s * s)).sum::<f64>();
-        Some(DMatrix::from_fn(n, n, entry))
+        let good = || {
+            let all = self.singular_values.iter().zip(&self.vectors);
+            all.filter(|(s, _)| **s > self.least())
+        };
+        let entry = |i: usize, j: usize| good().map(|(s, v)| v[i] * v[j] / (s * s)).sum::<f64>();
+        DMatrix::from_fn(n, n, entry)
+    }
+
+    /// Singular value up to which a direction is not identifiable.
+    fn least(&self) -> f64 {
+        self.singular_values.first().map_or(0.0, |s| s / WORST_CONDITION)
     }
 }
+
+/// Entry of a singular vector up to which a parameter has no part in it.
+const NO_PART: f64 = 1e-3;
 
 /// Half width of the central 95 % interval of Student's distribution with `freedom` degrees of freedom,
 /// in standard errors; `None` stands for a known standard deviation (normal distribution).
@@ -119,11 +131,17 @@ mod tests {
         let null: Vec<&[f64]> = directions.unidentifiable().collect();
         assert_eq!(null.len(), 1);
         assert!((null[0][0] * 3.0 + null[0][1] * 4.0).abs() < 1e-14);
-        assert!(directions.covariance().is_none());
+        assert_eq!(directions.determined(), [false, false]);
+
+        // the third is apart from a pair that is not
+        let pair = DMatrix::from_row_slice(2, 3, &[3.0, 4.0, 0.0, 0.0, 0.0, 2.0]);
+        let directions = Directions::of(&pair);
+        assert_eq!(directions.determined(), [false, false, true]);
+        assert!((directions.covariance()[(2, 2)] - 0.25).abs() < 1e-14);
 
         let tall = DMatrix::from_row_slice(3, 2, &[1.0, 2.0, 0.5, -1.0, 2.0, 0.25]);
         let directions = Directions::of(&tall);
-        let product = tall.transpose() * &tall * directions.covariance().unwrap();
+        let product = tall.transpose() * &tall * directions.covariance();
         assert!((product - DMatrix::identity(2, 2)).amax() < 1e-13);
         assert_eq!(directions.unidentifiable().count(), 0);
         assert!(directions.condition() < 10.0);

@@ -149,7 +149,8 @@ pub(super) fn of_fit(
             let remedy = "the data do not determine it; observe more, or more exactly";
             found.push(warning("fit.uncertain", Level::Warning, title(p), message, remedy));
         }
-        if error.is_none() && !observations.has_sigma {
+        let freedom = observations.list.len() - parameters.len();
+        if error.is_none() && freedom == 0 && !observations.has_sigma {
             let message = "there is no standard error".into();
             let remedy = "observe more numbers than parameters, or give a column `sigma`";
             found.push(warning("fit.no-error", Level::Note, title(p), message, remedy));
