@@ -4,12 +4,14 @@
 
 mod advise;
 mod bench;
+mod fit_data;
 mod progress;
 mod reproduce;
 
 use advise::{AdviseArguments, advise_scene};
 use bench::{BenchCommand, bench};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use fit_data::{FitArguments, fit};
 use progress::Progress;
 use reproduce::{ReproduceCommand, reproduce};
 use sinew::engine::mesh::Mesh;
@@ -69,6 +71,8 @@ enum Command {
     Reproduce(ReproduceCommand),
     /// Find the settings that run a scene within a budget of time and error on this machine.
     Advise(AdviseArguments),
+    /// Find material constants of a static scene from measured displacements or forces.
+    Fit(FitArguments),
     /// Look at, convert or generate a mesh.
     #[command(subcommand)]
     Mesh(MeshCommand),
@@ -279,6 +283,7 @@ fn main() -> ExitCode {
         Command::Bench(command) => bench(&command),
         Command::Reproduce(command) => reproduce(&command),
         Command::Advise(arguments) => advise_scene(&arguments),
+        Command::Fit(arguments) => fit(arguments),
         Command::Mesh(command) => mesh(command),
     };
     match outcome {

@@ -163,3 +163,20 @@ fn bad_bench_arguments_are_named() {
     check(&["bench", "accuracy", "--quick", "--case", "fold"], 1, "", "cantilever");
     check(&["run", &shipped("liver"), "--integrator", "magic"], 2, "", "newton");
 }
+
+#[test]
+fn a_scene_is_fitted_to_data() {
+    let scene = shipped("fit_bar");
+    let data = scene.replace(".toml", ".csv");
+    let fit = ["fit", "--data", &data, "--fit", "young", "--fit", "poisson", &scene];
+    check(&fit, 0, "95 % within", "");
+    let output = sinew(&[&fit[..], &["--json"]].concat());
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(value["schema"], "sinew-fit-data/1");
+    assert_eq!(value["converged"], true);
+    let liver = shipped("liver");
+    let dynamic = ["fit", "--data", &data, "--fit", "young", &liver];
+    check(&dynamic, 1, "", "mode = \"static\"");
+    check(&["fit", "--data", &data, &scene], 2, "", "--fit");
+    check(&["fit", "--data", "nowhere.csv", "--fit", "young", &scene], 1, "", "nowhere.csv");
+}

@@ -71,6 +71,7 @@ fn every_shipped_scene_has_a_test_here() {
         "cantilever",
         "crush",
         "elements",
+        "fit_bar",
         "liver",
         "liver_resection",
         "membrane_drum",

@@ -515,8 +515,8 @@ impl Sheet {
                 spawn_both!(CorotationalMembrane);
             }
             MembraneModel::MassSpring => {
-                spawn_as!(triangles, MassSpring, ());
-                spawn_as!(quads, MassSpring, ());
+                spawn_as!(triangles, MassSpring, {});
+                spawn_as!(quads, MassSpring, {});
             }
         }
         report_areas::<S>(world);

@@ -1,0 +1,62 @@
+//! `sinew fit --data OBSERVED.csv SCENE.toml`.
+
+use crate::{Outcome, print};
+use clap::{ArgGroup, Args};
+use sinew_demos::fit_data::{self, FitRequest};
+use sinew_demos::scene::LoadedScene;
+use std::path::{Path, PathBuf};
+
+/// `sinew fit`, the form with data.
+#[derive(Args)]
+#[command(group(ArgGroup::new("form").required(true).args(["data"])))]
+pub struct FitArguments {
+    /// Scene file (TOML), static.
+    scene: PathBuf,
+    #[command(flatten)]
+    options: FitDataOptions,
+    /// Print JSON instead of the report.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+pub struct FitDataOptions {
+    /// Observations: displacements (columns vertex or x, y, z; ux, uy, uz; load, weight or sigma) or a
+    /// curve (load, force, constraint, axis; weight or sigma). May be given several times.
+    #[arg(long, value_name = "CSV", requires = "fit")]
+    data: Vec<PathBuf>,
+    /// What is fitted: young, poisson, young:REGION, poisson:REGION, with BODY/ before it in a scene of
+    /// several bodies. REGION is a group of cells, or an array of cell data whose values number regions.
+    #[arg(long, value_name = "PARAMETER", requires = "data")]
+    fit: Vec<String>,
+    /// Bounds of a parameter, such as young=1e3..1e5 or poisson=0.3..0.49.
+    #[arg(long, value_name = "PARAMETER=LOW..HIGH", requires = "data")]
+    bounds: Vec<String>,
+    /// Compare the derivatives with central differences at the end.
+    #[arg(long, requires = "data")]
+    check_gradient: bool,
+    /// Threads, 0 for one per core; results do not depend on it.
+    #[arg(long, requires = "data")]
+    threads: Option<usize>,
+}
+
+pub fn fit(arguments: FitArguments) -> Outcome {
+    fit_data(&arguments.scene, arguments.options, arguments.json)
+}
+
+/// Fits a scene to data.
+pub fn fit_data(scene: &Path, options: FitDataOptions, json: bool) -> Outcome {
+    let loaded = LoadedScene::read(scene)?;
+    let FitDataOptions { data, fit, bounds, check_gradient, threads } = options;
+    let request = FitRequest { data, fit, bounds, check_gradient, threads };
+    let report = fit_data::fit(&loaded, &request)?;
+    if json {
+        print(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
+    } else {
+        print(format_args!("{report}"))?;
+    }
+    if let Some(failure) = &report.failure {
+        eprintln!("error: {}: {failure}", scene.display());
+    }
+    Ok(report.failure.is_none())
+}
