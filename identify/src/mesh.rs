@@ -105,7 +105,7 @@ impl<'a> Cells<'a> {
 pub struct FittedSprings {
     /// Pairs of nodes, each sorted, in lexicographic order, without repetition.
     pub edges: Vec<[u32; 2]>,
-    /// Constants (N/m), one to an edge: sums over the elements round it.
+    /// Constants (N/m), one to an edge: sums over the elements round it. Some methods leave some at 0.
     pub constants: Vec<f64>,
     /// What came out.
     pub report: FitReport,
