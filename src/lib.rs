@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod axes;
 pub mod plugin;
 mod resection;
 pub mod simulation;
@@ -7,6 +8,7 @@ pub mod simulation;
 pub use plugin::SinewPlugins;
 
 pub use sinew_engine as engine;
+pub use sinew_identify as identify;
 pub use sinew_models as models;
 pub use sinew_solvers as solvers;
 
@@ -21,6 +23,8 @@ pub mod prelude {
     pub use sinew_engine::mesh::{CheckOptions, Mesh, check};
     pub use sinew_engine::report::{StepReport, VolumeReport};
     pub use sinew_engine::step::StepError;
+    pub use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
+    pub use sinew_models::axes::muscle::MuscleSettings;
     pub use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model};
     pub use sinew_models::field::{FieldError, MaterialField};
     pub use sinew_models::material::{MaterialError, YoungPoisson, preset, presets};

@@ -1,6 +1,7 @@
 //! Removal of elements from a [`Simulation`].
 
 use crate::simulation::{BodyHandle, Precision, Simulation};
+use sinew_engine::connectivity::ElementKind;
 use sinew_models::body::BodyError;
 use sinew_models::resection::{
     FreshDifference, Removal, RemovalError, RemovalReport, Resection, compare_with_fresh,
@@ -8,7 +9,7 @@ use sinew_models::resection::{
 };
 
 impl Simulation {
-    /// Removes tetrahedra and membrane triangles of a body, from now on; see [`sinew_models::resection`]. To do so from a
+    /// Removes elements of a body, from now on; see [`sinew_models::resection`]. To do so from a
     /// schedule, spawn a [`RemovalRequest`](sinew_models::resection::RemovalRequest).
     ///
     /// # Errors
@@ -53,49 +54,48 @@ impl Simulation {
         prepare_removals(self.world_mut(), body.0)
     }
 
-    /// Tetrahedra that are left, by their indices in the user's mesh, ascending.
-    pub fn remaining_tetrahedra(&self, body: BodyHandle) -> Vec<u32> {
+    /// Elements of a kind that are left, by their indices in the user's mesh or list, ascending.
+    pub fn remaining(&self, body: BodyHandle, kind: ElementKind) -> Vec<u32> {
         let rows = &self.topology().bodies[body.0];
         let resection = self.world().get_resource::<Resection>();
         let connectivity = resection.and_then(|r| r.connectivity(body.0));
         let mut left: Vec<u32> = (0..)
-            .zip(&rows.tetrahedron_order)
-            .filter(|(t, _)| connectivity.is_none_or(|c| c.is_present(*t)))
+            .zip(rows.order(kind))
+            .filter(|(e, _)| connectivity.is_none_or(|c| c.is_present(kind, *e)))
             .map(|(_, &index)| index)
             .collect();
         left.sort_unstable();
         left
+    }
+
+    /// Tetrahedra that are left, by their indices in the user's mesh, ascending.
+    pub fn remaining_tetrahedra(&self, body: BodyHandle) -> Vec<u32> {
+        self.remaining(body, ElementKind::Tetrahedron)
     }
 
     /// Membrane triangles that are left, by their indices in the user's list, ascending.
     pub fn remaining_triangles(&self, body: BodyHandle) -> Vec<u32> {
-        let rows = &self.topology().bodies[body.0];
-        let resection = self.world().get_resource::<Resection>();
-        let connectivity = resection.and_then(|r| r.connectivity(body.0));
-        let mut left: Vec<u32> = (0..)
-            .zip(&rows.membrane_order)
-            .filter(|(t, _)| connectivity.is_none_or(|c| c.is_membrane_present(*t)))
-            .map(|(_, &index)| index)
-            .collect();
-        left.sort_unstable();
-        left
+        self.remaining(body, ElementKind::Triangle)
     }
 
-    /// Triangles of the surface of what is left of the tetrahedra, outward, each with the tetrahedron behind it; all by
-    /// their indices in the user's mesh. It is kept up to date by removals: the cost is that of the
-    /// list, once the body is prepared.
+    /// Triangles of the surface of what is left of the solid, outward, each with the element behind it; all by
+    /// their indices in the user's mesh. Faces of hexahedra are cut into two triangles. It is kept up to date
+    /// by removals: the cost is that of the list, once the body is prepared.
     ///
     /// # Errors
     /// When there is no such body.
-    pub fn surface(&mut self, body: BodyHandle) -> Result<Vec<([u32; 3], u32)>, RemovalError> {
+    pub fn surface(
+        &mut self,
+        body: BodyHandle,
+    ) -> Result<Vec<([u32; 3], ElementKind, u32)>, RemovalError> {
         self.prepare_removals(body)?;
         let rows = &self.topology().bodies[body.0];
         let resection = self.world().get_resource::<Resection>();
         let connectivity = resection.and_then(|r| r.connectivity(body.0));
         let surface = connectivity.into_iter().flat_map(|c| c.surface());
-        let user = |(triangle, t): ([u32; 3], u32)| {
+        let user = |(triangle, kind, e): ([u32; 3], ElementKind, u32)| {
             let vertices = triangle.map(|v| rows.vertex_order[v as usize]);
-            (vertices, rows.tetrahedron_order[t as usize])
+            (vertices, kind, rows.order(kind)[e as usize])
         };
         Ok(surface.map(user).collect())
     }

@@ -6,6 +6,10 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{ShapeGradients, TetrahedronVertices};
+use sinew_engine::isoparametric::{
+    Derivatives, HexahedronIndex, HexahedronRest, HexahedronVertices, QuadIndex, QuadRest,
+    QuadVertices,
+};
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
 use sinew_engine::load::{Constraint, Load, Pressure};
@@ -14,7 +18,8 @@ use sinew_engine::report::{AreaReport, StepReport, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule};
 use sinew_engine::step::{
-    Gravity, StepClock, StepError, measure_area_ratios, measure_volume_ratios, run_step,
+    Gravity, StepClock, StepError, hexahedron_ratios, measure_area_ratios, measure_volume_ratios,
+    quad_ratios, run_step,
 };
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{
@@ -434,12 +439,14 @@ impl Simulation {
             .collect()
     }
 
-    /// Volume ratio J of every tetrahedron of a body, in the user's order.
+    /// Volume ratio J of every tetrahedron of a body, then of every hexahedron (the smallest of its Gauss
+    /// points), in the user's order.
     pub fn volume_ratios(&mut self, body: BodyHandle) -> Vec<f64> {
         by_precision!(self, volume_ratios(self, body))
     }
 
-    /// Area ratio of every membrane triangle of a body, in the user's order.
+    /// Area ratio of every membrane triangle of a body, then of every quadrilateral (the smallest of its Gauss
+    /// points), in the user's order.
     pub fn area_ratios(&mut self, body: BodyHandle) -> Vec<f64> {
         by_precision!(self, area_ratios(self, body))
     }
@@ -564,8 +571,9 @@ fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Ve
     use sinew_engine::element::{TetrahedronIndex, displacement_gradient, volume_change};
     use sinew_engine::scalar::xyz;
     use sinew_engine::vertex::BodyId;
-    let count = simulation.topology().bodies[body.0].tetrahedra.len();
-    let mut result = vec![1.0; count];
+    let rows = &simulation.topology().bodies[body.0];
+    let first = rows.tetrahedra.len();
+    let mut result = vec![1.0; first + rows.hexahedra.len()];
     let world = simulation.world_mut();
     let mut vertices = world.query::<&Displacement<S>>();
     let mut tetrahedra =
@@ -580,6 +588,17 @@ fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Ve
             result[index.0 as usize] = 1.0 + change.to_f64();
         }
     }
+    let derivatives = &Derivatives::hexahedron();
+    let mut hexahedra =
+        world.query::<(&HexahedronVertices, &HexahedronRest<S>, &HexahedronIndex, &BodyId)>();
+    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
+    for (nodes, rest, index, of) in hexahedra.iter(world) {
+        if of.0 as usize == body.0 {
+            let ratios = hexahedron_ratios(derivatives, u, *nodes, rest);
+            let smallest = ratios.into_iter().fold(f64::INFINITY, f64::min);
+            result[first + index.0 as usize] = smallest;
+        }
+    }
     result
 }
 
@@ -587,8 +606,9 @@ fn area_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Vec<
     use sinew_engine::element::{MembraneIndex, MembraneRest, MembraneVertices, area_ratio};
     use sinew_engine::scalar::xyz;
     use sinew_engine::vertex::BodyId;
-    let count = simulation.topology().bodies[body.0].membrane.len();
-    let mut result = vec![1.0; count];
+    let rows = &simulation.topology().bodies[body.0];
+    let first = rows.membrane.len();
+    let mut result = vec![1.0; first + rows.quads.len()];
     let world = simulation.world_mut();
     let mut vertices = world.query::<&Displacement<S>>();
     let mut triangles =
@@ -599,6 +619,15 @@ fn area_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Vec<
             let edges = [[a.0.0, a.1.0, a.2.0], [b.0.0, b.1.0, b.2.0]];
             let local = nodes.0.map(|v| xyz(u[v as usize].0));
             result[index.0 as usize] = area_ratio(&edges, area.0, &local).to_f64();
+        }
+    }
+    let derivatives = &Derivatives::quad();
+    let mut quads = world.query::<(&QuadVertices, &QuadRest<S>, &QuadIndex, &BodyId)>();
+    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
+    for (nodes, rest, index, of) in quads.iter(world) {
+        if of.0 as usize == body.0 {
+            let ratios = quad_ratios(derivatives, u, *nodes, rest);
+            result[first + index.0 as usize] = ratios.into_iter().fold(f64::INFINITY, f64::min);
         }
     }
     result

@@ -551,7 +551,7 @@ fn pressures_follow_the_surface_that_is_left() {
             s.step().unwrap();
         }
         // the cut surface bears it once it is told to
-        let cut: Vec<[u32; 3]> = s.surface(body).unwrap().into_iter().map(|(t, _)| t).collect();
+        let cut: Vec<[u32; 3]> = s.surface(body).unwrap().into_iter().map(|(t, ..)| t).collect();
         let faces = s.face_rows(body, "air", &cut).unwrap();
         s.world_mut().get_mut::<Pressure>(air).unwrap().faces = faces;
         s.step().unwrap();

@@ -140,7 +140,7 @@ fn reports_add_up() {
         assert!((mass - gone - now).abs() < 1e-12 * mass);
         // every triangle of the surface looks outward and has one tetrahedron
         let left = simulation.remaining_tetrahedra(body);
-        for (triangle, t) in simulation.surface(body).unwrap() {
+        for (triangle, _, t) in simulation.surface(body).unwrap() {
             assert!(left.binary_search(&t).is_ok());
             let [a, b, c] = triangle.map(|v| mesh.points[v as usize]);
             let inside: DVec3 =

@@ -56,9 +56,15 @@ pub fn bent(
     let options = SimulationOptions { precision, threads, ..Default::default() };
     let mut simulation = Simulation::new(options)?;
     let material = MATERIAL;
+    let axes = match model {
+        // a material without moduli is refused with the body
+        Model::Axes => material.lame().ok().map(AxesDescription::isotropic),
+        _ => None,
+    };
     let body = simulation.add_body(&BodyDescription {
         evaluation,
         model,
+        axes,
         ..BodyDescription::new("beam", mesh, material)
     })?;
     let rows = simulation.group_rows(body, mesh, "x0")?;

@@ -20,7 +20,9 @@ use sinew_demos::build::{BuildOptions, generate};
 use sinew_demos::check::check_file;
 use sinew_demos::mesh_tool::{MeshInfo, convert, write};
 use sinew_demos::run::{Observer, RunOptions, Silent, run};
-use sinew_demos::scene::{BoxShape, CylinderShape, Generate, LoadedScene, SphereShape};
+use sinew_demos::scene::{
+    BoxShape, CylinderShape, Generate, LoadedScene, SheetCells, SheetShape, SolidCells, SphereShape,
+};
 use sinew_demos::validate::{ValidateOptions, validate};
 use std::error::Error;
 use std::io::Write;
@@ -198,9 +200,15 @@ enum Shape {
         /// Edge lengths X Y Z (m).
         #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], required = true, allow_negative_numbers = true)]
         size: Vec<f64>,
-        /// Cells along each edge; six tetrahedra in each.
+        /// Cells along each edge; six tetrahedra or one hexahedron in each.
         #[arg(long, num_args = 3, value_names = ["NX", "NY", "NZ"], required = true)]
         cells: Vec<usize>,
+        /// tetrahedra, hexahedra or irregular (tetrahedra without a preferred direction).
+        #[arg(long, default_value = "tetrahedra", value_parser = choice::<SolidCells>)]
+        elements: SolidCells,
+        /// Which of the irregular meshes.
+        #[arg(long)]
+        seed: Option<u64>,
         /// Mesh file to write (.msh, .vtk, .vtu).
         #[arg(long, short, value_name = "FILE")]
         out: PathBuf,
@@ -219,6 +227,24 @@ enum Shape {
         /// Layers along the axis.
         #[arg(long, default_value_t = 20)]
         layers: usize,
+        /// tetrahedra, hexahedra or irregular (tetrahedra moved at random).
+        #[arg(long, default_value = "tetrahedra", value_parser = choice::<SolidCells>)]
+        elements: SolidCells,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        #[arg(long, short, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// A rectangle at z = 0 with one corner at the origin; groups x0, x1, y0, y1, body.
+    Sheet {
+        /// Edge lengths X Y (m).
+        #[arg(long, num_args = 2, value_names = ["X", "Y"], required = true, allow_negative_numbers = true)]
+        size: Vec<f64>,
+        /// Cells along each edge.
+        #[arg(long, num_args = 2, value_names = ["NX", "NY"], required = true)]
+        cells: Vec<usize>,
+        /// triangles or quads.
+        #[arg(long, default_value = "triangles", value_parser = choice::<SheetCells>)]
+        elements: SheetCells,
         /// Mesh file to write (.msh, .vtk, .vtu).
         #[arg(long, short, value_name = "FILE")]
         out: PathBuf,
@@ -354,15 +380,20 @@ fn mesh(command: MeshCommand) -> Outcome {
         }
         MeshCommand::Generate { shape } => {
             let (shape, out) = match shape {
-                Shape::Box { size, cells, out } => {
+                Shape::Box { size, cells, elements, seed, out } => {
                     let size = [size[0], size[1], size[2]];
                     let cells = [cells[0], cells[1], cells[2]];
-                    let cuboid = Some(BoxShape { size, cells });
+                    let cuboid = Some(BoxShape { size, cells, elements, seed });
                     (Generate { cuboid, ..Generate::default() }, out)
                 }
-                Shape::Cylinder { radius, length, rings, layers, out } => {
-                    let cylinder = Some(CylinderShape { radius, length, rings, layers });
+                Shape::Cylinder { radius, length, rings, layers, elements, out } => {
+                    let cylinder = Some(CylinderShape { radius, length, rings, layers, elements });
                     (Generate { cylinder, ..Generate::default() }, out)
+                }
+                Shape::Sheet { size, cells, elements, out } => {
+                    let (size, cells) = ([size[0], size[1]], [cells[0], cells[1]]);
+                    let sheet = Some(SheetShape { size, cells, elements });
+                    (Generate { sheet, ..Generate::default() }, out)
                 }
                 Shape::Sphere { radius, shells, out } => {
                     let sphere = Some(SphereShape { radius, shells });

@@ -5,21 +5,23 @@ use crate::error::{Place, SceneError, hint};
 use crate::resection::{self, BuiltResection};
 use crate::scene::{
     Body, CurveEntry, Faces, Generate, LoadedScene, Material, Membrane, Mode, Probe, Quantity,
-    Rotation, Selection,
+    Rotation, Selection, SheetCells, SolidCells,
 };
 use crate::summary::{Level, Warning};
 use glam::{DQuat, DVec2, DVec3};
 use sinew::engine::load::{Constraint, Curve, Load, Motion, Pressure};
 use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::generate::{
-    box_tets, cylinder_tets, disc_triangles, sphere_tets, sphere_triangles, triangle_grid,
+    box_hexahedra, box_tets, cylinder_hexahedra, cylinder_tets, disc_triangles, irregular_box_tets,
+    jitter_interior, quad_grid, specimen_hexahedra, specimen_quads, specimen_tets,
+    specimen_triangles, sphere_tets, sphere_triangles, triangle_grid,
 };
-use sinew::engine::mesh::{CheckOptions, CheckReport, FindingCode, Mesh, MeshError, check};
+use sinew::engine::mesh::{CheckOptions, CheckReport, FindingCode, Group, Mesh, MeshError, check};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::{BodyDescription, Evaluation, Model};
 use sinew::models::field::FieldError;
 use sinew::models::material::{MaterialError, YoungPoisson, preset};
-use sinew::models::sheet::{MembraneDescription, MembraneModel};
+use sinew::models::sheet::MembraneSettings;
 use sinew::simulation::{BodyHandle, Precision, Simulation, SimulationOptions};
 use sinew::solvers::settings::{Integrator, SolverSettings};
 use std::collections::HashMap;
@@ -111,14 +113,10 @@ pub struct BuiltBody {
 pub struct BuiltMembrane {
     /// Triangles.
     pub triangles: Vec<[u32; 3]>,
-    /// Thickness (m).
-    pub thickness: f64,
-    /// Material.
-    pub material: YoungPoisson,
-    /// Energy.
-    pub model: MembraneModel,
-    /// Evaluation.
-    pub evaluation: Evaluation,
+    /// Quadrilaterals.
+    pub quads: Vec<[u32; 4]>,
+    /// What it is made of.
+    pub settings: MembraneSettings,
     /// Area (m^2).
     pub area: f64,
 }
@@ -127,6 +125,11 @@ impl BuiltBody {
     /// Triangles of its membrane, none without one.
     pub fn membrane_triangles(&self) -> &[[u32; 3]] {
         self.membrane.as_ref().map_or(&[], |m| &m.triangles)
+    }
+
+    /// Quadrilaterals of its membrane, none without one.
+    pub fn membrane_quads(&self) -> &[[u32; 4]] {
+        self.membrane.as_ref().map_or(&[], |m| &m.quads)
     }
 }
 
@@ -265,12 +268,44 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
 /// # Errors
 /// [`MeshError`] when a parameter is out of range, `Ok(None)` unless exactly one shape is given.
 pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
-    let Generate { cuboid, cylinder, sphere, sheet, disc, balloon } = shape;
+    let Generate { cuboid, cylinder, sphere, sheet, specimen, disc, balloon } = shape;
     let shapes = [
-        cuboid.as_ref().map(|s| box_tets(DVec3::from_array(s.size), s.cells)),
-        cylinder.as_ref().map(|s| cylinder_tets(s.radius, s.length, s.rings, s.layers)),
+        cuboid.as_ref().map(|s| {
+            let size = DVec3::from_array(s.size);
+            match s.elements {
+                SolidCells::Tetrahedra => box_tets(size, s.cells),
+                SolidCells::Hexahedra => box_hexahedra(size, s.cells),
+                SolidCells::Irregular => {
+                    irregular_box_tets(size, s.cells, 0.15, s.seed.unwrap_or(0))
+                }
+            }
+        }),
+        cylinder.as_ref().map(|s| match s.elements {
+            SolidCells::Tetrahedra => cylinder_tets(s.radius, s.length, s.rings, s.layers),
+            SolidCells::Hexahedra => {
+                cylinder_hexahedra(s.radius, s.length, 2 * s.rings, s.rings, s.layers)
+            }
+            SolidCells::Irregular => cylinder_tets(s.radius, s.length, s.rings, s.layers)
+                .and_then(|mesh| jitter_interior(&mesh, 0.15, 0)),
+        }),
         sphere.as_ref().map(|s| sphere_tets(s.radius, s.shells)),
-        sheet.as_ref().map(|s| triangle_grid(DVec2::from_array(s.size), s.cells)),
+        sheet.as_ref().map(|s| {
+            let size = DVec2::from_array(s.size);
+            match s.elements {
+                SheetCells::Triangles => triangle_grid(size, s.cells),
+                SheetCells::Quads => quad_grid(size, s.cells),
+            }
+        }),
+        specimen.as_ref().map(|s| {
+            let cells = |i: usize| s.cells.get(i).copied().unwrap_or(0);
+            let (flat, deep) = ([cells(0), cells(1)], [cells(0), cells(1), cells(2)]);
+            match (s.thickness, s.solid, s.sheet.unwrap_or_default()) {
+                (None, _, SheetCells::Triangles) => specimen_triangles(s.width, flat),
+                (None, _, SheetCells::Quads) => specimen_quads(s.width, flat),
+                (Some(t), Some(SolidCells::Hexahedra), _) => specimen_hexahedra(s.width, t, deep),
+                (Some(t), ..) => specimen_tets(s.width, t, deep),
+            }
+        }),
         disc.as_ref().map(|s| disc_triangles(s.radius, s.rings)),
         balloon.as_ref().map(|s| sphere_triangles(s.radius, s.cuts)),
     ];
@@ -279,6 +314,14 @@ pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
         (Some(mesh), None) => mesh.map(Some),
         _ => Ok(None),
     }
+}
+
+/// Two triangles of a quadrilateral, cut as the surface of a mesh is: from the lowest vertex.
+fn cut(mut quad: [u32; 4]) -> [[u32; 3]; 2] {
+    let lowest = (0..4).min_by_key(|&i| quad[i]).unwrap_or(0);
+    quad.rotate_left(lowest);
+    let [a, b, c, d] = quad;
+    [[a, b, c], [a, c, d]]
 }
 
 /// Key of the value that is wrong.
@@ -502,16 +545,16 @@ impl Builder<'_> {
         Ok(material)
     }
 
-    /// Values of the tetrahedra from the cell data of that name, when a scene names one.
-    fn field<'m>(
+    /// Values of the solid elements from the cell data of that name, when a scene names one.
+    fn field(
         &self,
         key: &str,
         name: Option<&String>,
-        mesh: &'m Mesh,
-    ) -> Result<Option<&'m [f64]>, SceneError> {
+        mesh: &Mesh,
+    ) -> Result<Option<Vec<f64>>, SceneError> {
         let Some(name) = name else { return Ok(None) };
         match mesh.data(name) {
-            Some(data) => Ok(Some(&data.tetrahedra)),
+            Some(data) => Ok(Some([&data.tetrahedra[..], &data.hexahedra[..]].concat())),
             None if mesh.cell_data.is_empty() => Err(self.value(
                 key,
                 format!("there is no cell data `{name}` in {}", mesh.source),
@@ -535,7 +578,9 @@ impl Builder<'_> {
         source: FieldError,
     ) -> SceneError {
         let quantity = match &source {
-            FieldError::Tetrahedron { source, .. } => material_key(source),
+            FieldError::Tetrahedron { source, .. } | FieldError::Hexahedron { source, .. } => {
+                material_key(source)
+            }
             _ => "",
         };
         let array = match quantity {
@@ -568,7 +613,8 @@ impl Builder<'_> {
                 })?;
                 mesh.ok_or_else(|| {
                     let remedy =
-                        "give one of `box`, `cylinder`, `sphere`, `sheet`, `disc` and `balloon`";
+                        "give one of `box`, `cylinder`, `sphere`, `sheet`, `specimen`, `disc` and \
+                         `balloon`";
                     self.value(key, "not exactly one shape is given", remedy)
                 })?
             }
@@ -629,10 +675,10 @@ impl Builder<'_> {
             Some(entry) => Some(self.membrane(&key, entry, &checked.mesh, material)?),
             None => None,
         };
-        if checked.mesh.tetrahedra.is_empty() && membrane.is_none() {
+        if !checked.mesh.is_solid() && membrane.is_none() {
             return Err(self.value(
                 mesh_key,
-                "the mesh has triangles but no tetrahedra",
+                "the mesh has faces but no tetrahedra or hexahedra",
                 "give them a thickness, membrane = { thickness = 0.001 }, or fill the mesh with \
                  tetrahedra (Gmsh, TetGen)",
             ));
@@ -640,7 +686,9 @@ impl Builder<'_> {
         if let Some(m) = &membrane {
             let used = &mut checked.used_vertices;
             *used = checked.mesh.tetrahedra.as_flattened().to_vec();
+            used.extend(checked.mesh.hexahedra.as_flattened());
             used.extend(m.triangles.as_flattened());
+            used.extend(m.quads.as_flattened());
             used.sort_unstable();
             used.dedup();
             // the check does not know of the membrane
@@ -678,31 +726,34 @@ impl Builder<'_> {
         let field = |quantity: &str, name: &Option<String>| {
             self.field(&format!("{key}.material.{quantity}_field"), name.as_ref(), &checked.mesh)
         };
+        let young_modulus = field("young_modulus", &entry.young_modulus_field)?;
+        let poisson_ratio = field("poisson_ratio", &entry.poisson_ratio_field)?;
+        let density = field("density", &entry.density_field)?;
         let description = BodyDescription {
-            young_modulus: field("young_modulus", &entry.young_modulus_field)?,
-            poisson_ratio: field("poisson_ratio", &entry.poisson_ratio_field)?,
-            density: field("density", &entry.density_field)?,
+            young_modulus: young_modulus.as_deref(),
+            poisson_ratio: poisson_ratio.as_deref(),
+            density: density.as_deref(),
             model: body.model,
             evaluation: body.evaluation,
-            membrane: membrane.as_ref().map(|m| MembraneDescription {
-                model: m.model,
-                evaluation: m.evaluation,
-                ..MembraneDescription::new(&m.triangles, m.thickness, m.material)
-            }),
+            springs: body.element_method,
+            membrane: membrane.as_ref().map(|m| m.settings.of(&m.triangles, &m.quads)),
             ..BodyDescription::new(&body.name, &checked.mesh, material)
         };
         description
             .material_field()
-            .validate(checked.mesh.tetrahedra.len())
+            .validate(checked.mesh.tetrahedra.len(), checked.mesh.hexahedra.len())
             .map_err(|source| self.field_error(&key, entry, &checked.mesh, source))?;
         let mass = match description.density {
             Some(density) => {
-                let volumes = checked.mesh.tetrahedra.iter().zip(density);
-                volumes.map(|(&t, rho)| rho * checked.mesh.signed_volume(t).unwrap_or(0.0)).sum()
+                let mesh = &checked.mesh;
+                let tetrahedra = mesh.tetrahedra.iter().map(|&t| mesh.signed_volume(t));
+                let hexahedra = mesh.hexahedra.iter().map(|&h| mesh.hexahedron_volume(h));
+                let volumes = tetrahedra.chain(hexahedra).map(|volume| volume.unwrap_or(0.0));
+                volumes.zip(density).map(|(volume, rho)| rho * volume).sum()
             }
             None => checked.report.statistics.total_volume * material.density,
         };
-        let sheet = membrane.as_ref().map_or(0.0, |m| m.area * m.thickness * m.material.density);
+        let sheet = membrane.as_ref().map_or(0.0, |m| m.area * m.settings.surface().1);
         let handle = simulation.add_body(&description).map_err(|source| SceneError::Body {
             place: self.place(mesh_key),
             source: Box::new(source),
@@ -744,57 +795,62 @@ impl Builder<'_> {
             let found = format!("model \"{}\" has no pooled evaluation", entry.model.name());
             return Err(self.value(format!("{key}.evaluation"), found, "leave it out"));
         }
-        let triangles = match (&entry.group, entry.surface) {
-            (Some(group), None) => self.group_triangles(&key, group, mesh)?,
-            (None, Some(true)) => mesh.surface_triangles(),
-            (None, None) if mesh.tetrahedra.is_empty() => mesh.triangles.clone(),
+        let (triangles, quads) = match (&entry.group, entry.surface) {
+            (Some(group), None) => self.group_cells(&key, group, mesh)?,
+            (None, Some(true)) => {
+                let surface = mesh.surface();
+                (surface.triangles, surface.quads)
+            }
+            (None, None) if !mesh.is_solid() => (mesh.triangles.clone(), mesh.quads.clone()),
             _ => {
-                let found = "not exactly one kind of triangles is given";
+                let found = "not exactly one kind of cells is given";
                 return Err(self.value(key, found, "give `group`, or `surface = true`"));
             }
         };
-        if triangles.is_empty() {
-            return Err(self.value(key, "it has no triangles", "choose other ones"));
+        if triangles.is_empty() && quads.is_empty() {
+            let found = "it has no triangles and no quadrilaterals";
+            return Err(self.value(key, found, "choose other ones"));
         }
-        let area = triangles
-            .iter()
-            .map(|t| {
-                let [a, b, c] = t.map(|v| mesh.points[v as usize]);
-                0.5 * (b - a).cross(c - a).length()
-            })
-            .sum();
-        let Membrane { thickness, model, evaluation, .. } = *entry;
-        Ok(BuiltMembrane { triangles, thickness, material, model, evaluation, area })
+        let twice = |points: &[u32]| {
+            let sides = (0..points.len()).map(|i| {
+                let [a, b] = [points[i], points[(i + 1) % points.len()]];
+                mesh.points[a as usize].cross(mesh.points[b as usize])
+            });
+            sides.sum::<DVec3>().length()
+        };
+        let areas = triangles.iter().map(|t| twice(t)).chain(quads.iter().map(|q| twice(q)));
+        let area = 0.5 * areas.sum::<f64>();
+        let Membrane { thickness, plane, model, evaluation, element_method: springs, .. } = *entry;
+        let settings = MembraneSettings { thickness, material, plane, model, evaluation, springs };
+        Ok(BuiltMembrane { triangles, quads, settings, area })
     }
 
-    /// Triangles of the groups of that name, at least one.
-    fn group_triangles(
+    /// Triangles and quadrilaterals of the groups of that name, at least one.
+    fn group_cells(
         &self,
         key: &str,
         name: &str,
         mesh: &Mesh,
-    ) -> Result<Vec<[u32; 3]>, SceneError> {
+    ) -> Result<(Vec<[u32; 3]>, Vec<[u32; 4]>), SceneError> {
         let place = || self.place(format!("{key}.group"));
         if mesh.group(name).is_none() {
             let hint = hint("group", name, mesh.groups.iter().map(|g| g.name.as_str()));
             let name = name.to_string();
             return Err(SceneError::Unknown { place: place(), kind: "group", name, hint });
         }
-        let groups = mesh.groups.iter().filter(|g| g.name == name);
-        let triangles: Vec<[u32; 3]> =
-            groups.flat_map(|g| &g.triangles).map(|&t| mesh.triangles[t as usize]).collect();
-        if triangles.is_empty() {
-            let found = format!("group `{name}` has no triangles");
-            let with: Vec<&str> = mesh
-                .groups
-                .iter()
-                .filter(|g| !g.triangles.is_empty())
-                .map(|g| g.name.as_str())
-                .collect();
-            let remedy = format!("groups with triangles: {}", with.join(", "));
+        let (mut triangles, mut quads) = (Vec::new(), Vec::new());
+        for group in mesh.groups.iter().filter(|g| g.name == name) {
+            triangles.extend(group.triangles.iter().map(|&t| mesh.triangles[t as usize]));
+            quads.extend(group.quads.iter().map(|&q| mesh.quads[q as usize]));
+        }
+        if triangles.is_empty() && quads.is_empty() {
+            let found = format!("group `{name}` has no triangles and no quadrilaterals");
+            let has = |g: &&Group| !g.triangles.is_empty() || !g.quads.is_empty();
+            let with: Vec<&str> = mesh.groups.iter().filter(has).map(|g| g.name.as_str()).collect();
+            let remedy = format!("groups with such cells: {}", with.join(", "));
             return Err(self.value(format!("{key}.group"), found, remedy));
         }
-        Ok(triangles)
+        Ok((triangles, quads))
     }
 
     fn pressures(
@@ -858,7 +914,7 @@ impl Builder<'_> {
     /// Triangles that a pressure pushes along their normals.
     fn faces(&self, key: &str, on: &Faces, body: &BuiltBody) -> Result<Vec<[u32; 3]>, SceneError> {
         let inward = |[a, b, c]: [u32; 3]| [a, c, b];
-        let triangles = match (&on.group, on.surface, on.membrane) {
+        let triangles: Vec<[u32; 3]> = match (&on.group, on.surface, on.membrane) {
             (Some(group), None, None) => {
                 let sorted = |mut t: [u32; 3]| {
                     t.sort_unstable();
@@ -866,14 +922,18 @@ impl Builder<'_> {
                 };
                 let boundary: HashMap<[u32; 3], [u32; 3]> =
                     body.mesh.surface_triangles().into_iter().map(|t| (sorted(t), t)).collect();
-                let triangles = self.group_triangles(key, group, &body.mesh)?;
+                let (mut triangles, quads) = self.group_cells(key, group, &body.mesh)?;
+                triangles.extend(quads.into_iter().flat_map(cut));
                 let turn = |t| boundary.get(&sorted(t)).map_or(t, |&outward| inward(outward));
                 triangles.into_iter().map(turn).collect()
             }
             (None, Some(true), None) => {
                 body.mesh.surface_triangles().into_iter().map(inward).collect()
             }
-            (None, None, Some(true)) => body.membrane_triangles().to_vec(),
+            (None, None, Some(true)) => {
+                let quads = body.membrane_quads().iter().copied().flat_map(cut);
+                body.membrane_triangles().iter().copied().chain(quads).collect()
+            }
             _ => {
                 return Err(self.value(
                     key,

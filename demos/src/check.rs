@@ -3,6 +3,7 @@
 use crate::build::{BuildOptions, build};
 use crate::error::SceneError;
 use crate::scene::LoadedScene;
+use crate::summary::counted;
 use crate::summary::{Level, Warning, short};
 use serde::Serialize;
 use sinew::engine::mesh::{CheckOptions, CheckReport, Mesh, MeshError, check};
@@ -66,23 +67,26 @@ fn check_scene(path: &Path, summary: &mut CheckSummary) -> Result<(), SceneError
     summary.warnings = std::mem::take(&mut built.warnings);
     for body in &built.bodies {
         summary.plan.push(format!(
-            "body `{}`: {} vertices, {} tetrahedra, E = {} Pa, nu = {}, {} kg/m^3",
+            "body `{}`: {} vertices, {}, E = {} Pa, nu = {}, {} kg/m^3",
             body.name,
             body.used_vertices.len(),
-            body.mesh.tetrahedra.len(),
+            counted(&[
+                ("tetrahedra", body.mesh.tetrahedra.len()),
+                ("hexahedra", body.mesh.hexahedra.len()),
+            ]),
             short(body.material.young_modulus),
             body.material.poisson_ratio,
             short(body.material.density),
         ));
         if let Some(m) = &body.membrane {
             summary.plan.push(format!(
-                "membrane of `{}`: {} triangles, {} m thick, E = {} Pa, nu = {}, {} kg/m^3",
+                "membrane of `{}`: {}, {} m thick, E = {} Pa, nu = {}, {} kg/m^3",
                 body.name,
-                m.triangles.len(),
-                short(m.thickness),
-                short(m.material.young_modulus),
-                m.material.poisson_ratio,
-                short(m.material.density),
+                counted(&[("triangles", m.triangles.len()), ("quadrilaterals", m.quads.len())]),
+                short(m.settings.thickness),
+                short(m.settings.material.young_modulus),
+                m.settings.material.poisson_ratio,
+                short(m.settings.material.density),
             ));
         }
         summary.meshes.push(body.report.clone());
@@ -139,8 +143,11 @@ impl fmt::Display for CheckSummary {
             writeln!(f, "mesh {}", report.source)?;
             writeln!(
                 f,
-                "  {} vertices ({} used), {} tetrahedra, {} triangles, {} part(s)",
-                s.vertices, s.used_vertices, s.tetrahedra, s.triangles, s.components
+                "  {} vertices ({} used), {}, {} part(s)",
+                s.vertices,
+                s.used_vertices,
+                s.cells(),
+                s.components
             )?;
             writeln!(
                 f,

@@ -38,15 +38,22 @@ pub struct MeshInfo {
     pub vertices: usize,
     /// Tetrahedra.
     pub tetrahedra: usize,
+    /// Hexahedra.
+    pub hexahedra: usize,
     /// Triangles in the file.
     pub triangles: usize,
+    /// Quadrilaterals in the file.
+    pub quads: usize,
     /// Triangles that bound the tetrahedra.
     pub boundary_triangles: usize,
-    /// Sum of the signed volumes of the tetrahedra (m^3).
+    /// Quadrilaterals that bound the hexahedra.
+    pub boundary_quads: usize,
+    /// Sum of the signed volumes of the tetrahedra and hexahedra (m^3).
     pub volume: f64,
     /// Smallest and largest corner (m).
     pub bounds: Option<[[f64; 3]; 2]>,
-    /// Shortest, mean and longest edge of the tetrahedra (m).
+    /// Shortest, mean and longest edge of the tetrahedra and hexahedra, or of the faces in a mesh without
+    /// them (m).
     pub edge_lengths: Option<[f64; 3]>,
     /// Groups.
     pub groups: Vec<GroupInfo>,
@@ -65,21 +72,21 @@ pub struct GroupInfo {
     pub vertices: usize,
     /// Triangles.
     pub triangles: usize,
+    /// Quadrilaterals.
+    pub quads: usize,
     /// Tetrahedra.
     pub tetrahedra: usize,
+    /// Hexahedra.
+    pub hexahedra: usize,
 }
 
 impl MeshInfo {
     /// What is in `mesh`.
     pub fn of(mesh: &Mesh) -> Self {
-        let mut edges: Vec<[u32; 2]> = mesh
-            .tetrahedra
-            .iter()
-            .flat_map(|&[a, b, c, d]| [[a, b], [a, c], [a, d], [b, c], [b, d], [c, d]])
-            .map(|[a, b]| [a.min(b), a.max(b)])
-            .collect();
+        let mut edges = mesh.edges();
         edges.sort_unstable();
         edges.dedup();
+        let surface = mesh.surface();
         let point = |i: u32| mesh.points.get(i as usize).copied();
         let lengths: Vec<f64> = edges
             .iter()
@@ -96,8 +103,11 @@ impl MeshInfo {
             source: mesh.source.clone(),
             vertices: mesh.points.len(),
             tetrahedra: mesh.tetrahedra.len(),
+            hexahedra: mesh.hexahedra.len(),
             triangles: mesh.triangles.len(),
-            boundary_triangles: mesh.surface_triangles().len(),
+            quads: mesh.quads.len(),
+            boundary_triangles: surface.triangles.len(),
+            boundary_quads: surface.quads.len(),
             volume: mesh.total_volume(),
             bounds: mesh.bounds().map(|(low, high)| [low.to_array(), high.to_array()]),
             edge_lengths,
@@ -109,7 +119,9 @@ impl MeshInfo {
                     dimension: group.dimension,
                     vertices: group.vertices.len(),
                     triangles: group.triangles.len(),
+                    quads: group.quads.len(),
                     tetrahedra: group.tetrahedra.len(),
+                    hexahedra: group.hexahedra.len(),
                 })
                 .collect(),
             skipped: mesh.skipped.iter().map(|s| (s.kind.clone(), s.count)).collect(),
@@ -122,11 +134,21 @@ impl fmt::Display for MeshInfo {
         writeln!(f, "{}", self.source)?;
         writeln!(f, "  vertices    {}", self.vertices)?;
         writeln!(f, "  tetrahedra  {}", self.tetrahedra)?;
+        if self.hexahedra > 0 {
+            writeln!(f, "  hexahedra   {}", self.hexahedra)?;
+        }
         writeln!(
             f,
             "  triangles   {} in the file, {} on the boundary",
             self.triangles, self.boundary_triangles
         )?;
+        if self.quads + self.boundary_quads > 0 {
+            writeln!(
+                f,
+                "  quads       {} in the file, {} on the boundary",
+                self.quads, self.boundary_quads
+            )?;
+        }
         writeln!(f, "  volume      {:.6e} m^3", self.volume)?;
         if let Some([low, high]) = self.bounds {
             for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
@@ -141,11 +163,17 @@ impl fmt::Display for MeshInfo {
         for (i, group) in self.groups.iter().enumerate() {
             let label = if i == 0 { "groups" } else { "" };
             let kind = ["points", "lines", "faces", "volume"][usize::from(group.dimension.min(3))];
-            writeln!(
+            write!(
                 f,
                 "  {label:<11} {:<16} {kind:<7} {:>7} vertices {:>7} triangles {:>7} tetrahedra",
                 group.name, group.vertices, group.triangles, group.tetrahedra
             )?;
+            for (count, cells) in [(group.quads, "quads"), (group.hexahedra, "hexahedra")] {
+                if count > 0 {
+                    write!(f, " {count:>7} {cells}")?;
+                }
+            }
+            writeln!(f)?;
         }
         for (kind, count) in &self.skipped {
             writeln!(f, "  skipped     {count} x {kind}")?;

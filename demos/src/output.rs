@@ -5,6 +5,7 @@ use crate::build::{BuiltBody, BuiltConstraint, BuiltProbe, BuiltScene};
 use crate::error::RunError;
 use crate::scene::Quantity;
 use glam::DVec3;
+use sinew::engine::connectivity::{ByKind, ElementKind};
 use sinew::engine::mesh::CellData;
 use sinew::engine::mesh::io::{VtuData, write_pvd, write_vtu};
 use sinew::simulation::Simulation;
@@ -116,24 +117,42 @@ pub fn acts(constraint: &BuiltConstraint, time: f64) -> bool {
     time >= constraint.from && time <= constraint.until
 }
 
-/// Cell data of all bodies, one after another; arrays of a frame's own names are left out.
+/// Kinds of cells in the order of VTU files.
+const KINDS: [ElementKind; 4] =
+    [ElementKind::Tetrahedron, ElementKind::Hexahedron, ElementKind::Triangle, ElementKind::Quad];
+
+/// Number of cells of a kind that a body has in frames.
+pub(crate) fn cell_count(body: &BuiltBody, kind: ElementKind) -> usize {
+    match kind {
+        ElementKind::Tetrahedron => body.mesh.tetrahedra.len(),
+        ElementKind::Hexahedron => body.mesh.hexahedra.len(),
+        ElementKind::Triangle => body.membrane_triangles().len(),
+        ElementKind::Quad => body.membrane_quads().len(),
+    }
+}
+
+/// Cell data of all bodies, one after another, on tetrahedra and hexahedra; arrays of a frame's own names
+/// are left out.
 fn joined_cell_data(built: &BuiltScene) -> Vec<CellData> {
     let mut joined: Vec<CellData> = Vec::new();
     for data in built.bodies.iter().flat_map(|b| &b.mesh.cell_data) {
         if !FRAME_CELL_DATA.contains(&data.name.as_str())
             && joined.iter().all(|known| known.name != data.name)
         {
-            let (name, tetrahedra, triangles) = (data.name.clone(), Vec::new(), Vec::new());
-            joined.push(CellData { name, integer: true, tetrahedra, triangles });
+            let name = data.name.clone();
+            joined.push(CellData { name, integer: true, ..CellData::default() });
         }
     }
     for array in &mut joined {
         for body in &built.bodies {
-            let length = array.tetrahedra.len() + body.mesh.tetrahedra.len();
             let data = body.mesh.data(&array.name);
             array.integer &= data.is_some_and(|data| data.integer);
+            let length = array.tetrahedra.len() + body.mesh.tetrahedra.len();
             array.tetrahedra.extend(data.iter().flat_map(|data| &data.tetrahedra));
             array.tetrahedra.resize(length, f64::NAN);
+            let length = array.hexahedra.len() + body.mesh.hexahedra.len();
+            array.hexahedra.extend(data.iter().flat_map(|data| &data.hexahedra));
+            array.hexahedra.resize(length, f64::NAN);
         }
     }
     joined
@@ -148,15 +167,14 @@ pub struct Writer {
     csv_path: PathBuf,
     points: Vec<DVec3>,
     tetrahedra: Vec<[u32; 4]>,
-    /// Membrane triangles, the cells after the tetrahedra.
+    hexahedra: Vec<[u32; 8]>,
+    /// Those of membranes.
     triangles: Vec<[u32; 3]>,
-    body: Vec<f64>,
+    quads: Vec<[u32; 4]>,
     /// Cell data of the mesh files; NaN for bodies without it.
     cell_data: Vec<CellData>,
-    /// Index of each tetrahedron, and of each triangle of a membrane, in its body.
-    index: Vec<f64>,
-    /// First tetrahedron and first membrane triangle of each body.
-    start: Vec<[u32; 2]>,
+    /// First cell of every kind of each body, among those of its kind.
+    start: Vec<ByKind<usize>>,
 }
 
 fn write_error(path: &Path) -> impl Fn(std::io::Error) -> RunError + '_ {
@@ -191,23 +209,16 @@ impl Writer {
                 })
                 .collect();
         writeln!(csv, "{}", header.join(",")).map_err(write_error(&csv_path))?;
-        let (mut points, mut tetrahedra, mut body) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut index, mut start) = (Vec::new(), Vec::new());
-        for (i, b) in built.bodies.iter().enumerate() {
+        let (mut points, mut tetrahedra, mut hexahedra) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut triangles, mut quads, mut start) = (Vec::new(), Vec::new(), Vec::new());
+        for b in &built.bodies {
             let first = points.len() as u32;
+            start.push(ByKind([tetrahedra.len(), triangles.len(), hexahedra.len(), quads.len()]));
             points.extend_from_slice(&b.mesh.points);
             tetrahedra.extend(b.mesh.tetrahedra.iter().map(|t| t.map(|v| v + first)));
-            start.push([body.len() as u32, 0]);
-            body.resize(tetrahedra.len(), i as f64);
-            index.extend((0..b.mesh.tetrahedra.len()).map(|t| t as f64));
-        }
-        let (mut triangles, mut first) = (Vec::new(), 0);
-        for (i, b) in built.bodies.iter().enumerate() {
-            start[i][1] = triangles.len() as u32;
+            hexahedra.extend(b.mesh.hexahedra.iter().map(|h| h.map(|v| v + first)));
             triangles.extend(b.membrane_triangles().iter().map(|t| t.map(|v| v + first)));
-            body.resize(tetrahedra.len() + triangles.len(), i as f64);
-            index.extend((0..b.membrane_triangles().len()).map(|t| t as f64));
-            first += b.mesh.points.len() as u32;
+            quads.extend(b.membrane_quads().iter().map(|q| q.map(|v| v + first)));
         }
         let cell_data = joined_cell_data(built);
         let (folder, frames) = (folder.to_path_buf(), Vec::new());
@@ -219,10 +230,10 @@ impl Writer {
             csv_path,
             points,
             tetrahedra,
+            hexahedra,
             triangles,
-            body,
+            quads,
             cell_data,
-            index,
             start,
         })
     }
@@ -247,52 +258,62 @@ impl Writer {
     pub fn frame(&mut self, built: &mut BuiltScene) -> Result<(), RunError> {
         let simulation = &mut built.simulation;
         let time = simulation.time();
-        let (mut u, mut v, mut j) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut u, mut v) = (Vec::new(), Vec::new());
+        let mut ratios = Vec::new();
         let mut held = vec![0.0; self.points.len()];
         for (i, body) in built.bodies.iter().enumerate() {
             let first = u.len();
             u.extend(simulation.displacements(body.handle));
             v.extend(simulation.velocities(body.handle));
-            j.extend(simulation.volume_ratios(body.handle));
+            // of a membrane the ratio of areas
+            let mut solid = simulation.volume_ratios(body.handle);
+            let mut sheet = simulation.area_ratios(body.handle);
+            let hexahedra = solid.split_off(cell_count(body, ElementKind::Tetrahedron));
+            let quads = sheet.split_off(cell_count(body, ElementKind::Triangle));
+            ratios.push(ByKind([solid, sheet, hexahedra, quads]));
             for c in built.constraints.iter().filter(|c| c.body == i && acts(c, time)) {
                 c.vertices.iter().for_each(|&vertex| held[first + vertex as usize] = 1.0);
             }
         }
-        // of a membrane the ratio of areas
-        for body in &built.bodies {
-            j.extend(simulation.area_ratios(body.handle));
-        }
         let points: Vec<DVec3> = self.points.iter().zip(&u).map(|(x, u)| x + u).collect();
         // only what is left
-        let mut left = Vec::with_capacity(self.tetrahedra.len());
-        let mut sheets = Vec::with_capacity(self.triangles.len());
-        for (body, &[first, sheet]) in built.bodies.iter().zip(&self.start) {
-            let own_sheets = built.simulation.remaining_triangles(body.handle);
-            sheets.extend(own_sheets.into_iter().map(|t| (t + sheet) as usize));
-            let own = built.simulation.remaining_tetrahedra(body.handle);
-            left.extend(own.into_iter().map(|t| (t + first) as usize));
+        let mut left = ByKind::<Vec<usize>>::default();
+        let (mut j, mut of_body, mut index) = (Vec::new(), Vec::new(), Vec::new());
+        for kind in KINDS {
+            for (i, body) in built.bodies.iter().enumerate() {
+                for e in simulation.remaining(body.handle, kind) {
+                    left[kind].push(self.start[i][kind] + e as usize);
+                    j.push(ratios[i][kind][e as usize]);
+                    of_body.push(i as f64);
+                    index.push(f64::from(e));
+                }
+            }
         }
-        let pick = |values: &[f64]| left.iter().map(|&t| values[t]).collect::<Vec<f64>>();
-        let tetrahedra: Vec<[u32; 4]> = left.iter().map(|&t| self.tetrahedra[t]).collect();
+        let tetrahedra = picked(&self.tetrahedra, &left[ElementKind::Tetrahedron]);
+        let hexahedra = picked(&self.hexahedra, &left[ElementKind::Hexahedron]);
+        let triangles = picked(&self.triangles, &left[ElementKind::Triangle]);
+        let quads = picked(&self.quads, &left[ElementKind::Quad]);
         let cell_data: Vec<CellData> = self
             .cell_data
             .iter()
-            .map(|data| CellData { tetrahedra: pick(&data.tetrahedra), ..data.clone() })
+            .map(|data| CellData {
+                tetrahedra: picked(&data.tetrahedra, &left[ElementKind::Tetrahedron]),
+                hexahedra: picked(&data.hexahedra, &left[ElementKind::Hexahedron]),
+                ..data.clone()
+            })
             .collect();
-        let triangles: Vec<[u32; 3]> = sheets.iter().map(|&t| self.triangles[t]).collect();
-        left.extend(sheets.iter().map(|t| self.tetrahedra.len() + t));
-        let pick = |values: &[f64]| left.iter().map(|&t| values[t]).collect::<Vec<f64>>();
-        let (j, body, index) = (pick(&j), pick(&self.body), pick(&self.index));
         let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
         write_vtu(
             &self.folder.join(&name),
             &VtuData {
                 points: &points,
                 tetrahedra: &tetrahedra,
+                hexahedra: &hexahedra,
                 triangles: &triangles,
+                quads: &quads,
                 point_vectors: &[("displacement", &u), ("velocity", &v)],
                 point_scalars: &[("held", &held)],
-                cell_scalars: &[("J", &j), ("body", &body), ("index", &index)],
+                cell_scalars: &[("J", &j), ("body", &of_body), ("index", &index)],
                 cell_data: &cell_data,
                 single_precision: true,
                 ..VtuData::default()
@@ -315,6 +336,10 @@ impl Writer {
             format!("{} (energies and probes)", self.csv_path.display()),
         ])
     }
+}
+
+fn picked<T: Copy>(from: &[T], which: &[usize]) -> Vec<T> {
+    which.iter().map(|&i| from[i]).collect()
 }
 
 /// A number of the CSV file, with nine digits.

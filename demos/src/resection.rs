@@ -2,9 +2,11 @@
 
 use crate::build::{Builder, BuiltBody, Plan};
 use crate::error::SceneError;
+use crate::output::cell_count;
 use crate::scene::{Mode, ResectionEntry, ToolEntry};
 use glam::DVec3;
 use serde::Serialize;
+use sinew::engine::connectivity::ElementKind;
 use sinew::models::resection::{MassPolicy, Region, Removal, RemovalError};
 use sinew::simulation::{BodyHandle, Simulation};
 
@@ -39,12 +41,20 @@ pub struct ResectionSummary {
     pub body: String,
     /// Tetrahedra removed.
     pub removed: usize,
+    /// Hexahedra removed.
+    pub removed_hexahedra: usize,
     /// Membrane triangles removed.
     pub removed_triangles: usize,
+    /// Membrane quadrilaterals removed.
+    pub removed_quads: usize,
     /// Tetrahedra left in the body after its last removal.
     pub remaining: usize,
+    /// Hexahedra left in the body after its last removal.
+    pub remaining_hexahedra: usize,
     /// Membrane triangles left in the body after its last removal.
     pub remaining_triangles: usize,
+    /// Membrane quadrilaterals left in the body after its last removal.
+    pub remaining_quads: usize,
     /// Connected pieces of the body after its last removal.
     pub pieces: usize,
     /// Vertices that lost their last element.
@@ -102,8 +112,10 @@ pub(crate) fn build(
         let summary = ResectionSummary {
             name: entry.name.clone(),
             body: bodies[body].name.clone(),
-            remaining: bodies[body].mesh.tetrahedra.len(),
-            remaining_triangles: bodies[body].membrane_triangles().len(),
+            remaining: cell_count(&bodies[body], ElementKind::Tetrahedron),
+            remaining_triangles: cell_count(&bodies[body], ElementKind::Triangle),
+            remaining_hexahedra: cell_count(&bodies[body], ElementKind::Hexahedron),
+            remaining_quads: cell_count(&bodies[body], ElementKind::Quad),
             pieces: simulation.topology().bodies[handle.0].piece_count(),
             ..ResectionSummary::default()
         };
@@ -141,23 +153,29 @@ fn action(
         }
         Ok(sorted)
     };
-    let ResectionEntry { tetrahedra, triangles, sphere, tool, strain, stress, .. } = entry;
-    Ok(match (tetrahedra, triangles, sphere, tool, strain, stress) {
-        (Some(list), None, None, None, None, None) => {
-            let count = body.mesh.tetrahedra.len();
-            let list = listed(list, "tetrahedra", "tetrahedron", count)?;
-            Action::Once(Region::Tetrahedra(list))
+    let lists = [
+        (&entry.tetrahedra, "tetrahedra", ElementKind::Tetrahedron),
+        (&entry.hexahedra, "hexahedra", ElementKind::Hexahedron),
+        (&entry.triangles, "triangles", ElementKind::Triangle),
+        (&entry.quads, "quads", ElementKind::Quad),
+    ];
+    let given: Vec<_> = lists.iter().filter(|(list, ..)| list.is_some()).collect();
+    let ResectionEntry { sphere, tool, strain, stress, .. } = entry;
+    Ok(match (&given[..], sphere, tool, strain, stress) {
+        ([(Some(list), keys, kind)], None, None, None, None) => {
+            let list = listed(list, keys, kind.name(), cell_count(body, *kind))?;
+            Action::Once(match kind {
+                ElementKind::Tetrahedron => Region::Tetrahedra(list),
+                ElementKind::Hexahedron => Region::Hexahedra(list),
+                ElementKind::Triangle => Region::Triangles(list),
+                ElementKind::Quad => Region::Quads(list),
+            })
         }
-        (None, Some(list), None, None, None, None) => {
-            let count = body.membrane_triangles().len();
-            let list = listed(list, "triangles", "membrane triangle", count)?;
-            Action::Once(Region::Triangles(list))
-        }
-        (None, None, Some(s), None, None, None) => {
+        ([], Some(s), None, None, None) => {
             let centre = builder.finite(&format!("{key}.sphere.centre"), s.centre)?;
             Action::Always(Region::Sphere { centre, radius: positive("sphere.radius", s.radius)? })
         }
-        (None, None, None, Some(ToolEntry { radius, path }), None, None) => {
+        ([], None, Some(ToolEntry { radius, path }), None, None) => {
             let radius = positive("tool.radius", *radius)?;
             let key = format!("{key}.tool.path");
             if path.is_empty() {
@@ -173,17 +191,18 @@ fn action(
             let path = path.iter().map(|&[t, x, y, z]| (t, DVec3::new(x, y, z))).collect();
             Action::Tool { path, radius }
         }
-        (None, None, None, None, Some(above), None) => {
+        ([], None, None, Some(above), None) => {
             Action::Always(Region::Strain { above: positive("strain", *above)? })
         }
-        (None, None, None, None, None, Some(above)) => {
+        ([], None, None, None, Some(above)) => {
             Action::Always(Region::Stress { above: positive("stress", *above)? })
         }
         _ => {
             return Err(builder.value(
                 key,
                 "not exactly one kind of resection is given",
-                "give one of `tetrahedra`, `triangles`, `sphere`, `tool`, `strain` and `stress`",
+                "give one of `tetrahedra`, `hexahedra`, `triangles`, `quads`, `sphere`, `tool`, `strain` \
+                 and `stress`",
             ));
         }
     })
@@ -218,13 +237,18 @@ pub fn apply(
             let s = &mut own.summary;
             s.total_s += report.time.as_secs_f64();
             s.longest_s = s.longest_s.max(report.time.as_secs_f64());
-            if report.tetrahedra.is_empty() && report.triangles.is_empty() {
+            let lists = [&report.tetrahedra, &report.triangles, &report.hexahedra, &report.quads];
+            if lists.iter().all(|list| list.is_empty()) {
                 continue;
             }
             s.removed += report.tetrahedra.len();
             s.removed_triangles += report.triangles.len();
+            s.removed_hexahedra += report.hexahedra.len();
+            s.removed_quads += report.quads.len();
             (s.remaining, s.pieces) = (report.remaining, report.pieces);
             s.remaining_triangles = report.remaining_triangles;
+            s.remaining_hexahedra = report.remaining_hexahedra;
+            s.remaining_quads = report.remaining_quads;
             s.orphans += report.orphans.len();
             s.mass += report.mass;
             s.energy += report.elastic_energy + report.kinetic_energy;

@@ -314,7 +314,7 @@ fn run_warnings(
             Level::Warning,
             "elements",
             format!(
-                "up to {} tetrahedra were turned inside out, {} at the end",
+                "up to {} elements were turned inside out, {} at the end",
                 v.inverted_max, v.inverted_final
             ),
             "use model = \"svk_comp\", smaller steps or a finer mesh where it happens",
@@ -521,6 +521,7 @@ fn summarise(
                 vertices: body.used_vertices.len(),
                 unused_vertices: body.mesh.points.len() - body.used_vertices.len(),
                 tetrahedra: body.mesh.tetrahedra.len(),
+                hexahedra: body.mesh.hexahedra.len(),
                 edges: blocks.len(),
                 volume: statistics.total_volume,
                 mass: body.mass,
@@ -532,11 +533,12 @@ fn summarise(
                 evaluation: body.evaluation,
                 membrane: body.membrane.as_ref().map(|m| MembraneSummary {
                     triangles: m.triangles.len(),
+                    quads: m.quads.len(),
                     area: m.area,
-                    thickness: m.thickness,
-                    material: m.material,
-                    model: m.model,
-                    evaluation: m.evaluation,
+                    thickness: m.settings.thickness,
+                    material: m.settings.material,
+                    model: m.settings.model,
+                    evaluation: m.settings.evaluation,
                 }),
             }
         })
@@ -586,6 +588,7 @@ fn summarise(
             bodies: bodies.len(),
             vertices: bodies.iter().map(|b| b.vertices).sum(),
             tetrahedra: bodies.iter().map(|b| b.tetrahedra).sum(),
+            hexahedra: bodies.iter().map(|b| b.hexahedra).sum(),
             edges: bodies.iter().map(|b| b.edges).sum(),
         },
         machine: Machine::this(),

@@ -3,9 +3,10 @@
 
 use crate::error::{Place, SceneError, hint};
 use serde::{Deserialize, Serialize};
+use sinew::identify::ElementMethod;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::resection::MassPolicy;
-use sinew::models::sheet::MembraneModel;
+use sinew::models::sheet::{MembraneModel, PlaneState};
 use sinew::simulation::Precision;
 use sinew::solvers::settings::SolverSettings;
 use std::cmp::Reverse;
@@ -126,21 +127,31 @@ pub struct Body {
     /// How the energy is summed: `"fused"` (default), or `"pooled"` for the first two.
     #[serde(default)]
     pub evaluation: Evaluation,
-    /// Membrane on or instead of the tetrahedra.
+    /// How spring constants of `"mass_spring"` are found: `"frobenius"`, `"block"`, `"two-norm"`,
+    /// `"nonnegative"`, `"two-norm-nonnegative"`, `"van-gelder"`, `"lloyd"`, `"baudet"` or `"paper-a"`; without,
+    /// `"paper-a"` for tetrahedra and `"frobenius"` for hexahedra.
+    pub element_method: Option<ElementMethod>,
+    /// Membrane on or instead of the solid.
     pub membrane: Option<Membrane>,
 }
 
-/// A membrane: triangles of the body's mesh with a thickness.
+/// A membrane: triangles and quadrilaterals of the body's mesh with a thickness.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Membrane {
     /// Thickness (m).
     pub thickness: f64,
-    /// Group of triangles; this or `surface` in a body with tetrahedra, all triangles of the mesh
+    /// Group of triangles or quadrilaterals; this or `surface` in a body with solid elements, all of the mesh
     /// otherwise.
     pub group: Option<String>,
-    /// The whole boundary of the tetrahedra.
+    /// The whole boundary of the solid.
     pub surface: Option<bool>,
+    /// `"stress"` (default): thin, free to become thinner; `"strain"`: a slice of a long body.
+    #[serde(default)]
+    pub plane: PlaneState,
+    /// As [`Body::element_method`], also `"van-gelder-full"`; without, `"paper-a"` for triangles and
+    /// `"frobenius"` for quadrilaterals.
+    pub element_method: Option<ElementMethod>,
     /// Material; that of the body without it.
     pub material: Option<Material>,
     /// Energy: `"trbs"` (default), `"trbs_comp"`, `"trqs"`, `"mass_spring"`, `"linear"` or
@@ -163,16 +174,43 @@ pub struct Generate {
     pub cylinder: Option<CylinderShape>,
     /// A ball around the origin; groups `surface`, `body`.
     pub sphere: Option<SphereShape>,
-    /// A rectangle of triangles at z = 0 with one corner at the origin; groups `x0`, `x1`, `y0`, `y1`,
-    /// `body`.
+    /// A rectangle at z = 0 with one corner at the origin; groups `x0`, `x1`, `y0`, `y1`, `body`.
     pub sheet: Option<SheetShape>,
+    /// A flat or solid tensile specimen along x, its middle at the origin; groups as those of a sheet or box,
+    /// and `grip0`, `grip1` (the wide ends).
+    pub specimen: Option<SpecimenShape>,
     /// A disc of triangles at z = 0 around the origin; groups `rim`, `body`.
     pub disc: Option<DiscShape>,
     /// A hollow sphere of triangles around the origin; group `body`.
     pub balloon: Option<BalloonShape>,
 }
 
-/// A rectangle of `2 nx ny` triangles.
+/// Elements of which a solid is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SolidCells {
+    /// Tetrahedra (default).
+    #[default]
+    Tetrahedra,
+    /// Hexahedra.
+    Hexahedra,
+    /// Tetrahedra without a preferred direction: inner vertices moved at random by 0.15 of the way to the
+    /// nearest neighbour, cells cut at random.
+    Irregular,
+}
+
+/// Elements of which a sheet is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SheetCells {
+    /// Triangles (default).
+    #[default]
+    Triangles,
+    /// Quadrilaterals.
+    Quads,
+}
+
+/// A rectangle of `2 nx ny` triangles or `nx ny` quadrilaterals.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SheetShape {
@@ -180,6 +218,25 @@ pub struct SheetShape {
     pub size: [f64; 2],
     /// Cells along each axis.
     pub cells: [usize; 2],
+    /// `"triangles"` (default) or `"quads"`.
+    #[serde(default)]
+    pub elements: SheetCells,
+}
+
+/// The tensile specimen of Natsupakpong & Cavusoglu 2010: 16 widths long, grips three widths wide.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpecimenShape {
+    /// Width of the straight part (m).
+    pub width: f64,
+    /// Cells along, across and (of a solid) through.
+    pub cells: Vec<usize>,
+    /// Thickness (m) of a solid; a sheet without.
+    pub thickness: Option<f64>,
+    /// Of a sheet: `"triangles"` (default) or `"quads"`.
+    pub sheet: Option<SheetCells>,
+    /// Of a solid: `"tetrahedra"` (default) or `"hexahedra"`.
+    pub solid: Option<SolidCells>,
 }
 
 /// A disc of `6 rings^2` triangles.
@@ -202,7 +259,7 @@ pub struct BalloonShape {
     pub cuts: usize,
 }
 
-/// A box of `6 nx ny nz` tetrahedra.
+/// A box of `6 nx ny nz` tetrahedra or `nx ny nz` hexahedra.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BoxShape {
@@ -210,9 +267,15 @@ pub struct BoxShape {
     pub size: [f64; 3],
     /// Cells along each axis.
     pub cells: [usize; 3],
+    /// `"tetrahedra"` (default), `"hexahedra"` or `"irregular"` tetrahedra.
+    #[serde(default)]
+    pub elements: SolidCells,
+    /// Which of the irregular meshes; default 0.
+    pub seed: Option<u64>,
 }
 
-/// A cylinder of `18 rings^2 layers` tetrahedra.
+/// A cylinder of `18 rings^2 layers` tetrahedra, or of hexahedra: `rings` rings around a square of `2 rings`
+/// cells along each side.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CylinderShape {
@@ -224,6 +287,9 @@ pub struct CylinderShape {
     pub rings: usize,
     /// Layers along the axis.
     pub layers: usize,
+    /// `"tetrahedra"` (default) or `"hexahedra"`.
+    #[serde(default)]
+    pub elements: SolidCells,
 }
 
 /// A ball of `20 shells^3` tetrahedra.
@@ -258,11 +324,11 @@ pub struct Material {
     pub poisson_ratio: Option<f64>,
     /// Density (kg/m^3).
     pub density: Option<f64>,
-    /// Cell data of the mesh file with a Young's modulus (Pa) for every tetrahedron.
+    /// Cell data of the mesh file with a Young's modulus (Pa) for every solid element.
     pub young_modulus_field: Option<String>,
-    /// Cell data with a Poisson's ratio (-) for every tetrahedron.
+    /// Cell data with a Poisson's ratio (-) for every solid element.
     pub poisson_ratio_field: Option<String>,
-    /// Cell data with a density (kg/m^3) for every tetrahedron.
+    /// Cell data with a density (kg/m^3) for every solid element.
     pub density_field: Option<String>,
 }
 
@@ -432,8 +498,12 @@ pub struct ResectionEntry {
     pub body: Option<String>,
     /// Tetrahedra by their indices, counted from 0; removed once.
     pub tetrahedra: Option<Vec<u32>>,
+    /// Hexahedra likewise.
+    pub hexahedra: Option<Vec<u32>>,
     /// Membrane triangles by their indices in the membrane, counted from 0; removed once.
     pub triangles: Option<Vec<u32>>,
+    /// Membrane quadrilaterals likewise.
+    pub quads: Option<Vec<u32>>,
     /// Those whose barycentre is in a sphere, at every step.
     pub sphere: Option<SphereRegion>,
     /// Those whose barycentre a moving ball passes over.

@@ -106,10 +106,12 @@ pub struct SceneSummary {
     pub gravity: [f64; 3],
     /// Number of bodies.
     pub bodies: usize,
-    /// Vertices that tetrahedra use, all bodies.
+    /// Vertices that elements use, all bodies.
     pub vertices: usize,
     /// Tetrahedra, all bodies.
     pub tetrahedra: usize,
+    /// Hexahedra, all bodies.
+    pub hexahedra: usize,
     /// Edges, all bodies.
     pub edges: usize,
 }
@@ -196,7 +198,9 @@ pub struct BodySummary {
     pub unused_vertices: usize,
     /// Tetrahedra.
     pub tetrahedra: usize,
-    /// Edges.
+    /// Hexahedra.
+    pub hexahedra: usize,
+    /// Edges: pairs of vertices that share an element.
     pub edges: usize,
     /// Volume (m^3).
     pub volume: f64,
@@ -204,7 +208,7 @@ pub struct BodySummary {
     pub mass: f64,
     /// Extent of the rest shape (m).
     pub extent: [f64; 3],
-    /// Lowest quality of a tetrahedron, 0 (flat) to 1 (regular).
+    /// Lowest quality of an element, 0 (flat) to 1 (regular).
     pub worst_quality: f64,
     /// Preset of the material.
     pub preset: Option<String>,
@@ -223,6 +227,8 @@ pub struct BodySummary {
 pub struct MembraneSummary {
     /// Triangles.
     pub triangles: usize,
+    /// Quadrilaterals.
+    pub quads: usize,
     /// Area (m^2).
     pub area: f64,
     /// Thickness (m).
@@ -468,6 +474,19 @@ pub struct VolumeSummary {
     pub inverted_final: u64,
 }
 
+/// Counts in words, those of 0 left out: "3 tetrahedra and 2 triangles".
+pub fn counted(counts: &[(&str, usize)]) -> String {
+    let words: Vec<String> = counts
+        .iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(name, count)| format!("{count} {name}"))
+        .collect();
+    match &words[..] {
+        [] => format!("0 {}", counts.first().map_or("elements", |(name, _)| name)),
+        words => words.join(" and "),
+    }
+}
+
 /// Name of a model in a scene file.
 pub fn model_name(model: Model) -> &'static str {
     model.name()
@@ -611,9 +630,9 @@ impl RunSummary {
             block.line(
                 &format!("body {}", body.name),
                 format!(
-                    "{} vertices, {} tetrahedra, {} x {} x {} cm, {} kg; {}",
+                    "{} vertices, {}, {} x {} x {} cm, {} kg; {}",
                     body.vertices,
-                    body.tetrahedra,
+                    counted(&[("tetrahedra", body.tetrahedra), ("hexahedra", body.hexahedra)]),
                     short(body.extent[0] * 100.0),
                     short(body.extent[1] * 100.0),
                     short(body.extent[2] * 100.0),
@@ -623,7 +642,7 @@ impl RunSummary {
             )?;
             let preset =
                 body.preset.as_ref().map_or(String::new(), |name| format!(" (preset {name})"));
-            if body.tetrahedra > 0 {
+            if body.tetrahedra + body.hexahedra > 0 {
                 block.line(
                     "",
                     format!(
@@ -641,9 +660,9 @@ impl RunSummary {
                 block.line(
                     "  membrane",
                     format!(
-                        "{} triangles, {} cm^2, {} mm; E = {}, nu = {}, {} kg/m^3; model {}, {} \
+                        "{}, {} cm^2, {} mm; E = {}, nu = {}, {} kg/m^3; model {}, {} \
                          evaluation",
-                        sheet.triangles,
+                        counted(&[("triangles", sheet.triangles), ("quadrilaterals", sheet.quads)]),
                         short(sheet.area * 1e4),
                         short(sheet.thickness * 1e3),
                         pressure(m.young_modulus),
@@ -687,19 +706,24 @@ impl RunSummary {
             )?;
         }
         for r in &self.resections {
-            let sheet = r.removed_triangles + r.remaining_triangles > 0;
-            let elements = |tetrahedra: usize, triangles: usize| match sheet {
-                true => format!("{tetrahedra} tetrahedra and {triangles} triangles"),
-                false => format!("{tetrahedra} tetrahedra"),
-            };
+            let removed = counted(&[
+                ("tetrahedra", r.removed),
+                ("hexahedra", r.removed_hexahedra),
+                ("triangles", r.removed_triangles),
+                ("quadrilaterals", r.removed_quads),
+            ]);
+            let remaining = counted(&[
+                ("tetrahedra", r.remaining),
+                ("hexahedra", r.remaining_hexahedra),
+                ("triangles", r.remaining_triangles),
+                ("quadrilaterals", r.remaining_quads),
+            ]);
             block.line(
                 &format!("resect {}", r.name),
                 format!(
-                    "{} of {} ({} left in {} piece(s), {} vertices without any), {} kg, {} J; {} in \
+                    "{removed} of {} ({remaining} left in {} piece(s), {} vertices without any), {} kg, {} J; {} in \
                      all, {} longest",
-                    elements(r.removed, r.removed_triangles),
                     r.body,
-                    elements(r.remaining, r.remaining_triangles),
                     r.pieces,
                     r.orphans,
                     short(r.mass),

@@ -6,6 +6,7 @@ use crate::modes::modes;
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::Value;
+use sinew::engine::isoparametric::{gauss_point, quad_derivatives};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::sheet::{MembraneDescription, MembraneModel};
@@ -229,9 +230,22 @@ const MEMBRANE_LAWS: [(&str, MembraneModel); 3] = [
 /// Elements of a case with their law.
 #[derive(Clone, Copy)]
 enum Elements<'a> {
-    Solid(&'a [[u32; 4]], Model),
+    Tetrahedra(&'a [[u32; 4]], Model),
+    Hexahedra(&'a [[u32; 8]], Model),
     /// Triangles, thickness (m) and law.
-    Membrane(&'a [[u32; 3]], f64, MembraneModel),
+    Triangles(&'a [[u32; 3]], f64, MembraneModel),
+    /// Quadrilaterals likewise.
+    Quads(&'a [[u32; 4]], f64, MembraneModel),
+}
+
+impl Elements<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Elements::Tetrahedra(cells, _) | Elements::Quads(cells, ..) => cells.len(),
+            Elements::Hexahedra(cells, _) => cells.len(),
+            Elements::Triangles(cells, ..) => cells.len(),
+        }
+    }
 }
 
 impl Case {
@@ -329,16 +343,24 @@ impl Case {
         let evaluation = options.evaluation;
         let parts = |tetrahedra| BodyDescription::from_parts("body", points, tetrahedra, material);
         let description = match elements {
-            Elements::Solid(tetrahedra, model) => {
+            Elements::Tetrahedra(tetrahedra, model) => {
                 let pooled = model.supports(evaluation);
                 let evaluation = if pooled { evaluation } else { Evaluation::Fused };
                 BodyDescription { model, evaluation, ..parts(tetrahedra) }
             }
-            Elements::Membrane(triangles, thickness, model) => {
+            Elements::Hexahedra(hexahedra, model) => {
+                BodyDescription { hexahedra, model, ..parts(&[]) }
+            }
+            Elements::Triangles(triangles, thickness, model) => {
                 let pooled = model.supports(evaluation);
                 let evaluation = if pooled { evaluation } else { Evaluation::Fused };
                 let membrane = MembraneDescription::new(triangles, thickness, material);
                 let membrane = Some(MembraneDescription { model, evaluation, ..membrane });
+                BodyDescription { membrane, ..parts(&[]) }
+            }
+            Elements::Quads(quads, thickness, model) => {
+                let membrane = MembraneDescription::new(&[], thickness, material);
+                let membrane = Some(MembraneDescription { quads, model, ..membrane });
                 BodyDescription { membrane, ..parts(&[]) }
             }
         };
@@ -362,10 +384,10 @@ impl Case {
             let solid = LAWS.iter().find(|(n, _)| n == law).map(|l| l.1);
             let membrane = MEMBRANE_LAWS.iter().find(|(n, _)| n == law).map(|l| l.1);
             let known = match element {
-                "tet" => solid.is_some(),
-                "tri" => membrane.is_some(),
+                "tet" | "hex" => solid.is_some(),
+                "tri" | "quad" => membrane.is_some(),
                 _ => {
-                    rows.push(unsupported(format!("{element} elements are not built yet")));
+                    rows.push(unsupported(format!("{element} elements are not known")));
                     continue;
                 }
             };
@@ -392,16 +414,21 @@ impl Case {
         options: &ValidateOptions,
     ) -> Result<ValidationRow, CaseError> {
         let mesh = self.mesh(options)?;
-        let elements = match (models, mesh.tetrahedra.is_empty()) {
-            ((Some(model), _), false) => Elements::Solid(&mesh.tetrahedra, model),
-            // moduli of plane cases are per unit thickness
-            ((_, Some(model)), true) => Elements::Membrane(&mesh.triangles, 1.0, model),
+        // moduli of plane cases are per unit thickness
+        let elements = match models {
+            (Some(model), _) if !mesh.hexahedra.is_empty() => {
+                Elements::Hexahedra(&mesh.hexahedra, model)
+            }
+            (Some(model), _) if !mesh.tetrahedra.is_empty() => {
+                Elements::Tetrahedra(&mesh.tetrahedra, model)
+            }
+            (_, Some(model)) if !mesh.quads.is_empty() => Elements::Quads(&mesh.quads, 1.0, model),
+            (_, Some(model)) if !mesh.triangles.is_empty() => {
+                Elements::Triangles(&mesh.triangles, 1.0, model)
+            }
             _ => return Err(self.field_error("cell_type", "the cells of the mesh")),
         };
-        let cells = match elements {
-            Elements::Solid(tetrahedra, _) => tetrahedra.len(),
-            Elements::Membrane(triangles, ..) => triangles.len(),
-        };
+        let cells = elements.len();
         let mut row = ValidationRow::new(name, law, mesh.points.len(), cells);
         let plane = result["u"][0].as_array().is_some_and(|u| u.len() == 2);
         let truth = self.vectors(&result["u"], "u")?;
@@ -444,7 +471,8 @@ impl Case {
         }
         if plane {
             // a membrane has no stiffness out of its plane
-            for v in mesh.triangles.iter().flatten() {
+            let triangles = mesh.triangles.iter().flatten();
+            for v in triangles.chain(mesh.quads.iter().flatten()) {
                 held.entry(*v).or_default().0 |= 4;
             }
         }
@@ -469,7 +497,7 @@ impl Case {
                     pressure: *pressure,
                     curve: Curve::ramp(0.0, 1.0),
                 });
-                if mesh.tetrahedra.is_empty() {
+                if !mesh.is_solid() {
                     let dome = dome(&mesh.points, &held);
                     let still = vec![DVec3::ZERO; dome.len()];
                     simulation
@@ -681,7 +709,16 @@ impl Case {
                 cases,
                 material,
                 options,
-                |cell| Elements::Solid(cell, model),
+                |cell| Elements::Tetrahedra(cell, model),
+            )?);
+            rows.push(self.run_cells::<8>(
+                &name,
+                law,
+                "hex",
+                cases,
+                material,
+                options,
+                |cell| Elements::Hexahedra(cell, model),
             )?);
         }
         for (law, model) in MEMBRANE_LAWS {
@@ -692,15 +729,17 @@ impl Case {
                 cases,
                 material,
                 options,
-                |cell| Elements::Membrane(cell, 1.0, model),
+                |cell| Elements::Triangles(cell, 1.0, model),
             )?);
-        }
-        for cell in ["quad", "hex"] {
-            let count = cases.iter().filter(|c| c["cell"] == cell).count();
-            if count > 0 {
-                let why = format!("{cell} elements are not built yet");
-                rows.push(ValidationRow::unsupported(&name, "-", 0, count, why));
-            }
+            rows.push(self.run_cells::<4>(
+                &name,
+                law,
+                "quad",
+                cases,
+                material,
+                options,
+                |cell| Elements::Quads(cell, 1.0, model),
+            )?);
         }
         Ok(rows)
     }
@@ -709,10 +748,15 @@ impl Case {
     fn run_modes(&self, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
         let name = self.name();
         let mesh = self.mesh(options)?;
-        let (nodes, cells) = (mesh.points.len(), mesh.tetrahedra.len());
         let law = "linear, modes";
-        if mesh.tetrahedra.is_empty() {
-            let why = "only tetrahedra are built".into();
+        let elements = if mesh.hexahedra.is_empty() {
+            Elements::Tetrahedra(&mesh.tetrahedra, Model::Linear)
+        } else {
+            Elements::Hexahedra(&mesh.hexahedra, Model::Linear)
+        };
+        let (nodes, cells) = (mesh.points.len(), elements.len());
+        if cells == 0 {
+            let why = "the mesh has no solid elements".into();
             return Ok(vec![ValidationRow::unsupported(&name, law, nodes, cells, why)]);
         }
         let mut row = ValidationRow::new(&name, law, nodes, cells);
@@ -738,12 +782,7 @@ impl Case {
         let held = mesh.group(group).ok_or_else(fail)?.vertices.clone();
         let material = self.material(&self.value)?;
         let start = Instant::now();
-        let (mut simulation, body) = self.simulation(
-            &mesh.points,
-            Elements::Solid(&mesh.tetrahedra, Model::Linear),
-            material,
-            options,
-        )?;
+        let (mut simulation, body) = self.simulation(&mesh.points, elements, material, options)?;
         match modes(&mut simulation, body, &held, frequencies.len()) {
             Ok((found, iterations)) => {
                 row.cg_iterations = iterations;
@@ -798,8 +837,8 @@ impl Case {
         for case in &cases {
             let points = self.vectors(&case["points"], "points")?;
             let u = self.vectors(&case["u"], "u")?;
-            if N == 3 && law == "svk_comp" && turns_over(&points, &u) {
-                // signed areas of the plane there; in space a triangle has no wrong side
+            if law == "svk_comp" && (kind == "tri" || kind == "quad") && turns_over(&points, &u) {
+                // signed areas of the plane there; in space a membrane has no wrong side
                 row.note.push_str("; one turned over left out");
                 continue;
             }
@@ -840,13 +879,13 @@ impl Case {
             triangles = self.cells::<3>(&value["triangles"], "triangles")?;
             let thickness = self.number(&value["thickness"], "thickness")?;
             let model = MembraneModel::Biquadratic;
-            let elements = Elements::Membrane(&triangles, thickness, model);
+            let elements = Elements::Triangles(&triangles, thickness, model);
             (model.name(), elements, triangles.len())
         } else {
             tetrahedra = self.cells::<4>(&value["tetrahedra"], "tetrahedra")?;
             let compression = value["model"].as_str().is_some_and(|m| m.contains("+ compression"));
             let (law, model) = LAWS[usize::from(compression)];
-            (law, Elements::Solid(&tetrahedra, model), tetrahedra.len())
+            (law, Elements::Tetrahedra(&tetrahedra, model), tetrahedra.len())
         };
         let minus_rest =
             |x: Vec<DVec3>| -> Vec<DVec3> { x.iter().zip(&rest).map(|(x, r)| *x - *r).collect() };
@@ -955,11 +994,21 @@ fn dome(points: &[DVec3], held: &BTreeMap<u32, (u8, DVec3)>) -> Vec<DVec3> {
     distances.iter().map(|d| 0.2 * d * DVec3::Z).collect()
 }
 
-/// Whether displacements `u` turn a triangle of the plane z = 0 over.
+/// Whether displacements `u` turn a triangle, or a quadrilateral at some Gauss point, of the plane z = 0
+/// over.
 fn turns_over(points: &[DVec3], u: &[DVec3]) -> bool {
-    let area = |x: [DVec3; 3]| (x[1] - x[0]).cross(x[2] - x[0]).z;
-    let rest = [points[0], points[1], points[2]];
-    area(rest) * area([rest[0] + u[0], rest[1] + u[1], rest[2] + u[2]]) <= 0.0
+    let moved: Vec<DVec3> = points.iter().zip(u).map(|(p, u)| *p + *u).collect();
+    let area = |x: &[DVec3], q: usize| {
+        if let [a, b, c] = *x {
+            return (b - a).cross(c - a).z;
+        }
+        let [xi, eta, _] = gauss_point(q);
+        let derivatives = quad_derivatives([xi, eta]);
+        let along =
+            |j: usize| -> DVec3 { x.iter().zip(&derivatives).map(|(x, d)| *x * d[j]).sum() };
+        along(0).cross(along(1)).z
+    };
+    (0..4).any(|q| area(points, q) * area(&moved, q) <= 0.0)
 }
 
 /// The larger of two differences; a NaN counts as the largest and is not lost.

@@ -18,6 +18,7 @@ fn mesh() -> Mesh {
         integer,
         tetrahedra,
         triangles: vec![0.0; n_triangles],
+        ..CellData::default()
     };
     let halves = |low: f64, high: f64| -> Vec<f64> {
         let x = |t: &[u32; 4]| t.iter().map(|&v| mesh.points[v as usize].x).sum::<f64>() / 4.0;

@@ -1,10 +1,11 @@
 //! `sinew check` and `sinew mesh`, as the command calls them.
 
 use sinew::engine::mesh::Mesh;
+use sinew::engine::mesh::generate::box_hexahedra;
 use sinew_demos::build::generate;
 use sinew_demos::check::check_file;
 use sinew_demos::mesh_tool::{ConvertError, MeshInfo, convert, write};
-use sinew_demos::scene::{CylinderShape, Generate, SphereShape};
+use sinew_demos::scene::{CylinderShape, Generate, SolidCells, SphereShape};
 use sinew_demos::{scene_folder, shipped_scene};
 use std::path::{Path, PathBuf};
 
@@ -89,7 +90,13 @@ fn meshes_survive_every_format() {
 
 #[test]
 fn generated_shapes_have_their_volume_and_groups() {
-    let cylinder = CylinderShape { radius: 0.01, length: 0.1, rings: 4, layers: 5 };
+    let cylinder = CylinderShape {
+        radius: 0.01,
+        length: 0.1,
+        rings: 4,
+        layers: 5,
+        elements: SolidCells::Tetrahedra,
+    };
     let cylinder = Generate { cylinder: Some(cylinder), ..Generate::default() };
     let info = MeshInfo::of(&generate(&cylinder).unwrap().unwrap());
     assert_eq!(info.tetrahedra, 18 * 16 * 5);
@@ -114,4 +121,30 @@ fn unknown_formats_and_scales_are_refused() {
         convert(&liver, &file("x.vtu"), f64::NAN).unwrap_err(),
         ConvertError::Scale { .. }
     ));
+}
+
+#[test]
+fn hexahedra_and_quadrilaterals_are_counted_and_converted() {
+    let hexes = box_hexahedra(glam::DVec3::new(0.4, 0.2, 0.2), [4, 2, 2]).unwrap();
+    let names = ["hexes.msh", "hexes.vtu", "hexes.vtk", "hexes2.msh"].map(file);
+    write(&names[0], &hexes).unwrap();
+    for pair in names.windows(2) {
+        convert(&pair[0], &pair[1], 1.0).unwrap();
+    }
+    let mesh = Mesh::read(&names[3]).unwrap();
+    assert_eq!((&mesh.hexahedra, &mesh.quads), (&hexes.hexahedra, &hexes.quads));
+    for name in ["x0", "z1", "body"] {
+        assert_eq!(mesh.group(name), hexes.group(name));
+    }
+    let info = MeshInfo::of(&mesh);
+    assert_eq!((info.hexahedra, info.quads, info.boundary_quads), (16, 40, 40));
+    assert_eq!((info.tetrahedra, info.boundary_triangles), (0, 0));
+    assert!((info.volume - 0.016).abs() < 1e-15);
+    let [shortest, _, longest] = info.edge_lengths.unwrap();
+    assert!((shortest - 0.1).abs() < 1e-15 && (longest - 0.1).abs() < 1e-15);
+    let text = info.to_string();
+    assert!(text.contains("hexahedra   16") && text.contains("quads       40 in"), "{text}");
+    let summary = check_file(&names[3]);
+    assert!(summary.usable, "{summary}");
+    assert!(summary.to_string().contains("16 hexahedra, 0 triangles, 40 quadrilaterals"));
 }

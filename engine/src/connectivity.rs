@@ -1,8 +1,8 @@
-//! Which elements of a body (tetrahedra, membrane triangles) are left and what hangs together through
-//! them: plain data, kept up to date while elements are removed at a cost that grows with their number
+//! Which elements of a body are left and what hangs together through them: plain data, kept up to date while elements are removed at a cost that grows with their number
 //! alone. Numbers are local to the body and those of its layout; they never change.
 
 use crate::element::TETRAHEDRON_FACES;
+use crate::isoparametric::HEXAHEDRON_FACES;
 use crate::layout::{Cells, UNUSED, starts};
 use crate::topology::{BodyRows, pieces, root};
 
@@ -39,10 +39,59 @@ impl Incidence {
     fn counts(&self) -> Vec<u32> {
         self.start.windows(2).map(|w| w[1] - w[0]).collect()
     }
+}
 
-    /// Number of elements of both kinds round every item.
-    fn counts_with(&self, other: &Self) -> Vec<u32> {
-        self.counts().iter().zip(other.counts()).map(|(a, b)| a + b).collect()
+/// Number of elements of any kind round each of `count` items.
+fn counted(count: usize, round: &ByKind<Incidence>) -> Vec<u32> {
+    let mut sum = vec![0; count];
+    for own in &round.0 {
+        sum.iter_mut().zip(own.counts()).for_each(|(sum, n)| *sum += n);
+    }
+    sum
+}
+
+/// Kinds of elements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum ElementKind {
+    /// Tetrahedron.
+    Tetrahedron,
+    /// Membrane triangle.
+    Triangle,
+    /// Hexahedron.
+    Hexahedron,
+    /// Membrane quadrilateral.
+    Quad,
+}
+
+impl ElementKind {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Tetrahedron, Self::Triangle, Self::Hexahedron, Self::Quad];
+
+    /// Name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tetrahedron => "tetrahedron",
+            Self::Triangle => "membrane triangle",
+            Self::Hexahedron => "hexahedron",
+            Self::Quad => "membrane quadrilateral",
+        }
+    }
+}
+
+/// Something for every kind of element.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ByKind<T>(pub [T; 4]);
+
+impl<T> std::ops::Index<ElementKind> for ByKind<T> {
+    type Output = T;
+    fn index(&self, kind: ElementKind) -> &T {
+        &self.0[kind as usize]
+    }
+}
+
+impl<T> std::ops::IndexMut<ElementKind> for ByKind<T> {
+    fn index_mut(&mut self, kind: ElementKind) -> &mut T {
+        &mut self.0[kind as usize]
     }
 }
 
@@ -53,33 +102,70 @@ pub struct Connectivity {
     pub tetrahedra: Vec<[u32; 4]>,
     /// Vertex rows of the membrane triangles, ascending.
     pub membrane: Vec<[u32; 3]>,
-    /// Edges and triangles of the whole body.
+    /// Vertex rows of the hexahedra.
+    pub hexahedra: Vec<[u32; 8]>,
+    /// Vertex rows of the membrane quadrilaterals.
+    pub quads: Vec<[u32; 4]>,
+    /// Edges, triangles and faces of the whole body.
     pub cells: Cells,
-    /// Tetrahedra round every vertex.
-    pub round_vertex: Incidence,
-    /// Tetrahedra round every edge.
-    pub round_edge: Incidence,
+    /// Elements round every vertex.
+    pub round_vertex: ByKind<Incidence>,
+    /// Elements round every edge.
+    pub round_edge: ByKind<Incidence>,
     /// Tetrahedra at every triangle.
     pub round_triangle: Incidence,
-    /// Membrane triangles round every vertex.
-    pub membrane_round_vertex: Incidence,
-    /// Membrane triangles round every edge.
-    pub membrane_round_edge: Incidence,
+    /// Hexahedra at every face.
+    pub round_face: Incidence,
     /// Membrane triangle at every triangle, [`UNUSED`] where there is none.
     pub membrane_at: Vec<u32>,
-    present: Vec<bool>,
-    membrane_present: Vec<bool>,
-    remaining: usize,
-    membrane_remaining: usize,
-    /// Elements of either kind round vertices and edges; tetrahedra at triangles.
+    present: ByKind<Vec<bool>>,
+    remaining: ByKind<usize>,
+    /// Elements of any kind round vertices and edges; tetrahedra at triangles; hexahedra at faces.
     vertex_count: Vec<u32>,
     edge_count: Vec<u32>,
     triangle_count: Vec<u32>,
-    /// Triangles with one tetrahedron, and where each of them stands there.
-    surface: Vec<u32>,
-    surface_place: Vec<u32>,
+    face_count: Vec<u32>,
+    /// Triangles with one tetrahedron, and faces with one hexahedron.
+    surface: OpenSet,
+    open_faces: OpenSet,
     /// Union-find over vertices, every one its own root between calls.
     parent: Vec<u32>,
+}
+
+/// A set of numbers in which every one knows its place.
+#[derive(Clone, Debug, Default)]
+struct OpenSet {
+    items: Vec<u32>,
+    place: Vec<u32>,
+}
+
+impl OpenSet {
+    /// Those that are counted once.
+    fn new(count: &[u32]) -> Self {
+        let mut set = Self { items: Vec::new(), place: vec![UNUSED; count.len()] };
+        for (i, &count) in (0..).zip(count) {
+            set.update(i, count == 1);
+        }
+        set
+    }
+
+    fn update(&mut self, item: u32, belongs: bool) {
+        let place = self.place[item as usize];
+        match (belongs, place == UNUSED) {
+            (true, true) => {
+                self.place[item as usize] = self.items.len() as u32;
+                self.items.push(item);
+            }
+            (false, false) => {
+                self.items.swap_remove(place as usize);
+                if let Some(&moved) = self.items.get(place as usize) {
+                    self.place[moved as usize] = place;
+                }
+                self.place[item as usize] = UNUSED;
+            }
+            _ => {}
+        }
+    }
 }
 
 /// What a batch of removals touched: everything ascending, each once.
@@ -97,6 +183,8 @@ pub struct Touched {
     pub unused_edges: Vec<u32>,
     /// Triangles among them that have no element any more.
     pub unused_triangles: Vec<u32>,
+    /// Number of faces of hexahedra that no hexahedron has any more.
+    pub unused_faces: usize,
     /// Whether the number of pieces may be another than before.
     pub may_split: bool,
 }
@@ -105,68 +193,91 @@ impl Connectivity {
     /// Of a whole body.
     pub fn new(body: &BodyRows) -> Self {
         let n = body.vertex_order.len();
-        let tetrahedra = body.tetrahedra.clone();
-        let cells = Cells::new(n, &tetrahedra, &body.membrane);
-        let round_vertex = Incidence::new(n, &tetrahedra);
-        let round_edge = Incidence::new(cells.edges.len(), &cells.tetrahedron_edges);
+        let cells = Cells::new(n, &body.elements());
+        let edges = cells.edges.len();
+        let round_vertex = ByKind([
+            Incidence::new(n, &body.tetrahedra),
+            Incidence::new(n, &body.membrane),
+            Incidence::new(n, &body.hexahedra),
+            Incidence::new(n, &body.quads),
+        ]);
+        let round_edge = ByKind([
+            Incidence::new(edges, &cells.tetrahedron_edges),
+            Incidence::new(edges, &cells.membrane_edges),
+            Incidence::new(edges, &cells.hexahedron_edges),
+            Incidence::new(edges, &cells.quad_edges),
+        ]);
         let round_triangle = Incidence::new(cells.triangles.len(), &cells.tetrahedron_triangles);
         let triangle_count = round_triangle.counts();
-        let membrane = body.membrane.clone();
-        let membrane_round_vertex = Incidence::new(n, &membrane);
-        let membrane_round_edge = Incidence::new(cells.edges.len(), &cells.membrane_edges);
+        let round_face = Incidence::new(cells.faces.len(), &cells.hexahedron_faces);
+        let face_count = round_face.counts();
         let mut membrane_at = vec![UNUSED; cells.triangles.len()];
         for (t, &triangle) in (0..).zip(&cells.membrane_triangles) {
             membrane_at[triangle as usize] = t;
         }
-        let mut surface = Vec::new();
-        let mut surface_place = vec![UNUSED; cells.triangles.len()];
-        for (i, _) in triangle_count.iter().enumerate().filter(|(_, count)| **count == 1) {
-            surface_place[i] = surface.len() as u32;
-            surface.push(i as u32);
-        }
+        let counts =
+            [body.tetrahedra.len(), body.membrane.len(), body.hexahedra.len(), body.quads.len()];
         Self {
-            present: vec![true; tetrahedra.len()],
-            remaining: tetrahedra.len(),
-            membrane_present: vec![true; membrane.len()],
-            membrane_remaining: membrane.len(),
-            vertex_count: round_vertex.counts_with(&membrane_round_vertex),
-            edge_count: round_edge.counts_with(&membrane_round_edge),
+            present: ByKind(counts.map(|count| vec![true; count])),
+            remaining: ByKind(counts),
+            vertex_count: counted(n, &round_vertex),
+            edge_count: counted(edges, &round_edge),
+            surface: OpenSet::new(&triangle_count),
+            open_faces: OpenSet::new(&face_count),
             triangle_count,
-            surface,
-            surface_place,
+            face_count,
             parent: (0..n as u32).collect(),
-            tetrahedra,
-            membrane,
+            tetrahedra: body.tetrahedra.clone(),
+            membrane: body.membrane.clone(),
+            hexahedra: body.hexahedra.clone(),
+            quads: body.quads.clone(),
             cells,
             round_vertex,
             round_edge,
             round_triangle,
-            membrane_round_vertex,
-            membrane_round_edge,
+            round_face,
             membrane_at,
         }
     }
 
-    /// Whether a tetrahedron is left.
+    /// Vertex rows of an element.
     #[inline]
-    pub fn is_present(&self, tetrahedron: u32) -> bool {
-        self.present[tetrahedron as usize]
+    pub fn vertices(&self, kind: ElementKind, element: u32) -> &[u32] {
+        let i = element as usize;
+        match kind {
+            ElementKind::Tetrahedron => &self.tetrahedra[i],
+            ElementKind::Triangle => &self.membrane[i],
+            ElementKind::Hexahedron => &self.hexahedra[i],
+            ElementKind::Quad => &self.quads[i],
+        }
     }
 
-    /// Whether a membrane triangle is left.
+    /// Edges of an element, in the order of its local pairs.
     #[inline]
-    pub fn is_membrane_present(&self, triangle: u32) -> bool {
-        self.membrane_present[triangle as usize]
+    pub fn edges(&self, kind: ElementKind, element: u32) -> &[u32] {
+        let i = element as usize;
+        match kind {
+            ElementKind::Tetrahedron => &self.cells.tetrahedron_edges[i],
+            ElementKind::Triangle => &self.cells.membrane_edges[i],
+            ElementKind::Hexahedron => &self.cells.hexahedron_edges[i],
+            ElementKind::Quad => &self.cells.quad_edges[i],
+        }
     }
 
-    /// Number of tetrahedra left.
-    pub fn remaining(&self) -> usize {
-        self.remaining
+    /// Number of elements, removed ones included.
+    pub fn count(&self, kind: ElementKind) -> usize {
+        self.present[kind].len()
     }
 
-    /// Number of membrane triangles left.
-    pub fn membrane_remaining(&self) -> usize {
-        self.membrane_remaining
+    /// Whether an element is left.
+    #[inline]
+    pub fn is_present(&self, kind: ElementKind, element: u32) -> bool {
+        self.present[kind][element as usize]
+    }
+
+    /// Number of elements left.
+    pub fn remaining(&self, kind: ElementKind) -> usize {
+        self.remaining[kind]
     }
 
     /// Whether some element uses an edge.
@@ -178,7 +289,7 @@ impl Connectivity {
     pub fn uses_triangle(&self, triangle: u32) -> bool {
         let membrane = self.membrane_at[triangle as usize];
         self.triangle_count[triangle as usize] > 0
-            || (membrane != UNUSED && self.is_membrane_present(membrane))
+            || (membrane != UNUSED && self.is_present(ElementKind::Triangle, membrane))
     }
 
     /// Whether some element uses a vertex.
@@ -186,60 +297,82 @@ impl Connectivity {
         self.vertex_count[vertex as usize] > 0
     }
 
-    /// Tetrahedra that are left among some.
-    pub fn left<'a>(&'a self, among: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
-        among.iter().copied().filter(|&t| self.is_present(t))
+    /// Elements that are left among some.
+    pub fn left<'a>(
+        &'a self,
+        kind: ElementKind,
+        among: &'a [u32],
+    ) -> impl Iterator<Item = u32> + 'a {
+        among.iter().copied().filter(move |&e| self.is_present(kind, e))
     }
 
-    /// Membrane triangles that are left among some.
-    pub fn membrane_left<'a>(&'a self, among: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
-        among.iter().copied().filter(|&t| self.is_membrane_present(t))
+    /// All elements that are left.
+    pub fn all_left(&self, kind: ElementKind) -> impl Iterator<Item = u32> + '_ {
+        (0..).zip(&self.present[kind]).filter(|(_, present)| **present).map(|(e, _)| e)
     }
 
-    /// Triangles of the surface of the solid, outward, each with the tetrahedron behind it; in no particular
-    /// order, but the same one for the same removals.
-    pub fn surface(&self) -> impl ExactSizeIterator<Item = ([u32; 3], u32)> + '_ {
-        self.surface.iter().map(|&triangle| {
-            let t = self.left(self.round_triangle.of(triangle)).next().unwrap_or(0);
+    /// Triangles of the surface of the solid, outward, each with the element behind it; in no particular
+    /// order, but the same one for the same removals. Faces of hexahedra are cut along the diagonal from
+    /// their lowest vertex row.
+    pub fn surface(&self) -> impl Iterator<Item = ([u32; 3], ElementKind, u32)> + '_ {
+        let triangles = self.surface.items.iter().map(|&triangle| {
+            let round = self.round_triangle.of(triangle);
+            let t = self.left(ElementKind::Tetrahedron, round).next().unwrap_or(0);
             let faces = &self.cells.tetrahedron_triangles[t as usize];
             let face = faces.iter().position(|&f| f == triangle).unwrap_or(0);
             let vertices = self.tetrahedra[t as usize];
-            (TETRAHEDRON_FACES[face].map(|v| vertices[v]), t)
-        })
+            (TETRAHEDRON_FACES[face].map(|v| vertices[v]), ElementKind::Tetrahedron, t)
+        });
+        let quads = self.open_faces.items.iter().flat_map(|&face| {
+            let round = self.round_face.of(face);
+            let h = self.left(ElementKind::Hexahedron, round).next().unwrap_or(0);
+            let faces = &self.cells.hexahedron_faces[h as usize];
+            let local = faces.iter().position(|&f| f == face).unwrap_or(0);
+            let mut q = HEXAHEDRON_FACES[local].map(|v| self.hexahedra[h as usize][v]);
+            let lowest = (0..4).min_by_key(|&i| q[i]).unwrap_or(0);
+            q.rotate_left(lowest);
+            let brick = move |triangle| (triangle, ElementKind::Hexahedron, h);
+            [[q[0], q[1], q[2]], [q[0], q[2], q[3]]].map(brick)
+        });
+        triangles.chain(quads)
     }
 
-    /// Takes tetrahedra and membrane triangles out; they must be left and be named once.
-    pub fn remove(&mut self, removed: &[u32], membrane: &[u32]) -> Touched {
+    /// Takes elements out; they must be left and be named once.
+    pub fn remove(&mut self, removed: &ByKind<Vec<u32>>) -> Touched {
         let mut touched = Touched::default();
-        for &t in removed {
-            self.present[t as usize] = false;
-            for v in self.tetrahedra[t as usize] {
-                self.vertex_count[v as usize] -= 1;
-                touched.vertices.push(v);
+        let mut faces = Vec::new();
+        for kind in ElementKind::ALL {
+            for &e in &removed[kind] {
+                self.present[kind][e as usize] = false;
+                touched.vertices.extend_from_slice(self.vertices(kind, e));
+                touched.edges.extend_from_slice(self.edges(kind, e));
+                match kind {
+                    ElementKind::Tetrahedron => {
+                        for f in self.cells.tetrahedron_triangles[e as usize] {
+                            self.triangle_count[f as usize] -= 1;
+                            touched.triangles.push(f);
+                        }
+                    }
+                    ElementKind::Triangle => {
+                        touched.triangles.push(self.cells.membrane_triangles[e as usize]);
+                    }
+                    ElementKind::Hexahedron => {
+                        for f in self.cells.hexahedron_faces[e as usize] {
+                            self.face_count[f as usize] -= 1;
+                            faces.push(f);
+                        }
+                    }
+                    ElementKind::Quad => {}
+                }
             }
-            for e in self.cells.tetrahedron_edges[t as usize] {
-                self.edge_count[e as usize] -= 1;
-                touched.edges.push(e);
-            }
-            for f in self.cells.tetrahedron_triangles[t as usize] {
-                self.triangle_count[f as usize] -= 1;
-                touched.triangles.push(f);
-            }
+            self.remaining[kind] -= removed[kind].len();
         }
-        self.remaining -= removed.len();
-        for &t in membrane {
-            self.membrane_present[t as usize] = false;
-            for v in self.membrane[t as usize] {
-                self.vertex_count[v as usize] -= 1;
-                touched.vertices.push(v);
-            }
-            for e in self.cells.membrane_edges[t as usize] {
-                self.edge_count[e as usize] -= 1;
-                touched.edges.push(e);
-            }
-            touched.triangles.push(self.cells.membrane_triangles[t as usize]);
+        for &v in &touched.vertices {
+            self.vertex_count[v as usize] -= 1;
         }
-        self.membrane_remaining -= membrane.len();
+        for &e in &touched.edges {
+            self.edge_count[e as usize] -= 1;
+        }
         for list in [&mut touched.vertices, &mut touched.edges, &mut touched.triangles] {
             list.sort_unstable();
             list.dedup();
@@ -252,34 +385,22 @@ impl Connectivity {
         let unused = touched.triangles.iter().copied().filter(|&f| !self.uses_triangle(f));
         touched.unused_triangles = unused.collect();
         for &f in &touched.triangles {
-            self.update_surface(f);
+            self.surface.update(f, self.triangle_count[f as usize] == 1);
         }
-        touched.may_split = self.may_split(removed, membrane, &touched.vertices);
+        faces.sort_unstable();
+        faces.dedup();
+        for &f in &faces {
+            self.open_faces.update(f, self.face_count[f as usize] == 1);
+        }
+        touched.unused_faces = faces.iter().filter(|&&f| self.face_count[f as usize] == 0).count();
+        touched.may_split = self.may_split(removed, &touched.vertices);
         touched
-    }
-
-    fn update_surface(&mut self, triangle: u32) {
-        let place = self.surface_place[triangle as usize];
-        match (self.triangle_count[triangle as usize] == 1, place == UNUSED) {
-            (true, true) => {
-                self.surface_place[triangle as usize] = self.surface.len() as u32;
-                self.surface.push(triangle);
-            }
-            (false, false) => {
-                self.surface.swap_remove(place as usize);
-                if let Some(&moved) = self.surface.get(place as usize) {
-                    self.surface_place[moved as usize] = place;
-                }
-                self.surface_place[triangle as usize] = UNUSED;
-            }
-            _ => {}
-        }
     }
 
     /// Whether pieces may have split or vanished. They have not when whatever the removed elements
     /// held together still hangs together through their neighbours: every way that led through them
     /// can then go round.
-    fn may_split(&mut self, removed: &[u32], membrane: &[u32], vertices: &[u32]) -> bool {
+    fn may_split(&mut self, removed: &ByKind<Vec<u32>>, vertices: &[u32]) -> bool {
         let mut parent = std::mem::take(&mut self.parent);
         let mut seen: Vec<u32> = vertices.to_vec();
         let mut join = |parent: &mut [u32], vertices: &[u32]| {
@@ -290,11 +411,10 @@ impl Connectivity {
             }
         };
         for &v in vertices {
-            for t in self.left(self.round_vertex.of(v)) {
-                join(&mut parent, &self.tetrahedra[t as usize]);
-            }
-            for t in self.membrane_left(self.membrane_round_vertex.of(v)) {
-                join(&mut parent, &self.membrane[t as usize]);
+            for kind in ElementKind::ALL {
+                for e in self.left(kind, self.round_vertex[kind].of(v)) {
+                    join(&mut parent, self.vertices(kind, e));
+                }
             }
         }
         // components that hold elements: roots of used vertices
@@ -305,11 +425,9 @@ impl Connectivity {
             .collect();
         alive.sort_unstable();
         alive.dedup();
-        let gone: Vec<&[u32]> = removed
-            .iter()
-            .map(|&t| &self.tetrahedra[t as usize][..])
-            .chain(membrane.iter().map(|&t| &self.membrane[t as usize][..]))
-            .collect();
+        let this = &*self;
+        let of_kind = |kind| removed[kind].iter().map(move |&e| this.vertices(kind, e));
+        let gone: Vec<&[u32]> = ElementKind::ALL.into_iter().flat_map(of_kind).collect();
         for vertices in &gone {
             join(&mut parent, vertices);
         }
@@ -358,39 +476,47 @@ impl Connectivity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::BodyLayout;
+    use crate::layout::{BodyLayout, ElementLists};
     use crate::mesh::generate::box_tets;
     use glam::DVec3;
 
-    /// A box, with a membrane on its surface and through some of its inside if asked for.
+    /// A box of tetrahedra and a wall of hexahedra on the same vertices, with a membrane on
+    /// the surface and through some of the inside if asked for.
     fn body(cells: [usize; 3], skin: bool) -> BodyRows {
         let mesh = box_tets(DVec3::ONE, cells).unwrap();
-        let mut membrane = if skin { mesh.surface_triangles() } else { Vec::new() };
+        let [nx, ny, nz] = cells.map(|n| n as u32 + 1);
+        let at = |i: u32, j: u32, k: u32| (k * ny + j) * nx + i;
+        let mut hexahedra = Vec::new();
+        // hexahedra overlap with the tetrahedra, which matters nothing here
+        for (k, j, i) in (0..nz - 1).flat_map(|k| (0..ny - 1).map(move |j| (k, j, 0u32))) {
+            let corner = |x, y, z| at(i + x, j + y, k + z);
+            let low = [corner(0, 0, 0), corner(1, 0, 0), corner(1, 1, 0), corner(0, 1, 0)];
+            let high = [corner(0, 0, 1), corner(1, 0, 1), corner(1, 1, 1), corner(0, 1, 1)];
+            let [a, b, c, d] = low;
+            let [e, f, g, h] = high;
+            hexahedra.push([a, b, c, d, e, f, g, h]);
+        }
+        let (mut membrane, mut quads) = (Vec::new(), Vec::new());
         if skin {
+            membrane = mesh.surface_triangles();
             let inner = mesh.tetrahedra.iter().step_by(3).map(|t| [t[0], t[1], t[2]]);
             membrane.extend(inner);
             membrane.iter_mut().for_each(|t| t.sort_unstable());
             membrane.sort_unstable();
             membrane.dedup();
+            quads.extend(hexahedra.iter().map(|h| [h[0], h[1], h[2], h[3]]));
         }
-        let layout = BodyLayout::with_membrane(mesh.points.len(), &mesh.tetrahedra, &membrane);
-        BodyRows {
-            name: String::new(),
-            vertices: 0..0,
-            blocks: 0..0,
-            vertex_order: layout.vertex_order,
-            row_of_vertex: layout.row_of_vertex,
-            tetrahedra: layout.tetrahedra,
-            tetrahedron_order: layout.tetrahedron_order,
-            size: 1.0,
-            piece: Vec::new(),
-            splits: 0,
-            membrane: layout.membrane,
-            membrane_order: layout.membrane_order,
-        }
+        let lists = ElementLists {
+            tetrahedra: &mesh.tetrahedra,
+            hexahedra: &hexahedra,
+            membrane: &membrane,
+            quads: &quads,
+        };
+        let layout = BodyLayout::of(mesh.points.len(), &lists);
+        BodyRows::new(String::new(), &layout, 1.0)
     }
 
-    /// Everything that is kept up to date equals what follows from the tetrahedra that are left, and
+    /// Everything that is kept up to date equals what follows from the elements that are left, and
     /// the local test never misses a split.
     #[test]
     fn updates_equal_a_fresh_count() {
@@ -405,32 +531,33 @@ mod tests {
             let mut connectivity = Connectivity::new(&body);
             let mut pieces = connectivity.pieces().iter().max().copied();
             let mut splits = 0;
-            while connectivity.remaining() + connectivity.membrane_remaining() > 0 {
-                let left: Vec<u32> = (0..body.tetrahedra.len() as u32)
-                    .filter(|&t| connectivity.is_present(t))
-                    .collect();
-                let sheets: Vec<u32> = (0..body.membrane.len() as u32)
-                    .filter(|&t| connectivity.is_membrane_present(t))
-                    .collect();
-                let mut some = |left: &[u32]| {
+            while ElementKind::ALL.iter().any(|&kind| connectivity.remaining(kind) > 0) {
+                let mut batch = ByKind::<Vec<u32>>::default();
+                for kind in ElementKind::ALL {
+                    let left: Vec<u32> = connectivity.all_left(kind).collect();
                     let count = if left.is_empty() { 0 } else { next(5) };
-                    let mut batch: Vec<u32> = (0..count).map(|_| left[next(left.len())]).collect();
-                    batch.sort_unstable();
-                    batch.dedup();
-                    batch
+                    batch[kind] = (0..count).map(|_| left[next(left.len())]).collect();
+                    batch[kind].sort_unstable();
+                    batch[kind].dedup();
+                }
+                let touched = connectivity.remove(&batch);
+                let left = |kind| connectivity.all_left(kind).map(|e| e as usize);
+                let tetrahedra: Vec<_> =
+                    left(ElementKind::Tetrahedron).map(|t| body.tetrahedra[t]).collect();
+                assert_eq!(tetrahedra.len(), connectivity.remaining(ElementKind::Tetrahedron));
+                let membrane: Vec<_> =
+                    left(ElementKind::Triangle).map(|t| body.membrane[t]).collect();
+                assert_eq!(membrane.len(), connectivity.remaining(ElementKind::Triangle));
+                let hexahedra: Vec<_> =
+                    left(ElementKind::Hexahedron).map(|h| body.hexahedra[h]).collect();
+                let quads: Vec<_> = left(ElementKind::Quad).map(|q| body.quads[q]).collect();
+                let lists = ElementLists {
+                    tetrahedra: &tetrahedra,
+                    hexahedra: &hexahedra,
+                    membrane: &membrane,
+                    quads: &quads,
                 };
-                let touched = connectivity.remove(&some(&left), &some(&sheets));
-                let kept: Vec<[u32; 4]> = (0..body.tetrahedra.len() as u32)
-                    .filter(|&t| connectivity.is_present(t))
-                    .map(|t| body.tetrahedra[t as usize])
-                    .collect();
-                assert_eq!(kept.len(), connectivity.remaining());
-                let sheets: Vec<[u32; 3]> = (0..body.membrane.len() as u32)
-                    .filter(|&t| connectivity.is_membrane_present(t))
-                    .map(|t| body.membrane[t as usize])
-                    .collect();
-                assert_eq!(sheets.len(), connectivity.membrane_remaining());
-                let fresh = Cells::new(body.vertex_order.len(), &kept, &sheets);
+                let fresh = Cells::new(body.vertex_order.len(), &lists);
                 let cells = &connectivity.cells;
                 let edges: Vec<[u32; 2]> = (0..cells.edges.len() as u32)
                     .filter(|&e| connectivity.uses_edge(e))
@@ -444,18 +571,33 @@ mod tests {
                 assert_eq!(triangles, fresh.triangles);
                 let mut surface: Vec<[u32; 3]> = connectivity
                     .surface()
-                    .map(|(mut f, _)| {
+                    .map(|(mut f, ..)| {
                         f.sort_unstable();
                         f
                     })
                     .collect();
                 surface.sort_unstable();
+                let once =
+                    |faces: &[u32], f: usize| faces.iter().filter(|&&g| g == f as u32).count() == 1;
                 let faces: Vec<u32> =
                     fresh.tetrahedron_triangles.iter().flatten().copied().collect();
-                let boundary: Vec<[u32; 3]> = (0..fresh.triangles.len())
-                    .filter(|&f| faces.iter().filter(|&&g| g == f as u32).count() == 1)
-                    .map(|f| fresh.triangles[f])
-                    .collect();
+                let open = (0..fresh.triangles.len()).filter(|&f| once(&faces, f));
+                let mut boundary: Vec<[u32; 3]> = open.map(|f| fresh.triangles[f]).collect();
+                let faces: Vec<u32> = fresh.hexahedron_faces.iter().flatten().copied().collect();
+                for (h, own) in hexahedra.iter().zip(&fresh.hexahedron_faces) {
+                    for (local, &f) in HEXAHEDRON_FACES.iter().zip(own) {
+                        if once(&faces, f as usize) {
+                            let mut q = local.map(|v| h[v]);
+                            let lowest = (0..4).min_by_key(|&i| q[i]).unwrap();
+                            q.rotate_left(lowest);
+                            for mut t in [[q[0], q[1], q[2]], [q[0], q[2], q[3]]] {
+                                t.sort_unstable();
+                                boundary.push(t);
+                            }
+                        }
+                    }
+                }
+                boundary.sort_unstable();
                 assert_eq!(surface, boundary);
                 let now = connectivity.pieces();
                 let count = now.iter().filter(|&&p| p != UNUSED).max().copied();

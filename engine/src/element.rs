@@ -397,6 +397,22 @@ pub fn area_ratio<S: Real>(edges: &[[S; 3]; 2], area: S, u: &[[S; 3]; 3]) -> S {
 #[repr(transparent)]
 pub struct RestVolume<S: Scalar>(pub S);
 
+/// Vertex rows of the tetrahedron that axes lie in (not a tetrahedron by itself), in its local order.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
+#[repr(transparent)]
+pub struct AxisVertices(pub [u32; 4]);
+
+/// Tangent blocks (edge-graph indices) of the tetrahedron that axes lie in.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[repr(transparent)]
+pub struct AxisBlocks(pub [u32; 6]);
+
+/// Index, in the mesh that the user gave, of the tetrahedron that axes lie in.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
+pub struct AxisTetrahedron(pub u32);
+
 /// `G = sum_a u_a (x) D_a`, row-major.
 #[inline(always)]
 pub fn displacement_gradient<S: Real>(gradients: &[[S; 3]; 3], u: &[[S; 3]; 4]) -> [S; 9] {

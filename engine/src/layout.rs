@@ -1,15 +1,42 @@
 //! From a mesh in the user's order to the order in which the engine stores it, and the edges,
-//! triangles and incidences that follow from tetrahedra and membrane triangles. Plain data; rows are
-//! local to a body.
+//! triangles and incidences that follow from its elements. Plain data; rows are local to a body.
 //!
 //! Vertices are put in reverse Cuthill-McKee order and elements are sorted by their lowest row, so
 //! that a range of elements touches a short span of vertices: that keeps gathers in cache and makes
 //! the private arrays of [`crate::law`] small.
 
+use crate::connectivity::ElementKind;
 use crate::element::{TETRAHEDRON_EDGES, TETRAHEDRON_FACES};
+use crate::isoparametric::{HEXAHEDRON_FACES, HEXAHEDRON_PAIRS, QUAD_PAIRS};
 
 /// Row that stands for "not part of the body".
 pub const UNUSED: u32 = u32::MAX;
+
+/// Elements of a body: vertex indices, valid and distinct in every element.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ElementLists<'a> {
+    /// Tetrahedra.
+    pub tetrahedra: &'a [[u32; 4]],
+    /// Hexahedra.
+    pub hexahedra: &'a [[u32; 8]],
+    /// Membrane triangles.
+    pub membrane: &'a [[u32; 3]],
+    /// Membrane quadrilaterals.
+    pub quads: &'a [[u32; 4]],
+}
+
+impl ElementLists<'_> {
+    /// Every pair of vertices that share an element, pairs of several elements several times.
+    fn pairs(&self) -> impl Iterator<Item = [u32; 2]> + '_ {
+        let sheets = self.membrane.iter().flat_map(|&[a, b, c]| [[b, c], [a, c], [a, b]]);
+        let quads = self.quads.iter().flat_map(|q| QUAD_PAIRS.map(|[a, b]| [q[a], q[b]]));
+        let tetrahedra =
+            self.tetrahedra.iter().flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| [t[a], t[b]]));
+        let hexahedra =
+            self.hexahedra.iter().flat_map(|h| HEXAHEDRON_PAIRS.map(|[a, b]| [h[a], h[b]]));
+        sheets.chain(quads).chain(tetrahedra).chain(hexahedra)
+    }
+}
 
 /// A body's mesh in engine order.
 #[derive(Clone, Debug, Default)]
@@ -23,7 +50,16 @@ pub struct BodyLayout {
     pub tetrahedra: Vec<[u32; 4]>,
     /// Tetrahedron row -> index in the user's mesh.
     pub tetrahedron_order: Vec<u32>,
-    /// Vertex rows of the edges, lower first, sorted.
+    /// Vertex rows of the hexahedra, in the user's local order.
+    pub hexahedra: Vec<[u32; 8]>,
+    /// Hexahedron row -> index in the user's mesh.
+    pub hexahedron_order: Vec<u32>,
+    /// Vertex rows of the membrane quadrilaterals, in the user's local order.
+    pub quads: Vec<[u32; 4]>,
+    /// Quadrilateral row -> index in the user's list.
+    pub quad_order: Vec<u32>,
+    /// Vertex rows of the edges, lower first, sorted: all pairs of vertices that share an element,
+    /// diagonals of quadrilaterals and hexahedra included.
     pub edges: Vec<[u32; 2]>,
     /// Edge rows of the tetrahedra in local edge order.
     pub tetrahedron_edges: Vec<[u32; 6]>,
@@ -42,6 +78,10 @@ pub struct BodyLayout {
     pub membrane_edges: Vec<[u32; 3]>,
     /// Row of every membrane triangle in `triangles`.
     pub membrane_triangles: Vec<u32>,
+    /// Edge rows of the hexahedra in the order of [`HEXAHEDRON_PAIRS`].
+    pub hexahedron_edges: Vec<[u32; 28]>,
+    /// Edge rows of the membrane quadrilaterals in the order of [`QUAD_PAIRS`].
+    pub quad_edges: Vec<[u32; 6]>,
 }
 
 impl BodyLayout {
@@ -58,27 +98,29 @@ impl BodyLayout {
         tetrahedra: &[[u32; 4]],
         membrane: &[[u32; 3]],
     ) -> Self {
-        let vertex_order = reverse_cuthill_mckee(vertex_count, tetrahedra, membrane);
+        Self::of(vertex_count, &ElementLists { tetrahedra, membrane, ..ElementLists::default() })
+    }
+
+    /// Orders a mesh of any elements; all share vertices and edges where they share indices.
+    pub fn of(vertex_count: usize, elements: &ElementLists) -> Self {
+        let vertex_order = reverse_cuthill_mckee(vertex_count, elements);
         let mut row_of_vertex = vec![UNUSED; vertex_count];
         for (row, &v) in vertex_order.iter().enumerate() {
             row_of_vertex[v as usize] = row as u32;
         }
-        let mut order: Vec<u32> = (0..tetrahedra.len() as u32).collect();
-        let rows = |t: u32| tetrahedra[t as usize].map(|v| row_of_vertex[v as usize]);
-        order.sort_by_cached_key(|&t| {
-            let mut key = rows(t);
-            key.sort_unstable();
-            (key, t)
-        });
-        let ordered: Vec<[u32; 4]> = order.iter().map(|&t| lowest_first(rows(t))).collect();
-
-        let sheet = |t: u32| {
-            let [a, b, c] = membrane[t as usize].map(|v| row_of_vertex[v as usize]);
-            sorted3(a, b, c)
+        let (order, tetrahedra) = ordered(elements.tetrahedra, &row_of_vertex);
+        let tetrahedra: Vec<[u32; 4]> = tetrahedra.into_iter().map(lowest_first).collect();
+        let (membrane_order, membrane) = ordered(elements.membrane, &row_of_vertex);
+        let membrane: Vec<[u32; 3]> =
+            membrane.into_iter().map(|[a, b, c]| sorted3(a, b, c)).collect();
+        let (hexahedron_order, hexahedra) = ordered(elements.hexahedra, &row_of_vertex);
+        let (quad_order, quads) = ordered(elements.quads, &row_of_vertex);
+        let rows = ElementLists {
+            tetrahedra: &tetrahedra,
+            hexahedra: &hexahedra,
+            membrane: &membrane,
+            quads: &quads,
         };
-        let mut membrane_order: Vec<u32> = (0..membrane.len() as u32).collect();
-        membrane_order.sort_by_cached_key(|&t| (sheet(t), t));
-        let membrane: Vec<[u32; 3]> = membrane_order.iter().map(|&t| sheet(t)).collect();
         let Cells {
             edges,
             tetrahedron_edges,
@@ -87,11 +129,14 @@ impl BodyLayout {
             tetrahedron_triangles,
             membrane_edges,
             membrane_triangles,
-        } = Cells::new(vertex_order.len(), &ordered, &membrane);
+            hexahedron_edges,
+            quad_edges,
+            ..
+        } = Cells::new(vertex_order.len(), &rows);
         Self {
             vertex_order,
             row_of_vertex,
-            tetrahedra: ordered,
+            tetrahedra,
             tetrahedron_order: order,
             edges,
             tetrahedron_edges,
@@ -102,11 +147,55 @@ impl BodyLayout {
             membrane_order,
             membrane_edges,
             membrane_triangles,
+            hexahedra,
+            hexahedron_order,
+            hexahedron_edges,
+            quads,
+            quad_order,
+            quad_edges,
         }
     }
 }
 
-/// Edges and triangles of tetrahedra and membranes.
+impl BodyLayout {
+    /// Its elements by vertex rows.
+    pub fn elements(&self) -> ElementLists<'_> {
+        ElementLists {
+            tetrahedra: &self.tetrahedra,
+            hexahedra: &self.hexahedra,
+            membrane: &self.membrane,
+            quads: &self.quads,
+        }
+    }
+
+    /// Element row -> index in the user's mesh or list.
+    pub fn order(&self, kind: ElementKind) -> &[u32] {
+        match kind {
+            ElementKind::Tetrahedron => &self.tetrahedron_order,
+            ElementKind::Triangle => &self.membrane_order,
+            ElementKind::Hexahedron => &self.hexahedron_order,
+            ElementKind::Quad => &self.quad_order,
+        }
+    }
+}
+
+/// Elements sorted by their vertex rows: the order, and the rows in the order of local vertices.
+fn ordered<const N: usize>(
+    elements: &[[u32; N]],
+    row_of_vertex: &[u32],
+) -> (Vec<u32>, Vec<[u32; N]>) {
+    let rows = |e: u32| elements[e as usize].map(|v| row_of_vertex[v as usize]);
+    let mut order: Vec<u32> = (0..elements.len() as u32).collect();
+    order.sort_by_cached_key(|&e| {
+        let mut key = rows(e);
+        key.sort_unstable();
+        (key, e)
+    });
+    let sorted = order.iter().map(|&e| rows(e)).collect();
+    (order, sorted)
+}
+
+/// Edges, triangles and quadrilateral faces of the elements of a body.
 #[derive(Clone, Debug, Default)]
 pub struct Cells {
     /// As [`BodyLayout::edges`].
@@ -123,17 +212,22 @@ pub struct Cells {
     pub membrane_edges: Vec<[u32; 3]>,
     /// As [`BodyLayout::membrane_triangles`].
     pub membrane_triangles: Vec<u32>,
+    /// As [`BodyLayout::hexahedron_edges`].
+    pub hexahedron_edges: Vec<[u32; 28]>,
+    /// As [`BodyLayout::quad_edges`].
+    pub quad_edges: Vec<[u32; 6]>,
+    /// Vertex rows of the faces of hexahedra, ascending, sorted.
+    pub faces: Vec<[u32; 4]>,
+    /// Face rows of the hexahedra in the order of [`HEXAHEDRON_FACES`].
+    pub hexahedron_faces: Vec<[u32; 6]>,
 }
 
 impl Cells {
-    /// Of tetrahedra and membrane triangles given by their vertex rows, below `vertex_count`; those of
-    /// the triangles ascending.
-    pub fn new(vertex_count: usize, tetrahedra: &[[u32; 4]], membrane: &[[u32; 3]]) -> Self {
-        let mut edges: Vec<[u32; 2]> = tetrahedra
-            .iter()
-            .flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| sorted2(t[a], t[b])))
-            .chain(membrane.iter().flat_map(|&[a, b, c]| [[b, c], [a, c], [a, b]]))
-            .collect();
+    /// Of elements given by their vertex rows, below `vertex_count`; those of membrane triangles
+    /// ascending.
+    pub fn new(vertex_count: usize, elements: &ElementLists) -> Self {
+        let ElementLists { tetrahedra, hexahedra, membrane, quads } = *elements;
+        let mut edges: Vec<[u32; 2]> = elements.pairs().map(|[a, b]| sorted2(a, b)).collect();
         edges.sort_unstable();
         edges.dedup();
         let mut triangles: Vec<[u32; 3]> = tetrahedra
@@ -143,6 +237,16 @@ impl Cells {
             .collect();
         triangles.sort_unstable();
         triangles.dedup();
+        let face_rows = |h: &[u32; 8]| {
+            HEXAHEDRON_FACES.map(|face| {
+                let mut rows = face.map(|v| h[v]);
+                rows.sort_unstable();
+                rows
+            })
+        };
+        let mut faces: Vec<[u32; 4]> = hexahedra.iter().flat_map(face_rows).collect();
+        faces.sort_unstable();
+        faces.dedup();
 
         let edge_start = starts(vertex_count, edges.iter().map(|e| e[0]));
         let triangle_start = starts(vertex_count, triangles.iter().map(|t| t[0]));
@@ -169,6 +273,12 @@ impl Cells {
         let triangle_edges = triangles.iter().map(opposite).collect();
         let membrane_edges = membrane.iter().map(opposite).collect();
         let membrane_triangles = membrane.iter().map(|&[a, b, c]| triangle_row(a, b, c)).collect();
+        let hexahedron_edges =
+            hexahedra.iter().map(|h| HEXAHEDRON_PAIRS.map(|[a, b]| edge_row(h[a], h[b]))).collect();
+        let quad_edges =
+            quads.iter().map(|q| QUAD_PAIRS.map(|[a, b]| edge_row(q[a], q[b]))).collect();
+        let face_row = |face: [u32; 4]| faces.binary_search(&face).unwrap_or(0) as u32;
+        let hexahedron_faces = hexahedra.iter().map(|h| face_rows(h).map(face_row)).collect();
         Self {
             edges,
             tetrahedron_edges,
@@ -177,6 +287,10 @@ impl Cells {
             tetrahedron_triangles,
             membrane_edges,
             membrane_triangles,
+            hexahedron_edges,
+            quad_edges,
+            faces,
+            hexahedron_faces,
         }
     }
 }
@@ -229,18 +343,9 @@ pub fn starts(n: usize, keys: impl Iterator<Item = u32>) -> Vec<u32> {
 
 /// Reverse Cuthill-McKee order of the vertices that some element uses. Each component starts
 /// from a vertex far from everything (two breadth-first sweeps), which keeps the bandwidth low.
-fn reverse_cuthill_mckee(n: usize, tetrahedra: &[[u32; 4]], membrane: &[[u32; 3]]) -> Vec<u32> {
+fn reverse_cuthill_mckee(n: usize, elements: &ElementLists) -> Vec<u32> {
     // adjacency in compressed rows, duplicates removed
-    let mut pairs: Vec<[u32; 2]> = Vec::with_capacity(tetrahedra.len() * 12 + membrane.len() * 6);
-    for &[a, b, c] in membrane {
-        pairs.extend([[a, b], [b, a], [b, c], [c, b], [c, a], [a, c]]);
-    }
-    for t in tetrahedra {
-        for [a, b] in TETRAHEDRON_EDGES {
-            pairs.push([t[a], t[b]]);
-            pairs.push([t[b], t[a]]);
-        }
-    }
+    let mut pairs: Vec<[u32; 2]> = elements.pairs().flat_map(|[a, b]| [[a, b], [b, a]]).collect();
     pairs.sort_unstable();
     pairs.dedup();
     let start = starts(n, pairs.iter().map(|p| p[0]));

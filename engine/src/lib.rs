@@ -6,6 +6,7 @@
 pub mod columns;
 pub mod connectivity;
 pub mod element;
+pub mod isoparametric;
 pub mod lanes;
 pub mod law;
 pub mod layout;

@@ -112,16 +112,16 @@ pub struct Fallbacks {
 /// Volume ratios J at the end of the step.
 #[derive(Resource, Clone, Debug, Serialize)]
 pub struct VolumeReport {
-    /// Smallest deformed volume over rest volume.
+    /// Smallest deformed volume over rest volume, of hexahedra at their Gauss points.
     pub smallest_ratio: f64,
-    /// Tetrahedra with J <= 0.
+    /// Tetrahedra, and hexahedra of some Gauss point, with J <= 0.
     pub inverted: u64,
     /// The same for each body.
     pub inverted_by_body: Vec<u64>,
     /// Smallest ratio of each body.
     pub smallest_by_body: Vec<f64>,
-    /// Tetrahedra of each body.
-    pub tetrahedra_by_body: Vec<u64>,
+    /// Tetrahedra and hexahedra of each body.
+    pub elements_by_body: Vec<u64>,
 }
 
 impl Default for VolumeReport {
@@ -131,7 +131,7 @@ impl Default for VolumeReport {
             inverted: 0,
             inverted_by_body: Vec::new(),
             smallest_by_body: Vec::new(),
-            tetrahedra_by_body: Vec::new(),
+            elements_by_body: Vec::new(),
         }
     }
 }

@@ -72,7 +72,7 @@ pub enum ForceSystems {
 struct GatherSlot(u8);
 
 /// Highest value of [`Law::ORDER`].
-pub const MAX_LAW_ORDER: u8 = 31;
+pub const MAX_LAW_ORDER: u8 = 47;
 
 /// Which executor runs the schedules.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -5,15 +5,20 @@ use crate::element::{
     MembraneRest, MembraneShapes, MembraneVertices, ShapeGradients, TetrahedronShapes,
     TetrahedronVertices, area_ratio, displacement_gradient, volume_change,
 };
+use crate::isoparametric::{
+    Derivatives, HexahedronRest, HexahedronVertices, QuadRest, QuadVertices,
+    hexahedron_differences, load_points, quad_differences, rows_of,
+};
 use crate::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use crate::load::{Constraint, Load, LoadTime, Pressure, apply_constraints, apply_loads};
 use crate::report::{AreaReport, StepReport, SystemTimes, VolumeReport};
-use crate::scalar::Scalar;
+use crate::scalar::{Real, Scalar};
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
 use crate::topology::{ElementTables, Topology};
 use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
 use crate::workers::Workers;
 use bevy_ecs::prelude::*;
+use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use std::ops::Range;
 use std::time::Instant;
@@ -251,6 +256,7 @@ pub fn measure_volume_ratios<S: Scalar>(
     vertices: Query<&Displacement<S>>,
     topology: Res<Topology>,
     tetrahedra: Query<(&TetrahedronVertices, ShapeGradients<S>, &BodyId)>,
+    hexahedra: Query<(&HexahedronVertices, &HexahedronRest<S>, &BodyId)>,
     mut partial: Local<Vec<Vec<(BodyId, f64, u64, u64)>>>,
 ) {
     const CHUNK: usize = 4096;
@@ -263,8 +269,8 @@ pub fn measure_volume_ratios<S: Scalar>(
     report.inverted_by_body.resize(topology.bodies.len(), 0);
     report.smallest_by_body.clear();
     report.smallest_by_body.resize(topology.bodies.len(), f64::INFINITY);
-    report.tetrahedra_by_body.clear();
-    report.tetrahedra_by_body.resize(topology.bodies.len(), 0);
+    report.elements_by_body.clear();
+    report.elements_by_body.resize(topology.bodies.len(), 0);
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     // pooled and fused bodies keep their tetrahedra in a table each
     for (nodes, gradients, bodies) in
@@ -290,11 +296,47 @@ pub fn measure_volume_ratios<S: Scalar>(
             let body = body.0 as usize;
             report.inverted_by_body[body] += inverted;
             report.smallest_by_body[body] = report.smallest_by_body[body].min(smallest);
-            report.tetrahedra_by_body[body] += count;
+            report.elements_by_body[body] += count;
+        }
+    }
+    for (nodes, rest, bodies) in
+        hexahedra.contiguous_iter().expect("element components are stored in tables")
+    {
+        let mut ratios = vec![[f64::INFINITY; 8]; nodes.len()];
+        let derivatives = &Derivatives::hexahedron();
+        workers.for_chunks(&mut ratios, CHUNK, nodes.len() * 200, |first, ratios| {
+            for (i, ratios) in (first..).zip(ratios) {
+                *ratios = hexahedron_ratios(derivatives, u, nodes[i], &rest[i]);
+            }
+        });
+        for (ratios, body) in ratios.iter().zip(bodies) {
+            let smallest = ratios.iter().copied().fold(f64::INFINITY, f64::min);
+            report.smallest_ratio = report.smallest_ratio.min(smallest);
+            let body = body.0 as usize;
+            report.inverted_by_body[body] += u64::from(smallest <= 0.0);
+            report.smallest_by_body[body] = report.smallest_by_body[body].min(smallest);
+            report.elements_by_body[body] += 1;
         }
     }
     report.inverted = report.inverted_by_body.iter().sum();
     times.add("volume ratios", start.elapsed());
+}
+
+/// Ratio `J` of deformed to rest volume at the Gauss points of a hexahedron; 1 for a removed one.
+pub fn hexahedron_ratios<S: Scalar>(
+    derivatives: &Derivatives<S, 8, 3>,
+    displacement: &[Displacement<S>],
+    nodes: HexahedronVertices,
+    rest: &HexahedronRest<S>,
+) -> [f64; 8] {
+    let u = rows_of(Displacement::peel_slice(displacement), &nodes.0);
+    std::array::from_fn(|q| {
+        let at = hexahedron_differences::<S::One>(derivatives, &u, q);
+        let d = rest.gradients::<S::One>(q);
+        let mut ratio = [S::ZERO];
+        (<S::One as Real>::ONE + volume_change(&displacement_gradient(&d, &at))).store(&mut ratio);
+        ratio[0].to_f64()
+    })
 }
 
 /// Smallest `J` of some tetrahedra and how many of them have `J <= 0`.
@@ -365,6 +407,7 @@ pub fn measure_area_ratios<S: Scalar>(
     mut report: ResMut<AreaReport>,
     vertices: Query<&Displacement<S>>,
     triangles: Query<(&MembraneVertices, MembraneRest<S>)>,
+    quads: Query<(&QuadVertices, &QuadRest<S>)>,
 ) {
     const CHUNK: usize = 4096;
     if failure.0.is_some() {
@@ -384,6 +427,28 @@ pub fn measure_area_ratios<S: Scalar>(
         });
         report.smallest_ratio = partial.into_iter().fold(report.smallest_ratio, f64::min);
     }
+    for (nodes, rest) in quads.contiguous_iter().expect("elements are stored in tables") {
+        let derivatives = &Derivatives::quad();
+        let ratios = nodes.iter().zip(rest).flat_map(|(n, r)| quad_ratios(derivatives, u, *n, r));
+        report.smallest_ratio = ratios.fold(report.smallest_ratio, f64::min);
+    }
+}
+
+/// Deformed over rest area at the Gauss points of a membrane quadrilateral.
+pub fn quad_ratios<S: Scalar>(
+    derivatives: &Derivatives<S, 4, 2>,
+    displacement: &[Displacement<S>],
+    nodes: QuadVertices,
+    rest: &QuadRest<S>,
+) -> [f64; 4] {
+    let u = rows_of(Displacement::peel_slice(displacement), &nodes.0);
+    std::array::from_fn(|q| {
+        let at = quad_differences::<S::One>(derivatives, &u, q);
+        let area = load_points::<S::One, 4>(&rest.half_area, q);
+        let mut ratio = [S::ZERO];
+        area_ratio(&rest.edges(q), area, &at).store(&mut ratio);
+        ratio[0].to_f64()
+    })
 }
 
 struct AreaRatios<'a, S> {

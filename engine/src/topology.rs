@@ -1,8 +1,12 @@
 //! What the bodies of a world share: their row ranges and the edge graph, on which every tangent
 //! lives (all springs of a tetrahedron couple its own vertices).
 
-use crate::element::{EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges};
-use crate::layout::starts;
+use crate::connectivity::ElementKind;
+use crate::element::{
+    AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges,
+};
+use crate::isoparametric::{HexahedronVertices, QuadVertices};
+use crate::layout::{BodyLayout, ElementLists, starts};
 use crate::vertex::RestPosition;
 use bevy_ecs::archetype::ArchetypeId;
 use bevy_ecs::prelude::{Resource, World};
@@ -29,6 +33,14 @@ pub struct BodyRows {
     pub membrane: Vec<[u32; 3]>,
     /// Membrane triangle in engine order -> index in the user's list.
     pub membrane_order: Vec<u32>,
+    /// Hexahedra in engine order: vertex rows relative to `vertices.start`, in the user's local order.
+    pub hexahedra: Vec<[u32; 8]>,
+    /// Hexahedron in engine order -> index in the user's mesh.
+    pub hexahedron_order: Vec<u32>,
+    /// Membrane quadrilaterals in engine order, likewise.
+    pub quads: Vec<[u32; 4]>,
+    /// Membrane quadrilateral in engine order -> index in the user's list.
+    pub quad_order: Vec<u32>,
     /// Longest side of the rest bounding box (m).
     pub size: f64,
     /// Connected piece of each vertex row (relative to `vertices.start`), counted from 0; filled by
@@ -40,6 +52,49 @@ pub struct BodyRows {
 }
 
 impl BodyRows {
+    /// Rows of a body of a layout that is longest `size` (m), for [`Topology::push`], which fills the
+    /// ranges in.
+    pub fn new(name: String, layout: &BodyLayout, size: f64) -> Self {
+        Self {
+            name,
+            vertices: 0..0,
+            blocks: 0..0,
+            vertex_order: layout.vertex_order.clone(),
+            row_of_vertex: layout.row_of_vertex.clone(),
+            tetrahedra: layout.tetrahedra.clone(),
+            tetrahedron_order: layout.tetrahedron_order.clone(),
+            membrane: layout.membrane.clone(),
+            membrane_order: layout.membrane_order.clone(),
+            hexahedra: layout.hexahedra.clone(),
+            hexahedron_order: layout.hexahedron_order.clone(),
+            quads: layout.quads.clone(),
+            quad_order: layout.quad_order.clone(),
+            size,
+            piece: Vec::new(),
+            splits: 0,
+        }
+    }
+
+    /// Element in engine order -> index in the user's mesh or list.
+    pub fn order(&self, kind: ElementKind) -> &[u32] {
+        match kind {
+            ElementKind::Tetrahedron => &self.tetrahedron_order,
+            ElementKind::Triangle => &self.membrane_order,
+            ElementKind::Hexahedron => &self.hexahedron_order,
+            ElementKind::Quad => &self.quad_order,
+        }
+    }
+
+    /// Its elements by vertex rows relative to `vertices.start`.
+    pub fn elements(&self) -> ElementLists<'_> {
+        ElementLists {
+            tetrahedra: &self.tetrahedra,
+            hexahedra: &self.hexahedra,
+            membrane: &self.membrane,
+            quads: &self.quads,
+        }
+    }
+
     /// Number of connected pieces.
     pub fn piece_count(&self) -> usize {
         let pieces = self.piece.iter().filter(|&&p| p != crate::layout::UNUSED);
@@ -174,6 +229,9 @@ impl ElementTables {
             world.component_id::<TriangleEdges>(),
             world.component_id::<TetrahedronVertices>(),
             world.component_id::<MembraneVertices>(),
+            world.component_id::<HexahedronVertices>(),
+            world.component_id::<QuadVertices>(),
+            world.component_id::<AxisVertices>(),
         ];
         let is_element =
             |a: &&bevy_ecs::archetype::Archetype| kinds.iter().flatten().any(|&k| a.contains(k));

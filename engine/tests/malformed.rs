@@ -63,6 +63,20 @@ fn malformed_files_are_refused_at_the_right_place() {
         (gmsh, format!("{n2}$Elements\n1\n7 4 0 1 2 9 1\n"), "vertex", "element 7"),
         (gmsh, format!("{n2}$Elements\n1\n7 4 0 1 2\n"), "count", "line 11"),
         (gmsh, format!("{n2}$Elements\n1\n7 4 x\n"), "value", "line 11"),
+        (gmsh, format!("{n2}$Elements\n1\n7 5 0 1 2 1 2 1 2 1\n"), "count", "8-node hexahedron"),
+        (gmsh, format!("{n2}$Elements\n1\n7 5 0 1 2 1 2 1 2 1 3\n"), "vertex", "line 11"),
+        (gmsh, format!("{n2}$Elements\n1\n7 3 0 1 2 1\n"), "count", "4-node quadrilateral"),
+        (gmsh, format!("{n2}$Elements\n1\n7 3 0 1 2 1 2\n"), "end", "$EndElements"),
+        (gmsh, format!("{n2}$Elements\n2\n7 3 0 1 2 1 2\n"), "end", "element 2 of 2"),
+        (
+            gmsh,
+            format!(
+                "{n2}$Elements\n1\n7 3 0 1 2 1 2\n$EndElements\n\
+                 $ElementData\n1\n\"f\"\n0\n3\n0\n3\n1\n7 0 0\n"
+            ),
+            "value",
+            "line 21",
+        ),
         (gmsh, format!("{f2}$Foo\n1\n"), "end", "$EndFoo"),
         (gmsh, format!("{f2}stray\n"), "value", "line 4"),
         (gmsh, format!("{f2}$PhysicalNames\n1\n9 1 \"a\"\n"), "value", "line 6"),
@@ -84,6 +98,18 @@ fn malformed_files_are_refused_at_the_right_place() {
         (vtk, format!("{p}CELLS 1 3\n2 0 5\nCELL_TYPES 1\n3\n"), "vertex", "line 7"),
         (vtk, format!("{p}CELLS 2 3\n2 0 1\n"), "count", "line 8"),
         (vtk, format!("{p}CELLS 1 3\n2 0 1\nCELL_TYPES 1\n10\n"), "count", "tetrahedron"),
+        (vtk, format!("{p}CELLS 1 5\n4 0 1 0 1\nCELL_TYPES 1\n12\n"), "count", "8-node hexahedron"),
+        (vtk, format!("{p}CELLS 1 4\n3 0 1 0\nCELL_TYPES 1\n9\n"), "count", "quadrilateral"),
+        (vtk, format!("{p}CELLS 1 9\n8 0 1 0 1 0 1 0 2\nCELL_TYPES 1\n11\n"), "vertex", "voxel"),
+        (vtk, format!("{p}CELLS 1 9\n8 0 1 0 1 0 1 0\n"), "end", "line 9"),
+        (
+            vtk,
+            format!(
+                "{p}CELLS 1 5\n4 0 1 0 1\nCELL_TYPES 1\n9\nCELL_DATA 2\nVECTORS f float\n1 2 3 4 5 6\n"
+            ),
+            "count",
+            "`f_x`",
+        ),
         (vtk, v.replace("ASCII", "BINARY") + "POINTS 99999999 double\nabc", "end", "byte offset"),
         (vtu, "<VTKFile type=\"PolyData\">".into(), "unsupported", "line 1"),
         (vtu, "<a>".into(), "missing", "VTKFile"),

@@ -186,9 +186,9 @@ fn no_cells_and_skipped_cells() {
     let mut mesh = Mesh { points: vec![DVec3::ZERO], ..Mesh::default() };
     expect(&mesh, Code::NoCells, Severity::Error, 1, &[Code::UnusedVertices]);
     expect(&Mesh::default(), Code::NoCells, Severity::Error, 1, &[]);
-    mesh.skipped.push(SkippedCells { kind: "8-node hexahedron".to_owned(), count: 3 });
+    mesh.skipped.push(SkippedCells { kind: "6-node prism".to_owned(), count: 3 });
     let error = check(&mesh, &CheckOptions::default()).unwrap_err();
-    assert!(error.to_string().contains("8-node hexahedron"), "{error}");
+    assert!(error.to_string().contains("6-node prism"), "{error}");
     let others = [Code::NoCells, Code::UnusedVertices];
     expect(&mesh, Code::SkippedCells, Severity::Warning, 3, &others);
 }

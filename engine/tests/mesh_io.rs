@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
-use sinew_engine::mesh::generate::{box_tets, triangle_grid};
+use sinew_engine::mesh::generate::{box_hexahedra, box_tets, triangle_grid};
 use sinew_engine::mesh::io::*;
 use sinew_engine::mesh::{CellData, FileLines, Group, Mesh, MeshError};
 
@@ -53,6 +53,7 @@ fn numbers_of_cells_survive_every_format() {
         integer,
         tetrahedra: (0..n_tets).map(value).collect(),
         triangles: (n_tets..n_tets + n_triangles).map(value).collect(),
+        ..CellData::default()
     };
     mesh.cell_data = vec![data("young modulus", false, &stiffness), data("fibre", true, &label)];
     let file = VtuData::of_mesh(&mesh);
@@ -266,6 +267,31 @@ const STL: &str = "solid top\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvert
     endloop\nendfacet\nfacet normal 0 0 1\nouter loop\nvertex -0 0 0\nvertex 0 1 0\nvertex -1 0 0\nendloop\nendfacet\nendsolid\n";
 
 #[test]
+fn vectors_of_cells_become_three_columns() {
+    let vtu = VTU.replace(
+        "<CellData>",
+        "<CellData><DataArray type=\"Float64\" Name=\"fibre\" NumberOfComponents=\"3\" \
+         format=\"ascii\">0.5 -1 2 3 4 5</DataArray>",
+    );
+    let vtk = VTK.replace("SCALARS region", "VECTORS fibre float\n0.5 -1 2 3 4 5\nSCALARS region");
+    for mesh in [read_vtu(vtu.as_bytes(), "").unwrap(), read_vtk(vtk.as_bytes(), "").unwrap()] {
+        for (name, tetrahedron, triangle) in
+            [("fibre_x", 0.5, 3.0), ("fibre_y", -1.0, 4.0), ("fibre_z", 2.0, 5.0)]
+        {
+            let data = mesh.data(name).unwrap();
+            assert_eq!(
+                (&data.tetrahedra[..], &data.triangles[..]),
+                (&[tetrahedron][..], &[triangle][..])
+            );
+        }
+        assert_eq!(mesh.data("region").unwrap().tetrahedra, [3.0]);
+    }
+    // one number short
+    let short = vtu.replace("4 5</DataArray>", "4</DataArray>");
+    assert!(read_vtu(short.as_bytes(), "short.vtu").is_err());
+}
+
+#[test]
 fn vtk_formats_agree() {
     let mesh = bare(read_vtk(VTK.as_bytes(), "").unwrap());
     assert_eq!(mesh.group("region 3").unwrap().tetrahedra, [0]);
@@ -289,7 +315,11 @@ fn tetgen_obj_stl_and_gmsh_1() {
     assert_eq!(mesh.group("region 3").unwrap().tetrahedra, [0]);
     assert_eq!(mesh.group("marker 5").unwrap().triangles, [0]);
     let mesh = read_obj(OBJ.as_bytes(), "").unwrap();
-    assert_eq!((mesh.triangles.as_slice(), mesh.skipped[0].count), (&[[0, 1, 2]][..], 1));
+    assert_eq!(
+        (mesh.triangles.as_slice(), mesh.quads.as_slice()),
+        (&[[0, 1, 2]][..], &[[0, 1, 2, 3]][..])
+    );
+    assert_eq!((&mesh.lines.quads[..], mesh.skipped.len()), (&[9][..], 0));
     assert_eq!(mesh.group("cap").unwrap().vertices, [0, 1, 2, 3]);
     let mesh = read_stl(STL.as_bytes(), "").unwrap();
     assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
@@ -327,6 +357,16 @@ fn samples() -> Vec<Vec<u8>> {
     let mesh = cube();
     samples.push(encode_vtu(&VtuData::of_mesh(&mesh)).unwrap());
     samples.push(encode_vtk(&VtuData::of_mesh(&mesh), true).unwrap());
+    let mut mesh = box_hexahedra(DVec3::ONE, [2, 1, 1]).unwrap();
+    mesh.cell_data.push(CellData {
+        name: "f_x".to_owned(),
+        hexahedra: vec![0.5; 2],
+        quads: vec![0.25; 10],
+        ..CellData::default()
+    });
+    samples.push(encode_vtu(&VtuData::of_mesh(&mesh)).unwrap());
+    samples.push(encode_vtk(&VtuData::of_mesh(&mesh), true).unwrap());
+    samples.push(encode_gmsh(&mesh).into_bytes());
     samples
 }
 

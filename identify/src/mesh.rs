@@ -201,6 +201,39 @@ pub fn fit_elements(
     section: &Section,
     method: ElementMethod,
 ) -> Result<FittedSprings, IdentifyError> {
+    let ElementFits { fits, fit_of, shapes } = fit_each(points, cells, materials, section, method)?;
+    let (edges, constants) = pool(cells, &fits, &fit_of);
+    let report = report(method, &shapes, &fits, &fit_of, &constants);
+    Ok(FittedSprings { edges, constants, report })
+}
+
+/// Fits of the elements of a mesh, shared by congruent ones.
+#[derive(Clone, Debug)]
+pub struct ElementFits {
+    fits: Vec<ElementFit>,
+    fit_of: Vec<usize>,
+    shapes: Vec<Shape>,
+}
+
+impl ElementFits {
+    /// Fit of an element, counted over all kinds in the order of [`Cells`]; its constants are in the
+    /// lexicographic order of pairs.
+    pub fn of(&self, element: usize) -> &ElementFit {
+        &self.fits[self.fit_of[element]]
+    }
+}
+
+/// Finds the springs of each element of a mesh; arguments and errors as in [`fit_elements`], which adds them up.
+///
+/// # Errors
+/// As [`fit_elements`].
+pub fn fit_each(
+    points: &[[f64; 3]],
+    cells: &Cells<'_>,
+    materials: &[LinearMaterial],
+    section: &Section,
+    method: ElementMethod,
+) -> Result<ElementFits, IdentifyError> {
     let count = cells.len();
     if count == 0 {
         return Err(IdentifyError::NoElements);
@@ -226,9 +259,7 @@ pub fn fit_elements(
             })
             .collect::<Vec<_>>(),
     )?;
-    let (edges, constants) = pool(cells, &fits, &fit_of);
-    let report = report(method, &shapes, &fits, &fit_of, &constants);
-    Ok(FittedSprings { edges, constants, report })
+    Ok(ElementFits { fits, fit_of, shapes })
 }
 
 /// Masses (kg) of the nodes of a mesh of density `density` (kg/m^3), summed over the elements.
@@ -269,6 +300,7 @@ pub fn mesh_masses(
 }
 
 /// What congruence and the report need of an element.
+#[derive(Clone, Debug)]
 struct Shape {
     lengths: [f64; 28],
     size: f64,

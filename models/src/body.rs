@@ -6,12 +6,16 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, MembraneVertices, RestVolume,
+    AxisVertices, EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, MembraneVertices, RestVolume,
     TETRAHEDRON_FACES, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices,
     TriangleEdges, rest_edge_bundle, shape_gradient_bundle,
 };
+use sinew_engine::isoparametric::{
+    HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronIndex, HexahedronVertices, QuadVertices,
+    RestHexahedron, RestShapeError,
+};
 use sinew_engine::law::{Law, LawBuffer};
-use sinew_engine::layout::BodyLayout;
+use sinew_engine::layout::{BodyLayout, ElementLists};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
@@ -19,7 +23,14 @@ use sinew_engine::vertex::{
     BodyId, Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, Position,
     PrescribedDisplacement, RestPosition, Velocity, VertexIndex,
 };
+use sinew_identify::ElementMethod;
+use std::sync::Arc;
 
+use crate::axes::columns::{AxisAngleStiffness, FibreShape, VolumeAlone};
+use crate::axes::description::{AxesDescription, AxesError, AxisForm, BodyAxes};
+use crate::axes::printed_system::{PrintedAxes, PrintedSprings};
+use crate::axes::spawn::{Offsets, spawn_axes, spawn_printed};
+use crate::axes::systems::{AxesOnly, AxisTriads, Fibres, VolumePreservation};
 use crate::corotational::{Corotational, WarpedStiffness};
 use crate::field::{FieldError, MaterialArrays, MaterialField};
 use crate::fused::{
@@ -28,9 +39,11 @@ use crate::fused::{
 };
 use crate::fused_membrane::{
     BiquadraticMembrane, CorotationalMembrane, LinearMembrane, MembraneCompression, PooledMembrane,
-    QuadraticMembrane,
+    QuadraticMembrane, TriangleLaw,
 };
+use crate::hexahedron::{self, Hexahedral};
 use crate::linear::Linear;
+use crate::lumped::{self, ElementSprings, Sources, SpringsError};
 use crate::material::{LameParameters, YoungPoisson};
 use crate::neo_hookean::NeoHookean;
 use crate::pooled::{
@@ -38,9 +51,10 @@ use crate::pooled::{
     TriangleVertices, Volumetric, VolumetricStiffness,
 };
 use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants};
+use crate::quad::Quadrilateral;
 use crate::quadratic::{self, MassSpring, QuadraticSprings};
 use crate::resection;
-use crate::sheet::{MembraneDescription, MembraneError, MembraneModel, Sheet};
+use crate::sheet::{MembraneDescription, MembraneError, MembraneSettings, Sheet};
 use crate::stvk_fem::StVKFem;
 
 /// Energy of a body.
@@ -77,10 +91,14 @@ pub enum Model {
     /// Stable neo-Hookean ([`crate::neo_hookean`]). For comparison at large strain.
     #[serde(rename = "neo_hookean")]
     NeoHookean,
+    /// Nothing but the axes of the body ([`crate::axes`]); of its material only the density counts.
+    #[serde(rename = "axes")]
+    Axes,
 }
 
 impl Model {
-    /// All of them, in the order of their documentation.
+    /// All that a material defines, in the order of their documentation; not [`Axes`](Self::Axes), which
+    /// need a description.
     pub const ALL: [Self; 9] = [
         Self::CompressibleStVK,
         Self::StVK,
@@ -105,7 +123,13 @@ impl Model {
             Self::Corotational => "corotational",
             Self::StVKFem => "svk_fem",
             Self::NeoHookean => "neo_hookean",
+            Self::Axes => "axes",
         }
+    }
+
+    /// Whether hexahedra have it; the textbook form is that of [`StVK`](Self::StVK) there.
+    pub fn serves_hexahedra(self) -> bool {
+        !matches!(self, Self::QuadraticSprings | Self::WarpedStiffness | Self::Axes)
     }
 
     /// Whether the energy can be summed this way. [`Evaluation::Fused`] always can; for
@@ -135,27 +159,36 @@ pub struct BodyDescription<'a> {
     pub points: &'a [DVec3],
     /// Tetrahedra, positively oriented ([`sinew_engine::mesh`]'s check repairs orientation).
     pub tetrahedra: &'a [[u32; 4]],
+    /// Hexahedra in the node order of Gmsh and VTK, positively oriented; integrated over 2x2x2 points.
+    pub hexahedra: &'a [[u32; 8]],
     /// Material of the whole body.
     pub material: YoungPoisson,
-    /// Young's modulus (Pa) of every tetrahedron, in the user's order, in place of the material's.
+    /// Young's modulus (Pa) of every tetrahedron, then of every hexahedron, in the user's order, in place
+    /// of the material's.
     pub young_modulus: Option<&'a [f64]>,
-    /// Poisson's ratio of every tetrahedron, likewise.
+    /// Poisson's ratio of every element, likewise.
     pub poisson_ratio: Option<&'a [f64]>,
-    /// Density (kg/m^3) of every tetrahedron, likewise.
+    /// Density (kg/m^3) of every element, likewise.
     pub density: Option<&'a [f64]>,
     /// Energy.
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
-    /// Membrane beside the tetrahedra, or instead of them: without tetrahedra `material`, `model` and
+    /// How the constants of [`Model::MassSpring`] are found; without, those of Delingette 2008 for
+    /// tetrahedra and the Frobenius fit for hexahedra.
+    pub springs: Option<ElementMethod>,
+    /// Membrane beside the solid, or instead of it: without solid elements `material`, `model` and
     /// `evaluation` mean nothing.
     pub membrane: Option<MembraneDescription<'a>>,
+    /// Axes of anisotropy beside the model, or with [`Model::Axes`] instead of one.
+    pub axes: Option<AxesDescription<'a>>,
 }
 
 impl<'a> BodyDescription<'a> {
-    /// A body of all tetrahedra of a mesh, with the default model and evaluation.
+    /// A body of all tetrahedra and hexahedra of a mesh, with the default model and evaluation.
     pub fn new(name: &'a str, mesh: &'a Mesh, material: YoungPoisson) -> Self {
-        Self::from_parts(name, &mesh.points, &mesh.tetrahedra, material)
+        let tetrahedra = Self::from_parts(name, &mesh.points, &mesh.tetrahedra, material);
+        Self { hexahedra: &mesh.hexahedra, ..tetrahedra }
     }
 
     /// A body of these points (m) and tetrahedra, with the default model and evaluation.
@@ -169,17 +202,20 @@ impl<'a> BodyDescription<'a> {
             name,
             points,
             tetrahedra,
+            hexahedra: &[],
             material,
             young_modulus: None,
             poisson_ratio: None,
             density: None,
             model: Model::default(),
             evaluation: Evaluation::default(),
+            springs: None,
             membrane: None,
+            axes: None,
         }
     }
 
-    /// Material of its tetrahedra.
+    /// Material of its solid elements.
     pub fn material_field(&self) -> MaterialField<'a> {
         MaterialField {
             material: self.material,
@@ -227,6 +263,50 @@ pub enum BodyError {
         /// Number of vertices in the mesh.
         count: usize,
     },
+    /// A hexahedron without a usable rest shape.
+    #[error("body `{body}`, hexahedron {hexahedron}: {source}")]
+    Hexahedron {
+        /// Name of the body.
+        body: String,
+        /// Index in the user's mesh.
+        hexahedron: usize,
+        /// What is wrong.
+        source: RestShapeError,
+    },
+    /// A hexahedron names a vertex that does not exist, or one twice.
+    #[error(
+        "body `{body}`, hexahedron {hexahedron} has vertices {vertices:?} of {count}: \
+         indices must be distinct and below the number of vertices; run the mesh check"
+    )]
+    HexahedronIndex {
+        /// Name of the body.
+        body: String,
+        /// Index in the user's mesh.
+        hexahedron: usize,
+        /// Its vertices.
+        vertices: [u32; 8],
+        /// Number of vertices in the mesh.
+        count: usize,
+    },
+    /// An energy that hexahedra do not have.
+    #[error(
+        "body `{body}`: model \"{}\" is made for tetrahedra: cut the hexahedra into tetrahedra, or take \
+         \"svk_comp\"", .model.name()
+    )]
+    HexahedronModel {
+        /// Name of the body.
+        body: String,
+        /// Its model.
+        model: Model,
+    },
+    /// An element whose springs cannot be found.
+    #[error("body `{body}`: {source}")]
+    Springs {
+        /// Name of the body.
+        body: String,
+        /// What is wrong.
+        source: SpringsError,
+    },
     /// An energy that cannot be summed the way asked for.
     #[error(
         "body `{body}`: model \"{}\" has no pooled evaluation; leave `evaluation` out or set it to \
@@ -246,10 +326,18 @@ pub enum BodyError {
         /// What is wrong.
         source: MembraneError,
     },
-    /// Neither tetrahedra nor membrane triangles.
+    /// Axes that cannot be used.
+    #[error("axes of body `{body}`: {source}")]
+    Axes {
+        /// Name of the body.
+        body: String,
+        /// What is wrong.
+        source: AxesError,
+    },
+    /// Neither solid elements nor a membrane.
     #[error(
-        "body `{body}` has no tetrahedra and no membrane: fill it with tetrahedra, or give its \
-         triangles as a membrane of some thickness"
+        "body `{body}` has no tetrahedra, no hexahedra and no membrane: fill it with tetrahedra, or give \
+         its triangles as a membrane of some thickness"
     )]
     Empty {
         /// Name of the body.
@@ -280,18 +368,24 @@ pub struct SoftBody {
     pub index: usize,
     /// Material.
     pub material: YoungPoisson,
-    /// What varies of it from tetrahedron to tetrahedron.
+    /// What varies of it from element to element.
     pub arrays: MaterialArrays,
     /// Energy.
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
-    /// Thickness (m), material, energy and evaluation of its membrane.
-    pub membrane: Option<(f64, YoungPoisson, MembraneModel, Evaluation)>,
+    /// How the constants of its springs are found, if it consists of springs.
+    pub spring_method: Option<ElementMethod>,
+    /// Constants of the elements that are springs.
+    pub springs: Arc<ElementSprings>,
+    /// What its membrane is made of.
+    pub membrane: Option<MembraneSettings>,
+    /// Its axes, and which of their directions were repaired.
+    pub axes: Option<BodyAxes>,
 }
 
 impl SoftBody {
-    /// Material of its tetrahedra, in the order of the user's mesh.
+    /// Material of its solid elements, in the order of the user's mesh, tetrahedra first.
     pub fn field(&self) -> MaterialField<'_> {
         self.arrays.field(self.material)
     }
@@ -319,15 +413,15 @@ pub fn spawn_body<S: Scalar>(
     if !body.model.supports(body.evaluation) {
         return Err(BodyError::Evaluation { body: name(), model: body.model });
     }
-    let membrane = body.membrane.filter(|m| !m.triangles.is_empty());
-    let solid = !body.tetrahedra.is_empty();
+    let membrane = body.membrane.filter(|m| !m.triangles.is_empty() || !m.quads.is_empty());
+    let solid = !body.tetrahedra.is_empty() || !body.hexahedra.is_empty();
     if !solid && membrane.is_none() {
         return Err(BodyError::Empty { body: name() });
     }
     let field = body.material_field();
     let user_lame = if solid {
         field
-            .lame(body.tetrahedra.len())
+            .lame(body.tetrahedra.len(), body.hexahedra.len())
             .map_err(|source| BodyError::Material { body: name(), source })?
     } else {
         Vec::new()
@@ -339,12 +433,32 @@ pub fn spawn_body<S: Scalar>(
             return Err(BodyError::Index { body: name(), tetrahedron, vertices: t, count });
         }
     }
+    for (hexahedron, &vertices) in body.hexahedra.iter().enumerate() {
+        let distinct = HEXAHEDRON_PAIRS.iter().all(|&[a, b]| vertices[a] != vertices[b]);
+        if !distinct || vertices.iter().any(|&v| v as usize >= count) {
+            return Err(BodyError::HexahedronIndex { body: name(), hexahedron, vertices, count });
+        }
+    }
+    if !body.hexahedra.is_empty() && !body.model.serves_hexahedra() {
+        return Err(BodyError::HexahedronModel { body: name(), model: body.model });
+    }
     let of_membrane = |source| BodyError::Membrane { body: name(), source };
     if let Some(m) = &membrane {
         m.validate(count).map_err(of_membrane)?;
     }
-    let sheets = membrane.map_or(&[][..], |m| m.triangles);
-    let layout = BodyLayout::with_membrane(count, body.tetrahedra, sheets);
+    let of_axes = |source| BodyError::Axes { body: name(), source };
+    match &body.axes {
+        Some(axes) => axes.validate(body.tetrahedra.len()).map_err(of_axes)?,
+        None if body.model == Model::Axes && solid => return Err(of_axes(AxesError::Missing)),
+        None => {}
+    }
+    let lists = ElementLists {
+        tetrahedra: body.tetrahedra,
+        hexahedra: body.hexahedra,
+        membrane: membrane.map_or(&[][..], |m| m.triangles),
+        quads: membrane.map_or(&[][..], |m| m.quads),
+    };
+    let layout = BodyLayout::of(count, &lists);
     let rest_of = |row: u32| body.points[layout.vertex_order[row as usize] as usize];
     let mut rest = Vec::with_capacity(layout.tetrahedra.len());
     for (t, &original) in layout.tetrahedra.iter().zip(&layout.tetrahedron_order) {
@@ -355,14 +469,41 @@ pub fn spawn_body<S: Scalar>(
             source,
         })?);
     }
+    let mut bricks = Vec::with_capacity(layout.hexahedra.len());
+    for (h, &original) in layout.hexahedra.iter().zip(&layout.hexahedron_order) {
+        let points = h.map(|row| rest_of(row).to_array());
+        bricks.push(RestHexahedron::new(points).map_err(|source| BodyError::Hexahedron {
+            body: name(),
+            hexahedron: original as usize,
+            source,
+        })?);
+    }
     let sheet = match &membrane {
         Some(m) => Some(Sheet::new(m, &layout, rest_of).map_err(of_membrane)?),
         None => None,
     };
 
+    let material = |at: usize| match at.checked_sub(body.tetrahedra.len()) {
+        None => field.at(layout.tetrahedron_order[at] as usize),
+        Some(h) => field.at(body.tetrahedra.len() + layout.hexahedron_order[h] as usize),
+    };
+    let sources = Sources {
+        elements: layout.elements(),
+        rest_of: &rest_of,
+        solid: (body.model == Model::MassSpring).then_some((&material as _, body.springs)),
+        sheet: sheet.as_ref().and_then(Sheet::mass_spring),
+    };
+    let element_springs = sources
+        .springs(|kind, at| layout.order(kind)[at] as usize)
+        .map_err(|source| BodyError::Springs { body: name(), source })?;
+
     // from here on nothing can fail
     let of_user = |&original: &u32| user_lame[original as usize];
     let lame: Vec<_> = layout.tetrahedron_order.iter().map(of_user).collect();
+    // materials of hexahedra follow those of tetrahedra
+    let first_brick = body.tetrahedra.len();
+    let brick_lame: Vec<_> =
+        layout.hexahedron_order.iter().map(|&h| user_lame[first_brick + h as usize]).collect();
     let n = layout.vertex_order.len();
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let mut mass = vec![0.0; n];
@@ -376,28 +517,19 @@ pub fn spawn_body<S: Scalar>(
             mass[v as usize] += density * r.volume / 4.0;
         }
     }
+    for ((h, r), &original) in layout.hexahedra.iter().zip(&bricks).zip(&layout.hexahedron_order) {
+        let density = field.at(first_brick + original as usize).density;
+        for (&v, volume) in h.iter().zip(r.vertex_volumes()) {
+            mass[v as usize] += density * volume;
+        }
+    }
     if let Some(sheet) = &sheet {
         sheet.add_mass(&layout, &mut mass);
     }
     let index = world.resource::<Topology>().bodies.len();
     let id = BodyId(index as u32);
-    world.resource_mut::<Topology>().push(
-        BodyRows {
-            name: name(),
-            vertices: 0..0,
-            blocks: 0..0,
-            vertex_order: layout.vertex_order.clone(),
-            row_of_vertex: layout.row_of_vertex.clone(),
-            tetrahedra: layout.tetrahedra.clone(),
-            tetrahedron_order: layout.tetrahedron_order.clone(),
-            membrane: layout.membrane.clone(),
-            membrane_order: layout.membrane_order.clone(),
-            size: (high - low).max_element(),
-            piece: Vec::new(),
-            splits: 0,
-        },
-        &layout.edges,
-    );
+    let size = (high - low).max_element();
+    world.resource_mut::<Topology>().push(BodyRows::new(name(), &layout, size), &layout.edges);
     let rows = world.resource::<Topology>().bodies[index].clone();
     let (v0, block0) = (rows.vertices.start, rows.blocks.start);
 
@@ -443,17 +575,22 @@ pub fn spawn_body<S: Scalar>(
         })
         .collect();
 
-    let springs = Springs::new(&layout, body, &rest, &lame, sheet.as_ref());
+    let springs =
+        Springs::new(&layout, body, &rest, &lame, sheet.as_ref(), (&element_springs, &rest_of));
     springs.spawn_edges::<S>(world, &layout, &rest_of, v0, block0, id);
     let edge_rows = springs.spawn_pooled::<S>(world, &layout, &rest_of, v0, block0, id);
+    spawn_hexahedra::<S>(world, &layout, &bricks, &brick_lame, body.model, (v0, block0, id));
     match (body.model, body.evaluation) {
-        _ if !solid => {}
+        _ if body.tetrahedra.is_empty() => {}
         (Model::QuadraticSprings, _) => spawn_marked::<QuadraticSprings, S>(world, geometry),
         (Model::Linear, _) => spawn_marked::<Linear, S>(world, geometry),
         (Model::WarpedStiffness, _) => spawn_marked::<WarpedStiffness, S>(world, geometry),
         (Model::Corotational, _) => spawn_marked::<Corotational, S>(world, geometry),
         (Model::StVKFem, _) => spawn_marked::<StVKFem, S>(world, geometry),
         (Model::NeoHookean, _) => spawn_marked::<NeoHookean, S>(world, geometry),
+        (Model::Axes, _) => {
+            world.spawn_batch(geometry.into_iter().map(|g| (g, AxesOnly)).collect::<Vec<_>>());
+        }
         (Model::MassSpring, _) => {
             world.spawn_batch(geometry.into_iter().map(|g| (g, MassSpring)).collect::<Vec<_>>());
         }
@@ -472,14 +609,41 @@ pub fn spawn_body<S: Scalar>(
     if let Some(sheet) = &sheet {
         sheet.spawn::<S>(world, &layout, v0, block0, id);
     }
+    if let Some(axes) = &body.axes {
+        let at = Offsets { vertex: v0, block: block0, body: id };
+        let alone = body.model == Model::Axes;
+        match axes.form {
+            AxisForm::EnergyConsistent => {
+                spawn_axes::<S>(world, axes, &layout, &rest, at, alone);
+            }
+            AxisForm::Printed | AxisForm::PrintedBalanced => {
+                spawn_printed::<S>(world, axes, &layout, &rest_of, at, alone);
+            }
+        }
+    }
     partition_laws::<S>(world);
     resection::install::<S>(world);
     let tables = ElementTables::of(world);
     world.insert_resource(tables);
     let (material, model, evaluation) = (body.material, body.model, body.evaluation);
     let arrays = MaterialArrays::of(&field);
-    let membrane = membrane.map(|m| (m.thickness, m.material, m.model, m.evaluation));
-    Ok(world.spawn(SoftBody { index, material, arrays, model, evaluation, membrane }).id())
+    let membrane = membrane.map(|m| m.settings());
+    let axes = body.axes.as_ref().map(|axes| BodyAxes {
+        description: axes.clone().into_owned(),
+        repaired: axes.count_repairs(),
+    });
+    let soft = SoftBody {
+        index,
+        material,
+        arrays,
+        model,
+        evaluation,
+        spring_method: body.springs,
+        springs: Arc::new(element_springs),
+        membrane,
+        axes,
+    };
+    Ok(world.spawn(soft).id())
 }
 
 /// Tetrahedra of a law with a table of its own, marked by the law itself.
@@ -491,12 +655,67 @@ fn spawn_marked<L: TetrahedronLaw + Component + Default, S: Scalar>(
     fused::activate::<L, S>(world);
 }
 
-/// Moduli of a tetrahedron.
+/// Hexahedra of a body, with the law that they need.
+fn spawn_hexahedra<S: Scalar>(
+    world: &mut World,
+    layout: &BodyLayout,
+    rest: &[RestHexahedron],
+    lame: &[LameParameters],
+    model: Model,
+    (v0, block0, id): (u32, u32, BodyId),
+) {
+    if rest.is_empty() {
+        return;
+    }
+    let elements = layout
+        .hexahedra
+        .iter()
+        .zip(&layout.hexahedron_edges)
+        .zip(&layout.hexahedron_order)
+        .zip(rest.iter().zip(lame))
+        .map(|(((h, e), &original), (rest, &lame))| {
+            (
+                HexahedronVertices(h.map(|v| v + v0)),
+                HexahedronBlocks(e.map(|b| b + block0)),
+                HexahedronIndex(original),
+                id,
+                rest.component::<S>(),
+                RestVolume(S::from_f64(rest.total_volume())),
+                moduli_bundle::<S>(lame, model),
+            )
+        });
+    let elements: Vec<_> = elements.collect();
+    macro_rules! spawn_as {
+        ($law:ident) => {{
+            let mark = Hexahedral::<$law>::default();
+            world.spawn_batch(elements.into_iter().map(|e| (e, mark)).collect::<Vec<_>>());
+            hexahedron::activate::<$law, S>(world);
+        }};
+    }
+    match model {
+        Model::StVK | Model::CompressibleStVK | Model::StVKFem => spawn_as!(FusedStVK),
+        Model::Linear => spawn_as!(Linear),
+        Model::Corotational => spawn_as!(Corotational),
+        Model::NeoHookean => spawn_as!(NeoHookean),
+        // springs on edges
+        Model::MassSpring => {
+            world.spawn_batch(elements.into_iter().map(|e| (e, MassSpring)).collect::<Vec<_>>());
+        }
+        // refused for hexahedra
+        Model::QuadraticSprings | Model::WarpedStiffness | Model::Axes => {}
+    }
+}
+
+/// Moduli of a solid element.
 pub(crate) fn moduli_bundle<S: Scalar>(
     lame: LameParameters,
     model: Model,
 ) -> (FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>) {
     let compression = if model == Model::CompressibleStVK { lame.lambda + lame.mu } else { 0.0 };
+    let lame = match model {
+        Model::Axes => LameParameters { lambda: 0.0, mu: 0.0 },
+        _ => lame,
+    };
     (
         FirstLameParameter(S::from_f64(lame.lambda)),
         ShearModulus(S::from_f64(lame.mu)),
@@ -506,7 +725,7 @@ pub(crate) fn moduli_bundle<S: Scalar>(
 
 /// Constants (N/m^3) of the springs of a body, summed over its tetrahedra and membrane triangles.
 struct Springs {
-    /// Plain mass-spring edges; 0 where there is none, since every element gives a positive one.
+    /// Edges that are springs by themselves; 0 where there is none.
     mass_spring: Vec<f64>,
     /// Tensile springs of pooled elements; 0 where there is none.
     tensile: Vec<f64>,
@@ -521,21 +740,23 @@ impl Springs {
         rest: &[RestTetrahedron],
         lame: &[LameParameters],
         sheet: Option<&Sheet>,
+        (element_springs, rest_of): (&ElementSprings, &dyn Fn(u32) -> DVec3),
     ) -> Self {
         let mut mass_spring = vec![0.0; layout.edges.len()];
         let mut tensile = vec![0.0; layout.edges.len()];
         let mut angular = vec![[0.0; 3]; layout.triangles.len()];
         let mut used = vec![false; layout.triangles.len()];
-        let pooled = body.evaluation == Evaluation::Pooled;
-        if pooled || body.model == Model::MassSpring {
+        if !element_springs.is_empty() {
+            element_springs.add_to(layout, &mut mass_spring);
+            for (k, &[a, b]) in mass_spring.iter_mut().zip(&layout.edges) {
+                *k = lumped::tensile_stiffness(*k, (rest_of(a) - rest_of(b)).to_array());
+            }
+        }
+        if body.evaluation == Evaluation::Pooled {
             for (i, (r, &lame)) in rest.iter().zip(lame).enumerate() {
                 let constants = SpringConstants::new(r, lame);
-                let own = if pooled { &mut tensile } else { &mut mass_spring };
                 for (k, &e) in constants.tensile.iter().zip(&layout.tetrahedron_edges[i]) {
-                    own[e as usize] += k;
-                }
-                if !pooled {
-                    continue;
+                    tensile[e as usize] += k;
                 }
                 let t = layout.tetrahedra[i];
                 for (c, [apex, j, k]) in constants.angular.iter().zip(ADJACENT_PAIRS) {
@@ -550,21 +771,15 @@ impl Springs {
                 }
             }
         }
-        match sheet {
-            Some(sheet) if sheet.is_pooled() => {
-                sheet.add_springs(layout, &mut tensile, &mut angular);
-                layout.membrane_triangles.iter().for_each(|&t| used[t as usize] = true);
-            }
-            Some(sheet) if sheet.is_mass_spring() => {
-                sheet.add_springs(layout, &mut mass_spring, &mut []);
-            }
-            _ => {}
+        if let Some(sheet) = sheet.filter(|sheet| sheet.is_pooled()) {
+            sheet.add_springs(layout, &mut tensile, &mut angular);
+            layout.membrane_triangles.iter().for_each(|&t| used[t as usize] = true);
         }
         let angular = angular.into_iter().zip(used).map(|(c, used)| used.then_some(c)).collect();
         Self { mass_spring, tensile, angular }
     }
 
-    /// Spawns the mass-spring edges, if there are any.
+    /// Spawns the edges that are springs by themselves, if there are any.
     fn spawn_edges<S: Scalar>(
         &self,
         world: &mut World,
@@ -705,6 +920,25 @@ pub(crate) fn partition_laws<S: Scalar>(world: &mut World) {
     tetrahedra::<Corotational, S>(world);
     tetrahedra::<StVKFem, S>(world);
     tetrahedra::<NeoHookean, S>(world);
+    fn hexahedra<L: TetrahedronLaw, S: Scalar>(world: &mut World)
+    where
+        Hexahedral<L>: Law,
+    {
+        partition::<Hexahedral<L>, S, HexahedronVertices, With<Hexahedral<L>>>(world, |h| &h.0);
+    }
+    hexahedra::<FusedStVK, S>(world);
+    hexahedra::<Linear, S>(world);
+    hexahedra::<Corotational, S>(world);
+    hexahedra::<NeoHookean, S>(world);
+    fn quads<L: TriangleLaw, S: Scalar>(world: &mut World)
+    where
+        Quadrilateral<L>: Law,
+    {
+        partition::<Quadrilateral<L>, S, QuadVertices, With<Quadrilateral<L>>>(world, |q| &q.0);
+    }
+    quads::<BiquadraticMembrane, S>(world);
+    quads::<LinearMembrane, S>(world);
+    quads::<CorotationalMembrane, S>(world);
     partition::<MassSpring, S, EdgeVertices, With<MassSpring>>(world, |e| &e.0);
     tetrahedra::<Compression, S>(world);
     tetrahedra::<PooledProjection, S>(world);
@@ -723,6 +957,10 @@ pub(crate) fn partition_laws<S: Scalar>(world: &mut World) {
     );
     partition::<PooledMembrane, S, MembraneVertices, With<PooledMembrane>>(world, |t| &t.0);
     partition::<MembraneCompression, S, MembraneVertices, With<PooledMembrane>>(world, |t| &t.0);
+    partition::<AxisTriads, S, AxisVertices, With<AxisAngleStiffness<S, 0>>>(world, |t| &t.0);
+    partition::<PrintedSprings, S, AxisVertices, With<PrintedAxes>>(world, |t| &t.0);
+    partition::<Fibres, S, AxisVertices, With<FibreShape<S, 1>>>(world, |t| &t.0);
+    partition::<VolumePreservation, S, AxisVertices, VolumeAlone<S>>(world, |t| &t.0);
     find_edges::<Volumetric, S, TetrahedronEdges>(world, |e| &e.0);
     find_edges::<Angular, S, TriangleEdges>(world, |e| &e.0);
 }

@@ -1,12 +1,13 @@
-//! A material that varies from tetrahedron to tetrahedron.
+//! A material that varies from element to element.
 
 use std::sync::Arc;
 use thiserror::Error;
 
+use crate::lumped::SpringsError;
 use crate::material::{LameParameters, MaterialError, YoungPoisson};
 
-/// Material of every tetrahedron of a body: one material, and arrays that replace single constants of
-/// it, one value per tetrahedron in the order of the user's mesh.
+/// Material of every solid element of a body: one material, and arrays that replace single constants of
+/// it, one value per element in the order of the user's mesh: tetrahedra first, then hexahedra.
 ///
 /// ```
 /// use sinew_models::field::MaterialField;
@@ -17,7 +18,7 @@ use crate::material::{LameParameters, MaterialError, YoungPoisson};
 /// let field = MaterialField { young_modulus: Some(&stiffness), ..liver.into() };
 /// assert_eq!(field.at(2).young_modulus, 2e4);
 /// assert_eq!(field.at(2).density, 1060.0);
-/// assert!(field.validate(4).is_err());
+/// assert!(field.validate(4, 0).is_err());
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaterialField<'a> {
@@ -75,16 +76,28 @@ pub enum FieldError {
         /// What is wrong.
         source: Box<MaterialError>,
     },
-    /// An array does not have one value per tetrahedron.
+    /// The material of one hexahedron is out of range.
+    #[error("hexahedron {hexahedron}: {source}")]
+    Hexahedron {
+        /// Index in the user's mesh.
+        hexahedron: usize,
+        /// What is wrong.
+        source: Box<MaterialError>,
+    },
+    /// The springs of an element cannot be found with this material.
+    #[error(transparent)]
+    Springs(#[from] SpringsError),
+    /// An array does not have one value per solid element.
     #[error(
-        "the field of {quantity} has {found} values for {expected} tetrahedra: give one for each"
+        "the field of {quantity} has {found} values for {expected} solid elements: give one for each, \
+         tetrahedra first, then hexahedra"
     )]
     Length {
         /// What the array holds.
         quantity: &'static str,
         /// Its length.
         found: usize,
-        /// Number of tetrahedra.
+        /// Number of tetrahedra and hexahedra.
         expected: usize,
     },
 }
@@ -96,9 +109,9 @@ impl From<YoungPoisson> for MaterialField<'_> {
 }
 
 impl MaterialField<'_> {
-    /// Material of a tetrahedron.
-    pub fn at(&self, tetrahedron: usize) -> YoungPoisson {
-        let pick = |field: Option<&[f64]>, base| field.map_or(base, |values| values[tetrahedron]);
+    /// Material of an element, hexahedra counted after tetrahedra.
+    pub fn at(&self, element: usize) -> YoungPoisson {
+        let pick = |field: Option<&[f64]>, base| field.map_or(base, |values| values[element]);
         YoungPoisson {
             young_modulus: pick(self.young_modulus, self.material.young_modulus),
             poisson_ratio: pick(self.poisson_ratio, self.material.poisson_ratio),
@@ -106,24 +119,29 @@ impl MaterialField<'_> {
         }
     }
 
-    /// Whether tetrahedra have values of their own.
+    /// Whether elements have values of their own.
     pub fn varies(&self) -> bool {
         self.young_modulus.or(self.poisson_ratio).or(self.density).is_some()
     }
 
-    /// Checks the material of every one of `count` tetrahedra.
+    /// Checks the material of every element.
     ///
     /// # Errors
-    /// A constant out of range, naming the tetrahedron, or an array of another length.
-    pub fn validate(&self, count: usize) -> Result<(), FieldError> {
-        self.lame(count).map(drop)
+    /// A constant out of range, naming the element, or an array of another length.
+    pub fn validate(&self, tetrahedra: usize, hexahedra: usize) -> Result<(), FieldError> {
+        self.lame(tetrahedra, hexahedra).map(drop)
     }
 
-    /// Lamé parameters (Pa) of every one of `count` tetrahedra, in the user's order.
+    /// Lamé parameters (Pa) of every element, in the user's order, tetrahedra first.
     ///
     /// # Errors
     /// As [`validate`](Self::validate).
-    pub fn lame(&self, count: usize) -> Result<Vec<LameParameters>, FieldError> {
+    pub fn lame(
+        &self,
+        tetrahedra: usize,
+        hexahedra: usize,
+    ) -> Result<Vec<LameParameters>, FieldError> {
+        let count = tetrahedra + hexahedra;
         let fields = [
             ("Young's modulus", self.young_modulus),
             ("Poisson's ratio", self.poisson_ratio),
@@ -134,17 +152,21 @@ impl MaterialField<'_> {
                 return Err(FieldError::Length { quantity, found, expected: count });
             }
         }
-        // a constant that no tetrahedron uses must be right all the same: it is what reports show
+        // a constant that no element uses must be right all the same: it is what reports show
         let whole =
             self.material.lame().map_err(|source| FieldError::Material(Box::new(source)))?;
         if !self.varies() {
             return Ok(vec![whole; count]);
         }
         (0..count)
-            .map(|tetrahedron| {
-                let of_tetrahedron =
-                    |source| FieldError::Tetrahedron { tetrahedron, source: Box::new(source) };
-                self.at(tetrahedron).lame().map_err(of_tetrahedron)
+            .map(|element| {
+                self.at(element).lame().map_err(|source| {
+                    let source = Box::new(source);
+                    match element.checked_sub(tetrahedra) {
+                        None => FieldError::Tetrahedron { tetrahedron: element, source },
+                        Some(hexahedron) => FieldError::Hexahedron { hexahedron, source },
+                    }
+                })
             })
             .collect()
     }
@@ -159,7 +181,7 @@ mod tests {
         let base = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.3, density: 1e3 };
         let bad = [0.3, 0.5, 0.3];
         let field = MaterialField { poisson_ratio: Some(&bad), ..base.into() };
-        let error = field.validate(3).unwrap_err();
+        let error = field.validate(3, 0).unwrap_err();
         assert_eq!(
             error,
             FieldError::Tetrahedron {
@@ -168,12 +190,17 @@ mod tests {
             }
         );
         assert!(error.to_string().contains("tetrahedron 1"), "{error}");
-        let error = field.validate(2).unwrap_err();
-        assert!(error.to_string().contains("3 values for 2 tetrahedra"), "{error}");
+        let error = field.validate(2, 0).unwrap_err();
+        assert!(error.to_string().contains("3 values for 2 solid elements"), "{error}");
         let bad = [1e3, f64::NAN];
         let field = MaterialField { density: Some(&bad), ..base.into() };
-        assert!(matches!(field.validate(2), Err(FieldError::Tetrahedron { tetrahedron: 1, .. })));
+        assert!(matches!(
+            field.validate(2, 0),
+            Err(FieldError::Tetrahedron { tetrahedron: 1, .. })
+        ));
+        let error = field.validate(1, 1).unwrap_err();
+        assert!(error.to_string().contains("hexahedron 0"), "{error}");
         let field = MaterialField { young_modulus: Some(&bad[..1]), ..base.into() };
-        assert_eq!(field.lame(1).unwrap().len(), 1);
+        assert_eq!(field.lame(1, 0).unwrap().len(), 1);
     }
 }

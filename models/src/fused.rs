@@ -22,6 +22,7 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::time::Instant;
 
+use crate::axes::systems::AxesOnly;
 use crate::corotational::{Corotational, WarpedStiffness};
 use crate::linear::Linear;
 use crate::neo_hookean::NeoHookean;
@@ -112,6 +113,7 @@ impl TetrahedronLaw for FusedStVK {
         Without<Corotational>,
         Without<StVKFem>,
         Without<NeoHookean>,
+        Without<AxesOnly>,
     );
     fn contributes(_: TangentKind) -> bool {
         true

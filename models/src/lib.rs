@@ -10,6 +10,7 @@
 //! | [`tetrahedron`] | the same energy per element in one pass, the compression term, exact and definite tangents and their products |
 //! | [`membrane`] | triangles in space: biquadratic and quadratic springs, linear and corotational, their compression term |
 //! | [`pressure`] | follower pressure on surfaces |
+//! | [`axes`] | axes of anisotropy, fibre fields, muscles, preservation of volume |
 //! | [`pooled`], [`fused`], [`fused_membrane`] | the systems that run these over all elements, several at a time |
 //! | [`sheet`] | membranes as parts of bodies |
 //! | [`body`], [`change`] | from mesh and material to entities, and to a new material |
@@ -52,13 +53,16 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod axes;
 pub mod body;
 pub mod change;
 pub mod corotational;
 pub mod field;
 pub mod fused;
 pub mod fused_membrane;
+pub mod hexahedron;
 pub mod linear;
+pub mod lumped;
 pub mod material;
 pub mod membrane;
 pub mod neo_hookean;
@@ -66,6 +70,7 @@ pub mod pooled;
 pub mod precompute;
 pub mod pressure;
 mod projection;
+pub mod quad;
 pub mod quadratic;
 pub mod resection;
 pub mod sheet;

@@ -82,6 +82,18 @@ pub fn plane_stress(stretch_modulus: f64, poisson_ratio: f64) -> LameParameters 
     }
 }
 
+/// Moduli of plane strain times the thickness, N/m: the Lamé parameters of the solid times `t`.
+/// `stretch_modulus` is `E t` (N/m), -1 < `poisson_ratio` < 1/2.
+///
+/// ```
+/// let moduli = sinew_models::membrane::plane_strain(300.0, 0.25);
+/// assert_eq!((moduli.lambda, moduli.mu), (120.0, 120.0));
+/// ```
+pub fn plane_strain(stretch_modulus: f64, poisson_ratio: f64) -> LameParameters {
+    let mu = stretch_modulus / (2.0 * (1.0 + poisson_ratio));
+    LameParameters { lambda: 2.0 * mu * poisson_ratio / (1.0 - 2.0 * poisson_ratio), mu }
+}
+
 /// Smallest rest area accepted, as a part of the square of the longest edge.
 pub const MIN_RELATIVE_AREA: f64 = 1e-10;
 

@@ -481,18 +481,20 @@ impl<S: Scalar> Batch<S> for EdgeTangent<'_, '_, S> {
     fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
         let (k, stretch) = self.columns.stretch::<L>(first);
         let mut tension = tensile_tension(k, stretch.change);
+        // identified constants may be negative
+        let mut along = k;
         match self.kind {
             TangentKind::Exact => {}
-            TangentKind::GaussNewton => tension = L::ZERO,
+            TangentKind::GaussNewton => (tension, along) = (L::ZERO, k.max(L::ZERO)),
             TangentKind::Projected => {
-                let negative = L::less(tension, L::ZERO);
+                let negative = L::either(L::less(tension, L::ZERO), L::less(k, L::ZERO));
                 L::select(negative, L::ONE, L::ZERO).accumulate(&mut self.clamped);
-                tension = tension.max(L::ZERO);
+                (tension, along) = (tension.max(L::ZERO), k.max(L::ZERO));
             }
         }
         let z = scale(stretch.edge, stretch.slope);
         let mut m = [L::ZERO; 9];
-        add_outer(&mut m, scale(z, L::from_f64(0.5) * k), z);
+        add_outer(&mut m, scale(z, L::from_f64(0.5) * along), z);
         stretch.add_geometric(&mut m, stretch.slope * tension);
         add_edge_tangent(m, self.span, self.columns.shapes.nodes, self.columns.block, first);
     }

@@ -1,7 +1,7 @@
-//! Resection: tetrahedra and membrane triangles are removed while the scene runs.
+//! Resection: elements are removed while the scene runs.
 //!
-//! A removed tetrahedron keeps its table row for the time being, with moduli, volume and shape
-//! vectors 0: every law then gives exact zeros for it, and `J = 1`. A removed membrane triangle gets
+//! A removed tetrahedron or hexahedron keeps its table row for the time being, with moduli, volume and shape
+//! vectors 0: every law then gives exact zeros for it, and `J = 1`. A removed membrane element gets
 //! moduli 0 and is drawn together into one vertex, which leaves its area ratio at 1. Pooled constants of
 //! the edges and triangles round them are summed again over the elements that are left, never
 //! subtracted, so they do not drift. A batch costs in proportion to the elements it touches, but for
@@ -26,10 +26,14 @@ use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
-use sinew_engine::connectivity::{Connectivity, Touched};
+use sinew_engine::connectivity::{ByKind, Connectivity, ElementKind, Touched};
 use sinew_engine::element::{
-    EdgeVertices, MembraneBlocks, MembraneIndex, MembraneVertices, RestVolume, ShapeGradient,
-    ShapeGradients, TetrahedronIndex, displacement_gradient, volume_change,
+    AxisTetrahedron, EdgeVertices, MembraneBlocks, MembraneIndex, MembraneVertices, RestVolume,
+    ShapeGradient, ShapeGradients, TetrahedronIndex, displacement_gradient, volume_change,
+};
+use sinew_engine::isoparametric::{
+    HEXAHEDRON_PAIRS, HexahedronIndex, HexahedronRest, QUAD_PAIRS, QuadBlocks, QuadIndex,
+    QuadVertices, RestHexahedron, RestQuad,
 };
 use sinew_engine::layout::UNUSED;
 use sinew_engine::load::Pressure;
@@ -40,22 +44,25 @@ use sinew_engine::vertex::{BodyId, Displacement, Mass, RestPosition, Velocity};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::axes;
 use crate::body::{Evaluation, Model, SoftBody, angular_place};
 use crate::corotational::{Corotational, WarpedStiffness};
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
 use crate::fused_membrane::{
     MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
 };
+use crate::hexahedron;
 use crate::linear::Linear;
+use crate::lumped;
 use crate::material::LameParameters;
 use crate::membrane::{self, RestTriangle};
 use crate::neo_hookean::NeoHookean;
 use crate::pooled::{AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness};
 use crate::precompute::{ADJACENT_PAIRS, EDGES, RestTetrahedron, SpringConstants};
 use crate::pressure;
-use crate::quadratic::{self, MassSpring, Stretch};
-use crate::sheet::{MembraneModel, surface};
-use crate::spring::tensile_energy;
+use crate::quad;
+use crate::quadratic::{self, MassSpring};
+use crate::sheet::{MembraneModel, MembraneSettings};
 use crate::stvk_fem::StVKFem;
 use crate::tetrahedron::{self, Element, green_strain, second_piola_kirchhoff};
 
@@ -64,7 +71,7 @@ mod verify;
 
 pub use verify::{FreshDifference, compare_with_fresh};
 
-/// Which elements of a body to remove: all but the lists take tetrahedra and membrane triangles alike.
+/// Which elements of a body to remove: all but the lists take elements of every kind alike.
 /// Positions are those at the present state.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Region {
@@ -72,6 +79,10 @@ pub enum Region {
     Tetrahedra(Vec<u32>),
     /// Membrane triangles by their indices in the user's list.
     Triangles(Vec<u32>),
+    /// Hexahedra by their indices in the user's mesh.
+    Hexahedra(Vec<u32>),
+    /// Membrane quadrilaterals by their indices in the user's list.
+    Quads(Vec<u32>),
     /// Those whose barycentre lies within a sphere.
     Sphere {
         /// Centre (m).
@@ -90,7 +101,8 @@ pub enum Region {
         /// Radius (m).
         radius: f64,
     },
-    /// Those whose largest principal Green strain is above a limit.
+    /// Those whose largest principal Green strain is above a limit, at some Gauss point if there are
+    /// several.
     Strain {
         /// The limit (-).
         above: f64,
@@ -139,10 +151,18 @@ pub struct RemovalReport {
     pub tetrahedra: Vec<u32>,
     /// Membrane triangles removed, by their indices in the user's list, ascending.
     pub triangles: Vec<u32>,
+    /// Hexahedra removed, by their indices in the user's mesh, ascending.
+    pub hexahedra: Vec<u32>,
+    /// Membrane quadrilaterals removed, by their indices in the user's list, ascending.
+    pub quads: Vec<u32>,
     /// Tetrahedra left in the body.
     pub remaining: usize,
     /// Membrane triangles left in the body.
     pub remaining_triangles: usize,
+    /// Hexahedra left in the body.
+    pub remaining_hexahedra: usize,
+    /// Membrane quadrilaterals left in the body.
+    pub remaining_quads: usize,
     /// Mesh edges that no element uses any more.
     pub edges: usize,
     /// Mesh faces that no element uses any more.
@@ -153,7 +173,7 @@ pub struct RemovalReport {
     pub orphans: Vec<u32>,
     /// Connected pieces of the body now; vertices without elements are none.
     pub pieces: usize,
-    /// Volume of the removed tetrahedra (m^3, at rest).
+    /// Volume of the removed solid elements (m^3, at rest).
     pub volume: f64,
     /// Mass removed (kg); 0 when masses are kept.
     pub mass: f64,
@@ -179,12 +199,12 @@ pub enum RemovalError {
         /// Number of bodies.
         count: usize,
     },
-    /// There is no such tetrahedron or membrane triangle.
+    /// There is no such element.
     #[error("body `{body}` has no {kind} {index}: indices must be below {count}")]
     Element {
         /// Name of the body.
         body: String,
-        /// `"tetrahedron"` or `"membrane triangle"`.
+        /// [`ElementKind::name`].
         kind: &'static str,
         /// Index asked for.
         index: u32,
@@ -198,7 +218,7 @@ pub enum RemovalError {
     Removed {
         /// Name of the body.
         body: String,
-        /// `"tetrahedron"` or `"membrane triangle"`.
+        /// [`ElementKind::name`].
         kind: &'static str,
         /// Index asked for.
         index: u32,
@@ -268,32 +288,35 @@ impl Resection {
 #[derive(Debug)]
 struct BodyResection {
     connectivity: Connectivity,
-    /// Index in the user's mesh -> tetrahedron.
-    tetrahedron_of: Vec<u32>,
-    /// Index in the user's list -> membrane triangle.
-    membrane_of: Vec<u32>,
+    /// Index of the user -> element.
+    element_of: ByKind<Vec<u32>>,
     /// Entities in whose rows the elements stand; a placeholder for those that have no row.
     rows: Entities,
-    /// Removed tetrahedra and membrane triangles that still have a row.
-    dead: [usize; 2],
+    /// Removed elements that still have a row.
+    dead: ByKind<usize>,
     /// Number of connected pieces.
     pieces: usize,
 }
 
-/// Elements of both kinds, each list ascending.
-#[derive(Clone, Debug, Default)]
-struct Chosen {
-    tetrahedra: Vec<u32>,
-    membrane: Vec<u32>,
-}
+/// Elements of every kind, each list ascending.
+type Chosen = ByKind<Vec<u32>>;
 
 #[derive(Debug, Default)]
 struct Entities {
-    tetrahedra: Vec<Entity>,
+    elements: ByKind<Vec<Entity>>,
     /// Edges of pooled springs, and those that are springs by themselves.
     edges: [Vec<Entity>; 2],
     triangles: Vec<Entity>,
-    membrane: Vec<Entity>,
+    /// Axes of all kinds, with the tetrahedron that they lie in, ascending.
+    axes: Vec<(u32, Entity)>,
+}
+
+impl Entities {
+    /// Axes in a tetrahedron.
+    fn axes(&self, tetrahedron: u32) -> impl Iterator<Item = Entity> {
+        let first = self.axes.partition_point(|(t, _)| *t < tetrahedron);
+        self.axes[first..].iter().take_while(move |(t, _)| *t == tetrahedron).map(|(_, e)| *e)
+    }
 }
 
 /// Part of a body's rows that may be dead.
@@ -352,10 +375,14 @@ pub fn prepare_removals(world: &mut World, body: usize) -> Result<(), RemovalErr
         };
         resection.bodies[body] = Some(BodyResection {
             connectivity: Connectivity::new(rows),
-            tetrahedron_of: inverse(&rows.tetrahedron_order),
-            membrane_of: inverse(&rows.membrane_order),
+            element_of: ByKind([
+                inverse(&rows.tetrahedron_order),
+                inverse(&rows.membrane_order),
+                inverse(&rows.hexahedron_order),
+                inverse(&rows.quad_order),
+            ]),
             rows: Entities::default(),
-            dead: [0; 2],
+            dead: ByKind::default(),
             pieces: rows.piece_count(),
         });
         resection.find_rows(world);
@@ -373,24 +400,38 @@ impl Resection {
             let cells = &own.connectivity.cells;
             let none = |count: usize| vec![Entity::PLACEHOLDER; count];
             own.rows = Entities {
-                tetrahedra: none(own.tetrahedron_of.len()),
+                elements: ByKind(ElementKind::ALL.map(|kind| none(own.element_of[kind].len()))),
                 edges: [none(cells.edges.len()), none(cells.edges.len())],
                 triangles: none(cells.triangles.len()),
-                membrane: none(own.membrane_of.len()),
+                axes: Vec::new(),
             };
         }
+        macro_rules! find {
+            ($index:ty, $kind:expr) => {
+                let mut elements = world.query::<(Entity, &$index, &BodyId)>();
+                for (entity, index, body) in elements.iter(world) {
+                    if let Some(own) = &mut self.bodies[body.0 as usize] {
+                        let element = own.element_of[$kind][index.0 as usize];
+                        own.rows.elements[$kind][element as usize] = entity;
+                    }
+                }
+            };
+        }
+        find!(TetrahedronIndex, ElementKind::Tetrahedron);
+        find!(MembraneIndex, ElementKind::Triangle);
+        find!(HexahedronIndex, ElementKind::Hexahedron);
+        find!(QuadIndex, ElementKind::Quad);
         for (entity, index, body) in
-            world.query::<(Entity, &TetrahedronIndex, &BodyId)>().iter(world)
+            world.query::<(Entity, &AxisTetrahedron, &BodyId)>().iter(world)
         {
             if let Some(own) = &mut self.bodies[body.0 as usize] {
-                own.rows.tetrahedra[own.tetrahedron_of[index.0 as usize] as usize] = entity;
+                own.rows
+                    .axes
+                    .push((own.element_of[ElementKind::Tetrahedron][index.0 as usize], entity));
             }
         }
-        for (entity, index, body) in world.query::<(Entity, &MembraneIndex, &BodyId)>().iter(world)
-        {
-            if let Some(own) = &mut self.bodies[body.0 as usize] {
-                own.rows.membrane[own.membrane_of[index.0 as usize] as usize] = entity;
-            }
+        for own in self.bodies.iter_mut().flatten() {
+            own.rows.axes.sort_unstable();
         }
         let mut edges = world.query::<(Entity, &EdgeVertices, &BodyId, Has<MassSpring>)>();
         for (entity, edge, body, alone) in edges.iter(world) {
@@ -472,7 +513,9 @@ fn check_region(region: &Region) -> Result<(), RemovalError> {
         }),
     };
     match region {
-        Region::Tetrahedra(_) | Region::Triangles(_) => Ok(()),
+        Region::Tetrahedra(_) | Region::Triangles(_) | Region::Hexahedra(_) | Region::Quads(_) => {
+            Ok(())
+        }
         Region::Sphere { centre, radius } => {
             point("centre", *centre).and_then(|()| positive("radius", *radius))
         }
@@ -577,6 +620,16 @@ impl<'a, S: Scalar> Vertices<'a, S> {
         RestTetrahedron::new(self.rest(vertices)).expect("the body was built with it")
     }
 
+    /// The same of a hexahedron.
+    fn rest_hexahedron(&self, vertices: [u32; 8]) -> RestHexahedron {
+        RestHexahedron::new(self.rest(vertices)).expect("the body was built with it")
+    }
+
+    /// The same of a membrane quadrilateral.
+    fn rest_quad(&self, vertices: [u32; 4]) -> RestQuad {
+        RestQuad::new(self.rest(vertices)).expect("the body was built with it")
+    }
+
     /// The same of a membrane triangle.
     fn rest_triangle(&self, vertices: [u32; 3]) -> RestTriangle {
         RestTriangle::new(self.rest(vertices)).expect("the body was built with it")
@@ -601,7 +654,7 @@ impl Resection {
             let found =
                 check_region(region).and_then(|()| own.choose::<S>(world, &soft, region, &chosen));
             match found {
-                Ok(found) => chosen.add(found),
+                Ok(found) => add(&mut chosen, found),
                 Err(error) => results.push(Err(error)),
             }
         }
@@ -611,12 +664,12 @@ impl Resection {
         let mut report = RemovalReport::default();
         own.book_energies::<S>(world, &soft, &chosen, &mut report);
         own.clear::<S>(world, &chosen);
-        let touched = own.connectivity.remove(&chosen.tetrahedra, &chosen.membrane);
+        let touched = own.connectivity.remove(&chosen);
         own.sum_constants::<S>(world, &soft, &touched);
         if mass == MassPolicy::Recompute {
             own.sum_masses::<S>(world, &soft, &touched, &mut report);
         }
-        if !touched.unused_triangles.is_empty() {
+        if !touched.unused_triangles.is_empty() || !touched.unused_edges.is_empty() {
             report.pressure_faces = own.drop_pressures(world, body);
         }
 
@@ -651,19 +704,27 @@ impl Resection {
             user
         };
         report.orphans = sorted(&touched.orphans, &of_body.vertex_order);
-        report.tetrahedra = sorted(&chosen.tetrahedra, &of_body.tetrahedron_order);
-        report.triangles = sorted(&chosen.membrane, &of_body.membrane_order);
-        report.remaining = own.connectivity.remaining();
-        report.remaining_triangles = own.connectivity.membrane_remaining();
+        let [tetrahedra, triangles, hexahedra, quads] = &chosen.0;
+        report.tetrahedra = sorted(tetrahedra, &of_body.tetrahedron_order);
+        report.triangles = sorted(triangles, &of_body.membrane_order);
+        report.hexahedra = sorted(hexahedra, &of_body.hexahedron_order);
+        report.quads = sorted(quads, &of_body.quad_order);
+        let left = |kind| own.connectivity.remaining(kind);
+        report.remaining = left(ElementKind::Tetrahedron);
+        report.remaining_triangles = left(ElementKind::Triangle);
+        report.remaining_hexahedra = left(ElementKind::Hexahedron);
+        report.remaining_quads = left(ElementKind::Quad);
         report.edges = touched.unused_edges.len();
-        report.faces = touched.unused_triangles.len();
+        report.faces = touched.unused_triangles.len() + touched.unused_faces;
 
-        let left = [report.remaining, report.remaining_triangles];
-        own.dead[0] += chosen.tetrahedra.len();
-        own.dead[1] += chosen.membrane.len();
-        let too_many =
-            |kind: usize| own.dead[kind] as f64 > DEAD_SHARE * (left[kind] + own.dead[kind]) as f64;
-        if (too_many(0) || too_many(1)) && compact::compact::<S>(world, self) {
+        let too_many = ElementKind::ALL.iter().any(|&kind| {
+            let dead = own.dead[kind] + chosen[kind].len();
+            dead as f64 > DEAD_SHARE * (left(kind) + dead) as f64
+        });
+        for kind in ElementKind::ALL {
+            own.dead[kind] += chosen[kind].len();
+        }
+        if too_many && compact::compact::<S>(world, self) {
             report.compacted = true;
         }
         if report.compacted || report.pressure_faces > 0 {
@@ -674,16 +735,12 @@ impl Resection {
     }
 }
 
-impl Chosen {
-    /// Adds what is not in it.
-    fn add(&mut self, other: Self) {
-        for (own, more) in
-            [(&mut self.tetrahedra, other.tetrahedra), (&mut self.membrane, other.membrane)]
-        {
-            own.extend(more);
-            own.sort_unstable();
-            own.dedup();
-        }
+/// Adds to `chosen` what is not in it.
+fn add(chosen: &mut Chosen, other: Chosen) {
+    for (own, more) in chosen.0.iter_mut().zip(other.0) {
+        own.extend(more);
+        own.sort_unstable();
+        own.dedup();
     }
 }
 
@@ -697,104 +754,118 @@ impl BodyResection {
         taken: &Chosen,
     ) -> Result<Chosen, RemovalError> {
         let connectivity = &self.connectivity;
-        let listed = |list: &[u32], kind, of: &[u32], is_left: &dyn Fn(u32) -> bool| {
+        let is_free = |kind: ElementKind, e: u32| {
+            connectivity.is_present(kind, e) && taken[kind].binary_search(&e).is_err()
+        };
+        let listed = |list: &[u32], kind: ElementKind| {
             let body = || world.resource::<Topology>().bodies[soft.index].name.clone();
+            let of = &self.element_of[kind];
             let mut chosen = Vec::with_capacity(list.len());
             for &index in list {
-                let Some(&t) = of.get(index as usize) else {
-                    let count = of.len();
+                let Some(&e) = of.get(index as usize) else {
+                    let (kind, count) = (kind.name(), of.len());
                     return Err(RemovalError::Element { body: body(), kind, index, count });
                 };
-                chosen.push((t, index));
+                chosen.push((e, index));
             }
             chosen.sort_unstable();
             let twice = chosen.windows(2).find(|w| w[0] == w[1]).map(|w| w[0].1);
-            let gone = chosen.iter().find(|(t, _)| !is_left(*t));
-            match twice.or(gone.map(|g| g.1)) {
-                Some(index) => Err(RemovalError::Removed { body: body(), kind, index }),
-                None => Ok(chosen.into_iter().map(|(t, _)| t).collect()),
+            let gone = chosen.iter().find(|(e, _)| !is_free(kind, *e));
+            if let Some(index) = twice.or(gone.map(|g| g.1)) {
+                return Err(RemovalError::Removed { body: body(), kind: kind.name(), index });
             }
-        };
-        let tetrahedron_left =
-            |t: u32| connectivity.is_present(t) && taken.tetrahedra.binary_search(&t).is_err();
-        let triangle_left = |t: u32| {
-            connectivity.is_membrane_present(t) && taken.membrane.binary_search(&t).is_err()
+            let mut result = Chosen::default();
+            result[kind] = chosen.into_iter().map(|(e, _)| e).collect();
+            Ok(result)
         };
         match region {
-            Region::Tetrahedra(list) => {
-                let (kind, of) = ("tetrahedron", &self.tetrahedron_of);
-                let tetrahedra = listed(list, kind, of, &tetrahedron_left)?;
-                return Ok(Chosen { tetrahedra, ..Chosen::default() });
-            }
-            Region::Triangles(list) => {
-                let (kind, of) = ("membrane triangle", &self.membrane_of);
-                let membrane = listed(list, kind, of, &triangle_left)?;
-                return Ok(Chosen { membrane, ..Chosen::default() });
-            }
+            Region::Tetrahedra(list) => return listed(list, ElementKind::Tetrahedron),
+            Region::Triangles(list) => return listed(list, ElementKind::Triangle),
+            Region::Hexahedra(list) => return listed(list, ElementKind::Hexahedron),
+            Region::Quads(list) => return listed(list, ElementKind::Quad),
             _ => {}
         }
-        let tetrahedra: Vec<u32> =
-            (0..self.tetrahedron_of.len() as u32).filter(|&t| tetrahedron_left(t)).collect();
-        let membrane: Vec<u32> =
-            (0..self.membrane_of.len() as u32).filter(|&t| triangle_left(t)).collect();
-        let mut query = world.query();
+        let mut chosen = Chosen::default();
+        for kind in ElementKind::ALL {
+            chosen[kind] = connectivity.all_left(kind).filter(|&e| is_free(kind, e)).collect();
+        }
         match region {
             Region::Strain { above } => {
                 let limit = *above;
                 Ok(self.exceeding::<S>(
                     world,
                     soft,
-                    (tetrahedra, membrane),
+                    chosen,
                     |e, u| largest_strain(e, u) > limit,
                     |e, u| principal(membrane_strain(e, u))[0] > limit,
                 ))
             }
             Region::Stress { above } => {
                 let limit = *above;
-                let thickness = soft.membrane.map_or(0.0, |m| m.0);
+                let thickness = soft.membrane.map_or(0.0, |m| m.thickness);
                 Ok(self.exceeding::<S>(
                     world,
                     soft,
-                    (tetrahedra, membrane),
+                    chosen,
                     |e, u| von_mises_stress(e, u) > limit,
                     |e, u| membrane_von_mises(e, u, thickness) > limit,
                 ))
             }
             _ => {
+                let mut query = world.query();
                 let vertices = Vertices::<S>::of(&mut query, world, soft.index);
-                let within = |nodes: &[u32]| region.holds(vertices.barycentre(nodes));
-                let mut chosen = Chosen { tetrahedra, membrane };
-                chosen.tetrahedra.retain(|&t| within(&connectivity.tetrahedra[t as usize]));
-                chosen.membrane.retain(|&t| within(&connectivity.membrane[t as usize]));
+                for kind in ElementKind::ALL {
+                    chosen[kind].retain(|&e| {
+                        region.holds(vertices.barycentre(connectivity.vertices(kind, e)))
+                    });
+                }
                 Ok(chosen)
             }
         }
     }
 
-    /// Elements that fulfil a condition on their constants and displacements.
+    /// Elements that fulfil a condition on their constants and displacements, at some Gauss point.
     fn exceeding<S: Scalar>(
         &self,
         world: &mut World,
         soft: &SoftBody,
-        (mut tetrahedra, mut membrane): (Vec<u32>, Vec<u32>),
-        tetrahedron: impl Fn(&Element<f64>, &[[f64; 3]; 4]) -> bool,
-        triangle: impl Fn(&membrane::Element<f64>, &[[f64; 3]; 3]) -> bool,
+        mut chosen: Chosen,
+        solid: impl Fn(&Element<f64>, &[[f64; 3]; 4]) -> bool,
+        sheet: impl Fn(&membrane::Element<f64>, &[[f64; 3]; 3]) -> bool,
     ) -> Chosen {
+        let connectivity = &self.connectivity;
         let mut query = world.query();
-        let elements = self.elements::<S>(world, &tetrahedra);
+        let elements = self.elements::<S>(world, &chosen[ElementKind::Tetrahedron]);
+        let bricks = self.bricks::<S>(world, &chosen[ElementKind::Hexahedron]);
         let vertices = Vertices::<S>::of(&mut query, world, soft.index);
         let mut elements = elements.iter();
-        tetrahedra.retain(|&t| {
-            let u = vertices.displacements(self.connectivity.tetrahedra[t as usize]);
-            elements.next().is_some_and(|e| tetrahedron(e, &u))
+        chosen[ElementKind::Tetrahedron].retain(|&t| {
+            let u = vertices.displacements(connectivity.tetrahedra[t as usize]);
+            elements.next().is_some_and(|e| solid(e, &u))
         });
-        let sheets = self.membrane_elements(soft, &membrane, &vertices);
+        let mut bricks = bricks.iter();
+        chosen[ElementKind::Hexahedron].retain(|&h| {
+            let u = vertices.displacements(connectivity.hexahedra[h as usize]);
+            bricks.next().is_some_and(|(rest, moduli)| {
+                hexahedron::tetrahedra(rest, *moduli, &u).iter().any(|(e, u)| solid(e, u))
+            })
+        });
+        let sheets = self.membrane_elements(soft, &chosen[ElementKind::Triangle], &vertices);
         let mut sheets = sheets.iter();
-        membrane.retain(|&t| {
-            let u = vertices.displacements(self.connectivity.membrane[t as usize]);
-            sheets.next().is_some_and(|e| triangle(e, &u))
+        chosen[ElementKind::Triangle].retain(|&t| {
+            let u = vertices.displacements(connectivity.membrane[t as usize]);
+            sheets.next().is_some_and(|e| sheet(e, &u))
         });
-        Chosen { tetrahedra, membrane }
+        if let Some(settings) = &soft.membrane {
+            // the triangles come with twice the moduli
+            let moduli = moduli_of(settings).map(|m| 0.5 * m);
+            chosen[ElementKind::Quad].retain(|&q| {
+                let nodes = connectivity.quads[q as usize];
+                let (rest, u) = (vertices.rest_quad(nodes), vertices.displacements(nodes));
+                quad::triangles(&rest.component(), moduli, &u).iter().any(|(e, u)| sheet(e, u))
+            });
+        }
+        chosen
     }
 
     /// Books elastic energy and volume of the elements that go.
@@ -805,19 +876,56 @@ impl BodyResection {
         chosen: &Chosen,
         report: &mut RemovalReport,
     ) {
+        let connectivity = &self.connectivity;
         let mut query = world.query();
-        let elements = self.elements::<S>(world, &chosen.tetrahedra);
+        let elements = self.elements::<S>(world, &chosen[ElementKind::Tetrahedron]);
+        let bricks = self.bricks::<S>(world, &chosen[ElementKind::Hexahedron]);
         let vertices = Vertices::<S>::of(&mut query, world, soft.index);
-        for (&t, element) in chosen.tetrahedra.iter().zip(elements) {
-            let nodes = self.connectivity.tetrahedra[t as usize];
-            report.elastic_energy += energy(soft.model, &element, nodes, &vertices);
-            report.volume += element.volume;
+        for kind in ElementKind::ALL.into_iter().filter(|&kind| soft.springs.has(kind)) {
+            let pairs: &[[usize; 2]] = match kind {
+                ElementKind::Tetrahedron => &EDGES,
+                ElementKind::Triangle => &[[1, 2], [2, 0], [0, 1]],
+                ElementKind::Hexahedron => &HEXAHEDRON_PAIRS,
+                ElementKind::Quad => &QUAD_PAIRS,
+            };
+            for &e in &chosen[kind] {
+                let nodes = connectivity.vertices(kind, e);
+                let end = |v: usize| {
+                    let [rest] = vertices.rest([nodes[v]]);
+                    let [u] = vertices.displacements([nodes[v]]);
+                    (rest, u)
+                };
+                let ends = |pair: usize| pairs[pair].map(end);
+                report.elastic_energy += soft.springs.energy(kind, e, ends);
+            }
         }
-        let Some((_, _, model, _)) = soft.membrane else { return };
-        let sheets = self.membrane_elements(soft, &chosen.membrane, &vertices);
-        for (&t, element) in chosen.membrane.iter().zip(&sheets) {
-            let u = vertices.displacements(self.connectivity.membrane[t as usize]);
-            report.elastic_energy += membrane_energy(model, element, &u);
+        for (&t, element) in chosen[ElementKind::Tetrahedron].iter().zip(elements) {
+            let u = vertices.displacements(connectivity.tetrahedra[t as usize]);
+            report.elastic_energy += energy(soft.model, &element, &u);
+            report.volume += element.volume;
+            for entity in self.rows.axes(t) {
+                report.elastic_energy += axes::removal::energy::<S>(world, entity, &u);
+            }
+        }
+        for (&h, (rest, moduli)) in chosen[ElementKind::Hexahedron].iter().zip(&bricks) {
+            let u = vertices.displacements(connectivity.hexahedra[h as usize]);
+            let points = hexahedron::tetrahedra(rest, *moduli, &u);
+            report.elastic_energy +=
+                points.iter().map(|(e, u)| energy(soft.model, e, u)).sum::<f64>();
+            report.volume += rest.volume.iter().sum::<f64>();
+        }
+        let Some(settings) = &soft.membrane else { return };
+        let sheets = self.membrane_elements(soft, &chosen[ElementKind::Triangle], &vertices);
+        for (&t, element) in chosen[ElementKind::Triangle].iter().zip(&sheets) {
+            let u = vertices.displacements(connectivity.membrane[t as usize]);
+            report.elastic_energy += membrane_energy(settings.model, element, &u);
+        }
+        for &q in &chosen[ElementKind::Quad] {
+            let nodes = connectivity.quads[q as usize];
+            let (rest, u) = (vertices.rest_quad(nodes), vertices.displacements(nodes));
+            let points = quad::triangles(&rest.component(), moduli_of(settings), &u);
+            report.elastic_energy +=
+                points.iter().map(|(e, u)| membrane_energy(settings.model, e, u)).sum::<f64>();
         }
     }
 
@@ -826,10 +934,36 @@ impl BodyResection {
         let mut query = world.query::<StiffRead<S>>();
         of.iter()
             .map(|&t| {
-                let columns = query.get(world, self.rows.tetrahedra[t as usize]);
+                let columns =
+                    query.get(world, self.rows.elements[ElementKind::Tetrahedron][t as usize]);
                 element!(columns.expect("a tetrahedron that is left has a row"))
             })
             .collect()
+    }
+
+    /// Rest shapes and moduli (Pa) of hexahedra that have a row.
+    fn bricks<S: Scalar>(
+        &self,
+        world: &mut World,
+        of: &[u32],
+    ) -> Vec<(HexahedronRest<f64>, [f64; 3])> {
+        let mut query = world.query::<(
+            &HexahedronRest<S>,
+            &FirstLameParameter<S>,
+            &ShearModulus<S>,
+            &CompressionModulus<S>,
+        )>();
+        let brick = |&h: &u32| {
+            let entity = self.rows.elements[ElementKind::Hexahedron][h as usize];
+            let (rest, lambda, mu, compression) =
+                query.get(world, entity).expect("a hexahedron that is left has a row");
+            let rest = HexahedronRest {
+                gradients: rest.gradients.map(|row| row.map(|x| x.to_f64())),
+                volume: rest.volume.map(|x| x.to_f64()),
+            };
+            (rest, [lambda.0, mu.0, compression.0].map(|x| x.to_f64()))
+        };
+        of.iter().map(brick).collect()
     }
 
     /// Membrane triangles that are left; the membrane of a body is of one material.
@@ -839,9 +973,9 @@ impl BodyResection {
         of: &[u32],
         vertices: &Vertices<S>,
     ) -> Vec<membrane::Element<f64>> {
-        let Some((thickness, material, model, _)) = soft.membrane else { return Vec::new() };
-        let (moduli, _) = surface(&material, thickness);
-        let compression = model == MembraneModel::CompressibleBiquadratic;
+        let Some(settings) = &soft.membrane else { return Vec::new() };
+        let (moduli, _) = settings.surface();
+        let compression = settings.compression() > 0.0;
         let element = |&t: &u32| {
             let rest = vertices.rest_triangle(self.connectivity.membrane[t as usize]);
             membrane::Element::new(&rest, moduli, compression)
@@ -852,8 +986,9 @@ impl BodyResection {
     /// Makes the rows of elements dead.
     fn clear<S: Scalar>(&self, world: &mut World, chosen: &Chosen) {
         let mut query = world.query::<Stiff<S>>();
-        for &t in &chosen.tetrahedra {
-            let columns = query.get_mut(world, self.rows.tetrahedra[t as usize]);
+        let rows = &self.rows.elements;
+        for &t in &chosen[ElementKind::Tetrahedron] {
+            let columns = query.get_mut(world, rows[ElementKind::Tetrahedron][t as usize]);
             let (mut d1, mut d2, mut d3, mut volume, mut lambda, mut mu, mut compression) =
                 columns.expect("a tetrahedron that is left has a row");
             (d1.0.0, d1.1.0, d1.2.0) = (S::ZERO, S::ZERO, S::ZERO);
@@ -861,13 +996,16 @@ impl BodyResection {
             (d3.0.0, d3.1.0, d3.2.0) = (S::ZERO, S::ZERO, S::ZERO);
             (volume.0, lambda.0, mu.0, compression.0) = (S::ZERO, S::ZERO, S::ZERO, S::ZERO);
         }
+        for entity in chosen[ElementKind::Tetrahedron].iter().flat_map(|&t| self.rows.axes(t)) {
+            axes::removal::clear::<S>(world, entity);
+        }
         let mut query = world.query::<(
             &mut VolumetricStiffness<S, 0>,
             &mut VolumetricStiffness<S, 1>,
             &mut VolumetricStiffness<S, 2>,
         )>();
-        for &t in &chosen.tetrahedra {
-            let entity = self.rows.tetrahedra[t as usize];
+        for &t in &chosen[ElementKind::Tetrahedron] {
+            let entity = rows[ElementKind::Tetrahedron][t as usize];
             // only pooled bodies have these
             if let Ok((mut a, mut b, mut c)) = query.get_mut(world, entity) {
                 (a.0, b.0, c.0) = (S::ZERO, S::ZERO, S::ZERO);
@@ -880,8 +1018,8 @@ impl BodyResection {
             &mut MembraneShearModulus<S>,
             &mut MembraneCompressionModulus<S>,
         )>();
-        for &t in &chosen.membrane {
-            let columns = query.get_mut(world, self.rows.membrane[t as usize]);
+        for &t in &chosen[ElementKind::Triangle] {
+            let columns = query.get_mut(world, rows[ElementKind::Triangle][t as usize]);
             let (mut nodes, mut blocks, mut lambda, mut mu, mut compression) =
                 columns.expect("a membrane triangle that is left has a row");
             // one vertex, and the block that its row owns: the deformed edges are those at rest
@@ -889,45 +1027,59 @@ impl BodyResection {
             blocks.0 = [blocks.0[2]; 3];
             (lambda.0, mu.0, compression.0) = (S::ZERO, S::ZERO, S::ZERO);
         }
+        let mut query = world.query::<(
+            &mut QuadVertices,
+            &mut QuadBlocks,
+            &mut MembraneFirstModulus<S>,
+            &mut MembraneShearModulus<S>,
+            &mut MembraneCompressionModulus<S>,
+        )>();
+        for &q in &chosen[ElementKind::Quad] {
+            let columns = query.get_mut(world, rows[ElementKind::Quad][q as usize]);
+            let (mut nodes, mut blocks, mut lambda, mut mu, mut compression) =
+                columns.expect("a quadrilateral that is left has a row");
+            (nodes.0, blocks.0) = ([nodes.0[0]; 4], [blocks.0[0]; 6]);
+            (lambda.0, mu.0, compression.0) = (S::ZERO, S::ZERO, S::ZERO);
+        }
+        let mut query = world.query::<(
+            &mut HexahedronRest<S>,
+            &mut RestVolume<S>,
+            &mut FirstLameParameter<S>,
+            &mut ShearModulus<S>,
+            &mut CompressionModulus<S>,
+        )>();
+        for &h in &chosen[ElementKind::Hexahedron] {
+            let columns = query.get_mut(world, rows[ElementKind::Hexahedron][h as usize]);
+            let (mut rest, mut volume, mut lambda, mut mu, mut compression) =
+                columns.expect("a hexahedron that is left has a row");
+            *rest = HexahedronRest { gradients: [[S::ZERO; 8]; 9], volume: [S::ZERO; 8] };
+            (volume.0, lambda.0, mu.0, compression.0) = (S::ZERO, S::ZERO, S::ZERO, S::ZERO);
+        }
     }
 
     /// Sums the constants of the springs at the touched edges and triangles again, in the order in which
     /// a new body sums them.
     fn sum_constants<S: Scalar>(&self, world: &mut World, soft: &SoftBody, touched: &Touched) {
-        let Connectivity {
-            tetrahedra,
-            membrane,
-            cells,
-            round_edge,
-            round_triangle,
-            membrane_round_edge,
-            membrane_at,
-            ..
-        } = &self.connectivity;
-        // springs of pooled elements, and edges that are springs by themselves
-        let pooled = soft.evaluation == Evaluation::Pooled;
-        let solid = [pooled, soft.model == Model::MassSpring];
-        let sheet = soft.membrane.map_or([false; 2], |(_, _, model, evaluation)| {
-            [evaluation == Evaluation::Pooled, model == MembraneModel::MassSpring]
-        });
-        if [solid, sheet] == [[false; 2]; 2] {
+        self.sum_edge_springs::<S>(world, soft, touched);
+        let Connectivity { tetrahedra, membrane, cells, round_edge, round_triangle, .. } =
+            &self.connectivity;
+        let membrane_at = &self.connectivity.membrane_at;
+        let left = |kind, edge: u32| self.connectivity.left(kind, round_edge[kind].of(edge));
+        let solid = soft.evaluation == Evaluation::Pooled;
+        let sheet = soft.membrane.filter(|m| m.is_pooled());
+        if !solid && sheet.is_none() {
             return;
         }
         // whoever shares a triangle with a removed element shares its edges
-        let mut round = Vec::new();
-        if solid != [false; 2] {
-            let edges = touched.edges.iter().flat_map(|&e| round_edge.of(e));
-            round.extend(edges.copied().filter(|&t| self.connectivity.is_present(t)));
+        let round = |kind, pooled: bool| {
+            let edges = touched.edges.iter().filter(|_| pooled);
+            let mut round: Vec<u32> = edges.flat_map(|&e| left(kind, e)).collect();
             round.sort_unstable();
             round.dedup();
-        }
-        let mut sheets = Vec::new();
-        if sheet != [false; 2] {
-            let edges = touched.edges.iter().flat_map(|&e| membrane_round_edge.of(e));
-            sheets.extend(edges.copied().filter(|&t| self.connectivity.is_membrane_present(t)));
-            sheets.sort_unstable();
-            sheets.dedup();
-        }
+            round
+        };
+        let sheets = round(ElementKind::Triangle, sheet.is_some());
+        let round = round(ElementKind::Tetrahedron, solid);
         let mut query = world.query();
         let elements = self.elements::<S>(world, &round);
         let vertices = Vertices::<S>::of(&mut query, world, soft.index);
@@ -939,7 +1091,7 @@ impl BodyResection {
                 SpringConstants::new(&rest, lame(element))
             })
             .collect();
-        let moduli = soft.membrane.map(|(thickness, material, ..)| surface(&material, thickness).0);
+        let moduli = sheet.map(|settings| settings.surface().0);
         let sheet_constants: Vec<membrane::SpringConstants> = sheets
             .iter()
             .zip(moduli.into_iter().cycle())
@@ -953,30 +1105,21 @@ impl BodyResection {
         let sheet_constants = |t: u32| Some(&sheet_constants[sheets.binary_search(&t).ok()?]);
 
         let mut query = world.query::<&mut TensileStiffness<S>>();
-        for kind in [0, 1] {
-            for &edge in &touched.edges {
-                let mut sum = 0.0;
-                if solid[kind] {
-                    for t in self.connectivity.left(round_edge.of(edge)) {
-                        let own = &cells.tetrahedron_edges[t as usize];
-                        let local = own.iter().position(|&e| e == edge).unwrap_or(0);
-                        sum += constants(t).map_or(0.0, |c| c.tensile[local]);
-                    }
-                }
-                if sheet[kind] {
-                    for t in self.connectivity.membrane_left(membrane_round_edge.of(edge)) {
-                        let own = &cells.membrane_edges[t as usize];
-                        let local = own.iter().position(|&e| e == edge).unwrap_or(0);
-                        sum += sheet_constants(t).map_or(0.0, |c| c.tensile[local]);
-                    }
-                }
-                if let Ok(mut k) = query.get_mut(world, self.rows.edges[kind][edge as usize]) {
-                    k.0 = S::from_f64(sum);
-                }
+        for &edge in &touched.edges {
+            let mut sum = 0.0;
+            for t in left(ElementKind::Tetrahedron, edge) {
+                let own = &cells.tetrahedron_edges[t as usize];
+                let local = own.iter().position(|&e| e == edge).unwrap_or(0);
+                sum += constants(t).map_or(0.0, |c| c.tensile[local]);
             }
-        }
-        if !solid[0] && !sheet[0] {
-            return;
+            for t in left(ElementKind::Triangle, edge) {
+                let own = &cells.membrane_edges[t as usize];
+                let local = own.iter().position(|&e| e == edge).unwrap_or(0);
+                sum += sheet_constants(t).map_or(0.0, |c| c.tensile[local]);
+            }
+            if let Ok(mut k) = query.get_mut(world, self.rows.edges[0][edge as usize]) {
+                k.0 = S::from_f64(sum);
+            }
         }
         let mut query = world.query::<(
             &mut AngularStiffness<S, 0>,
@@ -985,8 +1128,8 @@ impl BodyResection {
         )>();
         for &triangle in &touched.triangles {
             let mut sum = [0.0; 3];
-            let solid = if solid[0] { round_triangle.of(triangle) } else { &[] };
-            for t in self.connectivity.left(solid) {
+            let solid = if solid { round_triangle.of(triangle) } else { &[] };
+            for t in self.connectivity.left(ElementKind::Tetrahedron, solid) {
                 let (Some(constants), nodes) = (constants(t), tetrahedra[t as usize]) else {
                     continue;
                 };
@@ -999,8 +1142,9 @@ impl BodyResection {
                     }
                 }
             }
-            let at = Some(membrane_at[triangle as usize]).filter(|&t| sheet[0] && t != UNUSED);
-            let at = at.filter(|&t| self.connectivity.is_membrane_present(t));
+            let at = membrane_at[triangle as usize];
+            let at = Some(at)
+                .filter(|&t| t != UNUSED && self.connectivity.is_present(ElementKind::Triangle, t));
             if let Some(constants) = at.and_then(sheet_constants) {
                 for m in 0..3 {
                     sum[m] += constants.angular[m];
@@ -1009,6 +1153,27 @@ impl BodyResection {
             let columns = query.get_mut(world, self.rows.triangles[triangle as usize]);
             if let Ok((mut a, mut b, mut c)) = columns {
                 (a.0, b.0, c.0) = (S::from_f64(sum[0]), S::from_f64(sum[1]), S::from_f64(sum[2]));
+            }
+        }
+    }
+
+    /// Sums edges that are springs by themselves again.
+    fn sum_edge_springs<S: Scalar>(&self, world: &mut World, soft: &SoftBody, touched: &Touched) {
+        if soft.springs.is_empty() {
+            return;
+        }
+        let mut query = world.query();
+        let vertices = Vertices::<S>::of(&mut query, world, soft.index);
+        let stiffness = |&edge: &u32| {
+            let [a, b] = vertices.rest(self.connectivity.cells.edges[edge as usize]);
+            let sum = soft.springs.at_edge(&self.connectivity, edge);
+            lumped::tensile_stiffness(sum, sub(a, b))
+        };
+        let sums: Vec<f64> = touched.edges.iter().map(stiffness).collect();
+        let mut query = world.query::<&mut TensileStiffness<S>>();
+        for (&edge, sum) in touched.edges.iter().zip(sums) {
+            if let Ok(mut k) = query.get_mut(world, self.rows.edges[1][edge as usize]) {
+                k.0 = S::from_f64(sum);
             }
         }
     }
@@ -1027,18 +1192,29 @@ impl BodyResection {
         let rows = &world.resource::<Topology>().bodies[soft.index];
         let v0 = rows.vertices.start;
         let field = soft.field();
-        let surface_density = soft.membrane.map_or(0.0, |m| surface(&m.1, m.0).1);
+        let surface_density = soft.membrane.map_or(0.0, |m| m.surface().1);
         let of_vertex = |&v: &u32| {
             let mut sum = 0.0;
-            for t in connectivity.left(connectivity.round_vertex.of(v)) {
+            let left = |kind| connectivity.left(kind, connectivity.round_vertex[kind].of(v));
+            let local = |nodes: &[u32]| nodes.iter().position(|&n| n == v).unwrap_or(0);
+            for t in left(ElementKind::Tetrahedron) {
                 let density = field.at(rows.tetrahedron_order[t as usize] as usize).density;
                 let rest = vertices.rest_tetrahedron(connectivity.tetrahedra[t as usize]);
                 sum += density * rest.volume / 4.0;
             }
-            let round = connectivity.membrane_round_vertex.of(v);
-            for t in connectivity.membrane_left(round) {
+            for h in left(ElementKind::Hexahedron) {
+                let at = rows.tetrahedra.len() + rows.hexahedron_order[h as usize] as usize;
+                let nodes = connectivity.hexahedra[h as usize];
+                let volumes = vertices.rest_hexahedron(nodes).vertex_volumes();
+                sum += field.at(at).density * volumes[local(&nodes)];
+            }
+            for t in left(ElementKind::Triangle) {
                 let rest = vertices.rest_triangle(connectivity.membrane[t as usize]);
                 sum += surface_density * rest.area / 3.0;
+            }
+            for q in left(ElementKind::Quad) {
+                let nodes = connectivity.quads[q as usize];
+                sum += surface_density * vertices.rest_quad(nodes).vertex_areas()[local(&nodes)];
             }
             sum
         };
@@ -1116,34 +1292,28 @@ fn lame(element: &Element<f64>) -> LameParameters {
     LameParameters { lambda: element.lambda, mu: element.mu }
 }
 
-/// Energy (J) of a tetrahedron by its own.
-fn energy<S: Scalar>(
-    model: Model,
-    element: &Element<f64>,
-    nodes: [u32; 4],
-    vertices: &Vertices<S>,
-) -> f64 {
-    let u = vertices.displacements(nodes);
+/// Moduli (N/m) of a membrane: lambda, mu and that of the compression term.
+fn moduli_of(settings: &MembraneSettings) -> [f64; 3] {
+    let LameParameters { lambda, mu } = settings.surface().0;
+    [lambda, mu, settings.compression()]
+}
+
+/// Energy (J) of a tetrahedron by its own law; springs on edges are booked beside it.
+fn energy(model: Model, element: &Element<f64>, u: &[[f64; 3]; 4]) -> f64 {
     match model {
-        Model::StVK | Model::CompressibleStVK => tetrahedron::energy(element, &u),
-        Model::QuadraticSprings => quadratic::tetrahedron::energy(element, &u),
-        Model::Linear => Linear::energy(element, &u),
-        Model::WarpedStiffness => WarpedStiffness::energy(element, &u),
-        Model::Corotational => Corotational::energy(element, &u),
-        Model::StVKFem => StVKFem::energy(element, &u),
-        Model::NeoHookean => NeoHookean::energy(element, &u),
-        Model::MassSpring => {
-            let constants = SpringConstants::new(&vertices.rest_tetrahedron(nodes), lame(element));
-            let rest = vertices.rest(nodes);
-            let change =
-                |[a, b]: [usize; 2]| Stretch::new(sub(rest[a], rest[b]), sub(u[a], u[b])).change;
-            let edges = constants.tensile.iter().zip(EDGES);
-            edges.map(|(&k, edge)| tensile_energy(k, change(edge))).sum()
-        }
+        Model::StVK | Model::CompressibleStVK => tetrahedron::energy(element, u),
+        Model::QuadraticSprings => quadratic::tetrahedron::energy(element, u),
+        Model::Linear => Linear::energy(element, u),
+        Model::WarpedStiffness => WarpedStiffness::energy(element, u),
+        Model::Corotational => Corotational::energy(element, u),
+        Model::StVKFem => StVKFem::energy(element, u),
+        Model::NeoHookean => NeoHookean::energy(element, u),
+        // theirs are those of their edges and axes
+        Model::MassSpring | Model::Axes => 0.0,
     }
 }
 
-/// Energy (J) of a membrane triangle by its own.
+/// Energy (J) of a membrane triangle by its own law; springs on edges are booked beside it.
 fn membrane_energy(model: MembraneModel, e: &membrane::Element<f64>, u: &[[f64; 3]; 3]) -> f64 {
     match model {
         MembraneModel::Biquadratic | MembraneModel::CompressibleBiquadratic => {
@@ -1152,15 +1322,7 @@ fn membrane_energy(model: MembraneModel, e: &membrane::Element<f64>, u: &[[f64; 
         MembraneModel::Quadratic => membrane::quadratic::energy(e, u),
         MembraneModel::Linear => membrane::linear::energy(e, u),
         MembraneModel::Corotational => membrane::corotational::energy(e, u),
-        MembraneModel::MassSpring => {
-            let rest = RestTriangle { edges: e.edges, area: e.area };
-            let moduli = LameParameters { lambda: e.lambda, mu: e.mu };
-            let constants = membrane::SpringConstants::new(&rest, moduli);
-            let [a, b] = e.edges;
-            let pairs = [(sub(b, a), 2, 1), (b, 2, 0), (a, 1, 0)];
-            let change = pairs.map(|(rest, i, j)| Stretch::new(rest, sub(u[i], u[j])).change);
-            constants.tensile.iter().zip(change).map(|(&k, c)| tensile_energy(k, c)).sum()
-        }
+        MembraneModel::MassSpring => 0.0,
     }
 }
 

@@ -6,10 +6,14 @@ use serde::{Deserialize, Serialize};
 use sinew_engine::element::{
     MembraneBlocks, MembraneIndex, MembraneVertices, membrane_rest_bundle,
 };
+use sinew_engine::isoparametric::{
+    QUAD_PAIRS, QuadBlocks, QuadIndex, QuadVertices, RestQuad, RestShapeError,
+};
 use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::report_areas;
 use sinew_engine::vertex::BodyId;
+use sinew_identify::ElementMethod;
 use thiserror::Error;
 
 use crate::body::Evaluation;
@@ -19,7 +23,10 @@ use crate::fused_membrane::{
     QuadraticMembrane, activate,
 };
 use crate::material::{LameParameters, MaterialError, YoungPoisson};
-use crate::membrane::{RestTriangle, RestTriangleError, SpringConstants, plane_stress};
+use crate::membrane::{
+    RestTriangle, RestTriangleError, SpringConstants, plane_strain, plane_stress,
+};
+use crate::quad::{self, Quadrilateral};
 use crate::quadratic::MassSpring;
 
 /// Energy of a membrane.
@@ -78,28 +85,114 @@ impl MembraneModel {
     }
 }
 
-/// The membrane of a body: triangles between its points.
+/// Which strains or stresses across a membrane vanish: what its moduli in the plane follow from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PlaneState {
+    /// No stress across (default): a thin sheet, free to become thinner.
+    #[default]
+    Stress,
+    /// No strain across: a slice of a long body.
+    Strain,
+}
+
+/// What a membrane is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MembraneSettings {
+    /// Thickness (m).
+    pub thickness: f64,
+    /// Material; Young's modulus in Pa, as of a solid.
+    pub material: YoungPoisson,
+    /// Plane stress or plane strain.
+    pub plane: PlaneState,
+    /// Energy.
+    pub model: MembraneModel,
+    /// Evaluation.
+    pub evaluation: Evaluation,
+    /// As [`MembraneDescription::springs`].
+    pub springs: Option<ElementMethod>,
+}
+
+impl MembraneSettings {
+    /// A membrane of these elements.
+    pub fn of<'a>(
+        &self,
+        triangles: &'a [[u32; 3]],
+        quads: &'a [[u32; 4]],
+    ) -> MembraneDescription<'a> {
+        let &Self { thickness, material, plane, model, evaluation, springs } = self;
+        MembraneDescription {
+            triangles,
+            quads,
+            thickness,
+            material,
+            plane,
+            model,
+            evaluation,
+            springs,
+        }
+    }
+
+    /// Moduli in the plane times the thickness (N/m) and mass per rest area (kg/m^2).
+    pub fn surface(&self) -> (LameParameters, f64) {
+        surface(&self.material, self.thickness, self.plane)
+    }
+
+    /// Whether springs are pooled with those of the solid.
+    pub(crate) fn is_pooled(&self) -> bool {
+        self.evaluation == Evaluation::Pooled
+    }
+
+    /// Modulus (N/m) of the compression term, or 0 without it.
+    pub(crate) fn compression(&self) -> f64 {
+        let LameParameters { lambda, mu } = self.surface().0;
+        if self.model == MembraneModel::CompressibleBiquadratic { lambda + mu } else { 0.0 }
+    }
+}
+
+/// The membrane of a body: triangles and quadrilaterals between its points.
 #[derive(Clone, Copy, Debug)]
 pub struct MembraneDescription<'a> {
     /// Triangles, of any winding. Vertices and edges that they share with tetrahedra of the body are
     /// one.
     pub triangles: &'a [[u32; 3]],
+    /// Quadrilaterals, in the order of their boundary, of any winding; integrated over 2x2 points.
+    pub quads: &'a [[u32; 4]],
     /// Thickness (m).
     pub thickness: f64,
     /// Material; Young's modulus in Pa, as of a solid.
     pub material: YoungPoisson,
+    /// Plane stress or plane strain.
+    pub plane: PlaneState,
     /// Energy.
     pub model: MembraneModel,
     /// Evaluation. Springs pooled over the mesh are summed with those of tetrahedra where the latter
     /// are pooled too.
     pub evaluation: Evaluation,
+    /// How the constants of [`MembraneModel::MassSpring`] are found; without, those of Delingette 2008 for
+    /// triangles and the Frobenius fit for quadrilaterals.
+    pub springs: Option<ElementMethod>,
 }
 
 impl<'a> MembraneDescription<'a> {
     /// A membrane with the default model and evaluation.
     pub fn new(triangles: &'a [[u32; 3]], thickness: f64, material: YoungPoisson) -> Self {
-        let (model, evaluation) = (MembraneModel::default(), Evaluation::default());
-        Self { triangles, thickness, material, model, evaluation }
+        Self {
+            triangles,
+            quads: &[],
+            thickness,
+            material,
+            plane: PlaneState::default(),
+            model: MembraneModel::default(),
+            evaluation: Evaluation::default(),
+            springs: None,
+        }
+    }
+
+    /// What it is made of.
+    pub fn settings(&self) -> MembraneSettings {
+        let &Self { thickness, material, plane, model, evaluation, springs, .. } = self;
+        MembraneSettings { thickness, material, plane, model, evaluation, springs }
     }
 }
 
@@ -137,6 +230,44 @@ pub enum MembraneError {
         /// Index in the user's list.
         second: u32,
     },
+    /// A quadrilateral names a vertex that does not exist, or one twice.
+    #[error(
+        "quadrilateral {quad} has vertices {vertices:?} of {count}: indices must be distinct and below \
+         the number of vertices; run the mesh check"
+    )]
+    QuadIndex {
+        /// Index in the user's list.
+        quad: usize,
+        /// Its vertices.
+        vertices: [u32; 4],
+        /// Number of vertices in the mesh.
+        count: usize,
+    },
+    /// A quadrilateral is there twice.
+    #[error("quadrilaterals {first} and {second} have the same vertices: remove one of them")]
+    DuplicateQuad {
+        /// Index in the user's list.
+        first: u32,
+        /// Index in the user's list.
+        second: u32,
+    },
+    /// A quadrilateral without a usable rest shape.
+    #[error("quadrilateral {quad}: {source}")]
+    Quad {
+        /// Index in the user's list.
+        quad: usize,
+        /// What is wrong.
+        source: RestShapeError,
+    },
+    /// An energy that quadrilaterals do not have.
+    #[error(
+        "model \"{}\" is made for triangles: cut the quadrilaterals into triangles, or take \"trbs\" or \
+         \"mass_spring\"", .model.name()
+    )]
+    QuadModel {
+        /// The model.
+        model: MembraneModel,
+    },
     /// A triangle without a usable rest shape.
     #[error("triangle {triangle}: {source}")]
     Triangle {
@@ -156,20 +287,21 @@ pub enum MembraneError {
     },
 }
 
-/// Plane-stress moduli (N/m) and mass per rest area (kg/m^2) of a membrane of some thickness (m).
-pub(crate) fn surface(material: &YoungPoisson, thickness: f64) -> (LameParameters, f64) {
+/// Moduli in the plane (N/m) and mass per rest area (kg/m^2) of a membrane of some thickness (m).
+fn surface(material: &YoungPoisson, thickness: f64, plane: PlaneState) -> (LameParameters, f64) {
     let &YoungPoisson { young_modulus, poisson_ratio, density } = material;
-    (plane_stress(young_modulus * thickness, poisson_ratio), density * thickness)
+    let moduli = match plane {
+        PlaneState::Stress => plane_stress(young_modulus * thickness, poisson_ratio),
+        PlaneState::Strain => plane_strain(young_modulus * thickness, poisson_ratio),
+    };
+    (moduli, density * thickness)
 }
 
 /// A membrane in engine order, ready to be spawned.
 pub(crate) struct Sheet {
     rest: Vec<RestTriangle>,
-    moduli: LameParameters,
-    /// Mass per rest area (kg/m^2).
-    surface_density: f64,
-    model: MembraneModel,
-    evaluation: Evaluation,
+    quads: Vec<RestQuad>,
+    settings: MembraneSettings,
 }
 
 impl MembraneDescription<'_> {
@@ -187,6 +319,16 @@ impl MembraneDescription<'_> {
             if a == b || b == c || c == a || vertices.iter().any(|&v| v as usize >= count) {
                 return Err(MembraneError::Index { triangle, vertices, count });
             }
+        }
+        for (quad, &vertices) in self.quads.iter().enumerate() {
+            let distinct = QUAD_PAIRS.iter().all(|&[a, b]| vertices[a] != vertices[b]);
+            if !distinct || vertices.iter().any(|&v| v as usize >= count) {
+                return Err(MembraneError::QuadIndex { quad, vertices, count });
+            }
+        }
+        let springs = [MembraneModel::Quadratic];
+        if !self.quads.is_empty() && springs.contains(&self.model) {
+            return Err(MembraneError::QuadModel { model: self.model });
         }
         Ok(())
     }
@@ -210,33 +352,49 @@ impl Sheet {
             RestTriangle::new(points).map_err(|source| MembraneError::Triangle { triangle, source })
         });
         let rest = rest.collect::<Result<_, _>>()?;
-        let (moduli, surface_density) = surface(&description.material, description.thickness);
-        Ok(Self {
-            rest,
-            moduli,
-            surface_density,
-            model: description.model,
-            evaluation: description.evaluation,
-        })
+        let sorted = |q: &[u32; 4]| {
+            let mut q = *q;
+            q.sort_unstable();
+            q
+        };
+        for (q, order) in layout.quads.windows(2).zip(layout.quad_order.windows(2)) {
+            if sorted(&q[0]) == sorted(&q[1]) {
+                return Err(MembraneError::DuplicateQuad { first: order[0], second: order[1] });
+            }
+        }
+        let quads = layout.quads.iter().zip(&layout.quad_order).map(|(q, &original)| {
+            let points = q.map(|row| rest_of(row).to_array());
+            let quad = original as usize;
+            RestQuad::new(points).map_err(|source| MembraneError::Quad { quad, source })
+        });
+        let quads = quads.collect::<Result<_, _>>()?;
+        Ok(Self { rest, quads, settings: description.settings() })
     }
 
-    /// Adds a third of the mass (kg) of each triangle to its vertices.
+    /// Adds a third of the mass (kg) of each triangle, and the row sums of the mass matrix of each
+    /// quadrilateral, to the vertices.
     pub(crate) fn add_mass(&self, layout: &BodyLayout, mass: &mut [f64]) {
+        let (_, surface_density) = self.settings.surface();
         for (t, rest) in layout.membrane.iter().zip(&self.rest) {
             for &v in t {
-                mass[v as usize] += self.surface_density * rest.area / 3.0;
+                mass[v as usize] += surface_density * rest.area / 3.0;
+            }
+        }
+        for (q, rest) in layout.quads.iter().zip(&self.quads) {
+            for (&v, area) in q.iter().zip(rest.vertex_areas()) {
+                mass[v as usize] += surface_density * area;
             }
         }
     }
 
     /// Whether its springs are those of the pooled systems.
     pub(crate) fn is_pooled(&self) -> bool {
-        self.evaluation == Evaluation::Pooled
+        self.settings.is_pooled()
     }
 
-    /// Whether it consists of springs on edges alone.
-    pub(crate) fn is_mass_spring(&self) -> bool {
-        self.model == MembraneModel::MassSpring
+    /// Its settings, if it consists of springs on edges alone.
+    pub(crate) fn mass_spring(&self) -> Option<MembraneSettings> {
+        Some(self.settings).filter(|s| s.model == MembraneModel::MassSpring)
     }
 
     /// Adds the constants (N/m^3) of its springs: per edge, and per triangle of the layout.
@@ -246,20 +404,21 @@ impl Sheet {
         tensile: &mut [f64],
         angular: &mut [[f64; 3]],
     ) {
+        let (moduli, _) = self.settings.surface();
         for (i, rest) in self.rest.iter().enumerate() {
-            let constants = SpringConstants::new(rest, self.moduli);
+            let constants = SpringConstants::new(rest, moduli);
             for (k, &e) in constants.tensile.iter().zip(&layout.membrane_edges[i]) {
                 tensile[e as usize] += k;
             }
-            if let Some(own) = angular.get_mut(layout.membrane_triangles[i] as usize) {
-                for m in 0..3 {
-                    own[m] += constants.angular[m];
-                }
+            let own = &mut angular[layout.membrane_triangles[i] as usize];
+            for m in 0..3 {
+                own[m] += constants.angular[m];
             }
         }
     }
 
-    /// Spawns an entity per triangle and puts the laws that it needs into the force schedule.
+    /// Spawns an entity per triangle and quadrilateral and puts the laws that they need into the force
+    /// schedule.
     pub(crate) fn spawn<S: Scalar>(
         &self,
         world: &mut World,
@@ -268,10 +427,13 @@ impl Sheet {
         block0: u32,
         id: BodyId,
     ) {
-        let LameParameters { lambda, mu } = self.moduli;
-        let compressible = self.model == MembraneModel::CompressibleBiquadratic;
-        let kappa = if compressible { lambda + mu } else { 0.0 };
-        let geometry: Vec<_> = layout
+        let LameParameters { lambda, mu } = self.settings.surface().0;
+        let moduli = (
+            MembraneFirstModulus(S::from_f64(lambda)),
+            MembraneShearModulus(S::from_f64(mu)),
+            MembraneCompressionModulus(S::from_f64(self.settings.compression())),
+        );
+        let triangles = layout
             .membrane
             .iter()
             .zip(&layout.membrane_edges)
@@ -284,44 +446,77 @@ impl Sheet {
                     MembraneIndex(original),
                     id,
                     membrane_rest_bundle::<S>(rest.edges, rest.area),
-                    MembraneFirstModulus(S::from_f64(lambda)),
-                    MembraneShearModulus(S::from_f64(mu)),
-                    MembraneCompressionModulus(S::from_f64(kappa)),
+                    moduli,
                 )
-            })
-            .collect();
+            });
+        let quads = layout
+            .quads
+            .iter()
+            .zip(&layout.quad_edges)
+            .zip(&layout.quad_order)
+            .zip(&self.quads)
+            .map(|(((q, e), &original), rest)| {
+                (
+                    QuadVertices(q.map(|v| v + v0)),
+                    QuadBlocks(e.map(|b| b + block0)),
+                    QuadIndex(original),
+                    id,
+                    rest.component::<S>(),
+                    moduli,
+                )
+            });
+        let (triangles, quads): (Vec<_>, Vec<_>) = (triangles.collect(), quads.collect());
         macro_rules! spawn_as {
-            ($mark:expr) => {
-                world.spawn_batch(geometry.into_iter().map(|g| (g, $mark)).collect::<Vec<_>>());
+            ($elements:ident, $mark:expr, $activate:expr) => {
+                if !$elements.is_empty() {
+                    world
+                        .spawn_batch($elements.into_iter().map(|e| (e, $mark)).collect::<Vec<_>>());
+                    $activate;
+                }
             };
         }
-        match self.model {
+        macro_rules! spawn_both {
+            ($law:ident) => {
+                spawn_as!(triangles, $law, activate::<$law, S>(world));
+                spawn_as!(
+                    quads,
+                    Quadrilateral::<$law>::default(),
+                    quad::activate::<$law, S>(world)
+                );
+            };
+        }
+        match self.settings.model {
             MembraneModel::Biquadratic | MembraneModel::CompressibleBiquadratic => {
                 if self.is_pooled() {
-                    spawn_as!(PooledMembrane);
-                    activate::<PooledMembrane, S>(world);
-                    if compressible {
-                        activate::<MembraneCompression, S>(world);
-                    }
+                    spawn_as!(triangles, PooledMembrane, {
+                        activate::<PooledMembrane, S>(world);
+                        if self.settings.compression() > 0.0 {
+                            activate::<MembraneCompression, S>(world);
+                        }
+                    });
+                    // a quadrilateral has no springs to pool
+                    spawn_as!(
+                        quads,
+                        Quadrilateral::<BiquadraticMembrane>::default(),
+                        quad::activate::<BiquadraticMembrane, S>(world)
+                    );
                 } else {
-                    spawn_as!(BiquadraticMembrane);
-                    activate::<BiquadraticMembrane, S>(world);
+                    spawn_both!(BiquadraticMembrane);
                 }
             }
+            // refused for quadrilaterals
             MembraneModel::Quadratic => {
-                spawn_as!(QuadraticMembrane);
-                activate::<QuadraticMembrane, S>(world);
+                spawn_as!(triangles, QuadraticMembrane, activate::<QuadraticMembrane, S>(world));
             }
             MembraneModel::Linear => {
-                spawn_as!(LinearMembrane);
-                activate::<LinearMembrane, S>(world);
+                spawn_both!(LinearMembrane);
             }
             MembraneModel::Corotational => {
-                spawn_as!(CorotationalMembrane);
-                activate::<CorotationalMembrane, S>(world);
+                spawn_both!(CorotationalMembrane);
             }
             MembraneModel::MassSpring => {
-                spawn_as!(MassSpring);
+                spawn_as!(triangles, MassSpring, ());
+                spawn_as!(quads, MassSpring, ());
             }
         }
         report_areas::<S>(world);

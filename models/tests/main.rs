@@ -1,7 +1,10 @@
 //! Tests of laws and bodies, in one binary because each would compile all kernels for itself.
 
+mod axes;
+mod axes_fields;
 mod common;
 mod comparison;
+mod isoparametric;
 mod lanes;
 mod membrane;
 mod membrane_systems;

@@ -60,7 +60,7 @@ impl Recovery {
                 let strain = || largest_strain(world.resource(), node, rest, body);
                 volumes.smallest_by_body[body] <= LEAVE_RATIO || strain() > LEAVE_STRAIN
             } else {
-                let elements = volumes.tetrahedra_by_body[body] as f64;
+                let elements = volumes.elements_by_body[body] as f64;
                 volumes.inverted_by_body[body] as f64 > ENTER * elements
             };
         }

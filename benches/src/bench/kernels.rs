@@ -27,6 +27,7 @@ use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::ElasticForce;
 use sinew::engine::workers::Workers;
+use sinew::models::axes::element::{AxisElement, Triad};
 use sinew::models::corotational::{Corotational, WarpedStiffness};
 use sinew::models::fused::{self, FusedStVK, TetrahedronLaw};
 use sinew::models::linear::Linear;
@@ -189,6 +190,7 @@ fn size_rows(
         (Evaluation::Fused, Model::Corotational),
         (Evaluation::Fused, Model::StVKFem),
         (Evaluation::Fused, Model::NeoHookean),
+        (Evaluation::Fused, Model::Axes),
     ] {
         let reference = Reference::of(mesh, &bend(mesh), model)?;
         subjects.push(Box::new(Body::<f64>::new(mesh, evaluation, model, &reference)?));
@@ -429,7 +431,7 @@ impl<S: Scalar> Subject for Body<S> {
     fn quantities(&self) -> Vec<Quantity> {
         let mut all =
             vec![Quantity::Energy, Quantity::Force, Quantity::Tangent(TangentKind::Exact)];
-        if matches!(self.model, Model::Corotational | Model::NeoHookean) {
+        if matches!(self.model, Model::Corotational | Model::NeoHookean | Model::Axes) {
             all.push(Quantity::Tangent(TangentKind::Projected));
         }
         if self.model == Model::CompressibleStVK {
@@ -497,6 +499,7 @@ impl<S: Scalar> Subject for Body<S> {
                 Model::Corotational => "corotational",
                 Model::StVKFem => "StVK, textbook form",
                 Model::NeoHookean => "stable neo-Hookean",
+                Model::Axes => "axes (triads)",
             },
         };
         (kernel.to_string(), quantity.name().to_string())
@@ -514,7 +517,12 @@ impl<S: Scalar> Subject for Body<S> {
         let row = size_of::<[S; 4]>() as f64;
         let block = size_of::<[S; 9]>() as f64;
         // nine shape gradients, volume, three moduli
-        let element = size_of::<TetrahedronVertices>() + size_of::<[S; 9 + 1 + 3]>();
+        let columns = match self.model {
+            // nine shape gradients, three axes, three and three moduli, that of volume
+            Model::Axes => size_of::<[S; 9 + 9 + 7]>(),
+            _ => size_of::<[S; 9 + 1 + 3]>(),
+        };
+        let element = size_of::<TetrahedronVertices>() + columns;
         let read = tetrahedra * element as f64 + vertices * row;
         let tangent_bytes =
             tetrahedra * size_of::<TetrahedronBlocks>() as f64 + (vertices + edges) * block;
@@ -630,6 +638,18 @@ fn element_sums<L: TetrahedronLaw>(
     (L::energy(e, u), forces, product(TangentKind::Exact), product(TangentKind::Projected))
 }
 
+/// The axes of [`AxesDescription::isotropic`] in an element.
+fn isotropic_triad(rest: &RestTetrahedron, lame: LameParameters) -> Triad<f64> {
+    let [_, a, b, c] = rest.gradients;
+    Triad {
+        gradients: [a, b, c],
+        axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        axial: [2.0 * lame.mu * rest.volume; 3],
+        angular: [lame.mu * rest.volume; 3],
+        volumetric: lame.lambda * rest.volume,
+    }
+}
+
 /// Plain `f64` sums over elements, without columns, ranges, lanes or springs.
 pub(crate) struct Reference {
     energy: f64,
@@ -667,6 +687,15 @@ impl Reference {
                 Model::Corotational => element_sums::<Corotational>(&e, &u, &v),
                 Model::StVKFem => element_sums::<StVKFem>(&e, &u, &v),
                 Model::NeoHookean => element_sums::<NeoHookean>(&e, &u, &v),
+                Model::Axes => {
+                    let e = isotropic_triad(&rest, lame);
+                    (
+                        e.energy(&u),
+                        e.forces(&u),
+                        e.tangent(&u, TangentKind::Exact).product(&v),
+                        e.tangent(&u, TangentKind::Projected).product(&v),
+                    )
+                }
                 _ => (
                     tetrahedron::energy(&e, &u),
                     tetrahedron::forces(&e, &u),

@@ -4,14 +4,35 @@
 //! [`check()`](check::check) looks for everything that would spoil a simulation, repairs the winding
 //! and reports the rest.
 //!
-//! Vertices of a tetrahedron are ordered so that its signed volume
+//! # Order of the vertices
+//!
+//! That of Gmsh and VTK. Vertices of a tetrahedron `abcd` are ordered so that its signed volume
 //! `(b - a) . ((c - a) x (d - a)) / 6` is positive; faces turn outward when listed as
-//! `bcd`, `adc`, `abd`, `acb`.
+//! `bcd`, `adc`, `abd`, `acb`. A quadrilateral goes round once, counter-clockwise seen from where its
+//! normal points. A hexahedron has its bottom `0123`, counter-clockwise seen from the top, and its top
+//! `4567` above it:
+//!
+//! ```text
+//!       7---------6
+//!      /|        /|
+//!     / |       / |          z
+//!    4---------5  |          |  y
+//!    |  3------|--2          | /
+//!    | /       | /           |/
+//!    |/        |/            +----x
+//!    0---------1
+//! ```
+//!
+//! Its faces turn outward as `0321`, `4567`, `0154`, `1265`, `2376`, `3047`; its volume is that of the
+//! trilinear map of a cube, which bends warped faces into hyperbolic paraboloids.
 
+pub(crate) mod cell;
 pub mod check;
 pub mod error;
 pub mod generate;
 pub mod io;
+mod split;
+mod surface;
 
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -21,6 +42,9 @@ pub use check::{
     Severity, check,
 };
 pub use error::{MeshError, Place};
+pub use surface::Surface;
+
+pub(crate) use cell::{for_equal_cells, sorted};
 
 /// Vertices, cells and named groups of a body, as found in a file or made by a generator.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,8 +55,12 @@ pub struct Mesh {
     pub points: Vec<DVec3>,
     /// Four vertex indices per tetrahedron, in file order.
     pub tetrahedra: Vec<[u32; 4]>,
+    /// Eight vertex indices per hexahedron, in file order; see the [order of the vertices](self).
+    pub hexahedra: Vec<[u32; 8]>,
     /// Three vertex indices per triangle: surface triangles or membranes as found in the file.
     pub triangles: Vec<[u32; 3]>,
+    /// Four vertex indices per quadrilateral, once round: surfaces or membranes as found in the file.
+    pub quads: Vec<[u32; 4]>,
     /// Physical groups, regions and node sets under their names.
     pub groups: Vec<Group>,
     /// Numbers that the file keeps with its cells, such as a stiffness or a label.
@@ -54,11 +82,18 @@ pub struct Group {
     pub vertices: Vec<u32>,
     /// Indices of the tetrahedra.
     pub tetrahedra: Vec<u32>,
+    /// Indices of the hexahedra.
+    pub hexahedra: Vec<u32>,
     /// Indices of the triangles.
     pub triangles: Vec<u32>,
+    /// Indices of the quadrilaterals.
+    pub quads: Vec<u32>,
 }
 
-/// A named number for every tetrahedron and triangle; NaN where the file has none.
+/// A named number for every cell; NaN where the file has none.
+///
+/// Readers keep a vector `NAME` of three components as the numbers `NAME_x`, `NAME_y` and `NAME_z`;
+/// writers join three such neighbours again.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CellData {
     /// Name in the file.
@@ -67,14 +102,18 @@ pub struct CellData {
     pub integer: bool,
     /// One value for each tetrahedron.
     pub tetrahedra: Vec<f64>,
+    /// One value for each hexahedron.
+    pub hexahedra: Vec<f64>,
     /// One value for each triangle.
     pub triangles: Vec<f64>,
+    /// One value for each quadrilateral.
+    pub quads: Vec<f64>,
 }
 
 /// How many cells of one kind were left out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SkippedCells {
-    /// Kind of the cells, such as "8-node hexahedron".
+    /// Kind of the cells, such as "6-node prism".
     pub kind: String,
     /// Number of cells.
     pub count: usize,
@@ -87,8 +126,12 @@ pub struct FileLines {
     pub points: Vec<u32>,
     /// Line of each tetrahedron.
     pub tetrahedra: Vec<u32>,
+    /// Line of each hexahedron.
+    pub hexahedra: Vec<u32>,
     /// Line of each triangle.
     pub triangles: Vec<u32>,
+    /// Line of each quadrilateral.
+    pub quads: Vec<u32>,
 }
 
 impl Mesh {
@@ -125,9 +168,26 @@ impl Mesh {
         Some(self.points.iter().fold((first, first), |(low, high), &p| (low.min(p), high.max(p))))
     }
 
-    /// Sum of the signed volumes of all tetrahedra (m^3).
+    /// Sum of the signed volumes of all tetrahedra and hexahedra (m^3).
+    ///
+    /// ```
+    /// use glam::DVec3;
+    /// use sinew_engine::mesh::generate::box_hexahedra;
+    ///
+    /// let mesh = box_hexahedra(DVec3::new(0.4, 0.2, 0.1), [4, 2, 1])?;
+    /// assert!((mesh.total_volume() - 0.008).abs() < 1e-16);
+    /// # Ok::<(), sinew_engine::mesh::MeshError>(())
+    /// ```
     pub fn total_volume(&self) -> f64 {
-        self.tetrahedra.iter().filter_map(|&tet| self.signed_volume(tet)).sum()
+        let tets = self.tetrahedra.iter().filter_map(|&tet| self.signed_volume(tet));
+        let hexes = self.hexahedra.iter().filter_map(|&hex| self.hexahedron_volume(hex));
+        // From 0: the sum of nothing is -0.
+        tets.chain(hexes).fold(0.0, |sum, volume| sum + volume)
+    }
+
+    /// Whether there are cells with a volume: tetrahedra or hexahedra.
+    pub fn is_solid(&self) -> bool {
+        !self.tetrahedra.is_empty() || !self.hexahedra.is_empty()
     }
 
     /// Signed volume of a tetrahedron (m^3), `None` when an index is out of range.
@@ -135,6 +195,31 @@ impl Mesh {
         let point = |index: u32| self.points.get(index as usize).copied();
         let a = point(a)?;
         Some((point(b)? - a).dot((point(c)? - a).cross(point(d)? - a)) / 6.0)
+    }
+
+    /// Signed volume of a trilinear hexahedron (m^3), exact but for rounding (2 x 2 x 2 Gauss points);
+    /// `None` when an index is out of range.
+    pub fn hexahedron_volume(&self, hexahedron: [u32; 8]) -> Option<f64> {
+        let mut corners = [DVec3::ZERO; 8];
+        for (corner, index) in corners.iter_mut().zip(hexahedron) {
+            *corner = *self.points.get(index as usize)?;
+        }
+        Some(cell::hexahedron_volume(&corners))
+    }
+
+    /// Edges of the volume cells, or of the faces in a mesh without them: smaller index first, in the
+    /// order of the cells, once for each cell that has them.
+    pub fn edges(&self) -> Vec<[u32; 2]> {
+        let mut edges = Vec::new();
+        let mut push = |i: u32, j: u32| edges.push([i.min(j), i.max(j)]);
+        if self.is_solid() {
+            self.tetrahedra.iter().for_each(|&tet| cell::tetrahedron_edges(tet, &mut push));
+            self.hexahedra.iter().for_each(|hex| cell::hexahedron_edges(hex, &mut push));
+        } else {
+            self.triangles.iter().for_each(|face| cell::face_edges(face, &mut push));
+            self.quads.iter().for_each(|face| cell::face_edges(face, &mut push));
+        }
+        edges
     }
 
     /// The mesh with every point scaled, then rotated, then moved by `translation` (m).
@@ -146,80 +231,6 @@ impl Mesh {
             *point = rotation * (*point * scale) + translation;
         }
         mesh
-    }
-
-    /// Triangles that bound the tetrahedra, turned outward, in the order of the tetrahedra.
-    ///
-    /// A face belongs to the boundary when exactly one tetrahedron has it. Tetrahedra with an index
-    /// out of range are left out.
-    pub fn surface_triangles(&self) -> Vec<[u32; 3]> {
-        let n_points = self.points.len();
-        let mut faces = Vec::with_capacity(self.tetrahedra.len().saturating_mul(4));
-        for &tet in &self.tetrahedra {
-            if tet.iter().all(|&v| (v as usize) < n_points) {
-                let inverted = self.signed_volume(tet).is_some_and(|volume| volume < 0.0);
-                for [a, b, c] in tetrahedron_faces(tet) {
-                    faces.push(if inverted { [a, c, b] } else { [a, b, c] });
-                }
-            }
-        }
-        boundary_faces(&faces, n_points)
-    }
-}
-
-/// Faces of a tetrahedron, outward when its signed volume is positive.
-pub(crate) fn tetrahedron_faces([a, b, c, d]: [u32; 4]) -> [[u32; 3]; 4] {
-    [[b, c, d], [a, d, c], [a, b, d], [a, c, b]]
-}
-
-/// The vertex indices of a cell in ascending order.
-pub(crate) fn sorted<const N: usize>(mut cell: [u32; N]) -> [u32; N] {
-    cell.sort_unstable();
-    cell
-}
-
-/// Faces that occur once in the list, in the order of the list.
-pub(crate) fn boundary_faces(faces: &[[u32; 3]], n_points: usize) -> Vec<[u32; 3]> {
-    let mut single = vec![false; faces.len()];
-    for_equal_cells(faces, n_points, |equal| {
-        if let &[(_, only)] = equal {
-            single[only as usize] = true;
-        }
-    });
-    faces.iter().zip(single).filter_map(|(&face, single)| single.then_some(face)).collect()
-}
-
-/// Calls `visit` once for every set of cells with the same vertices: their sorted vertices and their
-/// positions in the list, ascending. All indices must be below `n_points`.
-///
-/// Cells are dealt into one bucket per smallest vertex, so that the sorts stay short and the whole
-/// takes linear time on a mesh.
-pub(crate) fn for_equal_cells<const N: usize>(
-    cells: &[[u32; N]],
-    n_points: usize,
-    mut visit: impl FnMut(&[([u32; N], u32)]),
-) {
-    let mut start = vec![0u32; n_points + 1];
-    let smallest = |cell: &[u32; N]| cell.iter().copied().min().unwrap_or(0) as usize;
-    for cell in cells {
-        start[smallest(cell) + 1] += 1;
-    }
-    for i in 0..n_points {
-        start[i + 1] += start[i];
-    }
-    let mut dealt = vec![([0u32; N], 0u32); cells.len()];
-    let mut next = start.clone();
-    for (index, cell) in cells.iter().enumerate() {
-        let slot = &mut next[smallest(cell)];
-        dealt[*slot as usize] = (sorted(*cell), index as u32);
-        *slot += 1;
-    }
-    for i in 0..n_points {
-        let bucket = &mut dealt[start[i] as usize..start[i + 1] as usize];
-        bucket.sort_unstable();
-        for equal in bucket.chunk_by(|a, b| a.0 == b.0) {
-            visit(equal);
-        }
     }
 }
 
@@ -244,35 +255,40 @@ mod tests {
     }
 
     #[test]
+    fn edges_of_every_kind_of_cell() {
+        let count = |mesh: &Mesh| {
+            let mut edges = mesh.edges();
+            assert!(edges.iter().all(|[a, b]| a < b));
+            let listed = edges.len();
+            edges.sort_unstable();
+            edges.dedup();
+            (listed, edges.len())
+        };
+        let mut mesh = unit_tet();
+        assert!(mesh.is_solid());
+        assert_eq!(count(&mesh), (6, 6));
+        // the faces of a volume have its edges
+        mesh.triangles.push([0, 2, 1]);
+        assert_eq!(count(&mesh), (6, 6));
+        let cells = [2, 3, 4];
+        let mut mesh = generate::box_hexahedra(DVec3::ONE, cells).unwrap();
+        let along = |i: usize| cells[i] * (cells[(i + 1) % 3] + 1) * (cells[(i + 2) % 3] + 1);
+        assert_eq!(count(&mesh), (12 * 24, along(0) + along(1) + along(2)));
+        mesh.hexahedra.clear();
+        assert!(!mesh.is_solid());
+        // n quads on a closed surface have 2 n edges
+        assert_eq!(count(&mesh), (4 * 52, 2 * 52));
+        mesh.quads.clear();
+        mesh.triangles = vec![[0, 1, 2], [2, 1, 3]];
+        assert_eq!(count(&mesh), (6, 5));
+        assert_eq!(mesh.total_volume().to_bits(), 0f64.to_bits());
+    }
+
+    #[test]
     fn transformation_scales_rotates_and_moves() {
         let turn = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
         let mesh = unit_tet().transformed(2.0, turn, DVec3::new(10.0, 0.0, 0.0));
         assert!((mesh.points[1] - DVec3::new(10.0, 2.0, 0.0)).length() < 1e-15);
         assert!((mesh.total_volume() - 8.0 / 6.0).abs() < 1e-14);
-    }
-
-    /// Divergence theorem: the enclosed volume has the right sign only if all faces turn outward.
-    fn enclosed_volume(mesh: &Mesh) -> f64 {
-        let p = |i: u32| mesh.points[i as usize];
-        mesh.surface_triangles().iter().map(|&[a, b, c]| p(a).dot(p(b).cross(p(c))) / 6.0).sum()
-    }
-
-    #[test]
-    fn surface_turns_outward_for_either_winding() {
-        let mut mesh = unit_tet();
-        assert!((enclosed_volume(&mesh) - 1.0 / 6.0).abs() < 1e-15);
-        mesh.tetrahedra[0] = [0, 1, 3, 2];
-        assert!((enclosed_volume(&mesh) - 1.0 / 6.0).abs() < 1e-15);
-        mesh.tetrahedra.push([0, 1, 2, 99]);
-        assert_eq!(mesh.surface_triangles().len(), 4);
-    }
-
-    #[test]
-    fn shared_faces_are_inside() {
-        let mut mesh = unit_tet();
-        mesh.points.push(DVec3::ONE);
-        mesh.tetrahedra.push([1, 2, 3, 4]);
-        assert_eq!(mesh.surface_triangles().len(), 6);
-        assert!((enclosed_volume(&mesh) - mesh.total_volume()).abs() < 1e-15);
     }
 }

@@ -5,6 +5,8 @@
 //! have them. Vertex rows do not change.
 
 use super::Resection;
+use crate::axes::columns::*;
+use crate::axes::printed_system::PrintedAxes;
 use crate::body::partition_laws;
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::fused_membrane::{
@@ -15,10 +17,16 @@ use crate::pooled::{
 };
 use bevy_ecs::component::{ComponentId, Mutable};
 use bevy_ecs::prelude::*;
+use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::element::{
-    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, MembraneBlocks, MembraneEdge, MembraneIndex,
-    MembraneVertices, RestArea, RestEdge, RestVolume, ShapeGradient, TetrahedronBlocks,
-    TetrahedronEdges, TetrahedronIndex, TetrahedronVertices, TriangleEdges,
+    AxisBlocks, AxisTetrahedron, AxisVertices, EdgeBlock, EdgeChange, EdgeTension, EdgeVertices,
+    MembraneBlocks, MembraneEdge, MembraneIndex, MembraneVertices, RestArea, RestEdge, RestVolume,
+    ShapeGradient, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices,
+    TriangleEdges,
+};
+use sinew_engine::isoparametric::{
+    HexahedronBlocks, HexahedronIndex, HexahedronRest, HexahedronVertices, QuadBlocks, QuadIndex,
+    QuadRest, QuadVertices,
 };
 use sinew_engine::layout::{UNUSED, starts};
 use sinew_engine::scalar::Scalar;
@@ -74,6 +82,17 @@ fn known_columns<S: Scalar>(world: &mut World) -> Vec<Column> {
         MembraneEdge<S, 1, 0>, MembraneEdge<S, 1, 1>, MembraneEdge<S, 1, 2>,
         MembraneEdge<S, 2, 0>, MembraneEdge<S, 2, 1>, MembraneEdge<S, 2, 2>,
         MembraneFirstModulus<S>, MembraneShearModulus<S>, MembraneCompressionModulus<S>,
+        HexahedronVertices, HexahedronBlocks, HexahedronIndex, HexahedronRest<S>,
+        QuadVertices, QuadBlocks, QuadIndex, QuadRest<S>,
+        AxisVertices, AxisBlocks, AxisTetrahedron,
+        AxisDirection<S, 0, 0>, AxisDirection<S, 0, 1>, AxisDirection<S, 0, 2>,
+        AxisDirection<S, 1, 0>, AxisDirection<S, 1, 1>, AxisDirection<S, 1, 2>,
+        AxisDirection<S, 2, 0>, AxisDirection<S, 2, 1>, AxisDirection<S, 2, 2>,
+        AxialStiffness<S, 0>, AxialStiffness<S, 1>, AxialStiffness<S, 2>,
+        AxisAngleStiffness<S, 0>, AxisAngleStiffness<S, 1>, AxisAngleStiffness<S, 2>,
+        VolumeStiffness<S>, FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>,
+        FibreShortening<S>, FibreActive<S>, FibreOffset<S>, FibreInverseWidth<S>,
+        PassiveStiffness<S>, PeakTension<S>, MuscleIndex, PrintedAxes,
     ]
 }
 
@@ -145,6 +164,15 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     for mut blocks in world.query::<&mut MembraneBlocks>().iter_mut(world) {
         blocks.0 = blocks.0.map(|b| block[b as usize]);
     }
+    for mut blocks in world.query::<&mut HexahedronBlocks>().iter_mut(world) {
+        blocks.0 = blocks.0.map(|b| block[b as usize]);
+    }
+    for mut blocks in world.query::<&mut QuadBlocks>().iter_mut(world) {
+        blocks.0 = blocks.0.map(|b| block[b as usize]);
+    }
+    for mut blocks in world.query::<&mut AxisBlocks>().iter_mut(world) {
+        blocks.0 = blocks.0.map(|b| block[b as usize]);
+    }
     for mut own in world.query::<&mut EdgeBlock>().iter_mut(world) {
         own.0 = block[own.0 as usize];
     }
@@ -157,7 +185,7 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     partition_laws::<S>(world);
     let tables = ElementTables::of(world);
     world.insert_resource(tables);
-    resection.bodies.iter_mut().flatten().for_each(|own| own.dead = [0; 2]);
+    resection.bodies.iter_mut().flatten().for_each(|own| own.dead = ByKind::default());
     resection.find_rows(world);
     true
 }
@@ -178,14 +206,24 @@ fn find_tables(world: &mut World, resection: &Resection) -> Vec<Table> {
     let first: Vec<u32> = topology.bodies.iter().map(|b| b.vertices.start).collect();
     let bodies = |id: &BodyId| resection.bodies.get(id.0 as usize).and_then(Option::as_ref);
     let mut tables = Vec::new();
-    let mut query = world.query::<(Entity, &TetrahedronIndex, &BodyId)>();
-    for (entities, index, id) in query.contiguous_iter(world).expect("stored in tables") {
-        let keep = index.iter().zip(id).map(|(index, id)| {
-            bodies(id)
-                .is_none_or(|own| own.connectivity.is_present(own.tetrahedron_of[index.0 as usize]))
-        });
-        tables.push(Table { entities: entities.to_vec(), keep: keep.collect() });
+    macro_rules! elements {
+        ($index:ty, $kind:expr) => {
+            let mut query = world.query::<(Entity, &$index, &BodyId)>();
+            for (entities, index, id) in query.contiguous_iter(world).expect("stored in tables") {
+                let keep = index.iter().zip(id).map(|(index, id)| {
+                    bodies(id).is_none_or(|own| {
+                        let element = own.element_of[$kind][index.0 as usize];
+                        own.connectivity.is_present($kind, element)
+                    })
+                });
+                tables.push(Table { entities: entities.to_vec(), keep: keep.collect() });
+            }
+        };
     }
+    elements!(TetrahedronIndex, ElementKind::Tetrahedron);
+    elements!(MembraneIndex, ElementKind::Triangle);
+    elements!(HexahedronIndex, ElementKind::Hexahedron);
+    elements!(QuadIndex, ElementKind::Quad);
     let mut query = world.query::<(Entity, &EdgeVertices, &BodyId)>();
     for (entities, edges, id) in query.contiguous_iter(world).expect("stored in tables") {
         let keep = edges.iter().zip(id).map(|(edge, id)| {
@@ -208,15 +246,7 @@ fn find_tables(world: &mut World, resection: &Resection) -> Vec<Table> {
         });
         tables.push(Table { entities: entities.to_vec(), keep: keep.collect() });
     }
-    let mut query = world.query::<(Entity, &MembraneIndex, &BodyId)>();
-    for (entities, index, id) in query.contiguous_iter(world).expect("stored in tables") {
-        let keep = index.iter().zip(id).map(|(index, id)| {
-            bodies(id).is_none_or(|own| {
-                own.connectivity.is_membrane_present(own.membrane_of[index.0 as usize])
-            })
-        });
-        tables.push(Table { entities: entities.to_vec(), keep: keep.collect() });
-    }
+    elements!(AxisTetrahedron, ElementKind::Tetrahedron);
     tables.retain(|table| !table.entities.is_empty());
     tables
 }

@@ -1,6 +1,7 @@
 //! Holds a body that lost elements against one that is built anew from what is left.
 
 use super::Resection;
+use crate::axes::muscle::{Muscles, copy_activations};
 use crate::body::{BodyDescription, BodyError, SoftBody, spawn_body};
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::fused_membrane::{
@@ -9,14 +10,15 @@ use crate::fused_membrane::{
 use crate::pooled::{AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness};
 use crate::pressure;
 use crate::quadratic::MassSpring;
-use crate::sheet::MembraneDescription;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
+use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{
     EdgeVertices, MembraneRest, MembraneVertices, RestEdges, RestVolume, ShapeGradients,
     TETRAHEDRON_EDGES, TetrahedronVertices,
 };
+use sinew_engine::isoparametric::{HexahedronRest, HexahedronVertices, QuadRest, QuadVertices};
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, RecoveringBodies, TangentKind};
 use sinew_engine::load::{LoadTime, Pressure};
 use sinew_engine::matrix::Tangent;
@@ -63,18 +65,28 @@ pub fn compare_with_fresh<S: Scalar>(
     let connectivity = resection.and_then(|r| r.connectivity(body));
     let mut mesh = Mesh { points: vec![DVec3::ZERO; rows.row_of_vertex.len()], ..Mesh::default() };
     let user = |v: u32| rows.vertex_order[v as usize];
+    let left = |kind, e| connectivity.is_none_or(|c| c.is_present(kind, e));
     let mut index = Vec::new();
     for (t, &original) in (0..).zip(&rows.tetrahedron_order) {
-        if connectivity.is_none_or(|c| c.is_present(t)) {
+        if left(ElementKind::Tetrahedron, t) {
             mesh.tetrahedra.push(rows.tetrahedra[t as usize].map(user));
             index.push(original as usize);
         }
     }
+    let mut hexahedra = Vec::new();
+    for (h, &original) in (0..).zip(&rows.hexahedron_order) {
+        if left(ElementKind::Hexahedron, h) {
+            hexahedra.push(rows.hexahedra[h as usize].map(user));
+            index.push(rows.tetrahedra.len() + original as usize);
+        }
+    }
     for t in 0..rows.membrane.len() as u32 {
-        if connectivity.is_none_or(|c| c.is_membrane_present(t)) {
+        if left(ElementKind::Triangle, t) {
             mesh.triangles.push(rows.membrane[t as usize].map(user));
         }
     }
+    let quads = (0..rows.quads.len() as u32).filter(|&q| left(ElementKind::Quad, q));
+    let quads: Vec<_> = quads.map(|q| rows.quads[q as usize].map(user)).collect();
     let mut vertices = world.query::<(&RestPosition, &Displacement<S>)>();
     let mut displacement = vec![Displacement::<S>::default(); rows.row_of_vertex.len()];
     if let Some((rest, u)) = single_table(vertices.contiguous_iter(world)) {
@@ -89,17 +101,15 @@ pub fn compare_with_fresh<S: Scalar>(
     };
     let mut fresh = World::new();
     install_engine::<S>(&mut fresh, Executor::SingleThreaded);
-    if !mesh.tetrahedra.is_empty() || !mesh.triangles.is_empty() {
+    let elements = [&mesh.tetrahedra.len(), &mesh.triangles.len(), &hexahedra.len(), &quads.len()];
+    if elements.iter().any(|&&count| count > 0) {
         let field = soft.field();
-        let left = |array: Option<&[f64]>| -> Option<Vec<f64>> {
+        let pick = |array: Option<&[f64]>| -> Option<Vec<f64>> {
             array.map(|values| index.iter().map(|&t| values[t]).collect())
         };
         let (young, poisson, density) =
-            (left(field.young_modulus), left(field.poisson_ratio), left(field.density));
-        let membrane = soft.membrane.map(|(thickness, material, model, evaluation)| {
-            let triangles = &mesh.triangles;
-            MembraneDescription { triangles, thickness, material, model, evaluation }
-        });
+            (pick(field.young_modulus), pick(field.poisson_ratio), pick(field.density));
+        let membrane = soft.membrane.as_ref().map(|m| m.of(&mesh.triangles, &quads));
         let description = BodyDescription {
             young_modulus: young.as_deref(),
             poisson_ratio: poisson.as_deref(),
@@ -107,9 +117,22 @@ pub fn compare_with_fresh<S: Scalar>(
             model: soft.model,
             evaluation: soft.evaluation,
             membrane,
+            hexahedra: &hexahedra,
+            springs: soft.spring_method,
+            axes: match &soft.axes {
+                Some(axes) if !mesh.tetrahedra.is_empty() => {
+                    Some(axes.description.of_tetrahedra(&index[..mesh.tetrahedra.len()]))
+                }
+                _ => None,
+            },
             ..BodyDescription::new("fresh", &mesh, soft.material)
         };
         spawn_body::<S>(&mut fresh, &description)?;
+        if let Some(muscles) = world.get_resource::<Muscles>() {
+            let own = muscles.iter().filter(|m| m.body == body);
+            let activations: Vec<_> = own.map(|m| (m.family.clone(), m.activation())).collect();
+            copy_activations::<S>(&mut fresh, &activations);
+        }
         let new = fresh.resource::<Topology>().bodies[0].clone();
         let row = |row: u32| new.row(user(row - rows.vertices.start)).unwrap_or(0);
         let mut pressures: Vec<(Entity, Pressure)> = world
@@ -289,6 +312,47 @@ fn snapshot<S: Scalar>(world: &mut World, body: usize) -> BTreeMap<&'static str,
         add("area", &key, &[area.0.to_f64()]);
         let moduli = [lambda.0, mu.0, compression.0].map(|x| x.to_f64());
         add("membrane moduli", &key, &moduli);
+    }
+    let mut hexahedra = world.query::<(
+        &BodyId,
+        &HexahedronVertices,
+        &HexahedronRest<S>,
+        &RestVolume<S>,
+        (&FirstLameParameter<S>, &ShearModulus<S>, &CompressionModulus<S>),
+    )>();
+    for (id, nodes, rest, volume, (lambda, mu, compression)) in hexahedra.iter(world) {
+        // removed ones have no volume
+        if id.0 as usize != body || volume.0 == S::ZERO {
+            continue;
+        }
+        let mut key = nodes.0.map(user);
+        key.sort_unstable();
+        let gradients = rest.gradients.as_flattened().iter().map(|x| x.to_f64());
+        add("hexahedron gradients", &key, &gradients.collect::<Vec<_>>());
+        add("hexahedron volumes", &key, &rest.volume.map(|x| x.to_f64()));
+        let moduli = [volume.0, lambda.0, mu.0, compression.0].map(|x| x.to_f64());
+        add("hexahedron moduli", &key, &moduli);
+    }
+    let mut quads = world.query::<(
+        &BodyId,
+        &QuadVertices,
+        &QuadRest<S>,
+        &MembraneFirstModulus<S>,
+        &MembraneShearModulus<S>,
+        &MembraneCompressionModulus<S>,
+    )>();
+    for (id, nodes, rest, lambda, mu, compression) in quads.iter(world) {
+        // removed ones are drawn together into one vertex
+        if id.0 as usize != body || nodes.0[0] == nodes.0[1] {
+            continue;
+        }
+        let mut key = nodes.0.map(user);
+        key.sort_unstable();
+        let edges = rest.edges.as_flattened().iter().map(|x| x.to_f64());
+        add("quadrilateral edges", &key, &edges.collect::<Vec<_>>());
+        add("quadrilateral areas", &key, &rest.half_area.map(|x| x.to_f64()));
+        let moduli = [lambda.0, mu.0, compression.0].map(|x| x.to_f64());
+        add("quadrilateral moduli", &key, &moduli);
     }
     let mut volumetric = world.query::<(
         &BodyId,

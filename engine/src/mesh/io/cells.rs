@@ -8,8 +8,114 @@ use crate::mesh::{CellData, Group, Mesh, SkippedCells};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum CellUse {
     Tetrahedron,
+    Hexahedron,
     Triangle,
+    Quad,
     Skipped,
+}
+
+impl CellUse {
+    /// The kinds that are kept, in the order in which writers list them.
+    pub const KEPT: [CellUse; 4] =
+        [CellUse::Tetrahedron, CellUse::Hexahedron, CellUse::Triangle, CellUse::Quad];
+
+    /// How many cells of this kind the mesh has.
+    pub fn count(self, mesh: &Mesh) -> usize {
+        match self {
+            CellUse::Tetrahedron => mesh.tetrahedra.len(),
+            CellUse::Hexahedron => mesh.hexahedra.len(),
+            CellUse::Triangle => mesh.triangles.len(),
+            CellUse::Quad => mesh.quads.len(),
+            CellUse::Skipped => 0,
+        }
+    }
+
+    /// The list of a group that holds cells of this kind.
+    pub fn members(self, group: &Group) -> &[u32] {
+        match self {
+            CellUse::Tetrahedron => &group.tetrahedra,
+            CellUse::Hexahedron => &group.hexahedra,
+            CellUse::Triangle => &group.triangles,
+            CellUse::Quad => &group.quads,
+            CellUse::Skipped => &[],
+        }
+    }
+
+    fn members_mut(self, group: &mut Group) -> Option<&mut Vec<u32>> {
+        match self {
+            CellUse::Tetrahedron => Some(&mut group.tetrahedra),
+            CellUse::Hexahedron => Some(&mut group.hexahedra),
+            CellUse::Triangle => Some(&mut group.triangles),
+            CellUse::Quad => Some(&mut group.quads),
+            CellUse::Skipped => None,
+        }
+    }
+
+    /// The values for cells of this kind.
+    pub fn values(self, data: &CellData) -> &[f64] {
+        match self {
+            CellUse::Tetrahedron => &data.tetrahedra,
+            CellUse::Hexahedron => &data.hexahedra,
+            CellUse::Triangle => &data.triangles,
+            CellUse::Quad => &data.quads,
+            CellUse::Skipped => &[],
+        }
+    }
+
+    pub fn values_mut(self, data: &mut CellData) -> Option<&mut Vec<f64>> {
+        match self {
+            CellUse::Tetrahedron => Some(&mut data.tetrahedra),
+            CellUse::Hexahedron => Some(&mut data.hexahedra),
+            CellUse::Triangle => Some(&mut data.triangles),
+            CellUse::Quad => Some(&mut data.quads),
+            CellUse::Skipped => None,
+        }
+    }
+}
+
+/// The values of all cells in the order of the writers.
+pub(crate) fn all_values(data: &CellData) -> impl Iterator<Item = f64> {
+    CellUse::KEPT.into_iter().flat_map(|cell| cell.values(data).iter().copied())
+}
+
+/// Names of the three numbers that a vector is kept as.
+pub(crate) fn component_names(name: &str) -> [String; 3] {
+    ["x", "y", "z"].map(|axis| format!("{name}_{axis}"))
+}
+
+/// Cell data as writers store them.
+pub(crate) enum Column<'a> {
+    Scalar(&'a CellData),
+    /// Three neighbours whose names end in `_x`, `_y` and `_z`, under their common name.
+    Vector(&'a str, [&'a CellData; 3]),
+}
+
+/// Joins the components of vectors. Whole numbers stay apart: readers keep vectors as reals.
+pub(crate) fn columns(data: &[CellData]) -> Vec<Column<'_>> {
+    let mut columns = Vec::with_capacity(data.len());
+    let mut rest = data;
+    while let Some((first, after)) = rest.split_first() {
+        let joined = match rest {
+            [x, y, z, ..] if [x, y, z].iter().all(|d| !d.integer) => {
+                x.name.strip_suffix("_x").filter(|name| {
+                    [&x.name, &y.name, &z.name].into_iter().eq(&component_names(name))
+                        && data.iter().all(|other| other.name != *name)
+                })
+            }
+            _ => None,
+        };
+        match (joined, rest) {
+            (Some(name), [x, y, z, after @ ..]) => {
+                columns.push(Column::Vector(name, [x, y, z]));
+                rest = after;
+            }
+            _ => {
+                columns.push(Column::Scalar(first));
+                rest = after;
+            }
+        }
+    }
+    columns
 }
 
 /// A kind of cell in a file format.
@@ -27,12 +133,16 @@ impl CellKind {
     }
 
     pub const TETRAHEDRON: CellKind = CellKind::new("tetrahedron", 3, 4);
+    pub const HEXAHEDRON: CellKind = CellKind::new("8-node hexahedron", 3, 8);
     pub const TRIANGLE: CellKind = CellKind::new("triangle", 2, 3);
+    pub const QUAD: CellKind = CellKind::new("4-node quadrilateral", 2, 4);
 
     pub fn used_as(self) -> CellUse {
         match (self.dimension, self.vertices) {
             (3, 4) => CellUse::Tetrahedron,
+            (3, 8) => CellUse::Hexahedron,
             (2, 3) => CellUse::Triangle,
+            (2, 4) => CellUse::Quad,
             _ => CellUse::Skipped,
         }
     }
@@ -72,28 +182,40 @@ impl Builder {
 
     /// Adds a cell to the mesh and to the groups; `line` is 0 when unknown.
     pub fn cell(&mut self, kind: CellKind, vertices: &[u32], groups: &[usize], line: usize) {
+        fn push<const N: usize>(
+            cells: &mut Vec<[u32; N]>,
+            lines: &mut Vec<u32>,
+            vertices: &[u32],
+            line: usize,
+        ) -> bool {
+            let Ok(cell) = vertices.try_into() else { return false };
+            cells.push(cell);
+            push_line(lines, line);
+            true
+        }
         let mesh = &mut self.mesh;
-        match (kind.used_as(), vertices) {
-            (CellUse::Tetrahedron, &[a, b, c, d]) => {
-                mesh.tetrahedra.push([a, b, c, d]);
-                push_line(&mut mesh.lines.tetrahedra, line);
-                self.join(CellUse::Tetrahedron, self.mesh.tetrahedra.len() - 1, vertices, groups);
+        let mut cell = kind.used_as();
+        let index = cell.count(mesh);
+        let lines = &mut mesh.lines;
+        let kept = match cell {
+            CellUse::Tetrahedron => {
+                push(&mut mesh.tetrahedra, &mut lines.tetrahedra, vertices, line)
             }
-            (CellUse::Triangle, &[a, b, c]) => {
-                mesh.triangles.push([a, b, c]);
-                push_line(&mut mesh.lines.triangles, line);
-                self.join(CellUse::Triangle, self.mesh.triangles.len() - 1, vertices, groups);
-            }
-            _ => {
-                match mesh.skipped.iter_mut().find(|s| s.kind == kind.name) {
-                    Some(skipped) => skipped.count += 1,
-                    None => {
-                        mesh.skipped.push(SkippedCells { kind: kind.name.to_owned(), count: 1 });
-                    }
+            CellUse::Hexahedron => push(&mut mesh.hexahedra, &mut lines.hexahedra, vertices, line),
+            CellUse::Triangle => push(&mut mesh.triangles, &mut lines.triangles, vertices, line),
+            CellUse::Quad => push(&mut mesh.quads, &mut lines.quads, vertices, line),
+            CellUse::Skipped => false,
+        };
+        if !kept {
+            cell = CellUse::Skipped;
+            match mesh.skipped.iter_mut().find(|s| s.kind == kind.name) {
+                Some(skipped) => skipped.count += 1,
+                None => {
+                    mesh.skipped.push(SkippedCells { kind: kind.name.to_owned(), count: 1 });
                 }
-                self.join(CellUse::Skipped, 0, vertices, groups);
             }
         }
+        self.join(cell, index, vertices, groups);
     }
 
     /// Makes an existing cell a member of more groups.
@@ -101,10 +223,8 @@ impl Builder {
         for &slot in groups {
             let group = &mut self.mesh.groups[slot];
             group.vertices.extend_from_slice(vertices);
-            match cell {
-                CellUse::Tetrahedron => group.tetrahedra.push(index as u32),
-                CellUse::Triangle => group.triangles.push(index as u32),
-                CellUse::Skipped => {}
+            if let Some(members) = cell.members_mut(group) {
+                members.push(index as u32);
             }
         }
     }
@@ -116,20 +236,26 @@ impl Builder {
             mesh.cell_data.push(CellData { name: name.to_owned(), integer, ..CellData::default() });
             mesh.cell_data.len() - 1
         });
+        let counts = CellUse::KEPT.map(|cell| cell.count(mesh));
         let data = &mut mesh.cell_data[at];
-        fill(data, mesh.tetrahedra.len(), mesh.triangles.len());
+        fill(data, counts);
         data.integer &= integer;
         data
     }
 
     pub fn finish(mut self) -> Mesh {
+        let counts = CellUse::KEPT.map(|cell| cell.count(&self.mesh));
         for data in &mut self.mesh.cell_data {
-            fill(data, self.mesh.tetrahedra.len(), self.mesh.triangles.len());
+            fill(data, counts);
         }
         for group in &mut self.mesh.groups {
-            for list in [&mut group.vertices, &mut group.tetrahedra, &mut group.triangles] {
-                list.sort_unstable();
-                list.dedup();
+            group.vertices.sort_unstable();
+            group.vertices.dedup();
+            for members in CellUse::KEPT {
+                if let Some(list) = members.members_mut(group) {
+                    list.sort_unstable();
+                    list.dedup();
+                }
             }
         }
         self.mesh
@@ -137,10 +263,13 @@ impl Builder {
 }
 
 /// A number that is missing is no whole number.
-fn fill(data: &mut CellData, n_tetrahedra: usize, n_triangles: usize) {
-    data.integer &= data.tetrahedra.len() == n_tetrahedra && data.triangles.len() == n_triangles;
-    data.tetrahedra.resize(n_tetrahedra, f64::NAN);
-    data.triangles.resize(n_triangles, f64::NAN);
+fn fill(data: &mut CellData, counts: [usize; 4]) {
+    for (cell, count) in CellUse::KEPT.into_iter().zip(counts) {
+        data.integer &= cell.values(data).len() == count;
+        if let Some(values) = cell.values_mut(data) {
+            values.resize(count, f64::NAN);
+        }
+    }
 }
 
 fn push_line(lines: &mut Vec<u32>, line: usize) {

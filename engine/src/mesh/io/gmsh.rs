@@ -1,16 +1,19 @@
-//! Gmsh MSH files: versions 1, 2 and 4.1, text or binary of either byte order; writes 2.2 text.
+//! Gmsh MSH files: versions 1, 2 and 4.1, text or binary of either byte order.
 //!
 //! The published readers of this format know one version each, give no line numbers, or make room for
 //! counts before they have seen the data, so the format is read here.
 
-use super::cells::{Builder, CellKind, CellUse, too_many};
+mod blocks;
+mod write;
+
+pub use write::{encode_gmsh, write_gmsh};
+
+use super::cells::{Builder, CellKind, CellUse, component_names, too_many};
 use super::scan::{Cursor, Numbering, parse, words};
 use crate::mesh::Mesh;
 use crate::mesh::error::{MeshError, shown};
 use glam::DVec3;
 use std::collections::HashMap;
-use std::fmt::Write as _;
-use std::path::Path;
 
 /// Cells of the format by type number.
 fn cell_kind(number: i64) -> Option<CellKind> {
@@ -18,9 +21,9 @@ fn cell_kind(number: i64) -> Option<CellKind> {
     Some(match number {
         1 => kind("2-node line", 1, 2),
         2 => CellKind::TRIANGLE,
-        3 => kind("4-node quadrilateral", 2, 4),
+        3 => CellKind::QUAD,
         4 => CellKind::TETRAHEDRON,
-        5 => kind("8-node hexahedron", 3, 8),
+        5 => CellKind::HEXAHEDRON,
         6 => kind("6-node prism", 3, 6),
         7 => kind("5-node pyramid", 3, 5),
         8 => kind("3-node line", 1, 3),
@@ -79,7 +82,7 @@ struct Reader<'a> {
     /// Group positions by dimension and physical tag.
     groups: HashMap<(u8, i64), usize>,
     /// Used cells of version 2 by vertices and geometric entity: position and first physical tag.
-    seen: HashMap<([u32; 4], i64), (usize, i64)>,
+    seen: HashMap<([u32; 8], i64), (usize, i64)>,
     vertices: Vec<u32>,
     /// Used cells by element number.
     elements: HashMap<i64, (CellUse, usize)>,
@@ -386,19 +389,14 @@ impl<'a> Reader<'a> {
         };
         let groups = slot.as_slice();
         let cell = kind.used_as();
-        let mesh = &self.builder.mesh;
-        let next = match cell {
-            CellUse::Tetrahedron => mesh.tetrahedra.len(),
-            CellUse::Triangle => mesh.triangles.len(),
-            CellUse::Skipped => 0,
-        };
+        let next = cell.count(&self.builder.mesh);
         if next >= u32::MAX as usize {
             return Err(too_many(self.cursor.file, "cells", next as u64 + 1));
         }
         // An element in several groups stands in the file once for each of them.
         let mut known = None;
         if cell != CellUse::Skipped && physical != 0 && self.version == Version::Two {
-            let mut key = [u32::MAX; 4];
+            let mut key = [u32::MAX; 8];
             key[..vertices.len()].copy_from_slice(&vertices);
             let &mut (index, first) =
                 self.seen.entry((key, elementary)).or_insert((next, physical));
@@ -513,278 +511,7 @@ impl<'a> Reader<'a> {
         self.expect_end(b"$EndElements", "elements", count)
     }
 
-    /// Physical tags of the geometric entities (4.1).
-    fn entities(&mut self) -> Result<(), MeshError> {
-        let mut counts = [0; 4];
-        if self.cursor.binary {
-            for count in &mut counts {
-                *count = self.size("the numbers of entities")?;
-            }
-        } else {
-            let line = self.cursor.expect_line("the numbers of entities")?;
-            let mut fields = words(line);
-            for count in &mut counts {
-                *count =
-                    self.cursor.count(fields.next().unwrap_or(b""), "the numbers of entities")?;
-            }
-        }
-        for (dimension, count) in (0u8..).zip(counts) {
-            let reals = if dimension == 0 { 3 } else { 6 };
-            for read in 0..count {
-                if self.cursor.binary {
-                    self.entity_binary(dimension, reals)?;
-                } else {
-                    self.entity_line(dimension, reals, count, read)?;
-                }
-            }
-        }
-        self.expect_end(
-            b"$EndEntities",
-            "entities",
-            counts.iter().fold(0, |sum, &c| sum.saturating_add(c)),
-        )
-    }
-
-    fn entity_binary(&mut self, dimension: u8, reals: usize) -> Result<(), MeshError> {
-        let tag = self.int("the tag of an entity")?;
-        self.cursor.take(8 * reals, "the box of an entity")?;
-        let count = self.size("the number of physical tags")?;
-        let count = self.cursor.room_for(count, 4, "physical tags")?;
-        let mut physical = Vec::with_capacity(count);
-        for _ in 0..count {
-            physical.push(self.int("a physical tag")?);
-        }
-        if dimension > 0 {
-            let count = self.size("the number of bounding entities")?;
-            let count = self.cursor.room_for(count, 4, "bounding entities")?;
-            self.cursor.take(4 * count, "bounding entities")?;
-        }
-        self.entities.insert((dimension, tag), physical);
-        Ok(())
-    }
-
-    fn entity_line(
-        &mut self,
-        dimension: u8,
-        reals: usize,
-        count: u64,
-        read: u64,
-    ) -> Result<(), MeshError> {
-        let expected = format!("entity {} of {count} of dimension {dimension}", read + 1);
-        let line = self.cursor.expect_line(&expected)?;
-        if line.starts_with(b"$") {
-            let what = format!("the number of entities of dimension {dimension}");
-            return Err(self.cursor.mismatch(&what, count, read));
-        }
-        let mut fields = words(line);
-        let tag = self.cursor.integer(fields.next().unwrap_or(b""), "the tag of an entity")?;
-        for _ in 0..reals {
-            self.cursor.real(fields.next().unwrap_or(b""), "the box of an entity")?;
-        }
-        let count =
-            self.cursor.count(fields.next().unwrap_or(b""), "the number of physical tags")?;
-        let mut physical = Vec::new();
-        for _ in 0..count {
-            physical.push(self.cursor.integer(fields.next().unwrap_or(b""), "a physical tag")?);
-        }
-        self.entities.insert((dimension, tag), physical);
-        Ok(())
-    }
-
-    /// The numbers on a header line of version 4.1, signed where `ints` counts them, or from bytes.
-    fn header<const N: usize>(
-        &mut self,
-        ints: usize,
-        expected: &str,
-    ) -> Result<[i64; N], MeshError> {
-        let mut values = [0; N];
-        if self.cursor.binary {
-            for (i, value) in values.iter_mut().enumerate() {
-                *value = if i < ints { self.int(expected)? } else { self.tag(expected)? };
-            }
-        } else {
-            let line = self.cursor.expect_line(expected)?;
-            let mut fields = words(line);
-            for value in &mut values {
-                *value = self.cursor.integer(fields.next().unwrap_or(b""), expected)?;
-            }
-        }
-        Ok(values)
-    }
-
-    fn positive(&self, value: i64, expected: &str) -> Result<u64, MeshError> {
-        u64::try_from(value)
-            .map_err(|_| self.cursor.invalid(value.to_string().as_bytes(), expected))
-    }
-
-    fn nodes_by_block(&mut self) -> Result<(), MeshError> {
-        self.has_nodes = true;
-        let [blocks, total, _, _] = self.header(0, "the counts of the $Nodes section")?;
-        let total = self.positive(total, "the number of nodes")?;
-        let mut read = 0u64;
-        let mut numbers = Vec::new();
-        for _ in 0..blocks {
-            let [dimension, _, parametric, count] =
-                self.header(3, "the head of a block of nodes")?;
-            let count = self.positive(count, "the number of nodes in a block")?;
-            if count > total - read {
-                let found = read.saturating_add(count);
-                return Err(self.cursor.mismatch("the number of nodes", total, found));
-            }
-            numbers.clear();
-            if self.cursor.binary {
-                let extra = if parametric == 0 { 0 } else { dimension.clamp(0, 3) as usize };
-                let width = self.size_width + 8 * (3 + extra);
-                self.cursor.room_for(count, width as u64, "nodes")?;
-                for _ in 0..count {
-                    numbers.push(self.tag("a node number")?);
-                }
-                for &number in &numbers {
-                    let point = self.binary_point()?;
-                    self.cursor.take(8 * extra, "parametric coordinates")?;
-                    self.add_node(number, point, 0)?;
-                }
-            } else {
-                for i in 0..count {
-                    let line = self.node_line(total, read + i)?;
-                    numbers.push(self.cursor.integer(line, "a node number")?);
-                }
-                for (i, &number) in (0..).zip(&numbers) {
-                    let line = self.node_line(total, read + i)?;
-                    let point = self.cursor.point(&mut words(line))?;
-                    self.add_node(number, point, self.cursor.line)?;
-                }
-            }
-            read += count;
-        }
-        if read != total {
-            return Err(self.cursor.mismatch("the number of nodes", total, read));
-        }
-        self.expect_end(b"$EndNodes", "nodes", total)
-    }
-
-    fn node_line(&mut self, total: u64, read: u64) -> Result<&'a [u8], MeshError> {
-        match self.cursor.filled_line() {
-            None => Err(self.cursor.end(&format!("node {} of {total}", read + 1))),
-            Some(line) if line.starts_with(b"$") => {
-                Err(self.cursor.mismatch("the number of nodes", total, read))
-            }
-            Some(line) => Ok(line),
-        }
-    }
-
-    fn elements_by_block(&mut self) -> Result<(), MeshError> {
-        self.has_elements = true;
-        let [blocks, total, _, _] = self.header(0, "the counts of the $Elements section")?;
-        let total = self.positive(total, "the number of elements")?;
-        if total > u64::from(u32::MAX) {
-            return Err(too_many(self.cursor.file, "cells", total));
-        }
-        let mut read = 0u64;
-        for _ in 0..blocks {
-            let [dimension, entity, kind, count] =
-                self.header(3, "the head of a block of elements")?;
-            let count = self.positive(count, "the number of elements in a block")?;
-            if count > total - read {
-                let found = read.saturating_add(count);
-                return Err(self.cursor.mismatch("the number of elements", total, found));
-            }
-            let number = kind;
-            let kind = cell_kind(number).unwrap_or(UNKNOWN_KIND);
-            if kind == UNKNOWN_KIND && self.cursor.binary {
-                let feature = format!("element type {number}");
-                return Err(self.cursor.unsupported(feature, SAVE_AGAIN));
-            }
-            let Some(dimension) = u8::try_from(dimension).ok().filter(|&d| d <= 3) else {
-                let found = dimension.to_string();
-                return Err(self
-                    .cursor
-                    .invalid(found.as_bytes(), "the dimension 0 to 3 of a block"));
-            };
-            let physical = self.entities.get(&(dimension, entity)).cloned().unwrap_or_default();
-            let mut groups: Vec<usize> =
-                physical.iter().map(|tag| self.group(dimension, tag.saturating_abs())).collect();
-            groups.sort_unstable();
-            groups.dedup();
-            // Keeps the memory linear in the size of the file.
-            if groups.len() > 256 {
-                let feature = format!("an entity in {} physical groups", groups.len());
-                return Err(self
-                    .cursor
-                    .unsupported(feature, "use at most 256 groups for each entity"));
-            }
-            if self.cursor.binary {
-                let width = self.size_width * (1 + kind.vertices);
-                self.cursor.room_for(count, width as u64, "elements")?;
-            }
-            for i in 0..count {
-                let number = self.element_of_block(kind, total, read + i)?;
-                let cell = kind.used_as();
-                let index = match cell {
-                    CellUse::Tetrahedron => self.builder.mesh.tetrahedra.len(),
-                    CellUse::Triangle => self.builder.mesh.triangles.len(),
-                    CellUse::Skipped => 0,
-                };
-                if cell != CellUse::Skipped {
-                    self.elements.insert(number, (cell, index));
-                }
-                let vertices = std::mem::take(&mut self.vertices);
-                let line = if self.cursor.binary { 0 } else { self.cursor.line };
-                self.builder.cell(kind, &vertices, &groups, line);
-                self.vertices = vertices;
-            }
-            read += count;
-        }
-        if read != total {
-            return Err(self.cursor.mismatch("the number of elements", total, read));
-        }
-        self.expect_end(b"$EndElements", "elements", total)
-    }
-
-    /// Collects the vertices of the next element of a block (4.1); its number.
-    fn element_of_block(
-        &mut self,
-        kind: CellKind,
-        total: u64,
-        read: u64,
-    ) -> Result<i64, MeshError> {
-        self.vertices.clear();
-        if self.cursor.binary {
-            let number = self.tag("an element number")?;
-            for _ in 0..kind.vertices {
-                let node = self.tag("a node number")?;
-                self.push_vertex(node, kind, number)?;
-            }
-            return Ok(number);
-        }
-        let line = match self.cursor.filled_line() {
-            None => return Err(self.cursor.end(&format!("element {} of {total}", read + 1))),
-            Some(line) if line.starts_with(b"$") => {
-                return Err(self.cursor.mismatch("the number of elements", total, read));
-            }
-            Some(line) => line,
-        };
-        let mut fields = words(line);
-        let number = self.cursor.integer(fields.next().unwrap_or(b""), "an element number")?;
-        if kind == UNKNOWN_KIND {
-            return Ok(number);
-        }
-        for field in fields {
-            let node = self.cursor.integer(field, "a node number")?;
-            self.push_vertex(node, kind, number)?;
-        }
-        if self.vertices.len() != kind.vertices {
-            let what = format!("the number of nodes of element {number} ({})", kind.name);
-            return Err(self.cursor.mismatch(
-                &what,
-                kind.vertices as u64,
-                self.vertices.len() as u64,
-            ));
-        }
-        Ok(number)
-    }
-
-    /// One number for each element of a list; other numbers of components are read past.
+    /// One number or three for each element of a list; other numbers of components are read past.
     fn element_data(&mut self) -> Result<(), MeshError> {
         let mut tags: [Vec<&[u8]>; 3] = Default::default();
         for (of_kind, what) in tags.iter_mut().zip(["names", "real tags", "integer tags"]) {
@@ -797,18 +524,30 @@ impl<'a> Reader<'a> {
         let integer = |i: usize| tags[2].get(i).copied().unwrap_or(b"");
         let components = self.cursor.count(integer(1), "the number of components")?;
         let count = self.cursor.count(integer(2), "the number of values")?;
-        if components != 1 {
-            return self.skip(b"$ElementData");
-        }
         let name = String::from_utf8_lossy(tags[0].first().copied().unwrap_or(b"")).into_owned();
         let name = name.trim().trim_matches('"').to_owned();
+        let names = match components {
+            1 => vec![name],
+            3 => component_names(&name).to_vec(),
+            _ => return self.skip(b"$ElementData"),
+        };
         if self.cursor.binary {
-            self.cursor.room_for(count, 12, "values of elements")?;
+            self.cursor.room_for(count, 4 + 8 * components, "values of elements")?;
         }
-        self.builder.data(&name, false);
+        let mut places = Vec::with_capacity(names.len());
+        for name in &names {
+            self.builder.data(name, false);
+            places.push(self.builder.mesh.cell_data.iter().position(|data| data.name == *name));
+        }
+        let mut values = Vec::with_capacity(names.len());
         for read in 0..count {
-            let (number, value) = if self.cursor.binary {
-                (self.int("an element number")?, self.double()?)
+            values.clear();
+            let number;
+            if self.cursor.binary {
+                number = self.int("an element number")?;
+                for _ in &names {
+                    values.push(self.double()?);
+                }
             } else {
                 let line = match self.cursor.filled_line() {
                     None => return Err(self.cursor.end(&format!("value {} of {count}", read + 1))),
@@ -818,17 +557,18 @@ impl<'a> Reader<'a> {
                     Some(line) => line,
                 };
                 let mut fields = words(line);
-                let number =
-                    self.cursor.integer(fields.next().unwrap_or(b""), "an element number")?;
-                (number, self.cursor.real(fields.next().unwrap_or(b""), "a value")?)
-            };
-            let Some(data) = self.builder.mesh.cell_data.iter_mut().find(|d| d.name == name) else {
-                continue;
-            };
-            match self.elements.get(&number) {
-                Some(&(CellUse::Tetrahedron, index)) => data.tetrahedra[index] = value,
-                Some(&(CellUse::Triangle, index)) => data.triangles[index] = value,
-                _ => {}
+                number = self.cursor.integer(fields.next().unwrap_or(b""), "an element number")?;
+                for _ in &names {
+                    values.push(self.cursor.real(fields.next().unwrap_or(b""), "a value")?);
+                }
+            }
+            let Some(&(cell, index)) = self.elements.get(&number) else { continue };
+            for (place, &value) in places.iter().zip(&values) {
+                let data = place.and_then(|place| self.builder.mesh.cell_data.get_mut(place));
+                let slot = data.and_then(|data| cell.values_mut(data)?.get_mut(index));
+                if let Some(slot) = slot {
+                    *slot = value;
+                }
             }
         }
         self.expect_end(b"$EndElementData", "values", count)
@@ -856,155 +596,4 @@ impl<'a> Reader<'a> {
 /// Positions of a byte in a slice.
 fn memchr_positions(data: &[u8], byte: u8) -> impl Iterator<Item = usize> {
     data.iter().enumerate().filter_map(move |(i, &b)| (b == byte).then_some(i))
-}
-
-/// Writes a mesh with its groups as Gmsh 2.2 text.
-///
-/// # Errors
-///
-/// [`MeshError::Io`] when the file cannot be written.
-pub fn write_gmsh(path: &Path, mesh: &Mesh) -> Result<(), MeshError> {
-    super::write_file(path, encode_gmsh(mesh).as_bytes())
-}
-
-/// The text of a mesh in the format Gmsh 2.2.
-///
-/// Numbers are written so that reading gives the same bits. A cell in several groups is listed once
-/// for each. Vertices of a group that none of its cells has are listed as points of a node set of the
-/// same name, except that a group of dimension 1 is first turned into the boundary lines between its
-/// vertices. Quotation marks and control characters in names become apostrophes and spaces.
-pub fn encode_gmsh(mesh: &Mesh) -> String {
-    let mut elements = Elements { text: String::new(), count: 0 };
-    let mut names = Vec::new();
-    let mut tets_of = vec![Vec::new(); mesh.tetrahedra.len()];
-    let mut triangles_of = vec![Vec::new(); mesh.triangles.len()];
-    for (tag, group) in (1..).zip(&mesh.groups) {
-        let mut covered: Vec<u32> = Vec::new();
-        for (cells, of) in
-            [(&group.tetrahedra, &mut tets_of), (&group.triangles, &mut triangles_of)]
-        {
-            for &cell in cells {
-                if let Some(tags) = of.get_mut(cell as usize) {
-                    tags.push(tag);
-                }
-            }
-        }
-        let corner = |cell: &u32| mesh.triangles.get(*cell as usize);
-        covered.extend(group.triangles.iter().filter_map(corner).flatten());
-        let corner = |cell: &u32| mesh.tetrahedra.get(*cell as usize);
-        covered.extend(group.tetrahedra.iter().filter_map(corner).flatten());
-        if group.dimension == 1 {
-            for [a, b] in boundary_edges(mesh) {
-                let inside = |v: u32| group.vertices.binary_search(&v).is_ok();
-                if inside(a) && inside(b) {
-                    elements.push(1, tag, &[a, b]);
-                    covered.extend([a, b]);
-                }
-            }
-        }
-        covered.sort_unstable();
-        let mut alone =
-            group.vertices.iter().filter(|v| covered.binary_search(v).is_err()).peekable();
-        let node_set = group.dimension == 0;
-        if !node_set || group.vertices.is_empty() {
-            names.push((group.dimension, tag, &group.name));
-        }
-        if alone.peek().is_some() {
-            names.push((0, tag, &group.name));
-        }
-        for &vertex in alone {
-            elements.push(15, tag, &[vertex]);
-        }
-    }
-    // number of each cell, for its data; one that is listed more than once has several
-    let (mut triangle_numbers, mut tet_numbers) = (Vec::new(), Vec::new());
-    for (triangle, tags) in mesh.triangles.iter().zip(&triangles_of) {
-        elements.push_each(2, tags, triangle);
-        triangle_numbers.push(elements.count);
-    }
-    for (tet, tags) in mesh.tetrahedra.iter().zip(&tets_of) {
-        elements.push_each(4, tags, tet);
-        tet_numbers.push(elements.count);
-    }
-
-    let mut text = String::from("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n");
-    // Writing to a string cannot fail.
-    if !names.is_empty() {
-        let _ = writeln!(text, "$PhysicalNames\n{}", names.len());
-        for (dimension, tag, name) in names {
-            let name = plain(name);
-            let _ = writeln!(text, "{dimension} {tag} \"{name}\"");
-        }
-        text.push_str("$EndPhysicalNames\n");
-    }
-    let _ = writeln!(text, "$Nodes\n{}", mesh.points.len());
-    for (i, p) in mesh.points.iter().enumerate() {
-        let _ = writeln!(text, "{} {:?} {:?} {:?}", i + 1, p.x, p.y, p.z);
-    }
-    let _ = writeln!(text, "$EndNodes\n$Elements\n{}", elements.count);
-    text.push_str(&elements.text);
-    text.push_str("$EndElements\n");
-    for data in &mesh.cell_data {
-        let numbers = tet_numbers.iter().chain(&triangle_numbers);
-        let values = numbers.zip(data.tetrahedra.iter().chain(&data.triangles));
-        let values: Vec<_> = values.filter(|(_, value)| value.is_finite()).collect();
-        let count = values.len();
-        let _ =
-            writeln!(text, "$ElementData\n1\n\"{}\"\n1\n0.0\n3\n0\n1\n{count}", plain(&data.name));
-        for (number, value) in values {
-            let _ = writeln!(text, "{number} {value:?}");
-        }
-        text.push_str("$EndElementData\n");
-    }
-    text
-}
-
-/// A name without quotation marks and control characters.
-fn plain(name: &str) -> String {
-    let shown = |c: char| match c {
-        '"' => '\'',
-        c if c.is_control() => ' ',
-        c => c,
-    };
-    name.chars().map(shown).collect()
-}
-
-struct Elements {
-    text: String,
-    count: usize,
-}
-
-impl Elements {
-    fn push(&mut self, kind: u8, tag: usize, vertices: &[u32]) {
-        self.count += 1;
-        let _ = write!(self.text, "{} {kind} 2 {tag} 1", self.count);
-        for &vertex in vertices {
-            let _ = write!(self.text, " {}", u64::from(vertex) + 1);
-        }
-        self.text.push('\n');
-    }
-
-    fn push_each(&mut self, kind: u8, tags: &[usize], vertices: &[u32]) {
-        for &tag in if tags.is_empty() { &[0][..] } else { tags } {
-            self.push(kind, tag, vertices);
-        }
-    }
-}
-
-/// Edges that exactly one triangle has.
-fn boundary_edges(mesh: &Mesh) -> Vec<[u32; 2]> {
-    let n = mesh.points.len();
-    let mut edges = Vec::new();
-    for &[a, b, c] in &mesh.triangles {
-        if [a, b, c].iter().all(|&v| (v as usize) < n) {
-            edges.extend([[a, b], [b, c], [c, a]]);
-        }
-    }
-    let mut boundary = Vec::new();
-    crate::mesh::for_equal_cells(&edges, n, |equal| {
-        if let &[(edge, _)] = equal {
-            boundary.push(edge);
-        }
-    });
-    boundary
 }

@@ -2,9 +2,10 @@
 //!
 //! A group is kept as a pair of 0/1 arrays named `group:<dimension>:<name>`, one on the points and one
 //! on the cells. An integer cell array of any other name with few distinct values gives one group for
-//! each value, named `<array> <value>`. Every array of one number for each cell is kept as it is too.
+//! each value, named `<array> <value>`. Every array of one number for each cell is kept as it is too, and
+//! one of three as three arrays of reals.
 
-use super::cells::{Builder, CellKind, CellUse};
+use super::cells::{Builder, CellKind, CellUse, component_names};
 use super::scan::Cursor;
 use crate::mesh::error::{MeshError, Place};
 use crate::mesh::{Group, Mesh};
@@ -28,10 +29,10 @@ fn cell_kind(number: i64) -> CellKind {
         6 => kind("triangle strip", 2, 0),
         7 => kind("polygon", 2, 0),
         8 => kind("pixel", 2, 4),
-        9 => kind("4-node quadrilateral", 2, 4),
+        9 => CellKind::QUAD,
         10 => CellKind::TETRAHEDRON,
         11 => kind("voxel", 3, 8),
-        12 => kind("8-node hexahedron", 3, 8),
+        12 => CellKind::HEXAHEDRON,
         13 => kind("6-node prism", 3, 6),
         14 => kind("5-node pyramid", 3, 5),
         15 => kind("pentagonal prism", 3, 10),
@@ -54,6 +55,10 @@ fn cell_kind(number: i64) -> CellKind {
         _ => kind("cell of a type unknown to this reader", 4, 0),
     }
 }
+
+/// Pixels and voxels list their vertices row by row.
+const PIXEL: i64 = 8;
+const VOXEL: i64 = 11;
 
 /// Type of the numbers in an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -249,7 +254,8 @@ impl Assembly {
         for (name, array) in self.data_arrays(piece) {
             self.builder.data(name, array.integers().is_some());
         }
-        let (mut tetrahedra, mut triangles) = (Vec::new(), Vec::new());
+        // Where the cells that are kept stand in the file, by kind.
+        let mut numbers = CellUse::KEPT.map(|cell| (cell, Vec::new()));
         let mut start = 0usize;
         let mut vertices = Vec::new();
         let mut groups = Vec::new();
@@ -269,9 +275,14 @@ impl Assembly {
                 });
             };
             start += cell.len();
+            let by_rows = matches!(kind, PIXEL | VOXEL);
             let mut kind = cell_kind(kind);
-            if kind.name == "polygon" && cell.len() == 3 {
-                kind = CellKind::TRIANGLE;
+            if kind.name == "polygon" {
+                match cell.len() {
+                    3 => kind = CellKind::TRIANGLE,
+                    4 => kind = CellKind::QUAD,
+                    _ => {}
+                }
             }
             if kind.used_as() != CellUse::Skipped && cell.len() != kind.vertices {
                 let what = format!("the number of vertices of cell {number} ({})", kind.name);
@@ -291,6 +302,9 @@ impl Assembly {
                     }
                 }
             }
+            if by_rows {
+                vertices.chunks_exact_mut(4).for_each(|square| square.swap(2, 3));
+            }
             groups.clear();
             let mut exact = Vec::new();
             for (values, slots) in &memberships {
@@ -302,27 +316,22 @@ impl Assembly {
                     None => {}
                 }
             }
-            let mesh = &self.builder.mesh;
             let cell = kind.used_as();
-            let index = match cell {
-                CellUse::Tetrahedron => mesh.tetrahedra.len(),
-                CellUse::Triangle => mesh.triangles.len(),
-                CellUse::Skipped => 0,
-            };
+            let index = cell.count(&self.builder.mesh);
             self.builder.cell(kind, &vertices, &groups, 0);
-            match cell {
-                CellUse::Tetrahedron => tetrahedra.push(number),
-                CellUse::Triangle => triangles.push(number),
-                CellUse::Skipped => {}
+            if let Some((_, list)) = numbers.iter_mut().find(|(kept, _)| *kept == cell) {
+                list.push(number);
             }
             // The vertices of a written group come from its point array.
             self.builder.join(cell, index, &[], &exact);
         }
         for (name, array) in self.data_arrays(piece) {
             let found = self.builder.mesh.cell_data.iter_mut().find(|data| data.name == *name);
-            if let Some(data) = found {
-                data.tetrahedra.extend(tetrahedra.iter().map(|&number| array.value(number)));
-                data.triangles.extend(triangles.iter().map(|&number| array.value(number)));
+            let Some(data) = found else { continue };
+            for (cell, list) in &numbers {
+                if let Some(values) = cell.values_mut(data) {
+                    values.extend(list.iter().map(|&number| array.value(number)));
+                }
             }
         }
         for (name, array) in &piece.point_arrays {
@@ -403,11 +412,33 @@ pub(crate) fn mask(n: usize, members: impl Iterator<Item = usize>) -> Vec<u8> {
     mask
 }
 
-/// The cells of a group as a mask over tetrahedra, then triangles.
-pub(crate) fn cell_mask(group: &Group, n_tetrahedra: usize, n_triangles: usize) -> Vec<u8> {
-    let tets = group.tetrahedra.iter().map(|&i| i as usize);
-    let triangles = group.triangles.iter().map(|&i| n_tetrahedra + i as usize);
-    mask(n_tetrahedra + n_triangles, tets.chain(triangles))
+/// The cells of a group as a mask over all cells in the order of the writers.
+pub(crate) fn cell_mask(group: &Group, counts: [usize; 4]) -> Vec<u8> {
+    let mut masks = Vec::with_capacity(counts.iter().sum());
+    for (cell, count) in CellUse::KEPT.into_iter().zip(counts) {
+        masks.extend(mask(count, cell.members(group).iter().map(|&i| i as usize)));
+    }
+    masks
+}
+
+/// Adds an array of `components` numbers for each entity: one as it is, three under three names,
+/// others not at all.
+pub(crate) fn push_array(
+    arrays: &mut Vec<(String, Array)>,
+    name: String,
+    components: u64,
+    array: Array,
+) {
+    match (components, array) {
+        (1, array) => arrays.push((name, array)),
+        (3, Array::Reals(Located { values, place })) => {
+            for (k, name) in component_names(&name).into_iter().enumerate() {
+                let values = values.iter().skip(k).step_by(3).copied().collect();
+                arrays.push((name, Array::Reals(Located { values, place })));
+            }
+        }
+        _ => {}
+    }
 }
 
 #[cfg(test)]

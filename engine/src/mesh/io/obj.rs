@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 /// Reads an OBJ file from its bytes; `source` names it in messages.
 ///
-/// Triangles are kept, larger polygons and lines skipped and counted; `g` and `o` names become groups.
+/// Triangles and quadrilaterals are kept, larger polygons and lines skipped and counted; `g` and `o` names become groups.
 ///
 /// # Errors
 ///
@@ -41,7 +41,7 @@ pub fn read_obj(data: &[u8], source: &str) -> Result<Mesh, MeshError> {
                             found,
                         ));
                     }
-                    (b"f", 4) => CellKind::new("4-node quadrilateral", 2, 4),
+                    (b"f", 4) => CellKind::QUAD,
                     (b"f", _) => CellKind::new("polygon", 2, 0),
                     (b"l", _) => CellKind::new("line strip", 1, 0),
                     _ => CellKind::new("point", 0, 1),

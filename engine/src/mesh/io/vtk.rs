@@ -3,7 +3,10 @@
 //! The known crate for these files reports errors without a line and takes counts on trust, so the
 //! format is read here.
 
-use super::grid::{Array, Assembly, Located, Number, Piece, array_name, cell_mask, mask};
+use super::cells::{Column, all_values, columns};
+use super::grid::{
+    Array, Assembly, Located, Number, Piece, array_name, cell_mask, mask, push_array,
+};
 use super::scan::{Cursor, words};
 use super::vtu::VtuData;
 use crate::mesh::Mesh;
@@ -153,7 +156,7 @@ impl Reader<'_> {
         Ok((Located { values: connectivity, place }, Located { values: ends, place }))
     }
 
-    /// An array of point or cell data; arrays of one number each are kept, others are read past.
+    /// An array of point or cell data; those of one or three numbers each are kept, others read past.
     fn attribute(
         &mut self,
         keyword: &[u8],
@@ -270,9 +273,7 @@ impl Reader<'_> {
             arrays.push((name, Array::Integers(values)));
         } else {
             let values = self.reals(total, number, &what)?;
-            if components == 1 {
-                arrays.push((name, Array::Reals(values)));
-            }
+            push_array(arrays, name, components, Array::Reals(values));
         }
         Ok(())
     }
@@ -418,18 +419,16 @@ pub fn encode_vtk(data: &VtuData<'_>, binary: bool) -> Result<Vec<u8>, MeshError
     let real = if data.single_precision { "float" } else { "double" };
     out.text(&format!("POINTS {} {real}\n", data.points.len()));
     out.reals(data.points.iter().flat_map(|p| p.to_array()));
-    let (n_tets, n_triangles) = (data.tetrahedra.len(), data.triangles.len());
-    let n_cells = n_tets + n_triangles;
-    out.text(&format!("CELLS {n_cells} {}\n", 5 * n_tets + 4 * n_triangles));
-    for tet in data.tetrahedra {
-        out.integers([4].iter().chain(tet).map(|&v| v as i32));
-    }
-    for triangle in data.triangles {
-        out.integers([3].iter().chain(triangle).map(|&v| v as i32));
+    let counts = data.counts();
+    let n_cells = data.n_cells();
+    let size = n_cells + data.n_corners();
+    out.text(&format!("CELLS {n_cells} {size}\n"));
+    for cell in data.cells() {
+        out.integers(std::iter::once(cell.len() as i32).chain(cell.iter().map(|&v| v as i32)));
     }
     out.end_binary();
     out.text(&format!("CELL_TYPES {n_cells}\n"));
-    out.integers((0..n_cells).map(|i| if i < n_tets { 10 } else { 5 }));
+    out.integers(data.cell_types().map(i32::from));
     out.end_binary();
 
     let n_groups = data.groups.len();
@@ -452,28 +451,37 @@ pub fn encode_vtk(data: &VtuData<'_>, binary: bool) -> Result<Vec<u8>, MeshError
             out.mask(&array_name(group), &mask(data.points.len(), members));
         }
     }
-    let n_arrays = n_groups + data.cell_scalars.len() + data.cell_data.len();
+    let columns = columns(data.cell_data);
+    let n_arrays = n_groups + data.cell_scalars.len() + columns.len();
     if n_arrays > 0 {
         out.text(&format!("CELL_DATA {n_cells}\nFIELD data {n_arrays}\n"));
         for (name, values) in data.cell_scalars {
             out.text(&format!("{} 1 {} {real}\n", encode_name(name), values.len()));
             out.reals(values.iter().copied());
         }
-        for array in data.cell_data {
-            let values = array.tetrahedra.iter().chain(&array.triangles);
-            // the format knows no portable name for wider integers
-            let fits = values.clone().all(|&v| f64::from(v as i32) == v);
-            let kind = if array.integer && fits { "int" } else { real };
-            out.text(&format!("{} 1 {n_cells} {kind}\n", encode_name(&array.name)));
-            if array.integer && fits {
-                out.integers(values.map(|&v| v as i32));
-                out.end_binary();
-            } else {
-                out.reals(values.copied());
+        for column in columns {
+            match column {
+                Column::Scalar(array) => {
+                    // the format knows no portable name for wider integers
+                    let fits = array.integer && all_values(array).all(|v| f64::from(v as i32) == v);
+                    let kind = if fits { "int" } else { real };
+                    out.text(&format!("{} 1 {n_cells} {kind}\n", encode_name(&array.name)));
+                    if fits {
+                        out.integers(all_values(array).map(|v| v as i32));
+                        out.end_binary();
+                    } else {
+                        out.reals(all_values(array));
+                    }
+                }
+                Column::Vector(name, [x, y, z]) => {
+                    out.text(&format!("{} 3 {n_cells} {real}\n", encode_name(name)));
+                    let yz = all_values(y).zip(all_values(z));
+                    out.reals(all_values(x).zip(yz).flat_map(|(x, (y, z))| [x, y, z]));
+                }
             }
         }
         for group in data.groups {
-            out.mask(&array_name(group), &cell_mask(group, n_tets, n_triangles));
+            out.mask(&array_name(group), &cell_mask(group, counts));
         }
     }
     Ok(out.bytes)

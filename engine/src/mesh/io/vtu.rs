@@ -3,19 +3,18 @@
 //! Reads text arrays, inline base64, and appended raw or base64 data, plain or zlib-compressed; writes
 //! appended raw data.
 
-use super::grid::{
-    self, Assembly, Located, Number, Piece, array_name, cell_mask, group_name, mask,
-};
+mod write;
+
+pub use write::{VtuData, encode_vtu, write_pvd, write_vtu};
+
+use super::grid::{self, Assembly, Located, Number, Piece, group_name, push_array};
 use super::scan::{Cursor, line_at, parse, words};
+use crate::mesh::Mesh;
 use crate::mesh::error::{MeshError, Place, shown};
-use crate::mesh::{CellData, Group, Mesh};
-use glam::DVec3;
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 use std::cell::Cell;
-use std::fmt::Write as _;
 use std::io::Read as _;
-use std::path::Path;
 
 /// Reads a VTU file from its bytes; `source` names it in messages.
 ///
@@ -61,6 +60,7 @@ struct Reader<'a> {
 struct Array<'a> {
     name: String,
     number: Number,
+    components: u64,
     format: String,
     offset: Option<usize>,
     /// Text between the tags, and where it starts in the file.
@@ -324,16 +324,18 @@ impl<'a> Reader<'a> {
                     })?)
                 }
             };
-        let components = attribute("NumberOfComponents")?.unwrap_or_else(|| "1".to_owned());
-        let mut name = attribute("Name")?.unwrap_or_default();
-        if kind == "String" || components.trim() != "1" && components.trim() != "0" {
-            // Marks arrays that cannot hold one number per entity.
-            name.push('\0');
-        }
+        let components = attribute("NumberOfComponents")?.unwrap_or_default();
+        let components = match (kind.as_str(), components.trim()) {
+            // Text cannot be a number for each entity.
+            ("String", _) => 0,
+            (_, "" | "0") => 1,
+            (_, text) => parse(text.as_bytes()).unwrap_or(0),
+        };
+        let name = attribute("Name")?.unwrap_or_default();
         let text = self.head.get(start..).unwrap_or(&[]);
         let length = text.iter().position(|&b| b == b'<').unwrap_or(text.len());
         let format = attribute("format")?.unwrap_or_else(|| "ascii".to_owned());
-        Ok(Array { place, name, number, format, offset, text: &text[..length], start })
+        Ok(Array { place, name, number, components, format, offset, text: &text[..length], start })
     }
 
     fn array(&self, draft: &mut Draft, part: Part, array: &Array<'_>) -> Result<(), MeshError> {
@@ -342,17 +344,17 @@ impl<'a> Reader<'a> {
             (Part::Cells, "connectivity") => draft.connectivity = Some(self.integers(array)?),
             (Part::Cells, "offsets") => draft.ends = Some(self.integers(array)?),
             (Part::Cells, "types") => draft.types = Some(self.integers(array)?),
-            (Part::PointData, name) if group_name(name).is_some() => {
+            (Part::PointData, name) if group_name(name).is_some() && array.components == 1 => {
                 let values = grid::Array::Integers(self.integers(array)?);
                 draft.point_arrays.push((name.to_owned(), values));
             }
-            (Part::CellData, name) if !name.ends_with('\0') => {
-                let values = if array.number.is_integer() {
+            (Part::CellData, name) if matches!(array.components, 1 | 3) => {
+                let values = if array.number.is_integer() && array.components == 1 {
                     grid::Array::Integers(self.integers(array)?)
                 } else {
                     grid::Array::Reals(self.reals(array)?)
                 };
-                draft.cell_arrays.push((name.to_owned(), values));
+                push_array(&mut draft.cell_arrays, name.to_owned(), array.components, values);
             }
             _ => {}
         }
@@ -588,198 +590,6 @@ fn decode_base64(text: &[u8], length: usize) -> Result<Vec<u8>, String> {
     }
     out.truncate(length);
     Ok(out)
-}
-
-/// What the VTU and VTK writers write; lengths must match the points or cells.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct VtuData<'a> {
-    /// Positions in metres.
-    pub points: &'a [DVec3],
-    /// Tetrahedra, the first cells of the file.
-    pub tetrahedra: &'a [[u32; 4]],
-    /// Triangles, the cells after the tetrahedra.
-    pub triangles: &'a [[u32; 3]],
-    /// Named vectors, one for each point, in any unit.
-    pub point_vectors: &'a [(&'a str, &'a [DVec3])],
-    /// Named numbers, one for each point, in any unit.
-    pub point_scalars: &'a [(&'a str, &'a [f64])],
-    /// Named numbers, one for each tetrahedron and then each triangle, in any unit.
-    pub cell_scalars: &'a [(&'a str, &'a [f64])],
-    /// Numbers kept with the mesh, written as they were read.
-    pub cell_data: &'a [CellData],
-    /// Groups, written as 0/1 arrays named `group:<dimension>:<name>` on points and cells.
-    pub groups: &'a [Group],
-    /// Writes real numbers with 32 instead of 64 bits.
-    pub single_precision: bool,
-}
-
-impl<'a> VtuData<'a> {
-    /// Points, cells and groups of a mesh.
-    pub fn of_mesh(mesh: &'a Mesh) -> Self {
-        VtuData {
-            points: &mesh.points,
-            tetrahedra: &mesh.tetrahedra,
-            triangles: &mesh.triangles,
-            groups: &mesh.groups,
-            cell_data: &mesh.cell_data,
-            ..VtuData::default()
-        }
-    }
-
-    pub(super) fn check_lengths(&self) -> Result<(), MeshError> {
-        let n_points = self.points.len();
-        let n_cells = self.tetrahedra.len() + self.triangles.len();
-        let vectors =
-            self.point_vectors.iter().map(|(name, v)| (name, v.len(), n_points, "points"));
-        let scalars =
-            self.point_scalars.iter().map(|(name, v)| (name, v.len(), n_points, "points"));
-        let cells = self.cell_scalars.iter().map(|(name, v)| (name, v.len(), n_cells, "cells"));
-        let data = self.cell_data.iter().flat_map(|data| {
-            let (n_tets, n_triangles) = (self.tetrahedra.len(), self.triangles.len());
-            [(&data.tetrahedra, n_tets, "tetrahedra"), (&data.triangles, n_triangles, "triangles")]
-                .map(|(values, expected, cells)| (&data.name, values.len(), expected, cells))
-        });
-        for (name, found, expected, entities) in data {
-            if found != expected {
-                let what = name.clone();
-                return Err(MeshError::LengthMismatch { what, entities, expected, found });
-            }
-        }
-        for (name, found, expected, entities) in vectors.chain(scalars).chain(cells) {
-            if found != expected {
-                let what = (*name).to_owned();
-                return Err(MeshError::LengthMismatch { what, entities, expected, found });
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Writes points, cells, data and groups as a VTU file.
-///
-/// # Errors
-///
-/// [`MeshError::LengthMismatch`] when data do not fit, [`MeshError::Io`] when the file cannot be
-/// written.
-pub fn write_vtu(path: &Path, data: &VtuData<'_>) -> Result<(), MeshError> {
-    super::write_file(path, &encode_vtu(data)?)
-}
-
-/// The bytes of a VTU file: arrays appended raw, least significant byte first.
-///
-/// # Errors
-///
-/// [`MeshError::LengthMismatch`] when data do not fit.
-pub fn encode_vtu(data: &VtuData<'_>) -> Result<Vec<u8>, MeshError> {
-    data.check_lengths()?;
-    let (n_tets, n_triangles) = (data.tetrahedra.len(), data.triangles.len());
-    let n_cells = n_tets + n_triangles;
-    let mut out = Output { xml: String::new(), raw: Vec::new(), single: data.single_precision };
-    out.xml.push_str(
-        "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" \
-         byte_order=\"LittleEndian\" header_type=\"UInt64\">\n<UnstructuredGrid>\n",
-    );
-    // Writing to a string cannot fail.
-    let _ = writeln!(
-        out.xml,
-        "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{n_cells}\">\n<PointData>",
-        data.points.len()
-    );
-    for (name, values) in data.point_vectors {
-        out.reals(name, 3, values.iter().flat_map(|v| v.to_array()));
-    }
-    for (name, values) in data.point_scalars {
-        out.reals(name, 1, values.iter().copied());
-    }
-    for group in data.groups {
-        let members = group.vertices.iter().map(|&v| v as usize);
-        out.array("UInt8", &array_name(group), 1, &mask(data.points.len(), members));
-    }
-    out.xml.push_str("</PointData>\n<CellData>\n");
-    for (name, values) in data.cell_scalars {
-        out.reals(name, 1, values.iter().copied());
-    }
-    for array in data.cell_data {
-        let values = array.tetrahedra.iter().chain(&array.triangles);
-        if array.integer {
-            let bytes: Vec<u8> = values.flat_map(|&v| (v as i64).to_le_bytes()).collect();
-            out.array("Int64", &array.name, 1, &bytes);
-        } else {
-            out.reals(&array.name, 1, values.copied());
-        }
-    }
-    for group in data.groups {
-        out.array("UInt8", &array_name(group), 1, &cell_mask(group, n_tets, n_triangles));
-    }
-    out.xml.push_str("</CellData>\n<Points>\n");
-    out.reals("Points", 3, data.points.iter().flat_map(|p| p.to_array()));
-    out.xml.push_str("</Points>\n<Cells>\n");
-    let vertices = data.tetrahedra.iter().flatten().chain(data.triangles.iter().flatten());
-    let bytes: Vec<u8> = vertices.flat_map(|&v| i64::from(v).to_le_bytes()).collect();
-    out.array("Int64", "connectivity", 1, &bytes);
-    let end = |i: usize| if i <= n_tets { 4 * i } else { 4 * n_tets + 3 * (i - n_tets) };
-    let bytes: Vec<u8> = (1..=n_cells).flat_map(|i| (end(i) as i64).to_le_bytes()).collect();
-    out.array("Int64", "offsets", 1, &bytes);
-    let bytes: Vec<u8> = (0..n_cells).map(|i| if i < n_tets { 10 } else { 5 }).collect();
-    out.array("UInt8", "types", 1, &bytes);
-    out.xml.push_str("</Cells>\n</Piece>\n</UnstructuredGrid>\n<AppendedData encoding=\"raw\">\n_");
-    let mut bytes = out.xml.into_bytes();
-    bytes.extend_from_slice(&out.raw);
-    bytes.extend_from_slice(b"\n</AppendedData>\n</VTKFile>\n");
-    Ok(bytes)
-}
-
-struct Output {
-    xml: String,
-    raw: Vec<u8>,
-    single: bool,
-}
-
-impl Output {
-    fn array(&mut self, kind: &str, name: &str, components: usize, bytes: &[u8]) {
-        let name = escape(name);
-        let offset = self.raw.len();
-        let _ = writeln!(
-            self.xml,
-            "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" \
-             format=\"appended\" offset=\"{offset}\"/>"
-        );
-        self.raw.extend_from_slice(&(bytes.len() as u64).to_le_bytes());
-        self.raw.extend_from_slice(bytes);
-    }
-
-    fn reals(&mut self, name: &str, components: usize, values: impl Iterator<Item = f64>) {
-        if self.single {
-            let bytes: Vec<u8> = values.flat_map(|v| (v as f32).to_le_bytes()).collect();
-            self.array("Float32", name, components, &bytes);
-        } else {
-            let bytes: Vec<u8> = values.flat_map(f64::to_le_bytes).collect();
-            self.array("Float64", name, components, &bytes);
-        }
-    }
-}
-
-/// Text for an attribute; control characters, which XML forbids, become spaces.
-fn escape(text: &str) -> String {
-    let text: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-    quick_xml::escape::escape(text).into_owned()
-}
-
-/// Writes the index of a time series: for each step its time (s) and its file, relative to the index.
-///
-/// # Errors
-///
-/// [`MeshError::Io`] when the file cannot be written.
-pub fn write_pvd(path: &Path, steps: &[(f64, String)]) -> Result<(), MeshError> {
-    let mut xml = String::from(
-        "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n",
-    );
-    for (time, file) in steps {
-        let _ =
-            writeln!(xml, "<DataSet timestep=\"{time:?}\" part=\"0\" file=\"{}\"/>", escape(file));
-    }
-    xml.push_str("</Collection>\n</VTKFile>\n");
-    super::write_file(path, xml.as_bytes())
 }
 
 #[cfg(test)]

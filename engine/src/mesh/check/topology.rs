@@ -1,0 +1,141 @@
+//! How cells hang together: repeated cells, faces and edges of too many cells, parts.
+
+use super::{FindingCode, Findings, MeshStatistics, Severity, Sound, Tally, cell_name};
+use crate::mesh::{Mesh, Surface, for_equal_cells};
+
+pub(super) fn duplicate_cells(mesh: &Mesh, cells: &Sound, found: &mut Findings) {
+    fn repeats<'a, const N: usize>(
+        mesh: &Mesh,
+        cells: impl Iterator<Item = (usize, &'a [u32; N])>,
+        kind: &str,
+    ) -> Tally {
+        let (at, list): (Vec<usize>, Vec<[u32; N]>) = cells.map(|(i, cell)| (i, *cell)).unzip();
+        let mut tally = Tally::default();
+        for_equal_cells(&list, mesh.points.len(), |equal| {
+            if let [first, others @ ..] = equal {
+                for other in others {
+                    tally.add(|| {
+                        let name = cell_name(kind, at[other.1 as usize], &other.0, &[]);
+                        format!("{name} repeats {kind} {}", at[first.1 as usize])
+                    });
+                }
+            }
+        });
+        tally
+    }
+    // Beside volumes, faces only mark the surface, and a repeated one does no harm.
+    let faces = if mesh.is_solid() { Severity::Warning } else { Severity::Error };
+    for (severity, tally) in [
+        (Severity::Error, repeats(mesh, cells.tetrahedra(mesh), "tetrahedron")),
+        (Severity::Error, repeats(mesh, cells.hexahedra(mesh), "hexahedron")),
+        (faces, repeats(mesh, cells.triangles(mesh), "triangle")),
+        (faces, repeats(mesh, cells.quads(mesh), "quadrilateral")),
+    ] {
+        found.push(
+            FindingCode::DuplicateCell,
+            severity,
+            tally,
+            |count| format!("{count} cells have the same vertices as another one"),
+            "remove the repeated cells",
+        );
+    }
+}
+
+/// A face in a message, which has no number of its own.
+fn face_name(vertices: &[u32]) -> String {
+    let list: Vec<String> = vertices.iter().map(u32::to_string).collect();
+    format!("face (vertices {})", list.join(" "))
+}
+
+pub(super) fn manifold(mesh: &Mesh, cells: &Sound, found: &mut Findings) {
+    let surface = if mesh.is_solid() {
+        let tets: Vec<[u32; 4]> = cells.tetrahedra(mesh).map(|(_, &cell)| cell).collect();
+        let hexes: Vec<[u32; 8]> = cells.hexahedra(mesh).map(|(_, &cell)| cell).collect();
+        let faces = mesh.faces(&tets, &hexes);
+        let mut tally = Tally::default();
+        faces.crowded_triangles.iter().for_each(|face| tally.add(|| face_name(face)));
+        faces.crowded_quads.iter().for_each(|face| tally.add(|| face_name(face)));
+        found.push(
+            FindingCode::NonManifoldFace,
+            Severity::Error,
+            tally,
+            |count| format!("{count} faces belong to more than two cells"),
+            "remove the cells that overlap others",
+        );
+        let mut tally = Tally::default();
+        faces.mixed.iter().for_each(|face| tally.add(|| face_name(face)));
+        found.push(
+            FindingCode::NonConformingFace,
+            Severity::Warning,
+            tally,
+            |count| {
+                format!(
+                    "{count} quadrilateral faces of hexahedra lie against triangles of tetrahedra"
+                )
+            },
+            "the two sides part a little between the vertices there; split the hexahedra into \
+             tetrahedra where accuracy matters",
+        );
+        faces.boundary
+    } else {
+        Surface {
+            triangles: cells.triangles(mesh).map(|(_, &cell)| cell).collect(),
+            quads: cells.quads(mesh).map(|(_, &cell)| cell).collect(),
+        }
+    };
+    let triangles = surface.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let quads = surface.quads.iter().flat_map(|&[a, b, c, d]| [[a, b], [b, c], [c, d], [d, a]]);
+    let edges: Vec<[u32; 2]> = triangles.chain(quads).collect();
+    let mut tally = Tally::default();
+    for_equal_cells(&edges, mesh.points.len(), |equal| {
+        if let [([a, b], _), _, _, ..] = equal {
+            tally.add(|| format!("edge (vertices {a} {b})"));
+        }
+    });
+    found.push(
+        FindingCode::NonManifoldEdge,
+        Severity::Warning,
+        tally,
+        |count| format!("{count} edges of the surface belong to more than two of its faces"),
+        "parts that meet only along an edge turn about it like a hinge; join them by a face if they should not",
+    );
+}
+
+pub(super) fn components(
+    mesh: &Mesh,
+    cells: &Sound,
+    used: &[u32],
+    statistics: &mut MeshStatistics,
+    found: &mut Findings,
+) {
+    fn root(parent: &mut [u32], mut v: u32) -> u32 {
+        while parent[v as usize] != v {
+            let up = parent[parent[v as usize] as usize];
+            parent[v as usize] = up;
+            v = up;
+        }
+        v
+    }
+    let mut parent: Vec<u32> = (0..mesh.points.len() as u32).collect();
+    cells.for_edges(mesh, |i, j| {
+        let (a, b) = (root(&mut parent, i), root(&mut parent, j));
+        // The smaller index is the root: the part is named by its first vertex.
+        parent[a.max(b) as usize] = a.min(b);
+    });
+    let mut tally = Tally::default();
+    for &v in used {
+        if root(&mut parent, v) == v {
+            tally.add(|| format!("part of vertex {v}"));
+        }
+    }
+    statistics.components = tally.count;
+    if tally.count > 1 {
+        found.push(
+            FindingCode::SeveralComponents,
+            Severity::Warning,
+            tally,
+            |count| format!("the mesh falls into {count} parts that share no vertex"),
+            "merge vertices at the seams unless the parts should move freely",
+        );
+    }
+}

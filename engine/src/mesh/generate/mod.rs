@@ -1,0 +1,152 @@
+//! Meshes of simple bodies, with their sides as named groups.
+
+mod jitter;
+mod sheets;
+mod solids;
+mod specimen;
+
+pub use jitter::{irregular_box_tets, jitter_interior};
+pub use sheets::{disc_quads, disc_triangles, quad_grid, sphere_triangles, triangle_grid};
+pub use solids::{
+    beam_tets, box_hexahedra, box_tets, cylinder_hexahedra, cylinder_tets, sphere_tets,
+};
+pub use specimen::{specimen_hexahedra, specimen_quads, specimen_tets, specimen_triangles};
+
+use super::error::MeshError;
+use super::{Group, Mesh};
+use glam::DVec3;
+
+fn length(generator: &'static str, parameter: &'static str, value: f64) -> Result<(), MeshError> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    let remedy = "give a finite length above 0 m";
+    Err(MeshError::InvalidParameter { generator, parameter, value: value.to_string(), remedy })
+}
+
+fn cells(generator: &'static str, parameter: &'static str, value: usize) -> Result<(), MeshError> {
+    if value > 0 {
+        return Ok(());
+    }
+    let remedy = "give at least one cell";
+    Err(MeshError::InvalidParameter { generator, parameter, value: value.to_string(), remedy })
+}
+
+/// Refuses meshes whose vertices or cells 32-bit indices cannot count.
+fn fits(generator: &str, what: &'static str, count: Option<usize>) -> Result<usize, MeshError> {
+    match count.filter(|&count| count < u32::MAX as usize) {
+        Some(count) => Ok(count),
+        None => Err(MeshError::TooMany {
+            file: generator.to_owned(),
+            what,
+            count: count.map_or(u64::MAX, |count| count as u64),
+            limit: u64::from(u32::MAX) - 1,
+        }),
+    }
+}
+
+fn product(factors: &[usize]) -> Option<usize> {
+    factors.iter().try_fold(1usize, |product, &factor| product.checked_mul(factor))
+}
+
+fn volume(points: &[DVec3], [a, b, c, d]: [u32; 4]) -> f64 {
+    let p = |i: u32| points[i as usize];
+    (p(b) - p(a)).dot((p(c) - p(a)).cross(p(d) - p(a))) / 6.0
+}
+
+/// The tetrahedron, with its last two vertices exchanged if its volume is negative.
+fn oriented(points: &[DVec3], [a, b, c, d]: [u32; 4]) -> [u32; 4] {
+    if volume(points, [a, b, c, d]) < 0.0 { [a, b, d, c] } else { [a, b, c, d] }
+}
+
+/// Place `i` of `n` equal parts of a length; the last one is exactly its end.
+fn part(i: usize, n: usize, length: f64) -> f64 {
+    if i == n { length } else { length * i as f64 / n as f64 }
+}
+
+/// Adds the boundary faces, a group for each name that `side` gives them, and the group `body`.
+fn name_sides(mesh: &mut Mesh, names: &[&str], side: impl Fn(&Mesh, &[u32]) -> usize) {
+    let surface = mesh.surface();
+    (mesh.triangles, mesh.quads) = (surface.triangles, surface.quads);
+    let mut groups: Vec<Group> = names
+        .iter()
+        .map(|&name| Group { name: name.to_owned(), dimension: 2, ..Group::default() })
+        .collect();
+    for (i, triangle) in mesh.triangles.iter().enumerate() {
+        let group = &mut groups[side(mesh, triangle)];
+        group.triangles.push(i as u32);
+        group.vertices.extend(triangle);
+    }
+    for (i, quad) in mesh.quads.iter().enumerate() {
+        let group = &mut groups[side(mesh, quad)];
+        group.quads.push(i as u32);
+        group.vertices.extend(quad);
+    }
+    for group in &mut groups {
+        group.vertices.sort_unstable();
+        group.vertices.dedup();
+    }
+    groups.push(Group {
+        name: "body".to_owned(),
+        dimension: 3,
+        vertices: (0..mesh.points.len() as u32).collect(),
+        tetrahedra: (0..mesh.tetrahedra.len() as u32).collect(),
+        hexahedra: (0..mesh.hexahedra.len() as u32).collect(),
+        ..Group::default()
+    });
+    mesh.groups = groups;
+}
+
+/// The group `body` of a mesh of triangles and quadrilaterals.
+fn whole(mesh: &Mesh) -> Group {
+    Group {
+        name: "body".to_owned(),
+        dimension: 2,
+        vertices: (0..mesh.points.len() as u32).collect(),
+        triangles: (0..mesh.triangles.len() as u32).collect(),
+        quads: (0..mesh.quads.len() as u32).collect(),
+        ..Group::default()
+    }
+}
+
+/// The hexahedra of a grid of `n` cells whose vertex `(i, j, k)` has the index
+/// `(i (ny + 1) + j) (nz + 1) + k`.
+fn grid_hexahedra([nx, ny, nz]: [usize; 3]) -> Vec<[u32; 8]> {
+    let (x, y) = (((ny + 1) * (nz + 1)) as u32, (nz + 1) as u32);
+    let mut hexahedra = Vec::with_capacity(nx * ny * nz);
+    for i in 0..nx as u32 {
+        for j in 0..ny as u32 {
+            for k in 0..nz as u32 {
+                let a = i * x + j * y + k;
+                let bottom = [a, a + x, a + x + y, a + y];
+                let [e, f, g, h] = bottom.map(|v| v + 1);
+                let [a, b, c, d] = bottom;
+                hexahedra.push([a, b, c, d, e, f, g, h]);
+            }
+        }
+    }
+    hexahedra
+}
+
+/// The quadrilaterals of a grid of `n` cells whose vertex `(i, j)` has the index `i (ny + 1) + j`.
+fn grid_quads([nx, ny]: [usize; 2]) -> Vec<[u32; 4]> {
+    let x = (ny + 1) as u32;
+    let corners = (0..nx as u32).flat_map(|i| (0..ny as u32).map(move |j| i * x + j));
+    corners.map(|a| [a, a + x, a + x + 1, a + 1]).collect()
+}
+
+/// Names the six sides of a grid by the first or last vertices along each axis.
+fn name_grid_sides(mesh: &mut Mesh, [nx, ny, nz]: [usize; 3]) {
+    let place = |v: u32| {
+        let (row, k) = (v as usize / (nz + 1), v as usize % (nz + 1));
+        [row / (ny + 1), row % (ny + 1), k]
+    };
+    let sides = [(0, 0), (0, nx), (1, 0), (1, ny), (2, 0), (2, nz)];
+    name_sides(mesh, &["x0", "x1", "y0", "y1", "z0", "z1"], |_, face| {
+        let on = |&(axis, at): &(usize, usize)| face.iter().all(|&v| place(v)[axis] == at);
+        sides.iter().position(on).unwrap_or(0)
+    });
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,246 @@
+//! Writes VTU files and the index of a time series.
+
+use super::super::cells::{CellUse, Column, all_values, columns};
+use super::super::grid::{array_name, cell_mask, mask};
+use crate::mesh::error::MeshError;
+use crate::mesh::{CellData, Group, Mesh};
+use glam::DVec3;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Vertices of a cell of each kind, in the order of the writers.
+const CORNERS: [usize; 4] = [4, 8, 3, 4];
+
+/// What the VTU and VTK writers write; lengths must match the points or cells.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct VtuData<'a> {
+    /// Positions in metres.
+    pub points: &'a [DVec3],
+    /// Tetrahedra, the first cells of the file.
+    pub tetrahedra: &'a [[u32; 4]],
+    /// Hexahedra, the cells after the tetrahedra.
+    pub hexahedra: &'a [[u32; 8]],
+    /// Triangles, the cells after the hexahedra.
+    pub triangles: &'a [[u32; 3]],
+    /// Quadrilaterals, the cells after the triangles.
+    pub quads: &'a [[u32; 4]],
+    /// Named vectors, one for each point, in any unit.
+    pub point_vectors: &'a [(&'a str, &'a [DVec3])],
+    /// Named numbers, one for each point, in any unit.
+    pub point_scalars: &'a [(&'a str, &'a [f64])],
+    /// Named numbers, one for each tetrahedron, then hexahedron, triangle and quadrilateral, in any
+    /// unit.
+    pub cell_scalars: &'a [(&'a str, &'a [f64])],
+    /// Numbers kept with the mesh, written as they were read: three neighbours named `NAME_x`, `NAME_y`
+    /// and `NAME_z` as one vector `NAME`.
+    pub cell_data: &'a [CellData],
+    /// Groups, written as 0/1 arrays named `group:<dimension>:<name>` on points and cells.
+    pub groups: &'a [Group],
+    /// Writes real numbers with 32 instead of 64 bits.
+    pub single_precision: bool,
+}
+
+impl<'a> VtuData<'a> {
+    /// Points, cells and groups of a mesh.
+    pub fn of_mesh(mesh: &'a Mesh) -> Self {
+        VtuData {
+            points: &mesh.points,
+            tetrahedra: &mesh.tetrahedra,
+            hexahedra: &mesh.hexahedra,
+            triangles: &mesh.triangles,
+            quads: &mesh.quads,
+            groups: &mesh.groups,
+            cell_data: &mesh.cell_data,
+            ..VtuData::default()
+        }
+    }
+
+    /// Numbers of tetrahedra, hexahedra, triangles and quadrilaterals.
+    pub(in crate::mesh::io) fn counts(&self) -> [usize; 4] {
+        [self.tetrahedra.len(), self.hexahedra.len(), self.triangles.len(), self.quads.len()]
+    }
+
+    pub(in crate::mesh::io) fn n_cells(&self) -> usize {
+        self.counts().iter().sum()
+    }
+
+    /// Number of the vertices of all cells together.
+    pub(in crate::mesh::io) fn n_corners(&self) -> usize {
+        self.counts().iter().zip(CORNERS).map(|(n, corners)| n * corners).sum()
+    }
+
+    /// The vertices of every cell in the order of the file.
+    pub(in crate::mesh::io) fn cells(&self) -> impl Iterator<Item = &[u32]> {
+        let tets = self.tetrahedra.iter().map(|cell| &cell[..]);
+        let hexes = self.hexahedra.iter().map(|cell| &cell[..]);
+        let triangles = self.triangles.iter().map(|cell| &cell[..]);
+        tets.chain(hexes).chain(triangles).chain(self.quads.iter().map(|cell| &cell[..]))
+    }
+
+    /// The VTK type of every cell in the order of the file.
+    pub(in crate::mesh::io) fn cell_types(&self) -> impl Iterator<Item = u8> {
+        let kinds = self.counts().into_iter().zip([10, 12, 5, 9]);
+        kinds.flat_map(|(n, kind)| std::iter::repeat_n(kind, n))
+    }
+
+    pub(in crate::mesh::io) fn check_lengths(&self) -> Result<(), MeshError> {
+        let (n_points, n_cells) = (self.points.len(), self.n_cells());
+        let vectors =
+            self.point_vectors.iter().map(|(name, v)| (name, v.len(), n_points, "points"));
+        let scalars =
+            self.point_scalars.iter().map(|(name, v)| (name, v.len(), n_points, "points"));
+        let cells = self.cell_scalars.iter().map(|(name, v)| (name, v.len(), n_cells, "cells"));
+        const NAMES: [&str; 4] = ["tetrahedra", "hexahedra", "triangles", "quadrilaterals"];
+        let kinds = || CellUse::KEPT.into_iter().zip(self.counts()).zip(NAMES);
+        let data = self.cell_data.iter().flat_map(|data| {
+            kinds().map(|((cell, expected), cells)| {
+                (&data.name, cell.values(data).len(), expected, cells)
+            })
+        });
+        for (name, found, expected, entities) in data {
+            if found != expected {
+                let what = name.clone();
+                return Err(MeshError::LengthMismatch { what, entities, expected, found });
+            }
+        }
+        for (name, found, expected, entities) in vectors.chain(scalars).chain(cells) {
+            if found != expected {
+                let what = (*name).to_owned();
+                return Err(MeshError::LengthMismatch { what, entities, expected, found });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Writes points, cells, data and groups as a VTU file.
+///
+/// # Errors
+///
+/// [`MeshError::LengthMismatch`] when data do not fit, [`MeshError::Io`] when the file cannot be
+/// written.
+pub fn write_vtu(path: &Path, data: &VtuData<'_>) -> Result<(), MeshError> {
+    super::super::write_file(path, &encode_vtu(data)?)
+}
+
+/// The bytes of a VTU file: arrays appended raw, least significant byte first.
+///
+/// # Errors
+///
+/// [`MeshError::LengthMismatch`] when data do not fit.
+pub fn encode_vtu(data: &VtuData<'_>) -> Result<Vec<u8>, MeshError> {
+    data.check_lengths()?;
+    let (counts, n_cells) = (data.counts(), data.n_cells());
+    let mut out = Output { xml: String::new(), raw: Vec::new(), single: data.single_precision };
+    out.xml.push_str(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" \
+         byte_order=\"LittleEndian\" header_type=\"UInt64\">\n<UnstructuredGrid>\n",
+    );
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        out.xml,
+        "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{n_cells}\">\n<PointData>",
+        data.points.len()
+    );
+    for (name, values) in data.point_vectors {
+        out.reals(name, 3, values.iter().flat_map(|v| v.to_array()));
+    }
+    for (name, values) in data.point_scalars {
+        out.reals(name, 1, values.iter().copied());
+    }
+    for group in data.groups {
+        let members = group.vertices.iter().map(|&v| v as usize);
+        out.array("UInt8", &array_name(group), 1, &mask(data.points.len(), members));
+    }
+    out.xml.push_str("</PointData>\n<CellData>\n");
+    for (name, values) in data.cell_scalars {
+        out.reals(name, 1, values.iter().copied());
+    }
+    for column in columns(data.cell_data) {
+        match column {
+            Column::Scalar(array) if array.integer => {
+                let bytes = all_values(array).flat_map(|v| (v as i64).to_le_bytes());
+                out.array("Int64", &array.name, 1, &bytes.collect::<Vec<u8>>());
+            }
+            Column::Scalar(array) => out.reals(&array.name, 1, all_values(array)),
+            Column::Vector(name, [x, y, z]) => {
+                let yz = all_values(y).zip(all_values(z));
+                out.reals(name, 3, all_values(x).zip(yz).flat_map(|(x, (y, z))| [x, y, z]));
+            }
+        }
+    }
+    for group in data.groups {
+        out.array("UInt8", &array_name(group), 1, &cell_mask(group, counts));
+    }
+    out.xml.push_str("</CellData>\n<Points>\n");
+    out.reals("Points", 3, data.points.iter().flat_map(|p| p.to_array()));
+    out.xml.push_str("</Points>\n<Cells>\n");
+    let vertices = data.cells().flatten();
+    let bytes: Vec<u8> = vertices.flat_map(|&v| i64::from(v).to_le_bytes()).collect();
+    out.array("Int64", "connectivity", 1, &bytes);
+    let mut end = 0;
+    let ends = data.cells().flat_map(|cell| {
+        end += cell.len() as i64;
+        end.to_le_bytes()
+    });
+    out.array("Int64", "offsets", 1, &ends.collect::<Vec<u8>>());
+    out.array("UInt8", "types", 1, &data.cell_types().collect::<Vec<u8>>());
+    out.xml.push_str("</Cells>\n</Piece>\n</UnstructuredGrid>\n<AppendedData encoding=\"raw\">\n_");
+    let mut bytes = out.xml.into_bytes();
+    bytes.extend_from_slice(&out.raw);
+    bytes.extend_from_slice(b"\n</AppendedData>\n</VTKFile>\n");
+    Ok(bytes)
+}
+
+struct Output {
+    xml: String,
+    raw: Vec<u8>,
+    single: bool,
+}
+
+impl Output {
+    fn array(&mut self, kind: &str, name: &str, components: usize, bytes: &[u8]) {
+        let name = escape(name);
+        let offset = self.raw.len();
+        let _ = writeln!(
+            self.xml,
+            "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" \
+             format=\"appended\" offset=\"{offset}\"/>"
+        );
+        self.raw.extend_from_slice(&(bytes.len() as u64).to_le_bytes());
+        self.raw.extend_from_slice(bytes);
+    }
+
+    fn reals(&mut self, name: &str, components: usize, values: impl Iterator<Item = f64>) {
+        if self.single {
+            let bytes: Vec<u8> = values.flat_map(|v| (v as f32).to_le_bytes()).collect();
+            self.array("Float32", name, components, &bytes);
+        } else {
+            let bytes: Vec<u8> = values.flat_map(f64::to_le_bytes).collect();
+            self.array("Float64", name, components, &bytes);
+        }
+    }
+}
+
+/// Text for an attribute; control characters, which XML forbids, become spaces.
+fn escape(text: &str) -> String {
+    let text: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    quick_xml::escape::escape(text).into_owned()
+}
+
+/// Writes the index of a time series: for each step its time (s) and its file, relative to the index.
+///
+/// # Errors
+///
+/// [`MeshError::Io`] when the file cannot be written.
+pub fn write_pvd(path: &Path, steps: &[(f64, String)]) -> Result<(), MeshError> {
+    let mut xml = String::from(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n",
+    );
+    for (time, file) in steps {
+        let _ =
+            writeln!(xml, "<DataSet timestep=\"{time:?}\" part=\"0\" file=\"{}\"/>", escape(file));
+    }
+    xml.push_str("</Collection>\n</VTKFile>\n");
+    super::super::write_file(path, xml.as_bytes())
+}

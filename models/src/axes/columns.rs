@@ -1,0 +1,387 @@
+//! Table columns of axes. An axis entity lies in a tetrahedron and carries its vertex rows; it is no row of
+//! the tetrahedra, so that a body has as many axes in an element as it likes. There are three tables, so
+//! that a scene pays for what it uses: triads (three axes, three angles, volume), single fibres, and the
+//! term of volume alone.
+
+#![allow(
+    clippy::multiple_bound_locations,
+    reason = "the derive macros of bytemuck repeat the bound on S"
+)]
+
+use bevy_ecs::prelude::*;
+use bytemuck::TransparentWrapper;
+use sinew_engine::element::{AxisBlocks, AxisVertices, ShapeGradientColumns, ShapeGradients};
+use sinew_engine::lanes::Lanes;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::vertex::Displacement;
+
+use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
+
+macro_rules! columns {
+    ($($(#[$doc:meta])* $name:ident $(<$($index:ident),+>)?),+ $(,)?) => {$(
+        $(#[$doc])*
+        #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+        #[component(summary_tick)]
+        #[repr(transparent)]
+        pub struct $name<S: Scalar $($(, const $index: usize)+)?>(pub S);
+    )+};
+}
+columns! {
+    /// Component `X` (0, 1, 2) of the unit vector of axis `AXIS` (0, 1, 2) at rest.
+    AxisDirection<AXIS, X>,
+    /// Axial modulus of axis `AXIS` times rest volume (J).
+    AxialStiffness<AXIS>,
+    /// Angular modulus of pair `PAIR` ([`AXIS_PAIRS`](super::element::AXIS_PAIRS)) of axes times rest
+    /// volume (J).
+    AxisAngleStiffness<PAIR>,
+    /// Modulus of the term of volume times rest volume (J).
+    VolumeStiffness,
+    /// Scalar product of a fibre with the shape vector of vertex `VERTEX` (1, 2, 3), 1/m.
+    FibreShape<VERTEX>,
+    /// `1 - r` of a fibre: by how much activation has shortened its rest length (-).
+    FibreShortening,
+    /// Peak active stress of a fibre times activation times rest volume (J).
+    FibreActive,
+    /// `1 - l_opt` of the length-tension curve of a fibre (-).
+    FibreOffset,
+    /// `1/w` of the length-tension curve of a fibre (-).
+    FibreInverseWidth,
+    /// Axial modulus of a fibre without activation times rest volume (J).
+    PassiveStiffness,
+    /// Peak active stress of a fibre times rest volume (J).
+    PeakTension,
+}
+
+/// Muscle that a fibre belongs to: index into [`Muscles`](super::muscle::Muscles);
+/// [`NO_MUSCLE`] for passive fibres.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
+pub struct MuscleIndex(pub u32);
+
+/// Index of fibres without a muscle.
+pub const NO_MUSCLE: u32 = u32::MAX;
+
+/// The three components of axis `A`: query data.
+pub type Direction<S, const A: usize> = (
+    &'static AxisDirection<S, A, 0>,
+    &'static AxisDirection<S, A, 1>,
+    &'static AxisDirection<S, A, 2>,
+);
+/// Slices of [`Direction`].
+pub type DirectionColumns<'a, S, const A: usize> =
+    (&'a [AxisDirection<S, A, 0>], &'a [AxisDirection<S, A, 1>], &'a [AxisDirection<S, A, 2>]);
+/// The components of [`Direction`].
+pub type DirectionBundle<S, const A: usize> =
+    (AxisDirection<S, A, 0>, AxisDirection<S, A, 1>, AxisDirection<S, A, 2>);
+
+/// The components of [`Direction`] from a unit vector.
+pub(crate) fn direction_bundle<S: Scalar, const A: usize>(a: [f64; 3]) -> DirectionBundle<S, A> {
+    let [x, y, z] = a.map(S::from_f64);
+    (AxisDirection(x), AxisDirection(y), AxisDirection(z))
+}
+
+fn peel<'a, S: Scalar, const A: usize>((x, y, z): DirectionColumns<'a, S, A>) -> [&'a [S]; 3] {
+    [AxisDirection::peel_slice(x), AxisDirection::peel_slice(y), AxisDirection::peel_slice(z)]
+}
+
+/// Columns of one table of axes as slices.
+pub trait AxisColumns<S: Scalar>: Copy + Send + Sync {
+    /// Element of a register of rows.
+    type Element<L: Lanes<Scalar = S>>: AxisElement<L>;
+    /// Displacement of every vertex row (m).
+    fn displacement(&self) -> &[[S; 4]];
+    /// Vertex rows.
+    fn nodes(&self) -> &[[u32; 4]];
+    /// Tangent blocks.
+    fn blocks(&self) -> &[[u32; 6]];
+    /// The elements from `first` on.
+    fn element<L: Lanes<Scalar = S>>(&self, first: usize) -> Self::Element<L>;
+
+    /// Displacements of the vertices of the elements from `first` on.
+    #[inline(always)]
+    fn displacements<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 4] {
+        let nodes = &self.nodes()[first..];
+        let mut u = [[L::ZERO; 3]; 4];
+        for a in 0..4 {
+            u[a] = L::load_rows(self.displacement(), nodes, a);
+        }
+        u
+    }
+}
+
+/// What all tables of axes have.
+#[derive(Clone, Copy, Debug)]
+struct Shared<'a, S> {
+    displacement: &'a [[S; 4]],
+    nodes: &'a [[u32; 4]],
+    blocks: &'a [[u32; 6]],
+}
+
+impl<'a, S: Scalar> Shared<'a, S> {
+    fn new(
+        displacement: &'a [Displacement<S>],
+        nodes: &'a [AxisVertices],
+        blocks: &'a [AxisBlocks],
+    ) -> Self {
+        Self {
+            displacement: Displacement::peel_slice(displacement),
+            nodes: AxisVertices::peel_slice(nodes),
+            blocks: AxisBlocks::peel_slice(blocks),
+        }
+    }
+}
+
+macro_rules! shared {
+    () => {
+        #[inline(always)]
+        fn displacement(&self) -> &[[S; 4]] {
+            self.shared.displacement
+        }
+        #[inline(always)]
+        fn nodes(&self) -> &[[u32; 4]] {
+            self.shared.nodes
+        }
+        #[inline(always)]
+        fn blocks(&self) -> &[[u32; 6]] {
+            self.shared.blocks
+        }
+    };
+}
+
+fn gradient_columns<'a, S: Scalar>((a, b, c): ShapeGradientColumns<'a, S>) -> [&'a [S]; 9] {
+    use sinew_engine::element::ShapeGradient as D;
+    [
+        D::peel_slice(a.0),
+        D::peel_slice(a.1),
+        D::peel_slice(a.2),
+        D::peel_slice(b.0),
+        D::peel_slice(b.1),
+        D::peel_slice(b.2),
+        D::peel_slice(c.0),
+        D::peel_slice(c.1),
+        D::peel_slice(c.2),
+    ]
+}
+
+#[inline(always)]
+fn load_matrix<L: Lanes>(columns: &[&[L::Scalar]; 9], first: usize) -> [[L; 3]; 3] {
+    let mut m = [[L::ZERO; 3]; 3];
+    for a in 0..3 {
+        for x in 0..3 {
+            m[a][x] = L::load(&columns[3 * a + x][first..]);
+        }
+    }
+    m
+}
+
+#[inline(always)]
+fn load_vector<L: Lanes>(columns: &[&[L::Scalar]; 3], first: usize) -> [L; 3] {
+    [L::load(&columns[0][first..]), L::load(&columns[1][first..]), L::load(&columns[2][first..])]
+}
+
+/// Columns of the table of triads.
+#[derive(Clone, Copy, Debug)]
+pub struct TriadColumns<'a, S> {
+    shared: Shared<'a, S>,
+    gradients: [&'a [S]; 9],
+    axes: [&'a [S]; 9],
+    axial: [&'a [S]; 3],
+    angular: [&'a [S]; 3],
+    volumetric: &'a [S],
+}
+
+/// Query data of [`TriadColumns`].
+pub type TriadData<S> = (
+    (&'static AxisVertices, &'static AxisBlocks),
+    ShapeGradients<S>,
+    (Direction<S, 0>, Direction<S, 1>, Direction<S, 2>),
+    (&'static AxialStiffness<S, 0>, &'static AxialStiffness<S, 1>, &'static AxialStiffness<S, 2>),
+    (
+        &'static AxisAngleStiffness<S, 0>,
+        &'static AxisAngleStiffness<S, 1>,
+        &'static AxisAngleStiffness<S, 2>,
+    ),
+    &'static VolumeStiffness<S>,
+);
+
+/// Slices of [`TriadData`].
+pub type TriadSlices<'a, S> = (
+    (&'a [AxisVertices], &'a [AxisBlocks]),
+    ShapeGradientColumns<'a, S>,
+    (DirectionColumns<'a, S, 0>, DirectionColumns<'a, S, 1>, DirectionColumns<'a, S, 2>),
+    (&'a [AxialStiffness<S, 0>], &'a [AxialStiffness<S, 1>], &'a [AxialStiffness<S, 2>]),
+    (
+        &'a [AxisAngleStiffness<S, 0>],
+        &'a [AxisAngleStiffness<S, 1>],
+        &'a [AxisAngleStiffness<S, 2>],
+    ),
+    &'a [VolumeStiffness<S>],
+);
+
+impl<'a, S: Scalar> TriadColumns<'a, S> {
+    /// From table columns.
+    pub fn new(
+        displacement: &'a [Displacement<S>],
+        ((nodes, blocks), gradients, axes, axial, angular, volumetric): TriadSlices<'a, S>,
+    ) -> Self {
+        let ([a, b, c], [d, e, f], [g, h, i]) = (peel(axes.0), peel(axes.1), peel(axes.2));
+        Self {
+            shared: Shared::new(displacement, nodes, blocks),
+            gradients: gradient_columns(gradients),
+            axes: [a, b, c, d, e, f, g, h, i],
+            axial: [
+                AxialStiffness::peel_slice(axial.0),
+                AxialStiffness::peel_slice(axial.1),
+                AxialStiffness::peel_slice(axial.2),
+            ],
+            angular: [
+                AxisAngleStiffness::peel_slice(angular.0),
+                AxisAngleStiffness::peel_slice(angular.1),
+                AxisAngleStiffness::peel_slice(angular.2),
+            ],
+            volumetric: VolumeStiffness::peel_slice(volumetric),
+        }
+    }
+}
+
+impl<S: Scalar> AxisColumns<S> for TriadColumns<'_, S> {
+    type Element<L: Lanes<Scalar = S>> = Triad<L>;
+    shared!();
+    #[inline(always)]
+    fn element<L: Lanes<Scalar = S>>(&self, first: usize) -> Triad<L> {
+        Triad {
+            gradients: load_matrix(&self.gradients, first),
+            axes: load_matrix(&self.axes, first),
+            axial: load_vector(&self.axial, first),
+            angular: load_vector(&self.angular, first),
+            volumetric: L::load(&self.volumetric[first..]),
+        }
+    }
+}
+
+/// Columns of the table of fibres.
+#[derive(Clone, Copy, Debug)]
+pub struct FibreColumns<'a, S> {
+    shared: Shared<'a, S>,
+    shape: [&'a [S]; 3],
+    axis: [&'a [S]; 3],
+    stiffness: &'a [S],
+    shortening: &'a [S],
+    active: &'a [S],
+    offset: &'a [S],
+    inverse_width: &'a [S],
+}
+
+/// Query data of [`FibreColumns`].
+pub type FibreData<S> = (
+    (&'static AxisVertices, &'static AxisBlocks),
+    (&'static FibreShape<S, 1>, &'static FibreShape<S, 2>, &'static FibreShape<S, 3>),
+    Direction<S, 0>,
+    (
+        &'static AxialStiffness<S, 0>,
+        &'static FibreShortening<S>,
+        &'static FibreActive<S>,
+        &'static FibreOffset<S>,
+        &'static FibreInverseWidth<S>,
+    ),
+);
+
+/// Slices of [`FibreData`].
+pub type FibreSlices<'a, S> = (
+    (&'a [AxisVertices], &'a [AxisBlocks]),
+    (&'a [FibreShape<S, 1>], &'a [FibreShape<S, 2>], &'a [FibreShape<S, 3>]),
+    DirectionColumns<'a, S, 0>,
+    (
+        &'a [AxialStiffness<S, 0>],
+        &'a [FibreShortening<S>],
+        &'a [FibreActive<S>],
+        &'a [FibreOffset<S>],
+        &'a [FibreInverseWidth<S>],
+    ),
+);
+
+impl<'a, S: Scalar> FibreColumns<'a, S> {
+    /// From table columns.
+    pub fn new(
+        displacement: &'a [Displacement<S>],
+        ((nodes, blocks), shape, axis, own): FibreSlices<'a, S>,
+    ) -> Self {
+        let (stiffness, shortening, active, offset, inverse_width) = own;
+        Self {
+            shared: Shared::new(displacement, nodes, blocks),
+            shape: [
+                FibreShape::peel_slice(shape.0),
+                FibreShape::peel_slice(shape.1),
+                FibreShape::peel_slice(shape.2),
+            ],
+            axis: peel(axis),
+            stiffness: AxialStiffness::peel_slice(stiffness),
+            shortening: FibreShortening::peel_slice(shortening),
+            active: FibreActive::peel_slice(active),
+            offset: FibreOffset::peel_slice(offset),
+            inverse_width: FibreInverseWidth::peel_slice(inverse_width),
+        }
+    }
+}
+
+impl<S: Scalar> AxisColumns<S> for FibreColumns<'_, S> {
+    type Element<L: Lanes<Scalar = S>> = Fibre<L>;
+    shared!();
+    #[inline(always)]
+    fn element<L: Lanes<Scalar = S>>(&self, first: usize) -> Fibre<L> {
+        Fibre {
+            shape: load_vector(&self.shape, first),
+            axis: load_vector(&self.axis, first),
+            stiffness: L::load(&self.stiffness[first..]),
+            shortening: L::load(&self.shortening[first..]),
+            active: L::load(&self.active[first..]),
+            offset: L::load(&self.offset[first..]),
+            inverse_width: L::load(&self.inverse_width[first..]),
+        }
+    }
+}
+
+/// Filter of the table of terms of volume, since triads hold one too.
+pub type VolumeAlone<S> = (With<VolumeStiffness<S>>, Without<AxialStiffness<S, 0>>);
+
+/// Columns of the table of terms of volume.
+#[derive(Clone, Copy, Debug)]
+pub struct VolumeColumns<'a, S> {
+    shared: Shared<'a, S>,
+    gradients: [&'a [S]; 9],
+    volumetric: &'a [S],
+}
+
+/// Query data of [`VolumeColumns`].
+pub type VolumeData<S> =
+    ((&'static AxisVertices, &'static AxisBlocks), ShapeGradients<S>, &'static VolumeStiffness<S>);
+
+/// Slices of [`VolumeData`].
+pub type VolumeSlices<'a, S> =
+    ((&'a [AxisVertices], &'a [AxisBlocks]), ShapeGradientColumns<'a, S>, &'a [VolumeStiffness<S>]);
+
+impl<'a, S: Scalar> VolumeColumns<'a, S> {
+    /// From table columns.
+    pub fn new(
+        displacement: &'a [Displacement<S>],
+        ((nodes, blocks), gradients, volumetric): VolumeSlices<'a, S>,
+    ) -> Self {
+        Self {
+            shared: Shared::new(displacement, nodes, blocks),
+            gradients: gradient_columns(gradients),
+            volumetric: VolumeStiffness::peel_slice(volumetric),
+        }
+    }
+}
+
+impl<S: Scalar> AxisColumns<S> for VolumeColumns<'_, S> {
+    type Element<L: Lanes<Scalar = S>> = VolumeTerm<L>;
+    shared!();
+    #[inline(always)]
+    fn element<L: Lanes<Scalar = S>>(&self, first: usize) -> VolumeTerm<L> {
+        VolumeTerm {
+            gradients: load_matrix(&self.gradients, first),
+            volumetric: L::load(&self.volumetric[first..]),
+        }
+    }
+}

@@ -1,0 +1,376 @@
+//! What axes a body has, as the user states it, and how they are packed into tables.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+
+use super::muscle::{MuscleError, MuscleSettings};
+use crate::material::LameParameters;
+
+/// Which formulas axes follow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AxisForm {
+    /// Forces that are the gradient of an energy ([`element`](super::element); default).
+    #[default]
+    EnergyConsistent,
+    /// Bourguignon & Cani 2000 as printed ([`printed`](super::printed)), for comparison. Spring constants
+    /// follow from the moduli such that both forms agree near rest: `Y V/L^2` (N/m) along an axis,
+    /// `G V/sqrt(L_i L_j)` (N) between two, `9 Lambda V/(16 R^2)` (N/m) for the sum of radii, with the lengths L
+    /// of the chords and the mean radius R of the element.
+    Printed,
+    /// The same with the mean force of the volume springs subtracted, so that they have no resultant.
+    PrintedBalanced,
+}
+
+/// Axes of one kind: a direction in every tetrahedron and a modulus along it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AxisFamily<'a> {
+    /// Name, unique among the families of the body.
+    pub name: Cow<'a, str>,
+    /// Directions at rest in the order of the user's tetrahedra, or one for all of them. Other lengths
+    /// than 1 are repaired and counted ([`BodyAxes::repaired`]).
+    pub directions: Cow<'a, [DVec3]>,
+    /// Modulus along the axis (Pa): stress per stretch, over the rest area.
+    pub modulus: f64,
+    /// Factor on modulus and muscle tension in every tetrahedron, 1 without; where it is 0 the direction
+    /// may be anything.
+    pub share: Option<Cow<'a, [f64]>>,
+    /// Makes the fibres active.
+    pub muscle: Option<MuscleSettings>,
+}
+
+impl<'a> AxisFamily<'a> {
+    /// A passive family.
+    pub fn new(name: &'a str, directions: &'a [DVec3], modulus: f64) -> Self {
+        Self {
+            name: Cow::Borrowed(name),
+            directions: Cow::Borrowed(directions),
+            modulus,
+            share: None,
+            muscle: None,
+        }
+    }
+
+    /// Direction in a tetrahedron, not normalised.
+    pub(crate) fn direction(&self, tetrahedron: usize) -> DVec3 {
+        match self.directions.len() {
+            1 => self.directions[0],
+            _ => self.directions[tetrahedron],
+        }
+    }
+
+    pub(crate) fn share(&self, tetrahedron: usize) -> f64 {
+        self.share.as_ref().map_or(1.0, |share| share[tetrahedron])
+    }
+
+    fn into_owned(self) -> AxisFamily<'static> {
+        AxisFamily {
+            name: Cow::Owned(self.name.into_owned()),
+            directions: Cow::Owned(self.directions.into_owned()),
+            modulus: self.modulus,
+            share: self.share.map(|s| Cow::Owned(s.into_owned())),
+            muscle: self.muscle,
+        }
+    }
+}
+
+/// A spring on the angle between the axes of two families.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisAngle {
+    /// Indices of the two families.
+    pub families: [usize; 2],
+    /// Modulus (Pa): energy density `G/2 (cos - cos_rest)^2`. It is the shear modulus in the plane of
+    /// orthogonal axes.
+    pub modulus: f64,
+}
+
+/// Axes of a body.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AxesDescription<'a> {
+    /// Any number of directions per tetrahedron.
+    pub families: Vec<AxisFamily<'a>>,
+    /// Angles between them that are springs.
+    pub angles: Vec<AxisAngle>,
+    /// Modulus `Lambda` of the term of volume `Lambda/2 (J-1)^2` (Pa), 0 without it.
+    pub volume_modulus: f64,
+    /// Formulas.
+    pub form: AxisForm,
+}
+
+/// Coordinate directions of [`AxesDescription::isotropic`].
+const COORDINATES: [[DVec3; 1]; 3] = [[DVec3::X], [DVec3::Y], [DVec3::Z]];
+
+impl AxesDescription<'_> {
+    /// Axes along x, y and z that amount to an isotropic material at small strain: `Y = 2 mu`, `G = mu`,
+    /// `Lambda = lambda`.
+    pub fn isotropic(material: LameParameters) -> AxesDescription<'static> {
+        let family = |name, i: usize| AxisFamily::new(name, &COORDINATES[i], 2.0 * material.mu);
+        let angle = |families| AxisAngle { families, modulus: material.mu };
+        AxesDescription {
+            families: vec![family("x", 0), family("y", 1), family("z", 2)],
+            angles: vec![angle([0, 1]), angle([0, 2]), angle([1, 2])],
+            volume_modulus: material.lambda,
+            form: AxisForm::EnergyConsistent,
+        }
+    }
+
+    /// The same with data of its own.
+    pub fn into_owned(self) -> AxesDescription<'static> {
+        AxesDescription {
+            families: self.families.into_iter().map(AxisFamily::into_owned).collect(),
+            angles: self.angles,
+            volume_modulus: self.volume_modulus,
+            form: self.form,
+        }
+    }
+
+    /// The axes of some tetrahedra, which are numbered anew in this order.
+    pub(crate) fn of_tetrahedra(&self, tetrahedra: &[usize]) -> AxesDescription<'static> {
+        let mut own = self.clone().into_owned();
+        for family in &mut own.families {
+            if family.directions.len() > 1 {
+                let left = tetrahedra.iter().map(|&t| family.directions[t]).collect();
+                family.directions = Cow::Owned(left);
+            }
+            if let Some(share) = &family.share {
+                let left = tetrahedra.iter().map(|&t| share[t]).collect();
+                family.share = Some(Cow::Owned(left));
+            }
+        }
+        own
+    }
+
+    /// Checks everything for a body of `count` tetrahedra.
+    ///
+    /// # Errors
+    /// The first thing that cannot be used.
+    pub fn validate(&self, count: usize) -> Result<(), AxesError> {
+        if count == 0 {
+            return Err(AxesError::NoTetrahedra);
+        }
+        if self.families.is_empty() && self.volume_modulus == 0.0 {
+            return Err(AxesError::Nothing);
+        }
+        let modulus = |what: String, value: f64| match value >= 0.0 && value.is_finite() {
+            true => Ok(()),
+            false => Err(AxesError::Modulus { what, value }),
+        };
+        modulus("the term of volume".into(), self.volume_modulus)?;
+        for (i, family) in self.families.iter().enumerate() {
+            let name = || family.name.to_string();
+            if self.families[..i].iter().any(|other| other.name == family.name) {
+                return Err(AxesError::Duplicate { family: name() });
+            }
+            modulus(format!("family `{}`", family.name), family.modulus)?;
+            let found = family.directions.len();
+            if found != 1 && found != count {
+                return Err(AxesError::Length { family: name(), what: "directions", found, count });
+            }
+            if let Some(share) = &family.share {
+                let found = share.len();
+                if found != count {
+                    return Err(AxesError::Length { family: name(), what: "shares", found, count });
+                }
+                if let Some(tetrahedron) = share.iter().position(|x| !(*x >= 0.0 && x.is_finite()))
+                {
+                    let value = share[tetrahedron];
+                    return Err(AxesError::Share { family: name(), tetrahedron, value });
+                }
+            }
+            for tetrahedron in 0..if found == 1 { 1 } else { count } {
+                let value = family.direction(tetrahedron);
+                let unused = found > 1 && family.share(tetrahedron) == 0.0;
+                if !unused && value.try_normalize().is_none() {
+                    return Err(AxesError::Direction { family: name(), tetrahedron, value });
+                }
+            }
+            if let Some(muscle) = &family.muscle {
+                let error = |source| AxesError::Muscle { family: name(), source };
+                muscle.validate().map_err(error)?;
+                if self.form != AxisForm::EnergyConsistent {
+                    return Err(AxesError::PrintedMuscle { family: name() });
+                }
+            }
+        }
+        for angle in &self.angles {
+            let [i, j] = angle.families;
+            if i == j || i.max(j) >= self.families.len() {
+                let count = self.families.len();
+                return Err(AxesError::Angle { families: angle.families, count });
+            }
+            modulus(format!("the angle of families {i} and {j}"), angle.modulus)?;
+        }
+        Ok(())
+    }
+
+    /// How many directions of each family are not of unit length (by more than rounding).
+    pub(crate) fn count_repairs(&self) -> Vec<usize> {
+        let off = |a: &&DVec3| (a.length() - 1.0).abs() > 1e-6 && a.try_normalize().is_some();
+        self.families.iter().map(|f| f.directions.iter().filter(off).count()).collect()
+    }
+
+    /// Packs families and angles into what one entity holds. Angles are covered by triads as long as
+    /// there are any; a passive family goes with the first triad that has it, others are single fibres.
+    pub(crate) fn pack(&self) -> Vec<AxisGroup> {
+        let mut left: Vec<([usize; 2], f64)> = Vec::new();
+        for AxisAngle { families: [i, j], modulus } in self.angles.iter().copied() {
+            let pair = [i.min(j), i.max(j)];
+            match left.iter_mut().find(|(known, _)| *known == pair) {
+                Some((_, sum)) => *sum += modulus,
+                None => left.push((pair, modulus)),
+            }
+        }
+        let mut groups = Vec::new();
+        let mut placed: Vec<bool> = self.families.iter().map(|f| f.muscle.is_some()).collect();
+        let mut volume = self.volume_modulus;
+        while let Some(&([i, j], _)) = left.first() {
+            let pairs = |k: usize| [[i.min(k), i.max(k)], [j.min(k), j.max(k)]];
+            let known = |pair: &[usize; 2]| left.iter().any(|(p, _)| p == pair);
+            let others = (0..self.families.len()).filter(|&k| k != i && k != j);
+            // as many angles as possible, then as many new axes, then the first
+            let third = others.max_by_key(|&k| {
+                let covered = pairs(k).iter().filter(|p| known(p)).count();
+                (covered, !placed[k], std::cmp::Reverse(k))
+            });
+            let axes = [Some(i), Some(j), third];
+            let mut angles = [0.0; 3];
+            for (angle, [a, b]) in angles.iter_mut().zip(super::element::AXIS_PAIRS) {
+                let (Some(a), Some(b)) = (axes[a], axes[b]) else { continue };
+                let pair = [a.min(b), a.max(b)];
+                if let Some(at) = left.iter().position(|(p, _)| *p == pair) {
+                    *angle = left.remove(at).1;
+                }
+            }
+            let axial = axes.map(|axis| {
+                axis.map_or(0.0, |axis| {
+                    let new = !std::mem::replace(&mut placed[axis], true);
+                    if new { self.families[axis].modulus } else { 0.0 }
+                })
+            });
+            groups.push(AxisGroup::Triad { axes, axial, angles, volume });
+            volume = 0.0;
+        }
+        for (i, family) in self.families.iter().enumerate() {
+            if !placed[i] || family.muscle.is_some() {
+                groups.push(AxisGroup::Fibre(i));
+            }
+        }
+        if volume > 0.0 {
+            groups.push(AxisGroup::Volume(volume));
+        }
+        groups
+    }
+}
+
+/// What one axis entity of a tetrahedron holds.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum AxisGroup {
+    /// Families of the axes (`None`: any direction), their moduli, those of their angles and of volume (Pa).
+    Triad { axes: [Option<usize>; 3], axial: [f64; 3], angles: [f64; 3], volume: f64 },
+    /// A family.
+    Fibre(usize),
+    /// Modulus of volume (Pa).
+    Volume(f64),
+}
+
+/// Axes that a body was spawned with.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BodyAxes {
+    /// What the user gave.
+    pub description: AxesDescription<'static>,
+    /// How many directions of each family were not of unit length and have been made so.
+    pub repaired: Vec<usize>,
+}
+
+/// Axes that cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AxesError {
+    /// A body without tetrahedra.
+    #[error("axes lie in tetrahedra, and the body has none; leave them out or fill the body")]
+    NoTetrahedra,
+    /// Neither families nor a term of volume.
+    #[error("there is no axis and no volume modulus; give a family, or leave the axes out")]
+    Nothing,
+    /// A body of axes alone without axes.
+    #[error("model \"axes\" needs a description of axes; give one or choose another model")]
+    Missing,
+    /// Two families of a name.
+    #[error("there are two families `{family}`; names must be unique")]
+    Duplicate {
+        /// Name of the family.
+        family: String,
+    },
+    /// A modulus out of range.
+    #[error("modulus of {what} is {value} Pa; it must be finite and not negative")]
+    Modulus {
+        /// What has it.
+        what: String,
+        /// The modulus (Pa).
+        value: f64,
+    },
+    /// A list of another length than the mesh.
+    #[error("family `{family}` has {found} {what} for {count} tetrahedra; give one for each")]
+    Length {
+        /// Name of the family.
+        family: String,
+        /// What the list holds.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// Number of tetrahedra.
+        count: usize,
+    },
+    /// A direction that is none.
+    #[error(
+        "family `{family}`, tetrahedron {tetrahedron}: {value} is no direction; give a finite vector \
+         that is not zero, or set the share of the family to 0 there"
+    )]
+    Direction {
+        /// Name of the family.
+        family: String,
+        /// Index in the user's mesh.
+        tetrahedron: usize,
+        /// The direction.
+        value: DVec3,
+    },
+    /// A share out of range.
+    #[error(
+        "family `{family}`, tetrahedron {tetrahedron}: share is {value}; it must be finite and not \
+         negative"
+    )]
+    Share {
+        /// Name of the family.
+        family: String,
+        /// Index in the user's mesh.
+        tetrahedron: usize,
+        /// The share.
+        value: f64,
+    },
+    /// An angle between families that do not exist or are the same.
+    #[error("an angle is between families {families:?} of {count}; it needs two different ones")]
+    Angle {
+        /// The families.
+        families: [usize; 2],
+        /// Number of families.
+        count: usize,
+    },
+    /// A muscle that cannot be used.
+    #[error("muscle of family `{family}`: {source}")]
+    Muscle {
+        /// Name of the family.
+        family: String,
+        /// What is wrong.
+        source: MuscleError,
+    },
+    /// An active family in the printed form.
+    #[error(
+        "family `{family}` is active, which the printed form of axes does not know; use the form \
+         \"energy_consistent\""
+    )]
+    PrintedMuscle {
+        /// Name of the family.
+        family: String,
+    },
+}

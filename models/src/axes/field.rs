@@ -1,0 +1,434 @@
+//! Fibre fields: a unit vector in every tetrahedron of a mesh, for
+//! [`AxisFamily::directions`](super::description::AxisFamily::directions).
+//!
+//! Where a field comes from: cell data of the mesh ([`from_cell_data`]), a formula ([`from_formula`]), two
+//! surfaces ([`Laplace`], the rule-based fibres of heart models), or a generator ([`circular`],
+//! [`hemicircular`], [`helicoidal`], [`random`]). A constant field needs none of these: a family takes one
+//! direction for all tetrahedra.
+
+use exmex::{Express, FlatEx};
+use glam::DVec3;
+use sinew_engine::mesh::{CellData, Mesh};
+
+use crate::precompute::RestTetrahedron;
+
+/// A direction in every tetrahedron, in the order of the mesh.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FibreField {
+    /// Unit vectors.
+    pub directions: Vec<DVec3>,
+    /// How many were not of unit length and have been made so; only vectors that somebody gave count.
+    pub repaired: usize,
+}
+
+/// A fibre field that cannot be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FibreError {
+    /// The mesh has no such data.
+    #[error(
+        "the mesh {source_name} has no cell data `{name}_x`, `{name}_y` and `{name}_z` (a VTU array \
+         `{name}` of three components gives them); it has: {known:?}"
+    )]
+    Data {
+        /// File or generator of the mesh.
+        source_name: String,
+        /// Name of the field.
+        name: String,
+        /// Names that it has.
+        known: Vec<String>,
+    },
+    /// A vector that is no direction.
+    #[error(
+        "{what}: the vector {value} of tetrahedron {tetrahedron} has no direction; it must be finite and \
+         not zero"
+    )]
+    Direction {
+        /// Where the field comes from.
+        what: String,
+        /// Index in the mesh.
+        tetrahedron: usize,
+        /// The vector.
+        value: DVec3,
+    },
+    /// A formula that cannot be read.
+    #[error("formula of {component} `{text}`: {reason}; use x, y and z (m), numbers and functions")]
+    Formula {
+        /// `x`, `y` or `z`.
+        component: char,
+        /// The formula.
+        text: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A tetrahedron without volume, or with vertices that do not exist.
+    #[error("tetrahedron {tetrahedron} has no usable shape; run the mesh check")]
+    Shape {
+        /// Index in the mesh.
+        tetrahedron: usize,
+    },
+    /// A surface without vertices.
+    #[error("the {which} surface has no vertex of the body; name a group of its vertices")]
+    Surface {
+        /// `inner` or `outer`.
+        which: &'static str,
+    },
+    /// Surfaces that touch.
+    #[error("vertex {vertex} belongs to both surfaces, between which the rule runs; separate them")]
+    Overlap {
+        /// Index in the mesh.
+        vertex: u32,
+    },
+    /// No solution.
+    #[error(
+        "the Laplace problem was not solved to {tolerance:e} within {iterations} iterations: its residual \
+         is {residual:e}; look for tetrahedra of bad shape"
+    )]
+    Unsolved {
+        /// Relative residual wanted.
+        tolerance: f64,
+        /// Iterations made.
+        iterations: usize,
+        /// Relative residual reached.
+        residual: f64,
+    },
+    /// An axis or angle that cannot be used.
+    #[error("{what} is {value}; it must be finite{remedy}")]
+    Parameter {
+        /// Which one.
+        what: &'static str,
+        /// Its value.
+        value: String,
+        /// What else it must be.
+        remedy: &'static str,
+    },
+}
+
+/// Unit vectors from any.
+fn normalised(what: &str, vectors: Vec<DVec3>, given: bool) -> Result<FibreField, FibreError> {
+    let mut field = FibreField { directions: vectors, repaired: 0 };
+    for (tetrahedron, v) in field.directions.iter_mut().enumerate() {
+        let Some(unit) = v.try_normalize() else {
+            return Err(FibreError::Direction { what: what.into(), tetrahedron, value: *v });
+        };
+        field.repaired += usize::from(given && (v.length() - 1.0).abs() > 1e-6);
+        *v = unit;
+    }
+    Ok(field)
+}
+
+fn axis_of(value: DVec3) -> Result<DVec3, FibreError> {
+    value.try_normalize().ok_or_else(|| FibreError::Parameter {
+        what: "the axis",
+        value: value.to_string(),
+        remedy: " and not zero",
+    })
+}
+
+fn barycentres(mesh: &Mesh) -> Result<Vec<DVec3>, FibreError> {
+    let of = |(tetrahedron, t): (usize, &[u32; 4])| {
+        let sum =
+            t.iter().try_fold(DVec3::ZERO, |sum, &v| Some(sum + *mesh.points.get(v as usize)?));
+        sum.map(|sum| sum / 4.0).ok_or(FibreError::Shape { tetrahedron })
+    };
+    mesh.tetrahedra.iter().enumerate().map(of).collect()
+}
+
+/// The field that the mesh file keeps with its tetrahedra as `NAME_x`, `NAME_y` and `NAME_z`; readers of VTU
+/// and VTK files split arrays of three components into these.
+///
+/// # Errors
+/// When there are no such data, or a vector is zero or not finite (a file without a value gives NaN).
+pub fn from_cell_data(mesh: &Mesh, name: &str) -> Result<FibreField, FibreError> {
+    let column = |axis: &str| mesh.data(&format!("{name}_{axis}"));
+    let (Some(x), Some(y), Some(z)) = (column("x"), column("y"), column("z")) else {
+        let known = mesh.cell_data.iter().map(|d| d.name.clone()).collect();
+        let (source_name, name) = (mesh.source.clone(), name.to_string());
+        return Err(FibreError::Data { source_name, name, known });
+    };
+    let parts = x.tetrahedra.iter().zip(&y.tetrahedra).zip(&z.tetrahedra);
+    let vectors = parts.map(|((&x, &y), &z)| DVec3::new(x, y, z)).collect();
+    normalised(&format!("cell data `{name}`"), vectors, true)
+}
+
+/// Cell data `NAME_x`, `NAME_y`, `NAME_z` of a field, for writers of mesh files.
+pub fn to_cell_data(name: &str, directions: &[DVec3], triangles: usize) -> [CellData; 3] {
+    ["x", "y", "z"].map(|axis| CellData {
+        name: format!("{name}_{axis}"),
+        integer: false,
+        tetrahedra: directions
+            .iter()
+            .map(|d| match axis {
+                "x" => d.x,
+                "y" => d.y,
+                _ => d.z,
+            })
+            .collect(),
+        triangles: vec![f64::NAN; triangles],
+        ..CellData::default()
+    })
+}
+
+/// Three formulas in `x`, `y` and `z` (m), taken at the barycentres of the tetrahedra; any length.
+///
+/// ```
+/// # use sinew_engine::mesh::Mesh;
+/// # use glam::DVec3;
+/// use sinew_models::axes::field::from_formula;
+/// let mesh = Mesh {
+///     points: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z],
+///     tetrahedra: vec![[0, 1, 2, 3]],
+///     ..Mesh::default()
+/// };
+/// let field = from_formula(&mesh, ["-y", "x", "0"])?;
+/// assert!((field.directions[0] - DVec3::new(-0.5_f64.sqrt(), 0.5_f64.sqrt(), 0.0)).length() < 1e-15);
+/// # Ok::<(), sinew_models::axes::field::FibreError>(())
+/// ```
+///
+/// # Errors
+/// When a formula cannot be read or gives a vector that is zero or not finite.
+pub fn from_formula(mesh: &Mesh, formulas: [&str; 3]) -> Result<FibreField, FibreError> {
+    let mut parsed = Vec::new();
+    for (component, text) in ['x', 'y', 'z'].into_iter().zip(formulas) {
+        let error = |reason: String| FibreError::Formula { component, text: text.into(), reason };
+        let formula = FlatEx::<f64>::parse(text).map_err(|e| error(e.to_string()))?;
+        let names = formula.var_names().to_vec();
+        let places: Option<Vec<usize>> =
+            names.iter().map(|n| ["x", "y", "z"].iter().position(|k| k == n)).collect();
+        let Some(places) = places else {
+            return Err(error(format!("it has the variables {names:?}")));
+        };
+        parsed.push((formula, places, component, text));
+    }
+    let mut vectors = Vec::with_capacity(mesh.tetrahedra.len());
+    for centre in barycentres(mesh)? {
+        let at = centre.to_array();
+        let mut value = [0.0; 3];
+        for (value, (formula, places, component, text)) in value.iter_mut().zip(&parsed) {
+            let arguments: Vec<f64> = places.iter().map(|&k| at[k]).collect();
+            *value = formula.eval(&arguments).map_err(|e| FibreError::Formula {
+                component: *component,
+                text: text.to_string(),
+                reason: e.to_string(),
+            })?;
+        }
+        vectors.push(DVec3::from_array(value));
+    }
+    normalised("formula", vectors, false)
+}
+
+/// Directions round an axis through `centre` (m); on the axis, any across it.
+///
+/// # Errors
+/// When the axis is no direction.
+pub fn circular(mesh: &Mesh, centre: DVec3, axis: DVec3) -> Result<FibreField, FibreError> {
+    helicoidal(mesh, centre, axis, 0.0)
+}
+
+/// Half circles (the C shape of Bourguignon & Cani 2000, figure 6): round the axis `axis` through the middle
+/// of the side of the mesh's box that `side` points to.
+///
+/// # Errors
+/// When a direction is none, or the mesh has no points.
+pub fn hemicircular(mesh: &Mesh, axis: DVec3, side: DVec3) -> Result<FibreField, FibreError> {
+    let side = axis_of(side)?;
+    let Some((low, high)) = mesh.bounds() else { return Err(FibreError::Shape { tetrahedron: 0 }) };
+    let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+    // from the middle to the box along the side
+    let reach = half / side.abs();
+    circular(mesh, middle + side * reach.min_element(), axis)
+}
+
+/// Concentric helices round an axis through `centre` (m), rising along it by `pitch` (rad, between the fibre
+/// and the plane across the axis).
+///
+/// # Errors
+/// When the axis is no direction or the angle is not finite.
+pub fn helicoidal(
+    mesh: &Mesh,
+    centre: DVec3,
+    axis: DVec3,
+    pitch: f64,
+) -> Result<FibreField, FibreError> {
+    let axis = axis_of(axis)?;
+    if !(pitch.is_finite() && centre.is_finite()) {
+        let value = format!("{pitch} rad about {centre}");
+        return Err(FibreError::Parameter { what: "the helix", value, remedy: "" });
+    }
+    let across = axis.any_orthonormal_vector();
+    let round = |x: DVec3| axis.cross(x - centre).try_normalize().unwrap_or(across);
+    let vectors = barycentres(mesh)?.into_iter();
+    let vectors = vectors.map(|x| round(x) * pitch.cos() + axis * pitch.sin()).collect();
+    normalised("helix", vectors, false)
+}
+
+/// Directions drawn evenly from the sphere; the same for the same seed and number of tetrahedra.
+pub fn random(mesh: &Mesh, seed: u64) -> FibreField {
+    let mut state = seed;
+    // splitmix64
+    let mut next = || {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let directions = mesh.tetrahedra.iter().map(|_| {
+        let (height, turn) = (2.0 * next() - 1.0, std::f64::consts::TAU * next());
+        let radius = (1.0 - height * height).max(0.0).sqrt();
+        DVec3::new(radius * turn.cos(), radius * turn.sin(), height)
+    });
+    FibreField { directions: directions.collect(), repaired: 0 }
+}
+
+/// Solution of the Laplace equation in a body, 0 on an inner and 1 on an outer surface: its gradient points
+/// through the wall, whatever its shape, and its value says how far.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Laplace {
+    /// Potential of every vertex of the mesh, 0 for those without a tetrahedron.
+    pub potential: Vec<f64>,
+    /// Mean potential of every tetrahedron.
+    pub depth: Vec<f64>,
+    /// Unit vectors from the inner to the outer surface, one per tetrahedron.
+    pub transmural: Vec<DVec3>,
+}
+
+/// Relative residual to which the Laplace problem is solved.
+const TOLERANCE: f64 = 1e-10;
+
+impl Laplace {
+    /// Solves for a mesh and the vertices of two surfaces.
+    ///
+    /// # Errors
+    /// When a surface is empty, they share a vertex, a tetrahedron has no shape, or a part of the body hangs
+    /// on one of them only (its gradient has no direction).
+    pub fn solve(mesh: &Mesh, inner: &[u32], outer: &[u32]) -> Result<Self, FibreError> {
+        let n = mesh.points.len();
+        let mut shapes = Vec::with_capacity(mesh.tetrahedra.len());
+        for (tetrahedron, t) in mesh.tetrahedra.iter().enumerate() {
+            let error = FibreError::Shape { tetrahedron };
+            if t.iter().any(|&v| v as usize >= n) {
+                return Err(error);
+            }
+            let rest = RestTetrahedron::new(t.map(|v| mesh.points[v as usize].to_array()));
+            shapes.push(rest.map_err(|_| error)?);
+        }
+        let mut used = vec![false; n];
+        mesh.tetrahedra.iter().flatten().for_each(|&v| used[v as usize] = true);
+        let mut held = vec![false; n];
+        let mut x = vec![0.0; n];
+        for (which, surface, value) in [("inner", inner, 0.0), ("outer", outer, 1.0)] {
+            let own = surface.iter().filter(|&&v| used.get(v as usize) == Some(&true));
+            let mut count = 0;
+            for &v in own {
+                if held[v as usize] && x[v as usize] != value {
+                    return Err(FibreError::Overlap { vertex: v });
+                }
+                if which == "outer" && inner.contains(&v) {
+                    return Err(FibreError::Overlap { vertex: v });
+                }
+                (held[v as usize], x[v as usize]) = (true, value);
+                count += 1;
+            }
+            if count == 0 {
+                return Err(FibreError::Surface { which });
+            }
+        }
+        solve_laplace(mesh, &shapes, &held, &mut x)?;
+        let (mut depth, mut vectors) = (Vec::new(), Vec::new());
+        for (t, shape) in mesh.tetrahedra.iter().zip(&shapes) {
+            let values = t.map(|v| x[v as usize]);
+            depth.push(values.iter().sum::<f64>() / 4.0);
+            let terms = values.iter().zip(shape.gradients);
+            vectors.push(terms.map(|(v, d)| *v * DVec3::from_array(d)).sum());
+        }
+        let transmural = normalised("Laplace rule", vectors, false)?.directions;
+        Ok(Self { potential: x, depth, transmural })
+    }
+
+    /// The direction through the wall as a field.
+    pub fn through(&self) -> FibreField {
+        FibreField { directions: self.transmural.clone(), repaired: 0 }
+    }
+
+    /// Fibres in the wall whose helix angle runs linearly from `inner` to `outer` (rad): 0 is round the axis
+    /// `axis`, a quarter turn along it.
+    ///
+    /// # Errors
+    /// When the axis is no direction, an angle is not finite, or the wall is square to the axis somewhere.
+    pub fn helix(&self, axis: DVec3, inner: f64, outer: f64) -> Result<FibreField, FibreError> {
+        let axis = axis_of(axis)?;
+        let mut vectors = Vec::with_capacity(self.depth.len());
+        for (&through, &depth) in self.transmural.iter().zip(&self.depth) {
+            let round = axis.cross(through).normalize_or_zero();
+            let along = through.cross(round);
+            let angle = inner + (outer - inner) * depth;
+            vectors.push(round * angle.cos() + along * angle.sin());
+        }
+        normalised("helix rule", vectors, false)
+    }
+}
+
+/// `K x = 0` with the held entries of `x` kept, by conjugate gradients with the diagonal.
+fn solve_laplace(
+    mesh: &Mesh,
+    shapes: &[RestTetrahedron],
+    held: &[bool],
+    x: &mut [f64],
+) -> Result<(), FibreError> {
+    let n = x.len();
+    let multiply = |x: &[f64]| {
+        let mut y = vec![0.0; n];
+        for (t, shape) in mesh.tetrahedra.iter().zip(shapes) {
+            let mut flux = DVec3::ZERO;
+            for (&v, d) in t.iter().zip(shape.gradients) {
+                flux += x[v as usize] * DVec3::from_array(d);
+            }
+            for (&v, d) in t.iter().zip(shape.gradients) {
+                y[v as usize] += shape.volume * flux.dot(DVec3::from_array(d));
+            }
+        }
+        for (y, &held) in y.iter_mut().zip(held) {
+            *y = if held { 0.0 } else { *y };
+        }
+        y
+    };
+    let mut diagonal = vec![0.0; n];
+    for (t, shape) in mesh.tetrahedra.iter().zip(shapes) {
+        for (&v, d) in t.iter().zip(shape.gradients) {
+            diagonal[v as usize] += shape.volume * DVec3::from_array(d).length_squared();
+        }
+    }
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let precondition = |r: &[f64]| -> Vec<f64> {
+        r.iter().zip(&diagonal).map(|(r, d)| if *d > 0.0 { r / d } else { 0.0 }).collect()
+    };
+    let mut r: Vec<f64> = multiply(x).into_iter().map(|y| -y).collect();
+    let start = dot(&r, &precondition(&r));
+    if start == 0.0 {
+        return Ok(());
+    }
+    let mut z = precondition(&r);
+    let mut p = z.clone();
+    let mut rz = start;
+    let limit = 10 * n + 100;
+    for _ in 0..limit {
+        let q = multiply(&p);
+        let step = rz / dot(&p, &q);
+        for i in 0..n {
+            x[i] += step * p[i];
+            r[i] -= step * q[i];
+        }
+        z = precondition(&r);
+        let new = dot(&r, &z);
+        if new <= TOLERANCE * TOLERANCE * start {
+            return Ok(());
+        }
+        let keep = new / rz;
+        for (p, z) in p.iter_mut().zip(&z) {
+            *p = z + keep * *p;
+        }
+        rz = new;
+    }
+    let residual = (rz / start).sqrt();
+    Err(FibreError::Unsolved { tolerance: TOLERANCE, iterations: limit, residual })
+}

@@ -1,0 +1,23 @@
+//! Axes of anisotropy (Bourguignon & Cani 2000): springs along directions through the barycentre of an
+//! element, between such directions, and against changes of volume.
+//!
+//! | module | content |
+//! |---|---|
+//! | [`element`] | energy, force and tangents of axes in a tetrahedron, with moduli in Pa |
+//! | [`columns`], [`systems`] | the same over all elements, several at a time |
+//! | [`description`] | axes of a body as the user states them |
+//! | [`field`] | fibre fields: where the directions come from |
+//! | [`muscle`] | active fibres |
+//! | [`attachment`], [`printed`], [`printed_system`] | where axes meet faces, and the formulas as printed, for comparison |
+
+pub mod attachment;
+pub mod columns;
+pub mod description;
+pub mod element;
+pub mod field;
+pub mod muscle;
+pub mod printed;
+pub mod printed_system;
+pub(crate) mod removal;
+pub(crate) mod spawn;
+pub mod systems;

@@ -1,0 +1,518 @@
+//! Axes of one element: reference vectors (closed forms differentiated automatically), derivatives,
+//! definiteness, rigid motion, digits in single precision.
+
+use std::path::PathBuf;
+
+use glam::{DQuat, DVec3};
+use proptest::prelude::*;
+use serde_json::Value;
+use sinew_models::axes::attachment::{self, Attachment};
+use sinew_models::axes::element::{AXIS_PAIRS, AxisElement, Fibre, Triad, VolumeTerm};
+use sinew_models::axes::printed::{
+    AngularForm, AngularSprings, AxialSprings, Blocks, Curvature, RadialSprings, RadiusSum,
+    VolumeForm,
+};
+use sinew_models::fused::TetrahedronLaw;
+use sinew_models::linear::Linear;
+use sinew_models::material::LameParameters;
+use sinew_models::precompute::RestTetrahedron;
+use sinew_models::tetrahedron::{Element, TangentKind, TetrahedronTangent};
+
+use crate::common::{Worst, max_abs, max_difference, symmetric_eigen};
+
+fn load() -> Value {
+    let path = match std::env::var_os("SINEW_REFERENCE") {
+        Some(root) => PathBuf::from(root).join("reference/axis_springs.json"),
+        None => PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/axis_springs.json"),
+    };
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    serde_json::from_str(&text).unwrap()
+}
+
+fn flat(value: &Value) -> Vec<f64> {
+    match value.as_array() {
+        Some(rows) => rows.iter().flat_map(flat).collect(),
+        None => vec![value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))],
+    }
+}
+
+fn rows<const N: usize, const M: usize>(value: &Value) -> [[f64; M]; N] {
+    let flat = flat(value);
+    assert_eq!(flat.len(), N * M);
+    std::array::from_fn(|i| std::array::from_fn(|j| flat[M * i + j]))
+}
+
+fn three(value: &Value) -> [f64; 3] {
+    flat(value).try_into().unwrap()
+}
+
+fn dense<const N: usize>(blocks: &Blocks<N>) -> Vec<f64> {
+    let entry = |i: usize, j: usize| blocks[i / 3][j / 3][3 * (i % 3) + j % 3];
+    (0..9 * N * N).map(|k| entry(k / (3 * N), k % (3 * N))).collect()
+}
+
+/// What tetrahedra and hexahedra share of a reference case.
+fn check_springs<const N: usize>(
+    case: &Value,
+    ends: [Attachment<N>; 3],
+    worst: &mut Worst,
+) -> [[f64; 3]; N] {
+    let name = case["name"].as_str().unwrap();
+    let rest: [[f64; 3]; N] = rows(&case["rest"]);
+    let x: [[f64; 3]; N] = rows(&case["deformed"]);
+    let v: [[f64; 3]; N] = rows(&case["velocity"]);
+    let (plus, minus) = (flat(&case["weights_plus"]), flat(&case["weights_minus"]));
+    for i in 0..3 {
+        worst.note("weights", max_difference(&ends[i].plus, &plus[N * i..N * i + N]), 1.0, name);
+        worst.note("weights", max_difference(&ends[i].minus, &minus[N * i..N * i + N]), 1.0, name);
+    }
+    let length = three(&case["rest_chord"]);
+    let found = ends.map(|e| e.length);
+    worst.note("chord", max_difference(&found, &length), length[0], name);
+    let spread = ends.map(|e| e.spread());
+
+    let axial = &case["axial"];
+    let springs = AxialSprings {
+        spread,
+        length,
+        stiffness: three(&axial["ks"]),
+        damping: three(&axial["kd"]),
+    };
+    let compare = |worst: &mut Worst, what, found: &[f64], expected: &Value| {
+        let expected = flat(expected);
+        worst.note(what, max_difference(found, &expected), max_abs(&expected), name);
+    };
+    compare(worst, "axial energy", &[springs.energy(&x)], &axial["energy"]);
+    compare(worst, "axial forces", springs.forces(&x).as_flattened(), &axial["forces"]);
+    let damping = springs.damping_forces(&x, &v);
+    compare(worst, "axial damping", damping.as_flattened(), &axial["forces_damping"]);
+    let by_matrix: Vec<f64> = dense(&springs.damping_matrix(&x))
+        .chunks(3 * N)
+        .map(|row| -row.iter().zip(v.as_flattened()).map(|(a, b)| a * b).sum::<f64>())
+        .collect();
+    compare(worst, "damping matrix", &by_matrix, &axial["forces_damping"]);
+    for (curvature, key) in [(Curvature::Exact, "hessian"), (Curvature::Definite, "hessian_psd")] {
+        compare(worst, "axial tangent", &dense(&springs.tangent(&x, curvature)), &axial[key]);
+    }
+
+    let angular = &case["angular"];
+    assert_eq!(rows::<3, 2>(&angular["pairs"]), AXIS_PAIRS.map(|p| p.map(|i| i as f64)));
+    let springs = AngularSprings {
+        spread,
+        cosine: [0.0; 3],
+        printed: three(&angular["k_printed_N"]),
+        stiffness: three(&angular["k_energy_J"]),
+    };
+    let printed = springs.forces(&x, AngularForm::Printed);
+    compare(worst, "angular forces, printed", printed.as_flattened(), &angular["forces_printed"]);
+    let centre = (0..3).map(|k| x.iter().map(|x| x[k]).sum::<f64>() / N as f64);
+    let centre = DVec3::from_slice(&centre.collect::<Vec<_>>());
+    let torque = |f: &[[f64; 3]; N]| {
+        let arms = x.iter().zip(f);
+        let each = arms.map(|(x, f)| (DVec3::from_array(*x) - centre).cross(DVec3::from_array(*f)));
+        each.sum::<DVec3>().to_array()
+    };
+    compare(worst, "printed moment", &torque(&printed), &angular["net_torque_printed"]);
+    compare(worst, "angular energy", &[springs.energy(&x)], &angular["energy"]);
+    let forces = springs.forces(&x, AngularForm::Energy);
+    compare(worst, "angular forces", forces.as_flattened(), &angular["forces"]);
+    for (curvature, key) in
+        [(Curvature::Exact, "hessian"), (Curvature::GaussNewton, "hessian_gauss_newton")]
+    {
+        compare(worst, "angular tangent", &dense(&springs.tangent(&x, curvature)), &angular[key]);
+    }
+    std::array::from_fn(|a| std::array::from_fn(|k| x[a][k] - rest[a][k]))
+}
+
+#[test]
+fn reference_elements() {
+    let data = load();
+    let mut worst = Worst::default();
+    let (mut tetrahedra, mut hexahedra) = (0, 0);
+    for case in data["cases"].as_array().unwrap() {
+        let name = case["name"].as_str().unwrap();
+        let axes: [[f64; 3]; 3] = rows(&case["axes"]);
+        let volume = &case["volume"];
+        let k = volume["k"].as_f64().unwrap();
+        let compare = |worst: &mut Worst, what, found: &[f64], expected: &Value| {
+            let expected = flat(expected);
+            worst.note(what, max_difference(found, &expected), max_abs(&expected), name);
+        };
+        if case["kind"] == "hex" {
+            hexahedra += 1;
+            let rest: [[f64; 3]; 8] = rows(&case["rest"]);
+            let points = rest.map(DVec3::from_array);
+            let ends = axes.map(|a| attachment::hexahedron(points, a.into()).unwrap());
+            check_springs(case, ends, &mut worst);
+            let (x, v) = (rows::<8, 3>(&case["deformed"]), rows::<8, 3>(&case["velocity"]));
+            let springs = RadialSprings {
+                rest: flat(&volume["rest_radii"]).try_into().unwrap(),
+                stiffness: k,
+                damping: volume["kd"].as_f64().unwrap(),
+            };
+            let printed = springs.forces(&x, VolumeForm::Printed);
+            compare(
+                &mut worst,
+                "volume, printed",
+                printed.as_flattened(),
+                &volume["forces_printed"],
+            );
+            let balanced = springs.forces(&x, VolumeForm::Balanced);
+            compare(&mut worst, "volume forces", balanced.as_flattened(), &volume["forces"]);
+            compare(&mut worst, "volume energy", &[springs.energy(&x)], &volume["energy"]);
+            let damping = springs.damping_forces(&x, &v, VolumeForm::Printed);
+            let expected = &volume["forces_printed_damping"];
+            compare(&mut worst, "volume damping", damping.as_flattened(), expected);
+            let damping = springs.damping_forces(&x, &v, VolumeForm::Balanced);
+            let expected = &volume["forces_damping_balanced"];
+            compare(&mut worst, "volume damping", damping.as_flattened(), expected);
+            let tangent = dense(&springs.tangent(&x, Curvature::Exact));
+            compare(&mut worst, "volume tangent", &tangent, &volume["hessian"]);
+            continue;
+        }
+        tetrahedra += 1;
+        let rest: [[f64; 3]; 4] = rows(&case["rest"]);
+        let points = rest.map(DVec3::from_array);
+        let ends = axes.map(|a| attachment::tetrahedron(points, a.into()).unwrap());
+        let u = check_springs(case, ends, &mut worst);
+        let x = rows::<4, 3>(&case["deformed"]);
+        let springs = RadiusSum { rest: volume["rest_sum"].as_f64().unwrap(), stiffness: k };
+        let printed = springs.forces(&x, VolumeForm::Printed);
+        compare(&mut worst, "volume, printed", printed.as_flattened(), &volume["forces_printed"]);
+        let net: [f64; 3] = std::array::from_fn(|k| printed.iter().map(|f| f[k]).sum());
+        compare(&mut worst, "volume, net force", &net, &volume["net_force_printed"]);
+        let balanced = springs.forces(&x, VolumeForm::Balanced);
+        compare(&mut worst, "volume forces", balanced.as_flattened(), &volume["forces"]);
+        compare(&mut worst, "volume energy", &[springs.energy(&x)], &volume["energy"]);
+        for (curvature, key) in
+            [(Curvature::Exact, "hessian"), (Curvature::GaussNewton, "hessian_gauss_newton")]
+        {
+            let tangent = dense(&springs.tangent(&x, curvature));
+            compare(&mut worst, "volume tangent", &tangent, &volume[key]);
+        }
+
+        // the element functions of the engine, from moduli
+        let shape = RestTetrahedron::new(rest).unwrap();
+        let d = [shape.gradients[1], shape.gradients[2], shape.gradients[3]];
+        let v = shape.volume;
+        let (young, shear) = (three(&case["Y"]), three(&case["G"]));
+        let none =
+            Triad { gradients: d, axes, axial: [0.0; 3], angular: [0.0; 3], volumetric: 0.0 };
+        let kinds = |e: &dyn Fn(TangentKind) -> TetrahedronTangent<f64>,
+                     of: [(TangentKind, &str); 2]| {
+            of.map(|(kind, key)| (e(kind).to_dense().as_flattened().to_vec(), key.to_string()))
+        };
+        let axial = Triad { axial: young.map(|y| y * v), ..none };
+        let angular = Triad { angular: shear.map(|g| g * v), ..none };
+        let jacobian = &case["jacobian_volume"];
+        let lambda = jacobian["Lambda"].as_f64().unwrap();
+        let volumetric = Triad { volumetric: lambda * v, ..none };
+        let alone = VolumeTerm { gradients: d, volumetric: lambda * v };
+        for (what, element, expected, of) in [
+            (
+                "axes",
+                axial,
+                &case["axial"],
+                [(TangentKind::Exact, "hessian"), (TangentKind::Projected, "hessian_psd")],
+            ),
+            (
+                "angles",
+                angular,
+                &case["angular"],
+                [(TangentKind::Exact, "hessian"), (TangentKind::Projected, "hessian_gauss_newton")],
+            ),
+            (
+                "volume",
+                volumetric,
+                jacobian,
+                [
+                    (TangentKind::Exact, "hessian"),
+                    (TangentKind::GaussNewton, "hessian_gauss_newton"),
+                ],
+            ),
+        ] {
+            compare(&mut worst, what, &[element.energy(&u)], &expected["energy"]);
+            compare(&mut worst, what, element.forces(&u).as_flattened(), &expected["forces"]);
+            for (found, key) in kinds(&|kind| element.tangent(&u, kind), of) {
+                if !expected[&key].is_null() {
+                    compare(&mut worst, what, &found, &expected[&key]);
+                }
+            }
+        }
+        worst.note(
+            "volume alone",
+            (alone.energy(&u) - volumetric.energy(&u)).abs(),
+            lambda * v,
+            name,
+        );
+        assert_eq!(alone.forces(&u), volumetric.forces(&u));
+        let fibres = (0..3).map(|i| fibre(&shape, axes[i], young[i]).energy(&u)).sum::<f64>();
+        worst.note("fibres", (fibres - axial.energy(&u)).abs(), axial.energy(&u), name);
+    }
+    assert_eq!((tetrahedra, hexahedra), (5, 5));
+    worst.check(1e-9);
+}
+
+/// A passive fibre.
+fn fibre(shape: &RestTetrahedron, axis: [f64; 3], modulus: f64) -> Fibre<f64> {
+    let along = |d: [f64; 3]| d[0] * axis[0] + d[1] * axis[1] + d[2] * axis[2];
+    Fibre {
+        shape: [1, 2, 3].map(|b| along(shape.gradients[b])),
+        axis,
+        stiffness: modulus * shape.volume,
+        shortening: 0.0,
+        active: 0.0,
+        offset: 0.0,
+        inverse_width: 1.0,
+    }
+}
+
+type Nodes = [[f64; 3]; 4];
+
+fn vector() -> impl Strategy<Value = [f64; 3]> {
+    prop::array::uniform3(-1.0..1.0_f64)
+}
+
+fn unit() -> impl Strategy<Value = [f64; 3]> {
+    vector().prop_filter_map("no direction", |v| {
+        let v = DVec3::from_array(v);
+        (v.length() > 0.1).then(|| v.normalize().to_array())
+    })
+}
+
+/// A tetrahedron, three axes (of any angles), moduli and displacements.
+fn case() -> impl Strategy<Value = (RestTetrahedron, Nodes, Triad<f64>, Fibre<f64>, Nodes)> {
+    let points = prop::array::uniform4(vector());
+    let moduli = prop::array::uniform7(0.0..1e3_f64);
+    let active = (-0.2..0.4_f64, 0.0..1e3_f64, -0.2..0.2_f64, 1.2..3.0_f64);
+    let size = prop_oneof![Just(1e-3), Just(0.1), Just(0.5), Just(2.0)];
+    (points, prop::array::uniform3(unit()), moduli, active, prop::array::uniform4(vector()), size)
+        .prop_filter_map("flat", |(p, axes, m, active, u, size)| {
+            let shape = RestTetrahedron::new(p)
+                .or_else(|_| RestTetrahedron::new([p[0], p[2], p[1], p[3]]))
+                .ok()?;
+            if shape.volume < 0.02 {
+                return None;
+            }
+            let d = [shape.gradients[1], shape.gradients[2], shape.gradients[3]];
+            let v = shape.volume;
+            let triad = Triad {
+                gradients: d,
+                axes,
+                axial: [m[0] * v, m[1] * v, m[2] * v],
+                angular: [m[3] * v, m[4] * v, m[5] * v],
+                volumetric: m[6] * v,
+            };
+            let mut fibre = fibre(&shape, axes[0], m[0]);
+            (fibre.shortening, fibre.offset, fibre.inverse_width) = (active.0, active.2, active.3);
+            fibre.active = active.1 * v;
+            Some((shape, p, triad, fibre, u.map(|u| u.map(|x| size * x))))
+        })
+}
+
+fn check_derivatives(e: &impl AxisElement<f64>, u: &Nodes) -> Result<(), TestCaseError> {
+    let force = e.forces(u);
+    let tangent = e.tangent(u, TangentKind::Exact).to_dense();
+    let (f_size, k_size) = (max_abs(force.as_flattened()), max_abs(tangent.as_flattened()));
+    let h = 1e-5;
+    let moved = |i: usize, by: f64| {
+        let mut u = *u;
+        u[i / 3][i % 3] += by;
+        u
+    };
+    // differences of fourth order
+    let d = |f: &dyn Fn(&Nodes) -> f64, i: usize| {
+        let at = |s: f64| f(&moved(i, s * h));
+        (8.0 * (at(1.0) - at(-1.0)) - (at(2.0) - at(-2.0))) / (12.0 * h)
+    };
+    for i in 0..12 {
+        let slope = d(&|u| e.energy(u), i);
+        let floor = 1e-5 * (f_size + h * k_size) + 1e-10 * e.energy(u).abs() / h;
+        prop_assert!((slope + force[i / 3][i % 3]).abs() <= floor, "{slope} {force:?}");
+        for j in 0..12 {
+            let slope = -d(&|u| e.forces(u)[j / 3][j % 3], i);
+            prop_assert!(
+                (slope - tangent[j][i]).abs() <= 1e-4 * k_size,
+                "{i} {j}: {slope} {}",
+                tangent[j][i]
+            );
+            prop_assert!((tangent[i][j] - tangent[j][i]).abs() <= 1e-13 * k_size);
+        }
+    }
+    Ok(())
+}
+
+fn check_definite(e: &impl AxisElement<f64>, u: &Nodes) -> Result<(), TestCaseError> {
+    let exact = e.tangent(u, TangentKind::Exact).to_dense();
+    prop_assert!(exact.as_flattened().iter().all(|x| x.is_finite()));
+    prop_assert!(e.forces(u).as_flattened().iter().all(|x| x.is_finite()));
+    prop_assert!(e.energy(u).is_finite());
+    for kind in [TangentKind::GaussNewton, TangentKind::Projected] {
+        let (values, _) = symmetric_eigen(e.tangent(u, kind).to_dense());
+        let least = values.iter().fold(f64::INFINITY, |m, x| m.min(*x));
+        prop_assert!(least >= -1e-12 * max_abs(&values), "{kind:?} {least}");
+    }
+    Ok(())
+}
+
+/// Chords that are nearly points make differences useless.
+fn shortest(shape: &RestTetrahedron, axes: &[[f64; 3]; 3], u: &Nodes) -> f64 {
+    let length = |a: [f64; 3]| fibre(shape, a, 1.0).length(u);
+    axes.iter().map(|a| length(*a)).fold(f64::INFINITY, f64::min)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
+
+    #[test]
+    fn forces_and_tangents_are_derivatives((shape, _, triad, mut fibre, u) in case()) {
+        prop_assume!(shortest(&shape, &triad.axes, &u) > 0.1);
+        check_derivatives(&triad, &u)?;
+        let volume = VolumeTerm { gradients: triad.gradients, volumetric: triad.volumetric };
+        check_derivatives(&volume, &u)?;
+        // away from the kinks of the slope of the length-tension curve
+        let place = (fibre.length(&u) - 1.0 + fibre.offset) * fibre.inverse_width;
+        if (place.abs() - 1.0).abs() > 1e-3 {
+            check_derivatives(&fibre, &u)?;
+        }
+        fibre.active = 0.0;
+        check_derivatives(&fibre, &u)?;
+    }
+
+    #[test]
+    fn stand_ins_are_semidefinite((_, p, triad, fibre, u) in case()) {
+        let collapsed = p.map(|x| x.map(|x| -x));
+        let mirrored = p.map(|x| [0.0, 0.0, -2.0 * x[2]]);
+        let flat = p.map(|x| [0.0, 0.0, -x[2]]);
+        for u in [u, collapsed, mirrored, flat, [[0.0; 3]; 4]] {
+            check_definite(&triad, &u)?;
+            check_definite(&fibre, &u)?;
+        }
+    }
+
+    #[test]
+    fn rigid_motions_cost_nothing((_, p, triad, mut fibre, u) in case(), axis in vector()) {
+        let turn = DQuat::from_scaled_axis(3.0 * DVec3::from_array(axis));
+        let moved = |u: &Nodes| -> Nodes {
+            std::array::from_fn(|a| {
+                let x = DVec3::from_array(p[a]) + DVec3::from_array(u[a]);
+                (turn * x + DVec3::X - DVec3::from_array(p[a])).to_array()
+            })
+        };
+        (fibre.active, fibre.shortening) = (0.0, 0.0);
+        let rigid = moved(&[[0.0; 3]; 4]);
+        let stiffness = triad.axial.iter().chain(&triad.angular).sum::<f64>() + triad.volumetric;
+        let altitude = max_abs(triad.gradients.as_flattened());
+        // rounding of the displacement gradient
+        let rounded = (1e-14 * altitude).powi(2) * stiffness;
+        prop_assert!(triad.energy(&rigid) <= rounded);
+        prop_assert!(fibre.energy(&rigid) <= rounded);
+        prop_assert!(
+            max_abs(triad.forces(&rigid).as_flattened()) <= 1e-12 * stiffness * altitude
+        );
+        // and turning a deformed element turns its forces
+        let (before, after) = (triad.forces(&u), triad.forces(&moved(&u)));
+        let size = max_abs(before.as_flattened()) + stiffness * altitude;
+        for a in 0..4 {
+            let turned = (turn * DVec3::from_array(before[a])).to_array();
+            prop_assert!(max_difference(&turned, &after[a]) <= 1e-9 * size);
+        }
+        // no resultant, no moment
+        for f in [before, fibre.forces(&u)] {
+            let force: DVec3 = f.iter().map(|f| DVec3::from_array(*f)).sum();
+            let moment: DVec3 = (0..4)
+                .map(|a| {
+                    let x = DVec3::from_array(p[a]) + DVec3::from_array(u[a]);
+                    x.cross(DVec3::from_array(f[a]))
+                })
+                .sum();
+            prop_assert!(force.length() <= 1e-12 * size && moment.length() <= 1e-11 * size);
+        }
+    }
+
+    #[test]
+    fn single_precision_keeps_its_digits(
+        (_, _, triad, fibre, u) in case(),
+        strain in prop_oneof![Just(1e-5), Just(1e-3), Just(1e-1)],
+    ) {
+        let scale = strain / max_abs(u.as_flattened());
+        let u = u.map(|u| u.map(|x| scale * x));
+        let narrow = u.map(|u| u.map(|x| x as f32));
+        // of the same numbers
+        let wide = narrow.map(|u| u.map(f64::from));
+        let (t, t64) = (narrowed(&triad), widened(&narrowed(&triad)));
+        let (f32s, f64s) = (t.forces(&narrow), t64.forces(&wide));
+        let size = max_abs(f64s.as_flattened());
+        let off = max_difference(&f32s.as_flattened().iter().map(|x| f64::from(*x)).collect::<Vec<_>>(), f64s.as_flattened());
+        prop_assert!(off <= 3e-5 * size, "{off} of {size}");
+        prop_assert!(fibre.energy(&wide).is_finite());
+    }
+
+    #[test]
+    fn orthogonal_axes_are_isotropic_at_small_strain(
+        (shape, _, triad, _, _) in case(),
+        axis in vector(),
+        (lambda, mu) in (0.0..1e3_f64, 1.0..1e3_f64),
+    ) {
+        // in any orientation
+        let turn = DQuat::from_scaled_axis(3.0 * DVec3::from_array(axis));
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|a| (turn * a).to_array());
+        let v = shape.volume;
+        let e = Triad {
+            axes,
+            axial: [2.0 * mu * v; 3],
+            angular: [mu * v; 3],
+            volumetric: lambda * v,
+            ..triad
+        };
+        let linear = Element::<f64>::new(&shape, LameParameters { lambda, mu }, false);
+        let rest = [[0.0; 3]; 4];
+        let expected = Linear::tangent(&linear, &rest, TangentKind::Exact).to_dense();
+        for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
+            let found = e.tangent(&rest, kind).to_dense();
+            let off = max_difference(found.as_flattened(), expected.as_flattened());
+            prop_assert!(off <= 1e-12 * max_abs(expected.as_flattened()), "{kind:?} {off}");
+        }
+    }
+}
+
+fn narrowed(t: &Triad<f64>) -> Triad<f32> {
+    Triad {
+        gradients: t.gradients.map(|d| d.map(|x| x as f32)),
+        axes: t.axes.map(|d| d.map(|x| x as f32)),
+        axial: t.axial.map(|x| x as f32),
+        angular: t.angular.map(|x| x as f32),
+        volumetric: t.volumetric as f32,
+    }
+}
+
+fn widened(t: &Triad<f32>) -> Triad<f64> {
+    Triad {
+        gradients: t.gradients.map(|d| d.map(f64::from)),
+        axes: t.axes.map(|d| d.map(f64::from)),
+        axial: t.axial.map(f64::from),
+        angular: t.angular.map(f64::from),
+        volumetric: f64::from(t.volumetric),
+    }
+}
+
+/// Stress along an active fibre follows the length-tension curve.
+#[test]
+fn active_stress_follows_its_curve() {
+    let shape = RestTetrahedron::new([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+        .unwrap();
+    let (peak, optimum, width) = (100.0, 1.1, 0.4);
+    let e = Fibre {
+        active: peak * shape.volume,
+        offset: 1.0 - optimum,
+        inverse_width: 1.0 / width,
+        ..fibre(&shape, [1.0, 0.0, 0.0], 0.0)
+    };
+    for stretch in [0.5, 0.69, 0.71, 0.9, 1.0, 1.1, 1.3, 1.49, 1.51, 3.0] {
+        let u = [[0.0; 3], [stretch - 1.0, 0.0, 0.0], [0.0; 3], [0.0; 3]];
+        let expected = peak * (1.0 - ((stretch - optimum) / width).powi(2)).max(0.0);
+        // the face through vertex 0 of area 1/2 carries a third at its vertices, vertex 1 all of it
+        let stress = -e.forces(&u)[1][0] / shape.volume;
+        assert!((stress - expected).abs() < 1e-12 * peak, "{stretch}: {stress} {expected}");
+    }
+}

@@ -1,0 +1,129 @@
+//! Fibre fields: where they come from, and what is refused.
+
+use glam::DVec3;
+use sinew_engine::mesh::Mesh;
+use sinew_engine::mesh::generate::{box_tets, cylinder_tets, jitter_interior};
+use sinew_models::axes::field::{
+    self, FibreError, FibreField, Laplace, circular, from_cell_data, from_formula, helicoidal,
+    hemicircular, to_cell_data,
+};
+
+fn block() -> Mesh {
+    let mesh = box_tets(DVec3::new(2.0, 1.0, 1.0), [6, 3, 3]).unwrap();
+    jitter_interior(&mesh, 0.2, 5).unwrap()
+}
+
+fn centres(mesh: &Mesh) -> Vec<DVec3> {
+    let of = |t: &[u32; 4]| t.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / 4.0;
+    mesh.tetrahedra.iter().map(of).collect()
+}
+
+fn assert_units(field: &FibreField, mesh: &Mesh) {
+    assert_eq!(field.directions.len(), mesh.tetrahedra.len());
+    assert!(field.directions.iter().all(|d| (d.length() - 1.0).abs() < 1e-14));
+}
+
+#[test]
+fn cell_data_come_back() {
+    let mut mesh = block();
+    let given = field::random(&mesh, 3);
+    assert_units(&given, &mesh);
+    let count = mesh.triangles.len();
+    mesh.cell_data.extend(to_cell_data("fibre", &given.directions, count));
+    let found = from_cell_data(&mesh, "fibre").unwrap();
+    assert!(found.directions.iter().zip(&given.directions).all(|(a, b)| a.distance(*b) < 1e-15));
+    assert_eq!(found.repaired, 0);
+    // lengths are repaired and counted, vectors that are none are not
+    for data in &mut mesh.cell_data {
+        data.tetrahedra[7] *= 2.0;
+    }
+    assert_eq!(from_cell_data(&mesh, "fibre").unwrap().repaired, 1);
+    for bad in [0.0, f64::NAN] {
+        mesh.cell_data.iter_mut().for_each(|data| data.tetrahedra[4] = bad);
+        let error = from_cell_data(&mesh, "fibre").unwrap_err();
+        assert!(matches!(error, FibreError::Direction { tetrahedron: 4, .. }), "{error}");
+    }
+    let error = from_cell_data(&mesh, "muscle").unwrap_err().to_string();
+    assert!(error.contains("`muscle_x`") && error.contains("fibre_x"), "{error}");
+}
+
+#[test]
+fn formulas() {
+    let mesh = block();
+    let found = from_formula(&mesh, ["x+1", "sin(y)", "0.5*z^2"]).unwrap();
+    for (d, x) in found.directions.iter().zip(centres(&mesh)) {
+        let expected = DVec3::new(x.x + 1.0, x.y.sin(), 0.5 * x.z * x.z).normalize();
+        assert!(d.distance(expected) < 1e-14);
+    }
+    for (bad, part) in [("x +", "formula of y"), ("2*w", "variables"), ("0*x", "no direction")] {
+        let error = from_formula(&mesh, ["0", bad, "0"]).unwrap_err().to_string();
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+#[test]
+fn laplace_rule_in_a_block() {
+    let mesh = block();
+    let group = |name: &str| mesh.group(name).unwrap().vertices.clone();
+    let (inner, outer) = (group("x0"), group("x1"));
+    let rule = Laplace::solve(&mesh, &inner, &outer).unwrap();
+    // the potential is linear, which linear elements solve exactly
+    for ((d, depth), x) in rule.transmural.iter().zip(&rule.depth).zip(centres(&mesh)) {
+        assert!(d.distance(DVec3::X) < 1e-8, "{d}");
+        assert!((depth - 0.5 * x.x).abs() < 1e-9);
+    }
+    // helix angles from 60 degrees to -60 degrees
+    let angle = 60.0_f64.to_radians();
+    let helix = rule.helix(DVec3::Z, angle, -angle).unwrap();
+    assert_units(&helix, &mesh);
+    for (d, x) in helix.directions.iter().zip(centres(&mesh)) {
+        let at = angle * (1.0 - x.x);
+        assert!(d.distance(DVec3::new(0.0, at.cos(), at.sin())) < 1e-7, "{d}");
+    }
+    assert!(Laplace::solve(&mesh, &inner, &[]).unwrap_err().to_string().contains("outer"));
+    let error = Laplace::solve(&mesh, &inner, &inner).unwrap_err();
+    assert!(matches!(error, FibreError::Overlap { .. }), "{error}");
+    // square to the wall there is no direction round the axis
+    assert!(rule.helix(DVec3::X, 0.0, 0.0).is_err());
+}
+
+#[test]
+fn generators() {
+    let mesh = cylinder_tets(1.0, 2.0, 4, 4).unwrap();
+    let (low, high) = mesh.bounds().unwrap();
+    let long = high - low;
+    let axis = [DVec3::X, DVec3::Y, DVec3::Z]
+        .into_iter()
+        .max_by(|a, b| (long.dot(*a) - 2.0).abs().total_cmp(&(long.dot(*b) - 2.0).abs()));
+    let axis = axis.unwrap();
+    let centre = 0.5 * (low + high);
+    let pitch = 0.4_f64;
+    let (rings, helix) = (
+        circular(&mesh, centre, 3.0 * axis).unwrap(),
+        helicoidal(&mesh, centre, axis, pitch).unwrap(),
+    );
+    for ((ring, screw), x) in rings.directions.iter().zip(&helix.directions).zip(centres(&mesh)) {
+        let across = x - centre - axis * axis.dot(x - centre);
+        assert!(ring.dot(axis).abs() < 1e-14 && ring.dot(across).abs() < 1e-14);
+        assert!((screw.dot(axis) - pitch.sin()).abs() < 1e-14);
+    }
+    // half circles about the middle of the side below
+    let block = block();
+    let arcs = hemicircular(&block, DVec3::Y, -DVec3::Z).unwrap();
+    let middle = DVec3::new(1.0, 0.5, 0.0);
+    for (d, x) in arcs.directions.iter().zip(centres(&block)) {
+        assert!(d.y.abs() < 1e-14 && d.dot(x - middle).abs() < 1e-13);
+    }
+    // no direction is preferred at random, and a seed says all
+    let wild = field::random(&mesh, 11);
+    assert_units(&wild, &mesh);
+    assert_eq!(wild, field::random(&mesh, 11));
+    assert_ne!(wild, field::random(&mesh, 12));
+    let n = wild.directions.len() as f64;
+    for k in 0..3 {
+        let mean: f64 = wild.directions.iter().map(|d| d[k] * d[k]).sum::<f64>() / n;
+        assert!((mean - 1.0 / 3.0).abs() < 3.0 / n.sqrt(), "{mean}");
+    }
+    assert!(circular(&mesh, centre, DVec3::ZERO).is_err());
+    assert!(helicoidal(&mesh, centre, axis, f64::NAN).is_err());
+}

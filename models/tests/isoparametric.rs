@@ -1,0 +1,399 @@
+//! Hexahedra and quadrilaterals: reference vectors, derivatives, rigid motions, definite tangents, and the
+//! same through every instruction set and number of threads.
+
+use bevy_ecs::prelude::*;
+use glam::{DMat3, DQuat, DVec3};
+use serde_json::Value;
+use sinew_engine::columns::single_table;
+use sinew_engine::isoparametric::CORNERS;
+use sinew_engine::lanes::InstructionSet;
+use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
+use sinew_engine::matrix::Tangent;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::schedule::{Executor, ForceSchedule, install};
+use sinew_engine::topology::Topology;
+use sinew_engine::vertex::{Displacement, ElasticForce, Mass};
+use sinew_engine::workers::Workers;
+use sinew_models::body::{BodyDescription, BodyError, Model, spawn_body};
+use sinew_models::material::YoungPoisson;
+use sinew_models::sheet::{MembraneDescription, MembraneError, MembraneModel, PlaneState};
+
+const SOLIDS: [Model; 5] =
+    [Model::StVK, Model::CompressibleStVK, Model::Linear, Model::Corotational, Model::NeoHookean];
+
+const SHEETS: [MembraneModel; 4] = [
+    MembraneModel::Biquadratic,
+    MembraneModel::CompressibleBiquadratic,
+    MembraneModel::Linear,
+    MembraneModel::Corotational,
+];
+
+fn material(nu: f64) -> YoungPoisson {
+    YoungPoisson { young_modulus: 1.0, poisson_ratio: nu, density: 1.0 }
+}
+
+/// Numbers between -1 and 1.
+fn noise(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+/// Two distorted hexahedra that share a face.
+fn bricks() -> (Vec<DVec3>, Vec<[u32; 8]>) {
+    let mut next = noise(3);
+    let point = |i: u32| {
+        let (x, y, z) = (i % 3, i / 3 % 2, i / 6);
+        DVec3::new(f64::from(x), f64::from(y), f64::from(z))
+    };
+    let points = (0..12).map(|i| point(i) + 0.15 * DVec3::new(next(), next(), next())).collect();
+    (points, vec![[0, 1, 4, 3, 6, 7, 10, 9], [1, 2, 5, 4, 7, 8, 11, 10]])
+}
+
+/// Two quadrilaterals that share a side, warped a little.
+fn plates() -> (Vec<DVec3>, Vec<[u32; 4]>) {
+    let mut next = noise(5);
+    let point = |i: u32| DVec3::new(f64::from(i % 3), f64::from(i / 3), 0.0);
+    let points = (0..6).map(|i| point(i) + 0.15 * DVec3::new(next(), next(), next())).collect();
+    (points, vec![[0, 1, 4, 3], [1, 2, 5, 4]])
+}
+
+/// What a body gives at some displacements, in the user's order.
+struct Response {
+    energy: f64,
+    forces: Vec<DVec3>,
+    /// Rows and columns `3 vertex + axis`.
+    tangent: Vec<Vec<f64>>,
+    masses: Vec<f64>,
+}
+
+fn world<S: Scalar>(body: &BodyDescription, set: InstructionSet) -> World {
+    let mut world = World::new();
+    install::<S>(&mut world, Executor::SingleThreaded);
+    world.insert_resource(Workers::serial().with_instruction_set(set).unwrap());
+    spawn_body::<S>(&mut world, body).unwrap();
+    world
+}
+
+fn respond<S: Scalar>(world: &mut World, u: &[DVec3], kind: TangentKind) -> Response {
+    let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
+    let mut vertices = world.query::<&mut Displacement<S>>();
+    for (own, &v) in
+        single_table(vertices.contiguous_iter_mut(world)).unwrap().iter_mut().zip(&order)
+    {
+        let u = u[v as usize];
+        own.0 = [u.x, u.y, u.z, 0.0].map(S::from_f64);
+    }
+    world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: Some(kind) });
+    world.run_schedule(ForceSchedule);
+    let mut vertices = world.query::<(&ElasticForce<S>, &Mass<S>)>();
+    let (force, mass) = single_table(vertices.contiguous_iter(world)).unwrap();
+    let mut forces = vec![DVec3::ZERO; order.len()];
+    let mut masses = vec![0.0; order.len()];
+    for (row, &v) in order.iter().enumerate() {
+        let f = force[row].0.map(|x| x.to_f64());
+        forces[v as usize] = DVec3::new(f[0], f[1], f[2]);
+        masses[v as usize] = mass[row].0.to_f64();
+    }
+    let tangent = &world.resource::<Tangent<S>>().matrix;
+    let n = 3 * order.len();
+    let mut dense = vec![vec![0.0; n]; n];
+    for (row, &v) in order.iter().enumerate() {
+        for k in 0..9 {
+            let at = 3 * v as usize;
+            dense[at + k / 3][at + k % 3] = tangent.diagonal[row][k].to_f64();
+        }
+    }
+    for (edge, block) in world.resource::<Topology>().edges.iter().zip(&tangent.off_diagonal) {
+        let [a, b] = edge.map(|row| 3 * order[row as usize] as usize);
+        for k in 0..9 {
+            dense[a + k / 3][b + k % 3] = block[k].to_f64();
+            dense[b + k % 3][a + k / 3] = block[k].to_f64();
+        }
+    }
+    let energy = world.resource::<ElasticEnergy>().total;
+    Response { energy, forces, tangent: dense, masses }
+}
+
+fn sizes(tangent: &[Vec<f64>]) -> f64 {
+    tangent.iter().flatten().fold(0.0, |m: f64, x| m.max(x.abs()))
+}
+
+/// Whether a symmetric matrix plus `shift` on its diagonal has a Cholesky factor.
+fn is_definite(matrix: &[Vec<f64>], shift: f64) -> bool {
+    let n = matrix.len();
+    let mut l = vec![vec![0.0; n]; n];
+    for i in 0..n {
+        for j in 0..=i {
+            let own = matrix[i][j] + if i == j { shift } else { 0.0 };
+            let sum = own - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
+            if i == j {
+                if sum <= 0.0 {
+                    return false;
+                }
+                l[i][i] = sum.sqrt();
+            } else {
+                l[i][j] = sum / l[j][j];
+            }
+        }
+    }
+    true
+}
+
+/// Calls `check` with every body of this file and a name.
+fn for_bodies(mut check: impl FnMut(&BodyDescription, &str, bool)) {
+    let (points, hexahedra) = bricks();
+    for model in SOLIDS {
+        let body = BodyDescription {
+            hexahedra: &hexahedra,
+            model,
+            ..BodyDescription::from_parts("body", &points, &[], material(0.4))
+        };
+        check(&body, model.name(), model == Model::Linear);
+    }
+    let (points, quads) = plates();
+    for model in SHEETS {
+        for plane in [PlaneState::Stress, PlaneState::Strain] {
+            let sheet = MembraneDescription::new(&[], 0.1, material(0.3));
+            let sheet = MembraneDescription { quads: &quads, plane, model, ..sheet };
+            let body = BodyDescription {
+                membrane: Some(sheet),
+                ..BodyDescription::from_parts("body", &points, &[], material(0.4))
+            };
+            check(&body, model.name(), model == MembraneModel::Linear);
+        }
+    }
+}
+
+fn displacements(count: usize, size: f64, seed: u64) -> Vec<DVec3> {
+    let mut next = noise(seed);
+    (0..count).map(|_| size * DVec3::new(next(), next(), next())).collect()
+}
+
+#[test]
+fn derivatives_of_energy_and_force() {
+    for_bodies(|body, name, _| {
+        let mut world = world::<f64>(body, InstructionSet::Scalar);
+        let n = body.points.len();
+        for (size, seed) in [(0.05, 1), (0.3, 2)] {
+            let u = displacements(n, size, seed);
+            let at = respond::<f64>(&mut world, &u, TangentKind::Exact);
+            let scale = sizes(&at.tangent);
+            let h = 1e-6;
+            for v in 0..n {
+                for axis in 0..3 {
+                    let mut moved = [u.clone(), u.clone()];
+                    moved[0][v][axis] += h;
+                    moved[1][v][axis] -= h;
+                    let [a, b] = moved.map(|u| respond::<f64>(&mut world, &u, TangentKind::Exact));
+                    let slope = (a.energy - b.energy) / (2.0 * h);
+                    let error = (slope + at.forces[v][axis]).abs();
+                    assert!(error < 1e-8 * scale, "{name}: force off by {error:e}");
+                    for w in 0..n {
+                        for x in 0..3 {
+                            let slope = (b.forces[w][x] - a.forces[w][x]) / (2.0 * h);
+                            let own = at.tangent[3 * w + x][3 * v + axis];
+                            // stiffness warping aside, every law has its exact tangent
+                            let error = (slope - own).abs();
+                            assert!(error < 1e-7 * scale, "{name}: tangent off by {error:e}");
+                        }
+                    }
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn rigid_motions_cost_nothing() {
+    for_bodies(|body, name, linear| {
+        let mut world = world::<f64>(body, InstructionSet::Scalar);
+        let turn = DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 2.0));
+        let way = DVec3::new(3.0, -1.0, 2.0);
+        let moved = |x: &DVec3| if linear { way } else { turn * *x + way - *x };
+        let u: Vec<DVec3> = body.points.iter().map(moved).collect();
+        let at = respond::<f64>(&mut world, &u, TangentKind::Exact);
+        let scale = sizes(&at.tangent);
+        assert!(at.energy.abs() < 1e-12 * scale, "{name}: {}", at.energy);
+        assert!(at.forces.iter().all(|f| f.length() < 1e-12 * scale), "{name}");
+        // forces balance at any state, and so do their moments
+        let u = displacements(body.points.len(), 0.3, 7);
+        let at = respond::<f64>(&mut world, &u, TangentKind::Exact);
+        let sum: DVec3 = at.forces.iter().sum();
+        assert!(sum.length() < 1e-13 * scale, "{name}: {sum}");
+        let places = body.points.iter().zip(&u).map(|(x, u)| if linear { *x } else { *x + *u });
+        let moment: DVec3 = places.zip(&at.forces).map(|(x, f)| x.cross(*f)).sum();
+        assert!(moment.length() < 1e-13 * scale, "{name}: {moment}");
+    });
+}
+
+#[test]
+fn stand_ins_are_definite() {
+    for_bodies(|body, name, _| {
+        let mut world = world::<f64>(body, InstructionSet::Scalar);
+        let n = body.points.len();
+        let squash = |x: &DVec3| -0.6 * x.x * DVec3::X;
+        let states = [
+            displacements(n, 0.3, 11),
+            displacements(n, 1.5, 12),
+            body.points.iter().map(squash).collect(),
+            body.points.iter().map(|x| -2.0 * x.x * DVec3::X).collect(),
+        ];
+        for u in states {
+            for kind in [TangentKind::GaussNewton, TangentKind::Projected] {
+                let tangent = respond::<f64>(&mut world, &u, kind).tangent;
+                let shift = 1e-9 * sizes(&tangent);
+                assert!(is_definite(&tangent, shift), "{name}: {kind:?}");
+            }
+        }
+        // where nothing is compressed nothing is clamped; neo-Hookean bodies lose stiffness in dilation
+        let stretch = if name == "neo_hookean" { 0.0 } else { 0.3 };
+        let u: Vec<DVec3> = body.points.iter().map(|x| stretch * *x).collect();
+        let exact = respond::<f64>(&mut world, &u, TangentKind::Exact).tangent;
+        let projected = respond::<f64>(&mut world, &u, TangentKind::Projected).tangent;
+        let scale = sizes(&exact);
+        for (a, b) in exact.iter().flatten().zip(projected.iter().flatten()) {
+            assert!((a - b).abs() < 1e-12 * scale, "{name}: {a} {b}");
+        }
+    });
+}
+
+#[test]
+fn instruction_sets_and_precisions_agree() {
+    for_bodies(|body, name, _| {
+        let u = displacements(body.points.len(), 0.2, 21);
+        for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
+            let reference =
+                respond::<f64>(&mut world::<f64>(body, InstructionSet::Scalar), &u, kind);
+            let scale = sizes(&reference.tangent);
+            let check = |other: Response, tolerance: f64, what: &str| {
+                let energy = (other.energy - reference.energy).abs();
+                assert!(energy <= tolerance * scale, "{name} {what}: energy {energy:e}");
+                for (a, b) in other.forces.iter().zip(&reference.forces) {
+                    assert!((*a - *b).length() < tolerance * scale, "{name} {what}: {a} {b}");
+                }
+                let both = other.tangent.iter().flatten().zip(reference.tangent.iter().flatten());
+                for (a, b) in both {
+                    assert!((a - b).abs() < tolerance * scale, "{name} {what} {kind:?}: {a} {b}");
+                }
+            };
+            for set in InstructionSet::ALL.into_iter().filter(|set| set.is_available()) {
+                check(respond::<f64>(&mut world::<f64>(body, set), &u, kind), 1e-13, "f64");
+                check(respond::<f32>(&mut world::<f32>(body, set), &u, kind), 1e-5, "f32");
+            }
+        }
+    });
+}
+
+#[test]
+fn element_forces_of_established_codes() {
+    let data: Value =
+        serde_json::from_str(include_str!("data/element_forces_hexahedra.json")).unwrap();
+    let number = |v: &Value| v.as_f64().unwrap();
+    let vectors = |v: &Value| -> Vec<DVec3> {
+        let rows = v.as_array().unwrap().iter();
+        rows.map(|row| DVec3::new(number(&row[0]), number(&row[1]), number(&row[2]))).collect()
+    };
+    let material = YoungPoisson {
+        young_modulus: number(&data["E"]),
+        poisson_ratio: number(&data["nu"]),
+        density: 1.0,
+    };
+    let hexahedra = [[0, 1, 2, 3, 4, 5, 6, 7]];
+    let mut checked = 0;
+    for case in data["cases"].as_array().unwrap().iter() {
+        let (points, u) = (vectors(&case["points"]), vectors(&case["u"]));
+        for (law, model) in
+            [("linear", Model::Linear), ("svk", Model::StVK), ("svk_comp", Model::CompressibleStVK)]
+        {
+            let body = BodyDescription {
+                hexahedra: &hexahedra,
+                model,
+                ..BodyDescription::from_parts("body", &points, &[], material)
+            };
+            let mut world = world::<f64>(&body, InstructionSet::Scalar);
+            let own = respond::<f64>(&mut world, &u, TangentKind::Exact);
+            let reference = vectors(&case[law]["f"]);
+            let size = reference.iter().fold(0.0, |m: f64, f| m.max(f.length()));
+            for (f, r) in own.forces.iter().zip(&reference) {
+                // the file has the forces that hold the element there
+                let error = (*f + *r).length() / size;
+                assert!(error < 2e-11, "{law}: {f} {r}");
+            }
+            let energy = number(&case[law]["energy"]);
+            assert!((own.energy - energy).abs() < 2e-11 * energy, "{law}: {} {energy}", own.energy);
+            checked += 1;
+        }
+    }
+    assert!(checked >= 9, "{checked} cases");
+}
+
+#[test]
+fn masses_are_row_sums() {
+    let points = CORNERS.map(DVec3::from_array);
+    let hexahedra = [[0, 1, 2, 3, 4, 5, 6, 7]];
+    let body = BodyDescription {
+        hexahedra: &hexahedra,
+        ..BodyDescription::from_parts("body", &points, &[], material(0.3))
+    };
+    let mut solid = world::<f64>(&body, InstructionSet::Scalar);
+    let at = respond::<f64>(&mut solid, &[DVec3::ZERO; 8], TangentKind::Exact);
+    assert!(at.masses.iter().all(|m| (m - 1.0).abs() < 1e-14));
+    let (points, quads) = plates();
+    let sheet = MembraneDescription::new(&[], 0.1, material(0.3));
+    let body = BodyDescription {
+        membrane: Some(MembraneDescription { quads: &quads, ..sheet }),
+        ..BodyDescription::from_parts("body", &points, &[], material(0.4))
+    };
+    let mut plate = world::<f64>(&body, InstructionSet::Scalar);
+    let at = respond::<f64>(&mut plate, &[DVec3::ZERO; 6], TangentKind::Exact);
+    assert!(at.masses.iter().all(|m| *m > 0.0));
+}
+
+#[test]
+fn bad_elements_are_named() {
+    let (points, hexahedra) = bricks();
+    let fresh = || {
+        let mut world = World::new();
+        install::<f64>(&mut world, Executor::SingleThreaded);
+        world
+    };
+    let solid = BodyDescription {
+        hexahedra: &hexahedra,
+        ..BodyDescription::from_parts("body", &points, &[], material(0.3))
+    };
+    let mut turned = hexahedra.clone();
+    turned[1] = [7, 8, 11, 10, 1, 2, 5, 4];
+    let body = BodyDescription { hexahedra: &turned, ..solid.clone() };
+    let error = spawn_body::<f64>(&mut fresh(), &body).unwrap_err();
+    assert!(matches!(error, BodyError::Hexahedron { hexahedron: 1, .. }), "{error}");
+    let body = BodyDescription { hexahedra: &[[0, 1, 2, 3, 4, 5, 6, 99]], ..solid.clone() };
+    let error = spawn_body::<f64>(&mut fresh(), &body).unwrap_err();
+    assert!(matches!(error, BodyError::HexahedronIndex { hexahedron: 0, .. }), "{error}");
+    let body = BodyDescription { model: Model::QuadraticSprings, ..solid.clone() };
+    let error = spawn_body::<f64>(&mut fresh(), &body).unwrap_err();
+    assert!(matches!(error, BodyError::HexahedronModel { .. }), "{error}");
+    let (points, quads) = plates();
+    let sheet = MembraneDescription::new(&[], 0.1, material(0.3));
+    let spawn = |membrane: MembraneDescription, world: &mut World| {
+        let body = BodyDescription {
+            membrane: Some(membrane),
+            ..BodyDescription::from_parts("body", &points, &[], material(0.4))
+        };
+        spawn_body::<f64>(world, &body).unwrap_err()
+    };
+    let twice = [quads[0], [4, 3, 0, 1]];
+    let error = spawn(MembraneDescription { quads: &twice, ..sheet }, &mut fresh());
+    let BodyError::Membrane { source, .. } = error else { panic!("{error}") };
+    assert!(matches!(source, MembraneError::DuplicateQuad { first: 0, second: 1 }), "{source}");
+    let folded = [[0, 1, 3, 4]];
+    let error = spawn(MembraneDescription { quads: &folded, ..sheet }, &mut fresh());
+    let BodyError::Membrane { source, .. } = error else { panic!("{error}") };
+    assert!(matches!(source, MembraneError::Quad { quad: 0, .. }), "{source}");
+    let model = MembraneModel::Quadratic;
+    let error = spawn(MembraneDescription { quads: &quads, model, ..sheet }, &mut fresh());
+    let BodyError::Membrane { source, .. } = error else { panic!("{error}") };
+    assert!(matches!(source, MembraneError::QuadModel { .. }), "{source}");
+}

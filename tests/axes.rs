@@ -1,0 +1,438 @@
+//! Bodies with axes: beside and instead of a material, in every way of evaluation; mesh independence,
+//! conservation, active fibres, removal, recovery.
+
+mod common;
+
+use common::*;
+use glam::DVec3;
+use proptest::prelude::*;
+use sinew::engine::law::{ElasticEnergy, RecoveringBodies};
+use sinew::engine::mesh::Mesh;
+use sinew::engine::mesh::generate::{box_tets, jitter_interior};
+use sinew::models::axes::field;
+use sinew::prelude::*;
+
+fn options(precision: Precision, threads: usize) -> SimulationOptions {
+    SimulationOptions { precision, threads, ..Default::default() }
+}
+
+/// Four families that are not orthogonal, two of them active, five angles: triads, fibres and a term of
+/// volume, some elements without a share.
+fn rich(mesh: &Mesh) -> AxesDescription<'static> {
+    let n = mesh.tetrahedra.len();
+    let fields: Vec<_> = (0..4).map(|i| field::random(mesh, i).directions).collect();
+    let family = |name, i: usize, modulus| AxisFamily::new(name, &fields[i], modulus);
+    let muscle = MuscleSettings {
+        peak_stress: 4e3,
+        optimal_stretch: 1.05,
+        stiffening: 0.5,
+        shortening: 0.1,
+        ..MuscleSettings::default()
+    };
+    let share: Vec<f64> = (0..n).map(|i| (i % 3) as f64 * 0.5).collect();
+    let angle = |families, modulus| AxisAngle { families, modulus };
+    AxesDescription {
+        families: vec![
+            family("a", 0, 3e3),
+            family("b", 1, 8e3),
+            AxisFamily { muscle: Some(muscle.clone()), ..family("c", 2, 2e3) },
+            AxisFamily { muscle: Some(muscle), share: Some(share.into()), ..family("d", 3, 1e3) },
+        ],
+        angles: vec![
+            angle([0, 1], 1e3),
+            angle([2, 0], 2e3),
+            angle([1, 2], 5e2),
+            angle([1, 3], 7e2),
+            angle([3, 0], 9e2),
+        ],
+        volume_modulus: 6e3,
+        form: AxisForm::EnergyConsistent,
+    }
+    .into_owned()
+}
+
+fn build(
+    mesh: &Mesh,
+    (model, evaluation): (Model, Evaluation),
+    axes: Option<AxesDescription>,
+    options: SimulationOptions,
+) -> (Simulation, BodyHandle) {
+    let mut simulation = Simulation::new(options).unwrap();
+    let material = soft(5e3, 0.4);
+    let description =
+        BodyDescription { model, evaluation, axes, ..BodyDescription::new("body", mesh, material) };
+    let body = simulation.add_body(&description).unwrap();
+    simulation.set_gravity(DVec3::ZERO);
+    (simulation, body)
+}
+
+const FUSED: (Model, Evaluation) = (Model::CompressibleStVK, Evaluation::Fused);
+const POOLED: (Model, Evaluation) = (Model::CompressibleStVK, Evaluation::Pooled);
+const ALONE: (Model, Evaluation) = (Model::Axes, Evaluation::Fused);
+
+/// Energy and forces at random displacements.
+fn at_random(
+    mesh: &Mesh,
+    kind: (Model, Evaluation),
+    axes: Option<AxesDescription>,
+    precision: Precision,
+) -> (f64, Vec<DVec3>) {
+    let active = axes.is_some();
+    let (mut simulation, body) = build(mesh, kind, axes, options(precision, 1));
+    if active {
+        activate(&mut simulation, body);
+    }
+    let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 3e-3).collect();
+    simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    let energy = simulation.evaluate();
+    (energy, simulation.elastic_forces(body))
+}
+
+fn activate(simulation: &mut Simulation, body: BodyHandle) {
+    simulation.set_activation(body, "c", 0.7).unwrap();
+    simulation.set_activation(body, "d", 0.2).unwrap();
+    // activations act from the next step on
+    simulation.set_dt(1e-9);
+    simulation.step().unwrap();
+}
+
+#[test]
+fn axes_add_to_any_material() {
+    let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
+    let axes = rich(&mesh);
+    let (energy, force) = at_random(&mesh, ALONE, Some(axes.clone()), Precision::F64);
+    assert!(energy > 0.0);
+    for kind in [FUSED, POOLED, (Model::Corotational, Evaluation::Fused)] {
+        let base = at_random(&mesh, kind, None, Precision::F64);
+        let both = at_random(&mesh, kind, Some(axes.clone()), Precision::F64);
+        assert!((both.0 - base.0 - energy).abs() < 1e-12 * both.0, "{kind:?}");
+        let sum: Vec<_> = base.1.iter().zip(&force).map(|(a, b)| *a + *b).collect();
+        assert!(max_distance(&sum, &both.1) < 1e-12 * max_length(&sum), "{kind:?}");
+    }
+    let narrow = at_random(&mesh, ALONE, Some(axes), Precision::F32);
+    assert!(max_distance(&narrow.1, &force) < 2e-5 * max_length(&force));
+}
+
+/// In orthogonal directions, with the moduli of an isotropic material, axes alone are that material.
+#[test]
+fn isotropic_axes_stand_in_for_the_material() {
+    let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
+    let small = |kind, axes| {
+        let (mut simulation, body) = build(&mesh, kind, axes, options(Precision::F64, 1));
+        let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 1e-9).collect();
+        simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        simulation.evaluate();
+        simulation.elastic_forces(body)
+    };
+    let lame = soft(5e3, 0.4).lame().unwrap();
+    let linear = small((Model::Linear, Evaluation::Fused), None);
+    let axes = small(ALONE, Some(AxesDescription::isotropic(lame)));
+    // strains of 1e-7 differ in the second order
+    assert!(max_distance(&linear, &axes) < 1e-6 * max_length(&linear));
+}
+
+#[test]
+fn threads_change_nothing() {
+    let mesh = jittered_box([0.3, 0.1, 0.1], [18, 7, 7]);
+    let axes = rich(&mesh);
+    let run = |threads| {
+        let (mut simulation, body) =
+            build(&mesh, FUSED, Some(axes.clone()), options(Precision::F64, threads));
+        clamp(&mut simulation, body, &mesh, "x0");
+        simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
+        simulation.set_activation(body, "c", 0.5).unwrap();
+        simulation.set_dt(0.01);
+        (0..3).for_each(|_| simulation.step().unwrap());
+        simulation.state_hash()
+    };
+    assert_eq!(run(1), run(2));
+}
+
+/// A free body of every kind of axis beside and without a material, spinning and trembling.
+#[test]
+fn free_bodies_keep_their_momenta() {
+    let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
+    for kind in [FUSED, ALONE] {
+        let (mut simulation, body) =
+            build(&mesh, kind, Some(rich(&mesh)), options(Precision::F64, 1));
+        activate(&mut simulation, body);
+        simulation.set_solver(SolverSettings {
+            integrator: Integrator::StormerVerlet,
+            ..Default::default()
+        });
+        simulation.set_dt(1e-3);
+        let n = mesh.points.len();
+        let u: Vec<_> = random_field(n, 9).iter().map(|r| *r * 1e-3).collect();
+        let v: Vec<_> = mesh.points.iter().map(|x| DVec3::Z.cross(*x) * 5.0 + DVec3::X).collect();
+        simulation.set_state(body, &u, &v).unwrap();
+        let mass = simulation.masses(body);
+        let mut momenta = || {
+            let (u, v) = (simulation.displacements(body), simulation.velocities(body));
+            let p: DVec3 = v.iter().zip(&mass).map(|(v, m)| *v * *m).sum();
+            let l: DVec3 = (0..n).map(|i| (mesh.points[i] + u[i]).cross(v[i]) * mass[i]).sum();
+            simulation.step().unwrap();
+            (p, l)
+        };
+        let start = momenta();
+        for _ in 0..100 {
+            let now = momenta();
+            assert!(now.0.distance(start.0) < 1e-10 * start.0.length(), "{kind:?}");
+            assert!(now.1.distance(start.1) < 1e-10 * start.1.length(), "{kind:?}");
+        }
+    }
+}
+
+/// Tip of a clamped bar with stiff fibres at an angle under its weight, at growing loads.
+fn tip_curve(mesh: &Mesh, angle: f64) -> Vec<DVec3> {
+    let direction = [DVec3::new(angle.cos(), angle.sin(), 0.0)];
+    let axes = AxesDescription {
+        families: vec![AxisFamily::new("fibres", &direction, 2e5)],
+        ..AxesDescription::default()
+    };
+    let (mut simulation, body) = build(mesh, FUSED, Some(axes), options(Precision::F64, 1));
+    clamp(&mut simulation, body, mesh, "x0");
+    simulation
+        .set_solver(SolverSettings { integrator: Integrator::QuasiStatic, ..Default::default() });
+    let tip = group(mesh, "x1");
+    [2.0, 4.0, 6.0]
+        .map(|g| {
+            simulation.set_gravity(DVec3::new(g, 0.0, -g));
+            simulation.step().unwrap();
+            let u = simulation.displacements(body);
+            tip.iter().map(|&v| u[v as usize]).sum::<DVec3>() / tip.len() as f64
+        })
+        .to_vec()
+}
+
+#[test]
+fn anisotropy_does_not_depend_on_the_mesh() {
+    for degrees in [0.0_f64, 45.0, 90.0] {
+        let curves: Vec<_> = [1, 2, 3]
+            .into_iter()
+            .map(|seed| {
+                let mesh = box_tets(DVec3::new(0.08, 0.04, 0.04), [16, 8, 8]).unwrap();
+                tip_curve(&jitter_interior(&mesh, 0.25, seed).unwrap(), degrees.to_radians())
+            })
+            .collect();
+        let size = curves[0].iter().map(|x| x.length()).fold(0.0, f64::max);
+        assert!(size > 1e-3, "{size}");
+        for curve in &curves[1..] {
+            for (a, b) in curve.iter().zip(&curves[0]) {
+                assert!(a.distance(*b) < 0.03 * size, "{degrees}: {a} {b}");
+            }
+        }
+        // fibres along y pull a bar that is drawn along x and bent along z nowhere else
+        let aside = curves[0].iter().map(|x| x.y.abs()).fold(0.0, f64::max);
+        assert_eq!(aside > 0.05 * size, degrees == 45.0, "{degrees}: {aside} of {size}");
+    }
+}
+
+fn bar_with_muscle(muscle: MuscleSettings) -> (Mesh, AxesDescription<'static>) {
+    let mesh = jittered_box([0.1, 0.02, 0.02], [10, 2, 2]);
+    let axes = AxesDescription {
+        families: vec![AxisFamily {
+            muscle: Some(muscle),
+            ..AxisFamily::new("muscle", &[DVec3::X], 0.0)
+        }],
+        ..AxesDescription::default()
+    };
+    let axes = axes.into_owned();
+    (mesh, axes)
+}
+
+/// A muscle held at both ends pulls with its stress times its cross-section.
+#[test]
+fn isometric_force() {
+    let peak = 2e3;
+    let muscle = MuscleSettings { peak_stress: peak, ..MuscleSettings::default() };
+    let (mesh, axes) = bar_with_muscle(muscle);
+    let (mut simulation, body) = build(&mesh, FUSED, Some(axes), options(Precision::F64, 1));
+    clamp(&mut simulation, body, &mesh, "x0");
+    let rows = simulation.rows(body, "x1", &group(&mesh, "x1")).unwrap();
+    let held = simulation.add_constraint(Constraint::hold("end", rows));
+    simulation
+        .set_solver(SolverSettings { integrator: Integrator::QuasiStatic, ..Default::default() });
+    for activation in [0.25, 1.0, 0.5, 0.0] {
+        simulation.set_activation(body, "muscle", activation).unwrap();
+        simulation.step().unwrap();
+        simulation.evaluate();
+        let force = simulation.reaction(held).x;
+        let expected = peak * activation * 0.02 * 0.02;
+        assert!((force - expected).abs() <= 0.02 * expected + 1e-8, "{activation}: {force}");
+    }
+}
+
+/// Contraction along a curve of time: the bar shortens, and what it gains came in as work of activation.
+#[test]
+fn contraction_is_paid_for() {
+    let curve = Some(Curve::ramp(0.0, 0.05));
+    let muscle = MuscleSettings { peak_stress: 1e3, curve, ..MuscleSettings::default() };
+    let (mesh, axes) = bar_with_muscle(muscle);
+    let (mut simulation, body) = build(&mesh, FUSED, Some(axes), options(Precision::F64, 1));
+    let error = simulation.set_activation(body, "muscle", 0.5).unwrap_err();
+    assert!(error.to_string().contains("curve"), "{error}");
+    clamp(&mut simulation, body, &mesh, "x0");
+    simulation
+        .set_solver(SolverSettings { integrator: Integrator::StormerVerlet, ..Default::default() });
+    simulation.set_dt(1e-3);
+    let volume = simulation.volume(body);
+    for _ in 0..100 {
+        simulation.step().unwrap();
+    }
+    let report = simulation.report();
+    let energy = report.kinetic_energy + report.elastic_energy;
+    let work = simulation.activation_work().total;
+    // the steps of activation are taken at the state before them
+    assert!((energy - work).abs() < 0.02 * energy.abs().max(work.abs()), "{energy} {work}");
+    let u = simulation.displacements(body);
+    let tip = group(&mesh, "x1");
+    assert!(tip.iter().all(|&v| u[v as usize].x < -2e-3));
+    assert!((simulation.volume(body) / volume - 1.0).abs() < 0.2);
+}
+
+/// `Lambda` keeps the volume of a drawn bar of Poisson's ratio 0.
+#[test]
+fn volume_is_kept() {
+    let mesh = jittered_box([0.1, 0.02, 0.02], [10, 2, 2]);
+    let stretched = |lambda: f64| {
+        let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
+        let axes = AxesDescription { volume_modulus: lambda, ..AxesDescription::default() };
+        let axes = (lambda > 0.0).then_some(axes);
+        let description =
+            BodyDescription { axes, ..BodyDescription::new("bar", &mesh, soft(5e3, 0.0)) };
+        let body = simulation.add_body(&description).unwrap();
+        simulation.set_gravity(DVec3::ZERO);
+        simulation.set_solver(SolverSettings {
+            integrator: Integrator::QuasiStatic,
+            ..Default::default()
+        });
+        clamp(&mut simulation, body, &mesh, "x0");
+        let rows = simulation.rows(body, "x1", &group(&mesh, "x1")).unwrap();
+        let motion = Motion::Translate(DVec3::new(0.01, 0.0, 0.0));
+        simulation.add_constraint(Constraint::moving("pull", rows, motion, Curve::Constant));
+        simulation.step().unwrap();
+        simulation.volume(body) / 4e-5 - 1.0
+    };
+    let (without, with) = (stretched(0.0), stretched(5e4));
+    assert!(without > 0.09 && with.abs() < 0.2 * without, "{without} {with}");
+}
+
+#[test]
+fn recovery_silences_axes_beside_a_material_only() {
+    let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
+    for (kind, silent) in [(FUSED, true), (ALONE, false)] {
+        let (mut simulation, body) =
+            build(&mesh, kind, Some(rich(&mesh)), options(Precision::F64, 1));
+        let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 3e-3).collect();
+        simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        simulation.world_mut().insert_resource(RecoveringBodies(vec![true]));
+        simulation.evaluate();
+        let energy = simulation.world().resource::<ElasticEnergy>();
+        let axes: f64 =
+            energy.by_law.iter().filter(|l| ["axes", "fibres"].contains(&l.0)).map(|l| l.1).sum();
+        assert_eq!(axes == 0.0, silent, "{kind:?} {:?}", energy.by_law);
+        assert!(max_length(&simulation.elastic_forces(body)) > 0.0);
+    }
+}
+
+/// What the printed formulas lack: the resultant of their volume springs and the moment of their angular
+/// springs are not zero, while balanced springs and axes with an energy have neither.
+#[test]
+fn printed_forms_push_and_turn_free_bodies() {
+    let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
+    let lame = soft(5e3, 0.4).lame().unwrap();
+    let resultants = |form, volume_modulus| {
+        let axes = AxesDescription { form, volume_modulus, ..AxesDescription::isotropic(lame) };
+        let (_, f) = at_random_passive(&mesh, axes);
+        let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 3e-3).collect();
+        let x: Vec<_> = mesh.points.iter().zip(&u).map(|(x, u)| *x + *u).collect();
+        let size: f64 = f.iter().map(|f| f.length()).sum();
+        let lever: f64 = f.iter().zip(&x).map(|(f, x)| f.length() * x.length()).sum();
+        let force = f.iter().sum::<DVec3>().length() / size;
+        let moment = f.iter().zip(&x).map(|(f, x)| x.cross(*f)).sum::<DVec3>().length() / lever;
+        (force, moment)
+    };
+    let (force, moment) = resultants(AxisForm::EnergyConsistent, lame.lambda);
+    assert!(force < 1e-12 && moment < 1e-12, "{force:e} {moment:e}");
+    let (force, moment) = resultants(AxisForm::PrintedBalanced, lame.lambda);
+    assert!(force < 1e-12 && moment > 1e-5, "{force:e} {moment:e}");
+    let (force, moment) = resultants(AxisForm::Printed, lame.lambda);
+    assert!(force > 1e-4 && moment > 1e-5, "{force:e} {moment:e}");
+}
+
+/// Energy and forces of axes alone at the displacements of [`at_random`].
+fn at_random_passive(mesh: &Mesh, axes: AxesDescription) -> (f64, Vec<DVec3>) {
+    let (mut simulation, body) = build(mesh, ALONE, Some(axes), options(Precision::F64, 1));
+    let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 3e-3).collect();
+    simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    (simulation.evaluate(), simulation.elastic_forces(body))
+}
+
+#[test]
+fn bad_axes_are_refused() {
+    let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
+    let try_axes = |model, axes| {
+        let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
+        let description =
+            BodyDescription { model, axes, ..BodyDescription::new("body", &mesh, soft(5e3, 0.4)) };
+        simulation.add_body(&description).unwrap_err().to_string()
+    };
+    let with = |family: AxisFamily| {
+        let axes = AxesDescription { families: vec![family], ..AxesDescription::default() };
+        try_axes(Model::StVK, Some(axes.into_owned()))
+    };
+    assert!(try_axes(Model::Axes, None).contains("needs a description"));
+    assert!(try_axes(Model::StVK, Some(AxesDescription::default())).contains("no axis"));
+    assert!(with(AxisFamily::new("f", &[DVec3::ZERO], 1.0)).contains("no direction"));
+    assert!(with(AxisFamily::new("f", &[DVec3::NAN], 1.0)).contains("no direction"));
+    assert!(with(AxisFamily::new("f", &[DVec3::X, DVec3::Y], 1.0)).contains("2 directions for 72"));
+    assert!(with(AxisFamily::new("f", &[DVec3::X], -1.0)).contains("-1 Pa"));
+    let muscle = Some(MuscleSettings { width: 0.0, ..MuscleSettings::default() });
+    let family = AxisFamily { muscle, ..AxisFamily::new("f", &[DVec3::X], 1.0) };
+    assert!(with(family).contains("`width` is 0"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    /// After removals, axes are those of a body built from what is left.
+    #[test]
+    fn removals_leave_a_fresh_body(
+        seed in 0..1000_u64,
+        count in 1..50_usize,
+        kind in 0..3_usize,
+        printed in any::<bool>(),
+    ) {
+        let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
+        let kind = [FUSED, POOLED, ALONE][kind];
+        let mut axes = rich(&mesh);
+        if printed {
+            axes.form = AxisForm::Printed;
+            axes.families.iter_mut().for_each(|family| family.muscle = None);
+        }
+        let (mut simulation, body) = build(&mesh, kind, Some(axes), options(Precision::F64, 1));
+        if !printed {
+            activate(&mut simulation, body);
+        }
+        let u: Vec<_> = random_field(mesh.points.len(), seed).iter().map(|r| *r * 2e-3).collect();
+        simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        for round in 0..3 {
+            let left = simulation.remaining_tetrahedra(body);
+            let chosen: Vec<u32> = left
+                .iter()
+                .copied()
+                .filter(|t| (u64::from(*t) * 7919 + seed * 31 + round) % 60 < count as u64)
+                .collect();
+            if chosen.is_empty() || chosen.len() == left.len() {
+                break;
+            }
+            let before = simulation.evaluate();
+            let removal = Removal::new(Region::Tetrahedra(chosen));
+            let report = simulation.remove_elements(body, &removal).unwrap();
+            let after = simulation.evaluate();
+            prop_assert!((before - after - report.elastic_energy).abs() < 1e-11 * before);
+            let difference = simulation.verify_against_fresh(body).unwrap();
+            prop_assert!(difference.largest() < 1e-12, "{kind:?} {difference:?}");
+        }
+    }
+}

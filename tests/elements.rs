@@ -1,0 +1,324 @@
+//! Bodies of tetrahedra, hexahedra, triangles and quadrilaterals, mixed and alone: steps, removals, new
+//! materials, springs, recovery.
+
+use glam::DVec3;
+use sinew::engine::connectivity::ElementKind;
+use sinew::engine::mesh::Mesh;
+use sinew::engine::mesh::generate::{box_hexahedra, jitter_interior, quad_grid};
+use sinew::identify::mesh::{Cells, fit_elements};
+use sinew::identify::{ElementMethod, LinearMaterial, Section};
+use sinew::models::sheet::{MembraneDescription, MembraneModel};
+use sinew::prelude::*;
+
+const SOFT: YoungPoisson =
+    YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.35, density: 1000.0 };
+
+fn simulation(precision: Precision, threads: usize) -> Simulation {
+    let options = SimulationOptions { precision, threads, ..Default::default() };
+    Simulation::new(options).unwrap()
+}
+
+/// A bar along x whose first half consists of hexahedra and whose second of tetrahedra, its skin at the top
+/// of quadrilaterals and triangles.
+struct Mixed {
+    mesh: Mesh,
+    triangles: Vec<[u32; 3]>,
+    quads: Vec<[u32; 4]>,
+}
+
+fn mixed(cells: [usize; 3]) -> Mixed {
+    let size = DVec3::new(0.2, 0.05, 0.05);
+    let whole = jitter_interior(&box_hexahedra(size, cells).unwrap(), 0.15, 7).unwrap();
+    let middle = |h: &[u32; 8]| h.iter().map(|&v| whole.points[v as usize].x).sum::<f64>() / 8.0;
+    let (left, right): (Vec<_>, Vec<_>) =
+        whole.hexahedra.iter().partition(|h| middle(h) < 0.5 * size.x);
+    let cut = Mesh { points: whole.points.clone(), hexahedra: right, ..Mesh::default() };
+    let cut = cut.split_into_simplices();
+    let mesh = Mesh {
+        points: whole.points.clone(),
+        hexahedra: left,
+        tetrahedra: cut.tetrahedra,
+        ..Mesh::default()
+    };
+    let top = |cell: &[u32]| cell.iter().all(|&v| whole.points[v as usize].z > size.z - 1e-9);
+    let surface = mesh.surface();
+    let triangles = surface.triangles.into_iter().filter(|t| top(t)).collect();
+    let quads = surface.quads.into_iter().filter(|q| top(q)).collect();
+    Mixed { mesh, triangles, quads }
+}
+
+impl Mixed {
+    fn description(&self) -> BodyDescription<'_> {
+        let skin = MembraneDescription::new(&self.triangles, 1e-3, SOFT);
+        let skin = MembraneDescription { quads: &self.quads, ..skin };
+        BodyDescription { membrane: Some(skin), ..BodyDescription::new("bar", &self.mesh, SOFT) }
+    }
+}
+
+fn hold(simulation: &mut Simulation, body: BodyHandle, points: &[DVec3]) {
+    let ends: Vec<u32> = (0..).zip(points).filter(|(_, p)| p.x < 1e-9).map(|(v, _)| v).collect();
+    let rows = simulation.rows(body, "end", &ends).unwrap();
+    simulation.add_constraint(Constraint::hold("end", rows));
+}
+
+fn numbers(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+fn disturb(simulation: &mut Simulation, body: BodyHandle, size: f64, seed: u64) {
+    let mut next = numbers(seed);
+    let count = simulation.displacements(body).len();
+    let u: Vec<DVec3> = (0..count).map(|_| size * DVec3::new(next(), next(), next())).collect();
+    simulation.set_state(body, &u, &vec![DVec3::ZERO; count]).unwrap();
+}
+
+#[test]
+fn mixed_bars_hang_like_bars_of_one_kind() {
+    let Mixed { mesh, .. } = mixed([16, 4, 4]);
+    let bricks = box_hexahedra(DVec3::new(0.2, 0.05, 0.05), [16, 4, 4]).unwrap();
+    let tip = |mesh: &Mesh| {
+        let mut simulation = simulation(Precision::F64, 1);
+        let body = simulation.add_body(&BodyDescription::new("bar", mesh, SOFT)).unwrap();
+        hold(&mut simulation, body, &mesh.points);
+        simulation.set_gravity(DVec3::new(0.0, 0.0, -1.0));
+        let settings =
+            SolverSettings { integrator: Integrator::QuasiStatic, ..SolverSettings::default() };
+        simulation.set_solver(settings);
+        simulation.set_dt(1.0);
+        simulation.step().unwrap();
+        assert!(!simulation.report().unconverged);
+        assert_eq!(simulation.volume_report().inverted, 0);
+        simulation.displacements(body).iter().map(|u| u.z).fold(0.0, f64::min)
+    };
+    let (a, b) = (tip(&mesh), tip(&bricks));
+    // tetrahedra in the free half are stiffer
+    assert!(a < -0.005 && (a / b - 1.0).abs() < 0.1, "{a} {b}");
+}
+
+#[test]
+fn the_same_bits_on_any_number_of_threads() {
+    let bar = mixed([16, 4, 4]);
+    let run = |precision, threads| {
+        let mut simulation = simulation(precision, threads);
+        let body = simulation.add_body(&bar.description()).unwrap();
+        hold(&mut simulation, body, &bar.mesh.points);
+        simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
+        simulation.set_dt(0.01);
+        for step in 0..10 {
+            if step == 4 {
+                let region = Region::Sphere { centre: DVec3::new(0.1, 0.0, 0.05), radius: 0.03 };
+                let report = simulation.remove_elements(body, &Removal::new(region)).unwrap();
+                let kinds =
+                    [&report.tetrahedra, &report.hexahedra, &report.triangles, &report.quads];
+                assert!(kinds.iter().all(|list| !list.is_empty()), "{report:?}");
+            }
+            simulation.step().unwrap();
+        }
+        simulation.state_hash()
+    };
+    for precision in [Precision::F64, Precision::F32] {
+        assert_eq!(run(precision, 1), run(precision, 2));
+    }
+}
+
+#[test]
+fn what_is_left_equals_a_fresh_build() {
+    let bar = mixed([6, 2, 2]);
+    for (model, sheet) in [
+        (Model::CompressibleStVK, MembraneModel::Biquadratic),
+        (Model::Linear, MembraneModel::Linear),
+        (Model::Corotational, MembraneModel::Corotational),
+        (Model::NeoHookean, MembraneModel::CompressibleBiquadratic),
+        (Model::MassSpring, MembraneModel::MassSpring),
+    ] {
+        let description = bar.description();
+        let membrane = description.membrane.map(|m| MembraneDescription { model: sheet, ..m });
+        let description = BodyDescription { model, membrane, ..description };
+        let mut simulation = simulation(Precision::F64, 1);
+        let body = simulation.add_body(&description).unwrap();
+        simulation.prepare_removals(body).unwrap();
+        disturb(&mut simulation, body, 1e-3, 3);
+        let mut next = numbers(9);
+        let mut compacted = 0;
+        let energy = simulation.evaluate();
+        let mut gone = 0.0;
+        for round in 0..8 {
+            for kind in ElementKind::ALL {
+                let left = simulation.remaining(body, kind);
+                let some: Vec<u32> = left.into_iter().filter(|_| next() > 0.8).collect();
+                let region = match kind {
+                    ElementKind::Tetrahedron => Region::Tetrahedra(some),
+                    ElementKind::Hexahedron => Region::Hexahedra(some),
+                    ElementKind::Triangle => Region::Triangles(some),
+                    ElementKind::Quad => Region::Quads(some),
+                };
+                let report = simulation.remove_elements(body, &Removal::new(region)).unwrap();
+                compacted += u32::from(report.compacted);
+                gone += report.elastic_energy;
+            }
+            let difference = simulation.verify_against_fresh(body).unwrap();
+            let largest = difference.largest();
+            assert!(largest < 1e-12, "{} round {round}: {difference:?}", model.name());
+            assert!(difference.mass < 1e-12, "{} round {round}", model.name());
+        }
+        assert!(compacted > 0);
+        let left = simulation.evaluate();
+        assert!((left + gone - energy).abs() < 1e-10 * energy, "{}", model.name());
+    }
+}
+
+#[test]
+fn a_new_material_equals_a_new_body() {
+    let bar = mixed([6, 2, 2]);
+    let stiff = YoungPoisson { young_modulus: 3e4, poisson_ratio: 0.2, density: 1200.0 };
+    for model in [Model::CompressibleStVK, Model::Linear, Model::MassSpring] {
+        let run = |first: YoungPoisson, second: Option<YoungPoisson>| {
+            let description = BodyDescription { material: first, model, ..bar.description() };
+            let mut simulation = simulation(Precision::F64, 1);
+            let body = simulation.add_body(&description).unwrap();
+            disturb(&mut simulation, body, 1e-3, 5);
+            if let Some(second) = second {
+                simulation.set_material(body, second).unwrap();
+            }
+            let energy = simulation.evaluate();
+            (energy, simulation.elastic_forces(body), simulation.masses(body))
+        };
+        assert_eq!(run(stiff, None), run(SOFT, Some(stiff)), "{}", model.name());
+    }
+}
+
+#[test]
+fn springs_are_those_identified() {
+    let points = mixed([4, 2, 2]);
+    let material = LinearMaterial::new(SOFT.young_modulus, SOFT.poisson_ratio).unwrap();
+    for method in [ElementMethod::Frobenius, ElementMethod::Block, ElementMethod::Nonnegative] {
+        let cells = Cells {
+            tetrahedra: &points.mesh.tetrahedra,
+            hexahedra: &points.mesh.hexahedra,
+            ..Cells::default()
+        };
+        let at: Vec<[f64; 3]> = points.mesh.points.iter().map(|p| p.to_array()).collect();
+        let fitted = fit_elements(&at, &cells, &[material], &Section::default(), method).unwrap();
+        let description = BodyDescription {
+            model: Model::MassSpring,
+            springs: Some(method),
+            ..BodyDescription::new("bar", &points.mesh, SOFT)
+        };
+        let mut simulation = simulation(Precision::F64, 1);
+        let body = simulation.add_body(&description).unwrap();
+        disturb(&mut simulation, body, 1e-3, 6);
+        let u = simulation.displacements(body);
+        let mut energy = 0.0;
+        for (&[a, b], &k) in fitted.edges.iter().zip(&fitted.constants) {
+            let (a, b) = (a as usize, b as usize);
+            let rest = points.mesh.points[a] - points.mesh.points[b];
+            let stretch = (rest + u[a] - u[b]).length() - rest.length();
+            energy += 0.5 * k * stretch * stretch;
+        }
+        let own = simulation.evaluate();
+        assert!((own - energy).abs() < 1e-12 * energy.abs(), "{method}: {own} {energy}");
+    }
+}
+
+#[test]
+fn a_method_that_does_not_fit_is_refused_by_name() {
+    let bar = mixed([4, 2, 2]);
+    let description = BodyDescription {
+        model: Model::MassSpring,
+        springs: Some(ElementMethod::Baudet),
+        ..BodyDescription::new("bar", &bar.mesh, SOFT)
+    };
+    let error = simulation(Precision::F64, 1).add_body(&description).unwrap_err().to_string();
+    assert!(error.contains("tetrahedron 0") && error.contains("baudet"), "{error}");
+}
+
+#[test]
+fn springs_of_a_plate_and_negative_constants_stay_bounded() {
+    // long rectangles get negative constants
+    let mesh = quad_grid(glam::DVec2::new(0.2, 0.02), [5, 5]).unwrap();
+    let sheet = MembraneDescription::new(&[], 1e-3, SOFT);
+    let sheet = MembraneDescription {
+        quads: &mesh.quads,
+        model: MembraneModel::MassSpring,
+        springs: Some(ElementMethod::Frobenius),
+        ..sheet
+    };
+    let description = BodyDescription {
+        membrane: Some(sheet),
+        ..BodyDescription::from_parts("plate", &mesh.points, &[], SOFT)
+    };
+    let mut simulation = simulation(Precision::F64, 1);
+    let body = simulation.add_body(&description).unwrap();
+    hold(&mut simulation, body, &mesh.points);
+    simulation.set_gravity(DVec3::new(1.0, 0.0, 0.0));
+    simulation.set_dt(0.01);
+    for _ in 0..50 {
+        simulation.step().unwrap();
+    }
+    let u = simulation.displacements(body);
+    assert!(u.iter().all(|u| u.is_finite() && u.length() < 0.2));
+}
+
+#[test]
+fn crushed_hexahedra_recover() {
+    let mesh = box_hexahedra(DVec3::splat(0.1), [4, 4, 4]).unwrap();
+    for start in ["flat", "mirrored", "point"] {
+        let mut simulation = simulation(Precision::F64, 1);
+        let body = simulation.add_body(&BodyDescription::new("cube", &mesh, SOFT)).unwrap();
+        let mut next = numbers(2);
+        let mut noise = || 1e-6 * DVec3::new(next(), next(), next());
+        let u: Vec<DVec3> = mesh
+            .points
+            .iter()
+            .map(|p| {
+                noise()
+                    + match start {
+                        "flat" => -p.z * DVec3::Z,
+                        "mirrored" => -2.0 * p.z * DVec3::Z,
+                        _ => -*p,
+                    }
+            })
+            .collect();
+        simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        simulation.set_gravity(DVec3::ZERO);
+        simulation.set_dt(1.0 / 60.0);
+        let settings = SolverSettings { integrator: Integrator::Safe, ..SolverSettings::default() };
+        simulation.set_solver(settings);
+        for _ in 0..300 {
+            simulation.step().unwrap();
+        }
+        assert_eq!(simulation.volume_report().inverted, 0, "{start}");
+        assert!(simulation.evaluate() < 1e-3 * SOFT.young_modulus * 1e-3, "{start}");
+    }
+}
+
+#[test]
+fn a_balloon_pressure_pushes_hexahedra() {
+    let mesh = box_hexahedra(DVec3::splat(0.1), [3, 3, 3]).unwrap();
+    let mut simulation = simulation(Precision::F64, 1);
+    let body = simulation.add_body(&BodyDescription::new("cube", &mesh, SOFT)).unwrap();
+    let inward: Vec<[u32; 3]> =
+        mesh.surface_triangles().into_iter().map(|[a, b, c]| [a, c, b]).collect();
+    let faces = simulation.face_rows(body, "all round", &inward).unwrap();
+    let curve = Curve::Constant;
+    simulation.add_pressure(Pressure { name: "all round".into(), faces, pressure: 500.0, curve });
+    simulation.set_gravity(DVec3::ZERO);
+    let settings =
+        SolverSettings { integrator: Integrator::QuasiStatic, ..SolverSettings::default() };
+    simulation.set_solver(settings);
+    simulation.set_dt(1.0);
+    simulation.step().unwrap();
+    let ratios = simulation.volume_ratios(body);
+    assert_eq!(ratios.len(), 27);
+    // small-strain compression p (1 - 2 nu)/E along every axis
+    let expected = 1.0 - 3.0 * 500.0 * (1.0 - 2.0 * SOFT.poisson_ratio) / SOFT.young_modulus;
+    assert!(ratios.iter().all(|j| (j - expected).abs() < 0.01), "{ratios:?} {expected}");
+    // faces whose hexahedra are gone lose their pressure
+    let region = Region::Hexahedra(vec![0]);
+    let report = simulation.remove_elements(body, &Removal::new(region)).unwrap();
+    assert_eq!(report.pressure_faces, 6);
+}
