@@ -4,12 +4,14 @@
 
 mod advise;
 mod bench;
+mod fit;
 mod progress;
 mod reproduce;
 
 use advise::{AdviseArguments, advise_scene};
 use bench::{BenchCommand, bench};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use fit::{FitArguments, fit};
 use progress::Progress;
 use reproduce::{ReproduceCommand, reproduce};
 use sinew::engine::mesh::Mesh;
@@ -72,6 +74,8 @@ enum Command {
     /// Look at, convert or generate a mesh.
     #[command(subcommand)]
     Mesh(MeshCommand),
+    /// Find the springs of a mesh and say what they are worth.
+    Fit(FitArguments),
 }
 
 #[derive(Args)]
@@ -280,6 +284,7 @@ fn main() -> ExitCode {
         Command::Reproduce(command) => reproduce(&command),
         Command::Advise(arguments) => advise_scene(&arguments),
         Command::Mesh(command) => mesh(command),
+        Command::Fit(arguments) => fit(&arguments),
     };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,
