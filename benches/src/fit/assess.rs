@@ -59,6 +59,9 @@ pub struct Moduli {
     /// elements over that of the springs, in the shear test. Of slender bodies it is bending that is
     /// seen. None where the springs have no answer.
     pub shear_modulus: Option<f64>,
+    /// Whether the held end was clamped, since the springs have no answer in free tension: Poisson's
+    /// ratios are then lower than those of the material.
+    pub clamped: bool,
 }
 
 /// What the virtual tests found, and the verdict.
@@ -173,20 +176,7 @@ pub fn assess(
         };
         tests.push(outcome);
     }
-    let loading = rig.free_tension(stress);
-    let fem = reference(rig, material, &loading)?;
-    let own = against(rig, springs, &loading, &fem, None).ok();
-    let measured = own.and_then(|own| {
-        let [fem, own] = [rig.moduli(&fem, stress)?, rig.moduli(&own.displacements, stress)?];
-        let shear_of_material = material.youngs_modulus / (2.0 * (1.0 + material.poissons_ratio));
-        let moduli = Moduli {
-            young_modulus: material.youngs_modulus * fem.strain / own.strain,
-            poisson_ratio: own.poissons_ratio,
-            poisson_ratio_of_fem: fem.poissons_ratio,
-            shear_modulus: shear.map(|ratio| shear_of_material * ratio),
-        };
-        moduli.young_modulus.is_finite().then_some(moduli)
-    });
+    let measured = moduli(rig, material, springs, shear)?;
     let (fit, verdict) = judge(rig, material, springs, &tests, measured.as_ref());
     Ok(Assessment {
         tests,
@@ -197,6 +187,37 @@ pub fn assess(
         fit,
         verdict,
     })
+}
+
+/// Measures moduli in free tension; springs that have no answer there, such as cubes without face
+/// diagonals, with the held end clamped.
+fn moduli(
+    rig: &Rig,
+    material: &LinearMaterial,
+    springs: &FittedSprings,
+    shear: Option<f64>,
+) -> Result<Option<Moduli>, FitError> {
+    let stress = Rig::stress(material);
+    for clamped in [false, true] {
+        let loading =
+            if clamped { rig.loading(Test::Tension, stress) } else { rig.free_tension(stress) };
+        let fem = reference(rig, material, &loading)?;
+        let Ok(own) = against(rig, springs, &loading, &fem, None) else { continue };
+        let both = [rig.moduli(&fem, stress), rig.moduli(&own.displacements, stress)];
+        let [Some(fem), Some(own)] = both else { continue };
+        let shear_of_material = material.youngs_modulus / (2.0 * (1.0 + material.poissons_ratio));
+        let moduli = Moduli {
+            young_modulus: material.youngs_modulus * fem.strain / own.strain,
+            poisson_ratio: own.poissons_ratio,
+            poisson_ratio_of_fem: fem.poissons_ratio,
+            shear_modulus: shear.map(|ratio| shear_of_material * ratio),
+            clamped,
+        };
+        if moduli.young_modulus.is_finite() {
+            return Ok(Some(moduli));
+        }
+    }
+    Ok(None)
 }
 
 /// Whether springs are fit for use, and why, in words.
@@ -249,7 +270,7 @@ fn judge(
         }
         None => {
             fit = false;
-            verdict.push("the springs have no stiffness in free tension".to_string());
+            verdict.push("the springs have no stiffness in tension".to_string());
         }
     }
     if nu >= limits::INCOMPRESSIBLE {
@@ -269,7 +290,12 @@ fn judge(
             springs.edges.len()
         ));
     }
-    verdict.insert(0, if fit { "FIT FOR USE" } else { "NOT FIT FOR EVERY USE" }.to_string());
+    let headline = match (fit, good.is_empty()) {
+        (true, _) => "FIT FOR USE",
+        (false, false) => "FIT FOR SOME USES ONLY",
+        (false, true) => "NOT FIT FOR USE",
+    };
+    verdict.insert(0, headline.to_string());
     (fit, verdict)
 }
 

@@ -88,7 +88,8 @@ fn check(body: &FittedBody) -> Result<(), String> {
                 "spring {i} joins vertices {a} and {b} of {vertices}; they must differ and exist"
             ));
         }
-        if !s.constant.is_finite() || !(s.rest_length.is_finite() && s.rest_length > 0.0) {
+        let usable = s.constant.is_finite() && s.rest_length.is_finite() && s.rest_length > 0.0;
+        if !usable {
             return Err(format!(
                 "spring {i} has constant {} N/m and rest length {} m; the first must be finite, the \
                  second positive",

@@ -4,6 +4,8 @@ pub mod assess;
 pub mod file;
 mod report;
 pub mod rig;
+#[cfg(test)]
+mod tests;
 
 use assess::{Assessment, assess};
 use glam::DVec3;
@@ -183,25 +185,26 @@ pub fn fit_file(path: &std::path::Path, request: &FitRequest) -> Result<FittedBo
 /// [`FitError`], naming the element or the group and what to do.
 ///
 /// ```
-/// use glam::DVec3;
-/// use sinew::engine::mesh::generate::box_hexahedra;
-/// use sinew_benches::fit::{FitRequest, fit_mesh};
+/// use glam::DVec2;
+/// use sinew::engine::mesh::generate::quad_grid;
 /// use sinew_benches::fit::rig::Grips;
+/// use sinew_benches::fit::{FitRequest, fit_mesh};
 /// use sinew_identify::{ElementMethod, LinearMaterial, Section};
 ///
-/// let mesh = box_hexahedra(DVec3::new(0.04, 0.02, 0.02), [4, 2, 2])?;
-/// let body = fit_mesh(&mesh, &FitRequest {
-///     material: LinearMaterial::new(1e4, 0.25)?,
+/// let mesh = quad_grid(DVec2::new(0.04, 0.02), [4, 2])?;
+/// let request = FitRequest {
+///     material: LinearMaterial::new(1e4, 1.0 / 3.0)?,
 ///     density: 1000.0,
-///     section: Section::default(),
+///     section: Section { thickness: 0.01, ..Section::default() },
 ///     method: ElementMethod::Baudet,
 ///     grips: Grips::default(),
-/// })?;
-/// // Baudet's cubes are exact at a ratio of 1/4
+/// };
+/// let body = fit_mesh(&mesh, &request)?;
+/// // Baudet's squares are exact at a ratio of 1/3
 /// let moduli = body.assessment.unwrap().moduli.unwrap();
 /// assert!((moduli.young_modulus / 1e4 - 1.0).abs() < 1e-9);
-/// assert!((moduli.poisson_ratio - 0.25).abs() < 1e-9);
-/// assert!((body.masses.iter().sum::<f64>() - 0.016).abs() < 1e-12);
+/// assert!((moduli.poisson_ratio - 1.0 / 3.0).abs() < 1e-9);
+/// assert!((body.masses.iter().sum::<f64>() - 8e-3).abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn fit_mesh(mesh: &Mesh, request: &FitRequest) -> Result<FittedBody, FitError> {

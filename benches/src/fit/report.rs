@@ -66,7 +66,12 @@ impl fmt::Display for FittedBody {
         if let Some(m) = &a.moduli {
             let e_off = 100.0 * (m.young_modulus / e - 1.0);
             let g = e / (2.0 * (1.0 + nu));
-            writeln!(f, "  measured     E {} Pa ({e_off:+.1} %)", three_digits(m.young_modulus))?;
+            writeln!(
+                f,
+                "  measured     E {} Pa ({e_off:+.1} %){}",
+                three_digits(m.young_modulus),
+                if m.clamped { ", held end clamped" } else { "" }
+            )?;
             writeln!(
                 f,
                 "               nu {:.3} (finite elements {:.3})",

@@ -193,6 +193,9 @@ impl Rig {
             2
         };
         let axis = grips.axis.unwrap_or(longest);
+        if axis == 2 && tetrahedra.is_empty() && hexahedra.is_empty() {
+            return Err(FitError::Axis { mesh: mesh.source.clone() });
+        }
         let held = held.unwrap_or_else(|| end(&points, axis, false));
         let loaded = loaded.unwrap_or_else(|| end(&points, axis, true));
         if let Some(&node) = held.iter().find(|n| loaded.contains(n)) {
@@ -213,9 +216,6 @@ impl Rig {
             hexahedra,
         };
         rig.dimension = dimension(&rig.points, &rig.cells())?;
-        if axis >= rig.dimension {
-            return Err(FitError::Axis { mesh: mesh.source.clone() });
-        }
         let along: Vec<f64> = rig.loaded.iter().map(|&n| rig.points[n][axis]).collect();
         let low = along.iter().copied().fold(f64::INFINITY, f64::min);
         let high = along.iter().copied().fold(f64::NEG_INFINITY, f64::max);

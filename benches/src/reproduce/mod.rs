@@ -9,6 +9,17 @@ mod resection;
 mod tessellation;
 mod validity;
 
+mod elements;
+mod fit_cost;
+mod lumped;
+mod paper_b;
+mod shear;
+mod specimen;
+mod square;
+mod ventricle;
+
+pub use paper_b::{PaperBOptions, paper_b};
+
 use crate::bench::error::BenchError;
 use crate::bench::machine::MachineNotes;
 use crate::bench::report::{Chart, page, scalable};
