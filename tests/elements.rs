@@ -238,7 +238,6 @@ fn hexahedra_contract_like_tetrahedra() {
         simulation.set_dt(1.0);
         simulation.step().unwrap();
         assert!(!simulation.report().unconverged);
-        assert!(simulation.activation_work().total != 0.0);
         simulation.displacements(body).iter().map(|u| u.x).fold(0.0, f64::min)
     };
     let bricks = box_hexahedra(DVec3::new(0.2, 0.05, 0.05), [16, 4, 4]).unwrap();
@@ -376,8 +375,9 @@ fn a_balloon_pressure_pushes_hexahedra() {
     let mesh = box_hexahedra(DVec3::splat(0.1), [3, 3, 3]).unwrap();
     let mut simulation = simulation(Precision::F64, 1);
     let body = simulation.add_body(&BodyDescription::new("cube", &mesh, SOFT)).unwrap();
-    let inward: Vec<[u32; 3]> =
-        mesh.surface_triangles().into_iter().map(|[a, b, c]| [a, c, b]).collect();
+    // cut along both diagonals, each triangle with half the pressure: every corner gets a quarter
+    let both = |[a, b, c, d]: [u32; 4]| [[a, c, b], [a, d, c], [b, d, c], [a, d, b]];
+    let inward: Vec<[u32; 3]> = mesh.surface_quads().into_iter().flat_map(both).collect();
     let faces = simulation.face_rows(body, "all round", &inward).unwrap();
     for (group, axes) in [("x0", 1), ("y0", 2), ("z0", 4)] {
         let rows = simulation.group_rows(body, &mesh, group).unwrap();
@@ -386,7 +386,7 @@ fn a_balloon_pressure_pushes_hexahedra() {
         simulation.add_constraint(constraint);
     }
     let curve = Curve::Constant;
-    simulation.add_pressure(Pressure { name: "all round".into(), faces, pressure: 500.0, curve });
+    simulation.add_pressure(Pressure { name: "all round".into(), faces, pressure: 250.0, curve });
     simulation.set_gravity(DVec3::ZERO);
     let settings =
         SolverSettings { integrator: Integrator::QuasiStatic, ..SolverSettings::default() };
@@ -402,5 +402,5 @@ fn a_balloon_pressure_pushes_hexahedra() {
     // faces whose hexahedra are gone lose their pressure
     let region = Region::Hexahedra(vec![0]);
     let report = simulation.remove_elements(body, &Removal::new(region)).unwrap();
-    assert_eq!(report.pressure_faces, 6);
+    assert_eq!(report.pressure_faces, 12);
 }

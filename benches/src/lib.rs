@@ -1,9 +1,11 @@
 //! The bench (speed against error, `sinew bench` and `sinew advise`), the rivals and the suite of hard
-//! cases (`sinew bench stability`), and the figures of a paper made again (`sinew reproduce`).
+//! cases (`sinew bench stability`), the figures of papers made again (`sinew reproduce`), and springs
+//! identified for a mesh (`sinew fit`).
 
 pub mod advise;
 pub mod beam;
 pub mod bench;
+pub mod fit;
 pub mod peers;
 pub mod reproduce;
 pub mod resection;

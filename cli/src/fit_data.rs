@@ -1,30 +1,18 @@
 //! `sinew fit --data OBSERVED.csv SCENE.toml`.
 
 use crate::{Outcome, print};
-use clap::{ArgGroup, Args};
+use clap::Args;
 use sinew_demos::fit_data::{self, FitRequest};
 use sinew_demos::scene::LoadedScene;
 use std::path::{Path, PathBuf};
 
-/// `sinew fit`, the form with data.
-#[derive(Args)]
-#[command(group(ArgGroup::new("form").required(true).args(["data"])))]
-pub struct FitArguments {
-    /// Scene file (TOML), static.
-    scene: PathBuf,
-    #[command(flatten)]
-    options: FitDataOptions,
-    /// Print JSON instead of the report.
-    #[arg(long)]
-    json: bool,
-}
-
-#[derive(Args)]
+/// Options of the form with data.
+#[derive(Args, Clone)]
 pub struct FitDataOptions {
     /// Observations: displacements (columns vertex or x, y, z; ux, uy, uz; load, weight or sigma) or a
     /// curve (load, force, constraint, axis; weight or sigma). May be given several times.
     #[arg(long, value_name = "CSV", requires = "fit")]
-    data: Vec<PathBuf>,
+    pub data: Vec<PathBuf>,
     /// What is fitted: young, poisson, young:REGION, poisson:REGION, with BODY/ before it in a scene of
     /// several bodies. REGION is a group of cells, or an array of cell data whose values number regions.
     #[arg(long, value_name = "PARAMETER", requires = "data")]
@@ -40,14 +28,10 @@ pub struct FitDataOptions {
     threads: Option<usize>,
 }
 
-pub fn fit(arguments: FitArguments) -> Outcome {
-    fit_data(&arguments.scene, arguments.options, arguments.json)
-}
-
 /// Fits a scene to data.
-pub fn fit_data(scene: &Path, options: FitDataOptions, json: bool) -> Outcome {
+pub fn fit_data(scene: &Path, options: &FitDataOptions, json: bool) -> Outcome {
     let loaded = LoadedScene::read(scene)?;
-    let FitDataOptions { data, fit, bounds, check_gradient, threads } = options;
+    let FitDataOptions { data, fit, bounds, check_gradient, threads } = options.clone();
     let request = FitRequest { data, fit, bounds, check_gradient, threads };
     let report = fit_data::fit(&loaded, &request)?;
     if json {

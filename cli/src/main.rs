@@ -4,6 +4,7 @@
 
 mod advise;
 mod bench;
+mod fit;
 mod fit_data;
 mod progress;
 mod reproduce;
@@ -11,7 +12,7 @@ mod reproduce;
 use advise::{AdviseArguments, advise_scene};
 use bench::{BenchCommand, bench};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use fit_data::{FitArguments, fit};
+use fit::{FitArguments, fit};
 use progress::Progress;
 use reproduce::{ReproduceCommand, reproduce};
 use sinew::engine::mesh::Mesh;
@@ -71,7 +72,8 @@ enum Command {
     Reproduce(ReproduceCommand),
     /// Find the settings that run a scene within a budget of time and error on this machine.
     Advise(AdviseArguments),
-    /// Find material constants of a static scene from measured displacements or forces.
+    /// Find the springs of a mesh and say what they are worth, or, with --data, the material constants of a
+    /// static scene from measured displacements or forces.
     Fit(FitArguments),
     /// Look at, convert or generate a mesh.
     #[command(subcommand)]
@@ -283,8 +285,8 @@ fn main() -> ExitCode {
         Command::Bench(command) => bench(&command),
         Command::Reproduce(command) => reproduce(&command),
         Command::Advise(arguments) => advise_scene(&arguments),
-        Command::Fit(arguments) => fit(arguments),
         Command::Mesh(command) => mesh(command),
+        Command::Fit(arguments) => fit(&arguments),
     };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,

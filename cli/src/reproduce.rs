@@ -2,12 +2,16 @@
 
 use crate::{Outcome, print};
 use clap::{Args, Subcommand};
+use sinew_benches::reproduce::{PaperBOptions, paper_a, paper_b};
 use std::path::PathBuf;
 
 #[derive(Subcommand)]
 pub enum ReproduceCommand {
     /// Delingette 2008, Biquadratic and Quadratic Springs for Modeling St Venant Kirchhoff Materials.
     PaperA(ReproduceArguments),
+    /// Natsupakpong & Cavusoglu 2010, Determination of elasticity parameters in lumped element
+    /// (mass-spring) models of deformable objects.
+    PaperB(PaperBArguments),
 }
 
 #[derive(Args)]
@@ -20,12 +24,28 @@ pub struct ReproduceArguments {
     out: Option<PathBuf>,
 }
 
+#[derive(Args)]
+pub struct PaperBArguments {
+    #[command(flatten)]
+    common: ReproduceArguments,
+    /// Folder with the meshes b_*.msh [default: meshes in the folder SINEW_REFERENCE, else ../shared/meshes,
+    /// else generated ones].
+    #[arg(long, value_name = "DIR")]
+    meshes: Option<PathBuf>,
+}
+
 /// Figures that differ from the paper are a result, not a failure.
 pub fn reproduce(command: &ReproduceCommand) -> Outcome {
-    let ReproduceCommand::PaperA(arguments) = command;
-    let paper = sinew_benches::reproduce::paper_a(&arguments.only, |what| eprintln!("{what}"))?;
+    let tell = |what: &str| eprintln!("{what}");
+    let (paper, out) = match command {
+        ReproduceCommand::PaperA(arguments) => (paper_a(&arguments.only, tell)?, &arguments.out),
+        ReproduceCommand::PaperB(PaperBArguments { common, meshes }) => {
+            let options = PaperBOptions { meshes: meshes.clone(), quick: false };
+            (paper_b(&common.only, &options, tell)?, &common.out)
+        }
+    };
     print(format_args!("{}", paper.text()))?;
-    if let Some(folder) = &arguments.out {
+    if let Some(folder) = out {
         let files = paper.write(folder)?;
         eprintln!("{} files written to {}", files.len(), folder.display());
     }

@@ -180,3 +180,42 @@ fn a_scene_is_fitted_to_data() {
     check(&["fit", "--data", &data, &scene], 2, "", "--fit");
     check(&["fit", "--data", "nowhere.csv", "--fit", "young", &scene], 1, "", "nowhere.csv");
 }
+
+#[test]
+fn a_fit_reports_writes_and_names_what_is_wrong() {
+    let mesh = file("fit.msh").display().to_string();
+    let size = ["--size", "0.06", "0.02", "0.02", "--cells", "3", "1", "1"];
+    let shape = ["mesh", "generate", "box", "--elements", "hexahedra", "-o", &mesh];
+    check(&[&shape[..], &size[..]].concat(), 0, "written to", "");
+    let fit = ["fit", &mesh, "--young", "1e4", "--poisson", "0.3"];
+    let with = |more: &[&'static str]| [&fit[..], more].concat();
+    check(&with(&[]), 0, "central springs cannot hold a free Poisson's ratio", "");
+    check(&with(&["--element-method", "block"]), 0, "element_method = \"block\"", "");
+    let output = sinew(&with(&["--json", "--element-method", "nonnegative"]));
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(
+        (&value["schema"], &value["method"]),
+        (&"sinew-body/1".into(), &"nonnegative".into())
+    );
+    assert_eq!(value["report"]["negative_edges"], 0);
+    assert_eq!(value["assessment"]["tests"].as_array().unwrap().len(), 4);
+    assert!(value["assessment"]["moduli"]["young_modulus"].as_f64().unwrap() > 0.0);
+    assert_eq!(value["masses"].as_array().unwrap().len(), 16);
+    let body = file("fit.csv").display().to_string();
+    check(&[&with(&["--out"])[..], &[&body]].concat(), 0, "e_rms %", "written to");
+    assert!(std::fs::read_to_string(&body).unwrap().starts_with("record,first,second,value"));
+    check(&with(&["--element-method", "lloyd"]), 1, "", "hexahedron 0");
+    check(&with(&["--element-method", "best"]), 2, "", "two-norm");
+    check(&with(&["--held", "foot"]), 1, "", "no group `foot`");
+    check(&with(&["--out", "body.txt"]), 1, "", ".json or .csv");
+    check(&["fit", &mesh, "--young", "1e4", "--poisson", "0.5"], 1, "", "Poisson");
+    check(&["fit", "nowhere.msh", "--young", "1e4", "--poisson", "0.3"], 1, "", "nowhere.msh");
+}
+
+#[test]
+fn the_tables_of_a_paper() {
+    check(&["reproduce", "paper-b", "--only", "d"], 0, "nu_out cannot be set", "figure 9");
+    check(&["reproduce", "paper-b", "--only", "x"], 1, "", "choose of a, b, c, d, e, f");
+    let nowhere = ["reproduce", "paper-b", "--only", "d", "--meshes", "nowhere"];
+    check(&nowhere, 1, "", "b_cube_hex.msh");
+}

@@ -316,14 +316,6 @@ pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
     }
 }
 
-/// Two triangles of a quadrilateral, cut as the surface of a mesh is: from the lowest vertex.
-fn cut(mut quad: [u32; 4]) -> [[u32; 3]; 2] {
-    let lowest = (0..4).min_by_key(|&i| quad[i]).unwrap_or(0);
-    quad.rotate_left(lowest);
-    let [a, b, c, d] = quad;
-    [[a, b, c], [a, c, d]]
-}
-
 /// Key of the value that is wrong.
 fn material_key(error: &MaterialError) -> &'static str {
     match error {
@@ -867,21 +859,28 @@ impl Builder<'_> {
         for (i, entry) in entries.iter().enumerate() {
             let key = format!("pressure[{i}]");
             let body = self.which(&key, entry.body.as_deref(), bodies)?;
-            let triangles = self.faces(&format!("{key}.on"), &entry.on, &bodies[body])?;
+            let (triangles, share) = self.faces(&format!("{key}.on"), &entry.on, &bodies[body])?;
             self.finite(&format!("{key}.pressure"), [entry.pressure])?;
             let curve = self.factor(&key, entry.curve.as_ref(), plan)?;
             // a rim vertex that is free along every axis
             let mut edges = HashMap::new();
             for &[a, b, c] in &triangles {
                 for (a, b) in [(a, b), (b, c), (c, a)] {
-                    *edges.entry((a.min(b), a.max(b))).or_insert(0) += 1;
+                    let (count, turns) = edges.entry((a.min(b), a.max(b))).or_insert((0, 0));
+                    *count += 1;
+                    *turns += if a < b { 1 } else { -1 };
                 }
             }
             let held = |v: u32| {
                 let mut own = constraints.iter().filter(|c| c.body == body);
                 own.any(|c| c.vertices.binary_search(&v).is_ok())
             };
-            let rim = edges.iter().filter(|(_, count)| **count == 1);
+            // faces that are cut twice share their diagonals, which they pass in opposite directions
+            let rim = edges.iter().filter(
+                |(_, (count, turns))| {
+                    if share == 1.0 { *count == 1 } else { *turns != 0 }
+                },
+            );
             let free = rim.filter(|((a, b), _)| !held(*a) || !held(*b)).count();
             if free > 0 {
                 warnings.push(Warning {
@@ -904,49 +903,71 @@ impl Builder<'_> {
                         source: Box::new(source),
                     }
                 })?;
-            let pressure = entry.pressure;
+            let pressure = entry.pressure * share;
             simulation.add_pressure(Pressure { name: name.clone(), faces, pressure, curve });
+            let pressure = entry.pressure;
             built.push(BuiltPressure { name, body, triangles: count, pressure });
         }
         Ok(built)
     }
 
-    /// Triangles that a pressure pushes along their normals.
-    fn faces(&self, key: &str, on: &Faces, body: &BuiltBody) -> Result<Vec<[u32; 3]>, SceneError> {
-        let inward = |[a, b, c]: [u32; 3]| [a, c, b];
-        let triangles: Vec<[u32; 3]> = match (&on.group, on.surface, on.membrane) {
+    /// Triangles that a pressure pushes along their normals, and the share of the pressure that each gets: with
+    /// quadrilaterals among them half, because these are cut along both diagonals, so that every corner gets
+    /// what its shape function gives it, and triangles come twice.
+    fn faces(
+        &self,
+        key: &str,
+        on: &Faces,
+        body: &BuiltBody,
+    ) -> Result<(Vec<[u32; 3]>, f64), SceneError> {
+        let sorted = |cell: &[u32]| {
+            let mut cell = cell.to_vec();
+            cell.sort_unstable();
+            cell
+        };
+        let (triangles, quads) = match (&on.group, on.surface, on.membrane) {
             (Some(group), None, None) => {
-                let sorted = |mut t: [u32; 3]| {
-                    t.sort_unstable();
-                    t
-                };
-                let boundary: HashMap<[u32; 3], [u32; 3]> =
-                    body.mesh.surface_triangles().into_iter().map(|t| (sorted(t), t)).collect();
-                let (mut triangles, quads) = self.group_cells(key, group, &body.mesh)?;
-                triangles.extend(quads.into_iter().flat_map(cut));
-                let turn = |t| boundary.get(&sorted(t)).map_or(t, |&outward| inward(outward));
-                triangles.into_iter().map(turn).collect()
+                let surface = body.mesh.surface();
+                let outward: HashMap<Vec<u32>, [u32; 3]> =
+                    surface.triangles.iter().map(|t| (sorted(t), *t)).collect();
+                let outward_quads: HashMap<Vec<u32>, [u32; 4]> =
+                    surface.quads.iter().map(|q| (sorted(q), *q)).collect();
+                let (mut triangles, mut quads) = self.group_cells(key, group, &body.mesh)?;
+                for t in &mut triangles {
+                    *t = outward.get(&sorted(t)).map_or(*t, |&[a, b, c]| [a, c, b]);
+                }
+                for q in &mut quads {
+                    *q = outward_quads.get(&sorted(q)).map_or(*q, |&[a, b, c, d]| [a, d, c, b]);
+                }
+                (triangles, quads)
             }
             (None, Some(true), None) => {
-                body.mesh.surface_triangles().into_iter().map(inward).collect()
+                let surface = body.mesh.surface();
+                let triangles = surface.triangles.into_iter().map(|[a, b, c]| [a, c, b]);
+                let quads = surface.quads.into_iter().map(|[a, b, c, d]| [a, d, c, b]);
+                (triangles.collect(), quads.collect())
             }
             (None, None, Some(true)) => {
-                let quads = body.membrane_quads().iter().copied().flat_map(cut);
-                body.membrane_triangles().iter().copied().chain(quads).collect()
+                (body.membrane_triangles().to_vec(), body.membrane_quads().to_vec())
             }
             _ => {
                 return Err(self.value(
                     key,
-                    "not exactly one kind of triangles is given",
+                    "not exactly one kind of faces is given",
                     "give one of `group`, `surface = true` and `membrane = true`",
                 ));
             }
         };
-        if triangles.is_empty() {
+        if triangles.is_empty() && quads.is_empty() {
             let found = format!("body `{}` has no such triangles", body.name);
             return Err(self.value(key, found, "choose other ones, or give the body a membrane"));
         }
-        Ok(triangles)
+        if quads.is_empty() {
+            return Ok((triangles, 1.0));
+        }
+        let cut = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d], [b, c, d], [a, b, d]];
+        let twice = triangles.iter().chain(&triangles).copied();
+        Ok((twice.chain(quads.into_iter().flat_map(cut)).collect(), 0.5))
     }
 
     /// The body of that name, or the only one.

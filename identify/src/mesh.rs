@@ -105,7 +105,7 @@ impl<'a> Cells<'a> {
 pub struct FittedSprings {
     /// Pairs of nodes, each sorted, in lexicographic order, without repetition.
     pub edges: Vec<[u32; 2]>,
-    /// Constants (N/m), one to an edge: sums over the elements round it.
+    /// Constants (N/m), one to an edge: sums over the elements round it. Some methods leave some at 0.
     pub constants: Vec<f64>,
     /// What came out.
     pub report: FitReport,
@@ -201,10 +201,7 @@ pub fn fit_elements(
     section: &Section,
     method: ElementMethod,
 ) -> Result<FittedSprings, IdentifyError> {
-    let ElementFits { fits, fit_of, shapes } = fit_each(points, cells, materials, section, method)?;
-    let (edges, constants) = pool(cells, &fits, &fit_of);
-    let report = report(method, &shapes, &fits, &fit_of, &constants);
-    Ok(FittedSprings { edges, constants, report })
+    Ok(fit_each(points, cells, materials, section, method)?.pooled(cells, method))
 }
 
 /// Fits of the elements of a mesh, shared by congruent ones.
@@ -220,6 +217,14 @@ impl ElementFits {
     /// lexicographic order of pairs.
     pub fn of(&self, element: usize) -> &ElementFit {
         &self.fits[self.fit_of[element]]
+    }
+
+    /// The springs of all elements, those on the same pair of nodes added up: what [`fit_elements`]
+    /// gives. `cells` and `method` are those of [`fit_each`].
+    pub fn pooled(&self, cells: &Cells<'_>, method: ElementMethod) -> FittedSprings {
+        let (edges, constants) = pool(cells, &self.fits, &self.fit_of);
+        let report = report(method, &self.shapes, &self.fits, &self.fit_of, &constants);
+        FittedSprings { edges, constants, report }
     }
 }
 

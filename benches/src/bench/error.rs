@@ -1,5 +1,6 @@
 //! Why a bench cannot be carried out.
 
+use crate::fit::FitError;
 use crate::peers::PeerError;
 use sinew::engine::mesh::MeshError;
 use sinew::models::body::BodyError;
@@ -8,6 +9,8 @@ use sinew::models::membrane::RestTriangleError;
 use sinew::models::precompute::RestTetrahedronError;
 use sinew::simulation::SimulationError;
 use sinew_demos::error::{RunError, SceneError};
+use sinew_identify::IdentifyError;
+use sinew_identify::virtual_test::VirtualTestError;
 use std::path::PathBuf;
 
 /// A bench that cannot be carried out or written.
@@ -41,6 +44,15 @@ pub enum BenchError {
     /// A comparison with other engines.
     #[error(transparent)]
     Peer(#[from] PeerError),
+    /// Springs that cannot be found or tested.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+    /// Springs that cannot be identified.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// A virtual test that cannot be carried out.
+    #[error(transparent)]
+    VirtualTest(#[from] VirtualTestError),
     /// A world lost its columns.
     #[error("the world has no single table of fused tetrahedra: bench one body at a time")]
     NoColumns,

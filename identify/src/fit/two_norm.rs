@@ -40,6 +40,9 @@ const WEAKEN: f64 = 0.15;
 const ACTIVE: [f64; 4] = [1e-4, 1e-6, 1e-2, 0.0];
 /// Barrier below which rounding (`1e-16 / tau`) blurs more than the barrier does.
 const LEAST_TAU: f64 = 1e-12;
+/// Square of the Newton decrement at which a point is on the central path. The minimum is so flat that a loose
+/// one leaves constants, and with them the directions of the certificate, worse than the barrier would.
+const CENTRED: f64 = 1e-6;
 /// Newton steps to one barrier; 4 to 6 are usual.
 const NEWTON_STEPS: usize = 30;
 /// A residual of this size, relative to the stiffness, is rounding: the springs are exact.
@@ -77,7 +80,7 @@ pub fn two_norm(problem: &FitProblem, sign: Sign) -> Result<(Vec<f64>, f64), Ele
     loop {
         let going_on = barrier.centre(tau);
         // On the central path the gap is the number of constraints times tau.
-        let near = barrier.constraints() * tau <= 100.0 * GAP * barrier.t;
+        let near = barrier.constraints() * tau <= 1e3 * GAP * barrier.t;
         if near || !going_on {
             let reached = spectral_norm(scaled.residual(&barrier.k));
             if reached < norm {
@@ -272,8 +275,7 @@ impl<'a> Barrier<'a> {
             hessian[(count, count)] = inverse[0].norm_squared() + inverse[1].norm_squared();
             let Some(step) = newton_step(hessian, &gradient) else { return false };
             let decrement = -gradient.dot(&step);
-            if decrement < 1e-3 {
-                // close enough: the next barrier, or the certificate, goes on from here
+            if decrement < CENTRED {
                 return true;
             }
             let value = self.value(&factors, &self.k, 0.0, tau);

@@ -1,0 +1,114 @@
+//! The report of `sinew fit` on a terminal.
+
+use super::FittedBody;
+use crate::bench::table::{Table, three_digits};
+use sinew_identify::{Plane, mesh::Residuals};
+use std::fmt;
+
+impl fmt::Display for FittedBody {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let r = &self.report;
+        writeln!(f, "{}", self.mesh)?;
+        let section = match (self.plane, self.thickness) {
+            (Some(plane), Some(thickness)) => {
+                let plane = if plane == Plane::Stress { "stress" } else { "strain" };
+                format!(", plane {plane}, {thickness} m thick")
+            }
+            _ => String::new(),
+        };
+        let (e, nu) = (self.young_modulus, self.poisson_ratio);
+        writeln!(f, "  material     E {e} Pa, nu {nu}, {} kg/m^3{section}", self.density)?;
+        let kinds = self.element_constants.kinds();
+        let kinds = kinds.iter().filter(|k| !k.1.is_empty());
+        let kinds: Vec<String> = kinds.map(|(name, l)| format!("{} x {name}", l.len())).collect();
+        writeln!(
+            f,
+            "  elements     {}, {} of them different in shape",
+            kinds.join(", "),
+            r.distinct_fits
+        )?;
+        let recalled = if r.recalled {
+            " (formula recalled from the literature, original not read)"
+        } else {
+            ""
+        };
+        writeln!(f, "  method       {}{recalled}", self.method)?;
+        let total: f64 = self.masses.iter().sum();
+        writeln!(
+            f,
+            "  springs      {}, masses sum to {} kg",
+            self.springs.len(),
+            three_digits(total)
+        )?;
+        let residual = |r: &Residuals| {
+            format!(
+                "mean {}, worst {} (element {})",
+                three_digits(r.mean),
+                three_digits(r.worst),
+                r.worst_element
+            )
+        };
+        writeln!(f, "  residual     |R - K|_F / |R|_F  {}", residual(&r.frobenius_residual))?;
+        writeln!(f, "               |R - K|_2 / |R|_2  {}", residual(&r.two_norm_residual))?;
+        if let Some(gap) = r.worst_certificate_gap {
+            writeln!(f, "               2-norm within {gap:.1e} of its proven optimum")?;
+        }
+        writeln!(
+            f,
+            "  negative     {} of {} constants of elements, {} of {} springs (least {} N/m)",
+            r.negative_element_constants,
+            r.element_constants,
+            r.negative_edges,
+            self.springs.len(),
+            three_digits(r.least_constant)
+        )?;
+        let Some(a) = &self.assessment else { return Ok(()) };
+        if let Some(m) = &a.moduli {
+            let e_off = 100.0 * (m.young_modulus / e - 1.0);
+            let g = e / (2.0 * (1.0 + nu));
+            writeln!(
+                f,
+                "  measured     E {} Pa ({e_off:+.1} %){}",
+                three_digits(m.young_modulus),
+                if m.clamped { ", held end clamped" } else { "" }
+            )?;
+            writeln!(
+                f,
+                "               nu {:.3} (finite elements {:.3})",
+                m.poisson_ratio, m.poisson_ratio_of_fem
+            )?;
+            if let Some(shear) = m.shear_modulus {
+                let off = 100.0 * (shear / g - 1.0);
+                writeln!(f, "               G {} Pa ({off:+.1} %)", three_digits(shear))?;
+            }
+        }
+        let mut table = Table::new(
+            "fit-tests",
+            "Springs against finite elements of the same mesh",
+            &["test", "e_rms %", "e_max %", "positive", "fit for use"],
+        )
+        .note(format!(
+            "along {}, {} nodes held, {} loaded{}; in percent of the largest displacement of finite elements",
+            a.axis,
+            a.gripped[0],
+            a.gripped[1],
+            if a.equal_forces { " with equal forces (no flat end)" } else { "" }
+        ));
+        for t in &a.tests {
+            table.row(vec![
+                t.test.as_str().into(),
+                t.rms_percent.into(),
+                t.max_percent.into(),
+                if t.definite { "yes" } else { "no" }.into(),
+                if t.fit { "yes" } else { "NO" }.into(),
+            ]);
+        }
+        writeln!(f, "\n{}", table.text())?;
+        let mut lines = a.verdict.iter();
+        if let Some(first) = lines.next() {
+            writeln!(f, "{first}")?;
+        }
+        lines.try_for_each(|line| writeln!(f, "  {line}"))?;
+        writeln!(f, "In a scene: model = \"mass_spring\", element_method = \"{}\"", self.method)
+    }
+}

@@ -1,0 +1,194 @@
+//! Natsupakpong & Cavusoglu 2010, table 2: time to find the constants of one element.
+
+use super::lumped::{MATERIAL, SECTION, printed_name};
+use super::{Figure, Finding};
+use crate::bench::error::BenchError;
+use crate::bench::stats::Spread;
+use crate::bench::table::Table;
+use crate::fit::FitError;
+use sinew_identify::ElementMethod::{self, Block, Frobenius, TwoNorm};
+use sinew_identify::{ElementGeometry, ElementKind, fit_element};
+use std::hint::black_box;
+use std::time::Instant;
+
+/// Element, springs, printed seconds of the Frobenius norm and of the 2-norm.
+const TABLE_2: [(ElementKind, usize, [f64; 2]); 4] = [
+    (ElementKind::Triangle, 3, [0.08, 1.73]),
+    (ElementKind::Quad, 6, [0.32, 2.26]),
+    (ElementKind::Tetrahedron, 6, [0.32, 2.33]),
+    (ElementKind::Hexahedron, 28, [3.04, 29.01]),
+];
+
+/// Seconds aimed at for a hexahedron, Frobenius norm and 2-norm.
+const AIMS: [f64; 2] = [1e-3, 20e-3];
+
+/// Random elements of each kind, as in the paper.
+const ELEMENTS: usize = 100;
+/// Largest move of a node along each axis, over the side.
+const MOVE: f64 = 0.2;
+
+/// Elements of side 1 cm with every node moved at random.
+fn random_elements(kind: ElementKind, count: usize) -> Result<Vec<ElementGeometry>, FitError> {
+    let (regular, plane): (Vec<[f64; 3]>, bool) = match kind {
+        ElementKind::Triangle => (vec![[0.0; 3], [1.0, 0.0, 0.0], [0.5, 0.866, 0.0]], true),
+        ElementKind::Quad => {
+            (vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]], true)
+        }
+        ElementKind::Tetrahedron => {
+            (vec![[0.0; 3], [1.0, 0.0, 0.0], [0.5, 0.866, 0.0], [0.5, 0.289, 0.816]], false)
+        }
+        ElementKind::Hexahedron => {
+            let face = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+            let nodes = (0..8).map(|i| [face[i % 4][0], face[i % 4][1], (i / 4) as f64]);
+            (nodes.collect(), false)
+        }
+    };
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut random = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        MOVE * (2.0 * (state >> 11) as f64 / (1u64 << 53) as f64 - 1.0)
+    };
+    let elements = (0..count).map(|_| {
+        let moved: Vec<[f64; 3]> = regular
+            .iter()
+            .map(|x| {
+                [0, 1, 2].map(|d| 0.01 * (x[d] + if plane && d == 2 { 0.0 } else { random() }))
+            })
+            .collect();
+        Ok(ElementGeometry::new(kind, &moved)?)
+    });
+    elements.collect()
+}
+
+/// Seconds of every element, one after the other on one thread; least of three turns, so that what else
+/// the machine does counts little.
+fn times(elements: &[ElementGeometry], method: ElementMethod) -> Result<Vec<f64>, FitError> {
+    let mut least = vec![f64::INFINITY; elements.len()];
+    for _ in 0..3 {
+        for (element, best) in elements.iter().zip(&mut least) {
+            let clock = Instant::now();
+            black_box(fit_element(black_box(element), &MATERIAL, &SECTION, method)?);
+            *best = best.min(clock.elapsed().as_secs_f64());
+        }
+    }
+    Ok(least)
+}
+
+struct Row {
+    kind: ElementKind,
+    springs: usize,
+    method: ElementMethod,
+    printed: Option<f64>,
+    mean: f64,
+    spread: Spread,
+}
+
+fn measure(count: usize) -> Result<Vec<Row>, BenchError> {
+    let mut rows = Vec::new();
+    for (kind, springs, [frobenius, two]) in TABLE_2 {
+        let elements = random_elements(kind, count)?;
+        for (method, printed) in [(Frobenius, Some(frobenius)), (TwoNorm, Some(two)), (Block, None)]
+        {
+            let times = times(&elements, method)?;
+            let mean = times.iter().sum::<f64>() / times.len() as f64;
+            let Some(spread) = Spread::of(&times) else { continue };
+            rows.push(Row { kind, springs, method, printed, mean, spread });
+        }
+    }
+    Ok(rows)
+}
+
+fn findings(rows: &[Row]) -> Vec<Finding> {
+    let hexahedron =
+        |method| rows.iter().find(|r| r.kind == ElementKind::Hexahedron && r.method == method);
+    let mut findings = Vec::new();
+    for (method, aim) in [(Frobenius, AIMS[0]), (TwoNorm, AIMS[1])] {
+        let Some(r) = hexahedron(method) else { continue };
+        findings.push(Finding {
+            agrees: r.mean < aim,
+            text: format!(
+                "a hexahedron takes {:.3} ms with the {} (aim {} ms; {} s printed)",
+                1e3 * r.mean,
+                printed_name(method),
+                1e3 * aim,
+                r.printed.unwrap_or(f64::NAN)
+            ),
+        });
+    }
+    let of = |kind, method| {
+        rows.iter().find(|r| r.kind == kind && r.method == method).map_or(f64::NAN, |r| r.mean)
+    };
+    let slower = TABLE_2.iter().all(|t| of(t.0, TwoNorm) > of(t.0, Frobenius));
+    findings.push(Finding {
+        agrees: slower,
+        text: "the 2-norm takes longer than the F-norm for every kind of element".into(),
+    });
+    findings
+}
+
+/// `quick`: few elements, for tests.
+pub(super) fn figure(quick: bool) -> Result<Figure, BenchError> {
+    let count = if quick { 3 } else { ELEMENTS };
+    let rows = measure(count)?;
+    let mut table = Table::new(
+        "b-table-2",
+        "Table 2: time for the constants of one element",
+        &[
+            "element",
+            "springs",
+            "fit",
+            "printed s",
+            "mean ms",
+            "median ms",
+            "slowest quarter ms",
+            "times faster",
+        ],
+    );
+    for r in &rows {
+        table.row(vec![
+            r.kind.to_string().into(),
+            r.springs.into(),
+            printed_name(r.method).into(),
+            r.printed.into(),
+            (1e3 * r.mean).into(),
+            (1e3 * r.spread.median).into(),
+            (1e3 * r.spread.upper_quartile).into(),
+            r.printed.map(|p| p / r.mean).into(),
+        ]);
+    }
+    Ok(Figure {
+        letter: 'b',
+        title: "Time to find spring constants (table 2)",
+        setting: format!(
+            "{count} random elements of each kind (regular ones of 1 cm, every node moved by up to {MOVE} of the \
+             side along each axis), one thread, stiffness matrix included; the least of three turns counts. The \
+             paper's machine is some fifteen years older, so the factors are no measure of the \
+             method."
+        ),
+        findings: findings(&rows),
+        tables: vec![table],
+        numbers: Vec::new(),
+        charts: Vec::new(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn random_elements_can_all_be_fitted() {
+        for (kind, springs, _) in TABLE_2 {
+            let elements = random_elements(kind, ELEMENTS).unwrap();
+            let fit = fit_element(&elements[7], &MATERIAL, &SECTION, Frobenius).unwrap();
+            assert_eq!((elements.len(), fit.constants.len()), (ELEMENTS, springs));
+            assert_ne!(elements[0].measure(), elements[1].measure());
+        }
+        let mut rows = measure(2).unwrap();
+        assert_eq!(rows.len(), 12);
+        rows.iter_mut().for_each(|r| r.mean = if r.method == TwoNorm { 1.0 } else { 2.0 });
+        assert!(findings(&rows).iter().all(|f| !f.agrees));
+    }
+}

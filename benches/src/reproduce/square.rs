@@ -1,0 +1,211 @@
+//! Natsupakpong & Cavusoglu 2010, figure 9: moduli that one square of springs has against those that
+//! went in.
+
+use super::lumped::{SECTION, printed_name};
+use super::{Figure, Finding};
+use crate::bench::error::BenchError;
+use crate::bench::plot::{Scales, Series, lines};
+use crate::bench::report::Chart;
+use crate::bench::table::{Cell, Table};
+use crate::fit::FitError;
+use crate::fit::assess::{against, reference};
+use crate::fit::rig::{Grips, Rig};
+use glam::DVec2;
+use sinew::engine::mesh::generate::quad_grid;
+use sinew_identify::ElementMethod::{self, Baudet, Block, Frobenius, TwoNorm};
+use sinew_identify::LinearMaterial;
+use sinew_identify::mesh::fit_elements;
+
+const SIDE: f64 = 0.02;
+const METHODS: [ElementMethod; 4] = [Frobenius, TwoNorm, Block, Baudet];
+const MODULI: [f64; 5] = [1.0, 10.0, 100.0, 1e3, 1e4];
+const RATIOS: usize = 20;
+
+/// What one square does.
+#[derive(Clone, Copy)]
+struct Point {
+    method: ElementMethod,
+    put_in: [f64; 2],
+    /// Measured modulus (Pa) and ratio.
+    out: Option<[f64; 2]>,
+}
+
+fn measure() -> Result<Vec<Point>, BenchError> {
+    let mesh = quad_grid(DVec2::splat(SIDE), [1, 1])?;
+    let grips = Grips { axis: Some(0), ..Grips::default() };
+    let rig = Rig::new(&mesh, SECTION, &grips)?;
+    let mut points = Vec::new();
+    for method in METHODS {
+        for e in MODULI {
+            for i in 0..=RATIOS {
+                let nu = 0.5 * i as f64 / RATIOS as f64;
+                let material = LinearMaterial::new(e, nu).map_err(FitError::from)?;
+                let stress = Rig::stress(&material);
+                let cells = rig.cells();
+                let springs = fit_elements(&rig.points, &cells, &[material], &SECTION, method)?;
+                let loading = rig.free_tension(stress);
+                let fem = reference(&rig, &material, &loading)?;
+                let own = against(&rig, &springs, &loading, &fem, None).ok();
+                let out = own.and_then(|own| rig.moduli(&own.displacements, stress));
+                points.push(Point {
+                    method,
+                    put_in: [e, nu],
+                    out: out.map(|m| [m.youngs_modulus, m.poissons_ratio]),
+                });
+            }
+        }
+    }
+    Ok(points)
+}
+
+fn of(points: &[Point], method: ElementMethod, e: f64) -> Vec<&Point> {
+    points.iter().filter(|p| p.method == method && p.put_in[0] == e).collect()
+}
+
+/// Smallest and largest measured ratio while that put in runs from 0 to 0.5.
+fn range(points: &[Point], method: ElementMethod) -> Option<[f64; 2]> {
+    let ratios = points.iter().filter(|p| p.method == method).filter_map(|p| Some(p.out?[1]));
+    ratios.fold(None, |range: Option<[f64; 2]>, nu| {
+        let [low, high] = range.unwrap_or([nu, nu]);
+        Some([low.min(nu), high.max(nu)])
+    })
+}
+
+fn findings(points: &[Point]) -> Vec<Finding> {
+    let mut worst = 0.0_f64;
+    for method in METHODS {
+        let unit = of(points, method, MODULI[0]);
+        for e in MODULI {
+            for (p, q) in of(points, method, e).iter().zip(&unit) {
+                match (p.out, q.out) {
+                    (Some(p), Some(q)) => worst = worst.max((p[0] / (e * q[0]) - 1.0).abs()),
+                    (None, None) => {}
+                    _ => worst = f64::INFINITY,
+                }
+            }
+        }
+    }
+    let mut findings = vec![Finding {
+        agrees: worst < 1e-6,
+        text: format!(
+            "E_out follows E_in in proportion from 1 Pa to 10 kPa, at every ratio (off by {worst:.1e} at most)"
+        ),
+    }];
+    for method in METHODS {
+        let Some([low, high]) = range(points, method) else { continue };
+        findings.push(Finding {
+            agrees: high - low < 0.5,
+            text: format!(
+                "nu_out cannot be set with {}: while nu_in goes from 0 to 0.5 it stays between {low:.3} and {high:.3}",
+                printed_name(method)
+            ),
+        });
+    }
+    findings
+}
+
+fn number(x: Option<f64>) -> Cell {
+    x.map(|x| format!("{x:.3}")).into()
+}
+
+pub(super) fn figure() -> Result<Figure, BenchError> {
+    let points = measure()?;
+    let mut table = Table::new(
+        "d-square",
+        "One square: E_out / E_in and nu_out by nu_in",
+        &["nu_in", "F: E", "nu", "2-norm: E", "nu", "(27), (29): E", "nu", "Baudet: E", "nu"],
+    )
+    .note("the same for every E_in from 1 Pa to 10 kPa");
+    for i in (0..=RATIOS).step_by(2) {
+        let nu = 0.5 * i as f64 / RATIOS as f64;
+        let mut row: Vec<Cell> = vec![format!("{nu:.2}").into()];
+        for method in METHODS {
+            let p = of(&points, method, 1.0)[i];
+            row.push(number(p.out.map(|o| o[0])));
+            row.push(number(p.out.map(|o| o[1])));
+        }
+        table.row(row);
+    }
+    let mut numbers = Table::new(
+        "d-square-numbers",
+        "One square",
+        &["method", "E_in Pa", "nu_in", "E_out Pa", "nu_out"],
+    );
+    for p in &points {
+        numbers.row(vec![
+            p.method.name().into(),
+            p.put_in[0].into(),
+            p.put_in[1].into(),
+            p.out.map(|o| o[0]).into(),
+            p.out.map(|o| o[1]).into(),
+        ]);
+    }
+    let curve = |which: usize| -> Vec<Series> {
+        let series = METHODS.into_iter().enumerate().map(|(colour, method)| Series {
+            name: printed_name(method).to_string(),
+            points: of(&points, method, 1.0)
+                .iter()
+                .filter_map(|p| Some([p.put_in[1], p.out?[which]]))
+                .collect(),
+            hollow: false,
+            colour,
+        });
+        let asked = Series {
+            name: "put in".to_string(),
+            points: (0..=RATIOS)
+                .map(|i| 0.5 * i as f64 / RATIOS as f64)
+                .map(|nu| [nu, if which == 0 { 1.0 } else { nu }])
+                .collect(),
+            hollow: true,
+            colour: METHODS.len(),
+        };
+        series.chain([asked]).collect()
+    };
+    let chart = |name: &str, title, axis, which| -> Result<Chart, BenchError> {
+        let svg = lines(title, ["nu_in", axis], &curve(which), Scales::Linear)?;
+        Ok(Chart { name: name.into(), svg })
+    };
+    Ok(Figure {
+        letter: 'd',
+        title: "One square of springs (figure 9)",
+        setting: "A quadrilateral of 2 x 2 cm in plane stress, one side on rollers, traction on the other; linear \
+                  springs."
+            .into(),
+        findings: findings(&points),
+        tables: vec![table],
+        numbers: vec![numbers],
+        charts: vec![
+            chart("d-young", "Young's modulus of one square", "E_out / E_in", 0)?,
+            chart("d-poisson", "Poisson's ratio of one square", "nu_out", 1)?,
+        ],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Moduli of a lattice of squares, worked out by another program for a ratio of 0.3 (three digits).
+    #[test]
+    fn moduli_are_those_of_the_lattice() {
+        let points = measure().unwrap();
+        let at = |method| of(&points, method, 1.0)[12].out.unwrap();
+        for (method, e, nu) in
+            [(Frobenius, 0.836, 0.402), (Block, 0.854, 0.413), (TwoNorm, 0.874, 0.383)]
+        {
+            let [young, ratio] = at(method);
+            assert!(
+                (young - e).abs() < 6e-4 && (ratio - nu).abs() < 6e-4,
+                "{method} {young} {ratio}"
+            );
+        }
+        let found = findings(&points);
+        assert!(found.iter().all(|f| f.agrees), "{found:?}");
+        // a modulus that does not follow is seen
+        let mut wrong = points;
+        wrong.iter_mut().filter(|p| p.put_in[0] == 1e4).for_each(|p| {
+            p.out.as_mut().unwrap()[0] *= 1.1;
+        });
+        assert!(!findings(&wrong)[0].agrees);
+    }
+}

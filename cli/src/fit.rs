@@ -1,0 +1,131 @@
+//! `sinew fit MESH` and `sinew fit --data OBSERVED.csv SCENE.toml`.
+
+use crate::fit_data::{FitDataOptions, fit_data};
+use crate::{Outcome, print};
+use clap::{Args, ValueEnum};
+use sinew::identify::{ElementMethod, LinearMaterial, Plane, Section};
+use sinew_benches::fit::rig::Grips;
+use sinew_benches::fit::{FitRequest, file, fit_file};
+use std::path::PathBuf;
+
+/// What `--out` writes, for the long help.
+const FILES: &str = "\
+Files of --out: springs (pairs of vertices, N/m, rest length m), masses (kg), constants of every element,
+method, material and residuals.
+  FILE.json  schema \"sinew-body/1\": springs [{nodes, constant, rest_length}], masses [one per vertex],
+             element_constants {triangles, quads, tetrahedra, hexahedra: lists of 3, 6, 6, 28 constants},
+             method, young_modulus, poisson_ratio, density, plane, thickness, report, assessment
+  FILE.csv   record,first,second,value,rest_length: lines spring (vertex, vertex, N/m, m), mass (vertex,
+             kg), triangle/quad/tetrahedron/hexahedron (element, pair, N/m), and settings by name
+A scene needs no such file: model = \"mass_spring\" with the same element_method finds the same springs.";
+
+#[derive(Args)]
+#[command(after_long_help = FILES)]
+pub struct FitArguments {
+    /// Mesh (.msh, .vtk, .vtu, .node, .ele, .obj, .stl) of tetrahedra and hexahedra, or of flat triangles
+    /// and quadrilaterals; with --data a static scene (TOML).
+    #[arg(value_name = "MESH|SCENE")]
+    file: PathBuf,
+    #[command(flatten)]
+    data: FitDataOptions,
+    /// Young's modulus (Pa).
+    #[arg(
+        long,
+        value_name = "PA",
+        allow_negative_numbers = true,
+        required_unless_present = "data"
+    )]
+    young: Option<f64>,
+    /// Poisson's ratio.
+    #[arg(
+        long,
+        value_name = "NU",
+        allow_negative_numbers = true,
+        required_unless_present = "data"
+    )]
+    poisson: Option<f64>,
+    /// frobenius, block, two-norm, nonnegative, two-norm-nonnegative, van-gelder, van-gelder-full, lloyd,
+    /// baudet or paper-a.
+    #[arg(long, value_name = "METHOD", default_value = "frobenius")]
+    element_method: ElementMethod,
+    /// What vanishes across a plane body.
+    #[arg(long, default_value = "stress")]
+    plane: PlaneArgument,
+    /// Thickness (m) of a plane body.
+    #[arg(long, value_name = "M", default_value_t = 1.0, allow_negative_numbers = true)]
+    thickness: f64,
+    /// Density (kg/m^3), for the masses.
+    #[arg(long, value_name = "RHO", default_value_t = 1000.0, allow_negative_numbers = true)]
+    density: f64,
+    /// Axis of the virtual tests [default: from held to loaded nodes, or the longest].
+    #[arg(long, value_name = "AXIS")]
+    load_axis: Option<AxisArgument>,
+    /// Group of nodes to hold in the tests [default: the lower end along the axis].
+    #[arg(long, value_name = "GROUP")]
+    held: Option<String>,
+    /// Group of nodes to load in the tests [default: the upper end along the axis].
+    #[arg(long, value_name = "GROUP")]
+    loaded: Option<String>,
+    /// File for springs and masses (.json or .csv, described below).
+    #[arg(long, value_name = "BODY")]
+    out: Option<PathBuf>,
+    /// Print JSON, that of --out, instead of the report.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum PlaneArgument {
+    Stress,
+    Strain,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum AxisArgument {
+    X,
+    Y,
+    Z,
+}
+
+/// Springs for a mesh, which are a result whether or not they are fit for use, or constants from data.
+pub fn fit(arguments: &FitArguments) -> Outcome {
+    let (Some(young), Some(poisson)) = (arguments.young, arguments.poisson) else {
+        return fit_data(&arguments.file, &arguments.data, arguments.json);
+    };
+    if !arguments.data.data.is_empty() {
+        return Err(
+            "give --data with a scene, or --young and --poisson with a mesh, not both".into()
+        );
+    }
+    if let Some(path) = &arguments.out {
+        file::check_name(path)?;
+    }
+    let request = FitRequest {
+        material: LinearMaterial::new(young, poisson)?,
+        density: arguments.density,
+        section: Section {
+            plane: match arguments.plane {
+                PlaneArgument::Stress => Plane::Stress,
+                PlaneArgument::Strain => Plane::Strain,
+            },
+            thickness: arguments.thickness,
+        },
+        method: arguments.element_method,
+        grips: Grips {
+            axis: arguments.load_axis.map(|axis| axis as usize),
+            held: arguments.held.clone(),
+            loaded: arguments.loaded.clone(),
+        },
+    };
+    let body = fit_file(&arguments.file, &request)?;
+    if arguments.json {
+        print(format_args!("{}\n", serde_json::to_string_pretty(&body)?))?;
+    } else {
+        print(format_args!("{body}"))?;
+    }
+    if let Some(path) = &arguments.out {
+        file::write(path, &body)?;
+        eprintln!("written to {}", path.display());
+    }
+    Ok(true)
+}
