@@ -298,7 +298,9 @@ impl Simulation {
         Ok(faces)
     }
 
-    /// Adds a follower pressure on rows of [`Simulation::face_rows`].
+    /// Adds a follower pressure on rows of [`Simulation::face_rows`]. Quadrilateral faces are best cut along both
+    /// diagonals, their four triangles with half the pressure: every corner then gets the quarter that its
+    /// shape function gives it.
     pub fn add_pressure(&mut self, pressure: Pressure) -> Entity {
         let world = self.app.world_mut();
         let entity = world.spawn(pressure).id();
