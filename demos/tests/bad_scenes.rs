@@ -258,6 +258,7 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("generate.cylinder", format!("{body}generate = {{ cylinder = {{ zzz = 1 }} }}")),
         ("generate.sphere", format!("{body}generate = {{ sphere = {{ zzz = 1 }} }}")),
         ("generate.sheet", format!("{body}generate = {{ sheet = {{ zzz = 1 }} }}")),
+        ("generate.specimen", format!("{body}generate = {{ specimen = {{ zzz = 1 }} }}")),
         ("generate.disc", format!("{body}generate = {{ disc = {{ zzz = 1 }} }}")),
         ("generate.balloon", format!("{body}generate = {{ balloon = {{ zzz = 1 }} }}")),
         ("membrane", format!("{body}membrane = {{ zzz = 1 }}")),

@@ -70,6 +70,7 @@ fn every_shipped_scene_has_a_test_here() {
     let expected = [
         "cantilever",
         "crush",
+        "elements",
         "liver",
         "liver_resection",
         "membrane_drum",
@@ -102,6 +103,28 @@ fn drum_is_blown_up_and_snaps_back_and_a_block_swells() {
     assert!(skin[at(0.59)] > 0.001 && *skin.last().unwrap() < 0.3 * skin[at(0.59)], "{skin:?}");
     assert!(table.column("skin.min_area_ratio (-)").iter().all(|&r| r > 0.5 && r < 1.5));
     assert!(summary.volume.inverted_max == 0);
+}
+
+#[test]
+fn other_elements_fall_alike() {
+    let (summary, table) = run_whole("elements", None);
+    let counts: Vec<_> = summary.bodies.iter().map(|b| (b.tetrahedra, b.hexahedra)).collect();
+    assert_eq!(counts, [(0, 320), (0, 320), (0, 0)]);
+    assert_eq!(summary.bodies[2].membrane.as_ref().unwrap().quads, 160);
+    let tip = |name: &str| table.vector(&format!("{name}.mean_displacement"), "m");
+    let (solid, springs) = (tip("solid"), tip("springs"));
+    let end = |u: &[DVec3]| u.last().unwrap().z;
+    assert!(end(&solid) < -0.02, "{}", end(&solid));
+    // springs are off, but not by much
+    let ratio = end(&springs) / end(&solid);
+    assert!((0.7..1.3).contains(&ratio), "{ratio}");
+    assert!(end(&tip("hammock")) < -0.002);
+    assert!(table.column("hammock.min_area_ratio (-)").iter().all(|&r| r > 0.9));
+    assert_eq!(summary.volume.inverted_max, 0, "{summary}");
+    let text = summary.to_string();
+    for part in ["320 hexahedra", "160 quadrilaterals"] {
+        assert!(text.contains(part), "{part} is not in\n{text}");
+    }
 }
 
 #[test]

@@ -186,6 +186,8 @@ pub trait Kernel<S: Scalar> {
     /// Whether it is compiled for AVX2 too; without, machines that have no wider registers run it one
     /// element at a time. For kernels whose speed matters little: each set costs compile time.
     const AVX2: bool = true;
+    /// Whether it is compiled for AVX-512; without, such machines run it one element at a time.
+    const AVX512: bool = true;
     /// The loop; mark implementations `#[inline(always)]`.
     fn run<L: Lanes<Scalar = S>>(self) -> Self::Output;
 }
@@ -294,8 +296,14 @@ pub fn dispatch_on<S: Scalar, K: Kernel<S>>(set: InstructionSet, kernel: K) -> K
                 kernel.run::<S::One>()
             }
         }
-        // SAFETY: as above.
-        InstructionSet::Avx512 => unsafe { S::run_avx512(kernel) },
+        InstructionSet::Avx512 => {
+            if K::AVX512 {
+                // SAFETY: as above.
+                unsafe { S::run_avx512(kernel) }
+            } else {
+                kernel.run::<S::One>()
+            }
+        }
     }
 }
 

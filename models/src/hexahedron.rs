@@ -2,7 +2,8 @@
 //!
 //! A Gauss point deforms as a tetrahedron whose edges are the derivatives of the positions by the local
 //! coordinates ([`sinew_engine::isoparametric`]), so every [`TetrahedronLaw`] that is a density of the
-//! displacement gradient serves here; eight points fill a register. With `f_j` (`K_ij`) the forces
+//! displacement gradient serves here; eight points fill a register (laws for comparison are compiled without
+//! registers: each set costs compile time). With `f_j` (`K_ij`) the forces
 //! (tangent blocks) on the three vertices of that tetrahedron that move,
 //!
 //! ```text
@@ -233,6 +234,7 @@ struct EnergyPass<'a, 'b, L, S: Scalar> {
 impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for EnergyPass<'_, '_, Law, S> {
     type Output = f64;
     const AVX2: bool = false;
+    const AVX512: bool = Law::AVX2;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) -> f64 {
         let mut sums = [0.0; MAX_LANES];
@@ -256,6 +258,7 @@ struct ForcePass<'a, 'b, L, S: Scalar> {
 impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for ForcePass<'_, '_, Law, S> {
     type Output = ();
     const AVX2: bool = false;
+    const AVX512: bool = Law::AVX2;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { columns, span, .. } = self;
@@ -307,6 +310,7 @@ struct TangentPass<'a, 'b, L, S: Scalar> {
 impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for TangentPass<'_, '_, Law, S> {
     type Output = ();
     const AVX2: bool = false;
+    const AVX512: bool = Law::AVX2;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { columns, span, kind, .. } = self;
@@ -339,6 +343,7 @@ struct ProjectedPass<'a, 'b, S: Scalar> {
 impl<S: Scalar> Kernel<f64> for ProjectedPass<'_, '_, S> {
     type Output = ();
     const AVX2: bool = false;
+    const AVX512: bool = false;
     #[inline(always)]
     fn run<L: Lanes<Scalar = f64>>(self) {
         let Self { columns, span } = self;
