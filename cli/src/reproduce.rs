@@ -2,12 +2,15 @@
 
 use crate::{Outcome, print};
 use clap::{Args, Subcommand};
+use sinew_benches::reproduce::{paper_a, paper_c};
 use std::path::PathBuf;
 
 #[derive(Subcommand)]
 pub enum ReproduceCommand {
     /// Delingette 2008, Biquadratic and Quadratic Springs for Modeling St Venant Kirchhoff Materials.
     PaperA(ReproduceArguments),
+    /// Bourguignon & Cani 2000, Controlling Anisotropy in Mass-Spring Systems.
+    PaperC(ReproduceArguments),
 }
 
 #[derive(Args)]
@@ -22,10 +25,13 @@ pub struct ReproduceArguments {
 
 /// Figures that differ from the paper are a result, not a failure.
 pub fn reproduce(command: &ReproduceCommand) -> Outcome {
-    let ReproduceCommand::PaperA(arguments) = command;
-    let paper = sinew_benches::reproduce::paper_a(&arguments.only, |what| eprintln!("{what}"))?;
+    let tell = |what: &str| eprintln!("{what}");
+    let (paper, out) = match command {
+        ReproduceCommand::PaperA(arguments) => (paper_a(&arguments.only, tell)?, &arguments.out),
+        ReproduceCommand::PaperC(arguments) => (paper_c(&arguments.only, tell)?, &arguments.out),
+    };
     print(format_args!("{}", paper.text()))?;
-    if let Some(folder) = &arguments.out {
+    if let Some(folder) = out {
         let files = paper.write(folder)?;
         eprintln!("{} files written to {}", files.len(), folder.display());
     }

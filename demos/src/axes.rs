@@ -174,7 +174,10 @@ pub(crate) fn build(
                 code: "scene.fibres.length".into(),
                 level: Level::Warning,
                 subject: format!("fibres `{}` of body `{}`", entry.name, body.name),
-                message: format!("{} vectors were not of unit length and were made so", field.repaired),
+                message: format!(
+                    "{} vectors were not of unit length and were made so",
+                    field.repaired
+                ),
                 remedy: "nothing to do if only their direction was meant".into(),
             });
         }
@@ -458,7 +461,8 @@ pub fn enclosed_volume(points: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
         sum += point(*a) + point(*b);
         count += 2.0;
     }
-    let middle = if count > 0.0 { sum / count } else { points.first().copied().unwrap_or_default() };
+    let middle =
+        if count > 0.0 { sum / count } else { points.first().copied().unwrap_or_default() };
     let cones = triangles.iter().map(|t| {
         let [a, b, c] = t.map(|v| point(v) - middle);
         a.dot(b.cross(c)) / 6.0
@@ -488,7 +492,11 @@ mod tests {
         assert!((open / 0.006 - 1.0).abs() < 1e-12, "{open}");
 
         let cup = cup_hexahedra([0.02, 0.04], 0.01, 8, 12, 1).unwrap().split_into_simplices();
-        let inner: Vec<[u32; 3]> = cup.group("inner").unwrap().triangles.iter()
+        let inner: Vec<[u32; 3]> = cup
+            .group("inner")
+            .unwrap()
+            .triangles
+            .iter()
             .map(|&t| cup.triangles[t as usize])
             .collect();
         let exact = 2.0 / 3.0 * std::f64::consts::PI * 0.02 * 0.02 * 0.04;

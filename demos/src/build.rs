@@ -14,8 +14,8 @@ use sinew::engine::load::{Constraint, Curve, Load, Motion, Pressure};
 use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::generate::{
     box_hexahedra, box_tets, cup_hexahedra, cylinder_hexahedra, cylinder_tets, disc_triangles,
-    irregular_box_tets, jitter_interior, quad_grid, specimen_hexahedra, specimen_quads, specimen_tets,
-    specimen_triangles, sphere_tets, sphere_triangles, triangle_grid,
+    irregular_box_tets, jitter_interior, quad_grid, specimen_hexahedra, specimen_quads,
+    specimen_tets, specimen_triangles, sphere_tets, sphere_triangles, triangle_grid,
 };
 use sinew::engine::mesh::{CheckOptions, CheckReport, FindingCode, Group, Mesh, MeshError, check};
 use sinew::engine::vertex::FixedAxes;

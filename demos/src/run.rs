@@ -121,7 +121,10 @@ impl Totals {
 
     fn dissipated(&self) -> f64 {
         let e = &self.energy;
-        e.initial + e.load_work + e.constraint_work + e.activation_work - e.removed - e.elastic - e.kinetic
+        e.initial + e.load_work + e.constraint_work + e.activation_work
+            - e.removed
+            - e.elastic
+            - e.kinetic
     }
 }
 

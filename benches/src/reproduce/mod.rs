@@ -9,6 +9,13 @@ mod resection;
 mod tessellation;
 mod validity;
 
+mod axis_cost;
+mod fibres;
+mod paper_c;
+mod volume;
+
+pub use paper_c::paper_c;
+
 use crate::bench::error::BenchError;
 use crate::bench::machine::MachineNotes;
 use crate::bench::report::{Chart, page, scalable};
@@ -44,15 +51,21 @@ pub struct Figure {
     pub charts: Vec<Chart>,
 }
 
-/// Delingette 2008 made again.
-pub struct PaperA {
+/// A paper made again.
+pub struct Paper {
+    /// Its name on the command line and in files.
+    pub name: &'static str,
+    /// Authors, year, title.
+    pub reference: &'static str,
+    /// Authors and year.
+    pub short: &'static str,
     /// Where it ran.
     pub machine: MachineNotes,
     /// The figures, in order.
     pub figures: Vec<Figure>,
 }
 
-const PAPER: &str = "Delingette 2008, Biquadratic and Quadratic Springs for Modeling St Venant \
+const PAPER_A: &str = "Delingette 2008, Biquadratic and Quadratic Springs for Modeling St Venant \
                      Kirchhoff Materials";
 
 /// Makes the figures of Delingette 2008 with the letters given, all with none; `tell` hears what is going
@@ -60,7 +73,7 @@ const PAPER: &str = "Delingette 2008, Biquadratic and Quadratic Springs for Mode
 ///
 /// # Errors
 /// When a letter is unknown, a simulation cannot be run or a chart not be drawn.
-pub fn paper_a(only: &[char], mut tell: impl FnMut(&str)) -> Result<PaperA, BenchError> {
+pub fn paper_a(only: &[char], mut tell: impl FnMut(&str)) -> Result<Paper, BenchError> {
     if let Some(letter) = only.iter().find(|c| !('a'..='f').contains(*c)) {
         return Err(BenchError::Request {
             what: format!("figure {letter}"),
@@ -93,7 +106,8 @@ pub fn paper_a(only: &[char], mut tell: impl FnMut(&str)) -> Result<PaperA, Benc
         tell("f: resection of a liver-like organ");
         figures.push(resection::figure()?);
     }
-    Ok(PaperA { machine: MachineNotes::now(), figures })
+    let (reference, short) = (PAPER_A, "Delingette 2008");
+    Ok(Paper { name: "paper-a", reference, short, machine: MachineNotes::now(), figures })
 }
 
 impl Figure {
@@ -107,7 +121,7 @@ impl Figure {
     }
 }
 
-impl PaperA {
+impl Paper {
     /// Whether every statement agrees with the numbers.
     pub fn agrees(&self) -> bool {
         self.figures.iter().all(|f| f.findings.iter().all(|f| f.agrees))
@@ -115,7 +129,7 @@ impl PaperA {
 
     /// For the terminal.
     pub fn text(&self) -> String {
-        let mut text = format!("{PAPER}\n{}\n", self.machine.line());
+        let mut text = format!("{}\n{}\n", self.reference, self.machine.line());
         for figure in &self.figures {
             let _ = writeln!(text, "\n({}) {}", figure.letter, figure.title);
             let _ = writeln!(text, "{}\n", figure.setting);
@@ -132,7 +146,7 @@ impl PaperA {
 
     /// In Markdown, with the charts as files beside it.
     pub fn markdown(&self) -> String {
-        let mut text = format!("# {PAPER}\n\n{}\n", self.machine.line());
+        let mut text = format!("# {}\n\n{}\n", self.reference, self.machine.line());
         for figure in &self.figures {
             let _ = writeln!(text, "\n## ({}) {}\n", figure.letter, figure.title);
             let _ = writeln!(text, "{}\n\n{}", figure.setting, figure.paragraph());
@@ -148,7 +162,7 @@ impl PaperA {
 
     /// One self-contained page.
     pub fn html(&self) -> String {
-        let mut body = format!("<h1>{PAPER}</h1>\n");
+        let mut body = format!("<h1>{}</h1>\n", escape(self.reference));
         let _ = writeln!(body, "<p class=\"machine\">{}</p>", escape(&self.machine.line()));
         for figure in &self.figures {
             let _ = writeln!(body, "<h2>({}) {}</h2>", figure.letter, escape(figure.title));
@@ -161,7 +175,7 @@ impl PaperA {
                 body += &table.html();
             }
         }
-        page("Delingette 2008 made again", &body)
+        page(&format!("{} made again", self.short), &body)
     }
 
     /// Writes page, Markdown, findings (JSON), one CSV per table and one SVG per chart into a folder,
@@ -175,14 +189,14 @@ impl PaperA {
         let findings: Vec<_> = self.figures.iter().map(|f| (f.letter, &f.findings)).collect();
         let json = serde_json::json!({
             "schema": "sinew-reproduce/1",
-            "paper": PAPER,
+            "paper": self.reference,
             "machine": self.machine,
             "findings": findings,
         });
         let mut files = vec![
-            ("paper-a.html".to_string(), self.html().into_bytes()),
-            ("paper-a.md".to_string(), self.markdown().into_bytes()),
-            ("paper-a.json".to_string(), format!("{json:#}\n").into_bytes()),
+            (format!("{}.html", self.name), self.html().into_bytes()),
+            (format!("{}.md", self.name), self.markdown().into_bytes()),
+            (format!("{}.json", self.name), format!("{json:#}\n").into_bytes()),
         ];
         for figure in &self.figures {
             for chart in &figure.charts {
