@@ -356,7 +356,7 @@ fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
         ),
         (FIBRES.replace("1e4", "-1e4"), 16, &["family `a`", "-10000 Pa"]),
         (twice, 19, &["two families `a`"]),
-        (angle("[\"a\", \"b\"]"), 19, &["`b`", "known: `a`"]),
+        (angle("[\"a\", \"b\"]"), 19, &["`b`", "did you mean `a`?"]),
         (angle("[\"a\", \"a\"]"), 19, &["two different"]),
         (muscle("peak_stress = -1.0"), 18, &["`peak_stress` is -1"]),
         (muscle("width = 0.0"), 18, &["`width` is 0"]),

@@ -353,9 +353,9 @@ fn a_run_that_finds_no_equilibrium_says_so_and_keeps_its_figures() {
 fn a_bar_with_slanted_fibres_moves_sideways_under_its_weight() {
     let (summary, table) = run_whole("fibre_bar", None);
     let bottom = *table.vector("bottom.mean_displacement", "m").last().unwrap();
-    // it hangs, and leans by a good part of the way down; nothing moves it across the plane of the fibres
+    // it hangs, and the side that fibres leave soft gives way; nothing moves it across their plane
     assert!(bottom.z < -0.003, "{bottom}");
-    assert!(bottom.x.abs() > 0.2 * bottom.z.abs(), "{bottom}");
+    assert!(bottom.x > 0.1 * bottom.z.abs(), "{bottom}");
     assert!(bottom.y.abs() < 1e-3 * bottom.x.abs(), "{bottom}");
     let axes = summary.bodies[0].axes.as_ref().unwrap();
     assert_eq!((axes.families.len(), axes.families[0].name.as_str()), (1, "fibre"));
@@ -392,7 +392,7 @@ fn muscle_contracts_relaxes_and_keeps_its_volume() {
     let axes = summary.bodies[0].axes.as_ref().unwrap();
     assert_eq!(axes.families[0].activation, Some(0.0));
     assert!(axes.volume_ratio[0] > 0.9 && axes.volume_ratio[1] < 1.02, "{summary}");
-    assert!(summary.to_string().contains("active stress up to 8 kPa"), "{summary}");
+    assert!(summary.to_string().contains("active stress up to 4 kPa"), "{summary}");
     // the clamp is drawn along with the muscle
     let reaction = table.vector("clamp.reaction", "N");
     assert!(reaction.iter().map(|r| r.x.abs()).fold(0.0, f64::max) > 0.01);
