@@ -2,7 +2,7 @@
 
 use crate::{Outcome, print};
 use clap::{Args, Subcommand};
-use sinew_benches::reproduce::{PaperBOptions, paper_a, paper_b};
+use sinew_benches::reproduce::{PaperBOptions, paper_a, paper_b, paper_c};
 use std::path::PathBuf;
 
 #[derive(Subcommand)]
@@ -12,6 +12,8 @@ pub enum ReproduceCommand {
     /// Natsupakpong & Cavusoglu 2010, Determination of elasticity parameters in lumped element
     /// (mass-spring) models of deformable objects.
     PaperB(PaperBArguments),
+    /// Bourguignon & Cani 2000, Controlling Anisotropy in Mass-Spring Systems.
+    PaperC(ReproduceArguments),
 }
 
 #[derive(Args)]
@@ -43,6 +45,7 @@ pub fn reproduce(command: &ReproduceCommand) -> Outcome {
             let options = PaperBOptions { meshes: meshes.clone(), quick: false };
             (paper_b(&common.only, &options, tell)?, &common.out)
         }
+        ReproduceCommand::PaperC(arguments) => (paper_c(&arguments.only, tell)?, &arguments.out),
     };
     print(format_args!("{}", paper.text()))?;
     if let Some(folder) = out {

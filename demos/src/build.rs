@@ -1,6 +1,7 @@
 //! From a scene to a simulation. Everything is checked here, before the first step, and everything
 //! that was found on the way is kept as a warning.
 
+use crate::axes;
 use crate::error::{Place, SceneError, hint};
 use crate::resection::{self, BuiltResection};
 use crate::scene::{
@@ -12,12 +13,13 @@ use glam::{DQuat, DVec2, DVec3};
 use sinew::engine::load::{Constraint, Curve, Load, Motion, Pressure};
 use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::generate::{
-    box_hexahedra, box_tets, cylinder_hexahedra, cylinder_tets, disc_triangles, irregular_box_tets,
-    jitter_interior, quad_grid, specimen_hexahedra, specimen_quads, specimen_tets,
-    specimen_triangles, sphere_tets, sphere_triangles, triangle_grid,
+    box_hexahedra, box_tets, cup_hexahedra, cylinder_hexahedra, cylinder_tets, disc_triangles,
+    irregular_box_tets, jitter_interior, quad_grid, specimen_hexahedra, specimen_quads,
+    specimen_tets, specimen_triangles, sphere_tets, sphere_triangles, triangle_grid,
 };
 use sinew::engine::mesh::{CheckOptions, CheckReport, FindingCode, Group, Mesh, MeshError, check};
 use sinew::engine::vertex::FixedAxes;
+use sinew::models::axes::description::AxesDescription;
 use sinew::models::body::{BodyDescription, Evaluation, Model};
 use sinew::models::field::FieldError;
 use sinew::models::material::{MaterialError, YoungPoisson, preset};
@@ -106,6 +108,8 @@ pub struct BuiltBody {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// Axes.
+    pub axes: Option<AxesDescription<'static>>,
 }
 
 /// The membrane of a body.
@@ -189,6 +193,8 @@ pub struct BuiltProbe {
     pub body: usize,
     /// Vertices, sorted.
     pub vertices: Vec<u32>,
+    /// Triangles of its group, where it records what they enclose.
+    pub faces: Vec<[u32; 3]>,
     /// Index of the constraint.
     pub constraint: Option<usize>,
     /// What to record.
@@ -238,7 +244,7 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
 
     let mut bodies = Vec::new();
     for (i, body) in scene.bodies.iter().enumerate() {
-        bodies.push(builder.body(&mut simulation, i, body, &mut warnings)?);
+        bodies.push(builder.body(&mut simulation, i, body, plan.mode, &mut warnings)?);
     }
     let constraints = builder.constraints(&mut simulation, &bodies, &plan, &mut warnings)?;
     let loads = builder.loads(&mut simulation, &bodies, &plan)?;
@@ -268,7 +274,7 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
 /// # Errors
 /// [`MeshError`] when a parameter is out of range, `Ok(None)` unless exactly one shape is given.
 pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
-    let Generate { cuboid, cylinder, sphere, sheet, specimen, disc, balloon } = shape;
+    let Generate { cuboid, cylinder, sphere, sheet, specimen, disc, balloon, cup } = shape;
     let shapes = [
         cuboid.as_ref().map(|s| {
             let size = DVec3::from_array(s.size);
@@ -308,6 +314,14 @@ pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
         }),
         disc.as_ref().map(|s| disc_triangles(s.radius, s.rings)),
         balloon.as_ref().map(|s| sphere_triangles(s.radius, s.cuts)),
+        cup.as_ref().map(|s| {
+            let mesh = cup_hexahedra([s.radius, s.depth], s.wall, s.core, s.rings, s.layers)?;
+            match s.elements {
+                SolidCells::Hexahedra => Ok(mesh),
+                SolidCells::Tetrahedra => Ok(mesh.split_into_simplices()),
+                SolidCells::Irregular => jitter_interior(&mesh.split_into_simplices(), 0.15, 0),
+            }
+        }),
     ];
     let mut given = shapes.into_iter().flatten();
     match (given.next(), given.next()) {
@@ -333,7 +347,7 @@ pub(crate) struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    fn place(&self, key: impl Into<String>) -> Box<Place> {
+    pub(crate) fn place(&self, key: impl Into<String>) -> Box<Place> {
         self.loaded.place(key)
     }
 
@@ -538,7 +552,7 @@ impl Builder<'_> {
     }
 
     /// Values of the solid elements from the cell data of that name, when a scene names one.
-    fn field(
+    pub(crate) fn field(
         &self,
         key: &str,
         name: Option<&String>,
@@ -605,8 +619,8 @@ impl Builder<'_> {
                 })?;
                 mesh.ok_or_else(|| {
                     let remedy =
-                        "give one of `box`, `cylinder`, `sphere`, `sheet`, `specimen`, `disc` and \
-                         `balloon`";
+                        "give one of `box`, `cylinder`, `sphere`, `sheet`, `specimen`, `disc`, \
+                         `balloon` and `cup`";
                     self.value(key, "not exactly one shape is given", remedy)
                 })?
             }
@@ -654,6 +668,7 @@ impl Builder<'_> {
         simulation: &mut Simulation,
         index: usize,
         body: &Body,
+        mode: Mode,
         warnings: &mut Vec<Warning>,
     ) -> Result<BuiltBody, SceneError> {
         let key = format!("body[{index}]");
@@ -721,7 +736,9 @@ impl Builder<'_> {
         let young_modulus = field("young_modulus", &entry.young_modulus_field)?;
         let poisson_ratio = field("poisson_ratio", &entry.poisson_ratio_field)?;
         let density = field("density", &entry.density_field)?;
+        let axes = axes::build(self, &key, body, &checked.mesh, mode, warnings)?;
         let description = BodyDescription {
+            axes: axes.clone(),
             young_modulus: young_modulus.as_deref(),
             poisson_ratio: poisson_ratio.as_deref(),
             density: density.as_deref(),
@@ -762,6 +779,7 @@ impl Builder<'_> {
             preset: body.material.preset.clone(),
             model: body.model,
             evaluation: body.evaluation,
+            axes,
         })
     }
 
@@ -861,7 +879,7 @@ impl Builder<'_> {
             let body = self.which(&key, entry.body.as_deref(), bodies)?;
             let (triangles, share) = self.faces(&format!("{key}.on"), &entry.on, &bodies[body])?;
             self.finite(&format!("{key}.pressure"), [entry.pressure])?;
-            let curve = self.factor(&key, entry.curve.as_ref(), plan)?;
+            let curve = self.factor(&key, entry.curve.as_ref(), plan.mode)?;
             // a rim vertex that is free along every axis
             let mut edges = HashMap::new();
             for &[a, b, c] in &triangles {
@@ -1134,13 +1152,13 @@ impl Builder<'_> {
     }
 
     /// The curve of a static scene: loads and motions grow with the load steps.
-    fn factor(
+    pub(crate) fn factor(
         &self,
         key: &str,
         entry: Option<&CurveEntry>,
-        plan: &Plan,
+        mode: Mode,
     ) -> Result<Curve, SceneError> {
-        match (plan.mode, entry) {
+        match (mode, entry) {
             (Mode::Static, Some(_)) => Err(self.value(
                 format!("{key}.curve"),
                 "a curve in a static scene",
@@ -1196,7 +1214,7 @@ impl Builder<'_> {
                     "add `motion`, or use `from` and `until` to hold and release",
                 ));
             }
-            let curve = self.factor(&key, entry.curve.as_ref(), plan)?;
+            let curve = self.factor(&key, entry.curve.as_ref(), plan.mode)?;
             let from = entry.from.unwrap_or(f64::NEG_INFINITY);
             let until = entry.until.unwrap_or(f64::INFINITY);
             for (name, value) in [("from", entry.from), ("until", entry.until)] {
@@ -1295,7 +1313,7 @@ impl Builder<'_> {
             let body = self.which(&key, entry.body.as_deref(), bodies)?;
             let vertices = self.select(&format!("{key}.select"), &entry.select, &bodies[body])?;
             let force = self.finite(&format!("{key}.force"), entry.force)?;
-            let curve = self.factor(&key, entry.curve.as_ref(), plan)?;
+            let curve = self.factor(&key, entry.curve.as_ref(), plan.mode)?;
             let rows =
                 simulation.rows(bodies[body].handle, &entry.name, &vertices).map_err(|source| {
                     SceneError::Simulation { place: self.place(&key), source: Box::new(source) }
@@ -1368,8 +1386,19 @@ impl Builder<'_> {
                 }
                 _ => bodies[body].used_vertices.clone(),
             };
+            let mut faces = Vec::new();
+            if record.contains(&Quantity::EnclosedVolume) {
+                let key = format!("{key}.select");
+                let Some(group) = select.as_ref().and_then(|s| s.group.as_ref()) else {
+                    let found = "\"enclosed_volume\" without a group of faces";
+                    return Err(self.value(key, found, "give `select = { group = ... }`"));
+                };
+                let (triangles, quads) = self.group_cells(&key, group, &bodies[body].mesh)?;
+                faces = triangles;
+                faces.extend(quads.into_iter().flat_map(cut));
+            }
             let (name, record) = (name.clone(), record.clone());
-            built.push(BuiltProbe { name, body, vertices, constraint, record });
+            built.push(BuiltProbe { name, body, vertices, faces, constraint, record });
         }
         Ok(built)
     }

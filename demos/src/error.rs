@@ -2,6 +2,8 @@
 
 use sinew::engine::mesh::{CheckError, MeshError};
 use sinew::engine::step::StepError;
+use sinew::models::axes::description::AxesError;
+use sinew::models::axes::field::FibreError;
 use sinew::models::body::BodyError;
 use sinew::models::field::FieldError;
 use sinew::models::material::MaterialError;
@@ -172,6 +174,24 @@ pub enum SceneError {
         /// What is wrong.
         #[source]
         source: Box<FieldError>,
+    },
+    /// Fibres that cannot be made.
+    #[error("{place}: {source}")]
+    Fibres {
+        /// Where.
+        place: Box<Place>,
+        /// What is wrong.
+        #[source]
+        source: Box<FibreError>,
+    },
+    /// Axes that cannot be used.
+    #[error("{place}: {source}")]
+    Axes {
+        /// Where.
+        place: Box<Place>,
+        /// What is wrong.
+        #[source]
+        source: Box<AxesError>,
     },
     /// A body that cannot be built.
     #[error("{place}: {source}")]

@@ -12,6 +12,7 @@
 //! * [`scene`]: what a scene file may hold, and reading it with file, line and hint in every error.
 //! * [`build`](mod@build): from a scene to a [`sinew::simulation::Simulation`], with everything that
 //!   was found on the way.
+//! * [`axes`]: fibres and muscles of a scene.
 //! * [`run`](mod@run): the loop over steps, with an observer for progress.
 //! * [`output`]: VTU frames, their PVD index and the CSV of probes.
 //! * [`summary`]: what a run reports, as data and as text.
@@ -19,6 +20,7 @@
 //! * [`modes`](mod@modes): modes of free vibration.
 //! * [`fit_data`]: material constants from measured displacements and forces.
 
+pub mod axes;
 pub mod build;
 pub mod check;
 pub mod error;

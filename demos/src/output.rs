@@ -1,13 +1,15 @@
 //! VTU frames with their PVD index, and the CSV of probes. All bodies of a scene are in one frame;
 //! the cell field `body` tells them apart.
 
+use crate::axes::enclosed_volume;
 use crate::build::{BuiltBody, BuiltConstraint, BuiltProbe, BuiltScene};
 use crate::error::RunError;
 use crate::scene::Quantity;
 use glam::DVec3;
 use sinew::engine::connectivity::{ByKind, ElementKind};
-use sinew::engine::mesh::CellData;
 use sinew::engine::mesh::io::{VtuData, write_pvd, write_vtu};
+use sinew::engine::mesh::{CellData, Mesh};
+use sinew::models::axes::field::to_cell_data;
 use sinew::simulation::Simulation;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -102,6 +104,11 @@ pub fn probe_values(
                     let ratios = simulation.volume_ratios(handle);
                     values.push(ratios.into_iter().fold(f64::INFINITY, f64::min));
                 }
+                Quantity::Volume => values.push(volume(simulation, &bodies[probe.body])),
+                Quantity::EnclosedVolume => {
+                    let points = deformed(simulation, &bodies[probe.body]);
+                    values.push(enclosed_volume(&points, &probe.faces));
+                }
                 Quantity::MinAreaRatio => {
                     let ratios = simulation.area_ratios(handle);
                     values.push(ratios.into_iter().fold(f64::INFINITY, f64::min));
@@ -110,6 +117,21 @@ pub fn probe_values(
         }
     }
     values
+}
+
+/// Points of a body as it is now (m).
+fn deformed(simulation: &mut Simulation, body: &BuiltBody) -> Vec<DVec3> {
+    let u = simulation.displacements(body.handle);
+    body.mesh.points.iter().zip(&u).map(|(x, u)| *x + *u).collect()
+}
+
+/// Volume (m^3) of what is left of a body, as it is now; inverted elements count negative.
+pub fn volume(simulation: &mut Simulation, body: &BuiltBody) -> f64 {
+    let points = deformed(simulation, body);
+    let left = |kind| simulation.remaining(body.handle, kind).into_iter().map(|e| e as usize);
+    let tetrahedra = left(ElementKind::Tetrahedron).map(|e| body.mesh.tetrahedra[e]).collect();
+    let hexahedra = left(ElementKind::Hexahedron).map(|e| body.mesh.hexahedra[e]).collect();
+    Mesh { points, tetrahedra, hexahedra, ..Mesh::default() }.total_volume()
 }
 
 /// Whether a constraint acted on the step that ended at `time` (s).
@@ -131,11 +153,36 @@ pub(crate) fn cell_count(body: &BuiltBody, kind: ElementKind) -> usize {
     }
 }
 
+/// The fibres of a body as cell data: unit vectors at rest, `NAME_x`, `NAME_y` and `NAME_z`.
+fn fibre_data(body: &BuiltBody) -> Vec<CellData> {
+    let count = body.mesh.tetrahedra.len() + body.mesh.hexahedra.len();
+    let families = body.axes.iter().flat_map(|axes| &axes.families);
+    families
+        .flat_map(|family| {
+            let all = match family.directions.len() {
+                1 => vec![family.directions[0]; count],
+                _ => family.directions.to_vec(),
+            };
+            to_cell_data(&family.name, &all, &body.mesh)
+        })
+        .collect()
+}
+
 /// Cell data of all bodies, one after another, on tetrahedra and hexahedra; arrays of a frame's own names
 /// are left out.
 fn joined_cell_data(built: &BuiltScene) -> Vec<CellData> {
     let mut joined: Vec<CellData> = Vec::new();
-    for data in built.bodies.iter().flat_map(|b| &b.mesh.cell_data) {
+    // fibres come before data of the file that have their name: these are their source
+    let of_bodies: Vec<Vec<CellData>> = built
+        .bodies
+        .iter()
+        .map(|b| {
+            let mut data = fibre_data(b);
+            data.extend(b.mesh.cell_data.iter().cloned());
+            data
+        })
+        .collect();
+    for data in of_bodies.iter().flatten() {
         if !FRAME_CELL_DATA.contains(&data.name.as_str())
             && joined.iter().all(|known| known.name != data.name)
         {
@@ -144,8 +191,8 @@ fn joined_cell_data(built: &BuiltScene) -> Vec<CellData> {
         }
     }
     for array in &mut joined {
-        for body in &built.bodies {
-            let data = body.mesh.data(&array.name);
+        for (body, own) in built.bodies.iter().zip(&of_bodies) {
+            let data = own.iter().find(|data| data.name == array.name);
             array.integer &= data.is_some_and(|data| data.integer);
             let length = array.tetrahedra.len() + body.mesh.tetrahedra.len();
             array.tetrahedra.extend(data.iter().flat_map(|data| &data.tetrahedra));

@@ -1,8 +1,9 @@
 //! Runs a scene: steps, probes, frames, and the figures of the summary.
 
+use crate::axes::AxesSummary;
 use crate::build::{BuildOptions, BuiltScene, build};
 use crate::error::RunError;
-use crate::output::{Writer, probe_columns, probe_values};
+use crate::output::{Writer, probe_columns, probe_values, volume};
 use crate::resection;
 use crate::scene::{LoadedScene, Mode, Quantity};
 use crate::summary::{
@@ -13,6 +14,7 @@ use crate::summary::{
 use glam::DVec3;
 use sinew::engine::report::{StepReport, SystemTimes};
 use sinew::engine::workers::Workers;
+use sinew::models::axes::muscle::Muscles;
 use sinew::simulation::Precision;
 use sinew::solvers::settings::Integrator;
 use std::path::PathBuf;
@@ -57,6 +59,8 @@ struct Totals {
     energy: EnergySummary,
     volume: VolumeSummary,
     reactions: Vec<Option<f64>>,
+    /// Volume over that at rest of every body with axes: smallest, largest and last.
+    volume_ratios: Vec<[f64; 3]>,
     probes: f64,
     frames: f64,
 }
@@ -117,7 +121,10 @@ impl Totals {
 
     fn dissipated(&self) -> f64 {
         let e = &self.energy;
-        e.initial + e.load_work + e.constraint_work - e.removed - e.elastic - e.kinetic
+        e.initial + e.load_work + e.constraint_work + e.activation_work
+            - e.removed
+            - e.elastic
+            - e.kinetic
     }
 }
 
@@ -148,6 +155,7 @@ pub fn run(
     totals.volume.smallest_j = 1.0;
     totals.volume.final_smallest_j = 1.0;
     totals.reactions = vec![None; built.constraints.len()];
+    totals.volume_ratios = vec![[f64::INFINITY, f64::NEG_INFINITY, 1.0]; built.bodies.len()];
     totals.energy.initial = built.simulation.evaluate();
     built.simulation.world_mut().insert_resource(SystemTimes::default());
     totals.energy.elastic = totals.energy.initial;
@@ -185,6 +193,7 @@ pub fn run(
         let report = built.simulation.report().clone();
         let volume = built.simulation.volume_report().clone();
         totals.add(&report);
+        totals.energy.activation_work = built.simulation.activation_work().total;
         let v = &mut totals.volume;
         if volume.smallest_ratio < v.smallest_j {
             v.smallest_j = volume.smallest_ratio;
@@ -257,6 +266,12 @@ fn record(
     let times = built.simulation.world().resource::<SystemTimes>().clone();
     let BuiltScene { simulation, bodies, constraints, probes, .. } = built;
     let values = probe_values(simulation, bodies, constraints, probes, kinetic);
+    for (body, ratios) in bodies.iter().zip(&mut totals.volume_ratios) {
+        if body.axes.is_some() {
+            let ratio = volume(simulation, body) / body.report.statistics.total_volume;
+            *ratios = [ratios[0].min(ratio), ratios[1].max(ratio), ratio];
+        }
+    }
     simulation.world_mut().insert_resource(times);
     let mut at = 0;
     for probe in probes.iter() {
@@ -425,7 +440,8 @@ fn run_warnings(
     }
     if integrator != Integrator::QuasiStatic {
         let e = &totals.energy;
-        let scale = e.initial + e.load_work.abs() + e.constraint_work.abs() + e.elastic_max;
+        let work = e.load_work.abs() + e.constraint_work.abs() + e.activation_work.abs();
+        let scale = e.initial + work + e.elastic_max;
         let share = match (integrator.is_explicit(), precision) {
             (true, _) => 1e-2,
             // its budget lets energy swing
@@ -509,7 +525,13 @@ fn summarise(
     let bodies: Vec<BodySummary> = built
         .bodies
         .iter()
-        .map(|body| {
+        .zip(&totals.volume_ratios)
+        .map(|(body, &ratios)| {
+            let muscles = built.simulation.world().get_resource::<Muscles>();
+            let activation = |family: &str| {
+                let mut own = muscles?.iter().filter(|m| m.body == body.handle.0);
+                own.find(|m| m.family == family).map(|m| m.activation())
+            };
             let statistics = &body.report.statistics;
             let blocks = &built.simulation.topology().bodies[body.handle.0].blocks;
             let extent = statistics
@@ -540,6 +562,7 @@ fn summarise(
                     model: m.settings.model,
                     evaluation: m.settings.evaluation,
                 }),
+                axes: body.axes.as_ref().map(|axes| AxesSummary::new(axes, activation, ratios)),
             }
         })
         .collect();

@@ -1,6 +1,7 @@
 //! What a scene file may hold. Every key is described in `demos/scenes/README.md`; an unknown key is
 //! an error with a hint. SI units throughout, angles in degrees.
 
+use crate::axes::{AxesEntry, FibreEntry};
 use crate::error::{Place, SceneError, hint};
 use serde::{Deserialize, Serialize};
 use sinew::identify::ElementMethod;
@@ -121,7 +122,7 @@ pub struct Body {
     /// Material.
     pub material: Material,
     /// Energy: `"svk_comp"` (default), `"svk"`, `"tqs"`, `"mass_spring"`, `"linear"`,
-    /// `"corotational_warped"`, `"corotational"`, `"svk_fem"` or `"neo_hookean"`.
+    /// `"corotational_warped"`, `"corotational"`, `"svk_fem"`, `"neo_hookean"` or `"axes"` (nothing but the axes).
     #[serde(default)]
     pub model: Model,
     /// How the energy is summed: `"fused"` (default), or `"pooled"` for the first two.
@@ -133,6 +134,11 @@ pub struct Body {
     pub element_method: Option<ElementMethod>,
     /// Membrane on or instead of the solid.
     pub membrane: Option<Membrane>,
+    /// Families of fibres in the solid.
+    #[serde(default)]
+    pub fibres: Vec<FibreEntry>,
+    /// Angles between them, volume and form.
+    pub axes: Option<AxesEntry>,
 }
 
 /// A membrane: triangles and quadrilaterals of the body's mesh with a thickness.
@@ -183,6 +189,8 @@ pub struct Generate {
     pub disc: Option<DiscShape>,
     /// A hollow sphere of triangles around the origin; group `body`.
     pub balloon: Option<BalloonShape>,
+    /// Half of a thick-walled ellipsoid, open at z = 0, its tip below; groups `inner`, `outer`, `base`, `body`.
+    pub cup: Option<CupShape>,
 }
 
 /// Elements of which a solid is made.
@@ -300,6 +308,27 @@ pub struct SphereShape {
     pub radius: f64,
     /// Shells from centre to surface.
     pub shells: usize,
+}
+
+/// A cup of `(core^2 + 4 core rings) layers` hexahedra, or six times as many tetrahedra.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CupShape {
+    /// Radius (m) of the opening.
+    pub radius: f64,
+    /// Depth (m) of the cavity.
+    pub depth: f64,
+    /// Thickness (m) of the wall at opening and tip.
+    pub wall: f64,
+    /// Cells along each side of the square at the tip; even for helix rules.
+    pub core: usize,
+    /// Rings of `4 core` cells from there to the opening.
+    pub rings: usize,
+    /// Layers through the wall.
+    pub layers: usize,
+    /// `"tetrahedra"` (default), `"hexahedra"` or `"irregular"` tetrahedra.
+    #[serde(default)]
+    pub elements: SolidCells,
 }
 
 /// A rotation.
@@ -567,6 +596,10 @@ pub enum Quantity {
     MinJ,
     /// Smallest area ratio of the membrane of the body.
     MinAreaRatio,
+    /// Volume of the elements of the body that are left (m^3).
+    Volume,
+    /// Volume (m^3) between the faces of the selected group and their rim: what a cavity holds.
+    EnclosedVolume,
 }
 
 impl Quantity {
@@ -581,6 +614,8 @@ impl Quantity {
             Self::KineticEnergy => ("kinetic_energy", "J", false),
             Self::MinJ => ("min_J", "-", false),
             Self::MinAreaRatio => ("min_area_ratio", "-", false),
+            Self::Volume => ("volume", "m^3", false),
+            Self::EnclosedVolume => ("enclosed_volume", "m^3", false),
         }
     }
 }

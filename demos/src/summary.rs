@@ -1,6 +1,7 @@
 //! What a run reports: [`RunSummary`] as JSON (schema [`SCHEMA`]) and, through [`std::fmt::Display`],
 //! as text for a terminal.
 
+use crate::axes::AxesSummary;
 use crate::resection::ResectionSummary;
 use serde::Serialize;
 use sinew::models::body::{Evaluation, Model};
@@ -220,6 +221,8 @@ pub struct BodySummary {
     pub evaluation: Evaluation,
     /// Membrane.
     pub membrane: Option<MembraneSummary>,
+    /// Axes.
+    pub axes: Option<AxesSummary>,
 }
 
 /// The membrane of a body of a run.
@@ -442,13 +445,15 @@ pub struct EnergySummary {
     pub load_work: f64,
     /// Energy put in by moving constraints: an upper bound of their work.
     pub constraint_work: f64,
+    /// Energy that changes of activation put into muscles.
+    pub activation_work: f64,
     /// Energy that left with removed elements.
     pub removed: f64,
     /// Elastic energy at the end.
     pub elastic: f64,
     /// Kinetic energy at the end.
     pub kinetic: f64,
-    /// `initial + load_work + constraint_work - removed - elastic - kinetic`: taken out by damping and
+    /// `initial + load_work + constraint_work + activation_work - removed - elastic - kinetic`: taken out by damping and
     /// by the integrator; `None` for a series of equilibria.
     pub dissipated: Option<f64>,
     /// The part of it that damping took; the rest is the integrator's.
@@ -544,8 +549,10 @@ impl RunSummary {
         let constraints = self.constraints.iter().map(|c| c.name.chars().count());
         let loads = self.loads.iter().map(|l| l.name.chars().count());
         let resections = self.resections.iter().map(|r| r.name.chars().count() + 2);
+        let axes = self.bodies.iter().filter_map(|b| b.axes.as_ref());
+        let fibres = axes.flat_map(|a| &a.families).map(|f| f.name.chars().count() + 4);
         // 5 for "body " and its like
-        let longest = bodies.chain(constraints).chain(loads).chain(resections).max();
+        let longest = bodies.chain(constraints).chain(loads).chain(resections).chain(fibres).max();
         longest.unwrap_or(0).clamp(10, 30) + 5
     }
 
@@ -652,6 +659,33 @@ impl RunSummary {
                         short(m.density),
                         model_name(body.model),
                         evaluation_name(body.evaluation),
+                    ),
+                )?;
+            }
+            if let Some(axes) = &body.axes {
+                for family in &axes.families {
+                    let active = family.peak_stress.map_or(String::new(), |stress| {
+                        format!(
+                            ", active stress up to {}, activation {} at the end",
+                            pressure(stress),
+                            short(family.activation.unwrap_or(0.0))
+                        )
+                    });
+                    block.line(
+                        &format!("  fibres {}", family.name),
+                        format!("{}{active}", pressure(family.modulus)),
+                    )?;
+                }
+                let [smallest, largest, last] = axes.volume_ratio;
+                block.line(
+                    "  axes",
+                    format!(
+                        "{} angle(s), volume modulus {}; volume over rest from {} to {}, {} at the end",
+                        axes.angles,
+                        pressure(axes.volume_modulus),
+                        short(smallest),
+                        short(largest),
+                        short(last)
                     ),
                 )?;
             }
@@ -889,11 +923,16 @@ impl RunSummary {
             Some(dissipated) => block.line(
                 "energy (J)",
                 format!(
-                    "{} initial + {} loads + {} constraints{} = {} elastic + {} kinetic + {} damped + \
+                    "{} initial + {} loads + {} constraints{}{} = {} elastic + {} kinetic + {} damped + \
                      {} by the integrator",
                     short(e.initial),
                     short(e.load_work),
                     short(e.constraint_work),
+                    if e.activation_work == 0.0 {
+                        String::new()
+                    } else {
+                        format!(" + {} muscles", short(e.activation_work))
+                    },
                     if e.removed == 0.0 {
                         String::new()
                     } else {

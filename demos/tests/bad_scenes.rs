@@ -1,7 +1,11 @@
 //! Whatever is wrong with a scene is said before the first step: where, what, and what to do.
 
+use glam::DVec3;
+use sinew::engine::mesh::generate::box_tets;
+use sinew::models::axes::field::to_cell_data;
 use sinew_demos::build::{BuildOptions, build};
 use sinew_demos::error::SceneError;
+use sinew_demos::mesh_tool::write;
 use sinew_demos::scene::{LoadedScene, Scene};
 use sinew_demos::scene_folder;
 use std::collections::BTreeSet;
@@ -245,6 +249,7 @@ fn keys_of(text: &str) -> BTreeSet<String> {
 #[test]
 fn the_readme_lists_exactly_the_keys_that_exist() {
     let body = "name = \"a\"\n[[body]]\nname = \"b\"\n";
+    let fibres = format!("{body}[[body.fibres]]\nname = \"c\"\n");
     let constraint = "name = \"a\"\n[[constraint]]\nname = \"b\"\n";
     let load = "name = \"a\"\n[[load]]\nname = \"b\"\n";
     let pressure = "name = \"a\"\n[[pressure]]\nname = \"b\"\n";
@@ -261,6 +266,16 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("generate.specimen", format!("{body}generate = {{ specimen = {{ zzz = 1 }} }}")),
         ("generate.disc", format!("{body}generate = {{ disc = {{ zzz = 1 }} }}")),
         ("generate.balloon", format!("{body}generate = {{ balloon = {{ zzz = 1 }} }}")),
+        ("generate.cup", format!("{body}generate = {{ cup = {{ zzz = 1 }} }}")),
+        ("[[body.fibres]]", format!("{fibres}zzz = 1")),
+        ("laplace", format!("{fibres}laplace = {{ zzz = 1 }}")),
+        ("circular", format!("{fibres}circular = {{ zzz = 1 }}")),
+        ("hemicircular", format!("{fibres}hemicircular = {{ zzz = 1 }}")),
+        ("helicoidal", format!("{fibres}helicoidal = {{ zzz = 1 }}")),
+        ("random", format!("{fibres}random = {{ zzz = 1 }}")),
+        ("muscle", format!("{fibres}muscle = {{ zzz = 1 }}")),
+        ("[body.axes]", format!("{body}[body.axes]\nzzz = 1")),
+        ("angles", format!("{body}[body.axes]\nangles = [{{ zzz = 1 }}]")),
         ("membrane", format!("{body}membrane = {{ zzz = 1 }}")),
         ("[[pressure]]", format!("{pressure}zzz = 1")),
         ("on", format!("{pressure}on = {{ zzz = 1 }}")),
@@ -293,4 +308,110 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         assert_eq!(documented(title), keys_of(text), "section {title} of demos/scenes/README.md");
     }
     assert_eq!(readme.matches("\n### `").count(), sections.len());
+}
+
+/// The good scene with fibres and axes after its body.
+fn with_fibres(fibres: &str) -> String {
+    GOOD.replace("[[constraint]]", &format!("[[body.fibres]]\n{fibres}\n\n[[constraint]]"))
+}
+
+const FIBRES: &str = "name = \"a\"\nmodulus = 1e4\ndirection = [1.0, 0.0, 0.0]";
+
+#[test]
+fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
+    attempt(&with_fibres(FIBRES)).unwrap();
+    let twice = format!("{FIBRES}\n[[body.fibres]]\n{FIBRES}");
+    let angle = |between: &str| {
+        format!("{FIBRES}\n[body.axes]\nangles = [{{ between = {between}, modulus = 1e3 }}]")
+    };
+    let direction = |text: &str| FIBRES.replace("direction = [1.0, 0.0, 0.0]", text);
+    let muscle = |text: &str| format!("{FIBRES}\nmuscle = {{ {text} }}");
+    // line 14 is `[[body.fibres]]`
+    let cases: [(String, usize, &[&str]); 22] = [
+        (direction(""), 14, &["not exactly one kind of direction"]),
+        (direction("direction = [1, 0, 0]\nrandom = { seed = 1 }"), 14, &["not exactly one"]),
+        (direction("direction = [0.0, 0.0, 0.0]"), 17, &["no length"]),
+        (direction("direction = [nan, 0.0, 0.0]"), 17, &["not finite"]),
+        (direction("direction = [1.0, 0.0]"), 17, &["length 2"]),
+        (direction("data = \"fibre\""), 17, &["fibre_x", "VTU"]),
+        (direction("formula = [\"x\", \"2*w\", \"0\"]"), 17, &["variables", "use x, y and z"]),
+        (direction("formula = [\"0\", \"0\", \"0\"]"), 17, &["element 0", "no direction"]),
+        (direction("laplace = { from = \"x0\", to = \"xx1\" }"), 17, &["did you mean `x1`"]),
+        (direction("laplace = { from = \"x0\", to = \"y0\" }"), 17, &["both surfaces"]),
+        (direction("laplace = { from = \"x0\", to = \"x1\", helix = [60, -60] }"), 17, &["`axis`"]),
+        (
+            direction("laplace = { from = \"x0\", to = \"x1\", helix = [0, 0], axis = [1, 0, 0] }"),
+            17,
+            &["helix rule", "no direction"],
+        ),
+        (
+            direction("circular = { centre = [0, 0, 0], axis = [0, 0, 0] }"),
+            17,
+            &["axis", "not zero"],
+        ),
+        (
+            direction("helicoidal = { centre = [0, 0, 0], axis = [1, 0, 0], degrees = inf }"),
+            17,
+            &["helix", "finite"],
+        ),
+        (FIBRES.replace("1e4", "-1e4"), 16, &["family `a`", "-10000 Pa"]),
+        (twice, 19, &["two families `a`"]),
+        (angle("[\"a\", \"b\"]"), 19, &["`b`", "did you mean `a`?"]),
+        (angle("[\"a\", \"a\"]"), 19, &["two different"]),
+        (muscle("peak_stress = -1.0"), 18, &["`peak_stress` is -1"]),
+        (muscle("width = 0.0"), 18, &["`width` is 0"]),
+        (muscle("curve = { points = [[1.0, 0.0], [0.0, 1.0]] }"), 18, &["ascending"]),
+        (
+            format!("{FIBRES}\nmuscle = {{ peak_stress = 1.0 }}\n[body.axes]\nform = \"printed\""),
+            20,
+            &["family `a` is active"],
+        ),
+    ];
+    for (fibres, line, words) in cases {
+        let message = attempt(&with_fibres(&fibres)).expect_err(&fibres).to_string();
+        assert!(
+            message.contains(&format!("line {line}, ")),
+            "{fibres}: {line} is not in {message}"
+        );
+        for word in words {
+            assert!(message.contains(word), "{fibres}: `{word}` is not in: {message}");
+        }
+    }
+    let alone = GOOD.replace("[[constraint]]", "model = \"axes\"\n\n[[constraint]]");
+    let message = attempt(&alone).unwrap_err().to_string();
+    assert!(message.contains("line 14, `body[0].model`") && message.contains("axes"), "{message}");
+    let cavity = GOOD.replace("[\"mean_displacement\"]", "[\"enclosed_volume\"]");
+    attempt(&cavity).unwrap();
+    let whole = cavity.replace("name = \"tip\"\nselect = { group = \"x1\" }", "name = \"tip\"");
+    let message = attempt(&whole).unwrap_err().to_string();
+    assert!(message.contains("group of faces"), "{message}");
+}
+
+#[test]
+fn fibre_vectors_of_other_lengths_are_a_warning() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("fibre_lengths");
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut mesh = box_tets(DVec3::new(0.2, 0.04, 0.04), [4, 1, 1]).unwrap();
+    let mut vectors = vec![DVec3::X; mesh.tetrahedra.len()];
+    vectors[3] *= 2.0;
+    let data = to_cell_data("fibre", &vectors, &mesh);
+    mesh.cell_data.extend(data);
+    write(&folder.join("beam.vtu"), &mesh).unwrap();
+    let text = with_fibres(&FIBRES.replace("direction = [1.0, 0.0, 0.0]", "data = \"fibre\""))
+        .replace(
+            "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }",
+            "mesh = \"beam.vtu\"",
+        )
+        .replace("{ group = \"x0\" }", "{ vertices = [0, 1, 2] }")
+        .replace("{ group = \"x1\" }", "{ vertices = [4] }");
+    let scene = LoadedScene::parse(&text, &folder.join("scene.toml")).unwrap();
+    let built = build(&scene, &BuildOptions::default()).unwrap();
+    let warning = built.warnings.iter().find(|w| w.code == "scene.fibres.length").unwrap();
+    assert!(warning.message.starts_with("1 vectors"), "{warning}");
+    let wrong = LoadedScene::parse(
+        &text.replace("data = \"fibre\"", "data = \"fibres\""),
+        &folder.join("scene.toml"),
+    );
+    let message = build(&wrong.unwrap(), &BuildOptions::default()).err().unwrap().to_string();
+    assert!(message.contains("did you mean `fibre`?"), "{message}");
 }

@@ -71,12 +71,15 @@ fn every_shipped_scene_has_a_test_here() {
         "cantilever",
         "crush",
         "elements",
+        "fibre_bar",
         "fit_bar",
         "liver",
         "liver_resection",
         "membrane_drum",
+        "muscle_bar",
         "slender_cylinder",
         "static_beam",
+        "ventricle",
     ];
     assert_eq!(names, expected);
     for name in names {
@@ -345,4 +348,71 @@ fn a_run_that_finds_no_equilibrium_says_so_and_keeps_its_figures() {
     let failure = summary.failure.clone().unwrap();
     assert!(failure.contains("load_steps"), "{failure}");
     assert!(summary.to_string().contains("FAILED"), "{summary}");
+}
+
+#[test]
+fn a_bar_with_slanted_fibres_moves_sideways_under_its_weight() {
+    let (summary, table) = run_whole("fibre_bar", None);
+    let bottom = *table.vector("bottom.mean_displacement", "m").last().unwrap();
+    // it hangs, and the side that fibres leave soft gives way; nothing moves it across their plane
+    assert!(bottom.z < -0.003, "{bottom}");
+    assert!(bottom.x > 0.1 * bottom.z.abs(), "{bottom}");
+    assert!(bottom.y.abs() < 1e-3 * bottom.x.abs(), "{bottom}");
+    let axes = summary.bodies[0].axes.as_ref().unwrap();
+    assert_eq!((axes.families.len(), axes.families[0].name.as_str()), (1, "fibre"));
+    assert!(axes.families[0].activation.is_none());
+    let rest = 0.04 * 0.04 * 0.16;
+    let volume = table.column("bottom.volume (m^3)");
+    let smallest = volume.iter().copied().fold(f64::INFINITY, f64::min) / rest;
+    assert!((smallest - axes.volume_ratio[0]).abs() < 1e-8 && smallest > 0.9, "{smallest}");
+    // frames carry the fibres, joined again to vectors
+    let frame = folder("fibre_bar").join("frames/fibre_bar_00000.vtu");
+    let mesh = Mesh::read(&frame).unwrap();
+    let half = 0.5_f64.sqrt();
+    for (axis, value) in [("x", half), ("y", 0.0), ("z", half)] {
+        let data = mesh.data(&format!("fibre_{axis}")).unwrap();
+        assert_eq!(data.hexahedra.len(), 256);
+        assert!(data.hexahedra.iter().all(|x| (x - value).abs() < 1e-6));
+    }
+}
+
+#[test]
+fn muscle_contracts_relaxes_and_keeps_its_volume() {
+    let (summary, table) = run_whole("muscle_bar", None);
+    let tip: Vec<f64> = table.vector("tip.mean_displacement", "m").iter().map(|u| u.x).collect();
+    let time = table.column("time_s");
+    let at = |t: f64| time.iter().position(|&x| x >= t - 1e-9).unwrap();
+    // before, in the first, between, in the second contraction
+    assert_eq!(tip[at(0.1)], 0.0);
+    assert!(tip[at(0.5)] < -0.015, "{}", tip[at(0.5)]);
+    assert!(tip[at(0.9)].abs() < 0.25 * tip[at(0.5)].abs(), "{}", tip[at(0.9)]);
+    let second = tip[at(1.2)] / tip[at(0.5)];
+    assert!(second > 0.3 && second < 0.9, "half the activation: {second}");
+    // what activation puts in is in the books
+    assert!(summary.energy.activation_work > 0.0, "{summary}");
+    let axes = summary.bodies[0].axes.as_ref().unwrap();
+    assert_eq!(axes.families[0].activation, Some(0.0));
+    assert!(axes.volume_ratio[0] > 0.9 && axes.volume_ratio[1] < 1.02, "{summary}");
+    assert!(summary.to_string().contains("active stress up to 4 kPa"), "{summary}");
+    // the clamp is drawn along with the muscle
+    let reaction = table.vector("clamp.reaction", "N");
+    assert!(reaction.iter().map(|r| r.x.abs()).fold(0.0, f64::max) > 0.01);
+}
+
+#[test]
+fn ventricle_fills_and_ejects_twice() {
+    let (summary, table) = run_whole("ventricle", None);
+    let cavity = table.column("cavity.enclosed_volume (m^3)");
+    let time = table.column("time_s");
+    let at = |t: f64| cavity[time.iter().position(|&x| x >= t - 1e-9).unwrap()];
+    // two thirds of pi r^2 h, but for the flat facets
+    let exact = 2.0 / 3.0 * std::f64::consts::PI * 0.02 * 0.02 * 0.045;
+    assert!((at(0.0) / exact - 1.0).abs() < 0.06, "{} beside {exact}", at(0.0));
+    assert!(at(0.4) > 1.02 * at(0.0), "filled: {} after {}", at(0.4), at(0.0));
+    let (first, second) = (at(0.7) / at(0.4), at(1.5) / at(1.2));
+    assert!(first < 0.8 && first > 0.2, "ejected: {first}");
+    assert!((second - first).abs() < 0.1, "the second beat is like the first: {first}, {second}");
+    assert!(summary.volume.inverted_max == 0, "{summary}");
+    let axes = summary.bodies[0].axes.as_ref().unwrap();
+    assert!(axes.volume_ratio[0] > 0.85 && axes.volume_ratio[1] < 1.1, "{summary}");
 }

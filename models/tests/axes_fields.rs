@@ -2,7 +2,9 @@
 
 use glam::DVec3;
 use sinew_engine::mesh::Mesh;
-use sinew_engine::mesh::generate::{box_tets, cylinder_tets, jitter_interior};
+use sinew_engine::mesh::generate::{
+    box_hexahedra, box_tets, cup_hexahedra, cylinder_tets, jitter_interior,
+};
 use sinew_models::axes::field::{
     self, FibreError, FibreField, Laplace, circular, from_cell_data, from_formula, helicoidal,
     hemicircular, to_cell_data,
@@ -28,8 +30,8 @@ fn cell_data_come_back() {
     let mut mesh = block();
     let given = field::random(&mesh, 3);
     assert_units(&given, &mesh);
-    let count = mesh.triangles.len();
-    mesh.cell_data.extend(to_cell_data("fibre", &given.directions, count));
+    let data = to_cell_data("fibre", &given.directions, &mesh);
+    mesh.cell_data.extend(data);
     let found = from_cell_data(&mesh, "fibre").unwrap();
     assert!(found.directions.iter().zip(&given.directions).all(|(a, b)| a.distance(*b) < 1e-15));
     assert_eq!(found.repaired, 0);
@@ -41,7 +43,7 @@ fn cell_data_come_back() {
     for bad in [0.0, f64::NAN] {
         mesh.cell_data.iter_mut().for_each(|data| data.tetrahedra[4] = bad);
         let error = from_cell_data(&mesh, "fibre").unwrap_err();
-        assert!(matches!(error, FibreError::Direction { tetrahedron: 4, .. }), "{error}");
+        assert!(matches!(error, FibreError::Direction { element: 4, .. }), "{error}");
     }
     let error = from_cell_data(&mesh, "muscle").unwrap_err().to_string();
     assert!(error.contains("`muscle_x`") && error.contains("fibre_x"), "{error}");
@@ -122,4 +124,65 @@ fn generators() {
     }
     assert!(circular(&mesh, centre, DVec3::ZERO).is_err());
     assert!(helicoidal(&mesh, centre, axis, f64::NAN).is_err());
+}
+
+#[test]
+fn hexahedra_follow_the_tetrahedra() {
+    // a layer of tetrahedra under a layer of hexahedra, and cell data that come back
+    let mut mesh = box_hexahedra(DVec3::new(2.0, 1.0, 1.0), [6, 3, 3]).unwrap();
+    let inside = jitter_interior(&mesh, 0.2, 5).unwrap();
+    mesh.points = inside.points;
+    let lowest: Vec<[u32; 8]> = mesh.hexahedra.drain(..9).collect();
+    let lowest = Mesh { points: mesh.points.clone(), hexahedra: lowest, ..Mesh::default() };
+    mesh.tetrahedra = lowest.split_into_simplices().tetrahedra;
+    let (tetrahedra, hexahedra) = (mesh.tetrahedra.len(), mesh.hexahedra.len());
+    assert_eq!((tetrahedra, hexahedra), (54, 45));
+    let given = field::random(&mesh, 3);
+    assert_eq!(given.directions.len(), 99);
+    let data = to_cell_data("fibre", &given.directions, &mesh);
+    assert_eq!((data[0].tetrahedra.len(), data[0].hexahedra.len()), (54, 45));
+    mesh.cell_data.extend(data);
+    let found = from_cell_data(&mesh, "fibre").unwrap();
+    assert!(found.directions.iter().zip(&given.directions).all(|(a, b)| a.distance(*b) < 1e-15));
+    let found = from_formula(&mesh, ["x", "y", "z"]).unwrap();
+    let eight = |h: [u32; 8]| h.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / 8.0;
+    for (d, h) in found.directions[54..].iter().zip(&mesh.hexahedra) {
+        assert!(d.distance(eight(*h).normalize()) < 1e-14);
+    }
+    // the potential of two opposite sides is linear in between, whatever the cells
+    let side = |x: f64| -> Vec<u32> {
+        let on = |v: &u32| (mesh.points[*v as usize].x - x).abs() < 1e-12;
+        (0..mesh.points.len() as u32).filter(on).collect()
+    };
+    let laplace = Laplace::solve(&mesh, &side(0.0), &side(2.0)).unwrap();
+    assert_eq!(laplace.depth.len(), 99);
+    for direction in &laplace.transmural {
+        assert!(direction.distance(DVec3::X) < 1e-6, "{direction}");
+    }
+    mesh.hexahedra[3][2] = 1_000_000;
+    let error = from_formula(&mesh, ["x", "y", "1"]).unwrap_err();
+    assert!(matches!(error, FibreError::Shape { element: 57 }), "{error}");
+}
+
+#[test]
+fn fibres_turn_through_the_wall_of_a_cup_of_hexahedra() {
+    let mesh = cup_hexahedra([0.02, 0.04], 0.01, 4, 4, 3).unwrap();
+    let group = |name: &str| mesh.group(name).unwrap().vertices.clone();
+    let laplace = Laplace::solve(&mesh, &group("inner"), &group("outer")).unwrap();
+    let fibres = laplace.helix(DVec3::Z, 60f64.to_radians(), -(60f64.to_radians())).unwrap();
+    assert_eq!(fibres.directions.len(), mesh.hexahedra.len());
+    let layers = laplace.depth.chunks(mesh.hexahedra.len() / 3);
+    for (layer, depths) in layers.enumerate() {
+        let middle = (layer as f64 + 0.5) / 3.0;
+        // curvature makes the potential steeper inside
+        assert!(depths.iter().all(|d| (d - middle).abs() < 0.08), "{layer}: {depths:?}");
+    }
+    for ((fibre, through), depth) in
+        fibres.directions.iter().zip(&laplace.transmural).zip(&laplace.depth)
+    {
+        assert!(fibre.dot(*through).abs() < 1e-12);
+        let round = DVec3::Z.cross(*through).normalize();
+        let angle = fibre.dot(through.cross(round)).atan2(fibre.dot(round)).to_degrees();
+        assert!((angle - (60.0 - 120.0 * depth)).abs() < 1e-9, "{angle} at {depth}");
+    }
 }

@@ -2,23 +2,27 @@
 //! paragraph each that says what agrees and what does not. The paragraphs are worked out from the
 //! numbers of the run.
 
+mod axis_cost;
 mod compression;
 mod cost;
 mod cylinder;
-mod resection;
-mod tessellation;
-mod validity;
-
 mod elements;
+mod fibres;
 mod fit_cost;
 mod lumped;
 mod paper_b;
+mod paper_c;
+mod resection;
 mod shear;
 mod specimen;
 mod square;
+mod tessellation;
+mod validity;
 mod ventricle;
+mod volume;
 
 pub use paper_b::{PaperBOptions, paper_b};
+pub use paper_c::paper_c;
 
 use crate::bench::error::BenchError;
 use crate::bench::machine::MachineNotes;

@@ -4,6 +4,7 @@
 //! Every simulated case has to stay finite after every step, and its total energy below its start plus
 //! outside work (`Run` keeps the books); the groups add criteria of their own.
 
+mod axes;
 mod cantilever;
 mod collapse;
 mod input;
@@ -309,12 +310,6 @@ pub enum SuiteError {
     QuasiStatic,
 }
 
-/// Parts of the suite that the engine cannot run, and why.
-const NOT_AVAILABLE: [(Part, &str); 1] = [(
-    Part { group: 10, name: "axis springs 100 : 1", criterion: "none inverted with a base" },
-    "axis springs are not built",
-)];
-
 /// What is known of cases that fail: group, part of the case's name, remark.
 const KNOWN: [(u8, &str, &str); 6] = [
     (
@@ -364,6 +359,7 @@ pub fn run(
         motion::cases,
         resection::cases,
         membranes::cases,
+        axes::cases,
         input::cases,
     ] {
         cases.extend(build()?);
@@ -383,19 +379,6 @@ pub fn run(
     for (job, row) in jobs.iter().zip(&mut rows).filter(|(job, _)| job.sampled) {
         job.repeat(options.precision, row);
     }
-    rows.extend(NOT_AVAILABLE.iter().filter(|(part, _)| wanted(part.group)).map(|(part, why)| {
-        Row {
-            part: *part,
-            case: String::new(),
-            column: None,
-            status: Status::NotAvailable,
-            required: false,
-            checks: Vec::new(),
-            figures: Figures::default(),
-            note: (*why).into(),
-            seconds: 0.0,
-        }
-    }));
     rows.sort_by_key(|row| row.part.group);
     Ok(Suite {
         schema: "sinew-stability/3",
@@ -431,6 +414,10 @@ fn jobs<'a>(cases: &'a [Case], columns: &[Column]) -> Vec<Job<'a>> {
         let wanted = |c: &Column| case.scope == Scope::Every || c.model == Column::DEFAULT.model;
         match case.scope {
             Scope::Once => add(None, true),
+            Scope::Shown => {
+                let integrator = Integrator::StormerVerlet;
+                add(Some(Column { integrator, ..Column::DEFAULT }), false);
+            }
             Scope::Explicit => [Integrator::SymplecticEuler, Integrator::StormerVerlet]
                 .into_iter()
                 .for_each(|integrator| add(Some(Column { integrator, ..Column::DEFAULT }), true)),

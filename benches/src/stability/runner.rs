@@ -47,6 +47,8 @@ pub(super) enum Scope {
     Integrators,
     /// The explicit integrators, whatever the columns; both must pass.
     Explicit,
+    /// Störmer-Verlet, whatever the columns, for comparison only.
+    Shown,
     /// None: it does not depend on integrator and model.
     Once,
 }
@@ -100,11 +102,20 @@ impl<'a> Run<'a> {
         mesh: &'a Mesh,
         description: &BodyDescription,
     ) -> Result<Self, Problem> {
-        let Setting { precision, threads, column } = *setting;
+        let model = setting.column.model;
+        Self::with(setting, mesh, &BodyDescription { model, ..description.clone() })
+    }
+
+    /// The same with the energy that the description names.
+    pub fn with(
+        setting: &Setting,
+        mesh: &'a Mesh,
+        description: &BodyDescription,
+    ) -> Result<Self, Problem> {
+        let Setting { precision, threads, .. } = *setting;
         let options = SimulationOptions { precision, threads, ..Default::default() };
         let mut simulation = Simulation::new(options)?;
-        let description = BodyDescription { model: column.model, ..description.clone() };
-        let body = simulation.add_body(&description)?;
+        let body = simulation.add_body(description)?;
         simulation.set_gravity(DVec3::ZERO);
         let mut run = Self {
             simulation,

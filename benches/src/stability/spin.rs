@@ -48,15 +48,15 @@ pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
 
 /// Mass (kg), centre of mass (m), momentum (kg m/s), angular momentum about the centre (kg m^2/s) and
 /// the sum of m |v| (kg m/s).
-struct Momenta {
-    mass: f64,
-    centre: DVec3,
-    linear: DVec3,
-    angular: DVec3,
-    size: f64,
+pub(super) struct Momenta {
+    pub mass: f64,
+    pub centre: DVec3,
+    pub linear: DVec3,
+    pub angular: DVec3,
+    pub size: f64,
 }
 
-fn momenta(run: &mut Run) -> Momenta {
+pub(super) fn momenta(run: &mut Run) -> Momenta {
     let m = run.simulation.masses(run.body);
     let u = run.simulation.displacements(run.body);
     let v = run.simulation.velocities(run.body);

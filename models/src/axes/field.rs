@@ -1,10 +1,10 @@
-//! Fibre fields: a unit vector in every tetrahedron of a mesh, for
+//! Fibre fields: a unit vector in every solid element of a mesh, tetrahedra first, then hexahedra, for
 //! [`AxisFamily::directions`](super::description::AxisFamily::directions).
 //!
 //! Where a field comes from: cell data of the mesh ([`from_cell_data`]), a formula ([`from_formula`]), two
 //! surfaces ([`Laplace`], the rule-based fibres of heart models), or a generator ([`circular`],
 //! [`hemicircular`], [`helicoidal`], [`random`]). A constant field needs none of these: a family takes one
-//! direction for all tetrahedra.
+//! direction for all elements.
 
 use exmex::{Express, FlatEx};
 use glam::DVec3;
@@ -12,7 +12,7 @@ use sinew_engine::mesh::{CellData, Mesh};
 
 use crate::precompute::RestTetrahedron;
 
-/// A direction in every tetrahedron, in the order of the mesh.
+/// A direction in every solid element: the tetrahedra in the order of the mesh, then the hexahedra.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FibreField {
     /// Unit vectors.
@@ -40,14 +40,13 @@ pub enum FibreError {
     },
     /// A vector that is no direction.
     #[error(
-        "{what}: the vector {value} of tetrahedron {tetrahedron} has no direction; it must be finite and \
-         not zero"
+        "{what}: the vector {value} of element {element} has no direction; it must be finite and not zero"
     )]
     Direction {
         /// Where the field comes from.
         what: String,
-        /// Index in the mesh.
-        tetrahedron: usize,
+        /// Index in the mesh, hexahedra counted after tetrahedra.
+        element: usize,
         /// The vector.
         value: DVec3,
     },
@@ -61,11 +60,11 @@ pub enum FibreError {
         /// What is wrong.
         reason: String,
     },
-    /// A tetrahedron without volume, or with vertices that do not exist.
-    #[error("tetrahedron {tetrahedron} has no usable shape; run the mesh check")]
+    /// An element without volume, or with vertices that do not exist.
+    #[error("element {element} has no usable shape; run the mesh check")]
     Shape {
-        /// Index in the mesh.
-        tetrahedron: usize,
+        /// Index in the mesh, hexahedra counted after tetrahedra.
+        element: usize,
     },
     /// A surface without vertices.
     #[error("the {which} surface has no vertex of the body; name a group of its vertices")]
@@ -82,7 +81,7 @@ pub enum FibreError {
     /// No solution.
     #[error(
         "the Laplace problem was not solved to {tolerance:e} within {iterations} iterations: its residual \
-         is {residual:e}; look for tetrahedra of bad shape"
+         is {residual:e}; look for elements of bad shape"
     )]
     Unsolved {
         /// Relative residual wanted.
@@ -107,9 +106,9 @@ pub enum FibreError {
 /// Unit vectors from any.
 fn normalised(what: &str, vectors: Vec<DVec3>, given: bool) -> Result<FibreField, FibreError> {
     let mut field = FibreField { directions: vectors, repaired: 0 };
-    for (tetrahedron, v) in field.directions.iter_mut().enumerate() {
+    for (element, v) in field.directions.iter_mut().enumerate() {
         let Some(unit) = v.try_normalize() else {
-            return Err(FibreError::Direction { what: what.into(), tetrahedron, value: *v });
+            return Err(FibreError::Direction { what: what.into(), element, value: *v });
         };
         field.repaired += usize::from(given && (v.length() - 1.0).abs() > 1e-6);
         *v = unit;
@@ -126,15 +125,16 @@ fn axis_of(value: DVec3) -> Result<DVec3, FibreError> {
 }
 
 fn barycentres(mesh: &Mesh) -> Result<Vec<DVec3>, FibreError> {
-    let of = |(tetrahedron, t): (usize, &[u32; 4])| {
-        let sum =
-            t.iter().try_fold(DVec3::ZERO, |sum, &v| Some(sum + *mesh.points.get(v as usize)?));
-        sum.map(|sum| sum / 4.0).ok_or(FibreError::Shape { tetrahedron })
+    let of = |(element, vertices): (usize, &[u32])| {
+        let points = vertices.iter().map(|&v| mesh.points.get(v as usize));
+        let sum = points.sum::<Option<DVec3>>();
+        sum.map(|sum| sum / vertices.len() as f64).ok_or(FibreError::Shape { element })
     };
-    mesh.tetrahedra.iter().enumerate().map(of).collect()
+    let tetrahedra = mesh.tetrahedra.iter().map(|t| &t[..]);
+    tetrahedra.chain(mesh.hexahedra.iter().map(|h| &h[..])).enumerate().map(of).collect()
 }
 
-/// The field that the mesh file keeps with its tetrahedra as `NAME_x`, `NAME_y` and `NAME_z`; readers of VTU
+/// The field that the mesh file keeps with its solid elements as `NAME_x`, `NAME_y` and `NAME_z`; readers of VTU
 /// and VTK files split arrays of three components into these.
 ///
 /// # Errors
@@ -146,30 +146,28 @@ pub fn from_cell_data(mesh: &Mesh, name: &str) -> Result<FibreField, FibreError>
         let (source_name, name) = (mesh.source.clone(), name.to_string());
         return Err(FibreError::Data { source_name, name, known });
     };
-    let parts = x.tetrahedra.iter().zip(&y.tetrahedra).zip(&z.tetrahedra);
-    let vectors = parts.map(|((&x, &y), &z)| DVec3::new(x, y, z)).collect();
+    let join = |x: &[f64], y: &[f64], z: &[f64]| -> Vec<DVec3> {
+        x.iter().zip(y).zip(z).map(|((&x, &y), &z)| DVec3::new(x, y, z)).collect()
+    };
+    let mut vectors = join(&x.tetrahedra, &y.tetrahedra, &z.tetrahedra);
+    vectors.extend(join(&x.hexahedra, &y.hexahedra, &z.hexahedra));
     normalised(&format!("cell data `{name}`"), vectors, true)
 }
 
-/// Cell data `NAME_x`, `NAME_y`, `NAME_z` of a field, for writers of mesh files.
-pub fn to_cell_data(name: &str, directions: &[DVec3], triangles: usize) -> [CellData; 3] {
-    ["x", "y", "z"].map(|axis| CellData {
+/// Cell data `NAME_x`, `NAME_y`, `NAME_z` of a field on a mesh, for writers of mesh files; faces have none.
+pub fn to_cell_data(name: &str, directions: &[DVec3], mesh: &Mesh) -> [CellData; 3] {
+    let (tetrahedra, hexahedra) = directions.split_at(mesh.tetrahedra.len().min(directions.len()));
+    [("x", 0), ("y", 1), ("z", 2)].map(|(axis, k)| CellData {
         name: format!("{name}_{axis}"),
         integer: false,
-        tetrahedra: directions
-            .iter()
-            .map(|d| match axis {
-                "x" => d.x,
-                "y" => d.y,
-                _ => d.z,
-            })
-            .collect(),
-        triangles: vec![f64::NAN; triangles],
-        ..CellData::default()
+        tetrahedra: tetrahedra.iter().map(|d| d[k]).collect(),
+        hexahedra: hexahedra.iter().map(|d| d[k]).collect(),
+        triangles: vec![f64::NAN; mesh.triangles.len()],
+        quads: vec![f64::NAN; mesh.quads.len()],
     })
 }
 
-/// Three formulas in `x`, `y` and `z` (m), taken at the barycentres of the tetrahedra; any length.
+/// Three formulas in `x`, `y` and `z` (m), taken at the barycentres of the elements; any length.
 ///
 /// ```
 /// # use sinew_engine::mesh::Mesh;
@@ -200,7 +198,7 @@ pub fn from_formula(mesh: &Mesh, formulas: [&str; 3]) -> Result<FibreField, Fibr
         };
         parsed.push((formula, places, component, text));
     }
-    let mut vectors = Vec::with_capacity(mesh.tetrahedra.len());
+    let mut vectors = Vec::with_capacity(mesh.tetrahedra.len() + mesh.hexahedra.len());
     for centre in barycentres(mesh)? {
         let at = centre.to_array();
         let mut value = [0.0; 3];
@@ -232,7 +230,7 @@ pub fn circular(mesh: &Mesh, centre: DVec3, axis: DVec3) -> Result<FibreField, F
 /// When a direction is none, or the mesh has no points.
 pub fn hemicircular(mesh: &Mesh, axis: DVec3, side: DVec3) -> Result<FibreField, FibreError> {
     let side = axis_of(side)?;
-    let Some((low, high)) = mesh.bounds() else { return Err(FibreError::Shape { tetrahedron: 0 }) };
+    let Some((low, high)) = mesh.bounds() else { return Err(FibreError::Shape { element: 0 }) };
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
     // from the middle to the box along the side
     let reach = half / side.abs();
@@ -262,7 +260,7 @@ pub fn helicoidal(
     normalised("helix", vectors, false)
 }
 
-/// Directions drawn evenly from the sphere; the same for the same seed and number of tetrahedra.
+/// Directions drawn evenly from the sphere; the same for the same seed and number of elements.
 pub fn random(mesh: &Mesh, seed: u64) -> FibreField {
     let mut state = seed;
     // splitmix64
@@ -272,7 +270,7 @@ pub fn random(mesh: &Mesh, seed: u64) -> FibreField {
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     };
-    let directions = mesh.tetrahedra.iter().map(|_| {
+    let directions = (0..mesh.tetrahedra.len() + mesh.hexahedra.len()).map(|_| {
         let (height, turn) = (2.0 * next() - 1.0, std::f64::consts::TAU * next());
         let radius = (1.0 - height * height).max(0.0).sqrt();
         DVec3::new(radius * turn.cos(), radius * turn.sin(), height)
@@ -284,14 +282,16 @@ pub fn random(mesh: &Mesh, seed: u64) -> FibreField {
 /// through the wall, whatever its shape, and its value says how far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Laplace {
-    /// Potential of every vertex of the mesh, 0 for those without a tetrahedron.
+    /// Potential of every vertex of the mesh, 0 for those without a solid element.
     pub potential: Vec<f64>,
-    /// Mean potential of every tetrahedron.
+    /// Mean potential of every element, tetrahedra first, then hexahedra.
     pub depth: Vec<f64>,
-    /// Unit vectors from the inner to the outer surface, one per tetrahedron.
+    /// Unit vectors from the inner to the outer surface, one per element.
     pub transmural: Vec<DVec3>,
 }
 
+/// Tetrahedra into which a hexahedron is cut.
+const PARTS: usize = 6;
 /// Relative residual to which the Laplace problem is solved.
 const TOLERANCE: f64 = 1e-10;
 /// Gradient times size of the body below which the potential counts as level, and sine below which
@@ -299,16 +299,26 @@ const TOLERANCE: f64 = 1e-10;
 const LEVEL: f64 = 1e-6;
 
 impl Laplace {
-    /// Solves for a mesh and the vertices of two surfaces.
+    /// Solves for a mesh and the vertices of two surfaces. Hexahedra are cut into tetrahedra for this; they
+    /// take the mean gradient of theirs.
     ///
     /// # Errors
-    /// When a surface is empty, they share a vertex, a tetrahedron has no shape, or a part of the body hangs
+    /// When a surface is empty, they share a vertex, an element has no shape, or a part of the body hangs
     /// on one of them only (its gradient has no direction).
     pub fn solve(mesh: &Mesh, inner: &[u32], outer: &[u32]) -> Result<Self, FibreError> {
-        let n = mesh.points.len();
+        let (n, whole) = (mesh.points.len(), mesh.tetrahedra.len());
+        let split;
+        let mesh = if mesh.hexahedra.is_empty() {
+            mesh
+        } else {
+            split = mesh.split_into_simplices();
+            &split
+        };
+        // parts of hexahedra follow the tetrahedra
+        let element = |t: usize| if t < whole { t } else { whole + (t - whole) / PARTS };
         let mut shapes = Vec::with_capacity(mesh.tetrahedra.len());
-        for (tetrahedron, t) in mesh.tetrahedra.iter().enumerate() {
-            let error = FibreError::Shape { tetrahedron };
+        for (i, t) in mesh.tetrahedra.iter().enumerate() {
+            let error = FibreError::Shape { element: element(i) };
             if t.iter().any(|&v| v as usize >= n) {
                 return Err(error);
             }
@@ -335,15 +345,25 @@ impl Laplace {
         }
         solve_laplace(mesh, &shapes, &held, &mut x)?;
         let size = mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
-        let (mut depth, mut vectors) = (Vec::new(), Vec::new());
-        for (t, shape) in mesh.tetrahedra.iter().zip(&shapes) {
+        let count = mesh.tetrahedra.len().checked_sub(1).map_or(0, |last| element(last) + 1);
+        let (mut depth, mut vectors) = (vec![0.0; count], vec![DVec3::ZERO; count]);
+        let mut volume = vec![0.0; count];
+        for (i, (t, shape)) in mesh.tetrahedra.iter().zip(&shapes).enumerate() {
+            let (e, weight) = (element(i), shape.volume);
             let values = t.map(|v| x[v as usize]);
-            depth.push(values.iter().sum::<f64>() / 4.0);
-            let terms = values.iter().zip(shape.gradients);
-            let gradient: DVec3 = terms.map(|(v, d)| *v * DVec3::from_array(d)).sum();
+            volume[e] += weight;
+            depth[e] += weight * values.iter().sum::<f64>() / 4.0;
+            for (value, d) in values.iter().zip(shape.gradients) {
+                vectors[e] += weight * *value * DVec3::from_array(d);
+            }
+        }
+        for ((depth, gradient), volume) in depth.iter_mut().zip(&mut vectors).zip(&volume) {
+            *depth /= volume;
+            *gradient /= *volume;
             // a part that hangs on one surface is level, but for what the solution leaves
-            let level = gradient.length() * size < LEVEL;
-            vectors.push(if level { DVec3::ZERO } else { gradient });
+            if gradient.length() * size < LEVEL {
+                *gradient = DVec3::ZERO;
+            }
         }
         let transmural = normalised("Laplace rule", vectors, false)?.directions;
         Ok(Self { potential: x, depth, transmural })

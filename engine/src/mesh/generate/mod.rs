@@ -1,10 +1,12 @@
 //! Meshes of simple bodies, with their sides as named groups.
 
+mod cup;
 mod jitter;
 mod sheets;
 mod solids;
 mod specimen;
 
+pub use cup::cup_hexahedra;
 pub use jitter::{irregular_box_tets, jitter_interior};
 pub use sheets::{disc_quads, disc_triangles, quad_grid, sphere_triangles, triangle_grid};
 pub use solids::{

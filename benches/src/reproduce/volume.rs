@@ -1,0 +1,224 @@
+//! Bourguignon & Cani 2000, figures 3 and 5: what keeps the volume of a body on a table, and what a
+//! cantilever needs.
+
+use super::paper_c::{equilibrium, settle, world};
+use super::{Figure, Finding};
+use crate::bench::error::BenchError;
+use crate::bench::plot::{Scales, Series, lines};
+use crate::bench::report::Chart;
+use crate::bench::table::Table;
+use sinew::engine::mesh::generate::irregular_box_tets;
+use sinew::engine::vertex::FixedAxes;
+use sinew::prelude::*;
+
+/// Side of the cube (m) and cells along it: the numbers of masses and tetrahedra of the paper's table 1.
+const SIDE: f64 = 0.1;
+const CELLS: [usize; 3] = [5, 5, 5];
+const MATERIAL: YoungPoisson =
+    YoungPoisson { young_modulus: 5e3, poisson_ratio: 0.45, density: 1000.0 };
+/// Gravity (m/s^2), step (s), duration (s) and damping (1/s) of the body that drops onto its table.
+const GRAVITY: DVec3 = DVec3::new(0.0, 0.0, -9.81);
+const STEP: f64 = 0.01;
+const SECONDS: f64 = 1.5;
+const DAMPING: f64 = 4.0;
+
+/// What the body is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Body {
+    /// Axes and angles, no springs of volume.
+    Without,
+    /// Springs on edges.
+    Springs,
+    /// Springs of volume as printed.
+    Printed,
+    /// The same with the mean force taken out, so that they have an energy and no resultant.
+    Balanced,
+    /// The term `Lambda/2 (J-1)^2`.
+    True,
+}
+
+impl Body {
+    const ALL: [Self; 5] =
+        [Self::Without, Self::Springs, Self::Printed, Self::Balanced, Self::True];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Without => "axes without volume",
+            Self::Springs => "mass-spring",
+            Self::Printed => "axes, printed volume springs",
+            Self::Balanced => "axes, balanced volume springs",
+            Self::True => "axes, (J-1)^2",
+        }
+    }
+
+    fn axes(self) -> Result<(Model, Option<AxesDescription<'static>>), BenchError> {
+        let mut axes = AxesDescription::isotropic(MATERIAL.lame()?);
+        match self {
+            Self::Springs => return Ok((Model::MassSpring, None)),
+            Self::Without => axes.volume_modulus = 0.0,
+            Self::Printed => axes.form = AxisForm::Printed,
+            Self::Balanced => axes.form = AxisForm::PrintedBalanced,
+            Self::True => {}
+        }
+        Ok((Model::Axes, Some(axes)))
+    }
+}
+
+/// Volume over that at rest, step by step, of a body let go on a table without friction.
+fn on_table(body: Body, steps: usize) -> Result<Vec<f64>, BenchError> {
+    let mesh = irregular_box_tets(DVec3::splat(SIDE), CELLS, 0.15, 0)?;
+    let (model, axes) = body.axes()?;
+    let solver = SolverSettings { mass_damping: DAMPING, ..SolverSettings::default() };
+    let (mut simulation, handle) = world(&mesh, MATERIAL, model, axes, solver)?;
+    simulation.set_gravity(GRAVITY);
+    simulation.set_dt(STEP);
+    let floor = simulation.group_rows(handle, &mesh, "z0")?;
+    let mut floor = Constraint::hold("table", floor);
+    floor.axes = FixedAxes(4);
+    simulation.add_constraint(floor);
+    let mut ratios = vec![1.0];
+    for _ in 0..steps {
+        simulation.step().map_err(|e| BenchError::NoTruth {
+            case: format!("{} on a table", body.name()),
+            reason: e.to_string(),
+        })?;
+        ratios.push(simulation.volume(handle) / (SIDE * SIDE * SIDE));
+    }
+    Ok(ratios)
+}
+
+/// Length, thickness (m) and modulus (Pa) of the cantilever.
+const LENGTH: f64 = 0.2;
+const THICKNESS: f64 = 0.05;
+const STIFF: YoungPoisson =
+    YoungPoisson { young_modulus: 5e4, poisson_ratio: 0.3, density: 1000.0 };
+
+/// Sag (m) of the tip of a cantilever under its weight.
+fn cantilever(model: Model, axes: Option<AxesDescription>) -> Result<f64, BenchError> {
+    let mesh =
+        irregular_box_tets(DVec3::new(LENGTH, THICKNESS, THICKNESS), [12, 3, 3], 0.15, 0)?;
+    let (mut simulation, body) = world(&mesh, STIFF, model, axes, equilibrium())?;
+    let rows = simulation.group_rows(body, &mesh, "x0")?;
+    simulation.add_constraint(Constraint::hold("clamp", rows));
+    for part in 1..=4 {
+        simulation.set_gravity(GRAVITY * (f64::from(part) / 4.0));
+        settle(&mut simulation, 1, "cantilever")?;
+    }
+    let u = simulation.displacements(body);
+    let tip: Vec<usize> =
+        (0..mesh.points.len()).filter(|&v| mesh.points[v].x == LENGTH).collect();
+    Ok(-tip.iter().map(|&v| u[v].z).sum::<f64>() / tip.len() as f64)
+}
+
+/// Largest change of volume that the paper prints for bodies with volume springs.
+const PRINTED: f64 = 0.015;
+
+fn largest(ratios: &[f64]) -> f64 {
+    ratios.iter().map(|r| (r - 1.0).abs()).fold(0.0, f64::max)
+}
+
+pub(super) fn figure() -> Result<Figure, BenchError> {
+    let steps = (SECONDS / STEP).round() as usize;
+    let mut table = Table::new(
+        "c-volume",
+        "Volume on a table under gravity",
+        &["body", "largest change %", "at the end %"],
+    );
+    let (mut series, mut changes) = (Vec::new(), Vec::new());
+    for (colour, body) in Body::ALL.into_iter().enumerate() {
+        let ratios = on_table(body, steps)?;
+        let change = largest(&ratios);
+        changes.push(change);
+        let last = ratios.last().map(|r| 100.0 * (r - 1.0));
+        table.row(vec![body.name().into(), (100.0 * change).into(), last.into()]);
+        let points = ratios.iter().enumerate().map(|(i, r)| [STEP * i as f64, 100.0 * r]).collect();
+        series.push(Series { name: body.name().into(), points, hollow: false, colour });
+    }
+    let [without, springs, printed, balanced, exact] =
+        [0, 1, 2, 3, 4].map(|i| changes.get(i).copied().unwrap_or(f64::NAN));
+    let mut findings = vec![Finding {
+        agrees: without > springs && springs > printed,
+        text: format!(
+            "without springs of volume axes lose most ({:.2} %), plain springs less ({:.2} %), with printed springs \
+             of volume least ({:.2} %)",
+            100.0 * without,
+            100.0 * springs,
+            100.0 * printed
+        ),
+    }];
+    for (name, change) in [("printed springs of volume", printed), ("(J-1)^2", exact)] {
+        findings.push(Finding {
+            agrees: change < PRINTED,
+            text: format!(
+                "with {name} the volume changes by {:.2} % at most, {:.1} % in the paper",
+                100.0 * change,
+                100.0 * PRINTED
+            ),
+        });
+    }
+    findings.push(Finding {
+        agrees: (balanced / printed - 1.0).abs() < 0.5,
+        text: format!(
+            "taking the mean force out of the printed springs, which then have an energy, changes little: {:.2} % \
+             beside {:.2} %",
+            100.0 * balanced,
+            100.0 * printed
+        ),
+    });
+    let axes = AxesDescription::isotropic(STIFF.lame()?);
+    let [material, axial, edges] = [
+        cantilever(Model::StVK, None)?,
+        cantilever(Model::Axes, Some(axes))?,
+        cantilever(Model::MassSpring, None)?,
+    ];
+    let mut sags = Table::new("c-cantilever", "Sag of a cantilever", &["body", "sag mm", "over StVK"]);
+    for (name, sag) in [("StVK", material), ("axes", axial), ("mass-spring", edges)] {
+        sags.row(vec![name.into(), (1e3 * sag).into(), (sag / material).into()]);
+    }
+    findings.push(Finding {
+        agrees: (axial / material - 1.0).abs() < 0.05,
+        text: format!(
+            "axes bear a cantilever: its tip sags by {:.1} mm, that of the material by {:.1} mm",
+            1e3 * axial,
+            1e3 * material
+        ),
+    });
+    findings.push(Finding {
+        agrees: edges > 2.0 * material,
+        text: format!(
+            "plain springs cannot bear it: its tip sags by {:.1} mm, {:.1} times as far as that of the material; the \
+             paper does not print its spring constants",
+            1e3 * edges,
+            edges / material
+        ),
+    });
+    let title = "Volume on a table";
+    let svg = lines(title, ["time (s)", "volume (% of that at rest)"], &series, Scales::Linear)?;
+    Ok(Figure {
+        letter: 'c',
+        title: "Volume on a table, and a cantilever",
+        setting: format!(
+            "A cube of {SIDE} m in 750 irregular tetrahedra (804 in the paper) is let go under gravity on a table \
+             without friction; E = {} Pa, nu = {}, step {STEP} s, damping {DAMPING} 1/s, default integrator. Axes \
+             along x, y, z with the moduli of that material; springs of volume with constants that agree with its \
+             first Lamé parameter. The cantilever, {LENGTH} x {THICKNESS} x {THICKNESS} m, has E = {} Pa and nu = {}.",
+            MATERIAL.young_modulus, MATERIAL.poisson_ratio, STIFF.young_modulus, STIFF.poisson_ratio
+        ),
+        findings,
+        tables: vec![table, sags],
+        numbers: Vec::new(),
+        charts: vec![Chart { name: "c-volume".into(), svg }],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn volume_is_kept_by_the_true_term_and_lost_without() {
+        let [without, kept] = [Body::Without, Body::True].map(|b| largest(&on_table(b, 30).unwrap()));
+        assert!(kept < PRINTED, "{kept}");
+        assert!(without > 2.0 * kept, "{without} beside {kept}");
+    }
+}
