@@ -152,7 +152,7 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
                 "with {name} the volume changes by {:.2} % at most, {:.1} % in the paper{}",
                 100.0 * change,
                 100.0 * PRINTED,
-                if change < PRINTED {
+                if change < PRINTED || !name.starts_with("printed") {
                     ""
                 } else {
                     "; the sum of the radii is no measure of volume"
@@ -191,8 +191,8 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
     findings.push(Finding {
         agrees: edges > 2.0 * material,
         text: format!(
-            "plain springs cannot bear it: its tip sags by {:.1} mm, {:.1} times as far as that of the material; with \
-             constants fitted to the material they do bear it, and the paper does not print its own",
+            "plain springs do not bear it as the material does: their tip sags by {:.1} mm, {:.1} times as far; \
+             those here are fitted to the material, the paper does not print its constants",
             1e3 * edges,
             edges / material
         ),
