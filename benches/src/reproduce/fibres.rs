@@ -277,8 +277,10 @@ impl Measured {
         findings.push(Finding {
             agrees: chance < 0.1,
             text: format!(
-                "random fibres leave it isotropic: sideways motion of {:.1} % of the elongation at most",
-                100.0 * chance
+                "random fibres leave it isotropic: sideways motion of {:.1} % of the elongation at most; every element \
+                 has one direction, and chance does not cancel out over {} cells",
+                100.0 * chance,
+                CELLS.iter().product::<usize>()
             ),
         });
         for field in Field::ALL.into_iter().filter(|f| *f != Field::Random) {
@@ -286,9 +288,13 @@ impl Measured {
             findings.push(Finding {
                 agrees: parting < SAME,
                 text: format!(
-                    "{} fibres: the bottom goes to the same place on all four meshes, within {:.1} % of the \
+                    "{}: the bottom goes to the same place on all four meshes, within {:.1} % of the \
                      elongation ({:.0} % allowed)",
-                    field.name(),
+                    if field == Field::None {
+                        "without fibres".to_string()
+                    } else {
+                        format!("{} fibres", field.name())
+                    },
                     100.0 * parting,
                     100.0 * SAME
                 ),
@@ -457,9 +463,8 @@ pub(super) fn between() -> Result<Figure, BenchError> {
         modulus(6) / 1e3
     );
     let findings = vec![Finding { agrees: worst < 0.1, text }];
-    let series = [("engine", found, false, 0), ("closed form", exact, true, 1)].map(
-        |(name, points, hollow, colour)| Series { name: name.into(), points, hollow, colour },
-    );
+    let series = [("engine", found, false, 0), ("closed form", exact, true, 1)]
+        .map(|(name, points, hollow, colour)| Series { name: name.into(), points, hollow, colour });
     let title = "Young's modulus between the axes";
     let names = ["angle to the fibres (degrees)", "Young's modulus (Pa)"];
     let svg = lines(title, names, &series, Scales::Linear)?;
@@ -488,7 +493,7 @@ mod tests {
             let (found, exact) = (pulled_cube(angle).unwrap(), closed_form(angle).unwrap());
             assert!((found / exact - 1.0).abs() < 1e-3, "{angle}: {found} beside {exact}");
         }
-            let along = closed_form(0.0).unwrap();
+        let along = closed_form(0.0).unwrap();
         // all that fibres along the pull do is to bear their share
         assert!((along / (MATERIAL.young_modulus + FIBRE) - 1.0).abs() < 1e-12, "{along}");
     }
@@ -496,9 +501,8 @@ mod tests {
     #[test]
     fn fibres_move_the_block_as_they_should() {
         let (_, mesh) = meshes().unwrap().swap_remove(1);
-        let pull = |field| {
-            pulled(&mesh, Model::Axes, Some(axes(&mesh, field).unwrap()), "test").unwrap()
-        };
+        let pull =
+            |field| pulled(&mesh, Model::Axes, Some(axes(&mesh, field).unwrap()), "test").unwrap();
         let plain = pull(Field::None);
         assert!(plain.drift() < 0.01 && plain.twist.abs() < 0.1, "{plain:?}");
         let diagonal = pull(Field::Diagonal);
@@ -506,7 +510,10 @@ mod tests {
         let helix = pull(Field::Helicoidal);
         assert!(helix.twist.abs() > 1.0, "{helix:?}");
         let level = pull(Field::Horizontal);
-        assert!(level.width[0] > plain.width[0], "fibres resist the pull inwards: {level:?} {plain:?}");
+        assert!(
+            level.width[0] > plain.width[0],
+            "fibres resist the pull inwards: {level:?} {plain:?}"
+        );
         assert!(level.width[1] < level.width[0], "{level:?}");
     }
 }
