@@ -1395,7 +1395,7 @@ impl Builder<'_> {
                 };
                 let (triangles, quads) = self.group_cells(&key, group, &bodies[body].mesh)?;
                 faces = triangles;
-                faces.extend(quads.into_iter().flat_map(cut));
+                faces.extend(quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]));
             }
             let (name, record) = (name.clone(), record.clone());
             built.push(BuiltProbe { name, body, vertices, faces, constraint, record });
