@@ -2,7 +2,7 @@
 //! an independent program. Each is run with the engine's own laws and compared with the stored
 //! discrete truth on the same mesh. What cannot be run is listed with its reason, never as passed.
 
-use crate::modes::modes;
+use crate::modes::{Mode, modes};
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::Value;
@@ -791,12 +791,11 @@ impl Case {
                 row.energy_difference = off.fold(0.0, worst);
                 (row.max_difference, row.rms_difference) = (0.0, 0.0);
                 for (mode, truth) in found.iter().zip(&shapes) {
-                    // a mode has any length and sign
-                    let product = |a: &[DVec3], b: &[DVec3]| -> f64 {
-                        a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
-                    };
-                    let factor = product(&mode.shape, truth) / product(&mode.shape, &mode.shape);
-                    let shape: Vec<DVec3> = mode.shape.iter().map(|u| *u * factor).collect();
+                    // a mode has any length and sign, and modes of one frequency any mixture
+                    let same =
+                        |other: &&Mode| (other.frequency / mode.frequency - 1.0).abs() < 1e-6;
+                    let together = found.iter().filter(same).map(|m| m.shape.clone());
+                    let shape = nearest(together, truth);
                     let (max, rms) = difference(&shape, truth, largest(truth));
                     row.max_difference = worst(row.max_difference, max);
                     row.rms_difference = worst(row.rms_difference, rms);
@@ -1009,6 +1008,24 @@ fn turns_over(points: &[DVec3], u: &[DVec3]) -> bool {
         along(0).cross(along(1)).z
     };
     (0..4).any(|q| area(points, q) * area(&moved, q) <= 0.0)
+}
+
+/// What is nearest to `truth` among the mixtures of some fields.
+fn nearest(fields: impl Iterator<Item = Vec<DVec3>>, truth: &[DVec3]) -> Vec<DVec3> {
+    let product =
+        |a: &[DVec3], b: &[DVec3]| -> f64 { a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum() };
+    let mut orthogonal: Vec<Vec<DVec3>> = Vec::new();
+    let mut sum = vec![DVec3::ZERO; truth.len()];
+    for mut field in fields {
+        for known in &orthogonal {
+            let factor = product(&field, known) / product(known, known);
+            field.iter_mut().zip(known).for_each(|(f, k)| *f -= factor * *k);
+        }
+        let factor = product(&field, truth) / product(&field, &field);
+        sum.iter_mut().zip(&field).for_each(|(s, f)| *s += factor * *f);
+        orthogonal.push(field);
+    }
+    sum
 }
 
 /// The larger of two differences; a NaN counts as the largest and is not lost.
