@@ -174,8 +174,8 @@ fn fibres_turn_through_the_wall_of_a_cup_of_hexahedra() {
     let layers = laplace.depth.chunks(mesh.hexahedra.len() / 3);
     for (layer, depths) in layers.enumerate() {
         let middle = (layer as f64 + 0.5) / 3.0;
-        // curvature makes the potential steeper inside
-        assert!(depths.iter().all(|d| (d - middle).abs() < 0.08), "{layer}: {depths:?}");
+        // curvature makes the potential steeper inside: halfway through a sphere of these radii it is 0.6
+        assert!(depths.iter().all(|d| (d - middle).abs() < 0.13), "{layer}: {depths:?}");
     }
     for ((fibre, through), depth) in
         fibres.directions.iter().zip(&laplace.transmural).zip(&laplace.depth)

@@ -18,12 +18,12 @@ use std::f64::consts::FRAC_PI_2;
 /// ```
 /// use sinew_engine::mesh::generate::cup_hexahedra;
 ///
-/// let mesh = cup_hexahedra([0.02, 0.05], 0.01, 4, 6, 3)?;
-/// assert_eq!(mesh.hexahedra.len(), (4 * 4 + 6 * 16) * 3);
+/// let mesh = cup_hexahedra([0.02, 0.05], 0.01, 8, 12, 3)?;
+/// assert_eq!(mesh.hexahedra.len(), (8 * 8 + 12 * 32) * 3);
 /// // two half ellipsoids, but for the flat facets
 /// let half = |r: f64, h: f64| 2.0 / 3.0 * std::f64::consts::PI * r * r * h;
 /// let volume = half(0.03, 0.06) - half(0.02, 0.05);
-/// assert!((mesh.total_volume() / volume - 1.0).abs() < 0.04);
+/// assert!((mesh.total_volume() / volume - 1.0).abs() < 0.02);
 /// # Ok::<(), sinew_engine::mesh::MeshError>(())
 /// ```
 ///
