@@ -119,9 +119,9 @@ fn other_elements_fall_alike() {
     let (solid, springs) = (tip("solid"), tip("springs"));
     let end = |u: &[DVec3]| u.last().unwrap().z;
     assert!(end(&solid) < -0.015, "{}", end(&solid));
-    // springs are off, but not by much
+    // springs are no material, but near it here
     let ratio = end(&springs) / end(&solid);
-    assert!((0.7..1.3).contains(&ratio), "{ratio}");
+    assert!((0.95..1.05).contains(&ratio), "{ratio}");
     assert!(end(&tip("hammock")) < -0.002);
     assert!(table.column("hammock.min_area_ratio (-)").iter().all(|&r| r > 0.9));
     assert_eq!(summary.volume.inverted_max, 0, "{summary}");
