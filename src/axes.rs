@@ -5,7 +5,9 @@ use sinew_engine::columns::single_table;
 use sinew_engine::element::{
     RestVolume, ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change,
 };
+use sinew_engine::isoparametric::{Derivatives, HexahedronRest, HexahedronVertices};
 use sinew_engine::scalar::{Scalar, xyz};
+use sinew_engine::step::hexahedron_ratios;
 use sinew_engine::vertex::{BodyId, Displacement};
 use sinew_models::axes::muscle::{ActivationError, ActivationWork, Muscles};
 
@@ -30,7 +32,7 @@ impl Simulation {
         self.world().get_resource().copied().unwrap_or_default()
     }
 
-    /// Volume (m^3) of a body as it is now, counting inverted elements negative.
+    /// Volume (m^3) of the solid elements of a body as it is now, counting inverted ones negative.
     pub fn volume(&mut self, body: BodyHandle) -> f64 {
         match self.precision() {
             Precision::F64 => volume::<f64>(self, body),
@@ -53,6 +55,16 @@ fn volume<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> f64 {
             let local = nodes.0.map(|v| xyz(u[v as usize].0));
             let change = volume_change(&displacement_gradient(&gradients, &local)).to_f64();
             sum += rest.0.to_f64() * (1.0 + change);
+        }
+    }
+    let derivatives = &Derivatives::hexahedron();
+    let mut hexahedra = world.query::<(&HexahedronVertices, &HexahedronRest<S>, &BodyId)>();
+    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return sum };
+    for (nodes, rest, of) in hexahedra.iter(world) {
+        if of.0 as usize == body.0 {
+            let ratios = hexahedron_ratios(derivatives, u, *nodes, rest);
+            let points = ratios.iter().zip(&rest.volume);
+            sum += points.map(|(ratio, volume)| ratio * volume.to_f64()).sum::<f64>();
         }
     }
     sum

@@ -395,6 +395,9 @@ fn a_balloon_pressure_pushes_hexahedra() {
     simulation.step().unwrap();
     let ratios = simulation.volume_ratios(body);
     assert_eq!(ratios.len(), 27);
+    let mean = ratios.iter().sum::<f64>() / 27.0;
+    let volume = simulation.volume(body);
+    assert!((volume / 1e-3 - mean).abs() < 1e-9, "{volume} {mean}");
     // small-strain compression p (1 - 2 nu)/E along every axis
     let expected = 1.0 - 3.0 * 500.0 * (1.0 - 2.0 * SOFT.poisson_ratio) / SOFT.young_modulus;
     assert!(ratios.iter().all(|j| (j - expected).abs() < 2e-3), "{ratios:?} {expected}");
