@@ -1,0 +1,27 @@
+//! Pictures, films and pages of a run, without a window.
+//!
+//! Everything is drawn from plain data, a [`scene::Recording`]: whoever steps a simulation fills it, and nothing here
+//! knows of laws, integrators or entities.
+//!
+//! * [`skin`]: surfaces with smooth normals and sharp edges.
+//! * [`camera`]: a camera that fits the whole run.
+//! * [`colour`], [`overlay`]: colour maps, text and colour bars.
+//! * [`renderer`]: frames to pixels through `wgpu`, several under way at a time.
+//! * [`painter`]: frames with their captions.
+//! * [`image`], [`film`]: PNG files and films.
+
+pub mod camera;
+pub mod colour;
+pub mod error;
+pub mod film;
+pub mod image;
+pub mod overlay;
+pub mod painter;
+mod pipelines;
+pub mod renderer;
+pub mod scene;
+pub mod skin;
+mod solids;
+
+pub use error::RenderError;
+pub use sinew_adapter as adapter;

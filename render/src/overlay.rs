@@ -1,0 +1,288 @@
+//! Text and colour bars over a picture, drawn on the CPU: sharp at any size and the same on every device.
+
+use crate::colour::{ColourMap, Rgb};
+use crate::image::Image;
+use crate::scene::Field;
+use ab_glyph::{Font, FontRef, Glyph, PxScale, ScaleFont, point};
+
+/// Colour of text.
+pub const INK: Rgb = [38, 44, 54];
+/// Colour of text of less weight.
+pub const FAINT_INK: Rgb = [104, 112, 124];
+
+/// Weight of letters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Weight {
+    /// For notes.
+    Regular,
+    /// For titles.
+    Medium,
+}
+
+/// Where a text stands relative to the place that is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Align {
+    /// It begins there.
+    Left,
+    /// Its middle is there.
+    Centre,
+    /// It ends there.
+    Right,
+}
+
+/// The fonts.
+pub struct Fonts {
+    regular: FontRef<'static>,
+    medium: FontRef<'static>,
+}
+
+impl Default for Fonts {
+    fn default() -> Self {
+        let font = |bytes| FontRef::try_from_slice(bytes).expect("the font is part of the program");
+        Self {
+            regular: font(include_bytes!("../assets/Roboto-Regular-subset.ttf")),
+            medium: font(include_bytes!("../assets/Roboto-Medium-subset.ttf")),
+        }
+    }
+}
+
+impl Fonts {
+    fn of(&self, weight: Weight) -> &FontRef<'static> {
+        match weight {
+            Weight::Regular => &self.regular,
+            Weight::Medium => &self.medium,
+        }
+    }
+
+    /// Width (pixels) of a line of text whose letters are `size` pixels high.
+    pub fn width(&self, text: &str, size: f32, weight: Weight) -> f32 {
+        self.lay(text, size, weight).1
+    }
+
+    fn lay(&self, text: &str, size: f32, weight: Weight) -> (Vec<Glyph>, f32) {
+        let font = self.of(weight).as_scaled(PxScale::from(size * 1.17));
+        let (mut glyphs, mut x, mut last) = (Vec::new(), 0.0, None);
+        for c in text.chars() {
+            let id = font.glyph_id(c);
+            if let Some(last) = last {
+                x += font.kern(last, id);
+            }
+            glyphs.push(id.with_scale_and_position(font.scale(), point(x, 0.0)));
+            x += font.h_advance(id);
+            last = Some(id);
+        }
+        (glyphs, x)
+    }
+
+    /// Writes a line with its base line at `y`; returns its width (pixels).
+    pub fn write(
+        &self,
+        image: &mut Image,
+        text: &str,
+        [x, y]: [f32; 2],
+        (size, weight): (f32, Weight),
+        align: Align,
+        colour: Rgb,
+    ) -> f32 {
+        let (glyphs, width) = self.lay(text, size, weight);
+        let start = match align {
+            Align::Left => x,
+            Align::Centre => x - 0.5 * width,
+            Align::Right => x - width,
+        };
+        for mut glyph in glyphs {
+            glyph.position.x += start;
+            glyph.position.y += y;
+            if let Some(outline) = self.of(weight).outline_glyph(glyph) {
+                let low = outline.px_bounds().min;
+                outline.draw(|i, j, coverage| {
+                    // dark letters on light ground look thin in sRGB arithmetic
+                    let coverage = coverage.clamp(0.0, 1.0).powf(0.85);
+                    image.blend(low.x as i32 + i as i32, low.y as i32 + j as i32, colour, coverage);
+                });
+            }
+        }
+        width
+    }
+
+    /// The text cut to a width (pixels), with an ellipsis where it was too long.
+    pub fn fitted(&self, text: &str, size: f32, weight: Weight, width: f32) -> String {
+        if self.width(text, size, weight) <= width {
+            return text.into();
+        }
+        let mut short: String = text.into();
+        while short.pop().is_some() {
+            let candidate = format!("{}…", short.trim_end());
+            if self.width(&candidate, size, weight) <= width {
+                return candidate;
+            }
+        }
+        String::new()
+    }
+}
+
+/// Values for marks from `low` to `high`: multiples of 1, 2, 2.5 or 5 times a power of ten, about `count`.
+///
+/// ```
+/// use sinew_render::overlay::ticks;
+///
+/// assert_eq!(ticks(0.0, 0.061, 4), [0.0, 0.02, 0.04, 0.06]);
+/// ```
+pub fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
+    let span = high - low;
+    if !(span > 0.0 && span.is_finite()) {
+        return vec![low];
+    }
+    let raw = span / count.max(1) as f64;
+    let power = 10f64.powf(raw.log10().floor());
+    let step = [1.0, 2.0, 2.5, 5.0, 10.0]
+        .into_iter()
+        .map(|f| f * power)
+        .find(|s| *s >= 0.85 * raw)
+        .unwrap_or(10.0 * power);
+    let first = (low / step - 1e-6).ceil() as i64;
+    let last = (high / step + 1e-6).floor() as i64;
+    // division by the inverse gives 0.06 and not 0.06000000000000001
+    (first..=last)
+        .map(|i| if step < 1.0 { i as f64 / (1.0 / step).round_to_digits() } else { i as f64 * step })
+        .collect()
+}
+
+trait RoundToDigits {
+    /// To nine significant digits.
+    fn round_to_digits(self) -> Self;
+}
+
+impl RoundToDigits for f64 {
+    fn round_to_digits(self) -> Self {
+        let power = 10f64.powf(8.0 - self.abs().log10().floor());
+        (self * power).round() / power
+    }
+}
+
+/// A number with as many digits as a step between marks needs, with a real minus sign.
+fn mark(value: f64, step: f64) -> String {
+    let digits = (-(step.abs().log10() + 1e-9).floor()).clamp(0.0, 6.0) as usize;
+    let exact = (step * 10f64.powi(digits as i32)).fract().abs();
+    let digits = if exact > 0.01 && exact < 0.99 { digits + 1 } else { digits };
+    let text = format!("{value:.digits$}");
+    if value == 0.0 { "0".into() } else { text.replace('-', "−") }
+}
+
+/// A unit with a factor, such that values look like 12 and not like 0.000012.
+fn scaled_unit(unit: &str, largest: f64) -> (f64, String) {
+    let steps: &[(f64, &str)] = match unit {
+        "m" => &[(1.0, "m"), (1e2, "cm"), (1e3, "mm"), (1e6, "µm")],
+        "Pa" => &[(1e-6, "MPa"), (1e-3, "kPa"), (1.0, "Pa"), (1e3, "mPa")],
+        "J/m³" => &[(1e-6, "MJ/m³"), (1e-3, "kJ/m³"), (1.0, "J/m³"), (1e3, "mJ/m³")],
+        "%" => &[(1.0, "%")],
+        "" => return (1.0, String::new()),
+        other => return (1.0, other.into()),
+    };
+    let fits = steps.iter().find(|(factor, _)| largest * factor >= 0.9995);
+    let (factor, name) = fits.or(steps.last()).copied().unwrap_or((1.0, unit));
+    (factor, name.into())
+}
+
+/// Draws a standing colour bar with its marks and its label above, its right side at `x`.
+pub fn colour_bar(
+    image: &mut Image,
+    fonts: &Fonts,
+    field: &Field,
+    [right, top]: [f32; 2],
+    height: f32,
+    size: f32,
+) {
+    let range = field.range.map(f64::from);
+    let largest = range[0].abs().max(range[1].abs());
+    let (factor, unit) = scaled_unit(&field.unit, largest);
+    let values = ticks(range[0] * factor, range[1] * factor, 5);
+    let step = values.get(1).map_or(1.0, |v| v - values[0]);
+    let texts: Vec<String> = values.iter().map(|v| mark(*v, step)).collect();
+    let style = (size, Weight::Regular);
+    let width = (1.15 * size).round();
+    let gap = 0.45 * size;
+    let widest = texts.iter().map(|t| fonts.width(t, size, style.1)).fold(0.0, f32::max);
+    let left = (right - widest - gap - width).round();
+    let (top, height) = (top.round(), height.round());
+    for row in 0..height as i32 {
+        let t = 1.0 - (row as f32 + 0.5) / height;
+        image.fill([left as i32, top as i32 + row], [width as i32, 1], field.map.at(t), 1.0);
+    }
+    for (value, text) in values.iter().zip(&texts) {
+        let t = (value / factor - range[0]) / (range[1] - range[0]);
+        let y = top + (1.0 - t as f32) * (height - 1.0);
+        let x = left + width;
+        image.fill([x as i32, y.round() as i32], [(0.25 * size) as i32, 1], INK, 0.8);
+        let at = [right, y + 0.35 * size];
+        fonts.write(image, text, at, style, Align::Right, INK);
+    }
+    let at = [right, top - 0.9 * size];
+    let label = if unit.is_empty() { field.label.clone() } else { format!("{} ({unit})", field.label) };
+    fonts.write(image, &label, at, style, Align::Right, INK);
+}
+
+/// A map as a strip, for tests and documents.
+pub fn strip(map: ColourMap, width: u32, height: u32) -> Image {
+    let mut image = Image::filled(width, height, [255; 3]);
+    for x in 0..width {
+        let colour = map.at(x as f32 / (width - 1).max(1) as f32);
+        image.fill([x as i32, 0], [1, height as i32], colour, 1.0);
+    }
+    image
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_are_round_and_inside() {
+        assert_eq!(ticks(0.0, 10.0, 5), [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]);
+        assert_eq!(ticks(-0.3, 0.3, 5), [-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3]);
+        for (low, high) in [(0.0, 0.0123), (-7.0, 3.0), (0.8, 1.2), (1e-9, 3e-9), (0.0, 4.2e6)] {
+            let values = ticks(low, high, 5);
+            assert!((3..=8).contains(&values.len()), "{low} {high}: {values:?}");
+            let slack = 1e-6 * (high - low);
+            assert!(values.iter().all(|v| *v >= low - slack && *v <= high + slack));
+            let steps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).collect();
+            assert!(steps.iter().all(|s| (s / steps[0] - 1.0).abs() < 1e-6));
+        }
+        assert_eq!(ticks(1.0, 1.0, 5), [1.0]);
+    }
+
+    #[test]
+    fn numbers_have_the_digits_of_their_steps() {
+        assert_eq!(mark(0.06, 0.02), "0.06");
+        assert_eq!(mark(2.5, 2.5), "2.5");
+        assert_eq!(mark(-4.0, 2.0), "−4");
+        assert_eq!(mark(0.0, 0.25), "0");
+        assert_eq!(mark(0.75, 0.25), "0.75");
+        assert_eq!(scaled_unit("m", 0.034), (1e2, "cm".into()));
+        assert_eq!(scaled_unit("Pa", 5400.0), (1e-3, "kPa".into()));
+        assert_eq!(scaled_unit("m", 1e-9), (1e6, "µm".into()));
+        assert_eq!(scaled_unit("", 3.0), (1.0, String::new()));
+    }
+
+    #[test]
+    fn text_leaves_ink_where_it_stands() {
+        let fonts = Fonts::default();
+        let mut image = Image::filled(120, 40, [255; 3]);
+        let style = (18.0, Weight::Medium);
+        let width = fonts.write(&mut image, "Δσ = 1.5 kPa", [4.0, 28.0], style, Align::Left, INK);
+        assert!(width > 60.0 && width < 116.0, "{width}");
+        let dark = |x: std::ops::Range<u32>| {
+            x.flat_map(|x| (0..40).map(move |y| (x, y)))
+                .filter(|&(x, y)| image.pixel(x, y)[0] < 100)
+                .count()
+        };
+        assert!(dark(0..(width as u32 + 4)) > 150);
+        assert_eq!(dark(width as u32 + 6..120), 0);
+        // every letter that the overlay may use is in the font
+        for c in "0123456789.,−-–…µ³²%()/ =αλνσΔ·°".chars() {
+            assert_ne!(fonts.regular.glyph_id(c).0, 0, "{c}");
+        }
+        let cut = fonts.fitted("a very long caption indeed", 18.0, Weight::Regular, 100.0);
+        assert!(cut.ends_with('…') && fonts.width(&cut, 18.0, Weight::Regular) <= 100.0, "{cut}");
+    }
+}

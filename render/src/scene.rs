@@ -1,0 +1,165 @@
+//! What is drawn, as plain data: a [`Recording`] of frames, whoever made them.
+
+use crate::colour::{ColourMap, Rgb};
+use crate::error::RenderError;
+use crate::skin::Skin;
+use glam::Vec3;
+use std::sync::Arc;
+
+/// A scalar on the points of all frames.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// Its word on the command line and in pages.
+    pub name: String,
+    /// What the colour bar says, without unit.
+    pub label: String,
+    /// Unit, empty for pure numbers.
+    pub unit: String,
+    /// Colours.
+    pub map: ColourMap,
+    /// Values at the ends of the bar.
+    pub range: [f32; 2],
+}
+
+/// A ball.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ball {
+    /// Centre (m).
+    pub centre: [f32; 3],
+    /// Radius (m).
+    pub radius: f32,
+    /// Colour.
+    pub colour: Rgb,
+}
+
+/// An arrow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrow {
+    /// Where its point is (m).
+    pub to: [f32; 3],
+    /// From its tail to its point (m, as drawn).
+    pub along: [f32; 3],
+    /// Colour.
+    pub colour: Rgb,
+}
+
+/// A short line, drawn as a round rod.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rod {
+    /// Ends (m).
+    pub ends: [[f32; 3]; 2],
+    /// Colour.
+    pub colour: Rgb,
+}
+
+/// The state at one time.
+#[derive(Clone, Debug, Default)]
+pub struct Frame {
+    /// Step that led here.
+    pub step: u64,
+    /// Time (s), or the share of the loads of a static scene.
+    pub time: f64,
+    /// Points (m).
+    pub points: Vec<[f32; 3]>,
+    /// Surface over them; the same as before unless elements were removed.
+    pub skin: Arc<Skin>,
+    /// Values of every field of the recording at the points.
+    pub fields: Vec<Vec<f32>>,
+    /// Held vertices and tools.
+    pub balls: Vec<Ball>,
+    /// Forces.
+    pub arrows: Vec<Arrow>,
+    /// Fibres.
+    pub rods: Vec<Rod>,
+    /// What the caption says about this frame: error, residual, step.
+    pub note: String,
+}
+
+/// All there is to draw of a run.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// First line of the caption: the scene.
+    pub title: String,
+    /// Second line: model, integrator, step.
+    pub subtitle: String,
+    /// Whether [`Frame::time`] is the share of the loads instead of a time.
+    pub is_static: bool,
+    /// Upward direction.
+    pub up: Vec3,
+    /// Points at rest (m).
+    pub rest: Vec<[f32; 3]>,
+    /// Surface at rest, for the ghost.
+    pub rest_skin: Arc<Skin>,
+    /// Scalars.
+    pub fields: Vec<Field>,
+    /// Names of the bodies.
+    pub bodies: Vec<String>,
+    /// Simulated time (s) from frame to frame; of a static scene 0.
+    pub interval: f64,
+    /// The frames.
+    pub frames: Vec<Frame>,
+}
+
+impl Recording {
+    /// Diagonal (m) of the box around the rest shape.
+    pub fn size(&self) -> f32 {
+        let (low, high) = self.rest_box();
+        (high - low).length().max(1e-9)
+    }
+
+    fn rest_box(&self) -> (Vec3, Vec3) {
+        self.rest.iter().map(|p| Vec3::from_array(*p)).filter(|p| p.is_finite()).fold(
+            (Vec3::INFINITY, Vec3::NEG_INFINITY),
+            |(low, high), p| (low.min(p), high.max(p)),
+        )
+    }
+
+    /// Points that a picture of the whole run must show: the drawn points of all frames and of the rest shape.
+    /// Pieces that fall off may leave it: points further than 0.4 of the size of the body outside its box at rest
+    /// do not count.
+    pub fn extent(&self) -> impl Iterator<Item = Vec3> + Clone + '_ {
+        let (low, high) = self.rest_box();
+        let room = Vec3::splat(0.4 * self.size());
+        let (low, high) = (low - room, high + room);
+        let skins = self.frames.iter().flat_map(|frame| {
+            frame.skin.points.iter().map(|&v| Vec3::from_array(frame.points[v as usize]))
+        });
+        let rest =
+            self.rest_skin.points.iter().map(|&v| Vec3::from_array(self.rest[v as usize]));
+        skins.chain(rest).filter(move |p| p.cmpge(low).all() && p.cmple(high).all())
+    }
+
+    /// Checks that every index is in range and every list long enough, so that drawing cannot fail on data.
+    ///
+    /// # Errors
+    /// The first thing that does not fit.
+    pub fn check(&self) -> Result<(), RenderError> {
+        if self.frames.is_empty() {
+            return Err(RenderError::Empty { reason: format!("`{}` has no frames", self.title) });
+        }
+        let fits = |frame: usize, skin: &Skin, count: usize| {
+            let index = |what, index: Option<u32>, count: usize| match index {
+                Some(i) if i as usize >= count => {
+                    Err(RenderError::Index { frame, what, index: i as usize, count })
+                }
+                _ => Ok(()),
+            };
+            index("point", skin.points.iter().copied().max(), count)?;
+            index("point", skin.creases.iter().flatten().copied().max(), count)?;
+            index("vertex", skin.triangles.iter().flatten().copied().max(), skin.points.len())
+        };
+        fits(0, &self.rest_skin, self.rest.len())?;
+        for (i, frame) in self.frames.iter().enumerate() {
+            fits(i, &frame.skin, frame.points.len())?;
+            let lengths = frame.fields.iter().map(Vec::len);
+            if frame.fields.len() != self.fields.len()
+                || lengths.into_iter().any(|n| n != frame.points.len())
+            {
+                let (what, index) = ("value", frame.points.len());
+                let count = frame.fields.iter().map(Vec::len).min().unwrap_or(0);
+                return Err(RenderError::Index { frame: i, what, index, count });
+            }
+        }
+        Ok(())
+    }
+}

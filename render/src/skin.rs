@@ -1,0 +1,174 @@
+//! Surfaces ready for drawing: corners that share a smooth normal are one vertex, corners on either side of
+//! a sharp edge are two.
+
+use glam::Vec3;
+use std::collections::HashMap;
+
+/// Angle (degrees) between faces above which their common edge stays sharp.
+pub const CREASE_ANGLE: f32 = 40.0;
+
+/// Triangles of a surface over the points of a frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Skin {
+    /// The point under each vertex.
+    pub points: Vec<u32>,
+    /// Body of each vertex, counted from 0.
+    pub body: Vec<u16>,
+    /// Three vertices each, counter-clockwise from outside.
+    pub triangles: Vec<[u32; 3]>,
+    /// Edges by their points where the surface is sharp, or ends.
+    pub creases: Vec<[u32; 2]>,
+}
+
+/// A triangle by its points and the index of its body.
+pub type Facet = ([u32; 3], u16);
+
+impl Skin {
+    /// Joins and splits the corners of `facets` by the shape `rest` (m): an edge is sharp where faces meet at
+    /// more than `crease` degrees, where only one or more than two faces meet, or where bodies do.
+    ///
+    /// Facets without area or with an index out of range are left out.
+    pub fn new(facets: &[Facet], rest: &[[f32; 3]], crease: f32) -> Self {
+        let at = |v: u32| rest.get(v as usize).map(|p| Vec3::from_array(*p));
+        let mut kept = Vec::with_capacity(facets.len());
+        for &(t, body) in facets {
+            if let [Some(a), Some(b), Some(c)] = t.map(at)
+                && let Some(normal) = (b - a).cross(c - a).try_normalize()
+            {
+                kept.push((t, body, normal));
+            }
+        }
+        // the (facet, corner) pairs at every edge
+        let mut edges: HashMap<[u32; 2], Vec<u32>> = HashMap::with_capacity(2 * kept.len());
+        for (f, (t, ..)) in kept.iter().enumerate() {
+            for k in 0..3 {
+                let (a, b) = (t[k], t[(k + 1) % 3]);
+                edges.entry([a.min(b), a.max(b)]).or_default().push(f as u32);
+            }
+        }
+        let corner = |f: u32, v: u32| {
+            3 * f + kept[f as usize].0.iter().position(|&w| w == v).unwrap_or(0) as u32
+        };
+        let mut parent: Vec<u32> = (0..3 * kept.len() as u32).collect();
+        fn root(parent: &mut [u32], mut i: u32) -> u32 {
+            while parent[i as usize] != i {
+                parent[i as usize] = parent[parent[i as usize] as usize];
+                i = parent[i as usize];
+            }
+            i
+        }
+        let least = crease.to_radians().cos();
+        let mut creases = Vec::new();
+        for (&edge, faces) in &edges {
+            let smooth = match faces[..] {
+                [f, g] => {
+                    let (f, g) = (&kept[f as usize], &kept[g as usize]);
+                    f.1 == g.1 && f.2.dot(g.2) > least
+                }
+                _ => false,
+            };
+            if smooth {
+                for v in edge {
+                    let a = root(&mut parent, corner(faces[0], v));
+                    let b = root(&mut parent, corner(faces[1], v));
+                    parent[a.max(b) as usize] = a.min(b);
+                }
+            } else {
+                creases.push(edge);
+            }
+        }
+        creases.sort_unstable();
+        let mut skin = Self { creases, ..Self::default() };
+        let mut vertex = vec![u32::MAX; parent.len()];
+        for (f, (t, body, _)) in kept.iter().enumerate() {
+            let corners = [0, 1, 2].map(|k| {
+                let root = root(&mut parent, 3 * f as u32 + k as u32) as usize;
+                if vertex[root] == u32::MAX {
+                    vertex[root] = skin.points.len() as u32;
+                    skin.points.push(t[k]);
+                    skin.body.push(*body);
+                }
+                vertex[root]
+            });
+            skin.triangles.push(corners);
+        }
+        skin
+    }
+
+    /// Unit normals of the vertices on the shape `points` (m): those of the faces around, weighted by their
+    /// angles at the vertex, so that they do not depend on how flat parts are cut.
+    pub fn normals(&self, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let at = |v: u32| Vec3::from_array(points[self.points[v as usize] as usize]);
+        let mut sums = vec![Vec3::ZERO; self.points.len()];
+        for &t in &self.triangles {
+            let p = t.map(at);
+            let Some(normal) = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize() else { continue };
+            for k in 0..3 {
+                let (a, b) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
+                sums[t[k] as usize] += normal * a.angle_between(b);
+            }
+        }
+        sums.into_iter().map(|n| n.try_normalize().unwrap_or(Vec3::Z).to_array()).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cube of two triangles a side, outward.
+    fn cube() -> (Vec<[f32; 3]>, Vec<Facet>) {
+        let points =
+            (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2 & 1].map(|x: i32| x as f32)).collect();
+        let quads: [[u32; 4]; 6] =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let facets =
+            quads.iter().flat_map(|&[a, b, c, d]| [([a, b, c], 0), ([a, c, d], 0)]).collect();
+        (points, facets)
+    }
+
+    #[test]
+    fn a_cube_keeps_its_edges_and_its_sides_are_flat() {
+        let (points, facets) = cube();
+        let skin = Skin::new(&facets, &points, CREASE_ANGLE);
+        assert_eq!(skin.points.len(), 24);
+        assert_eq!(skin.creases.len(), 12);
+        let normals = skin.normals(&points);
+        for (v, n) in normals.iter().enumerate() {
+            assert_eq!(n.iter().filter(|x| x.abs() > 0.999).count(), 1, "{v}: {n:?}");
+            // outward
+            let p = points[skin.points[v] as usize];
+            let out: f32 = (0..3).map(|k| n[k] * (p[k] - 0.5)).sum();
+            assert!(out > 0.4);
+        }
+    }
+
+    #[test]
+    fn a_smooth_cube_has_normals_along_its_diagonals() {
+        let (points, facets) = cube();
+        let skin = Skin::new(&facets, &points, 100.0);
+        assert_eq!((skin.points.len(), skin.creases.len()), (8, 0));
+        for (v, n) in skin.normals(&points).iter().enumerate() {
+            let p = points[skin.points[v] as usize];
+            for k in 0..3 {
+                // angles weigh both triangles of a side as the one of the next
+                assert!((n[k] - (p[k] - 0.5) * 2.0 / 3f32.sqrt()).abs() < 1e-5, "{v}: {n:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn bodies_and_rims_end_a_surface() {
+        let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+        let sheet = [([0, 1, 2], 0), ([1, 3, 2], 0)];
+        let skin = Skin::new(&sheet, &points, CREASE_ANGLE);
+        assert_eq!((skin.points.len(), skin.creases.len()), (4, 4));
+        let parted = [([0, 1, 2], 0), ([1, 3, 2], 1)];
+        let skin = Skin::new(&parted, &points, CREASE_ANGLE);
+        assert_eq!((skin.points.len(), skin.creases.len()), (6, 5));
+        assert_eq!(skin.body, [0, 0, 0, 1, 1, 1]);
+        // degenerate ones and wrong indices are left out
+        let odd = [([0, 0, 1], 0), ([0, 1, 9], 0)];
+        assert_eq!(Skin::new(&odd, &points, CREASE_ANGLE), Skin::default());
+    }
+}
