@@ -7,6 +7,8 @@ mod bench;
 mod fit;
 mod fit_data;
 mod progress;
+#[cfg(feature = "render")]
+mod render;
 mod reproduce;
 
 use advise::{AdviseArguments, advise_scene};
@@ -60,6 +62,9 @@ struct Cli {
 enum Command {
     /// Simulate a scene and report what happened.
     Run(RunArguments),
+    /// Simulate a scene and make pictures, a film or a page of it, without a window.
+    #[cfg(feature = "render")]
+    Render(Box<render::RenderArguments>),
     /// Check a scene or a mesh without simulating it.
     Check(CheckArguments),
     /// Run reference cases and compare with their stored truth.
@@ -280,6 +285,8 @@ type Outcome = Result<bool, Box<dyn Error>>;
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Run(arguments) => run_scene(arguments),
+        #[cfg(feature = "render")]
+        Command::Render(arguments) => render::render_scene(*arguments),
         Command::Check(arguments) => check_scene_or_mesh(&arguments),
         Command::Validate(arguments) => validate_cases(arguments),
         Command::Bench(command) => bench(&command),

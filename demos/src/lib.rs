@@ -28,6 +28,8 @@ pub mod fit_data;
 pub mod mesh_tool;
 pub mod modes;
 pub mod output;
+#[cfg(feature = "render")]
+pub mod picture;
 pub mod resection;
 pub mod run;
 pub mod scene;

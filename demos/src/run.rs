@@ -33,6 +33,10 @@ pub struct RunOptions {
 
 /// Is told how a run gets on.
 pub trait Observer {
+    /// The scene is built and at rest.
+    fn built(&mut self, scene: &mut BuiltScene) {
+        let _ = scene;
+    }
     /// The scene is built; `steps` follow.
     fn start(&mut self, name: &str, steps: u64) {
         let _ = (name, steps);
@@ -169,6 +173,7 @@ pub fn run(
         totals.frames += clock.elapsed().as_secs_f64();
     }
     let plan = built.plan.clone();
+    observer.built(&mut built);
     observer.start(&loaded.scene.name, plan.steps);
     for done in 1..=plan.steps {
         if plan.mode == Mode::Static {

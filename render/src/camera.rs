@@ -156,12 +156,26 @@ impl Camera {
                 let depth = |k: usize| -(reach[k][0] + reach[k][1]) / (sides[k][0] + sides[k][1]);
                 // never so near that the picture is but a surface
                 let z = depth(0).min(depth(1)).min(low.z - middle.z - 0.3 * size);
-                let centre = |k: usize| {
+                let mut fitted = Vec3::new(0.0, 0.0, z);
+                for k in 0..2 {
                     let from = reach[k][1] + sides[k][1] * z;
                     let to = -reach[k][0] - sides[k][0] * z;
-                    0.5 * (from + to)
-                };
-                let fitted = Vec3::new(centre(0), centre(1), z);
+                    fitted[k] = 0.5 * (from + to);
+                    // room on either side is the same in the picture: secants, as depths differ
+                    let aim = 0.5 * (sides[k][1] - sides[k][0]);
+                    for _ in 0..12 {
+                        let (mut least, mut most) = ([f32::INFINITY, 1.0], [f32::NEG_INFINITY, 1.0]);
+                        for p in finite.clone() {
+                            let p = p - middle - fitted;
+                            let x = p[k] / p.z;
+                            least = if x < least[0] { [x, p.z] } else { least };
+                            most = if x > most[0] { [x, p.z] } else { most };
+                        }
+                        let slope = 0.5 * (1.0 / least[1] + 1.0 / most[1]);
+                        fitted[k] += (0.5 * (least[0] + most[0]) - aim) / slope;
+                    }
+                    fitted[k] = fitted[k].clamp(from.min(to), from.max(to));
+                }
                 // further away along the line to the middle
                 middle + fitted * Vec3::new(1.0, 1.0, distance)
             }

@@ -89,12 +89,9 @@ struct Between {
     return vec4f(shade(albedo, in.place, normal, 0.16), 1.0);
 }
 
-// The shape at rest: clear in the middle, denser where it turns away.
+// The shape at rest, behind the bodies: clear in the middle, denser where it turns away.
 @vertex fn ghost_vertex(corner: Corner) -> Between {
-    // a little further away, so that it never shows through a body that lies on it
-    let away = normalize(corner.place - view.eye.xyz) * 0.006 * view.eye.w;
-    let place = corner.place + away;
-    return Between(view.matrix * vec4f(place, 1.0), place, corner.normal, 0.0, corner.tint);
+    return Between(view.matrix * vec4f(corner.place, 1.0), corner.place, corner.normal, 0.0, corner.tint);
 }
 
 @fragment fn ghost_fragment(in: Between) -> @location(0) vec4f {
@@ -117,8 +114,8 @@ struct Above {
 }
 
 @vertex fn contact_vertex(@location(0) place: vec3f) -> Above {
-    let from = place - view.ground_centre.xyz;
-    let at = vec2f(dot(from, view.ground_x.xyz), dot(from, view.ground_y.xyz)) / view.ground_centre.w;
+    let offset = place - view.ground_centre.xyz;
+    let at = vec2f(dot(offset, view.ground_x.xyz), dot(offset, view.ground_y.xyz)) / view.ground_centre.w;
     return Above(vec4f(at, 0.5, 1.0), dot(place, view.world_up.xyz) - view.world_up.w);
 }
 
@@ -177,8 +174,8 @@ fn grid_line(at: vec2f, spacing: f32, width: vec2f) -> f32 {
     let down = min(dot(ray, view.world_up.xyz), -1e-4);
     let t = (view.world_up.w - dot(view.eye.xyz, view.world_up.xyz)) / down;
     let place = view.eye.xyz + ray * t;
-    let from = place - view.ground_centre.xyz;
-    let at = vec2f(dot(from, view.ground_x.xyz), dot(from, view.ground_y.xyz));
+    let offset = place - view.ground_centre.xyz;
+    let at = vec2f(dot(offset, view.ground_x.xyz), dot(offset, view.ground_y.xyz));
     let width = fwidth(at);
     let there = view.flags.x * step(dot(ray, view.world_up.xyz), -1e-4) * step(0.0, t);
     let r = length(at) / view.ground_y.w;

@@ -34,10 +34,10 @@ pub fn margins(width: u32, height: u32, captions: Captions, title: bool) -> Marg
     let (w, h) = (width as f32, height as f32);
     let s = letters(height);
     Margins {
-        left: 1.5 * s / w,
+        left: 2.2 * s / w,
         right: if captions.bar { 7.2 * s / w } else { 1.5 * s / w },
-        top: if captions.title && title { 4.2 * s / h } else { 1.5 * s / h },
-        bottom: if captions.note { 3.2 * s / h } else { 1.5 * s / h },
+        top: if captions.title && title { 4.9 * s / h } else { 1.5 * s / h },
+        bottom: if captions.note { 3.6 * s / h } else { 1.5 * s / h },
     }
 }
 

@@ -431,15 +431,16 @@ impl Renderer {
         pass.set_bind_group(0, &p.group, &[]);
         pass.set_pipeline(&p.ground);
         pass.draw(0..3, 0..1);
+        // before the bodies, which hide it: colours are seen through nothing
+        if look.ghost {
+            pass.set_pipeline(&p.ghost);
+            self.ghost.draw(&mut pass);
+        }
         pass.set_pipeline(&p.skin);
         self.body.draw(&mut pass);
         pass.set_pipeline(&p.solid);
         for solid in &self.solids {
             solid.draw(&mut pass);
-        }
-        if look.ghost {
-            pass.set_pipeline(&p.ghost);
-            self.ghost.draw(&mut pass);
         }
     }
 }

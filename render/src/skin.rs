@@ -16,7 +16,7 @@ pub struct Skin {
     pub body: Vec<u16>,
     /// Three vertices each, counter-clockwise from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// Edges by their points where the surface is sharp, or ends.
+    /// Edges by their points where the surface is sharp, or ends; without those that end nowhere.
     pub creases: Vec<[u32; 2]>,
 }
 
@@ -78,6 +78,7 @@ impl Skin {
             }
         }
         creases.sort_unstable();
+        without_loose_ends(&mut creases);
         let mut skin = Self { creases, ..Self::default() };
         let mut vertex = vec![u32::MAX; parent.len()];
         for (f, (t, body, _)) in kept.iter().enumerate() {
@@ -109,6 +110,20 @@ impl Skin {
             }
         }
         sums.into_iter().map(|n| n.try_normalize().unwrap_or(Vec3::Z).to_array()).collect()
+    }
+}
+
+/// Takes away edges until every end meets another one: on a round body a few faces are steep to each other by
+/// chance, and lines there would be noise.
+fn without_loose_ends(edges: &mut Vec<[u32; 2]>) {
+    loop {
+        let mut ends: HashMap<u32, u32> = HashMap::new();
+        edges.iter().flatten().for_each(|&v| *ends.entry(v).or_default() += 1);
+        let before = edges.len();
+        edges.retain(|edge| edge.iter().all(|v| ends[v] > 1));
+        if edges.len() == before {
+            return;
+        }
     }
 }
 
@@ -167,6 +182,9 @@ mod tests {
         let skin = Skin::new(&parted, &points, CREASE_ANGLE);
         assert_eq!((skin.points.len(), skin.creases.len()), (6, 5));
         assert_eq!(skin.body, [0, 0, 0, 1, 1, 1]);
+        let mut loose = vec![[0, 1], [1, 2], [0, 2], [2, 3], [3, 4]];
+        without_loose_ends(&mut loose);
+        assert_eq!(loose, [[0, 1], [1, 2], [0, 2]]);
         // degenerate ones and wrong indices are left out
         let odd = [([0, 0, 1], 0), ([0, 1, 9], 0)];
         assert_eq!(Skin::new(&odd, &points, CREASE_ANGLE), Skin::default());

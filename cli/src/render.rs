@@ -1,0 +1,136 @@
+//! `sinew render`.
+
+use crate::progress::Progress;
+use crate::{Outcome, PrecisionArgument, choice, print};
+use clap::Args;
+use sinew::prelude::{Integrator, Model};
+use sinew_benches::advise::Choice;
+use sinew_demos::build::BuildOptions;
+use sinew_demos::picture::{Quantity, RenderJob, render};
+use sinew_demos::run::{Observer, Silent};
+use sinew_demos::scene::LoadedScene;
+use sinew_render::adapter::AdapterRequest;
+use sinew_render::camera::CameraRequest;
+use std::path::PathBuf;
+
+#[derive(Args)]
+pub struct RenderArguments {
+    /// Scene file (TOML).
+    scene: PathBuf,
+    /// Folder for one PNG per frame.
+    #[arg(long, value_name = "DIR")]
+    png: Option<PathBuf>,
+    /// Film (.mp4, .webm, .gif ... by an ffmpeg on the path; an animated PNG without).
+    #[arg(long, value_name = "FILE")]
+    video: Option<PathBuf>,
+    /// One picture (PNG).
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+    /// Time (s) of that picture, of a static scene the share of the loads [default: the end].
+    #[arg(long, value_name = "S", requires = "picture")]
+    at: Option<f64>,
+    /// Frames in all [default: those of the scene's output].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(2..))]
+    frames: Option<u32>,
+    /// Width and height (pixels).
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
+    size: [u32; 2],
+    /// Colours: displacement, strain, stress, energy, volume or none.
+    #[arg(long, visible_alias = "colour", default_value = "displacement", value_parser = quantity)]
+    color: Quantity,
+    /// AZIMUTH,ELEVATION[,FACTOR on the fitting distance] in degrees, or eye and target X,Y,Z,X,Y,Z in metres
+    /// [default: 25,18].
+    #[arg(long, allow_hyphen_values = true, value_parser = camera)]
+    camera: Option<CameraRequest>,
+    /// Part of the name of a graphics adapter, or `software`.
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
+    /// Lines along sharp edges.
+    #[arg(long)]
+    edges: bool,
+    /// No ground.
+    #[arg(long)]
+    no_ground: bool,
+    /// No shape at rest.
+    #[arg(long)]
+    no_ghost: bool,
+    /// Energy of all bodies.
+    #[arg(long, value_parser = choice::<Model>)]
+    model: Option<Model>,
+    /// Time integrator.
+    #[arg(long, value_parser = choice::<Integrator>)]
+    integrator: Option<Integrator>,
+    /// Number type of the state.
+    #[arg(long)]
+    precision: Option<PrecisionArgument>,
+    /// Carry out this many steps instead of the whole scene.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+    /// Threads of the simulation, 0 for one per core.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// No progress bar and no report.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let numbers = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    numbers.ok_or_else(|| format!("`{text}` is no size; give WIDTHxHEIGHT such as 1280x720"))
+}
+
+fn quantity(text: &str) -> Result<Quantity, String> {
+    text.parse().map_err(|e: sinew_render::RenderError| e.to_string())
+}
+
+fn camera(text: &str) -> Result<CameraRequest, String> {
+    text.parse().map_err(|e: sinew_render::RenderError| e.to_string())
+}
+
+/// The adapter of a word on the command line.
+fn adapter(word: Option<&str>) -> AdapterRequest {
+    match word {
+        Some("software") => AdapterRequest { software: Some(true), ..AdapterRequest::default() },
+        name => AdapterRequest { name: name.map(str::to_owned), ..AdapterRequest::default() },
+    }
+}
+
+pub fn render_scene(arguments: RenderArguments) -> Outcome {
+    let mut scene = LoadedScene::read(&arguments.scene)?;
+    let replaced = Choice {
+        integrator: arguments.integrator,
+        model: arguments.model,
+        ..Choice::default()
+    };
+    replaced.apply(&mut scene);
+    let job = RenderJob {
+        build: BuildOptions {
+            precision: arguments.precision.map(Into::into),
+            threads: arguments.threads,
+            steps: arguments.steps,
+        },
+        frames: arguments.frames.map(|n| n as usize),
+        size: arguments.size,
+        png: arguments.png,
+        video: arguments.video,
+        picture: arguments.picture,
+        at: arguments.at,
+        small: false,
+        quantity: arguments.color,
+        camera: arguments.camera.unwrap_or_default(),
+        adapter: adapter(arguments.adapter.as_deref()),
+        edges: arguments.edges,
+        no_ground: arguments.no_ground,
+        no_ghost: arguments.no_ghost,
+    };
+    let mut progress = Progress::default();
+    let observer: &mut dyn Observer = if arguments.quiet { &mut Silent } else { &mut progress };
+    let (report, summary) = render(&scene, &job, observer)?;
+    if !arguments.quiet {
+        print(format_args!("{report}"))?;
+    }
+    if let Some(failure) = &summary.failure {
+        eprintln!("error: {}: {failure}", arguments.scene.display());
+    }
+    Ok(summary.completed)
+}

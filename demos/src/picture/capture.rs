@@ -1,0 +1,517 @@
+//! Makes a recording of a scene while it runs: an observer that copies what pictures need.
+
+use super::Quantity;
+use super::boundary::{Face, boundary};
+use super::measure::{Measured, Moduli};
+use crate::build::{BuiltBody, BuiltScene};
+use crate::output::acts;
+use crate::run::Observer;
+use crate::scene::{LoadedScene, Mode};
+use glam::{DVec3, Vec3};
+use sinew::engine::connectivity::ElementKind;
+use sinew::engine::load::Load;
+use sinew::engine::report::SystemTimes;
+use sinew_render::colour::{ColourMap, Rgb};
+use sinew_render::scene::{Arrow, Ball, Frame, Recording, Rod};
+use sinew_render::skin::{CREASE_ANGLE, Facet, Skin};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Held vertices.
+const HELD: Rgb = [58, 70, 90];
+/// Moved vertices, and the forces that move them.
+const MOVED: Rgb = [222, 112, 30];
+/// Tools that cut.
+const TOOL: Rgb = [168, 176, 186];
+/// Loads.
+const LOAD: Rgb = [196, 48, 58];
+/// Fibres over a colour map, and over plain bodies.
+const FIBRE: [Rgb; 2] = [[248, 248, 244], [92, 30, 28]];
+
+/// What is recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CaptureOptions {
+    /// Frames in all, first and last included; those of the scene's output without.
+    pub frames: Option<usize>,
+    /// Scalars, in this order.
+    pub quantities: Vec<Quantity>,
+    /// Angle (degrees) between faces above which edges stay sharp.
+    pub crease: f32,
+}
+
+impl Default for CaptureOptions {
+    fn default() -> Self {
+        Self { frames: None, quantities: vec![Quantity::Displacement], crease: CREASE_ANGLE }
+    }
+}
+
+/// A body and where its points are among all.
+struct Part {
+    first: usize,
+    measured: Option<Measured>,
+    faces: Vec<Face>,
+    /// Solids, triangles and quadrilaterals left at the last look.
+    left: [usize; 4],
+}
+
+/// Force at a place, until all frames are known and arrows get their lengths.
+type Force = (Vec3, Vec3, Vec3, Rgb);
+
+/// An observer that records; pass another one on to be told as well.
+pub struct Recorder<'a> {
+    scene: &'a LoadedScene,
+    options: CaptureOptions,
+    inner: &'a mut dyn Observer,
+    parts: Vec<Part>,
+    /// Place of each point of the scene among those recorded.
+    place: Vec<u32>,
+    kept: Vec<u32>,
+    wanted: Vec<u64>,
+    skin: Arc<Skin>,
+    radius: f32,
+    recording: Recording,
+    forces: Vec<Vec<Force>>,
+    seconds: f64,
+}
+
+impl<'a> Recorder<'a> {
+    /// For a run of `scene`.
+    pub fn new(
+        scene: &'a LoadedScene,
+        options: CaptureOptions,
+        inner: &'a mut dyn Observer,
+    ) -> Self {
+        let recording = Recording {
+            title: String::new(),
+            subtitle: String::new(),
+            is_static: scene.scene.mode == Mode::Static,
+            up: Vec3::Z,
+            rest: Vec::new(),
+            rest_skin: Arc::default(),
+            fields: options.quantities.iter().filter_map(|q| q.field()).collect(),
+            bodies: Vec::new(),
+            interval: 0.0,
+            frames: Vec::new(),
+        };
+        Self {
+            scene,
+            options,
+            inner,
+            parts: Vec::new(),
+            place: Vec::new(),
+            kept: Vec::new(),
+            wanted: Vec::new(),
+            skin: Arc::default(),
+            radius: 0.0,
+            recording,
+            forces: Vec::new(),
+            seconds: 0.0,
+        }
+    }
+
+    /// The recording, with colour ranges and lengths of arrows that suit all its frames, and the host time (s)
+    /// that it took.
+    pub fn finish(mut self) -> (Recording, f64) {
+        let start = Instant::now();
+        let largest = self.forces.iter().flatten().map(|f| f.1.length()).fold(0.0, f32::max);
+        let scale = 0.2 * self.recording.size() / largest.max(f32::MIN_POSITIVE);
+        for (frame, forces) in self.recording.frames.iter_mut().zip(&self.forces) {
+            for &(at, force, centre, colour) in forces {
+                let along = force * scale;
+                // an arrow shorter than its head says nothing
+                if force.length() > 0.02 * largest {
+                    // pushes end at the surface, pulls begin there
+                    let to = if along.dot(at - centre) < 0.0 { at } else { at + along };
+                    let (to, along) = (to.to_array(), along.to_array());
+                    frame.arrows.push(Arrow { to, along, colour });
+                }
+            }
+        }
+        if let [first, .., last] = &self.recording.frames[..]
+            && !self.recording.is_static
+        {
+            let intervals = self.recording.frames.len() - 1;
+            self.recording.interval = (last.time - first.time) / intervals as f64;
+        }
+        set_ranges(&mut self.recording);
+        self.seconds += start.elapsed().as_secs_f64();
+        (self.recording, self.seconds)
+    }
+
+    fn prepare(&mut self, built: &mut BuiltScene) {
+        let r = &mut self.recording;
+        r.up = -built.plan.gravity.normalize_or_zero().as_vec3();
+        if r.up == Vec3::ZERO {
+            r.up = Vec3::Z;
+        }
+        (r.title, r.subtitle) = titles(self.scene, built);
+        let needs_measures = self.options.quantities.iter().any(|q| q.index().is_some());
+        let cutting = !built.resections.is_empty();
+        let mut points = Vec::new();
+        for (i, body) in built.bodies.iter().enumerate() {
+            let entry = &self.scene.scene.bodies[i].material;
+            let field = |name: &Option<String>| {
+                let data = body.mesh.data(name.as_ref()?)?;
+                Some(data.tetrahedra.iter().chain(&data.hexahedra).copied().collect())
+            };
+            let moduli = Moduli {
+                young_modulus: field(&entry.young_modulus_field),
+                poisson_ratio: field(&entry.poisson_ratio_field),
+            };
+            let fibres = body.axes.as_ref().is_some_and(|axes| !axes.families.is_empty());
+            let measured = (needs_measures || fibres).then(|| Measured::new(body, &moduli));
+            let (first, faces, left) = (points.len(), Vec::new(), [usize::MAX; 4]);
+            self.parts.push(Part { first, measured, faces, left });
+            points.extend(body.mesh.points.iter().map(|p| p.as_vec3().to_array()));
+            r.bodies.push(body.name.clone());
+        }
+        self.faces(built);
+        let r = &mut self.recording;
+        // only what can be seen, unless removals open new surfaces
+        let mut kept = vec![cutting; points.len()];
+        for part in &self.parts {
+            for v in part.faces.iter().flat_map(|f| f.vertices) {
+                kept[part.first + v as usize] = true;
+            }
+        }
+        self.place = vec![u32::MAX; points.len()];
+        for (i, _) in kept.iter().enumerate().filter(|(_, kept)| **kept) {
+            self.place[i] = self.kept.len() as u32;
+            self.kept.push(i as u32);
+        }
+        r.rest = self.kept.iter().map(|&i| points[i as usize]).collect();
+        self.skin = self.new_skin();
+        let r = &mut self.recording;
+        r.rest_skin = self.skin.clone();
+        let skin = &self.skin;
+        let at = |v: u32| Vec3::from_array(r.rest[skin.points[v as usize] as usize]);
+        let mut lengths: Vec<f32> =
+            skin.triangles.iter().map(|&[a, b, _]| at(a).distance(at(b))).collect();
+        lengths.sort_unstable_by(f32::total_cmp);
+        let typical = lengths.get(lengths.len() / 2).copied().unwrap_or(0.0);
+        self.radius = (0.22 * typical).clamp(0.003 * r.size(), 0.0085 * r.size());
+        let plan = &built.plan;
+        self.wanted = match self.options.frames {
+            Some(frames) => {
+                let last = frames.max(2) as u64 - 1;
+                (0..=last).map(|i| (i * plan.steps + last / 2) / last).collect()
+            }
+            None => (0..=plan.steps)
+                .filter(|step| *step == plan.steps || step % plan.frame_every == 0)
+                .collect(),
+        };
+        self.wanted.dedup();
+    }
+
+    /// Looks for removed elements; returns whether there are any new ones.
+    fn faces(&mut self, built: &BuiltScene) -> bool {
+        let mut changed = false;
+        for (part, body) in self.parts.iter_mut().zip(&built.bodies) {
+            let simulation = &built.simulation;
+            let left = |kind| simulation.remaining(body.handle, kind);
+            // counts are enough: elements never come back
+            let lists = [
+                left(ElementKind::Tetrahedron),
+                left(ElementKind::Hexahedron),
+                left(ElementKind::Triangle),
+                left(ElementKind::Quad),
+            ];
+            let counts = [0, 1, 2, 3].map(|k| lists[k].len());
+            if counts == part.left {
+                continue;
+            }
+            part.left = counts;
+            let solids = solid_indices(body, &lists[0], &lists[1]);
+            let triangles: Vec<_> =
+                lists[2].iter().map(|&e| body.membrane_triangles()[e as usize]).collect();
+            let quads: Vec<_> =
+                lists[3].iter().map(|&e| body.membrane_quads()[e as usize]).collect();
+            part.faces = boundary(&body.mesh, &solids, &triangles, &quads);
+            changed = true;
+        }
+        changed
+    }
+
+    fn new_skin(&self) -> Arc<Skin> {
+        let facets: Vec<Facet> = self
+            .parts
+            .iter()
+            .enumerate()
+            .flat_map(|(body, part)| {
+                let place = |v: u32| self.place[part.first + v as usize];
+                part.faces.iter().map(move |f| (f.vertices.map(place), body as u16))
+            })
+            .collect();
+        Arc::new(Skin::new(&facets, &self.recording.rest, self.options.crease))
+    }
+
+    fn record(&mut self, built: &mut BuiltScene, step: u64) {
+        let start = Instant::now();
+        let time = built.simulation.time();
+        if step > 0 && !built.resections.is_empty() && self.faces(built) {
+            self.skin = self.new_skin();
+        }
+        let mut points = Vec::with_capacity(self.kept.len());
+        let mut fields = vec![Vec::with_capacity(self.kept.len()); self.recording.fields.len()];
+        let (mut balls, mut rods) = (Vec::new(), Vec::new());
+        let mut displacements = Vec::new();
+        for (part, body) in self.parts.iter().zip(&built.bodies) {
+            let u = built.simulation.displacements(body.handle);
+            let measures = part.measured.as_ref().map(|measured| {
+                let left = |kind| built.simulation.remaining(body.handle, kind);
+                let solids = solid_indices(
+                    body,
+                    &left(ElementKind::Tetrahedron),
+                    &left(ElementKind::Hexahedron),
+                );
+                let triangles = left(ElementKind::Triangle);
+                let quads = left(ElementKind::Quad);
+                let count = body.membrane_triangles().len();
+                measured.at_vertices(&u, &solids, &|e| {
+                    if e < count {
+                        triangles.binary_search(&(e as u32)).is_ok()
+                    } else {
+                        quads.binary_search(&((e - count) as u32)).is_ok()
+                    }
+                })
+            });
+            for (v, (x, u)) in body.mesh.points.iter().zip(&u).enumerate() {
+                if self.place[part.first + v] == u32::MAX {
+                    continue;
+                }
+                points.push((*x + *u).as_vec3().to_array());
+                let quantities = self.options.quantities.iter().filter(|q| q.field().is_some());
+                for (values, quantity) in fields.iter_mut().zip(quantities) {
+                    values.push(match (quantity.index(), &measures) {
+                        (Some(k), Some(measures)) => measures[v][k] as f32,
+                        _ => u.length() as f32,
+                    });
+                }
+            }
+            fibres(part, body, &u, self.recording.fields.is_empty(), &mut rods);
+            displacements.push(u);
+        }
+        let position = |body: usize, v: u32| {
+            built.bodies[body].mesh.points[v as usize] + displacements[body][v as usize]
+        };
+        for (c, entry) in built.constraints.iter().zip(&self.scene.scene.constraints) {
+            if !acts(c, time) {
+                continue;
+            }
+            let colour = if entry.motion.is_some() { MOVED } else { HELD };
+            let first = self.parts[c.body].first;
+            for &v in &c.vertices {
+                let place = self.place[first + v as usize];
+                if place != u32::MAX {
+                    let centre = points[place as usize];
+                    balls.push(Ball { centre, radius: self.radius, colour });
+                }
+            }
+        }
+        for tool in self.scene.scene.resections.iter().filter_map(|r| r.tool.as_ref()) {
+            let path = &tool.path;
+            if let Some(i) = path.windows(2).position(|w| time >= w[0][0] && time <= w[1][0]) {
+                let ([t0, a @ ..], [t1, b @ ..]) = (path[i], path[i + 1]);
+                let s = (time - t0) / (t1 - t0);
+                let centre = DVec3::from_array(a).lerp(DVec3::from_array(b), s);
+                let centre = centre.as_vec3().to_array();
+                balls.push(Ball { centre, radius: tool.radius as f32, colour: TOOL });
+            }
+        }
+        // forces: loads at their middle, reactions of what moves
+        let mut forces: Vec<Force> = Vec::new();
+        let centres: Vec<DVec3> = (0..built.bodies.len())
+            .map(|b| {
+                let used = &built.bodies[b].used_vertices;
+                used.iter().map(|&v| position(b, v)).sum::<DVec3>() / used.len().max(1) as f64
+            })
+            .collect();
+        for (c, entry) in built.constraints.iter().zip(&self.scene.scene.constraints) {
+            if step == 0 || entry.motion.is_none() || !acts(c, time) {
+                continue;
+            }
+            let times = built.simulation.world().get_resource::<SystemTimes>().cloned();
+            built.simulation.evaluate();
+            if let Some(times) = times {
+                built.simulation.world_mut().insert_resource(times);
+            }
+            let force = built.simulation.reaction(c.entity).as_vec3();
+            let at: DVec3 = c.vertices.iter().map(|&v| position(c.body, v)).sum();
+            let at = (at / c.vertices.len().max(1) as f64).as_vec3();
+            forces.push((at, force, centres[c.body].as_vec3(), MOVED));
+        }
+        let rows: Vec<_> = built.simulation.topology().bodies.to_vec();
+        let world = built.simulation.world_mut();
+        for load in world.query::<&Load>().iter(world) {
+            let (mut at, mut force, mut centre) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+            for &(row, f) in &load.forces {
+                let body = rows.iter().position(|b| b.vertices.contains(&row));
+                let Some(body) = body else { continue };
+                let local = (row - rows[body].vertices.start) as usize;
+                at += position(body, rows[body].vertex_order[local]);
+                force += f;
+                centre = centres[body];
+            }
+            let at = at / load.forces.len().max(1) as f64;
+            let force = force * load.curve.value(time);
+            forces.push((at.as_vec3(), force.as_vec3(), centre.as_vec3(), LOAD));
+        }
+        let note = note(built, step);
+        let (skin, arrows) = (self.skin.clone(), Vec::new());
+        let frame = Frame { step, time, points, skin, fields, balls, arrows, rods, note };
+        self.recording.frames.push(frame);
+        self.forces.push(forces);
+        self.seconds += start.elapsed().as_secs_f64();
+    }
+}
+
+impl Observer for Recorder<'_> {
+    fn built(&mut self, scene: &mut BuiltScene) {
+        self.inner.built(scene);
+        let start = Instant::now();
+        self.prepare(scene);
+        self.seconds += start.elapsed().as_secs_f64();
+        self.record(scene, 0);
+    }
+
+    fn start(&mut self, name: &str, steps: u64) {
+        self.inner.start(name, steps);
+    }
+
+    fn step(&mut self, done: u64, time: f64, scene: &mut BuiltScene) {
+        self.inner.step(done, time, scene);
+        if self.wanted.binary_search(&done).is_ok() {
+            self.record(scene, done);
+        }
+    }
+
+    fn finish(&mut self) {
+        self.inner.finish();
+    }
+}
+
+/// Indices among tetrahedra and then hexahedra.
+fn solid_indices(body: &BuiltBody, tetrahedra: &[u32], hexahedra: &[u32]) -> Vec<u32> {
+    let first = body.mesh.tetrahedra.len() as u32;
+    tetrahedra.iter().copied().chain(hexahedra.iter().map(|&h| first + h)).collect()
+}
+
+/// A short rod along the deformed direction of every family in every element at the surface.
+fn fibres(part: &Part, body: &BuiltBody, u: &[DVec3], plain: bool, rods: &mut Vec<Rod>) {
+    let (Some(axes), Some(measured)) = (&body.axes, &part.measured) else { return };
+    for family in &axes.families {
+        for face in part.faces.iter().filter(|f| !f.second) {
+            let Some(element) = face.element else { continue };
+            let of = |list: &[DVec3]| list[if list.len() == 1 { 0 } else { element as usize }];
+            let rest = of(&family.directions).normalize_or_zero();
+            if family.share.as_ref().is_some_and(|share| share[element as usize] == 0.0) {
+                continue;
+            }
+            let [a, b, c] = face.vertices.map(|v| body.mesh.points[v as usize] + u[v as usize]);
+            let area = (b - a).cross(c - a);
+            let quad = body.mesh.tetrahedra.len() <= element as usize;
+            // the middle of a quadrilateral is that of its diagonal
+            let middle = if quad { 0.5 * (a + c) } else { (a + b + c) / 3.0 };
+            let size = area.length().sqrt() * if quad { 1.0 } else { 0.8 };
+            let along = measured.deformation(element as usize, u) * rest * (0.36 * size);
+            // where they leave the surface, as at cut faces, they would stick out
+            if along.dot(area).abs() > 0.5 * along.length() * area.length() {
+                continue;
+            }
+            let lift = area.normalize_or_zero() * (0.02 * size);
+            let ends =
+                [middle + lift - along, middle + lift + along].map(|p| p.as_vec3().to_array());
+            rods.push(Rod { ends, colour: FIBRE[usize::from(plain)] });
+        }
+    }
+}
+
+/// First and second line of the caption.
+fn titles(loaded: &LoadedScene, built: &BuiltScene) -> (String, String) {
+    let scene = &loaded.scene;
+    let mut title = scene.name.replace('_', " ");
+    if let Some(first) = title.get(..1) {
+        title = first.to_uppercase() + &title[1..];
+    }
+    let mut models: Vec<String> = Vec::new();
+    for body in &built.bodies {
+        let solid = body.mesh.is_solid();
+        let model = match (&body.membrane, solid) {
+            (Some(membrane), false) => word(&membrane.settings.model),
+            _ => word(&body.model),
+        };
+        if !models.contains(&model) {
+            models.push(model);
+        }
+    }
+    let elements: usize = built
+        .bodies
+        .iter()
+        .map(|b| {
+            let solids = b.mesh.tetrahedra.len() + b.mesh.hexahedra.len();
+            solids + b.membrane_triangles().len() + b.membrane_quads().len()
+        })
+        .sum();
+    let settings = &built.plan.settings;
+    let step = match built.plan.mode {
+        Mode::Dynamic => format!(", {:.4} ms", 1e3 * built.plan.dt),
+        Mode::Static => String::new(),
+    };
+    let step = if step.contains('.') {
+        let (number, unit) = step.split_at(step.len() - 3);
+        format!("{}{unit}", number.trim_end_matches('0').trim_end_matches('.'))
+    } else {
+        step
+    };
+    let integrator = settings.integrator.resolve().name();
+    let subtitle = format!("{} · {integrator}{step} · {elements} elements", models.join(", "));
+    (title, subtitle)
+}
+
+/// The word of a choice in scene files.
+fn word<T: serde::Serialize>(value: &T) -> String {
+    let value = serde_json::to_value(value).unwrap_or_default();
+    value.as_str().unwrap_or_default().to_string()
+}
+
+/// What the caption says about a step.
+fn note(built: &BuiltScene, step: u64) -> String {
+    let report = built.simulation.report();
+    if step == 0 {
+        return "at rest".into();
+    }
+    let mut parts = vec![format!("step {step}")];
+    if report.newton_step > 0.0 {
+        parts.push(format!("Newton step {:.0e}", report.newton_step));
+    } else if report.cg_residual > 0.0 {
+        parts.push(format!("residual {:.0e}", report.cg_residual));
+    }
+    if report.substeps > 0 {
+        parts.push(format!("{} substeps", report.substeps));
+    }
+    parts.join(" · ").replace("e-", "e−")
+}
+
+/// Ranges of the colour bars from what is seen in all frames; single peaks, as at clamped corners, are cut off.
+fn set_ranges(recording: &mut Recording) {
+    for (i, field) in recording.fields.iter_mut().enumerate() {
+        let mut values: Vec<f32> = recording
+            .frames
+            .iter()
+            .flat_map(|frame| frame.skin.points.iter().map(move |&v| frame.fields[i][v as usize]))
+            .filter(|x| x.is_finite())
+            .map(|x| if field.map == ColourMap::Diverging { (x - 1.0).abs() } else { x.abs() })
+            .collect();
+        values.sort_unstable_by(f32::total_cmp);
+        let share = if field.name == "displacement" { 1.0 } else { 0.998 };
+        let at = ((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1));
+        let largest = values.get(at).copied().filter(|x| *x > 0.0).unwrap_or(1.0);
+        field.range = match field.map {
+            ColourMap::Diverging => {
+                let reach = largest.min(1.0);
+                [1.0 - reach, 1.0 + reach]
+            }
+            _ => [0.0, largest],
+        };
+    }
+}

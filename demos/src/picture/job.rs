@@ -1,0 +1,258 @@
+//! From a scene to files.
+
+use super::{CaptureOptions, Quantity, Recorder};
+use crate::build::BuildOptions;
+use crate::error::RunError;
+use crate::run::{Observer, RunOptions, run};
+use crate::scene::LoadedScene;
+use crate::summary::RunSummary;
+use sinew_render::RenderError;
+use sinew_render::adapter::{AdapterRequest, open};
+use sinew_render::camera::CameraRequest;
+use sinew_render::film::Film;
+use sinew_render::image::{Image, Packing};
+use sinew_render::overlay::Fonts;
+use sinew_render::painter::{Captions, Painter, decorate};
+use sinew_render::scene::Recording;
+use std::fmt;
+use std::path::PathBuf;
+use std::sync::mpsc;
+use std::time::Instant;
+
+/// Pictures that wait for their overlay and encoder before drawing waits.
+const QUEUE: usize = 4;
+
+/// What to draw and where to.
+#[derive(Clone, Debug, Default)]
+pub struct RenderJob {
+    /// What replaces values of the scene.
+    pub build: BuildOptions,
+    /// Frames in all; those of the scene's output without.
+    pub frames: Option<usize>,
+    /// Width and height (pixels).
+    pub size: [u32; 2],
+    /// Folder for one PNG per frame.
+    pub png: Option<PathBuf>,
+    /// File for a film.
+    pub video: Option<PathBuf>,
+    /// File for one picture.
+    pub picture: Option<PathBuf>,
+    /// Time (s) of that picture, of a static scene share of the loads; the end without.
+    pub at: Option<f64>,
+    /// Palette and tight packing for that picture.
+    pub small: bool,
+    /// Colours.
+    pub quantity: Quantity,
+    /// Camera.
+    pub camera: CameraRequest,
+    /// Adapter.
+    pub adapter: AdapterRequest,
+    /// Lines along sharp edges.
+    pub edges: bool,
+    /// No ground.
+    pub no_ground: bool,
+    /// No shape at rest.
+    pub no_ghost: bool,
+}
+
+/// What was drawn.
+#[derive(Clone, Debug, Default)]
+pub struct RenderReport {
+    /// Frames recorded.
+    pub frames: usize,
+    /// Pictures drawn.
+    pub pictures: usize,
+    /// Size (pixels).
+    pub size: [u32; 2],
+    /// Adapter.
+    pub adapter: String,
+    /// Host time (s) of the run, of that for copying frames, and from the first picture handed to the device
+    /// to the last file written.
+    pub seconds: [f64; 3],
+    /// What was written.
+    pub files: Vec<PathBuf>,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+impl fmt::Display for RenderReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [run, capture, draw] = self.seconds;
+        writeln!(
+            f,
+            "{} frames, {} pictures of {} x {} on {}",
+            self.frames, self.pictures, self.size[0], self.size[1], self.adapter
+        )?;
+        write!(f, "run {run:.2} s, of that {capture:.3} s for copying frames")?;
+        if self.pictures > 0 {
+            let rate = self.pictures as f64 / draw;
+            write!(f, "; drawn in {draw:.2} s ({rate:.1} pictures per second)")?;
+        }
+        writeln!(f)?;
+        for note in &self.notes {
+            writeln!(f, "NOTE: {note}")?;
+        }
+        for file in &self.files {
+            writeln!(f, "written to {}", file.display())?;
+        }
+        Ok(())
+    }
+}
+
+/// Why a scene could not be drawn.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RenderJobError {
+    /// The scene could not be run.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// It could not be drawn.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+}
+
+/// Runs a scene and records it; returns the recording, the summary and the host times (s) of the run and of
+/// copying frames.
+pub(crate) fn record(
+    scene: &LoadedScene,
+    build: BuildOptions,
+    capture: CaptureOptions,
+    observer: &mut dyn Observer,
+) -> Result<(Recording, RunSummary, [f64; 2]), RenderJobError> {
+    let start = Instant::now();
+    let mut recorder = Recorder::new(scene, capture, observer);
+    let summary = run(scene, &RunOptions { build, ..RunOptions::default() }, &mut recorder)?;
+    let (recording, seconds) = recorder.finish();
+    Ok((recording, summary, [start.elapsed().as_secs_f64(), seconds]))
+}
+
+/// Runs a scene and draws it. Frames are kept in memory while it runs, since camera and colours are fitted to
+/// all of them; the steps wait for nothing but the copies. A run that fails is drawn up to there.
+///
+/// # Errors
+/// When the scene cannot be built, no adapter fits or a file cannot be written.
+pub fn render(
+    scene: &LoadedScene,
+    job: &RenderJob,
+    observer: &mut dyn Observer,
+) -> Result<(RenderReport, RunSummary), RenderJobError> {
+    if job.png.is_none() && job.video.is_none() && job.picture.is_none() {
+        return Err(RenderError::Option {
+            option: "output",
+            found: "nothing".into(),
+            remedy: "give --png DIR, --video FILE, --html FILE or --picture FILE".into(),
+        }
+        .into());
+    }
+    // a missing adapter should not cost a run
+    let gpu = open(&job.adapter).map_err(RenderError::from)?;
+    let capture = CaptureOptions {
+        frames: job.frames,
+        quantities: vec![job.quantity],
+        ..CaptureOptions::default()
+    };
+    let (recording, summary, [run, copy]) = record(scene, job.build, capture, observer)?;
+    let mut report = RenderReport {
+        frames: recording.frames.len(),
+        size: job.size,
+        seconds: [run, copy, 0.0],
+        ..RenderReport::default()
+    };
+    let field = (!recording.fields.is_empty()).then_some(0);
+    let mut painter =
+        Painter::new(gpu, job.size, &recording, job.camera, field, Captions::ALL)?;
+    painter.look.edges = job.edges;
+    painter.look.ground = !job.no_ground;
+    painter.look.ghost = !job.no_ghost;
+    report.adapter = painter.adapter();
+    let start = Instant::now();
+    if let Some(path) = &job.picture {
+        let frame = nearest(&recording, job.at);
+        let image = painter.picture(&Fonts::default(), &recording, frame)?;
+        let packing = if job.small { Packing::Small } else { Packing::Fast };
+        image.write_png(path, packing)?;
+        report.pictures += 1;
+        report.files.push(path.clone());
+    }
+    if job.png.is_some() || job.video.is_some() {
+        film(&mut painter, &recording, scene, job, &mut report)?;
+    }
+    report.seconds[2] = start.elapsed().as_secs_f64();
+    Ok((report, summary))
+}
+
+/// The frame nearest to a time, the last without.
+pub(crate) fn nearest(recording: &Recording, at: Option<f64>) -> usize {
+    let last = recording.frames.len() - 1;
+    let Some(at) = at else { return last };
+    let distance = |i: usize| (recording.frames[i].time - at).abs();
+    (0..=last).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(last)
+}
+
+/// All frames: the device draws while another thread writes the overlay and encodes.
+fn film(
+    painter: &mut Painter,
+    recording: &Recording,
+    scene: &LoadedScene,
+    job: &RenderJob,
+    report: &mut RenderReport,
+) -> Result<(), RenderError> {
+    if let Some(folder) = &job.png {
+        std::fs::create_dir_all(folder).map_err(|e| RenderError::Write {
+            path: folder.clone(),
+            reason: e.to_string(),
+        })?;
+    }
+    let stem = scene.scene.name.replace(|c: char| !c.is_alphanumeric() && c != '-', "_");
+    let frames: Vec<usize> = (0..recording.frames.len()).collect();
+    // as fast as it happened; load steps one after another
+    let rate = if recording.interval > 0.0 { 1.0 / recording.interval } else { 2.0 };
+    let mut video = match &job.video {
+        Some(path) => Some(Film::start(path, job.size, frames.len() as u32, rate)?),
+        None => None,
+    };
+    if let (Some(film), Some(asked)) = (&video, &job.video)
+        && film.path() != asked
+    {
+        report.notes.push(format!(
+            "no ffmpeg on the path: {} is an animated PNG in place of {}; install ffmpeg for films",
+            film.path().display(),
+            asked.display()
+        ));
+    }
+    let (field, captions) = (painter.look.field, painter.captions);
+    let (sender, receiver) = mpsc::sync_channel::<(usize, Image)>(QUEUE);
+    let encoded = std::thread::scope(|scope| {
+        let video = &mut video;
+        let encoder = scope.spawn(move || {
+            let fonts = Fonts::default();
+            for (i, mut image) in receiver {
+                let frame = &recording.frames[i];
+                decorate(&mut image, &fonts, recording, frame, field, captions);
+                if let Some(folder) = &job.png {
+                    let name = format!("{stem}_{i:05}.png");
+                    image.write_png(&folder.join(name), Packing::Fast)?;
+                }
+                if let Some(film) = video.as_mut() {
+                    film.add(&image)?;
+                }
+            }
+            Ok::<(), RenderError>(())
+        });
+        let stopped = || RenderError::Device { reason: "the encoder has stopped".into() };
+        let drawn = painter.film(recording, &frames, |i, image| {
+            sender.send((i, image)).map_err(|_| stopped())
+        });
+        drop(sender);
+        // what the encoder says comes first: drawing stops because of it
+        let encoded = encoder.join().unwrap_or_else(|_| Err(stopped()));
+        encoded.and(drawn)
+    });
+    encoded?;
+    report.pictures += frames.len();
+    report.files.extend(job.png.clone());
+    if let Some(film) = video {
+        report.files.push(film.finish()?);
+    }
+    Ok(())
+}

@@ -1,0 +1,81 @@
+//! Pictures, films and pages of a scene (feature `render`).
+
+mod boundary;
+mod capture;
+mod job;
+mod measure;
+
+pub use capture::{CaptureOptions, Recorder};
+pub use job::{RenderJob, RenderJobError, RenderReport, render};
+
+use serde::{Deserialize, Serialize};
+use sinew_render::RenderError;
+use sinew_render::colour::ColourMap;
+use sinew_render::scene::Field;
+
+/// What gives a body its colours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Quantity {
+    /// Length of the displacement (m).
+    #[default]
+    Displacement,
+    /// Largest principal Green-Lagrange strain (-).
+    Strain,
+    /// Von Mises equivalent of the Cauchy stress (Pa) of St Venant-Kirchhoff with the moduli of the element,
+    /// whatever the model.
+    Stress,
+    /// Energy density (J/m^3) of St Venant-Kirchhoff, likewise.
+    Energy,
+    /// Volume over that at rest (-); of membranes the area.
+    Volume,
+    /// Plain colours, one for each body.
+    None,
+}
+
+impl Quantity {
+    /// All that have values.
+    pub const ALL: [Self; 5] =
+        [Self::Displacement, Self::Strain, Self::Stress, Self::Energy, Self::Volume];
+
+    /// The field of recordings, without its range; `None` for plain colours.
+    pub(crate) fn field(self) -> Option<Field> {
+        let (name, label, unit, map) = match self {
+            Self::Displacement => ("displacement", "displacement", "m", ColourMap::Viridis),
+            Self::Strain => ("strain", "principal strain", "", ColourMap::Ember),
+            Self::Stress => ("stress", "von Mises stress", "Pa", ColourMap::Ember),
+            Self::Energy => ("energy", "energy density", "J/m³", ColourMap::Ember),
+            Self::Volume => ("volume", "volume ratio", "", ColourMap::Diverging),
+            Self::None => return None,
+        };
+        let (name, label, unit) = (name.into(), label.into(), unit.into());
+        Some(Field { name, label, unit, map, range: [0.0, 1.0] })
+    }
+
+    /// Place among the measures of elements; `None` for those of vertices.
+    pub(crate) fn index(self) -> Option<usize> {
+        match self {
+            Self::Strain => Some(0),
+            Self::Stress => Some(1),
+            Self::Energy => Some(2),
+            Self::Volume => Some(3),
+            Self::Displacement | Self::None => None,
+        }
+    }
+}
+
+impl std::str::FromStr for Quantity {
+    type Err = RenderError;
+
+    fn from_str(text: &str) -> Result<Self, RenderError> {
+        serde_json::from_value(text.into()).map_err(|_| RenderError::Option {
+            option: "--color",
+            found: text.into(),
+            remedy: if text == "error" {
+                "an error needs a second run to compare with, which is not built in; draw both with --beside".into()
+            } else {
+                "choose of displacement, strain, stress, energy, volume, none".into()
+            },
+        })
+    }
+}
