@@ -26,6 +26,12 @@ pub struct RenderArguments {
     /// One picture (PNG).
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
+    /// Page with an interactive player; needs no graphics adapter.
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+    /// Another scene for the page, played beside this one.
+    #[arg(long, value_name = "SCENE", requires = "html")]
+    beside: Option<PathBuf>,
     /// Time (s) of that picture, of a static scene the share of the loads [default: the end].
     #[arg(long, value_name = "S", requires = "picture")]
     at: Option<f64>,
@@ -114,6 +120,8 @@ pub fn render_scene(arguments: RenderArguments) -> Outcome {
         png: arguments.png,
         video: arguments.video,
         picture: arguments.picture,
+        html: arguments.html,
+        beside: arguments.beside.map(|path| LoadedScene::read(&path)).transpose()?.map(Box::new),
         at: arguments.at,
         small: false,
         quantity: arguments.color,

@@ -200,7 +200,7 @@
       this.box.querySelector("span").textContent = run.subtitle;
       byId("views").append(this.box);
       this.canvas = this.box.querySelector("canvas");
-      const gl = this.gl = this.canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+      const gl = this.gl = this.canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
       if (!gl) throw new Error("This page needs WebGL 2, which this browser does not offer.");
       this.programs = {
         surface: this.program(SURFACE_VERTEX, SURFACE_FRAGMENT),
@@ -434,8 +434,11 @@
       const forward = add(scale(level, Math.cos(e)), upward, -Math.sin(e));
       const right = unit(cross(forward, upward)), up = cross(right, forward);
       const tangent = 0.249328, aspect = width / height;
-      const distance = run.radius / Math.sin(Math.atan(tangent * Math.min(1, 0.86 * aspect))) * 0.92 * camera.zoom;
-      const centre = add(add(run.middle, right, camera.shift[0] * distance), up, camera.shift[1] * distance);
+      // the colour bar keeps its side free
+      const free = Math.max(0.4, 1 - 110 * dense / width);
+      const distance = run.radius / Math.sin(Math.atan(tangent * Math.min(1, free * aspect))) * 0.94 * camera.zoom;
+      const aside = (1 - free) * tangent * aspect;
+      const centre = add(add(run.middle, right, (camera.shift[0] + aside) * distance), up, camera.shift[1] * distance);
       const eye = add(centre, forward, -distance);
       const near = Math.max(distance - 4 * run.radius, 0.02 * run.radius), far = distance + 6 * run.radius;
       const f = 1 / tangent, q = far / (near - far);
@@ -493,6 +496,16 @@
       gl.bindTexture(gl.TEXTURE_2D, this.contacts[0].texture);
       use(this.programs.ground, { there: shown.ground ? 1 : 0 });
       gl.drawArrays(gl.TRIANGLES, 0, 3);
+      // the rest shape stands behind the bodies
+      if (shown.ghost) {
+        gl.enable(gl.BLEND);
+        gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+        gl.enable(gl.CULL_FACE);
+        use(this.programs.ghost, { away: 0 });
+        shape(this.rest);
+        gl.disable(gl.CULL_FACE);
+        gl.disable(gl.BLEND);
+      }
       gl.enable(gl.DEPTH_TEST);
       gl.bindTexture(gl.TEXTURE_2D, this.map);
       use(this.programs.surface, { away: 0, gloss: 0.16 });
@@ -502,15 +515,8 @@
       gl.disable(gl.POLYGON_OFFSET_FILL);
       shape(this.parts);
       gl.enable(gl.BLEND);
-      gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(false);
       if (shown.mesh) this.lines(use);
-      if (shown.ghost) {
-        use(this.programs.ghost, { away: 0.006 });
-        gl.enable(gl.CULL_FACE);
-        shape(this.rest);
-        gl.disable(gl.CULL_FACE);
-      }
       gl.depthMask(true);
       gl.disable(gl.BLEND);
     }

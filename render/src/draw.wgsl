@@ -22,31 +22,32 @@ struct View {
 @group(0) @binding(1) var smooth_sampler: sampler;
 @group(0) @binding(2) var depth_sampler: sampler_comparison;
 @group(0) @binding(3) var colours: texture_2d<f32>;
+// red: nearness of bodies above the ground; green: shadow of the key light on it
 @group(0) @binding(4) var contact: texture_2d<f32>;
 @group(0) @binding(5) var shadow: texture_depth_2d;
 
 const SKY = vec3f(0.96, 0.98, 1.0);
 const BOUNCE = vec3f(0.80, 0.76, 0.72);
 
-// Share of the key light that reaches a point, by a four-by-four neighbourhood of the shadow map.
+// Share of the key light that reaches a point, by a neighbourhood of three by three of the shadow map.
 fn lit(place: vec3f, spread: f32) -> f32 {
     let clip = view.light * vec4f(place, 1.0);
     let at = vec2f(0.5 + 0.5 * clip.x, 0.5 - 0.5 * clip.y);
     var sum = 0.0;
-    for (var i = 0; i < 4; i++) {
-        for (var j = 0; j < 4; j++) {
-            let step = (vec2f(f32(i), f32(j)) - 1.5) * spread;
+    for (var i = 0; i < 3; i++) {
+        for (var j = 0; j < 3; j++) {
+            let step = (vec2f(f32(i), f32(j)) - 1.0) * spread;
             sum += textureSampleCompareLevel(shadow, depth_sampler, at + step, clip.z);
         }
     }
-    return sum / 16.0;
+    return sum / 9.0;
 }
 
 // Key light, hemisphere, a weak fill from the camera and a rim against the background.
 fn shade(albedo: vec3f, place: vec3f, normal: vec3f, gloss: f32) -> vec3f {
     let to_eye = normalize(view.eye.xyz - place);
     let size = view.eye.w;
-    let reach = lit(place + normal * 0.012 * size, 0.0016);
+    let reach = lit(place + normal * 0.012 * size, 0.0022);
     let facing = dot(normal, view.key.xyz);
     let key = smoothstep(-0.12, 1.0, facing) * mix(0.25, 1.0, reach);
     let sky = mix(BOUNCE, SKY, 0.5 + 0.5 * dot(normal, view.world_up.xyz));
@@ -124,6 +125,18 @@ struct Above {
     return vec4f(near, 0.0, 0.0, 1.0);
 }
 
+// The shadow of the key light on the ground, in green.
+@vertex fn cast_vertex(@location(0) place: vec3f) -> Above {
+    let height = dot(place, view.world_up.xyz) - view.world_up.w;
+    let offset = place - view.key.xyz * height / dot(view.key.xyz, view.world_up.xyz) - view.ground_centre.xyz;
+    let at = vec2f(dot(offset, view.ground_x.xyz), dot(offset, view.ground_y.xyz)) / view.ground_centre.w;
+    return Above(vec4f(at, 0.5, 1.0), height);
+}
+
+@fragment fn cast_fragment(in: Above) -> @location(0) vec4f {
+    return vec4f(0.0, 1.0, 0.0, 1.0);
+}
+
 struct Screen {
     @builtin(position) clip: vec4f,
     @location(0) at: vec2f,
@@ -138,16 +151,19 @@ struct Screen {
 @group(0) @binding(6) var unblurred: texture_2d<f32>;
 
 fn blurred(at: vec2f, along: vec2f) -> vec4f {
-    var sum = 0.0;
+    var sum = vec2f(0.0);
     var weights = 0.0;
     for (var i = -9; i <= 9; i++) {
         let x = f32(i) / 4.5;
         let weight = exp(-0.5 * x * x);
         let place = vec2f(0.5 + 0.5 * at.x, 0.5 - 0.5 * at.y) + along * f32(i) * 1.6 / 256.0;
-        sum += weight * textureSampleLevel(unblurred, smooth_sampler, place, 0.0).r;
+        // the shadow is cast by a small light: a third of the blur
+        let sharp = vec2f(0.5 + 0.5 * at.x, 0.5 - 0.5 * at.y) + along * f32(i) * 0.5 / 256.0;
+        sum.x += weight * textureSampleLevel(unblurred, smooth_sampler, place, 0.0).r;
+        sum.y += weight * textureSampleLevel(unblurred, smooth_sampler, sharp, 0.0).g;
         weights += weight;
     }
-    return vec4f(sum / weights, 0.0, 0.0, 1.0);
+    return vec4f(sum / weights, 0.0, 1.0);
 }
 
 @fragment fn blur_across(in: Screen) -> @location(0) vec4f {
@@ -185,10 +201,8 @@ fn grid_line(at: vec2f, spacing: f32, width: vec2f) -> f32 {
     colour *= 1.0 - 0.085 * line * fade;
     let uv = vec2f(0.5 + 0.5 * at.x / view.ground_centre.w, 0.5 - 0.5 * at.y / view.ground_centre.w);
     let inside = step(abs(uv.x - 0.5), 0.5) * step(abs(uv.y - 0.5), 0.5);
-    let near = textureSampleLevel(contact, smooth_sampler, uv, 0.0).r;
-    colour *= 1.0 - there * inside * 0.62 * near;
-    let reach = lit(place, 0.0045);
-    colour *= mix(1.0, mix(0.86, 1.0, reach), fade);
+    let shadow = textureSampleLevel(contact, smooth_sampler, uv, 0.0).rg * there * inside;
+    colour *= (1.0 - 0.62 * shadow.x) * (1.0 - 0.15 * shadow.y * fade);
     return vec4f(colour, 1.0);
 }
 

@@ -60,7 +60,7 @@ impl Film {
                     .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]);
             }
             if ending.as_deref() == Some("mp4") {
-                command.args(["-crf", "18", "-movflags", "+faststart"]);
+                command.args(["-preset", "veryfast", "-crf", "18", "-movflags", "+faststart"]);
             }
             let child = command
                 .arg(path)

@@ -8,6 +8,7 @@
 //! * [`colour`], [`overlay`]: colour maps, text and colour bars.
 //! * [`renderer`]: frames to pixels through `wgpu`, several under way at a time.
 //! * [`painter`]: frames with their captions.
+//! * [`page`]: a page with an interactive player.
 //! * [`image`], [`film`]: PNG files and films.
 
 pub mod camera;
@@ -16,6 +17,7 @@ pub mod error;
 pub mod film;
 pub mod image;
 pub mod overlay;
+pub mod page;
 pub mod painter;
 mod pipelines;
 pub mod renderer;

@@ -13,7 +13,7 @@ pub(crate) const CONTACT_SIZE: u32 = 256;
 const MULTISAMPLE: u32 = 4;
 const COLOUR: TextureFormat = TextureFormat::Rgba8UnormSrgb;
 const DEPTH: TextureFormat = TextureFormat::Depth32Float;
-const CONTACT: TextureFormat = TextureFormat::R8Unorm;
+const CONTACT: TextureFormat = TextureFormat::Rg8Unorm;
 
 /// What is drawn into.
 pub(crate) struct Targets {
@@ -77,6 +77,7 @@ impl Targets {
 pub(crate) struct Pipelines {
     pub light: wgpu::RenderPipeline,
     pub contact: wgpu::RenderPipeline,
+    pub cast: wgpu::RenderPipeline,
     pub blur: [wgpu::RenderPipeline; 2],
     pub ground: wgpu::RenderPipeline,
     pub skin: wgpu::RenderPipeline,
@@ -287,6 +288,7 @@ impl Pipelines {
                 },
             ),
             contact: flat(&light_layout, "contact_vertex", "contact_fragment", &place, largest),
+            cast: flat(&light_layout, "cast_vertex", "cast_fragment", &place, largest),
             blur: ["blur_across", "blur_upright"]
                 .map(|fragment| flat(&blur_layout, "screen_vertex", fragment, &[], None)),
             ground: main(

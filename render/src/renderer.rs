@@ -414,8 +414,10 @@ impl Renderer {
         if look.ground {
             let mut pass = begin(encoder, "contact", Some((&t.contact[0], None)), None);
             pass.set_bind_group(0, &p.light_group, &[]);
-            pass.set_pipeline(&p.contact);
-            self.body.draw(&mut pass);
+            for pipeline in [&p.contact, &p.cast] {
+                pass.set_pipeline(pipeline);
+                self.body.draw(&mut pass);
+            }
             drop(pass);
             for (i, pipeline) in p.blur.iter().enumerate() {
                 let target = &t.contact[1 - i];

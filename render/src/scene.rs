@@ -84,6 +84,8 @@ pub struct Recording {
     pub subtitle: String,
     /// Whether [`Frame::time`] is the share of the loads instead of a time.
     pub is_static: bool,
+    /// Whether pieces may be cut off and fall out of the picture.
+    pub falling: bool,
     /// Upward direction.
     pub up: Vec3,
     /// Points at rest (m).
@@ -115,18 +117,21 @@ impl Recording {
     }
 
     /// Points that a picture of the whole run must show: the drawn points of all frames and of the rest shape.
-    /// Pieces that fall off may leave it: points further than 0.4 of the size of the body outside its box at rest
+    /// With [`falling`](Self::falling) points further than 0.4 of the size of the body outside its box at rest
     /// do not count.
     pub fn extent(&self) -> impl Iterator<Item = Vec3> + Clone + '_ {
         let (low, high) = self.rest_box();
-        let room = Vec3::splat(0.4 * self.size());
+        let room = if self.falling { 0.4 * self.size() } else { f32::INFINITY };
+        let room = Vec3::splat(room);
         let (low, high) = (low - room, high + room);
         let skins = self.frames.iter().flat_map(|frame| {
             frame.skin.points.iter().map(|&v| Vec3::from_array(frame.points[v as usize]))
         });
         let rest =
             self.rest_skin.points.iter().map(|&v| Vec3::from_array(self.rest[v as usize]));
-        skins.chain(rest).filter(move |p| p.cmpge(low).all() && p.cmple(high).all())
+        skins.chain(rest).filter(move |p| {
+            p.is_finite() && p.cmpge(low).all() && p.cmple(high).all()
+        })
     }
 
     /// Checks that every index is in range and every list long enough, so that drawing cannot fail on data.

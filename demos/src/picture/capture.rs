@@ -85,6 +85,7 @@ impl<'a> Recorder<'a> {
             title: String::new(),
             subtitle: String::new(),
             is_static: scene.scene.mode == Mode::Static,
+            falling: !scene.scene.resections.is_empty(),
             up: Vec3::Z,
             rest: Vec::new(),
             rest_skin: Arc::default(),

@@ -12,6 +12,7 @@ use sinew_render::camera::CameraRequest;
 use sinew_render::film::Film;
 use sinew_render::image::{Image, Packing};
 use sinew_render::overlay::Fonts;
+use sinew_render::page::write_page;
 use sinew_render::painter::{Captions, Painter, decorate};
 use sinew_render::scene::Recording;
 use std::fmt;
@@ -37,6 +38,10 @@ pub struct RenderJob {
     pub video: Option<PathBuf>,
     /// File for one picture.
     pub picture: Option<PathBuf>,
+    /// File for a page with a player.
+    pub html: Option<PathBuf>,
+    /// Another scene for the page, beside this one.
+    pub beside: Option<Box<LoadedScene>>,
     /// Time (s) of that picture, of a static scene share of the loads; the end without.
     pub at: Option<f64>,
     /// Palette and tight packing for that picture.
@@ -78,11 +83,12 @@ pub struct RenderReport {
 impl fmt::Display for RenderReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [run, capture, draw] = self.seconds;
-        writeln!(
-            f,
-            "{} frames, {} pictures of {} x {} on {}",
-            self.frames, self.pictures, self.size[0], self.size[1], self.adapter
-        )?;
+        write!(f, "{} frames", self.frames)?;
+        if self.pictures > 0 {
+            let [width, height] = self.size;
+            write!(f, ", {} pictures of {width} x {height} on {}", self.pictures, self.adapter)?;
+        }
+        writeln!(f)?;
         write!(f, "run {run:.2} s, of that {capture:.3} s for copying frames")?;
         if self.pictures > 0 {
             let rate = self.pictures as f64 / draw;
@@ -136,7 +142,8 @@ pub fn render(
     job: &RenderJob,
     observer: &mut dyn Observer,
 ) -> Result<(RenderReport, RunSummary), RenderJobError> {
-    if job.png.is_none() && job.video.is_none() && job.picture.is_none() {
+    let pictures = job.png.is_some() || job.video.is_some() || job.picture.is_some();
+    if !pictures && job.html.is_none() {
         return Err(RenderError::Option {
             option: "output",
             found: "nothing".into(),
@@ -144,21 +151,48 @@ pub fn render(
         }
         .into());
     }
-    // a missing adapter should not cost a run
-    let gpu = open(&job.adapter).map_err(RenderError::from)?;
-    let capture = CaptureOptions {
-        frames: job.frames,
-        quantities: vec![job.quantity],
-        ..CaptureOptions::default()
-    };
-    let (recording, summary, [run, copy]) = record(scene, job.build, capture, observer)?;
+    if job.beside.is_some() && job.html.is_none() {
+        return Err(RenderError::Option {
+            option: "--beside",
+            found: "a second scene without --html".into(),
+            remedy: "give --html FILE, or draw both scenes one by one".into(),
+        }
+        .into());
+    }
+    // a missing adapter should not cost a run; a page needs none
+    let gpu = if pictures { Some(open(&job.adapter).map_err(RenderError::from)?) } else { None };
+    let mut quantities = vec![job.quantity];
+    if job.html.is_some() {
+        // the page lets people choose
+        quantities.extend(Quantity::ALL.into_iter().filter(|q| *q != job.quantity));
+        quantities.retain(|q| *q != Quantity::None);
+    }
+    let capture = CaptureOptions { frames: job.frames, quantities, ..CaptureOptions::default() };
+    let (recording, summary, [mut run, mut copy]) =
+        record(scene, job.build, capture.clone(), observer)?;
+    let mut other = None;
+    if let Some(scene) = &job.beside {
+        let (recording, summary, [seconds, copies]) = record(scene, job.build, capture, observer)?;
+        (run, copy) = (run + seconds, copy + copies);
+        other = Some((recording, summary.failure));
+    }
     let mut report = RenderReport {
         frames: recording.frames.len(),
         size: job.size,
         seconds: [run, copy, 0.0],
         ..RenderReport::default()
     };
-    let field = (!recording.fields.is_empty()).then_some(0);
+    if let Some(path) = &job.html {
+        let runs: Vec<&Recording> =
+            [&recording].into_iter().chain(other.as_ref().map(|o| &o.0)).collect();
+        write_page(path, &runs, job.camera)?;
+        report.files.push(path.clone());
+        if let Some(failure) = other.and_then(|o| o.1) {
+            report.notes.push(format!("the run beside ended early: {failure}"));
+        }
+    }
+    let Some(gpu) = gpu else { return Ok((report, summary)) };
+    let field = (job.quantity != Quantity::None).then_some(0);
     let mut painter =
         Painter::new(gpu, job.size, &recording, job.camera, field, Captions::ALL)?;
     painter.look.edges = job.edges;

@@ -1,0 +1,98 @@
+//! The page in a headless browser: it draws, it follows the scrub bar, and nothing is reported as an error.
+
+mod common;
+
+use sinew_render::camera::CameraRequest;
+use sinew_render::page::page;
+use std::io::Write;
+use std::process::{Command, Stdio};
+
+/// Looks at the page and writes what it saw into the document.
+const PROBE: &str = r#"<script>
+const errors = [];
+addEventListener("error", (e) => errors.push(e.message));
+addEventListener("unhandledrejection", (e) => errors.push(String(e.reason)));
+const report = console.error;
+console.error = (...words) => { errors.push(words.join(" ")); report(...words); };
+function pixels(canvas) {
+  const gl = canvas.getContext("webgl2"), w = canvas.width, h = canvas.height, p = new Uint8Array(4 * w * h);
+  gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p);
+  if (gl.getError()) errors.push("WebGL error");
+  return p;
+}
+function probe() {
+  if (!window.sinew) { setTimeout(probe, 50); return; }
+  const canvases = [...document.querySelectorAll("canvas")], scrub = document.getElementById("scrub");
+  const look = () => { sinew.draw(); return canvases.map(pixels); };
+  const first = look();
+  scrub.value = 1000;
+  scrub.dispatchEvent(new Event("input"));
+  const last = look(), note = document.querySelector(".note").textContent;
+  const field = document.getElementById("field");
+  field.value = "none";
+  field.dispatchEvent(new Event("change"));
+  const plain = look();
+  // bodies have colours, background and ground are grey
+  const vivid = (p) => {
+    let n = 0;
+    for (let i = 0; i < p.length; i += 4) n += Math.max(p[i], p[i + 1], p[i + 2]) - Math.min(p[i], p[i + 1], p[i + 2]) > 50;
+    return n * 4 / p.length;
+  };
+  const changed = (a, b) => { let n = 0; for (let i = 0; i < a.length; i += 4) n += a[i] !== b[i]; return n * 4 / a.length; };
+  const result = { errors, note, views: canvases.length, vivid: first.map(vivid),
+    moved: first.map((p, i) => changed(p, last[i])), recoloured: last.map((p, i) => changed(p, plain[i])) };
+  const out = document.createElement("pre");
+  out.id = "result";
+  out.textContent = "RESULT" + JSON.stringify(result) + "END";
+  document.body.append(out);
+}
+setTimeout(probe, 50);
+</script>"#;
+
+/// A browser on the path.
+fn browser() -> Option<&'static str> {
+    ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| {
+        let (out, err) = (Stdio::null(), Stdio::null());
+        Command::new(name).arg("--version").stdout(out).stderr(err).status().is_ok_and(|s| s.success())
+    })
+}
+
+#[test]
+fn the_player_draws_scrubs_and_recolours_without_an_error() {
+    let Some(browser) = browser() else {
+        let _ = writeln!(std::io::stderr(), "skipped: no chromium on the path");
+        return;
+    };
+    let recording = common::bar();
+    let page = page(&[&recording, &recording], CameraRequest::default()).unwrap();
+    // before the player, so that nothing escapes it
+    let page = page.replace("<div id=\"views\">", &format!("{PROBE}<div id=\"views\">"));
+    let folder = std::env::temp_dir().join(format!("sinew-player-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let file = folder.join("page.html");
+    std::fs::write(&file, page).unwrap();
+    let output = Command::new(browser)
+        .args(["--headless=new", "--no-sandbox", "--use-angle=swiftshader"])
+        .args(["--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--window-size=800,500"])
+        .args(["--virtual-time-budget=20000", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", folder.join("profile").display()))
+        .arg(format!("file://{}", file.display()))
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    let result = text.rsplit_once("RESULT").and_then(|(_, rest)| rest.split_once("END"));
+    let result = result.unwrap_or_else(|| {
+        panic!("no result: {}", String::from_utf8_lossy(&output.stderr));
+    });
+    let seen: serde_json::Value = serde_json::from_str(result.0).unwrap();
+    std::fs::remove_dir_all(folder).unwrap();
+    assert_eq!(seen["errors"], serde_json::json!([]), "{seen}");
+    assert_eq!(seen["views"], 2);
+    assert!(seen["note"].as_str().unwrap().contains("1.50 s"), "{seen}");
+    for view in 0..2 {
+        // the bar covers about a tenth
+        assert!(seen["vivid"][view].as_f64().unwrap() > 0.03, "{seen}");
+        assert!(seen["moved"][view].as_f64().unwrap() > 0.02, "{seen}");
+        assert!(seen["recoloured"][view].as_f64().unwrap() > 0.01, "{seen}");
+    }
+}
