@@ -6,7 +6,7 @@ use clap::Args;
 use sinew::prelude::{Integrator, Model};
 use sinew_benches::advise::Choice;
 use sinew_demos::build::BuildOptions;
-use sinew_demos::picture::{Quantity, RenderJob, render};
+use sinew_demos::picture::{Quantity, RenderJob, gallery, render};
 use sinew_demos::run::{Observer, Silent};
 use sinew_demos::scene::LoadedScene;
 use sinew_render::adapter::AdapterRequest;
@@ -16,7 +16,12 @@ use std::path::PathBuf;
 #[derive(Args)]
 pub struct RenderArguments {
     /// Scene file (TOML).
-    scene: PathBuf,
+    #[arg(required_unless_present = "gallery")]
+    scene: Option<PathBuf>,
+    /// Instead of a scene: draw every scene that ships and a picture for every paper into a folder, and write a
+    /// page in Markdown beside it.
+    #[arg(long, value_name = "DIR", conflicts_with = "scene")]
+    gallery: Option<PathBuf>,
     /// Folder for one PNG per frame.
     #[arg(long, value_name = "DIR")]
     png: Option<PathBuf>,
@@ -41,7 +46,7 @@ pub struct RenderArguments {
     /// Width and height (pixels).
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     size: [u32; 2],
-    /// Colours: displacement, strain, stress, energy, volume or none.
+    /// Colours: displacement, strain, stress, energy, volume, error (against a quarter of the step) or none.
     #[arg(long, visible_alias = "colour", default_value = "displacement", value_parser = quantity)]
     color: Quantity,
     /// AZIMUTH,ELEVATION[,FACTOR on the fitting distance] in degrees, or eye and target X,Y,Z,X,Y,Z in metres
@@ -102,12 +107,16 @@ fn adapter(word: Option<&str>) -> AdapterRequest {
 }
 
 pub fn render_scene(arguments: RenderArguments) -> Outcome {
-    let mut scene = LoadedScene::read(&arguments.scene)?;
-    let replaced = Choice {
-        integrator: arguments.integrator,
-        model: arguments.model,
-        ..Choice::default()
-    };
+    let adapter = adapter(arguments.adapter.as_deref());
+    if let Some(folder) = &arguments.gallery {
+        let files = gallery(folder, &adapter, |what| eprintln!("{what}"))?;
+        eprintln!("{} files written to {}", files.len(), folder.display());
+        return Ok(true);
+    }
+    let path = arguments.scene.unwrap_or_default();
+    let mut scene = LoadedScene::read(&path)?;
+    let replaced =
+        Choice { integrator: arguments.integrator, model: arguments.model, ..Choice::default() };
     replaced.apply(&mut scene);
     let job = RenderJob {
         build: BuildOptions {
@@ -126,7 +135,7 @@ pub fn render_scene(arguments: RenderArguments) -> Outcome {
         small: false,
         quantity: arguments.color,
         camera: arguments.camera.unwrap_or_default(),
-        adapter: adapter(arguments.adapter.as_deref()),
+        adapter,
         edges: arguments.edges,
         no_ground: arguments.no_ground,
         no_ghost: arguments.no_ghost,
@@ -138,7 +147,7 @@ pub fn render_scene(arguments: RenderArguments) -> Outcome {
         print(format_args!("{report}"))?;
     }
     if let Some(failure) = &summary.failure {
-        eprintln!("error: {}: {failure}", arguments.scene.display());
+        eprintln!("error: {}: {failure}", path.display());
     }
     Ok(summary.completed)
 }

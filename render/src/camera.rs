@@ -39,12 +39,14 @@ impl std::str::FromStr for CameraRequest {
 
     /// `AZIMUTH,ELEVATION[,FACTOR]` or `EX,EY,EZ,TX,TY,TZ`.
     fn from_str(text: &str) -> Result<Self, RenderError> {
-        let wrong = || RenderError::Option {
+        let wrong = || {
+            RenderError::Option {
             option: "--camera",
             found: text.into(),
             remedy: "give AZIMUTH,ELEVATION[,DISTANCE-FACTOR] in degrees, such as 25,18,1.1, or an eye and a \
                      target EX,EY,EZ,TX,TY,TZ in metres"
                 .into(),
+        }
         };
         let numbers: Result<Vec<f32>, _> = text.split(',').map(|x| x.trim().parse()).collect();
         let numbers = numbers.map_err(|_| wrong())?;
@@ -123,7 +125,10 @@ impl Camera {
             }
             CameraRequest::Fixed { eye, target } => (target - eye).normalize(),
         };
-        let right = forward.cross(world_up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
+        let right = forward
+            .cross(world_up)
+            .try_normalize()
+            .unwrap_or_else(|| forward.any_orthonormal_vector());
         let up = right.cross(forward);
         let tangents = [TAN_HALF * aspect, TAN_HALF];
         let local = |p: Vec3| Vec3::new(p.dot(right), p.dot(up), p.dot(forward));
@@ -164,7 +169,8 @@ impl Camera {
                     // room on either side is the same in the picture: secants, as depths differ
                     let aim = 0.5 * (sides[k][1] - sides[k][0]);
                     for _ in 0..12 {
-                        let (mut least, mut most) = ([f32::INFINITY, 1.0], [f32::NEG_INFINITY, 1.0]);
+                        let (mut least, mut most) =
+                            ([f32::INFINITY, 1.0], [f32::NEG_INFINITY, 1.0]);
                         for p in finite.clone() {
                             let p = p - middle - fitted;
                             let x = p[k] / p.z;

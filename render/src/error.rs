@@ -63,7 +63,9 @@ pub enum RenderError {
         reason: String,
     },
     /// The encoder of films stopped.
-    #[error("ffmpeg could not encode {path}: {reason}; is the ending of the file one that it knows?")]
+    #[error(
+        "ffmpeg could not encode {path}: {reason}; is the ending of the file one that it knows?"
+    )]
     Film {
         /// The film.
         path: PathBuf,

@@ -56,8 +56,7 @@ impl Film {
                 .args(["-framerate", &format!("{rate:.4}"), "-i", "-", "-an"]);
             if ending.as_deref() != Some("gif") {
                 // players want even sides and half the colour resolution
-                command
-                    .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]);
+                command.args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]);
             }
             if ending.as_deref() == Some("mp4") {
                 command.args(["-preset", "veryfast", "-crf", "18", "-movflags", "+faststart"]);

@@ -22,7 +22,7 @@ pub enum Packing {
     /// All colours, quickly.
     #[default]
     Fast,
-    /// At most 256 colours by median cut, packed tightly: small files for documents.
+    /// At most 256 colours by median cut with dithering, packed tightly: small files for documents.
     Small,
 }
 
@@ -56,7 +56,13 @@ impl Image {
     }
 
     /// Fills a rectangle, clipped to the picture.
-    pub fn fill(&mut self, [x, y]: [i32; 2], [width, height]: [i32; 2], colour: Rgb, coverage: f32) {
+    pub fn fill(
+        &mut self,
+        [x, y]: [i32; 2],
+        [width, height]: [i32; 2],
+        colour: Rgb,
+        coverage: f32,
+    ) {
         for row in y..y + height {
             for column in x..x + width {
                 self.blend(column, row, colour, coverage);
@@ -156,7 +162,7 @@ impl Image {
     }
 }
 
-/// Median cut to 256 colours; returns palette and an index for each pixel.
+/// Median cut to 256 colours; returns palette and an index for each pixel, dithered.
 fn quantise(image: &Image) -> (Vec<Rgb>, Vec<u8>) {
     let mut counts: HashMap<Rgb, u32> = HashMap::new();
     for p in image.data.chunks_exact(4) {
@@ -170,9 +176,11 @@ fn quantise(image: &Image) -> (Vec<Rgb>, Vec<u8>) {
         let weight = |b: &Vec<(Rgb, u32)>| {
             let spread = spread(b).1;
             let count: u32 = b.iter().map(|c| c.1).sum();
-            f64::from(spread) * f64::from(count).sqrt()
+            // rare colours count too: a colour bar is a small part of a picture
+            f64::from(spread) * f64::from(count).powf(0.25)
         };
-        let heaviest = (0..boxes.len()).max_by(|&a, &b| weight(&boxes[a]).total_cmp(&weight(&boxes[b])));
+        let heaviest =
+            (0..boxes.len()).max_by(|&a, &b| weight(&boxes[a]).total_cmp(&weight(&boxes[b])));
         let Some(i) = heaviest.filter(|&i| boxes[i].len() > 1) else { break };
         let mut own = boxes.swap_remove(i);
         let axis = spread(&own).0;
@@ -197,20 +205,35 @@ fn quantise(image: &Image) -> (Vec<Rgb>, Vec<u8>) {
             })
         })
         .collect();
+    // what a pixel is off by goes to its neighbours (Floyd & Steinberg 1976), mostly: all of it makes noise
+    const PASSED_ON: f32 = 0.8;
     let mut nearest: HashMap<Rgb, u8> = HashMap::new();
-    let indices = image
-        .data
-        .chunks_exact(4)
-        .map(|p| {
-            let colour = [p[0], p[1], p[2]];
-            *nearest.entry(colour).or_insert_with(|| {
+    let width = image.width as usize;
+    let mut rows = [vec![[0.0f32; 3]; width + 2], vec![[0.0f32; 3]; width + 2]];
+    let mut indices = Vec::with_capacity(image.data.len() / 4);
+    for row in image.data.chunks_exact(4 * width.max(1)) {
+        for (x, p) in row.chunks_exact(4).enumerate() {
+            let wanted = [0, 1, 2].map(|k| f32::from(p[k]) + rows[0][x + 1][k]);
+            let colour = wanted.map(|c| c.round() as u8);
+            let index = *nearest.entry(colour).or_insert_with(|| {
                 let distance = |c: &Rgb| -> u32 {
                     (0..3).map(|k| u32::from(c[k].abs_diff(colour[k])).pow(2)).sum()
                 };
                 (0..palette.len()).min_by_key(|&i| distance(&palette[i])).unwrap_or(0) as u8
-            })
-        })
-        .collect();
+            });
+            indices.push(index);
+            for k in 0..3 {
+                let off =
+                    PASSED_ON * (wanted[k] - f32::from(palette[usize::from(index)][k])) / 16.0;
+                rows[0][x + 2][k] += 7.0 * off;
+                rows[1][x][k] += 3.0 * off;
+                rows[1][x + 1][k] += 5.0 * off;
+                rows[1][x + 2][k] += off;
+            }
+        }
+        rows.swap(0, 1);
+        rows[1].fill([0.0; 3]);
+    }
     (palette, indices)
 }
 

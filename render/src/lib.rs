@@ -8,11 +8,13 @@
 //! * [`colour`], [`overlay`]: colour maps, text and colour bars.
 //! * [`renderer`]: frames to pixels through `wgpu`, several under way at a time.
 //! * [`painter`]: frames with their captions.
+//! * [`compare`](mod@compare): several runs in one picture.
 //! * [`page`]: a page with an interactive player.
 //! * [`image`], [`film`]: PNG files and films.
 
 pub mod camera;
 pub mod colour;
+pub mod compare;
 pub mod error;
 pub mod film;
 pub mod image;

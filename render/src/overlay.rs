@@ -144,7 +144,11 @@ pub fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
     let last = (high / step + 1e-6).floor() as i64;
     // division by the inverse gives 0.06 and not 0.06000000000000001
     (first..=last)
-        .map(|i| if step < 1.0 { i as f64 / (1.0 / step).round_to_digits() } else { i as f64 * step })
+        .map(
+            |i| {
+                if step < 1.0 { i as f64 / (1.0 / step).round_to_digits() } else { i as f64 * step }
+            },
+        )
         .collect()
 }
 
@@ -218,7 +222,8 @@ pub fn colour_bar(
         fonts.write(image, text, at, style, Align::Right, INK);
     }
     let at = [right, top - 0.9 * size];
-    let label = if unit.is_empty() { field.label.clone() } else { format!("{} ({unit})", field.label) };
+    let label =
+        if unit.is_empty() { field.label.clone() } else { format!("{} ({unit})", field.label) };
     fonts.write(image, &label, at, style, Align::Right, INK);
 }
 

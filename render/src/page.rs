@@ -127,7 +127,8 @@ fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
         let places = whole(&frame.points);
         packer.shorts(&places, Some(&before));
         before = places;
-        for ((field, values), last) in recording.fields.iter().zip(&frame.fields).zip(&mut scalars) {
+        for ((field, values), last) in recording.fields.iter().zip(&frame.fields).zip(&mut scalars)
+        {
             let values: Vec<u8> = values.iter().map(|v| whole_scalar(*v, field.range)).collect();
             packer.bytes_of(&values, last.as_deref());
             *last = Some(values);
@@ -182,6 +183,15 @@ fn solids(packer: &mut Packer, frame: &Frame) {
         packer.floats(arrow.along);
         packer.floats([colour_number(arrow.colour)]);
     }
+}
+
+/// Bytes as an address that holds them, for pictures within a page.
+///
+/// ```
+/// assert_eq!(sinew_render::page::data_url("text/plain", b"ab"), "data:text/plain;base64,YWI=");
+/// ```
+pub fn data_url(kind: &str, bytes: &[u8]) -> String {
+    format!("data:{kind};base64,{}", base64::engine::general_purpose::STANDARD.encode(bytes))
 }
 
 /// The page of one or more runs, side by side with one camera and one clock.
@@ -239,7 +249,8 @@ mod tests {
 
     #[test]
     fn positions_come_back_within_half_a_step() {
-        let quantiser = Quantiser { low: Vec3::new(-0.1, 2.0, 0.0), step: Vec3::new(1e-6, 3e-5, 1e-3) };
+        let quantiser =
+            Quantiser { low: Vec3::new(-0.1, 2.0, 0.0), step: Vec3::new(1e-6, 3e-5, 1e-3) };
         for i in 0..2000u32 {
             let share = |k: u32| ((i * k) % 65_521) as f32;
             let p = quantiser.low + quantiser.step * Vec3::new(share(31), share(97), share(7919));
@@ -258,7 +269,8 @@ mod tests {
         let range = [-0.3, 1.7];
         for i in 0..=1000 {
             let value = -0.3 + 2.0 * i as f32 / 1000.0;
-            let back = range[0] + (range[1] - range[0]) * f32::from(whole_scalar(value, range)) / 255.0;
+            let back =
+                range[0] + (range[1] - range[0]) * f32::from(whole_scalar(value, range)) / 255.0;
             assert!((back - value).abs() <= 0.5 * 2.0 / 255.0 + 1e-6);
         }
         assert_eq!(whole_scalar(9.0, range), 255);

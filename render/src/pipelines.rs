@@ -53,12 +53,7 @@ impl Targets {
             resolved,
             shadow: view(texture([SHADOW_SIZE; 2], DEPTH, 1, sampled)),
             contact: [0, 1].map(|_| view(texture([CONTACT_SIZE; 2], CONTACT, 1, sampled))),
-            colours: texture(
-                [SAMPLES as u32, 1],
-                COLOUR,
-                1,
-                U::TEXTURE_BINDING | U::COPY_DST,
-            ),
+            colours: texture([SAMPLES as u32, 1], COLOUR, 1, U::TEXTURE_BINDING | U::COPY_DST),
         }
     }
 
@@ -103,9 +98,13 @@ struct Kind<'a> {
 
 impl Pipelines {
     pub(crate) fn new(device: &wgpu::Device, targets: &Targets, uniforms: &wgpu::Buffer) -> Self {
-        let text = std::env::var("SCRATCH_SHADER").ok().and_then(|p| std::fs::read_to_string(p).ok());
+        let text =
+            std::env::var("SCRATCH_SHADER").ok().and_then(|p| std::fs::read_to_string(p).ok());
         let source = text.map_or(include_str!("draw.wgsl").into(), std::borrow::Cow::Owned);
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source: wgpu::ShaderSource::Wgsl(source) });
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: None,
+            source: wgpu::ShaderSource::Wgsl(source),
+        });
         let sampler = |compare| {
             device.create_sampler(&wgpu::SamplerDescriptor {
                 mag_filter: wgpu::FilterMode::Linear,
@@ -189,7 +188,10 @@ impl Pipelines {
                 },
                 primitive: wgpu::PrimitiveState { cull_mode: kind.cull, ..Default::default() },
                 depth_stencil: kind.depth,
-                multisample: wgpu::MultisampleState { count: kind.multisample, ..Default::default() },
+                multisample: wgpu::MultisampleState {
+                    count: kind.multisample,
+                    ..Default::default()
+                },
                 fragment: kind.fragment.map(|entry| wgpu::FragmentState {
                     module: &module,
                     entry_point: Some(entry),
@@ -299,7 +301,14 @@ impl Pipelines {
                 depth(false, always, none()),
                 None,
             ),
-            skin: main("skin_vertex", "skin_fragment", &corner, None, depth(true, less, none()), None),
+            skin: main(
+                "skin_vertex",
+                "skin_fragment",
+                &corner,
+                None,
+                depth(true, less, none()),
+                None,
+            ),
             ghost: main(
                 "ghost_vertex",
                 "ghost_fragment",

@@ -113,7 +113,12 @@ impl Growing {
 
 fn buffer(device: &wgpu::Device, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
     let usage = usage | wgpu::BufferUsages::COPY_DST;
-    device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size,
+        usage,
+        mapped_at_creation: false,
+    })
 }
 
 /// A surface on the device.
@@ -226,11 +231,8 @@ impl Renderer {
             let remedy = format!("give 16 to {most} pixels along each side");
             return Err(RenderError::Size { width, height, remedy });
         }
-        let uniforms = buffer(
-            &gpu.device,
-            size_of::<Uniforms>() as u64,
-            wgpu::BufferUsages::UNIFORM,
-        );
+        let uniforms =
+            buffer(&gpu.device, size_of::<Uniforms>() as u64, wgpu::BufferUsages::UNIFORM);
         let targets = Targets::new(&gpu.device, width, height);
         let pipelines = Pipelines::new(&gpu.device, &targets, &uniforms);
         let solids = [ball(), rod(), cone()].map(|solid| DeviceSolid::new(&gpu, solid));
@@ -282,9 +284,10 @@ impl Renderer {
         self.encode(&mut encoder, look);
         let row = row_bytes(self.width);
         let size = u64::from(row) * u64::from(self.height);
-        let read = self.free.pop().unwrap_or_else(|| {
-            buffer(&self.gpu.device, size, wgpu::BufferUsages::MAP_READ)
-        });
+        let read = self
+            .free
+            .pop()
+            .unwrap_or_else(|| buffer(&self.gpu.device, size, wgpu::BufferUsages::MAP_READ));
         encoder.copy_texture_to_buffer(
             self.targets.resolved.as_image_copy(),
             wgpu::TexelCopyBufferInfo {
@@ -347,7 +350,8 @@ impl Renderer {
         }
         let row = row_bytes(self.width) as usize;
         let view = pending.buffer.get_mapped_range(..).map_err(|e| device(e.to_string()))?;
-        let data = view.chunks_exact(row).flat_map(|r| &r[..4 * self.width as usize]).copied().collect();
+        let data =
+            view.chunks_exact(row).flat_map(|r| &r[..4 * self.width as usize]).copied().collect();
         drop(view);
         pending.buffer.unmap();
         self.free.push(pending.buffer);
@@ -473,10 +477,12 @@ fn begin<'e>(
     encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some(label),
         color_attachments: if colours.is_some() { std::slice::from_ref(&colours) } else { &[] },
-        depth_stencil_attachment: depth.map(|(view, store)| wgpu::RenderPassDepthStencilAttachment {
-            view,
-            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store }),
-            stencil_ops: None,
+        depth_stencil_attachment: depth.map(|(view, store)| {
+            wgpu::RenderPassDepthStencilAttachment {
+                view,
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store }),
+                stencil_ops: None,
+            }
         }),
         ..Default::default()
     })
@@ -488,7 +494,9 @@ fn uniforms(recording: &Recording, camera: &Camera, look: &Look, size: f32) -> U
     let key = (camera.right * -0.55 + up * 1.0 - camera.forward * 0.75).normalize();
     let reach = 0.9 * size;
     let from = rh::view::look_to_mat4(look.middle + key * 2.0 * reach, -key, camera.right);
-    let light = rh::proj::directx::orthographic(-reach, reach, -reach, reach, 0.2 * reach, 5.0 * reach) * from;
+    let light =
+        rh::proj::directx::orthographic(-reach, reach, -reach, reach, 0.2 * reach, 5.0 * reach)
+            * from;
     // the ground's axes follow the camera's horizontal ones only by quarter turns: grid lines along the world's
     let x = if up.x.abs() > 0.9 { Vec3::Y } else { (Vec3::X - up * up.x).normalize() };
     let y = up.cross(x);

@@ -110,28 +110,28 @@ impl Recording {
     }
 
     fn rest_box(&self) -> (Vec3, Vec3) {
-        self.rest.iter().map(|p| Vec3::from_array(*p)).filter(|p| p.is_finite()).fold(
-            (Vec3::INFINITY, Vec3::NEG_INFINITY),
-            |(low, high), p| (low.min(p), high.max(p)),
-        )
+        self.rest
+            .iter()
+            .map(|p| Vec3::from_array(*p))
+            .filter(|p| p.is_finite())
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
     }
 
     /// Points that a picture of the whole run must show: the drawn points of all frames and of the rest shape.
-    /// With [`falling`](Self::falling) points further than 0.4 of the size of the body outside its box at rest
+    /// With [`falling`](Self::falling) points further than a fifth of the size of the body outside its box at rest
     /// do not count.
     pub fn extent(&self) -> impl Iterator<Item = Vec3> + Clone + '_ {
         let (low, high) = self.rest_box();
-        let room = if self.falling { 0.4 * self.size() } else { f32::INFINITY };
+        let room = if self.falling { 0.2 * self.size() } else { f32::INFINITY };
         let room = Vec3::splat(room);
         let (low, high) = (low - room, high + room);
         let skins = self.frames.iter().flat_map(|frame| {
             frame.skin.points.iter().map(|&v| Vec3::from_array(frame.points[v as usize]))
         });
-        let rest =
-            self.rest_skin.points.iter().map(|&v| Vec3::from_array(self.rest[v as usize]));
-        skins.chain(rest).filter(move |p| {
-            p.is_finite() && p.cmpge(low).all() && p.cmple(high).all()
-        })
+        let rest = self.rest_skin.points.iter().map(|&v| Vec3::from_array(self.rest[v as usize]));
+        skins
+            .chain(rest)
+            .filter(move |p| p.is_finite() && p.cmpge(low).all() && p.cmple(high).all())
     }
 
     /// Checks that every index is in range and every list long enough, so that drawing cannot fail on data.

@@ -94,8 +94,12 @@ pub(crate) fn rod() -> Solid {
 
 /// Of radius 1 at 0, with its tip at 1 along z.
 pub(crate) fn cone() -> Solid {
-    let rings =
-        [[0.0, 0.0, 0.0, -1.0], [1.0, 0.0, 0.0, -1.0], [1.0, 0.0, 0.94, 0.35], [0.0, 1.0, 0.94, 0.35]];
+    let rings = [
+        [0.0, 0.0, 0.0, -1.0],
+        [1.0, 0.0, 0.0, -1.0],
+        [1.0, 0.0, 0.94, 0.35],
+        [0.0, 1.0, 0.94, 0.35],
+    ];
     revolved(&rings, 18)
 }
 
@@ -107,11 +111,14 @@ mod tests {
     fn solids_are_closed_and_turned_outward() {
         // volumes by the divergence theorem: inscribed polygons are a little smaller
         let pi = std::f32::consts::PI;
-        for ((vertices, indices), volume) in [(ball(), 4.0 / 3.0 * pi), (rod(), pi), (cone(), pi / 3.0)] {
+        for ((vertices, indices), volume) in
+            [(ball(), 4.0 / 3.0 * pi), (rod(), pi), (cone(), pi / 3.0)]
+        {
             let sum: f32 = indices
                 .chunks_exact(3)
                 .map(|t| {
-                    let p = [t[0], t[1], t[2]].map(|i| Vec3::from_array(vertices[i as usize].place));
+                    let p =
+                        [t[0], t[1], t[2]].map(|i| Vec3::from_array(vertices[i as usize].place));
                     p[0].dot(p[1].cross(p[2])) / 6.0
                 })
                 .sum();

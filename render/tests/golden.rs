@@ -115,3 +115,31 @@ fn sizes_out_of_range_are_refused() {
         assert!(error.contains("pixels along each side"), "{error}");
     }
 }
+
+#[test]
+fn a_comparison_holds_its_panels_beside_each_other() {
+    use sinew_render::compare::{Grid, Panel, compare};
+    let Some(gpu) = software() else { return };
+    let bent = common::bar();
+    let mut other = bent.clone();
+    other.fields[0].range = [0.0, 1.3];
+    let panel = |recording, frame| Panel { label: "label", note: "note", recording, frame };
+    let grid = Grid {
+        title: "Title",
+        subtitle: "subtitle",
+        columns: 2,
+        panel: [160, 120],
+        camera: CameraRequest::default(),
+        field: Some(0),
+    };
+    let image = compare(gpu.clone(), &[panel(&bent, 3), panel(&bent, 3), panel(&bent, 0)], &grid);
+    let image = image.unwrap();
+    // two columns and a bar, two rows and a title
+    assert!(image.width > 320 && image.height > 240 && image.width < 480, "{}", image.width);
+    let alone = compare(gpu.clone(), &[panel(&bent, 3), panel(&bent, 3), panel(&other, 0)], &grid);
+    // one run with larger values changes the colours of all
+    assert!(image.difference(&alone.unwrap()).unwrap()[0] > 0.5);
+    let beyond = compare(gpu.clone(), &[panel(&bent, 9)], &grid).unwrap_err().to_string();
+    assert!(beyond.contains("frame 9"), "{beyond}");
+    assert!(compare(gpu, &[], &grid).is_err());
+}

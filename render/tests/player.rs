@@ -53,7 +53,12 @@ setTimeout(probe, 50);
 fn browser() -> Option<&'static str> {
     ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| {
         let (out, err) = (Stdio::null(), Stdio::null());
-        Command::new(name).arg("--version").stdout(out).stderr(err).status().is_ok_and(|s| s.success())
+        Command::new(name)
+            .arg("--version")
+            .stdout(out)
+            .stderr(err)
+            .status()
+            .is_ok_and(|s| s.success())
     })
 }
 

@@ -71,6 +71,46 @@ pub struct Paper {
     pub machine: MachineNotes,
     /// The figures, in order.
     pub figures: Vec<Figure>,
+    /// Models side by side (feature `render`): name and PNG file.
+    pub pictures: Vec<(String, Vec<u8>)>,
+}
+
+/// The picture of a paper when the figure it belongs to is wanted and a graphics adapter is there; `tell` hears
+/// why not.
+///
+/// # Errors
+/// When its runs cannot be carried out.
+fn pictures(
+    paper: &str,
+    wanted: bool,
+    tell: &mut dyn FnMut(&str),
+) -> Result<Vec<(String, Vec<u8>)>, BenchError> {
+    #[cfg(feature = "render")]
+    if wanted {
+        use sinew_demos::picture::{RenderJobError, papers};
+        use sinew_render::{RenderError, adapter::AdapterRequest, image::Packing};
+        tell("models side by side, as a picture");
+        let request = AdapterRequest::default();
+        let drawn = match paper {
+            "paper-a" => papers::paper_a(&request),
+            "paper-b" => papers::paper_b(&request),
+            _ => papers::paper_c(&request),
+        };
+        let name = format!("{paper}-models");
+        return match drawn {
+            Ok(image) => match image.png(Packing::Small) {
+                Ok(png) => Ok(vec![(name, png)]),
+                Err(e) => Err(BenchError::Chart(e.to_string())),
+            },
+            Err(RenderJobError::Render(RenderError::Adapter(reason))) => {
+                tell(&format!("no picture: {reason}"));
+                Ok(Vec::new())
+            }
+            Err(e) => Err(BenchError::Chart(e.to_string())),
+        };
+    }
+    let _ = (paper, wanted, tell);
+    Ok(Vec::new())
 }
 
 const PAPER_A: &str = "Delingette 2008, Biquadratic and Quadratic Springs for Modeling St Venant \
@@ -115,7 +155,8 @@ pub fn paper_a(only: &[char], mut tell: impl FnMut(&str)) -> Result<Paper, Bench
         figures.push(resection::figure()?);
     }
     let (reference, short) = (PAPER_A, "Delingette 2008");
-    Ok(Paper { name: "paper-a", reference, short, machine: MachineNotes::now(), figures })
+    let pictures = pictures("paper-a", wanted('b'), &mut tell)?;
+    Ok(Paper { name: "paper-a", reference, short, machine: MachineNotes::now(), figures, pictures })
 }
 
 impl Figure {
@@ -155,6 +196,9 @@ impl Paper {
     /// In Markdown, with the charts as files beside it.
     pub fn markdown(&self) -> String {
         let mut text = format!("# {}\n\n{}\n", self.reference, self.machine.line());
+        for (name, _) in &self.pictures {
+            let _ = writeln!(text, "\n![{name}]({name}.png)");
+        }
         for figure in &self.figures {
             let _ = writeln!(text, "\n## ({}) {}\n", figure.letter, figure.title);
             let _ = writeln!(text, "{}\n\n{}", figure.setting, figure.paragraph());
@@ -172,6 +216,14 @@ impl Paper {
     pub fn html(&self) -> String {
         let mut body = format!("<h1>{}</h1>\n", escape(self.reference));
         let _ = writeln!(body, "<p class=\"machine\">{}</p>", escape(&self.machine.line()));
+        #[cfg(feature = "render")]
+        for (name, png) in &self.pictures {
+            let data = sinew_render::page::data_url("image/png", png);
+            let _ = writeln!(
+                body,
+                "<figure><img src=\"{data}\" alt=\"{name}\" style=\"max-width:100%\"></figure>"
+            );
+        }
         for figure in &self.figures {
             let _ = writeln!(body, "<h2>({}) {}</h2>", figure.letter, escape(figure.title));
             let _ = writeln!(body, "<p class=\"note\">{}</p>", escape(&figure.setting));
@@ -186,7 +238,7 @@ impl Paper {
         page(&format!("{} made again", self.short), &body)
     }
 
-    /// Writes page, Markdown, findings (JSON), one CSV per table and one SVG per chart into a folder,
+    /// Writes page, Markdown, findings (JSON), one CSV per table, one SVG per chart and the pictures into a folder,
     /// which is made; returns the files.
     ///
     /// # Errors
@@ -215,6 +267,9 @@ impl Paper {
                 let csv = table.csv().map_err(|e| error(&folder.join(&name), e.to_string()))?;
                 files.push((name, csv));
             }
+        }
+        for (name, png) in &self.pictures {
+            files.push((format!("{name}.png"), png.clone()));
         }
         let mut written = Vec::new();
         for (name, bytes) in files {

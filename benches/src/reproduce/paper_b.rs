@@ -1,7 +1,7 @@
 //! Natsupakpong & Cavusoglu 2010 made again.
 
 use super::lumped::Meshes;
-use super::{Paper, elements, fit_cost, shear, specimen, square, ventricle};
+use super::{Paper, elements, fit_cost, pictures, shear, specimen, square, ventricle};
 use crate::bench::error::BenchError;
 use crate::bench::machine::MachineNotes;
 use std::path::{Path, PathBuf};
@@ -64,12 +64,14 @@ pub fn paper_b(
         figures.push(ventricle::figure(quick)?);
     }
     let short = "Natsupakpong & Cavusoglu 2010";
+    let pictures = pictures("paper-b", wanted('a') && !quick, &mut tell)?;
     Ok(Paper {
         name: "paper-b",
         reference: REFERENCE,
         short,
         machine: MachineNotes::now(),
         figures,
+        pictures,
     })
 }
 

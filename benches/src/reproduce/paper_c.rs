@@ -1,6 +1,6 @@
 //! Bourguignon & Cani 2000 made again.
 
-use super::{Paper, axis_cost, fibres, volume};
+use super::{Paper, axis_cost, fibres, pictures, volume};
 use crate::bench::error::BenchError;
 use crate::bench::machine::MachineNotes;
 use sinew::prelude::*;
@@ -38,12 +38,14 @@ pub fn paper_c(only: &[char], mut tell: impl FnMut(&str)) -> Result<Paper, Bench
         figures.push(axis_cost::figure()?);
     }
     let short = "Bourguignon & Cani 2000";
+    let pictures = pictures("paper-c", wanted('a'), &mut tell)?;
     Ok(Paper {
         name: "paper-c",
         reference: REFERENCE,
         short,
         machine: MachineNotes::now(),
         figures,
+        pictures,
     })
 }
 

@@ -70,7 +70,8 @@ pub(crate) fn boundary(
             push(face, Some(e));
         }
     }
-    let sheets = triangles.iter().map(|&[a, b, c]| [a, b, c, u32::MAX]).chain(quads.iter().copied());
+    let sheets =
+        triangles.iter().map(|&[a, b, c]| [a, b, c, u32::MAX]).chain(quads.iter().copied());
     for sheet in sheets.filter(|sheet| count.get(&key(*sheet)) != Some(&1)) {
         push(sheet, None);
     }

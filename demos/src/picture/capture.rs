@@ -25,8 +25,8 @@ const MOVED: Rgb = [222, 112, 30];
 const TOOL: Rgb = [168, 176, 186];
 /// Loads.
 const LOAD: Rgb = [196, 48, 58];
-/// Fibres over a colour map, and over plain bodies.
-const FIBRE: [Rgb; 2] = [[248, 248, 244], [92, 30, 28]];
+/// Fibres over the map whose colours are dark or saturated, and over all else.
+const FIBRE: [Rgb; 2] = [[248, 248, 244], [44, 30, 44]];
 
 /// What is recorded.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,11 +37,18 @@ pub struct CaptureOptions {
     pub quantities: Vec<Quantity>,
     /// Angle (degrees) between faces above which edges stay sharp.
     pub crease: f32,
+    /// Steps of this run in one of the run whose frames it must meet; 1 for a run of its own.
+    pub substeps: u64,
 }
 
 impl Default for CaptureOptions {
     fn default() -> Self {
-        Self { frames: None, quantities: vec![Quantity::Displacement], crease: CREASE_ANGLE }
+        Self {
+            frames: None,
+            quantities: vec![Quantity::Displacement],
+            crease: CREASE_ANGLE,
+            substeps: 1,
+        }
     }
 }
 
@@ -191,16 +198,17 @@ impl<'a> Recorder<'a> {
         lengths.sort_unstable_by(f32::total_cmp);
         let typical = lengths.get(lengths.len() / 2).copied().unwrap_or(0.0);
         self.radius = (0.22 * typical).clamp(0.003 * r.size(), 0.0085 * r.size());
-        let plan = &built.plan;
+        let substeps = self.options.substeps.max(1);
+        let steps = built.plan.steps / substeps;
+        let every = (built.plan.frame_every / substeps).max(1);
         self.wanted = match self.options.frames {
             Some(frames) => {
                 let last = frames.max(2) as u64 - 1;
-                (0..=last).map(|i| (i * plan.steps + last / 2) / last).collect()
+                (0..=last).map(|i| (i * steps + last / 2) / last).collect()
             }
-            None => (0..=plan.steps)
-                .filter(|step| *step == plan.steps || step % plan.frame_every == 0)
-                .collect(),
+            None => (0..=steps).filter(|step| *step == steps || step % every == 0).collect(),
         };
+        self.wanted.iter_mut().for_each(|step| *step *= substeps);
         self.wanted.dedup();
     }
 
@@ -289,7 +297,8 @@ impl<'a> Recorder<'a> {
                     });
                 }
             }
-            fibres(part, body, &u, self.recording.fields.is_empty(), &mut rods);
+            let dark = self.recording.fields.first().is_none_or(|f| f.map != ColourMap::Viridis);
+            fibres(part, body, &u, FIBRE[usize::from(dark)], &mut rods);
             displacements.push(u);
         }
         let position = |body: usize, v: u32| {
@@ -398,7 +407,7 @@ fn solid_indices(body: &BuiltBody, tetrahedra: &[u32], hexahedra: &[u32]) -> Vec
 }
 
 /// A short rod along the deformed direction of every family in every element at the surface.
-fn fibres(part: &Part, body: &BuiltBody, u: &[DVec3], plain: bool, rods: &mut Vec<Rod>) {
+fn fibres(part: &Part, body: &BuiltBody, u: &[DVec3], colour: Rgb, rods: &mut Vec<Rod>) {
     let (Some(axes), Some(measured)) = (&body.axes, &part.measured) else { return };
     for family in &axes.families {
         for face in part.faces.iter().filter(|f| !f.second) {
@@ -422,7 +431,7 @@ fn fibres(part: &Part, body: &BuiltBody, u: &[DVec3], plain: bool, rods: &mut Ve
             let lift = area.normalize_or_zero() * (0.02 * size);
             let ends =
                 [middle + lift - along, middle + lift + along].map(|p| p.as_vec3().to_array());
-            rods.push(Rod { ends, colour: FIBRE[usize::from(plain)] });
+            rods.push(Rod { ends, colour });
         }
     }
 }
@@ -455,7 +464,7 @@ fn titles(loaded: &LoadedScene, built: &BuiltScene) -> (String, String) {
         .sum();
     let settings = &built.plan.settings;
     let step = match built.plan.mode {
-        Mode::Dynamic => format!(", {:.4} ms", 1e3 * built.plan.dt),
+        Mode::Dynamic => format!(", {:.3} ms", 1e3 * built.plan.dt),
         Mode::Static => String::new(),
     };
     let step = if step.contains('.') {
@@ -494,7 +503,7 @@ fn note(built: &BuiltScene, step: u64) -> String {
 }
 
 /// Ranges of the colour bars from what is seen in all frames; single peaks, as at clamped corners, are cut off.
-fn set_ranges(recording: &mut Recording) {
+pub(crate) fn set_ranges(recording: &mut Recording) {
     for (i, field) in recording.fields.iter_mut().enumerate() {
         let mut values: Vec<f32> = recording
             .frames

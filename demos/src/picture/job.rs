@@ -1,11 +1,13 @@
 //! From a scene to files.
 
+use super::capture::set_ranges;
 use super::{CaptureOptions, Quantity, Recorder};
 use crate::build::BuildOptions;
 use crate::error::RunError;
-use crate::run::{Observer, RunOptions, run};
+use crate::run::{Observer, RunOptions, Silent, run};
 use crate::scene::LoadedScene;
 use crate::summary::RunSummary;
+use glam::Vec3;
 use sinew_render::RenderError;
 use sinew_render::adapter::{AdapterRequest, open};
 use sinew_render::camera::CameraRequest;
@@ -14,7 +16,7 @@ use sinew_render::image::{Image, Packing};
 use sinew_render::overlay::Fonts;
 use sinew_render::page::write_page;
 use sinew_render::painter::{Captions, Painter, decorate};
-use sinew_render::scene::Recording;
+use sinew_render::scene::{Frame, Recording};
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::mpsc;
@@ -168,8 +170,13 @@ pub fn render(
         quantities.retain(|q| *q != Quantity::None);
     }
     let capture = CaptureOptions { frames: job.frames, quantities, ..CaptureOptions::default() };
-    let (recording, summary, [mut run, mut copy]) =
+    let finer =
+        if job.quantity == Quantity::Error { Some(finer(scene, job, &capture)?) } else { None };
+    let (mut recording, summary, [mut run, mut copy]) =
         record(scene, job.build, capture.clone(), observer)?;
+    if let Some(finer) = &finer {
+        compare_steps(&mut recording, finer);
+    }
     let mut other = None;
     if let Some(scene) = &job.beside {
         let (recording, summary, [seconds, copies]) = record(scene, job.build, capture, observer)?;
@@ -193,8 +200,7 @@ pub fn render(
     }
     let Some(gpu) = gpu else { return Ok((report, summary)) };
     let field = (job.quantity != Quantity::None).then_some(0);
-    let mut painter =
-        Painter::new(gpu, job.size, &recording, job.camera, field, Captions::ALL)?;
+    let mut painter = Painter::new(gpu, job.size, &recording, job.camera, field, Captions::ALL)?;
     painter.look.edges = job.edges;
     painter.look.ground = !job.no_ground;
     painter.look.ghost = !job.no_ghost;
@@ -215,6 +221,55 @@ pub fn render(
     Ok((report, summary))
 }
 
+/// Steps of the finer run in one.
+const FINER: u64 = 4;
+
+/// The same scene with a quarter of the step, at the same times.
+fn finer(
+    scene: &LoadedScene,
+    job: &RenderJob,
+    capture: &CaptureOptions,
+) -> Result<Recording, RenderJobError> {
+    let refused = |remedy: &str| RenderError::Option {
+        option: "--color",
+        found: "error".into(),
+        remedy: remedy.into(),
+    };
+    let mut scene = scene.clone();
+    let Some(dt) = &mut scene.scene.dt else {
+        return Err(refused("it needs a step to make smaller, and this scene is static").into());
+    };
+    *dt /= FINER as f64;
+    if !scene.scene.resections.is_empty() {
+        let remedy =
+            "with another step a resection removes other elements; choose another quantity";
+        return Err(refused(remedy).into());
+    }
+    if let Some(every) = &mut scene.scene.output.every {
+        *every *= FINER;
+    }
+    let build = BuildOptions { steps: job.build.steps.map(|n| FINER * n), ..job.build };
+    let quantities = vec![Quantity::Displacement];
+    let capture = CaptureOptions { quantities, substeps: FINER, ..capture.clone() };
+    Ok(record(&scene, build, capture, &mut Silent)?.0)
+}
+
+/// Fills the field `error` with the distances to the finer run; a frame that it does not have keeps 0.
+fn compare_steps(recording: &mut Recording, finer: &Recording) {
+    let Some(field) = recording.fields.iter().position(|f| f.name == "error") else { return };
+    for frame in &mut recording.frames {
+        let meets = |other: &&Frame| other.step == FINER * frame.step;
+        let values = &mut frame.fields[field];
+        values.fill(0.0);
+        if let Some(other) = finer.frames.iter().find(meets) {
+            for ((value, p), q) in values.iter_mut().zip(&frame.points).zip(&other.points) {
+                *value = Vec3::from_array(*p).distance(Vec3::from_array(*q));
+            }
+        }
+    }
+    set_ranges(recording);
+}
+
 /// The frame nearest to a time, the last without.
 pub(crate) fn nearest(recording: &Recording, at: Option<f64>) -> usize {
     let last = recording.frames.len() - 1;
@@ -232,10 +287,8 @@ fn film(
     report: &mut RenderReport,
 ) -> Result<(), RenderError> {
     if let Some(folder) = &job.png {
-        std::fs::create_dir_all(folder).map_err(|e| RenderError::Write {
-            path: folder.clone(),
-            reason: e.to_string(),
-        })?;
+        std::fs::create_dir_all(folder)
+            .map_err(|e| RenderError::Write { path: folder.clone(), reason: e.to_string() })?;
     }
     let stem = scene.scene.name.replace(|c: char| !c.is_alphanumeric() && c != '-', "_");
     let frames: Vec<usize> = (0..recording.frames.len()).collect();
@@ -274,9 +327,8 @@ fn film(
             Ok::<(), RenderError>(())
         });
         let stopped = || RenderError::Device { reason: "the encoder has stopped".into() };
-        let drawn = painter.film(recording, &frames, |i, image| {
-            sender.send((i, image)).map_err(|_| stopped())
-        });
+        let drawn = painter
+            .film(recording, &frames, |i, image| sender.send((i, image)).map_err(|_| stopped()));
         drop(sender);
         // what the encoder says comes first: drawing stops because of it
         let encoded = encoder.join().unwrap_or_else(|_| Err(stopped()));

@@ -185,9 +185,8 @@ fn measures(g: DMat3, LameParameters { lambda, mu }: LameParameters) -> Measures
     let normal = (x.x - y.y).powi(2) + (y.y - z.z).powi(2) + (z.z - x.x).powi(2);
     let shear = x.y * x.y + y.z * y.z + x.z * x.z;
     let square: f64 = strain.to_cols_array().iter().map(|e| e * e).sum();
-    let largest = nalgebra::Matrix3::from_column_slice(&strain.to_cols_array())
-        .symmetric_eigenvalues()
-        .max();
+    let largest =
+        nalgebra::Matrix3::from_column_slice(&strain.to_cols_array()).symmetric_eigenvalues().max();
     let energy = 0.5 * lambda * trace * trace + mu * square;
     [largest, (0.5 * normal + 3.0 * shear).sqrt(), energy, ratio]
 }

@@ -2,10 +2,13 @@
 
 mod boundary;
 mod capture;
+mod gallery;
 mod job;
 mod measure;
+pub mod papers;
 
 pub use capture::{CaptureOptions, Recorder};
+pub use gallery::gallery;
 pub use job::{RenderJob, RenderJobError, RenderReport, render};
 
 use serde::{Deserialize, Serialize};
@@ -29,12 +32,14 @@ pub enum Quantity {
     Energy,
     /// Volume over that at rest (-); of membranes the area.
     Volume,
+    /// Distance (m) to where a run with a quarter of the step arrives; dynamic scenes without resections.
+    Error,
     /// Plain colours, one for each body.
     None,
 }
 
 impl Quantity {
-    /// All that have values.
+    /// All that one run gives.
     pub const ALL: [Self; 5] =
         [Self::Displacement, Self::Strain, Self::Stress, Self::Energy, Self::Volume];
 
@@ -46,6 +51,7 @@ impl Quantity {
             Self::Stress => ("stress", "von Mises stress", "Pa", ColourMap::Ember),
             Self::Energy => ("energy", "energy density", "J/m³", ColourMap::Ember),
             Self::Volume => ("volume", "volume ratio", "", ColourMap::Diverging),
+            Self::Error => ("error", "error of the step", "m", ColourMap::Ember),
             Self::None => return None,
         };
         let (name, label, unit) = (name.into(), label.into(), unit.into());
@@ -59,7 +65,7 @@ impl Quantity {
             Self::Stress => Some(1),
             Self::Energy => Some(2),
             Self::Volume => Some(3),
-            Self::Displacement | Self::None => None,
+            Self::Displacement | Self::Error | Self::None => None,
         }
     }
 }
@@ -71,11 +77,7 @@ impl std::str::FromStr for Quantity {
         serde_json::from_value(text.into()).map_err(|_| RenderError::Option {
             option: "--color",
             found: text.into(),
-            remedy: if text == "error" {
-                "an error needs a second run to compare with, which is not built in; draw both with --beside".into()
-            } else {
-                "choose of displacement, strain, stress, energy, volume, none".into()
-            },
+            remedy: "choose of displacement, strain, stress, energy, volume, error, none".into(),
         })
     }
 }

@@ -62,7 +62,8 @@ pub fn bar() -> Recording {
             };
             let values = points.iter().zip(&rest).map(moved).collect();
             let held = (0..=ny).flat_map(|j| (0..=nz).map(move |k| index(0, j, k) as usize));
-            let balls = held.map(|v| Ball { centre: points[v], radius: 0.012, colour: [58, 70, 90] });
+            let balls =
+                held.map(|v| Ball { centre: points[v], radius: 0.012, colour: [58, 70, 90] });
             let rod = |i: u32| {
                 let at = |x: f32| bent([x, -0.102, 0.0], angle);
                 let x = i as f32 / 8.0;
