@@ -137,7 +137,7 @@ impl Camera {
         for p in finite.clone() {
             (low, high) = (low.min(p), high.max(p));
         }
-        if !(low.x <= high.x) {
+        if low.x > high.x {
             return Err(RenderError::Empty { reason: "no point to look at".into() });
         }
         let size = (high - low).length().max(1e-6);

@@ -1,6 +1,6 @@
 //! Text and colour bars over a picture, drawn on the CPU: sharp at any size and the same on every device.
 
-use crate::colour::{ColourMap, Rgb};
+use crate::colour::Rgb;
 use crate::image::Image;
 use crate::scene::Field;
 use ab_glyph::{Font, FontRef, Glyph, PxScale, ScaleFont, point};
@@ -144,24 +144,14 @@ pub fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
     let last = (high / step + 1e-6).floor() as i64;
     // division by the inverse gives 0.06 and not 0.06000000000000001
     (first..=last)
-        .map(
-            |i| {
-                if step < 1.0 { i as f64 / (1.0 / step).round_to_digits() } else { i as f64 * step }
-            },
-        )
+        .map(|i| if step < 1.0 { i as f64 / rounded(1.0 / step) } else { i as f64 * step })
         .collect()
 }
 
-trait RoundToDigits {
-    /// To nine significant digits.
-    fn round_to_digits(self) -> Self;
-}
-
-impl RoundToDigits for f64 {
-    fn round_to_digits(self) -> Self {
-        let power = 10f64.powf(8.0 - self.abs().log10().floor());
-        (self * power).round() / power
-    }
+/// To nine significant digits.
+fn rounded(value: f64) -> f64 {
+    let power = 10f64.powf(8.0 - value.abs().log10().floor());
+    (value * power).round() / power
 }
 
 /// A number with as many digits as a step between marks needs, with a real minus sign.
@@ -225,16 +215,6 @@ pub fn colour_bar(
     let label =
         if unit.is_empty() { field.label.clone() } else { format!("{} ({unit})", field.label) };
     fonts.write(image, &label, at, style, Align::Right, INK);
-}
-
-/// A map as a strip, for tests and documents.
-pub fn strip(map: ColourMap, width: u32, height: u32) -> Image {
-    let mut image = Image::filled(width, height, [255; 3]);
-    for x in 0..width {
-        let colour = map.at(x as f32 / (width - 1).max(1) as f32);
-        image.fill([x as i32, 0], [1, height as i32], colour, 1.0);
-    }
-    image
 }
 
 #[cfg(test)]

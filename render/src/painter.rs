@@ -143,7 +143,7 @@ impl Painter {
                 done(index, image)?;
             }
         }
-        while let Some(image) = self.renderer.next()? {
+        while let Some(image) = self.renderer.finish_one()? {
             if let Some(index) = waiting.next() {
                 done(index, image)?;
             }

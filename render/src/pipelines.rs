@@ -98,13 +98,7 @@ struct Kind<'a> {
 
 impl Pipelines {
     pub(crate) fn new(device: &wgpu::Device, targets: &Targets, uniforms: &wgpu::Buffer) -> Self {
-        let text =
-            std::env::var("SCRATCH_SHADER").ok().and_then(|p| std::fs::read_to_string(p).ok());
-        let source = text.map_or(include_str!("draw.wgsl").into(), std::borrow::Cow::Owned);
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(source),
-        });
+        let module = device.create_shader_module(wgpu::include_wgsl!("draw.wgsl"));
         let sampler = |compare| {
             device.create_sampler(&wgpu::SamplerDescriptor {
                 mag_filter: wgpu::FilterMode::Linear,

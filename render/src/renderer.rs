@@ -312,7 +312,7 @@ impl Renderer {
     ///
     /// # Errors
     /// When the device fails.
-    pub fn next(&mut self) -> Result<Option<Image>, RenderError> {
+    pub fn finish_one(&mut self) -> Result<Option<Image>, RenderError> {
         if self.pending.is_empty() { Ok(None) } else { self.take().map(Some) }
     }
 
