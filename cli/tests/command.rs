@@ -219,3 +219,21 @@ fn the_tables_of_a_paper() {
     let nowhere = ["reproduce", "paper-b", "--only", "d", "--meshes", "nowhere"];
     check(&nowhere, 1, "", "b_cube_hex.msh");
 }
+
+#[cfg(feature = "render")]
+#[test]
+fn render_writes_a_page_and_refuses_what_it_cannot_draw() {
+    let (bar, page) = (shipped("fibre_bar"), file("fibre_bar.html"));
+    let path = page.display().to_string();
+    check(&["render", &bar, "--steps", "4", "--frames", "3", "--html", &path], 0, &path, "");
+    let text = std::fs::read_to_string(&page).unwrap();
+    assert!(text.contains("Fibre bar") && text.contains("\"time\":0.04"));
+    check(&["render", &bar], 1, "", "--png DIR");
+    check(&["render", &bar, "--png", "x", "--size", "huge"], 2, "", "WIDTHxHEIGHT");
+    check(&["render", &bar, "--png", "x", "--camera", "up"], 2, "", "AZIMUTH");
+    check(&["render", &bar, "--png", "x", "--color", "heat"], 2, "", "displacement");
+    check(&["render", &bar, "--beside", &bar, "--png", "x"], 2, "", "--html");
+    let adapter = ["render", &bar, "--png", "x", "--adapter", "no such adapter"];
+    check(&adapter, 1, "", "graphics adapter");
+    check(&["render"], 2, "", "Usage");
+}

@@ -504,6 +504,7 @@ fn note(built: &BuiltScene, step: u64) -> String {
 
 /// Ranges of the colour bars from what is seen in all frames; single peaks, as at clamped corners, are cut off.
 pub(crate) fn set_ranges(recording: &mut Recording) {
+    let size = recording.size();
     for (i, field) in recording.fields.iter_mut().enumerate() {
         let mut values: Vec<f32> = recording
             .frames
@@ -515,7 +516,11 @@ pub(crate) fn set_ranges(recording: &mut Recording) {
         values.sort_unstable_by(f32::total_cmp);
         let share = if field.name == "displacement" { 1.0 } else { 0.998 };
         let at = ((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1));
-        let largest = values.get(at).copied().filter(|x| *x > 0.0).unwrap_or(1.0);
+        let mut largest = values.get(at).copied().filter(|x| *x > 0.0).unwrap_or(1.0);
+        if recording.falling && field.unit == "m" {
+            // what falls goes further than anything else, and out of the picture
+            largest = largest.min(0.35 * size);
+        }
         field.range = match field.map {
             ColourMap::Diverging => {
                 let reach = largest.min(1.0);
