@@ -193,3 +193,24 @@ fn files_are_written_and_not_blank() {
     }
     std::fs::remove_dir_all(folder).unwrap();
 }
+
+#[test]
+fn the_gallery_shows_every_scene_in_small_files() {
+    let docs = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let page = std::fs::read_to_string(docs.join("gallery.md")).unwrap();
+    let mut scenes = 0;
+    for entry in std::fs::read_dir(sinew_demos::scene_folder()).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        // what is fitted to data is a table, not a picture
+        if path.extension().is_some_and(|e| e == "toml") && name != "fit_bar" {
+            assert!(page.contains(&format!("(gallery/{name}.png)")), "{name}");
+            scenes += 1;
+        }
+    }
+    assert_eq!(scenes, 11);
+    for link in page.split("(gallery/").skip(1).filter_map(|rest| rest.split(')').next()) {
+        let size = std::fs::metadata(docs.join("gallery").join(link)).unwrap().len();
+        assert!((1000..=60_000).contains(&size), "{link}: {size} bytes");
+    }
+}

@@ -68,7 +68,7 @@ pub fn compare(gpu: Gpu, panels: &[Panel], grid: &Grid) -> Result<Image, RenderE
     let bare = Captions { title: false, note: false, bar: false };
     let mut room = margins(width, height, bare, false);
     (room.top, room.bottom) = (2.6 * s / height as f32, 2.6 * s / height as f32);
-    let points = panels.iter().flat_map(|p| p.recording.extent());
+    let points = panels.iter().flat_map(|p| p.recording.shown());
     let up = first.recording.up;
     let camera = Camera::fit(grid.camera, up, points, renderer.aspect(), room)?;
     let mut look = Look::of(first.recording, grid.field);

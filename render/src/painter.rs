@@ -113,7 +113,7 @@ impl Painter {
         let renderer = Renderer::new(gpu, width, height)?;
         let margins = margins(width, height, captions, true);
         let aspect = renderer.aspect();
-        let camera = Camera::fit(request, recording.up, recording.extent(), aspect, margins)?;
+        let camera = Camera::fit(request, recording.up, recording.shown(), aspect, margins)?;
         Ok(Self { renderer, camera, look: Look::of(recording, field), captions })
     }
 

@@ -134,6 +134,15 @@ impl Recording {
             .filter(move |p| p.is_finite() && p.cmpge(low).all() && p.cmple(high).all())
     }
 
+    /// [`extent`](Self::extent) and the ends of all arrows: what the camera must see.
+    pub fn shown(&self) -> impl Iterator<Item = Vec3> + Clone + '_ {
+        let arrows = self.frames.iter().flat_map(|frame| &frame.arrows).flat_map(|arrow| {
+            let to = Vec3::from_array(arrow.to);
+            [to, to - Vec3::from_array(arrow.along)]
+        });
+        self.extent().chain(arrows.filter(|p| p.is_finite()))
+    }
+
     /// Checks that every index is in range and every list long enough, so that drawing cannot fail on data.
     ///
     /// # Errors

@@ -164,7 +164,7 @@ pub fn paper_c(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
         variants: variants.into(),
         quantity: Quantity::Displacement,
         at: 2.0,
-        panel: [200, 310],
+        panel: [190, 300],
         camera: CameraRequest::Orbit { azimuth: 12.0, elevation: 8.0, distance: 1.0 },
     };
     drawn(plan, adapter)
