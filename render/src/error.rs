@@ -64,7 +64,7 @@ pub enum RenderError {
     },
     /// The encoder of films stopped.
     #[error(
-        "ffmpeg could not encode {path}: {reason}; is the ending of the file one that it knows?"
+        "ffmpeg could not encode {path}: {reason}; check that the folder exists and that ffmpeg knows the ending of the file"
     )]
     Film {
         /// The film.
