@@ -664,6 +664,10 @@ impl RunSummary {
             }
             if let Some(axes) = &body.axes {
                 for family in &axes.families {
+                    let viscous = match family.viscosity {
+                        0.0 => String::new(),
+                        viscosity => format!(", viscosity {} Pa s", short(viscosity)),
+                    };
                     let active = family.peak_stress.map_or(String::new(), |stress| {
                         format!(
                             ", active stress up to {}, activation {} at the end",
@@ -673,7 +677,7 @@ impl RunSummary {
                     });
                     block.line(
                         &format!("  fibres {}", family.name),
-                        format!("{}{active}", pressure(family.modulus)),
+                        format!("{}{viscous}{active}", pressure(family.modulus)),
                     )?;
                 }
                 let [smallest, largest, last] = axes.volume_ratio;

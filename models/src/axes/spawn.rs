@@ -6,24 +6,27 @@ use sinew_engine::element::{
     AxisBlocks, AxisTetrahedron, AxisVertices, ShapeGradientBundle, shape_gradient_bundle,
 };
 use sinew_engine::isoparametric::{
-    AxisHexahedron, AxisHexahedronBlocks, AxisHexahedronVertices, HexahedronRest, RestHexahedron,
+    AxisHexahedron, AxisHexahedronBlocks, AxisHexahedronVertices, Derivatives, HexahedronRest,
+    RestHexahedron,
 };
 use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
 use super::columns::*;
-use super::description::{AxesDescription, AxisFamily, AxisForm, AxisGroup};
+use super::damper::{self, AxialDamper};
+use super::description::{AxesDescription, AxisFamily, AxisGroup};
 use super::hexahedra;
 use super::muscle::{self, Muscle, Muscles};
-use super::printed::VolumeForm;
-use super::printed_system::{self, PrintedAxes, PrintedModuli};
 use super::systems::{AxesOnlyBodies, activate_fibres, activate_triads, activate_volumes};
 use crate::precompute::RestTetrahedron;
 
-type Place = (AxisVertices, AxisBlocks, AxisTetrahedron, BodyId);
-type HexahedronPlace<S> =
-    (AxisHexahedronVertices, AxisHexahedronBlocks, AxisHexahedron, BodyId, HexahedronRest<S>);
+/// Rows and blocks of a tetrahedron, and where it comes from.
+pub(super) type Place = (AxisVertices, AxisBlocks, AxisTetrahedron, BodyId);
+/// The same of a hexahedron.
+pub(super) type HexahedronRows =
+    (AxisHexahedronVertices, AxisHexahedronBlocks, AxisHexahedron, BodyId);
+type HexahedronPlace<S> = (HexahedronRows, HexahedronRest<S>);
 /// Directions and moduli of a triad.
 type TriadMade<S> = (
     (DirectionBundle<S, 0>, DirectionBundle<S, 1>, DirectionBundle<S, 2>),
@@ -60,6 +63,26 @@ pub(crate) struct RestShapes<'a> {
     pub hexahedra: &'a [RestHexahedron],
 }
 
+/// Of a tetrahedron of the layout.
+pub(super) fn tetrahedron_place(layout: &BodyLayout, row: usize, at: Offsets) -> Place {
+    (
+        AxisVertices(layout.tetrahedra[row].map(|v| v + at.vertex)),
+        AxisBlocks(layout.tetrahedron_edges[row].map(|b| b + at.block)),
+        AxisTetrahedron(layout.tetrahedron_order[row]),
+        at.body,
+    )
+}
+
+/// Of a hexahedron of the layout.
+pub(super) fn hexahedron_rows(layout: &BodyLayout, row: usize, at: Offsets) -> HexahedronRows {
+    (
+        AxisHexahedronVertices(layout.hexahedra[row].map(|v| v + at.vertex)),
+        AxisHexahedronBlocks(layout.hexahedron_edges[row].map(|b| b + at.block)),
+        AxisHexahedron(layout.hexahedron_order[row]),
+        at.body,
+    )
+}
+
 /// Spawns the axes of a body, element by element in the order of the layout; `alone` when it has no other
 /// law.
 pub(crate) fn spawn_axes<S: Scalar>(
@@ -80,14 +103,14 @@ pub(crate) fn spawn_axes<S: Scalar>(
     let mut triads: Vec<(Place, ShapeGradientBundle<S>, TriadMade<S>)> = Vec::new();
     let mut fibres: Vec<(Place, FibreShapes<S>, FibreMade<S>)> = Vec::new();
     let mut volumes: Vec<(Place, ShapeGradientBundle<S>, VolumeStiffness<S>)> = Vec::new();
+    let mut dampers: Vec<(Place, AxialDamper<4>)> = Vec::new();
     for (row, &original) in layout.tetrahedron_order.iter().enumerate() {
-        let place = (
-            AxisVertices(layout.tetrahedra[row].map(|v| v + at.vertex)),
-            AxisBlocks(layout.tetrahedron_edges[row].map(|b| b + at.block)),
-            AxisTetrahedron(original),
-            at.body,
-        );
+        let place = tetrahedron_place(layout, row, at);
         let (shape, t) = (&rest.tetrahedra[row], original as usize);
+        for (axis, viscosity) in viscous(axes, t, shape.volume) {
+            let shape = shape.gradients.map(|d| DVec3::from_array(d).dot(axis));
+            dampers.push((place, AxialDamper { axis: axis.to_array(), shape, viscosity }));
+        }
         let d = [shape.gradients[1], shape.gradients[2], shape.gradients[3]];
         for group in &groups {
             match group {
@@ -123,6 +146,10 @@ pub(crate) fn spawn_axes<S: Scalar>(
         world.spawn_batch(volumes);
         activate_volumes::<S>(world);
     }
+    if !dampers.is_empty() {
+        world.spawn_batch(dampers);
+        damper::activate::<S, 4, AxisVertices>(world);
+    }
     spawn_in_hexahedra::<S>(world, axes, (&groups, &muscles), layout, rest.hexahedra, at);
 }
 
@@ -137,17 +164,20 @@ fn spawn_in_hexahedra<S: Scalar>(
     let mut triads: Vec<(HexahedronPlace<S>, TriadMade<S>)> = Vec::new();
     let mut fibres: Vec<(HexahedronPlace<S>, FibreMade<S>)> = Vec::new();
     let mut volumes: Vec<(HexahedronPlace<S>, VolumeStiffness<S>)> = Vec::new();
+    let mut dampers: Vec<(HexahedronRows, AxialDamper<8>)> = Vec::new();
+    let derivatives = Derivatives::<f64, 8, 3>::hexahedron();
     for (row, &original) in layout.hexahedron_order.iter().enumerate() {
-        let place = (
-            AxisHexahedronVertices(layout.hexahedra[row].map(|v| v + at.vertex)),
-            AxisHexahedronBlocks(layout.hexahedron_edges[row].map(|b| b + at.block)),
-            AxisHexahedron(original),
-            at.body,
-            hexahedra::shares(&rest[row]).component::<S>(),
-        );
+        let rows = hexahedron_rows(layout, row, at);
+        let place = (rows, hexahedra::shares(&rest[row]).component::<S>());
         let volume = rest[row].total_volume();
         // directions of hexahedra follow those of tetrahedra
         let e = layout.tetrahedra.len() + original as usize;
+        for q in 0..8 {
+            for (axis, viscosity) in viscous(axes, e, rest[row].volume[q]) {
+                let shape = hexahedra::shape_of(&derivatives, &rest[row], q, axis);
+                dampers.push((rows, AxialDamper { axis: axis.to_array(), shape, viscosity }));
+            }
+        }
         for group in groups {
             match group {
                 AxisGroup::Triad { .. } => {
@@ -175,6 +205,21 @@ fn spawn_in_hexahedra<S: Scalar>(
         world.spawn_batch(volumes);
         hexahedra::activate_volumes::<S>(world);
     }
+    if !dampers.is_empty() {
+        world.spawn_batch(dampers);
+        damper::activate::<S, 8, AxisHexahedronVertices>(world);
+    }
+}
+
+/// Axes and viscosities times `v` (m^3, of an element or of a part of it) of the viscous families in an
+/// element.
+fn viscous<'a>(
+    axes: &'a AxesDescription,
+    element: usize,
+    v: f64,
+) -> impl Iterator<Item = (DVec3, f64)> + 'a {
+    let present = axes.families.iter().filter(move |f| f.viscosity * f.share(element) > 0.0);
+    present.map(move |f| (unit(f, element), v * f.viscosity * f.share(element)))
 }
 
 /// Directions and moduli of a triad in an element of volume `v` (m^3); `None` for other groups.
@@ -229,65 +274,6 @@ fn fibre<S: Scalar>(
     ))
 }
 
-/// Spawns the axes of a body in the printed form.
-pub(crate) fn spawn_printed<S: Scalar>(
-    world: &mut World,
-    axes: &AxesDescription,
-    layout: &BodyLayout,
-    rest_of: &dyn Fn(u32) -> DVec3,
-    at: Offsets,
-    alone: bool,
-) {
-    world.init_resource::<AxesOnlyBodies>();
-    if alone {
-        world.resource_mut::<AxesOnlyBodies>().set(at.body.0 as usize);
-    }
-    let form = match axes.form {
-        AxisForm::PrintedBalanced => VolumeForm::Balanced,
-        _ => VolumeForm::Printed,
-    };
-    let groups = axes.pack();
-    let mut printed = Vec::new();
-    for (row, &original) in layout.tetrahedron_order.iter().enumerate() {
-        let (nodes, t) = (layout.tetrahedra[row], original as usize);
-        let points = nodes.map(rest_of);
-        let [a, b, c] = [points[1] - points[0], points[2] - points[0], points[3] - points[0]];
-        let volume = a.dot(b.cross(c)) / 6.0;
-        for group in &groups {
-            let (families, axial, angular, volume_modulus) = match *group {
-                AxisGroup::Triad { axes, axial, angles, volume } => (axes, axial, angles, volume),
-                AxisGroup::Fibre(i) => {
-                    ([Some(i), None, None], [axes.families[i].modulus, 0.0, 0.0], [0.0; 3], 0.0)
-                }
-                AxisGroup::Volume(modulus) => ([None; 3], [0.0; 3], [0.0; 3], modulus),
-            };
-            let families = families.map(|f| f.map(|f| &axes.families[f]));
-            let share = families.map(|f| f.map_or(0.0, |f| f.share(t)));
-            let pairs = super::element::AXIS_PAIRS.map(|[i, j]| share[i].min(share[j]));
-            let moduli = PrintedModuli {
-                axial: [0, 1, 2].map(|i| axial[i] * share[i]),
-                angular: [0, 1, 2].map(|k| angular[k] * pairs[k]),
-                volume: volume_modulus,
-            };
-            let directions = triad_directions(families, t).map(DVec3::from_array);
-            // an axis through the barycentre of a tetrahedron with volume meets two faces
-            if let Some(springs) = PrintedAxes::new(points, volume, directions, moduli, form) {
-                printed.push((
-                    AxisVertices(nodes.map(|v| v + at.vertex)),
-                    AxisBlocks(layout.tetrahedron_edges[row].map(|b| b + at.block)),
-                    AxisTetrahedron(original),
-                    at.body,
-                    springs,
-                ));
-            }
-        }
-    }
-    if !printed.is_empty() {
-        world.spawn_batch(printed);
-        printed_system::activate::<S>(world);
-    }
-}
-
 /// Indices of the muscles of all families, [`NO_MUSCLE`] for passive ones.
 fn spawn_muscles<S: Scalar>(world: &mut World, axes: &AxesDescription, body: usize) -> Vec<u32> {
     let mut indices = vec![NO_MUSCLE; axes.families.len()];
@@ -303,7 +289,7 @@ fn spawn_muscles<S: Scalar>(world: &mut World, axes: &AxesDescription, body: usi
 }
 
 /// Unit vector of a family; where it has none, which its share of 0 allows, any.
-fn unit(family: &AxisFamily, tetrahedron: usize) -> DVec3 {
+pub(super) fn unit(family: &AxisFamily, tetrahedron: usize) -> DVec3 {
     family.direction(tetrahedron).try_normalize().unwrap_or(DVec3::X)
 }
 
