@@ -20,7 +20,7 @@ fn options(precision: Precision, threads: usize) -> SimulationOptions {
 /// Four families that are not orthogonal, two of them active, five angles: triads, fibres and a term of
 /// volume, some elements without a share.
 fn rich(mesh: &Mesh) -> AxesDescription<'static> {
-    let n = mesh.tetrahedra.len();
+    let n = mesh.tetrahedra.len() + mesh.hexahedra.len();
     let fields: Vec<_> = (0..4).map(|i| field::random(mesh, i).directions).collect();
     let family = |name, i: usize, modulus| AxisFamily::new(name, &fields[i], modulus);
     let muscle = MuscleSettings {
@@ -530,6 +530,54 @@ fn at_random_passive(mesh: &Mesh, axes: AxesDescription) -> (f64, Vec<DVec3>) {
     let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 3e-3).collect();
     simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
     (simulation.evaluate(), simulation.elastic_forces(body))
+}
+
+/// Another modulus makes the body that would have been built with it, to the last bit.
+#[test]
+fn a_new_modulus_makes_the_body_that_has_it() {
+    let size = DVec3::new(0.06, 0.04, 0.04);
+    let meshes =
+        [jittered_box(size.to_array(), [3, 2, 2]), box_hexahedra(size, [3, 2, 2]).unwrap()];
+    for (mesh, printed) in meshes.iter().flat_map(|mesh| [(mesh, false), (mesh, true)]) {
+        let mut axes = rich(mesh);
+        if printed {
+            axes.form = AxisForm::Printed;
+            axes.families.iter_mut().for_each(|family| family.muscle = None);
+        }
+        let shape = |axes: AxesDescription, change: &[(&str, f64)]| {
+            let (mut simulation, body) = build(mesh, FUSED, Some(axes), options(Precision::F64, 1));
+            if !printed {
+                activate(&mut simulation, body);
+            }
+            let n = mesh.points.len();
+            let u: Vec<_> = random_field(n, 9).iter().map(|r| *r * 2e-3).collect();
+            simulation.set_state(body, &u, &vec![DVec3::ZERO; n]).unwrap();
+            let before = simulation.evaluate();
+            let mut work = 0.0;
+            for &(family, modulus) in change {
+                work += simulation.set_axis_modulus(body, family, modulus).unwrap();
+            }
+            let energy = simulation.evaluate();
+            assert!((before + work - energy).abs() < 1e-12 * energy);
+            (energy, simulation.elastic_forces(body))
+        };
+        let mut other = axes.clone();
+        for (family, modulus) in other.families.iter_mut().zip([500.0, 0.0, 7e3, 2e3]) {
+            family.modulus = modulus;
+        }
+        let whole = shape(other, &[]);
+        // by way of 0, which must not stick
+        let change = [("a", 0.0), ("a", 500.0), ("b", 0.0), ("c", 7e3), ("d", 0.0), ("d", 2e3)];
+        assert_eq!(shape(axes.clone(), &change), whole, "{printed}");
+        assert_ne!(shape(axes, &[]), whole);
+    }
+    let mesh = &meshes[0];
+    let (mut simulation, body) = build(mesh, FUSED, Some(rich(mesh)), options(Precision::F64, 1));
+    let error = |e: SimulationError| e.to_string();
+    let found = simulation.set_axis_modulus(body, "e", 1.0).map_err(error).unwrap_err();
+    assert!(found.contains("no family of axes `e`") && found.contains("\"d\""), "{found}");
+    let found = simulation.set_axis_modulus(body, "a", -1.0).map_err(error).unwrap_err();
+    assert!(found.contains("-1 Pa"), "{found}");
 }
 
 #[test]

@@ -19,6 +19,7 @@ use sinew::engine::mesh::generate::{
 };
 use sinew::engine::mesh::{CheckOptions, CheckReport, FindingCode, Group, Mesh, MeshError, check};
 use sinew::engine::vertex::FixedAxes;
+use sinew::identify::ElementMethod;
 use sinew::models::axes::description::AxesDescription;
 use sinew::models::body::{BodyDescription, Evaluation, Model};
 use sinew::models::field::FieldError;
@@ -108,6 +109,8 @@ pub struct BuiltBody {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// How constants of lumped springs are found, where the scene says so.
+    pub element_method: Option<ElementMethod>,
     /// Axes.
     pub axes: Option<AxesDescription<'static>>,
 }
@@ -801,6 +804,7 @@ impl Builder<'_> {
             preset: body.material.preset.clone(),
             model: body.model,
             evaluation: body.evaluation,
+            element_method: body.element_method,
             axes,
         })
     }

@@ -252,12 +252,8 @@ impl AxesDescription<'_> {
                     *angle = left.remove(at).1;
                 }
             }
-            let axial = axes.map(|axis| {
-                axis.map_or(0.0, |axis| {
-                    let new = !std::mem::replace(&mut placed[axis], true);
-                    if new { self.families[axis].modulus } else { 0.0 }
-                })
-            });
+            let axial =
+                axes.map(|axis| axis.filter(|&axis| !std::mem::replace(&mut placed[axis], true)));
             groups.push(AxisGroup::Triad { axes, axial, angles, volume });
             volume = 0.0;
         }
@@ -276,8 +272,9 @@ impl AxesDescription<'_> {
 /// What one axis entity of an element holds.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum AxisGroup {
-    /// Families of the axes (`None`: any direction), their moduli, those of their angles and of volume (Pa).
-    Triad { axes: [Option<usize>; 3], axial: [f64; 3], angles: [f64; 3], volume: f64 },
+    /// Families of the axes (`None`: any direction) and of the springs along them, moduli of their angles and
+    /// of volume (Pa).
+    Triad { axes: [Option<usize>; 3], axial: [Option<usize>; 3], angles: [f64; 3], volume: f64 },
     /// A family.
     Fibre(usize),
     /// Modulus of volume (Pa).
@@ -321,6 +318,14 @@ pub enum AxesError {
         what: String,
         /// The modulus (Pa).
         value: f64,
+    },
+    /// No such family.
+    #[error("the body has no family of axes `{family}`; it has {known:?}")]
+    Unknown {
+        /// Name that was asked for.
+        family: String,
+        /// Names that there are.
+        known: Vec<String>,
     },
     /// A viscosity out of range.
     #[error("viscosity of family `{family}` is {value} Pa s; it must be finite and not negative")]

@@ -55,12 +55,14 @@ pub struct PrintedAxes<const N: usize> {
     pub form: VolumeForm,
 }
 
-/// Moduli (Pa) of the axes of an element, already multiplied by what share of them it has.
+/// Moduli (Pa) of the axes of an element.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PrintedModuli {
     /// Along the axes.
     pub axial: [f64; 3],
-    /// Between them, in the order of [`AXIS_PAIRS`].
+    /// Factor on these.
+    pub share: [f64; 3],
+    /// Between them, in the order of [`AXIS_PAIRS`], already multiplied by what share of them it has.
     pub angular: [f64; 3],
     /// Of volume.
     pub volume: f64,
@@ -100,6 +102,10 @@ impl PrintedElement<8> for Printed {
     }
 }
 
+fn axial_weight(volume: f64, length: f64) -> f64 {
+    volume / (length * length)
+}
+
 impl<const N: usize> PrintedAxes<N> {
     /// Springs between the `ends` of the unit vectors `axes` in an element of vertices `points` (m) and volume
     /// `volume` (m^3).
@@ -126,7 +132,8 @@ impl<const N: usize> PrintedAxes<N> {
             axial: AxialSprings {
                 spread,
                 length,
-                stiffness: [0, 1, 2].map(|i| moduli.axial[i] * volume / length[i].powi(2)),
+                stiffness: [0, 1, 2]
+                    .map(|i| moduli.axial[i] * axial_weight(moduli.share[i] * volume, length[i])),
                 // dampers are entities of their own
                 damping: [0.0; 3],
             },
@@ -139,6 +146,12 @@ impl<const N: usize> PrintedAxes<N> {
             volume: Printed::volume_springs(radii, volume, moduli.volume),
             form,
         }
+    }
+
+    /// What moduli along the axes (Pa) are multiplied by for stiffnesses (N/m), from shares of them in an
+    /// element of volume `volume` (m^3).
+    pub(crate) fn axial_weights(&self, share: [f64; 3], volume: f64) -> [f64; 3] {
+        [0, 1, 2].map(|i| axial_weight(share[i] * volume, self.axial.length[i]))
     }
 
     /// Without stiffness, for removed elements.

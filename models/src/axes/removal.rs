@@ -5,6 +5,7 @@ use sinew_engine::element::ShapeGradient;
 use sinew_engine::isoparametric::HexahedronRest;
 use sinew_engine::scalar::{Scalar, dot};
 
+use super::change::AxisSource;
 use super::columns::*;
 use super::damper::AxialDamper;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
@@ -159,7 +160,7 @@ pub(crate) fn clear<S: Scalar>(world: &mut World, entity: Entity) {
             }
         )+};
     }
-    clear![PrintedAxes<4>, PrintedAxes<8>, AxialDamper<4>, AxialDamper<8>];
+    clear![PrintedAxes<4>, PrintedAxes<8>, AxialDamper<4>, AxialDamper<8>, AxisSource];
     if let Some(mut rest) = e.get_mut::<HexahedronRest<S>>() {
         *rest = HexahedronRest { gradients: [[S::ZERO; 8]; 9], volume: [S::ZERO; 8] };
     }

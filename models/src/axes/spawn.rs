@@ -13,6 +13,7 @@ use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
+use super::change::AxisSource;
 use super::columns::*;
 use super::damper::{self, AxialDamper};
 use super::description::{AxesDescription, AxisFamily, AxisGroup};
@@ -33,6 +34,7 @@ type TriadMade<S> = (
     (AxialStiffness<S, 0>, AxialStiffness<S, 1>, AxialStiffness<S, 2>),
     (AxisAngleStiffness<S, 0>, AxisAngleStiffness<S, 1>, AxisAngleStiffness<S, 2>),
     VolumeStiffness<S>,
+    AxisSource,
 );
 /// Direction and moduli of a fibre.
 type FibreMade<S> = (
@@ -44,7 +46,7 @@ type FibreMade<S> = (
         FibreOffset<S>,
         FibreInverseWidth<S>,
     ),
-    (PassiveStiffness<S>, PeakTension<S>, MuscleIndex),
+    (PassiveStiffness<S>, PeakTension<S>, MuscleIndex, AxisSource),
 );
 type FibreShapes<S> = (FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>);
 
@@ -119,9 +121,8 @@ pub(crate) fn spawn_axes<S: Scalar>(
                     triads.extend(made.map(|made| (place, shape_gradient_bundle(d), made)));
                 }
                 &AxisGroup::Fibre(index) => {
-                    let family = &axes.families[index];
-                    if let Some(made) = fibre(family, muscles[index], t, shape.volume) {
-                        let a = unit(family, t);
+                    if let Some(made) = fibre(axes, index, muscles[index], t, shape.volume) {
+                        let a = unit(&axes.families[index], t);
                         let q = d.map(|d| S::from_f64(DVec3::from_array(d).dot(a)));
                         let shapes = (FibreShape(q[0]), FibreShape(q[1]), FibreShape(q[2]));
                         fibres.push((place, shapes, made));
@@ -184,7 +185,7 @@ fn spawn_in_hexahedra<S: Scalar>(
                     triads.extend(triad(axes, group, e, volume).map(|made| (place, made)));
                 }
                 &AxisGroup::Fibre(index) => {
-                    let made = fibre(&axes.families[index], muscles[index], e, volume);
+                    let made = fibre(axes, index, muscles[index], e, volume);
                     fibres.extend(made.map(|made| (place, made)));
                 }
                 AxisGroup::Volume(modulus) => {
@@ -233,7 +234,9 @@ fn triad<S: Scalar>(
     let families = of.map(|f| f.map(|f| &axes.families[f]));
     let share = families.map(|f| f.map_or(0.0, |f| f.share(element)));
     let [a, b, c] = triad_directions(families, element);
-    let y = [0, 1, 2].map(|i| S::from_f64(v * axial[i] * share[i]));
+    let weight = share.map(|share| v * share);
+    let modulus = axial.map(|f| f.map_or(0.0, |f| axes.families[f].modulus));
+    let y = [0, 1, 2].map(|i| S::from_f64(modulus[i] * weight[i]));
     // an angle is as present as the less present of its axes
     let g = super::element::AXIS_PAIRS.map(|[i, j]| share[i].min(share[j]));
     let g = [0, 1, 2].map(|k| S::from_f64(v * angles[k] * g[k]));
@@ -242,22 +245,26 @@ fn triad<S: Scalar>(
         (AxialStiffness(y[0]), AxialStiffness(y[1]), AxialStiffness(y[2])),
         (AxisAngleStiffness(g[0]), AxisAngleStiffness(g[1]), AxisAngleStiffness(g[2])),
         VolumeStiffness(S::from_f64(v * volume)),
+        AxisSource::new(*axial, weight),
     ))
 }
 
 /// Direction and moduli of a fibre in an element of volume `v` (m^3); `None` where it has no share.
 fn fibre<S: Scalar>(
-    family: &AxisFamily,
+    axes: &AxesDescription,
+    index: usize,
     muscle: u32,
     element: usize,
     v: f64,
 ) -> Option<FibreMade<S>> {
+    let family = &axes.families[index];
     let share = family.share(element);
     if share == 0.0 {
         return None;
     }
     let scalar = S::from_f64;
-    let stiffness = scalar(v * family.modulus * share);
+    let weight = v * share;
+    let stiffness = scalar(family.modulus * weight);
     let settings = family.muscle.as_ref();
     let peak = settings.map_or(0.0, |m| m.peak_stress);
     let (optimum, width) = settings.map_or((1.0, 1.0), |m| (m.optimal_stretch, m.width));
@@ -270,7 +277,12 @@ fn fibre<S: Scalar>(
             FibreOffset(scalar(1.0 - optimum)),
             FibreInverseWidth(scalar(1.0 / width)),
         ),
-        (PassiveStiffness(stiffness), PeakTension(scalar(v * peak * share)), MuscleIndex(muscle)),
+        (
+            PassiveStiffness(stiffness),
+            PeakTension(scalar(v * peak * share)),
+            MuscleIndex(muscle),
+            AxisSource::new([Some(index), None, None], [weight, 0.0, 0.0]),
+        ),
     ))
 }
 

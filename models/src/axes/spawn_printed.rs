@@ -8,6 +8,7 @@ use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 
 use super::attachment::{self, Attachment};
+use super::change::AxisSource;
 use super::damper::{self, AxialDamper};
 use super::description::{AxesDescription, AxesError, AxisFamily, AxisForm, AxisGroup};
 use super::element::AXIS_PAIRS;
@@ -91,7 +92,7 @@ pub(crate) fn spawn_printed<S: Scalar>(
 
 /// What the axes of an element of `N` vertices become.
 struct Made<const N: usize> {
-    springs: Vec<PrintedAxes<N>>,
+    springs: Vec<(PrintedAxes<N>, AxisSource)>,
     dampers: Vec<AxialDamper<N>>,
 }
 
@@ -121,21 +122,24 @@ where
             let (families, axial, angular, volume_modulus) = match *group {
                 AxisGroup::Triad { axes, axial, angles, volume } => (axes, axial, angles, volume),
                 AxisGroup::Fibre(i) => {
-                    ([Some(i), None, None], [axes.families[i].modulus, 0.0, 0.0], [0.0; 3], 0.0)
+                    ([Some(i), None, None], [Some(i), None, None], [0.0; 3], 0.0)
                 }
-                AxisGroup::Volume(modulus) => ([None; 3], [0.0; 3], [0.0; 3], modulus),
+                AxisGroup::Volume(modulus) => ([None; 3], [None; 3], [0.0; 3], modulus),
             };
             let families = families.map(|f| f.map(|f| &axes.families[f]));
             let share = families.map(|f| f.map_or(0.0, |f| f.share(element)));
             let pairs = AXIS_PAIRS.map(|[i, j]| share[i].min(share[j]));
+            let modulus = axial.map(|f| f.map_or(0.0, |f| axes.families[f].modulus));
             let moduli = PrintedModuli {
-                axial: [0, 1, 2].map(|i| axial[i] * share[i]),
+                axial: modulus,
+                share,
                 angular: [0, 1, 2].map(|k| angular[k] * pairs[k]),
                 volume: volume_modulus,
             };
             let chords = families.map(|f| f.map_or(none, chord));
             let chords = (chords.map(|c| c.0), chords.map(|c| c.1));
-            PrintedAxes::new(points, volume, chords, moduli, form)
+            let springs = PrintedAxes::new(points, volume, chords, moduli, form);
+            (springs, AxisSource::new(axial, springs.axial_weights(share, volume)))
         });
         let dampers = axes.families.iter().filter(|f| f.viscosity > 0.0).filter_map(|family| {
             let (axis, ends) = chord(family);

@@ -5,6 +5,7 @@
 //! have them. Vertex rows do not change.
 
 use super::Resection;
+use crate::axes::change::AxisSource;
 use crate::axes::columns::*;
 use crate::axes::damper::AxialDamper;
 use crate::axes::printed_system::PrintedAxes;
@@ -96,7 +97,7 @@ fn known_columns<S: Scalar>(world: &mut World) -> Vec<Column> {
         VolumeStiffness<S>, FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>,
         FibreShortening<S>, FibreActive<S>, FibreOffset<S>, FibreInverseWidth<S>,
         PassiveStiffness<S>, PeakTension<S>, MuscleIndex,
-        PrintedAxes<4>, PrintedAxes<8>, AxialDamper<4>, AxialDamper<8>,
+        PrintedAxes<4>, PrintedAxes<8>, AxialDamper<4>, AxialDamper<8>, AxisSource,
     ]
 }
 
