@@ -166,7 +166,7 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
             100.0 * printed
         ),
     }];
-    let [radial, exact_there] = [2, 4].map(|i| in_hexahedra.get(i).copied().unwrap_or(f64::NAN));
+    let [radial, exact_there] = [3, 4].map(|i| in_hexahedra.get(i).copied().unwrap_or(f64::NAN));
     for (name, change) in [
         ("printed springs of volume", printed),
         ("printed springs of volume, balanced, in hexahedra", radial),
