@@ -1,6 +1,7 @@
-//! Activation of muscles, and volumes, for [`Simulation`].
+//! Axes of bodies, activation of muscles, and volumes, for [`Simulation`].
 
-use crate::simulation::{BodyHandle, Precision, Simulation};
+use crate::simulation::{BodyHandle, Precision, Simulation, SimulationError};
+use bevy_ecs::prelude::World;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
     RestVolume, ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change,
@@ -9,7 +10,11 @@ use sinew_engine::isoparametric::{Derivatives, HexahedronRest, HexahedronVertice
 use sinew_engine::scalar::{Scalar, xyz};
 use sinew_engine::step::hexahedron_ratios;
 use sinew_engine::vertex::{BodyId, Displacement};
+use sinew_models::axes::change::set_axis_modulus;
+use sinew_models::axes::description::AxesError;
 use sinew_models::axes::muscle::{ActivationError, ActivationWork, Muscles};
+use sinew_solvers::explicit::forget_steps;
+use sinew_solvers::implicit::forget_matrices;
 
 impl Simulation {
     /// Sets the activation (0 to 1) of an active axis family of a body, from the next step on.
@@ -26,6 +31,35 @@ impl Simulation {
         muscles.set_activation(body.0, family, activation)
     }
 
+    /// Gives a family of axes of a body another modulus (Pa), between steps; returns by how much that changes
+    /// the elastic energy (J) at the same displacements, which is work from outside. What solvers remember is
+    /// forgotten.
+    ///
+    /// # Errors
+    /// When there is no such family or the modulus cannot be used; nothing is changed then.
+    ///
+    /// # Panics
+    /// As [`Simulation::evaluate`].
+    pub fn set_axis_modulus(
+        &mut self,
+        body: BodyHandle,
+        family: &str,
+        modulus: f64,
+    ) -> Result<f64, SimulationError> {
+        let before = self.evaluate();
+        let precision = self.precision();
+        let world = self.world_mut();
+        let changed = match precision {
+            Precision::F64 => set::<f64>(world, body, family, modulus),
+            Precision::F32 => set::<f32>(world, body, family, modulus),
+        };
+        changed.map_err(|source| {
+            let body = self.topology().bodies[body.0].name.clone();
+            SimulationError::Axes { body, source }
+        })?;
+        Ok(self.evaluate() - before)
+    }
+
     /// Energy (J) that changes of activation put into fibres: work from outside, which
     /// [`StepReport`](sinew_engine::report::StepReport) counts as energy at the start of the step.
     pub fn activation_work(&self) -> ActivationWork {
@@ -39,6 +73,18 @@ impl Simulation {
             Precision::F32 => volume::<f32>(self, body),
         }
     }
+}
+
+fn set<S: Scalar>(
+    world: &mut World,
+    body: BodyHandle,
+    family: &str,
+    modulus: f64,
+) -> Result<(), AxesError> {
+    set_axis_modulus::<S>(world, body.0, family, modulus)?;
+    forget_steps::<S>(world);
+    forget_matrices::<S>(world);
+    Ok(())
 }
 
 fn volume<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> f64 {

@@ -26,6 +26,7 @@ use sinew_engine::vertex::{
     Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, RestPosition, Velocity,
 };
 use sinew_engine::workers::{Workers, WorkersError};
+use sinew_models::axes::description::AxesError;
 use sinew_models::body::{BodyDescription, BodyError, spawn_body};
 use sinew_models::change::set_material;
 use sinew_models::field::{FieldError, MaterialField};
@@ -88,6 +89,14 @@ pub enum SimulationError {
         body: String,
         /// What is wrong.
         source: FieldError,
+    },
+    /// Axes of a body that exists.
+    #[error("axes of body `{body}`: {source}")]
+    Axes {
+        /// Body.
+        body: String,
+        /// What is wrong.
+        source: AxesError,
     },
     /// A constraint or load names a vertex that its body does not have.
     #[error(

@@ -191,14 +191,24 @@ fn what_is_left_equals_a_fresh_build() {
 #[test]
 fn axes_leave_with_their_elements() {
     let bar = mixed([6, 2, 2]);
-    for model in [Model::CompressibleStVK, Model::Axes] {
-        let description = BodyDescription { model, ..bar.with_muscle() };
+    for (model, printed) in
+        [(Model::CompressibleStVK, false), (Model::Axes, false), (Model::Axes, true)]
+    {
+        let mut description = BodyDescription { model, ..bar.with_muscle() };
+        let axes = description.axes.as_mut().unwrap();
+        axes.families.iter_mut().for_each(|family| family.viscosity = 30.0);
+        if printed {
+            axes.form = AxisForm::Printed;
+            axes.families.iter_mut().for_each(|family| family.muscle = None);
+        }
         let mut simulation = simulation(Precision::F64, 1);
         let body = simulation.add_body(&description).unwrap();
         simulation.set_gravity(DVec3::ZERO);
         simulation.set_dt(1e-3);
-        simulation.set_activation(body, "muscle", 0.7).unwrap();
-        simulation.step().unwrap();
+        if !printed {
+            simulation.set_activation(body, "muscle", 0.7).unwrap();
+            simulation.step().unwrap();
+        }
         disturb(&mut simulation, body, 1e-3, 13);
         let mut next = numbers(19);
         let energy = simulation.evaluate();

@@ -13,8 +13,9 @@ pub struct FitDataOptions {
     /// curve (load, force, constraint, axis; weight or sigma). May be given several times.
     #[arg(long, value_name = "CSV", requires = "fit")]
     pub data: Vec<PathBuf>,
-    /// What is fitted: young, poisson, young:REGION, poisson:REGION, with BODY/ before it in a scene of
-    /// several bodies. REGION is a group of cells, or an array of cell data whose values number regions.
+    /// What is fitted: young, poisson, young:REGION, poisson:REGION, axis:FAMILY (the modulus of its fibres),
+    /// with BODY/ before it in a scene of several bodies. REGION is a group of cells, or an array of cell
+    /// data whose values number regions.
     #[arg(long, value_name = "PARAMETER", requires = "data")]
     fit: Vec<String>,
     /// Bounds of a parameter, such as young=1e3..1e5 or poisson=0.3..0.49.

@@ -28,6 +28,8 @@ pub struct FibreEntry {
     pub name: String,
     /// Modulus along the fibres (Pa), added to that of the body's material.
     pub modulus: f64,
+    /// Viscosity along the fibres (Pa s); no damping without it.
+    pub viscosity: Option<f64>,
     /// The same direction everywhere, of any length.
     pub direction: Option<[f64; 3]>,
     /// Vectors of the mesh file.
@@ -44,7 +46,8 @@ pub struct FibreEntry {
     pub helicoidal: Option<HelicoidalEntry>,
     /// Random directions.
     pub random: Option<RandomEntry>,
-    /// Cell data of the mesh file with a factor (0 and more) on modulus and active stress in every element.
+    /// Cell data of the mesh file with a factor (0 and more) on modulus, viscosity and active stress in
+    /// every element.
     pub share_field: Option<String>,
     /// Makes the fibres active.
     pub muscle: Option<MuscleEntry>,
@@ -191,6 +194,7 @@ pub(crate) fn build(
             name: Cow::Owned(entry.name.clone()),
             directions: Cow::Owned(field.directions),
             modulus: entry.modulus,
+            viscosity: entry.viscosity.unwrap_or(0.0),
             share: share.map(Cow::Owned),
             muscle,
         });
@@ -236,7 +240,8 @@ fn place(key: &str, body: &Body, axes: &AxesDescription, error: &AxesError) -> S
         }
         AxesError::Direction { family, .. } => of(family, "direction"),
         AxesError::Muscle { family, source } => of(family, &format!("muscle.{}", source.quantity)),
-        AxesError::PrintedHexahedra | AxesError::PrintedMuscle { .. } => format!("{key}.axes.form"),
+        AxesError::NoChord { .. } | AxesError::PrintedMuscle { .. } => format!("{key}.axes.form"),
+        AxesError::Viscosity { family, .. } => of(family, "viscosity"),
         AxesError::Angle { families, .. } => {
             let at = axes.angles.iter().position(|a| a.families == *families).unwrap_or(0);
             format!("{key}.axes.angles[{at}].between")
@@ -419,6 +424,8 @@ pub struct FamilySummary {
     pub name: String,
     /// Modulus (Pa).
     pub modulus: f64,
+    /// Viscosity (Pa s).
+    pub viscosity: f64,
     /// Active stress (Pa) at full activation; `None` when passive.
     pub peak_stress: Option<f64>,
     /// Activation at the end.
@@ -435,6 +442,7 @@ impl AxesSummary {
         let families = axes.families.iter().map(|f| FamilySummary {
             name: f.name.to_string(),
             modulus: f.modulus,
+            viscosity: f.viscosity,
             peak_stress: f.muscle.as_ref().map(|m| m.peak_stress),
             activation: f.muscle.as_ref().and_then(|_| activation(&f.name)),
         });

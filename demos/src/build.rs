@@ -19,6 +19,7 @@ use sinew::engine::mesh::generate::{
 };
 use sinew::engine::mesh::{CheckOptions, CheckReport, FindingCode, Group, Mesh, MeshError, check};
 use sinew::engine::vertex::FixedAxes;
+use sinew::identify::ElementMethod;
 use sinew::models::axes::description::AxesDescription;
 use sinew::models::body::{BodyDescription, Evaluation, Model};
 use sinew::models::field::FieldError;
@@ -108,6 +109,8 @@ pub struct BuiltBody {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// How constants of lumped springs are found, where the scene says so.
+    pub element_method: Option<ElementMethod>,
     /// Axes.
     pub axes: Option<AxesDescription<'static>>,
 }
@@ -456,6 +459,7 @@ impl Builder<'_> {
             let key = message.split([' ', '=']).next().unwrap_or_default();
             SceneError::Setting { place: self.place(format!("solver.{key}")), source }
         })?;
+        self.check_dampers(settings.integrator)?;
         let output = &scene.output;
         if let (Some(_), Some(_)) = (output.every, output.frames_per_second) {
             return Err(self.value(
@@ -493,6 +497,27 @@ impl Builder<'_> {
             settings,
             threads: options.threads.unwrap_or(scene.threads),
         })
+    }
+
+    /// Dampers of fibres are for implicit steps in time.
+    fn check_dampers(&self, integrator: Integrator) -> Result<(), SceneError> {
+        for (b, body) in self.loaded.scene.bodies.iter().enumerate() {
+            let Some(f) = body.fibres.iter().position(|f| f.viscosity.is_some_and(|v| v != 0.0))
+            else {
+                continue;
+            };
+            let key = format!("body[{b}].fibres[{f}].viscosity");
+            self.dynamic_only_absent(&key, integrator == Integrator::QuasiStatic, "dynamic")?;
+            if integrator.is_explicit() {
+                return Err(self.value(
+                    key,
+                    format!("dampers with integrator {}", integrator.name()),
+                    "they would need a linear system every substep: use solver.mass_damping, or \
+                     solver.integrator = \"safe\"",
+                ));
+            }
+        }
+        Ok(())
     }
 
     fn dynamic_only_absent(
@@ -779,6 +804,7 @@ impl Builder<'_> {
             preset: body.material.preset.clone(),
             model: body.model,
             evaluation: body.evaluation,
+            element_method: body.element_method,
             axes,
         })
     }

@@ -558,6 +558,7 @@ fn summarise(
                 material: body.material,
                 model: body.model,
                 evaluation: body.evaluation,
+                element_method: body.element_method,
                 membrane: body.membrane.as_ref().map(|m| MembraneSummary {
                     triangles: m.triangles.len(),
                     quads: m.quads.len(),
@@ -566,6 +567,7 @@ fn summarise(
                     material: m.settings.material,
                     model: m.settings.model,
                     evaluation: m.settings.evaluation,
+                    element_method: m.settings.springs,
                 }),
                 axes: body.axes.as_ref().map(|axes| AxesSummary::new(axes, activation, ratios)),
             }

@@ -4,6 +4,7 @@
 use crate::axes::AxesSummary;
 use crate::resection::ResectionSummary;
 use serde::Serialize;
+use sinew::identify::ElementMethod;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::material::YoungPoisson;
 use sinew::models::sheet::MembraneModel;
@@ -219,6 +220,8 @@ pub struct BodySummary {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// How constants of lumped springs are found, where the scene says so.
+    pub element_method: Option<ElementMethod>,
     /// Membrane.
     pub membrane: Option<MembraneSummary>,
     /// Axes.
@@ -242,6 +245,8 @@ pub struct MembraneSummary {
     pub model: MembraneModel,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// How constants of lumped springs are found, where the scene says so.
+    pub element_method: Option<ElementMethod>,
 }
 
 /// A pressure of a run.
@@ -505,6 +510,12 @@ pub fn evaluation_name(evaluation: Evaluation) -> &'static str {
     }
 }
 
+fn springs_by(method: ElementMethod) -> String {
+    let recalled =
+        if method.recalled() { " (formula recalled, not read in the original)" } else { "" };
+    format!("springs by {}{recalled}", method.name())
+}
+
 /// A number with about four digits, plain where that is short.
 pub fn short(x: f64) -> String {
     let size = x.abs();
@@ -653,17 +664,24 @@ impl RunSummary {
                 block.line(
                     "",
                     format!(
-                        "E = {}, nu = {}, {} kg/m^3{preset}; model {}, {} evaluation",
+                        "E = {}, nu = {}, {} kg/m^3{preset}; model {}, {}",
                         pressure(m.young_modulus),
                         m.poisson_ratio,
                         short(m.density),
                         model_name(body.model),
-                        evaluation_name(body.evaluation),
+                        match (body.model, body.element_method) {
+                            (Model::MassSpring, Some(method)) => springs_by(method),
+                            _ => format!("{} evaluation", evaluation_name(body.evaluation)),
+                        },
                     ),
                 )?;
             }
             if let Some(axes) = &body.axes {
                 for family in &axes.families {
+                    let viscous = match family.viscosity {
+                        0.0 => String::new(),
+                        viscosity => format!(", viscosity {} Pa s", short(viscosity)),
+                    };
                     let active = family.peak_stress.map_or(String::new(), |stress| {
                         format!(
                             ", active stress up to {}, activation {} at the end",
@@ -673,7 +691,7 @@ impl RunSummary {
                     });
                     block.line(
                         &format!("  fibres {}", family.name),
-                        format!("{}{active}", pressure(family.modulus)),
+                        format!("{}{viscous}{active}", pressure(family.modulus)),
                     )?;
                 }
                 let [smallest, largest, last] = axes.volume_ratio;
@@ -694,8 +712,7 @@ impl RunSummary {
                 block.line(
                     "  membrane",
                     format!(
-                        "{}, {} cm^2, {} mm; E = {}, nu = {}, {} kg/m^3; model {}, {} \
-                         evaluation",
+                        "{}, {} cm^2, {} mm; E = {}, nu = {}, {} kg/m^3; model {}, {}",
                         counted(&[("triangles", sheet.triangles), ("quadrilaterals", sheet.quads)]),
                         short(sheet.area * 1e4),
                         short(sheet.thickness * 1e3),
@@ -703,7 +720,10 @@ impl RunSummary {
                         m.poisson_ratio,
                         short(m.density),
                         sheet.model.name(),
-                        evaluation_name(sheet.evaluation),
+                        match (sheet.model, sheet.element_method) {
+                            (MembraneModel::MassSpring, Some(method)) => springs_by(method),
+                            _ => format!("{} evaluation", evaluation_name(sheet.evaluation)),
+                        },
                     ),
                 )?;
             }

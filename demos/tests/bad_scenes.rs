@@ -327,7 +327,7 @@ fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
     let direction = |text: &str| FIBRES.replace("direction = [1.0, 0.0, 0.0]", text);
     let muscle = |text: &str| format!("{FIBRES}\nmuscle = {{ {text} }}");
     // line 14 is `[[body.fibres]]`
-    let cases: [(String, usize, &[&str]); 22] = [
+    let cases: [(String, usize, &[&str]); 23] = [
         (direction(""), 14, &["not exactly one kind of direction"]),
         (direction("direction = [1, 0, 0]\nrandom = { seed = 1 }"), 14, &["not exactly one"]),
         (direction("direction = [0.0, 0.0, 0.0]"), 17, &["no length"]),
@@ -355,6 +355,7 @@ fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
             &["helix", "finite"],
         ),
         (FIBRES.replace("1e4", "-1e4"), 16, &["family `a`", "-10000 Pa"]),
+        (format!("{FIBRES}\nviscosity = -1.0"), 18, &["family `a`", "-1 Pa s"]),
         (twice, 19, &["two families `a`"]),
         (angle("[\"a\", \"b\"]"), 19, &["`b`", "did you mean `a`?"]),
         (angle("[\"a\", \"a\"]"), 19, &["two different"]),
@@ -377,6 +378,15 @@ fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
             assert!(message.contains(word), "{fibres}: `{word}` is not in: {message}");
         }
     }
+    let viscous = with_fibres(&format!("{FIBRES}\nviscosity = 5.0"));
+    attempt(&viscous).unwrap();
+    let explicit = viscous.replace("\"safe\"", "\"stormer-verlet\"");
+    let message = attempt(&explicit).unwrap_err().to_string();
+    assert!(message.contains("`body[0].fibres[0].viscosity`"), "{message}");
+    assert!(message.contains("mass_damping") && message.contains("\"safe\""), "{message}");
+    let at_rest = viscous.replace("dt = 0.01\nduration = 0.1", "mode = \"static\"");
+    let message = attempt(&at_rest.replace("\"safe\"", "\"auto\"")).unwrap_err().to_string();
+    assert!(message.contains("viscosity") && message.contains("static"), "{message}");
     let alone = GOOD.replace("[[constraint]]", "model = \"axes\"\n\n[[constraint]]");
     let message = attempt(&alone).unwrap_err().to_string();
     assert!(message.contains("line 14, `body[0].model`") && message.contains("axes"), "{message}");

@@ -97,6 +97,23 @@ impl<S: Scalar> BlockMatrix<S> {
         self.off_diagonal.resize(topology.edges.len(), [S::ZERO; 9]);
     }
 
+    /// Multiplies every entry by a factor.
+    pub fn scale(&mut self, factor: S) {
+        for block in self.diagonal.iter_mut().chain(&mut self.off_diagonal) {
+            block.iter_mut().for_each(|x| *x *= factor);
+        }
+    }
+
+    /// Adds a matrix of the same topology.
+    pub fn add(&mut self, other: &Self) {
+        let blocks = self.diagonal.iter_mut().chain(&mut self.off_diagonal);
+        for (block, more) in blocks.zip(other.diagonal.iter().chain(&other.off_diagonal)) {
+            for (x, y) in block.iter_mut().zip(more) {
+                *x += *y;
+            }
+        }
+    }
+
     /// `y = A x`; the fourth entries of `y` are zero.
     pub fn multiply(
         &self,

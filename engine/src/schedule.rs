@@ -54,6 +54,11 @@ pub enum StepSystems {
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
 pub struct ForceSchedule;
 
+/// One evaluation of the viscous matrix (N s/m) of all dampers at the current displacement, into
+/// [`Tangent`]; see [`evaluate_dampers`]. There is none in a world without dampers.
+#[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
+pub struct DampingSchedule;
+
 /// Stages of [`ForceSchedule`], in this order.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub enum ForceSystems {
@@ -175,6 +180,47 @@ pub fn activate_systems(
     true
 }
 
+/// Puts a law of dampers into [`DampingSchedule`], once. `add` gives the system that leaves its viscous
+/// matrix (N s/m, symmetric and positive semidefinite) as the tangent in the law's buffer.
+pub fn activate_dampers<L: Law, S: Scalar>(world: &mut World, add: impl FnOnce(&mut Schedule)) {
+    if world.contains_resource::<LawBuffer<L, S>>() {
+        return;
+    }
+    world.init_resource::<LawBuffer<L, S>>();
+    let mut schedules = world.resource_mut::<Schedules>();
+    if !schedules.contains(DampingSchedule) {
+        let mut schedule = Schedule::new(DampingSchedule);
+        // a handful of systems once a step: not worth another executor
+        configure(&mut schedule, Executor::SingleThreaded);
+        schedule.configure_sets((ForceSystems::Evaluate, ForceSystems::Gather).chain());
+        for order in 0..=MAX_LAW_ORDER {
+            schedule.configure_sets(GatherSlot(order).in_set(ForceSystems::Gather));
+            if order > 0 {
+                schedule.configure_sets(GatherSlot(order).after(GatherSlot(order - 1)));
+            }
+        }
+        schedules.insert(schedule);
+    }
+    let schedule = schedules.entry(DampingSchedule);
+    add(schedule);
+    schedule.add_systems(gather_dampers::<L, S>.in_set(GatherSlot(L::ORDER)));
+}
+
+/// Whether any body has dampers.
+pub fn has_dampers(world: &World) -> bool {
+    world.get_resource::<Schedules>().is_some_and(|schedules| schedules.contains(DampingSchedule))
+}
+
+/// Replaces [`Tangent`] by the viscous matrix (N s/m) of all dampers at the current displacement, in a
+/// world that [has](has_dampers) some.
+pub fn evaluate_dampers<S: Scalar>(world: &mut World) {
+    world.resource_scope(|world, mut tangent: Mut<Tangent<S>>| {
+        tangent.matrix.clear(world.resource::<Topology>());
+        tangent.clamped = 0;
+    });
+    world.run_schedule(DampingSchedule);
+}
+
 /// Says whether a column changed since [`World::last_change_tick`].
 pub type ColumnWatch = fn(&mut World) -> bool;
 
@@ -279,5 +325,17 @@ fn gather_law<L: Law, S: Scalar>(
         buffer.add_tangent_to(&workers, &mut tangent.matrix);
         tangent.clamped += buffer.spans.iter().map(|s| s.clamped).sum::<u64>();
     }
+    times.add("gather", start.elapsed());
+}
+
+fn gather_dampers<L: Law, S: Scalar>(
+    workers: Res<Workers>,
+    mut buffer: ResMut<LawBuffer<L, S>>,
+    mut tangent: ResMut<Tangent<S>>,
+    mut times: ResMut<SystemTimes>,
+) {
+    let start = Instant::now();
+    times.add(L::NAME, std::mem::take(&mut buffer.time));
+    buffer.add_tangent_to(&workers, &mut tangent.matrix);
     times.add("gather", start.elapsed());
 }

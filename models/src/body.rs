@@ -28,10 +28,13 @@ use sinew_identify::ElementMethod;
 use std::sync::Arc;
 
 use crate::axes::columns::{AxisAngleStiffness, FibreActive, FibreShape, VolumeAlone};
+use crate::axes::damper::{AxialDamper, AxialDampers};
 use crate::axes::description::{AxesDescription, AxesError, AxisForm, BodyAxes};
 use crate::axes::hexahedra::{HexahedronFibres, HexahedronTriads, HexahedronVolumes};
 use crate::axes::printed_system::{PrintedAxes, PrintedSprings};
-use crate::axes::spawn::{Offsets, RestShapes, spawn_axes, spawn_printed};
+use crate::axes::site::AxisSite;
+use crate::axes::spawn::{Offsets, RestShapes, spawn_axes};
+use crate::axes::spawn_printed::{check_chords, spawn_printed};
 use crate::axes::systems::{AxesOnly, AxisTriads, Fibres, VolumePreservation};
 use crate::corotational::{Corotational, WarpedStiffness};
 use crate::field::{FieldError, MaterialArrays, MaterialField};
@@ -455,7 +458,11 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     let of_axes = |source| BodyError::Axes { body: name(), source };
     match &body.axes {
         Some(axes) => {
-            axes.validate(body.tetrahedra.len(), body.hexahedra.len()).map_err(of_axes)?
+            let tetrahedra = body.tetrahedra.len();
+            axes.validate(tetrahedra, body.hexahedra.len()).map_err(of_axes)?;
+            if axes.form != AxisForm::EnergyConsistent {
+                check_chords(axes, tetrahedra, body.hexahedra, body.points).map_err(of_axes)?;
+            }
         }
         None if body.model == Model::Axes && solid => return Err(of_axes(AxesError::Missing)),
         None => {}
@@ -620,13 +627,13 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     if let Some(axes) = &body.axes {
         let at = Offsets { vertex: v0, block: block0, body: id };
         let alone = body.model == Model::Axes;
+        let rest = RestShapes { tetrahedra: &rest, hexahedra: &bricks };
         match axes.form {
             AxisForm::EnergyConsistent => {
-                let rest = RestShapes { tetrahedra: &rest, hexahedra: &bricks };
                 spawn_axes::<S>(world, axes, &layout, rest, at, alone);
             }
             AxisForm::Printed | AxisForm::PrintedBalanced => {
-                spawn_printed::<S>(world, axes, &layout, &rest_of, at, alone);
+                spawn_printed::<S>(world, axes, &layout, (&rest_of, rest), at, alone);
             }
         }
     }
@@ -970,11 +977,20 @@ pub(crate) fn partition_laws<S: Scalar>(world: &mut World) {
     );
     partition::<PooledMembrane, S, MembraneVertices, With<PooledMembrane>>(world, |t| &t.0);
     partition::<MembraneCompression, S, MembraneVertices, With<PooledMembrane>>(world, |t| &t.0);
+    fn in_elements<S: Scalar, const N: usize, V: AxisSite<N>>(world: &mut World)
+    where
+        PrintedSprings<V>: Law,
+        AxialDampers<V>: Law,
+    {
+        partition::<PrintedSprings<V>, S, V, With<PrintedAxes<N>>>(world, |v| v.rows());
+        partition::<AxialDampers<V>, S, V, With<AxialDamper<N>>>(world, |v| v.rows());
+    }
     partition::<AxisTriads, S, AxisVertices, With<AxisAngleStiffness<S, 0>>>(world, |t| &t.0);
-    partition::<PrintedSprings, S, AxisVertices, With<PrintedAxes>>(world, |t| &t.0);
+    in_elements::<S, 4, AxisVertices>(world);
     partition::<Fibres, S, AxisVertices, With<FibreShape<S, 1>>>(world, |t| &t.0);
     partition::<VolumePreservation, S, AxisVertices, VolumeAlone<S>>(world, |t| &t.0);
     type InHexahedra = AxisHexahedronVertices;
+    in_elements::<S, 8, InHexahedra>(world);
     partition::<HexahedronTriads, S, InHexahedra, With<AxisAngleStiffness<S, 0>>>(world, |h| &h.0);
     partition::<HexahedronFibres, S, InHexahedra, With<FibreActive<S>>>(world, |h| &h.0);
     partition::<HexahedronVolumes, S, InHexahedra, VolumeAlone<S>>(world, |h| &h.0);

@@ -7,9 +7,10 @@ use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use serde_json::Value;
 use sinew_models::axes::attachment::{self, Attachment};
+use sinew_models::axes::damper::AxialDamper;
 use sinew_models::axes::element::{AXIS_PAIRS, AxisElement, Fibre, Triad, VolumeTerm};
 use sinew_models::axes::printed::{
-    AngularForm, AngularSprings, AxialSprings, Blocks, Curvature, RadialSprings, RadiusSum,
+    AngularForm, AngularSprings, AxialSprings, Blocks, Curvature, Nodes, RadialSprings, RadiusSum,
     VolumeForm,
 };
 use sinew_models::fused::TetrahedronLaw;
@@ -91,6 +92,21 @@ fn check_springs<const N: usize>(
         .map(|row| -row.iter().zip(v.as_flattened()).map(|(a, b)| a * b).sum::<f64>())
         .collect();
     compare(worst, "damping matrix", &by_matrix, &axial["forces_damping"]);
+    let u: Nodes<N> = std::array::from_fn(|a| std::array::from_fn(|k| x[a][k] - rest[a][k]));
+    let directions: [[f64; 3]; 3] = rows(&case["axes"]);
+    let mut sum = vec![0.0; 3 * N];
+    for (i, axis) in directions.into_iter().enumerate() {
+        let damper = AxialDamper {
+            axis,
+            shape: spread[i].map(|w| w / length[i]),
+            viscosity: springs.damping[i] * length[i] * length[i],
+        };
+        let matrix = dense(&damper.matrix(&u));
+        for (sum, row) in sum.iter_mut().zip(matrix.chunks(3 * N)) {
+            *sum -= row.iter().zip(v.as_flattened()).map(|(a, b)| a * b).sum::<f64>();
+        }
+    }
+    compare(worst, "dampers", &sum, &axial["forces_damping"]);
     for (curvature, key) in [(Curvature::Exact, "hessian"), (Curvature::Definite, "hessian_psd")] {
         compare(worst, "axial tangent", &dense(&springs.tangent(&x, curvature)), &axial[key]);
     }
@@ -267,8 +283,6 @@ fn fibre(shape: &RestTetrahedron, axis: [f64; 3], modulus: f64) -> Fibre<f64> {
     }
 }
 
-type Nodes = [[f64; 3]; 4];
-
 fn vector() -> impl Strategy<Value = [f64; 3]> {
     prop::array::uniform3(-1.0..1.0_f64)
 }
@@ -281,7 +295,7 @@ fn unit() -> impl Strategy<Value = [f64; 3]> {
 }
 
 /// A tetrahedron, three axes (of any angles), moduli and displacements.
-fn case() -> impl Strategy<Value = (RestTetrahedron, Nodes, Triad<f64>, Fibre<f64>, Nodes)> {
+fn case() -> impl Strategy<Value = (RestTetrahedron, Nodes<4>, Triad<f64>, Fibre<f64>, Nodes<4>)> {
     let points = prop::array::uniform4(vector());
     let moduli = prop::array::uniform7(0.0..1e3_f64);
     let active = (-0.2..0.4_f64, 0.0..1e3_f64, -0.2..0.2_f64, 1.2..3.0_f64);
@@ -310,7 +324,7 @@ fn case() -> impl Strategy<Value = (RestTetrahedron, Nodes, Triad<f64>, Fibre<f6
         })
 }
 
-fn check_derivatives(e: &impl AxisElement<f64>, u: &Nodes) -> Result<(), TestCaseError> {
+fn check_derivatives(e: &impl AxisElement<f64>, u: &Nodes<4>) -> Result<(), TestCaseError> {
     let force = e.forces(u);
     let tangent = e.tangent(u, TangentKind::Exact).to_dense();
     let (f_size, k_size) = (max_abs(force.as_flattened()), max_abs(tangent.as_flattened()));
@@ -321,7 +335,7 @@ fn check_derivatives(e: &impl AxisElement<f64>, u: &Nodes) -> Result<(), TestCas
         u
     };
     // differences of fourth order
-    let d = |f: &dyn Fn(&Nodes) -> f64, i: usize| {
+    let d = |f: &dyn Fn(&Nodes<4>) -> f64, i: usize| {
         let at = |s: f64| f(&moved(i, s * h));
         (8.0 * (at(1.0) - at(-1.0)) - (at(2.0) - at(-2.0))) / (12.0 * h)
     };
@@ -342,7 +356,7 @@ fn check_derivatives(e: &impl AxisElement<f64>, u: &Nodes) -> Result<(), TestCas
     Ok(())
 }
 
-fn check_definite(e: &impl AxisElement<f64>, u: &Nodes) -> Result<(), TestCaseError> {
+fn check_definite(e: &impl AxisElement<f64>, u: &Nodes<4>) -> Result<(), TestCaseError> {
     let exact = e.tangent(u, TangentKind::Exact).to_dense();
     prop_assert!(exact.as_flattened().iter().all(|x| x.is_finite()));
     prop_assert!(e.forces(u).as_flattened().iter().all(|x| x.is_finite()));
@@ -356,7 +370,7 @@ fn check_definite(e: &impl AxisElement<f64>, u: &Nodes) -> Result<(), TestCaseEr
 }
 
 /// Chords that are nearly points make differences useless.
-fn shortest(shape: &RestTetrahedron, axes: &[[f64; 3]; 3], u: &Nodes) -> f64 {
+fn shortest(shape: &RestTetrahedron, axes: &[[f64; 3]; 3], u: &Nodes<4>) -> f64 {
     let length = |a: [f64; 3]| fibre(shape, a, 1.0).length(u);
     axes.iter().map(|a| length(*a)).fold(f64::INFINITY, f64::min)
 }
@@ -393,7 +407,7 @@ proptest! {
     #[test]
     fn rigid_motions_cost_nothing((_, p, triad, mut fibre, u) in case(), axis in vector()) {
         let turn = DQuat::from_scaled_axis(3.0 * DVec3::from_array(axis));
-        let moved = |u: &Nodes| -> Nodes {
+        let moved = |u: &Nodes<4>| -> Nodes<4> {
             std::array::from_fn(|a| {
                 let x = DVec3::from_array(p[a]) + DVec3::from_array(u[a]);
                 (turn * x + DVec3::X - DVec3::from_array(p[a])).to_array()

@@ -30,12 +30,24 @@ use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
 use sinew_engine::load::{LoadTime, SweptVolumes};
 use sinew_engine::report::StepReport;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{ActiveLaws, ForceSchedule, law_inputs_unchanged};
+use sinew_engine::schedule::{ActiveLaws, ForceSchedule, has_dampers, law_inputs_unchanged};
 use sinew_engine::step::{StepClock, StepError};
 use sinew_engine::substep::WithinStep;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, ElasticForce, FixedAxes, Velocity};
 use sinew_engine::workers::Workers;
+
+/// Dampers would need a linear system every substep.
+pub(crate) fn refuse_dampers(world: &World, settings: &SolverSettings) -> Result<(), StepError> {
+    if !has_dampers(world) {
+        return Ok(());
+    }
+    Err(StepError::InvalidSetting(format!(
+        "integrator = \"{}\" with dampers along axes: they would need a linear system every substep; set the \
+         viscosity of the families to 0 and use mass_damping, or integrator = \"safe\"",
+        settings.integrator.name()
+    )))
+}
 
 /// Work space of the explicit integrators, and what they remember from step to step.
 #[derive(Resource, Clone, Debug)]

@@ -5,8 +5,9 @@
 //! `P(d) = |d - d_inertia|^2_M / (2 H^2) + W(x_n + d) - f.d + 1/(2 H) (d - o)^T C (d - o)`
 //!
 //! over the free unknowns. The velocity at the end is `(d - o) / H`, and without forces it would be
-//! `v_ref`: `d_inertia = o + H v_ref`. `C = alpha M + beta K_gn` is Rayleigh damping, frozen where the
-//! iteration starts with the positive semi-definite part of the tangent.
+//! `v_ref`: `d_inertia = o + H v_ref`. `C = alpha M + beta K_gn + C_d` is Rayleigh damping beside the
+//! matrix of dampers, frozen where the iteration starts; `K_gn` is the positive semi-definite part of the
+//! tangent.
 //!
 //! | | `H` | `o` | `v_ref` |
 //! |---|---|---|---|
@@ -42,8 +43,8 @@ use crate::orphan::{Flown, prescribe_orphans};
 use crate::recovery::Recovery;
 use crate::settings::{Integrator, SolverSettings};
 use crate::state::{
-    NodeState, Rows, book_momentum, dot3, evaluate, read_force, read_rest, write_displacement,
-    write_state,
+    NodeState, Rows, book_momentum, dot3, evaluate, evaluate_damping, read_force, read_rest,
+    write_displacement, write_state,
 };
 use crate::support::check_support;
 use bevy_ecs::prelude::*;
@@ -81,6 +82,7 @@ pub struct ImplicitScratch<S: Scalar> {
     force: Rows<S>,
     rhs: Rows<S>,
     step: Rows<S>,
+    /// `beta K_gn + C_d` (N s/m); empty without damping.
     damping: BlockMatrix<S>,
     /// `moved - offset`, when it is needed as one.
     rate: Rows<S>,
@@ -158,20 +160,13 @@ struct Weights {
     inertia: f64,
     /// Factor of `|d - o|^2_M / 2`, mass damping over `H` (1/s^2).
     mass_damping: f64,
-    /// Factor of `(d - o)^T K_gn (d - o) / 2`, stiffness damping over `H`.
-    stiffness_damping: f64,
 }
 
 impl Weights {
     /// Of a stage of effective length `h` (s), infinite for equilibria.
     fn new(settings: &SolverSettings, h: f64) -> Self {
         let rate = 1.0 / h;
-        Self {
-            rate,
-            inertia: rate * rate,
-            mass_damping: settings.mass_damping * rate,
-            stiffness_damping: settings.stiffness_damping * rate,
-        }
+        Self { rate, inertia: rate * rate, mass_damping: settings.mass_damping * rate }
     }
 }
 
@@ -236,6 +231,7 @@ fn minimise<S: Scalar>(
 ) -> Result<(), StepError> {
     let dt = world.resource::<StepClock>().dt;
     let integrator = settings.integrator.resolve();
+    s.damping.diagonal.clear();
     if integrator == Integrator::QuasiStatic {
         check_support(world, &s.node)?;
     }
@@ -383,7 +379,7 @@ fn solve<S: Scalar>(
         if !finite {
             return Err(locate(world, &s.force, "elastic force"));
         }
-        damp(world, settings, s);
+        damp(world, s);
         right_hand_side(s, bodies);
         if let (0, Some(before)) = (iteration, book) {
             let at_start: Vec<f64> = bodies.iter().map(|b| b.elastic).collect();
@@ -402,7 +398,7 @@ fn solve<S: Scalar>(
                 (body.done, body.converged) = (true, true);
             }
         }
-        line_search(world, settings, tolerance, bodies, report, s);
+        line_search(world, tolerance, bodies, report, s);
         if bodies.iter().all(|b| b.done) {
             break;
         }
@@ -439,7 +435,7 @@ fn body_iterations<S: Scalar>(
                 size: body.size,
                 inverted: inverted.get(i).is_some_and(|&count| count > 0),
                 mode: Mode::Safe,
-                w: Weights { rate: 0.0, inertia: 0.0, mass_damping: 0.0, stiffness_damping: 0.0 },
+                w: Weights { rate: 0.0, inertia: 0.0, mass_damping: 0.0 },
                 past,
                 elastic: 0.0,
                 elastic_before: 0.0,
@@ -491,7 +487,7 @@ fn begin<S: Scalar>(s: &mut ImplicitScratch<S>) -> bool {
     any
 }
 
-/// The damping tangent at displacements `u`, if there is stiffness damping.
+/// The damping matrix at displacements `u`, empty where nothing but mass damps.
 fn freeze_damping<S: Scalar>(
     world: &mut World,
     settings: &SolverSettings,
@@ -499,10 +495,21 @@ fn freeze_damping<S: Scalar>(
     u: &[[S; 4]],
     damping: &mut BlockMatrix<S>,
 ) {
-    if settings.stiffness_damping > 0.0 && settings.integrator != Integrator::QuasiStatic {
+    damping.diagonal.clear();
+    damping.off_diagonal.clear();
+    if settings.stiffness_damping > 0.0 {
         evaluate(world, u, false, false, Some(TangentKind::GaussNewton));
         report.evaluations += 1;
         std::mem::swap(damping, &mut world.resource_mut::<Tangent<S>>().matrix);
+        damping.scale(S::from_f64(settings.stiffness_damping));
+    }
+    if evaluate_damping(world, u) {
+        let dampers = &mut world.resource_mut::<Tangent<S>>().matrix;
+        if damping.diagonal.is_empty() {
+            std::mem::swap(damping, dampers);
+        } else {
+            damping.add(dampers);
+        }
     }
 }
 
@@ -529,7 +536,7 @@ fn book_start<S: Scalar>(
     for (i, body) in bodies.iter_mut().enumerate() {
         let rows = body.rows.clone();
         let damping: f64 = rows.clone().map(|row| dot3(&s.moved[row], &s.damped[row])).sum::<f64>();
-        let damping = 0.5 * body.w.stiffness_damping * damping;
+        let damping = 0.5 * body.w.rate * damping;
         let loads = s.node.load_potential(rows.clone(), &s.y);
         body.elastic_before = before[i];
         body.budget =
@@ -596,7 +603,7 @@ fn start_ahead<S: Scalar>(
         }
     }
     freeze_damping(world, settings, report, &s.trial, &mut s.damping);
-    damp(world, settings, s);
+    damp(world, s);
     book_start(report, s, bodies, &before, &moved);
 
     let b = S::from_f64(ratio * ratio / (1.0 + 2.0 * ratio));
@@ -766,7 +773,7 @@ fn trapezoid<S: Scalar>(
     // books of the whole step
     let [before, moved] = energies_at_start(world, report, s, bodies, false);
     freeze_damping(world, settings, report, &s.node.u, &mut s.damping);
-    damp(world, settings, s);
+    damp(world, s);
     book_start(report, s, bodies, &before, &moved);
 
     // the force at the start counts as a load
@@ -782,12 +789,11 @@ fn trapezoid<S: Scalar>(
         s.offset[row] = s.node.v[row].map(|v| -v);
         s.moved[row] = [S::ZERO; 4];
     }
-    damp(world, settings, s);
-    let (alpha, beta) = (settings.mass_damping, settings.stiffness_damping);
-    let (alpha, beta) = (S::from_f64(alpha), S::from_f64(beta));
+    damp(world, s);
+    let alpha = S::from_f64(settings.mass_damping);
     for row in 0..s.node.len() {
         for k in 0..3 {
-            let damping = alpha * s.node.mass[row] * s.node.v[row][k] + beta * s.damped[row][k];
+            let damping = alpha * s.node.mass[row] * s.node.v[row][k] + s.damped[row][k];
             s.load[row][k] += now[row][k] + s.force[row][k] - damping;
         }
     }
@@ -948,11 +954,11 @@ fn equilibrium<S: Scalar>(
     }
 }
 
-/// `K_gn (d - o)` for the stiffness damping into `s.damped`, zero without it.
-fn damp<S: Scalar>(world: &World, settings: &SolverSettings, s: &mut ImplicitScratch<S>) {
+/// Product of the damping matrix and `d - o` into `s.damped`, zero without one.
+fn damp<S: Scalar>(world: &World, s: &mut ImplicitScratch<S>) {
     s.damped.clear();
     s.damped.resize(s.node.len(), [S::ZERO; 4]);
-    if settings.stiffness_damping > 0.0 && settings.integrator != Integrator::QuasiStatic {
+    if !s.damping.diagonal.is_empty() {
         let (topology, workers) = (world.resource::<Topology>(), world.resource::<Workers>());
         s.rate.clear();
         let rate = |(d, o): (&[S; 4], &[S; 4])| [d[0] - o[0], d[1] - o[1], d[2] - o[2], S::ZERO];
@@ -966,7 +972,7 @@ fn right_hand_side<S: Scalar>(s: &mut ImplicitScratch<S>, bodies: &[BodyIteratio
     s.rhs.resize(s.node.len(), [S::ZERO; 4]);
     for body in bodies.iter().filter(|b| !b.done) {
         let (wi, wm) = (S::from_f64(body.w.inertia), S::from_f64(body.w.mass_damping));
-        let ws = S::from_f64(body.w.stiffness_damping);
+        let ws = S::from_f64(body.w.rate);
         for row in body.rows.clone() {
             let m = s.node.mass[row];
             for k in 0..3 {
@@ -1055,7 +1061,7 @@ fn system<'a, S: Scalar>(
         mass_factor: S::from_f64(w.inertia + w.mass_damping),
         tangent: &world.resource::<Tangent<S>>().matrix,
         tangent_factor: S::ONE,
-        damping: (w.stiffness_damping > 0.0).then_some((damping, S::from_f64(w.stiffness_damping))),
+        damping: (!damping.diagonal.is_empty()).then_some((damping, S::from_f64(w.rate))),
         fixed: &node.fixed,
     }
 }
@@ -1182,7 +1188,6 @@ struct LineSearch {
 /// it. A body for which no decrease is found stays where it is and is done.
 fn line_search<S: Scalar>(
     world: &mut World,
-    settings: &SolverSettings,
     tolerance: f64,
     bodies: &mut [BodyIteration],
     report: &mut StepReport,
@@ -1190,7 +1195,7 @@ fn line_search<S: Scalar>(
 ) {
     s.damped_step.clear();
     s.damped_step.resize(s.node.len(), [S::ZERO; 4]);
-    if settings.stiffness_damping > 0.0 && settings.integrator != Integrator::QuasiStatic {
+    if !s.damping.diagonal.is_empty() {
         let (topology, workers) = (world.resource::<Topology>(), world.resource::<Workers>());
         s.damping.multiply(topology, workers, &mut s.product, &s.step, &mut s.damped_step);
     }
@@ -1276,10 +1281,10 @@ fn prepare_search<S: Scalar>(
                 scale += 0.5 * m * w.inertia * away * away;
             }
             linear -= s.load[row][k].to_f64() * d;
-            linear += w.stiffness_damping * s.damped[row][k].to_f64() * d;
+            linear += w.rate * s.damped[row][k].to_f64() * d;
         }
         slope -= dot3(&s.rhs[row], d);
-        quadratic += w.stiffness_damping * dot3(&s.damped_step[row], d);
+        quadratic += w.rate * dot3(&s.damped_step[row], d);
     }
     // Near its end Newton converges quadratically while differences of energy drown in rounding
     // (more so for pooled springs, whose terms cancel): such steps are taken as they are. The safe
@@ -1314,10 +1319,9 @@ fn damping_power<S: Scalar>(
     s: &ImplicitScratch<S>,
     body: &BodyIteration,
 ) -> f64 {
-    let stiffness: f64 =
-        body.rows.clone().map(|row| dot3(&s.step[row], &s.damped[row])).sum::<f64>();
+    let viscous: f64 = body.rows.clone().map(|row| dot3(&s.step[row], &s.damped[row])).sum::<f64>();
     let kinetic = s.node.kinetic_energy(body.rows.clone(), &s.step)[0];
-    2.0 * settings.mass_damping * kinetic + settings.stiffness_damping * body.w.rate * stiffness
+    2.0 * settings.mass_damping * kinetic + body.w.rate * viscous
 }
 
 /// Velocities, energy cap, report, and the new state into the columns and the history.
@@ -1333,7 +1337,7 @@ fn finish<S: Scalar>(
     let dynamic = settings.integrator != Integrator::QuasiStatic;
     s.history.bodies.clear();
     let mut energy_before = 0.0;
-    damp(world, settings, s);
+    damp(world, s);
     for body in bodies {
         velocities(s, body);
         let rows = body.rows.clone();

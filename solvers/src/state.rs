@@ -7,7 +7,7 @@ use sinew_engine::columns::single_table;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
 use sinew_engine::report::StepReport;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::ForceSchedule;
+use sinew_engine::schedule::{ForceSchedule, evaluate_dampers, has_dampers};
 use sinew_engine::vertex::{
     Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, PrescribedDisplacement,
     RestPosition, Velocity,
@@ -176,4 +176,15 @@ pub fn evaluate<S: Scalar>(
     world.insert_resource(EvaluationRequest { energy, force, tangent });
     world.run_schedule(ForceSchedule);
     if energy { world.resource::<ElasticEnergy>().total } else { 0.0 }
+}
+
+/// Leaves the viscous matrix (N s/m) of all dampers at the displacements `u` in the world's tangent; false,
+/// and nothing changed, where there are none.
+pub fn evaluate_damping<S: Scalar>(world: &mut World, u: &[[S; 4]]) -> bool {
+    if !has_dampers(world) {
+        return false;
+    }
+    write_displacement(world, u);
+    evaluate_dampers::<S>(world);
+    true
 }

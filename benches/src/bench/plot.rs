@@ -197,13 +197,15 @@ pub fn speed_against_error(
 pub enum Scales {
     /// Both linear.
     Linear,
+    /// Both linear; points without lines between them.
+    Scattered,
     /// Both linear and equal, for shapes.
     Equal,
     /// Both logarithmic; what is not positive is left out.
     Logarithmic,
 }
 
-/// Lines, and points on logarithmic axes. Series of one name share a place in the legend.
+/// Lines, and points on logarithmic axes or where these are asked for. Series of one name share a place in the legend.
 ///
 /// # Errors
 /// When it cannot be drawn.
@@ -233,7 +235,7 @@ pub fn lines(
         return svg((860, 520), |area| {
             let (chart, legend) = area.split_horizontally(630);
             let chart = framed(&chart, title).build_cartesian_2d(xs.log_scale(), ys.log_scale());
-            draw_lines(chart.map_err(failed)?, axes, series, Some(labels))?;
+            draw_lines(chart.map_err(failed)?, axes, series, scales, Some(labels))?;
             name_lines(&legend, series)
         });
     }
@@ -250,7 +252,7 @@ pub fn lines(
     svg((860, 520), |area| {
         let (chart, legend) = area.split_horizontally(630);
         let chart = framed(&chart, title).build_cartesian_2d(xs, ys).map_err(failed)?;
-        draw_lines(chart, axes, series, None)?;
+        draw_lines(chart, axes, series, scales, None)?;
         name_lines(&legend, series)
     })
 }
@@ -267,11 +269,12 @@ fn framed<'a, 'b>(
     chart
 }
 
-/// Grid, lines, and points on logarithmic axes, which come with labels of their ticks.
+/// Grid, lines, and points; logarithmic axes come with labels of their ticks.
 fn draw_lines<X, Y>(
     mut chart: ChartContext<'_, SVGBackend<'_>, Cartesian2d<X, Y>>,
     [x, y]: [&str; 2],
     series: &[Series],
+    scales: Scales,
     logarithmic: Option<[Label; 2]>,
 ) -> Result<(), BenchError>
 where
@@ -291,8 +294,10 @@ where
             let drawn = |x: &f64| x.is_finite() && (logarithmic.is_none() || *x > 0.0);
             s.points.iter().filter(move |p| p.iter().all(drawn)).map(|p| (p[0], p[1]))
         };
-        chart.draw_series(LineSeries::new(line(), style)).map_err(failed)?;
-        if logarithmic.is_some() {
+        if scales != Scales::Scattered {
+            chart.draw_series(LineSeries::new(line(), style)).map_err(failed)?;
+        }
+        if scales == Scales::Scattered || logarithmic.is_some() {
             let shape = if s.hollow { style } else { colour(s.colour).filled() };
             chart.draw_series(line().map(|p| Circle::new(p, 3, shape))).map_err(failed)?;
         }

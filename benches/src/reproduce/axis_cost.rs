@@ -27,7 +27,7 @@ struct Line {
     printed: Option<f64>,
 }
 
-const LINES: [Line; 6] = [
+const LINES: [Line; 7] = [
     Line { name: "mass-spring", hexahedra: false, axes: None, printed: Some(0.129) },
     Line { name: "mass-spring", hexahedra: true, axes: None, printed: Some(0.117) },
     Line {
@@ -46,6 +46,13 @@ const LINES: [Line; 6] = [
         name: "axes, with energy",
         hexahedra: true,
         axes: Some(AxisForm::EnergyConsistent),
+        printed: Some(0.427),
+    },
+    // without the resultant of the springs of volume, which push hexahedra about until explicit steps give up
+    Line {
+        name: "axes, printed but balanced",
+        hexahedra: true,
+        axes: Some(AxisForm::PrintedBalanced),
         printed: Some(0.427),
     },
     Line { name: "St Venant-Kirchhoff", hexahedra: false, axes: None, printed: None },
@@ -141,17 +148,20 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
             agrees: each(2) > each(0) && each(4) > each(1),
             text: format!(
                 "axes cost more than plain springs: {:.1} times as much on tetrahedra in the printed form, {:.1} times \
-                 with an energy, {:.1} times on hexahedra; 14.5 and 3.6 times in the paper",
+                 with an energy, {:.1} and {:.1} times on hexahedra; 14.5 and 3.6 times in the paper",
                 each(2) / each(0),
                 each(3) / each(0),
+                each(5) / each(1),
                 each(4) / each(1)
             ),
         },
         Finding {
-            agrees: each(4) < each(3),
+            agrees: each(5) < each(2),
             text: format!(
-                "hexahedra are the cheaper mesh for axes: {:.2} of the time of tetrahedra (0.23 in the paper, with one \
-                 set of axes in each; here each hexahedron has axes at eight Gauss points)",
+                "hexahedra are the cheaper mesh for axes: {:.2} of the time of tetrahedra in the printed form, with one \
+                 set of axes in each (0.23 in the paper); {:.2} with an energy, where each hexahedron has axes at \
+                 eight Gauss points",
+                each(5) / each(2),
                 each(4) / each(3)
             ),
         },

@@ -96,7 +96,7 @@ fn findings(points: &[Point]) -> Vec<Finding> {
         findings.push(Finding {
             agrees: high - low < 0.5,
             text: format!(
-                "nu_out cannot be set with {}: while nu_in goes from 0 to 0.5 it stays between {low:.3} and {high:.3}",
+                "nu_out does not follow nu_in with {}: while nu_in goes from 0 to 0.5 it goes from {low:.3} to {high:.3}",
                 printed_name(method)
             ),
         });

@@ -154,8 +154,6 @@ pub enum Status {
     Pass,
     /// One was not.
     Fail,
-    /// Not in the engine yet.
-    NotAvailable,
 }
 
 /// Result of one case in one column.
@@ -175,7 +173,7 @@ pub struct Row {
     pub checks: Vec<Check>,
     /// What it went through.
     pub figures: Figures,
-    /// What stopped it, why it is not available, or what was tried where it fails.
+    /// What stopped it, or what was tried where it fails.
     pub note: String,
     /// Wall time (s).
     pub seconds: f64,

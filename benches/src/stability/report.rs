@@ -12,7 +12,6 @@ fn tally(rows: &[&Row]) -> String {
     let passed = rows.iter().filter(|r| r.status == Status::Pass).count();
     match rows {
         [] => String::new(),
-        [row] if row.status == Status::NotAvailable => "not available".into(),
         _ if rows.iter().any(|r| r.required && r.status == Status::Fail) => {
             format!("{passed}/{} FAIL", rows.len())
         }
@@ -55,7 +54,7 @@ impl Suite {
                     .iter()
                     .filter(of_part)
                     .filter(|r| r.column.filter(|c| c.required()) == *setting)
-                    .filter(|r| r.required || r.status == Status::NotAvailable)
+                    .filter(|r| r.required)
                     .collect();
                 row.push(tally(&rows).into());
             }
@@ -63,18 +62,12 @@ impl Suite {
                 table.row(row);
             }
         }
-        for row in self.rows.iter().filter(|r| r.status == Status::NotAvailable) {
-            table.notes.push(format!(
-                "{} {}: not available: {}.",
-                row.part.group, row.part.name, row.note
-            ));
-        }
         table
     }
 
     /// Passed of run with the settings that are shown for comparison, per group.
     pub fn comparison_table(&self) -> Table {
-        let compared = |r: &&Row| !r.required && r.status != Status::NotAvailable;
+        let compared = |r: &&Row| !r.required;
         let mut groups: Vec<u8> = self.rows.iter().filter(compared).map(|r| r.part.group).collect();
         groups.dedup();
         let names: Vec<String> = groups.iter().map(u8::to_string).collect();
@@ -174,7 +167,7 @@ impl Suite {
                 "missed",
             ],
         );
-        for row in self.rows.iter().filter(|r| r.status != Status::NotAvailable) {
+        for row in &self.rows {
             let f = &row.figures;
             let simulated = f.steps > 0;
             let count = |n: u64| simulated.then_some(n);
@@ -229,13 +222,6 @@ impl Suite {
         if other_passed + other_failed > 0 {
             let _ =
                 write!(text, "; {other_passed} of {} for comparison", other_passed + other_failed);
-        }
-        match count(false, Status::NotAvailable) {
-            0 => {}
-            n => {
-                let _ =
-                    write!(text, "; {n} subgroup{} not available", if n == 1 { "" } else { "s" });
-            }
         }
         let _ = write!(text, "; {}, {:.0} s", self.precision, self.seconds);
         text

@@ -2,13 +2,15 @@
 
 use super::error::FitError;
 use super::observe::{Measured, Observation};
-use super::parameter::{ElementMaterials, Parameter};
+use super::parameter::{Constant, ElementMaterials, Parameter};
 use crate::build::BuiltScene;
+use bevy_ecs::prelude::World;
 use glam::DVec3;
 use serde::Serialize;
 use sinew::engine::load::LoadTime;
 use sinew::engine::step::StepClock;
 use sinew::engine::vertex::FixedAxes;
+use sinew::models::axes::muscle::activate_at;
 use sinew::models::field::MaterialField;
 use sinew::solvers::cg::LinearSolver;
 use sinew::solvers::state::{NodeState, Rows, evaluate, read_force, read_rest};
@@ -102,7 +104,14 @@ impl Forward {
                 poisson_ratio: Some(&material.poisson),
                 density: Some(&material.density),
             };
-            self.scene.simulation.set_material(self.scene.bodies[i].handle, field)?;
+            let handle = self.scene.bodies[i].handle;
+            if parameters.iter().any(|p| p.body == i && p.constant != Constant::Axis) {
+                self.scene.simulation.set_material(handle, field)?;
+            }
+            for p in parameters.iter().filter(|p| p.body == i && p.constant == Constant::Axis) {
+                let (family, modulus) = &material.axes[p.family];
+                self.scene.simulation.set_axis_modulus(handle, family, *modulus)?;
+            }
         }
         Ok(())
     }
@@ -206,7 +215,7 @@ impl Forward {
         let world = simulation.world_mut();
         let mut node = NodeState::<f64>::default();
         node.read(world);
-        world.insert_resource(LoadTime(to));
+        at_load(world, to);
         evaluate(world, &node.u, false, true, None);
         let mut force = Rows::default();
         read_force(world, &mut force);
@@ -217,7 +226,7 @@ impl Forward {
     /// Elastic forces (N) of all rows at equilibrium number `index` in the material that is set.
     pub(super) fn force_at(&mut self, index: usize) -> Rows<f64> {
         let world = self.scene.simulation.world_mut();
-        world.insert_resource(LoadTime(self.equilibria[index].load));
+        at_load(world, self.equilibria[index].load);
         evaluate(world, &self.equilibria[index].u, false, true, None);
         let mut force = Rows::default();
         read_force(world, &mut force);
@@ -254,6 +263,12 @@ impl Forward {
         let rows = &self.scene.simulation.topology().bodies[body.0];
         constraint.vertices.iter().filter_map(|&v| rows.row(v)).map(|row| row as usize)
     }
+}
+
+/// Gives pressures and muscles the time of a load factor, for evaluations outside of steps.
+pub(super) fn at_load(world: &mut World, load: f64) {
+    world.insert_resource(LoadTime(load));
+    activate_at::<f64>(world, load);
 }
 
 /// Relative residual of linear systems on the way to an equilibrium.

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! with the exact tangent `K` and `df/dp` at fixed displacements. Forces are proportional to Young's
-//! moduli, and linear in `lambda` and `mu`, so that `df/dp` is a combination of forces in two or three
+//! moduli and to those of axes, and linear in `lambda` and `mu`, so that `df/dp` is a combination of forces in two or three
 //! materials, without the error of a difference. A reaction `R = -sum (f + f_ext)` over held unknowns
 //! changes by `dR/dp = -sum (df/dp - K du/dp)`.
 //!
@@ -17,16 +17,17 @@
 //! whichever takes fewer solves.
 
 use super::error::FitError;
-use super::forward::Forward;
+use super::forward::{Forward, at_load};
 use super::observe::{Measured, Observation};
 use super::parameter::{Constant, ElementMaterials, Parameter};
+use crate::build::BuiltBody;
 use nalgebra::DMatrix;
 use serde::Serialize;
 use sinew::engine::law::TangentKind;
-use sinew::engine::load::LoadTime;
 use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::topology::Topology;
 use sinew::engine::workers::Workers;
+use sinew::models::axes::description::AxisForm;
 use sinew::models::body::Model;
 use sinew::models::material::{LameParameters, MAX_POISSON_RATIO, YoungPoisson};
 use sinew::solvers::cg::{CgStatus, LinearOptions, ShiftedTangent};
@@ -58,7 +59,14 @@ impl Forward {
     /// Why the tangent is not the derivative of the forces, if it is not.
     pub fn without_tangent(&self) -> Option<&'static str> {
         let free_rim = self.scene.warnings.iter().any(|w| w.code == "scene.pressure.rim");
-        free_rim.then_some("a pressure with a free rim has no symmetric tangent")
+        if free_rim {
+            return Some("a pressure with a free rim has no symmetric tangent");
+        }
+        let printed = |body: &BuiltBody| {
+            body.axes.as_ref().is_some_and(|axes| axes.form != AxisForm::EnergyConsistent)
+        };
+        let printed = self.scene.bodies.iter().any(printed);
+        printed.then_some("the printed forces of axes have no symmetric tangent")
     }
 
     /// Derivatives of the observations (rows; m or N) by the parameters (columns; per Pa or per 1) at the
@@ -159,7 +167,7 @@ impl Forward {
         let mut jacobian = DMatrix::zeros(observed.len(), parameters.len());
         for (column, parameter) in parameters.iter().enumerate() {
             let room = match parameter.constant {
-                Constant::Young => values[column],
+                Constant::Young | Constant::Axis => values[column],
                 Constant::Poisson => (MAX_POISSON_RATIO - values[column]).min(values[column] + 1.0),
             };
             let h = DIFFERENCE * room;
@@ -182,15 +190,14 @@ impl Forward {
     fn force_changes(&mut self, parameters: &[Parameter]) -> Result<Vec<Vec<Rows<f64>>>, FitError> {
         let mut changes = Vec::with_capacity(parameters.len());
         for parameter in parameters {
+            // whatever an earlier parameter of the body has changed is set back with it
+            let same = |p: &&Parameter| p.body == parameter.body;
+            let of_body: Vec<Parameter> = parameters.iter().filter(same).cloned().collect();
             let mut sum = vec![vec![[0.0; 4]; self.fixed.len()]; self.equilibria.len()];
-            for (factor, elements) in self.combination(parameter) {
+            for (factor, changed) in self.combination(parameter) {
                 let mut materials = self.materials.clone();
-                let of = &mut materials[parameter.body];
-                for (&element, material) in parameter.elements.iter().zip(&elements) {
-                    of.young[element as usize] = material.young_modulus;
-                    of.poisson[element as usize] = material.poisson_ratio;
-                }
-                self.apply(&materials, std::slice::from_ref(parameter))?;
+                materials[parameter.body] = changed;
+                self.apply(&materials, &of_body)?;
                 for (index, sum) in sum.iter_mut().enumerate() {
                     let force = self.force_at(index);
                     let base = &self.equilibria[index].force;
@@ -216,21 +223,34 @@ impl Forward {
         Ok(changes)
     }
 
-    /// Materials of the elements of a parameter, and factors, such that `df/dp` is the sum of factors times
+    /// Other materials of the body of a parameter, and factors, such that `df/dp` is the sum of factors times
     /// the force in that material less the force in the present one.
-    fn combination(&self, parameter: &Parameter) -> Vec<(f64, Vec<YoungPoisson>)> {
-        let own: &ElementMaterials = &self.materials[parameter.body];
-        let at = |&e: &u32| YoungPoisson {
-            young_modulus: own.young[e as usize],
-            poisson_ratio: own.poisson[e as usize],
-            density: own.density[e as usize],
+    fn combination(&self, parameter: &Parameter) -> Vec<(f64, ElementMaterials)> {
+        let own = &self.materials[parameter.body];
+        let at = |e: usize| YoungPoisson {
+            young_modulus: own.young[e],
+            poisson_ratio: own.poisson[e],
+            density: own.density[e],
         };
-        let now: Vec<YoungPoisson> = parameter.elements.iter().map(at).collect();
-        let with = |change: &dyn Fn(YoungPoisson) -> YoungPoisson| -> Vec<YoungPoisson> {
-            now.iter().map(|&m| change(m)).collect()
+        let with = |change: &dyn Fn(YoungPoisson) -> YoungPoisson| -> ElementMaterials {
+            let mut other = own.clone();
+            for e in parameter.elements.iter().map(|&e| e as usize) {
+                let material = change(at(e));
+                other.young[e] = material.young_modulus;
+                other.poisson[e] = material.poisson_ratio;
+            }
+            other
         };
-        let first = now[0];
+        let first = at(parameter.elements[0] as usize);
         match parameter.constant {
+            // so is the force of axes to their modulus
+            Constant::Axis => {
+                let mut twice = own.clone();
+                let (_, modulus) = &mut twice.axes[parameter.family];
+                let factor = 1.0 / *modulus;
+                *modulus *= 2.0;
+                vec![(factor, twice)]
+            }
             // f is proportional to E: f(2E) - f(E) = E df/dE
             Constant::Young => {
                 let twice = with(&|m| YoungPoisson { young_modulus: 2.0 * m.young_modulus, ..m });
@@ -269,7 +289,7 @@ impl Forward {
     /// Evaluates the exact tangent at an equilibrium.
     fn tangent_at(&mut self, index: usize) {
         let world = self.scene.simulation.world_mut();
-        world.insert_resource(LoadTime(self.equilibria[index].load));
+        at_load(world, self.equilibria[index].load);
         evaluate(world, &self.equilibria[index].u, false, false, Some(TangentKind::Exact));
     }
 

@@ -1,4 +1,4 @@
-//! Parameters from data: material constants of a static scene from measured displacements and forces.
+//! Parameters from data: constants of the material and the fibres of a static scene from measured displacements and forces.
 //!
 //! Minimises the sum of squared differences between observations and equilibria by Levenberg's and
 //! Marquardt's method, with derivatives from the implicit function theorem ([`gradient`]); says how sure
@@ -235,7 +235,9 @@ fn misfits(observations: &Observations, predictions: &[f64]) -> Vec<Misfit> {
 fn interval(p: &Parameter, value: f64, error: f64, freedom: Option<usize>) -> [f64; 2] {
     let half = half_width(freedom) * error;
     match p.constant {
-        parameter::Constant::Young => [value * (-half / value).exp(), value * (half / value).exp()],
+        parameter::Constant::Young | parameter::Constant::Axis => {
+            [value * (-half / value).exp(), value * (half / value).exp()]
+        }
         parameter::Constant::Poisson => {
             [(value - half).max(p.bounds[0]), (value + half).min(p.bounds[1])]
         }

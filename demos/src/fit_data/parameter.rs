@@ -8,7 +8,7 @@ use serde::Serialize;
 use sinew::models::body::SoftBody;
 use sinew::models::material::{MAX_POISSON_RATIO, YoungPoisson};
 
-/// A constant of the material.
+/// A constant of the material, or of its fibres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Constant {
@@ -16,6 +16,8 @@ pub enum Constant {
     Young,
     /// Poisson's ratio (-).
     Poisson,
+    /// Modulus along a family of axes (Pa).
+    Axis,
 }
 
 impl Constant {
@@ -24,6 +26,7 @@ impl Constant {
         match self {
             Self::Young => "young",
             Self::Poisson => "poisson",
+            Self::Axis => "axis",
         }
     }
 
@@ -32,13 +35,14 @@ impl Constant {
         match self {
             Self::Young => "Young's modulus",
             Self::Poisson => "Poisson's ratio",
+            Self::Axis => "modulus of fibres",
         }
     }
 
     /// SI unit.
     pub fn unit(self) -> &'static str {
         match self {
-            Self::Young => "Pa",
+            Self::Young | Self::Axis => "Pa",
             Self::Poisson => "-",
         }
     }
@@ -46,7 +50,7 @@ impl Constant {
     /// Range that the engine accepts.
     fn range(self) -> [f64; 2] {
         match self {
-            Self::Young => [0.0, f64::INFINITY],
+            Self::Young | Self::Axis => [0.0, f64::INFINITY],
             Self::Poisson => [-0.99, MAX_POISSON_RATIO],
         }
     }
@@ -55,12 +59,14 @@ impl Constant {
 /// One constant, the same in a set of elements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
-    /// `young`, `poisson:REGION`, `young:ARRAY=2`, `BODY/young` ...
+    /// `young`, `poisson:REGION`, `young:ARRAY=2`, `BODY/young`, `axis:FAMILY` ...
     pub name: String,
     /// What is fitted.
     pub constant: Constant,
     /// Index of the body.
     pub body: usize,
+    /// Index of the family of axes; 0 for other constants.
+    pub family: usize,
     /// Solid elements in the order of the user's mesh, tetrahedra first.
     pub elements: Vec<u32>,
     /// Value in the scene (Pa or 1); the mean over the elements where it varies.
@@ -83,7 +89,7 @@ impl Parameter {
             low + (high - low) * logistic(x + self.offset(low, high))
         };
         match self.constant {
-            Constant::Young => moved.exp(),
+            Constant::Young | Constant::Axis => moved.exp(),
             Constant::Poisson => moved,
         }
     }
@@ -98,7 +104,7 @@ impl Parameter {
             (high - low) * share * (1.0 - share)
         };
         match self.constant {
-            Constant::Young => moved * self.value(unknown),
+            Constant::Young | Constant::Axis => moved * self.value(unknown),
             Constant::Poisson => moved,
         }
     }
@@ -106,7 +112,7 @@ impl Parameter {
     /// A change by which its influence is judged: a modulus by itself, a ratio by 1/2.
     pub fn scale(&self, value: f64) -> f64 {
         match self.constant {
-            Constant::Young => value,
+            Constant::Young | Constant::Axis => value,
             Constant::Poisson => 0.5,
         }
     }
@@ -120,7 +126,7 @@ impl Parameter {
 
     fn scaled(&self, value: f64) -> f64 {
         match self.constant {
-            Constant::Young => value.ln(),
+            Constant::Young | Constant::Axis => value.ln(),
             Constant::Poisson => value,
         }
     }
@@ -150,6 +156,8 @@ pub struct ElementMaterials {
     pub poisson: Vec<f64>,
     /// Densities (kg/m^3).
     pub density: Vec<f64>,
+    /// Names of the families of axes and the moduli along them (Pa).
+    pub axes: Vec<(String, f64)>,
 }
 
 impl ElementMaterials {
@@ -166,17 +174,13 @@ impl ElementMaterials {
                 young: (0..count).map(|i| field.at(i).young_modulus).collect(),
                 poisson: (0..count).map(|i| field.at(i).poisson_ratio).collect(),
                 density: (0..count).map(|i| field.at(i).density).collect(),
+                axes: body.axes.as_ref().map_or(Vec::new(), |axes| {
+                    let families = axes.description.families.iter();
+                    families.map(|f| (f.name.to_string(), f.modulus)).collect()
+                }),
             }
         };
         bodies.into_iter().zip(counts).map(all).collect()
-    }
-
-    /// The values of a constant.
-    pub fn values(&self, constant: Constant) -> &[f64] {
-        match constant {
-            Constant::Young => &self.young,
-            Constant::Poisson => &self.poisson,
-        }
     }
 
     /// Gives the elements of a parameter a value.
@@ -184,6 +188,10 @@ impl ElementMaterials {
         let values = match parameter.constant {
             Constant::Young => &mut self.young,
             Constant::Poisson => &mut self.poisson,
+            Constant::Axis => {
+                self.axes[parameter.family].1 = value;
+                return;
+            }
         };
         for &element in &parameter.elements {
             values[element as usize] = value;
@@ -196,7 +204,7 @@ fn solids(body: &BuiltBody) -> std::ops::Range<u32> {
     0..(body.mesh.tetrahedra.len() + body.mesh.hexahedra.len()) as u32
 }
 
-/// Reads parameters such as `young`, `poisson:REGION` or `BODY/young:ARRAY`, and bounds such as
+/// Reads parameters such as `young`, `poisson:REGION`, `BODY/young:ARRAY` or `axis:FAMILY`, and bounds such as
 /// `young:REGION=1e3..1e5`. An array of cell data stands for one parameter per value.
 ///
 /// # Errors
@@ -211,8 +219,8 @@ pub fn parse(
     for text in fit {
         for parameter in parse_one(text, scene, materials)? {
             let same = |p: &&Parameter| {
-                p.constant == parameter.constant
-                    && p.body == parameter.body
+                (p.constant, p.body, p.family)
+                    == (parameter.constant, parameter.body, parameter.family)
                     && p.elements.iter().any(|e| parameter.elements.binary_search(e).is_ok())
             };
             if let Some(other) = all.iter().find(same) {
@@ -229,7 +237,8 @@ pub fn parse(
         return Err(FitError::Option {
             option: "--fit".into(),
             found: "no parameter is given".into(),
-            remedy: "give --fit young, --fit poisson or --fit young:REGION".into(),
+            remedy: "give --fit young, --fit poisson, --fit young:REGION or --fit axis:FAMILY"
+                .into(),
         });
     }
     for text in bounds {
@@ -267,7 +276,7 @@ fn parse_one(
             return Err(fault("the scene has several bodies".into(), remedy));
         }
     };
-    let constants = [Constant::Young, Constant::Poisson];
+    let constants = [Constant::Young, Constant::Poisson, Constant::Axis];
     let Some(constant) = constants.into_iter().find(|c| c.word() == word) else {
         let remedy = hint("parameter", word, constants.into_iter().map(Constant::word));
         return Err(fault(format!("there is no parameter `{word}`"), remedy));
@@ -278,17 +287,53 @@ fn parse_one(
         let remedy = "the material of a membrane alone is not fitted; choose another body";
         return Err(fault(found, remedy.into()));
     }
+    if constant == Constant::Axis {
+        let families = &materials[body].axes;
+        let known = || families.iter().map(|(name, _)| name.as_str());
+        let Some(name) = region else {
+            let found = "it names no family of fibres".to_string();
+            return Err(fault(
+                found,
+                format!("write axis:FAMILY; {}", hint("family", "", known())),
+            ));
+        };
+        let Some(family) = known().position(|known| known == name) else {
+            let found = format!("body `{}` has no fibres `{name}`", of.name);
+            return Err(fault(found, hint("family", name, known())));
+        };
+        let start = families[family].1;
+        if start == 0.0 {
+            let found = format!("the scene gives fibres `{name}` the modulus 0");
+            return Err(fault(found, "start from a positive modulus".into()));
+        }
+        let (name, elements) = (text.to_string(), solids(of).collect());
+        let (varies, bounds) = (false, constant.range());
+        return Ok(vec![Parameter {
+            name,
+            constant,
+            body,
+            family,
+            elements,
+            start,
+            varies,
+            bounds,
+        }]);
+    }
     let regions = match region {
         None => vec![(text.to_string(), solids(of).collect())],
         Some(region) => elements_of(text, region, of).map_err(|(f, r)| fault(f, r))?,
     };
-    let values = materials[body].values(constant);
+    let values = match constant {
+        Constant::Poisson => &materials[body].poisson,
+        _ => &materials[body].young,
+    };
     let parameter = |(name, elements): (String, Vec<u32>)| {
         let own = || elements.iter().map(|&e| values[e as usize]);
         let varies = own().any(|value| value != values[elements[0] as usize]);
         let mean = own().sum::<f64>() / elements.len() as f64;
         let start = if varies { mean } else { values[elements[0] as usize] };
-        Parameter { name, constant, body, elements, start, varies, bounds: constant.range() }
+        let bounds = constant.range();
+        Parameter { name, constant, body, family: 0, elements, start, varies, bounds }
     };
     Ok(regions.into_iter().map(parameter).collect())
 }
@@ -366,12 +411,12 @@ fn set_bounds(text: &str, parameters: &mut [Parameter]) -> Result<(), FitError> 
         found = true;
         let [least, most] = p.constant.range();
         let inside = match p.constant {
-            Constant::Young => low > least && high < most,
+            Constant::Young | Constant::Axis => low > least && high < most,
             Constant::Poisson => low >= least && high <= most,
         };
         if !(low < high && inside) {
             let remedy = match p.constant {
-                Constant::Young => "give 0 < LOW < HIGH (Pa)".into(),
+                Constant::Young | Constant::Axis => "give 0 < LOW < HIGH (Pa)".into(),
                 Constant::Poisson => format!("give {least} <= LOW < HIGH <= {most}"),
             };
             return Err(fault(format!("{low}..{high} is out of range"), remedy));
@@ -391,14 +436,14 @@ mod tests {
 
     fn parameter(constant: Constant, start: f64, bounds: [f64; 2]) -> Parameter {
         let (name, elements) = ("a".to_string(), vec![0]);
-        Parameter { name, constant, body: 0, elements, start, varies: false, bounds }
+        Parameter { name, constant, body: 0, family: 0, elements, start, varies: false, bounds }
     }
 
     #[test]
     fn maps_start_at_the_scene_and_stay_in_bounds() {
         let all = [
             parameter(Constant::Young, 5e3, [0.0, f64::INFINITY]),
-            parameter(Constant::Young, 5e3, [1e3, 1e5]),
+            parameter(Constant::Axis, 5e3, [1e3, 1e5]),
             parameter(Constant::Poisson, 0.45, [-0.99, 0.4999]),
         ];
         for p in &all {

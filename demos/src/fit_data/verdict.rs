@@ -89,12 +89,15 @@ pub(super) fn insensitive(
                     .to_string(),
                 FORCE_NEEDED,
             ),
-            Constant::Young => (
+            Constant::Young | Constant::Axis => (
                 format!(
                     "it cannot be found: the observations change by less than {LEAST_INFLUENCE:e} of \
                      their size when it is doubled"
                 ),
-                "measure in or next to the elements that have it",
+                match p.constant {
+                    Constant::Axis => "load the body along its fibres, or measure where they are",
+                    _ => "measure in or next to the elements that have it",
+                },
             ),
             Constant::Poisson => (
                 format!(
@@ -125,7 +128,7 @@ pub(super) fn of_fit(
         let part: Vec<usize> =
             (0..parameters.len()).filter(|&i| direction[i].abs() > TAKES_PART * largest).collect();
         let names: Vec<String> = part.iter().map(|&i| title(&parameters[i])).collect();
-        let moduli = part.iter().all(|&i| parameters[i].constant == Constant::Young);
+        let moduli = part.iter().all(|&i| parameters[i].constant != Constant::Poisson);
         let (message, remedy) = if moduli && motions {
             let message = "only their ratios can be found: displacements under prescribed motions do \
                            not depend on a common factor";

@@ -16,8 +16,9 @@ pub enum AxisForm {
     EnergyConsistent,
     /// Bourguignon & Cani 2000 as printed ([`printed`](super::printed)), for comparison. Spring constants
     /// follow from the moduli such that both forms agree near rest: `Y V/L^2` (N/m) along an axis,
-    /// `G V/sqrt(L_i L_j)` (N) between two, `9 Lambda V/(16 R^2)` (N/m) for the sum of radii, with the lengths L
-    /// of the chords and the mean radius R of the element.
+    /// `G V/sqrt(L_i L_j)` (N) between two, `9 Lambda V/(16 R^2)` (N/m) for the sum of radii of a
+    /// tetrahedron, `9 Lambda V/(8 R^2)` for each radius of a hexahedron, with the lengths L of the chords and the
+    /// mean radius R of the element (its root mean square in hexahedra).
     Printed,
     /// The same with the mean force of the volume springs subtracted, so that they have no resultant.
     PrintedBalanced,
@@ -33,7 +34,10 @@ pub struct AxisFamily<'a> {
     pub directions: Cow<'a, [DVec3]>,
     /// Modulus along the axis (Pa): stress per stretch, over the rest area.
     pub modulus: f64,
-    /// Factor on modulus and muscle tension in every solid element, 1 without; where it is 0 the direction
+    /// Viscosity along the axis (Pa s): stress per rate of stretch ([`damper`](super::damper)), 0 without
+    /// damping. Implicit integrators only.
+    pub viscosity: f64,
+    /// Factor on modulus, viscosity and muscle tension in every solid element, 1 without; where it is 0 the direction
     /// may be anything.
     pub share: Option<Cow<'a, [f64]>>,
     /// Makes the fibres active.
@@ -47,6 +51,7 @@ impl<'a> AxisFamily<'a> {
             name: Cow::Borrowed(name),
             directions: Cow::Borrowed(directions),
             modulus,
+            viscosity: 0.0,
             share: None,
             muscle: None,
         }
@@ -69,6 +74,7 @@ impl<'a> AxisFamily<'a> {
             name: Cow::Owned(self.name.into_owned()),
             directions: Cow::Owned(self.directions.into_owned()),
             modulus: self.modulus,
+            viscosity: self.viscosity,
             share: self.share.map(|s| Cow::Owned(s.into_owned())),
             muscle: self.muscle,
         }
@@ -150,9 +156,6 @@ impl AxesDescription<'_> {
         if count == 0 {
             return Err(AxesError::NoElements);
         }
-        if hexahedra > 0 && self.form != AxisForm::EnergyConsistent {
-            return Err(AxesError::PrintedHexahedra);
-        }
         if self.families.is_empty() && self.volume_modulus == 0.0 {
             return Err(AxesError::Nothing);
         }
@@ -167,6 +170,10 @@ impl AxesDescription<'_> {
                 return Err(AxesError::Duplicate { family: name() });
             }
             modulus(format!("family `{}`", family.name), family.modulus)?;
+            let value = family.viscosity;
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(AxesError::Viscosity { family: name(), value });
+            }
             let found = family.directions.len();
             if found != 1 && found != count {
                 return Err(AxesError::Length { family: name(), what: "directions", found, count });
@@ -245,12 +252,8 @@ impl AxesDescription<'_> {
                     *angle = left.remove(at).1;
                 }
             }
-            let axial = axes.map(|axis| {
-                axis.map_or(0.0, |axis| {
-                    let new = !std::mem::replace(&mut placed[axis], true);
-                    if new { self.families[axis].modulus } else { 0.0 }
-                })
-            });
+            let axial =
+                axes.map(|axis| axis.filter(|&axis| !std::mem::replace(&mut placed[axis], true)));
             groups.push(AxisGroup::Triad { axes, axial, angles, volume });
             volume = 0.0;
         }
@@ -269,8 +272,9 @@ impl AxesDescription<'_> {
 /// What one axis entity of an element holds.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum AxisGroup {
-    /// Families of the axes (`None`: any direction), their moduli, those of their angles and of volume (Pa).
-    Triad { axes: [Option<usize>; 3], axial: [f64; 3], angles: [f64; 3], volume: f64 },
+    /// Families of the axes (`None`: any direction) and of the springs along them, moduli of their angles and
+    /// of volume (Pa).
+    Triad { axes: [Option<usize>; 3], axial: [Option<usize>; 3], angles: [f64; 3], volume: f64 },
     /// A family.
     Fibre(usize),
     /// Modulus of volume (Pa).
@@ -295,9 +299,6 @@ pub enum AxesError {
         "axes lie in tetrahedra and hexahedra, and the body has none; leave them out or fill the body"
     )]
     NoElements,
-    /// The printed form in hexahedra.
-    #[error("the printed form of axes is there for tetrahedra only; use \"energy_consistent\"")]
-    PrintedHexahedra,
     /// Neither families nor a term of volume.
     #[error("there is no axis and no volume modulus; give a family, or leave the axes out")]
     Nothing,
@@ -317,6 +318,33 @@ pub enum AxesError {
         what: String,
         /// The modulus (Pa).
         value: f64,
+    },
+    /// No such family.
+    #[error("the body has no family of axes `{family}`; it has {known:?}")]
+    Unknown {
+        /// Name that was asked for.
+        family: String,
+        /// Names that there are.
+        known: Vec<String>,
+    },
+    /// A viscosity out of range.
+    #[error("viscosity of family `{family}` is {value} Pa s; it must be finite and not negative")]
+    Viscosity {
+        /// Name of the family.
+        family: String,
+        /// The viscosity (Pa s).
+        value: f64,
+    },
+    /// An axis that meets no two faces of a hexahedron.
+    #[error(
+        "family `{family}`, element {element}: its axis through the middle of the hexahedron meets no two \
+         faces, which the printed form needs; mend the element or use the form \"energy_consistent\""
+    )]
+    NoChord {
+        /// Name of the family.
+        family: String,
+        /// Index in the user's mesh, hexahedra counted after tetrahedra.
+        element: usize,
     },
     /// A list of another length than the mesh.
     #[error("family `{family}` has {found} {what} for {count} solid elements; give one for each")]

@@ -11,6 +11,7 @@
 
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
+use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::isoparametric::{
     AxisHexahedronBlocks, AxisHexahedronVertices, Derivatives, HexahedronRest, RestHexahedron,
@@ -36,6 +37,17 @@ use crate::hexahedron::{Blocks, total};
 pub(crate) fn shares(rest: &RestHexahedron) -> RestHexahedron {
     let whole = rest.total_volume();
     RestHexahedron { gradients: rest.gradients, volume: rest.volume.map(|v| v / whole) }
+}
+
+/// Derivative (1/m) of the stretched axis `axis` at Gauss point `q` by the displacements of the vertices.
+pub(crate) fn shape_of(
+    derivatives: &Derivatives<f64, 8, 3>,
+    rest: &RestHexahedron,
+    q: usize,
+    axis: DVec3,
+) -> [f64; 8] {
+    let along = rest.gradients[q].map(|d| DVec3::from_array(d).dot(axis));
+    std::array::from_fn(|a| (0..3).map(|j| derivatives.0[a][j][q] * along[j]).sum())
 }
 
 macro_rules! laws {

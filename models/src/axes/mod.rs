@@ -9,10 +9,14 @@
 //! | [`description`] | axes of a body as the user states them |
 //! | [`field`] | fibre fields: where the directions come from |
 //! | [`muscle`] | active fibres |
+//! | [`damper`] | dampers along axes |
+//! | [`change`] | another modulus for the axes of a body |
 //! | [`attachment`], [`printed`], [`printed_system`] | where axes meet faces, and the formulas as printed, for comparison |
 
 pub mod attachment;
+pub mod change;
 pub mod columns;
+pub mod damper;
 pub mod description;
 pub mod element;
 pub mod field;
@@ -21,5 +25,7 @@ pub mod muscle;
 pub mod printed;
 pub mod printed_system;
 pub(crate) mod removal;
+pub mod site;
 pub(crate) mod spawn;
+pub(crate) mod spawn_printed;
 pub mod systems;

@@ -117,6 +117,11 @@ impl Muscle {
         self.applied
     }
 
+    /// Stiffness at the activation that acts, from that without activation.
+    pub(crate) fn stiffened<S: Scalar>(&self, passive: S) -> S {
+        passive * S::from_f64(1.0 + self.settings.stiffening * self.applied)
+    }
+
     pub(crate) fn new(body: usize, family: String, settings: MuscleSettings) -> Self {
         Self { body, family, settings, wanted: 0.0, applied: 0.0 }
     }
@@ -218,20 +223,33 @@ pub(crate) fn install<S: Scalar>(world: &mut World) {
     }
 }
 
-fn update<S: Scalar>(world: &mut World) {
-    let clock = *world.resource::<StepClock>();
-    let mut muscles = world.resource_mut::<Muscles>();
+/// Sets the activations that curves ask for at a time (s); says whether any activation has to change.
+fn follow_curves(world: &mut World, time: f64) -> bool {
+    let Some(mut muscles) = world.get_resource_mut::<Muscles>() else { return false };
     let mut changed = false;
     for muscle in &mut muscles.bypass_change_detection().0 {
         if let Some(curve) = &muscle.settings.curve {
             // a curve that is not a number leaves the muscle alone
-            let value = curve.value(clock.time + clock.dt).clamp(0.0, 1.0);
+            let value = curve.value(time).clamp(0.0, 1.0);
             muscle.wanted = if value.is_nan() { muscle.wanted } else { value };
         }
         changed |= muscle.wanted != muscle.applied;
     }
+    changed
+}
+
+/// Gives all muscles the activation of a time (s) now, outside of a step: for evaluations at states of
+/// other times.
+pub fn activate_at<S: Scalar>(world: &mut World, time: f64) {
+    if follow_curves(world, time) {
+        apply::<S>(world);
+    }
+}
+
+fn update<S: Scalar>(world: &mut World) {
+    let clock = *world.resource::<StepClock>();
     let mut work = 0.0;
-    if changed {
+    if follow_curves(world, clock.time + clock.dt) {
         let before = energy::<S>(world);
         apply::<S>(world);
         work = energy::<S>(world) - before;
@@ -261,7 +279,7 @@ pub(crate) fn apply<S: Scalar>(world: &mut World) {
             continue;
         }
         let Muscle { settings, applied, .. } = &muscles.0[at];
-        stiffness.0 = passive.0 * S::from_f64(1.0 + settings.stiffening * applied);
+        stiffness.0 = muscles.0[at].stiffened(passive.0);
         shortening.0 = S::from_f64(settings.shortening * applied);
         active.0 = peak.0 * S::from_f64(*applied);
     }

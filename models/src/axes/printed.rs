@@ -94,7 +94,8 @@ impl Arm {
     }
 }
 
-fn combine<const N: usize>(weights: &[f64; N], x: &Nodes<N>) -> [f64; 3] {
+/// `sum_j weights_j x_j`.
+pub(crate) fn spread_over<const N: usize>(weights: &[f64; N], x: &Nodes<N>) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for j in 0..N {
         for k in 0..3 {
@@ -113,7 +114,12 @@ fn spread_force<const N: usize>(to: &mut Nodes<N>, weights: &[f64; N], force: [f
 }
 
 /// Adds `w_a v_b m` to all blocks.
-fn add_spread<const N: usize>(to: &mut Blocks<N>, w: &[f64; N], v: &[f64; N], m: &[f64; 9]) {
+pub(crate) fn add_spread<const N: usize>(
+    to: &mut Blocks<N>,
+    w: &[f64; N],
+    v: &[f64; N],
+    m: &[f64; 9],
+) {
     for a in 0..N {
         for b in 0..N {
             for k in 0..9 {
@@ -125,7 +131,7 @@ fn add_spread<const N: usize>(to: &mut Blocks<N>, w: &[f64; N], v: &[f64; N], m:
 
 impl<const N: usize> AxialSprings<N> {
     fn arms(&self, x: &Nodes<N>) -> [Arm; 3] {
-        [0, 1, 2].map(|i| Arm::new(combine(&self.spread[i], x)))
+        [0, 1, 2].map(|i| Arm::new(spread_over(&self.spread[i], x)))
     }
 
     /// Energy (J) at positions `x` (m).
@@ -148,7 +154,7 @@ impl<const N: usize> AxialSprings<N> {
     pub fn damping_forces(&self, x: &Nodes<N>, v: &Nodes<N>) -> Nodes<N> {
         let mut f = [[0.0; 3]; N];
         for (i, arm) in self.arms(x).into_iter().enumerate() {
-            let rate = dot(combine(&self.spread[i], v), arm.direction);
+            let rate = dot(spread_over(&self.spread[i], v), arm.direction);
             let tension = self.damping[i] * rate;
             spread_force(&mut f, &self.spread[i], scale(arm.direction, -tension));
         }
@@ -201,7 +207,7 @@ pub struct AngularSprings<const N: usize> {
 
 impl<const N: usize> AngularSprings<N> {
     fn arms(&self, x: &Nodes<N>) -> [Arm; 3] {
-        [0, 1, 2].map(|i| Arm::new(combine(&self.spread[i], x)))
+        [0, 1, 2].map(|i| Arm::new(spread_over(&self.spread[i], x)))
     }
 
     /// Energy (J) of the energy form at positions `x` (m).
@@ -289,15 +295,58 @@ fn cosine_gradient(a: &Arm, b: &Arm) -> [[f64; 3]; 2] {
 
 /// Directions and lengths from the barycentre to the vertices.
 fn radii<const N: usize>(x: &Nodes<N>) -> [Arm; N] {
-    let centre = combine(&[1.0 / N as f64; N], x);
+    let centre = spread_over(&[1.0 / N as f64; N], x);
     x.map(|x| Arm::new(sub(x, centre)))
 }
 
 /// Subtracts the mean vector.
 fn balance<const N: usize>(f: &mut Nodes<N>) {
-    let mean = combine(&[1.0 / N as f64; N], f);
+    let mean = spread_over(&[1.0 / N as f64; N], f);
     for f in f {
         *f = sub(*f, mean);
+    }
+}
+
+/// Springs against changes of volume, with `N` vertices.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum VolumeSprings<const N: usize> {
+    /// One, of tetrahedra (section 3.1).
+    Sum(RadiusSum<N>),
+    /// One for every vertex, of hexahedra (section 4.1).
+    Radial(RadialSprings<N>),
+}
+
+impl<const N: usize> VolumeSprings<N> {
+    /// Energy (J) of the balanced form at positions `x` (m).
+    pub fn energy(&self, x: &Nodes<N>) -> f64 {
+        match self {
+            Self::Sum(springs) => springs.energy(x),
+            Self::Radial(springs) => springs.energy(x),
+        }
+    }
+
+    /// Elastic forces (N).
+    pub fn forces(&self, x: &Nodes<N>, form: VolumeForm) -> Nodes<N> {
+        match self {
+            Self::Sum(springs) => springs.forces(x, form),
+            Self::Radial(springs) => springs.forces(x, form),
+        }
+    }
+
+    /// Tangent of the balanced form.
+    pub fn tangent(&self, x: &Nodes<N>, curvature: Curvature) -> Blocks<N> {
+        match self {
+            Self::Sum(springs) => springs.tangent(x, curvature),
+            Self::Radial(springs) => springs.tangent(x, curvature),
+        }
+    }
+
+    /// Without stiffness, for removed elements.
+    pub(crate) fn clear(&mut self) {
+        match self {
+            Self::Sum(springs) => springs.stiffness = 0.0,
+            Self::Radial(springs) => (springs.stiffness, springs.damping) = (0.0, 0.0),
+        }
     }
 }
 
@@ -383,7 +432,7 @@ impl<const N: usize> RadialSprings<N> {
 
     /// Forces of the dampers (N) at velocities `v` (m/s).
     pub fn damping_forces(&self, x: &Nodes<N>, v: &Nodes<N>, form: VolumeForm) -> Nodes<N> {
-        let (radii, centre) = (radii(x), combine(&[1.0 / N as f64; N], v));
+        let (radii, centre) = (radii(x), spread_over(&[1.0 / N as f64; N], v));
         let mut f = std::array::from_fn(|j| {
             let rate = dot(sub(v[j], centre), radii[j].direction);
             scale(radii[j].direction, -self.damping * rate)

@@ -1,92 +1,140 @@
-//! The system of the printed springs, on tetrahedra: for comparison, one element at a time in `f64`.
+//! The system of the printed springs: for comparison, one element at a time in `f64`.
 
 use bevy_ecs::prelude::*;
+use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
-use sinew_engine::element::{AxisBlocks, AxisVertices, TETRAHEDRON_EDGES};
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, RecoveringBodies, Span, TangentKind};
-use sinew_engine::scalar::{Scalar, xyz};
+use sinew_engine::element::AxisVertices;
+use sinew_engine::isoparametric::AxisHexahedronVertices;
+use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, RecoveringBodies, TangentKind};
+use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{
     ColumnWatch, ForceSystems, activate_law, column_changed, declare_inputs,
 };
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
+use std::marker::PhantomData;
 use std::time::Instant;
 
-use super::attachment;
+use super::attachment::{self, Attachment};
 use super::element::AXIS_PAIRS;
 use super::printed::{
-    AngularForm, AngularSprings, AxialSprings, Blocks, Curvature, Nodes, RadiusSum, VolumeForm,
+    AngularForm, AngularSprings, AxialSprings, Blocks, Curvature, Nodes, RadialSprings, RadiusSum,
+    VolumeForm, VolumeSprings,
 };
+use super::site::{AxisSite, add_blocks, local};
 use super::systems::{AxesOnlyBodies, Silence};
 
-/// The springs of Bourguignon & Cani 2000 in their printed form.
-pub struct PrintedSprings;
+/// The springs of Bourguignon & Cani 2000 in their printed form, in the elements that `V` tells.
+pub struct PrintedSprings<V>(PhantomData<fn() -> V>);
 
-impl Law for PrintedSprings {
+impl Law for PrintedSprings<AxisVertices> {
     const NAME: &'static str = "axes, printed form";
     const ORDER: u8 = 28;
 }
 
-/// Printed springs of up to three axes in a tetrahedron.
+impl Law for PrintedSprings<AxisHexahedronVertices> {
+    const NAME: &'static str = "axes in hexahedra, printed form";
+    const ORDER: u8 = 44;
+}
+
+/// Printed springs of up to three axes in an element of `N` vertices.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 #[component(summary_tick)]
-pub struct PrintedAxes {
+pub struct PrintedAxes<const N: usize> {
     /// Rest positions of the vertices relative to the barycentre (m).
-    pub rest: Nodes<4>,
+    pub rest: Nodes<N>,
     /// Springs along the axes.
-    pub axial: AxialSprings<4>,
+    pub axial: AxialSprings<N>,
     /// Springs between them.
-    pub angular: AngularSprings<4>,
-    /// Spring on the sum of the radii.
-    pub volume: RadiusSum<4>,
+    pub angular: AngularSprings<N>,
+    /// Springs on the radii.
+    pub volume: VolumeSprings<N>,
     /// Form of the latter's forces.
     pub form: VolumeForm,
 }
 
-/// Moduli (Pa) of the axes of an element, already multiplied by what share of them it has.
+/// Moduli (Pa) of the axes of an element.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PrintedModuli {
     /// Along the axes.
     pub axial: [f64; 3],
-    /// Between them, in the order of [`AXIS_PAIRS`].
+    /// Factor on these.
+    pub share: [f64; 3],
+    /// Between them, in the order of [`AXIS_PAIRS`], already multiplied by what share of them it has.
     pub angular: [f64; 3],
     /// Of volume.
     pub volume: f64,
 }
 
-impl PrintedAxes {
-    /// Springs in a tetrahedron of vertices `points` (m) and volume `volume` (m^3) along the unit vectors `axes`;
-    /// `None` where an axis meets no face.
-    pub fn new(
-        points: [DVec3; 4],
+/// Elements that can hold printed springs.
+pub(crate) trait PrintedElement<const N: usize> {
+    /// Ends of an axis; `None` where it meets no two faces.
+    fn ends(points: [DVec3; N], axis: DVec3) -> Option<Attachment<N>>;
+    /// Springs against changes of volume, of vertices at `radii` (m) from the barycentre in an element of
+    /// volume `volume` (m^3): with a modulus `modulus` (Pa) they hold against small dilation as
+    /// `modulus/2 (J-1)^2` does.
+    fn volume_springs(radii: [f64; N], volume: f64, modulus: f64) -> VolumeSprings<N>;
+}
+
+/// Marks the two kinds of elements.
+pub(crate) struct Printed;
+
+impl PrintedElement<4> for Printed {
+    fn ends(points: [DVec3; 4], axis: DVec3) -> Option<Attachment<4>> {
+        attachment::tetrahedron(points, axis)
+    }
+    fn volume_springs(radii: [f64; 4], volume: f64, modulus: f64) -> VolumeSprings<4> {
+        let rest: f64 = radii.iter().sum();
+        VolumeSprings::Sum(RadiusSum { rest, stiffness: 9.0 * modulus * volume / (rest * rest) })
+    }
+}
+
+impl PrintedElement<8> for Printed {
+    fn ends(points: [DVec3; 8], axis: DVec3) -> Option<Attachment<8>> {
+        attachment::hexahedron(points, axis)
+    }
+    fn volume_springs(radii: [f64; 8], volume: f64, modulus: f64) -> VolumeSprings<8> {
+        let squares: f64 = radii.iter().map(|r| r * r).sum();
+        let stiffness = 9.0 * modulus * volume / squares;
+        VolumeSprings::Radial(RadialSprings { rest: radii, stiffness, damping: 0.0 })
+    }
+}
+
+fn axial_weight(volume: f64, length: f64) -> f64 {
+    volume / (length * length)
+}
+
+impl<const N: usize> PrintedAxes<N> {
+    /// Springs between the `ends` of the unit vectors `axes` in an element of vertices `points` (m) and volume
+    /// `volume` (m^3).
+    pub(crate) fn new(
+        points: [DVec3; N],
         volume: f64,
-        axes: [DVec3; 3],
+        (axes, ends): ([DVec3; 3], [Attachment<N>; 3]),
         moduli: PrintedModuli,
         form: VolumeForm,
-    ) -> Option<Self> {
-        let mut ends = [None; 3];
-        for (end, axis) in ends.iter_mut().zip(axes) {
-            *end = attachment::tetrahedron(points, axis);
-        }
-        let ends = [ends[0]?, ends[1]?, ends[2]?];
+    ) -> Self
+    where
+        Printed: PrintedElement<N>,
+    {
         let (spread, length) = (ends.map(|e| e.spread()), ends.map(|e| e.length));
-        let centre = points.iter().sum::<DVec3>() / 4.0;
-        let rest = points.map(|x| (x - centre).to_array());
-        let sum: f64 = points.iter().map(|x| x.distance(centre)).sum();
-        let radius = sum / 4.0;
+        let centre = points.iter().sum::<DVec3>() / N as f64;
         let pairs = [0, 1, 2].map(|p| {
             let [i, j] = AXIS_PAIRS[p];
             let stiffness = moduli.angular[p] * volume;
             (axes[i].dot(axes[j]), stiffness / (length[i] * length[j]).sqrt(), stiffness)
         });
-        Some(Self {
-            rest,
+        let radii = points.map(|x| x.distance(centre));
+        Self {
+            rest: points.map(|x| (x - centre).to_array()),
             axial: AxialSprings {
                 spread,
                 length,
-                stiffness: [0, 1, 2].map(|i| moduli.axial[i] * volume / length[i].powi(2)),
+                stiffness: [0, 1, 2]
+                    .map(|i| moduli.axial[i] * axial_weight(moduli.share[i] * volume, length[i])),
+                // dampers are entities of their own
                 damping: [0.0; 3],
             },
             angular: AngularSprings {
@@ -95,24 +143,27 @@ impl PrintedAxes {
                 printed: pairs.map(|p| p.1),
                 stiffness: pairs.map(|p| p.2),
             },
-            volume: RadiusSum {
-                rest: sum,
-                stiffness: 9.0 * moduli.volume * volume / (16.0 * radius * radius),
-            },
+            volume: Printed::volume_springs(radii, volume, moduli.volume),
             form,
-        })
+        }
+    }
+
+    /// What moduli along the axes (Pa) are multiplied by for stiffnesses (N/m), from shares of them in an
+    /// element of volume `volume` (m^3).
+    pub(crate) fn axial_weights(&self, share: [f64; 3], volume: f64) -> [f64; 3] {
+        [0, 1, 2].map(|i| axial_weight(share[i] * volume, self.axial.length[i]))
     }
 
     /// Without stiffness, for removed elements.
     pub(crate) fn clear(&mut self) {
         self.axial.stiffness = [0.0; 3];
         (self.angular.printed, self.angular.stiffness) = ([0.0; 3], [0.0; 3]);
-        self.volume.stiffness = 0.0;
+        self.volume.clear();
     }
 
-    fn positions(&self, u: &Nodes<4>) -> Nodes<4> {
+    fn positions(&self, u: &Nodes<N>) -> Nodes<N> {
         let mut x = self.rest;
-        for a in 0..4 {
+        for a in 0..N {
             for k in 0..3 {
                 x[a][k] += u[a][k] - u[0][k];
             }
@@ -121,18 +172,18 @@ impl PrintedAxes {
     }
 
     /// Energy (J) of the forms that have one.
-    pub fn energy(&self, u: &Nodes<4>) -> f64 {
+    pub fn energy(&self, u: &Nodes<N>) -> f64 {
         let x = self.positions(u);
         self.axial.energy(&x) + self.angular.energy(&x) + self.volume.energy(&x)
     }
 
     /// Forces (N).
-    pub fn forces(&self, u: &Nodes<4>) -> Nodes<4> {
+    pub fn forces(&self, u: &Nodes<N>) -> Nodes<N> {
         let x = self.positions(u);
         let mut f = self.axial.forces(&x);
         let (angular, volume) =
             (self.angular.forces(&x, AngularForm::Printed), self.volume.forces(&x, self.form));
-        for a in 0..4 {
+        for a in 0..N {
             for k in 0..3 {
                 f[a][k] += angular[a][k] + volume[a][k];
             }
@@ -141,7 +192,7 @@ impl PrintedAxes {
     }
 
     /// Tangent (N/m) of the forms that have an energy.
-    pub fn tangent(&self, u: &Nodes<4>, kind: TangentKind) -> Blocks<4> {
+    pub fn tangent(&self, u: &Nodes<N>, kind: TangentKind) -> Blocks<N> {
         let curvature = match kind {
             TangentKind::Exact => Curvature::Exact,
             TangentKind::Projected => Curvature::Definite,
@@ -150,8 +201,8 @@ impl PrintedAxes {
         let x = self.positions(u);
         let mut sum = self.axial.tangent(&x, curvature);
         for more in [self.angular.tangent(&x, curvature), self.volume.tangent(&x, curvature)] {
-            for a in 0..4 {
-                for b in 0..4 {
+            for a in 0..N {
+                for b in 0..N {
                     for k in 0..9 {
                         sum[a][b][k] += more[a][b][k];
                     }
@@ -162,32 +213,38 @@ impl PrintedAxes {
     }
 }
 
-/// Puts the printed springs into the force schedule.
-pub fn activate<S: Scalar>(world: &mut World) {
-    activate_law::<PrintedSprings, S>(world, |schedule| {
-        schedule.add_systems(evaluate::<S>.in_set(ForceSystems::Evaluate));
+/// Puts the printed springs of one kind of element into the force schedule.
+pub(crate) fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(world: &mut World)
+where
+    PrintedSprings<V>: Law,
+{
+    activate_law::<PrintedSprings<V>, S>(world, |schedule| {
+        schedule.add_systems(evaluate::<S, N, V>.in_set(ForceSystems::Evaluate));
     });
     declare_inputs(
         world,
-        PrintedSprings::NAME,
-        &[column_changed::<AxisVertices> as ColumnWatch, column_changed::<PrintedAxes>],
+        PrintedSprings::<V>::NAME,
+        &[column_changed::<V> as ColumnWatch, column_changed::<PrintedAxes<N>>],
     );
 }
 
-fn evaluate<S: Scalar>(
+fn evaluate<S: Scalar, const N: usize, V: AxisSite<N>>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
     recovering: Res<RecoveringBodies>,
     alone: Res<AxesOnlyBodies>,
-    mut buffer: ResMut<LawBuffer<PrintedSprings, S>>,
+    mut buffer: ResMut<LawBuffer<PrintedSprings<V>, S>>,
     vertices: Query<&Displacement<S>>,
-    axes: Query<(&AxisVertices, &AxisBlocks, &PrintedAxes)>,
-) {
+    axes: Query<(&V, &V::Blocks, &PrintedAxes<N>)>,
+) where
+    PrintedSprings<V>: Law,
+{
     let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let Some((nodes, blocks, axes)) = single_table(axes.contiguous_iter()) else { return };
+    let Some((sites, blocks, axes)) = single_table(axes.contiguous_iter()) else { return };
+    let u = Displacement::peel_slice(u);
     let silence = Silence { recovering: &recovering, alone: &alone };
-    workers.for_each(&mut buffer.spans, axes.len() * 500, |_, span| {
+    workers.for_each(&mut buffer.spans, axes.len() * 30 * N * N, |_, span| {
         if silence.holds(span.body) {
             span.silence();
             span.force.clear();
@@ -202,17 +259,17 @@ fn evaluate<S: Scalar>(
         }
         let mut energy = 0.0;
         for i in span.elements.clone() {
-            let local = nodes[i].0.map(|v| xyz(u[v as usize].0).map(S::to_f64));
+            let u = local(u, sites[i].rows());
             if request.energy {
-                energy += axes[i].energy(&local);
+                energy += axes[i].energy(&u);
             }
             if request.force {
-                for (&v, f) in nodes[i].0.iter().zip(axes[i].forces(&local)) {
+                for (&v, f) in sites[i].rows().iter().zip(axes[i].forces(&u)) {
                     span.add_force(v, f.map(S::from_f64));
                 }
             }
             if let Some(kind) = request.tangent {
-                add_blocks(span, &nodes[i].0, &blocks[i].0, &axes[i].tangent(&local, kind));
+                add_blocks(span, &sites[i], &blocks[i], &axes[i].tangent(&u, kind));
             }
         }
         if request.energy {
@@ -220,18 +277,4 @@ fn evaluate<S: Scalar>(
         }
     });
     buffer.time = start.elapsed();
-}
-
-fn add_blocks<S: Scalar>(
-    span: &mut Span<S>,
-    nodes: &[u32; 4],
-    blocks: &[u32; 6],
-    tangent: &Blocks<4>,
-) {
-    for a in 0..4 {
-        span.add_diagonal(nodes[a], &tangent[a][a].map(S::from_f64));
-    }
-    for (&block, [a, b]) in blocks.iter().zip(TETRAHEDRON_EDGES) {
-        span.add_off_diagonal(block, nodes[a], nodes[b], &tangent[a][b].map(S::from_f64));
-    }
 }

@@ -5,7 +5,9 @@ use sinew_engine::element::ShapeGradient;
 use sinew_engine::isoparametric::HexahedronRest;
 use sinew_engine::scalar::{Scalar, dot};
 
+use super::change::AxisSource;
 use super::columns::*;
+use super::damper::AxialDamper;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
 use super::hexahedra::energy_at_points;
 use super::printed_system::PrintedAxes;
@@ -68,7 +70,10 @@ fn fibre<S: Scalar>(e: &EntityRef) -> Fibre<f64> {
 /// Energy (J) of the axes of an entity at displacements (m) of their tetrahedron.
 pub(crate) fn energy<S: Scalar>(world: &World, entity: Entity, u: &[[f64; 3]; 4]) -> f64 {
     let e = world.entity(entity);
-    if let Some(printed) = e.get::<PrintedAxes>() {
+    if e.contains::<AxialDamper<4>>() {
+        return 0.0;
+    }
+    if let Some(printed) = e.get::<PrintedAxes<4>>() {
         return printed.energy(u);
     }
     if e.contains::<FibreShape<S, 1>>() {
@@ -110,6 +115,10 @@ pub(crate) fn hexahedron_energy<S: Scalar>(
     u: &[[f64; 3]; 8],
 ) -> f64 {
     let e = world.entity(entity);
+    if let Some(printed) = e.get::<PrintedAxes<8>>() {
+        return printed.energy(u);
+    }
+    // dampers have none
     let Some(rest) = e.get::<HexahedronRest<S>>() else { return 0.0 };
     let rest = HexahedronRest {
         gradients: rest.gradients.map(|row| row.map(|x| x.to_f64())),
@@ -144,9 +153,14 @@ pub(crate) fn clear<S: Scalar>(world: &mut World, entity: Entity) {
             }
         )+};
     }
-    if let Some(mut printed) = e.get_mut::<PrintedAxes>() {
-        printed.clear();
+    macro_rules! clear {
+        ($($component:ty),+) => {$(
+            if let Some(mut x) = e.get_mut::<$component>() {
+                x.clear();
+            }
+        )+};
     }
+    clear![PrintedAxes<4>, PrintedAxes<8>, AxialDamper<4>, AxialDamper<8>, AxisSource];
     if let Some(mut rest) = e.get_mut::<HexahedronRest<S>>() {
         *rest = HexahedronRest { gradients: [[S::ZERO; 8]; 9], volume: [S::ZERO; 8] };
     }

@@ -6,30 +6,35 @@ use sinew_engine::element::{
     AxisBlocks, AxisTetrahedron, AxisVertices, ShapeGradientBundle, shape_gradient_bundle,
 };
 use sinew_engine::isoparametric::{
-    AxisHexahedron, AxisHexahedronBlocks, AxisHexahedronVertices, HexahedronRest, RestHexahedron,
+    AxisHexahedron, AxisHexahedronBlocks, AxisHexahedronVertices, Derivatives, HexahedronRest,
+    RestHexahedron,
 };
 use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
+use super::change::AxisSource;
 use super::columns::*;
-use super::description::{AxesDescription, AxisFamily, AxisForm, AxisGroup};
+use super::damper::{self, AxialDamper};
+use super::description::{AxesDescription, AxisFamily, AxisGroup};
 use super::hexahedra;
 use super::muscle::{self, Muscle, Muscles};
-use super::printed::VolumeForm;
-use super::printed_system::{self, PrintedAxes, PrintedModuli};
 use super::systems::{AxesOnlyBodies, activate_fibres, activate_triads, activate_volumes};
 use crate::precompute::RestTetrahedron;
 
-type Place = (AxisVertices, AxisBlocks, AxisTetrahedron, BodyId);
-type HexahedronPlace<S> =
-    (AxisHexahedronVertices, AxisHexahedronBlocks, AxisHexahedron, BodyId, HexahedronRest<S>);
+/// Rows and blocks of a tetrahedron, and where it comes from.
+pub(super) type Place = (AxisVertices, AxisBlocks, AxisTetrahedron, BodyId);
+/// The same of a hexahedron.
+pub(super) type HexahedronRows =
+    (AxisHexahedronVertices, AxisHexahedronBlocks, AxisHexahedron, BodyId);
+type HexahedronPlace<S> = (HexahedronRows, HexahedronRest<S>);
 /// Directions and moduli of a triad.
 type TriadMade<S> = (
     (DirectionBundle<S, 0>, DirectionBundle<S, 1>, DirectionBundle<S, 2>),
     (AxialStiffness<S, 0>, AxialStiffness<S, 1>, AxialStiffness<S, 2>),
     (AxisAngleStiffness<S, 0>, AxisAngleStiffness<S, 1>, AxisAngleStiffness<S, 2>),
     VolumeStiffness<S>,
+    AxisSource,
 );
 /// Direction and moduli of a fibre.
 type FibreMade<S> = (
@@ -41,7 +46,7 @@ type FibreMade<S> = (
         FibreOffset<S>,
         FibreInverseWidth<S>,
     ),
-    (PassiveStiffness<S>, PeakTension<S>, MuscleIndex),
+    (PassiveStiffness<S>, PeakTension<S>, MuscleIndex, AxisSource),
 );
 type FibreShapes<S> = (FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>);
 
@@ -58,6 +63,26 @@ pub(crate) struct Offsets {
 pub(crate) struct RestShapes<'a> {
     pub tetrahedra: &'a [RestTetrahedron],
     pub hexahedra: &'a [RestHexahedron],
+}
+
+/// Of a tetrahedron of the layout.
+pub(super) fn tetrahedron_place(layout: &BodyLayout, row: usize, at: Offsets) -> Place {
+    (
+        AxisVertices(layout.tetrahedra[row].map(|v| v + at.vertex)),
+        AxisBlocks(layout.tetrahedron_edges[row].map(|b| b + at.block)),
+        AxisTetrahedron(layout.tetrahedron_order[row]),
+        at.body,
+    )
+}
+
+/// Of a hexahedron of the layout.
+pub(super) fn hexahedron_rows(layout: &BodyLayout, row: usize, at: Offsets) -> HexahedronRows {
+    (
+        AxisHexahedronVertices(layout.hexahedra[row].map(|v| v + at.vertex)),
+        AxisHexahedronBlocks(layout.hexahedron_edges[row].map(|b| b + at.block)),
+        AxisHexahedron(layout.hexahedron_order[row]),
+        at.body,
+    )
 }
 
 /// Spawns the axes of a body, element by element in the order of the layout; `alone` when it has no other
@@ -80,14 +105,14 @@ pub(crate) fn spawn_axes<S: Scalar>(
     let mut triads: Vec<(Place, ShapeGradientBundle<S>, TriadMade<S>)> = Vec::new();
     let mut fibres: Vec<(Place, FibreShapes<S>, FibreMade<S>)> = Vec::new();
     let mut volumes: Vec<(Place, ShapeGradientBundle<S>, VolumeStiffness<S>)> = Vec::new();
+    let mut dampers: Vec<(Place, AxialDamper<4>)> = Vec::new();
     for (row, &original) in layout.tetrahedron_order.iter().enumerate() {
-        let place = (
-            AxisVertices(layout.tetrahedra[row].map(|v| v + at.vertex)),
-            AxisBlocks(layout.tetrahedron_edges[row].map(|b| b + at.block)),
-            AxisTetrahedron(original),
-            at.body,
-        );
+        let place = tetrahedron_place(layout, row, at);
         let (shape, t) = (&rest.tetrahedra[row], original as usize);
+        for (axis, viscosity) in viscous(axes, t, shape.volume) {
+            let shape = shape.gradients.map(|d| DVec3::from_array(d).dot(axis));
+            dampers.push((place, AxialDamper { axis: axis.to_array(), shape, viscosity }));
+        }
         let d = [shape.gradients[1], shape.gradients[2], shape.gradients[3]];
         for group in &groups {
             match group {
@@ -96,9 +121,8 @@ pub(crate) fn spawn_axes<S: Scalar>(
                     triads.extend(made.map(|made| (place, shape_gradient_bundle(d), made)));
                 }
                 &AxisGroup::Fibre(index) => {
-                    let family = &axes.families[index];
-                    if let Some(made) = fibre(family, muscles[index], t, shape.volume) {
-                        let a = unit(family, t);
+                    if let Some(made) = fibre(axes, index, muscles[index], t, shape.volume) {
+                        let a = unit(&axes.families[index], t);
                         let q = d.map(|d| S::from_f64(DVec3::from_array(d).dot(a)));
                         let shapes = (FibreShape(q[0]), FibreShape(q[1]), FibreShape(q[2]));
                         fibres.push((place, shapes, made));
@@ -123,6 +147,10 @@ pub(crate) fn spawn_axes<S: Scalar>(
         world.spawn_batch(volumes);
         activate_volumes::<S>(world);
     }
+    if !dampers.is_empty() {
+        world.spawn_batch(dampers);
+        damper::activate::<S, 4, AxisVertices>(world);
+    }
     spawn_in_hexahedra::<S>(world, axes, (&groups, &muscles), layout, rest.hexahedra, at);
 }
 
@@ -137,24 +165,27 @@ fn spawn_in_hexahedra<S: Scalar>(
     let mut triads: Vec<(HexahedronPlace<S>, TriadMade<S>)> = Vec::new();
     let mut fibres: Vec<(HexahedronPlace<S>, FibreMade<S>)> = Vec::new();
     let mut volumes: Vec<(HexahedronPlace<S>, VolumeStiffness<S>)> = Vec::new();
+    let mut dampers: Vec<(HexahedronRows, AxialDamper<8>)> = Vec::new();
+    let derivatives = Derivatives::<f64, 8, 3>::hexahedron();
     for (row, &original) in layout.hexahedron_order.iter().enumerate() {
-        let place = (
-            AxisHexahedronVertices(layout.hexahedra[row].map(|v| v + at.vertex)),
-            AxisHexahedronBlocks(layout.hexahedron_edges[row].map(|b| b + at.block)),
-            AxisHexahedron(original),
-            at.body,
-            hexahedra::shares(&rest[row]).component::<S>(),
-        );
+        let rows = hexahedron_rows(layout, row, at);
+        let place = (rows, hexahedra::shares(&rest[row]).component::<S>());
         let volume = rest[row].total_volume();
         // directions of hexahedra follow those of tetrahedra
         let e = layout.tetrahedra.len() + original as usize;
+        for q in 0..8 {
+            for (axis, viscosity) in viscous(axes, e, rest[row].volume[q]) {
+                let shape = hexahedra::shape_of(&derivatives, &rest[row], q, axis);
+                dampers.push((rows, AxialDamper { axis: axis.to_array(), shape, viscosity }));
+            }
+        }
         for group in groups {
             match group {
                 AxisGroup::Triad { .. } => {
                     triads.extend(triad(axes, group, e, volume).map(|made| (place, made)));
                 }
                 &AxisGroup::Fibre(index) => {
-                    let made = fibre(&axes.families[index], muscles[index], e, volume);
+                    let made = fibre(axes, index, muscles[index], e, volume);
                     fibres.extend(made.map(|made| (place, made)));
                 }
                 AxisGroup::Volume(modulus) => {
@@ -175,6 +206,21 @@ fn spawn_in_hexahedra<S: Scalar>(
         world.spawn_batch(volumes);
         hexahedra::activate_volumes::<S>(world);
     }
+    if !dampers.is_empty() {
+        world.spawn_batch(dampers);
+        damper::activate::<S, 8, AxisHexahedronVertices>(world);
+    }
+}
+
+/// Axes and viscosities times `v` (m^3, of an element or of a part of it) of the viscous families in an
+/// element.
+fn viscous<'a>(
+    axes: &'a AxesDescription,
+    element: usize,
+    v: f64,
+) -> impl Iterator<Item = (DVec3, f64)> + 'a {
+    let present = axes.families.iter().filter(move |f| f.viscosity * f.share(element) > 0.0);
+    present.map(move |f| (unit(f, element), v * f.viscosity * f.share(element)))
 }
 
 /// Directions and moduli of a triad in an element of volume `v` (m^3); `None` for other groups.
@@ -188,7 +234,9 @@ fn triad<S: Scalar>(
     let families = of.map(|f| f.map(|f| &axes.families[f]));
     let share = families.map(|f| f.map_or(0.0, |f| f.share(element)));
     let [a, b, c] = triad_directions(families, element);
-    let y = [0, 1, 2].map(|i| S::from_f64(v * axial[i] * share[i]));
+    let weight = share.map(|share| v * share);
+    let modulus = axial.map(|f| f.map_or(0.0, |f| axes.families[f].modulus));
+    let y = [0, 1, 2].map(|i| S::from_f64(modulus[i] * weight[i]));
     // an angle is as present as the less present of its axes
     let g = super::element::AXIS_PAIRS.map(|[i, j]| share[i].min(share[j]));
     let g = [0, 1, 2].map(|k| S::from_f64(v * angles[k] * g[k]));
@@ -197,22 +245,26 @@ fn triad<S: Scalar>(
         (AxialStiffness(y[0]), AxialStiffness(y[1]), AxialStiffness(y[2])),
         (AxisAngleStiffness(g[0]), AxisAngleStiffness(g[1]), AxisAngleStiffness(g[2])),
         VolumeStiffness(S::from_f64(v * volume)),
+        AxisSource::new(*axial, weight),
     ))
 }
 
 /// Direction and moduli of a fibre in an element of volume `v` (m^3); `None` where it has no share.
 fn fibre<S: Scalar>(
-    family: &AxisFamily,
+    axes: &AxesDescription,
+    index: usize,
     muscle: u32,
     element: usize,
     v: f64,
 ) -> Option<FibreMade<S>> {
+    let family = &axes.families[index];
     let share = family.share(element);
     if share == 0.0 {
         return None;
     }
     let scalar = S::from_f64;
-    let stiffness = scalar(v * family.modulus * share);
+    let weight = v * share;
+    let stiffness = scalar(family.modulus * weight);
     let settings = family.muscle.as_ref();
     let peak = settings.map_or(0.0, |m| m.peak_stress);
     let (optimum, width) = settings.map_or((1.0, 1.0), |m| (m.optimal_stretch, m.width));
@@ -225,67 +277,13 @@ fn fibre<S: Scalar>(
             FibreOffset(scalar(1.0 - optimum)),
             FibreInverseWidth(scalar(1.0 / width)),
         ),
-        (PassiveStiffness(stiffness), PeakTension(scalar(v * peak * share)), MuscleIndex(muscle)),
+        (
+            PassiveStiffness(stiffness),
+            PeakTension(scalar(v * peak * share)),
+            MuscleIndex(muscle),
+            AxisSource::new([Some(index), None, None], [weight, 0.0, 0.0]),
+        ),
     ))
-}
-
-/// Spawns the axes of a body in the printed form.
-pub(crate) fn spawn_printed<S: Scalar>(
-    world: &mut World,
-    axes: &AxesDescription,
-    layout: &BodyLayout,
-    rest_of: &dyn Fn(u32) -> DVec3,
-    at: Offsets,
-    alone: bool,
-) {
-    world.init_resource::<AxesOnlyBodies>();
-    if alone {
-        world.resource_mut::<AxesOnlyBodies>().set(at.body.0 as usize);
-    }
-    let form = match axes.form {
-        AxisForm::PrintedBalanced => VolumeForm::Balanced,
-        _ => VolumeForm::Printed,
-    };
-    let groups = axes.pack();
-    let mut printed = Vec::new();
-    for (row, &original) in layout.tetrahedron_order.iter().enumerate() {
-        let (nodes, t) = (layout.tetrahedra[row], original as usize);
-        let points = nodes.map(rest_of);
-        let [a, b, c] = [points[1] - points[0], points[2] - points[0], points[3] - points[0]];
-        let volume = a.dot(b.cross(c)) / 6.0;
-        for group in &groups {
-            let (families, axial, angular, volume_modulus) = match *group {
-                AxisGroup::Triad { axes, axial, angles, volume } => (axes, axial, angles, volume),
-                AxisGroup::Fibre(i) => {
-                    ([Some(i), None, None], [axes.families[i].modulus, 0.0, 0.0], [0.0; 3], 0.0)
-                }
-                AxisGroup::Volume(modulus) => ([None; 3], [0.0; 3], [0.0; 3], modulus),
-            };
-            let families = families.map(|f| f.map(|f| &axes.families[f]));
-            let share = families.map(|f| f.map_or(0.0, |f| f.share(t)));
-            let pairs = super::element::AXIS_PAIRS.map(|[i, j]| share[i].min(share[j]));
-            let moduli = PrintedModuli {
-                axial: [0, 1, 2].map(|i| axial[i] * share[i]),
-                angular: [0, 1, 2].map(|k| angular[k] * pairs[k]),
-                volume: volume_modulus,
-            };
-            let directions = triad_directions(families, t).map(DVec3::from_array);
-            // an axis through the barycentre of a tetrahedron with volume meets two faces
-            if let Some(springs) = PrintedAxes::new(points, volume, directions, moduli, form) {
-                printed.push((
-                    AxisVertices(nodes.map(|v| v + at.vertex)),
-                    AxisBlocks(layout.tetrahedron_edges[row].map(|b| b + at.block)),
-                    AxisTetrahedron(original),
-                    at.body,
-                    springs,
-                ));
-            }
-        }
-    }
-    if !printed.is_empty() {
-        world.spawn_batch(printed);
-        printed_system::activate::<S>(world);
-    }
 }
 
 /// Indices of the muscles of all families, [`NO_MUSCLE`] for passive ones.
@@ -303,7 +301,7 @@ fn spawn_muscles<S: Scalar>(world: &mut World, axes: &AxesDescription, body: usi
 }
 
 /// Unit vector of a family; where it has none, which its share of 0 allows, any.
-fn unit(family: &AxisFamily, tetrahedron: usize) -> DVec3 {
+pub(super) fn unit(family: &AxisFamily, tetrahedron: usize) -> DVec3 {
     family.direction(tetrahedron).try_normalize().unwrap_or(DVec3::X)
 }
 

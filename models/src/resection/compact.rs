@@ -5,7 +5,9 @@
 //! have them. Vertex rows do not change.
 
 use super::Resection;
+use crate::axes::change::AxisSource;
 use crate::axes::columns::*;
+use crate::axes::damper::AxialDamper;
 use crate::axes::printed_system::PrintedAxes;
 use crate::body::partition_laws;
 use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
@@ -94,7 +96,8 @@ fn known_columns<S: Scalar>(world: &mut World) -> Vec<Column> {
         AxisAngleStiffness<S, 0>, AxisAngleStiffness<S, 1>, AxisAngleStiffness<S, 2>,
         VolumeStiffness<S>, FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>,
         FibreShortening<S>, FibreActive<S>, FibreOffset<S>, FibreInverseWidth<S>,
-        PassiveStiffness<S>, PeakTension<S>, MuscleIndex, PrintedAxes,
+        PassiveStiffness<S>, PeakTension<S>, MuscleIndex,
+        PrintedAxes<4>, PrintedAxes<8>, AxialDamper<4>, AxialDamper<8>, AxisSource,
     ]
 }
 

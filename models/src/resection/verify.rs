@@ -25,9 +25,9 @@ use sinew_engine::load::{LoadTime, Pressure};
 use sinew_engine::matrix::Tangent;
 use sinew_engine::mesh::Mesh;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{Executor, ForceSchedule};
+use sinew_engine::schedule::{Executor, ForceSchedule, evaluate_dampers, has_dampers};
 use sinew_engine::step::install_engine;
-use sinew_engine::topology::Topology;
+use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{BodyId, Displacement, ElasticForce, Mass, RestPosition};
 use std::collections::BTreeMap;
 
@@ -220,6 +220,25 @@ fn largest_difference(a: &Values, b: &Values, least: f64) -> f64 {
     if size > 0.0 { largest / size } else { largest }
 }
 
+/// The blocks of the world's tangent that belong to a body, by the user's vertices.
+fn tangent_blocks<S: Scalar>(world: &World, rows: &BodyRows, add: &mut dyn FnMut(&[u32], &[f64])) {
+    let user = |row: u32| rows.vertex_order[(row - rows.vertices.start) as usize];
+    let (topology, tangent) = (world.resource::<Topology>(), world.resource::<Tangent<S>>());
+    let mut block = |a: u32, b: u32, m: &[S; 9]| {
+        let (a, b) = (user(a), user(b));
+        let m = m.map(|x| x.to_f64());
+        let t = if a <= b { m } else { [0, 3, 6, 1, 4, 7, 2, 5, 8].map(|i| m[i]) };
+        add(&[a.min(b), a.max(b)], &t);
+    };
+    for row in rows.vertices.clone() {
+        block(row, row, &tangent.matrix.diagonal[row as usize]);
+    }
+    for edge in rows.blocks.clone() {
+        let [a, b] = topology.edges[edge as usize];
+        block(a, b, &tangent.matrix.off_diagonal[edge as usize]);
+    }
+}
+
 /// Everything that a body holds and gives.
 fn snapshot<S: Scalar>(world: &mut World, body: usize) -> BTreeMap<&'static str, Values> {
     let mut all: BTreeMap<&'static str, Values> = BTreeMap::new();
@@ -236,20 +255,11 @@ fn snapshot<S: Scalar>(world: &mut World, body: usize) -> BTreeMap<&'static str,
     for (kind, name) in kinds {
         world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: Some(kind) });
         world.run_schedule(ForceSchedule);
-        let (topology, tangent) = (world.resource::<Topology>(), world.resource::<Tangent<S>>());
-        let mut block = |a: u32, b: u32, m: &[S; 9]| {
-            let (a, b) = (user(a), user(b));
-            let m = m.map(|x| x.to_f64());
-            let t = if a <= b { m } else { [0, 3, 6, 1, 4, 7, 2, 5, 8].map(|i| m[i]) };
-            add(name, &[a.min(b), a.max(b)], &t);
-        };
-        for row in rows.vertices.clone() {
-            block(row, row, &tangent.matrix.diagonal[row as usize]);
-        }
-        for edge in rows.blocks.clone() {
-            let [a, b] = topology.edges[edge as usize];
-            block(a, b, &tangent.matrix.off_diagonal[edge as usize]);
-        }
+        tangent_blocks::<S>(world, &rows, &mut |key, block| add(name, key, block));
+    }
+    if has_dampers(world) {
+        evaluate_dampers::<S>(world);
+        tangent_blocks::<S>(world, &rows, &mut |key, block| add("damping", key, block));
     }
     let energy = world.resource::<ElasticEnergy>().by_body[body];
     add("energy", &[], &[energy]);

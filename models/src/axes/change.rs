@@ -1,0 +1,98 @@
+//! Another modulus for the axes of a body that exists.
+
+use bevy_ecs::prelude::*;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::vertex::BodyId;
+
+use super::columns::*;
+use super::description::AxesError;
+use super::muscle::Muscles;
+use super::printed_system::PrintedAxes;
+use crate::body::SoftBody;
+
+/// Which families the axial springs of an axis entity belong to, and what their moduli (Pa) are multiplied
+/// by: share times rest volume (m^3), over the squared chord (m) for printed springs.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct AxisSource {
+    /// Index of the family of each axis, [`NO_FAMILY`] where there is no spring.
+    pub family: [u32; 3],
+    /// Factor on its modulus.
+    pub weight: [f64; 3],
+}
+
+/// No spring along this axis.
+pub const NO_FAMILY: u32 = u32::MAX;
+
+impl AxisSource {
+    pub(crate) fn new(family: [Option<usize>; 3], weight: [f64; 3]) -> Self {
+        Self { family: family.map(|f| f.map_or(NO_FAMILY, |f| f as u32)), weight }
+    }
+
+    /// Without weight, for removed elements.
+    pub(crate) fn clear(&mut self) {
+        self.weight = [0.0; 3];
+    }
+}
+
+/// Gives a family of axes of body number `body` another modulus (Pa). Displacements, activations and
+/// everything else stay.
+///
+/// What solvers remember is not touched: `sinew::simulation::Simulation::set_axis_modulus` does that too.
+///
+/// # Errors
+/// When there is no such family or the modulus cannot be used; nothing is changed then.
+pub fn set_axis_modulus<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    family: &str,
+    modulus: f64,
+) -> Result<(), AxesError> {
+    let mut bodies = world.query::<&mut SoftBody>();
+    let axes = bodies.iter_mut(world).find(|soft| soft.index == body);
+    let axes = axes.and_then(|soft| soft.into_inner().axes.as_mut());
+    let families = axes.map_or(&mut [][..], |axes| &mut axes.description.families);
+    let Some(index) = families.iter().position(|f| f.name == family) else {
+        let known = families.iter().map(|f| f.name.to_string()).collect();
+        return Err(AxesError::Unknown { family: family.to_string(), known });
+    };
+    if !(modulus >= 0.0 && modulus.is_finite()) {
+        return Err(AxesError::Modulus { what: format!("family `{family}`"), value: modulus });
+    }
+    families[index].modulus = modulus;
+    let muscles = world.get_resource::<Muscles>().cloned().unwrap_or_default();
+    let mut entities = world.query::<(
+        (&AxisSource, &BodyId, Option<&MuscleIndex>),
+        Option<&mut PassiveStiffness<S>>,
+        (
+            Option<&mut AxialStiffness<S, 0>>,
+            Option<&mut AxialStiffness<S, 1>>,
+            Option<&mut AxialStiffness<S, 2>>,
+        ),
+        (Option<&mut PrintedAxes<4>>, Option<&mut PrintedAxes<8>>),
+    )>();
+    for ((source, id, muscle), passive, (a, b, c), (four, eight)) in entities.iter_mut(world) {
+        let Some(axis) = source.family.iter().position(|&f| f as usize == index) else { continue };
+        if id.0 as usize != body {
+            continue;
+        }
+        let exact = modulus * source.weight[axis];
+        if let Some(mut printed) = four {
+            printed.axial.stiffness[axis] = exact;
+        }
+        if let Some(mut printed) = eight {
+            printed.axial.stiffness[axis] = exact;
+        }
+        let stiffness = S::from_f64(exact);
+        if let Some(mut passive) = passive {
+            passive.0 = stiffness;
+        }
+        let muscle = muscle.and_then(|muscle| muscles.iter().nth(muscle.0 as usize));
+        let stiffness = muscle.map_or(stiffness, |muscle| muscle.stiffened(stiffness));
+        match axis {
+            0 => a.into_iter().for_each(|mut a| a.0 = stiffness),
+            1 => b.into_iter().for_each(|mut b| b.0 = stiffness),
+            _ => c.into_iter().for_each(|mut c| c.0 = stiffness),
+        }
+    }
+    Ok(())
+}

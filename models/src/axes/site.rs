@@ -1,0 +1,64 @@
+//! Tables of axes in tetrahedra and in hexahedra, for what is written once for both.
+
+use bevy_ecs::prelude::*;
+use sinew_engine::element::{AxisBlocks, AxisVertices, TETRAHEDRON_EDGES};
+use sinew_engine::isoparametric::{AxisHexahedronBlocks, AxisHexahedronVertices, HEXAHEDRON_PAIRS};
+use sinew_engine::law::Span;
+use sinew_engine::scalar::{Scalar, xyz};
+
+use super::printed::{Blocks, Nodes};
+
+/// Vertex rows of an axis entity in an element of `N` vertices: the column that tells its kind of element.
+pub trait AxisSite<const N: usize>: Component + Copy {
+    /// The column of tangent blocks beside it.
+    type Blocks: Component + Copy;
+    /// Pairs of vertices in the order of the tangent blocks.
+    const PAIRS: &'static [[usize; 2]];
+    /// Vertex rows.
+    fn rows(&self) -> &[u32; N];
+    /// Tangent blocks.
+    fn blocks(blocks: &Self::Blocks) -> &[u32];
+}
+
+impl AxisSite<4> for AxisVertices {
+    type Blocks = AxisBlocks;
+    const PAIRS: &'static [[usize; 2]] = &TETRAHEDRON_EDGES;
+    fn rows(&self) -> &[u32; 4] {
+        &self.0
+    }
+    fn blocks(blocks: &AxisBlocks) -> &[u32] {
+        &blocks.0
+    }
+}
+
+impl AxisSite<8> for AxisHexahedronVertices {
+    type Blocks = AxisHexahedronBlocks;
+    const PAIRS: &'static [[usize; 2]] = &HEXAHEDRON_PAIRS;
+    fn rows(&self) -> &[u32; 8] {
+        &self.0
+    }
+    fn blocks(blocks: &AxisHexahedronBlocks) -> &[u32] {
+        &blocks.0
+    }
+}
+
+/// Displacements (m) of the vertices of an element in `f64`.
+pub(crate) fn local<S: Scalar, const N: usize>(u: &[[S; 4]], rows: &[u32; N]) -> Nodes<N> {
+    rows.map(|v| xyz(u[v as usize]).map(S::to_f64))
+}
+
+/// Adds the matrix of an element to a range.
+pub(crate) fn add_blocks<S: Scalar, const N: usize, V: AxisSite<N>>(
+    span: &mut Span<S>,
+    vertices: &V,
+    blocks: &V::Blocks,
+    matrix: &Blocks<N>,
+) {
+    let rows = vertices.rows();
+    for a in 0..N {
+        span.add_diagonal(rows[a], &matrix[a][a].map(S::from_f64));
+    }
+    for (&block, &[a, b]) in V::blocks(blocks).iter().zip(V::PAIRS) {
+        span.add_off_diagonal(block, rows[a], rows[b], &matrix[a][b].map(S::from_f64));
+    }
+}
