@@ -1,0 +1,85 @@
+//! Laws on the device: for each the WGSL beside the file that gathers its columns. Names are those of
+//! `sinew_models`.
+
+pub mod fused;
+
+use bevy_ecs::prelude::*;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::vertex::BodyId;
+use sinew_models::fused::{TetrahedronData, TetrahedronLaw};
+
+use crate::sources::{Source, tetrahedra};
+
+/// A law of tetrahedra with a twin on the device.
+#[derive(Clone, Copy, Debug)]
+pub struct DeviceLaw {
+    /// [`Law::NAME`](sinew_engine::law::Law::NAME) of the law.
+    pub name: &'static str,
+    /// Its WGSL.
+    wgsl: &'static str,
+}
+
+impl DeviceLaw {
+    /// The whole module.
+    pub fn source(&self) -> Source {
+        tetrahedra(self.name, self.wgsl)
+    }
+}
+
+/// All laws with a twin.
+pub static LAWS: [DeviceLaw; 1] = [fused::LAW];
+
+/// Columns of the tetrahedra of one body and law, as the device has them.
+#[derive(Clone, Debug, Default)]
+pub struct ElementColumns {
+    /// Vertex rows, relative to the first row of the body.
+    pub nodes: Vec<[u32; 4]>,
+    /// Three rows of 16 bytes an element: D_1 (1/m) and lambda V (J), D_2 and mu V, D_3 and kappa V.
+    pub data: Vec<[f32; 12]>,
+}
+
+/// Columns of the elements of `body` that have law `L`; `first_row` is the first row of the body.
+fn tetrahedron_columns<L: TetrahedronLaw, S: Scalar>(
+    world: &mut World,
+    body: usize,
+    first_row: u32,
+) -> ElementColumns {
+    let mut columns = ElementColumns::default();
+    let mut query = world.query_filtered::<(TetrahedronData<S>, &BodyId), L::Bodies>();
+    for ((nodes, _, (d1, d2, d3), volume, lambda, mu, compression), of) in query.iter(world) {
+        if of.0 as usize != body {
+            continue;
+        }
+        let volume = volume.0.to_f64();
+        // products in f64, rounded once
+        let f = |x: S| x.to_f64() as f32;
+        let folded = |x: S| (x.to_f64() * volume) as f32;
+        columns.nodes.push(nodes.0.map(|row| row - first_row));
+        columns.data.push([
+            f(d1.0.0),
+            f(d1.1.0),
+            f(d1.2.0),
+            folded(lambda.0),
+            f(d2.0.0),
+            f(d2.1.0),
+            f(d2.2.0),
+            folded(mu.0),
+            f(d3.0.0),
+            f(d3.1.0),
+            f(d3.2.0),
+            folded(compression.0),
+        ]);
+    }
+    columns
+}
+
+/// All elements of a body, law by law.
+pub fn columns<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    first_row: u32,
+) -> Vec<(DeviceLaw, ElementColumns)> {
+    let mut found = vec![(fused::LAW, fused::columns::<S>(world, body, first_row))];
+    found.retain(|(_, columns)| !columns.nodes.is_empty());
+    found
+}
