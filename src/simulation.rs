@@ -256,6 +256,20 @@ impl Simulation {
         Ok(Self { app, precision })
     }
 
+    /// Whether the backend has all that bodies and settings need; a step checks it too.
+    ///
+    /// # Errors
+    /// Names the first law, body or setting that the graphics processor does not have.
+    pub fn check_backend(&mut self) -> Result<(), SimulationError> {
+        #[cfg(feature = "gpu")]
+        if self.backend() == Backend::Gpu {
+            let world = self.app.world_mut();
+            let settings = world.resource::<SolverSettings>().clone();
+            sinew_gpu::check(world, &settings)?;
+        }
+        Ok(())
+    }
+
     /// Where steps are computed.
     pub fn backend(&self) -> Backend {
         *self.world().resource()

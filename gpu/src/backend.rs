@@ -23,13 +23,12 @@ use crate::body::{BodyParts, DeviceBody, Slot, StepUniform, VertexConstants, tot
 use crate::context::Context;
 use crate::error::GpuError;
 use crate::laws::{self, LAWS};
+use crate::recovery::Decision;
 use crate::report::{GpuReport, Phase};
 use crate::safe::{BodyInput, BodyOutput, SafeStep};
 
 /// Integrators that run on the device, for messages.
 const INTEGRATORS: &str = "\"safe\" (also \"auto\")";
-/// Part of a body's elements with `J <= 0` above which it recovers, as on the CPU.
-const RECOVER_FROM: f64 = sinew_solvers::recovery::ENTER;
 
 /// How the device is chosen and used.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -64,6 +63,8 @@ struct Resident {
     target: Vec<[f32; 4]>,
     load: Vec<[f32; 4]>,
     iterations: u32,
+    /// Energy (J) when recovery from inversion began.
+    recovery: Option<f64>,
 }
 
 impl GpuBackend {
@@ -87,6 +88,11 @@ impl GpuBackend {
         }
     }
 
+    /// Whether passes are timed on the device.
+    pub fn has_timestamps(&self) -> bool {
+        self.context.gpu.timestamps
+    }
+
     /// What the adapter is.
     pub fn summary(&self) -> &AdapterSummary {
         &self.context.gpu.summary
@@ -100,6 +106,19 @@ pub struct DeviceEvaluation {
     pub energies: Vec<f64>,
     /// Elastic force on every vertex row (N); fourth entry padding.
     pub forces: Vec<[f32; 4]>,
+}
+
+/// Times of force passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ForceTiming {
+    /// Passes in the times.
+    pub passes: u32,
+    /// Time (s) on the device, if it can be told.
+    pub device_seconds: Option<f64>,
+    /// Time (s) as the host sees it, from recording to the end.
+    pub host_seconds: f64,
+    /// Bytes that one pass has to move at least, every list and column once.
+    pub bytes: u64,
 }
 
 /// Installs the integrator of the device, in place of `sinew_solvers::install_solver`.
@@ -158,8 +177,7 @@ fn missing(soft: &SoftBody, rows: &BodyRows) -> Option<String> {
     if soft.evaluation == Evaluation::Pooled {
         return Some(format!("{} pooled", soft.model.name()));
     }
-    let known = matches!(soft.model, Model::StVK | Model::CompressibleStVK);
-    (!known).then(|| soft.model.name().into())
+    matches!(soft.model, Model::MassSpring | Model::Axes).then(|| soft.model.name().into())
 }
 
 /// The one system of [`StepSystems::Integrate`].
@@ -265,6 +283,75 @@ impl GpuBackend {
         Ok(result)
     }
 
+    /// Times force passes (elements and gather) at the displacements in the columns, `repeats` of them in one
+    /// submission, energies left out.
+    ///
+    /// # Errors
+    /// As [`evaluate`](Self::evaluate).
+    pub fn time_forces<S: Scalar>(
+        &mut self,
+        world: &mut World,
+        repeats: u32,
+    ) -> Result<ForceTiming, GpuError> {
+        self.prepare::<S>(world)?;
+        let context = &self.context;
+        let mut timing = ForceTiming { passes: repeats, ..ForceTiming::default() };
+        for resident in &self.bodies {
+            let body = &resident.body;
+            body.set(context, StepUniform::default());
+            // pipelines compiled, displacements in place
+            let mut recorder = context.record();
+            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
+            body.forces(context, &mut recorder);
+            let ready = body.read_sums(&mut recorder, 1);
+            recorder.submit();
+            ready.wait::<[f32; 4]>(context)?;
+            context.restart_timer();
+            let start = Instant::now();
+            let mut recorder = context.record();
+            for _ in 0..repeats {
+                body.forces(context, &mut recorder);
+            }
+            let done = body.read_sums(&mut recorder, 1);
+            recorder.submit();
+            done.wait::<[f32; 4]>(context)?;
+            timing.host_seconds += start.elapsed().as_secs_f64();
+            let timed = context.device_times().filter(|(_, all)| *all);
+            let device = timed.map(|(times, _)| times.iter().map(|(_, seconds)| seconds).sum::<f64>());
+            timing.device_seconds = match (timing.device_seconds, device) {
+                (sum, Some(device)) => Some(sum.unwrap_or(0.0) + device),
+                (_, None) => None,
+            };
+            timing.bytes += body.force_bytes();
+            context.restart_timer();
+        }
+        Ok(timing)
+    }
+
+    /// Bandwidth (bytes/s, read and written) of copies between two buffers on the device, as the host sees it.
+    ///
+    /// # Errors
+    /// When the device gives up.
+    pub fn copy_bandwidth(&self) -> Result<f64, GpuError> {
+        const COPIES: u32 = 16;
+        let context = &self.context;
+        let bytes = context.binding_limit.min(64 << 20).next_multiple_of(16);
+        let [from, to] = ["from", "to"].map(|label| context.storage(label, bytes));
+        let run = |copies: u32| {
+            let start = Instant::now();
+            let mut recorder = context.record();
+            for _ in 0..copies {
+                recorder.encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes);
+            }
+            let done = recorder.read(&to, 0, 16);
+            recorder.submit();
+            done.wait::<[f32; 4]>(context)?;
+            Ok::<_, GpuError>(start.elapsed().as_secs_f64())
+        };
+        run(1)?;
+        Ok(2.0 * f64::from(COPIES) * bytes as f64 / run(COPIES)?)
+    }
+
     /// Bodies on the device, with the displacements in the columns.
     fn prepare<S: Scalar>(&mut self, world: &mut World) -> Result<(), GpuError> {
         check(world, &SolverSettings::default())?;
@@ -302,29 +389,33 @@ impl GpuBackend {
         let volumes = world.resource::<VolumeReport>().clone();
         let mut outputs: Vec<BodyOutput> = Vec::with_capacity(rows.len());
         for (i, rows) in rows.iter().enumerate() {
-            let inverted = volumes.inverted_by_body.get(i).copied().unwrap_or(0);
-            let elements = volumes.elements_by_body.get(i).copied().unwrap_or(0);
+            let inverted = volumes.inverted_by_body.get(i).is_some_and(|&count| count > 0);
             let topology = world.resource::<Topology>();
             let body = &topology.bodies[i];
-            if settings.recovery && inverted as f64 > RECOVER_FROM * elements as f64 {
-                return Err(refused(GpuError::Law {
-                    body: body.name.clone(),
-                    law: format!(
-                        "recovery of bodies with many inverted elements ({inverted} of {elements} are)"
-                    ),
-                }));
-            }
             let resident = &mut self.bodies[i];
             let moves = resident.tell(&self.context, &node, rows.clone(), body);
+            let mut own = StepReport::default();
+            let free = node.kinetic_energy(rows.clone(), &node.v)[0];
+            let decision = Decision {
+                index: i,
+                topology,
+                volumes: &volumes,
+                u: &resident.state[0],
+                rest: &self.rest[rows.clone()],
+                other: free - node.load_potential(rows.clone(), &node.u),
+            };
+            let (context, device_body) = (&self.context, &mut resident.body);
+            let recovers = decision
+                .take(settings.recovery, context, device_body, &mut resident.recovery, &mut own)
+                .map_err(refused)?;
             let input = BodyInput {
-                inverted: inverted > 0,
+                inverted: inverted || recovers,
                 moves,
                 free_pieces: free_pieces(body, &node, rows.start),
                 size: body.size,
                 iterations: resident.iterations,
             };
             let step = SafeStep { context: &self.context, body: &resident.body, settings, dt };
-            let mut own = StepReport::default();
             let output = step.run(&input, &mut own, device).map_err(refused)?;
             resident.iterations = output.iterations;
             if !output.finite {
@@ -418,6 +509,7 @@ impl GpuBackend {
                 target: Vec::new(),
                 load: Vec::new(),
                 iterations: 0,
+                recovery: None,
             });
             device.uploads += 1;
         }
@@ -522,6 +614,8 @@ fn add(sum: &mut StepReport, own: &StepReport) {
     sum.dissipation += own.dissipation;
     sum.damping_dissipation += own.damping_dissipation;
     sum.evaluations += own.evaluations;
+    sum.recovering += own.recovering;
+    sum.recovery_energy += own.recovery_energy;
     for k in 0..3 {
         sum.momentum[k] += own.momentum[k];
         sum.angular_momentum[k] += own.angular_momentum[k];

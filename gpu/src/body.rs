@@ -94,6 +94,8 @@ pub(crate) struct DeviceBody {
     pub groups: u32,
     pub elements: Elements,
     pub matrix: Option<Matrix>,
+    /// Moves by the corotational energy.
+    pub recovering: bool,
     rows: wgpu::Buffer,
     vertices: wgpu::Buffer,
     sums: wgpu::Buffer,
@@ -136,7 +138,20 @@ impl DeviceBody {
             context.bind(&layouts.solver, &[&step, &rows, &vertices, &partials, &cg, &sums]);
         let row_bind = context.bind(&layouts.rows, &[&step, &rows, &sums]);
         let body =
-            Self { n, groups, elements, matrix, rows, vertices, sums, cg, step, solver, row_bind };
+            Self {
+            n,
+            groups,
+            elements,
+            matrix,
+            recovering: false,
+            rows,
+            vertices,
+            sums,
+            cg,
+            step,
+            solver,
+            row_bind,
+        };
         body.write_rows(context, Slot::Rest, &parts.rest);
         Ok(body)
     }
@@ -227,24 +242,32 @@ impl DeviceBody {
         }
     }
 
+    /// Bytes that a force pass moves at least: constants, indices, slots written and read, lists, rows.
+    pub fn force_bytes(&self) -> u64 {
+        let element = 16 + 48 + 64 + 64 + 16;
+        let row = 16 + 4 + 16;
+        let elements = self.elements.chunks.iter().map(|chunk| u64::from(chunk.count));
+        elements.sum::<u64>() * element + u64::from(self.n) * row
+    }
+
     /// Energies at the point of evaluation.
     pub fn energies(&self, context: &Context, recorder: &mut Recorder<'_>) {
         recorder.pass(Phase::Forces, |pass| {
-            self.elements.energies(context, &self.row_bind, pass);
+            self.elements.energies(context, self.recovering, &self.row_bind, pass);
         });
     }
 
     /// Forces at the point of evaluation.
     pub fn forces(&self, context: &Context, recorder: &mut Recorder<'_>) {
         recorder.pass(Phase::Forces, |pass| {
-            self.elements.forces(context, &self.row_bind, self.n, pass);
+            self.elements.forces(context, self.recovering, &self.row_bind, self.n, pass);
         });
     }
 
     /// Tangent at the point of evaluation, of the kind in the uniform.
     pub fn tangent(&self, context: &Context, recorder: &mut Recorder<'_>, damping: bool) {
         recorder.pass(Phase::Tangent, |pass| {
-            self.elements.tangent(context, &self.row_bind, damping, pass);
+            self.elements.tangent(context, self.recovering, &self.row_bind, damping, pass);
         });
     }
 

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use sinew_adapter::wgpu;
 
 use crate::context::{Context, GROUP, groups_for};
-use crate::laws::{DeviceLaw, ElementColumns};
+use crate::laws::{self, DeviceLaw, ElementColumns};
 use crate::matrix::{Pattern, TRANSPOSED};
 
 /// Bytes of the tangent blocks of a tetrahedron: ten blocks of nine `f32`.
@@ -126,16 +126,18 @@ impl Elements {
         Self { chunks, energy_sums: sums - first_sum }
     }
 
-    /// Energies at the point of evaluation into the sums.
+    /// Energies at the point of evaluation into the sums. Here and below a recovering body has the
+    /// corotational energy in place of its own.
     pub fn energies(
         &self,
         context: &Context,
+        recovering: bool,
         rows: &wgpu::BindGroup,
         pass: &mut wgpu::ComputePass<'_>,
     ) {
         pass.set_bind_group(0, rows, &[]);
         for chunk in &self.chunks {
-            pass.set_pipeline(&chunk.kernel(context, "energies"));
+            pass.set_pipeline(&chunk.kernel(context, recovering, "energies"));
             pass.set_bind_group(1, &chunk.bind, &[]);
             pass.dispatch_workgroups(chunk.energy_groups, 1, 1);
         }
@@ -145,6 +147,7 @@ impl Elements {
     pub fn forces(
         &self,
         context: &Context,
+        recovering: bool,
         rows: &wgpu::BindGroup,
         n: u32,
         pass: &mut wgpu::ComputePass<'_>,
@@ -153,7 +156,7 @@ impl Elements {
         let gather = context.pipeline("gather", crate::sources::gather, "gather_forces", &layouts);
         pass.set_bind_group(0, rows, &[]);
         for chunk in &self.chunks {
-            pass.set_pipeline(&chunk.kernel(context, "forces"));
+            pass.set_pipeline(&chunk.kernel(context, recovering, "forces"));
             pass.set_bind_group(1, &chunk.bind, &[]);
             let [x, y] = groups_for(u64::from(chunk.count));
             pass.dispatch_workgroups(x, y, 1);
@@ -168,6 +171,7 @@ impl Elements {
     pub fn tangent(
         &self,
         context: &Context,
+        recovering: bool,
         rows: &wgpu::BindGroup,
         damping: bool,
         pass: &mut wgpu::ComputePass<'_>,
@@ -177,7 +181,7 @@ impl Elements {
             context.pipeline("assemble", crate::sources::assemble, "gather_blocks", &layouts);
         for chunk in &self.chunks {
             pass.set_bind_group(0, rows, &[]);
-            pass.set_pipeline(&chunk.kernel(context, "tangents"));
+            pass.set_pipeline(&chunk.kernel(context, recovering, "tangents"));
             pass.set_bind_group(1, &chunk.bind, &[]);
             let [x, y] = groups_for(u64::from(chunk.count));
             pass.dispatch_workgroups(x, y, 1);
@@ -192,9 +196,16 @@ impl Elements {
 }
 
 impl Chunk {
-    fn kernel(&self, context: &Context, entry: &'static str) -> wgpu::ComputePipeline {
+    fn kernel(
+        &self,
+        context: &Context,
+        recovering: bool,
+        entry: &'static str,
+    ) -> wgpu::ComputePipeline {
         let layouts = [&context.layouts.rows, &context.layouts.chunk];
-        context.pipeline(self.law.name, || self.law.source(), entry, &layouts)
+        // all laws have the same columns
+        let law = if recovering { laws::corotational::LAW } else { self.law };
+        context.pipeline(law.name, || law.source(), entry, &layouts)
     }
 }
 

@@ -1,8 +1,8 @@
 // Frame of the passes over tetrahedra: what is common to all laws of tetrahedra. A law file follows, with
 //   energy(e, g)           energy (J)
-//   stress(e, g)           first Piola-Kirchhoff stress times the volume (J)
+//   vertex_forces(e, g)    forces on vertices 1, 2, 3 in the columns (N); from a stress in stress.wgsl
 //   core(e, g, kind)       tangent blocks of vertices 1, 2, 3: 11 22 33 12 13 23 (N/m)
-// in terms of the displacement gradient g.
+// in terms of the element e and its displacement gradient g.
 
 struct Chunk {
     count: u32,        // elements
@@ -20,9 +20,10 @@ struct Chunk {
 @group(1) @binding(3) var<storage, read_write> slots: array<vec4f>;
 @group(1) @binding(4) var<storage, read_write> blocks: array<f32>;
 
-// Constants of a tetrahedron: 3 rows of 16 bytes, D_1 (1/m) and lambda V, D_2 and mu V, D_3 and kappa V (J).
-// The volume is multiplied into the moduli.
+// A tetrahedron. Constants are 3 rows of 16 bytes, D_1 (1/m) and lambda V, D_2 and mu V, D_3 and kappa V (J): the
+// volume is multiplied into the moduli. w holds the displacements of vertices 1, 2, 3 against vertex 0 (m).
 struct Element {
+    w: mat3x3f,
     d1: vec3f,
     d2: vec3f,
     d3: vec3f,
@@ -35,7 +36,11 @@ fn element(index: u32) -> Element {
     let a = data[3u * index];
     let b = data[3u * index + 1u];
     let c = data[3u * index + 2u];
-    return Element(a.xyz, b.xyz, c.xyz, a.w, b.w, c.w);
+    let v = nodes[index];
+    let base = Y * step.n;
+    let u0 = rows[base + v.x].xyz;
+    let w = mat3x3f(rows[base + v.y].xyz - u0, rows[base + v.z].xyz - u0, rows[base + v.w].xyz - u0);
+    return Element(w, a.xyz, b.xyz, c.xyz, a.w, b.w, c.w);
 }
 
 fn outer(a: vec3f, b: vec3f) -> mat3x3f {
@@ -47,13 +52,8 @@ fn identity() -> mat3x3f {
 }
 
 // G = sum_a u_a (x) D_a; D_0 = -(D_1 + D_2 + D_3) turns the sum into one over displacements relative to vertex 0.
-fn displacement_gradient(e: Element, index: u32) -> mat3x3f {
-    let v = nodes[index];
-    let base = Y * step.n;
-    let u0 = rows[base + v.x].xyz;
-    return outer(rows[base + v.y].xyz - u0, e.d1)
-        + outer(rows[base + v.z].xyz - u0, e.d2)
-        + outer(rows[base + v.w].xyz - u0, e.d3);
+fn displacement_gradient(e: Element) -> mat3x3f {
+    return outer(e.w[0], e.d1) + outer(e.w[1], e.d2) + outer(e.w[2], e.d3);
 }
 
 fn trace(m: mat3x3f) -> f32 {
@@ -92,7 +92,7 @@ fn energies(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups
     var own = 0.0;
     for (var i = group.x * GROUP + local; i < chunk.count; i += groups.x * GROUP) {
         let e = element(i);
-        own += energy(e, displacement_gradient(e, i));
+        own += energy(e, displacement_gradient(e));
     }
     let sum = group_sum(local, vec4f(own, 0.0, 0.0, 0.0));
     if local == 0u {
@@ -100,20 +100,17 @@ fn energies(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups
     }
 }
 
-// Forces f_a = -V P D_a at Y on the four vertices of each element, into its own slots.
+// Forces at Y on the four vertices of each element, into its own slots.
 @compute @workgroup_size(256)
 fn forces(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     let i = flat_index(group, groups, local);
     if i >= chunk.count { return; }
     let e = element(i);
-    let p = stress(e, displacement_gradient(e, i));
-    let f1 = -(p * e.d1);
-    let f2 = -(p * e.d2);
-    let f3 = -(p * e.d3);
-    slots[4u * i] = vec4f(-(f1 + f2 + f3), 0.0);
-    slots[4u * i + 1u] = vec4f(f1, 0.0);
-    slots[4u * i + 2u] = vec4f(f2, 0.0);
-    slots[4u * i + 3u] = vec4f(f3, 0.0);
+    let f = vertex_forces(e, displacement_gradient(e));
+    slots[4u * i] = vec4f(-(f[0] + f[1] + f[2]), 0.0);
+    slots[4u * i + 1u] = vec4f(f[0], 0.0);
+    slots[4u * i + 2u] = vec4f(f[1], 0.0);
+    slots[4u * i + 3u] = vec4f(f[2], 0.0);
 }
 
 // Row-major.
@@ -133,7 +130,7 @@ fn tangents(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups
     let i = flat_index(group, groups, local);
     if i >= chunk.count { return; }
     let e = element(i);
-    let k = core(e, displacement_gradient(e, i), step.kind);
+    let k = core(e, displacement_gradient(e), step.kind);
     let k01 = -1.0 * (k[0] + transpose(k[3]) + transpose(k[4]));
     let k02 = -1.0 * (k[3] + k[1] + transpose(k[5]));
     let k03 = -1.0 * (k[4] + k[5] + k[2]);

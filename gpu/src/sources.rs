@@ -43,9 +43,9 @@ pub(crate) fn shift() -> Source {
     module("shift", &[PRELUDE, include_str!("shift.wgsl")])
 }
 
-/// A law of tetrahedra from its own file.
-pub(crate) fn tetrahedra(name: &'static str, law: &str) -> Source {
-    module(name, &[PRELUDE, ELEMENTS, PROJECTION, law])
+/// A law of tetrahedra from its own files.
+pub(crate) fn tetrahedra(name: &'static str, law: &[&str]) -> Source {
+    module(name, &[&[PRELUDE, ELEMENTS, PROJECTION], law].concat())
 }
 
 /// Every module, for validation without an adapter.

@@ -114,6 +114,36 @@ fn fused_stvk_with_compression() {
 }
 
 #[test]
+fn svk_of_textbooks() {
+    compare(|mesh| of(mesh, Model::StVKFem), "svk_fem");
+}
+
+#[test]
+fn quadratic_springs() {
+    compare(|mesh| of(mesh, Model::QuadraticSprings), "tqs");
+}
+
+#[test]
+fn linear() {
+    compare(|mesh| of(mesh, Model::Linear), "linear");
+}
+
+#[test]
+fn warped_stiffness() {
+    compare(|mesh| of(mesh, Model::WarpedStiffness), "corotational_warped");
+}
+
+#[test]
+fn corotational() {
+    compare(|mesh| of(mesh, Model::Corotational), "corotational");
+}
+
+#[test]
+fn neo_hookean() {
+    compare(|mesh| of(mesh, Model::NeoHookean), "neo_hookean");
+}
+
+#[test]
 fn repeats_bit_for_bit_and_does_not_depend_on_how_buffers_are_cut() {
     let Some(mut whole) = device(&GpuOptions::default()) else { return };
     // 128 KiB: 6 chunks of elements and 8 parts of the matrix

@@ -1,4 +1,5 @@
-// Fused St Venant-Kirchhoff with compression term. Twin of `sinew_models::tetrahedron` (law `FusedStVK`).
+// Fused St Venant-Kirchhoff with compression term. Twin of `sinew_models::tetrahedron` (laws `FusedStVK`
+// and, without the term, `StVKFem`).
 
 // S = lambda (tr E) I + 2 mu E.
 fn second_piola_kirchhoff(e: Element, strain: mat3x3f) -> mat3x3f {
@@ -8,9 +9,8 @@ fn second_piola_kirchhoff(e: Element, strain: mat3x3f) -> mat3x3f {
 fn energy(e: Element, g: mat3x3f) -> f32 {
     let strain = green_strain(g);
     let t = trace(strain);
-    let squares = dot(strain[0], strain[0]) + dot(strain[1], strain[1]) + dot(strain[2], strain[2]);
     let m = min(volume_change(g), 0.0);
-    return 0.5 * e.lambda * t * t + e.mu * squares + 0.5 * e.compression * (m * m) * (m * m);
+    return 0.5 * e.lambda * t * t + e.mu * squares(strain) + 0.5 * e.compression * (m * m) * (m * m);
 }
 
 // F S + p1 cof F.

@@ -1,7 +1,13 @@
 //! Laws on the device: for each the WGSL beside the file that gathers its columns. Names are those of
 //! `sinew_models`.
 
+pub mod corotational;
 pub mod fused;
+pub mod linear;
+pub mod neo_hookean;
+pub mod quadratic;
+pub mod stvk_fem;
+pub mod warped;
 
 use bevy_ecs::prelude::*;
 use sinew_engine::scalar::Scalar;
@@ -15,19 +21,30 @@ use crate::sources::{Source, tetrahedra};
 pub struct DeviceLaw {
     /// [`Law::NAME`](sinew_engine::law::Law::NAME) of the law.
     pub name: &'static str,
-    /// Its WGSL.
-    wgsl: &'static str,
+    /// Its WGSL, beside the frame.
+    files: &'static [&'static str],
 }
 
 impl DeviceLaw {
     /// The whole module.
     pub fn source(&self) -> Source {
-        tetrahedra(self.name, self.wgsl)
+        tetrahedra(self.name, self.files)
     }
 }
 
+/// Forces from a stress.
+const STRESS: &str = include_str!("../stress.wgsl");
+
 /// All laws with a twin.
-pub static LAWS: [DeviceLaw; 1] = [fused::LAW];
+pub static LAWS: [DeviceLaw; 7] = [
+    fused::LAW,
+    stvk_fem::LAW,
+    quadratic::LAW,
+    linear::LAW,
+    warped::LAW,
+    corotational::LAW,
+    neo_hookean::LAW,
+];
 
 /// Columns of the tetrahedra of one body and law, as the device has them.
 #[derive(Clone, Debug, Default)]
@@ -79,7 +96,15 @@ pub fn columns<S: Scalar>(
     body: usize,
     first_row: u32,
 ) -> Vec<(DeviceLaw, ElementColumns)> {
-    let mut found = vec![(fused::LAW, fused::columns::<S>(world, body, first_row))];
+    let mut found = vec![
+        (fused::LAW, fused::columns::<S>(world, body, first_row)),
+        (stvk_fem::LAW, stvk_fem::columns::<S>(world, body, first_row)),
+        (quadratic::LAW, quadratic::columns::<S>(world, body, first_row)),
+        (linear::LAW, linear::columns::<S>(world, body, first_row)),
+        (warped::LAW, warped::columns::<S>(world, body, first_row)),
+        (corotational::LAW, corotational::columns::<S>(world, body, first_row)),
+        (neo_hookean::LAW, neo_hookean::columns::<S>(world, body, first_row)),
+    ];
     found.retain(|(_, columns)| !columns.nodes.is_empty());
     found
 }
