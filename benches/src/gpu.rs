@@ -142,9 +142,8 @@ fn measure(size: usize, steps: usize) -> Result<Size, Box<dyn Error>> {
             let found = device.evaluate::<f32>(simulation.world_mut())?;
             setup_ms = clock.elapsed().as_secs_f64() * 1e3;
             let timing = device.time_forces::<f32>(simulation.world_mut(), 20)?;
-            let each = |seconds: f64| {
-                seconds * 1e9 / (f64::from(timing.passes) * tetrahedra as f64)
-            };
+            let each =
+                |seconds: f64| seconds * 1e9 / (f64::from(timing.passes) * tetrahedra as f64);
             (force_ns, force_device_ns) =
                 (each(timing.host_seconds), timing.device_seconds.map(each));
             force_bytes = timing.bytes;

@@ -24,7 +24,8 @@ use sinew_demos::check::check_file;
 use sinew_demos::mesh_tool::{MeshInfo, convert, write};
 use sinew_demos::run::{Observer, RunOptions, Silent, run};
 use sinew_demos::scene::{
-    BackendName, BoxShape, CylinderShape, Generate, LoadedScene, SheetCells, SheetShape, SolidCells, SphereShape,
+    BackendName, BoxShape, CylinderShape, Generate, LoadedScene, SheetCells, SheetShape,
+    SolidCells, SphereShape,
 };
 use sinew_demos::validate::{ValidateOptions, validate};
 use std::error::Error;

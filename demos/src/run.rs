@@ -7,9 +7,9 @@ use crate::output::{Writer, probe_columns, probe_values, volume};
 use crate::resection;
 use crate::scene::{LoadedScene, Mode, Quantity};
 use crate::summary::{
-    BodySummary, ConstraintSummary, EnergySummary, GpuSummary, Level, LoadSummary, Machine, MembraneSummary,
-    PressureSummary, RunSummary, SCHEMA, SceneSummary, Settings, SolverSummary, Stage, StepTiming,
-    SystemSummary, Timing, Versions, VolumeSummary, Warning,
+    BodySummary, ConstraintSummary, EnergySummary, GpuSummary, Level, LoadSummary, Machine,
+    MembraneSummary, PressureSummary, RunSummary, SCHEMA, SceneSummary, Settings, SolverSummary,
+    Stage, StepTiming, SystemSummary, Timing, Versions, VolumeSummary, Warning,
 };
 use glam::DVec3;
 use sinew::engine::report::{StepReport, SystemTimes};

@@ -844,7 +844,8 @@ impl RunSummary {
         )?;
         if let Some(gpu) = &self.gpu {
             let device: f64 = gpu.device_s.iter().map(|(_, s)| s).sum();
-            let parts: Vec<_> = gpu.device_s.iter().map(|(n, s)| format!("{n} {}", seconds(*s))).collect();
+            let parts: Vec<_> =
+                gpu.device_s.iter().map(|(n, s)| format!("{n} {}", seconds(*s))).collect();
             let software = if gpu.software { "software, no measure of speed; " } else { "" };
             block.line(
                 "gpu",

@@ -41,7 +41,11 @@ fn differences(name: &str, steps: u64) -> Option<[f64; 2]> {
     let mut loaded = scene(name);
     // differences of the solvers' last digits would hide those of the arithmetic
     loaded.scene.solver.linear_tolerance = 1e-5;
-    let ways = [(Backend::Cpu, Precision::F64), (Backend::Gpu, Precision::F64), (Backend::Cpu, Precision::F32)];
+    let ways = [
+        (Backend::Cpu, Precision::F64),
+        (Backend::Gpu, Precision::F64),
+        (Backend::Cpu, Precision::F32),
+    ];
     let [truth, gpu, single] = ways.map(|(backend, precision)| {
         let (backend, precision) = (Some(backend), Some(precision));
         let options = BuildOptions { backend, precision, ..BuildOptions::default() };
@@ -55,12 +59,15 @@ fn differences(name: &str, steps: u64) -> Option<[f64; 2]> {
             iterations += built.simulation.report().cg_iterations;
             residual = residual.max(built.simulation.report().cg_residual);
         }
-        say(&format!("{name} {backend:?} {precision:?}: {iterations} iterations, residual {residual:.1e}"));
+        say(&format!(
+            "{name} {backend:?} {precision:?}: {iterations} iterations, residual {residual:.1e}"
+        ));
         built.simulation.displacements(built.bodies[0].handle)
     });
     let largest = truth.iter().map(|u| u.length()).fold(0.0, f64::max);
     let apart = |(a, b): (&DVec3, &DVec3)| (*a - *b).length();
-    let found = [gpu, single].map(|u| u.iter().zip(&truth).map(apart).fold(0.0, f64::max) / largest);
+    let found =
+        [gpu, single].map(|u| u.iter().zip(&truth).map(apart).fold(0.0, f64::max) / largest);
     say(&format!(
         "{name}: GPU {:.1e}, CPU f32 {:.1e} of the largest displacement after {steps} steps",
         found[0], found[1]
@@ -111,7 +118,8 @@ fn what_the_device_does_not_have_is_refused_before_the_first_step() {
     if !adapter() {
         return;
     }
-    for (name, words) in [("fibre_bar", ["axes", "cpu"]), ("static_beam", ["quasi-static", "safe"])] {
+    for (name, words) in [("fibre_bar", ["axes", "cpu"]), ("static_beam", ["quasi-static", "safe"])]
+    {
         let options = BuildOptions { backend: Some(Backend::Gpu), ..BuildOptions::default() };
         let error = build(&scene(name), &options).err().map(RunError::from).unwrap().to_string();
         for word in words {

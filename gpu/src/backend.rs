@@ -273,7 +273,7 @@ impl GpuBackend {
             recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
             body.tangent(context, &mut recorder, false);
             recorder.pass(Phase::Solve, |pass| {
-                body.product(context, pass, "product_alone", false);
+                body.product(context, pass, "product_plain", false);
             });
             let product = body.read_rows(&mut recorder, Slot::Q);
             recorder.submit();
@@ -317,7 +317,8 @@ impl GpuBackend {
             done.wait::<[f32; 4]>(context)?;
             timing.host_seconds += start.elapsed().as_secs_f64();
             let timed = context.device_times().filter(|(_, all)| *all);
-            let device = timed.map(|(times, _)| times.iter().map(|(_, seconds)| seconds).sum::<f64>());
+            let device =
+                timed.map(|(times, _)| times.iter().map(|(_, seconds)| seconds).sum::<f64>());
             timing.device_seconds = match (timing.device_seconds, device) {
                 (sum, Some(device)) => Some(sum.unwrap_or(0.0) + device),
                 (_, None) => None,

@@ -137,8 +137,7 @@ impl DeviceBody {
         let solver =
             context.bind(&layouts.solver, &[&step, &rows, &vertices, &partials, &cg, &sums]);
         let row_bind = context.bind(&layouts.rows, &[&step, &rows, &sums]);
-        let body =
-            Self {
+        let body = Self {
             n,
             groups,
             elements,

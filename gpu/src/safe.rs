@@ -144,7 +144,7 @@ impl SafeStep<'_> {
             body.each_row(context, pass, "begin");
             if self.damped() {
                 body.each_row(context, pass, "moved_to_direction");
-                body.product(context, pass, "product_alone", true);
+                body.product(context, pass, "product_plain", true);
                 body.each_row(context, pass, "product_to_damped");
             }
         });
@@ -204,7 +204,7 @@ impl SafeStep<'_> {
             if self.damped() {
                 recorder.pass(Phase::Rows, |pass| {
                     body.each_row(context, pass, "moved_to_direction");
-                    body.product(context, pass, "product_alone", true);
+                    body.product(context, pass, "product_plain", true);
                     body.each_row(context, pass, "product_to_damped");
                 });
             }
@@ -281,7 +281,7 @@ impl SafeStep<'_> {
         recorder.pass(Phase::Rows, |pass| {
             body.each_row(context, pass, "advance");
             if self.damped() {
-                body.product(context, pass, "product_alone", true);
+                body.product(context, pass, "product_plain", true);
                 body.each_row(context, pass, "product_to_damped");
             }
             body.summing(context, pass, "measure_end");
@@ -422,7 +422,7 @@ impl SafeStep<'_> {
         recorder.pass(Phase::Rows, |pass| {
             if self.damped() {
                 body.each_row(context, pass, "step_to_direction");
-                body.product(context, pass, "product_alone", true);
+                body.product(context, pass, "product_plain", true);
             }
             body.summing(context, pass, "measure_search");
             body.each_row(context, pass, "trial");

@@ -21,7 +21,8 @@ fn holds(held: u32, axis: u32) -> bool {
     return ((held >> axis) & 1u) == 1u;
 }
 
-// A = c_M M + K + c_C C with held unknowns taken out exactly, and the inverses of its diagonal blocks.
+// K + c_C C in place of K, and the inverses of the diagonal blocks of A = c_M M + K + c_C C with held unknowns taken
+// out. Products add the masses and take held unknowns out by themselves.
 @compute @workgroup_size(256)
 fn shift(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     let row = flat_index(group, groups, local);
@@ -29,25 +30,26 @@ fn shift(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
     let i = part.first + row;
     let own = vertices[i];
     var diagonal = array<f32, 9>();
+    let damped = step.stiffness_damping != 0.0;
     let end = row_start[row + 1u];
     for (var k = row_start[row]; k < end; k += 1u) {
-        let j = columns[k];
-        let other = vertices[j].held;
+        let is_diagonal = columns[k] == i;
+        if !(damped || is_diagonal) { continue; }
         for (var x = 0u; x < 9u; x += 1u) {
-            let a = x / 3u;
-            let b = x - 3u * a;
             var value = system[9u * k + x];
-            if step.stiffness_damping != 0.0 {
+            if damped {
                 value += step.stiffness_damping * damping[9u * k + x];
+                system[9u * k + x] = value;
             }
-            if i == j && a == b {
-                value += (step.inertia + step.mass_damping) * own.mass;
-            }
-            if holds(own.held, a) || holds(other, b) {
-                value = select(0.0, 1.0, i == j && a == b);
-            }
-            system[9u * k + x] = value;
-            if i == j {
+            if is_diagonal {
+                let a = x / 3u;
+                let b = x - 3u * a;
+                if a == b {
+                    value += (step.inertia + step.mass_damping) * own.mass;
+                }
+                if holds(own.held, a) || holds(own.held, b) {
+                    value = select(0.0, 1.0, a == b);
+                }
                 diagonal[x] = value;
             }
         }

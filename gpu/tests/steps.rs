@@ -194,8 +194,7 @@ fn scrambled_body_recovers() {
         let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.03 * noise(i)).collect();
         s.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
     };
-    let settings =
-        SolverSettings { mass_damping: 5.0, linear_tolerance: 1e-4, ..settings() };
+    let settings = SolverSettings { mass_damping: 5.0, linear_tolerance: 1e-4, ..settings() };
     let Some([cpu, gpu]) = both(&mesh, 120, &settings, scene) else { return };
     for run in [&cpu, &gpu] {
         let last = run.reports.last().unwrap();

@@ -8,8 +8,10 @@ use sinew_models::corotational::Corotational;
 use super::{DeviceLaw, ElementColumns, STRESS, tetrahedron_columns};
 
 /// The law.
-pub const LAW: DeviceLaw =
-    DeviceLaw { name: Corotational::NAME, files: &[STRESS, include_str!("polar.wgsl"), include_str!("corotational.wgsl")] };
+pub const LAW: DeviceLaw = DeviceLaw {
+    name: Corotational::NAME,
+    files: &[STRESS, include_str!("polar.wgsl"), include_str!("corotational.wgsl")],
+};
 
 /// Its elements in a body.
 pub(super) fn columns<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {

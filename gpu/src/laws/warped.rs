@@ -8,8 +8,10 @@ use sinew_models::corotational::WarpedStiffness;
 use super::{DeviceLaw, ElementColumns, STRESS, tetrahedron_columns};
 
 /// The law.
-pub const LAW: DeviceLaw =
-    DeviceLaw { name: WarpedStiffness::NAME, files: &[STRESS, include_str!("polar.wgsl"), include_str!("warped.wgsl")] };
+pub const LAW: DeviceLaw = DeviceLaw {
+    name: WarpedStiffness::NAME,
+    files: &[STRESS, include_str!("polar.wgsl"), include_str!("warped.wgsl")],
+};
 
 /// Its elements in a body.
 pub(super) fn columns<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {
