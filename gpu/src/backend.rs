@@ -13,22 +13,26 @@ use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, law_inputs_unchanged};
 use sinew_engine::step::{IntegratorInstalled, StepClock, StepError, StepFailure, not_finite};
+use sinew_engine::substep::WithinStep;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_models::body::{Evaluation, Model, SoftBody};
+use sinew_solvers::explicit::estimate_stable_step;
 use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
 use sinew_solvers::state::{NodeState, Rows, read_rest, write_state};
+use std::ops::Range;
 use std::time::Instant;
 
 use crate::body::{BodyParts, DeviceBody, Slot, StepUniform, VertexConstants, total};
 use crate::context::Context;
 use crate::error::GpuError;
+use crate::explicit::ExplicitStep;
 use crate::laws::{self, LAWS};
-use crate::recovery::Decision;
+use crate::recovery::{Decision, elastic_energy};
 use crate::report::{GpuReport, Phase};
 use crate::safe::{BodyInput, BodyOutput, SafeStep};
 
 /// Integrators that run on the device, for messages.
-const INTEGRATORS: &str = "\"safe\" (also \"auto\")";
+const INTEGRATORS: &str = "\"safe\" (also \"auto\"), \"symplectic-euler\" or \"stormer-verlet\"";
 
 /// How the device is chosen and used.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -50,7 +54,33 @@ pub struct GpuBackend {
     rest: Vec<DVec3>,
     /// With matrix, with damping: what the bodies were made for.
     made_for: [bool; 2],
+    limit: Limit,
 }
+
+/// Stability limit of explicit steps, kept as the processor keeps it.
+#[derive(Clone, Debug)]
+struct Limit {
+    /// Largest stable step (s), with the relative change of every squared edge length when it was found.
+    known: Option<(f64, Vec<f32>)>,
+    /// Factor on it, lowered when energy grows.
+    caution: f64,
+    /// Energy (J) that came from nowhere.
+    creep: f64,
+}
+
+impl Default for Limit {
+    fn default() -> Self {
+        Self { known: None, caution: 1.0, creep: 0.0 }
+    }
+}
+
+/// Change of a squared edge length over that at rest at which the limit is renewed, as on the CPU.
+const STRAIN_CHANGE: f32 = 0.2;
+/// Doublings of the substep count before a step is given up, as on the CPU.
+const MAX_REFINEMENTS: u32 = 6;
+/// Growth of the energy over many steps that lowers the limit, and by what, as on the CPU.
+const CREEP: f64 = 0.25;
+const CAUTION: [f64; 2] = [0.8, 0.25];
 
 /// A body on the device, and what it was last told.
 struct Resident {
@@ -65,6 +95,8 @@ struct Resident {
     iterations: u32,
     /// Energy (J) when recovery from inversion began.
     recovery: Option<f64>,
+    /// The device carries along what displacements of the last explicit step could not hold.
+    carries_low: bool,
 }
 
 impl GpuBackend {
@@ -85,6 +117,7 @@ impl GpuBackend {
             tick: None,
             rest: Vec::new(),
             made_for: [false; 2],
+            limit: Limit::default(),
         }
     }
 
@@ -139,7 +172,10 @@ pub fn install_gpu<S: Scalar>(world: &mut World, backend: GpuBackend) {
 /// [`GpuError`] naming the first law and body, integrator or preconditioner that has none.
 pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuError> {
     match settings.integrator {
-        Integrator::Auto | Integrator::Safe => {}
+        Integrator::Auto
+        | Integrator::Safe
+        | Integrator::SymplecticEuler
+        | Integrator::StormerVerlet => {}
         other => {
             return Err(GpuError::Integrator { integrator: other.name(), known: INTEGRATORS });
         }
@@ -183,7 +219,8 @@ fn missing(soft: &SoftBody, rows: &BodyRows) -> Option<String> {
 /// The one system of [`StepSystems::Integrate`].
 fn integrate<S: Scalar>(world: &mut World) {
     let start = Instant::now();
-    let settings = world.resource::<SolverSettings>().clone();
+    let mut settings = world.resource::<SolverSettings>().clone();
+    settings.recovery &= settings.integrator.recovers();
     let mut report = StepReport::default();
     let mut device = GpuReport::default();
     let Some(mut backend) = world.remove_resource::<GpuBackend>() else {
@@ -387,6 +424,11 @@ impl GpuBackend {
             .iter()
             .map(|b| b.vertices.start as usize..b.vertices.end as usize)
             .collect();
+        if settings.integrator.is_explicit() {
+            let outputs = self.explicit_steps(world, settings, &node, &rows, report)?;
+            self.accept(world, node, rows, outputs, "accept_explicit");
+            return Ok(());
+        }
         let volumes = world.resource::<VolumeReport>().clone();
         let mut outputs: Vec<BodyOutput> = Vec::with_capacity(rows.len());
         for (i, rows) in rows.iter().enumerate() {
@@ -439,23 +481,159 @@ impl GpuBackend {
         report.dissipation += work - report.elastic_energy - report.kinetic_energy;
         report.preconditioner = Preconditioner::BlockJacobi.name();
 
+        self.accept(world, node, rows, outputs, "accept");
+        Ok(())
+    }
+
+    /// Makes the new state that of the device and of the columns.
+    fn accept<S: Scalar>(
+        &mut self,
+        world: &mut World,
+        node: NodeState<S>,
+        rows: Vec<Range<usize>>,
+        outputs: Vec<BodyOutput>,
+        kernel: &'static str,
+    ) {
         let (mut u, mut v): (Rows<S>, Rows<S>) = (node.u, node.v);
         for ((rows, output), resident) in rows.into_iter().zip(outputs).zip(&mut self.bodies) {
             let wide = |x: &[f32; 4]| x.map(|x| S::from_f64(f64::from(x)));
-            for ((u, v), (new_u, new_v)) in
-                u[rows.clone()].iter_mut().zip(&mut v[rows]).zip(output.u.iter().zip(&output.v))
-            {
+            let old = u[rows.clone()].iter_mut().zip(&mut v[rows]);
+            for ((u, v), (new_u, new_v)) in old.zip(output.u.iter().zip(&output.v)) {
                 (*u, *v) = (wide(new_u), wide(new_v));
             }
             let mut recorder = self.context.record();
-            recorder.pass(Phase::Rows, |pass| {
-                resident.body.each_row(&self.context, pass, "accept");
-            });
+            recorder.pass(Phase::Rows, |pass| resident.body.each_row(&self.context, pass, kernel));
             recorder.submit();
             resident.state = [output.u, output.v];
+            resident.carries_low = kernel == "accept_explicit";
         }
         write_state(world, &u, &v);
-        Ok(())
+    }
+
+    /// Explicit substeps of all bodies, not yet accepted.
+    fn explicit_steps<S: Scalar>(
+        &mut self,
+        world: &mut World,
+        settings: &SolverSettings,
+        node: &NodeState<S>,
+        rows: &[Range<usize>],
+        report: &mut StepReport,
+    ) -> Result<Vec<BodyOutput>, StepError> {
+        let clock = *world.resource::<StepClock>();
+        let mut within = WithinStep::default();
+        within.read(world, &node.u, &node.prescribed, &node.fixed);
+        for (i, rows) in rows.iter().enumerate() {
+            let body = &world.resource::<Topology>().bodies[i];
+            let resident = &mut self.bodies[i];
+            let known = resident.vertices.clone();
+            resident.tell(&self.context, node, rows.clone(), body);
+            if known != resident.vertices {
+                self.limit.known = None;
+            }
+        }
+        let limit = self.stable_step::<S>(world, rows);
+        report.stable_step = limit;
+        let diverged = |reason| StepError::Diverged { step: clock.step, time: clock.time, reason };
+        let refuse = |needed: f64| {
+            diverged(format!(
+                "an explicit step of {} s needs {needed:.0} substeps (stability limit {limit:.3e} s), more \
+                 than max_substeps = {}; reduce dt, raise max_substeps or use integrator = \"safe\"",
+                clock.dt, settings.max_substeps
+            ))
+        };
+        let needed =
+            (clock.dt / (limit * self.limit.caution * settings.explicit_safety)).ceil().max(1.0);
+        if needed > f64::from(settings.max_substeps) {
+            return Err(refuse(needed));
+        }
+        let mut outputs = Vec::with_capacity(rows.len());
+        let (mut grown, mut scale, mut refined) = (0.0, 0.0, false);
+        for (i, rows) in rows.iter().enumerate() {
+            let resident = &mut self.bodies[i];
+            let context = &self.context;
+            if !resident.carries_low {
+                let mut recorder = context.record();
+                recorder
+                    .pass(Phase::Rows, |pass| resident.body.each_row(context, pass, "forget_low"));
+                recorder.submit();
+            }
+            let elastic = elastic_energy(context, &resident.body).map_err(refused)?;
+            let [kinetic, held] = node.kinetic_energy(rows.clone(), &node.v);
+            let now: Vec<_> = resident.state[0].clone();
+            let step = ExplicitStep {
+                context,
+                body: &resident.body,
+                settings,
+                dt: clock.dt,
+                rows: rows.clone(),
+                load: &resident.load,
+                place: [&now, &resident.target],
+                before: [elastic, kinetic, held],
+            };
+            let mut substeps = needed as u32;
+            let mut refinements = 0;
+            let mut own = StepReport { evaluations: 1, ..StepReport::default() };
+            let (output, growth) = loop {
+                let found = step.attempt(substeps, &mut within, &mut own).map_err(refused)?;
+                if let Some(found) = found {
+                    break found;
+                }
+                substeps = substeps.saturating_mul(2);
+                refinements += 1;
+                if refinements > MAX_REFINEMENTS || substeps > settings.max_substeps {
+                    self.limit.known = None;
+                    return Err(diverged(format!(
+                        "the energy grew, or a number overflowed, even with {} substeps (estimated \
+                         stability limit {limit:.3e} s); check loads and prescribed motion, reduce dt or use \
+                         integrator = \"safe\"",
+                        substeps / 2
+                    )));
+                }
+            };
+            // the device has places between start and end in that slot
+            resident.target.clear();
+            refined |= refinements > 0;
+            grown += growth[0];
+            scale += growth[1];
+            own.substeps = substeps;
+            own.refinements = refinements;
+            add_angular(&mut own, resident.centre);
+            add(report, &own);
+            outputs.push(output);
+        }
+        self.limit.creep = (self.limit.creep + grown).max(0.0);
+        if refined || self.limit.creep > CREEP * scale {
+            // the limit was too optimistic
+            let caution = (self.limit.caution * CAUTION[0]).max(CAUTION[1]);
+            self.limit = Limit { known: None, caution, creep: 0.0 };
+        }
+        Ok(outputs)
+    }
+
+    /// Largest stable explicit step (s), estimated on the processor, where an edge has changed enough.
+    fn stable_step<S: Scalar>(&mut self, world: &mut World, rows: &[Range<usize>]) -> f64 {
+        let topology = world.resource::<Topology>();
+        let mut strain = Vec::with_capacity(topology.edges.len());
+        for ((resident, rows), body) in self.bodies.iter().zip(rows).zip(&topology.bodies) {
+            let blocks = body.blocks.start as usize..body.blocks.end as usize;
+            let u = &resident.state[0];
+            strain.extend(topology.edges[blocks].iter().map(|edge| {
+                let [a, b] = edge.map(|row| row as usize);
+                let way = (self.rest[a] - self.rest[b]).as_vec3();
+                let [c, d] = [u[a - rows.start], u[b - rows.start]];
+                let moved = glam::Vec3::new(c[0] - d[0], c[1] - d[1], c[2] - d[2]);
+                moved.dot(2.0 * way + moved) / way.length_squared()
+            }));
+        }
+        if let Some((limit, before)) = &self.limit.known {
+            let apart = before.iter().zip(&strain).all(|(a, b)| (a - b).abs() <= STRAIN_CHANGE);
+            if apart && before.len() == strain.len() {
+                return *limit;
+            }
+        }
+        let limit = estimate_stable_step::<S>(world);
+        self.limit.known = Some((limit, strain));
+        limit
     }
 
     /// Uploads bodies that are not there, or no longer what they were.
@@ -480,6 +658,7 @@ impl GpuBackend {
         read_rest(world, &mut self.rest);
         let count = world.resource::<Topology>().bodies.len();
         self.bodies.clear();
+        self.limit = Limit::default();
         for i in 0..count {
             let topology = world.resource::<Topology>();
             let body = &topology.bodies[i];
@@ -503,7 +682,7 @@ impl GpuBackend {
                 with_damping: made_for[1],
             };
             self.bodies.push(Resident {
-                body: DeviceBody::new(&self.context, parts)?,
+                body: self.context.within_memory(|| DeviceBody::new(&self.context, parts))?,
                 vertices: Vec::new(),
                 centre,
                 state: Default::default(),
@@ -511,6 +690,7 @@ impl GpuBackend {
                 load: Vec::new(),
                 iterations: 0,
                 recovery: None,
+                carries_low: false,
             });
             device.uploads += 1;
         }
@@ -553,7 +733,9 @@ impl Resident {
             }
         };
         let [u, v] = &mut self.state;
+        let before = u.clone();
         refresh(Slot::U, u, node.u[rows.clone()].iter().map(narrow).collect());
+        self.carries_low &= before == *u;
         refresh(Slot::V, v, node.v[rows.clone()].iter().map(narrow).collect());
         refresh(
             Slot::Load,
@@ -615,6 +797,8 @@ fn add(sum: &mut StepReport, own: &StepReport) {
     sum.dissipation += own.dissipation;
     sum.damping_dissipation += own.damping_dissipation;
     sum.evaluations += own.evaluations;
+    sum.substeps = sum.substeps.max(own.substeps);
+    sum.refinements = sum.refinements.max(own.refinements);
     sum.recovering += own.recovering;
     sum.recovery_energy += own.recovery_energy;
     for k in 0..3 {

@@ -51,6 +51,10 @@ pub(crate) struct StepUniform {
     pub piece_mass: f32,
     pub kind: u32,
     pub warm: u32,
+    pub keep: f32,
+    pub kick: f32,
+    pub drift: f32,
+    pub padding: u32,
 }
 
 /// `Vertex` of prelude.wgsl.

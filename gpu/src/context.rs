@@ -155,6 +155,23 @@ impl Context {
         Err(GpuError::TooLarge { what, bytes, limit: self.binding_limit, adapter })
     }
 
+    /// Runs `make`, which creates buffers, and refuses when the device has no room for them.
+    pub fn within_memory<T>(
+        &self,
+        make: impl FnOnce() -> Result<T, GpuError>,
+    ) -> Result<T, GpuError> {
+        let scope = self.gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let made = make();
+        let found = pollster::block_on(scope.pop());
+        match found {
+            Some(error) => Err(GpuError::OutOfMemory {
+                adapter: self.gpu.summary.to_string(),
+                reason: error.to_string(),
+            }),
+            None => made,
+        }
+    }
+
     /// A storage buffer of `bytes` zeros; never empty.
     pub fn storage(&self, label: &str, bytes: u64) -> wgpu::Buffer {
         self.gpu.device.create_buffer(&wgpu::BufferDescriptor {

@@ -63,6 +63,17 @@ pub enum GpuError {
         /// The adapter.
         adapter: String,
     },
+    /// The device has no room for a body.
+    #[error(
+        "{adapter} has too little memory ({reason}): use a coarser mesh, another adapter or the CPU backend \
+         (backend = \"cpu\")"
+    )]
+    OutOfMemory {
+        /// The adapter.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+    },
     /// The device stopped answering.
     #[error(
         "{adapter} stopped answering ({reason}): use another adapter or the CPU backend (backend = \"cpu\")"

@@ -11,6 +11,8 @@
 //! * The safe step (`Integrator::Safe`, also what `auto` stands for here): tangent, projected where it is
 //!   indefinite, conjugate gradients with inverse diagonal blocks, line search, energy cap, recovery from
 //!   inversion; held and prescribed vertices, loads, gravity, Rayleigh damping; many bodies.
+//! * Explicit substeps (`SymplecticEuler`, `StormerVerlet`), with loads and motions that vary within a step. The
+//!   stability limit is estimated on the processor, at the start and when edges have changed.
 //!
 //! [`check`] names what else a world has ([`GpuError`]); a step does so too. Nothing is left out silently.
 //!
@@ -51,6 +53,7 @@ mod body;
 mod context;
 mod elements;
 mod error;
+mod explicit;
 pub mod laws;
 mod matrix;
 mod recovery;

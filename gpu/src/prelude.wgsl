@@ -41,6 +41,10 @@ struct Step {
     piece_mass: f32,          // its mass times the matrix factor (kg/s^2)
     kind: u32,                // tangent: 0 exact, 1 Gauss-Newton, 2 projected
     warm: u32,                // whether the linear solve starts where inertia leads
+    keep: f32,                // explicit substeps: what is kept of the velocity,
+    kick: f32,                // time of the kick (s),
+    drift: f32,               // and of the drift (s)
+    padding: u32,
 }
 
 struct Vertex {

@@ -84,7 +84,7 @@ impl Decision<'_> {
 }
 
 /// Elastic energy (J) at the start of the step.
-fn elastic_energy(context: &Context, body: &DeviceBody) -> Result<f64, GpuError> {
+pub(crate) fn elastic_energy(context: &Context, body: &DeviceBody) -> Result<f64, GpuError> {
     body.set(context, StepUniform::default());
     let mut recorder = context.record();
     recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));

@@ -22,6 +22,7 @@ pub(crate) fn solver() -> Source {
     let files = [
         PRELUDE,
         include_str!("vectors.wgsl"),
+        include_str!("explicit.wgsl"),
         include_str!("cg.wgsl"),
         include_str!("matrix.wgsl"),
     ];

@@ -206,6 +206,52 @@ fn scrambled_body_recovers() {
 }
 
 #[test]
+fn explicit_substeps() {
+    let mesh = beam([8, 3, 3]);
+    let still = |s: &mut Simulation, body: BodyHandle| clamp(s, body, &mesh, "x0");
+    // loads and held vertices that vary within a step
+    let driven = |s: &mut Simulation, body: BodyHandle| {
+        clamp(s, body, &mesh, "x0");
+        let rows = s.group_rows(body, &mesh, "x1").unwrap();
+        let motion = Motion::Translate(DVec3::new(0.01, 0.0, 0.005));
+        let curve = Curve::Sine { frequency: 4.0, phase: 0.0 };
+        s.add_constraint(Constraint::moving("shake", rows, motion, curve));
+        let rows = s.group_rows(body, &mesh, "z1").unwrap();
+        let forces = rows.iter().map(|&row| (row, DVec3::new(0.0, 0.002, 0.0))).collect();
+        s.add_load(Load { name: "push".into(), forces, curve: Curve::ramp(0.0, 0.05) });
+    };
+    for integrator in [Integrator::StormerVerlet, Integrator::SymplecticEuler] {
+        // far enough from a whole number of substeps that both estimates of the limit ask for as many
+        let settings =
+            SolverSettings { integrator, mass_damping: 1.0, explicit_safety: 0.8, ..settings() };
+        let scenes: [&dyn Fn(&mut Simulation, BodyHandle); 2] = [&still, &driven];
+        for (name, scene) in ["falls", "driven"].into_iter().zip(scenes) {
+            let Some([cpu, gpu]) = both(&mesh, 10, &settings, scene) else { return };
+            let (u, v) = (relative(&gpu.u, &cpu.u), relative(&gpu.v, &cpu.v));
+            let a = gpu.reports.last().unwrap();
+            say(&format!(
+                "{integrator:?} {name}: {} substeps, displacement {u:.1e} velocity {v:.1e}",
+                a.substeps
+            ));
+            let counts = |run: &Run| run.reports.iter().map(|r| r.substeps).collect::<Vec<_>>();
+            assert_eq!(counts(&gpu), counts(&cpu), "{name}");
+            assert!(u < 1e-4 && v < 1e-3, "{u:.1e} {v:.1e}");
+            let sum = |run: &Run, pick: fn(&StepReport) -> f64| run.reports.iter().map(pick).sum();
+            let scale = a.elastic_energy + a.kinetic_energy;
+            let books: [fn(&StepReport) -> f64; 4] = [
+                |r| r.load_work,
+                |r| r.constraint_work,
+                |r| r.dissipation,
+                |r| r.damping_dissipation,
+            ];
+            for pick in books {
+                close(sum(&gpu, pick), sum(&cpu, pick), scale, 2e-3, "books");
+            }
+        }
+    }
+}
+
+#[test]
 fn what_has_no_twin_is_refused_by_name() {
     let mesh = beam([3, 2, 2]);
     let Some(backend) = device(&GpuOptions::default()) else { return };
