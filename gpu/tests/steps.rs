@@ -206,6 +206,30 @@ fn scrambled_body_recovers() {
 }
 
 #[test]
+fn steps_repeat_bit_for_bit() {
+    let mesh = beam([6, 3, 3]);
+    let hashes = [None, Some(64 << 10)].map(|binding_limit| {
+        let backend = device(&GpuOptions { binding_limit, ..GpuOptions::default() })?;
+        let mut simulation = Simulation::with_gpu(SimulationOptions::default(), backend).unwrap();
+        let body = simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
+        simulation.set_solver(settings());
+        clamp(&mut simulation, body, &mesh, "x0");
+        let start: Vec<_> = mesh.points.iter().map(|x| DVec3::new(0.0, 0.0, -3.0 * x.x)).collect();
+        let run = |simulation: &mut Simulation| {
+            simulation.set_state(body, &vec![DVec3::ZERO; start.len()], &start).unwrap();
+            for _ in 0..5 {
+                simulation.step().unwrap();
+            }
+            simulation.state_hash()
+        };
+        Some([run(&mut simulation), run(&mut simulation)])
+    });
+    for [first, second] in hashes.iter().flatten() {
+        assert_eq!(first, second);
+    }
+}
+
+#[test]
 fn explicit_substeps() {
     let mesh = beam([8, 3, 3]);
     let still = |s: &mut Simulation, body: BodyHandle| clamp(s, body, &mesh, "x0");
