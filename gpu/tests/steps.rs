@@ -206,6 +206,71 @@ fn scrambled_body_recovers() {
 }
 
 #[test]
+fn removed_elements_and_a_new_material_reach_the_device() {
+    let mesh = beam([8, 3, 3]);
+    let Some(backend) = device(&GpuOptions::default()) else { return };
+    let options = SimulationOptions::default();
+    let simulations =
+        [Simulation::new(options).unwrap(), Simulation::with_gpu(options, backend).unwrap()];
+    let [cpu, gpu] = simulations.map(|mut simulation| {
+        let body = simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
+        simulation.set_solver(settings());
+        clamp(&mut simulation, body, &mesh, "x0");
+        let steps = |simulation: &mut Simulation| (0..5).for_each(|_| simulation.step().unwrap());
+        steps(&mut simulation);
+        // a notch, and what hangs on one vertex falls off
+        let near = |x: &DVec3| (x.x - 0.1).abs() < 0.03 && x.z > 0.03;
+        let notch = (0..).zip(&mesh.tetrahedra).filter(|(_, t)| {
+            near(&(t.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / 4.0))
+        });
+        let notch = notch.map(|(i, _)| i).collect::<Vec<u32>>();
+        assert!(notch.len() > 10);
+        simulation.remove_elements(body, &Removal::new(Region::Tetrahedra(notch))).unwrap();
+        steps(&mut simulation);
+        let stiffer = YoungPoisson { young_modulus: 3e4, ..MATERIAL };
+        simulation.set_material(body, stiffer).unwrap();
+        simulation.step().unwrap();
+        let uploads = simulation.world().get_resource::<GpuReport>().map(|r| r.uploads);
+        steps(&mut simulation);
+        (simulation.displacements(body), uploads)
+    });
+    let u = relative(&gpu.0, &cpu.0);
+    say(&format!("notched and stiffened: displacement {u:.1e}"));
+    assert!(u < 1e-4, "{u:.1e}");
+    assert_eq!((cpu.1, gpu.1), (None, Some(1)));
+}
+
+#[test]
+fn several_bodies_step_by_themselves() {
+    let mesh = beam([6, 3, 3]);
+    let Some(backend) = device(&GpuOptions::default()) else { return };
+    let options = SimulationOptions::default();
+    let simulations =
+        [Simulation::new(options).unwrap(), Simulation::with_gpu(options, backend).unwrap()];
+    let [cpu, gpu] = simulations.map(|mut simulation| {
+        simulation.set_solver(settings());
+        let models = [Model::CompressibleStVK, Model::Corotational, Model::QuadraticSprings];
+        let bodies = models.map(|model| {
+            let description =
+                BodyDescription { model, ..BodyDescription::new(model.name(), &mesh, MATERIAL) };
+            let body = simulation.add_body(&description).unwrap();
+            clamp(&mut simulation, body, &mesh, "x0");
+            body
+        });
+        for _ in 0..10 {
+            simulation.step().unwrap();
+        }
+        bodies.map(|body| simulation.displacements(body))
+    });
+    for (a, b) in gpu.iter().zip(&cpu) {
+        let u = relative(a, b);
+        say(&format!("one of three bodies: displacement {u:.1e}"));
+        assert!(u < 1e-4, "{u:.1e}");
+    }
+    assert!(relative(&gpu[0], &gpu[1]) > 1e-3, "different models move differently");
+}
+
+#[test]
 fn steps_repeat_bit_for_bit() {
     let mesh = beam([6, 3, 3]);
     let hashes = [None, Some(64 << 10)].map(|binding_limit| {
