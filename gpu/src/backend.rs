@@ -207,13 +207,13 @@ fn missing(soft: &SoftBody, rows: &BodyRows) -> Option<String> {
     if soft.axes.is_some() {
         return Some("axes of anisotropy".into());
     }
-    if !rows.hexahedra.is_empty() {
+    if !rows.hexahedra.is_empty() && soft.model != Model::MassSpring {
         return Some(format!("{} of hexahedra", soft.model.name()));
     }
     if soft.evaluation == Evaluation::Pooled {
         return Some(format!("{} pooled", soft.model.name()));
     }
-    matches!(soft.model, Model::MassSpring | Model::Axes).then(|| soft.model.name().into())
+    matches!(soft.model, Model::Axes).then(|| soft.model.name().into())
 }
 
 /// The one system of [`StepSystems::Integrate`].

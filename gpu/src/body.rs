@@ -247,10 +247,13 @@ impl DeviceBody {
 
     /// Bytes that a force pass moves at least: constants, indices, slots written and read, lists, rows.
     pub fn force_bytes(&self) -> u64 {
-        let element = 16 + 48 + 64 + 64 + 16;
-        let row = 16 + 4 + 16;
-        let elements = self.elements.chunks.iter().map(|chunk| u64::from(chunk.count));
-        elements.sum::<u64>() * element + u64::from(self.n) * row
+        let elements = self.elements.chunks.iter().map(|chunk| {
+            let (vertices, constants) = (chunk.law.kind.vertices(), chunk.law.kind.constants());
+            // index, slot written and read, place in the list
+            let bytes = vertices * (4 + 16 + 16 + 4) + 4 * constants;
+            u64::from(chunk.count) * bytes as u64
+        });
+        elements.sum::<u64>() + u64::from(self.n) * (16 + 4 + 16)
     }
 
     /// Energies at the point of evaluation.

@@ -5,13 +5,13 @@ use bytemuck::{Pod, Zeroable};
 use sinew_adapter::wgpu;
 
 use crate::context::{Context, GROUP, groups_for};
-use crate::laws::{self, DeviceLaw, ElementColumns};
+use crate::laws::{self, DeviceLaw, ElementColumns, ElementKind};
 use crate::matrix::{Pattern, TRANSPOSED};
 
-/// Bytes of the tangent blocks of a tetrahedron: ten blocks of nine `f32`.
-const BLOCK_BYTES: u64 = 360;
-/// Bytes of its forces.
-const SLOT_BYTES: u64 = 64;
+/// Bytes of a tangent block of nine `f32`.
+const BLOCK_BYTES: u64 = 36;
+/// Bytes of a force.
+const SLOT_BYTES: u64 = 16;
 /// Most elements of a chunk, which bounds the work space.
 const MAX_CHUNK: u64 = 1 << 19;
 /// Most workgroups that sum energies.
@@ -55,8 +55,9 @@ pub(crate) struct Elements {
 
 impl Elements {
     /// Elements in a chunk at most.
-    pub fn chunk_size(context: &Context, with_matrix: bool) -> usize {
-        let bytes = if with_matrix { BLOCK_BYTES } else { SLOT_BYTES };
+    fn chunk_size(context: &Context, kind: ElementKind, with_matrix: bool) -> usize {
+        let [slots, blocks] = work_bytes(kind);
+        let bytes = if with_matrix { blocks } else { slots };
         (context.binding_limit / bytes).clamp(1, MAX_CHUNK) as usize
     }
 
@@ -69,18 +70,28 @@ impl Elements {
         first_sum: u32,
         pattern: Option<&Pattern>,
     ) -> Self {
-        let size = Self::chunk_size(context, pattern.is_some());
-        let largest = laws.iter().map(|(_, c)| c.nodes.len().min(size)).max().unwrap_or(0) as u64;
-        let slots = context.storage("forces of elements", SLOT_BYTES * largest);
-        let block_bytes = if pattern.is_some() { BLOCK_BYTES * largest } else { 0 };
+        let with_matrix = pattern.is_some();
+        let size = |law: &DeviceLaw| Self::chunk_size(context, law.kind, with_matrix);
+        let largest = |k: usize| {
+            let bytes = laws.iter().map(|(law, columns)| {
+                let count = (columns.nodes.len() / law.kind.vertices()).min(size(law));
+                count as u64 * work_bytes(law.kind)[k]
+            });
+            bytes.max().unwrap_or(0)
+        };
+        let slots = context.storage("forces of elements", largest(0));
+        let block_bytes = if with_matrix { largest(1) } else { 0 };
         let blocks = context.storage("tangents of elements", block_bytes);
         let mut sums = first_sum;
         let mut chunks = Vec::new();
         for (law, columns) in laws {
-            for (nodes, data) in columns.nodes.chunks(size).zip(columns.data.chunks(size)) {
-                let energy_groups = (nodes.len() as u32).div_ceil(GROUP).min(MAX_ENERGY_GROUPS);
+            let kind = law.kind;
+            let nodes = columns.nodes.chunks(size(law) * kind.vertices());
+            for (nodes, data) in nodes.zip(columns.data.chunks(size(law) * kind.constants())) {
+                let count = (nodes.len() / kind.vertices()) as u32;
+                let energy_groups = count.div_ceil(GROUP).min(MAX_ENERGY_GROUPS);
                 let uniform = ChunkUniform {
-                    count: nodes.len() as u32,
+                    count,
                     sums,
                     accumulate: u32::from(!chunks.is_empty()),
                     rows: n,
@@ -93,7 +104,7 @@ impl Elements {
                 let sources = context.filled("slots of vertices", &sources);
                 let assemble = pattern.map_or(Vec::new(), |pattern| {
                     let parts = pattern.parts.iter().map(|part| {
-                        let (starts, sources) = pattern.block_lists(part, nodes);
+                        let (starts, sources) = pattern.block_lists(part, kind, nodes);
                         let uniform = GatherUniform {
                             entries: part.entries,
                             accumulate: u32::from(!chunks.is_empty()),
@@ -114,7 +125,7 @@ impl Elements {
                 let gather = [&uniform, &slots, &starts, &sources];
                 chunks.push(Chunk {
                     law: *law,
-                    count: nodes.len() as u32,
+                    count,
                     energy_groups,
                     bind: context.bind(&context.layouts.chunk, &bind),
                     gather: context.bind(&context.layouts.gather, &gather),
@@ -203,16 +214,21 @@ impl Chunk {
         entry: &'static str,
     ) -> wgpu::ComputePipeline {
         let layouts = [&context.layouts.rows, &context.layouts.chunk];
-        // all laws have the same columns
+        // laws of tetrahedra have the same columns; springs stay what they are, as on the CPU
+        let recovering = recovering && self.law.kind == ElementKind::Tetrahedron;
         let law = if recovering { laws::corotational::LAW } else { self.law };
         context.pipeline(law.name, || law.source(), entry, &layouts)
     }
 }
 
+/// Bytes of the forces of an element, and of its tangent blocks.
+fn work_bytes(kind: ElementKind) -> [u64; 2] {
+    [SLOT_BYTES * kind.vertices() as u64, BLOCK_BYTES * kind.blocks() as u64]
+}
+
 /// Slots of the elements round each of `n` vertices, in the order of the elements: starts and slots.
-fn force_lists(nodes: &[[u32; 4]], n: u32) -> (Vec<u32>, Vec<u32>) {
-    let entries = || nodes.iter().flatten().copied().zip(0..);
-    compressed(n as usize, entries)
+fn force_lists(nodes: &[u32], n: u32) -> (Vec<u32>, Vec<u32>) {
+    compressed(n as usize, || nodes.iter().copied().zip(0..))
 }
 
 /// Compressed rows of (row, value) pairs, in the order in which they come.
@@ -236,8 +252,13 @@ pub(crate) fn compressed<I: Iterator<Item = (u32, u32)>>(
     (starts, values)
 }
 
-/// Place of the block of local vertices `a`, `b` among the ten blocks of a tetrahedron.
-pub(crate) fn block_source(a: usize, b: usize) -> u32 {
-    const OFF: [[u32; 4]; 4] = [[0, 4, 5, 6], [4, 1, 7, 8], [5, 7, 2, 9], [6, 8, 9, 3]];
-    if a > b { OFF[a][b] | TRANSPOSED } else { OFF[a][b] }
+/// Place of the block of local vertices `a`, `b` among those of an element: first the vertices, then the pairs.
+pub(crate) fn block_source(kind: ElementKind, a: usize, b: usize) -> u32 {
+    const TETRAHEDRON: [[u32; 4]; 4] = [[0, 4, 5, 6], [4, 1, 7, 8], [5, 7, 2, 9], [6, 8, 9, 3]];
+    const EDGE: [[u32; 2]; 2] = [[0, 2], [2, 1]];
+    let place = match kind {
+        ElementKind::Tetrahedron => TETRAHEDRON[a][b],
+        ElementKind::Edge => EDGE[a][b],
+    };
+    if a > b { place | TRANSPOSED } else { place }
 }

@@ -43,14 +43,6 @@ fn element(index: u32) -> Element {
     return Element(w, a.xyz, b.xyz, c.xyz, a.w, b.w, c.w);
 }
 
-fn outer(a: vec3f, b: vec3f) -> mat3x3f {
-    return mat3x3f(a * b.x, a * b.y, a * b.z);
-}
-
-fn identity() -> mat3x3f {
-    return mat3x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
-}
-
 // G = sum_a u_a (x) D_a; D_0 = -(D_1 + D_2 + D_3) turns the sum into one over displacements relative to vertex 0.
 fn displacement_gradient(e: Element) -> mat3x3f {
     return outer(e.w[0], e.d1) + outer(e.w[1], e.d2) + outer(e.w[2], e.d3);

@@ -7,7 +7,7 @@
 //! # What runs there
 //!
 //! * Laws of tetrahedra, fused: St Venant-Kirchhoff with and without compression term, the same as in textbooks,
-//!   quadratic springs, linear, stiffness warping, corotational, stable neo-Hookean ([`laws`]).
+//!   quadratic springs, linear, stiffness warping, corotational, stable neo-Hookean; springs on edges ([`laws`]).
 //! * The safe step (`Integrator::Safe`, also what `auto` stands for here): tangent, projected where it is
 //!   indefinite, conjugate gradients with inverse diagonal blocks, line search, energy cap, recovery from
 //!   inversion; held and prescribed vertices, loads, gravity, Rayleigh damping; many bodies.
@@ -44,8 +44,8 @@
 //!     Err(error @ GpuError::Adapter(_)) => assert!(error.to_string().contains("driver")),
 //!     Err(error) => panic!("{error}"),
 //! }
-//! // seven laws and what they share, each a whole module
-//! assert_eq!(sinew_gpu::laws::LAWS.len(), 7);
+//! // eight laws and what they share, each a whole module
+//! assert_eq!(sinew_gpu::laws::LAWS.len(), 8);
 //! assert!(sinew_gpu::sources::all().iter().all(|module| module.text.contains("@compute")));
 //! ```
 pub mod backend;

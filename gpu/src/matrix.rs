@@ -12,6 +12,7 @@ use sinew_adapter::wgpu;
 
 use crate::context::{Context, GROUP, groups_for};
 use crate::elements::{block_source, compressed};
+use crate::laws::ElementKind;
 
 /// Marks a source block that is taken transposed, as in assemble.wgsl.
 pub(crate) const TRANSPOSED: u32 = 1 << 31;
@@ -118,19 +119,26 @@ impl Pattern {
     }
 
     /// For every block of a part the blocks of the elements that make it up, in the order of the elements.
-    pub fn block_lists(&self, part: &Part, nodes: &[[u32; 4]]) -> (Vec<u32>, Vec<u32>) {
+    pub fn block_lists(
+        &self,
+        part: &Part,
+        kind: ElementKind,
+        nodes: &[u32],
+    ) -> (Vec<u32>, Vec<u32>) {
         let rows = part.first..part.first + part.count;
         let first_entry = self.row_start[part.first as usize];
         let mut found = Vec::new();
-        for (element, nodes) in (0..).zip(nodes) {
+        let per_element = kind.blocks() as u32;
+        for (element, nodes) in (0..).zip(nodes.chunks_exact(kind.vertices())) {
             for (a, &row) in nodes.iter().enumerate().filter(|(_, row)| rows.contains(row)) {
                 let from = self.row_start[row as usize];
                 let own = &self.columns[from as usize..self.row_start[row as usize + 1] as usize];
                 for (b, column) in nodes.iter().enumerate() {
                     // the edge graph holds all pairs of an element
                     let at = own.binary_search(column).expect("pair of an element in the graph");
-                    let source = block_source(a, b);
-                    let block = (10 * element + (source & !TRANSPOSED)) | (source & TRANSPOSED);
+                    let source = block_source(kind, a, b);
+                    let block =
+                        (per_element * element + (source & !TRANSPOSED)) | (source & TRANSPOSED);
                     found.push((from + at as u32 - first_entry, block));
                 }
             }

@@ -156,6 +156,11 @@ fn quadratic_springs() {
 }
 
 #[test]
+fn mass_spring() {
+    compare(|mesh| of(mesh, Model::MassSpring), "mass_spring");
+}
+
+#[test]
 fn linear() {
     compare(|mesh| of(mesh, Model::Linear), "linear");
 }

@@ -249,7 +249,7 @@ fn several_bodies_step_by_themselves() {
         [Simulation::new(options).unwrap(), Simulation::with_gpu(options, backend).unwrap()];
     let [cpu, gpu] = simulations.map(|mut simulation| {
         simulation.set_solver(settings());
-        let models = [Model::CompressibleStVK, Model::Corotational, Model::QuadraticSprings];
+        let models = [Model::CompressibleStVK, Model::Corotational, Model::MassSpring];
         let bodies = models.map(|model| {
             let description =
                 BodyDescription { model, ..BodyDescription::new(model.name(), &mesh, MATERIAL) };
@@ -358,12 +358,12 @@ fn what_has_no_twin_is_refused_by_name() {
     simulation.set_solver(settings());
     simulation.step().unwrap();
     let second = BodyDescription {
-        model: Model::MassSpring,
+        evaluation: Evaluation::Pooled,
         ..BodyDescription::new("second", &mesh, MATERIAL)
     };
     simulation.add_body(&second).unwrap();
     let error = simulation.step().unwrap_err().to_string();
-    for word in ["second", "mass_spring", "no twin", "\"cpu\""] {
+    for word in ["second", "svk_comp pooled", "no twin", "\"cpu\""] {
         assert!(error.contains(word), "{error}");
     }
 }

@@ -5,11 +5,12 @@ use sinew_engine::law::Law;
 use sinew_engine::scalar::Scalar;
 use sinew_models::corotational::Corotational;
 
-use super::{DeviceLaw, ElementColumns, STRESS, tetrahedron_columns};
+use super::{DeviceLaw, ElementColumns, ElementKind, STRESS, tetrahedron_columns};
 
 /// The law.
 pub const LAW: DeviceLaw = DeviceLaw {
     name: Corotational::NAME,
+    kind: ElementKind::Tetrahedron,
     files: &[STRESS, include_str!("polar.wgsl"), include_str!("corotational.wgsl")],
 };
 

@@ -1,28 +1,8 @@
 // Tetrahedral quadratic springs. Twin of `sinew_models::quadratic::tetrahedron`.
 
-struct Stretch {
-    edge: vec3f,            // deformed edge (m)
-    change: f32,            // 2 L (l - L) (m^2)
-    slope: f32,             // 2 L/l
-    inverse_square: f32,    // 1/l^2 (1/m^2)
-}
-
 // Edges in the order 01 02 03 12 13 23; the edge is x_plus - x_minus.
 const PLUS = array<u32, 6>(1u, 2u, 3u, 1u, 1u, 2u);
 const MINUS = array<u32, 6>(0u, 0u, 0u, 2u, 3u, 3u);
-
-fn stretch(rest: vec3f, relative: vec3f) -> Stretch {
-    let edge = rest + relative;
-    let delta = dot(relative, rest + edge);
-    // the edges of a removed tetrahedron have no length; without moduli any will do
-    var rest2 = dot(rest, rest);
-    rest2 = select(1.0, rest2, rest2 > 0.0);
-    // in a much shortened edge the sum cancels, the deformed edge does not
-    let length2 = max(select(rest2 + delta, dot(edge, edge), delta < -0.5 * rest2), 1e-12 * rest2);
-    // the ratio of the lengths, formed so that their product cannot leave the range of f32
-    let shrink = sqrt(rest2 / length2);
-    return Stretch(edge, 2.0 * delta / (length2 / rest2 * shrink + 1.0), 2.0 * shrink, 1.0 / length2);
-}
 
 fn stretches(e: Element) -> array<Stretch, 6> {
     let c1 = cross(e.d2, e.d3);

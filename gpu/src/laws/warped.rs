@@ -5,11 +5,12 @@ use sinew_engine::law::Law;
 use sinew_engine::scalar::Scalar;
 use sinew_models::corotational::WarpedStiffness;
 
-use super::{DeviceLaw, ElementColumns, STRESS, tetrahedron_columns};
+use super::{DeviceLaw, ElementColumns, ElementKind, STRESS, tetrahedron_columns};
 
 /// The law.
 pub const LAW: DeviceLaw = DeviceLaw {
     name: WarpedStiffness::NAME,
+    kind: ElementKind::Tetrahedron,
     files: &[STRESS, include_str!("polar.wgsl"), include_str!("warped.wgsl")],
 };
 
