@@ -8,28 +8,25 @@ use bevy_ecs::change_detection::Tick;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_adapter::{AdapterRequest, AdapterSummary, Gpu, open};
-use sinew_engine::law::TangentKind;
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, law_inputs_unchanged};
 use sinew_engine::step::{IntegratorInstalled, StepClock, StepError, StepFailure, not_finite};
-use sinew_engine::substep::WithinStep;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_models::body::{Evaluation, Model, SoftBody};
-use sinew_solvers::explicit::estimate_stable_step;
 use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
 use sinew_solvers::state::{NodeState, Rows, read_rest, write_state};
 use std::ops::Range;
 use std::time::Instant;
 
-use crate::body::{BodyParts, DeviceBody, Slot, StepUniform, VertexConstants, total};
+use crate::body::{BodyParts, DeviceBody, Slot, VertexConstants};
 use crate::context::Context;
 use crate::error::GpuError;
-use crate::explicit::ExplicitStep;
 use crate::laws::{self, LAWS};
-use crate::recovery::{Decision, elastic_energy};
+use crate::recovery::Decision;
 use crate::report::{GpuReport, Phase};
 use crate::safe::{BodyInput, BodyOutput, SafeStep};
+use crate::substeps::Limit;
 
 /// Integrators that run on the device, for messages.
 const INTEGRATORS: &str = "\"safe\" (also \"auto\"), \"symplectic-euler\" or \"stormer-verlet\"";
@@ -46,57 +43,32 @@ pub struct GpuOptions {
 /// The device of a world and its bodies there.
 #[derive(Resource)]
 pub struct GpuBackend {
-    context: Context,
-    bodies: Vec<Resident>,
+    pub(crate) context: Context,
+    pub(crate) bodies: Vec<Resident>,
     revision: Option<u64>,
     tick: Option<Tick>,
     /// Rest positions (m) of all rows.
-    rest: Vec<DVec3>,
+    pub(crate) rest: Vec<DVec3>,
     /// With matrix, with damping: what the bodies were made for.
     made_for: [bool; 2],
-    limit: Limit,
+    pub(crate) limit: Limit,
 }
-
-/// Stability limit of explicit steps, kept as the processor keeps it.
-#[derive(Clone, Debug)]
-struct Limit {
-    /// Largest stable step (s), with the relative change of every squared edge length when it was found.
-    known: Option<(f64, Vec<f32>)>,
-    /// Factor on it, lowered when energy grows.
-    caution: f64,
-    /// Energy (J) that came from nowhere.
-    creep: f64,
-}
-
-impl Default for Limit {
-    fn default() -> Self {
-        Self { known: None, caution: 1.0, creep: 0.0 }
-    }
-}
-
-/// Change of a squared edge length over that at rest at which the limit is renewed, as on the CPU.
-const STRAIN_CHANGE: f32 = 0.2;
-/// Doublings of the substep count before a step is given up, as on the CPU.
-const MAX_REFINEMENTS: u32 = 6;
-/// Growth of the energy over many steps that lowers the limit, and by what, as on the CPU.
-const CREEP: f64 = 0.25;
-const CAUTION: [f64; 2] = [0.8, 0.25];
 
 /// A body on the device, and what it was last told.
-struct Resident {
-    body: DeviceBody,
-    vertices: Vec<VertexConstants>,
+pub(crate) struct Resident {
+    pub(crate) body: DeviceBody,
+    pub(crate) vertices: Vec<VertexConstants>,
     /// Centre (m) from which its rest positions are counted.
-    centre: DVec3,
+    pub(crate) centre: DVec3,
     /// Displacements and velocities as the host has them.
-    state: [Vec<[f32; 4]>; 2],
-    target: Vec<[f32; 4]>,
-    load: Vec<[f32; 4]>,
-    iterations: u32,
+    pub(crate) state: [Vec<[f32; 4]>; 2],
+    pub(crate) target: Vec<[f32; 4]>,
+    pub(crate) load: Vec<[f32; 4]>,
+    pub(crate) iterations: u32,
     /// Energy (J) when recovery from inversion began.
-    recovery: Option<f64>,
+    pub(crate) recovery: Option<f64>,
     /// The device carries along what displacements of the last explicit step could not hold.
-    carries_low: bool,
+    pub(crate) carries_low: bool,
 }
 
 impl GpuBackend {
@@ -130,28 +102,6 @@ impl GpuBackend {
     pub fn summary(&self) -> &AdapterSummary {
         &self.context.gpu.summary
     }
-}
-
-/// Energies and forces as the device has them.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct DeviceEvaluation {
-    /// Elastic energy of every body (J).
-    pub energies: Vec<f64>,
-    /// Elastic force on every vertex row (N); fourth entry padding.
-    pub forces: Vec<[f32; 4]>,
-}
-
-/// Times of force passes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ForceTiming {
-    /// Passes in the times.
-    pub passes: u32,
-    /// Time (s) on the device, if it can be told.
-    pub device_seconds: Option<f64>,
-    /// Time (s) as the host sees it, from recording to the end.
-    pub host_seconds: f64,
-    /// Bytes that one pass has to move at least, every list and column once.
-    pub bytes: u64,
 }
 
 /// Installs the integrator of the device, in place of `sinew_solvers::install_solver`.
@@ -253,145 +203,13 @@ fn integrate<S: Scalar>(world: &mut World) {
     world.resource_mut::<SystemTimes>().add("integrator in all", start.elapsed());
 }
 
-fn refused(error: GpuError) -> StepError {
+pub(crate) fn refused(error: GpuError) -> StepError {
     StepError::Backend { backend: "gpu", reason: error.to_string() }
 }
 
 impl GpuBackend {
-    /// Elastic energies (J) and forces (N) at the displacements in the columns.
-    ///
-    /// # Errors
-    /// When a law has no twin on the device, or the device gives up.
-    pub fn evaluate<S: Scalar>(&mut self, world: &mut World) -> Result<DeviceEvaluation, GpuError> {
-        self.prepare::<S>(world)?;
-        let mut result = DeviceEvaluation::default();
-        for resident in &self.bodies {
-            let (context, body) = (&self.context, &resident.body);
-            body.set(context, StepUniform::default());
-            let mut recorder = context.record();
-            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
-            body.energies(context, &mut recorder);
-            body.forces(context, &mut recorder);
-            let energies = body.read_energies(&mut recorder);
-            let forces = body.read_rows(&mut recorder, Slot::Force);
-            recorder.submit();
-            let energies = energies.wait::<[f32; 4]>(context)?;
-            result.energies.push(total(&energies, 1, 0, 0));
-            result.forces.extend(forces.wait::<[f32; 4]>(context)?);
-        }
-        self.context.restart_timer();
-        Ok(result)
-    }
-
-    /// Product (N when `direction` is in m) of the tangent at the displacements in the columns with one row
-    /// per vertex row.
-    ///
-    /// # Errors
-    /// As [`evaluate`](Self::evaluate).
-    pub fn multiply<S: Scalar>(
-        &mut self,
-        world: &mut World,
-        kind: TangentKind,
-        direction: &[[f32; 4]],
-    ) -> Result<Vec<[f32; 4]>, GpuError> {
-        self.prepare::<S>(world)?;
-        let mut result = Vec::with_capacity(direction.len());
-        for resident in &self.bodies {
-            let (context, body) = (&self.context, &resident.body);
-            let kind = match kind {
-                TangentKind::Exact => 0,
-                TangentKind::GaussNewton => 1,
-                TangentKind::Projected => 2,
-            };
-            body.set(context, StepUniform { kind, ..StepUniform::default() });
-            let rows = result.len()..result.len() + body.n as usize;
-            body.write_rows(context, Slot::P, &direction[rows]);
-            let mut recorder = context.record();
-            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
-            body.tangent(context, &mut recorder, false);
-            recorder.pass(Phase::Solve, |pass| {
-                body.product(context, pass, "product_plain", false);
-            });
-            let product = body.read_rows(&mut recorder, Slot::Q);
-            recorder.submit();
-            result.extend(product.wait::<[f32; 4]>(context)?);
-        }
-        self.context.restart_timer();
-        Ok(result)
-    }
-
-    /// Times force passes (elements and gather) at the displacements in the columns, `repeats` of them in one
-    /// submission, energies left out.
-    ///
-    /// # Errors
-    /// As [`evaluate`](Self::evaluate).
-    pub fn time_forces<S: Scalar>(
-        &mut self,
-        world: &mut World,
-        repeats: u32,
-    ) -> Result<ForceTiming, GpuError> {
-        self.prepare::<S>(world)?;
-        let context = &self.context;
-        let mut timing = ForceTiming { passes: repeats, ..ForceTiming::default() };
-        for resident in &self.bodies {
-            let body = &resident.body;
-            body.set(context, StepUniform::default());
-            // pipelines compiled, displacements in place
-            let mut recorder = context.record();
-            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
-            body.forces(context, &mut recorder);
-            let ready = body.read_sums(&mut recorder, 1);
-            recorder.submit();
-            ready.wait::<[f32; 4]>(context)?;
-            context.restart_timer();
-            let start = Instant::now();
-            let mut recorder = context.record();
-            for _ in 0..repeats {
-                body.forces(context, &mut recorder);
-            }
-            let done = body.read_sums(&mut recorder, 1);
-            recorder.submit();
-            done.wait::<[f32; 4]>(context)?;
-            timing.host_seconds += start.elapsed().as_secs_f64();
-            let timed = context.device_times().filter(|(_, all)| *all);
-            let device =
-                timed.map(|(times, _)| times.iter().map(|(_, seconds)| seconds).sum::<f64>());
-            timing.device_seconds = match (timing.device_seconds, device) {
-                (sum, Some(device)) => Some(sum.unwrap_or(0.0) + device),
-                (_, None) => None,
-            };
-            timing.bytes += body.force_bytes();
-            context.restart_timer();
-        }
-        Ok(timing)
-    }
-
-    /// Bandwidth (bytes/s, read and written) of copies between two buffers on the device, as the host sees it.
-    ///
-    /// # Errors
-    /// When the device gives up.
-    pub fn copy_bandwidth(&self) -> Result<f64, GpuError> {
-        const COPIES: u32 = 16;
-        let context = &self.context;
-        let bytes = context.binding_limit.min(64 << 20).next_multiple_of(16);
-        let [from, to] = ["from", "to"].map(|label| context.storage(label, bytes));
-        let run = |copies: u32| {
-            let start = Instant::now();
-            let mut recorder = context.record();
-            for _ in 0..copies {
-                recorder.encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes);
-            }
-            let done = recorder.read(&to, 0, 16);
-            recorder.submit();
-            done.wait::<[f32; 4]>(context)?;
-            Ok::<_, GpuError>(start.elapsed().as_secs_f64())
-        };
-        run(1)?;
-        Ok(2.0 * f64::from(COPIES) * bytes as f64 / run(COPIES)?)
-    }
-
     /// Bodies on the device, with the displacements in the columns.
-    fn prepare<S: Scalar>(&mut self, world: &mut World) -> Result<(), GpuError> {
+    pub(crate) fn prepare<S: Scalar>(&mut self, world: &mut World) -> Result<(), GpuError> {
         check(world, &SolverSettings::default())?;
         let mut node = NodeState::<S>::default();
         node.read(world);
@@ -510,132 +328,6 @@ impl GpuBackend {
         write_state(world, &u, &v);
     }
 
-    /// Explicit substeps of all bodies, not yet accepted.
-    fn explicit_steps<S: Scalar>(
-        &mut self,
-        world: &mut World,
-        settings: &SolverSettings,
-        node: &NodeState<S>,
-        rows: &[Range<usize>],
-        report: &mut StepReport,
-    ) -> Result<Vec<BodyOutput>, StepError> {
-        let clock = *world.resource::<StepClock>();
-        let mut within = WithinStep::default();
-        within.read(world, &node.u, &node.prescribed, &node.fixed);
-        for (i, rows) in rows.iter().enumerate() {
-            let body = &world.resource::<Topology>().bodies[i];
-            let resident = &mut self.bodies[i];
-            let known = resident.vertices.clone();
-            resident.tell(&self.context, node, rows.clone(), body);
-            if known != resident.vertices {
-                self.limit.known = None;
-            }
-        }
-        let limit = self.stable_step::<S>(world, rows);
-        report.stable_step = limit;
-        let diverged = |reason| StepError::Diverged { step: clock.step, time: clock.time, reason };
-        let refuse = |needed: f64| {
-            diverged(format!(
-                "an explicit step of {} s needs {needed:.0} substeps (stability limit {limit:.3e} s), more \
-                 than max_substeps = {}; reduce dt, raise max_substeps or use integrator = \"safe\"",
-                clock.dt, settings.max_substeps
-            ))
-        };
-        let needed =
-            (clock.dt / (limit * self.limit.caution * settings.explicit_safety)).ceil().max(1.0);
-        if needed > f64::from(settings.max_substeps) {
-            return Err(refuse(needed));
-        }
-        let mut outputs = Vec::with_capacity(rows.len());
-        let (mut grown, mut scale, mut refined) = (0.0, 0.0, false);
-        for (i, rows) in rows.iter().enumerate() {
-            let resident = &mut self.bodies[i];
-            let context = &self.context;
-            if !resident.carries_low {
-                let mut recorder = context.record();
-                recorder
-                    .pass(Phase::Rows, |pass| resident.body.each_row(context, pass, "forget_low"));
-                recorder.submit();
-            }
-            let elastic = elastic_energy(context, &resident.body).map_err(refused)?;
-            let [kinetic, held] = node.kinetic_energy(rows.clone(), &node.v);
-            let now: Vec<_> = resident.state[0].clone();
-            let step = ExplicitStep {
-                context,
-                body: &resident.body,
-                settings,
-                dt: clock.dt,
-                rows: rows.clone(),
-                load: &resident.load,
-                place: [&now, &resident.target],
-                before: [elastic, kinetic, held],
-            };
-            let mut substeps = needed as u32;
-            let mut refinements = 0;
-            let mut own = StepReport { evaluations: 1, ..StepReport::default() };
-            let (output, growth) = loop {
-                let found = step.attempt(substeps, &mut within, &mut own).map_err(refused)?;
-                if let Some(found) = found {
-                    break found;
-                }
-                substeps = substeps.saturating_mul(2);
-                refinements += 1;
-                if refinements > MAX_REFINEMENTS || substeps > settings.max_substeps {
-                    self.limit.known = None;
-                    return Err(diverged(format!(
-                        "the energy grew, or a number overflowed, even with {} substeps (estimated \
-                         stability limit {limit:.3e} s); check loads and prescribed motion, reduce dt or use \
-                         integrator = \"safe\"",
-                        substeps / 2
-                    )));
-                }
-            };
-            // the device has places between start and end in that slot
-            resident.target.clear();
-            refined |= refinements > 0;
-            grown += growth[0];
-            scale += growth[1];
-            own.substeps = substeps;
-            own.refinements = refinements;
-            add_angular(&mut own, resident.centre);
-            add(report, &own);
-            outputs.push(output);
-        }
-        self.limit.creep = (self.limit.creep + grown).max(0.0);
-        if refined || self.limit.creep > CREEP * scale {
-            // the limit was too optimistic
-            let caution = (self.limit.caution * CAUTION[0]).max(CAUTION[1]);
-            self.limit = Limit { known: None, caution, creep: 0.0 };
-        }
-        Ok(outputs)
-    }
-
-    /// Largest stable explicit step (s), estimated on the processor, where an edge has changed enough.
-    fn stable_step<S: Scalar>(&mut self, world: &mut World, rows: &[Range<usize>]) -> f64 {
-        let topology = world.resource::<Topology>();
-        let mut strain = Vec::with_capacity(topology.edges.len());
-        for ((resident, rows), body) in self.bodies.iter().zip(rows).zip(&topology.bodies) {
-            let blocks = body.blocks.start as usize..body.blocks.end as usize;
-            let u = &resident.state[0];
-            strain.extend(topology.edges[blocks].iter().map(|edge| {
-                let [a, b] = edge.map(|row| row as usize);
-                let way = (self.rest[a] - self.rest[b]).as_vec3();
-                let [c, d] = [u[a - rows.start], u[b - rows.start]];
-                let moved = glam::Vec3::new(c[0] - d[0], c[1] - d[1], c[2] - d[2]);
-                moved.dot(2.0 * way + moved) / way.length_squared()
-            }));
-        }
-        if let Some((limit, before)) = &self.limit.known {
-            let apart = before.iter().zip(&strain).all(|(a, b)| (a - b).abs() <= STRAIN_CHANGE);
-            if apart && before.len() == strain.len() {
-                return *limit;
-            }
-        }
-        let limit = estimate_stable_step::<S>(world);
-        self.limit.known = Some((limit, strain));
-        limit
-    }
-
     /// Uploads bodies that are not there, or no longer what they were.
     fn make_resident<S: Scalar>(
         &mut self,
@@ -703,7 +395,7 @@ impl GpuBackend {
 
 impl Resident {
     /// Brings the device up to date with the columns; whether held unknowns have a way to go.
-    fn tell<S: Scalar>(
+    pub(crate) fn tell<S: Scalar>(
         &mut self,
         context: &Context,
         node: &NodeState<S>,
@@ -772,13 +464,13 @@ fn free_pieces<S: Scalar>(body: &BodyRows, node: &NodeState<S>, first: usize) ->
 }
 
 /// Angular momentum about the origin from that about the centre at rest.
-fn add_angular(report: &mut StepReport, centre: DVec3) {
+pub(crate) fn add_angular(report: &mut StepReport, centre: DVec3) {
     let about = centre.cross(DVec3::from(report.momentum));
     report.angular_momentum = (DVec3::from(report.angular_momentum) + about).to_array();
 }
 
 /// Adds the figures of one body to those of the step.
-fn add(sum: &mut StepReport, own: &StepReport) {
+pub(crate) fn add(sum: &mut StepReport, own: &StepReport) {
     sum.newton_iterations = sum.newton_iterations.max(own.newton_iterations);
     sum.cg_iterations += own.cg_iterations;
     sum.cg_caps += own.cg_caps;

@@ -56,11 +56,14 @@ mod error;
 mod explicit;
 pub mod laws;
 mod matrix;
+pub mod measure;
 mod recovery;
 pub mod report;
 mod safe;
 pub mod sources;
+mod substeps;
 
-pub use backend::{DeviceEvaluation, ForceTiming, GpuBackend, GpuOptions, check, install_gpu};
+pub use backend::{GpuBackend, GpuOptions, check, install_gpu};
 pub use error::GpuError;
+pub use measure::{DeviceEvaluation, ForceTiming};
 pub use report::GpuReport;
