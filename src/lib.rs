@@ -8,6 +8,8 @@ pub mod simulation;
 pub use plugin::SinewPlugins;
 
 pub use sinew_engine as engine;
+#[cfg(feature = "gpu")]
+pub use sinew_gpu as gpu;
 pub use sinew_identify as identify;
 pub use sinew_models as models;
 pub use sinew_solvers as solvers;
@@ -16,7 +18,8 @@ pub use sinew_solvers as solvers;
 pub mod prelude {
     pub use crate::plugin::SinewPlugins;
     pub use crate::simulation::{
-        BodyHandle, MaterialChange, Precision, Simulation, SimulationError, SimulationOptions,
+        Backend, BodyHandle, MaterialChange, Precision, Simulation, SimulationError,
+        SimulationOptions,
     };
     pub use glam::{DQuat, DVec3};
     pub use sinew_engine::load::{Constraint, Curve, Load, Motion, Pressure};

@@ -55,6 +55,26 @@ impl Precision {
     }
 }
 
+/// Where forces and steps are computed.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Backend {
+    /// The processor (default).
+    #[default]
+    Cpu,
+    /// A graphics processor, in `f32` whatever the precision of the columns; needs the cargo feature `gpu`.
+    Gpu,
+}
+
+impl Backend {
+    /// Name as in a scene file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+        }
+    }
+}
+
 /// How a simulation is carried out.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SimulationOptions {
@@ -67,6 +87,8 @@ pub struct SimulationOptions {
     /// Instruction set of the kernels; `None` means the best that the machine has. Results depend on
     /// it in the last digits.
     pub instruction_set: Option<InstructionSet>,
+    /// Where steps are computed.
+    pub backend: Backend,
 }
 
 /// A simulation that cannot be set up.
@@ -76,6 +98,16 @@ pub enum SimulationError {
     /// Threads.
     #[error(transparent)]
     Workers(#[from] WorkersError),
+    /// The build has no such backend.
+    #[error(
+        "backend = \"{}\" is not in this build: build with the cargo feature `gpu`, or use backend = \
+         \"cpu\"", .0.name()
+    )]
+    Backend(Backend),
+    /// The graphics processor.
+    #[cfg(feature = "gpu")]
+    #[error(transparent)]
+    Gpu(#[from] sinew_gpu::GpuError),
     /// A body.
     #[error(transparent)]
     Body(#[from] BodyError),
@@ -183,23 +215,73 @@ macro_rules! by_precision {
 }
 
 impl Simulation {
-    /// An empty world.
+    /// An empty world. With [`Backend::Gpu`] the adapter is the best there is, or what the environment
+    /// variable `SINEW_ADAPTER` names.
+    ///
+    /// # Errors
+    /// When the threads cannot be started, or the backend is not in this build or finds no adapter.
+    pub fn new(options: SimulationOptions) -> Result<Self, SimulationError> {
+        match options.backend {
+            Backend::Cpu => {
+                let mut simulation = Self::without_solver(options)?;
+                simulation.app.add_plugins(SolverPlugin { precision: options.precision });
+                Ok(simulation)
+            }
+            #[cfg(feature = "gpu")]
+            Backend::Gpu => {
+                Self::with_gpu(options, sinew_gpu::GpuBackend::new(&Default::default())?)
+            }
+            #[cfg(not(feature = "gpu"))]
+            Backend::Gpu => Err(SimulationError::Backend(Backend::Gpu)),
+        }
+    }
+
+    /// An empty world on a device that was chosen already.
     ///
     /// # Errors
     /// When the threads cannot be started.
-    pub fn new(options: SimulationOptions) -> Result<Self, SimulationError> {
+    #[cfg(feature = "gpu")]
+    pub fn with_gpu(
+        options: SimulationOptions,
+        backend: sinew_gpu::GpuBackend,
+    ) -> Result<Self, SimulationError> {
+        let mut simulation = Self::without_solver(options)?;
+        let world = simulation.app.world_mut();
+        world.insert_resource(Backend::Gpu);
+        by_precision!(simulation, install_on_gpu(world, backend));
+        Ok(simulation)
+    }
+
+    fn without_solver(options: SimulationOptions) -> Result<Self, SimulationError> {
         let mut workers = Workers::new(options.threads)?;
         if let Some(set) = options.instruction_set {
             workers = workers.with_instruction_set(set)?;
         }
         let SimulationOptions { precision, executor, .. } = options;
         let mut app = App::empty();
-        app.add_plugins((
-            EnginePlugin { precision, threads: 1, executor },
-            SolverPlugin { precision },
-        ));
+        app.add_plugins(EnginePlugin { precision, threads: 1, executor });
         app.insert_resource(workers);
+        app.insert_resource(Backend::Cpu);
         Ok(Self { app, precision })
+    }
+
+    /// Whether the backend has all that bodies and settings need; a step checks it too.
+    ///
+    /// # Errors
+    /// Names the first law, body or setting that the graphics processor does not have.
+    pub fn check_backend(&mut self) -> Result<(), SimulationError> {
+        #[cfg(feature = "gpu")]
+        if self.backend() == Backend::Gpu {
+            let world = self.app.world_mut();
+            let settings = world.resource::<SolverSettings>().clone();
+            sinew_gpu::check(world, &settings)?;
+        }
+        Ok(())
+    }
+
+    /// Where steps are computed.
+    pub fn backend(&self) -> Backend {
+        *self.world().resource()
     }
 
     /// The world.
@@ -519,6 +601,9 @@ impl Simulation {
         hash
     }
 }
+
+#[cfg(feature = "gpu")]
+use sinew_gpu::install_gpu as install_on_gpu;
 
 fn to_vector<S: Scalar>(x: &[S; 4]) -> DVec3 {
     DVec3::new(x[0].to_f64(), x[1].to_f64(), x[2].to_f64())

@@ -6,6 +6,8 @@ pub mod advise;
 pub mod beam;
 pub mod bench;
 pub mod fit;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod peers;
 pub mod reproduce;
 pub mod resection;

@@ -25,7 +25,11 @@ pub enum BenchCommand {
     Peers(BenchArguments),
     /// Frame times while one tetrahedron a frame is removed, on two threads; not part of `all`.
     Resection(BenchArguments),
-    /// Everything but `resection` and `stability`, one report.
+    /// Force passes and implicit steps on the graphics processor beside the processor, with the errors of both;
+    /// not part of `all`. The environment variable SINEW_ADAPTER names an adapter.
+    #[cfg(feature = "gpu")]
+    Gpu(BenchArguments),
+    /// Everything but `resection`, `gpu` and `stability`, one report.
     All(BenchArguments),
     /// Run the hard cases and print the pass table; fails when a case misses that must pass.
     Stability(StabilityArguments),
@@ -102,6 +106,8 @@ fn measured(command: &BenchCommand) -> Option<(Vec<Part>, &'static str, &BenchAr
             ];
             (all.to_vec(), "all", a)
         }
+        #[cfg(feature = "gpu")]
+        BenchCommand::Gpu(_) => return None,
         BenchCommand::Resection(_) | BenchCommand::Stability(_) => return None,
     })
 }
@@ -125,6 +131,8 @@ pub fn bench(bench: &BenchCommand) -> Outcome {
     match (bench, measured(bench)) {
         (BenchCommand::Stability(arguments), _) => stability(arguments),
         (BenchCommand::Resection(arguments), _) => resection(arguments),
+        #[cfg(feature = "gpu")]
+        (BenchCommand::Gpu(arguments), _) => gpu(arguments),
         (_, Some((parts, what, arguments))) => measure(&parts, what, arguments),
         (_, None) => Ok(true),
     }
@@ -161,6 +169,28 @@ fn stability(arguments: &StabilityArguments) -> Outcome {
         eprintln!("written to {}", suite.write_html(path)?.display());
     }
     Ok(suite.passed())
+}
+
+/// Graphics processor beside processor; printed, and gpu.json in the folder.
+#[cfg(feature = "gpu")]
+fn gpu(arguments: &BenchArguments) -> Outcome {
+    let sizes = match (arguments.tets.is_empty(), arguments.quick) {
+        (false, _) => arguments.tets.clone(),
+        (true, true) => vec![5_000],
+        (true, false) => vec![5_000, 50_000],
+    };
+    let steps = if arguments.quick { 5 } else { 20 };
+    let report = sinew_benches::gpu::run(&sinew_benches::gpu::GpuBenchOptions { sizes, steps })?;
+    if arguments.json {
+        print(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
+    } else {
+        print(format_args!("{report}"))?;
+    }
+    if let Some(folder) = &arguments.out {
+        std::fs::create_dir_all(folder)?;
+        std::fs::write(folder.join("gpu.json"), serde_json::to_string_pretty(&report)?)?;
+    }
+    Ok(true)
 }
 
 /// Frame times; printed only.

@@ -19,14 +19,15 @@ use progress::Progress;
 use reproduce::{ReproduceCommand, reproduce};
 use sinew::engine::mesh::Mesh;
 use sinew::prelude::{Evaluation, Integrator, Model};
-use sinew::simulation::Precision;
+use sinew::simulation::{Backend, Precision};
 use sinew_benches::advise::Choice;
 use sinew_demos::build::{BuildOptions, generate};
 use sinew_demos::check::check_file;
 use sinew_demos::mesh_tool::{MeshInfo, convert, write};
 use sinew_demos::run::{Observer, RunOptions, Silent, run};
 use sinew_demos::scene::{
-    BoxShape, CylinderShape, Generate, LoadedScene, SheetCells, SheetShape, SolidCells, SphereShape,
+    BackendName, BoxShape, CylinderShape, Generate, LoadedScene, SheetCells, SheetShape,
+    SolidCells, SphereShape,
 };
 use sinew_demos::validate::{ValidateOptions, validate};
 use std::error::Error;
@@ -101,6 +102,10 @@ struct RunArguments {
     /// Number type of the state.
     #[arg(long)]
     precision: Option<PrecisionArgument>,
+    /// Where steps are computed: cpu, or gpu in a build with that feature (the environment variable
+    /// SINEW_ADAPTER names an adapter).
+    #[arg(long, value_parser = choice::<BackendName>)]
+    backend: Option<BackendName>,
     /// Time integrator.
     #[arg(long, value_parser = choice::<Integrator>)]
     integrator: Option<Integrator>,
@@ -324,6 +329,7 @@ fn run_scene(arguments: RunArguments) -> Outcome {
     let options = RunOptions {
         build: BuildOptions {
             precision: arguments.precision.map(Precision::from),
+            backend: arguments.backend.map(Backend::from),
             threads: arguments.threads,
             steps: arguments.steps,
         },

@@ -25,7 +25,7 @@ use sinew::models::body::{BodyDescription, Evaluation, Model};
 use sinew::models::field::FieldError;
 use sinew::models::material::{MaterialError, YoungPoisson, preset};
 use sinew::models::sheet::MembraneSettings;
-use sinew::simulation::{BodyHandle, Precision, Simulation, SimulationOptions};
+use sinew::simulation::{Backend, BodyHandle, Precision, Simulation, SimulationOptions};
 use sinew::solvers::settings::{Integrator, SolverSettings};
 use std::collections::HashMap;
 
@@ -36,6 +36,8 @@ use bevy_ecs::entity::Entity;
 pub struct BuildOptions {
     /// Number type.
     pub precision: Option<Precision>,
+    /// Where steps are computed.
+    pub backend: Option<Backend>,
     /// Threads; 0 means one per core.
     pub threads: Option<usize>,
     /// Steps (load steps of a static scene).
@@ -236,11 +238,13 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     }
 
     let precision = options.precision.unwrap_or(scene.precision.into());
-    let options = SimulationOptions { precision, threads: plan.threads, ..Default::default() };
-    let mut simulation = Simulation::new(options).map_err(|source| SceneError::Simulation {
-        place: loaded.place("threads"),
-        source: Box::new(source),
-    })?;
+    let backend = options.backend.unwrap_or(scene.backend.into());
+    let threads = plan.threads;
+    let options = SimulationOptions { precision, threads, backend, ..Default::default() };
+    let place = if backend == Backend::Cpu { "threads" } else { "backend" };
+    let of_simulation =
+        |source| SceneError::Simulation { place: loaded.place(place), source: Box::new(source) };
+    let mut simulation = Simulation::new(options).map_err(of_simulation)?;
     simulation.set_gravity(plan.gravity);
     simulation.set_dt(plan.dt);
     simulation.set_solver(plan.settings.clone());
@@ -259,6 +263,7 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     if plan.mode == Mode::Static || plan.settings.integrator == Integrator::QuasiStatic {
         builder.all_held(&bodies, &constraints)?;
     }
+    simulation.check_backend().map_err(of_simulation)?;
     Ok(BuiltScene {
         simulation,
         bodies,

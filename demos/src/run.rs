@@ -7,15 +7,15 @@ use crate::output::{Writer, probe_columns, probe_values, volume};
 use crate::resection;
 use crate::scene::{LoadedScene, Mode, Quantity};
 use crate::summary::{
-    BodySummary, ConstraintSummary, EnergySummary, Level, LoadSummary, Machine, MembraneSummary,
-    PressureSummary, RunSummary, SCHEMA, SceneSummary, Settings, SolverSummary, Stage, StepTiming,
-    SystemSummary, Timing, Versions, VolumeSummary, Warning,
+    BodySummary, ConstraintSummary, EnergySummary, GpuSummary, Level, LoadSummary, Machine,
+    MembraneSummary, PressureSummary, RunSummary, SCHEMA, SceneSummary, Settings, SolverSummary,
+    Stage, StepTiming, SystemSummary, Timing, Versions, VolumeSummary, Warning,
 };
 use glam::DVec3;
 use sinew::engine::report::{StepReport, SystemTimes};
 use sinew::engine::workers::Workers;
 use sinew::models::axes::muscle::Muscles;
-use sinew::simulation::Precision;
+use sinew::simulation::{Backend, Precision, Simulation};
 use sinew::solvers::settings::Integrator;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -67,6 +67,7 @@ struct Totals {
     volume_ratios: Vec<[f64; 3]>,
     probes: f64,
     frames: f64,
+    gpu: Option<GpuSummary>,
 }
 
 impl Totals {
@@ -121,6 +122,29 @@ impl Totals {
         e.kinetic = report.kinetic_energy;
         e.elastic_max = e.elastic_max.max(e.elastic);
         e.kinetic_max = e.kinetic_max.max(e.kinetic);
+    }
+
+    #[cfg(not(feature = "gpu"))]
+    fn add_gpu(&mut self, _: &Simulation) {}
+
+    #[cfg(feature = "gpu")]
+    fn add_gpu(&mut self, simulation: &Simulation) {
+        let Some(own) = simulation.world().get_resource::<sinew::gpu::GpuReport>() else { return };
+        let sum = self.gpu.get_or_insert_default();
+        sum.adapter.clone_from(&own.adapter);
+        sum.software = own.software;
+        sum.host_s += own.host_seconds;
+        sum.submissions += u64::from(own.submissions);
+        sum.bytes_up += own.bytes_up;
+        sum.bytes_down += own.bytes_down;
+        sum.stalled += u64::from(own.stalled);
+        if sum.device_s.is_empty() {
+            sum.device_s.clone_from(&own.device_seconds);
+        } else {
+            for ((_, sum), (_, own)) in sum.device_s.iter_mut().zip(&own.device_seconds) {
+                *sum += own;
+            }
+        }
     }
 
     fn dissipated(&self) -> f64 {
@@ -198,6 +222,7 @@ pub fn run(
         let report = built.simulation.report().clone();
         let volume = built.simulation.volume_report().clone();
         totals.add(&report);
+        totals.add_gpu(&built.simulation);
         totals.energy.activation_work = built.simulation.activation_work().total;
         let v = &mut totals.volume;
         if volume.smallest_ratio < v.smallest_j {
@@ -349,6 +374,18 @@ fn run_warnings(
             "raise solver.max_linear_iterations or linear_tolerance",
         );
     }
+    if let Some(gpu) = totals.gpu.as_ref().filter(|gpu| gpu.stalled > 0) {
+        add(
+            "run.gpu.stalled",
+            Level::Warning,
+            "gpu",
+            format!(
+                "{} linear solves could not be brought to the tolerance in f32; worst residual {:.1e}",
+                gpu.stalled, s.worst_residual
+            ),
+            "raise solver.linear_tolerance, or use backend = \"cpu\"",
+        );
+    }
     if s.unconverged_steps > 0 && mode == Mode::Dynamic {
         add(
             "run.newton.unconverged",
@@ -447,6 +484,7 @@ fn run_warnings(
         let e = &totals.energy;
         let work = e.load_work.abs() + e.constraint_work.abs() + e.activation_work.abs();
         let scale = e.initial + work + e.elastic_max;
+        // what runs on the device is f32 whatever the columns hold
         let share = match (integrator.is_explicit(), precision) {
             (true, _) => 1e-2,
             // its budget lets energy swing
@@ -486,7 +524,10 @@ fn summarise(
     let equilibrium = settings.integrator == Integrator::QuasiStatic;
     totals.energy.dissipated = (!equilibrium).then(|| totals.dissipated());
     let mut warnings = std::mem::take(&mut built.warnings);
-    warnings.extend(run_warnings(&totals, steps, built.plan.mode, settings.integrator, precision));
+    let on_gpu = built.simulation.backend() == Backend::Gpu;
+    let arithmetic = if on_gpu { Precision::F32 } else { precision };
+    let integrator = settings.integrator;
+    warnings.extend(run_warnings(&totals, steps, built.plan.mode, integrator, arithmetic));
 
     let stepping: f64 = totals.step_times.iter().sum();
     let total = start.elapsed().as_secs_f64();
@@ -627,6 +668,7 @@ fn summarise(
             dt: built.plan.dt,
             steps: built.plan.steps,
             precision: precision.name(),
+            backend: built.simulation.backend().name(),
             threads,
             solver: settings.clone(),
         },
@@ -637,6 +679,7 @@ fn summarise(
         pressures: pressures.collect(),
         final_probes,
         timing,
+        gpu: totals.gpu,
         solver: totals.solver,
         energy: totals.energy,
         volume: totals.volume,

@@ -8,7 +8,7 @@ use sinew::identify::ElementMethod;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::resection::MassPolicy;
 use sinew::models::sheet::{MembraneModel, PlaneState};
-use sinew::simulation::Precision;
+use sinew::simulation::{Backend, Precision};
 use sinew::solvers::settings::SolverSettings;
 use std::cmp::Reverse;
 use std::collections::HashMap;
@@ -39,6 +39,9 @@ pub struct Scene {
     /// Number type, `"f64"` (default) or `"f32"`.
     #[serde(default)]
     pub precision: PrecisionName,
+    /// Where steps are computed, `"cpu"` (default) or `"gpu"`.
+    #[serde(default)]
+    pub backend: BackendName,
     /// Threads; 0 (default) means one per core. Results do not depend on it.
     #[serde(default)]
     pub threads: usize,
@@ -92,6 +95,26 @@ pub enum PrecisionName {
     F64,
     /// 32-bit.
     F32,
+}
+
+/// Where steps are computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BackendName {
+    /// The processor.
+    #[default]
+    Cpu,
+    /// A graphics processor; needs the cargo feature `gpu`.
+    Gpu,
+}
+
+impl From<BackendName> for Backend {
+    fn from(name: BackendName) -> Self {
+        match name {
+            BackendName::Cpu => Self::Cpu,
+            BackendName::Gpu => Self::Gpu,
+        }
+    }
 }
 
 impl From<PrecisionName> for Precision {

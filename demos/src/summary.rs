@@ -78,6 +78,8 @@ pub struct RunSummary {
     pub final_probes: Vec<(String, f64)>,
     /// Host time.
     pub timing: Timing,
+    /// What the graphics processor did, if it carried out the steps.
+    pub gpu: Option<GpuSummary>,
     /// Work and accuracy of the solver.
     pub solver: SolverSummary,
     /// Energies.
@@ -172,6 +174,27 @@ impl Versions {
     }
 }
 
+/// What the graphics processor did in a run.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct GpuSummary {
+    /// Adapter, its interface and kind.
+    pub adapter: String,
+    /// Shaders ran on the main processor: times say nothing of a graphics processor.
+    pub software: bool,
+    /// Time on the device (s) by kind of work; empty where it cannot be told.
+    pub device_s: Vec<(&'static str, f64)>,
+    /// Time of the integrator on the host (s), waiting for the device included.
+    pub host_s: f64,
+    /// Submissions to the device.
+    pub submissions: u64,
+    /// Bytes sent to the device.
+    pub bytes_up: u64,
+    /// Bytes read back.
+    pub bytes_down: u64,
+    /// Linear solves that `f32` could not bring to the tolerance.
+    pub stalled: u64,
+}
+
 /// Settings of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Settings {
@@ -181,6 +204,8 @@ pub struct Settings {
     pub steps: u64,
     /// `"f64"` or `"f32"`.
     pub precision: &'static str,
+    /// `"cpu"` or `"gpu"`.
+    pub backend: &'static str,
     /// Threads used.
     pub threads: usize,
     /// Integrator, tolerances and damping.
@@ -837,6 +862,24 @@ impl RunSummary {
                 self.settings.threads, self.settings.precision, self.machine.cores, self.machine.os
             ),
         )?;
+        if let Some(gpu) = &self.gpu {
+            let device: f64 = gpu.device_s.iter().map(|(_, s)| s).sum();
+            let parts: Vec<_> =
+                gpu.device_s.iter().map(|(n, s)| format!("{n} {}", seconds(*s))).collect();
+            let software = if gpu.software { "software, no measure of speed; " } else { "" };
+            block.line(
+                "gpu",
+                format!(
+                    "{}; {software}device {} ({}), host {}; {:.1} MB up, {:.1} MB down",
+                    gpu.adapter,
+                    seconds(device),
+                    parts.join(", "),
+                    seconds(gpu.host_s),
+                    gpu.bytes_up as f64 * 1e-6,
+                    gpu.bytes_down as f64 * 1e-6
+                ),
+            )?;
+        }
         let stages: Vec<String> = self
             .timing
             .stages

@@ -46,7 +46,7 @@ fn folder(test: &str) -> std::path::PathBuf {
 fn run_whole(name: &str, steps: Option<u64>) -> (RunSummary, Table) {
     let scene = LoadedScene::read(&shipped_scene(name)).unwrap();
     let out = folder(name);
-    let build = BuildOptions { steps, threads: Some(2), precision: None };
+    let build = BuildOptions { steps, threads: Some(2), ..BuildOptions::default() };
     let options = RunOptions { build, out: Some(out.clone()), json: None };
     let summary = run(&scene, &options, &mut Silent).unwrap();
     assert!(summary.completed, "{summary}");
@@ -284,7 +284,7 @@ fn threads_change_no_bit_and_single_precision_little() {
     let scene = LoadedScene::read(&shipped_scene("liver")).unwrap();
     let result = |threads, precision| {
         let (threads, precision) = (Some(threads), Some(precision));
-        let build = BuildOptions { threads, precision, steps: Some(30) };
+        let build = BuildOptions { threads, precision, steps: Some(30), ..BuildOptions::default() };
         let options = RunOptions { build, ..RunOptions::default() };
         run(&scene, &options, &mut Silent).unwrap()
     };

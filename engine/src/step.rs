@@ -116,6 +116,14 @@ pub enum StepError {
     /// A setting cannot be used.
     #[error("{0}")]
     InvalidSetting(String),
+    /// The backend cannot carry the step out.
+    #[error("backend \"{backend}\": {reason}")]
+    Backend {
+        /// Name as in a scene file.
+        backend: &'static str,
+        /// What is missing, and the remedy.
+        reason: String,
+    },
     /// No integrator was installed.
     #[error("no integrator is installed: add one of the solver plugins")]
     NoIntegrator,

@@ -1,0 +1,500 @@
+//! The integrator of [`StepSystems::Integrate`] that works on the device.
+//!
+//! Bodies, constraints, loads, report and the columns that others read stay those of the CPU; of the size of the
+//! body only what changed since the last step goes up (held vertices, loads, a state set from outside), and the new
+//! state comes down, 32 bytes a vertex, since volume ratios, positions and probes are read from the columns.
+
+use bevy_ecs::change_detection::Tick;
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use sinew_adapter::{AdapterRequest, AdapterSummary, Gpu, open};
+use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
+use sinew_engine::scalar::Scalar;
+use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, law_inputs_unchanged};
+use sinew_engine::step::{IntegratorInstalled, StepClock, StepError, StepFailure, not_finite};
+use sinew_engine::topology::{BodyRows, Topology};
+use sinew_models::body::{Evaluation, Model, SoftBody};
+use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
+use sinew_solvers::state::{NodeState, Rows, read_rest, write_state};
+use std::ops::Range;
+use std::time::Instant;
+
+use crate::body::{BodyParts, DeviceBody, Slot, VertexConstants};
+use crate::context::Context;
+use crate::error::GpuError;
+use crate::laws::{self, LAWS};
+use crate::recovery::Decision;
+use crate::report::{GpuReport, Phase};
+use crate::safe::{BodyInput, BodyOutput, SafeStep};
+use crate::substeps::Limit;
+
+/// Integrators that run on the device, for messages.
+const INTEGRATORS: &str = "\"safe\" (also \"auto\"), \"symplectic-euler\" or \"stormer-verlet\"";
+
+/// How the device is chosen and used.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct GpuOptions {
+    /// Adapter.
+    pub adapter: AdapterRequest,
+    /// Largest binding (bytes), if smaller than the adapter's: buffers of elements and matrices are cut to fit.
+    pub binding_limit: Option<u64>,
+}
+
+/// The device of a world and its bodies there.
+#[derive(Resource)]
+pub struct GpuBackend {
+    pub(crate) context: Context,
+    pub(crate) bodies: Vec<Resident>,
+    revision: Option<u64>,
+    tick: Option<Tick>,
+    /// Rest positions (m) of all rows.
+    pub(crate) rest: Vec<DVec3>,
+    /// With matrix, with damping: what the bodies were made for.
+    made_for: [bool; 2],
+    pub(crate) limit: Limit,
+}
+
+/// A body on the device, and what it was last told.
+pub(crate) struct Resident {
+    pub(crate) body: DeviceBody,
+    pub(crate) vertices: Vec<VertexConstants>,
+    /// Centre (m) from which its rest positions are counted.
+    pub(crate) centre: DVec3,
+    /// Displacements and velocities as the host has them.
+    pub(crate) state: [Vec<[f32; 4]>; 2],
+    pub(crate) target: Vec<[f32; 4]>,
+    pub(crate) load: Vec<[f32; 4]>,
+    pub(crate) iterations: u32,
+    /// Energy (J) when recovery from inversion began.
+    pub(crate) recovery: Option<f64>,
+    /// The device carries along what displacements of the last explicit step could not hold.
+    pub(crate) carries_low: bool,
+}
+
+impl GpuBackend {
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// When no adapter fits.
+    pub fn new(options: &GpuOptions) -> Result<Self, GpuError> {
+        Ok(Self::with_gpu(open(&options.adapter)?, options.binding_limit))
+    }
+
+    /// Uses a device that was opened already.
+    pub fn with_gpu(gpu: Gpu, binding_limit: Option<u64>) -> Self {
+        Self {
+            context: Context::new(gpu, binding_limit),
+            bodies: Vec::new(),
+            revision: None,
+            tick: None,
+            rest: Vec::new(),
+            made_for: [false; 2],
+            limit: Limit::default(),
+        }
+    }
+
+    /// Whether passes are timed on the device.
+    pub fn has_timestamps(&self) -> bool {
+        self.context.gpu.timestamps
+    }
+
+    /// What the adapter is.
+    pub fn summary(&self) -> &AdapterSummary {
+        &self.context.gpu.summary
+    }
+}
+
+/// Installs the integrator of the device, in place of `sinew_solvers::install_solver`.
+pub fn install_gpu<S: Scalar>(world: &mut World, backend: GpuBackend) {
+    world.init_resource::<SolverSettings>();
+    world.init_resource::<IntegratorInstalled>();
+    world.init_resource::<GpuReport>();
+    world.insert_resource(backend);
+    world
+        .resource_mut::<Schedules>()
+        .entry(StepSchedule)
+        .add_systems(integrate::<S>.in_set(StepSystems::Integrate));
+}
+
+/// Whether every body, law and setting of a world has its place on the device.
+///
+/// # Errors
+/// [`GpuError`] naming the first law and body, integrator or preconditioner that has none.
+pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuError> {
+    match settings.integrator {
+        Integrator::Auto
+        | Integrator::Safe
+        | Integrator::SymplecticEuler
+        | Integrator::StormerVerlet => {}
+        other => {
+            return Err(GpuError::Integrator { integrator: other.name(), known: INTEGRATORS });
+        }
+    }
+    match settings.preconditioner {
+        Preconditioner::Auto | Preconditioner::BlockJacobi => {}
+        other => return Err(GpuError::Preconditioner { preconditioner: other.name() }),
+    }
+    let mut bodies = world.query::<&SoftBody>();
+    for soft in bodies.iter(world) {
+        let rows = world.resource::<Topology>().bodies.get(soft.index);
+        if let Some((rows, law)) = rows.and_then(|rows| Some((rows, missing(soft, rows)?))) {
+            return Err(GpuError::Law { body: rows.name.clone(), law });
+        }
+    }
+    if let Some(active) = world.get_resource::<ActiveLaws>()
+        && let Some(law) = active.0.iter().find(|law| LAWS.iter().all(|known| known.name != **law))
+    {
+        return Err(GpuError::WorldLaw { law: (*law).into() });
+    }
+    Ok(())
+}
+
+/// The first part of a body without a twin on the device.
+fn missing(soft: &SoftBody, rows: &BodyRows) -> Option<String> {
+    if soft.membrane.is_some() {
+        return Some("membrane".into());
+    }
+    if soft.axes.is_some() {
+        return Some("axes of anisotropy".into());
+    }
+    if !rows.hexahedra.is_empty() && soft.model != Model::MassSpring {
+        return Some(format!("{} of hexahedra", soft.model.name()));
+    }
+    if soft.evaluation == Evaluation::Pooled {
+        return Some(format!("{} pooled", soft.model.name()));
+    }
+    matches!(soft.model, Model::Axes).then(|| soft.model.name().into())
+}
+
+/// The one system of [`StepSystems::Integrate`].
+fn integrate<S: Scalar>(world: &mut World) {
+    let start = Instant::now();
+    let mut settings = world.resource::<SolverSettings>().clone();
+    settings.recovery &= settings.integrator.recovers();
+    let mut report = StepReport::default();
+    let mut device = GpuReport::default();
+    let Some(mut backend) = world.remove_resource::<GpuBackend>() else {
+        world.resource_mut::<StepFailure>().0 = Some(StepError::NoIntegrator);
+        return;
+    };
+    let result = settings
+        .validate()
+        .and_then(|()| check(world, &settings).map_err(refused))
+        .and_then(|()| backend.step::<S>(world, &settings, &mut report, &mut device));
+    device.adapter = backend.summary().to_string();
+    device.software = backend.summary().software();
+    if let Some((times, all)) = backend.context.device_times() {
+        device.device_seconds = Phase::ALL
+            .iter()
+            .map(|&phase| {
+                let own = times.iter().filter(|(p, _)| *p == phase);
+                (phase.name(), own.map(|(_, seconds)| seconds).sum())
+            })
+            .collect();
+        device.untimed_passes = !all;
+    }
+    backend.context.restart_timer();
+    (device.bytes_up, device.bytes_down, device.submissions) = backend.context.take_traffic();
+    device.host_seconds = start.elapsed().as_secs_f64();
+    world.insert_resource(backend);
+    world.resource_mut::<StepFailure>().0 = result.err();
+    world.insert_resource(report);
+    world.insert_resource(device);
+    world.resource_mut::<SystemTimes>().add("integrator in all", start.elapsed());
+}
+
+pub(crate) fn refused(error: GpuError) -> StepError {
+    StepError::Backend { backend: "gpu", reason: error.to_string() }
+}
+
+impl GpuBackend {
+    /// Bodies on the device, with the displacements in the columns.
+    pub(crate) fn prepare<S: Scalar>(&mut self, world: &mut World) -> Result<(), GpuError> {
+        check(world, &SolverSettings::default())?;
+        let mut node = NodeState::<S>::default();
+        node.read(world);
+        let needs_matrix = SolverSettings { integrator: Integrator::Safe, ..Default::default() };
+        self.make_resident::<S>(world, &needs_matrix, &mut GpuReport::default())?;
+        for (resident, body) in self.bodies.iter_mut().zip(&world.resource::<Topology>().bodies) {
+            let rows = body.vertices.start as usize..body.vertices.end as usize;
+            resident.tell(&self.context, &node, rows, body);
+        }
+        Ok(())
+    }
+
+    fn step<S: Scalar>(
+        &mut self,
+        world: &mut World,
+        settings: &SolverSettings,
+        report: &mut StepReport,
+        device: &mut GpuReport,
+    ) -> Result<(), StepError> {
+        let mut node = NodeState::<S>::default();
+        node.read(world);
+        if node.is_empty() {
+            return Ok(());
+        }
+        self.make_resident::<S>(world, settings, device).map_err(refused)?;
+        let dt = world.resource::<StepClock>().dt;
+        let rows: Vec<_> = world
+            .resource::<Topology>()
+            .bodies
+            .iter()
+            .map(|b| b.vertices.start as usize..b.vertices.end as usize)
+            .collect();
+        if settings.integrator.is_explicit() {
+            let outputs = self.explicit_steps(world, settings, &node, &rows, report)?;
+            self.accept(world, node, rows, outputs, "accept_explicit");
+            return Ok(());
+        }
+        let volumes = world.resource::<VolumeReport>().clone();
+        let mut outputs: Vec<BodyOutput> = Vec::with_capacity(rows.len());
+        for (i, rows) in rows.iter().enumerate() {
+            let inverted = volumes.inverted_by_body.get(i).is_some_and(|&count| count > 0);
+            let topology = world.resource::<Topology>();
+            let body = &topology.bodies[i];
+            let resident = &mut self.bodies[i];
+            let moves = resident.tell(&self.context, &node, rows.clone(), body);
+            let mut own = StepReport::default();
+            let free = node.kinetic_energy(rows.clone(), &node.v)[0];
+            let decision = Decision {
+                index: i,
+                topology,
+                volumes: &volumes,
+                u: &resident.state[0],
+                rest: &self.rest[rows.clone()],
+                other: free - node.load_potential(rows.clone(), &node.u),
+            };
+            let (context, device_body) = (&self.context, &mut resident.body);
+            let recovers = decision
+                .take(settings.recovery, context, device_body, &mut resident.recovery, &mut own)
+                .map_err(refused)?;
+            let input = BodyInput {
+                inverted: inverted || recovers,
+                moves,
+                free_pieces: free_pieces(body, &node, rows.start),
+                size: body.size,
+                iterations: resident.iterations,
+            };
+            let step = SafeStep { context: &self.context, body: &resident.body, settings, dt };
+            let output = step.run(&input, &mut own, device).map_err(refused)?;
+            resident.iterations = output.iterations;
+            if !output.finite {
+                // the device still has the old state; say which vertex, if it can be told
+                let bad = |x: &[f32; 4]| x.iter().any(|x| !x.is_finite());
+                let row = output.u.iter().position(bad).unwrap_or(0);
+                return Err(not_finite(
+                    world,
+                    rows.start + row,
+                    "new displacement",
+                    "the step was undone; the deformation is beyond the range of f32 or the step too \
+                     large: check material and loads, or use a smaller step or the CPU backend",
+                ));
+            }
+            add_angular(&mut own, resident.centre);
+            add(report, &own);
+            outputs.push(output);
+        }
+        let work = report.load_work + report.constraint_work;
+        report.dissipation += work - report.elastic_energy - report.kinetic_energy;
+        report.preconditioner = Preconditioner::BlockJacobi.name();
+
+        self.accept(world, node, rows, outputs, "accept");
+        Ok(())
+    }
+
+    /// Makes the new state that of the device and of the columns.
+    fn accept<S: Scalar>(
+        &mut self,
+        world: &mut World,
+        node: NodeState<S>,
+        rows: Vec<Range<usize>>,
+        outputs: Vec<BodyOutput>,
+        kernel: &'static str,
+    ) {
+        let (mut u, mut v): (Rows<S>, Rows<S>) = (node.u, node.v);
+        for ((rows, output), resident) in rows.into_iter().zip(outputs).zip(&mut self.bodies) {
+            let wide = |x: &[f32; 4]| x.map(|x| S::from_f64(f64::from(x)));
+            let old = u[rows.clone()].iter_mut().zip(&mut v[rows]);
+            for ((u, v), (new_u, new_v)) in old.zip(output.u.iter().zip(&output.v)) {
+                (*u, *v) = (wide(new_u), wide(new_v));
+            }
+            let mut recorder = self.context.record();
+            recorder.pass(Phase::Rows, |pass| resident.body.each_row(&self.context, pass, kernel));
+            recorder.submit();
+            resident.state = [output.u, output.v];
+            resident.carries_low = kernel == "accept_explicit";
+        }
+        write_state(world, &u, &v);
+    }
+
+    /// Uploads bodies that are not there, or no longer what they were.
+    fn make_resident<S: Scalar>(
+        &mut self,
+        world: &mut World,
+        settings: &SolverSettings,
+        device: &mut GpuReport,
+    ) -> Result<(), GpuError> {
+        let revision = world.resource::<Topology>().revision;
+        let with_matrix = !settings.integrator.is_explicit();
+        let made_for = [with_matrix, with_matrix && settings.stiffness_damping > 0.0];
+        let serves = self.made_for.iter().zip(made_for).all(|(&has, needs)| has || !needs);
+        let same = serves
+            && self.revision == Some(revision)
+            && self.tick.is_some_and(|tick| law_inputs_unchanged(world, tick));
+        if same {
+            return Ok(());
+        }
+        self.revision = None;
+        self.made_for = made_for;
+        read_rest(world, &mut self.rest);
+        let count = world.resource::<Topology>().bodies.len();
+        self.bodies.clear();
+        self.limit = Limit::default();
+        for i in 0..count {
+            let topology = world.resource::<Topology>();
+            let body = &topology.bodies[i];
+            let (first, end) = (body.vertices.start, body.vertices.end);
+            let edges = &topology.edges[body.blocks.start as usize..body.blocks.end as usize];
+            let edges = edges.iter().map(|edge| edge.map(|row| row - first)).collect();
+            let own = &self.rest[first as usize..end as usize];
+            let centre = own.iter().sum::<DVec3>() / own.len().max(1) as f64;
+            let relative = |x: &DVec3| {
+                let x = (*x - centre).as_vec3();
+                [x.x, x.y, x.z, 0.0]
+            };
+            let rest = own.iter().map(relative).collect();
+            let laws = laws::columns::<S>(world, i, first);
+            let parts = BodyParts {
+                n: end - first,
+                edges,
+                laws: &laws,
+                rest,
+                with_matrix: made_for[0],
+                with_damping: made_for[1],
+            };
+            self.bodies.push(Resident {
+                body: self.context.within_memory(|| DeviceBody::new(&self.context, parts))?,
+                vertices: Vec::new(),
+                centre,
+                state: Default::default(),
+                target: Vec::new(),
+                load: Vec::new(),
+                iterations: 0,
+                recovery: None,
+                carries_low: false,
+            });
+            device.uploads += 1;
+        }
+        self.revision = Some(revision);
+        // what is changed from here on has a later tick
+        self.tick = Some(world.increment_change_tick());
+        Ok(())
+    }
+}
+
+impl Resident {
+    /// Brings the device up to date with the columns; whether held unknowns have a way to go.
+    pub(crate) fn tell<S: Scalar>(
+        &mut self,
+        context: &Context,
+        node: &NodeState<S>,
+        rows: std::ops::Range<usize>,
+        body: &BodyRows,
+    ) -> bool {
+        let narrow = |x: &[S; 4]| x.map(|x| x.to_f64() as f32);
+        let vertices: Vec<_> = rows
+            .clone()
+            .zip(&body.piece)
+            .map(|(row, &piece)| VertexConstants {
+                mass: node.mass[row].to_f64() as f32,
+                // without mass and element nothing says where it should go
+                held: if node.mass[row] == S::ZERO { 7 } else { u32::from(node.fixed[row].0) },
+                piece,
+                padding: 0,
+            })
+            .collect();
+        if vertices != self.vertices {
+            self.body.write_vertices(context, &vertices);
+            self.vertices = vertices;
+        }
+        let refresh = |slot, known: &mut Vec<[f32; 4]>, now: Vec<[f32; 4]>| {
+            if *known != now {
+                self.body.write_rows(context, slot, &now);
+                *known = now;
+            }
+        };
+        let [u, v] = &mut self.state;
+        let before = u.clone();
+        refresh(Slot::U, u, node.u[rows.clone()].iter().map(narrow).collect());
+        self.carries_low &= before == *u;
+        refresh(Slot::V, v, node.v[rows.clone()].iter().map(narrow).collect());
+        refresh(
+            Slot::Load,
+            &mut self.load,
+            node.external[rows.clone()].iter().map(narrow).collect(),
+        );
+        // free unknowns have no target: theirs is the displacement, so that it does not change with it
+        let mut moves = false;
+        let mut target = Vec::with_capacity(rows.len());
+        for (row, vertex) in rows.zip(&self.vertices) {
+            let mut own = [0.0; 4];
+            for k in (0..3).filter(|k| vertex.held >> k & 1 == 1) {
+                let massless = !node.fixed[row].holds(k);
+                let at = if massless { node.u[row][k] } else { node.prescribed[row][k] };
+                own[k] = at.to_f64() as f32;
+                moves |= own[k] != node.u[row][k].to_f64() as f32;
+            }
+            target.push(own);
+        }
+        refresh(Slot::Target, &mut self.target, target);
+        moves
+    }
+}
+
+/// Pieces of a body without held unknowns, and their masses (kg).
+fn free_pieces<S: Scalar>(body: &BodyRows, node: &NodeState<S>, first: usize) -> Vec<(u32, f64)> {
+    let mut pieces = vec![Some(0.0); body.piece_count()];
+    for (row, &piece) in (first..).zip(&body.piece) {
+        // vertices without elements belong to no piece
+        let Some(mass) = pieces.get_mut(piece as usize) else { continue };
+        *mass = mass.filter(|_| node.fixed[row].0 == 0).map(|m| m + node.mass[row].to_f64());
+    }
+    (0..).zip(pieces).filter_map(|(piece, mass)| Some((piece, mass?))).collect()
+}
+
+/// Angular momentum about the origin from that about the centre at rest.
+pub(crate) fn add_angular(report: &mut StepReport, centre: DVec3) {
+    let about = centre.cross(DVec3::from(report.momentum));
+    report.angular_momentum = (DVec3::from(report.angular_momentum) + about).to_array();
+}
+
+/// Adds the figures of one body to those of the step.
+pub(crate) fn add(sum: &mut StepReport, own: &StepReport) {
+    sum.newton_iterations = sum.newton_iterations.max(own.newton_iterations);
+    sum.cg_iterations += own.cg_iterations;
+    sum.cg_caps += own.cg_caps;
+    sum.cg_residual = sum.cg_residual.max(own.cg_residual);
+    sum.newton_step = sum.newton_step.max(own.newton_step);
+    sum.projections += own.projections;
+    sum.backtracks += own.backtracks;
+    sum.gradient_fallbacks += own.gradient_fallbacks;
+    sum.line_search_failures += own.line_search_failures;
+    sum.energy_caps += own.energy_caps;
+    sum.linearisation_error = sum.linearisation_error.max(own.linearisation_error);
+    sum.elastic_energy += own.elastic_energy;
+    sum.kinetic_energy += own.kinetic_energy;
+    sum.load_work += own.load_work;
+    sum.constraint_work += own.constraint_work;
+    sum.dissipation += own.dissipation;
+    sum.damping_dissipation += own.damping_dissipation;
+    sum.evaluations += own.evaluations;
+    sum.substeps = sum.substeps.max(own.substeps);
+    sum.refinements = sum.refinements.max(own.refinements);
+    sum.recovering += own.recovering;
+    sum.recovery_energy += own.recovery_energy;
+    for k in 0..3 {
+        sum.momentum[k] += own.momentum[k];
+        sum.angular_momentum[k] += own.angular_momentum[k];
+    }
+}

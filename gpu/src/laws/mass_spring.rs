@@ -1,0 +1,34 @@
+//! Springs on edges: twin of [`sinew_models::quadratic::MassSpring`].
+
+use bevy_ecs::prelude::*;
+use sinew_engine::element::{EdgeVertices, RestEdges};
+use sinew_engine::law::Law;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::vertex::BodyId;
+use sinew_models::pooled::TensileStiffness;
+use sinew_models::quadratic::MassSpring;
+
+use super::{DeviceLaw, ElementColumns, ElementKind};
+
+/// The law.
+pub const LAW: DeviceLaw = DeviceLaw {
+    name: MassSpring::NAME,
+    kind: ElementKind::Edge,
+    files: &[include_str!("stretch.wgsl"), include_str!("mass_spring.wgsl")],
+};
+
+/// Its elements in a body.
+pub(super) fn columns<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {
+    let mut columns = ElementColumns::default();
+    let mut query = world.query_filtered::<
+        (&EdgeVertices, RestEdges<S>, &TensileStiffness<S>, &BodyId),
+        With<MassSpring>,
+    >();
+    for (nodes, (x, y, z), stiffness, of) in query.iter(world) {
+        if of.0 as usize == body {
+            columns.nodes.extend(nodes.0.map(|row| row - first_row));
+            columns.data.extend([x.0, y.0, z.0, stiffness.0].map(|x| x.to_f64() as f32));
+        }
+    }
+    columns
+}

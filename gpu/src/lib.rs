@@ -1,0 +1,69 @@
+//! Forces and steps of Sinew on any graphics processor that `wgpu` reaches (Vulkan, Metal, DX12).
+//!
+//! A world is the same on both backends: bodies, constraints, loads, reports and the columns that others read.
+//! [`install_gpu`] puts the integrator of the device where `sinew_solvers::install_solver` puts that of the
+//! processor; `Simulation` does so for `backend = "gpu"`. [`GpuReport`] has times and traffic of the last step.
+//!
+//! # What runs there
+//!
+//! * Laws of tetrahedra, fused: St Venant-Kirchhoff with and without compression term, the same as in textbooks,
+//!   quadratic springs, linear, stiffness warping, corotational, stable neo-Hookean; springs on edges ([`laws`]).
+//! * The safe step (`Integrator::Safe`, also what `auto` stands for here): tangent, projected where it is
+//!   indefinite, conjugate gradients with inverse diagonal blocks, line search, energy cap, recovery from
+//!   inversion; held and prescribed vertices, loads, gravity, Rayleigh damping; many bodies.
+//! * Explicit substeps (`SymplecticEuler`, `StormerVerlet`), with loads and motions that vary within a step. The
+//!   stability limit is estimated on the processor, at the start and when edges have changed.
+//!
+//! [`check`] names what else a world has ([`GpuError`]); a step does so too. Nothing is left out silently.
+//!
+//! # How
+//!
+//! * **`f32` on displacements**, never positions: forces keep five to six digits at any strain. The host adds up
+//!   sums of energy and decides in `f64`.
+//! * **Two passes, no atomics.** Elements write forces (tangent blocks) into slots of their own; vertices (blocks
+//!   of the matrix) gather them through lists in the order of the elements. With sums by fixed trees results are
+//!   the same bit for bit on one device, however buffers are cut.
+//! * **The tangent is assembled**, all 3x3 blocks of a row side by side; `matrix.rs` says why.
+//! * **The host sees sums only.** A smooth step waits three times: for conjugate gradients, which run in batches
+//!   as long as last time and verify their true residual on the device; for the line search; for the end.
+//! * **Buffers are cut** to the adapter's binding limit: elements into chunks, the matrix into ranges of rows.
+//!   Vertex rows are not: 18 slots of 16 bytes, 466 000 vertices a body at the 128 MiB that every adapter has.
+//! * **The state comes down after every step**, 32 bytes a vertex, since volume ratios, positions and probes are
+//!   read from the columns.
+//!
+//! The WGSL of a law lies beside the file that names its columns, functions named as in `sinew_models`; what
+//! is common lies in `prelude.wgsl` and `elements.wgsl`. A module is these files one after another
+//! ([`sources`]).
+//!
+//! ```
+//! use sinew_gpu::{GpuBackend, GpuError, GpuOptions};
+//!
+//! match GpuBackend::new(&GpuOptions::default()) {
+//!     Ok(backend) => assert!(!backend.summary().name.is_empty()),
+//!     // a machine without a driver is told what to install
+//!     Err(error @ GpuError::Adapter(_)) => assert!(error.to_string().contains("driver")),
+//!     Err(error) => panic!("{error}"),
+//! }
+//! // eight laws and what they share, each a whole module
+//! assert_eq!(sinew_gpu::laws::LAWS.len(), 8);
+//! assert!(sinew_gpu::sources::all().iter().all(|module| module.text.contains("@compute")));
+//! ```
+pub mod backend;
+mod body;
+mod context;
+mod elements;
+mod error;
+mod explicit;
+pub mod laws;
+mod matrix;
+pub mod measure;
+mod recovery;
+pub mod report;
+mod safe;
+pub mod sources;
+mod substeps;
+
+pub use backend::{GpuBackend, GpuOptions, check, install_gpu};
+pub use error::GpuError;
+pub use measure::{DeviceEvaluation, ForceTiming};
+pub use report::GpuReport;

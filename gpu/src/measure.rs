@@ -1,0 +1,167 @@
+//! What the device computes outside a step: evaluations to compare with the processor, and timings.
+
+use bevy_ecs::prelude::World;
+use sinew_engine::law::TangentKind;
+use sinew_engine::scalar::Scalar;
+use std::time::Instant;
+
+use crate::backend::GpuBackend;
+use crate::body::{Slot, StepUniform, total};
+use crate::error::GpuError;
+use crate::report::Phase;
+
+/// Energies and forces as the device has them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DeviceEvaluation {
+    /// Elastic energy of every body (J).
+    pub energies: Vec<f64>,
+    /// Elastic force on every vertex row (N); fourth entry padding.
+    pub forces: Vec<[f32; 4]>,
+}
+
+/// Times of force passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ForceTiming {
+    /// Passes in the times.
+    pub passes: u32,
+    /// Time (s) on the device, if it can be told.
+    pub device_seconds: Option<f64>,
+    /// Time (s) as the host sees it, from recording to the end.
+    pub host_seconds: f64,
+    /// Bytes that one pass has to move at least, every list and column once.
+    pub bytes: u64,
+}
+
+impl GpuBackend {
+    /// Elastic energies (J) and forces (N) at the displacements in the columns.
+    ///
+    /// # Errors
+    /// When a law has no twin on the device, or the device gives up.
+    pub fn evaluate<S: Scalar>(&mut self, world: &mut World) -> Result<DeviceEvaluation, GpuError> {
+        self.prepare::<S>(world)?;
+        let mut result = DeviceEvaluation::default();
+        for resident in &self.bodies {
+            let (context, body) = (&self.context, &resident.body);
+            body.set(context, StepUniform::default());
+            let mut recorder = context.record();
+            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
+            body.energies(context, &mut recorder);
+            body.forces(context, &mut recorder);
+            let energies = body.read_energies(&mut recorder);
+            let forces = body.read_rows(&mut recorder, Slot::Force);
+            recorder.submit();
+            let energies = energies.wait::<[f32; 4]>(context)?;
+            result.energies.push(total(&energies, 1, 0, 0));
+            result.forces.extend(forces.wait::<[f32; 4]>(context)?);
+        }
+        self.context.restart_timer();
+        Ok(result)
+    }
+
+    /// Product (N when `direction` is in m) of the tangent at the displacements in the columns with one row
+    /// per vertex row.
+    ///
+    /// # Errors
+    /// As [`evaluate`](Self::evaluate).
+    pub fn multiply<S: Scalar>(
+        &mut self,
+        world: &mut World,
+        kind: TangentKind,
+        direction: &[[f32; 4]],
+    ) -> Result<Vec<[f32; 4]>, GpuError> {
+        self.prepare::<S>(world)?;
+        let mut result = Vec::with_capacity(direction.len());
+        for resident in &self.bodies {
+            let (context, body) = (&self.context, &resident.body);
+            let kind = match kind {
+                TangentKind::Exact => 0,
+                TangentKind::GaussNewton => 1,
+                TangentKind::Projected => 2,
+            };
+            body.set(context, StepUniform { kind, ..StepUniform::default() });
+            let rows = result.len()..result.len() + body.n as usize;
+            body.write_rows(context, Slot::P, &direction[rows]);
+            let mut recorder = context.record();
+            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
+            body.tangent(context, &mut recorder, false);
+            recorder.pass(Phase::Solve, |pass| {
+                body.product(context, pass, "product_plain", false);
+            });
+            let product = body.read_rows(&mut recorder, Slot::Q);
+            recorder.submit();
+            result.extend(product.wait::<[f32; 4]>(context)?);
+        }
+        self.context.restart_timer();
+        Ok(result)
+    }
+
+    /// Times force passes (elements and gather) at the displacements in the columns, `repeats` of them in one
+    /// submission, energies left out.
+    ///
+    /// # Errors
+    /// As [`evaluate`](Self::evaluate).
+    pub fn time_forces<S: Scalar>(
+        &mut self,
+        world: &mut World,
+        repeats: u32,
+    ) -> Result<ForceTiming, GpuError> {
+        self.prepare::<S>(world)?;
+        let context = &self.context;
+        let mut timing = ForceTiming { passes: repeats, ..ForceTiming::default() };
+        for resident in &self.bodies {
+            let body = &resident.body;
+            body.set(context, StepUniform::default());
+            // pipelines compiled, displacements in place
+            let mut recorder = context.record();
+            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
+            body.forces(context, &mut recorder);
+            let ready = body.read_sums(&mut recorder, 1);
+            recorder.submit();
+            ready.wait::<[f32; 4]>(context)?;
+            context.restart_timer();
+            let start = Instant::now();
+            let mut recorder = context.record();
+            for _ in 0..repeats {
+                body.forces(context, &mut recorder);
+            }
+            let done = body.read_sums(&mut recorder, 1);
+            recorder.submit();
+            done.wait::<[f32; 4]>(context)?;
+            timing.host_seconds += start.elapsed().as_secs_f64();
+            let timed = context.device_times().filter(|(_, all)| *all);
+            let device =
+                timed.map(|(times, _)| times.iter().map(|(_, seconds)| seconds).sum::<f64>());
+            timing.device_seconds = match (timing.device_seconds, device) {
+                (sum, Some(device)) => Some(sum.unwrap_or(0.0) + device),
+                (_, None) => None,
+            };
+            timing.bytes += body.force_bytes();
+            context.restart_timer();
+        }
+        Ok(timing)
+    }
+
+    /// Bandwidth (bytes/s, read and written) of copies between two buffers on the device, as the host sees it.
+    ///
+    /// # Errors
+    /// When the device gives up.
+    pub fn copy_bandwidth(&self) -> Result<f64, GpuError> {
+        const COPIES: u32 = 16;
+        let context = &self.context;
+        let bytes = context.binding_limit.min(64 << 20).next_multiple_of(16);
+        let [from, to] = ["from", "to"].map(|label| context.storage(label, bytes));
+        let run = |copies: u32| {
+            let start = Instant::now();
+            let mut recorder = context.record();
+            for _ in 0..copies {
+                recorder.encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes);
+            }
+            let done = recorder.read(&to, 0, 16);
+            recorder.submit();
+            done.wait::<[f32; 4]>(context)?;
+            Ok::<_, GpuError>(start.elapsed().as_secs_f64())
+        };
+        run(1)?;
+        Ok(2.0 * f64::from(COPIES) * bytes as f64 / run(COPIES)?)
+    }
+}

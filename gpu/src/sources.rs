@@ -1,0 +1,63 @@
+//! The shaders: files put together. Order does not matter in WGSL, so a module is its files one after another.
+
+/// A module: name and text.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// Name in labels and errors.
+    pub name: &'static str,
+    /// WGSL.
+    pub text: String,
+}
+
+const PRELUDE: &str = include_str!("prelude.wgsl");
+const TENSORS: &str = include_str!("tensors.wgsl");
+const ELEMENTS: &str = include_str!("elements.wgsl");
+const PROJECTION: &str = include_str!("projection.wgsl");
+
+fn module(name: &'static str, files: &[&str]) -> Source {
+    Source { name, text: files.concat() }
+}
+
+/// Passes over vertex rows, products, conjugate gradients.
+pub(crate) fn solver() -> Source {
+    let files = [
+        PRELUDE,
+        include_str!("vectors.wgsl"),
+        include_str!("explicit.wgsl"),
+        include_str!("cg.wgsl"),
+        include_str!("matrix.wgsl"),
+    ];
+    module("solver", &files)
+}
+
+/// Forces of elements to vertices.
+pub(crate) fn gather() -> Source {
+    module("gather", &[PRELUDE, include_str!("gather.wgsl")])
+}
+
+/// Tangent blocks of elements to the matrix.
+pub(crate) fn assemble() -> Source {
+    module("assemble", &[PRELUDE, include_str!("assemble.wgsl")])
+}
+
+/// Tangent to system.
+pub(crate) fn shift() -> Source {
+    module("shift", &[PRELUDE, include_str!("shift.wgsl")])
+}
+
+/// A law of tetrahedra from its own files.
+pub(crate) fn tetrahedra(name: &'static str, law: &[&str]) -> Source {
+    module(name, &[&[PRELUDE, TENSORS, ELEMENTS, PROJECTION], law].concat())
+}
+
+/// A law of edges from its own files.
+pub(crate) fn edges(name: &'static str, law: &[&str]) -> Source {
+    module(name, &[&[PRELUDE, TENSORS], law].concat())
+}
+
+/// Every module, for validation without an adapter.
+pub fn all() -> Vec<Source> {
+    let mut all = vec![solver(), gather(), assemble(), shift()];
+    all.extend(crate::laws::LAWS.iter().map(|law| law.source()));
+    all
+}

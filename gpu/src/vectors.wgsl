@@ -1,0 +1,241 @@
+// Passes over vertex rows: the parts of the safe step between evaluations and solves.
+// Twin of `sinew_solvers::implicit`; sums leave one entry per workgroup in `sums`, in f32 by a fixed tree, and
+// the host adds these up in f64.
+
+@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(1) var<storage, read_write> rows: array<vec4f>;
+@group(0) @binding(2) var<storage, read> vertices: array<Vertex>;
+@group(0) @binding(3) var<storage, read_write> partials: array<vec4f>;
+@group(0) @binding(4) var<storage, read_write> cg: CgState;
+@group(0) @binding(5) var<storage, read_write> sums: array<vec4f>;
+
+fn load_row(slot: u32, i: u32) -> vec4f {
+    return rows[slot * step.n + i];
+}
+
+fn store_row(slot: u32, i: u32, x: vec4f) {
+    rows[slot * step.n + i] = x;
+}
+
+// Old state with the held unknowns where they have to go; implicit Euler's drift.
+@compute @workgroup_size(256)
+fn begin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= step.n { return; }
+    let free = free_axes(vertices[i].held);
+    let u = load_row(U, i);
+    let y = select(load_row(TARGET, i), u, free > vec4f(0.5));
+    store_row(Y, i, vec4f(y.xyz, 0.0));
+    store_row(MOVED, i, vec4f((y - u).xyz, 0.0));
+    store_row(DRIFT, i, free * step.h * load_row(V, i));
+    store_row(DAMPED, i, vec4f(0.0));
+    store_row(Q, i, vec4f(0.0));
+}
+
+// Old state as the point of evaluation.
+@compute @workgroup_size(256)
+fn look_back(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= step.n { return; }
+    store_row(Y, i, load_row(U, i));
+}
+
+@compute @workgroup_size(256)
+fn moved_to_direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= step.n { return; }
+    store_row(P, i, load_row(MOVED, i));
+}
+
+@compute @workgroup_size(256)
+fn step_to_direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= step.n { return; }
+    store_row(P, i, load_row(STEP, i));
+}
+
+@compute @workgroup_size(256)
+fn product_to_damped(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= step.n { return; }
+    store_row(DAMPED, i, load_row(Q, i));
+}
+
+// -dP/dd on the free unknowns, and the start vector of the linear system: where inertia would lead, or 0.
+@compute @workgroup_size(256)
+fn right_hand_side(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= step.n { return; }
+    let free = free_axes(vertices[i].held);
+    let d = load_row(MOVED, i);
+    let away = load_row(DRIFT, i) - d;
+    let inertia = vertices[i].mass * (step.inertia * away - step.mass_damping * d);
+    store_row(RHS, i, free * (inertia - step.stiffness_damping * load_row(DAMPED, i) + load_row(FORCE, i) + load_row(LOAD, i)));
+    let warm = select(vec4f(0.0), free * away, step.warm == 1u);
+    store_row(STEP, i, warm);
+    store_row(P, i, warm);
+}
+
+// Sums at the start of the step.
+@compute @workgroup_size(256)
+fn measure_start(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    var a = vec4f(0.0);
+    var b = vec4f(0.0);
+    for (var i = group.x * GROUP + local; i < step.n; i += groups.x * GROUP) {
+        let free = free_axes(vertices[i].held);
+        let v = load_row(V, i).xyz;
+        let half_mass = 0.5 * vertices[i].mass;
+        // kinetic energy of free and held unknowns; damping energy; loads along the way so far
+        a += vec4f(
+            half_mass * dot(v * v, free.xyz),
+            half_mass * dot(v * v, vec3f(1.0) - free.xyz),
+            dot(load_row(MOVED, i).xyz, load_row(DAMPED, i).xyz),
+            dot(load_row(LOAD, i).xyz, load_row(MOVED, i).xyz),
+        );
+        b += vec4f(dot(load_row(LOAD, i).xyz, load_row(U, i).xyz), 0.0, 0.0, 0.0);
+    }
+    let first = group_sum(local, a);
+    let second = group_sum(local, b);
+    if local == 0u {
+        sums[2u * group.x] = first;
+        sums[2u * group.x + 1u] = second;
+    }
+}
+
+// Coefficients of the potential along the Newton step; the largest entry of the step.
+@compute @workgroup_size(256)
+fn measure_search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    var a = vec4f(0.0);
+    var largest = 0.0;
+    for (var i = group.x * GROUP + local; i < step.n; i += groups.x * GROUP) {
+        let free = free_axes(vertices[i].held).xyz;
+        let m = vertices[i].mass;
+        let d = load_row(STEP, i).xyz;
+        let moved = load_row(MOVED, i).xyz;
+        let away = free * (moved - load_row(DRIFT, i).xyz);
+        let linear = m * dot(free * d, step.inertia * away + step.mass_damping * moved)
+            - dot(load_row(LOAD, i).xyz, d) + step.stiffness_damping * dot(load_row(DAMPED, i).xyz, d);
+        let quadratic = m * (step.inertia + step.mass_damping) * dot(free * d, d)
+            + step.stiffness_damping * dot(load_row(Q, i).xyz, d);
+        a += vec4f(linear, quadratic, -dot(load_row(RHS, i).xyz, d), 0.5 * m * step.inertia * dot(away, away));
+        let size = abs(d);
+        largest = max(largest, max(size.x, max(size.y, size.z)));
+        // max() may drop NaN: the sums keep it
+    }
+    let first = group_sum(local, a);
+    workgroupBarrier();
+    tree[local] = vec4f(largest);
+    workgroupBarrier();
+    for (var width = GROUP / 2u; width > 0u; width = width / 2u) {
+        if local < width {
+            tree[local] = max(tree[local], tree[local + width]);
+        }
+        workgroupBarrier();
+    }
+    if local == 0u {
+        sums[2u * group.x] = first;
+        sums[2u * group.x + 1u] = tree[0];
+    }
+}
+
+// Displacements at the fraction `t` of the Newton step.
+@compute @workgroup_size(256)
+fn trial(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= step.n { return; }
+    let free = free_axes(vertices[i].held);
+    let moved = load_row(MOVED, i) + step.t * load_row(STEP, i);
+    let y = select(load_row(TARGET, i), load_row(U, i) + moved, free > vec4f(0.5));
+    store_row(Y, i, vec4f(y.xyz, 0.0));
+}
+
+// The way to there, and the velocity at the end of the step.
+@compute @workgroup_size(256)
+fn advance(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= step.n { return; }
+    let moved = load_row(MOVED, i) + step.t * load_row(STEP, i);
+    store_row(MOVED, i, moved);
+    store_row(P, i, moved);
+    store_row(STEP, i, step.rate * moved);
+}
+
+// Sums at the end of the step; also where a number is not finite.
+@compute @workgroup_size(256)
+fn measure_end(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    var a = vec4f(0.0);
+    var b = vec4f(0.0);
+    var c = vec4f(0.0);
+    for (var i = group.x * GROUP + local; i < step.n; i += groups.x * GROUP) {
+        let free = free_axes(vertices[i].held).xyz;
+        let m = vertices[i].mass;
+        let v = load_row(STEP, i).xyz;
+        let y = load_row(Y, i).xyz;
+        a += vec4f(
+            0.5 * m * dot(v * v, free),
+            0.5 * m * dot(v * v, vec3f(1.0) - free),
+            dot(v, load_row(DAMPED, i).xyz),
+            dot(load_row(LOAD, i).xyz, load_row(MOVED, i).xyz),
+        );
+        let p = m * v;
+        let bad = !(is_finite(dot(v, v)) && is_finite(dot(y, y)));
+        b += vec4f(p, f32(bad));
+        c += vec4f(cross(load_row(REST, i).xyz + y, p), 0.0);
+    }
+    let first = group_sum(local, a);
+    let second = group_sum(local, b);
+    let third = group_sum(local, c);
+    if local == 0u {
+        sums[3u * group.x] = first;
+        sums[3u * group.x + 1u] = second;
+        sums[3u * group.x + 2u] = third;
+    }
+}
+
+// The energy cap: free velocities scaled.
+@compute @workgroup_size(256)
+fn cap_velocity(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= step.n { return; }
+    let v = load_row(STEP, i);
+    store_row(STEP, i, select(v, step.scale * v, free_axes(vertices[i].held) > vec4f(0.5)));
+}
+
+// The new state becomes the old one.
+@compute @workgroup_size(256)
+fn accept(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= step.n { return; }
+    store_row(U, i, load_row(Y, i));
+    store_row(V, i, load_row(STEP, i));
+}
+
+// Momentum that a piece without held unknowns misses: sum of rhs less factor times m times step.
+@compute @workgroup_size(256)
+fn missing_momentum(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    var a = vec4f(0.0);
+    for (var i = group.x * GROUP + local; i < step.n; i += groups.x * GROUP) {
+        if vertices[i].piece == step.piece {
+            let factor = (step.inertia + step.mass_damping) * vertices[i].mass;
+            a += load_row(RHS, i) - factor * load_row(STEP, i);
+        }
+    }
+    let sum = group_sum(local, a);
+    if local == 0u {
+        partials[group.x] = sum;
+    }
+}
+
+@compute @workgroup_size(256)
+fn correct_momentum(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    var own = vec4f(0.0);
+    for (var k = local; k < step.groups; k += GROUP) {
+        own += partials[k];
+    }
+    let missing = group_sum(local, own);
+    for (var i = group.x * GROUP + local; i < step.n; i += groups.x * GROUP) {
+        if vertices[i].piece == step.piece {
+            store_row(STEP, i, vec4f((load_row(STEP, i) + missing / step.piece_mass).xyz, 0.0));
+        }
+    }
+}

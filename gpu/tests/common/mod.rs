@@ -1,0 +1,76 @@
+//! A device for tests, and bodies in states that matter.
+#![allow(dead_code, reason = "every test binary uses a part of it")]
+
+use glam::DVec3;
+use sinew::engine::mesh::Mesh;
+use sinew::engine::mesh::generate::box_tets;
+use sinew::prelude::*;
+use sinew_gpu::{GpuBackend, GpuError, GpuOptions};
+
+/// A device, or `None` with a message where there is no adapter.
+pub fn device(options: &GpuOptions) -> Option<GpuBackend> {
+    match GpuBackend::new(options) {
+        Ok(backend) => Some(backend),
+        Err(GpuError::Adapter(error)) => {
+            say(&format!("skipped: no GPU adapter ({error})"));
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// For whoever reads the log.
+#[allow(clippy::print_stderr, reason = "a skipped test says so, a parity test its figures")]
+pub fn say(message: &str) {
+    eprintln!("{message}");
+}
+
+/// A beam of soft tissue.
+pub fn beam(cells: [usize; 3]) -> Mesh {
+    box_tets(DVec3::new(0.2, 0.05, 0.05), cells).unwrap()
+}
+
+/// 10 kPa, nearly incompressible.
+pub const MATERIAL: YoungPoisson =
+    YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.45, density: 1000.0 };
+
+/// A state: name and displacement (m) of a rest position (m), with noise of its own in [-1, 1]^3.
+pub type State = (&'static str, fn(DVec3, DVec3) -> DVec3);
+
+/// Typical, hardly deformed, bent, squeezed with elements inside out, crushed flat.
+pub const STATES: [State; 5] = [
+    ("stretched and sheared", |x, noise| {
+        DVec3::new(0.1 * x.x + 0.05 * x.y, -0.03 * x.y, 0.04 * x.x - 0.02 * x.z) + 2e-4 * noise
+    }),
+    ("strain of 1e-5", |x, noise| 1e-5 * DVec3::new(x.x, -0.4 * x.y, -0.4 * x.z) + 1e-8 * noise),
+    ("bent", |x, _| {
+        let radius = 0.2 / 0.5;
+        let (sin, cos) = (x.x / radius).sin_cos();
+        let r = radius + x.z;
+        DVec3::new(r * sin, x.y, r * cos - radius) - x
+    }),
+    ("squeezed", |x, noise| DVec3::new(-0.45 * x.x, 0.1 * x.y, 0.1 * x.z) + 3e-3 * noise),
+    ("crushed", |x, noise| DVec3::new(0.1 * x.x, 0.1 * x.y, -0.98 * x.z) + 2e-3 * noise),
+];
+
+/// Three numbers in [-1, 1] from a counter.
+pub fn noise(i: usize) -> DVec3 {
+    let number = |k: u64| {
+        let mut x = (i as u64 * 3 + k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((x ^ (x >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    };
+    DVec3::new(number(0), number(1), number(2))
+}
+
+/// Displacements (m) of a state.
+pub fn displacements(mesh: &Mesh, state: &State) -> Vec<DVec3> {
+    mesh.points.iter().enumerate().map(|(i, x)| (state.1)(*x, noise(i))).collect()
+}
+
+/// Largest length of a difference over the largest length of `b`.
+pub fn relative(a: &[DVec3], b: &[DVec3]) -> f64 {
+    let largest = b.iter().map(|b| b.length()).fold(0.0, f64::max);
+    a.iter().zip(b).map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max) / largest
+}

@@ -1,0 +1,369 @@
+//! The safe step on the device against that of the processor in `f64`.
+mod common;
+
+use common::{MATERIAL, beam, device, noise, relative, say};
+use glam::DVec3;
+use sinew::engine::mesh::Mesh;
+use sinew::engine::report::StepReport;
+use sinew::prelude::*;
+use sinew::solvers::settings::Preconditioner;
+use sinew_gpu::{GpuOptions, GpuReport};
+
+fn settings() -> SolverSettings {
+    SolverSettings {
+        integrator: Integrator::Safe,
+        preconditioner: Preconditioner::BlockJacobi,
+        linear_tolerance: 1e-5,
+        ..SolverSettings::default()
+    }
+}
+
+/// Builds a scene on the processor and on the device, runs both and returns displacements, velocities and
+/// reports of all steps of each; `None` without an adapter.
+fn both(
+    mesh: &Mesh,
+    steps: usize,
+    settings: &SolverSettings,
+    scene: impl Fn(&mut Simulation, BodyHandle),
+) -> Option<[Run; 2]> {
+    let backend = device(&GpuOptions::default())?;
+    let options = SimulationOptions::default();
+    let simulations =
+        [Simulation::new(options).unwrap(), Simulation::with_gpu(options, backend).unwrap()];
+    Some(simulations.map(|mut simulation| {
+        let body = simulation.add_body(&BodyDescription::new("beam", mesh, MATERIAL)).unwrap();
+        simulation.set_solver(settings.clone());
+        scene(&mut simulation, body);
+        let mut reports = Vec::new();
+        for _ in 0..steps {
+            simulation.step().unwrap();
+            reports.push(simulation.report().clone());
+        }
+        let (u, v) = (simulation.displacements(body), simulation.velocities(body));
+        Run { simulation, u, v, reports }
+    }))
+}
+
+struct Run {
+    simulation: Simulation,
+    u: Vec<DVec3>,
+    v: Vec<DVec3>,
+    reports: Vec<StepReport>,
+}
+
+fn close(a: f64, b: f64, scale: f64, bound: f64, what: &str) {
+    assert!((a - b).abs() <= bound * scale, "{what}: {a} against {b}, scale {scale}");
+}
+
+fn clamp(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, group: &str) {
+    let rows = simulation.group_rows(body, mesh, group).unwrap();
+    simulation.add_constraint(Constraint::hold(group, rows));
+}
+
+#[test]
+fn beam_that_falls_and_swings() {
+    let mesh = beam([10, 3, 3]);
+    for (mass_damping, stiffness_damping) in [(0.0, 0.0), (1.0, 0.002)] {
+        let settings = SolverSettings { mass_damping, stiffness_damping, ..settings() };
+        let Some([cpu, gpu]) = both(&mesh, 20, &settings, |s, body| clamp(s, body, &mesh, "x0"))
+        else {
+            return;
+        };
+        let (u, v) = (relative(&gpu.u, &cpu.u), relative(&gpu.v, &cpu.v));
+        say(&format!("swing, damping {stiffness_damping}: displacement {u:.1e} velocity {v:.1e}"));
+        assert!(u < 1e-4 && v < 1e-3, "{u:.1e} {v:.1e}");
+        for (a, b) in gpu.reports.iter().zip(&cpu.reports) {
+            let scale = b.elastic_energy + b.kinetic_energy + b.load_work.abs();
+            close(a.elastic_energy, b.elastic_energy, scale, 1e-3, "elastic energy");
+            close(a.kinetic_energy, b.kinetic_energy, scale, 1e-3, "kinetic energy");
+            close(a.load_work, b.load_work, scale, 1e-3, "work of loads");
+            close(a.dissipation, b.dissipation, scale, 1e-3, "dissipation");
+            close(a.damping_dissipation, b.damping_dissipation, scale, 1e-3, "damping");
+            let momentum = DVec3::from(b.momentum).length().max(1e-6);
+            for k in 0..3 {
+                close(a.momentum[k], b.momentum[k], momentum, 1e-2, "momentum");
+            }
+        }
+        let device = gpu.simulation.world().resource::<GpuReport>();
+        assert!(device.bytes_down > 0 && device.submissions > 0 && device.uploads == 0);
+        let last = gpu.reports.last().unwrap();
+        assert!(last.cg_iterations > 5 && last.cg_residual < 2e-5, "{last:?}");
+    }
+}
+
+#[test]
+fn prescribed_motion_turns_and_pulls() {
+    let mesh = beam([10, 3, 3]);
+    let scene = |s: &mut Simulation, body: BodyHandle| {
+        clamp(s, body, &mesh, "x0");
+        let rows = s.group_rows(body, &mesh, "x1").unwrap();
+        let motion =
+            Motion::Rotate { centre: DVec3::new(0.2, 0.025, 0.025), axis: DVec3::X, angle: 1.0 };
+        s.add_constraint(Constraint::moving("turn", rows, motion, Curve::ramp(0.0, 0.2)));
+    };
+    let Some([cpu, gpu]) = both(&mesh, 20, &settings(), scene) else { return };
+    let (u, v) = (relative(&gpu.u, &cpu.u), relative(&gpu.v, &cpu.v));
+    say(&format!("twist: displacement {u:.1e} velocity {v:.1e}"));
+    assert!(u < 1e-4 && v < 1e-3, "{u:.1e} {v:.1e}");
+    let work = |run: &Run| run.reports.iter().map(|r| r.constraint_work).sum::<f64>();
+    close(work(&gpu), work(&cpu), work(&cpu).abs(), 1e-3, "work of the constraints");
+}
+
+#[test]
+fn free_body_keeps_momentum_and_partly_held_axes_hold() {
+    let mesh = beam([6, 3, 3]);
+    let free = |s: &mut Simulation, body: BodyHandle| {
+        s.set_gravity(DVec3::ZERO);
+        let v = mesh.points.iter().map(|x| DVec3::new(0.1, 0.0, 2.0 * x.x)).collect::<Vec<_>>();
+        s.set_state(body, &vec![DVec3::ZERO; v.len()], &v).unwrap();
+    };
+    let loose = SolverSettings { linear_tolerance: 1e-2, ..settings() };
+    let Some([cpu, gpu]) = both(&mesh, 20, &loose, free) else { return };
+    let before = DVec3::from(cpu.reports[0].momentum);
+    let after = DVec3::from(gpu.reports[19].momentum);
+    assert!((before - after).length() < 1e-5 * before.length(), "{before} {after}");
+
+    let slide = |s: &mut Simulation, body: BodyHandle| {
+        let rows = s.group_rows(body, &mesh, "z0").unwrap();
+        let mut floor = Constraint::hold("floor", rows);
+        floor.axes = sinew::engine::vertex::FixedAxes(4);
+        s.add_constraint(floor);
+        let rows = s.group_rows(body, &mesh, "x1").unwrap();
+        let forces = rows.iter().map(|&row| (row, DVec3::new(0.01, 0.004, 0.0))).collect();
+        s.add_load(Load { name: "pull".into(), forces, curve: Curve::ramp(0.0, 0.1) });
+    };
+    let Some([cpu, gpu]) = both(&mesh, 20, &settings(), slide) else { return };
+    let u = relative(&gpu.u, &cpu.u);
+    say(&format!("slide: displacement {u:.1e}"));
+    assert!(u < 1e-3, "{u:.1e}");
+    for (u, x) in gpu.u.iter().zip(&mesh.points).filter(|(_, x)| x.z == 0.0) {
+        assert_eq!(u.z, 0.0, "{x}");
+    }
+}
+
+#[test]
+fn squeezed_body_needs_the_projected_tangent_and_never_gains_energy() {
+    let mesh = beam([8, 3, 3]);
+    let scene = |s: &mut Simulation, body: BodyHandle| {
+        clamp(s, body, &mesh, "x0");
+        let u = mesh.points.iter().enumerate().map(|(i, x)| {
+            DVec3::new(-0.35 * x.x, 0.1 * x.y, 0.1 * x.z) + 1e-3 * (x.x / 0.2) * noise(i)
+        });
+        let u = u.collect::<Vec<_>>();
+        s.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        s.set_gravity(DVec3::ZERO);
+    };
+    let settings = SolverSettings { recovery: false, ..settings() };
+    let Some([cpu, gpu]) = both(&mesh, 30, &settings, scene) else { return };
+    let projections = |run: &Run| run.reports.iter().map(|r| r.projections).sum::<u32>();
+    say(&format!("squeezed: projections {} and {}", projections(&cpu), projections(&gpu)));
+    assert!(projections(&cpu) > 0 && projections(&gpu) > 0);
+    let mut energy = f64::INFINITY;
+    for r in &gpu.reports {
+        let now = r.elastic_energy + r.kinetic_energy;
+        assert!(now <= energy * (1.0 + 1e-4), "{now} after {energy}");
+        energy = now;
+    }
+    // chaotic on the way, the same in the end: at rest
+    assert!(energy < 0.2 * gpu.reports[0].elastic_energy);
+}
+
+#[test]
+fn indefinite_tangent_without_inverted_elements() {
+    let mesh = beam([8, 3, 3]);
+    let scene = |s: &mut Simulation, body: BodyHandle| {
+        clamp(s, body, &mesh, "x0");
+        let u = mesh.points.iter().map(|x| DVec3::new(-0.4 * x.x, 0.02 * x.y, 0.02 * x.z));
+        let u = u.collect::<Vec<_>>();
+        s.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        s.set_gravity(DVec3::ZERO);
+        s.set_dt(0.05);
+    };
+    let Some([cpu, gpu]) = both(&mesh, 1, &settings(), scene) else { return };
+    let u = relative(&gpu.u, &cpu.u);
+    say(&format!("compressed: displacement {u:.1e} after the step of the projected tangent"));
+    assert_eq!((cpu.reports[0].projections, gpu.reports[0].projections), (1, 1));
+    assert!(u < 1e-3, "{u:.1e}");
+}
+
+#[test]
+fn scrambled_body_recovers() {
+    let mesh = beam([6, 3, 3]);
+    let scene = |s: &mut Simulation, body: BodyHandle| {
+        s.set_gravity(DVec3::ZERO);
+        let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.03 * noise(i)).collect();
+        s.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    };
+    let settings = SolverSettings { mass_damping: 5.0, linear_tolerance: 1e-4, ..settings() };
+    let Some([cpu, gpu]) = both(&mesh, 120, &settings, scene) else { return };
+    for run in [&cpu, &gpu] {
+        let last = run.reports.last().unwrap();
+        assert!(run.reports[0].recovering == 1 && run.reports[0].recovery_energy != 0.0);
+        assert_eq!((last.recovering, run.simulation.volume_report().inverted), (0, 0));
+    }
+    let energies = [&cpu, &gpu].map(|run| run.reports[0].recovery_energy);
+    close(energies[1], energies[0], energies[0].abs(), 1e-4, "energy of recovery");
+}
+
+#[test]
+fn removed_elements_and_a_new_material_reach_the_device() {
+    let mesh = beam([8, 3, 3]);
+    let Some(backend) = device(&GpuOptions::default()) else { return };
+    let options = SimulationOptions::default();
+    let simulations =
+        [Simulation::new(options).unwrap(), Simulation::with_gpu(options, backend).unwrap()];
+    let [cpu, gpu] = simulations.map(|mut simulation| {
+        let body = simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
+        simulation.set_solver(settings());
+        clamp(&mut simulation, body, &mesh, "x0");
+        let steps = |simulation: &mut Simulation| (0..5).for_each(|_| simulation.step().unwrap());
+        steps(&mut simulation);
+        // a notch, and what hangs on one vertex falls off
+        let near = |x: &DVec3| (x.x - 0.1).abs() < 0.03 && x.z > 0.03;
+        let notch = (0..).zip(&mesh.tetrahedra).filter(|(_, t)| {
+            near(&(t.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / 4.0))
+        });
+        let notch = notch.map(|(i, _)| i).collect::<Vec<u32>>();
+        assert!(notch.len() > 10);
+        simulation.remove_elements(body, &Removal::new(Region::Tetrahedra(notch))).unwrap();
+        steps(&mut simulation);
+        let stiffer = YoungPoisson { young_modulus: 3e4, ..MATERIAL };
+        simulation.set_material(body, stiffer).unwrap();
+        simulation.step().unwrap();
+        let uploads = simulation.world().get_resource::<GpuReport>().map(|r| r.uploads);
+        steps(&mut simulation);
+        (simulation.displacements(body), uploads)
+    });
+    let u = relative(&gpu.0, &cpu.0);
+    say(&format!("notched and stiffened: displacement {u:.1e}"));
+    assert!(u < 1e-4, "{u:.1e}");
+    assert_eq!((cpu.1, gpu.1), (None, Some(1)));
+}
+
+#[test]
+fn several_bodies_step_by_themselves() {
+    let mesh = beam([6, 3, 3]);
+    let Some(backend) = device(&GpuOptions::default()) else { return };
+    let options = SimulationOptions::default();
+    let simulations =
+        [Simulation::new(options).unwrap(), Simulation::with_gpu(options, backend).unwrap()];
+    let [cpu, gpu] = simulations.map(|mut simulation| {
+        simulation.set_solver(settings());
+        let models = [Model::CompressibleStVK, Model::Corotational, Model::MassSpring];
+        let bodies = models.map(|model| {
+            let description =
+                BodyDescription { model, ..BodyDescription::new(model.name(), &mesh, MATERIAL) };
+            let body = simulation.add_body(&description).unwrap();
+            clamp(&mut simulation, body, &mesh, "x0");
+            body
+        });
+        for _ in 0..10 {
+            simulation.step().unwrap();
+        }
+        bodies.map(|body| simulation.displacements(body))
+    });
+    for (a, b) in gpu.iter().zip(&cpu) {
+        let u = relative(a, b);
+        say(&format!("one of three bodies: displacement {u:.1e}"));
+        assert!(u < 1e-4, "{u:.1e}");
+    }
+    assert!(relative(&gpu[0], &gpu[1]) > 1e-3, "different models move differently");
+}
+
+#[test]
+fn steps_repeat_bit_for_bit() {
+    let mesh = beam([6, 3, 3]);
+    let hashes = [None, Some(64 << 10)].map(|binding_limit| {
+        let backend = device(&GpuOptions { binding_limit, ..GpuOptions::default() })?;
+        let mut simulation = Simulation::with_gpu(SimulationOptions::default(), backend).unwrap();
+        let body = simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
+        simulation.set_solver(settings());
+        clamp(&mut simulation, body, &mesh, "x0");
+        let start: Vec<_> = mesh.points.iter().map(|x| DVec3::new(0.0, 0.0, -3.0 * x.x)).collect();
+        let run = |simulation: &mut Simulation| {
+            simulation.set_state(body, &vec![DVec3::ZERO; start.len()], &start).unwrap();
+            for _ in 0..5 {
+                simulation.step().unwrap();
+            }
+            simulation.state_hash()
+        };
+        Some([run(&mut simulation), run(&mut simulation)])
+    });
+    for [first, second] in hashes.iter().flatten() {
+        assert_eq!(first, second);
+    }
+}
+
+#[test]
+fn explicit_substeps() {
+    let mesh = beam([8, 3, 3]);
+    let still = |s: &mut Simulation, body: BodyHandle| clamp(s, body, &mesh, "x0");
+    // loads and held vertices that vary within a step
+    let driven = |s: &mut Simulation, body: BodyHandle| {
+        clamp(s, body, &mesh, "x0");
+        let rows = s.group_rows(body, &mesh, "x1").unwrap();
+        let motion = Motion::Translate(DVec3::new(0.01, 0.0, 0.005));
+        let curve = Curve::Sine { frequency: 4.0, phase: 0.0 };
+        s.add_constraint(Constraint::moving("shake", rows, motion, curve));
+        let rows = s.group_rows(body, &mesh, "z1").unwrap();
+        let forces = rows.iter().map(|&row| (row, DVec3::new(0.0, 0.002, 0.0))).collect();
+        s.add_load(Load { name: "push".into(), forces, curve: Curve::ramp(0.0, 0.05) });
+    };
+    for integrator in [Integrator::StormerVerlet, Integrator::SymplecticEuler] {
+        // far enough from a whole number of substeps that both estimates of the limit ask for as many
+        let settings =
+            SolverSettings { integrator, mass_damping: 1.0, explicit_safety: 0.8, ..settings() };
+        let scenes: [&dyn Fn(&mut Simulation, BodyHandle); 2] = [&still, &driven];
+        for (name, scene) in ["falls", "driven"].into_iter().zip(scenes) {
+            let Some([cpu, gpu]) = both(&mesh, 10, &settings, scene) else { return };
+            let (u, v) = (relative(&gpu.u, &cpu.u), relative(&gpu.v, &cpu.v));
+            let a = gpu.reports.last().unwrap();
+            say(&format!(
+                "{integrator:?} {name}: {} substeps, displacement {u:.1e} velocity {v:.1e}",
+                a.substeps
+            ));
+            let counts = |run: &Run| run.reports.iter().map(|r| r.substeps).collect::<Vec<_>>();
+            assert_eq!(counts(&gpu), counts(&cpu), "{name}");
+            assert!(u < 1e-4 && v < 1e-3, "{u:.1e} {v:.1e}");
+            let sum = |run: &Run, pick: fn(&StepReport) -> f64| run.reports.iter().map(pick).sum();
+            let scale = a.elastic_energy + a.kinetic_energy;
+            let books: [fn(&StepReport) -> f64; 4] = [
+                |r| r.load_work,
+                |r| r.constraint_work,
+                |r| r.dissipation,
+                |r| r.damping_dissipation,
+            ];
+            for pick in books {
+                close(sum(&gpu, pick), sum(&cpu, pick), scale, 2e-3, "books");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_has_no_twin_is_refused_by_name() {
+    let mesh = beam([3, 2, 2]);
+    let Some(backend) = device(&GpuOptions::default()) else { return };
+    let mut simulation = Simulation::with_gpu(SimulationOptions::default(), backend).unwrap();
+    simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
+    simulation
+        .set_solver(SolverSettings { integrator: Integrator::TrBdf2, ..SolverSettings::default() });
+    let error = simulation.step().unwrap_err().to_string();
+    for word in ["gpu", "tr-bdf2", "\"safe\"", "\"cpu\""] {
+        assert!(error.contains(word), "{error}");
+    }
+    simulation
+        .set_solver(SolverSettings { preconditioner: Preconditioner::Multigrid, ..settings() });
+    assert!(simulation.step().unwrap_err().to_string().contains("multigrid"));
+    simulation.set_solver(settings());
+    simulation.step().unwrap();
+    let second = BodyDescription {
+        evaluation: Evaluation::Pooled,
+        ..BodyDescription::new("second", &mesh, MATERIAL)
+    };
+    simulation.add_body(&second).unwrap();
+    let error = simulation.step().unwrap_err().to_string();
+    for word in ["second", "svk_comp pooled", "no twin", "\"cpu\""] {
+        assert!(error.contains(word), "{error}");
+    }
+}
