@@ -188,7 +188,7 @@ fn integrate<S: Scalar>(world: &mut World) {
             .iter()
             .map(|&phase| {
                 let own = times.iter().filter(|(p, _)| *p == phase);
-                (phase.name(), own.map(|(_, seconds)| seconds).sum())
+                (phase.name(), own.fold(0.0, |sum, (_, seconds)| sum + seconds))
             })
             .collect();
         device.untimed_passes = !all;
