@@ -8,7 +8,7 @@ use sinew_benches::advise::Choice;
 use sinew_demos::build::BuildOptions;
 use sinew_demos::picture::{Quantity, RenderJob, gallery, render};
 use sinew_demos::run::{Observer, Silent};
-use sinew_demos::scene::LoadedScene;
+use sinew_demos::scene::{BackendName, LoadedScene};
 use sinew_render::adapter::AdapterRequest;
 use sinew_render::camera::CameraRequest;
 use std::path::PathBuf;
@@ -74,6 +74,9 @@ pub struct RenderArguments {
     /// Number type of the state.
     #[arg(long)]
     precision: Option<PrecisionArgument>,
+    /// Where steps are computed: cpu, or gpu in a build with that feature.
+    #[arg(long, value_parser = choice::<BackendName>)]
+    backend: Option<BackendName>,
     /// Carry out this many steps instead of the whole scene.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
@@ -121,6 +124,7 @@ pub fn render_scene(arguments: RenderArguments) -> Outcome {
     let job = RenderJob {
         build: BuildOptions {
             precision: arguments.precision.map(Into::into),
+            backend: arguments.backend.map(Into::into),
             threads: arguments.threads,
             steps: arguments.steps,
         },
