@@ -214,7 +214,7 @@ fn a_fit_reports_writes_and_names_what_is_wrong() {
 
 #[test]
 fn the_tables_of_a_paper() {
-    check(&["reproduce", "paper-b", "--only", "d"], 0, "nu_out cannot be set", "figure 9");
+    check(&["reproduce", "paper-b", "--only", "d"], 0, "nu_out does not follow nu_in", "figure 9");
     check(&["reproduce", "paper-b", "--only", "x"], 1, "", "choose of a, b, c, d, e, f");
     let nowhere = ["reproduce", "paper-b", "--only", "d", "--meshes", "nowhere"];
     check(&nowhere, 1, "", "b_cube_hex.msh");
