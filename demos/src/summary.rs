@@ -866,11 +866,11 @@ impl RunSummary {
             let device: f64 = gpu.device_s.iter().map(|(_, s)| s).sum();
             let parts: Vec<_> =
                 gpu.device_s.iter().map(|(n, s)| format!("{n} {}", seconds(*s))).collect();
-            let software = if gpu.software { "software, no measure of speed; " } else { "" };
+            let software = if gpu.software { "no measure of speed; " } else { "" };
             block.line(
                 "gpu",
                 format!(
-                    "{}; {software}device {} ({}), host {}; {:.1} MB up, {:.1} MB down",
+                    "{}; steps in f32; {software}device {} ({}), host {}; {:.1} MB up, {:.1} MB down",
                     gpu.adapter,
                     seconds(device),
                     parts.join(", "),
