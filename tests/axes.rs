@@ -495,21 +495,18 @@ fn volume_is_kept() {
 }
 
 #[test]
-fn recovery_silences_axes_beside_a_material_only() {
+fn recovery_silences_axes_beside_a_material() {
     let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
-    for (kind, silent) in [(FUSED, true), (ALONE, false)] {
-        let (mut simulation, body) =
-            build(&mesh, kind, Some(rich(&mesh)), options(Precision::F64, 1));
-        let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 3e-3).collect();
-        simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
-        simulation.world_mut().insert_resource(RecoveringBodies(vec![true]));
-        simulation.evaluate();
-        let energy = simulation.world().resource::<ElasticEnergy>();
-        let axes: f64 =
-            energy.by_law.iter().filter(|l| ["axes", "fibres"].contains(&l.0)).map(|l| l.1).sum();
-        assert_eq!(axes == 0.0, silent, "{kind:?} {:?}", energy.by_law);
-        assert!(max_length(&simulation.elastic_forces(body)) > 0.0);
-    }
+    let (mut simulation, body) = build(&mesh, FUSED, Some(rich(&mesh)), options(Precision::F64, 1));
+    let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 3e-3).collect();
+    simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    simulation.world_mut().insert_resource(RecoveringBodies(vec![true]));
+    simulation.evaluate();
+    let energy = simulation.world().resource::<ElasticEnergy>();
+    let axes: f64 =
+        energy.by_law.iter().filter(|l| ["axes", "fibres"].contains(&l.0)).map(|l| l.1).sum();
+    assert_eq!(axes, 0.0, "{:?}", energy.by_law);
+    assert!(max_length(&simulation.elastic_forces(body)) > 0.0);
 }
 
 /// What the printed formulas lack: the resultant of their volume springs and the moment of their angular

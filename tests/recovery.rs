@@ -4,6 +4,7 @@ mod common;
 
 use common::*;
 use glam::DVec3;
+use sinew::engine::law::RecoveringBodies;
 use sinew::engine::mesh::Mesh;
 use sinew::prelude::*;
 
@@ -150,4 +151,59 @@ fn nothing_changes_for_a_body_in_shape() {
         simulation.state_hash()
     };
     assert_eq!(run(true), run(false));
+}
+
+/// Whatever its own law, a body recovers by the corotational energy and by nothing else, and takes its own
+/// up again; one without a material never begins.
+#[test]
+fn every_material_gives_way_to_the_corotational_energy() {
+    let mesh = jittered_box([3.0 * CELL; 3], [3; 3]);
+    let mirrored: Vec<_> = mesh.points.iter().map(|x| -2.0 * x.z * DVec3::Z).collect();
+    let still = vec![DVec3::ZERO; mirrored.len()];
+    let body = |model, evaluation| {
+        let mut simulation = Simulation::new(SimulationOptions::default()).unwrap();
+        let axes = (model == Model::Axes)
+            .then(|| AxesDescription::isotropic(soft(1e4, 0.3).lame().unwrap()).into());
+        let own = BodyDescription::new("body", &mesh, soft(1e4, 0.3));
+        let body = simulation.add_body(&BodyDescription { model, evaluation, axes, ..own }).unwrap();
+        simulation.set_state(body, &mirrored, &still).unwrap();
+        simulation.evaluate();
+        (simulation, body)
+    };
+    let forces = |(simulation, body): &mut (Simulation, BodyHandle), recovers| {
+        simulation.world_mut().insert_resource(RecoveringBodies(vec![recovers]));
+        simulation.set_state(*body, &mirrored, &still).unwrap();
+        let energy = simulation.evaluate();
+        (energy, simulation.elastic_forces(*body))
+    };
+    let corotational = forces(&mut body(Model::Corotational, Evaluation::Fused), false);
+    let size = max_length(&corotational.1);
+    for (model, evaluation) in [
+        (Model::StVK, Evaluation::Fused),
+        (Model::StVK, Evaluation::Pooled),
+        (Model::CompressibleStVK, Evaluation::Fused),
+        (Model::CompressibleStVK, Evaluation::Pooled),
+        (Model::QuadraticSprings, Evaluation::Fused),
+        (Model::StVKFem, Evaluation::Fused),
+        (Model::Linear, Evaluation::Fused),
+        (Model::NeoHookean, Evaluation::Fused),
+        (Model::WarpedStiffness, Evaluation::Fused),
+        (Model::MassSpring, Evaluation::Fused),
+        (Model::Axes, Evaluation::Fused),
+    ] {
+        let name = format!("{model:?} {evaluation:?}");
+        let mut body = body(model, evaluation);
+        let own = forces(&mut body, false);
+        body.0.set_solver(SolverSettings { integrator: Integrator::Safe, ..Default::default() });
+        body.0.step().unwrap();
+        let without = matches!(model, Model::MassSpring | Model::Axes);
+        assert_eq!(body.0.report().recovering, u32::from(!without), "{name}");
+        if without {
+            continue;
+        }
+        let recovering = forces(&mut body, true);
+        assert!((recovering.0 / corotational.0 - 1.0).abs() < 1e-12, "{name}");
+        assert!(max_distance(&recovering.1, &corotational.1) < 1e-12 * size, "{name}");
+        assert_eq!(forces(&mut body, false), own, "{name}");
+    }
 }

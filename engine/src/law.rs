@@ -55,6 +55,25 @@ impl RecoveringBodies {
     }
 }
 
+/// Bodies that never recover, by index: springs on edges alone or axes alone have no energy of a material
+/// that the corotational one could stand in for.
+#[derive(Resource, Clone, Debug, Default, PartialEq, Eq)]
+pub struct BodiesWithoutRecovery(Vec<bool>);
+
+impl BodiesWithoutRecovery {
+    /// Adds a body.
+    pub fn insert(&mut self, body: usize) {
+        self.0.resize(self.0.len().max(body + 1), false);
+        self.0[body] = true;
+    }
+
+    /// Whether a body never recovers.
+    #[inline]
+    pub fn contains(&self, body: usize) -> bool {
+        self.0.get(body).is_some_and(|&without| without)
+    }
+}
+
 /// Elastic energy of the last evaluation (J), with the potential of loads that are laws.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct ElasticEnergy {
@@ -171,9 +190,10 @@ impl<S: Scalar> Span<S> {
         self.clamped = 0;
     }
 
-    /// No energy and no part in the tangent: the body's elements follow another law.
+    /// No energy, no force and no part in the tangent: the body's elements follow another law.
     pub fn silence(&mut self) {
         self.energy = 0.0;
+        self.force.clear();
         self.drop_tangent();
     }
 

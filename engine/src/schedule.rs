@@ -2,7 +2,9 @@
 //! [`ForceSchedule`], so that a solver can run it again at trial states.
 
 use crate::columns::single_table;
-use crate::law::{ElasticEnergy, EvaluationRequest, Law, LawBuffer, RecoveringBodies};
+use crate::law::{
+    BodiesWithoutRecovery, ElasticEnergy, EvaluationRequest, Law, LawBuffer, RecoveringBodies,
+};
 use crate::matrix::Tangent;
 use crate::report::SystemTimes;
 use crate::scalar::Scalar;
@@ -94,6 +96,7 @@ pub fn install<S: Scalar>(world: &mut World, executor: Executor) {
     world.init_resource::<Topology>();
     world.init_resource::<EvaluationRequest>();
     world.init_resource::<RecoveringBodies>();
+    world.init_resource::<BodiesWithoutRecovery>();
     world.init_resource::<ElasticEnergy>();
     world.init_resource::<Tangent<S>>();
     world.init_resource::<Workers>();

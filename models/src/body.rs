@@ -15,7 +15,7 @@ use sinew_engine::isoparametric::{
     AxisHexahedronVertices, HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronIndex,
     HexahedronVertices, QuadVertices, RestHexahedron, RestShapeError,
 };
-use sinew_engine::law::{Law, LawBuffer};
+use sinew_engine::law::{BodiesWithoutRecovery, Law, LawBuffer};
 use sinew_engine::layout::{BodyLayout, ElementLists};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::scalar::Scalar;
@@ -595,6 +595,9 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     springs.spawn_edges::<S>(world, &layout, &rest_of, v0, block0, id);
     let edge_rows = springs.spawn_pooled::<S>(world, &layout, &rest_of, v0, block0, id);
     spawn_hexahedra::<S>(world, &layout, &bricks, &brick_lame, body.model, (v0, block0, id));
+    if matches!(body.model, Model::MassSpring | Model::Axes) {
+        world.resource_mut::<BodiesWithoutRecovery>().insert(id.0 as usize);
+    }
     match (body.model, body.evaluation) {
         _ if body.tetrahedra.is_empty() => {}
         (Model::QuadraticSprings, _) => spawn_marked::<QuadraticSprings, S>(world, geometry),
@@ -626,14 +629,13 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     }
     if let Some(axes) = &body.axes {
         let at = Offsets { vertex: v0, block: block0, body: id };
-        let alone = body.model == Model::Axes;
         let rest = RestShapes { tetrahedra: &rest, hexahedra: &bricks };
         match axes.form {
             AxisForm::EnergyConsistent => {
-                spawn_axes::<S>(world, axes, &layout, rest, at, alone);
+                spawn_axes::<S>(world, axes, &layout, rest, at);
             }
             AxisForm::Printed | AxisForm::PrintedBalanced => {
-                spawn_printed::<S>(world, axes, &layout, (&rest_of, rest), at, alone);
+                spawn_printed::<S>(world, axes, &layout, (&rest_of, rest), at);
             }
         }
     }

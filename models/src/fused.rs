@@ -58,6 +58,9 @@ pub trait TetrahedronLaw: Law {
     type Bodies: ArchetypeFilter + 'static;
     /// Whether it contributes energy and force.
     const FORCES: bool = true;
+    /// Whether the corotational energy takes its place for bodies that recover: so for one law of every
+    /// body, the others fall silent.
+    const STANDS_IN: bool = true;
     /// Whether it contributes to a tangent of this kind.
     fn contributes(kind: TangentKind) -> bool;
     /// Energy (J).
@@ -155,6 +158,7 @@ impl Law for Compression {
 
 impl TetrahedronLaw for Compression {
     type Bodies = With<TetrahedronEdges>;
+    const STANDS_IN: bool = false;
     fn contributes(kind: TangentKind) -> bool {
         kind != TangentKind::Projected
     }
@@ -416,7 +420,11 @@ fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
     let (energy, force) = (L::FORCES && request.energy, L::FORCES && request.force);
     let recovery = buffer.spans.iter().any(|s| recovering.contains(s.body));
     if !recovery && !energy && !force && tangent.is_none() {
-        buffer.drop_tangent();
+        if L::FORCES {
+            buffer.drop_tangent();
+        } else {
+            buffer.spans.iter_mut().for_each(Span::silence);
+        }
         return;
     }
     let work_ns = 5 * usize::from(energy)
@@ -428,9 +436,12 @@ fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
         };
     workers.for_each(&mut buffer.spans, columns.volume.len() * work_ns, |_, span| {
         if !recovering.contains(span.body) {
+            if !L::FORCES {
+                // what it held while the body recovered
+                span.silence();
+            }
             evaluate_span::<L, S>(columns, workers, span, energy, force, tangent);
-        } else if L::FORCES {
-            // one law of a body stands in for all
+        } else if L::STANDS_IN {
             let request = *request;
             evaluate_span::<Corotational, S>(
                 columns,
@@ -441,7 +452,7 @@ fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
                 request.tangent,
             );
         } else {
-            span.drop_tangent();
+            span.silence();
         }
     });
 }

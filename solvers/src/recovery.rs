@@ -9,7 +9,7 @@
 use crate::state::{NodeState, evaluate};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
-use sinew_engine::law::{ElasticEnergy, RecoveringBodies};
+use sinew_engine::law::{BodiesWithoutRecovery, ElasticEnergy, RecoveringBodies};
 use sinew_engine::report::{StepReport, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::measure_volume_ratios;
@@ -54,11 +54,14 @@ impl Recovery {
         world.insert_resource(old.clone());
         world.run_system_cached(measure_volume_ratios::<S>).expect("engine resources");
         let volumes = world.resource::<VolumeReport>();
+        let without = world.resource::<BodiesWithoutRecovery>();
         let mut new = old.clone();
         for body in 0..count {
             new.0[body] = if old.0[body] {
                 let strain = || largest_strain(world.resource(), node, rest, body);
                 volumes.smallest_by_body[body] <= LEAVE_RATIO || strain() > LEAVE_STRAIN
+            } else if without.contains(body) {
+                false
             } else {
                 let elements = volumes.elements_by_body[body] as f64;
                 volumes.inverted_by_body[body] as f64 > ENTER * elements

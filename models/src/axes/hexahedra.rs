@@ -30,7 +30,6 @@ use std::time::Instant;
 
 use super::columns::*;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
-use super::systems::{AxesOnlyBodies, Silence};
 use crate::hexahedron::{Blocks, total};
 
 /// Rest shape of a hexahedron in `f64`, with shares of the volume in place of volumes.
@@ -293,7 +292,6 @@ fn evaluate_triads<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
     recovering: Res<RecoveringBodies>,
-    alone: Res<AxesOnlyBodies>,
     mut buffer: ResMut<LawBuffer<HexahedronTriads, S>>,
     vertices: Query<&Displacement<S>>,
     axes: Query<TriadData<S>>,
@@ -305,8 +303,7 @@ fn evaluate_triads<S: Scalar>(
         return;
     };
     let columns = TriadColumns { shared: Shared::new(u, shared), axes, axial, angular, volumetric };
-    let silence = Silence { recovering: &recovering, alone: &alone };
-    evaluate(&columns, &request, &workers, &silence, &mut buffer);
+    evaluate(&columns, &request, &workers, &recovering, &mut buffer);
     buffer.time = start.elapsed();
 }
 
@@ -314,7 +311,6 @@ fn evaluate_fibres<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
     recovering: Res<RecoveringBodies>,
-    alone: Res<AxesOnlyBodies>,
     mut buffer: ResMut<LawBuffer<HexahedronFibres, S>>,
     vertices: Query<&Displacement<S>>,
     axes: Query<FibreData<S>>,
@@ -329,8 +325,7 @@ fn evaluate_fibres<S: Scalar>(
     let shared = Shared::new(u, shared);
     let columns =
         FibreColumns { shared, axis, stiffness, shortening, active, offset, inverse_width };
-    let silence = Silence { recovering: &recovering, alone: &alone };
-    evaluate(&columns, &request, &workers, &silence, &mut buffer);
+    evaluate(&columns, &request, &workers, &recovering, &mut buffer);
     buffer.time = start.elapsed();
 }
 
@@ -338,7 +333,6 @@ fn evaluate_volumes<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
     recovering: Res<RecoveringBodies>,
-    alone: Res<AxesOnlyBodies>,
     mut buffer: ResMut<LawBuffer<HexahedronVolumes, S>>,
     vertices: Query<&Displacement<S>>,
     axes: Query<VolumeData<S>, VolumeAlone<S>>,
@@ -347,8 +341,7 @@ fn evaluate_volumes<S: Scalar>(
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((shared, volumetric)) = single_table(axes.contiguous_iter()) else { return };
     let columns = VolumeColumns { shared: Shared::new(u, shared), volumetric };
-    let silence = Silence { recovering: &recovering, alone: &alone };
-    evaluate(&columns, &request, &workers, &silence, &mut buffer);
+    evaluate(&columns, &request, &workers, &recovering, &mut buffer);
     buffer.time = start.elapsed();
 }
 
@@ -370,7 +363,7 @@ fn evaluate<L: Law, S: Scalar, C: HexahedronColumns<S>>(
     columns: &C,
     request: &EvaluationRequest,
     workers: &Workers,
-    silence: &Silence,
+    recovering: &RecoveringBodies,
     buffer: &mut LawBuffer<L, S>,
 ) {
     let work = 300 * usize::from(request.energy)
@@ -378,9 +371,8 @@ fn evaluate<L: Law, S: Scalar, C: HexahedronColumns<S>>(
         + 3000 * usize::from(request.tangent.is_some());
     let derivatives = &Derivatives::hexahedron();
     workers.for_each(&mut buffer.spans, columns.shared().nodes.len() * work, |_, span| {
-        if silence.recovering.contains(span.body) && !silence.alone.contains(span.body) {
+        if recovering.contains(span.body) {
             span.silence();
-            span.force.clear();
             return;
         }
         let pass = Pass { columns, derivatives };

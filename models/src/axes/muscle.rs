@@ -24,7 +24,7 @@ use sinew_engine::workers::Workers;
 
 use super::columns::*;
 use super::hexahedra::fibre_energy;
-use super::systems::{Fibres, Silence, evaluate_spans};
+use super::systems::{Fibres, evaluate_spans};
 
 /// What activation does to fibres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -310,8 +310,8 @@ fn energy<S: Scalar>(world: &mut World) -> f64 {
     {
         let request = EvaluationRequest { energy: true, force: false, tangent: None };
         let workers = world.resource::<Workers>();
-        let silence = Silence { recovering: world.resource(), alone: world.resource() };
-        evaluate_spans(&FibreColumns::new(u, data), &request, workers, &silence, &mut buffer);
+        let recovering = world.resource();
+        evaluate_spans(&FibreColumns::new(u, data), &request, workers, recovering, &mut buffer);
     }
     let energy = buffer.energy();
     world.insert_resource(buffer);

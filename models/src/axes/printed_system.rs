@@ -24,7 +24,6 @@ use super::printed::{
     VolumeForm, VolumeSprings,
 };
 use super::site::{AxisSite, add_blocks, local};
-use super::systems::{AxesOnlyBodies, Silence};
 
 /// The springs of Bourguignon & Cani 2000 in their printed form, in the elements that `V` tells.
 pub struct PrintedSprings<V>(PhantomData<fn() -> V>);
@@ -232,7 +231,6 @@ fn evaluate<S: Scalar, const N: usize, V: AxisSite<N>>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
     recovering: Res<RecoveringBodies>,
-    alone: Res<AxesOnlyBodies>,
     mut buffer: ResMut<LawBuffer<PrintedSprings<V>, S>>,
     vertices: Query<&Displacement<S>>,
     axes: Query<(&V, &V::Blocks, &PrintedAxes<N>)>,
@@ -243,11 +241,9 @@ fn evaluate<S: Scalar, const N: usize, V: AxisSite<N>>(
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((sites, blocks, axes)) = single_table(axes.contiguous_iter()) else { return };
     let u = Displacement::peel_slice(u);
-    let silence = Silence { recovering: &recovering, alone: &alone };
     workers.for_each(&mut buffer.spans, axes.len() * 30 * N * N, |_, span| {
-        if silence.holds(span.body) {
+        if recovering.contains(span.body) {
             span.silence();
-            span.force.clear();
             return;
         }
         if request.force {

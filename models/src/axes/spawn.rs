@@ -19,7 +19,7 @@ use super::damper::{self, AxialDamper};
 use super::description::{AxesDescription, AxisFamily, AxisGroup};
 use super::hexahedra;
 use super::muscle::{self, Muscle, Muscles};
-use super::systems::{AxesOnlyBodies, activate_fibres, activate_triads, activate_volumes};
+use super::systems::{activate_fibres, activate_triads, activate_volumes};
 use crate::precompute::RestTetrahedron;
 
 /// Rows and blocks of a tetrahedron, and where it comes from.
@@ -85,21 +85,15 @@ pub(super) fn hexahedron_rows(layout: &BodyLayout, row: usize, at: Offsets) -> H
     )
 }
 
-/// Spawns the axes of a body, element by element in the order of the layout; `alone` when it has no other
-/// law.
+/// Spawns the axes of a body, element by element in the order of the layout.
 pub(crate) fn spawn_axes<S: Scalar>(
     world: &mut World,
     axes: &AxesDescription,
     layout: &BodyLayout,
     rest: RestShapes,
     at: Offsets,
-    alone: bool,
 ) {
     let body = at.body.0 as usize;
-    world.init_resource::<AxesOnlyBodies>();
-    if alone {
-        world.resource_mut::<AxesOnlyBodies>().set(body);
-    }
     let groups = axes.pack();
     let muscles = spawn_muscles::<S>(world, axes, body);
     let mut triads: Vec<(Place, ShapeGradientBundle<S>, TriadMade<S>)> = Vec::new();

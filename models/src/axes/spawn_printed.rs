@@ -15,7 +15,6 @@ use super::element::AXIS_PAIRS;
 use super::printed::VolumeForm;
 use super::printed_system::{self, Printed, PrintedAxes, PrintedElement, PrintedModuli};
 use super::spawn::{Offsets, RestShapes, hexahedron_rows, tetrahedron_place, unit};
-use super::systems::AxesOnlyBodies;
 
 /// Checks that every axis in a hexahedron meets two of its faces. In tetrahedra that have a volume it does.
 ///
@@ -46,12 +45,7 @@ pub(crate) fn spawn_printed<S: Scalar>(
     layout: &BodyLayout,
     (rest_of, rest): (&dyn Fn(u32) -> DVec3, RestShapes),
     at: Offsets,
-    alone: bool,
 ) {
-    world.init_resource::<AxesOnlyBodies>();
-    if alone {
-        world.resource_mut::<AxesOnlyBodies>().set(at.body.0 as usize);
-    }
     let groups = axes.pack();
     let (mut springs, mut dampers) = (Vec::new(), Vec::new());
     for (row, &original) in layout.tetrahedron_order.iter().enumerate() {

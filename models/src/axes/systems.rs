@@ -48,37 +48,6 @@ impl Law for VolumePreservation {
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct AxesOnly;
 
-/// Bodies that consist of axes alone, by index. In recovery they keep their axes, having nothing else;
-/// axes beside a base material are silent then, because the corotational energy that stands in for it has
-/// one minimum only as long as nothing is added to it.
-#[derive(Resource, Clone, Debug, Default, PartialEq, Eq)]
-pub struct AxesOnlyBodies(pub Vec<bool>);
-
-impl AxesOnlyBodies {
-    pub(crate) fn set(&mut self, body: usize) {
-        self.0.resize(self.0.len().max(body + 1), false);
-        self.0[body] = true;
-    }
-
-    pub(crate) fn contains(&self, body: usize) -> bool {
-        self.0.get(body).is_some_and(|&only| only)
-    }
-}
-
-/// Which ranges are silent.
-#[derive(Clone, Copy)]
-pub(crate) struct Silence<'a> {
-    pub recovering: &'a RecoveringBodies,
-    pub alone: &'a AxesOnlyBodies,
-}
-
-impl Silence<'_> {
-    /// Whether the axes of a body are silent.
-    pub fn holds(&self, body: usize) -> bool {
-        self.recovering.contains(body) && !self.alone.contains(body)
-    }
-}
-
 /// Puts the law of triads into the force schedule.
 pub fn activate_triads<S: Scalar>(world: &mut World) {
     activate_law::<AxisTriads, S>(world, |schedule| {
@@ -164,7 +133,6 @@ fn evaluate_triads<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
     recovering: Res<RecoveringBodies>,
-    alone: Res<AxesOnlyBodies>,
     mut buffer: ResMut<LawBuffer<AxisTriads, S>>,
     vertices: Query<&Displacement<S>>,
     axes: Query<TriadData<S>>,
@@ -172,8 +140,7 @@ fn evaluate_triads<S: Scalar>(
     let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some(data) = single_table(axes.contiguous_iter()) else { return };
-    let silence = Silence { recovering: &recovering, alone: &alone };
-    evaluate_spans(&TriadColumns::new(u, data), &request, &workers, &silence, &mut buffer);
+    evaluate_spans(&TriadColumns::new(u, data), &request, &workers, &recovering, &mut buffer);
     buffer.time = start.elapsed();
 }
 
@@ -181,7 +148,6 @@ fn evaluate_fibres<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
     recovering: Res<RecoveringBodies>,
-    alone: Res<AxesOnlyBodies>,
     mut buffer: ResMut<LawBuffer<Fibres, S>>,
     vertices: Query<&Displacement<S>>,
     axes: Query<FibreData<S>>,
@@ -189,8 +155,7 @@ fn evaluate_fibres<S: Scalar>(
     let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some(data) = single_table(axes.contiguous_iter()) else { return };
-    let silence = Silence { recovering: &recovering, alone: &alone };
-    evaluate_spans(&FibreColumns::new(u, data), &request, &workers, &silence, &mut buffer);
+    evaluate_spans(&FibreColumns::new(u, data), &request, &workers, &recovering, &mut buffer);
     buffer.time = start.elapsed();
 }
 
@@ -198,7 +163,6 @@ fn evaluate_volumes<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
     recovering: Res<RecoveringBodies>,
-    alone: Res<AxesOnlyBodies>,
     mut buffer: ResMut<LawBuffer<VolumePreservation, S>>,
     vertices: Query<&Displacement<S>>,
     axes: Query<VolumeData<S>, VolumeAlone<S>>,
@@ -206,8 +170,7 @@ fn evaluate_volumes<S: Scalar>(
     let start = Instant::now();
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some(data) = single_table(axes.contiguous_iter()) else { return };
-    let silence = Silence { recovering: &recovering, alone: &alone };
-    evaluate_spans(&VolumeColumns::new(u, data), &request, &workers, &silence, &mut buffer);
+    evaluate_spans(&VolumeColumns::new(u, data), &request, &workers, &recovering, &mut buffer);
     buffer.time = start.elapsed();
 }
 
@@ -218,34 +181,25 @@ pub fn evaluate_columns<L: Law, S: Scalar, C: AxisColumns<S>>(
     workers: &Workers,
     buffer: &mut LawBuffer<L, S>,
 ) {
-    evaluate_ranges(columns, request, workers, buffer, &|_| false);
+    evaluate_spans(columns, request, workers, &RecoveringBodies::default(), buffer);
 }
 
+/// [`evaluate_columns`], silent for bodies that recover: the corotational energy that stands in for the
+/// base material has one minimum only as long as nothing is added to it.
 pub(crate) fn evaluate_spans<L: Law, S: Scalar, C: AxisColumns<S>>(
     columns: &C,
     request: &EvaluationRequest,
     workers: &Workers,
-    silence: &Silence,
+    recovering: &RecoveringBodies,
     buffer: &mut LawBuffer<L, S>,
-) {
-    evaluate_ranges(columns, request, workers, buffer, &|body| silence.holds(body));
-}
-
-fn evaluate_ranges<L: Law, S: Scalar, C: AxisColumns<S>>(
-    columns: &C,
-    request: &EvaluationRequest,
-    workers: &Workers,
-    buffer: &mut LawBuffer<L, S>,
-    silent: &(dyn Fn(usize) -> bool + Sync),
 ) {
     let EvaluationRequest { energy, force, tangent } = *request;
     let work_ns =
         6 * usize::from(energy) + 8 * usize::from(force) + 60 * usize::from(tangent.is_some());
     workers.for_each(&mut buffer.spans, columns.nodes().len() * work_ns, |_, span| {
         let elements = span.elements.clone();
-        if silent(span.body) {
+        if recovering.contains(span.body) {
             span.silence();
-            span.force.clear();
             return;
         }
         if energy {
