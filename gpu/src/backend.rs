@@ -8,6 +8,7 @@ use bevy_ecs::change_detection::Tick;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_adapter::{AdapterRequest, AdapterSummary, Gpu, open};
+use sinew_engine::law::BodiesWithoutRecovery;
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, law_inputs_unchanged};
@@ -266,8 +267,9 @@ impl GpuBackend {
                 other: free - node.load_potential(rows.clone(), &node.u),
             };
             let (context, device_body) = (&self.context, &mut resident.body);
+            let on = settings.recovery && !world.resource::<BodiesWithoutRecovery>().contains(i);
             let recovers = decision
-                .take(settings.recovery, context, device_body, &mut resident.recovery, &mut own)
+                .take(on, context, device_body, &mut resident.recovery, &mut own)
                 .map_err(refused)?;
             let input = BodyInput {
                 inverted: inverted || recovers,
