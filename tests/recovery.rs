@@ -165,7 +165,8 @@ fn every_material_gives_way_to_the_corotational_energy() {
         let axes = (model == Model::Axes)
             .then(|| AxesDescription::isotropic(soft(1e4, 0.3).lame().unwrap()).into());
         let own = BodyDescription::new("body", &mesh, soft(1e4, 0.3));
-        let body = simulation.add_body(&BodyDescription { model, evaluation, axes, ..own }).unwrap();
+        let body =
+            simulation.add_body(&BodyDescription { model, evaluation, axes, ..own }).unwrap();
         simulation.set_state(body, &mirrored, &still).unwrap();
         simulation.evaluate();
         (simulation, body)

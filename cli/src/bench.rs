@@ -2,10 +2,12 @@
 
 use crate::{Outcome, PrecisionArgument, choice, print};
 use clap::{Args, Subcommand};
+use serde::Serialize;
 use sinew::prelude::{Integrator, Model};
 use sinew_benches::bench::{BenchOptions, Part, run};
 use sinew_benches::resection::ResectionOptions;
 use sinew_benches::stability::SuiteOptions;
+use std::fmt::Display;
 use std::path::PathBuf;
 
 #[derive(Subcommand)]
@@ -171,45 +173,41 @@ fn stability(arguments: &StabilityArguments) -> Outcome {
     Ok(suite.passed())
 }
 
-/// Graphics processor beside processor; printed, and gpu.json in the folder.
+/// Graphics processor beside processor.
 #[cfg(feature = "gpu")]
 fn gpu(arguments: &BenchArguments) -> Outcome {
-    let sizes = match (arguments.tets.is_empty(), arguments.quick) {
-        (false, _) => arguments.tets.clone(),
-        (true, true) => vec![5_000],
-        (true, false) => vec![5_000, 50_000],
-    };
     let steps = if arguments.quick { 5 } else { 20 };
-    let report = sinew_benches::gpu::run(&sinew_benches::gpu::GpuBenchOptions { sizes, steps })?;
-    if arguments.json {
-        print(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
-    } else {
-        print(format_args!("{report}"))?;
-    }
-    if let Some(folder) = &arguments.out {
-        std::fs::create_dir_all(folder)?;
-        std::fs::write(folder.join("gpu.json"), serde_json::to_string_pretty(&report)?)?;
-    }
-    Ok(true)
+    let options = sinew_benches::gpu::GpuBenchOptions { sizes: sizes(arguments), steps };
+    present(arguments, "gpu", &sinew_benches::gpu::run(&options)?)
 }
 
-/// Frame times; printed only.
+/// Frame times.
 fn resection(arguments: &BenchArguments) -> Outcome {
-    let sizes = match (arguments.tets.is_empty(), arguments.quick) {
+    let frames = if arguments.quick { 100 } else { 500 };
+    let options = ResectionOptions { sizes: sizes(arguments), frames, threads: 2 };
+    present(arguments, "resection", &sinew_benches::resection::run(&options)?)
+}
+
+/// Tetrahedra of the bodies of a bench of its own.
+fn sizes(arguments: &BenchArguments) -> Vec<usize> {
+    match (arguments.tets.is_empty(), arguments.quick) {
         (false, _) => arguments.tets.clone(),
         (true, true) => vec![5_000],
         (true, false) => vec![5_000, 50_000],
-    };
-    let frames = if arguments.quick { 100 } else { 500 };
-    let report = sinew_benches::resection::run(&ResectionOptions { sizes, frames, threads: 2 })?;
+    }
+}
+
+/// Prints a report, and writes NAME.json into the folder asked for.
+fn present<R: Serialize + Display>(arguments: &BenchArguments, name: &str, report: &R) -> Outcome {
     if arguments.json {
-        print(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
+        print(format_args!("{}\n", serde_json::to_string_pretty(report)?))?;
     } else {
         print(format_args!("{report}"))?;
     }
     if let Some(folder) = &arguments.out {
         std::fs::create_dir_all(folder)?;
-        std::fs::write(folder.join("resection.json"), serde_json::to_string_pretty(&report)?)?;
+        let file = folder.join(format!("{name}.json"));
+        std::fs::write(file, serde_json::to_string_pretty(report)?)?;
     }
     Ok(true)
 }

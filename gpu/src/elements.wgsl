@@ -4,13 +4,6 @@
 //   core(e, g, kind)       tangent blocks of vertices 1, 2, 3: 11 22 33 12 13 23 (N/m)
 // in terms of the element e and its displacement gradient g.
 
-struct Chunk {
-    count: u32,        // elements
-    sums: u32,         // place of its first partial energy
-    accumulate: u32,   // 0 for the first chunk, whose forces overwrite
-    rows: u32,         // vertex rows
-}
-
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read_write> rows: array<vec4f>;
 @group(0) @binding(2) var<storage, read_write> sums: array<vec4f>;
@@ -103,16 +96,6 @@ fn forces(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
     slots[4u * i + 1u] = vec4f(f[0], 0.0);
     slots[4u * i + 2u] = vec4f(f[1], 0.0);
     slots[4u * i + 3u] = vec4f(f[2], 0.0);
-}
-
-// Row-major.
-fn write_block(at: u32, m: mat3x3f) {
-    for (var column = 0u; column < 3u; column += 1u) {
-        let c = m[column];
-        blocks[at + column] = c.x;
-        blocks[at + 3u + column] = c.y;
-        blocks[at + 6u + column] = c.z;
-    }
 }
 
 // Tangent blocks of each element, into its own places: 00 11 22 33 01 02 03 12 13 23. Rigid translations cost

@@ -83,29 +83,16 @@ fn measure_explicit(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     var b = vec4f(0.0);
     var c = vec4f(0.0);
     for (var i = group.x * GROUP + local; i < step.n; i += groups.x * GROUP) {
-        let free = free_axes(vertices[i].held).xyz;
-        let m = vertices[i].mass;
-        let v = load_row(STEP, i).xyz;
-        let y = load_row(Y, i).xyz;
+        let end = end_state(i);
         a += vec4f(
-            0.5 * m * dot(v * v, free),
-            0.5 * m * dot(v * v, vec3f(1.0) - free),
+            end.kinetic,
             load_row(RHS, i).w,
             load_row(DAMPED, i).x,
         );
-        let p = m * v;
-        let bad = !(is_finite(dot(v, v)) && is_finite(dot(y, y)));
-        b += vec4f(p, f32(bad));
-        c += vec4f(cross(load_row(REST, i).xyz + y, p), 0.0);
+        b += end.momentum;
+        c += end.spin;
     }
-    let first = group_sum(local, a);
-    let second = group_sum(local, b);
-    let third = group_sum(local, c);
-    if local == 0u {
-        sums[3u * group.x] = first;
-        sums[3u * group.x + 1u] = second;
-        sums[3u * group.x + 2u] = third;
-    }
+    write_sums(group.x, local, a, b, c);
 }
 
 @compute @workgroup_size(256)

@@ -1,12 +1,5 @@
 // Forces on vertices: the slots of the elements round each vertex, added in the order of the elements.
 
-struct Chunk {
-    count: u32,
-    sums: u32,
-    accumulate: u32,
-    rows: u32,
-}
-
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read_write> rows: array<vec4f>;
 @group(0) @binding(2) var<storage, read_write> sums: array<vec4f>;

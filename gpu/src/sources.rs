@@ -12,6 +12,7 @@ pub struct Source {
 const PRELUDE: &str = include_str!("prelude.wgsl");
 const TENSORS: &str = include_str!("tensors.wgsl");
 const ELEMENTS: &str = include_str!("elements.wgsl");
+const BLOCKS: &str = include_str!("blocks.wgsl");
 const PROJECTION: &str = include_str!("projection.wgsl");
 
 fn module(name: &'static str, files: &[&str]) -> Source {
@@ -47,12 +48,12 @@ pub(crate) fn shift() -> Source {
 
 /// A law of tetrahedra from its own files.
 pub(crate) fn tetrahedra(name: &'static str, law: &[&str]) -> Source {
-    module(name, &[&[PRELUDE, TENSORS, ELEMENTS, PROJECTION], law].concat())
+    module(name, &[&[PRELUDE, TENSORS, ELEMENTS, BLOCKS, PROJECTION], law].concat())
 }
 
 /// A law of edges from its own files.
 pub(crate) fn edges(name: &'static str, law: &[&str]) -> Source {
-    module(name, &[&[PRELUDE, TENSORS], law].concat())
+    module(name, &[&[PRELUDE, TENSORS, BLOCKS], law].concat())
 }
 
 /// Every module, for validation without an adapter.

@@ -160,6 +160,38 @@ fn advance(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
     store_row(STEP, i, step.rate * moved);
 }
 
+// What a vertex adds to the sums at the end of a step.
+struct EndState {
+    kinetic: vec2f,    // of free and of held unknowns
+    momentum: vec4f,   // and 1 where a number is not finite
+    spin: vec4f,       // angular momentum
+}
+
+fn end_state(i: u32) -> EndState {
+    let free = free_axes(vertices[i].held).xyz;
+    let m = vertices[i].mass;
+    let v = load_row(STEP, i).xyz;
+    let y = load_row(Y, i).xyz;
+    let p = m * v;
+    let bad = !(is_finite(dot(v, v)) && is_finite(dot(y, y)));
+    return EndState(
+        0.5 * m * vec2f(dot(v * v, free), dot(v * v, vec3f(1.0) - free)),
+        vec4f(p, f32(bad)),
+        vec4f(cross(load_row(REST, i).xyz + y, p), 0.0),
+    );
+}
+
+fn write_sums(group: u32, local: u32, a: vec4f, b: vec4f, c: vec4f) {
+    let first = group_sum(local, a);
+    let second = group_sum(local, b);
+    let third = group_sum(local, c);
+    if local == 0u {
+        sums[3u * group] = first;
+        sums[3u * group + 1u] = second;
+        sums[3u * group + 2u] = third;
+    }
+}
+
 // Sums at the end of the step; also where a number is not finite.
 @compute @workgroup_size(256)
 fn measure_end(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
@@ -167,29 +199,16 @@ fn measure_end(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
     var b = vec4f(0.0);
     var c = vec4f(0.0);
     for (var i = group.x * GROUP + local; i < step.n; i += groups.x * GROUP) {
-        let free = free_axes(vertices[i].held).xyz;
-        let m = vertices[i].mass;
-        let v = load_row(STEP, i).xyz;
-        let y = load_row(Y, i).xyz;
+        let end = end_state(i);
         a += vec4f(
-            0.5 * m * dot(v * v, free),
-            0.5 * m * dot(v * v, vec3f(1.0) - free),
-            dot(v, load_row(DAMPED, i).xyz),
+            end.kinetic,
+            dot(load_row(STEP, i).xyz, load_row(DAMPED, i).xyz),
             dot(load_row(LOAD, i).xyz, load_row(MOVED, i).xyz),
         );
-        let p = m * v;
-        let bad = !(is_finite(dot(v, v)) && is_finite(dot(y, y)));
-        b += vec4f(p, f32(bad));
-        c += vec4f(cross(load_row(REST, i).xyz + y, p), 0.0);
+        b += end.momentum;
+        c += end.spin;
     }
-    let first = group_sum(local, a);
-    let second = group_sum(local, b);
-    let third = group_sum(local, c);
-    if local == 0u {
-        sums[3u * group.x] = first;
-        sums[3u * group.x + 1u] = second;
-        sums[3u * group.x + 2u] = third;
-    }
+    write_sums(group.x, local, a, b, c);
 }
 
 // The energy cap: free velocities scaled.

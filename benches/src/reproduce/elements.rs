@@ -1,7 +1,7 @@
 //! Natsupakpong & Cavusoglu 2010, tables 1 and 3: soft tissue, cylinders and cubes in tension, springs
 //! against finite elements.
 
-use super::lumped::{Meshes, Ours, alike, pair, percents, printed_name, rows_alike};
+use super::lumped::{Meshes, Ours, alike, error_row, error_table, printed_name, rows_alike};
 use super::{Figure, Finding};
 use crate::bench::error::BenchError;
 use crate::bench::table::Table;
@@ -65,34 +65,9 @@ fn measure(
 }
 
 fn table(name: &'static str, title: &str, rows: &[Row]) -> Table {
-    let mut table = Table::new(
-        name,
-        title,
-        &[
-            "object",
-            "fit",
-            "printed",
-            "linear, traction",
-            "linear, equal forces",
-            "rest lengths, traction",
-            "negative springs",
-            "nodes",
-            "elements",
-        ],
-    )
-    .note("% e_rms / % e_max of the largest displacement of linear finite elements");
+    let mut table = error_table(name, title, ["object", "fit"]);
     for r in rows {
-        table.row(vec![
-            r.object.into(),
-            printed_name(r.method).into(),
-            r.printed.map(pair).unwrap_or(crate::bench::table::Cell::Missing),
-            percents(r.ours.traction),
-            percents(r.ours.equal),
-            percents(r.ours.rest_length),
-            r.ours.negative.into(),
-            r.counts[0].into(),
-            r.counts[1].into(),
-        ]);
+        table.row(error_row(r.object, r.method, r.printed, &r.ours, r.counts));
     }
     table
 }

@@ -3,7 +3,7 @@
 
 use super::Finding;
 use crate::bench::error::BenchError;
-use crate::bench::table::Cell;
+use crate::bench::table::{Cell, Table};
 use crate::fit::assess::{against, reference};
 use crate::fit::rig::{Grips, Reading, Rig};
 use glam::{DVec2, DVec3};
@@ -196,6 +196,44 @@ pub(super) fn percents(errors: Option<PositionErrors>) -> Cell {
 /// `rms / max` as printed.
 pub(super) fn pair([rms, max]: [f64; 2]) -> Cell {
     format!("{rms:.2} / {max:.2}").into()
+}
+
+/// Table of errors against those printed; `what` heads the columns of element and method.
+pub(super) fn error_table(name: &'static str, title: &str, what: [&str; 2]) -> Table {
+    let columns = [
+        what[0],
+        what[1],
+        "printed",
+        "linear, traction",
+        "linear, equal forces",
+        "rest lengths, traction",
+        "negative springs",
+        "nodes",
+        "elements",
+    ];
+    Table::new(name, title, &columns)
+        .note("% e_rms / % e_max of the largest displacement of linear finite elements")
+}
+
+/// Row of [`error_table`].
+pub(super) fn error_row(
+    element: &str,
+    method: ElementMethod,
+    printed: Option<[f64; 2]>,
+    ours: &Ours,
+    counts: [usize; 2],
+) -> Vec<Cell> {
+    vec![
+        element.into(),
+        printed_name(method).into(),
+        printed.map_or(Cell::Missing, pair),
+        percents(ours.traction),
+        percents(ours.equal),
+        percents(ours.rest_length),
+        ours.negative.into(),
+        counts[0].into(),
+        counts[1].into(),
+    ]
 }
 
 /// Names of methods in the paper.

@@ -1,9 +1,8 @@
 //! Natsupakpong & Cavusoglu 2010, table 6: squares and cubes in shear.
 
-use super::lumped::{Meshes, Ours, pair, percents, printed_name, rows_alike};
+use super::lumped::{Meshes, Ours, error_row, error_table, printed_name, rows_alike};
 use super::{Figure, Finding};
 use crate::bench::error::BenchError;
-use crate::bench::table::Table;
 use sinew_identify::ElementMethod::{self, Baudet, Frobenius, Lloyd, TwoNorm, VanGelder};
 
 /// Mesh, element, method, printed errors (rms, max).
@@ -76,34 +75,10 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
 /// `quick`: the squares only, for tests.
 pub(super) fn figure(meshes: &Meshes, quick: bool) -> Result<Figure, BenchError> {
     let rows = measure(meshes, quick)?;
-    let mut table = Table::new(
-        "e-table-6",
-        "Table 6: errors in shear",
-        &[
-            "element",
-            "method",
-            "printed",
-            "linear, traction",
-            "linear, equal forces",
-            "rest lengths, traction",
-            "negative springs",
-            "nodes",
-            "elements",
-        ],
-    )
-    .note("% e_rms / % e_max of the largest displacement of linear finite elements");
+    let title = "Table 6: errors in shear";
+    let mut table = error_table("e-table-6", title, ["element", "method"]);
     for r in &rows {
-        table.row(vec![
-            r.element.into(),
-            printed_name(r.method).into(),
-            pair(r.printed),
-            percents(r.ours.traction),
-            percents(r.ours.equal),
-            percents(r.ours.rest_length),
-            r.ours.negative.into(),
-            r.counts[0].into(),
-            r.counts[1].into(),
-        ]);
+        table.row(error_row(r.element, r.method, Some(r.printed), &r.ours, r.counts));
     }
     Ok(Figure {
         letter: 'e',

@@ -1,12 +1,5 @@
 // Springs on edges. Twin of `sinew_models::quadratic::MassSpring`, frame included: elements are edges.
 
-struct Chunk {
-    count: u32,
-    sums: u32,
-    accumulate: u32,
-    rows: u32,
-}
-
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read_write> rows: array<vec4f>;
 @group(0) @binding(2) var<storage, read_write> sums: array<vec4f>;
@@ -45,15 +38,6 @@ fn forces(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
     slots[2u * i + 1u] = vec4f(pull, 0.0);
 }
 
-fn write_block(at: u32, sign: f32, m: mat3x3f) {
-    for (var column = 0u; column < 3u; column += 1u) {
-        let c = sign * m[column];
-        blocks[at + column] = c.x;
-        blocks[at + 3u + column] = c.y;
-        blocks[at + 6u + column] = c.z;
-    }
-}
-
 // Blocks 00 11 01.
 @compute @workgroup_size(256)
 fn tangents(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
@@ -74,7 +58,7 @@ fn tangents(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups
     let m = (0.5 * along) * outer(z, z)
         + (s.slope * tension) * (identity() - s.inverse_square * outer(s.edge, s.edge));
     let at = 27u * i;
-    write_block(at, 1.0, m);
-    write_block(at + 9u, 1.0, m);
-    write_block(at + 18u, -1.0, m);
+    write_block(at, m);
+    write_block(at + 9u, m);
+    write_block(at + 18u, -1.0 * m);
 }
