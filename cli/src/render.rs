@@ -6,7 +6,7 @@ use clap::Args;
 use sinew::prelude::{Integrator, Model};
 use sinew_benches::advise::Choice;
 use sinew_demos::build::BuildOptions;
-use sinew_demos::picture::{Quantity, RenderJob, gallery, render};
+use sinew_demos::picture::{Quantity, RenderJob, Variant, gallery, render};
 use sinew_demos::run::{Observer, Silent};
 use sinew_demos::scene::{BackendName, LoadedScene};
 use sinew_render::adapter::AdapterRequest;
@@ -34,9 +34,12 @@ pub struct RenderArguments {
     /// Page with an interactive player; needs no graphics adapter.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Another scene for the page, played beside this one.
-    #[arg(long, value_name = "SCENE", requires = "html")]
-    beside: Option<PathBuf>,
+    /// Another scene, shown beside this one at the same times; may be given several times.
+    #[arg(long, value_name = "SCENE")]
+    beside: Vec<PathBuf>,
+    /// Energies of all bodies, each shown beside the others, such as svk,svk_comp,corotational.
+    #[arg(long, value_delimiter = ',', value_parser = choice::<Model>, conflicts_with_all = ["beside", "model"])]
+    models: Vec<Model>,
     /// Time (s) of that picture, of a static scene the share of the loads [default: the end].
     #[arg(long, value_name = "S", requires = "picture")]
     at: Option<f64>,
@@ -121,6 +124,22 @@ pub fn render_scene(arguments: RenderArguments) -> Outcome {
     let replaced =
         Choice { integrator: arguments.integrator, model: arguments.model, ..Choice::default() };
     replaced.apply(&mut scene);
+    let with = |scene: &LoadedScene, model: Model| {
+        let mut scene = scene.clone();
+        Choice { model: Some(model), ..Choice::default() }.apply(&mut scene);
+        Variant { label: model.name().into(), scene }
+    };
+    let mut label = String::new();
+    let mut beside = Vec::new();
+    if let Some((first, others)) = arguments.models.split_first() {
+        beside.extend(others.iter().map(|&model| with(&scene, model)));
+        Variant { label, scene } = with(&scene, *first);
+    }
+    for path in &arguments.beside {
+        let mut scene = LoadedScene::read(path)?;
+        replaced.apply(&mut scene);
+        beside.push(Variant { label: scene.scene.name.clone(), scene });
+    }
     let job = RenderJob {
         build: BuildOptions {
             precision: arguments.precision.map(Into::into),
@@ -134,7 +153,8 @@ pub fn render_scene(arguments: RenderArguments) -> Outcome {
         video: arguments.video,
         picture: arguments.picture,
         html: arguments.html,
-        beside: arguments.beside.map(|path| LoadedScene::read(&path)).transpose()?.map(Box::new),
+        label,
+        beside,
         at: arguments.at,
         small: false,
         quantity: arguments.color,

@@ -232,7 +232,8 @@ fn render_writes_a_page_and_refuses_what_it_cannot_draw() {
     check(&["render", &bar, "--png", "x", "--size", "huge"], 2, "", "WIDTHxHEIGHT");
     check(&["render", &bar, "--png", "x", "--camera", "up"], 2, "", "AZIMUTH");
     check(&["render", &bar, "--png", "x", "--color", "heat"], 2, "", "displacement");
-    check(&["render", &bar, "--beside", &bar, "--png", "x"], 2, "", "--html");
+    check(&["render", &bar, "--beside", "none.toml", "--png", "x"], 1, "", "none.toml");
+    check(&["render", &bar, "--models", "svk,jelly", "--png", "x"], 2, "", "jelly");
     let adapter = ["render", &bar, "--png", "x", "--adapter", "no such adapter"];
     check(&adapter, 1, "", "graphics adapter");
     check(&["render"], 2, "", "Usage");

@@ -1,8 +1,9 @@
 //! Scenes to recordings and pictures (feature `render`).
 #![cfg(feature = "render")]
 
+use sinew::prelude::Model;
 use sinew_demos::build::BuildOptions;
-use sinew_demos::picture::{CaptureOptions, Quantity, Recorder, RenderJob, render};
+use sinew_demos::picture::{CaptureOptions, Quantity, Recorder, RenderJob, Variant, render};
 use sinew_demos::run::{RunOptions, Silent, run};
 use sinew_demos::scene::LoadedScene;
 use sinew_demos::shipped_scene;
@@ -112,9 +113,6 @@ fn what_cannot_be_drawn_is_refused_by_name() {
     let nothing = refused(&RenderJob::default());
     assert!(nothing.contains("--png") && nothing.contains("--html"), "{nothing}");
     let picture = Some(PathBuf::from("x.png"));
-    let beside = Some(Box::new(scene.clone()));
-    let lonely = refused(&RenderJob { picture: picture.clone(), beside, ..RenderJob::default() });
-    assert!(lonely.contains("--beside") && lonely.contains("--html"), "{lonely}");
     let adapter =
         AdapterRequest { name: Some("no such thing".into()), ..AdapterRequest::default() };
     let missing = refused(&RenderJob { picture, adapter, ..RenderJob::default() });
@@ -151,19 +149,79 @@ fn the_error_of_a_step_is_that_to_a_finer_run() {
     }
 }
 
-#[test]
-fn files_are_written_and_not_blank() {
+/// A software adapter, or none after a message.
+fn software() -> Option<AdapterRequest> {
     let adapter = AdapterRequest { software: Some(true), ..AdapterRequest::default() };
     match open(&adapter) {
-        Ok(_) => {}
+        Ok(_) => Some(adapter),
         Err(error @ (AdapterError::NoneFound | AdapterError::NoMatch { .. })) => {
             let _ = writeln!(std::io::stderr(), "skipped: {error}");
-            return;
+            None
         }
         Err(error) => panic!("{error}"),
     }
-    let folder = std::env::temp_dir().join(format!("sinew-pictures-{}", std::process::id()));
+}
+
+fn temporary(name: &str) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("sinew-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// Models beside each other: half pictures that agree at rest and differ once the energies do.
+#[test]
+fn models_stand_beside_each_other() {
+    let Some(adapter) = software() else { return };
+    let folder = temporary("beside");
+    let with = |model| {
+        let mut scene = scene("slender_cylinder");
+        scene.scene.bodies.truncate(1);
+        let body = scene.scene.bodies[0].name.clone();
+        scene.scene.probes.clear();
+        scene.scene.constraints.retain(|c| c.body.as_ref().is_none_or(|name| *name == body));
+        scene.scene.bodies[0].model = model;
+        scene
+    };
+    let job = RenderJob {
+        build: options(20).build,
+        frames: Some(3),
+        size: [320, 180],
+        png: Some(folder.join("frames")),
+        video: Some(folder.join("film.png")),
+        label: "one".into(),
+        beside: vec![Variant { label: "other".into(), scene: with(Model::Linear) }],
+        quantity: Quantity::None,
+        adapter,
+        ..RenderJob::default()
+    };
+    let (report, _) = render(&with(Model::CompressibleStVK), &job, &mut Silent).unwrap();
+    assert_eq!((report.frames, report.pictures, report.files.len()), (3, 3, 2));
+    let frame =
+        |i: usize| Image::read_png(&folder.join(format!("frames/slender_cylinder_{i:05}.png")));
+    let halves = |i: usize| {
+        let image = frame(i).unwrap();
+        assert_eq!([image.width, image.height], [320, 180]);
+        // below the labels, as wide as the narrower panel
+        let part = |x: u32| {
+            let mut part = Image::filled(140, 70, [0; 3]);
+            for (y, x0) in (0..70).flat_map(|y| (0..140).map(move |x| (y, x))) {
+                let pixel = image.pixel(x + x0, 85 + y);
+                part.fill([x0 as i32, y as i32], [1, 1], pixel, 1.0);
+            }
+            part
+        };
+        // two panels with their gaps of 6 pixels
+        part(7).difference(&part(7 + 157)).unwrap()
+    };
+    assert_eq!(halves(0)[1], 0.0);
+    assert!(halves(2)[1] > 40.0, "{:?}", halves(2));
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn files_are_written_and_not_blank() {
+    let Some(adapter) = software() else { return };
+    let folder = temporary("pictures");
     let job = RenderJob {
         build: options(12).build,
         frames: Some(4),

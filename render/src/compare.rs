@@ -1,4 +1,4 @@
-//! Several runs in one picture: a grid with one camera, one ground and one colour bar.
+//! Several runs in one picture or film: a grid with one camera, one ground, one clock and one colour bar.
 
 use crate::camera::{Camera, CameraRequest};
 use crate::error::RenderError;
@@ -9,17 +9,22 @@ use crate::renderer::{Look, Renderer};
 use crate::scene::{Field, Recording};
 use sinew_adapter::Gpu;
 
-/// One picture of a grid.
-#[derive(Clone, Copy, Debug)]
-pub struct Panel<'a> {
-    /// What stands above it.
-    pub label: &'a str,
-    /// What stands below it.
-    pub note: &'a str,
+/// One run of a grid.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    /// What stands above it; the note of its frame stands below it.
+    pub label: String,
     /// The run.
-    pub recording: &'a Recording,
-    /// Its frame.
-    pub frame: usize,
+    pub recording: Recording,
+}
+
+/// Sizes in a grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// Runs in a row, and size (pixels) of each.
+    Panels(usize, [u32; 2]),
+    /// Size (pixels) of the whole picture; rows and columns are chosen.
+    Whole([u32; 2]),
 }
 
 /// How a grid is laid out.
@@ -27,12 +32,8 @@ pub struct Panel<'a> {
 pub struct Grid<'a> {
     /// First line.
     pub title: &'a str,
-    /// Second line.
-    pub subtitle: &'a str,
-    /// Pictures in a row.
-    pub columns: usize,
-    /// Size (pixels) of each.
-    pub panel: [u32; 2],
+    /// Sizes.
+    pub layout: Layout,
     /// Camera.
     pub camera: CameraRequest,
     /// Index of the field that gives colours.
@@ -42,76 +43,185 @@ pub struct Grid<'a> {
 /// Ground between the pictures.
 const PAPER: [u8; 3] = [250, 251, 252];
 
-/// Draws a grid. The camera fits all runs, the colour bar spans the ranges of all.
-///
-/// # Errors
-/// When a recording does not fit together, a frame or field does not exist, or the device fails.
-pub fn compare(gpu: Gpu, panels: &[Panel], grid: &Grid) -> Result<Image, RenderError> {
-    let first = panels
-        .first()
-        .ok_or_else(|| RenderError::Empty { reason: "a comparison without a run".into() })?;
-    for (i, panel) in panels.iter().enumerate() {
-        panel.recording.check()?;
-        let index = |what, index, count| RenderError::Index { frame: i, what, index, count };
-        let frames = panel.recording.frames.len();
-        if panel.frame >= frames {
-            return Err(index("frame", panel.frame, frames));
+/// Places (pixels).
+#[derive(Clone, Copy, Debug)]
+struct Plan {
+    columns: u32,
+    panel: [u32; 2],
+    whole: [u32; 2],
+    /// Size of letters.
+    letter: f32,
+    gap: u32,
+    head: u32,
+}
+
+impl Plan {
+    fn new(layout: Layout, count: usize, bar: bool) -> Self {
+        let [width, height] = match layout {
+            Layout::Panels(columns, panel) => {
+                return Self::of_panels(columns.clamp(1, count), panel, count, bar);
+            }
+            Layout::Whole(size) => size,
+        };
+        let fitted = |columns: usize| {
+            let rows = count.div_ceil(columns) as u32;
+            let mut panel = [width / columns as u32, height / rows];
+            // letters depend on what they leave for the panels
+            for _ in 0..4 {
+                let now = Self::of_panels(columns, panel, count, bar);
+                let c = now.columns;
+                let other = [now.whole[0] - c * panel[0], now.whole[1] - rows * panel[1]];
+                panel[0] = width.saturating_sub(other[0]) / c;
+                panel[1] = height.saturating_sub(other[1]) / rows;
+            }
+            Self { whole: [width, height], ..Self::of_panels(columns, panel, count, bar) }
+        };
+        // bodies come in all shapes: the largest square counts
+        let room = |plan: &Self| plan.panel[0].min(plan.panel[1]);
+        let mut best = fitted(1);
+        for columns in 2..=count {
+            let plan = fitted(columns);
+            if room(&plan) > room(&best) {
+                best = plan;
+            }
         }
-        if let Some(field) = grid.field.filter(|f| *f >= panel.recording.fields.len()) {
-            return Err(index("field", field, panel.recording.fields.len()));
+        best
+    }
+
+    fn of_panels(columns: usize, [width, height]: [u32; 2], count: usize, bar: bool) -> Self {
+        // letters of a panel are those of the picture
+        let letter = letters(height).max(13.0);
+        let (gap, head) = ((0.5 * letter) as u32, (5.0 * letter) as u32);
+        let side = if bar { (10.4 * letter) as u32 } else { gap };
+        let (columns, rows) = (columns as u32, count.div_ceil(columns) as u32);
+        let whole = [columns * (width + gap) + gap + side, head + rows * (height + gap)];
+        Self { columns, panel: [width, height], whole, letter, gap, head }
+    }
+
+    /// Corner of a panel.
+    fn corner(&self, i: usize) -> [u32; 2] {
+        let (row, column) = (i as u32 / self.columns, i as u32 % self.columns);
+        let [width, height] = self.panel;
+        [self.gap + column * (width + self.gap), self.head + row * (height + self.gap)]
+    }
+}
+
+/// Runs that are drawn into one picture, frame by frame. The camera fits all of them, the colour bar spans the
+/// ranges of all.
+pub struct Comparison {
+    panels: Vec<Panel>,
+    title: String,
+    plan: Plan,
+    renderer: Renderer,
+    camera: Camera,
+    field: Option<Field>,
+    fonts: Fonts,
+    /// The look of all runs.
+    pub look: Look,
+}
+
+impl Comparison {
+    /// Fits camera and ground.
+    ///
+    /// # Errors
+    /// When there is no run, one does not fit together or lacks the field, or the size is out of range.
+    pub fn new(gpu: Gpu, mut panels: Vec<Panel>, grid: &Grid) -> Result<Self, RenderError> {
+        let first = panels
+            .first()
+            .ok_or_else(|| RenderError::Empty { reason: "a comparison without a run".into() })?;
+        for panel in &panels {
+            panel.recording.check()?;
+            let count = panel.recording.fields.len();
+            if let Some(index) = grid.field.filter(|f| *f >= count) {
+                return Err(RenderError::Index { frame: 0, what: "field", index, count });
+            }
         }
-    }
-    let [width, height] = grid.panel;
-    let mut renderer = Renderer::new(gpu, width, height)?;
-    // letters of a panel are those of the picture
-    let s = letters(height).max(13.0);
-    let bare = Captions { title: false, note: false, bar: false };
-    let mut room = margins(width, height, bare, false);
-    (room.top, room.bottom) = (2.6 * s / height as f32, 2.6 * s / height as f32);
-    let points = panels.iter().flat_map(|p| p.recording.shown());
-    let up = first.recording.up;
-    let camera = Camera::fit(grid.camera, up, points, renderer.aspect(), room)?;
-    let mut look = Look::of(first.recording, grid.field);
-    for panel in panels {
-        look.floor = look.floor.min(Look::of(panel.recording, None).floor);
-    }
-    let field = grid.field.map(|i| common_field(panels, i));
-    let columns = grid.columns.clamp(1, panels.len());
-    let rows = panels.len().div_ceil(columns);
-    let (gap, head) = ((0.5 * s) as u32, (5.0 * s) as u32);
-    let side = if field.is_some() { (10.4 * s) as u32 } else { gap };
-    let size = [columns as u32 * (width + gap) + gap + side, head + rows as u32 * (height + gap)];
-    let mut image = Image::filled(size[0], size[1], PAPER);
-    let fonts = Fonts::default();
-    let pad = gap as f32 + 0.6 * s;
-    let style = (1.4 * s, Weight::Medium);
-    fonts.write(&mut image, grid.title, [pad, 2.0 * s], style, Align::Left, INK);
-    let style = (s, Weight::Regular);
-    fonts.write(&mut image, grid.subtitle, [pad, 3.7 * s], style, Align::Left, FAINT_INK);
-    for (i, panel) in panels.iter().enumerate() {
-        let mut recording = panel.recording.clone();
+        let plan = Plan::new(grid.layout, panels.len(), grid.field.is_some());
+        let [width, height] = plan.panel;
+        let renderer = Renderer::new(gpu, width, height)?;
+        let bare = Captions { title: false, note: false, bar: false };
+        let mut room = margins(width, height, bare, false);
+        (room.top, room.bottom) =
+            (2.6 * plan.letter / height as f32, 2.6 * plan.letter / height as f32);
+        let points = panels.iter().flat_map(|p| p.recording.shown());
+        let camera = Camera::fit(grid.camera, first.recording.up, points, renderer.aspect(), room)?;
+        let mut look = Look::of(&first.recording, grid.field);
+        for panel in &panels {
+            look.floor = look.floor.min(Look::of(&panel.recording, None).floor);
+        }
+        let field = grid.field.map(|i| common_field(&panels, i));
         if let (Some(i), Some(field)) = (grid.field, &field) {
-            recording.fields[i] = field.clone();
+            for panel in &mut panels {
+                panel.recording.fields[i].range = field.range;
+            }
         }
-        let frame = &recording.frames[panel.frame];
-        let mut picture = renderer.still(&recording, frame, &camera, &look)?;
-        let (w, h) = (width as f32, height as f32);
-        let style = (1.05 * s, Weight::Medium);
-        let label = fonts.fitted(panel.label, style.0, style.1, w - s);
-        fonts.write(&mut picture, &label, [0.5 * w, 1.7 * s], style, Align::Centre, INK);
-        let style = (s, Weight::Regular);
-        let note = fonts.fitted(panel.note, style.0, style.1, w - s);
-        fonts.write(&mut picture, &note, [0.5 * w, h - 0.9 * s], style, Align::Centre, FAINT_INK);
-        let (row, column) = ((i / columns) as u32, (i % columns) as u32);
-        image.paste(&picture, [gap + column * (width + gap), head + row * (height + gap)]);
+        let (title, fonts) = (grid.title.to_owned(), Fonts::default());
+        Ok(Self { panels, title, plan, renderer, camera, field, fonts, look })
     }
-    if let Some(field) = &field {
-        let tall = size[1] as f32 - head as f32;
-        let height = (0.5 * tall).max(8.0 * s).min(0.7 * tall);
-        let top = head as f32 + 0.5 * (tall - height) + 0.6 * s;
-        colour_bar(&mut image, &fonts, field, [size[0] as f32 - s, top], height, s);
+
+    /// Size (pixels) of the pictures.
+    pub fn size(&self) -> [u32; 2] {
+        self.plan.whole
     }
-    Ok(image)
+
+    /// The runs.
+    pub fn panels(&self) -> &[Panel] {
+        &self.panels
+    }
+
+    /// Name of the adapter.
+    pub fn adapter(&self) -> String {
+        self.renderer.adapter()
+    }
+
+    /// Draws one frame of every run, and `subtitle` under the title.
+    ///
+    /// # Errors
+    /// When a frame does not exist, or the device fails.
+    pub fn picture(&mut self, subtitle: &str, frames: &[usize]) -> Result<Image, RenderError> {
+        let (plan, s) = (self.plan, self.plan.letter);
+        let [width, height] = plan.whole;
+        let mut image = Image::filled(width, height, PAPER);
+        let pad = plan.gap as f32 + 0.6 * s;
+        let room = width as f32 - 2.0 * pad;
+        let lines = [
+            (&*self.title, 1.4 * s, Weight::Medium, 2.0 * s, INK),
+            (subtitle, s, Weight::Regular, 3.7 * s, FAINT_INK),
+        ];
+        for (text, size, weight, y, ink) in lines {
+            let text = self.fonts.fitted(text, size, weight, room);
+            self.fonts.write(&mut image, &text, [pad, y], (size, weight), Align::Left, ink);
+        }
+        for (i, panel) in self.panels.iter().enumerate() {
+            let recording = &panel.recording;
+            let (index, count) = (frames.get(i).copied().unwrap_or(0), recording.frames.len());
+            let frame = recording.frames.get(index).ok_or(RenderError::Index {
+                frame: i,
+                what: "frame",
+                index,
+                count,
+            })?;
+            let mut picture = self.renderer.still(recording, frame, &self.camera, &self.look)?;
+            let (w, h) = (picture.width as f32, picture.height as f32);
+            let texts = [
+                (&panel.label, 1.05 * s, Weight::Medium, 1.7 * s, INK),
+                (&frame.note, s, Weight::Regular, h - 0.9 * s, FAINT_INK),
+            ];
+            for (text, size, weight, y, ink) in texts {
+                let text = self.fonts.fitted(text, size, weight, w - s);
+                let style = (size, weight);
+                self.fonts.write(&mut picture, &text, [0.5 * w, y], style, Align::Centre, ink);
+            }
+            image.paste(&picture, plan.corner(i));
+        }
+        if let Some(field) = &self.field {
+            let tall = height as f32 - plan.head as f32;
+            let length = (0.5 * tall).max(8.0 * s).min(0.7 * tall);
+            let top = plan.head as f32 + 0.5 * (tall - length) + 0.6 * s;
+            colour_bar(&mut image, &self.fonts, field, [width as f32 - s, top], length, s);
+        }
+        Ok(image)
+    }
 }
 
 /// A field with a range that spans those of all runs.
@@ -122,4 +232,31 @@ fn common_field(panels: &[Panel], i: usize) -> Field {
         field.range = [field.range[0].min(low), field.range[1].max(high)];
     }
     field
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_whole_picture_is_filled_by_its_panels() {
+        for size in [[1280, 720], [720, 1280], [600, 338], [1920, 1080]] {
+            for count in 1..=7 {
+                for bar in [false, true] {
+                    let plan = Plan::new(Layout::Whole(size), count, bar);
+                    let [x, y] = plan.corner(count - 1);
+                    assert!(x + plan.panel[0] <= size[0] && y + plan.panel[1] <= size[1]);
+                    let inner = Plan::of_panels(plan.columns as usize, plan.panel, count, bar);
+                    for (inner, whole) in inner.whole.into_iter().zip(size) {
+                        assert!(inner <= whole && inner + 2 * count as u32 > whole, "{plan:?}");
+                    }
+                }
+            }
+        }
+        let columns = |size, count| Plan::new(Layout::Whole(size), count, true).columns;
+        assert_eq!(columns([1280, 720], 2), 2);
+        assert_eq!(columns([1280, 720], 3), 3);
+        assert_eq!(columns([720, 1280], 2), 1);
+        assert_eq!(columns([1280, 720], 6), 3);
+    }
 }

@@ -5,7 +5,7 @@ use crate::error::RenderError;
 use crate::image::Image;
 use crate::overlay::{Align, FAINT_INK, Fonts, INK, Weight, colour_bar};
 use crate::renderer::{Look, Renderer};
-use crate::scene::{Frame, Recording};
+use crate::scene::{Frame, Recording, Time};
 use sinew_adapter::Gpu;
 
 /// What of the overlay is shown.
@@ -63,11 +63,7 @@ pub fn decorate(
         fonts.write(image, &subtitle, [pad, pad + 2.5 * s], style, Align::Left, FAINT_INK);
     }
     if captions.note {
-        let time = if recording.is_static {
-            format!("load {:.0} %", 100.0 * frame.time)
-        } else {
-            format!("t = {:.2} s", frame.time)
-        };
+        let time = Time { at: frame.time, is_static: recording.is_static }.to_string();
         let at = [pad, h - pad];
         let width = fonts.write(image, &time, at, (1.15 * s, Weight::Medium), Align::Left, INK);
         let start = pad + width + 1.2 * s;

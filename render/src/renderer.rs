@@ -540,7 +540,7 @@ fn instances(
         let (to, along) = (Vec3::from_array(arrow.to), Vec3::from_array(arrow.along));
         let head = (0.4 * along.length()).min(0.05 * size);
         let tip = along.normalize_or_zero() * head;
-        rods.extend(Instance::along(to - along, along - tip, 0.007 * size, arrow.colour));
+        rods.extend(Instance::along(to - along, along - tip, 0.14 * head, arrow.colour));
         cones.extend(Instance::along(to - tip, tip, 0.4 * head, arrow.colour));
     }
     let mut edges = |points: &[[f32; 3]], creases: &[[u32; 2]], away: f32, radius: f32, colour| {

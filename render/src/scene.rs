@@ -52,6 +52,25 @@ pub struct Rod {
     pub colour: Rgb,
 }
 
+/// A time as it is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Time {
+    /// Time (s), or the share of the loads of a static scene.
+    pub at: f64,
+    /// Whether it is the share of the loads.
+    pub is_static: bool,
+}
+
+impl std::fmt::Display for Time {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.is_static {
+            write!(f, "load {:.0} %", 100.0 * self.at)
+        } else {
+            write!(f, "t = {:.2} s", self.at)
+        }
+    }
+}
+
 /// The state at one time.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {

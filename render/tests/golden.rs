@@ -7,6 +7,7 @@ use sinew_render::camera::CameraRequest;
 use sinew_render::image::{Image, Packing};
 use sinew_render::overlay::Fonts;
 use sinew_render::painter::{Captions, Painter};
+use sinew_render::scene::Recording;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -118,28 +119,30 @@ fn sizes_out_of_range_are_refused() {
 
 #[test]
 fn a_comparison_holds_its_panels_beside_each_other() {
-    use sinew_render::compare::{Grid, Panel, compare};
+    use sinew_render::compare::{Comparison, Grid, Layout, Panel};
     let Some(gpu) = software() else { return };
     let bent = common::bar();
     let mut other = bent.clone();
     other.fields[0].range = [0.0, 1.3];
-    let panel = |recording, frame| Panel { label: "label", note: "note", recording, frame };
     let grid = Grid {
         title: "Title",
-        subtitle: "subtitle",
-        columns: 2,
-        panel: [160, 120],
+        layout: Layout::Panels(2, [160, 120]),
         camera: CameraRequest::default(),
         field: Some(0),
     };
-    let image = compare(gpu.clone(), &[panel(&bent, 3), panel(&bent, 3), panel(&bent, 0)], &grid);
-    let image = image.unwrap();
+    let of = |recordings: &[&Recording]| {
+        let panel = |r: &&Recording| Panel { label: "label".into(), recording: (*r).clone() };
+        Comparison::new(gpu.clone(), recordings.iter().map(panel).collect(), &grid)
+    };
+    let mut same = of(&[&bent, &bent, &bent]).unwrap();
+    let image = same.picture("subtitle", &[3, 3, 0]).unwrap();
     // two columns and a bar, two rows and a title
+    assert_eq!([image.width, image.height], same.size());
     assert!(image.width > 320 && image.height > 240 && image.width < 480, "{}", image.width);
-    let alone = compare(gpu.clone(), &[panel(&bent, 3), panel(&bent, 3), panel(&other, 0)], &grid);
+    let wide = of(&[&bent, &bent, &other]).unwrap().picture("subtitle", &[3, 3, 0]).unwrap();
     // one run with larger values changes the colours of all
-    assert!(image.difference(&alone.unwrap()).unwrap()[0] > 0.5);
-    let beyond = compare(gpu.clone(), &[panel(&bent, 9)], &grid).unwrap_err().to_string();
+    assert!(image.difference(&wide).unwrap()[0] > 0.5);
+    let beyond = same.picture("subtitle", &[3, 9, 0]).unwrap_err().to_string();
     assert!(beyond.contains("frame 9"), "{beyond}");
-    assert!(compare(gpu, &[], &grid).is_err());
+    assert!(of(&[]).is_err());
 }

@@ -7,13 +7,15 @@ use crate::build::{BuiltBody, BuiltScene};
 use crate::output::acts;
 use crate::run::Observer;
 use crate::scene::{LoadedScene, Mode};
+use bevy_ecs::entity::Entity;
 use glam::{DVec3, Vec3};
 use sinew::engine::connectivity::ElementKind;
-use sinew::engine::load::Load;
+use sinew::engine::load::{Load, Pressure};
 use sinew::engine::report::SystemTimes;
 use sinew_render::colour::{ColourMap, Rgb};
 use sinew_render::scene::{Arrow, Ball, Frame, Recording, Rod};
 use sinew_render::skin::{CREASE_ANGLE, Facet, Skin};
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -64,6 +66,12 @@ struct Part {
 /// Force at a place, until all frames are known and arrows get their lengths.
 type Force = (Vec3, Vec3, Vec3, Rgb);
 
+/// Pressure (Pa) along the normal of a face, at its middle.
+type Push = (Vec3, f32, Vec3);
+
+/// Arrows of a pressure.
+const PUSHES: usize = 40;
+
 /// An observer that records; pass another one on to be told as well.
 pub struct Recorder<'a> {
     scene: &'a LoadedScene,
@@ -78,6 +86,9 @@ pub struct Recorder<'a> {
     radius: f32,
     recording: Recording,
     forces: Vec<Vec<Force>>,
+    pushes: Vec<Vec<Push>>,
+    /// Of every pressure: its faces at the last look, and those with an arrow.
+    pushed: HashMap<Entity, (usize, Vec<usize>)>,
     seconds: f64,
 }
 
@@ -113,6 +124,8 @@ impl<'a> Recorder<'a> {
             radius: 0.0,
             recording,
             forces: Vec::new(),
+            pushes: Vec::new(),
+            pushed: HashMap::new(),
             seconds: 0.0,
         }
     }
@@ -133,6 +146,18 @@ impl<'a> Recorder<'a> {
                     let (to, along) = (to.to_array(), along.to_array());
                     frame.arrows.push(Arrow { to, along, colour });
                 }
+            }
+        }
+        let pushes = self.pushes.iter().flatten();
+        let largest = pushes.map(|p| p.1.abs()).fold(0.0, f32::max);
+        let scale = 0.06 * self.recording.size() / largest.max(f32::MIN_POSITIVE);
+        for (frame, pushes) in self.recording.frames.iter_mut().zip(&self.pushes) {
+            for &(at, push, normal) in pushes.iter().filter(|p| p.1.abs() > 0.1 * largest) {
+                let along = normal * (push * scale);
+                // suction begins at the surface
+                let to = if push > 0.0 { at } else { at + along };
+                let (to, along) = (to.to_array(), along.to_array());
+                frame.arrows.push(Arrow { to, along, colour: LOAD });
             }
         }
         if let [first, .., last] = &self.recording.frames[..]
@@ -366,11 +391,43 @@ impl<'a> Recorder<'a> {
             let force = force * load.curve.value(time);
             forces.push((at.as_vec3(), force.as_vec3(), centre.as_vec3(), LOAD));
         }
+        let place = |row: u32| {
+            let body = rows.iter().position(|b| b.vertices.contains(&row));
+            let body = body.expect("pressures act on vertices");
+            let vertex = rows[body].vertex_order[(row - rows[body].vertices.start) as usize];
+            (body, vertex)
+        };
+        let mut pushes: Vec<Push> = Vec::new();
+        for (entity, pressure) in world.query::<(Entity, &Pressure)>().iter(world) {
+            let now = (pressure.pressure * pressure.curve.value(time)) as f32;
+            let count = pressure.faces.len();
+            let chosen = self.pushed.entry(entity).or_default();
+            if chosen.0 != count {
+                let middle = |face: &[u32; 3]| {
+                    let sum: DVec3 = face
+                        .map(place)
+                        .iter()
+                        .map(|&(body, v)| built.bodies[body].mesh.points[v as usize])
+                        .sum();
+                    sum / 3.0
+                };
+                let middles: Vec<DVec3> = pressure.faces.iter().map(middle).collect();
+                *chosen = (count, spread(&middles, PUSHES));
+            }
+            for &face in &chosen.1 {
+                let [a, b, c] = pressure.faces[face].map(|row| {
+                    let (body, v) = place(row);
+                    position(body, v).as_vec3()
+                });
+                pushes.push(((a + b + c) / 3.0, now, (b - a).cross(c - a).normalize_or_zero()));
+            }
+        }
         let note = note(built, step);
         let (skin, arrows) = (self.skin.clone(), Vec::new());
         let frame = Frame { step, time, points, skin, fields, balls, arrows, rods, note };
         self.recording.frames.push(frame);
         self.forces.push(forces);
+        self.pushes.push(pushes);
         self.seconds += start.elapsed().as_secs_f64();
     }
 }
@@ -398,6 +455,23 @@ impl Observer for Recorder<'_> {
     fn finish(&mut self) {
         self.inner.finish();
     }
+}
+
+/// Indices of at most `count` points that are far from each other: the first, then each time the one furthest
+/// from those before.
+fn spread(points: &[DVec3], count: usize) -> Vec<usize> {
+    let mut chosen = Vec::new();
+    let mut distance = vec![f64::INFINITY; points.len()];
+    let mut next = 0;
+    while chosen.len() < count.min(points.len()) {
+        chosen.push(next);
+        let from = points[next];
+        for (d, p) in distance.iter_mut().zip(points) {
+            *d = d.min(p.distance_squared(from));
+        }
+        next = (0..points.len()).fold(0, |b, i| if distance[i] > distance[b] { i } else { b });
+    }
+    chosen
 }
 
 /// Indices among tetrahedra and then hexahedra.

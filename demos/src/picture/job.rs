@@ -11,19 +11,30 @@ use glam::Vec3;
 use sinew_render::RenderError;
 use sinew_render::adapter::{AdapterRequest, open};
 use sinew_render::camera::CameraRequest;
+use sinew_render::compare::{Comparison, Grid, Layout, Panel};
 use sinew_render::film::Film;
 use sinew_render::image::{Image, Packing};
 use sinew_render::overlay::Fonts;
 use sinew_render::page::write_page;
 use sinew_render::painter::{Captions, Painter, decorate};
-use sinew_render::scene::{Frame, Recording};
+use sinew_render::renderer::Look;
+use sinew_render::scene::{Frame, Recording, Time};
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::time::Instant;
 
 /// Pictures that wait for their overlay and encoder before drawing waits.
 const QUEUE: usize = 4;
+
+/// A scene under a label.
+#[derive(Clone, Debug)]
+pub struct Variant {
+    /// What stands above it.
+    pub label: String,
+    /// The scene.
+    pub scene: LoadedScene,
+}
 
 /// What to draw and where to.
 #[derive(Clone, Debug, Default)]
@@ -42,8 +53,10 @@ pub struct RenderJob {
     pub picture: Option<PathBuf>,
     /// File for a page with a player.
     pub html: Option<PathBuf>,
-    /// Another scene for the page, beside this one.
-    pub beside: Option<Box<LoadedScene>>,
+    /// What stands above this scene when others are beside it; its name if empty.
+    pub label: String,
+    /// Other scenes, beside this one at the same times.
+    pub beside: Vec<Variant>,
     /// Time (s) of that picture, of a static scene share of the loads; the end without.
     pub at: Option<f64>,
     /// Palette and tight packing for that picture.
@@ -134,11 +147,12 @@ pub(crate) fn record(
     Ok((recording, summary, [start.elapsed().as_secs_f64(), seconds]))
 }
 
-/// Runs a scene and draws it. Frames are kept in memory while it runs, since camera and colours are fitted to
-/// all of them; the steps wait for nothing but the copies. A run that fails is drawn up to there.
+/// Runs a scene, and others beside it, and draws them. Frames are kept in memory while they run, since camera
+/// and colours are fitted to all of them; the steps wait for nothing but the copies. A run that fails is drawn up
+/// to there. The summary is that of the first run.
 ///
 /// # Errors
-/// When the scene cannot be built, no adapter fits or a file cannot be written.
+/// When a scene cannot be built, no adapter fits or a file cannot be written.
 pub fn render(
     scene: &LoadedScene,
     job: &RenderJob,
@@ -153,16 +167,74 @@ pub fn render(
         }
         .into());
     }
-    if job.beside.is_some() && job.html.is_none() {
-        return Err(RenderError::Option {
-            option: "--beside",
-            found: "a second scene without --html".into(),
-            remedy: "give --html FILE, or draw both scenes one by one".into(),
-        }
-        .into());
-    }
     // a missing adapter should not cost a run; a page needs none
     let gpu = if pictures { Some(open(&job.adapter).map_err(RenderError::from)?) } else { None };
+    let mut report = RenderReport { size: job.size, ..RenderReport::default() };
+    let (recording, summary) = recorded(scene, job, observer, &mut report)?;
+    let label = if job.label.is_empty() { recording.title.clone() } else { job.label.clone() };
+    let mut panels = vec![Panel { label, recording }];
+    for Variant { label, scene } in &job.beside {
+        let (recording, summary) = recorded(scene, job, observer, &mut report)?;
+        if let Some(failure) = summary.failure {
+            report.notes.push(format!("{label} ended early: {failure}"));
+        }
+        panels.push(Panel { label: label.clone(), recording });
+    }
+    report.frames = panels[0].recording.frames.len();
+    if let Some(path) = &job.html {
+        let runs: Vec<&Recording> = panels.iter().map(|p| &p.recording).collect();
+        write_page(path, &runs, job.camera)?;
+        report.files.push(path.clone());
+    }
+    let Some(gpu) = gpu else { return Ok((report, summary)) };
+    let field = (job.quantity != Quantity::None).then_some(0);
+    let dress = |look: &mut Look| {
+        look.edges = job.edges;
+        look.ground = !job.no_ground;
+        look.ghost = !job.no_ghost;
+    };
+    let start = Instant::now();
+    if panels.len() == 1 {
+        let recording = &panels[0].recording;
+        let mut painter = Painter::new(gpu, job.size, recording, job.camera, field, Captions::ALL)?;
+        dress(&mut painter.look);
+        report.adapter = painter.adapter();
+        if let Some(path) = &job.picture {
+            let frame = nearest(recording, job.at);
+            let image = painter.picture(&Fonts::default(), recording, frame)?;
+            write_picture(path, &image, job, &mut report)?;
+        }
+        if job.png.is_some() || job.video.is_some() {
+            film(scene, job, recording, &mut report, Source::One(&mut painter))?;
+        }
+    } else {
+        let title = common_words(&panels, |r| &r.title, " · ");
+        let layout = Layout::Whole(job.size);
+        let grid = Grid { title: &title, layout, camera: job.camera, field };
+        // the clock is that of the first
+        let recording = panels[0].recording.clone();
+        let mut comparison = Comparison::new(gpu, panels, &grid)?;
+        dress(&mut comparison.look);
+        report.adapter = comparison.adapter();
+        if let Some(path) = &job.picture {
+            let image = beside(&mut comparison, &recording, nearest(&recording, job.at))?;
+            write_picture(path, &image, job, &mut report)?;
+        }
+        if job.png.is_some() || job.video.is_some() {
+            film(scene, job, &recording, &mut report, Source::Several(&mut comparison))?;
+        }
+    }
+    report.seconds[2] = start.elapsed().as_secs_f64();
+    Ok((report, summary))
+}
+
+/// Runs and records what the job asks for.
+fn recorded(
+    scene: &LoadedScene,
+    job: &RenderJob,
+    observer: &mut dyn Observer,
+    report: &mut RenderReport,
+) -> Result<(Recording, RunSummary), RenderJobError> {
     let mut quantities = vec![job.quantity];
     if job.html.is_some() {
         // the page lets people choose
@@ -172,53 +244,46 @@ pub fn render(
     let capture = CaptureOptions { frames: job.frames, quantities, ..CaptureOptions::default() };
     let finer =
         if job.quantity == Quantity::Error { Some(finer(scene, job, &capture)?) } else { None };
-    let (mut recording, summary, [mut run, mut copy]) =
-        record(scene, job.build, capture.clone(), observer)?;
+    let (mut recording, summary, [run, copy]) = record(scene, job.build, capture, observer)?;
     if let Some(finer) = &finer {
         compare_steps(&mut recording, finer);
     }
-    let mut other = None;
-    if let Some(scene) = &job.beside {
-        let (recording, summary, [seconds, copies]) = record(scene, job.build, capture, observer)?;
-        (run, copy) = (run + seconds, copy + copies);
-        other = Some((recording, summary.failure));
-    }
-    let mut report = RenderReport {
-        frames: recording.frames.len(),
-        size: job.size,
-        seconds: [run, copy, 0.0],
-        ..RenderReport::default()
+    report.seconds[0] += run;
+    report.seconds[1] += copy;
+    Ok((recording, summary))
+}
+
+/// Writes the one picture of a job.
+fn write_picture(
+    path: &Path,
+    image: &Image,
+    job: &RenderJob,
+    report: &mut RenderReport,
+) -> Result<(), RenderError> {
+    image.write_png(path, if job.small { Packing::Small } else { Packing::Fast })?;
+    report.pictures += 1;
+    report.files.push(path.into());
+    Ok(())
+}
+
+/// What all runs have in common of a text, part by part.
+fn common_words(panels: &[Panel], of: impl Fn(&Recording) -> &str, separator: &str) -> String {
+    let shared = |part: &&str| {
+        panels[1..].iter().all(|p| of(&p.recording).split(separator).any(|other| other == *part))
     };
-    if let Some(path) = &job.html {
-        let runs: Vec<&Recording> =
-            [&recording].into_iter().chain(other.as_ref().map(|o| &o.0)).collect();
-        write_page(path, &runs, job.camera)?;
-        report.files.push(path.clone());
-        if let Some(failure) = other.and_then(|o| o.1) {
-            report.notes.push(format!("the run beside ended early: {failure}"));
-        }
-    }
-    let Some(gpu) = gpu else { return Ok((report, summary)) };
-    let field = (job.quantity != Quantity::None).then_some(0);
-    let mut painter = Painter::new(gpu, job.size, &recording, job.camera, field, Captions::ALL)?;
-    painter.look.edges = job.edges;
-    painter.look.ground = !job.no_ground;
-    painter.look.ghost = !job.no_ghost;
-    report.adapter = painter.adapter();
-    let start = Instant::now();
-    if let Some(path) = &job.picture {
-        let frame = nearest(&recording, job.at);
-        let image = painter.picture(&Fonts::default(), &recording, frame)?;
-        let packing = if job.small { Packing::Small } else { Packing::Fast };
-        image.write_png(path, packing)?;
-        report.pictures += 1;
-        report.files.push(path.clone());
-    }
-    if job.png.is_some() || job.video.is_some() {
-        film(&mut painter, &recording, scene, job, &mut report)?;
-    }
-    report.seconds[2] = start.elapsed().as_secs_f64();
-    Ok((report, summary))
+    let parts: Vec<_> = of(&panels[0].recording).split(separator).filter(shared).collect();
+    parts.join(separator)
+}
+
+/// All runs at the time of frame `i` of `clock`.
+fn beside(comparison: &mut Comparison, clock: &Recording, i: usize) -> Result<Image, RenderError> {
+    let at = clock.frames[i].time;
+    let frames: Vec<usize> =
+        comparison.panels().iter().map(|p| nearest(&p.recording, Some(at))).collect();
+    let time = Time { at, is_static: clock.is_static };
+    let words = common_words(comparison.panels(), |r| &r.subtitle, " · ");
+    let subtitle = if words.is_empty() { time.to_string() } else { format!("{time} · {words}") };
+    comparison.picture(&subtitle, &frames)
 }
 
 /// Steps of the finer run in one.
@@ -278,13 +343,19 @@ pub(crate) fn nearest(recording: &Recording, at: Option<f64>) -> usize {
     (0..=last).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(last)
 }
 
+/// What draws a film.
+enum Source<'a> {
+    One(&'a mut Painter),
+    Several(&'a mut Comparison),
+}
+
 /// All frames: the device draws while another thread writes the overlay and encodes.
 fn film(
-    painter: &mut Painter,
-    recording: &Recording,
     scene: &LoadedScene,
     job: &RenderJob,
+    recording: &Recording,
     report: &mut RenderReport,
+    source: Source,
 ) -> Result<(), RenderError> {
     if let Some(folder) = &job.png {
         std::fs::create_dir_all(folder)
@@ -307,15 +378,21 @@ fn film(
             asked.display()
         ));
     }
-    let (field, captions) = (painter.look.field, painter.captions);
+    // a comparison has its overlay already
+    let overlay = match &source {
+        Source::One(painter) => Some((painter.look.field, painter.captions)),
+        Source::Several(_) => None,
+    };
     let (sender, receiver) = mpsc::sync_channel::<(usize, Image)>(QUEUE);
     let encoded = std::thread::scope(|scope| {
         let video = &mut video;
         let encoder = scope.spawn(move || {
             let fonts = Fonts::default();
             for (i, mut image) in receiver {
-                let frame = &recording.frames[i];
-                decorate(&mut image, &fonts, recording, frame, field, captions);
+                if let Some((field, captions)) = overlay {
+                    let frame = &recording.frames[i];
+                    decorate(&mut image, &fonts, recording, frame, field, captions);
+                }
                 if let Some(folder) = &job.png {
                     let name = format!("{stem}_{i:05}.png");
                     image.write_png(&folder.join(name), Packing::Fast)?;
@@ -327,8 +404,13 @@ fn film(
             Ok::<(), RenderError>(())
         });
         let stopped = || RenderError::Device { reason: "the encoder has stopped".into() };
-        let drawn = painter
-            .film(recording, &frames, |i, image| sender.send((i, image)).map_err(|_| stopped()));
+        let mut send = |i, image| sender.send((i, image)).map_err(|_| stopped());
+        let drawn = match source {
+            Source::One(painter) => painter.film(recording, &frames, &mut send),
+            Source::Several(comparison) => {
+                frames.iter().try_for_each(|&i| send(i, beside(comparison, recording, i)?))
+            }
+        };
         drop(sender);
         // what the encoder says comes first: drawing stops because of it
         let encoded = encoder.join().unwrap_or_else(|_| Err(stopped()));

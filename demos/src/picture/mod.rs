@@ -9,7 +9,7 @@ pub mod papers;
 
 pub use capture::{CaptureOptions, Recorder};
 pub use gallery::gallery;
-pub use job::{RenderJob, RenderJobError, RenderReport, render};
+pub use job::{RenderJob, RenderJobError, RenderReport, Variant, render};
 
 use serde::{Deserialize, Serialize};
 use sinew_render::RenderError;

@@ -1,6 +1,6 @@
 //! A picture for each of the papers: several models side by side.
 
-use super::job::{RenderJobError, nearest, record};
+use super::job::{RenderJobError, Variant, nearest, record};
 use super::{CaptureOptions, Quantity};
 use crate::build::BuildOptions;
 use crate::run::Silent;
@@ -10,15 +10,8 @@ use sinew::models::body::Model;
 use sinew_render::RenderError;
 use sinew_render::adapter::{AdapterRequest, open};
 use sinew_render::camera::CameraRequest;
-use sinew_render::compare::{Grid, Panel, compare};
+use sinew_render::compare::{Comparison, Grid, Layout, Panel};
 use sinew_render::image::Image;
-use sinew_render::scene::Recording;
-
-/// A variant of a scene under a label.
-struct Variant {
-    label: String,
-    scene: LoadedScene,
-}
 
 /// What to draw of all of them.
 struct Plan<'a> {
@@ -46,16 +39,17 @@ fn first_body(name: &str) -> Result<LoadedScene, RenderJobError> {
 
 fn drawn(plan: Plan, adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
     let gpu = open(adapter).map_err(RenderError::from)?;
-    let mut runs: Vec<(String, Recording, usize, String)> = Vec::new();
+    let mut panels = Vec::new();
     for Variant { label, mut scene } in plan.variants {
         // nothing later is shown
         scene.scene.duration = Some(plan.at);
         let (quantities, frames) = (vec![plan.quantity], Some(2));
         let capture = CaptureOptions { frames, quantities, ..CaptureOptions::default() };
-        let (recording, summary, _) =
+        let (mut recording, summary, _) =
             record(&scene, BuildOptions::default(), capture, &mut Silent)?;
         let frame = nearest(&recording, None);
-        let mut note = match plan.quantity {
+        let frame = &mut recording.frames[frame];
+        frame.note = match plan.quantity {
             Quantity::Volume => {
                 let inverted = summary.volume.inverted_final;
                 let (j, s) =
@@ -63,23 +57,19 @@ fn drawn(plan: Plan, adapter: &AdapterRequest) -> Result<Image, RenderJobError> 
                 format!("smallest J {j:.2}, {inverted} inverted element{s}").replace('-', "−")
             }
             _ => {
-                let u = &recording.frames[frame].fields[0];
-                let largest = u.iter().copied().fold(0.0f32, f32::max);
+                let largest = frame.fields[0].iter().copied().fold(0.0f32, f32::max);
                 format!("largest displacement {:.1} mm", 1e3 * largest)
             }
         };
         if let Some(failure) = summary.failure {
-            note = format!("failed: {failure}");
+            frame.note = format!("failed: {failure}");
         }
-        runs.push((label, recording, frame, note));
+        panels.push(Panel { label, recording });
     }
-    let panels: Vec<Panel> = runs
-        .iter()
-        .map(|(label, recording, frame, note)| Panel { label, note, recording, frame: *frame })
-        .collect();
-    let (title, subtitle, panel, camera) = (plan.title, plan.subtitle, plan.panel, plan.camera);
-    let grid = Grid { title, subtitle, columns: panels.len(), panel, camera, field: Some(0) };
-    Ok(compare(gpu, &panels, &grid)?)
+    let frames: Vec<usize> = panels.iter().map(|p| nearest(&p.recording, None)).collect();
+    let layout = Layout::Panels(panels.len(), plan.panel);
+    let grid = Grid { title: plan.title, layout, camera: plan.camera, field: Some(0) };
+    Ok(Comparison::new(gpu, panels, &grid)?.picture(plan.subtitle, &frames)?)
 }
 
 /// Delingette 2008: the slender cylinder under its weight by four energies.
