@@ -203,15 +203,15 @@ fn models_stand_beside_each_other() {
         assert_eq!([image.width, image.height], [320, 180]);
         // below the labels, as wide as the narrower panel
         let part = |x: u32| {
-            let mut part = Image::filled(140, 70, [0; 3]);
-            for (y, x0) in (0..70).flat_map(|y| (0..140).map(move |x| (y, x))) {
-                let pixel = image.pixel(x + x0, 85 + y);
-                part.fill([x0 as i32, y as i32], [1, 1], pixel, 1.0);
+            let mut part = Image::filled(140, 58, [0; 3]);
+            for (row, column) in (0..58).flat_map(|row| (0..140).map(move |column| (row, column))) {
+                let pixel = image.pixel(x + column, 92 + row);
+                part.fill([column as i32, row as i32], [1, 1], pixel, 1.0);
             }
             part
         };
-        // two panels with their gaps of 6 pixels
-        part(7).difference(&part(7 + 157)).unwrap()
+        // two panels of 148 pixels with gaps of 6
+        part(6).difference(&part(6 + 148 + 6)).unwrap()
     };
     assert_eq!(halves(0)[1], 0.0);
     assert!(halves(2)[1] > 40.0, "{:?}", halves(2));
