@@ -23,7 +23,7 @@ use std::time::Instant;
 use crate::body::{BodyParts, DeviceBody, Slot, VertexConstants};
 use crate::context::Context;
 use crate::error::GpuError;
-use crate::laws::{self, LAWS};
+use crate::laws;
 use crate::recovery::Decision;
 use crate::report::{GpuReport, Phase};
 use crate::safe::{BodyInput, BodyOutput, SafeStep};
@@ -143,7 +143,7 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
         }
     }
     if let Some(active) = world.get_resource::<ActiveLaws>()
-        && let Some(law) = active.0.iter().find(|law| LAWS.iter().all(|known| known.name != **law))
+        && let Some(law) = active.0.iter().find(|law| !laws::is_known(law))
     {
         return Err(GpuError::WorldLaw { law: (*law).into() });
     }

@@ -6,7 +6,7 @@ use sinew_engine::scalar::Scalar;
 use std::time::Instant;
 
 use crate::backend::GpuBackend;
-use crate::body::{Slot, StepUniform, total};
+use crate::body::{Slot, StepUniform, kind_number, total};
 use crate::error::GpuError;
 use crate::report::Phase;
 
@@ -73,17 +73,13 @@ impl GpuBackend {
         let mut result = Vec::with_capacity(direction.len());
         for resident in &self.bodies {
             let (context, body) = (&self.context, &resident.body);
-            let kind = match kind {
-                TangentKind::Exact => 0,
-                TangentKind::GaussNewton => 1,
-                TangentKind::Projected => 2,
-            };
-            body.set(context, StepUniform { kind, ..StepUniform::default() });
+            let uniform = StepUniform { kind: kind_number(kind), ..StepUniform::default() };
+            body.set(context, uniform);
             let rows = result.len()..result.len() + body.n as usize;
             body.write_rows(context, Slot::P, &direction[rows]);
             let mut recorder = context.record();
             recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
-            body.tangent(context, &mut recorder, false);
+            body.tangent(context, &mut recorder, kind, false);
             recorder.pass(Phase::Solve, |pass| {
                 body.product(context, pass, "product_plain", false);
             });

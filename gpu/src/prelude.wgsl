@@ -87,6 +87,6 @@ fn group_sum(local: u32, own: vec4f) -> vec4f {
 struct Chunk {
     count: u32,        // elements
     sums: u32,         // place of its first partial energy
-    accumulate: u32,   // 0 for the first chunk, whose forces overwrite
     rows: u32,         // vertex rows
+    padding: u32,
 }

@@ -1,18 +1,14 @@
 //! Fused St Venant-Kirchhoff with compression term: twin of [`sinew_models::fused::FusedStVK`].
 
 use bevy_ecs::prelude::World;
-use sinew_engine::law::Law;
 use sinew_engine::scalar::Scalar;
 use sinew_models::fused::FusedStVK;
 
-use super::{DeviceLaw, ElementColumns, ElementKind, STRESS, tetrahedron_columns};
+use super::{DeviceLaw, ElementColumns, STRESS, tetrahedron_columns};
 
 /// The law.
-pub const LAW: DeviceLaw = DeviceLaw {
-    name: FusedStVK::NAME,
-    kind: ElementKind::Tetrahedron,
-    files: &[STRESS, include_str!("fused.wgsl")],
-};
+pub const LAW: DeviceLaw =
+    DeviceLaw::of_tetrahedra::<FusedStVK>(&[STRESS, include_str!("fused.wgsl")]);
 
 /// Its elements in a body.
 pub(super) fn columns<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {

@@ -2,19 +2,21 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::{EdgeVertices, RestEdges};
-use sinew_engine::law::Law;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 use sinew_models::pooled::TensileStiffness;
 use sinew_models::quadratic::MassSpring;
 
-use super::{DeviceLaw, ElementColumns, ElementKind};
+use super::{DeviceLaw, EDGE, ElementColumns, InRecovery};
 
 /// The law.
 pub const LAW: DeviceLaw = DeviceLaw {
-    name: MassSpring::NAME,
-    kind: ElementKind::Edge,
-    files: &[include_str!("stretch.wgsl"), include_str!("mass_spring.wgsl")],
+    // on bodies that never recover, or beside a solid that does
+    recovery: InRecovery::Unchanged,
+    ..DeviceLaw::of::<MassSpring>(
+        EDGE,
+        &[include_str!("stretch.wgsl"), include_str!("mass_spring.wgsl")],
+    )
 };
 
 /// Its elements in a body.

@@ -11,67 +11,129 @@ pub mod stvk_fem;
 pub mod warped;
 
 use bevy_ecs::prelude::*;
+use sinew_engine::law::{Law, TangentKind};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 use sinew_models::fused::{TetrahedronData, TetrahedronLaw};
 
-use crate::sources::{Source, edges, tetrahedra};
+use crate::sources::{Source, elements};
 
-/// Elements of a law.
+/// What elements are: their vertices, constants and the frame of their passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ElementKind {
-    /// Four vertices, twelve constants.
-    Tetrahedron,
-    /// Two vertices, four constants.
-    Edge,
+pub struct ElementKind {
+    /// Vertices of an element.
+    pub vertices: usize,
+    /// Constants of an element, a multiple of 4.
+    pub constants: usize,
+    /// Threads that share an element, a power of two.
+    pub threads: usize,
+    /// Its WGSL.
+    files: &'static [&'static str],
 }
+
+/// Two vertices; rest vector X_a - X_b (m) and stiffness (N/m^3).
+pub const EDGE: ElementKind =
+    ElementKind { vertices: 2, constants: 4, threads: 1, files: &[include_str!("../edges.wgsl")] };
+
+/// Four vertices; D_1 (1/m) and lambda V (J), D_2 and mu V, D_3 and kappa V.
+pub const TETRAHEDRON: ElementKind = ElementKind {
+    vertices: 4,
+    constants: 12,
+    threads: 1,
+    files: &[
+        include_str!("../tetrahedra.wgsl"),
+        FOUR_VERTICES,
+        include_str!("../tetrahedron.wgsl"),
+        include_str!("../projection.wgsl"),
+    ],
+};
+
+/// Forces and blocks of four vertices from those of three.
+const FOUR_VERTICES: &str = include_str!("../four_vertices.wgsl");
+/// Forces from a stress.
+const STRESS: &str = include_str!("../stress.wgsl");
 
 impl ElementKind {
-    /// Vertices of an element.
-    pub fn vertices(self) -> usize {
-        match self {
-            Self::Tetrahedron => 4,
-            Self::Edge => 2,
-        }
+    /// Tangent blocks of an element: those of its vertices, then those of its pairs of vertices in
+    /// lexicographic order.
+    pub fn blocks(&self) -> usize {
+        self.vertices * (self.vertices + 1) / 2
     }
 
-    /// Constants of an element.
-    pub fn constants(self) -> usize {
-        match self {
-            Self::Tetrahedron => 12,
-            Self::Edge => 4,
-        }
-    }
-
-    /// Tangent blocks of an element: those of its pairs of vertices and of its vertices.
-    pub fn blocks(self) -> usize {
-        self.vertices() * (self.vertices() + 1) / 2
+    /// Place among those blocks of the local vertices `a <= b`.
+    pub fn block(&self, a: usize, b: usize) -> usize {
+        let n = self.vertices;
+        if a == b { a } else { n + a * (2 * n - a - 1) / 2 + b - a - 1 }
     }
 }
 
-/// A law with a twin on the device.
+/// What a law does while its body recovers from inversion.
+#[derive(Clone, Copy, Debug)]
+pub enum InRecovery {
+    /// Another law of the same elements, with the same columns, stands in for it.
+    StandIn(&'static DeviceLaw),
+    /// It has no energy, no force and no tangent.
+    Silent,
+    /// Goes on.
+    Unchanged,
+}
+
+/// A law with a twin on the device. A body has a set of elements for each of its laws; what sets give is added
+/// up in the order of the laws.
 #[derive(Clone, Copy, Debug)]
 pub struct DeviceLaw {
-    /// [`Law::NAME`](sinew_engine::law::Law::NAME) of the law.
+    /// [`Law::NAME`] of the law.
     pub name: &'static str,
+    /// [`Law::ORDER`] of the law.
+    pub order: u8,
     /// What its elements are.
     pub kind: ElementKind,
-    /// Its WGSL, beside the frame.
+    /// What it does while its body recovers.
+    pub recovery: InRecovery,
+    /// Whether it has energy and forces.
+    pub forces: bool,
+    /// Whether it has a part in a tangent of this kind.
+    pub tangent: fn(TangentKind) -> bool,
+    /// Its WGSL, beside that of the kind of element.
     files: &'static [&'static str],
 }
 
 impl DeviceLaw {
-    /// The whole module.
-    pub fn source(&self) -> Source {
-        match self.kind {
-            ElementKind::Tetrahedron => tetrahedra(self.name, self.files),
-            ElementKind::Edge => edges(self.name, self.files),
+    /// Law `L`, with energy, forces and all tangents, silent in recovery.
+    const fn of<L: Law>(kind: ElementKind, files: &'static [&'static str]) -> Self {
+        Self {
+            name: L::NAME,
+            order: L::ORDER,
+            kind,
+            recovery: InRecovery::Silent,
+            forces: true,
+            tangent: |_| true,
+            files,
         }
     }
-}
 
-/// Forces from a stress.
-const STRESS: &str = include_str!("../stress.wgsl");
+    /// Law `L` of tetrahedra, for which the corotational one stands in where the CPU has it so.
+    const fn of_tetrahedra<L: TetrahedronLaw>(files: &'static [&'static str]) -> Self {
+        let recovery =
+            if L::STANDS_IN { InRecovery::StandIn(&corotational::LAW) } else { InRecovery::Silent };
+        let forces = L::FORCES;
+        Self { recovery, forces, tangent: L::contributes, ..Self::of::<L>(TETRAHEDRON, files) }
+    }
+
+    /// The law that its elements follow.
+    pub fn now(&self, recovering: bool) -> Option<&Self> {
+        match self.recovery {
+            InRecovery::StandIn(other) if recovering => Some(other),
+            InRecovery::Silent if recovering => None,
+            _ => Some(self),
+        }
+    }
+
+    /// The whole module.
+    pub fn source(&self) -> Source {
+        elements(self.name, self.kind.files, self.files)
+    }
+}
 
 /// All laws with a twin.
 pub static LAWS: [DeviceLaw; 8] = [
@@ -85,12 +147,17 @@ pub static LAWS: [DeviceLaw; 8] = [
     mass_spring::LAW,
 ];
 
+/// Whether a law or system that is active in a world runs on the device.
+pub fn is_known(name: &str) -> bool {
+    LAWS.iter().any(|law| law.name == name)
+}
+
 /// Columns of the elements of one body and law, as the device has them.
 #[derive(Clone, Debug, Default)]
 pub struct ElementColumns {
     /// Vertex rows of element after element, relative to the first row of the body.
     pub nodes: Vec<u32>,
-    /// Constants of element after element. Tetrahedra: D_1 (1/m) and lambda V (J), D_2 and mu V, D_3 and kappa V.
+    /// Constants of element after element, as its [`ElementKind`] has them.
     pub data: Vec<f32>,
 }
 
@@ -129,7 +196,7 @@ fn tetrahedron_columns<L: TetrahedronLaw, S: Scalar>(
     columns
 }
 
-/// All elements of a body, law by law.
+/// All elements of a body, law by law in the order in which the processor adds them up.
 pub fn columns<S: Scalar>(
     world: &mut World,
     body: usize,
@@ -146,5 +213,6 @@ pub fn columns<S: Scalar>(
         (mass_spring::LAW, mass_spring::columns::<S>(world, body, first_row)),
     ];
     found.retain(|(_, columns)| !columns.nodes.is_empty());
+    found.sort_by_key(|(law, _)| law.order);
     found
 }
