@@ -14,7 +14,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, law_inputs_unchanged};
 use sinew_engine::step::{IntegratorInstalled, StepClock, StepError, StepFailure, not_finite};
 use sinew_engine::topology::{BodyRows, Topology};
-use sinew_models::body::{Evaluation, Model, SoftBody};
+use sinew_models::body::{Model, SoftBody};
 use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
 use sinew_solvers::state::{NodeState, Rows, read_rest, write_state};
 use std::ops::Range;
@@ -138,7 +138,7 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
     let mut bodies = world.query::<&SoftBody>();
     for soft in bodies.iter(world) {
         let rows = world.resource::<Topology>().bodies.get(soft.index);
-        if let Some((rows, law)) = rows.and_then(|rows| Some((rows, missing(soft, rows)?))) {
+        if let Some((rows, law)) = rows.zip(missing(soft)) {
             return Err(GpuError::Law { body: rows.name.clone(), law });
         }
     }
@@ -151,18 +151,12 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
 }
 
 /// The first part of a body without a twin on the device.
-fn missing(soft: &SoftBody, rows: &BodyRows) -> Option<String> {
+fn missing(soft: &SoftBody) -> Option<String> {
     if soft.membrane.is_some() {
         return Some("membrane".into());
     }
     if soft.axes.is_some() {
         return Some("axes of anisotropy".into());
-    }
-    if !rows.hexahedra.is_empty() && soft.model != Model::MassSpring {
-        return Some(format!("{} of hexahedra", soft.model.name()));
-    }
-    if soft.evaluation == Evaluation::Pooled {
-        return Some(format!("{} pooled", soft.model.name()));
     }
     matches!(soft.model, Model::Axes).then(|| soft.model.name().into())
 }

@@ -3,9 +3,11 @@
 
 pub mod corotational;
 pub mod fused;
+pub mod hexahedra;
 pub mod linear;
 pub mod mass_spring;
 pub mod neo_hookean;
+pub mod pooled;
 pub mod quadratic;
 pub mod stvk_fem;
 pub mod warped;
@@ -14,7 +16,11 @@ use bevy_ecs::prelude::*;
 use sinew_engine::law::{Law, TangentKind};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
-use sinew_models::fused::{TetrahedronData, TetrahedronLaw};
+use sinew_models::corotational::Corotational;
+use sinew_models::fused::{FusedStVK, TetrahedronData, TetrahedronLaw};
+use sinew_models::linear::Linear;
+use sinew_models::neo_hookean::NeoHookean;
+use sinew_models::pooled::SpringForces;
 
 use crate::sources::{Source, elements};
 
@@ -44,12 +50,14 @@ pub const TETRAHEDRON: ElementKind = ElementKind {
         include_str!("../tetrahedra.wgsl"),
         FOUR_VERTICES,
         include_str!("../tetrahedron.wgsl"),
-        include_str!("../projection.wgsl"),
+        PROJECTION,
     ],
 };
 
 /// Forces and blocks of four vertices from those of three.
 const FOUR_VERTICES: &str = include_str!("../four_vertices.wgsl");
+/// Positive semidefinite tangents.
+const PROJECTION: &str = include_str!("../projection.wgsl");
 /// Forces from a stress.
 const STRESS: &str = include_str!("../stress.wgsl");
 
@@ -136,8 +144,13 @@ impl DeviceLaw {
 }
 
 /// All laws with a twin.
-pub static LAWS: [DeviceLaw; 8] = [
+pub static LAWS: [DeviceLaw; 17] = [
     fused::LAW,
+    fused::COMPRESSION,
+    fused::PROJECTION,
+    pooled::TENSILE,
+    pooled::ANGULAR,
+    pooled::VOLUMETRIC,
     stvk_fem::LAW,
     quadratic::LAW,
     linear::LAW,
@@ -145,11 +158,18 @@ pub static LAWS: [DeviceLaw; 8] = [
     corotational::LAW,
     neo_hookean::LAW,
     mass_spring::LAW,
+    hexahedra::STVK,
+    hexahedra::LINEAR,
+    hexahedra::COROTATIONAL,
+    hexahedra::NEO_HOOKEAN,
 ];
+
+/// Names of systems that have no elements of their own here: others do their part.
+const CARRIED: [&str; 2] = [sinew_models::pooled::EDGE_CHANGES, SpringForces::NAME];
 
 /// Whether a law or system that is active in a world runs on the device.
 pub fn is_known(name: &str) -> bool {
-    LAWS.iter().any(|law| law.name == name)
+    CARRIED.contains(&name) || LAWS.iter().any(|law| law.name == name)
 }
 
 /// Columns of the elements of one body and law, as the device has them.
@@ -173,27 +193,20 @@ fn tetrahedron_columns<L: TetrahedronLaw, S: Scalar>(
         if of.0 as usize != body {
             continue;
         }
-        let volume = volume.0.to_f64();
-        // products in f64, rounded once
-        let f = |x: S| x.to_f64() as f32;
-        let folded = |x: S| (x.to_f64() * volume) as f32;
+        let d = [d1.0.0, d1.1.0, d1.2.0, d2.0.0, d2.1.0, d2.2.0, d3.0.0, d3.1.0, d3.2.0];
         columns.nodes.extend(nodes.0.map(|row| row - first_row));
-        columns.data.extend([
-            f(d1.0.0),
-            f(d1.1.0),
-            f(d1.2.0),
-            folded(lambda.0),
-            f(d2.0.0),
-            f(d2.1.0),
-            f(d2.2.0),
-            folded(mu.0),
-            f(d3.0.0),
-            f(d3.1.0),
-            f(d3.2.0),
-            folded(compression.0),
-        ]);
+        push_tetrahedron(&mut columns.data, d, volume.0, [lambda.0, mu.0, compression.0]);
     }
     columns
+}
+
+/// Appends the constants of a [`TETRAHEDRON`] from its shape vectors (1/m), volume (m^3) and moduli (Pa).
+fn push_tetrahedron<S: Scalar>(data: &mut Vec<f32>, d: [S; 9], volume: S, moduli: [S; 3]) {
+    for (d, modulus) in d.chunks_exact(3).zip(moduli) {
+        data.extend(d.iter().map(|x| x.to_f64() as f32));
+        // in f64, rounded once
+        data.push((modulus.to_f64() * volume.to_f64()) as f32);
+    }
 }
 
 /// All elements of a body, law by law in the order in which the processor adds them up.
@@ -204,6 +217,11 @@ pub fn columns<S: Scalar>(
 ) -> Vec<(DeviceLaw, ElementColumns)> {
     let mut found = vec![
         (fused::LAW, fused::columns::<S>(world, body, first_row)),
+        (fused::COMPRESSION, fused::compression::<S>(world, body, first_row)),
+        (fused::PROJECTION, fused::projection::<S>(world, body, first_row)),
+        (pooled::TENSILE, pooled::tensile::<S>(world, body, first_row)),
+        (pooled::ANGULAR, pooled::angular::<S>(world, body, first_row)),
+        (pooled::VOLUMETRIC, pooled::volumetric::<S>(world, body, first_row)),
         (stvk_fem::LAW, stvk_fem::columns::<S>(world, body, first_row)),
         (quadratic::LAW, quadratic::columns::<S>(world, body, first_row)),
         (linear::LAW, linear::columns::<S>(world, body, first_row)),
@@ -211,6 +229,10 @@ pub fn columns<S: Scalar>(
         (corotational::LAW, corotational::columns::<S>(world, body, first_row)),
         (neo_hookean::LAW, neo_hookean::columns::<S>(world, body, first_row)),
         (mass_spring::LAW, mass_spring::columns::<S>(world, body, first_row)),
+        (hexahedra::STVK, hexahedra::columns::<FusedStVK, S>(world, body, first_row)),
+        (hexahedra::LINEAR, hexahedra::columns::<Linear, S>(world, body, first_row)),
+        (hexahedra::COROTATIONAL, hexahedra::columns::<Corotational, S>(world, body, first_row)),
+        (hexahedra::NEO_HOOKEAN, hexahedra::columns::<NeoHookean, S>(world, body, first_row)),
     ];
     found.retain(|(_, columns)| !columns.nodes.is_empty());
     found.sort_by_key(|(law, _)| law.order);
