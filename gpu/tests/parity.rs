@@ -3,14 +3,17 @@
 mod common;
 
 use common::{
-    MATERIAL, STATES, State, beam, bricks, device, displacements, half_bricks, noise, relative, say,
+    MATERIAL, STATES, State, beam, bricks, device, displacements, displacements_of, half_bricks,
+    noise, relative, say,
 };
 use glam::DVec3;
 use sinew::engine::law::{EvaluationRequest, TangentKind};
 use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
+use sinew::engine::report::VolumeReport;
 use sinew::engine::scalar::Scalar;
 use sinew::engine::schedule::ForceSchedule;
+use sinew::engine::step::measure_volume_ratios;
 use sinew::engine::topology::Topology;
 use sinew::engine::workers::Workers;
 use sinew::prelude::*;
@@ -232,6 +235,42 @@ fn hexahedra_beside_tetrahedra() {
     compare_on(&half_bricks(CELLS), |mesh| of(mesh, Model::CompressibleStVK), "mixed svk_comp");
     // hexahedra have no pooled form: theirs is the fused one
     compare_on(&half_bricks(CELLS), |mesh| pooled(mesh, Model::CompressibleStVK), "mixed pooled");
+}
+
+#[test]
+fn volume_ratios_of_all_elements() {
+    let (tets, hexes, mixed) = (beam([10, 4, 5]), bricks(CELLS), half_bricks(CELLS));
+    let cases = [
+        of(&tets, Model::CompressibleStVK),
+        pooled(&tets, Model::CompressibleStVK),
+        pooled(&tets, Model::StVK),
+        of(&hexes, Model::Corotational),
+        pooled(&mixed, Model::CompressibleStVK),
+        // nothing but springs: the processor measures
+        of(&tets, Model::MassSpring),
+    ];
+    for description in cases {
+        let Some(mut backend) = device(&GpuOptions::default()) else { return };
+        let mut inverted = 0;
+        for state in &STATES {
+            let u = displacements_of(description.points, state);
+            let (mut double, ..) = posed(&description, &u, Precision::F64);
+            let world = double.world_mut();
+            world.run_system_cached(measure_volume_ratios::<f64>).unwrap();
+            let cpu = world.resource::<VolumeReport>().clone();
+            let [gpu] = backend.volumes::<f64>(world).unwrap()[..] else { panic!("one body") };
+            if description.model == Model::MassSpring {
+                assert_eq!((gpu.elements, gpu.inverted), (0, 0));
+                assert_eq!(gpu.smallest, f64::INFINITY);
+                continue;
+            }
+            assert_eq!([gpu.elements, gpu.inverted], [cpu.elements_by_body[0], cpu.inverted]);
+            let error = (gpu.smallest - cpu.smallest_ratio).abs();
+            assert!(error < 1e-5, "{}: {error:.1e} of {}", state.0, cpu.smallest_ratio);
+            inverted = inverted.max(gpu.inverted);
+        }
+        assert!(description.model == Model::MassSpring || inverted > 20, "{inverted}");
+    }
 }
 
 #[test]

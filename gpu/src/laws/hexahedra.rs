@@ -14,8 +14,8 @@ use sinew_models::linear::Linear;
 use sinew_models::neo_hookean::NeoHookean;
 
 use super::{
-    DeviceLaw, ElementColumns, ElementKind, InRecovery, PROJECTION, TETRAHEDRON, corotational,
-    fused, linear, neo_hookean, push_tetrahedron,
+    DeviceLaw, ElementColumns, ElementKind, InRecovery, PROJECTION, TETRAHEDRON, VOLUMES,
+    corotational, fused, linear, neo_hookean, push_tetrahedron,
 };
 
 /// Eight vertices; for every Gauss point, in order, what a tetrahedron has.
@@ -23,7 +23,12 @@ pub const HEXAHEDRON: ElementKind = ElementKind {
     vertices: 8,
     constants: 8 * TETRAHEDRON.constants,
     threads: 8,
-    files: &[include_str!("../hexahedra.wgsl"), include_str!("../tetrahedron.wgsl"), PROJECTION],
+    files: &[
+        include_str!("../hexahedra.wgsl"),
+        include_str!("../tetrahedron.wgsl"),
+        PROJECTION,
+        VOLUMES,
+    ],
 };
 
 /// St Venant-Kirchhoff with compression term.
@@ -33,6 +38,7 @@ pub const LINEAR: DeviceLaw = of::<Linear>(&linear::LAW);
 /// Corotational elasticity.
 pub const COROTATIONAL: DeviceLaw = DeviceLaw {
     recovery: InRecovery::Unchanged,
+    volumes: true,
     ..DeviceLaw::of::<Hexahedral<Corotational>>(HEXAHEDRON, corotational::LAW.files)
 };
 /// Stable neo-Hookean elasticity.
@@ -45,6 +51,7 @@ where
 {
     DeviceLaw {
         recovery: InRecovery::StandIn(&COROTATIONAL),
+        volumes: true,
         ..DeviceLaw::of::<Hexahedral<L>>(HEXAHEDRON, law.files)
     }
 }

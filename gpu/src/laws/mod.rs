@@ -51,6 +51,7 @@ pub const TETRAHEDRON: ElementKind = ElementKind {
         FOUR_VERTICES,
         include_str!("../tetrahedron.wgsl"),
         PROJECTION,
+        VOLUMES,
     ],
 };
 
@@ -58,6 +59,8 @@ pub const TETRAHEDRON: ElementKind = ElementKind {
 const FOUR_VERTICES: &str = include_str!("../four_vertices.wgsl");
 /// Positive semidefinite tangents.
 const PROJECTION: &str = include_str!("../projection.wgsl");
+/// Volume ratios.
+const VOLUMES: &str = include_str!("../volumes.wgsl");
 /// Forces from a stress.
 const STRESS: &str = include_str!("../stress.wgsl");
 
@@ -102,6 +105,8 @@ pub struct DeviceLaw {
     pub forces: bool,
     /// Whether it has a part in a tangent of this kind.
     pub tangent: fn(TangentKind) -> bool,
+    /// Whether its set measures volume ratios. Every solid element of a body is in one such set at most.
+    pub volumes: bool,
     /// Its WGSL, beside that of the kind of element.
     files: &'static [&'static str],
 }
@@ -116,6 +121,7 @@ impl DeviceLaw {
             recovery: InRecovery::Silent,
             forces: true,
             tangent: |_| true,
+            volumes: false,
             files,
         }
     }
@@ -125,7 +131,8 @@ impl DeviceLaw {
         let recovery =
             if L::STANDS_IN { InRecovery::StandIn(&corotational::LAW) } else { InRecovery::Silent };
         let forces = L::FORCES;
-        Self { recovery, forces, tangent: L::contributes, ..Self::of::<L>(TETRAHEDRON, files) }
+        let law = Self::of::<L>(TETRAHEDRON, files);
+        Self { recovery, forces, tangent: L::contributes, volumes: true, ..law }
     }
 
     /// The law that its elements follow.
