@@ -279,6 +279,18 @@ fn springs_on_edges_of_hexahedra() {
 }
 
 #[test]
+fn worlds_are_not_taken_for_each_other() {
+    let Some(mut backend) = device(&GpuOptions::default()) else { return };
+    let mesh = beam([4, 2, 2]);
+    let u = displacements(&mesh, &STATES[0]);
+    for model in [Model::StVK, Model::Linear] {
+        let (mut simulation, energy, _) = posed(&of(&mesh, model), &u, Precision::F64);
+        let found = backend.evaluate::<f64>(simulation.world_mut()).unwrap().energies[0];
+        assert!((found - energy).abs() < 1e-5 * energy, "{model:?}: {found} of {energy}");
+    }
+}
+
+#[test]
 fn repeats_bit_for_bit_and_does_not_depend_on_how_buffers_are_cut() {
     let mesh = beam([10, 4, 5]);
     // of 1200 tetrahedra 6 chunks, and 8 parts of the matrix
