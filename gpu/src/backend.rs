@@ -6,6 +6,7 @@
 
 use bevy_ecs::change_detection::Tick;
 use bevy_ecs::prelude::*;
+use bevy_ecs::world::WorldId;
 use glam::DVec3;
 use sinew_adapter::{AdapterRequest, AdapterSummary, Gpu, open};
 use sinew_engine::law::BodiesWithoutRecovery;
@@ -14,7 +15,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, law_inputs_unchanged};
 use sinew_engine::step::{IntegratorInstalled, StepClock, StepError, StepFailure, not_finite};
 use sinew_engine::topology::{BodyRows, Topology};
-use sinew_models::body::{Evaluation, Model, SoftBody};
+use sinew_models::body::{Model, SoftBody};
 use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
 use sinew_solvers::state::{NodeState, Rows, read_rest, write_state};
 use std::ops::Range;
@@ -23,7 +24,7 @@ use std::time::Instant;
 use crate::body::{BodyParts, DeviceBody, Slot, VertexConstants};
 use crate::context::Context;
 use crate::error::GpuError;
-use crate::laws::{self, LAWS};
+use crate::laws;
 use crate::recovery::Decision;
 use crate::report::{GpuReport, Phase};
 use crate::safe::{BodyInput, BodyOutput, SafeStep};
@@ -46,7 +47,7 @@ pub struct GpuOptions {
 pub struct GpuBackend {
     pub(crate) context: Context,
     pub(crate) bodies: Vec<Resident>,
-    revision: Option<u64>,
+    revision: Option<(WorldId, u64)>,
     tick: Option<Tick>,
     /// Rest positions (m) of all rows.
     pub(crate) rest: Vec<DVec3>,
@@ -138,12 +139,12 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
     let mut bodies = world.query::<&SoftBody>();
     for soft in bodies.iter(world) {
         let rows = world.resource::<Topology>().bodies.get(soft.index);
-        if let Some((rows, law)) = rows.and_then(|rows| Some((rows, missing(soft, rows)?))) {
+        if let Some((rows, law)) = rows.zip(missing(soft)) {
             return Err(GpuError::Law { body: rows.name.clone(), law });
         }
     }
     if let Some(active) = world.get_resource::<ActiveLaws>()
-        && let Some(law) = active.0.iter().find(|law| LAWS.iter().all(|known| known.name != **law))
+        && let Some(law) = active.0.iter().find(|law| !laws::is_known(law))
     {
         return Err(GpuError::WorldLaw { law: (*law).into() });
     }
@@ -151,18 +152,12 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
 }
 
 /// The first part of a body without a twin on the device.
-fn missing(soft: &SoftBody, rows: &BodyRows) -> Option<String> {
+fn missing(soft: &SoftBody) -> Option<String> {
     if soft.membrane.is_some() {
         return Some("membrane".into());
     }
     if soft.axes.is_some() {
         return Some("axes of anisotropy".into());
-    }
-    if !rows.hexahedra.is_empty() && soft.model != Model::MassSpring {
-        return Some(format!("{} of hexahedra", soft.model.name()));
-    }
-    if soft.evaluation == Evaluation::Pooled {
-        return Some(format!("{} pooled", soft.model.name()));
     }
     matches!(soft.model, Model::Axes).then(|| soft.model.name().into())
 }
@@ -337,7 +332,7 @@ impl GpuBackend {
         settings: &SolverSettings,
         device: &mut GpuReport,
     ) -> Result<(), GpuError> {
-        let revision = world.resource::<Topology>().revision;
+        let revision = (world.id(), world.resource::<Topology>().revision);
         let with_matrix = !settings.integrator.is_explicit();
         let made_for = [with_matrix, with_matrix && settings.stiffness_damping > 0.0];
         let serves = self.made_for.iter().zip(made_for).all(|(&has, needs)| has || !needs);

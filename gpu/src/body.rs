@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use sinew_adapter::wgpu;
+use sinew_engine::law::TangentKind;
 
 use crate::context::{Context, GROUP, Pending, Recorder, groups_for};
 use crate::elements::Elements;
@@ -55,6 +56,15 @@ pub(crate) struct StepUniform {
     pub kick: f32,
     pub drift: f32,
     pub padding: u32,
+}
+
+/// `kind` of a [`StepUniform`].
+pub(crate) fn kind_number(kind: TangentKind) -> u32 {
+    match kind {
+        TangentKind::Exact => 0,
+        TangentKind::GaussNewton => 1,
+        TangentKind::Projected => 2,
+    }
 }
 
 /// `Vertex` of prelude.wgsl.
@@ -247,8 +257,9 @@ impl DeviceBody {
 
     /// Bytes that a force pass moves at least: constants, indices, slots written and read, lists, rows.
     pub fn force_bytes(&self) -> u64 {
-        let elements = self.elements.chunks.iter().map(|chunk| {
-            let (vertices, constants) = (chunk.law.kind.vertices(), chunk.law.kind.constants());
+        let with_forces = self.elements.chunks.iter().filter(|chunk| chunk.law.forces);
+        let elements = with_forces.map(|chunk| {
+            let (vertices, constants) = (chunk.law.kind.vertices, chunk.law.kind.constants);
             // index, slot written and read, place in the list
             let bytes = vertices * (4 + 16 + 16 + 4) + 4 * constants;
             u64::from(chunk.count) * bytes as u64
@@ -263,6 +274,13 @@ impl DeviceBody {
         });
     }
 
+    /// Volume ratios at the point of evaluation, in place of the energies.
+    pub fn volumes(&self, context: &Context, recorder: &mut Recorder<'_>) {
+        recorder.pass(Phase::Rows, |pass| {
+            self.elements.volumes(context, &self.row_bind, pass);
+        });
+    }
+
     /// Forces at the point of evaluation.
     pub fn forces(&self, context: &Context, recorder: &mut Recorder<'_>) {
         recorder.pass(Phase::Forces, |pass| {
@@ -271,9 +289,16 @@ impl DeviceBody {
     }
 
     /// Tangent at the point of evaluation, of the kind in the uniform.
-    pub fn tangent(&self, context: &Context, recorder: &mut Recorder<'_>, damping: bool) {
+    pub fn tangent(
+        &self,
+        context: &Context,
+        recorder: &mut Recorder<'_>,
+        kind: TangentKind,
+        damping: bool,
+    ) {
         recorder.pass(Phase::Tangent, |pass| {
-            self.elements.tangent(context, self.recovering, &self.row_bind, damping, pass);
+            let what = (kind, damping);
+            self.elements.tangent(context, self.recovering, &self.row_bind, what, pass);
         });
     }
 

@@ -3,9 +3,10 @@
 
 use bytemuck::{Pod, Zeroable};
 use sinew_adapter::wgpu;
+use sinew_engine::law::TangentKind;
 
 use crate::context::{Context, GROUP, groups_for};
-use crate::laws::{self, DeviceLaw, ElementColumns, ElementKind};
+use crate::laws::{DeviceLaw, ElementColumns, ElementKind};
 use crate::matrix::{Pattern, TRANSPOSED};
 
 /// Bytes of a tangent block of nine `f32`.
@@ -22,22 +23,23 @@ const MAX_ENERGY_GROUPS: u32 = 512;
 struct ChunkUniform {
     count: u32,
     sums: u32,
-    accumulate: u32,
     rows: u32,
+    padding: u32,
 }
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct GatherUniform {
     entries: u32,
-    accumulate: u32,
-    padding: [u32; 2],
+    padding: [u32; 3],
 }
 
 /// Some elements of one law.
 pub(crate) struct Chunk {
     pub law: DeviceLaw,
     pub count: u32,
+    /// Workgroups of passes over its elements.
+    threads: [u32; 2],
     /// Partial energies it leaves in the sums.
     pub energy_groups: u32,
     pub bind: wgpu::BindGroup,
@@ -46,7 +48,7 @@ pub(crate) struct Chunk {
     pub assemble: Vec<(wgpu::BindGroup, wgpu::BindGroup, u32)>,
 }
 
-/// All elements of a body.
+/// All elements of a body, chunk by chunk in the order of their laws.
 pub(crate) struct Elements {
     pub chunks: Vec<Chunk>,
     /// Entries of the sums that energies take.
@@ -56,8 +58,9 @@ pub(crate) struct Elements {
 impl Elements {
     /// Elements in a chunk at most.
     fn chunk_size(context: &Context, kind: ElementKind, with_matrix: bool) -> usize {
-        let [slots, blocks] = work_bytes(kind);
-        let bytes = if with_matrix { blocks } else { slots };
+        let [slots, blocks] = work_bytes(&kind);
+        let bytes = slots.max(4 * kind.constants as u64);
+        let bytes = if with_matrix { bytes.max(blocks) } else { bytes };
         (context.binding_limit / bytes).clamp(1, MAX_CHUNK) as usize
     }
 
@@ -74,8 +77,8 @@ impl Elements {
         let size = |law: &DeviceLaw| Self::chunk_size(context, law.kind, with_matrix);
         let largest = |k: usize| {
             let bytes = laws.iter().map(|(law, columns)| {
-                let count = (columns.nodes.len() / law.kind.vertices()).min(size(law));
-                count as u64 * work_bytes(law.kind)[k]
+                let count = (columns.nodes.len() / law.kind.vertices).min(size(law));
+                count as u64 * work_bytes(&law.kind)[k]
             });
             bytes.max().unwrap_or(0)
         };
@@ -85,17 +88,14 @@ impl Elements {
         let mut sums = first_sum;
         let mut chunks = Vec::new();
         for (law, columns) in laws {
-            let kind = law.kind;
-            let nodes = columns.nodes.chunks(size(law) * kind.vertices());
-            for (nodes, data) in nodes.zip(columns.data.chunks(size(law) * kind.constants())) {
-                let count = (nodes.len() / kind.vertices()) as u32;
-                let energy_groups = count.div_ceil(GROUP).min(MAX_ENERGY_GROUPS);
-                let uniform = ChunkUniform {
-                    count,
-                    sums,
-                    accumulate: u32::from(!chunks.is_empty()),
-                    rows: n,
-                };
+            let kind = &law.kind;
+            let nodes = columns.nodes.chunks(size(law) * kind.vertices);
+            for (nodes, data) in nodes.zip(columns.data.chunks(size(law) * kind.constants)) {
+                let count = (nodes.len() / kind.vertices) as u32;
+                let threads = u64::from(count) * kind.threads as u64;
+                let most = u64::from(MAX_ENERGY_GROUPS);
+                let energy_groups = threads.div_ceil(u64::from(GROUP)).min(most) as u32;
+                let uniform = ChunkUniform { count, sums, rows: n, padding: 0 };
                 let uniform = context.uniform("chunk", &uniform);
                 let node_buffer = context.filled("nodes", nodes);
                 let data = context.filled("constants of elements", data);
@@ -105,11 +105,7 @@ impl Elements {
                 let assemble = pattern.map_or(Vec::new(), |pattern| {
                     let parts = pattern.parts.iter().map(|part| {
                         let (starts, sources) = pattern.block_lists(part, kind, nodes);
-                        let uniform = GatherUniform {
-                            entries: part.entries,
-                            accumulate: u32::from(!chunks.is_empty()),
-                            padding: [0; 2],
-                        };
+                        let uniform = GatherUniform { entries: part.entries, padding: [0; 3] };
                         let uniform = context.uniform("gather", &uniform);
                         let starts = context.filled("starts", &starts);
                         let sources = context.filled("blocks of entries", &sources);
@@ -126,6 +122,7 @@ impl Elements {
                 chunks.push(Chunk {
                     law: *law,
                     count,
+                    threads: groups_for(threads),
                     energy_groups,
                     bind: context.bind(&context.layouts.chunk, &bind),
                     gather: context.bind(&context.layouts.gather, &gather),
@@ -137,8 +134,8 @@ impl Elements {
         Self { chunks, energy_sums: sums - first_sum }
     }
 
-    /// Energies at the point of evaluation into the sums. Here and below a recovering body has the
-    /// corotational energy in place of its own.
+    /// Energies at the point of evaluation into the sums. Here and below laws of a recovering body give way to
+    /// the corotational energy.
     pub fn energies(
         &self,
         context: &Context,
@@ -148,10 +145,39 @@ impl Elements {
     ) {
         pass.set_bind_group(0, rows, &[]);
         for chunk in &self.chunks {
-            pass.set_pipeline(&chunk.kernel(context, recovering, "energies"));
+            let pipeline = match chunk.law.now(recovering).filter(|law| law.forces) {
+                Some(law) => kernel(context, law, "energies"),
+                None => silence(context, "no_energies"),
+            };
+            pass.set_pipeline(&pipeline);
             pass.set_bind_group(1, &chunk.bind, &[]);
             pass.dispatch_workgroups(chunk.energy_groups, 1, 1);
         }
+    }
+
+    /// Smallest volume ratio and inverted elements at the point of evaluation, into the places of the energies.
+    pub fn volumes(
+        &self,
+        context: &Context,
+        rows: &wgpu::BindGroup,
+        pass: &mut wgpu::ComputePass<'_>,
+    ) {
+        pass.set_bind_group(0, rows, &[]);
+        for chunk in &self.chunks {
+            pass.set_pipeline(&if chunk.law.volumes {
+                kernel(context, &chunk.law, "volumes")
+            } else {
+                silence(context, "no_volumes")
+            });
+            pass.set_bind_group(1, &chunk.bind, &[]);
+            pass.dispatch_workgroups(chunk.energy_groups, 1, 1);
+        }
+    }
+
+    /// Elements whose volume ratios are measured.
+    pub fn solid_elements(&self) -> u64 {
+        let solid = self.chunks.iter().filter(|chunk| chunk.law.volumes);
+        solid.map(|chunk| u64::from(chunk.count)).sum()
     }
 
     /// Forces at the point of evaluation.
@@ -163,67 +189,92 @@ impl Elements {
         n: u32,
         pass: &mut wgpu::ComputePass<'_>,
     ) {
-        let layouts = [&context.layouts.rows, &context.layouts.gather];
-        let gather = context.pipeline("gather", crate::sources::gather, "gather_forces", &layouts);
+        let gather = |entry| {
+            let layouts = [&context.layouts.rows, &context.layouts.gather];
+            context.pipeline("gather", crate::sources::gather, entry, &layouts)
+        };
+        let [x, y] = groups_for(u64::from(n));
+        let mut first = true;
         pass.set_bind_group(0, rows, &[]);
         for chunk in &self.chunks {
-            pass.set_pipeline(&chunk.kernel(context, recovering, "forces"));
-            pass.set_bind_group(1, &chunk.bind, &[]);
-            let [x, y] = groups_for(u64::from(chunk.count));
-            pass.dispatch_workgroups(x, y, 1);
-            pass.set_pipeline(&gather);
+            let Some(law) = chunk.law.now(recovering).filter(|law| law.forces) else { continue };
+            chunk.run(context, law, "forces", pass);
+            pass.set_pipeline(&gather(if first { "gather_forces" } else { "add_forces" }));
             pass.set_bind_group(1, &chunk.gather, &[]);
-            let [x, y] = groups_for(u64::from(n));
+            pass.dispatch_workgroups(x, y, 1);
+            first = false;
+        }
+        if let Some(chunk) = self.chunks.first().filter(|_| first) {
+            pass.set_pipeline(&gather("no_forces"));
+            pass.set_bind_group(1, &chunk.gather, &[]);
             pass.dispatch_workgroups(x, y, 1);
         }
     }
 
-    /// Tangent at the point of evaluation into the values of the parts, or into those of the damping.
+    /// Tangent at the point of evaluation, of the kind in the uniform, into the values of the parts, or into
+    /// those of the damping.
     pub fn tangent(
         &self,
         context: &Context,
         recovering: bool,
         rows: &wgpu::BindGroup,
-        damping: bool,
+        (kind, damping): (TangentKind, bool),
         pass: &mut wgpu::ComputePass<'_>,
     ) {
-        let layouts = [&context.layouts.assemble];
-        let assemble =
-            context.pipeline("assemble", crate::sources::assemble, "gather_blocks", &layouts);
-        for chunk in &self.chunks {
-            pass.set_bind_group(0, rows, &[]);
-            pass.set_pipeline(&chunk.kernel(context, recovering, "tangents"));
-            pass.set_bind_group(1, &chunk.bind, &[]);
-            let [x, y] = groups_for(u64::from(chunk.count));
-            pass.dispatch_workgroups(x, y, 1);
-            pass.set_pipeline(&assemble);
+        let assemble = |chunk: &Chunk, entry, pass: &mut wgpu::ComputePass<'_>| {
+            let layouts = [&context.layouts.assemble];
+            let kernel = context.pipeline("assemble", crate::sources::assemble, entry, &layouts);
+            pass.set_pipeline(&kernel);
             for (values, damping_values, entries) in &chunk.assemble {
                 pass.set_bind_group(0, if damping { damping_values } else { values }, &[]);
                 let [x, y] = groups_for(9 * u64::from(*entries));
                 pass.dispatch_workgroups(x, y, 1);
             }
+        };
+        let mut first = true;
+        for chunk in &self.chunks {
+            let law = chunk.law.now(recovering).filter(|law| (law.tangent)(kind));
+            let Some(law) = law else { continue };
+            pass.set_bind_group(0, rows, &[]);
+            chunk.run(context, law, "tangents", pass);
+            assemble(chunk, if first { "gather_blocks" } else { "add_blocks" }, pass);
+            first = false;
+        }
+        if let Some(chunk) = self.chunks.first().filter(|_| first) {
+            assemble(chunk, "no_blocks", pass);
         }
     }
 }
 
+fn kernel(context: &Context, law: &DeviceLaw, entry: &'static str) -> wgpu::ComputePipeline {
+    let layouts = [&context.layouts.rows, &context.layouts.chunk];
+    context.pipeline(law.name, || law.source(), entry, &layouts)
+}
+
+fn silence(context: &Context, entry: &'static str) -> wgpu::ComputePipeline {
+    let layouts = [&context.layouts.rows, &context.layouts.chunk];
+    context.pipeline("silence", crate::sources::silence, entry, &layouts)
+}
+
 impl Chunk {
-    fn kernel(
+    /// A pass over the elements by a law; rows are bound.
+    fn run(
         &self,
         context: &Context,
-        recovering: bool,
+        law: &DeviceLaw,
         entry: &'static str,
-    ) -> wgpu::ComputePipeline {
-        let layouts = [&context.layouts.rows, &context.layouts.chunk];
-        // laws of tetrahedra have the same columns; springs stay what they are, as on the CPU
-        let recovering = recovering && self.law.kind == ElementKind::Tetrahedron;
-        let law = if recovering { laws::corotational::LAW } else { self.law };
-        context.pipeline(law.name, || law.source(), entry, &layouts)
+        pass: &mut wgpu::ComputePass<'_>,
+    ) {
+        pass.set_pipeline(&kernel(context, law, entry));
+        pass.set_bind_group(1, &self.bind, &[]);
+        let [x, y] = self.threads;
+        pass.dispatch_workgroups(x, y, 1);
     }
 }
 
 /// Bytes of the forces of an element, and of its tangent blocks.
-fn work_bytes(kind: ElementKind) -> [u64; 2] {
-    [SLOT_BYTES * kind.vertices() as u64, BLOCK_BYTES * kind.blocks() as u64]
+fn work_bytes(kind: &ElementKind) -> [u64; 2] {
+    [SLOT_BYTES * kind.vertices as u64, BLOCK_BYTES * kind.blocks() as u64]
 }
 
 /// Slots of the elements round each of `n` vertices, in the order of the elements: starts and slots.
@@ -252,13 +303,7 @@ pub(crate) fn compressed<I: Iterator<Item = (u32, u32)>>(
     (starts, values)
 }
 
-/// Place of the block of local vertices `a`, `b` among those of an element: first the vertices, then the pairs.
-pub(crate) fn block_source(kind: ElementKind, a: usize, b: usize) -> u32 {
-    const TETRAHEDRON: [[u32; 4]; 4] = [[0, 4, 5, 6], [4, 1, 7, 8], [5, 7, 2, 9], [6, 8, 9, 3]];
-    const EDGE: [[u32; 2]; 2] = [[0, 2], [2, 1]];
-    let place = match kind {
-        ElementKind::Tetrahedron => TETRAHEDRON[a][b],
-        ElementKind::Edge => EDGE[a][b],
-    };
-    if a > b { place | TRANSPOSED } else { place }
+/// Place of the block of local vertices `a`, `b` among those of an element, marked where it is the transpose.
+pub(crate) fn block_source(kind: &ElementKind, a: usize, b: usize) -> u32 {
+    if a > b { kind.block(b, a) as u32 | TRANSPOSED } else { kind.block(a, b) as u32 }
 }

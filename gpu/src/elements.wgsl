@@ -1,83 +1,32 @@
-// Frame of the passes over tetrahedra: what is common to all laws of tetrahedra. A law file follows, with
-//   energy(e, g)           energy (J)
-//   vertex_forces(e, g)    forces on vertices 1, 2, 3 in the columns (N); from a stress in stress.wgsl
-//   core(e, g, kind)       tangent blocks of vertices 1, 2, 3: 11 22 33 12 13 23 (N/m)
-// in terms of the element e and its displacement gradient g.
+// Frame of the passes over a set of elements of one law. The kind of element adds a file with
+//   nodes               binding 1 of group 1: vertex rows of the elements
+//   THREADS             threads that share an element
+//   energy_of(t)        energy (J) that thread t finds
+//   write_forces(t)     forces at Y (N), into the slots of the element's vertices
+//   write_tangents(t)   tangent blocks (N/m), into the places of the element: those of its vertices, then those of
+//                       its pairs of vertices in the order 01 02 .. 12 ..
+// where t counts the threads of all elements of the chunk, and the law one with what the kind asks for. Only the
+// last two are called beyond the last element.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read_write> rows: array<vec4f>;
 @group(0) @binding(2) var<storage, read_write> sums: array<vec4f>;
 @group(1) @binding(0) var<uniform> chunk: Chunk;
-@group(1) @binding(1) var<storage, read> nodes: array<vec4u>;
 @group(1) @binding(2) var<storage, read> data: array<vec4f>;
 @group(1) @binding(3) var<storage, read_write> slots: array<vec4f>;
 @group(1) @binding(4) var<storage, read_write> blocks: array<f32>;
 
-// A tetrahedron. Constants are 3 rows of 16 bytes, D_1 (1/m) and lambda V, D_2 and mu V, D_3 and kappa V (J): the
-// volume is multiplied into the moduli. w holds the displacements of vertices 1, 2, 3 against vertex 0 (m).
-struct Element {
-    w: mat3x3f,
-    d1: vec3f,
-    d2: vec3f,
-    d3: vec3f,
-    lambda: f32,
-    mu: f32,
-    compression: f32,
-}
-
-fn element(index: u32) -> Element {
-    let a = data[3u * index];
-    let b = data[3u * index + 1u];
-    let c = data[3u * index + 2u];
-    let v = nodes[index];
-    let base = Y * step.n;
-    let u0 = rows[base + v.x].xyz;
-    let w = mat3x3f(rows[base + v.y].xyz - u0, rows[base + v.z].xyz - u0, rows[base + v.w].xyz - u0);
-    return Element(w, a.xyz, b.xyz, c.xyz, a.w, b.w, c.w);
-}
-
-// G = sum_a u_a (x) D_a; D_0 = -(D_1 + D_2 + D_3) turns the sum into one over displacements relative to vertex 0.
-fn displacement_gradient(e: Element) -> mat3x3f {
-    return outer(e.w[0], e.d1) + outer(e.w[1], e.d2) + outer(e.w[2], e.d3);
-}
-
-fn trace(m: mat3x3f) -> f32 {
-    return m[0].x + m[1].y + m[2].z;
-}
-
-// cof G: its columns are vector products of the other two.
-fn cofactor_matrix(g: mat3x3f) -> mat3x3f {
-    return mat3x3f(cross(g[1], g[2]), cross(g[2], g[0]), cross(g[0], g[1]));
-}
-
-// J - 1 from the invariants of G: nothing cancels.
-fn volume_change(g: mat3x3f) -> f32 {
-    let c = cofactor_matrix(g);
-    return trace(g) + trace(c) + dot(g[0], c[0]);
-}
-
-// cof F = I + (tr G) I - G^T + cof G, the derivative of J by F.
-fn cofactor(g: mat3x3f) -> mat3x3f {
-    return (1.0 + trace(g)) * identity() - transpose(g) + cofactor_matrix(g);
-}
-
-// E = (G + G^T + G^T G)/2.
-fn green_strain(g: mat3x3f) -> mat3x3f {
-    return 0.5 * (g + transpose(g) + transpose(g) * g);
-}
-
-// w such that skew(w) v = w x v.
-fn skew(w: vec3f) -> mat3x3f {
-    return mat3x3f(0.0, w.z, -w.y, -w.z, 0.0, w.x, w.y, -w.x, 0.0);
+// Displacement (m) of a vertex row where laws are evaluated.
+fn displacement(row: u32) -> vec3f {
+    return rows[Y * step.n + row].xyz;
 }
 
 // Energy of the chunk at Y, one partial sum per workgroup.
 @compute @workgroup_size(256)
 fn energies(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     var own = 0.0;
-    for (var i = group.x * GROUP + local; i < chunk.count; i += groups.x * GROUP) {
-        let e = element(i);
-        own += energy(e, displacement_gradient(e));
+    for (var t = group.x * GROUP + local; t < THREADS * chunk.count; t += groups.x * GROUP) {
+        own += energy_of(t);
     }
     let sum = group_sum(local, vec4f(own, 0.0, 0.0, 0.0));
     if local == 0u {
@@ -85,40 +34,23 @@ fn energies(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups
     }
 }
 
-// Forces at Y on the four vertices of each element, into its own slots.
 @compute @workgroup_size(256)
 fn forces(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= chunk.count { return; }
-    let e = element(i);
-    let f = vertex_forces(e, displacement_gradient(e));
-    slots[4u * i] = vec4f(-(f[0] + f[1] + f[2]), 0.0);
-    slots[4u * i + 1u] = vec4f(f[0], 0.0);
-    slots[4u * i + 2u] = vec4f(f[1], 0.0);
-    slots[4u * i + 3u] = vec4f(f[2], 0.0);
+    write_forces(flat_index(group, groups, local));
 }
 
-// Tangent blocks of each element, into its own places: 00 11 22 33 01 02 03 12 13 23. Rigid translations cost
-// nothing, so the row of vertex 0 is minus the sum of the others.
 @compute @workgroup_size(256)
 fn tangents(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= chunk.count { return; }
-    let e = element(i);
-    let k = core(e, displacement_gradient(e), step.kind);
-    let k01 = -1.0 * (k[0] + transpose(k[3]) + transpose(k[4]));
-    let k02 = -1.0 * (k[3] + k[1] + transpose(k[5]));
-    let k03 = -1.0 * (k[4] + k[5] + k[2]);
-    let k00 = -0.5 * ((k01 + transpose(k01)) + (k02 + transpose(k02)) + (k03 + transpose(k03)));
-    let at = 90u * i;
-    write_block(at, k00);
-    write_block(at + 9u, k[0]);
-    write_block(at + 18u, k[1]);
-    write_block(at + 27u, k[2]);
-    write_block(at + 36u, k01);
-    write_block(at + 45u, k02);
-    write_block(at + 54u, k03);
-    write_block(at + 63u, k[3]);
-    write_block(at + 72u, k[4]);
-    write_block(at + 81u, k[5]);
+    write_tangents(flat_index(group, groups, local));
+}
+
+// Block of place `place` of an element with `count` blocks, row-major in memory.
+fn write_block(element: u32, count: u32, place: u32, m: mat3x3f) {
+    let at = 9u * (count * element + place);
+    for (var column = 0u; column < 3u; column += 1u) {
+        let c = m[column];
+        blocks[at + column] = c.x;
+        blocks[at + 3u + column] = c.y;
+        blocks[at + 6u + column] = c.z;
+    }
 }

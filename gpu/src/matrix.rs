@@ -122,14 +122,14 @@ impl Pattern {
     pub fn block_lists(
         &self,
         part: &Part,
-        kind: ElementKind,
+        kind: &ElementKind,
         nodes: &[u32],
     ) -> (Vec<u32>, Vec<u32>) {
         let rows = part.first..part.first + part.count;
         let first_entry = self.row_start[part.first as usize];
         let mut found = Vec::new();
         let per_element = kind.blocks() as u32;
-        for (element, nodes) in (0..).zip(nodes.chunks_exact(kind.vertices())) {
+        for (element, nodes) in (0..).zip(nodes.chunks_exact(kind.vertices)) {
             for (a, &row) in nodes.iter().enumerate().filter(|(_, row)| rows.contains(row)) {
                 let from = self.row_start[row as usize];
                 let own = &self.columns[from as usize..self.row_start[row as usize + 1] as usize];

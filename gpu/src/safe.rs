@@ -5,10 +5,11 @@
 //! state, which is read back once. A smooth step waits for the device three times: for conjugate gradients, for
 //! the line search, for the end.
 
+use sinew_engine::law::TangentKind;
 use sinew_engine::report::StepReport;
 use sinew_solvers::settings::SolverSettings;
 
-use crate::body::{CgState, DeviceBody, Slot, StepUniform, total};
+use crate::body::{CgState, DeviceBody, Slot, StepUniform, kind_number, total};
 use crate::context::Context;
 use crate::error::GpuError;
 use crate::report::{GpuReport, Phase};
@@ -120,7 +121,7 @@ impl SafeStep<'_> {
         // the tangent of the damping, and the energy before held vertices move
         let mut before = None;
         if input.moves || self.damped() {
-            uniform.kind = 1;
+            uniform.kind = kind_number(TangentKind::GaussNewton);
             body.set(context, uniform);
             let mut recorder = context.record();
             recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
@@ -130,14 +131,15 @@ impl SafeStep<'_> {
                 report.evaluations += 1;
             }
             if self.damped() {
-                body.tangent(context, &mut recorder, true);
+                body.tangent(context, &mut recorder, TangentKind::GaussNewton, true);
                 report.evaluations += 1;
             }
             recorder.submit();
         }
 
         // everything up to the first iterations of the linear system
-        uniform.kind = if input.inverted { 2 } else { 0 };
+        let kind = if input.inverted { TangentKind::Projected } else { TangentKind::Exact };
+        uniform.kind = kind_number(kind);
         body.set(context, uniform);
         let mut recorder = context.record();
         recorder.pass(Phase::Rows, |pass| {
@@ -154,7 +156,7 @@ impl SafeStep<'_> {
         recorder.pass(Phase::Rows, |pass| body.summing(context, pass, "measure_start"));
         let start_sums = body.read_sums(&mut recorder, 2);
         report.evaluations += 1;
-        body.tangent(context, &mut recorder, false);
+        body.tangent(context, &mut recorder, kind, false);
         body.shift(context, &mut recorder);
         recorder.submit();
         let mut outcome = self.solve(input.iterations, report, device)?;
@@ -195,7 +197,7 @@ impl SafeStep<'_> {
             }
         }
         if found.is_none() && !input.inverted {
-            uniform.kind = 2;
+            uniform.kind = kind_number(TangentKind::Projected);
             uniform.warm = 0;
             body.set(context, uniform);
             let mut recorder = context.record();
@@ -208,7 +210,7 @@ impl SafeStep<'_> {
                     body.each_row(context, pass, "product_to_damped");
                 });
             }
-            body.tangent(context, &mut recorder, false);
+            body.tangent(context, &mut recorder, TangentKind::Projected, false);
             body.shift(context, &mut recorder);
             recorder.submit();
             report.evaluations += 1;

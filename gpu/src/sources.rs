@@ -12,8 +12,6 @@ pub struct Source {
 const PRELUDE: &str = include_str!("prelude.wgsl");
 const TENSORS: &str = include_str!("tensors.wgsl");
 const ELEMENTS: &str = include_str!("elements.wgsl");
-const BLOCKS: &str = include_str!("blocks.wgsl");
-const PROJECTION: &str = include_str!("projection.wgsl");
 
 fn module(name: &'static str, files: &[&str]) -> Source {
     Source { name, text: files.concat() }
@@ -46,19 +44,19 @@ pub(crate) fn shift() -> Source {
     module("shift", &[PRELUDE, include_str!("shift.wgsl")])
 }
 
-/// A law of tetrahedra from its own files.
-pub(crate) fn tetrahedra(name: &'static str, law: &[&str]) -> Source {
-    module(name, &[&[PRELUDE, TENSORS, ELEMENTS, BLOCKS, PROJECTION], law].concat())
+/// Sets of elements whose law is silent.
+pub(crate) fn silence() -> Source {
+    module("silence", &[PRELUDE, include_str!("silence.wgsl")])
 }
 
-/// A law of edges from its own files.
-pub(crate) fn edges(name: &'static str, law: &[&str]) -> Source {
-    module(name, &[&[PRELUDE, TENSORS, BLOCKS], law].concat())
+/// A law from the files of its kind of element and its own.
+pub(crate) fn elements(name: &'static str, kind: &[&str], law: &[&str]) -> Source {
+    module(name, &[&[PRELUDE, TENSORS, ELEMENTS], kind, law].concat())
 }
 
 /// Every module, for validation without an adapter.
 pub fn all() -> Vec<Source> {
-    let mut all = vec![solver(), gather(), assemble(), shift()];
+    let mut all = vec![solver(), gather(), assemble(), shift(), silence()];
     all.extend(crate::laws::LAWS.iter().map(|law| law.source()));
     all
 }

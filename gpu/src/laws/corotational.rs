@@ -1,17 +1,19 @@
 //! Corotational elasticity: twin of [`sinew_models::corotational::Corotational`].
 
 use bevy_ecs::prelude::World;
-use sinew_engine::law::Law;
 use sinew_engine::scalar::Scalar;
 use sinew_models::corotational::Corotational;
 
-use super::{DeviceLaw, ElementColumns, ElementKind, STRESS, tetrahedron_columns};
+use super::{DeviceLaw, ElementColumns, InRecovery, STRESS, TETRAHEDRON, tetrahedron_columns};
 
 /// The law.
 pub const LAW: DeviceLaw = DeviceLaw {
-    name: Corotational::NAME,
-    kind: ElementKind::Tetrahedron,
-    files: &[STRESS, include_str!("polar.wgsl"), include_str!("corotational.wgsl")],
+    recovery: InRecovery::Unchanged,
+    volumes: true,
+    ..DeviceLaw::of::<Corotational>(
+        TETRAHEDRON,
+        &[STRESS, include_str!("polar.wgsl"), include_str!("corotational.wgsl")],
+    )
 };
 
 /// Its elements in a body.

@@ -1,18 +1,14 @@
 //! Linear elasticity: twin of [`sinew_models::linear::Linear`].
 
 use bevy_ecs::prelude::World;
-use sinew_engine::law::Law;
 use sinew_engine::scalar::Scalar;
 use sinew_models::linear::Linear;
 
-use super::{DeviceLaw, ElementColumns, ElementKind, STRESS, tetrahedron_columns};
+use super::{DeviceLaw, ElementColumns, STRESS, tetrahedron_columns};
 
 /// The law.
-pub const LAW: DeviceLaw = DeviceLaw {
-    name: Linear::NAME,
-    kind: ElementKind::Tetrahedron,
-    files: &[STRESS, include_str!("linear.wgsl")],
-};
+pub const LAW: DeviceLaw =
+    DeviceLaw::of_tetrahedra::<Linear>(&[STRESS, include_str!("linear.wgsl")]);
 
 /// Its elements in a body.
 pub(super) fn columns<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {

@@ -3,79 +3,161 @@
 
 pub mod corotational;
 pub mod fused;
+pub mod hexahedra;
 pub mod linear;
 pub mod mass_spring;
 pub mod neo_hookean;
+pub mod pooled;
 pub mod quadratic;
 pub mod stvk_fem;
 pub mod warped;
 
 use bevy_ecs::prelude::*;
+use sinew_engine::law::{Law, TangentKind};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
-use sinew_models::fused::{TetrahedronData, TetrahedronLaw};
+use sinew_models::corotational::Corotational;
+use sinew_models::fused::{FusedStVK, TetrahedronData, TetrahedronLaw};
+use sinew_models::linear::Linear;
+use sinew_models::neo_hookean::NeoHookean;
+use sinew_models::pooled::SpringForces;
 
-use crate::sources::{Source, edges, tetrahedra};
+use crate::sources::{Source, elements};
 
-/// Elements of a law.
+/// What elements are: their vertices, constants and the frame of their passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ElementKind {
-    /// Four vertices, twelve constants.
-    Tetrahedron,
-    /// Two vertices, four constants.
-    Edge,
+pub struct ElementKind {
+    /// Vertices of an element.
+    pub vertices: usize,
+    /// Constants of an element, a multiple of 4.
+    pub constants: usize,
+    /// Threads that share an element, a power of two.
+    pub threads: usize,
+    /// Its WGSL.
+    files: &'static [&'static str],
 }
+
+/// Two vertices; rest vector X_a - X_b (m) and stiffness (N/m^3).
+pub const EDGE: ElementKind =
+    ElementKind { vertices: 2, constants: 4, threads: 1, files: &[include_str!("../edges.wgsl")] };
+
+/// Four vertices; D_1 (1/m) and lambda V (J), D_2 and mu V, D_3 and kappa V.
+pub const TETRAHEDRON: ElementKind = ElementKind {
+    vertices: 4,
+    constants: 12,
+    threads: 1,
+    files: &[
+        include_str!("../tetrahedra.wgsl"),
+        FOUR_VERTICES,
+        include_str!("../tetrahedron.wgsl"),
+        PROJECTION,
+        VOLUMES,
+    ],
+};
+
+/// Forces and blocks of four vertices from those of three.
+const FOUR_VERTICES: &str = include_str!("../four_vertices.wgsl");
+/// Positive semidefinite tangents.
+const PROJECTION: &str = include_str!("../projection.wgsl");
+/// Volume ratios.
+const VOLUMES: &str = include_str!("../volumes.wgsl");
+/// Forces from a stress.
+const STRESS: &str = include_str!("../stress.wgsl");
 
 impl ElementKind {
-    /// Vertices of an element.
-    pub fn vertices(self) -> usize {
-        match self {
-            Self::Tetrahedron => 4,
-            Self::Edge => 2,
-        }
+    /// Tangent blocks of an element: those of its vertices, then those of its pairs of vertices in
+    /// lexicographic order.
+    pub fn blocks(&self) -> usize {
+        self.vertices * (self.vertices + 1) / 2
     }
 
-    /// Constants of an element.
-    pub fn constants(self) -> usize {
-        match self {
-            Self::Tetrahedron => 12,
-            Self::Edge => 4,
-        }
-    }
-
-    /// Tangent blocks of an element: those of its pairs of vertices and of its vertices.
-    pub fn blocks(self) -> usize {
-        self.vertices() * (self.vertices() + 1) / 2
+    /// Place among those blocks of the local vertices `a <= b`.
+    pub fn block(&self, a: usize, b: usize) -> usize {
+        let n = self.vertices;
+        if a == b { a } else { n + a * (2 * n - a - 1) / 2 + b - a - 1 }
     }
 }
 
-/// A law with a twin on the device.
+/// What a law does while its body recovers from inversion.
+#[derive(Clone, Copy, Debug)]
+pub enum InRecovery {
+    /// Another law of the same elements, with the same columns, stands in for it.
+    StandIn(&'static DeviceLaw),
+    /// It has no energy, no force and no tangent.
+    Silent,
+    /// Goes on.
+    Unchanged,
+}
+
+/// A law with a twin on the device. A body has a set of elements for each of its laws; what sets give is added
+/// up in the order of the laws.
 #[derive(Clone, Copy, Debug)]
 pub struct DeviceLaw {
-    /// [`Law::NAME`](sinew_engine::law::Law::NAME) of the law.
+    /// [`Law::NAME`] of the law.
     pub name: &'static str,
+    /// [`Law::ORDER`] of the law.
+    pub order: u8,
     /// What its elements are.
     pub kind: ElementKind,
-    /// Its WGSL, beside the frame.
+    /// What it does while its body recovers.
+    pub recovery: InRecovery,
+    /// Whether it has energy and forces.
+    pub forces: bool,
+    /// Whether it has a part in a tangent of this kind.
+    pub tangent: fn(TangentKind) -> bool,
+    /// Whether its set measures volume ratios. Every solid element of a body is in one such set at most.
+    pub volumes: bool,
+    /// Its WGSL, beside that of the kind of element.
     files: &'static [&'static str],
 }
 
 impl DeviceLaw {
+    /// Law `L`, with energy, forces and all tangents, silent in recovery.
+    const fn of<L: Law>(kind: ElementKind, files: &'static [&'static str]) -> Self {
+        Self {
+            name: L::NAME,
+            order: L::ORDER,
+            kind,
+            recovery: InRecovery::Silent,
+            forces: true,
+            tangent: |_| true,
+            volumes: false,
+            files,
+        }
+    }
+
+    /// Law `L` of tetrahedra, for which the corotational one stands in where the CPU has it so.
+    const fn of_tetrahedra<L: TetrahedronLaw>(files: &'static [&'static str]) -> Self {
+        let recovery =
+            if L::STANDS_IN { InRecovery::StandIn(&corotational::LAW) } else { InRecovery::Silent };
+        let forces = L::FORCES;
+        let law = Self::of::<L>(TETRAHEDRON, files);
+        Self { recovery, forces, tangent: L::contributes, volumes: true, ..law }
+    }
+
+    /// The law that its elements follow.
+    pub fn now(&self, recovering: bool) -> Option<&Self> {
+        match self.recovery {
+            InRecovery::StandIn(other) if recovering => Some(other),
+            InRecovery::Silent if recovering => None,
+            _ => Some(self),
+        }
+    }
+
     /// The whole module.
     pub fn source(&self) -> Source {
-        match self.kind {
-            ElementKind::Tetrahedron => tetrahedra(self.name, self.files),
-            ElementKind::Edge => edges(self.name, self.files),
-        }
+        elements(self.name, self.kind.files, self.files)
     }
 }
 
-/// Forces from a stress.
-const STRESS: &str = include_str!("../stress.wgsl");
-
 /// All laws with a twin.
-pub static LAWS: [DeviceLaw; 8] = [
+pub static LAWS: [DeviceLaw; 17] = [
     fused::LAW,
+    fused::COMPRESSION,
+    fused::PROJECTION,
+    pooled::TENSILE,
+    pooled::ANGULAR,
+    pooled::VOLUMETRIC,
     stvk_fem::LAW,
     quadratic::LAW,
     linear::LAW,
@@ -83,14 +165,26 @@ pub static LAWS: [DeviceLaw; 8] = [
     corotational::LAW,
     neo_hookean::LAW,
     mass_spring::LAW,
+    hexahedra::STVK,
+    hexahedra::LINEAR,
+    hexahedra::COROTATIONAL,
+    hexahedra::NEO_HOOKEAN,
 ];
+
+/// Names of systems that have no elements of their own here: others do their part.
+const CARRIED: [&str; 2] = [sinew_models::pooled::EDGE_CHANGES, SpringForces::NAME];
+
+/// Whether a law or system that is active in a world runs on the device.
+pub fn is_known(name: &str) -> bool {
+    CARRIED.contains(&name) || LAWS.iter().any(|law| law.name == name)
+}
 
 /// Columns of the elements of one body and law, as the device has them.
 #[derive(Clone, Debug, Default)]
 pub struct ElementColumns {
     /// Vertex rows of element after element, relative to the first row of the body.
     pub nodes: Vec<u32>,
-    /// Constants of element after element. Tetrahedra: D_1 (1/m) and lambda V (J), D_2 and mu V, D_3 and kappa V.
+    /// Constants of element after element, as its [`ElementKind`] has them.
     pub data: Vec<f32>,
 }
 
@@ -106,30 +200,23 @@ fn tetrahedron_columns<L: TetrahedronLaw, S: Scalar>(
         if of.0 as usize != body {
             continue;
         }
-        let volume = volume.0.to_f64();
-        // products in f64, rounded once
-        let f = |x: S| x.to_f64() as f32;
-        let folded = |x: S| (x.to_f64() * volume) as f32;
+        let d = [d1.0.0, d1.1.0, d1.2.0, d2.0.0, d2.1.0, d2.2.0, d3.0.0, d3.1.0, d3.2.0];
         columns.nodes.extend(nodes.0.map(|row| row - first_row));
-        columns.data.extend([
-            f(d1.0.0),
-            f(d1.1.0),
-            f(d1.2.0),
-            folded(lambda.0),
-            f(d2.0.0),
-            f(d2.1.0),
-            f(d2.2.0),
-            folded(mu.0),
-            f(d3.0.0),
-            f(d3.1.0),
-            f(d3.2.0),
-            folded(compression.0),
-        ]);
+        push_tetrahedron(&mut columns.data, d, volume.0, [lambda.0, mu.0, compression.0]);
     }
     columns
 }
 
-/// All elements of a body, law by law.
+/// Appends the constants of a [`TETRAHEDRON`] from its shape vectors (1/m), volume (m^3) and moduli (Pa).
+fn push_tetrahedron<S: Scalar>(data: &mut Vec<f32>, d: [S; 9], volume: S, moduli: [S; 3]) {
+    for (d, modulus) in d.chunks_exact(3).zip(moduli) {
+        data.extend(d.iter().map(|x| x.to_f64() as f32));
+        // in f64, rounded once
+        data.push((modulus.to_f64() * volume.to_f64()) as f32);
+    }
+}
+
+/// All elements of a body, law by law in the order in which the processor adds them up.
 pub fn columns<S: Scalar>(
     world: &mut World,
     body: usize,
@@ -137,6 +224,11 @@ pub fn columns<S: Scalar>(
 ) -> Vec<(DeviceLaw, ElementColumns)> {
     let mut found = vec![
         (fused::LAW, fused::columns::<S>(world, body, first_row)),
+        (fused::COMPRESSION, fused::compression::<S>(world, body, first_row)),
+        (fused::PROJECTION, fused::projection::<S>(world, body, first_row)),
+        (pooled::TENSILE, pooled::tensile::<S>(world, body, first_row)),
+        (pooled::ANGULAR, pooled::angular::<S>(world, body, first_row)),
+        (pooled::VOLUMETRIC, pooled::volumetric::<S>(world, body, first_row)),
         (stvk_fem::LAW, stvk_fem::columns::<S>(world, body, first_row)),
         (quadratic::LAW, quadratic::columns::<S>(world, body, first_row)),
         (linear::LAW, linear::columns::<S>(world, body, first_row)),
@@ -144,7 +236,12 @@ pub fn columns<S: Scalar>(
         (corotational::LAW, corotational::columns::<S>(world, body, first_row)),
         (neo_hookean::LAW, neo_hookean::columns::<S>(world, body, first_row)),
         (mass_spring::LAW, mass_spring::columns::<S>(world, body, first_row)),
+        (hexahedra::STVK, hexahedra::columns::<FusedStVK, S>(world, body, first_row)),
+        (hexahedra::LINEAR, hexahedra::columns::<Linear, S>(world, body, first_row)),
+        (hexahedra::COROTATIONAL, hexahedra::columns::<Corotational, S>(world, body, first_row)),
+        (hexahedra::NEO_HOOKEAN, hexahedra::columns::<NeoHookean, S>(world, body, first_row)),
     ];
     found.retain(|(_, columns)| !columns.nodes.is_empty());
+    found.sort_by_key(|(law, _)| law.order);
     found
 }

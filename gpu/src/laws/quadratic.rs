@@ -1,18 +1,16 @@
 //! Tetrahedral quadratic springs: twin of [`sinew_models::quadratic::QuadraticSprings`].
 
 use bevy_ecs::prelude::World;
-use sinew_engine::law::Law;
 use sinew_engine::scalar::Scalar;
 use sinew_models::quadratic::QuadraticSprings;
 
-use super::{DeviceLaw, ElementColumns, ElementKind, tetrahedron_columns};
+use super::{DeviceLaw, ElementColumns, tetrahedron_columns};
 
 /// The law.
-pub const LAW: DeviceLaw = DeviceLaw {
-    name: QuadraticSprings::NAME,
-    kind: ElementKind::Tetrahedron,
-    files: &[include_str!("stretch.wgsl"), include_str!("quadratic.wgsl")],
-};
+pub const LAW: DeviceLaw = DeviceLaw::of_tetrahedra::<QuadraticSprings>(&[
+    include_str!("stretch.wgsl"),
+    include_str!("quadratic.wgsl"),
+]);
 
 /// Its elements in a body.
 pub(super) fn columns<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {

@@ -2,18 +2,14 @@
 //! The shader is that of [`super::fused`]: the same energy, in a form of its own on the CPU for comparison of cost.
 
 use bevy_ecs::prelude::World;
-use sinew_engine::law::Law;
 use sinew_engine::scalar::Scalar;
 use sinew_models::stvk_fem::StVKFem;
 
-use super::{DeviceLaw, ElementColumns, ElementKind, STRESS, tetrahedron_columns};
+use super::{DeviceLaw, ElementColumns, STRESS, tetrahedron_columns};
 
 /// The law.
-pub const LAW: DeviceLaw = DeviceLaw {
-    name: StVKFem::NAME,
-    kind: ElementKind::Tetrahedron,
-    files: &[STRESS, include_str!("fused.wgsl")],
-};
+pub const LAW: DeviceLaw =
+    DeviceLaw::of_tetrahedra::<StVKFem>(&[STRESS, include_str!("fused.wgsl")]);
 
 /// Its elements in a body.
 pub(super) fn columns<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {
