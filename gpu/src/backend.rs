@@ -366,7 +366,7 @@ impl GpuBackend {
                 [x.x, x.y, x.z, 0.0]
             };
             let rest = own.iter().map(relative).collect();
-            let laws = laws::columns::<S>(world, i, first);
+            let laws = laws::columns::<S>(world, i, first, |_| true);
             let parts = BodyParts {
                 n: end - first,
                 edges,

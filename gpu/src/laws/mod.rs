@@ -1,10 +1,12 @@
 //! Laws on the device: for each the WGSL beside the file that gathers its columns. Names are those of
 //! `sinew_models`.
 
+pub mod axes;
 pub mod corotational;
 pub mod fused;
 pub mod linear;
 pub mod mass_spring;
+pub mod membranes;
 pub mod neo_hookean;
 pub mod quadratic;
 pub mod stvk_fem;
@@ -15,6 +17,9 @@ use sinew_engine::law::{Law, TangentKind};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 use sinew_models::fused::{TetrahedronData, TetrahedronLaw};
+use sinew_models::fused_membrane::{
+    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, QuadraticMembrane,
+};
 
 use crate::sources::{Source, elements};
 
@@ -41,8 +46,9 @@ pub const TETRAHEDRON: ElementKind = ElementKind {
     constants: 12,
     threads: 1,
     files: &[
-        include_str!("../tetrahedra.wgsl"),
+        TETRAHEDRA,
         FOUR_VERTICES,
+        DEFORMATION,
         include_str!("../tetrahedron.wgsl"),
         include_str!("../projection.wgsl"),
     ],
@@ -50,8 +56,16 @@ pub const TETRAHEDRON: ElementKind = ElementKind {
 
 /// Forces and blocks of four vertices from those of three.
 const FOUR_VERTICES: &str = include_str!("../four_vertices.wgsl");
+/// What deformation is measured by.
+const DEFORMATION: &str = include_str!("../deformation.wgsl");
 /// Forces from a stress.
-const STRESS: &str = include_str!("../stress.wgsl");
+const VERTEX_FORCES: &str = include_str!("../vertex_forces.wgsl");
+/// The same, and what tangents of isotropic laws are made of.
+const STRESS: &str = concat!(include_str!("../vertex_forces.wgsl"), include_str!("../stress.wgsl"));
+/// How far an edge is stretched.
+const STRETCH: &str = include_str!("stretch.wgsl");
+/// Tetrahedra, one thread each.
+const TETRAHEDRA: &str = include_str!("../tetrahedra.wgsl");
 
 impl ElementKind {
     /// Tangent blocks of an element: those of its vertices, then those of its pairs of vertices in
@@ -136,7 +150,7 @@ impl DeviceLaw {
 }
 
 /// All laws with a twin.
-pub static LAWS: [DeviceLaw; 8] = [
+pub static LAWS: [DeviceLaw; 15] = [
     fused::LAW,
     stvk_fem::LAW,
     quadratic::LAW,
@@ -145,6 +159,13 @@ pub static LAWS: [DeviceLaw; 8] = [
     corotational::LAW,
     neo_hookean::LAW,
     mass_spring::LAW,
+    axes::TRIADS,
+    axes::FIBRES,
+    axes::VOLUMES,
+    membranes::BIQUADRATIC,
+    membranes::QUADRATIC,
+    membranes::LINEAR,
+    membranes::COROTATIONAL,
 ];
 
 /// Whether a law or system that is active in a world runs on the device.
@@ -196,23 +217,44 @@ fn tetrahedron_columns<L: TetrahedronLaw, S: Scalar>(
     columns
 }
 
-/// All elements of a body, law by law in the order in which the processor adds them up.
+/// Finds the elements of a body (by index and first row) that follow a law.
+type Find = fn(&mut World, usize, u32) -> ElementColumns;
+
+/// How the elements of every law are found.
+fn finders<S: Scalar>() -> Vec<(DeviceLaw, Find)> {
+    vec![
+        (fused::LAW, fused::columns::<S>),
+        (stvk_fem::LAW, stvk_fem::columns::<S>),
+        (quadratic::LAW, quadratic::columns::<S>),
+        (linear::LAW, linear::columns::<S>),
+        (warped::LAW, warped::columns::<S>),
+        (corotational::LAW, corotational::columns::<S>),
+        (neo_hookean::LAW, neo_hookean::columns::<S>),
+        (mass_spring::LAW, mass_spring::columns::<S>),
+        (axes::TRIADS, axes::triads::<S>),
+        (axes::FIBRES, axes::fibres::<S>),
+        (axes::VOLUMES, axes::volumes::<S>),
+        (membranes::BIQUADRATIC, membranes::columns::<BiquadraticMembrane, S>),
+        (membranes::QUADRATIC, membranes::columns::<QuadraticMembrane, S>),
+        (membranes::LINEAR, membranes::columns::<LinearMembrane, S>),
+        (membranes::COROTATIONAL, membranes::columns::<CorotationalMembrane, S>),
+    ]
+}
+
+/// The elements of a body that follow one of the laws `wanted`, law by law in the order in which the processor
+/// adds them up.
 pub fn columns<S: Scalar>(
     world: &mut World,
     body: usize,
     first_row: u32,
+    wanted: impl Fn(&DeviceLaw) -> bool,
 ) -> Vec<(DeviceLaw, ElementColumns)> {
-    let mut found = vec![
-        (fused::LAW, fused::columns::<S>(world, body, first_row)),
-        (stvk_fem::LAW, stvk_fem::columns::<S>(world, body, first_row)),
-        (quadratic::LAW, quadratic::columns::<S>(world, body, first_row)),
-        (linear::LAW, linear::columns::<S>(world, body, first_row)),
-        (warped::LAW, warped::columns::<S>(world, body, first_row)),
-        (corotational::LAW, corotational::columns::<S>(world, body, first_row)),
-        (neo_hookean::LAW, neo_hookean::columns::<S>(world, body, first_row)),
-        (mass_spring::LAW, mass_spring::columns::<S>(world, body, first_row)),
-    ];
-    found.retain(|(_, columns)| !columns.nodes.is_empty());
+    let mut found: Vec<_> = finders::<S>()
+        .into_iter()
+        .filter(|(law, _)| wanted(law))
+        .map(|(law, find)| (law, find(world, body, first_row)))
+        .filter(|(_, columns)| !columns.nodes.is_empty())
+        .collect();
     found.sort_by_key(|(law, _)| law.order);
     found
 }

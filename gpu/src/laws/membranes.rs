@@ -1,0 +1,62 @@
+//! Membranes of triangles: twins of [`sinew_models::fused_membrane`]. They go on while the tetrahedra of their
+//! body recover.
+
+use bevy_ecs::prelude::*;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::vertex::BodyId;
+use sinew_models::fused_membrane::{
+    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, MembraneData, QuadraticMembrane,
+    TriangleLaw,
+};
+
+use super::{DeviceLaw, ElementColumns, ElementKind, InRecovery, STRETCH};
+
+/// Three vertices; E_1 (m) and lambda (N/m), E_2 and mu, rest area (m^2) and kappa (N/m).
+const MEMBRANE: ElementKind = ElementKind {
+    vertices: 3,
+    constants: 12,
+    threads: 1,
+    files: &[include_str!("../triangles.wgsl"), include_str!("membrane.wgsl")],
+};
+
+const fn law<L: TriangleLaw>(files: &'static [&'static str]) -> DeviceLaw {
+    DeviceLaw { recovery: InRecovery::Unchanged, ..DeviceLaw::of::<L>(MEMBRANE, files) }
+}
+
+/// Biquadratic springs.
+pub const BIQUADRATIC: DeviceLaw =
+    law::<BiquadraticMembrane>(&[include_str!("biquadratic_membrane.wgsl")]);
+
+/// Quadratic springs.
+pub const QUADRATIC: DeviceLaw =
+    law::<QuadraticMembrane>(&[STRETCH, include_str!("quadratic_membrane.wgsl")]);
+
+/// Constant-strain triangles.
+pub const LINEAR: DeviceLaw = law::<LinearMembrane>(&[include_str!("linear_membrane.wgsl")]);
+
+/// Corotational triangles.
+pub const COROTATIONAL: DeviceLaw =
+    law::<CorotationalMembrane>(&[include_str!("corotational_membrane.wgsl")]);
+
+/// Triangles of law `L` in a body.
+pub(super) fn columns<L: TriangleLaw, S: Scalar>(
+    world: &mut World,
+    body: usize,
+    first_row: u32,
+) -> ElementColumns {
+    let mut columns = ElementColumns::default();
+    let mut query = world.query_filtered::<(MembraneData<S>, &BodyId), L::Bodies>();
+    for ((nodes, _, (a, b, area), lambda, mu, compression), of) in query.iter(world) {
+        if of.0 as usize != body {
+            continue;
+        }
+        columns.nodes.extend(nodes.0.map(|row| row - first_row));
+        let rows = [
+            [a.0.0, a.1.0, a.2.0, lambda.0],
+            [b.0.0, b.1.0, b.2.0, mu.0],
+            [area.0, compression.0, S::ZERO, S::ZERO],
+        ];
+        columns.data.extend(rows.as_flattened().iter().map(|x| x.to_f64() as f32));
+    }
+    columns
+}
