@@ -11,10 +11,9 @@ use sinew_adapter::{AdapterRequest, AdapterSummary, Gpu, open};
 use sinew_engine::law::BodiesWithoutRecovery;
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, law_inputs_unchanged};
+use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, changed_laws, has_dampers};
 use sinew_engine::step::{IntegratorInstalled, StepClock, StepError, StepFailure, not_finite};
 use sinew_engine::topology::{BodyRows, Topology};
-use sinew_models::body::{Evaluation, Model, SoftBody};
 use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
 use sinew_solvers::state::{NodeState, Rows, read_rest, write_state};
 use std::ops::Range;
@@ -135,36 +134,15 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
         Preconditioner::Auto | Preconditioner::BlockJacobi => {}
         other => return Err(GpuError::Preconditioner { preconditioner: other.name() }),
     }
-    let mut bodies = world.query::<&SoftBody>();
-    for soft in bodies.iter(world) {
-        let rows = world.resource::<Topology>().bodies.get(soft.index);
-        if let Some((rows, law)) = rows.and_then(|rows| Some((rows, missing(soft, rows)?))) {
-            return Err(GpuError::Law { body: rows.name.clone(), law });
-        }
+    if has_dampers(world) {
+        return Err(GpuError::Law { law: "axial dampers".into() });
     }
     if let Some(active) = world.get_resource::<ActiveLaws>()
         && let Some(law) = active.0.iter().find(|law| !laws::is_known(law))
     {
-        return Err(GpuError::WorldLaw { law: (*law).into() });
+        return Err(GpuError::Law { law: (*law).into() });
     }
     Ok(())
-}
-
-/// The first part of a body without a twin on the device.
-fn missing(soft: &SoftBody, rows: &BodyRows) -> Option<String> {
-    if soft.membrane.is_some() {
-        return Some("membrane".into());
-    }
-    if soft.axes.is_some() {
-        return Some("axes of anisotropy".into());
-    }
-    if !rows.hexahedra.is_empty() && soft.model != Model::MassSpring {
-        return Some(format!("{} of hexahedra", soft.model.name()));
-    }
-    if soft.evaluation == Evaluation::Pooled {
-        return Some(format!("{} pooled", soft.model.name()));
-    }
-    matches!(soft.model, Model::Axes).then(|| soft.model.name().into())
 }
 
 /// The one system of [`StepSystems::Integrate`].
@@ -341,10 +319,10 @@ impl GpuBackend {
         let with_matrix = !settings.integrator.is_explicit();
         let made_for = [with_matrix, with_matrix && settings.stiffness_damping > 0.0];
         let serves = self.made_for.iter().zip(made_for).all(|(&has, needs)| has || !needs);
-        let same = serves
-            && self.revision == Some(revision)
-            && self.tick.is_some_and(|tick| law_inputs_unchanged(world, tick));
-        if same {
+        let tick = self.tick.filter(|_| serves && self.revision == Some(revision));
+        if let Some(changed) = tick.and_then(|tick| changed_laws(world, tick))
+            && (changed.is_empty() || self.renew_constants::<S>(world, &changed))
+        {
             return Ok(());
         }
         self.revision = None;
@@ -392,6 +370,31 @@ impl GpuBackend {
         // what is changed from here on has a later tick
         self.tick = Some(world.increment_change_tick());
         Ok(())
+    }
+}
+
+impl GpuBackend {
+    /// Uploads the constants of the elements of these laws anew; `false`, with nothing done, where more than
+    /// constants may be different.
+    fn renew_constants<S: Scalar>(&mut self, world: &mut World, changed: &[&'static str]) -> bool {
+        if changed.iter().any(|name| laws::LAWS.iter().all(|law| law.name != *name)) {
+            return false;
+        }
+        let mut found = Vec::with_capacity(self.bodies.len());
+        for (i, resident) in self.bodies.iter().enumerate() {
+            let first = world.resource::<Topology>().bodies[i].vertices.start;
+            let own = laws::columns::<S>(world, i, first, |law| changed.contains(&law.name));
+            if !resident.body.elements.serve(changed, &own) {
+                return false;
+            }
+            found.push(own);
+        }
+        for (resident, own) in self.bodies.iter().zip(&found) {
+            resident.body.elements.write(&self.context, own);
+        }
+        self.limit = Limit::default();
+        self.tick = Some(world.increment_change_tick());
+        true
     }
 }
 

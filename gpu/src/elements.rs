@@ -1,9 +1,11 @@
 //! Elements on the device: chunks that fit the binding limit, each with the lists that bring its forces to
 //! vertices and its tangent blocks to the matrix.
 
+use bevy_ecs::entity::Entity;
 use bytemuck::{Pod, Zeroable};
 use sinew_adapter::wgpu;
 use sinew_engine::law::TangentKind;
+use std::ops::Range;
 
 use crate::context::{Context, GROUP, groups_for};
 use crate::laws::{DeviceLaw, ElementColumns, ElementKind};
@@ -24,7 +26,7 @@ struct ChunkUniform {
     count: u32,
     sums: u32,
     rows: u32,
-    padding: u32,
+    factor: f32,
 }
 
 #[repr(C)]
@@ -40,6 +42,9 @@ pub(crate) struct Chunk {
     pub count: u32,
     /// Workgroups of passes over its elements.
     threads: [u32; 2],
+    uniform: (wgpu::Buffer, ChunkUniform),
+    /// Constants of the elements.
+    data: wgpu::Buffer,
     /// Partial energies it leaves in the sums.
     pub energy_groups: u32,
     pub bind: wgpu::BindGroup,
@@ -48,11 +53,38 @@ pub(crate) struct Chunk {
     pub assemble: Vec<(wgpu::BindGroup, wgpu::BindGroup, u32)>,
 }
 
+/// Energies (J) of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Energies {
+    /// Stored in its elements.
+    pub elastic: f64,
+    /// Potential of the loads that are laws.
+    pub load: f64,
+}
+
+impl Energies {
+    /// What solvers minimise.
+    pub fn total(&self) -> f64 {
+        self.elastic + self.load
+    }
+}
+
+/// The elements of one law, or of one load that is a law.
+struct Set {
+    law: &'static str,
+    load: Option<Entity>,
+    nodes: Vec<u32>,
+    chunks: Range<usize>,
+}
+
 /// All elements of a body, chunk by chunk in the order of their laws.
 pub(crate) struct Elements {
     pub chunks: Vec<Chunk>,
+    sets: Vec<Set>,
     /// Entries of the sums that energies take.
     pub energy_sums: u32,
+    /// Those of them that are potentials of loads.
+    load_sums: Range<usize>,
 }
 
 impl Elements {
@@ -87,16 +119,18 @@ impl Elements {
         let blocks = context.storage("tangents of elements", block_bytes);
         let mut sums = first_sum;
         let mut chunks = Vec::new();
+        let mut sets = Vec::with_capacity(laws.len());
         for (law, columns) in laws {
             let kind = &law.kind;
+            let first_chunk = chunks.len();
             let nodes = columns.nodes.chunks(size(law) * kind.vertices);
             for (nodes, data) in nodes.zip(columns.data.chunks(size(law) * kind.constants)) {
                 let count = (nodes.len() / kind.vertices) as u32;
                 let threads = u64::from(count) * kind.threads as u64;
                 let most = u64::from(MAX_ENERGY_GROUPS);
                 let energy_groups = threads.div_ceil(u64::from(GROUP)).min(most) as u32;
-                let uniform = ChunkUniform { count, sums, rows: n, padding: 0 };
-                let uniform = context.uniform("chunk", &uniform);
+                let values = ChunkUniform { count, sums, rows: n, factor: 0.0 };
+                let uniform = context.uniform("chunk", &values);
                 let node_buffer = context.filled("nodes", nodes);
                 let data = context.filled("constants of elements", data);
                 let (starts, sources) = force_lists(nodes, n);
@@ -127,11 +161,71 @@ impl Elements {
                     bind: context.bind(&context.layouts.chunk, &bind),
                     gather: context.bind(&context.layouts.gather, &gather),
                     assemble,
+                    uniform: (uniform, values),
+                    data,
                 });
                 sums += energy_groups;
             }
+            sets.push(Set {
+                law: law.name,
+                load: columns.load,
+                nodes: columns.nodes.clone(),
+                chunks: first_chunk..chunks.len(),
+            });
         }
-        Self { chunks, energy_sums: sums - first_sum }
+        let energies = |chunks: &[Chunk]| chunks.iter().map(|c| c.energy_groups as usize).sum();
+        let is_load = |chunk: &Chunk| chunk.law.is_load;
+        let start = chunks.iter().position(is_load).unwrap_or(chunks.len());
+        let end = chunks.iter().rposition(is_load).map_or(start, |last| last + 1);
+        let load_sums = energies(&chunks[..start])..energies(&chunks[..end]);
+        Self { chunks, sets, energy_sums: sums - first_sum, load_sums }
+    }
+
+    /// Whether these are all elements of the laws `names`, as they were uploaded but for their constants.
+    pub fn serve(&self, names: &[&str], laws: &[(DeviceLaw, ElementColumns)]) -> bool {
+        let own = self.sets.iter().filter(|set| names.contains(&set.law));
+        own.map(|set| (set.law, set.load, &set.nodes))
+            .eq(laws.iter().map(|(law, columns)| (law.name, columns.load, &columns.nodes)))
+    }
+
+    /// Uploads the constants of elements that [`serve`](Self::serve).
+    pub fn write(&self, context: &Context, laws: &[(DeviceLaw, ElementColumns)]) {
+        for (law, columns) in laws {
+            let of = |set: &&Set| set.law == law.name && set.load == columns.load;
+            let Some(set) = self.sets.iter().find(of) else { continue };
+            let mut data = &columns.data[..];
+            for chunk in &self.chunks[set.chunks.clone()] {
+                let (own, rest) = data.split_at(chunk.count as usize * law.kind.constants);
+                context.write(&chunk.data, 0, own);
+                data = rest;
+            }
+        }
+    }
+
+    /// Makes `value` the factor of the elements of a load.
+    pub fn set_factor(&mut self, context: &Context, load: Entity, value: f32) {
+        for set in self.sets.iter().filter(|set| set.load == Some(load)) {
+            for chunk in &mut self.chunks[set.chunks.clone()] {
+                let (buffer, values) = &mut chunk.uniform;
+                if values.factor != value {
+                    values.factor = value;
+                    context.write(buffer, 0, &[*values]);
+                }
+            }
+        }
+    }
+
+    /// Whether loads are among the elements.
+    pub fn has_loads(&self) -> bool {
+        !self.load_sums.is_empty()
+    }
+
+    /// Elastic energy and potential of loads (J) from what a pass left.
+    pub fn sum_energies(&self, sums: &[[f32; 4]]) -> Energies {
+        let add = |part: &[[f32; 4]]| part.iter().map(|sum| f64::from(sum[0])).sum::<f64>();
+        let Range { start, end } = self.load_sums;
+        let elastic = add(&sums[..start]) + add(&sums[end..]);
+        Energies { elastic, load: add(&sums[start..end]) }
     }
 
     /// Energies at the point of evaluation into the sums. Here and below laws of a recovering body give way to

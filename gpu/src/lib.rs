@@ -44,8 +44,8 @@
 //!     Err(error @ GpuError::Adapter(_)) => assert!(error.to_string().contains("driver")),
 //!     Err(error) => panic!("{error}"),
 //! }
-//! // fifteen laws and what they share, each a whole module
-//! assert_eq!(sinew_gpu::laws::LAWS.len(), 15);
+//! // twenty-six laws and what they share, each a whole module
+//! assert_eq!(sinew_gpu::laws::LAWS.len(), 26);
 //! assert!(sinew_gpu::sources::all().iter().all(|module| module.text.contains("@compute")));
 //! ```
 pub mod backend;

@@ -88,5 +88,5 @@ struct Chunk {
     count: u32,        // elements
     sums: u32,         // place of its first partial energy
     rows: u32,         // vertex rows
-    padding: u32,
+    factor: f32,       // of loads: their value now
 }

@@ -2,7 +2,9 @@
 //! energy, products with the three tangents.
 mod common;
 
-use common::{MATERIAL, STATES, State, beam, device, displacements, noise, relative, say};
+use common::{
+    MATERIAL, STATES, State, beam, bricks, device, displacements, half_bricks, noise, relative, say,
+};
 use glam::DVec3;
 use sinew::engine::law::{EvaluationRequest, TangentKind};
 use sinew::engine::matrix::{ProductSpans, Tangent};
@@ -109,10 +111,13 @@ fn errors(
 }
 
 fn compare(description: impl Fn(&Mesh) -> BodyDescription<'_>, law: &str) {
+    compare_on(&beam([10, 4, 5]), description, law);
+}
+
+fn compare_on(mesh: &Mesh, description: impl Fn(&Mesh) -> BodyDescription<'_>, law: &str) {
     let Some(mut backend) = device(&GpuOptions::default()) else { return };
-    let mesh = beam([10, 4, 5]);
     for state in &STATES {
-        let [gpu, cpu] = errors(&mut backend, &mesh, &description(&mesh), state);
+        let [gpu, cpu] = errors(&mut backend, mesh, &description(mesh), state);
         for (name, e) in [("GPU", &gpu), ("CPU f32", &cpu)] {
             let [exact, gauss, projected] = e.tangents;
             say(&format!(
@@ -180,16 +185,77 @@ fn neo_hookean() {
     compare(|mesh| of(mesh, Model::NeoHookean), "neo_hookean");
 }
 
+fn pooled(mesh: &Mesh, model: Model) -> BodyDescription<'_> {
+    BodyDescription { evaluation: Evaluation::Pooled, ..of(mesh, model) }
+}
+
+#[test]
+fn pooled_springs() {
+    compare(|mesh| pooled(mesh, Model::StVK), "pooled svk");
+}
+
+#[test]
+fn pooled_springs_with_compression() {
+    compare(|mesh| pooled(mesh, Model::CompressibleStVK), "pooled svk_comp");
+}
+
+const CELLS: [usize; 3] = [8, 4, 3];
+
+#[test]
+fn hexahedra_stvk() {
+    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::StVK), "hexahedra svk");
+    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::StVKFem), "hexahedra svk_fem");
+}
+
+#[test]
+fn hexahedra_stvk_with_compression() {
+    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::CompressibleStVK), "hexahedra svk_comp");
+}
+
+#[test]
+fn hexahedra_linear() {
+    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::Linear), "hexahedra linear");
+}
+
+#[test]
+fn hexahedra_corotational() {
+    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::Corotational), "hexahedra corotational");
+}
+
+#[test]
+fn hexahedra_neo_hookean() {
+    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::NeoHookean), "hexahedra neo_hookean");
+}
+
+#[test]
+fn hexahedra_beside_tetrahedra() {
+    compare_on(&half_bricks(CELLS), |mesh| of(mesh, Model::CompressibleStVK), "mixed svk_comp");
+    // hexahedra have no pooled form: theirs is the fused one
+    compare_on(&half_bricks(CELLS), |mesh| pooled(mesh, Model::CompressibleStVK), "mixed pooled");
+}
+
+#[test]
+fn springs_on_edges_of_hexahedra() {
+    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::MassSpring), "hexahedra mass_spring");
+}
+
 #[test]
 fn repeats_bit_for_bit_and_does_not_depend_on_how_buffers_are_cut() {
+    let mesh = beam([10, 4, 5]);
+    repeats(&mesh, &of(&mesh, Model::CompressibleStVK));
+    repeats(&mesh, &pooled(&mesh, Model::CompressibleStVK));
+    let mesh = half_bricks(CELLS);
+    repeats(&mesh, &of(&mesh, Model::CompressibleStVK));
+}
+
+fn repeats(mesh: &Mesh, description: &BodyDescription<'_>) {
     let Some(mut whole) = device(&GpuOptions::default()) else { return };
-    // 128 KiB: 6 chunks of elements and 8 parts of the matrix
+    // of 1200 tetrahedra 6 chunks, and 8 parts of the matrix
     let limit = Some(128 << 10);
     let mut cut = device(&GpuOptions { binding_limit: limit, ..GpuOptions::default() }).unwrap();
-    let mesh = beam([10, 4, 5]);
     let mut simulation = Simulation::new(SimulationOptions::default()).unwrap();
-    let body = simulation.add_body(&of(&mesh, Model::CompressibleStVK)).unwrap();
-    let u = displacements(&mesh, &STATES[3]);
+    let body = simulation.add_body(description).unwrap();
+    let u = displacements(mesh, &STATES[3]);
     simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
     let world = simulation.world_mut();
     let first = whole.evaluate::<f64>(world).unwrap();

@@ -163,7 +163,7 @@ pub fn activate<S: Scalar>(world: &mut World) {
 }
 
 /// Name of the systems that measure edges and collect their tensions.
-const EDGE_CHANGES: &str = "edge changes";
+pub const EDGE_CHANGES: &str = "edge changes";
 
 const ROW_CHUNK: usize = 2048;
 

@@ -5,8 +5,8 @@ use bevy_ecs::prelude::*;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 use sinew_models::fused_membrane::{
-    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, MembraneData, QuadraticMembrane,
-    TriangleLaw,
+    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, MembraneCompression, MembraneData,
+    PooledMembrane, QuadraticMembrane, TriangleLaw,
 };
 
 use super::{DeviceLaw, ElementColumns, ElementKind, InRecovery, STRETCH};
@@ -20,12 +20,24 @@ const MEMBRANE: ElementKind = ElementKind {
 };
 
 const fn law<L: TriangleLaw>(files: &'static [&'static str]) -> DeviceLaw {
-    DeviceLaw { recovery: InRecovery::Unchanged, ..DeviceLaw::of::<L>(MEMBRANE, files) }
+    DeviceLaw {
+        recovery: InRecovery::Unchanged,
+        forces: L::FORCES,
+        tangent: L::contributes,
+        ..DeviceLaw::of::<L>(MEMBRANE, files)
+    }
 }
 
+const SPRINGS: &[&str] = &[include_str!("biquadratic_membrane.wgsl")];
+
 /// Biquadratic springs.
-pub const BIQUADRATIC: DeviceLaw =
-    law::<BiquadraticMembrane>(&[include_str!("biquadratic_membrane.wgsl")]);
+pub const BIQUADRATIC: DeviceLaw = law::<BiquadraticMembrane>(SPRINGS);
+
+/// The compression term of pooled membranes: the law with nothing but that modulus.
+pub const COMPRESSION: DeviceLaw = law::<MembraneCompression>(SPRINGS);
+
+/// The projected tangent of pooled membranes.
+pub const PROJECTION: DeviceLaw = law::<PooledMembrane>(SPRINGS);
 
 /// Quadratic springs.
 pub const QUADRATIC: DeviceLaw =
@@ -57,6 +69,22 @@ pub(super) fn columns<L: TriangleLaw, S: Scalar>(
             [area.0, compression.0, S::ZERO, S::ZERO],
         ];
         columns.data.extend(rows.as_flattened().iter().map(|x| x.to_f64() as f32));
+    }
+    columns
+}
+
+/// Triangles of a pooled membrane with the compression term; none where no element has it.
+pub(super) fn compression<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    first_row: u32,
+) -> ElementColumns {
+    let mut columns = columns::<MembraneCompression, S>(world, body, first_row);
+    if columns.data.chunks_exact(12).all(|constants| constants[9] == 0.0) {
+        return ElementColumns::default();
+    }
+    for constants in columns.data.chunks_exact_mut(12) {
+        (constants[3], constants[7]) = (0.0, 0.0);
     }
     columns
 }

@@ -4,10 +4,12 @@
 pub mod axes;
 pub mod corotational;
 pub mod fused;
+pub mod hexahedra;
 pub mod linear;
 pub mod mass_spring;
 pub mod membranes;
 pub mod neo_hookean;
+pub mod pooled;
 pub mod quadratic;
 pub mod stvk_fem;
 pub mod warped;
@@ -16,10 +18,14 @@ use bevy_ecs::prelude::*;
 use sinew_engine::law::{Law, TangentKind};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
-use sinew_models::fused::{TetrahedronData, TetrahedronLaw};
+use sinew_models::corotational::Corotational;
+use sinew_models::fused::{FusedStVK, TetrahedronData, TetrahedronLaw};
 use sinew_models::fused_membrane::{
-    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, QuadraticMembrane,
+    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, PooledMembrane, QuadraticMembrane,
 };
+use sinew_models::linear::Linear;
+use sinew_models::neo_hookean::NeoHookean;
+use sinew_models::pooled::SpringForces;
 
 use crate::sources::{Source, elements};
 
@@ -50,7 +56,7 @@ pub const TETRAHEDRON: ElementKind = ElementKind {
         FOUR_VERTICES,
         DEFORMATION,
         include_str!("../tetrahedron.wgsl"),
-        include_str!("../projection.wgsl"),
+        PROJECTION,
     ],
 };
 
@@ -58,6 +64,8 @@ pub const TETRAHEDRON: ElementKind = ElementKind {
 const FOUR_VERTICES: &str = include_str!("../four_vertices.wgsl");
 /// What deformation is measured by.
 const DEFORMATION: &str = include_str!("../deformation.wgsl");
+/// Positive semidefinite tangents.
+const PROJECTION: &str = include_str!("../projection.wgsl");
 /// Forces from a stress.
 const VERTEX_FORCES: &str = include_str!("../vertex_forces.wgsl");
 /// The same, and what tangents of isotropic laws are made of.
@@ -104,6 +112,8 @@ pub struct DeviceLaw {
     pub kind: ElementKind,
     /// What it does while its body recovers.
     pub recovery: InRecovery,
+    /// Whether its energy is the potential of a load ([`Law::IS_LOAD`]).
+    pub is_load: bool,
     /// Whether it has energy and forces.
     pub forces: bool,
     /// Whether it has a part in a tangent of this kind.
@@ -120,6 +130,7 @@ impl DeviceLaw {
             order: L::ORDER,
             kind,
             recovery: InRecovery::Silent,
+            is_load: L::IS_LOAD,
             forces: true,
             tangent: |_| true,
             files,
@@ -150,8 +161,13 @@ impl DeviceLaw {
 }
 
 /// All laws with a twin.
-pub static LAWS: [DeviceLaw; 15] = [
+pub static LAWS: [DeviceLaw; 26] = [
     fused::LAW,
+    fused::COMPRESSION,
+    fused::PROJECTION,
+    pooled::TENSILE,
+    pooled::ANGULAR,
+    pooled::VOLUMETRIC,
     stvk_fem::LAW,
     quadratic::LAW,
     linear::LAW,
@@ -159,6 +175,10 @@ pub static LAWS: [DeviceLaw; 15] = [
     corotational::LAW,
     neo_hookean::LAW,
     mass_spring::LAW,
+    hexahedra::STVK,
+    hexahedra::LINEAR,
+    hexahedra::COROTATIONAL,
+    hexahedra::NEO_HOOKEAN,
     axes::TRIADS,
     axes::FIBRES,
     axes::VOLUMES,
@@ -166,11 +186,16 @@ pub static LAWS: [DeviceLaw; 15] = [
     membranes::QUADRATIC,
     membranes::LINEAR,
     membranes::COROTATIONAL,
+    membranes::COMPRESSION,
+    membranes::PROJECTION,
 ];
+
+/// Names of systems that have no elements of their own here: others do their part.
+const CARRIED: [&str; 2] = [sinew_models::pooled::EDGE_CHANGES, SpringForces::NAME];
 
 /// Whether a law or system that is active in a world runs on the device.
 pub fn is_known(name: &str) -> bool {
-    LAWS.iter().any(|law| law.name == name)
+    CARRIED.contains(&name) || LAWS.iter().any(|law| law.name == name)
 }
 
 /// Columns of the elements of one body and law, as the device has them.
@@ -180,6 +205,8 @@ pub struct ElementColumns {
     pub nodes: Vec<u32>,
     /// Constants of element after element, as its [`ElementKind`] has them.
     pub data: Vec<f32>,
+    /// The load that they belong to, if any: its value is a factor.
+    pub load: Option<Entity>,
 }
 
 /// Columns of the elements of `body` that have law `L`; `first_row` is the first row of the body.
@@ -194,27 +221,20 @@ fn tetrahedron_columns<L: TetrahedronLaw, S: Scalar>(
         if of.0 as usize != body {
             continue;
         }
-        let volume = volume.0.to_f64();
-        // products in f64, rounded once
-        let f = |x: S| x.to_f64() as f32;
-        let folded = |x: S| (x.to_f64() * volume) as f32;
+        let d = [d1.0.0, d1.1.0, d1.2.0, d2.0.0, d2.1.0, d2.2.0, d3.0.0, d3.1.0, d3.2.0];
         columns.nodes.extend(nodes.0.map(|row| row - first_row));
-        columns.data.extend([
-            f(d1.0.0),
-            f(d1.1.0),
-            f(d1.2.0),
-            folded(lambda.0),
-            f(d2.0.0),
-            f(d2.1.0),
-            f(d2.2.0),
-            folded(mu.0),
-            f(d3.0.0),
-            f(d3.1.0),
-            f(d3.2.0),
-            folded(compression.0),
-        ]);
+        push_tetrahedron(&mut columns.data, d, volume.0, [lambda.0, mu.0, compression.0]);
     }
     columns
+}
+
+/// Appends the constants of a [`TETRAHEDRON`] from its shape vectors (1/m), volume (m^3) and moduli (Pa).
+fn push_tetrahedron<S: Scalar>(data: &mut Vec<f32>, d: [S; 9], volume: S, moduli: [S; 3]) {
+    for (d, modulus) in d.chunks_exact(3).zip(moduli) {
+        data.extend(d.iter().map(|x| x.to_f64() as f32));
+        // in f64, rounded once
+        data.push((modulus.to_f64() * volume.to_f64()) as f32);
+    }
 }
 
 /// Finds the elements of a body (by index and first row) that follow a law.
@@ -224,6 +244,11 @@ type Find = fn(&mut World, usize, u32) -> ElementColumns;
 fn finders<S: Scalar>() -> Vec<(DeviceLaw, Find)> {
     vec![
         (fused::LAW, fused::columns::<S>),
+        (fused::COMPRESSION, fused::compression::<S>),
+        (fused::PROJECTION, fused::projection::<S>),
+        (pooled::TENSILE, pooled::tensile::<S>),
+        (pooled::ANGULAR, pooled::angular::<S>),
+        (pooled::VOLUMETRIC, pooled::volumetric::<S>),
         (stvk_fem::LAW, stvk_fem::columns::<S>),
         (quadratic::LAW, quadratic::columns::<S>),
         (linear::LAW, linear::columns::<S>),
@@ -231,6 +256,10 @@ fn finders<S: Scalar>() -> Vec<(DeviceLaw, Find)> {
         (corotational::LAW, corotational::columns::<S>),
         (neo_hookean::LAW, neo_hookean::columns::<S>),
         (mass_spring::LAW, mass_spring::columns::<S>),
+        (hexahedra::STVK, hexahedra::columns::<FusedStVK, S>),
+        (hexahedra::LINEAR, hexahedra::columns::<Linear, S>),
+        (hexahedra::COROTATIONAL, hexahedra::columns::<Corotational, S>),
+        (hexahedra::NEO_HOOKEAN, hexahedra::columns::<NeoHookean, S>),
         (axes::TRIADS, axes::triads::<S>),
         (axes::FIBRES, axes::fibres::<S>),
         (axes::VOLUMES, axes::volumes::<S>),
@@ -238,6 +267,8 @@ fn finders<S: Scalar>() -> Vec<(DeviceLaw, Find)> {
         (membranes::QUADRATIC, membranes::columns::<QuadraticMembrane, S>),
         (membranes::LINEAR, membranes::columns::<LinearMembrane, S>),
         (membranes::COROTATIONAL, membranes::columns::<CorotationalMembrane, S>),
+        (membranes::COMPRESSION, membranes::compression::<S>),
+        (membranes::PROJECTION, membranes::columns::<PooledMembrane, S>),
     ]
 }
 

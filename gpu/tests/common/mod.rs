@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
-use sinew::engine::mesh::generate::box_tets;
+use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
 use sinew::prelude::*;
 use sinew_gpu::{GpuBackend, GpuError, GpuOptions};
 
@@ -28,6 +28,25 @@ pub fn say(message: &str) {
 /// A beam of soft tissue.
 pub fn beam(cells: [usize; 3]) -> Mesh {
     box_tets(DVec3::new(0.2, 0.05, 0.05), cells).unwrap()
+}
+
+/// The same of hexahedra whose faces are not plane.
+pub fn bricks(cells: [usize; 3]) -> Mesh {
+    let mut mesh = box_hexahedra(DVec3::new(0.2, 0.05, 0.05), cells).unwrap();
+    for (i, x) in mesh.points.iter_mut().enumerate() {
+        *x += 1.5e-3 * noise(i);
+    }
+    mesh
+}
+
+/// The same, the first half of its cells cut into tetrahedra.
+pub fn half_bricks(cells: [usize; 3]) -> Mesh {
+    let mut mesh = bricks(cells);
+    let half = mesh.hexahedra.len() / 2;
+    mesh.hexahedra.drain(..half);
+    mesh.tetrahedra = beam(cells).tetrahedra;
+    mesh.tetrahedra.truncate(6 * half);
+    mesh
 }
 
 /// 10 kPa, nearly incompressible.
