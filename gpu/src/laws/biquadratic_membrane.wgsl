@@ -11,12 +11,12 @@ struct Compressed {
 }
 
 fn compressed(e: Element, d: vec3f, c: vec3f) -> Compressed {
-    let change = inverse_determinant(e) * minor(c) + contract(d, c);
-    let square = max(1.0 + change, 0.0);
+    let area = squared_area(e, d, c);
+    let square = area.y;
     let ratio = sqrt(square);
     let is_flat = ratio < FLAT;
     // near 1 without cancellation; when flat, J2 = (J2^2/f + f)/2
-    let m = select(change / (ratio + 1.0), 0.5 / FLAT * square + (0.5 * FLAT - 1.0), is_flat);
+    let m = select(area.x / (ratio + 1.0), 0.5 / FLAT * square + (0.5 * FLAT - 1.0), is_flat);
     return Compressed(min(m, 0.0), 1.0 / max(ratio, FLAT), is_flat);
 }
 

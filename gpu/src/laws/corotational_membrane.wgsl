@@ -21,9 +21,9 @@ fn polar(e: Element, d: vec3f) -> Polar {
     let c = gram_change(e);
     // tr C - 2, det C - 1 and what follows, without taking 1 from a number near 1
     let dt = contract(d, c);
-    let dd = inverse_determinant(e) * minor(c) + dt;
-    let j = sqrt(max(1.0 + dd, 0.0));
-    let dj = dd / (1.0 + j);
+    let area = squared_area(e, d, c);
+    let j = sqrt(area.y);
+    let dj = area.x / (1.0 + j);
     let trace = sqrt(max(2.0 + 2.0 + dt + dj + dj, 1e-12));
     let excess = (dt + dj + dj) / (trace + 2.0);
     // (d c d + k d)/t

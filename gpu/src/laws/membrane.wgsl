@@ -51,6 +51,18 @@ fn contract(d: vec3f, c: vec3f) -> f32 {
     return d.x * c.x + d.y * c.y + 2.0 * d.z * c.z;
 }
 
+// Change of J2^2, J2 the ratio of the areas, and J2^2.
+fn squared_area(e: Element, d: vec3f, c: vec3f) -> vec2f {
+    let change = inverse_determinant(e) * minor(c) + contract(d, c);
+    if change > -0.75 {
+        return vec2f(change, 1.0 + change);
+    }
+    // in a much smaller triangle the sum cancels, the normal does not
+    let normal = 1.0 / (2.0 * e.area) * cross(e.e1 + e.w1, e.e2 + e.w2);
+    let square = dot(normal, normal);
+    return vec2f(square - 1.0, square);
+}
+
 // d c d.
 fn raise(d: vec3f, c: vec3f) -> vec3f {
     let m11 = d.x * c.x + d.z * c.z;

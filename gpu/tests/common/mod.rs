@@ -1,6 +1,8 @@
 //! A device for tests, and bodies in states that matter.
 #![allow(dead_code, reason = "every test binary uses a part of it")]
 
+pub mod compare;
+
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
