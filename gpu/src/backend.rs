@@ -134,6 +134,13 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
         Preconditioner::Auto | Preconditioner::BlockJacobi => {}
         other => return Err(GpuError::Preconditioner { preconditioner: other.name() }),
     }
+    if settings.integrator.is_explicit()
+        && let Some(active) = world.get_resource::<ActiveLaws>()
+        && active.0.contains(&laws::pressure::LAW.name)
+    {
+        let law = format!("{} in explicit substeps", laws::pressure::LAW.name);
+        return Err(GpuError::Law { law });
+    }
     if has_dampers(world) {
         return Err(GpuError::Law { law: "axial dampers".into() });
     }
@@ -194,6 +201,7 @@ impl GpuBackend {
         node.read(world);
         let needs_matrix = SolverSettings { integrator: Integrator::Safe, ..Default::default() };
         self.make_resident::<S>(world, &needs_matrix, &mut GpuReport::default())?;
+        self.apply_pressures(world);
         for (resident, body) in self.bodies.iter_mut().zip(&world.resource::<Topology>().bodies) {
             let rows = body.vertices.start as usize..body.vertices.end as usize;
             resident.tell(&self.context, &node, rows, body);
@@ -214,6 +222,7 @@ impl GpuBackend {
             return Ok(());
         }
         self.make_resident::<S>(world, settings, device).map_err(refused)?;
+        self.apply_pressures(world);
         let dt = world.resource::<StepClock>().dt;
         let rows: Vec<_> = world
             .resource::<Topology>()
@@ -374,6 +383,17 @@ impl GpuBackend {
 }
 
 impl GpuBackend {
+    /// Tells the device the pressures (Pa) of the time whose loads act.
+    fn apply_pressures(&mut self, world: &mut World) {
+        if self.bodies.iter().any(|resident| resident.body.elements.has_loads()) {
+            for (load, value) in laws::pressure::values(world) {
+                for resident in &mut self.bodies {
+                    resident.body.elements.set_factor(&self.context, load, value as f32);
+                }
+            }
+        }
+    }
+
     /// Uploads the constants of the elements of these laws anew; `false`, with nothing done, where more than
     /// constants may be different.
     fn renew_constants<S: Scalar>(&mut self, world: &mut World, changed: &[&'static str]) -> bool {
@@ -408,7 +428,7 @@ impl Resident {
         body: &BodyRows,
     ) -> bool {
         let narrow = |x: &[S; 4]| x.map(|x| x.to_f64() as f32);
-        let vertices: Vec<_> = rows
+        let mut vertices: Vec<_> = rows
             .clone()
             .zip(&body.piece)
             .map(|(row, &piece)| VertexConstants {
@@ -416,9 +436,12 @@ impl Resident {
                 // without mass and element nothing says where it should go
                 held: if node.mass[row] == S::ZERO { 7 } else { u32::from(node.fixed[row].0) },
                 piece,
-                padding: 0,
+                loaded: 0,
             })
             .collect();
+        for &row in &self.body.elements.loaded_rows {
+            vertices[row as usize].loaded = 1;
+        }
         if vertices != self.vertices {
             self.body.write_vertices(context, &vertices);
             self.vertices = vertices;

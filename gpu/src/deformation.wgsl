@@ -34,8 +34,3 @@ fn cofactor(g: mat3x3f) -> mat3x3f {
 fn green_strain(g: mat3x3f) -> mat3x3f {
     return 0.5 * (g + transpose(g) + transpose(g) * g);
 }
-
-// w such that skew(w) v = w x v.
-fn skew(w: vec3f) -> mat3x3f {
-    return mat3x3f(0.0, w.z, -w.y, -w.z, 0.0, w.x, w.y, -w.x, 0.0);
-}

@@ -80,11 +80,14 @@ struct Set {
 /// All elements of a body, chunk by chunk in the order of their laws.
 pub(crate) struct Elements {
     pub chunks: Vec<Chunk>,
+    rows: u32,
     sets: Vec<Set>,
     /// Entries of the sums that energies take.
     pub energy_sums: u32,
     /// Those of them that are potentials of loads.
     load_sums: Range<usize>,
+    /// Vertex rows on which loads that are laws act.
+    pub loaded_rows: Vec<u32>,
 }
 
 impl Elements {
@@ -178,7 +181,12 @@ impl Elements {
         let start = chunks.iter().position(is_load).unwrap_or(chunks.len());
         let end = chunks.iter().rposition(is_load).map_or(start, |last| last + 1);
         let load_sums = energies(&chunks[..start])..energies(&chunks[..end]);
-        Self { chunks, sets, energy_sums: sums - first_sum, load_sums }
+        let loads = laws.iter().filter(|(law, _)| law.is_load);
+        let mut loaded_rows: Vec<_> =
+            loads.flat_map(|(_, columns)| &columns.nodes).copied().collect();
+        loaded_rows.sort_unstable();
+        loaded_rows.dedup();
+        Self { chunks, rows: n, sets, energy_sums: sums - first_sum, load_sums, loaded_rows }
     }
 
     /// Whether these are all elements of the laws `names`, as they were uploaded but for their constants.
@@ -261,10 +269,7 @@ impl Elements {
         n: u32,
         pass: &mut wgpu::ComputePass<'_>,
     ) {
-        let gather = |entry| {
-            let layouts = [&context.layouts.rows, &context.layouts.gather];
-            context.pipeline("gather", crate::sources::gather, entry, &layouts)
-        };
+        let gather = |entry| gather(context, entry);
         let [x, y] = groups_for(u64::from(n));
         let mut first = true;
         pass.set_bind_group(0, rows, &[]);
@@ -303,11 +308,20 @@ impl Elements {
                 pass.dispatch_workgroups(x, y, 1);
             }
         };
-        let mut first = true;
+        let (mut first, mut first_load) = (true, true);
         for chunk in &self.chunks {
             let law = chunk.law.now(recovering).filter(|law| (law.tangent)(kind));
             let Some(law) = law else { continue };
             pass.set_bind_group(0, rows, &[]);
+            if law.is_load {
+                chunk.run(context, law, "row_sums", pass);
+                let entry = if first_load { "gather_row_sums" } else { "add_row_sums" };
+                pass.set_pipeline(&gather(context, entry));
+                pass.set_bind_group(1, &chunk.gather, &[]);
+                let [x, y] = groups_for(u64::from(self.rows));
+                pass.dispatch_workgroups(x, y, 1);
+                first_load = false;
+            }
             chunk.run(context, law, "tangents", pass);
             assemble(chunk, if first { "gather_blocks" } else { "add_blocks" }, pass);
             first = false;
@@ -316,6 +330,11 @@ impl Elements {
             assemble(chunk, "no_blocks", pass);
         }
     }
+}
+
+fn gather(context: &Context, entry: &'static str) -> wgpu::ComputePipeline {
+    let layouts = [&context.layouts.rows, &context.layouts.gather];
+    context.pipeline("gather", crate::sources::gather, entry, &layouts)
 }
 
 fn kernel(context: &Context, law: &DeviceLaw, entry: &'static str) -> wgpu::ComputePipeline {

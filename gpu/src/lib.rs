@@ -27,7 +27,7 @@
 //! * **The host sees sums only.** A smooth step waits three times: for conjugate gradients, which run in batches
 //!   as long as last time and verify their true residual on the device; for the line search; for the end.
 //! * **Buffers are cut** to the adapter's binding limit: elements into chunks, the matrix into ranges of rows.
-//!   Vertex rows are not: 18 slots of 16 bytes, 466 000 vertices a body at the 128 MiB that every adapter has.
+//!   Vertex rows are not: 19 slots of 16 bytes, 441 000 vertices a body at the 128 MiB that every adapter has.
 //! * **The state comes down after every step**, 32 bytes a vertex, since volume ratios, positions and probes are
 //!   read from the columns.
 //!
@@ -44,8 +44,8 @@
 //!     Err(error @ GpuError::Adapter(_)) => assert!(error.to_string().contains("driver")),
 //!     Err(error) => panic!("{error}"),
 //! }
-//! // twenty-six laws and what they share, each a whole module
-//! assert_eq!(sinew_gpu::laws::LAWS.len(), 26);
+//! // twenty-seven laws and what they share, each a whole module
+//! assert_eq!(sinew_gpu::laws::LAWS.len(), 27);
 //! assert!(sinew_gpu::sources::all().iter().all(|module| module.text.contains("@compute")));
 //! ```
 pub mod backend;

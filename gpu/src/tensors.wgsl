@@ -7,3 +7,8 @@ fn outer(a: vec3f, b: vec3f) -> mat3x3f {
 fn identity() -> mat3x3f {
     return mat3x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
 }
+
+// w such that skew(w) v = w x v.
+fn skew(w: vec3f) -> mat3x3f {
+    return mat3x3f(0.0, w.z, -w.y, -w.z, 0.0, w.x, w.y, -w.x, 0.0);
+}

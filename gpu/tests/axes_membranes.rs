@@ -2,7 +2,7 @@
 mod common;
 
 use common::compare::{Comparison, compare, compare_in};
-use common::{MATERIAL, STATES, State, beam};
+use common::{MATERIAL, Run, STATES, State, beam, close, relative, run_both, say};
 use glam::{DVec2, DVec3};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::triangle_grid;
@@ -10,6 +10,8 @@ use sinew::models::axes::field;
 use sinew::models::axes::muscle::activate_at;
 use sinew::models::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
+use sinew::solvers::settings::Preconditioner;
+use sinew_gpu::GpuReport;
 
 /// Four families that are not orthogonal, two of them active, five angles: triads, fibres and a term of volume,
 /// some elements without a share.
@@ -163,5 +165,164 @@ fn skins_of_solids() {
             states: &STATES,
             set_up: &|_, _| {},
         });
+    }
+}
+
+/// Two pressures on the skin of a solid, which share rims; and one on a sheet whose rim is free.
+#[test]
+fn follower_pressure() {
+    let mesh = beam([10, 4, 5]);
+    let skin = mesh.surface_triangles();
+    let inflate = |simulation: &mut Simulation, body, triangles: &[[u32; 3]], pressure| {
+        let faces = simulation.face_rows(body, "air", triangles).unwrap();
+        let curve = Curve::Points(vec![[0.0, 0.5]]);
+        simulation.add_pressure(Pressure { name: "air".into(), faces, pressure, curve });
+    };
+    compare_in(Comparison {
+        law: "pressure on a solid",
+        description: &BodyDescription::new("beam", &mesh, MATERIAL),
+        mesh: &mesh,
+        states: &STATES,
+        set_up: &|simulation, body| {
+            inflate(simulation, body, &skin[..skin.len() / 2], 2e3);
+            inflate(simulation, body, &skin[skin.len() / 3..], -5e3);
+        },
+    });
+    let mesh = triangle_grid(DVec2::new(0.2, 0.05), [16, 5]).unwrap();
+    let membrane = Some(MembraneDescription::new(&mesh.triangles, 1e-3, MATERIAL));
+    compare_in(Comparison {
+        law: "pressure on a sheet",
+        description: &BodyDescription {
+            membrane,
+            ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
+        },
+        mesh: &mesh,
+        states: &SHEET_STATES,
+        set_up: &|simulation, body| inflate(simulation, body, &mesh.triangles, 200.0),
+    });
+}
+
+fn settings() -> SolverSettings {
+    SolverSettings {
+        integrator: Integrator::Safe,
+        preconditioner: Preconditioner::BlockJacobi,
+        linear_tolerance: 1e-5,
+        ..SolverSettings::default()
+    }
+}
+
+fn hold(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, group: &str) {
+    let rows = simulation.group_rows(body, mesh, group).unwrap();
+    simulation.add_constraint(Constraint::hold(group, rows));
+}
+
+/// The runs end alike, and books agree all along.
+fn agree([cpu, gpu]: &[Run; 2], bound: f64, what: &str) {
+    let u = relative(&gpu.u, &cpu.u);
+    say(&format!("{what}: displacement {u:.1e}"));
+    assert!(u < bound, "{what}: {u:.1e}");
+    for (a, b) in gpu.reports.iter().zip(&cpu.reports) {
+        let scale = b.elastic_energy.abs() + b.kinetic_energy + b.load_work.abs();
+        close(a.elastic_energy, b.elastic_energy, scale, 1e-3, "elastic energy");
+        close(a.kinetic_energy, b.kinetic_energy, scale, 1e-3, "kinetic energy");
+        close(a.load_work, b.load_work, scale, 1e-3, "work of loads");
+        close(a.dissipation, b.dissipation, scale, 1e-3, "dissipation");
+        close(a.damping_dissipation, b.damping_dissipation, scale, 1e-3, "damping");
+    }
+}
+
+#[test]
+fn a_muscle_pulls_and_only_its_constants_go_up() {
+    let mesh = beam([10, 3, 3]);
+    let along = [DVec3::X];
+    let muscle = MuscleSettings {
+        peak_stress: 4e3,
+        stiffening: 0.5,
+        shortening: 0.1,
+        curve: Some(Curve::ramp(0.0, 0.1)),
+        ..MuscleSettings::default()
+    };
+    let family = AxisFamily { muscle: Some(muscle), ..AxisFamily::new("m", &along, 3e3) };
+    let axes = AxesDescription { families: vec![family], ..AxesDescription::default() };
+    let description = with_axes(&mesh, Model::CompressibleStVK, axes.into_owned());
+    let scene = |s: &mut Simulation, body: BodyHandle| hold(s, body, &mesh, "x0");
+    let Some(runs) = run_both(&description, 20, &settings(), scene) else { return };
+    agree(&runs, 1e-4, "muscle");
+    let [_, mut gpu] = runs;
+    // the activation still rises: three rows of 16 bytes for every fibre, and what every step brings
+    let fibres = 48 * mesh.tetrahedra.len() as u64;
+    let report = gpu.simulation.world().resource::<GpuReport>();
+    assert_eq!(report.uploads, 0);
+    assert!(report.bytes_up > fibres && report.bytes_up < fibres + 4096, "{}", report.bytes_up);
+    gpu.simulation.set_dt(1.0);
+    for _ in 0..2 {
+        gpu.simulation.step().unwrap();
+    }
+    let report = gpu.simulation.world().resource::<GpuReport>();
+    assert!(report.bytes_up < 4096, "{} at full activation", report.bytes_up);
+}
+
+#[test]
+fn pressure_inflates_and_is_booked_as_work_of_loads() {
+    let mesh = beam([8, 4, 4]);
+    let mut top = mesh.surface_triangles();
+    top.retain(|t| t.iter().all(|&v| mesh.points[v as usize].z > 0.0499));
+    let scene = |s: &mut Simulation, body: BodyHandle| {
+        hold(s, body, &mesh, "x0");
+        let faces = s.face_rows(body, "air", &top).unwrap();
+        let curve = Curve::ramp(0.0, 0.1);
+        s.add_pressure(Pressure { name: "air".into(), faces, pressure: -60.0, curve });
+    };
+    let description = BodyDescription::new("beam", &mesh, MATERIAL);
+    let Some(runs) = run_both(&description, 20, &settings(), scene) else { return };
+    agree(&runs, 1e-4, "pressure");
+    let work: f64 = runs[1].reports.iter().map(|r| r.load_work).sum();
+    assert!(work > 0.0);
+}
+
+#[test]
+fn a_drum_swings_on_its_rim() {
+    let mesh = triangle_grid(DVec2::new(0.2, 0.05), [16, 5]).unwrap();
+    let membrane = Some(MembraneDescription::new(&mesh.triangles, 1e-3, MATERIAL));
+    let description = BodyDescription {
+        membrane,
+        ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
+    };
+    let scene = |s: &mut Simulation, body: BodyHandle| {
+        let rim: Vec<u32> = (0..mesh.points.len() as u32)
+            .filter(|&i| {
+                let x = mesh.points[i as usize];
+                x.x == 0.0 || x.y == 0.0 || x.x > 0.1999 || x.y > 0.0499
+            })
+            .collect();
+        let rows = s.rows(body, "rim", &rim).unwrap();
+        s.add_constraint(Constraint::hold("rim", rows));
+        let faces = s.face_rows(body, "air", &mesh.triangles).unwrap();
+        let curve = Curve::Constant;
+        s.add_pressure(Pressure { name: "air".into(), faces, pressure: 50.0, curve });
+    };
+    let Some(runs) = run_both(&description, 20, &settings(), scene) else { return };
+    agree(&runs, 1e-4, "drum");
+}
+
+/// Axes say nothing while their body recovers.
+#[test]
+fn a_crushed_body_with_axes_recovers() {
+    let mesh = beam([6, 3, 3]);
+    let description = with_axes(&mesh, Model::CompressibleStVK, rich(&mesh));
+    let scene = |s: &mut Simulation, _: BodyHandle| s.set_gravity(DVec3::ZERO);
+    let crush = |s: &mut Simulation, body: BodyHandle| {
+        scene(s, body);
+        let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.03 * common::noise(i)).collect();
+        s.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    };
+    let settings = SolverSettings { mass_damping: 5.0, linear_tolerance: 1e-4, ..settings() };
+    let Some([cpu, gpu]) = run_both(&description, 120, &settings, crush) else { return };
+    for run in [&cpu, &gpu] {
+        assert!(run.reports[0].recovering > 0);
+        let last = run.reports.last().unwrap();
+        assert_eq!(last.recovering, 0, "{last:?}");
+        let start = run.reports[0].elastic_energy;
+        assert!(last.elastic_energy < 1e-3 * start, "{} of {start}", last.elastic_energy);
     }
 }

@@ -1,10 +1,9 @@
 //! The safe step on the device against that of the processor in `f64`.
 mod common;
 
-use common::{MATERIAL, beam, device, noise, relative, say};
+use common::{MATERIAL, Run, beam, close, device, noise, relative, run_both, say};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
-use sinew::engine::report::StepReport;
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
 use sinew_gpu::{GpuOptions, GpuReport};
@@ -18,41 +17,14 @@ fn settings() -> SolverSettings {
     }
 }
 
-/// Builds a scene on the processor and on the device, runs both and returns displacements, velocities and
-/// reports of all steps of each; `None` without an adapter.
+/// A beam of soft tissue in a scene on the processor and on the device; `None` without an adapter.
 fn both(
     mesh: &Mesh,
     steps: usize,
     settings: &SolverSettings,
     scene: impl Fn(&mut Simulation, BodyHandle),
 ) -> Option<[Run; 2]> {
-    let backend = device(&GpuOptions::default())?;
-    let options = SimulationOptions::default();
-    let simulations =
-        [Simulation::new(options).unwrap(), Simulation::with_gpu(options, backend).unwrap()];
-    Some(simulations.map(|mut simulation| {
-        let body = simulation.add_body(&BodyDescription::new("beam", mesh, MATERIAL)).unwrap();
-        simulation.set_solver(settings.clone());
-        scene(&mut simulation, body);
-        let mut reports = Vec::new();
-        for _ in 0..steps {
-            simulation.step().unwrap();
-            reports.push(simulation.report().clone());
-        }
-        let (u, v) = (simulation.displacements(body), simulation.velocities(body));
-        Run { simulation, u, v, reports }
-    }))
-}
-
-struct Run {
-    simulation: Simulation,
-    u: Vec<DVec3>,
-    v: Vec<DVec3>,
-    reports: Vec<StepReport>,
-}
-
-fn close(a: f64, b: f64, scale: f64, bound: f64, what: &str) {
-    assert!((a - b).abs() <= bound * scale, "{what}: {a} against {b}, scale {scale}");
+    run_both(&BodyDescription::new("beam", mesh, MATERIAL), steps, settings, scene)
 }
 
 fn clamp(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, group: &str) {

@@ -9,14 +9,14 @@ use sinew_models::fused_membrane::{
     PooledMembrane, QuadraticMembrane, TriangleLaw,
 };
 
-use super::{DeviceLaw, ElementColumns, ElementKind, InRecovery, STRETCH};
+use super::{DeviceLaw, ElementColumns, ElementKind, InRecovery, STRETCH, TRIANGLES};
 
 /// Three vertices; E_1 (m) and lambda (N/m), E_2 and mu, rest area (m^2) and kappa (N/m).
 const MEMBRANE: ElementKind = ElementKind {
     vertices: 3,
     constants: 12,
     threads: 1,
-    files: &[include_str!("../triangles.wgsl"), include_str!("membrane.wgsl")],
+    files: &[TRIANGLES, include_str!("../three_vertices.wgsl"), include_str!("membrane.wgsl")],
 };
 
 const fn law<L: TriangleLaw>(files: &'static [&'static str]) -> DeviceLaw {

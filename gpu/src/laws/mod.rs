@@ -10,6 +10,7 @@ pub mod mass_spring;
 pub mod membranes;
 pub mod neo_hookean;
 pub mod pooled;
+pub mod pressure;
 pub mod quadratic;
 pub mod stvk_fem;
 pub mod warped;
@@ -72,6 +73,8 @@ const VERTEX_FORCES: &str = include_str!("../vertex_forces.wgsl");
 const STRESS: &str = concat!(include_str!("../vertex_forces.wgsl"), include_str!("../stress.wgsl"));
 /// How far an edge is stretched.
 const STRETCH: &str = include_str!("stretch.wgsl");
+/// Triangles, one thread each.
+const TRIANGLES: &str = include_str!("../triangles.wgsl");
 /// Tetrahedra, one thread each.
 const TETRAHEDRA: &str = include_str!("../tetrahedra.wgsl");
 
@@ -161,7 +164,7 @@ impl DeviceLaw {
 }
 
 /// All laws with a twin.
-pub static LAWS: [DeviceLaw; 26] = [
+pub static LAWS: [DeviceLaw; 27] = [
     fused::LAW,
     fused::COMPRESSION,
     fused::PROJECTION,
@@ -188,6 +191,7 @@ pub static LAWS: [DeviceLaw; 26] = [
     membranes::COROTATIONAL,
     membranes::COMPRESSION,
     membranes::PROJECTION,
+    pressure::LAW,
 ];
 
 /// Names of systems that have no elements of their own here: others do their part.
@@ -286,6 +290,9 @@ pub fn columns<S: Scalar>(
         .map(|(law, find)| (law, find(world, body, first_row)))
         .filter(|(_, columns)| !columns.nodes.is_empty())
         .collect();
+    if wanted(&pressure::LAW) {
+        found.extend(pressure::columns(world, body, first_row));
+    }
     found.sort_by_key(|(law, _)| law.order);
     found
 }
