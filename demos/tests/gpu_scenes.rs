@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 use sinew::gpu::{GpuBackend, GpuError, GpuOptions};
-use sinew::prelude::{Backend, Precision};
+use sinew::prelude::{Backend, Evaluation, Precision};
 use sinew_demos::build::{BuildOptions, build};
 use sinew_demos::error::RunError;
 use sinew_demos::run::{RunOptions, Silent, run};
@@ -34,11 +34,10 @@ fn scene(name: &str) -> LoadedScene {
 
 /// Displacements after `steps` steps, largest difference from those of the processor in `f64` over their largest
 /// length: of the device, and of the processor in `f32`.
-fn differences(name: &str, steps: u64) -> Option<[f64; 2]> {
+fn differences(name: &str, mut loaded: LoadedScene, steps: u64) -> Option<[f64; 2]> {
     if !adapter() {
         return None;
     }
-    let mut loaded = scene(name);
     // differences of the solvers' last digits would hide those of the arithmetic
     loaded.scene.solver.linear_tolerance = 1e-5;
     let ways = [
@@ -77,7 +76,11 @@ fn differences(name: &str, steps: u64) -> Option<[f64; 2]> {
 
 /// The device is within `bound` of `f64`, or no worse than twice what `f32` costs on the processor.
 fn check(name: &str, steps: u64, bound: f64) {
-    if let Some([gpu, single]) = differences(name, steps) {
+    check_scene(name, scene(name), steps, bound);
+}
+
+fn check_scene(name: &str, loaded: LoadedScene, steps: u64, bound: f64) {
+    if let Some([gpu, single]) = differences(name, loaded, steps) {
         assert!(gpu < bound.max(2.0 * single), "{name}: {gpu:.1e}, CPU in f32 {single:.1e}");
     }
 }
@@ -95,6 +98,25 @@ fn liver() {
 #[test]
 fn crush() {
     check("crush", 110, 1e-5);
+}
+
+#[test]
+fn crush_with_pooled_springs() {
+    let mut loaded = scene("crush");
+    for body in &mut loaded.scene.bodies {
+        body.evaluation = Evaluation::Pooled;
+    }
+    check_scene("crush, pooled", loaded, 110, 1e-5);
+}
+
+#[test]
+fn bar_of_hexahedra_beside_one_of_springs() {
+    let mut loaded = scene("elements");
+    // the hammock has no solid
+    loaded.scene.bodies.retain(|body| body.membrane.is_none());
+    loaded.scene.constraints.retain(|entry| entry.body != "hammock");
+    loaded.scene.probes.retain(|probe| probe.body != "hammock");
+    check_scene("elements", loaded, 30, 1e-4);
 }
 
 #[test]

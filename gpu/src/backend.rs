@@ -14,6 +14,9 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, changed_laws, has_dampers};
 use sinew_engine::step::{IntegratorInstalled, StepClock, StepError, StepFailure, not_finite};
 use sinew_engine::topology::{BodyRows, Topology};
+use sinew_models::axes::description::AxisForm;
+use sinew_models::body::SoftBody;
+use sinew_models::sheet::MembraneModel;
 use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
 use sinew_solvers::state::{NodeState, Rows, read_rest, write_state};
 use std::ops::Range;
@@ -139,17 +142,38 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
         && active.0.contains(&laws::pressure::LAW.name)
     {
         let law = format!("{} in explicit substeps", laws::pressure::LAW.name);
-        return Err(GpuError::Law { law });
+        return Err(GpuError::WorldLaw { law });
+    }
+    let mut bodies = world.query::<&SoftBody>();
+    for soft in bodies.iter(world) {
+        let rows = world.resource::<Topology>().bodies.get(soft.index);
+        if let Some((rows, law)) = rows.and_then(|rows| Some((rows, missing(soft, rows)?))) {
+            return Err(GpuError::Law { body: rows.name.clone(), law: law.into() });
+        }
     }
     if has_dampers(world) {
-        return Err(GpuError::Law { law: "axial dampers".into() });
+        return Err(GpuError::WorldLaw { law: "dampers".into() });
     }
     if let Some(active) = world.get_resource::<ActiveLaws>()
         && let Some(law) = active.0.iter().find(|law| !laws::is_known(law))
     {
-        return Err(GpuError::Law { law: (*law).into() });
+        return Err(GpuError::WorldLaw { law: (*law).into() });
     }
     Ok(())
+}
+
+/// The first part of a body without a twin on the device.
+fn missing(soft: &SoftBody, rows: &BodyRows) -> Option<&'static str> {
+    if let Some(axes) = &soft.axes {
+        if axes.description.form != AxisForm::EnergyConsistent {
+            return Some("axes in their printed form");
+        }
+        if axes.description.families.iter().any(|family| family.viscosity > 0.0) {
+            return Some("axial dampers");
+        }
+    }
+    let springs = soft.membrane.is_some_and(|m| m.model == MembraneModel::MassSpring);
+    (!rows.quads.is_empty() && !springs).then_some("membrane of quadrilaterals")
 }
 
 /// The one system of [`StepSystems::Integrate`].

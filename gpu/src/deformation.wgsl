@@ -1,10 +1,6 @@
 // What deformation is measured by: functions of the displacement gradient G, in an element with the displacements w
 // of vertices 1, 2, 3 against vertex 0 (m) and shape vectors d1, d2, d3 (1/m).
 
-// Vertices of the six tangent blocks 11 22 33 12 13 23, counted from 0.
-const FIRST = array<u32, 6>(0u, 1u, 2u, 0u, 0u, 1u);
-const SECOND = array<u32, 6>(0u, 1u, 2u, 1u, 2u, 2u);
-
 // G = sum_a u_a (x) D_a; D_0 = -(D_1 + D_2 + D_3) turns the sum into one over displacements relative to vertex 0.
 fn displacement_gradient(e: Element) -> mat3x3f {
     return outer(e.w[0], e.d1) + outer(e.w[1], e.d2) + outer(e.w[2], e.d3);

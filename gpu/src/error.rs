@@ -11,10 +11,20 @@ pub enum GpuError {
     Adapter(#[from] AdapterError),
     /// A law without a twin on the device.
     #[error(
+        "body `{body}`: the law \"{law}\" has no twin on the device; use the CPU backend (backend = \"cpu\")"
+    )]
+    Law {
+        /// Name of the body.
+        body: String,
+        /// Name of the law, or of the part of the body that needs it.
+        law: String,
+    },
+    /// A law that no body says it needs.
+    #[error(
         "the law \"{law}\" is active in this world and has no twin on the device; use the CPU backend \
          (backend = \"cpu\")"
     )]
-    Law {
+    WorldLaw {
         /// Name of the law.
         law: String,
     },

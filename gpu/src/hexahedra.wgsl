@@ -46,7 +46,7 @@ fn point(t: u32) -> Element {
     w += outer(displacement(high.y) - u0, derivatives(5u, q));
     w += outer(displacement(high.z) - u0, derivatives(6u, q));
     w += outer(displacement(high.w) - u0, derivatives(7u, q));
-    return element_at(3u * t, w);
+    return element_at(ROWS * t, w);
 }
 
 fn energy_of(t: u32) -> f32 {
@@ -54,8 +54,15 @@ fn energy_of(t: u32) -> f32 {
     return energy(e, displacement_gradient(e));
 }
 
-// What the points of the elements of a workgroup have found.
+// What the points of the elements of a workgroup have found, and the derivatives of vertex a at point q in place 8 a + q.
 var<workgroup> found: array<mat3x3f, 256>;
+var<workgroup> shape: array<vec3f, 64>;
+
+fn write_shape(local: u32) {
+    if local < 64u {
+        shape[local] = derivatives(local / 8u, local % 8u);
+    }
+}
 
 // f_a = sum_q sum_j dN_a/dxi_j f_j.
 fn write_forces(t: u32) {
@@ -67,12 +74,13 @@ fn write_forces(t: u32) {
         own = vertex_forces(e, displacement_gradient(e));
     }
     found[local] = own;
+    write_shape(local);
     workgroupBarrier();
     if !exists { return; }
     let a = local % 8u;
     var force = vec3f();
     for (var q = 0u; q < 8u; q += 1u) {
-        force += found[local - a + q] * derivatives(a, q);
+        force += found[local - a + q] * shape[8u * a + q];
     }
     slots[t] = vec4f(force, 0.0);
 }
@@ -87,6 +95,7 @@ fn write_tangents(t: u32) {
         let e = point(t);
         own = core(e, displacement_gradient(e), step.kind);
     }
+    write_shape(local);
     let a = local % 8u;
     var vertices = array<vec2u, 5>(vec2u(a), PAIRS[a], PAIRS[a + 8u], PAIRS[a + 16u], PAIRS[min(a + 24u, 27u)]);
     var sums = array<mat3x3f, 5>();
@@ -99,8 +108,8 @@ fn write_tangents(t: u32) {
         for (var q = 0u; q < 8u; q += 1u) {
             let k = found[local - a + q];
             for (var p = 0u; p < 5u; p += 1u) {
-                let da = derivatives(vertices[p].x, q);
-                let db = derivatives(vertices[p].y, q);
+                let da = shape[8u * vertices[p].x + q];
+                let db = shape[8u * vertices[p].y + q];
                 sums[p] += (da[i] * db[j]) * k;
                 if i != j {
                     sums[p] += (da[j] * db[i]) * transpose(k);

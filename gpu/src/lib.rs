@@ -6,8 +6,7 @@
 //!
 //! # What runs there
 //!
-//! * Laws of tetrahedra, fused: St Venant-Kirchhoff with and without compression term, the same as in textbooks,
-//!   quadratic springs, linear, stiffness warping, corotational, stable neo-Hookean; springs on edges ([`laws`]).
+//! * The laws below, any number of them in a body ([`laws`]).
 //! * The safe step (`Integrator::Safe`, also what `auto` stands for here): tangent, projected where it is
 //!   indefinite, conjugate gradients with inverse diagonal blocks, line search, energy cap, recovery from
 //!   inversion; held and prescribed vertices, loads, gravity, Rayleigh damping; many bodies.
@@ -16,12 +15,23 @@
 //!
 //! [`check`] names what else a world has ([`GpuError`]); a step does so too. Nothing is left out silently.
 //!
+//! | elements | laws |
+//! |---|---|
+//! | tetrahedra | St Venant-Kirchhoff fused, with and without compression term; the same as in textbooks; quadratic springs, linear, stiffness warping, corotational, stable neo-Hookean |
+//! | tetrahedra, triangles and edges of pooled bodies | tensile, angular and volumetric springs, compression term, projected tangent |
+//! | hexahedra, 2x2x2 Gauss points | St Venant-Kirchhoff with and without compression term, linear, corotational, stable neo-Hookean |
+//! | edges | springs |
+//! | axes in tetrahedra, and in hexahedra at their Gauss points | triads with angles and volume, single fibres, passive and active, volume alone |
+//! | membrane triangles | biquadratic springs with and without compression term, fused and pooled; quadratic springs, linear, corotational |
+//! | surface triangles | follower pressure, in safe steps |
+//!
 //! # How
 //!
 //! * **`f32` on displacements**, never positions: forces keep five to six digits at any strain. The host adds up
 //!   sums of energy and decides in `f64`.
-//! * **Two passes, no atomics.** Elements write forces (tangent blocks) into slots of their own; vertices (blocks
-//!   of the matrix) gather them through lists in the order of the elements. With sums by fixed trees results are
+//! * **Two passes, no atomics.** A body has a set of elements for each of its laws. Elements write forces (tangent
+//!   blocks) into slots of their own; vertices (blocks of the matrix) gather them through lists in the order of the
+//!   elements, set after set in the order of the laws on the processor. With sums by fixed trees results are
 //!   the same bit for bit on one device, however buffers are cut.
 //! * **The tangent is assembled**, all 3x3 blocks of a row side by side; `matrix.rs` says why.
 //! * **The host sees sums only.** A smooth step waits three times: for conjugate gradients, which run in batches
@@ -32,8 +42,8 @@
 //!   read from the columns.
 //!
 //! The WGSL of a law lies beside the file that names its columns, functions named as in `sinew_models`; what
-//! is common lies in `prelude.wgsl` and `elements.wgsl`. A module is these files one after another
-//! ([`sources`]).
+//! is common lies in `prelude.wgsl` and `elements.wgsl`, what a kind of element brings in a file of its own. A module is
+//! these files one after another ([`sources`]).
 //!
 //! ```
 //! use sinew_gpu::{GpuBackend, GpuError, GpuOptions};
@@ -44,8 +54,8 @@
 //!     Err(error @ GpuError::Adapter(_)) => assert!(error.to_string().contains("driver")),
 //!     Err(error) => panic!("{error}"),
 //! }
-//! // twenty-seven laws and what they share, each a whole module
-//! assert_eq!(sinew_gpu::laws::LAWS.len(), 27);
+//! // every law is a whole module
+//! assert_eq!(sinew_gpu::laws::LAWS.len(), 30);
 //! assert!(sinew_gpu::sources::all().iter().all(|module| module.text.contains("@compute")));
 //! ```
 pub mod backend;

@@ -7,6 +7,8 @@ const VERTICES: u32 = 3u;
 const EDGES: u32 = 3u;
 const START = array<u32, 3>(1u, 0u, 0u);
 const END = array<u32, 3>(2u, 2u, 1u);
+const ONE = array<u32, 3>(1u, 2u, 0u);
+const OTHER = array<u32, 3>(2u, 0u, 1u);
 
 // One row of 16 bytes per edge: rest vector (m), stiffness of the spring with its number (N/m^3).
 fn coupled(i: u32) -> Coupled {
@@ -18,8 +20,4 @@ fn coupled(i: u32) -> Coupled {
         s.stiffness[e] = constants.w;
     }
     return s;
-}
-
-fn coupling(s: Coupled, e: u32, f: u32) -> f32 {
-    return select(s.stiffness[3u - min(e + f, 3u)], 0.0, e == f);
 }

@@ -18,17 +18,15 @@ use super::{
     corotational, fused, linear, neo_hookean, push_tetrahedron,
 };
 
+/// Hexahedra, eight threads each.
+pub(super) const HEXAHEDRA: &str = include_str!("../hexahedra.wgsl");
+
 /// Eight vertices; for every Gauss point, in order, what a tetrahedron has.
 pub const HEXAHEDRON: ElementKind = ElementKind {
     vertices: 8,
     constants: 8 * TETRAHEDRON.constants,
     threads: 8,
-    files: &[
-        include_str!("../hexahedra.wgsl"),
-        DEFORMATION,
-        include_str!("../tetrahedron.wgsl"),
-        PROJECTION,
-    ],
+    files: &[HEXAHEDRA, DEFORMATION, include_str!("../tetrahedron.wgsl"), PROJECTION],
 };
 
 /// St Venant-Kirchhoff with compression term.

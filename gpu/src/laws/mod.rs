@@ -164,7 +164,7 @@ impl DeviceLaw {
 }
 
 /// All laws with a twin.
-pub static LAWS: [DeviceLaw; 27] = [
+pub static LAWS: [DeviceLaw; 30] = [
     fused::LAW,
     fused::COMPRESSION,
     fused::PROJECTION,
@@ -185,6 +185,9 @@ pub static LAWS: [DeviceLaw; 27] = [
     axes::TRIADS,
     axes::FIBRES,
     axes::VOLUMES,
+    axes::HEXAHEDRON_TRIADS,
+    axes::HEXAHEDRON_FIBRES,
+    axes::HEXAHEDRON_VOLUMES,
     membranes::BIQUADRATIC,
     membranes::QUADRATIC,
     membranes::LINEAR,
@@ -267,6 +270,9 @@ fn finders<S: Scalar>() -> Vec<(DeviceLaw, Find)> {
         (axes::TRIADS, axes::triads::<S>),
         (axes::FIBRES, axes::fibres::<S>),
         (axes::VOLUMES, axes::volumes::<S>),
+        (axes::HEXAHEDRON_TRIADS, axes::hexahedron_triads::<S>),
+        (axes::HEXAHEDRON_FIBRES, axes::hexahedron_fibres::<S>),
+        (axes::HEXAHEDRON_VOLUMES, axes::hexahedron_volumes::<S>),
         (membranes::BIQUADRATIC, membranes::columns::<BiquadraticMembrane, S>),
         (membranes::QUADRATIC, membranes::columns::<QuadraticMembrane, S>),
         (membranes::LINEAR, membranes::columns::<LinearMembrane, S>),

@@ -17,6 +17,11 @@ fn coupling_energy(c: f32, delta_e: f32, delta_f: f32) -> f32 {
     return 0.5 * c * delta_e * delta_f;
 }
 
+// What such a spring adds to the tensions of e and f (N/m).
+fn coupling_tensions(c: f32, delta_e: f32, delta_f: f32) -> vec2f {
+    return (0.5 * c) * vec2f(delta_f, delta_e);
+}
+
 // Minus the force on the first vertex of an edge x_a - x_b (N).
 fn edge_pull(tension: f32, edge: vec3f) -> vec3f {
     return (tension + tension) * edge;

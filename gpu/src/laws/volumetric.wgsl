@@ -7,6 +7,8 @@ const VERTICES: u32 = 4u;
 const EDGES: u32 = 6u;
 const START = array<u32, 6>(0u, 0u, 0u, 1u, 1u, 2u);
 const END = array<u32, 6>(1u, 2u, 3u, 2u, 3u, 3u);
+const ONE = array<u32, 3>(0u, 1u, 2u);
+const OTHER = array<u32, 3>(5u, 4u, 3u);
 
 // One row of 16 bytes per edge at vertex 0: rest vector (m), stiffness of the spring with its number (N/m^3).
 fn coupled(i: u32) -> Coupled {
@@ -26,8 +28,4 @@ fn coupled(i: u32) -> Coupled {
         add_edge(&s, e, rest[a] - rest[b], u[a] - u[b]);
     }
     return s;
-}
-
-fn coupling(s: Coupled, e: u32, f: u32) -> f32 {
-    return select(0.0, s.stiffness[min(e, 5u - e)], e + f == 5u);
 }
