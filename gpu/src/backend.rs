@@ -16,7 +16,6 @@ use sinew_engine::step::{IntegratorInstalled, StepClock, StepError, StepFailure,
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_models::axes::description::AxisForm;
 use sinew_models::body::SoftBody;
-use sinew_models::sheet::MembraneModel;
 use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
 use sinew_solvers::state::{NodeState, Rows, read_rest, write_state};
 use std::ops::Range;
@@ -147,7 +146,7 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
     let mut bodies = world.query::<&SoftBody>();
     for soft in bodies.iter(world) {
         let rows = world.resource::<Topology>().bodies.get(soft.index);
-        if let Some((rows, law)) = rows.and_then(|rows| Some((rows, missing(soft, rows)?))) {
+        if let Some((rows, law)) = rows.zip(missing(soft)) {
             return Err(GpuError::Law { body: rows.name.clone(), law: law.into() });
         }
     }
@@ -163,17 +162,12 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
 }
 
 /// The first part of a body without a twin on the device.
-fn missing(soft: &SoftBody, rows: &BodyRows) -> Option<&'static str> {
-    if let Some(axes) = &soft.axes {
-        if axes.description.form != AxisForm::EnergyConsistent {
-            return Some("axes in their printed form");
-        }
-        if axes.description.families.iter().any(|family| family.viscosity > 0.0) {
-            return Some("axial dampers");
-        }
+fn missing(soft: &SoftBody) -> Option<&'static str> {
+    let axes = &soft.axes.as_ref()?.description;
+    if axes.form != AxisForm::EnergyConsistent {
+        return Some("axes in their printed form");
     }
-    let springs = soft.membrane.is_some_and(|m| m.model == MembraneModel::MassSpring);
-    (!rows.quads.is_empty() && !springs).then_some("membrane of quadrilaterals")
+    axes.families.iter().any(|family| family.viscosity > 0.0).then_some("axial dampers")
 }
 
 /// The one system of [`StepSystems::Integrate`].

@@ -23,6 +23,7 @@
 //! | edges | springs |
 //! | axes in tetrahedra, and in hexahedra at their Gauss points | triads with angles and volume, single fibres, passive and active, volume alone |
 //! | membrane triangles | biquadratic springs with and without compression term, fused and pooled; quadratic springs, linear, corotational |
+//! | membrane quadrilaterals, 2x2 Gauss points | biquadratic springs with and without compression term, linear, corotational |
 //! | surface triangles | follower pressure, in safe steps |
 //!
 //! # How
@@ -55,7 +56,7 @@
 //!     Err(error) => panic!("{error}"),
 //! }
 //! // every law is a whole module
-//! assert_eq!(sinew_gpu::laws::LAWS.len(), 30);
+//! assert_eq!(sinew_gpu::laws::LAWS.len(), 33);
 //! assert!(sinew_gpu::sources::all().iter().all(|module| module.text.contains("@compute")));
 //! ```
 pub mod backend;

@@ -7,7 +7,7 @@ use common::{
 };
 use glam::{DVec2, DVec3};
 use sinew::engine::mesh::Mesh;
-use sinew::engine::mesh::generate::triangle_grid;
+use sinew::engine::mesh::generate::{quad_grid, triangle_grid};
 use sinew::models::axes::field;
 use sinew::models::axes::muscle::activate_at;
 use sinew::models::sheet::{MembraneDescription, MembraneModel};
@@ -145,6 +145,28 @@ fn sheets() {
                 set_up: &|_, _| {},
             });
         }
+    }
+}
+
+#[test]
+fn sheets_of_quadrilaterals() {
+    let mesh = quad_grid(DVec2::new(0.2, 0.05), [16, 5]).unwrap();
+    for model in SHEET_MODELS.into_iter().filter(|model| *model != MembraneModel::Quadratic) {
+        let membrane = MembraneDescription {
+            model,
+            quads: &mesh.quads,
+            ..MembraneDescription::new(&[], 1e-3, MATERIAL)
+        };
+        compare_in(Comparison {
+            law: &format!("{} quads", model.name()),
+            description: &BodyDescription {
+                membrane: Some(membrane),
+                ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
+            },
+            mesh: &mesh,
+            states: &SHEET_STATES,
+            set_up: &|_, _| {},
+        });
     }
 }
 

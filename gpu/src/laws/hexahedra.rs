@@ -19,7 +19,8 @@ use super::{
 };
 
 /// Hexahedra, eight threads each.
-pub(super) const HEXAHEDRA: &str = include_str!("../hexahedra.wgsl");
+pub(super) const HEXAHEDRA: &str =
+    concat!(include_str!("../corners.wgsl"), include_str!("../hexahedra.wgsl"));
 
 /// Eight vertices; for every Gauss point, in order, what a tetrahedron has.
 pub const HEXAHEDRON: ElementKind = ElementKind {

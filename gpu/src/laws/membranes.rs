@@ -1,13 +1,18 @@
-//! Membranes of triangles: twins of [`sinew_models::fused_membrane`]. They go on while the tetrahedra of their
+//! Membranes of triangles and, over Gauss points, of quadrilaterals: twins of [`sinew_models::fused_membrane`] and
+//! [`sinew_models::quad`]. They go on while the tetrahedra of their
 //! body recover.
 
 use bevy_ecs::prelude::*;
+use sinew_engine::isoparametric::{QuadRest, QuadVertices};
+use sinew_engine::law::Law;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 use sinew_models::fused_membrane::{
-    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, MembraneCompression, MembraneData,
+    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, MembraneCompression,
+    MembraneCompressionModulus, MembraneData, MembraneFirstModulus, MembraneShearModulus,
     PooledMembrane, QuadraticMembrane, TriangleLaw,
 };
+use sinew_models::quad::Quadrilateral;
 
 use super::{DeviceLaw, ElementColumns, ElementKind, InRecovery, STRETCH, TRIANGLES};
 
@@ -17,6 +22,18 @@ const MEMBRANE: ElementKind = ElementKind {
     constants: 12,
     threads: 1,
     files: &[TRIANGLES, include_str!("../three_vertices.wgsl"), include_str!("membrane.wgsl")],
+};
+
+/// Four vertices; for every Gauss point, in order, what a triangle has.
+const QUAD_MEMBRANE: ElementKind = ElementKind {
+    vertices: 4,
+    constants: 4 * MEMBRANE.constants,
+    threads: 1,
+    files: &[
+        include_str!("../corners.wgsl"),
+        include_str!("../quads.wgsl"),
+        include_str!("membrane.wgsl"),
+    ],
 };
 
 const fn law<L: TriangleLaw>(files: &'static [&'static str]) -> DeviceLaw {
@@ -32,6 +49,24 @@ const SPRINGS: &[&str] = &[include_str!("biquadratic_membrane.wgsl")];
 
 /// Biquadratic springs.
 pub const BIQUADRATIC: DeviceLaw = law::<BiquadraticMembrane>(SPRINGS);
+
+/// The same at the points of quadrilaterals, and two more.
+pub const QUAD_BIQUADRATIC: DeviceLaw = quad_law::<BiquadraticMembrane>(&BIQUADRATIC);
+/// Constant strain at every point.
+pub const QUAD_LINEAR: DeviceLaw = quad_law::<LinearMembrane>(&LINEAR);
+/// Corotational at every point.
+pub const QUAD_COROTATIONAL: DeviceLaw = quad_law::<CorotationalMembrane>(&COROTATIONAL);
+
+/// The law of quadrilaterals to one of triangles.
+const fn quad_law<L: TriangleLaw>(law: &DeviceLaw) -> DeviceLaw
+where
+    Quadrilateral<L>: Law,
+{
+    DeviceLaw {
+        recovery: InRecovery::Unchanged,
+        ..DeviceLaw::of::<Quadrilateral<L>>(QUAD_MEMBRANE, law.files)
+    }
+}
 
 /// The compression term of pooled membranes: the law with nothing but that modulus.
 pub const COMPRESSION: DeviceLaw = law::<MembraneCompression>(SPRINGS);
@@ -85,6 +120,44 @@ pub(super) fn compression<S: Scalar>(
     }
     for constants in columns.data.chunks_exact_mut(12) {
         (constants[3], constants[7]) = (0.0, 0.0);
+    }
+    columns
+}
+
+/// Quadrilaterals of law `L` in a body.
+pub(super) fn quads<L: TriangleLaw, S: Scalar>(
+    world: &mut World,
+    body: usize,
+    first_row: u32,
+) -> ElementColumns
+where
+    Quadrilateral<L>: Law,
+{
+    let mut columns = ElementColumns::default();
+    let mut query = world.query_filtered::<(
+        &QuadVertices,
+        &QuadRest<S>,
+        &MembraneFirstModulus<S>,
+        &MembraneShearModulus<S>,
+        &MembraneCompressionModulus<S>,
+        &BodyId,
+    ), With<Quadrilateral<L>>>();
+    for (nodes, rest, lambda, mu, compression, of) in query.iter(world) {
+        if of.0 as usize != body {
+            continue;
+        }
+        columns.nodes.extend(nodes.0.map(|row| row - first_row));
+        // a point stands for twice the area of its triangle
+        let [lambda, mu, compression] = [lambda.0, mu.0, compression.0].map(|m| m + m);
+        for q in 0..4 {
+            let edge = |k: usize| rest.edges[k][q];
+            let rows = [
+                [edge(0), edge(1), edge(2), lambda],
+                [edge(3), edge(4), edge(5), mu],
+                [rest.half_area[q], compression, S::ZERO, S::ZERO],
+            ];
+            columns.data.extend(rows.as_flattened().iter().map(|x| x.to_f64() as f32));
+        }
     }
     columns
 }

@@ -164,7 +164,7 @@ impl DeviceLaw {
 }
 
 /// All laws with a twin.
-pub static LAWS: [DeviceLaw; 30] = [
+pub static LAWS: [DeviceLaw; 33] = [
     fused::LAW,
     fused::COMPRESSION,
     fused::PROJECTION,
@@ -192,6 +192,9 @@ pub static LAWS: [DeviceLaw; 30] = [
     membranes::QUADRATIC,
     membranes::LINEAR,
     membranes::COROTATIONAL,
+    membranes::QUAD_BIQUADRATIC,
+    membranes::QUAD_LINEAR,
+    membranes::QUAD_COROTATIONAL,
     membranes::COMPRESSION,
     membranes::PROJECTION,
     pressure::LAW,
@@ -277,6 +280,9 @@ fn finders<S: Scalar>() -> Vec<(DeviceLaw, Find)> {
         (membranes::QUADRATIC, membranes::columns::<QuadraticMembrane, S>),
         (membranes::LINEAR, membranes::columns::<LinearMembrane, S>),
         (membranes::COROTATIONAL, membranes::columns::<CorotationalMembrane, S>),
+        (membranes::QUAD_BIQUADRATIC, membranes::quads::<BiquadraticMembrane, S>),
+        (membranes::QUAD_LINEAR, membranes::quads::<LinearMembrane, S>),
+        (membranes::QUAD_COROTATIONAL, membranes::quads::<CorotationalMembrane, S>),
         (membranes::COMPRESSION, membranes::compression::<S>),
         (membranes::PROJECTION, membranes::columns::<PooledMembrane, S>),
     ]
