@@ -256,21 +256,33 @@ pub fn column_changed<C: Component>(world: &mut World) -> bool {
 /// active law has declared what it reads, and none of it was changed. The order of rows is up to
 /// the caller ([`Topology::revision`]).
 pub fn law_inputs_unchanged(world: &mut World, since: Tick) -> bool {
-    let (Some(active), Some(inputs)) =
-        (world.get_resource::<ActiveLaws>(), world.get_resource::<LawInputs>())
-    else {
-        return false;
-    };
-    let mut columns: Vec<ColumnWatch> = Vec::new();
-    for law in &active.0 {
-        let Some((_, own)) = inputs.0.iter().find(|(name, _)| name == law) else { return false };
-        for &column in own {
-            if !columns.iter().any(|&known| std::ptr::fn_addr_eq(known, column)) {
-                columns.push(column);
+    changed_laws(world, since).is_some_and(|changed| changed.is_empty())
+}
+
+/// Names of the active laws and systems that read something that was changed since tick `since`; `None` where
+/// one has not declared what it reads.
+pub fn changed_laws(world: &mut World, since: Tick) -> Option<Vec<&'static str>> {
+    let active = world.get_resource::<ActiveLaws>()?.0.clone();
+    let inputs = world.get_resource::<LawInputs>()?.clone();
+    // laws share columns; each is looked at once
+    let mut known: Vec<(ColumnWatch, bool)> = Vec::new();
+    let mut changed = Vec::new();
+    for law in active {
+        let (_, columns) = inputs.0.iter().find(|(name, _)| *name == law)?;
+        let own = columns.iter().any(|&column| {
+            let found = known.iter().find(|(other, _)| std::ptr::fn_addr_eq(*other, column));
+            if let Some(&(_, now)) = found {
+                return now;
             }
+            let now = world.last_change_tick_scope(since, column);
+            known.push((column, now));
+            now
+        });
+        if own {
+            changed.push(law);
         }
     }
-    world.last_change_tick_scope(since, |world| !columns.iter().any(|changed| changed(world)))
+    Some(changed)
 }
 
 fn clear_totals<S: Scalar>(

@@ -12,10 +12,11 @@ use sinew_adapter::{AdapterRequest, AdapterSummary, Gpu, open};
 use sinew_engine::law::BodiesWithoutRecovery;
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, law_inputs_unchanged};
+use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, changed_laws, has_dampers};
 use sinew_engine::step::{IntegratorInstalled, StepClock, StepError, StepFailure, not_finite};
 use sinew_engine::topology::{BodyRows, Topology};
-use sinew_models::body::{Model, SoftBody};
+use sinew_models::axes::description::AxisForm;
+use sinew_models::body::SoftBody;
 use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
 use sinew_solvers::state::{NodeState, Rows, read_rest, write_state};
 use std::ops::Range;
@@ -136,12 +137,22 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
         Preconditioner::Auto | Preconditioner::BlockJacobi => {}
         other => return Err(GpuError::Preconditioner { preconditioner: other.name() }),
     }
+    if settings.integrator.is_explicit()
+        && let Some(active) = world.get_resource::<ActiveLaws>()
+        && active.0.contains(&laws::pressure::LAW.name)
+    {
+        let law = format!("{} in explicit substeps", laws::pressure::LAW.name);
+        return Err(GpuError::WorldLaw { law });
+    }
     let mut bodies = world.query::<&SoftBody>();
     for soft in bodies.iter(world) {
         let rows = world.resource::<Topology>().bodies.get(soft.index);
         if let Some((rows, law)) = rows.zip(missing(soft)) {
-            return Err(GpuError::Law { body: rows.name.clone(), law });
+            return Err(GpuError::Law { body: rows.name.clone(), law: law.into() });
         }
+    }
+    if has_dampers(world) {
+        return Err(GpuError::WorldLaw { law: "dampers".into() });
     }
     if let Some(active) = world.get_resource::<ActiveLaws>()
         && let Some(law) = active.0.iter().find(|law| !laws::is_known(law))
@@ -152,14 +163,12 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
 }
 
 /// The first part of a body without a twin on the device.
-fn missing(soft: &SoftBody) -> Option<String> {
-    if soft.membrane.is_some() {
-        return Some("membrane".into());
+fn missing(soft: &SoftBody) -> Option<&'static str> {
+    let axes = &soft.axes.as_ref()?.description;
+    if axes.form != AxisForm::EnergyConsistent {
+        return Some("axes in their printed form");
     }
-    if soft.axes.is_some() {
-        return Some("axes of anisotropy".into());
-    }
-    matches!(soft.model, Model::Axes).then(|| soft.model.name().into())
+    axes.families.iter().any(|family| family.viscosity > 0.0).then_some("axial dampers")
 }
 
 /// The one system of [`StepSystems::Integrate`].
@@ -211,6 +220,7 @@ impl GpuBackend {
         node.read(world);
         let needs_matrix = SolverSettings { integrator: Integrator::Safe, ..Default::default() };
         self.make_resident::<S>(world, &needs_matrix, &mut GpuReport::default())?;
+        self.apply_pressures(world);
         for (resident, body) in self.bodies.iter_mut().zip(&world.resource::<Topology>().bodies) {
             let rows = body.vertices.start as usize..body.vertices.end as usize;
             resident.tell(&self.context, &node, rows, body);
@@ -231,6 +241,7 @@ impl GpuBackend {
             return Ok(());
         }
         self.make_resident::<S>(world, settings, device).map_err(refused)?;
+        self.apply_pressures(world);
         let dt = world.resource::<StepClock>().dt;
         let rows: Vec<_> = world
             .resource::<Topology>()
@@ -336,10 +347,10 @@ impl GpuBackend {
         let with_matrix = !settings.integrator.is_explicit();
         let made_for = [with_matrix, with_matrix && settings.stiffness_damping > 0.0];
         let serves = self.made_for.iter().zip(made_for).all(|(&has, needs)| has || !needs);
-        let same = serves
-            && self.revision == Some(revision)
-            && self.tick.is_some_and(|tick| law_inputs_unchanged(world, tick));
-        if same {
+        let tick = self.tick.filter(|_| serves && self.revision == Some(revision));
+        if let Some(changed) = tick.and_then(|tick| changed_laws(world, tick))
+            && (changed.is_empty() || self.renew_constants::<S>(world, &changed))
+        {
             return Ok(());
         }
         self.revision = None;
@@ -361,7 +372,7 @@ impl GpuBackend {
                 [x.x, x.y, x.z, 0.0]
             };
             let rest = own.iter().map(relative).collect();
-            let laws = laws::columns::<S>(world, i, first);
+            let laws = laws::columns::<S>(world, i, first, |_| true);
             let parts = BodyParts {
                 n: end - first,
                 edges,
@@ -390,6 +401,42 @@ impl GpuBackend {
     }
 }
 
+impl GpuBackend {
+    /// Tells the device the pressures (Pa) of the time whose loads act.
+    fn apply_pressures(&mut self, world: &mut World) {
+        if self.bodies.iter().any(|resident| resident.body.elements.has_loads()) {
+            for (load, value) in laws::pressure::values(world) {
+                for resident in &mut self.bodies {
+                    resident.body.elements.set_factor(&self.context, load, value as f32);
+                }
+            }
+        }
+    }
+
+    /// Uploads the constants of the elements of these laws anew; `false`, with nothing done, where more than
+    /// constants may be different.
+    fn renew_constants<S: Scalar>(&mut self, world: &mut World, changed: &[&'static str]) -> bool {
+        if changed.iter().any(|name| laws::LAWS.iter().all(|law| law.name != *name)) {
+            return false;
+        }
+        let mut found = Vec::with_capacity(self.bodies.len());
+        for (i, resident) in self.bodies.iter().enumerate() {
+            let first = world.resource::<Topology>().bodies[i].vertices.start;
+            let own = laws::columns::<S>(world, i, first, |law| changed.contains(&law.name));
+            if !resident.body.elements.serve(changed, &own) {
+                return false;
+            }
+            found.push(own);
+        }
+        for (resident, own) in self.bodies.iter().zip(&found) {
+            resident.body.elements.write(&self.context, own);
+        }
+        self.limit = Limit::default();
+        self.tick = Some(world.increment_change_tick());
+        true
+    }
+}
+
 impl Resident {
     /// Brings the device up to date with the columns; whether held unknowns have a way to go.
     pub(crate) fn tell<S: Scalar>(
@@ -400,7 +447,7 @@ impl Resident {
         body: &BodyRows,
     ) -> bool {
         let narrow = |x: &[S; 4]| x.map(|x| x.to_f64() as f32);
-        let vertices: Vec<_> = rows
+        let mut vertices: Vec<_> = rows
             .clone()
             .zip(&body.piece)
             .map(|(row, &piece)| VertexConstants {
@@ -408,9 +455,12 @@ impl Resident {
                 // without mass and element nothing says where it should go
                 held: if node.mass[row] == S::ZERO { 7 } else { u32::from(node.fixed[row].0) },
                 piece,
-                padding: 0,
+                loaded: 0,
             })
             .collect();
+        for &row in &self.body.elements.loaded_rows {
+            vertices[row as usize].loaded = 1;
+        }
         if vertices != self.vertices {
             self.body.write_vertices(context, &vertices);
             self.vertices = vertices;

@@ -28,7 +28,7 @@ pub(crate) enum Slot {
 }
 
 /// Number of slots.
-const SLOTS: u64 = 18;
+const SLOTS: u64 = 19;
 /// Most sums per workgroup that a measurement leaves.
 const SUMS: u32 = 3;
 
@@ -74,7 +74,7 @@ pub(crate) struct VertexConstants {
     pub mass: f32,
     pub held: u32,
     pub piece: u32,
-    pub padding: u32,
+    pub loaded: u32,
 }
 
 /// `CgState` of cg.wgsl.

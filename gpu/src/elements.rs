@@ -1,9 +1,11 @@
 //! Elements on the device: chunks that fit the binding limit, each with the lists that bring its forces to
 //! vertices and its tangent blocks to the matrix.
 
+use bevy_ecs::entity::Entity;
 use bytemuck::{Pod, Zeroable};
 use sinew_adapter::wgpu;
 use sinew_engine::law::TangentKind;
+use std::ops::Range;
 
 use crate::context::{Context, GROUP, groups_for};
 use crate::laws::{DeviceLaw, ElementColumns, ElementKind};
@@ -24,7 +26,7 @@ struct ChunkUniform {
     count: u32,
     sums: u32,
     rows: u32,
-    padding: u32,
+    factor: f32,
 }
 
 #[repr(C)]
@@ -40,6 +42,9 @@ pub(crate) struct Chunk {
     pub count: u32,
     /// Workgroups of passes over its elements.
     threads: [u32; 2],
+    uniform: (wgpu::Buffer, ChunkUniform),
+    /// Constants of the elements.
+    data: wgpu::Buffer,
     /// Partial energies it leaves in the sums.
     pub energy_groups: u32,
     pub bind: wgpu::BindGroup,
@@ -48,11 +53,41 @@ pub(crate) struct Chunk {
     pub assemble: Vec<(wgpu::BindGroup, wgpu::BindGroup, u32)>,
 }
 
+/// Energies (J) of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Energies {
+    /// Stored in its elements.
+    pub elastic: f64,
+    /// Potential of the loads that are laws.
+    pub load: f64,
+}
+
+impl Energies {
+    /// What solvers minimise.
+    pub fn total(&self) -> f64 {
+        self.elastic + self.load
+    }
+}
+
+/// The elements of one law, or of one load that is a law.
+struct Set {
+    law: &'static str,
+    load: Option<Entity>,
+    nodes: Vec<u32>,
+    chunks: Range<usize>,
+}
+
 /// All elements of a body, chunk by chunk in the order of their laws.
 pub(crate) struct Elements {
     pub chunks: Vec<Chunk>,
+    rows: u32,
+    sets: Vec<Set>,
     /// Entries of the sums that energies take.
     pub energy_sums: u32,
+    /// Those of them that are potentials of loads.
+    load_sums: Range<usize>,
+    /// Vertex rows on which loads that are laws act.
+    pub loaded_rows: Vec<u32>,
 }
 
 impl Elements {
@@ -87,16 +122,18 @@ impl Elements {
         let blocks = context.storage("tangents of elements", block_bytes);
         let mut sums = first_sum;
         let mut chunks = Vec::new();
+        let mut sets = Vec::with_capacity(laws.len());
         for (law, columns) in laws {
             let kind = &law.kind;
+            let first_chunk = chunks.len();
             let nodes = columns.nodes.chunks(size(law) * kind.vertices);
             for (nodes, data) in nodes.zip(columns.data.chunks(size(law) * kind.constants)) {
                 let count = (nodes.len() / kind.vertices) as u32;
                 let threads = u64::from(count) * kind.threads as u64;
                 let most = u64::from(MAX_ENERGY_GROUPS);
                 let energy_groups = threads.div_ceil(u64::from(GROUP)).min(most) as u32;
-                let uniform = ChunkUniform { count, sums, rows: n, padding: 0 };
-                let uniform = context.uniform("chunk", &uniform);
+                let values = ChunkUniform { count, sums, rows: n, factor: 0.0 };
+                let uniform = context.uniform("chunk", &values);
                 let node_buffer = context.filled("nodes", nodes);
                 let data = context.filled("constants of elements", data);
                 let (starts, sources) = force_lists(nodes, n);
@@ -127,11 +164,76 @@ impl Elements {
                     bind: context.bind(&context.layouts.chunk, &bind),
                     gather: context.bind(&context.layouts.gather, &gather),
                     assemble,
+                    uniform: (uniform, values),
+                    data,
                 });
                 sums += energy_groups;
             }
+            sets.push(Set {
+                law: law.name,
+                load: columns.load,
+                nodes: columns.nodes.clone(),
+                chunks: first_chunk..chunks.len(),
+            });
         }
-        Self { chunks, energy_sums: sums - first_sum }
+        let energies = |chunks: &[Chunk]| chunks.iter().map(|c| c.energy_groups as usize).sum();
+        let is_load = |chunk: &Chunk| chunk.law.is_load;
+        let start = chunks.iter().position(is_load).unwrap_or(chunks.len());
+        let end = chunks.iter().rposition(is_load).map_or(start, |last| last + 1);
+        let load_sums = energies(&chunks[..start])..energies(&chunks[..end]);
+        let loads = laws.iter().filter(|(law, _)| law.is_load);
+        let mut loaded_rows: Vec<_> =
+            loads.flat_map(|(_, columns)| &columns.nodes).copied().collect();
+        loaded_rows.sort_unstable();
+        loaded_rows.dedup();
+        Self { chunks, rows: n, sets, energy_sums: sums - first_sum, load_sums, loaded_rows }
+    }
+
+    /// Whether these are all elements of the laws `names`, as they were uploaded but for their constants.
+    pub fn serve(&self, names: &[&str], laws: &[(DeviceLaw, ElementColumns)]) -> bool {
+        let own = self.sets.iter().filter(|set| names.contains(&set.law));
+        own.map(|set| (set.law, set.load, &set.nodes))
+            .eq(laws.iter().map(|(law, columns)| (law.name, columns.load, &columns.nodes)))
+    }
+
+    /// Uploads the constants of elements that [`serve`](Self::serve).
+    pub fn write(&self, context: &Context, laws: &[(DeviceLaw, ElementColumns)]) {
+        for (law, columns) in laws {
+            let of = |set: &&Set| set.law == law.name && set.load == columns.load;
+            let Some(set) = self.sets.iter().find(of) else { continue };
+            let mut data = &columns.data[..];
+            for chunk in &self.chunks[set.chunks.clone()] {
+                let (own, rest) = data.split_at(chunk.count as usize * law.kind.constants);
+                context.write(&chunk.data, 0, own);
+                data = rest;
+            }
+        }
+    }
+
+    /// Makes `value` the factor of the elements of a load.
+    pub fn set_factor(&mut self, context: &Context, load: Entity, value: f32) {
+        for set in self.sets.iter().filter(|set| set.load == Some(load)) {
+            for chunk in &mut self.chunks[set.chunks.clone()] {
+                let (buffer, values) = &mut chunk.uniform;
+                if values.factor != value {
+                    values.factor = value;
+                    context.write(buffer, 0, &[*values]);
+                }
+            }
+        }
+    }
+
+    /// Whether loads are among the elements.
+    pub fn has_loads(&self) -> bool {
+        !self.load_sums.is_empty()
+    }
+
+    /// Elastic energy and potential of loads (J) from what a pass left.
+    pub fn sum_energies(&self, sums: &[[f32; 4]]) -> Energies {
+        let add = |part: &[[f32; 4]]| part.iter().map(|sum| f64::from(sum[0])).sum::<f64>();
+        let Range { start, end } = self.load_sums;
+        let elastic = add(&sums[..start]) + add(&sums[end..]);
+        Energies { elastic, load: add(&sums[start..end]) }
     }
 
     /// Energies at the point of evaluation into the sums. Here and below laws of a recovering body give way to
@@ -189,10 +291,7 @@ impl Elements {
         n: u32,
         pass: &mut wgpu::ComputePass<'_>,
     ) {
-        let gather = |entry| {
-            let layouts = [&context.layouts.rows, &context.layouts.gather];
-            context.pipeline("gather", crate::sources::gather, entry, &layouts)
-        };
+        let gather = |entry| gather(context, entry);
         let [x, y] = groups_for(u64::from(n));
         let mut first = true;
         pass.set_bind_group(0, rows, &[]);
@@ -231,11 +330,20 @@ impl Elements {
                 pass.dispatch_workgroups(x, y, 1);
             }
         };
-        let mut first = true;
+        let (mut first, mut first_load) = (true, true);
         for chunk in &self.chunks {
             let law = chunk.law.now(recovering).filter(|law| (law.tangent)(kind));
             let Some(law) = law else { continue };
             pass.set_bind_group(0, rows, &[]);
+            if law.is_load {
+                chunk.run(context, law, "row_sums", pass);
+                let entry = if first_load { "gather_row_sums" } else { "add_row_sums" };
+                pass.set_pipeline(&gather(context, entry));
+                pass.set_bind_group(1, &chunk.gather, &[]);
+                let [x, y] = groups_for(u64::from(self.rows));
+                pass.dispatch_workgroups(x, y, 1);
+                first_load = false;
+            }
             chunk.run(context, law, "tangents", pass);
             assemble(chunk, if first { "gather_blocks" } else { "add_blocks" }, pass);
             first = false;
@@ -244,6 +352,11 @@ impl Elements {
             assemble(chunk, "no_blocks", pass);
         }
     }
+}
+
+fn gather(context: &Context, entry: &'static str) -> wgpu::ComputePipeline {
+    let layouts = [&context.layouts.rows, &context.layouts.gather];
+    context.pipeline("gather", crate::sources::gather, entry, &layouts)
 }
 
 fn kernel(context: &Context, law: &DeviceLaw, entry: &'static str) -> wgpu::ComputePipeline {

@@ -19,7 +19,7 @@ pub enum GpuError {
         /// Name of the law, or of the part of the body that needs it.
         law: String,
     },
-    /// A law that no body says it needs: a pressure, or one from outside.
+    /// A law that no body says it needs.
     #[error(
         "the law \"{law}\" is active in this world and has no twin on the device; use the CPU backend \
          (backend = \"cpu\")"

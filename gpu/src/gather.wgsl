@@ -40,3 +40,19 @@ fn no_forces(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
     if i >= chunk.rows { return; }
     rows[FORCE * step.n + i] = vec4f(0.0);
 }
+
+// Sums of the blocks of rows, likewise: the first chunk overwrites,
+@compute @workgroup_size(256)
+fn gather_row_sums(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= chunk.rows { return; }
+    rows[ROW_SUM * step.n + i] = sum_of_slots(i, vec4f(0.0));
+}
+
+// the others add.
+@compute @workgroup_size(256)
+fn add_row_sums(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= chunk.rows { return; }
+    rows[ROW_SUM * step.n + i] = sum_of_slots(i, rows[ROW_SUM * step.n + i]);
+}

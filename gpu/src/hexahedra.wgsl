@@ -6,8 +6,6 @@
 @group(1) @binding(1) var<storage, read> nodes: array<vec4u>;
 
 const THREADS: u32 = 8u;
-// Distance of the points from the middle; point q lies in the direction of corner q.
-const GAUSS: f32 = 0.57735026;
 
 // Pairs of local vertices.
 const PAIRS = array<vec2u, 28>(
@@ -19,11 +17,6 @@ const PAIRS = array<vec2u, 28>(
     vec2u(5u, 6u), vec2u(5u, 7u),
     vec2u(6u, 7u),
 );
-
-// Local coordinates of corner a, each 1 or -1.
-fn corner(a: u32) -> vec3f {
-    return 2.0 * vec3f(vec3u((a ^ (a >> 1u)) & 1u, (a >> 1u) & 1u, a >> 2u)) - 1.0;
-}
 
 // Derivatives of the shape function of vertex a at Gauss point q.
 fn derivatives(a: u32, q: u32) -> vec3f {
@@ -46,7 +39,7 @@ fn point(t: u32) -> Element {
     w += outer(displacement(high.y) - u0, derivatives(5u, q));
     w += outer(displacement(high.z) - u0, derivatives(6u, q));
     w += outer(displacement(high.w) - u0, derivatives(7u, q));
-    return element_at(3u * t, w);
+    return element_at(ROWS * t, w);
 }
 
 fn energy_of(t: u32) -> f32 {

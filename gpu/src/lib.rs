@@ -21,6 +21,10 @@
 //! | tetrahedra, triangles and edges of pooled bodies | tensile, angular and volumetric springs, compression term, projected tangent |
 //! | hexahedra, 2x2x2 Gauss points | St Venant-Kirchhoff with and without compression term, linear, corotational, stable neo-Hookean |
 //! | edges | springs |
+//! | axes in tetrahedra, and in hexahedra at their Gauss points | triads with angles and volume, single fibres, passive and active, volume alone |
+//! | membrane triangles | biquadratic springs with and without compression term, fused and pooled; quadratic springs, linear, corotational |
+//! | membrane quadrilaterals, 2x2 Gauss points | biquadratic springs with and without compression term, linear, corotational |
+//! | surface triangles | follower pressure, in safe steps |
 //!
 //! # How
 //!
@@ -34,7 +38,7 @@
 //! * **The host sees sums only.** A smooth step waits three times: for conjugate gradients, which run in batches
 //!   as long as last time and verify their true residual on the device; for the line search; for the end.
 //! * **Buffers are cut** to the adapter's binding limit: elements into chunks, the matrix into ranges of rows.
-//!   Vertex rows are not: 18 slots of 16 bytes, 466 000 vertices a body at the 128 MiB that every adapter has.
+//!   Vertex rows are not: 19 slots of 16 bytes, 441 000 vertices a body at the 128 MiB that every adapter has.
 //! * **The state comes down after every step**, 32 bytes a vertex, since volume ratios, positions and probes are
 //!   read from the columns.
 //!
@@ -51,8 +55,8 @@
 //!     Err(error @ GpuError::Adapter(_)) => assert!(error.to_string().contains("driver")),
 //!     Err(error) => panic!("{error}"),
 //! }
-//! // eight laws of tetrahedra and their edges, five for pooled bodies, four of hexahedra, each a whole module
-//! assert_eq!(sinew_gpu::laws::LAWS.len(), 17);
+//! // every law is a whole module
+//! assert_eq!(sinew_gpu::laws::LAWS.len(), 33);
 //! assert!(sinew_gpu::sources::all().iter().all(|module| module.text.contains("@compute")));
 //! ```
 pub mod backend;

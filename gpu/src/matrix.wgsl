@@ -37,7 +37,7 @@ fn multiply(act: bool, is_system: bool, group: u32, local: u32) -> f32 {
             );
         }
         if is_system {
-            q += ((step.inertia + step.mass_damping) * vertices[i].mass) * own;
+            q += ((step.inertia + step.mass_damping) * vertices[i].mass) * own + row_sum_product(i, own);
             q = select(own, q, free_axes(vertices[i].held).xyz > vec3f(0.5));
         }
         rows[Q * step.n + i] = vec4f(q, 0.0);

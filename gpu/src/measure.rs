@@ -13,7 +13,7 @@ use crate::report::Phase;
 /// Energies and forces as the device has them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DeviceEvaluation {
-    /// Elastic energy of every body (J).
+    /// Elastic energy of every body (J), with the potential of loads that are laws.
     pub energies: Vec<f64>,
     /// Elastic force on every vertex row (N); fourth entry padding.
     pub forces: Vec<[f32; 4]>,
@@ -62,7 +62,7 @@ impl GpuBackend {
             let forces = body.read_rows(&mut recorder, Slot::Force);
             recorder.submit();
             let energies = energies.wait::<[f32; 4]>(context)?;
-            result.energies.push(total(&energies, 1, 0, 0));
+            result.energies.push(body.elements.sum_energies(&energies).total());
             result.forces.extend(forces.wait::<[f32; 4]>(context)?);
         }
         self.context.restart_timer();
@@ -122,6 +122,7 @@ impl GpuBackend {
             body.tangent(context, &mut recorder, kind, false);
             recorder.pass(Phase::Solve, |pass| {
                 body.product(context, pass, "product_plain", false);
+                body.each_row(context, pass, "complete_product");
             });
             let product = body.read_rows(&mut recorder, Slot::Q);
             recorder.submit();

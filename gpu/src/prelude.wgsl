@@ -23,6 +23,7 @@ const DAMPED: u32 = 14u;   // stiffness-damping matrix times MOVED (N)
 const INVERSE: u32 = 15u;  // inverse diagonal block: entries 00 01 02 11
 const INVERSE_2: u32 = 16u; // and 12 22
 const REST: u32 = 17u;     // rest position from the centre of the body (m)
+const ROW_SUM: u32 = 18u;  // s, where the blocks of a row of the exact tangent sum up to skew(s) (N/m)
 
 struct Step {
     n: u32,                   // vertex rows
@@ -51,7 +52,7 @@ struct Vertex {
     mass: f32,    // kg
     held: u32,    // bits 0, 1, 2: held along x, y, z
     piece: u32,   // connected piece
-    padding: u32,
+    loaded: u32,  // 1 where pressure acts, so that ROW_SUM may not be 0
 }
 
 fn flat_index(group: vec3u, groups: vec3u, local: u32) -> u32 {
@@ -104,5 +105,5 @@ struct Chunk {
     count: u32,        // elements
     sums: u32,         // place of its first partial energy
     rows: u32,         // vertex rows
-    padding: u32,
+    factor: f32,       // of loads: their value now
 }

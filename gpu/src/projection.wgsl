@@ -5,10 +5,6 @@ const NEGLIGIBLE: f32 = 16.0 * 1.1920929e-7;
 const MARGIN: f32 = 1e-5;
 const SWEEPS: u32 = 12u;
 
-// Vertices of the six blocks, counted from 0.
-const FIRST = array<u32, 6>(0u, 1u, 2u, 0u, 0u, 1u);
-const SECOND = array<u32, 6>(0u, 1u, 2u, 1u, 2u, 2u);
-
 // F = U diag(s) V^T with rotations U, V; columns of the matrices are the vectors.
 struct Svd {
     u: mat3x3f,

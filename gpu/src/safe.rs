@@ -11,6 +11,7 @@ use sinew_solvers::settings::SolverSettings;
 
 use crate::body::{CgState, DeviceBody, Slot, StepUniform, kind_number, total};
 use crate::context::Context;
+use crate::elements::Energies;
 use crate::error::GpuError;
 use crate::report::{GpuReport, Phase};
 
@@ -161,12 +162,13 @@ impl SafeStep<'_> {
         recorder.submit();
         let mut outcome = self.solve(input.iterations, report, device)?;
 
-        let energy = |sums: Vec<[f32; 4]>| total(&sums, 1, 0, 0);
-        let elastic = energy(start_energy.wait(context)?);
-        let elastic_before = match before {
-            Some(pending) => energy(pending.wait(context)?),
-            None => elastic,
+        let at_start = body.elements.sum_energies(&start_energy.wait(context)?);
+        let before = match before {
+            Some(pending) => body.elements.sum_energies(&pending.wait(context)?),
+            None => at_start,
         };
+        // what is minimised
+        let elastic = at_start.total();
         let sums = start_sums.wait::<[f32; 4]>(context)?;
         let start = |at: usize, k: usize| total(&sums, 2, at, k);
         let (free_before, held_before) = (start(0, 0), start(0, 1));
@@ -175,7 +177,7 @@ impl SafeStep<'_> {
         // loads along the displacements at the start, and along the way of the held vertices
         let (loads_before, loads_moved) = (start(1, 0), start(0, 3));
         let budget = free_before + elastic - (loads_before + loads_moved) + damping;
-        report.constraint_work += elastic + damping - elastic_before - loads_moved;
+        report.constraint_work += elastic + damping - before.total() - loads_moved;
 
         let mut iterations = outcome.1.iterations;
         let not_finite =
@@ -253,8 +255,9 @@ impl SafeStep<'_> {
         let mut accepted = false;
         for halving in 0..MAX_HALVINGS {
             report.evaluations += 1;
-            let change =
-                (trial_energy - elastic) + t * search.linear + 0.5 * t * t * search.quadratic;
+            let change = (trial_energy.total() - elastic)
+                + t * search.linear
+                + 0.5 * t * t * search.quadratic;
             if change <= ARMIJO * t * search.slope + rounding {
                 accepted = true;
                 let predicted = search.slope * (t - 0.5 * t * t);
@@ -295,7 +298,7 @@ impl SafeStep<'_> {
         let mut sums = end_sums.wait::<[f32; 4]>(context)?;
         let u = u.wait(context)?;
         let mut v = v.wait(context)?;
-        if total(&sums, 3, 1, 3) > 0.0 || !trial_energy.is_finite() {
+        if total(&sums, 3, 1, 3) > 0.0 || !trial_energy.total().is_finite() {
             return Ok(not_finite(iterations));
         }
         let end = |sums: &[[f32; 4]], at: usize, k: usize| total(sums, 3, at, k);
@@ -304,7 +307,7 @@ impl SafeStep<'_> {
             * (2.0 * self.settings.mass_damping * kinetic
                 + self.settings.stiffness_damping / self.dt * end(&sums, 0, 2));
         let load_work = end(&sums, 0, 3);
-        let potential = trial_energy - (loads_before + load_work);
+        let potential = trial_energy.total() - (loads_before + load_work);
         if kinetic > 0.0 && kinetic + potential > budget + NOISE * (kinetic + potential.abs()) {
             let factor = ((budget - potential).max(0.0) / kinetic).sqrt();
             uniform.scale = factor as f32;
@@ -322,12 +325,13 @@ impl SafeStep<'_> {
             kinetic = end(&sums, 0, 0);
             report.energy_caps += 1;
         }
-        report.elastic_energy += trial_energy;
+        // small beside the potential of loads, so summed apart
+        report.elastic_energy += trial_energy.elastic;
         report.kinetic_energy += kinetic + held;
         report.constraint_work += held - held_before;
-        report.load_work += load_work;
+        report.load_work += load_work + before.load - trial_energy.load;
         // completed by the caller: energy at the start plus work less energy at the end
-        report.dissipation += elastic_before + free_before + held_before;
+        report.dissipation += before.elastic + free_before + held_before;
         for k in 0..3 {
             report.momentum[k] += end(&sums, 1, k);
             report.angular_momentum[k] += end(&sums, 2, k);
@@ -405,7 +409,7 @@ impl SafeStep<'_> {
         &self,
         input: &BodyInput,
         uniform: &mut StepUniform,
-    ) -> Result<(Search, f64), GpuError> {
+    ) -> Result<(Search, Energies), GpuError> {
         let (context, body) = (self.context, self.body);
         for &(piece, mass) in &input.free_pieces {
             uniform.piece = piece;
@@ -443,11 +447,11 @@ impl SafeStep<'_> {
             inertia: total(&sums, 2, 0, 3),
             largest: largest.fold(0.0, f64::max),
         };
-        Ok((search, total(&energies, 1, 0, 0)))
+        Ok((search, body.elements.sum_energies(&energies)))
     }
 
-    /// Energy (J) at the fraction `t` of the step.
-    fn trial(&self, t: f64, uniform: &mut StepUniform) -> Result<f64, GpuError> {
+    /// Energies at the fraction `t` of the step.
+    fn trial(&self, t: f64, uniform: &mut StepUniform) -> Result<Energies, GpuError> {
         let (context, body) = (self.context, self.body);
         uniform.t = t as f32;
         body.set(context, *uniform);
@@ -456,6 +460,6 @@ impl SafeStep<'_> {
         body.energies(context, &mut recorder);
         let energies = body.read_energies(&mut recorder);
         recorder.submit();
-        Ok(total(&energies.wait::<[f32; 4]>(context)?, 1, 0, 0))
+        Ok(body.elements.sum_energies(&energies.wait::<[f32; 4]>(context)?))
     }
 }

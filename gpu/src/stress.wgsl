@@ -1,11 +1,4 @@
-// Forces of laws with a stress: f_a = -V P D_a, P the first Piola-Kirchhoff stress. The law file has
-//   stress(e, g)           P times the volume (J)
-// and, for laws whose tangent is a sum of terms per pair of vertices, what `core` needs.
-
-fn vertex_forces(e: Element, g: mat3x3f) -> mat3x3f {
-    let p = stress(e, g);
-    return mat3x3f(-(p * e.d1), -(p * e.d2), -(p * e.d3));
-}
+// Beside vertex_forces.wgsl: what the tangents of isotropic laws are made of.
 
 // Blocks of R K0 R^T, K0 linear elasticity, from turned shape vectors.
 fn warped(e: Element, d1: vec3f, d2: vec3f, d3: vec3f) -> array<mat3x3f, 6> {

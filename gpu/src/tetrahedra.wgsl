@@ -8,7 +8,7 @@ fn element(i: u32) -> Element {
     let v = nodes[i];
     let u0 = displacement(v.x);
     let w = mat3x3f(displacement(v.y) - u0, displacement(v.z) - u0, displacement(v.w) - u0);
-    return element_at(3u * i, w);
+    return element_at(ROWS * i, w);
 }
 
 fn energy_of(i: u32) -> f32 {

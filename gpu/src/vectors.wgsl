@@ -17,6 +17,15 @@ fn store_row(slot: u32, i: u32, x: vec4f) {
     rows[slot * step.n + i] = x;
 }
 
+// What products as sums of K_ij (x_j - x_i) miss: the blocks of a row of the exact tangent sum up to 0 but where
+// pressure acts.
+fn row_sum_product(i: u32, x: vec3f) -> vec3f {
+    if vertices[i].loaded == 0u || step.kind != 0u {
+        return vec3f(0.0);
+    }
+    return cross(load_row(ROW_SUM, i).xyz, x);
+}
+
 // Old state with the held unknowns where they have to go; implicit Euler's drift.
 @compute @workgroup_size(256)
 fn begin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
@@ -257,4 +266,12 @@ fn correct_momentum(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
             store_row(STEP, i, vec4f((load_row(STEP, i) + missing / step.piece_mass).xyz, 0.0));
         }
     }
+}
+
+// Adds it to the product with a tangent alone.
+@compute @workgroup_size(256)
+fn complete_product(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= step.n { return; }
+    store_row(Q, i, load_row(Q, i) + vec4f(row_sum_product(i, load_row(P, i).xyz), 0.0));
 }

@@ -14,21 +14,20 @@ use sinew_models::linear::Linear;
 use sinew_models::neo_hookean::NeoHookean;
 
 use super::{
-    DeviceLaw, ElementColumns, ElementKind, InRecovery, PROJECTION, TETRAHEDRON, VOLUMES,
-    corotational, fused, linear, neo_hookean, push_tetrahedron,
+    DEFORMATION, DeviceLaw, ElementColumns, ElementKind, InRecovery, PROJECTION, TETRAHEDRON,
+    VOLUMES, corotational, fused, linear, neo_hookean, push_tetrahedron,
 };
+
+/// Hexahedra, eight threads each.
+pub(super) const HEXAHEDRA: &str =
+    concat!(include_str!("../corners.wgsl"), include_str!("../hexahedra.wgsl"));
 
 /// Eight vertices; for every Gauss point, in order, what a tetrahedron has.
 pub const HEXAHEDRON: ElementKind = ElementKind {
     vertices: 8,
     constants: 8 * TETRAHEDRON.constants,
     threads: 8,
-    files: &[
-        include_str!("../hexahedra.wgsl"),
-        include_str!("../tetrahedron.wgsl"),
-        PROJECTION,
-        VOLUMES,
-    ],
+    files: &[HEXAHEDRA, DEFORMATION, include_str!("../tetrahedron.wgsl"), PROJECTION, VOLUMES],
 };
 
 /// St Venant-Kirchhoff with compression term.

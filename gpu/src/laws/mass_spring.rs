@@ -8,16 +8,13 @@ use sinew_engine::vertex::BodyId;
 use sinew_models::pooled::TensileStiffness;
 use sinew_models::quadratic::MassSpring;
 
-use super::{DeviceLaw, EDGE, ElementColumns, InRecovery};
+use super::{DeviceLaw, EDGE, ElementColumns, InRecovery, STRETCH};
 
 /// The law.
 pub const LAW: DeviceLaw = DeviceLaw {
     // on bodies that never recover, or beside a solid that does
     recovery: InRecovery::Unchanged,
-    ..DeviceLaw::of::<MassSpring>(
-        EDGE,
-        &[include_str!("stretch.wgsl"), include_str!("mass_spring.wgsl")],
-    )
+    ..DeviceLaw::of::<MassSpring>(EDGE, &[STRETCH, include_str!("mass_spring.wgsl")])
 };
 
 /// Its elements in a body.

@@ -1,13 +1,16 @@
 //! Laws on the device: for each the WGSL beside the file that gathers its columns. Names are those of
 //! `sinew_models`.
 
+pub mod axes;
 pub mod corotational;
 pub mod fused;
 pub mod hexahedra;
 pub mod linear;
 pub mod mass_spring;
+pub mod membranes;
 pub mod neo_hookean;
 pub mod pooled;
+pub mod pressure;
 pub mod quadratic;
 pub mod stvk_fem;
 pub mod warped;
@@ -18,6 +21,9 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 use sinew_models::corotational::Corotational;
 use sinew_models::fused::{FusedStVK, TetrahedronData, TetrahedronLaw};
+use sinew_models::fused_membrane::{
+    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, PooledMembrane, QuadraticMembrane,
+};
 use sinew_models::linear::Linear;
 use sinew_models::neo_hookean::NeoHookean;
 use sinew_models::pooled::SpringForces;
@@ -47,8 +53,9 @@ pub const TETRAHEDRON: ElementKind = ElementKind {
     constants: 12,
     threads: 1,
     files: &[
-        include_str!("../tetrahedra.wgsl"),
+        TETRAHEDRA,
         FOUR_VERTICES,
+        DEFORMATION,
         include_str!("../tetrahedron.wgsl"),
         PROJECTION,
         VOLUMES,
@@ -57,12 +64,22 @@ pub const TETRAHEDRON: ElementKind = ElementKind {
 
 /// Forces and blocks of four vertices from those of three.
 const FOUR_VERTICES: &str = include_str!("../four_vertices.wgsl");
+/// What deformation is measured by.
+const DEFORMATION: &str = include_str!("../deformation.wgsl");
 /// Positive semidefinite tangents.
 const PROJECTION: &str = include_str!("../projection.wgsl");
 /// Volume ratios.
 const VOLUMES: &str = include_str!("../volumes.wgsl");
 /// Forces from a stress.
-const STRESS: &str = include_str!("../stress.wgsl");
+const VERTEX_FORCES: &str = include_str!("../vertex_forces.wgsl");
+/// The same, and what tangents of isotropic laws are made of.
+const STRESS: &str = concat!(include_str!("../vertex_forces.wgsl"), include_str!("../stress.wgsl"));
+/// How far an edge is stretched.
+const STRETCH: &str = include_str!("stretch.wgsl");
+/// Triangles, one thread each.
+const TRIANGLES: &str = include_str!("../triangles.wgsl");
+/// Tetrahedra, one thread each.
+const TETRAHEDRA: &str = include_str!("../tetrahedra.wgsl");
 
 impl ElementKind {
     /// Tangent blocks of an element: those of its vertices, then those of its pairs of vertices in
@@ -101,6 +118,8 @@ pub struct DeviceLaw {
     pub kind: ElementKind,
     /// What it does while its body recovers.
     pub recovery: InRecovery,
+    /// Whether its energy is the potential of a load ([`Law::IS_LOAD`]).
+    pub is_load: bool,
     /// Whether it has energy and forces.
     pub forces: bool,
     /// Whether it has a part in a tangent of this kind.
@@ -119,6 +138,7 @@ impl DeviceLaw {
             order: L::ORDER,
             kind,
             recovery: InRecovery::Silent,
+            is_load: L::IS_LOAD,
             forces: true,
             tangent: |_| true,
             volumes: false,
@@ -151,7 +171,7 @@ impl DeviceLaw {
 }
 
 /// All laws with a twin.
-pub static LAWS: [DeviceLaw; 17] = [
+pub static LAWS: [DeviceLaw; 33] = [
     fused::LAW,
     fused::COMPRESSION,
     fused::PROJECTION,
@@ -169,6 +189,22 @@ pub static LAWS: [DeviceLaw; 17] = [
     hexahedra::LINEAR,
     hexahedra::COROTATIONAL,
     hexahedra::NEO_HOOKEAN,
+    axes::TRIADS,
+    axes::FIBRES,
+    axes::VOLUMES,
+    axes::HEXAHEDRON_TRIADS,
+    axes::HEXAHEDRON_FIBRES,
+    axes::HEXAHEDRON_VOLUMES,
+    membranes::BIQUADRATIC,
+    membranes::QUADRATIC,
+    membranes::LINEAR,
+    membranes::COROTATIONAL,
+    membranes::QUAD_BIQUADRATIC,
+    membranes::QUAD_LINEAR,
+    membranes::QUAD_COROTATIONAL,
+    membranes::COMPRESSION,
+    membranes::PROJECTION,
+    pressure::LAW,
 ];
 
 /// Names of systems that have no elements of their own here: others do their part.
@@ -186,6 +222,8 @@ pub struct ElementColumns {
     pub nodes: Vec<u32>,
     /// Constants of element after element, as its [`ElementKind`] has them.
     pub data: Vec<f32>,
+    /// The load that they belong to, if any: its value is a factor.
+    pub load: Option<Entity>,
 }
 
 /// Columns of the elements of `body` that have law `L`; `first_row` is the first row of the body.
@@ -216,32 +254,64 @@ fn push_tetrahedron<S: Scalar>(data: &mut Vec<f32>, d: [S; 9], volume: S, moduli
     }
 }
 
-/// All elements of a body, law by law in the order in which the processor adds them up.
+/// Finds the elements of a body (by index and first row) that follow a law.
+type Find = fn(&mut World, usize, u32) -> ElementColumns;
+
+/// How the elements of every law are found.
+fn finders<S: Scalar>() -> Vec<(DeviceLaw, Find)> {
+    vec![
+        (fused::LAW, fused::columns::<S>),
+        (fused::COMPRESSION, fused::compression::<S>),
+        (fused::PROJECTION, fused::projection::<S>),
+        (pooled::TENSILE, pooled::tensile::<S>),
+        (pooled::ANGULAR, pooled::angular::<S>),
+        (pooled::VOLUMETRIC, pooled::volumetric::<S>),
+        (stvk_fem::LAW, stvk_fem::columns::<S>),
+        (quadratic::LAW, quadratic::columns::<S>),
+        (linear::LAW, linear::columns::<S>),
+        (warped::LAW, warped::columns::<S>),
+        (corotational::LAW, corotational::columns::<S>),
+        (neo_hookean::LAW, neo_hookean::columns::<S>),
+        (mass_spring::LAW, mass_spring::columns::<S>),
+        (hexahedra::STVK, hexahedra::columns::<FusedStVK, S>),
+        (hexahedra::LINEAR, hexahedra::columns::<Linear, S>),
+        (hexahedra::COROTATIONAL, hexahedra::columns::<Corotational, S>),
+        (hexahedra::NEO_HOOKEAN, hexahedra::columns::<NeoHookean, S>),
+        (axes::TRIADS, axes::triads::<S>),
+        (axes::FIBRES, axes::fibres::<S>),
+        (axes::VOLUMES, axes::volumes::<S>),
+        (axes::HEXAHEDRON_TRIADS, axes::hexahedron_triads::<S>),
+        (axes::HEXAHEDRON_FIBRES, axes::hexahedron_fibres::<S>),
+        (axes::HEXAHEDRON_VOLUMES, axes::hexahedron_volumes::<S>),
+        (membranes::BIQUADRATIC, membranes::columns::<BiquadraticMembrane, S>),
+        (membranes::QUADRATIC, membranes::columns::<QuadraticMembrane, S>),
+        (membranes::LINEAR, membranes::columns::<LinearMembrane, S>),
+        (membranes::COROTATIONAL, membranes::columns::<CorotationalMembrane, S>),
+        (membranes::QUAD_BIQUADRATIC, membranes::quads::<BiquadraticMembrane, S>),
+        (membranes::QUAD_LINEAR, membranes::quads::<LinearMembrane, S>),
+        (membranes::QUAD_COROTATIONAL, membranes::quads::<CorotationalMembrane, S>),
+        (membranes::COMPRESSION, membranes::compression::<S>),
+        (membranes::PROJECTION, membranes::columns::<PooledMembrane, S>),
+    ]
+}
+
+/// The elements of a body that follow one of the laws `wanted`, law by law in the order in which the processor
+/// adds them up.
 pub fn columns<S: Scalar>(
     world: &mut World,
     body: usize,
     first_row: u32,
+    wanted: impl Fn(&DeviceLaw) -> bool,
 ) -> Vec<(DeviceLaw, ElementColumns)> {
-    let mut found = vec![
-        (fused::LAW, fused::columns::<S>(world, body, first_row)),
-        (fused::COMPRESSION, fused::compression::<S>(world, body, first_row)),
-        (fused::PROJECTION, fused::projection::<S>(world, body, first_row)),
-        (pooled::TENSILE, pooled::tensile::<S>(world, body, first_row)),
-        (pooled::ANGULAR, pooled::angular::<S>(world, body, first_row)),
-        (pooled::VOLUMETRIC, pooled::volumetric::<S>(world, body, first_row)),
-        (stvk_fem::LAW, stvk_fem::columns::<S>(world, body, first_row)),
-        (quadratic::LAW, quadratic::columns::<S>(world, body, first_row)),
-        (linear::LAW, linear::columns::<S>(world, body, first_row)),
-        (warped::LAW, warped::columns::<S>(world, body, first_row)),
-        (corotational::LAW, corotational::columns::<S>(world, body, first_row)),
-        (neo_hookean::LAW, neo_hookean::columns::<S>(world, body, first_row)),
-        (mass_spring::LAW, mass_spring::columns::<S>(world, body, first_row)),
-        (hexahedra::STVK, hexahedra::columns::<FusedStVK, S>(world, body, first_row)),
-        (hexahedra::LINEAR, hexahedra::columns::<Linear, S>(world, body, first_row)),
-        (hexahedra::COROTATIONAL, hexahedra::columns::<Corotational, S>(world, body, first_row)),
-        (hexahedra::NEO_HOOKEAN, hexahedra::columns::<NeoHookean, S>(world, body, first_row)),
-    ];
-    found.retain(|(_, columns)| !columns.nodes.is_empty());
+    let mut found: Vec<_> = finders::<S>()
+        .into_iter()
+        .filter(|(law, _)| wanted(law))
+        .map(|(law, find)| (law, find(world, body, first_row)))
+        .filter(|(_, columns)| !columns.nodes.is_empty())
+        .collect();
+    if wanted(&pressure::LAW) {
+        found.extend(pressure::columns(world, body, first_row));
+    }
     found.sort_by_key(|(law, _)| law.order);
     found
 }

@@ -4,13 +4,11 @@ use bevy_ecs::prelude::World;
 use sinew_engine::scalar::Scalar;
 use sinew_models::quadratic::QuadraticSprings;
 
-use super::{DeviceLaw, ElementColumns, tetrahedron_columns};
+use super::{DeviceLaw, ElementColumns, STRETCH, tetrahedron_columns};
 
 /// The law.
-pub const LAW: DeviceLaw = DeviceLaw::of_tetrahedra::<QuadraticSprings>(&[
-    include_str!("stretch.wgsl"),
-    include_str!("quadratic.wgsl"),
-]);
+pub const LAW: DeviceLaw =
+    DeviceLaw::of_tetrahedra::<QuadraticSprings>(&[STRETCH, include_str!("quadratic.wgsl")]);
 
 /// Its elements in a body.
 pub(super) fn columns<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {

@@ -1,9 +1,12 @@
 //! A device for tests, and bodies in states that matter.
 #![allow(dead_code, reason = "every test binary uses a part of it")]
 
+pub mod compare;
+
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
+use sinew::engine::report::StepReport;
 use sinew::prelude::*;
 use sinew_gpu::{GpuBackend, GpuError, GpuOptions};
 
@@ -97,4 +100,42 @@ pub fn displacements_of(points: &[DVec3], state: &State) -> Vec<DVec3> {
 pub fn relative(a: &[DVec3], b: &[DVec3]) -> f64 {
     let largest = b.iter().map(|b| b.length()).fold(0.0, f64::max);
     a.iter().zip(b).map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max) / largest
+}
+
+/// Builds a scene round a body on the processor and on the device, runs both and returns displacements, velocities
+/// and reports of all steps of each; `None` without an adapter.
+pub fn run_both(
+    description: &BodyDescription,
+    steps: usize,
+    settings: &SolverSettings,
+    scene: impl Fn(&mut Simulation, BodyHandle),
+) -> Option<[Run; 2]> {
+    let backend = device(&GpuOptions::default())?;
+    let options = SimulationOptions::default();
+    let simulations =
+        [Simulation::new(options).unwrap(), Simulation::with_gpu(options, backend).unwrap()];
+    Some(simulations.map(|mut simulation| {
+        let body = simulation.add_body(description).unwrap();
+        simulation.set_solver(settings.clone());
+        scene(&mut simulation, body);
+        let mut reports = Vec::new();
+        for _ in 0..steps {
+            simulation.step().unwrap();
+            reports.push(simulation.report().clone());
+        }
+        let (u, v) = (simulation.displacements(body), simulation.velocities(body));
+        Run { simulation, u, v, reports }
+    }))
+}
+
+/// What became of a scene.
+pub struct Run {
+    pub simulation: Simulation,
+    pub u: Vec<DVec3>,
+    pub v: Vec<DVec3>,
+    pub reports: Vec<StepReport>,
+}
+
+pub fn close(a: f64, b: f64, scale: f64, bound: f64, what: &str) {
+    assert!((a - b).abs() <= bound * scale, "{what}: {a} against {b}, scale {scale}");
 }

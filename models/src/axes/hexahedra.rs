@@ -77,8 +77,8 @@ pub(crate) struct Shared<'a, S: Scalar> {
     rest: &'a [HexahedronRest<S>],
 }
 
-/// Query data of [`Shared`].
-type SharedData<S> =
+/// Query data of vertex rows, tangent blocks and rest shapes, with shares of the points in place of volumes.
+pub type SharedData<S> =
     (&'static AxisHexahedronVertices, &'static AxisHexahedronBlocks, &'static HexahedronRest<S>);
 
 /// Slices of [`SharedData`].
@@ -110,7 +110,7 @@ pub(crate) trait HexahedronColumns<S: Scalar>: Copy + Send + Sync {
 }
 
 /// Query data of triads.
-pub(crate) type TriadData<S> = (
+pub type TriadData<S> = (
     SharedData<S>,
     (Direction<S, 0>, Direction<S, 1>, Direction<S, 2>),
     (&'static AxialStiffness<S, 0>, &'static AxialStiffness<S, 1>, &'static AxialStiffness<S, 2>),
@@ -170,7 +170,7 @@ impl<S: Scalar> HexahedronColumns<S> for TriadColumns<'_, S> {
 }
 
 /// Query data of fibres.
-pub(crate) type FibreData<S> = (
+pub type FibreData<S> = (
     SharedData<S>,
     Direction<S, 0>,
     (
@@ -216,8 +216,8 @@ impl<S: Scalar> HexahedronColumns<S> for FibreColumns<'_, S> {
     }
 }
 
-/// Query data of terms of volume, with its filter.
-pub(crate) type VolumeData<S> = (SharedData<S>, &'static VolumeStiffness<S>);
+/// Query data of terms of volume; the filter is [`VolumeAlone`].
+pub type VolumeData<S> = (SharedData<S>, &'static VolumeStiffness<S>);
 
 #[derive(Clone, Copy)]
 struct VolumeColumns<'a, S: Scalar> {

@@ -1,0 +1,364 @@
+//! Axes, membranes and follower pressure on the device against the processor in `f64`.
+mod common;
+
+use common::compare::{Comparison, compare, compare_in, compare_on};
+use common::{
+    MATERIAL, Run, STATES, State, beam, bricks, close, half_bricks, relative, run_both, say,
+};
+use glam::{DVec2, DVec3};
+use sinew::engine::mesh::Mesh;
+use sinew::engine::mesh::generate::{quad_grid, triangle_grid};
+use sinew::models::axes::field;
+use sinew::models::axes::muscle::activate_at;
+use sinew::models::sheet::{MembraneDescription, MembraneModel};
+use sinew::prelude::*;
+use sinew::solvers::settings::Preconditioner;
+use sinew_gpu::GpuReport;
+
+/// Four families that are not orthogonal, two of them active, five angles: triads, fibres and a term of volume,
+/// some elements without a share.
+fn rich(mesh: &Mesh) -> AxesDescription<'static> {
+    let n = mesh.tetrahedra.len() + mesh.hexahedra.len();
+    let fields: Vec<_> = (0..4).map(|i| field::random(mesh, i).directions).collect();
+    let family = |name, i: usize, modulus| AxisFamily::new(name, &fields[i], modulus);
+    let muscle = MuscleSettings {
+        peak_stress: 4e3,
+        optimal_stretch: 1.05,
+        stiffening: 0.5,
+        shortening: 0.1,
+        ..MuscleSettings::default()
+    };
+    let share: Vec<f64> = (0..n).map(|i| (i % 3) as f64 * 0.5).collect();
+    let angle = |families, modulus| AxisAngle { families, modulus };
+    AxesDescription {
+        families: vec![
+            family("a", 0, 3e3),
+            family("b", 1, 8e3),
+            AxisFamily { muscle: Some(muscle.clone()), ..family("c", 2, 2e3) },
+            AxisFamily { muscle: Some(muscle), share: Some(share.into()), ..family("d", 3, 1e3) },
+        ],
+        angles: vec![
+            angle([0, 1], 1e3),
+            angle([2, 0], 2e3),
+            angle([1, 2], 5e2),
+            angle([1, 3], 7e2),
+            angle([3, 0], 9e2),
+        ],
+        volume_modulus: 6e3,
+        form: AxisForm::EnergyConsistent,
+    }
+    .into_owned()
+}
+
+fn with_axes<'a>(
+    mesh: &'a Mesh,
+    model: Model,
+    axes: AxesDescription<'static>,
+) -> BodyDescription<'a> {
+    BodyDescription { model, axes: Some(axes), ..BodyDescription::new("beam", mesh, MATERIAL) }
+}
+
+#[test]
+fn isotropic_axes_alone() {
+    let axes = AxesDescription::isotropic(MATERIAL.lame().unwrap());
+    compare(|mesh| with_axes(mesh, Model::Axes, axes.clone()), "axes");
+    compare_on(
+        &bricks(CELLS),
+        |mesh| with_axes(mesh, Model::Axes, axes.clone()),
+        "axes in hexahedra",
+    );
+}
+
+#[test]
+fn volume_preservation_beside_a_material() {
+    let axes = AxesDescription { volume_modulus: 2e4, ..AxesDescription::default() };
+    for (law, mesh) in [("volume", beam([10, 4, 5])), ("volume, mixed", half_bricks(CELLS))] {
+        compare_on(&mesh, |mesh| with_axes(mesh, Model::Corotational, axes.clone()), law);
+    }
+}
+
+#[test]
+fn passive_and_active_fibres_beside_a_material() {
+    let meshes = [("", beam([10, 4, 5])), ("mixed ", half_bricks(CELLS))];
+    for ((name, mesh), activation) in meshes.iter().flat_map(|m| [(m, 0.0), (m, 0.7)]) {
+        let description = with_axes(mesh, Model::CompressibleStVK, rich(mesh));
+        compare_in(Comparison {
+            law: &format!("{name}axes {activation}"),
+            description: &description,
+            mesh,
+            states: &STATES,
+            set_up: &|simulation, body| {
+                simulation.set_activation(body, "c", activation).unwrap();
+                simulation.set_activation(body, "d", 0.3 * activation).unwrap();
+                let precision = simulation.precision();
+                let world = simulation.world_mut();
+                match precision {
+                    Precision::F64 => activate_at::<f64>(world, 0.0),
+                    Precision::F32 => activate_at::<f32>(world, 0.0),
+                }
+            },
+        });
+    }
+}
+
+const CELLS: [usize; 3] = [8, 4, 3];
+
+/// A sheet stretched and sheared, hardly deformed, rolled up, wrinkled, drawn together to a strip.
+const SHEET_STATES: [State; 5] = [
+    STATES[0],
+    STATES[1],
+    ("rolled and stretched", |x, _| {
+        let (sin, cos) = (1.1 * x.x / 0.04).sin_cos();
+        DVec3::new(0.04 * sin, x.y, 0.04 - 0.04 * cos) - x
+    }),
+    ("wrinkled", |x, noise| DVec3::new(-0.3 * x.x, 0.1 * x.y, 0.0) + 4e-3 * noise),
+    ("a strip", |x, noise| DVec3::new(0.1 * x.x, -0.98 * x.y, 0.0) + 1e-3 * noise),
+];
+
+const SHEET_MODELS: [MembraneModel; 6] = [
+    MembraneModel::Biquadratic,
+    MembraneModel::CompressibleBiquadratic,
+    MembraneModel::Quadratic,
+    MembraneModel::Linear,
+    MembraneModel::Corotational,
+    MembraneModel::MassSpring,
+];
+
+#[test]
+fn sheets() {
+    let mesh = triangle_grid(DVec2::new(0.2, 0.05), [16, 5]).unwrap();
+    for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
+        for model in SHEET_MODELS.into_iter().filter(|model| model.supports(evaluation)) {
+            let membrane = MembraneDescription {
+                model,
+                evaluation,
+                ..MembraneDescription::new(&mesh.triangles, 1e-3, MATERIAL)
+            };
+            compare_in(Comparison {
+                law: &format!("{} {evaluation:?}", model.name()),
+                description: &BodyDescription {
+                    membrane: Some(membrane),
+                    ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
+                },
+                mesh: &mesh,
+                states: &SHEET_STATES,
+                set_up: &|_, _| {},
+            });
+        }
+    }
+}
+
+#[test]
+fn sheets_of_quadrilaterals() {
+    let mesh = quad_grid(DVec2::new(0.2, 0.05), [16, 5]).unwrap();
+    for model in SHEET_MODELS.into_iter().filter(|model| *model != MembraneModel::Quadratic) {
+        let membrane = MembraneDescription {
+            model,
+            quads: &mesh.quads,
+            ..MembraneDescription::new(&[], 1e-3, MATERIAL)
+        };
+        compare_in(Comparison {
+            law: &format!("{} quads", model.name()),
+            description: &BodyDescription {
+                membrane: Some(membrane),
+                ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
+            },
+            mesh: &mesh,
+            states: &SHEET_STATES,
+            set_up: &|_, _| {},
+        });
+    }
+}
+
+#[test]
+fn skins_of_solids() {
+    let mesh = beam([10, 4, 5]);
+    let skin = mesh.surface_triangles();
+    let models = [
+        (Evaluation::Fused, MembraneModel::CompressibleBiquadratic),
+        (Evaluation::Fused, MembraneModel::Corotational),
+        (Evaluation::Fused, MembraneModel::MassSpring),
+        (Evaluation::Pooled, MembraneModel::CompressibleBiquadratic),
+    ];
+    for (evaluation, model) in models {
+        let membrane = MembraneDescription {
+            model,
+            evaluation,
+            ..MembraneDescription::new(&skin, 1e-3, MATERIAL)
+        };
+        let description = BodyDescription {
+            membrane: Some(membrane),
+            evaluation,
+            ..BodyDescription::new("beam", &mesh, MATERIAL)
+        };
+        compare_in(Comparison {
+            law: &format!("skin {} {evaluation:?}", model.name()),
+            description: &description,
+            mesh: &mesh,
+            states: &STATES,
+            set_up: &|_, _| {},
+        });
+    }
+}
+
+/// Two pressures on the skin of a solid, which share rims; and one on a sheet whose rim is free.
+#[test]
+fn follower_pressure() {
+    let mesh = beam([10, 4, 5]);
+    let skin = mesh.surface_triangles();
+    let inflate = |simulation: &mut Simulation, body, triangles: &[[u32; 3]], pressure| {
+        let faces = simulation.face_rows(body, "air", triangles).unwrap();
+        let curve = Curve::Points(vec![[0.0, 0.5]]);
+        simulation.add_pressure(Pressure { name: "air".into(), faces, pressure, curve });
+    };
+    compare_in(Comparison {
+        law: "pressure on a solid",
+        description: &BodyDescription::new("beam", &mesh, MATERIAL),
+        mesh: &mesh,
+        states: &STATES,
+        set_up: &|simulation, body| {
+            inflate(simulation, body, &skin[..skin.len() / 2], 2e3);
+            inflate(simulation, body, &skin[skin.len() / 3..], -5e3);
+        },
+    });
+    let mesh = triangle_grid(DVec2::new(0.2, 0.05), [16, 5]).unwrap();
+    let membrane = Some(MembraneDescription::new(&mesh.triangles, 1e-3, MATERIAL));
+    compare_in(Comparison {
+        law: "pressure on a sheet",
+        description: &BodyDescription {
+            membrane,
+            ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
+        },
+        mesh: &mesh,
+        states: &SHEET_STATES,
+        set_up: &|simulation, body| inflate(simulation, body, &mesh.triangles, 200.0),
+    });
+}
+
+fn settings() -> SolverSettings {
+    SolverSettings {
+        integrator: Integrator::Safe,
+        preconditioner: Preconditioner::BlockJacobi,
+        linear_tolerance: 1e-5,
+        ..SolverSettings::default()
+    }
+}
+
+fn hold(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, group: &str) {
+    let rows = simulation.group_rows(body, mesh, group).unwrap();
+    simulation.add_constraint(Constraint::hold(group, rows));
+}
+
+/// The runs end alike, and books agree all along.
+fn agree([cpu, gpu]: &[Run; 2], bound: f64, what: &str) {
+    let u = relative(&gpu.u, &cpu.u);
+    say(&format!("{what}: displacement {u:.1e}"));
+    assert!(u < bound, "{what}: {u:.1e}");
+    for (a, b) in gpu.reports.iter().zip(&cpu.reports) {
+        let scale = b.elastic_energy.abs() + b.kinetic_energy + b.load_work.abs();
+        close(a.elastic_energy, b.elastic_energy, scale, 1e-3, "elastic energy");
+        close(a.kinetic_energy, b.kinetic_energy, scale, 1e-3, "kinetic energy");
+        close(a.load_work, b.load_work, scale, 1e-3, "work of loads");
+        close(a.dissipation, b.dissipation, scale, 1e-3, "dissipation");
+        close(a.damping_dissipation, b.damping_dissipation, scale, 1e-3, "damping");
+    }
+}
+
+#[test]
+fn a_muscle_pulls_and_only_its_constants_go_up() {
+    let mesh = beam([10, 3, 3]);
+    let along = [DVec3::X];
+    let muscle = MuscleSettings {
+        peak_stress: 4e3,
+        stiffening: 0.5,
+        shortening: 0.1,
+        curve: Some(Curve::ramp(0.0, 1.0)),
+        ..MuscleSettings::default()
+    };
+    let family = AxisFamily { muscle: Some(muscle), ..AxisFamily::new("m", &along, 3e3) };
+    let axes = AxesDescription { families: vec![family], ..AxesDescription::default() };
+    let description = with_axes(&mesh, Model::CompressibleStVK, axes.into_owned());
+    let scene = |s: &mut Simulation, body: BodyHandle| hold(s, body, &mesh, "x0");
+    let Some(runs) = run_both(&description, 20, &settings(), scene) else { return };
+    agree(&runs, 1e-4, "muscle");
+    let [_, mut gpu] = runs;
+    // the activation still rises: three rows of 16 bytes for every fibre, and what every step brings
+    let fibres = 48 * mesh.tetrahedra.len() as u64;
+    let sent = |run: &Run| {
+        let report = run.simulation.world().resource::<GpuReport>();
+        assert_eq!(report.uploads, 0);
+        report.bytes_up
+    };
+    let rising = sent(&gpu);
+    assert!(rising > fibres && rising < fibres + 4096, "{rising}");
+    gpu.simulation.set_dt(1.0);
+    for _ in 0..2 {
+        gpu.simulation.step().unwrap();
+    }
+    assert!(sent(&gpu) < 4096, "{} at full activation", sent(&gpu));
+}
+
+#[test]
+fn pressure_inflates_and_is_booked_as_work_of_loads() {
+    let mesh = beam([8, 4, 4]);
+    let mut top = mesh.surface_triangles();
+    top.retain(|t| t.iter().all(|&v| mesh.points[v as usize].z > 0.0499));
+    let scene = |s: &mut Simulation, body: BodyHandle| {
+        hold(s, body, &mesh, "x0");
+        let faces = s.face_rows(body, "air", &top).unwrap();
+        let curve = Curve::ramp(0.0, 0.1);
+        s.add_pressure(Pressure { name: "air".into(), faces, pressure: -60.0, curve });
+    };
+    let description = BodyDescription::new("beam", &mesh, MATERIAL);
+    let Some(runs) = run_both(&description, 20, &settings(), scene) else { return };
+    agree(&runs, 1e-4, "pressure");
+    let work: f64 = runs[1].reports.iter().map(|r| r.load_work).sum();
+    assert!(work > 0.0);
+}
+
+#[test]
+fn a_drum_swings_on_its_rim() {
+    let mesh = triangle_grid(DVec2::new(0.2, 0.05), [16, 5]).unwrap();
+    let membrane = Some(MembraneDescription::new(&mesh.triangles, 1e-3, MATERIAL));
+    let description = BodyDescription {
+        membrane,
+        ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
+    };
+    let scene = |s: &mut Simulation, body: BodyHandle| {
+        let rim: Vec<u32> = (0..mesh.points.len() as u32)
+            .filter(|&i| {
+                let x = mesh.points[i as usize];
+                x.x == 0.0 || x.y == 0.0 || x.x > 0.1999 || x.y > 0.0499
+            })
+            .collect();
+        let rows = s.rows(body, "rim", &rim).unwrap();
+        s.add_constraint(Constraint::hold("rim", rows));
+        let faces = s.face_rows(body, "air", &mesh.triangles).unwrap();
+        let curve = Curve::Constant;
+        s.add_pressure(Pressure { name: "air".into(), faces, pressure: 50.0, curve });
+    };
+    let Some(runs) = run_both(&description, 20, &settings(), scene) else { return };
+    agree(&runs, 1e-4, "drum");
+}
+
+/// Axes say nothing while their body recovers.
+#[test]
+fn a_crushed_body_with_axes_recovers() {
+    let mesh = beam([6, 3, 3]);
+    let description = with_axes(&mesh, Model::CompressibleStVK, rich(&mesh));
+    let scene = |s: &mut Simulation, _: BodyHandle| s.set_gravity(DVec3::ZERO);
+    let crush = |s: &mut Simulation, body: BodyHandle| {
+        scene(s, body);
+        let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.03 * common::noise(i)).collect();
+        s.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    };
+    let settings = SolverSettings { mass_damping: 5.0, linear_tolerance: 1e-4, ..settings() };
+    let Some([cpu, gpu]) = run_both(&description, 120, &settings, crush) else { return };
+    for run in [&cpu, &gpu] {
+        assert!(run.reports[0].recovering > 0);
+        let last = run.reports.last().unwrap();
+        assert_eq!(last.recovering, 0, "{last:?}");
+        let start = run.reports[0].elastic_energy;
+        assert!(last.elastic_energy < 1e-3 * start, "{} of {start}", last.elastic_energy);
+    }
+}
