@@ -21,6 +21,7 @@ use std::ops::Range;
 use std::time::Instant;
 
 use crate::body::{BodyParts, DeviceBody, Slot, VertexConstants};
+use crate::coarse::{CoarseParts, Kept};
 use crate::context::Context;
 use crate::error::GpuError;
 use crate::laws::{self, LAWS};
@@ -50,8 +51,8 @@ pub struct GpuBackend {
     tick: Option<Tick>,
     /// Rest positions (m) of all rows.
     pub(crate) rest: Vec<DVec3>,
-    /// With matrix, with damping: what the bodies were made for.
-    made_for: [bool; 2],
+    /// With matrix, with damping, with motions of aggregates: what the bodies were made for.
+    made_for: [bool; 3],
     pub(crate) limit: Limit,
 }
 
@@ -66,6 +67,8 @@ pub(crate) struct Resident {
     pub(crate) target: Vec<[f32; 4]>,
     pub(crate) load: Vec<[f32; 4]>,
     pub(crate) iterations: u32,
+    /// State of the preconditioner.
+    pub(crate) kept: Option<Kept>,
     /// Energy (J) when recovery from inversion began.
     pub(crate) recovery: Option<f64>,
     /// The device carries along what displacements of the last explicit step could not hold.
@@ -89,7 +92,7 @@ impl GpuBackend {
             revision: None,
             tick: None,
             rest: Vec::new(),
-            made_for: [false; 2],
+            made_for: [false; 3],
             limit: Limit::default(),
         }
     }
@@ -132,7 +135,7 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
         }
     }
     match settings.preconditioner {
-        Preconditioner::Auto | Preconditioner::BlockJacobi => {}
+        Preconditioner::Auto | Preconditioner::BlockJacobi | Preconditioner::Multigrid => {}
         other => return Err(GpuError::Preconditioner { preconditioner: other.name() }),
     }
     let mut bodies = world.query::<&SoftBody>();
@@ -148,6 +151,15 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
         return Err(GpuError::WorldLaw { law: (*law).into() });
     }
     Ok(())
+}
+
+/// What the preconditioner stands for in a body of `vertices` vertices. `"auto"` has two levels from the size on from
+/// which it has them on the processor, and inverse diagonal blocks below.
+fn preconditioner(settings: &SolverSettings, vertices: u32) -> Preconditioner {
+    match settings.preconditioner.resolve(vertices as usize) {
+        Preconditioner::Multigrid => Preconditioner::Multigrid,
+        _ => Preconditioner::BlockJacobi,
+    }
 }
 
 /// The first part of a body without a twin on the device.
@@ -214,7 +226,11 @@ impl GpuBackend {
         check(world, &SolverSettings::default())?;
         let mut node = NodeState::<S>::default();
         node.read(world);
-        let needs_matrix = SolverSettings { integrator: Integrator::Safe, ..Default::default() };
+        let needs_matrix = SolverSettings {
+            integrator: Integrator::Safe,
+            preconditioner: Preconditioner::BlockJacobi,
+            ..Default::default()
+        };
         self.make_resident::<S>(world, &needs_matrix, &mut GpuReport::default())?;
         for (resident, body) in self.bodies.iter_mut().zip(&world.resource::<Topology>().bodies) {
             let rows = body.vertices.start as usize..body.vertices.end as usize;
@@ -278,8 +294,15 @@ impl GpuBackend {
                 size: body.size,
                 iterations: resident.iterations,
             };
-            let step = SafeStep { context: &self.context, body: &resident.body, settings, dt };
-            let output = step.run(&input, &mut own, device).map_err(refused)?;
+            let step = SafeStep {
+                context: &self.context,
+                body: &resident.body,
+                settings,
+                preconditioner: preconditioner(settings, resident.body.n),
+                dt,
+            };
+            let output =
+                step.run(&input, &mut resident.kept, &mut own, device).map_err(refused)?;
             resident.iterations = output.iterations;
             if !output.finite {
                 // the device still has the old state; say which vertex, if it can be told
@@ -299,8 +322,6 @@ impl GpuBackend {
         }
         let work = report.load_work + report.constraint_work;
         report.dissipation += work - report.elastic_energy - report.kinetic_energy;
-        report.preconditioner = Preconditioner::BlockJacobi.name();
-
         self.accept(world, node, rows, outputs, "accept");
         Ok(())
     }
@@ -339,7 +360,9 @@ impl GpuBackend {
     ) -> Result<(), GpuError> {
         let revision = world.resource::<Topology>().revision;
         let with_matrix = !settings.integrator.is_explicit();
-        let made_for = [with_matrix, with_matrix && settings.stiffness_damping > 0.0];
+        let two_levels = settings.preconditioner != Preconditioner::BlockJacobi;
+        let damped = settings.stiffness_damping > 0.0;
+        let made_for = [with_matrix, with_matrix && damped, with_matrix && two_levels];
         let serves = self.made_for.iter().zip(made_for).all(|(&has, needs)| has || !needs);
         let same = serves
             && self.revision == Some(revision)
@@ -366,14 +389,19 @@ impl GpuBackend {
                 [x.x, x.y, x.z, 0.0]
             };
             let rest = own.iter().map(relative).collect();
+            let piece = body.piece.clone();
             let laws = laws::columns::<S>(world, i, first);
+            let n = end - first;
+            let two_levels =
+                made_for[2] && preconditioner(settings, n) == Preconditioner::Multigrid;
             let parts = BodyParts {
-                n: end - first,
+                n,
                 edges,
                 laws: &laws,
                 rest,
                 with_matrix: made_for[0],
                 with_damping: made_for[1],
+                coarse: two_levels.then_some(CoarseParts { rest: own, piece: &piece }),
             };
             self.bodies.push(Resident {
                 body: self.context.within_memory(|| DeviceBody::new(&self.context, parts))?,
@@ -383,6 +411,7 @@ impl GpuBackend {
                 target: Vec::new(),
                 load: Vec::new(),
                 iterations: 0,
+                kept: None,
                 recovery: None,
                 carries_low: false,
             });
@@ -418,6 +447,7 @@ impl Resident {
             .collect();
         if vertices != self.vertices {
             self.body.write_vertices(context, &vertices);
+            self.kept = None;
             self.vertices = vertices;
         }
         let refresh = |slot, known: &mut Vec<[f32; 4]>, now: Vec<[f32; 4]>| {
@@ -478,6 +508,9 @@ pub(crate) fn add(sum: &mut StepReport, own: &StepReport) {
     sum.cg_caps += own.cg_caps;
     sum.cg_residual = sum.cg_residual.max(own.cg_residual);
     sum.newton_step = sum.newton_step.max(own.newton_step);
+    sum.preconditioner = own.preconditioner;
+    sum.preconditioner_refreshes += own.preconditioner_refreshes;
+    sum.preconditioner_breakdowns += own.preconditioner_breakdowns;
     sum.projections += own.projections;
     sum.backtracks += own.backtracks;
     sum.gradient_fallbacks += own.gradient_fallbacks;

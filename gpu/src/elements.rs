@@ -232,10 +232,10 @@ fn force_lists(nodes: &[u32], n: u32) -> (Vec<u32>, Vec<u32>) {
 }
 
 /// Compressed rows of (row, value) pairs, in the order in which they come.
-pub(crate) fn compressed<I: Iterator<Item = (u32, u32)>>(
+pub(crate) fn compressed<T: Copy + Default, I: Iterator<Item = (u32, T)>>(
     rows: usize,
     entries: impl Fn() -> I,
-) -> (Vec<u32>, Vec<u32>) {
+) -> (Vec<u32>, Vec<T>) {
     let mut starts = vec![0; rows + 1];
     for (row, _) in entries() {
         starts[row as usize + 1] += 1;
@@ -244,7 +244,7 @@ pub(crate) fn compressed<I: Iterator<Item = (u32, u32)>>(
         starts[row + 1] += starts[row];
     }
     let mut next = starts.clone();
-    let mut values = vec![0; starts[rows] as usize];
+    let mut values = vec![T::default(); starts[rows] as usize];
     for (row, value) in entries() {
         values[next[row as usize] as usize] = value;
         next[row as usize] += 1;

@@ -50,6 +50,7 @@
 //! ```
 pub mod backend;
 mod body;
+mod coarse;
 mod context;
 mod elements;
 mod error;

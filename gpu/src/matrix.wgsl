@@ -68,7 +68,7 @@ fn product_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
 @compute @workgroup_size(256)
 fn note(@builtin(local_invocation_index) local: u32) {
     let phase = atomicLoad(&cg.phase);
-    let sum = total(step.matrix_groups, step.groups, local);
+    let sum = preconditioned_sums(local);
     if local != 0u || phase != ITERATING { return; }
     if cg.fresh == 1u {
         cg.fresh = 0u;
@@ -88,6 +88,8 @@ fn note(@builtin(local_invocation_index) local: u32) {
     } else if cg.iterations >= step.max_iterations {
         cg.residual = sum.y;
         atomicStore(&cg.phase, CAPPED);
+    } else if unusable(sum.x) {
+        atomicStore(&cg.phase, UNUSABLE);
     }
 }
 

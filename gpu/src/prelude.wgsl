@@ -44,7 +44,7 @@ struct Step {
     keep: f32,                // explicit substeps: what is kept of the velocity,
     kick: f32,                // time of the kick (s),
     drift: f32,               // and of the drift (s)
-    padding: u32,
+    coarse_groups: u32,       // partial sums that motions of aggregates leave; 0 without them
 }
 
 struct Vertex {
@@ -89,4 +89,12 @@ struct Chunk {
     sums: u32,         // place of its first partial energy
     accumulate: u32,   // 0 for the first chunk, whose forces overwrite
     rows: u32,         // vertex rows
+}
+
+// Rigid motions of aggregates.
+struct Coarse {
+    aggregates: u32,
+    stride: u32,       // of the rows of the coarse matrix: its unknowns and some padding
+    blocks: u32,       // Galerkin blocks, diagonal and above
+    padding: u32,
 }

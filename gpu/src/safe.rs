@@ -6,10 +6,11 @@
 //! the line search, for the end.
 
 use sinew_engine::report::StepReport;
-use sinew_solvers::settings::SolverSettings;
+use sinew_solvers::settings::{Preconditioner, SolverSettings};
 
 use crate::body::{CgState, DeviceBody, Slot, StepUniform, total};
-use crate::context::Context;
+use crate::coarse::{self, Coarse, Kept};
+use crate::context::{Context, Recorder, groups_for};
 use crate::error::GpuError;
 use crate::report::{GpuReport, Phase};
 
@@ -32,6 +33,7 @@ mod phase {
     pub const CAPPED: u32 = 3;
     pub const NOT_FINITE: u32 = 5;
     pub const STALLED: u32 = 6;
+    pub const UNUSABLE: u32 = 7;
 }
 
 /// What the host knows of a body at the start of a step.
@@ -65,6 +67,8 @@ pub(crate) struct SafeStep<'a> {
     pub context: &'a Context,
     pub body: &'a DeviceBody,
     pub settings: &'a SolverSettings,
+    /// What it stands for in this body.
+    pub preconditioner: Preconditioner,
     pub dt: f64,
 }
 
@@ -99,8 +103,15 @@ impl SafeStep<'_> {
             max_iterations: settings.max_linear_iterations,
             t: 1.0,
             warm: 1,
+            coarse_groups: self.coarse().map_or(0, |coarse| coarse.groups),
             ..StepUniform::default()
         }
+    }
+
+    /// Motions of aggregates, if they are part of the preconditioner.
+    fn coarse(&self) -> Option<&Coarse> {
+        let coarse = self.body.coarse.as_ref();
+        coarse.filter(|_| self.preconditioner == Preconditioner::Multigrid)
     }
 
     fn damped(&self) -> bool {
@@ -111,6 +122,7 @@ impl SafeStep<'_> {
     pub fn run(
         &self,
         input: &BodyInput,
+        kept: &mut Option<Kept>,
         report: &mut StepReport,
         device: &mut GpuReport,
     ) -> Result<BodyOutput, GpuError> {
@@ -157,7 +169,7 @@ impl SafeStep<'_> {
         body.tangent(context, &mut recorder, false);
         body.shift(context, &mut recorder);
         recorder.submit();
-        let mut outcome = self.solve(input.iterations, report, device)?;
+        let mut outcome = self.solve(&uniform, input.iterations, kept, report, device)?;
 
         let energy = |sums: Vec<[f32; 4]>| total(&sums, 1, 0, 0);
         let elastic = energy(start_energy.wait(context)?);
@@ -213,7 +225,7 @@ impl SafeStep<'_> {
             recorder.submit();
             report.evaluations += 1;
             report.projections += 1;
-            outcome = self.solve(iterations, report, device)?;
+            outcome = self.solve(&uniform, iterations, kept, report, device)?;
             iterations = iterations.max(outcome.1.iterations);
             match outcome.0 {
                 Solve::NotFinite => return Ok(not_finite(iterations)),
@@ -336,44 +348,50 @@ impl SafeStep<'_> {
     /// Conjugate gradients from the right-hand side on.
     fn solve(
         &self,
+        uniform: &StepUniform,
         expected: u32,
+        kept: &mut Option<Kept>,
         report: &mut StepReport,
         device: &mut GpuReport,
     ) -> Result<(Solve, CgState), GpuError> {
-        let (context, body) = (self.context, self.body);
-        // as many as last time and a few more, so that one wait does
-        let mut batch =
-            if expected == 0 { FIRST_BATCH } else { expected + expected / 8 + 4 }.min(MAX_BATCH);
-        let mut recorder = context.record();
-        recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "right_hand_side"));
-        recorder.pass(Phase::Solve, |pass| {
-            body.product(context, pass, "product_alone", false);
-            body.summing(context, pass, "start_residual");
-            body.single(context, pass, "start_end");
-        });
+        let context = self.context;
+        let mut coarse = self.coarse();
+        report.preconditioner = Preconditioner::BlockJacobi.name();
         let state = loop {
-            recorder.pass(Phase::Solve, |pass| {
-                for _ in 0..batch {
-                    self.matrix_single(pass, "note");
-                    body.product(context, pass, "product", false);
-                    body.summing(context, pass, "improve");
-                    body.summing(context, pass, "direction");
+            let mut recorder = context.record();
+            if let Some(coarse) = coarse {
+                report.preconditioner = self.preconditioner.name();
+                let factors =
+                    [uniform.inertia, uniform.mass_damping, uniform.stiffness_damping];
+                if !kept.as_ref().is_some_and(|kept| kept.serves(factors)) {
+                    coarse.refresh(context, &mut recorder);
+                    let matrix = self.body.matrix.as_ref().map_or(0, |m| m.pattern.bytes());
+                    *kept = Some(Kept::new(factors, coarse.cost(matrix)));
+                    report.preconditioner_refreshes += 1;
                 }
-                self.matrix_single(pass, "note");
-                body.each_row(context, pass, "verify_begin");
-                body.product(context, pass, "product_verify", false);
-                body.summing(context, pass, "verify_residual");
-                body.single(context, pass, "verify_end");
-            });
-            let pending = body.read_cg(&mut recorder);
-            recorder.submit();
-            let state = pending.wait::<CgState>(context)?[0];
-            if !matches!(state.phase, phase::ITERATING | phase::CLAIMED) {
+            }
+            let state = self.iterate(recorder, coarse, expected)?;
+            if state.phase != phase::UNUSABLE {
                 break state;
             }
-            batch = FIRST_BATCH;
-            recorder = context.record();
+            // `f32` could not hold the inverse: this system goes without
+            report.cg_iterations += state.iterations;
+            report.preconditioner_breakdowns += 1;
+            report.preconditioner = Preconditioner::BlockJacobi.name();
+            *kept = None;
+            coarse = None;
+            self.body.set(context, StepUniform { coarse_groups: 0, ..*uniform });
         };
+        if coarse.is_some() {
+            let reduction = f64::from(state.residual) / f64::from(state.reference);
+            match kept {
+                Some(kept) if state.phase == phase::CONVERGED => {
+                    kept.book(state.iterations, -0.5 * reduction.log10());
+                }
+                // made for a matrix that was given up: not worth keeping
+                _ => *kept = None,
+            }
+        }
         report.cg_iterations += state.iterations;
         device.restarts += state.restarts;
         let outcome = match state.phase {
@@ -392,6 +410,67 @@ impl SafeStep<'_> {
             _ => Solve::Indefinite,
         };
         Ok((outcome, state))
+    }
+
+    /// The iterations, in batches.
+    fn iterate<'r>(
+        &'r self,
+        mut recorder: Recorder<'r>,
+        coarse: Option<&Coarse>,
+        expected: u32,
+    ) -> Result<CgState, GpuError> {
+        let (context, body) = (self.context, self.body);
+        // as many as last time and a few more, so that one wait does
+        let mut batch =
+            if expected == 0 { FIRST_BATCH } else { expected + expected / 8 + 4 }.min(MAX_BATCH);
+        let rows = groups_for(u64::from(body.n));
+        recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "right_hand_side"));
+        recorder.pass(Phase::Solve, |pass| {
+            body.product(context, pass, "product_alone", false);
+            body.summing(context, pass, "start_residual");
+            if let Some(coarse) = coarse {
+                coarse.apply(context, coarse::START, pass);
+            }
+            body.single(context, pass, "start_end");
+            if let Some(coarse) = coarse {
+                coarse.dispatch(context, "first_direction", rows, pass);
+            }
+        });
+        loop {
+            recorder.pass(Phase::Solve, |pass| {
+                for _ in 0..batch {
+                    self.matrix_single(pass, "note");
+                    body.product(context, pass, "product", false);
+                    body.summing(context, pass, "improve");
+                    match coarse {
+                        Some(coarse) => {
+                            coarse.apply(context, coarse::ITERATION, pass);
+                            coarse.dispatch(context, "direction", [body.groups, 1], pass);
+                        }
+                        None => body.summing(context, pass, "direction"),
+                    }
+                }
+                self.matrix_single(pass, "note");
+                body.each_row(context, pass, "verify_begin");
+                body.product(context, pass, "product_verify", false);
+                body.summing(context, pass, "verify_residual");
+                if let Some(coarse) = coarse {
+                    coarse.apply(context, coarse::VERIFY, pass);
+                }
+                body.single(context, pass, "verify_end");
+                if let Some(coarse) = coarse {
+                    coarse.dispatch(context, "first_direction", rows, pass);
+                }
+            });
+            let pending = body.read_cg(&mut recorder);
+            recorder.submit();
+            let state = pending.wait::<CgState>(context)?[0];
+            if !matches!(state.phase, phase::ITERATING | phase::CLAIMED) {
+                return Ok(state);
+            }
+            batch = FIRST_BATCH;
+            recorder = context.record();
+        }
     }
 
     fn matrix_single(&self, pass: &mut sinew_adapter::wgpu::ComputePass<'_>, entry: &'static str) {

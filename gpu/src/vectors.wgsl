@@ -9,14 +9,6 @@
 @group(0) @binding(4) var<storage, read_write> cg: CgState;
 @group(0) @binding(5) var<storage, read_write> sums: array<vec4f>;
 
-fn load_row(slot: u32, i: u32) -> vec4f {
-    return rows[slot * step.n + i];
-}
-
-fn store_row(slot: u32, i: u32, x: vec4f) {
-    rows[slot * step.n + i] = x;
-}
-
 // Old state with the held unknowns where they have to go; implicit Euler's drift.
 @compute @workgroup_size(256)
 fn begin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
