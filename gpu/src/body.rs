@@ -56,6 +56,8 @@ pub(crate) struct StepUniform {
     pub kick: f32,
     pub drift: f32,
     pub coarse_groups: u32,
+    pub smoother: [f32; 2],
+    pub padding: [u32; 2],
 }
 
 /// `Vertex` of prelude.wgsl.

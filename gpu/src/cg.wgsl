@@ -1,8 +1,8 @@
 // Conjugate gradients. Twin of `sinew_solvers::cg`.
 //
 // The preconditioner is the inverse diagonal blocks, to which coarse.wgsl may add rigid motions of aggregates. An
-// iteration is four dispatches: `note` (one workgroup) and `product` in matrix.wgsl, `improve`, `direction`; six
-// with motions, which come between the last two and have a `direction` of their own.
+// iteration is four dispatches: `note` (one workgroup) and `product` in matrix.wgsl, `improve`, `direction`; seven
+// with two levels: a smoother and the motions come between the last two, with a `direction` of their own.
 // Scalar products leave one partial sum per workgroup; whoever needs the total adds these up again, in the same
 // order everywhere. The state changes in kernels of one workgroup only (`start_end`, `note`, `verify_end`), so
 // that nobody reads it while it changes. Once the phase is no longer ITERATING, iterations do nothing.
@@ -24,7 +24,7 @@ fn form_residual(act: bool, group: vec3u, groups: vec3u, local: u32) {
         store_row(R, i, r);
         store_row(Z, i, z);
         store_row(P, i, z);
-        own += vec4f(dot(r.xyz, z.xyz), dot(r.xyz, r.xyz), dot(b.xyz, b.xyz), 0.0);
+        own += vec4f(select(dot(r.xyz, z.xyz), 0.0, two_levels()), dot(r.xyz, r.xyz), dot(b.xyz, b.xyz), 0.0);
     }
     // every thread takes part in the sum: barriers stand in uniform control flow
     let sum = group_sum(local, own);
@@ -79,7 +79,7 @@ fn improve(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
             let z = precondition(i, r);
             store_row(R, i, r);
             store_row(Z, i, z);
-            own += vec4f(dot(r.xyz, z.xyz), dot(r.xyz, r.xyz), 0.0, 0.0);
+            own += vec4f(select(dot(r.xyz, z.xyz), 0.0, two_levels()), dot(r.xyz, r.xyz), 0.0, 0.0);
         }
     }
     let sum = group_sum(local, own);

@@ -1,5 +1,5 @@
-// Rigid motions of aggregates in conjugate gradients: z = D^-1 r + P B P^T r with B the inverse of the coarse
-// matrix, kept as a whole. Twin of `sinew_solvers::coarse`, with the solve turned into a product: a triangular
+// Rigid motions of aggregates in conjugate gradients: z = S r + P B P^T r with S the smoother in matrix.wgsl and B the
+// inverse of the coarse matrix, kept as a whole. Twin of `sinew_solvers::coarse`, with the solve turned into a product: a triangular
 // solve goes step by step, a product of 2000 rows is one pass over 16 MB.
 //
 // Forces and motions of aggregates have six entries each: translation, turn about the centre over the radius.
@@ -15,22 +15,21 @@
 @group(0) @binding(8) var<storage, read> inverse: array<f32>;
 @group(0) @binding(9) var<storage, read_write> motions: array<f32>;    // forces, then motions
 
-const MEMBERS: u32 = 64u;
-const AGGREGATES: u32 = 4u;
+const LANES: u32 = 16u;
 var<workgroup> force: array<vec4f, 256>;
 var<workgroup> turn: array<vec4f, 256>;
 
-// Sum of the residual over aggregates, four a workgroup.
+// Sum of the residual over aggregates, sixteen a workgroup with as many lanes each.
 fn restrict_residual(act: bool, group: u32, local: u32) {
-    let lane = local % MEMBERS;
-    let aggregate = group * AGGREGATES + local / MEMBERS;
+    let lane = local % LANES;
+    let aggregate = group * LANES + local / LANES;
     let own = act && aggregate < coarse.aggregates;
     var f = vec3f(0.0);
     var t = vec3f(0.0);
     if own {
         let first = coarse.aggregates + 1u;
         let end = members[aggregate + 1u];
-        for (var k = members[aggregate] + lane; k < end; k += MEMBERS) {
+        for (var k = members[aggregate] + lane; k < end; k += LANES) {
             let i = members[first + k];
             let r = load_row(R, i).xyz;
             f += r;
@@ -40,16 +39,16 @@ fn restrict_residual(act: bool, group: u32, local: u32) {
     force[local] = vec4f(f, 0.0);
     turn[local] = vec4f(t, 0.0);
     workgroupBarrier();
-    for (var width = MEMBERS / 2u; width > 0u; width = width / 2u) {
-        if lane < width {
-            force[local] += force[local + width];
-            turn[local] += turn[local + width];
+    if own && lane < 6u {
+        var sum = 0.0;
+        for (var k = local - lane; k < local - lane + LANES; k += 1u) {
+            if lane < 3u {
+                sum += force[k][lane];
+            } else {
+                sum += turn[k][lane - 3u];
+            }
         }
-        workgroupBarrier();
-    }
-    if own && lane < 3u {
-        motions[6u * aggregate + lane] = force[local - lane][lane];
-        motions[6u * aggregate + 3u + lane] = turn[local - lane][lane];
+        motions[6u * aggregate + lane] = sum;
     }
 }
 
@@ -68,38 +67,39 @@ fn restrict_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
     restrict_residual(atomicLoad(&cg.phase) == CLAIMED, group.x, local);
 }
 
-const LANES: u32 = 32u;
-const ROWS: u32 = 8u;
 var<workgroup> lanes: array<f32, 256>;
 
-// Motions from forces, eight rows a workgroup; leaves their part of r.z.
+// Motions from forces, sixteen rows a workgroup with as many lanes each; leaves their part of r.z. The inverse is
+// symmetric: neighbouring threads read neighbouring numbers of one of its rows as their columns.
 fn move_aggregates(act: bool, group: u32, local: u32) {
-    let lane = local % LANES;
-    let place = local / LANES;
+    let lane = local / LANES;
+    let row = group * LANES + local % LANES;
     let unknowns = 6u * coarse.aggregates;
-    let row = group * ROWS + place;
     var own = 0.0;
     let end = select(0u, unknowns, act && row < unknowns);
     for (var k = lane; k < end; k += LANES) {
-        own += inverse[row * coarse.stride + k] * motions[k];
+        own += inverse[k * coarse.stride + row] * motions[k];
     }
     lanes[local] = own;
     workgroupBarrier();
-    for (var width = LANES / 2u; width > 0u; width = width / 2u) {
-        if lane < width {
-            lanes[local] += lanes[local + width];
+    if lane == 0u {
+        var x = 0.0;
+        for (var k = 0u; k < LANES; k += 1u) {
+            x += lanes[LANES * k + local];
         }
-        workgroupBarrier();
+        var work = 0.0;
+        if act && row < unknowns {
+            motions[coarse.stride + row] = x;
+            work = motions[row] * x;
+        }
+        // nobody else reads this place of the first lane
+        lanes[local] = work;
     }
+    workgroupBarrier();
     if act && local == 0u {
         var sum = 0.0;
-        for (var k = 0u; k < ROWS; k += 1u) {
-            let at = group * ROWS + k;
-            if at < unknowns {
-                let x = lanes[LANES * k];
-                motions[coarse.stride + at] = x;
-                sum += motions[at] * x;
-            }
+        for (var k = 0u; k < LANES; k += 1u) {
+            sum += lanes[k];
         }
         partials[step.matrix_groups + step.groups + group] = vec4f(sum, 0.0, 0.0, 0.0);
     }
@@ -129,7 +129,7 @@ fn prolong(i: u32) -> vec4f {
     return free_axes(vertices[i].held) * vec4f(t + cross(w, arm.xyz), 0.0);
 }
 
-// p = z + beta p, motions included.
+// p = z + beta p with what the smoother left in Q.
 @compute @workgroup_size(256)
 fn direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     let go = atomicLoad(&cg.phase) == ITERATING;
@@ -137,14 +137,14 @@ fn direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
     if !go || sum.w > 0.0 { return; }
     let beta = sum.x / cg.rz;
     for (var i = group.x * GROUP + local; i < step.n; i += groups.x * GROUP) {
-        store_row(P, i, load_row(Z, i) + prolong(i) + beta * load_row(P, i));
+        store_row(P, i, load_row(Q, i) + prolong(i) + beta * load_row(P, i));
     }
 }
 
-// The first direction of a sequence, which is z without motions.
+// The first direction of a sequence.
 @compute @workgroup_size(256)
 fn first_direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     let i = flat_index(group, groups, local);
     if i >= step.n || atomicLoad(&cg.phase) != ITERATING || cg.fresh == 0u { return; }
-    store_row(P, i, load_row(Z, i) + prolong(i));
+    store_row(P, i, load_row(Q, i) + prolong(i));
 }

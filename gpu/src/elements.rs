@@ -137,6 +137,12 @@ impl Elements {
         Self { chunks, energy_sums: sums - first_sum }
     }
 
+    /// Vertices of the largest element, which bound the eigenvalues of a sum of element matrices against its diagonal
+    /// blocks: each matrix lies below as many times its own diagonal as it has vertices.
+    pub fn most_vertices(&self) -> f64 {
+        self.chunks.iter().map(|chunk| chunk.law.kind.vertices()).max().unwrap_or(1) as f64
+    }
+
     /// Energies at the point of evaluation into the sums. Here and below a recovering body has the
     /// corotational energy in place of its own.
     pub fn energies(

@@ -134,17 +134,21 @@ fn eliminate(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
         left[e] = panels[SIZE * (SIZE + coarse.stride) + r * coarse.stride + top + c];
     }
     workgroupBarrier();
-    for (var e = local; e < SIZE * SIZE; e += GROUP) {
-        let i = e / SIZE;
-        let j = e % SIZE;
-        let at = (top + i) * coarse.stride + side + j;
-        var value = right[e];
+    // four numbers a thread, in one column
+    let j = local % SIZE;
+    let i = local / SIZE;
+    let below = GROUP / SIZE;
+    var sum = vec4f(0.0);
+    for (var r = 0u; r < SIZE; r += 1u) {
+        let at = r * SIZE + i;
+        sum += vec4f(left[at], left[at + below], left[at + 2u * below], left[at + 3u * below]) * right[r * SIZE + j];
+    }
+    for (var n = 0u; n < 4u; n += 1u) {
+        let row = i + n * below;
+        let at = (top + row) * coarse.stride + side + j;
+        var value = right[row * SIZE + j];
         if top != first {
-            var sum = 0.0;
-            for (var r = 0u; r < SIZE; r += 1u) {
-                sum += left[r * SIZE + i] * right[r * SIZE + j];
-            }
-            value = select(dense[at], 0.0, side == first) - sum;
+            value = select(dense[at], 0.0, side == first) - sum[n];
         }
         dense[at] = value;
     }

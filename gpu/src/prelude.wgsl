@@ -45,6 +45,8 @@ struct Step {
     kick: f32,                // time of the kick (s),
     drift: f32,               // and of the drift (s)
     coarse_groups: u32,       // partial sums that motions of aggregates leave; 0 without them
+    smoother: vec2f,          // z = smoother.x D^-1 r - smoother.y D^-1 A D^-1 r
+    padding: vec2u,
 }
 
 struct Vertex {

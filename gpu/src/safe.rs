@@ -104,6 +104,7 @@ impl SafeStep<'_> {
             t: 1.0,
             warm: 1,
             coarse_groups: self.coarse().map_or(0, |coarse| coarse.groups),
+            smoother: coarse::smoother(self.body.elements.most_vertices()),
             ..StepUniform::default()
         }
     }
@@ -429,6 +430,7 @@ impl SafeStep<'_> {
             body.product(context, pass, "product_alone", false);
             body.summing(context, pass, "start_residual");
             if let Some(coarse) = coarse {
+                body.product(context, pass, coarse::START[0], false);
                 coarse.apply(context, coarse::START, pass);
             }
             body.single(context, pass, "start_end");
@@ -444,6 +446,7 @@ impl SafeStep<'_> {
                     body.summing(context, pass, "improve");
                     match coarse {
                         Some(coarse) => {
+                            body.product(context, pass, coarse::ITERATION[0], false);
                             coarse.apply(context, coarse::ITERATION, pass);
                             coarse.dispatch(context, "direction", [body.groups, 1], pass);
                         }
@@ -455,6 +458,7 @@ impl SafeStep<'_> {
                 body.product(context, pass, "product_verify", false);
                 body.summing(context, pass, "verify_residual");
                 if let Some(coarse) = coarse {
+                    body.product(context, pass, coarse::VERIFY[0], false);
                     coarse.apply(context, coarse::VERIFY, pass);
                 }
                 body.single(context, pass, "verify_end");

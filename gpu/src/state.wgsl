@@ -38,12 +38,18 @@ fn total(first: u32, count: u32, local: u32) -> vec4f {
     return group_sum(local, own);
 }
 
-// r.z, r.r and b.b, or what `improve` found wrong: over the rows, and of r.z the part of the aggregates.
+// r.z, r.r and b.b, or what `improve` found wrong. With two levels r.z is that of the smoother, where products leave
+// their sums, and that of the aggregates.
 fn preconditioned_sums(local: u32) -> vec4f {
-    return total(step.matrix_groups, step.groups + step.coarse_groups, local);
+    let first = select(step.matrix_groups, 0u, two_levels());
+    return total(first, step.matrix_groups + step.groups + step.coarse_groups - first, local);
+}
+
+fn two_levels() -> bool {
+    return step.coarse_groups > 0u;
 }
 
 // Inverse diagonal blocks are positive definite by construction; the inverse of the coarse matrix is up to rounding.
 fn unusable(rz: f32) -> bool {
-    return step.coarse_groups > 0u && !(rz > 0.0);
+    return two_levels() && !(rz > 0.0);
 }

@@ -353,8 +353,8 @@ fn what_has_no_twin_is_refused_by_name() {
         assert!(error.contains(word), "{error}");
     }
     simulation
-        .set_solver(SolverSettings { preconditioner: Preconditioner::Multigrid, ..settings() });
-    assert!(simulation.step().unwrap_err().to_string().contains("multigrid"));
+        .set_solver(SolverSettings { preconditioner: Preconditioner::IncompleteCholesky, ..settings() });
+    assert!(simulation.step().unwrap_err().to_string().contains("incomplete-cholesky"));
     simulation.set_solver(settings());
     simulation.step().unwrap();
     let second = BodyDescription {
