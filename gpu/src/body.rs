@@ -284,6 +284,13 @@ impl DeviceBody {
         });
     }
 
+    /// Volume ratios at the point of evaluation, in place of the energies.
+    pub fn volumes(&self, context: &Context, recorder: &mut Recorder<'_>) {
+        recorder.pass(Phase::Rows, |pass| {
+            self.elements.volumes(context, &self.row_bind, pass);
+        });
+    }
+
     /// Forces at the point of evaluation.
     pub fn forces(&self, context: &Context, recorder: &mut Recorder<'_>) {
         recorder.pass(Phase::Forces, |pass| {

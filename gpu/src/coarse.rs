@@ -136,9 +136,8 @@ impl Coarse {
         let panels = context.storage("panels", panels);
         let pair_buffer = context.filled("pairs of aggregates", &pairs);
         let CoarseBuffers { step, rows, vertices, partials, cg } = *buffers;
-        let bound = [
-            step, rows, vertices, partials, cg, &uniform, &arms, &members, &inverse, &motions,
-        ];
+        let bound =
+            [step, rows, vertices, partials, cg, &uniform, &arms, &members, &inverse, &motions];
         let solver = context.bind(&context.layouts.coarse, &bound);
         let galerkin = pattern.parts.iter().enumerate().map(|(at, part)| {
             let (starts, terms) = terms(pattern, at, &of, &pairs);
@@ -185,11 +184,12 @@ impl Coarse {
             context.pipeline("inverse", crate::sources::inverse, entry, &layouts)
         };
         recorder.pass(Phase::Preconditioner, |pass| {
-            let mut run = |kernel: &wgpu::ComputePipeline, bind: &wgpu::BindGroup, [x, y]: [u32; 2]| {
-                pass.set_pipeline(kernel);
-                pass.set_bind_group(0, bind, &[]);
-                pass.dispatch_workgroups(x, y, 1);
-            };
+            let mut run =
+                |kernel: &wgpu::ComputePipeline, bind: &wgpu::BindGroup, [x, y]: [u32; 2]| {
+                    pass.set_pipeline(kernel);
+                    pass.set_bind_group(0, bind, &[]);
+                    pass.dispatch_workgroups(x, y, 1);
+                };
             let numbers = groups_for(36 * u64::from(self.blocks));
             for part in &self.galerkin {
                 run(&galerkin, part, numbers);
@@ -242,7 +242,8 @@ impl Coarse {
 
 /// Smoother, restriction and motions at the start, in an iteration, and for the true residual.
 pub(crate) const START: [&str; 3] = ["smooth_start", "restrict_start", "move_start"];
-pub(crate) const ITERATION: [&str; 3] = ["smooth_iteration", "restrict_iteration", "move_iteration"];
+pub(crate) const ITERATION: [&str; 3] =
+    ["smooth_iteration", "restrict_iteration", "move_iteration"];
 pub(crate) const VERIFY: [&str; 3] = ["smooth_verify", "restrict_verify", "move_verify"];
 
 /// Largest over smallest eigenvalue that the smoother is meant for; what is below is left to the motions.

@@ -160,6 +160,28 @@ impl Elements {
         }
     }
 
+    /// Number of elements if all are tetrahedra: then volume ratios can be had here.
+    pub fn tetrahedra(&self) -> Option<u64> {
+        let all = self.chunks.iter().all(|chunk| chunk.law.kind == ElementKind::Tetrahedron);
+        all.then(|| self.chunks.iter().map(|chunk| u64::from(chunk.count)).sum())
+    }
+
+    /// Smallest volume ratio and inverted elements at the point of evaluation, into the places of the energies; of
+    /// bodies of tetrahedra only.
+    pub fn volumes(
+        &self,
+        context: &Context,
+        rows: &wgpu::BindGroup,
+        pass: &mut wgpu::ComputePass<'_>,
+    ) {
+        pass.set_bind_group(0, rows, &[]);
+        for chunk in &self.chunks {
+            pass.set_pipeline(&chunk.kernel(context, false, "volumes"));
+            pass.set_bind_group(1, &chunk.bind, &[]);
+            pass.dispatch_workgroups(chunk.energy_groups, 1, 1);
+        }
+    }
+
     /// Forces at the point of evaluation.
     pub fn forces(
         &self,

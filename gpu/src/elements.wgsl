@@ -85,6 +85,32 @@ fn energies(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups
     }
 }
 
+// Smallest J of the chunk at Y and the number of elements with J <= 0, one of each per workgroup, where energies
+// leave their sums.
+@compute @workgroup_size(256)
+fn volumes(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    var smallest = 3.4028235e38;
+    var inverted = 0.0;
+    for (var i = group.x * GROUP + local; i < chunk.count; i += groups.x * GROUP) {
+        let j = 1.0 + volume_change(displacement_gradient(element(i)));
+        smallest = min(smallest, j);
+        inverted += f32(j <= 0.0);
+    }
+    let count = group_sum(local, vec4f(inverted, 0.0, 0.0, 0.0)).x;
+    workgroupBarrier();
+    tree[local] = vec4f(smallest);
+    workgroupBarrier();
+    for (var width = GROUP / 2u; width > 0u; width = width / 2u) {
+        if local < width {
+            tree[local] = min(tree[local], tree[local + width]);
+        }
+        workgroupBarrier();
+    }
+    if local == 0u {
+        sums[chunk.sums + group.x] = vec4f(tree[0].x, count, 0.0, 0.0);
+    }
+}
+
 // Forces at Y on the four vertices of each element, into its own slots.
 @compute @workgroup_size(256)
 fn forces(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {

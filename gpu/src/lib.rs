@@ -9,7 +9,7 @@
 //! * Laws of tetrahedra, fused: St Venant-Kirchhoff with and without compression term, the same as in textbooks,
 //!   quadratic springs, linear, stiffness warping, corotational, stable neo-Hookean; springs on edges ([`laws`]).
 //! * The safe step (`Integrator::Safe`, also what `auto` stands for here): tangent, projected where it is
-//!   indefinite, conjugate gradients with inverse diagonal blocks, line search, energy cap, recovery from
+//!   indefinite, conjugate gradients with inverse diagonal blocks or two levels, line search, energy cap, recovery from
 //!   inversion; held and prescribed vertices, loads, gravity, Rayleigh damping; many bodies.
 //! * Explicit substeps (`SymplecticEuler`, `StormerVerlet`), with loads and motions that vary within a step. The
 //!   stability limit is estimated on the processor, at the start and when edges have changed.
@@ -28,8 +28,8 @@
 //!   as long as last time and verify their true residual on the device; for the line search; for the end.
 //! * **Buffers are cut** to the adapter's binding limit: elements into chunks, the matrix into ranges of rows.
 //!   Vertex rows are not: 18 slots of 16 bytes, 466 000 vertices a body at the 128 MiB that every adapter has.
-//! * **The state comes down after every step**, 32 bytes a vertex, since volume ratios, positions and probes are
-//!   read from the columns.
+//! * **The state comes down** after every step, 32 bytes a vertex, or only when somebody asks for it ([`readback`]).
+//!   Sums and volume ratios are formed on the device.
 //!
 //! The WGSL of a law lies beside the file that names its columns, functions named as in `sinew_models`; what
 //! is common lies in `prelude.wgsl` and `elements.wgsl`. A module is these files one after another
@@ -58,6 +58,7 @@ mod explicit;
 pub mod laws;
 mod matrix;
 pub mod measure;
+pub mod readback;
 mod recovery;
 pub mod report;
 mod safe;
@@ -67,4 +68,5 @@ mod substeps;
 pub use backend::{GpuBackend, GpuOptions, check, install_gpu};
 pub use error::GpuError;
 pub use measure::{DeviceEvaluation, ForceTiming};
+pub use readback::{columns_needed, fetch_state};
 pub use report::GpuReport;

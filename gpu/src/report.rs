@@ -59,6 +59,9 @@ pub struct GpuReport {
     pub restarts: u32,
     /// Linear solves that `f32` could not bring to the tolerance; the residual reached is in the step's report.
     pub stalled: u32,
+    /// The new state came down with the step; otherwise it does when somebody asks for it, and its bytes count with
+    /// those of the next step.
+    pub state_read: bool,
     /// Elements were uploaded anew: first step, new material, removed elements.
     pub uploads: u32,
 }

@@ -2,7 +2,7 @@
 //! `sinew_solvers::implicit` with `Integrator::Safe`; the same formulas, tests and constants.
 //!
 //! The host decides between the parts and sees only sums: nothing of the size of the body crosses but the new
-//! state, which is read back once. A smooth step waits for the device three times: for conjugate gradients, for
+//! state, where it is asked for, once. A smooth step waits for the device three times: for conjugate gradients, for
 //! the line search, for the end.
 
 use sinew_engine::report::StepReport;
@@ -10,7 +10,7 @@ use sinew_solvers::settings::{Preconditioner, SolverSettings};
 
 use crate::body::{CgState, DeviceBody, Slot, StepUniform, total};
 use crate::coarse::{self, Coarse, Kept};
-use crate::context::{Context, Recorder, groups_for};
+use crate::context::{Context, Pending, Recorder, groups_for};
 use crate::error::GpuError;
 use crate::report::{GpuReport, Phase};
 
@@ -49,14 +49,20 @@ pub(crate) struct BodyInput {
     pub size: f64,
     /// Iterations that the last linear system took.
     pub iterations: u32,
+    /// The new state is wanted on the host.
+    pub read_back: bool,
+    /// Volume ratios are wanted.
+    pub volumes: bool,
 }
 
 /// The end of a step, not yet accepted.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct BodyOutput {
-    /// Displacements (m) and velocities (m/s).
+    /// Displacements (m) and velocities (m/s), where they were asked for.
     pub u: Vec<[f32; 4]>,
     pub v: Vec<[f32; 4]>,
+    /// Smallest volume ratio and inverted elements, where they were asked for.
+    pub volumes: Option<(f64, u64)>,
     pub iterations: u32,
     /// The new state, or something on the way, is not finite.
     pub finite: bool,
@@ -189,8 +195,7 @@ impl SafeStep<'_> {
         report.constraint_work += elastic + damping - elastic_before - loads_moved;
 
         let mut iterations = outcome.1.iterations;
-        let not_finite =
-            |iterations| BodyOutput { u: Vec::new(), v: Vec::new(), iterations, finite: false };
+        let not_finite = |iterations| BodyOutput { iterations, ..BodyOutput::default() };
         let finite = elastic.is_finite() && budget.is_finite();
         if outcome.0 == Solve::NotFinite || !finite {
             return Ok(not_finite(iterations));
@@ -300,12 +305,24 @@ impl SafeStep<'_> {
             body.summing(context, pass, "measure_end");
         });
         let end_sums = body.read_sums(&mut recorder, 3);
-        let u = body.read_rows(&mut recorder, Slot::Y);
-        let v = body.read_rows(&mut recorder, Slot::Step);
+        if input.volumes {
+            body.volumes(context, &mut recorder);
+        }
+        let volumes = input.volumes.then(|| body.read_energies(&mut recorder));
+        let u = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Y));
+        let v = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Step));
         recorder.submit();
         let mut sums = end_sums.wait::<[f32; 4]>(context)?;
-        let u = u.wait(context)?;
-        let mut v = v.wait(context)?;
+        let rows = |pending: Option<Pending>| pending.map_or(Ok(Vec::new()), |p| p.wait(context));
+        let (u, mut v) = (rows(u)?, rows(v)?);
+        let volumes = match volumes {
+            Some(pending) => {
+                let found = pending.wait::<[f32; 4]>(context)?;
+                let smallest = found.iter().map(|x| f64::from(x[0])).fold(f64::INFINITY, f64::min);
+                Some((smallest, total(&found, 1, 0, 1) as u64))
+            }
+            None => None,
+        };
         if total(&sums, 3, 1, 3) > 0.0 || !trial_energy.is_finite() {
             return Ok(not_finite(iterations));
         }
@@ -326,10 +343,10 @@ impl SafeStep<'_> {
                 body.summing(context, pass, "measure_end");
             });
             let end_sums = body.read_sums(&mut recorder, 3);
-            let capped = body.read_rows(&mut recorder, Slot::Step);
+            let capped = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Step));
             recorder.submit();
             sums = end_sums.wait(context)?;
-            v = capped.wait(context)?;
+            v = rows(capped)?;
             kinetic = end(&sums, 0, 0);
             report.energy_caps += 1;
         }
@@ -343,7 +360,7 @@ impl SafeStep<'_> {
             report.momentum[k] += end(&sums, 1, k);
             report.angular_momentum[k] += end(&sums, 2, k);
         }
-        Ok(BodyOutput { u, v, iterations, finite: true })
+        Ok(BodyOutput { u, v, volumes, iterations, finite: true })
     }
 
     /// Conjugate gradients from the right-hand side on.
@@ -362,8 +379,7 @@ impl SafeStep<'_> {
             let mut recorder = context.record();
             if let Some(coarse) = coarse {
                 report.preconditioner = self.preconditioner.name();
-                let factors =
-                    [uniform.inertia, uniform.mass_damping, uniform.stiffness_damping];
+                let factors = [uniform.inertia, uniform.mass_damping, uniform.stiffness_damping];
                 if !kept.as_ref().is_some_and(|kept| kept.serves(factors)) {
                     coarse.refresh(context, &mut recorder);
                     let matrix = self.body.matrix.as_ref().map_or(0, |m| m.pattern.bytes());

@@ -121,7 +121,8 @@ fn pieces_held_axes_and_bodies_below_an_aggregate() {
         let Some([cpu, gpu]) = simulations(&GpuOptions::default()) else { return };
         let Some(backend) = device(&GpuOptions::default()) else { return };
         let jacobi = Simulation::with_gpu(SimulationOptions::default(), backend).unwrap();
-        let kinds = [Preconditioner::Multigrid, Preconditioner::Multigrid, Preconditioner::BlockJacobi];
+        let kinds =
+            [Preconditioner::Multigrid, Preconditioner::Multigrid, Preconditioner::BlockJacobi];
         let mut kinds = kinds.into_iter();
         let [cpu, gpu, jacobi] = [cpu, gpu, jacobi].map(|mut simulation| {
             let kind = kinds.next().unwrap();
