@@ -23,11 +23,13 @@
 //! * **Two passes, no atomics.** Elements write forces (tangent blocks) into slots of their own; vertices (blocks
 //!   of the matrix) gather them through lists in the order of the elements. With sums by fixed trees results are
 //!   the same bit for bit on one device, however buffers are cut.
+//! * **Two levels** precondition (`coarse.rs`): from 600 vertices on by default, and as `"multigrid"`.
 //! * **The tangent is assembled**, all 3x3 blocks of a row side by side; `matrix.rs` says why.
 //! * **The host sees sums only.** A smooth step waits three times: for conjugate gradients, which run in batches
 //!   as long as last time and verify their true residual on the device; for the line search; for the end.
 //! * **Buffers are cut** to the adapter's binding limit: elements into chunks, the matrix into ranges of rows.
-//!   Vertex rows are not: 18 slots of 16 bytes, 466 000 vertices a body at the 128 MiB that every adapter has.
+//!   Vertex rows are not: 18 slots of 16 bytes, 466 000 vertices a body at the 128 MiB that every adapter has, 7.4
+//!   million at 2 GiB: the adapter's own limit is asked for.
 //! * **The state comes down** after every step, 32 bytes a vertex, or only when somebody asks for it ([`readback`]).
 //!   Sums and volume ratios are formed on the device.
 //!

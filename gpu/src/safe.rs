@@ -401,10 +401,12 @@ impl SafeStep<'_> {
         };
         if coarse.is_some() {
             let reduction = f64::from(state.residual) / f64::from(state.reference);
-            match kept {
-                Some(kept) if state.phase == phase::CONVERGED => {
+            match (state.phase, kept.as_mut()) {
+                (phase::CONVERGED, Some(kept)) => {
                     kept.book(state.iterations, -0.5 * reduction.log10());
                 }
+                // `f32` gets no closer, whatever the preconditioner
+                (phase::STALLED, _) => {}
                 // made for a matrix that was given up: not worth keeping
                 _ => *kept = None,
             }
