@@ -18,7 +18,7 @@ pub use sinew_solvers as solvers;
 pub mod prelude {
     pub use crate::plugin::SinewPlugins;
     pub use crate::simulation::{
-        Backend, BodyHandle, MaterialChange, Precision, Simulation, SimulationError,
+        Backend, BodyHandle, MaterialChange, Precision, Readback, Simulation, SimulationError,
         SimulationOptions,
     };
     pub use glam::{DQuat, DVec3};

@@ -17,6 +17,8 @@ use sinew_engine::mesh::Mesh;
 use sinew_engine::report::{AreaReport, StepReport, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule};
+#[cfg(feature = "gpu")]
+use sinew_engine::step::ColumnsBehind;
 use sinew_engine::step::{
     Gravity, StepClock, StepError, hexahedron_ratios, measure_area_ratios, measure_volume_ratios,
     quad_ratios, run_step,
@@ -75,6 +77,17 @@ impl Backend {
     }
 }
 
+/// When the state of a graphics processor comes to the columns of the world. The bits are the same either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Readback {
+    /// After every step (default): 32 bytes a vertex. For systems that read columns between steps.
+    #[default]
+    EveryStep,
+    /// When [`Simulation::world_mut`] or a method that reads or changes the state is called; [`Simulation::world`]
+    /// may show columns of an earlier step. Steps with inverted elements bring it down all the same.
+    OnDemand,
+}
+
 /// How a simulation is carried out.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SimulationOptions {
@@ -89,6 +102,8 @@ pub struct SimulationOptions {
     pub instruction_set: Option<InstructionSet>,
     /// Where steps are computed.
     pub backend: Backend,
+    /// When the state comes back from there.
+    pub readback: Readback,
 }
 
 /// A simulation that cannot be set up.
@@ -243,8 +258,9 @@ impl Simulation {
     #[cfg(feature = "gpu")]
     pub fn with_gpu(
         options: SimulationOptions,
-        backend: sinew_gpu::GpuBackend,
+        mut backend: sinew_gpu::GpuBackend,
     ) -> Result<Self, SimulationError> {
+        backend.read_back_on_demand(options.readback == Readback::OnDemand);
         let mut simulation = Self::without_solver(options)?;
         let world = simulation.app.world_mut();
         world.insert_resource(Backend::Gpu);
@@ -284,15 +300,27 @@ impl Simulation {
         *self.world().resource()
     }
 
-    /// The world.
+    /// The world. With [`Readback::OnDemand`] displacements, velocities and positions may be those of an earlier step:
+    /// [`Simulation::world_mut`] brings them up to date.
     pub fn world(&self) -> &World {
         self.app.world()
     }
 
-    /// The world, writable.
+    /// The world, writable, its columns up to date.
     pub fn world_mut(&mut self) -> &mut World {
+        self.fetch();
         self.app.world_mut()
     }
+
+    /// Brings the columns up to date.
+    #[cfg(feature = "gpu")]
+    fn fetch(&mut self) {
+        let world = self.app.world_mut();
+        by_precision!(self, fetch_state(world));
+    }
+
+    #[cfg(not(feature = "gpu"))]
+    fn fetch(&mut self) {}
 
     /// Number type of the state.
     pub fn precision(&self) -> Precision {
@@ -304,6 +332,7 @@ impl Simulation {
     /// # Errors
     /// When mesh or material cannot be used; nothing is added then.
     pub fn add_body(&mut self, body: &BodyDescription) -> Result<BodyHandle, BodyError> {
+        self.fetch();
         let world = self.app.world_mut();
         by_precision!(self, spawn_body(world, body))?;
         Ok(BodyHandle(self.topology().bodies.len() - 1))
@@ -393,6 +422,7 @@ impl Simulation {
     /// diagonals, their four triangles with half the pressure: every corner then gets the quarter that its
     /// shape function gives it.
     pub fn add_pressure(&mut self, pressure: Pressure) -> Entity {
+        self.fetch();
         let world = self.app.world_mut();
         let entity = world.spawn(pressure).id();
         by_precision!(self, activate_pressure(world));
@@ -421,14 +451,17 @@ impl Simulation {
     ) -> Result<MaterialChange, SimulationError> {
         let field = material.into();
         let before = (self.evaluate(), self.kinetic_energy(body));
+        self.fetch();
         let world = self.app.world_mut();
         let result = by_precision!(self, set_material(world, body.0, &field));
         if let Err(source) = result {
             let body = self.topology().bodies[body.0].name.clone();
             return Err(SimulationError::Material { body, source });
         }
+        self.fetch();
         let world = self.app.world_mut();
         by_precision!(self, forget_steps(world));
+        self.fetch();
         let world = self.app.world_mut();
         by_precision!(self, forget_matrices(world));
         Ok(MaterialChange {
@@ -468,6 +501,12 @@ impl Simulation {
     /// # Errors
     /// When settings or state are invalid or the integrator gives up; the state is then unchanged.
     pub fn step(&mut self) -> Result<(), StepError> {
+        #[cfg(feature = "gpu")]
+        if self.world().contains_resource::<ColumnsBehind>()
+            && sinew_gpu::columns_needed(self.app.world_mut())
+        {
+            self.fetch();
+        }
         let world = self.app.world_mut();
         by_precision!(self, run_step(world))
     }
@@ -475,6 +514,7 @@ impl Simulation {
     /// Largest stable explicit step (s) at the current state, from the largest eigenvalue by Lanczos
     /// steps; see [`sinew_solvers::stability`].
     pub fn stable_step(&mut self) -> f64 {
+        self.fetch();
         let world = self.app.world_mut();
         by_precision!(self, estimate_stable_step(world))
     }
@@ -603,7 +643,7 @@ impl Simulation {
 }
 
 #[cfg(feature = "gpu")]
-use sinew_gpu::install_gpu as install_on_gpu;
+use sinew_gpu::{fetch_state, install_gpu as install_on_gpu};
 
 fn to_vector<S: Scalar>(x: &[S; 4]) -> DVec3 {
     DVec3::new(x[0].to_f64(), x[1].to_f64(), x[2].to_f64())

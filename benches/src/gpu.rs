@@ -6,6 +6,7 @@ use glam::DVec3;
 use serde::Serialize;
 use sinew::gpu::{GpuBackend, GpuOptions, GpuReport};
 use sinew::prelude::*;
+use sinew::solvers::settings::Preconditioner;
 use std::error::Error;
 use std::fmt;
 use std::time::Instant;
@@ -30,10 +31,16 @@ pub struct Row {
     pub force_device_ns: Option<f64>,
     /// Error of the force, of the largest one, against `f64`.
     pub force_error: f64,
-    /// Median step (ms) as the host sees it, written back to the columns.
+    /// Median step (ms) as the host sees it.
     pub step_ms: f64,
     /// Median time (ms) of its passes on the device.
     pub step_device_ms: Option<f64>,
+    /// Bytes per step that came back from the device, the state left there.
+    pub bytes_down: Option<u64>,
+    /// Preconditioner of the linear systems.
+    pub preconditioner: &'static str,
+    /// Times it was computed.
+    pub refreshes: u32,
     /// Conjugate-gradient iterations per step.
     pub iterations: f64,
     /// Worst relative residual of the linear systems.
@@ -96,6 +103,14 @@ fn settings() -> SolverSettings {
     SolverSettings { integrator: Integrator::Safe, ..SolverSettings::default() }
 }
 
+/// What is compared: name, number type, backend, preconditioner.
+const WAYS: [(&str, Precision, Backend, Preconditioner); 4] = [
+    ("CPU f64", Precision::F64, Backend::Cpu, Preconditioner::Auto),
+    ("CPU f32", Precision::F32, Backend::Cpu, Preconditioner::Auto),
+    ("GPU f32", Precision::F32, Backend::Gpu, Preconditioner::Auto),
+    ("GPU f32", Precision::F32, Backend::Gpu, Preconditioner::BlockJacobi),
+];
+
 /// A beam clamped at one end.
 fn scene(simulation: &mut Simulation, mesh: &Mesh) -> Result<BodyHandle, Box<dyn Error>> {
     let body = simulation.add_body(&BodyDescription::new("beam", mesh, MATERIAL))?;
@@ -113,12 +128,7 @@ fn measure(size: usize, steps: usize) -> Result<Size, Box<dyn Error>> {
     let mut rows = Vec::new();
     let mut truth: Option<[Vec<DVec3>; 2]> = None;
     let (mut force_bytes, mut bandwidth, mut setup_ms) = (0, 0.0, 0.0);
-    let ways = [
-        ("CPU f64", Precision::F64, Backend::Cpu),
-        ("CPU f32", Precision::F32, Backend::Cpu),
-        ("GPU f32", Precision::F32, Backend::Gpu),
-    ];
-    for (name, precision, backend) in ways {
+    for (name, precision, backend, preconditioner) in WAYS {
         // forces of the bent beam
         let options = SimulationOptions { precision, ..SimulationOptions::default() };
         let mut simulation = Simulation::new(options)?;
@@ -158,13 +168,16 @@ fn measure(size: usize, steps: usize) -> Result<Size, Box<dyn Error>> {
         }
 
         // steps of the beam that falls from rest
-        let options = SimulationOptions { backend, ..options };
+        let options = SimulationOptions { backend, readback: Readback::OnDemand, ..options };
         let mut simulation = Simulation::new(options)?;
         let body = scene(&mut simulation, &mesh)?;
+        simulation.set_solver(SolverSettings { preconditioner, ..settings() });
         // compiles shaders
         simulation.step()?;
         let (mut times, mut device_times) = (Vec::new(), Vec::new());
         let (mut iterations, mut residual) = (0, 0.0_f64);
+        let mut refreshes = simulation.report().preconditioner_refreshes;
+        let mut bytes_down = None;
         for _ in 0..steps {
             let clock = Instant::now();
             simulation.step()?;
@@ -172,9 +185,12 @@ fn measure(size: usize, steps: usize) -> Result<Size, Box<dyn Error>> {
             let report = simulation.report();
             iterations += report.cg_iterations;
             residual = residual.max(report.cg_residual);
+            refreshes += report.preconditioner_refreshes;
             let device = simulation.world().get_resource::<GpuReport>();
+            bytes_down = device.map(|report| report.bytes_down);
             device_times.extend(device.and_then(GpuReport::device_total).map(|s| s * 1e3));
         }
+        let preconditioner = simulation.report().preconditioner;
         let u = simulation.displacements(body);
         let [true_forces, true_u] = truth.get_or_insert_with(|| [forces.clone(), u.clone()]);
         rows.push(Row {
@@ -184,6 +200,9 @@ fn measure(size: usize, steps: usize) -> Result<Size, Box<dyn Error>> {
             force_error: distance(&forces, true_forces),
             step_ms: median(&mut times).unwrap_or(f64::NAN),
             step_device_ms: median(&mut device_times),
+            bytes_down,
+            preconditioner,
+            refreshes,
             iterations: f64::from(iterations) / steps as f64,
             residual,
             step_error: distance(&u, true_u),
@@ -234,13 +253,14 @@ impl fmt::Display for Report {
             )?;
             writeln!(
                 f,
-                "            force ns/tet  on device   error   step ms  on device   error  iterations  residual"
+                "            force ns/tet  on device   error   step ms  on device   error  iterations  residual   kB down  \
+                 preconditioner (computed)"
             )?;
             for r in &size.rows {
                 let known = |x: Option<f64>| x.map_or_else(|| "-".into(), |x| format!("{x:.2}"));
                 writeln!(
                     f,
-                    "  {:<9} {:12.2} {:>10} {:7.0e} {:9.2} {:>10} {:7.0e} {:11.1} {:9.0e}",
+                    "  {:<9} {:12.2} {:>10} {:7.0e} {:9.2} {:>10} {:7.0e} {:11.1} {:9.0e} {:>9}  {} ({})",
                     r.name,
                     r.force_ns,
                     known(r.force_device_ns),
@@ -250,6 +270,9 @@ impl fmt::Display for Report {
                     r.step_error,
                     r.iterations,
                     r.residual,
+                    known(r.bytes_down.map(|bytes| bytes as f64 * 1e-3)),
+                    r.preconditioner,
+                    r.refreshes,
                 )?;
             }
         }

@@ -25,7 +25,7 @@ use sinew::models::body::{BodyDescription, Evaluation, Model};
 use sinew::models::field::FieldError;
 use sinew::models::material::{MaterialError, YoungPoisson, preset};
 use sinew::models::sheet::MembraneSettings;
-use sinew::simulation::{Backend, BodyHandle, Precision, Simulation, SimulationOptions};
+use sinew::simulation::{Backend, BodyHandle, Precision, Readback, Simulation, SimulationOptions};
 use sinew::solvers::settings::{Integrator, SolverSettings};
 use std::collections::HashMap;
 
@@ -240,7 +240,9 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     let precision = options.precision.unwrap_or(scene.precision.into());
     let backend = options.backend.unwrap_or(scene.backend.into());
     let threads = plan.threads;
-    let options = SimulationOptions { precision, threads, backend, ..Default::default() };
+    // the runner reads the state through the simulation, which asks for it
+    let readback = Readback::OnDemand;
+    let options = SimulationOptions { precision, threads, backend, readback, ..Default::default() };
     let place = if backend == Backend::Cpu { "threads" } else { "backend" };
     let of_simulation =
         |source| SceneError::Simulation { place: loaded.place(place), source: Box::new(source) };

@@ -19,6 +19,7 @@ use crate::topology::{ElementTables, Topology};
 use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
 use crate::workers::Workers;
 use bevy_ecs::prelude::*;
+use bevy_ecs::schedule::common_conditions::{not, resource_exists};
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use std::ops::Range;
@@ -133,6 +134,15 @@ pub enum StepError {
 #[derive(Resource, Clone, Debug, Default)]
 pub struct StepFailure(pub Option<StepError>);
 
+/// Marks that the integrator fills [`VolumeReport`] itself, in place of [`measure_volume_ratios`].
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub struct VolumesReported;
+
+/// Marks that [`Displacement`], [`Velocity`] and [`Position`] are older than the last step: an integrator that works
+/// elsewhere brings them up to date when somebody asks for them.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub struct ColumnsBehind;
+
 /// Marks that an integrator is installed.
 #[derive(Resource, Clone, Copy, Debug, Default)]
 pub struct IntegratorInstalled;
@@ -153,8 +163,11 @@ fn install_all<S: Scalar>(world: &mut World, executor: Executor) {
     let mut schedules = world.resource_mut::<Schedules>();
     schedules.entry(StepSchedule).add_systems((
         (apply_constraints::<S>, apply_loads::<S>).in_set(StepSystems::Prepare),
-        measure_volume_ratios::<S>.in_set(StepSystems::Report),
-        (write_positions::<S>, advance_clock).in_set(StepSystems::Writeback),
+        measure_volume_ratios::<S>
+            .run_if(not(resource_exists::<VolumesReported>))
+            .in_set(StepSystems::Report),
+        (write_positions::<S>.run_if(not(resource_exists::<ColumnsBehind>)), advance_clock)
+            .in_set(StepSystems::Writeback),
     ));
 }
 
@@ -487,7 +500,8 @@ impl<S: Scalar> Batch<S> for AreaRatios<'_, S> {
     }
 }
 
-fn write_positions<S: Scalar>(
+/// Positions from the displacements in the columns.
+pub fn write_positions<S: Scalar>(
     mut vertices: Query<(&RestPosition, &Displacement<S>, &mut Position)>,
 ) {
     let Some((rest, displacement, mut position)) = single_table(vertices.contiguous_iter_mut())

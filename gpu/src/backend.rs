@@ -1,8 +1,8 @@
 //! The integrator of [`StepSystems::Integrate`] that works on the device.
 //!
 //! Bodies, constraints, loads, report and the columns that others read stay those of the CPU; of the size of the
-//! body only what changed since the last step goes up (held vertices, loads, a state set from outside), and the new
-//! state comes down, 32 bytes a vertex, since volume ratios, positions and probes are read from the columns.
+//! body only what changed since the last step goes up (held vertices, loads, a state set from outside). When the new
+//! state comes down is told in `readback.rs`.
 
 use bevy_ecs::change_detection::Tick;
 use bevy_ecs::prelude::*;
@@ -13,7 +13,9 @@ use sinew_engine::law::BodiesWithoutRecovery;
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ActiveLaws, StepSchedule, StepSystems, changed_laws, has_dampers};
-use sinew_engine::step::{IntegratorInstalled, StepClock, StepError, StepFailure, not_finite};
+use sinew_engine::step::{
+    IntegratorInstalled, StepClock, StepError, StepFailure, VolumesReported, not_finite,
+};
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_models::axes::description::AxisForm;
 use sinew_models::body::SoftBody;
@@ -23,9 +25,11 @@ use std::ops::Range;
 use std::time::Instant;
 
 use crate::body::{BodyParts, DeviceBody, Slot, VertexConstants};
+use crate::coarse::{CoarseParts, Kept};
 use crate::context::Context;
 use crate::error::GpuError;
 use crate::laws;
+use crate::readback::Readback;
 use crate::recovery::Decision;
 use crate::report::{GpuReport, Phase};
 use crate::safe::{BodyInput, BodyOutput, SafeStep};
@@ -52,9 +56,10 @@ pub struct GpuBackend {
     tick: Option<Tick>,
     /// Rest positions (m) of all rows.
     pub(crate) rest: Vec<DVec3>,
-    /// With matrix, with damping: what the bodies were made for.
-    made_for: [bool; 2],
+    /// With matrix, with damping, with motions of aggregates: what the bodies were made for.
+    made_for: [bool; 3],
     pub(crate) limit: Limit,
+    pub(crate) readback: Readback,
 }
 
 /// A body on the device, and what it was last told.
@@ -66,8 +71,12 @@ pub(crate) struct Resident {
     /// Displacements and velocities as the host has them.
     pub(crate) state: [Vec<[f32; 4]>; 2],
     pub(crate) target: Vec<[f32; 4]>,
+    /// Where held unknowns are since the last implicit step.
+    place: Vec<[f32; 4]>,
     pub(crate) load: Vec<[f32; 4]>,
     pub(crate) iterations: u32,
+    /// State of the preconditioner.
+    pub(crate) kept: Option<Kept>,
     /// Energy (J) when recovery from inversion began.
     pub(crate) recovery: Option<f64>,
     /// The device carries along what displacements of the last explicit step could not hold.
@@ -91,8 +100,9 @@ impl GpuBackend {
             revision: None,
             tick: None,
             rest: Vec::new(),
-            made_for: [false; 2],
+            made_for: [false; 3],
             limit: Limit::default(),
+            readback: Readback::default(),
         }
     }
 
@@ -134,7 +144,7 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
         }
     }
     match settings.preconditioner {
-        Preconditioner::Auto | Preconditioner::BlockJacobi => {}
+        Preconditioner::Auto | Preconditioner::BlockJacobi | Preconditioner::Multigrid => {}
         other => return Err(GpuError::Preconditioner { preconditioner: other.name() }),
     }
     if settings.integrator.is_explicit()
@@ -160,6 +170,15 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
         return Err(GpuError::WorldLaw { law: (*law).into() });
     }
     Ok(())
+}
+
+/// What the preconditioner stands for in a body of `vertices` vertices. `"auto"` has two levels from the size on from
+/// which it has them on the processor, and inverse diagonal blocks below.
+fn preconditioner(settings: &SolverSettings, vertices: u32) -> Preconditioner {
+    match settings.preconditioner.resolve(vertices as usize) {
+        Preconditioner::Multigrid => Preconditioner::Multigrid,
+        _ => Preconditioner::BlockJacobi,
+    }
 }
 
 /// The first part of a body without a twin on the device.
@@ -216,14 +235,19 @@ impl GpuBackend {
     /// Bodies on the device, with the displacements in the columns.
     pub(crate) fn prepare<S: Scalar>(&mut self, world: &mut World) -> Result<(), GpuError> {
         check(world, &SolverSettings::default())?;
+        self.bring_columns_up_to_date::<S>(world)?;
         let mut node = NodeState::<S>::default();
         node.read(world);
-        let needs_matrix = SolverSettings { integrator: Integrator::Safe, ..Default::default() };
+        let needs_matrix = SolverSettings {
+            integrator: Integrator::Safe,
+            preconditioner: Preconditioner::BlockJacobi,
+            ..Default::default()
+        };
         self.make_resident::<S>(world, &needs_matrix, &mut GpuReport::default())?;
         self.apply_pressures(world);
         for (resident, body) in self.bodies.iter_mut().zip(&world.resource::<Topology>().bodies) {
             let rows = body.vertices.start as usize..body.vertices.end as usize;
-            resident.tell(&self.context, &node, rows, body);
+            resident.tell(&self.context, &node, rows, body, false);
         }
         Ok(())
     }
@@ -235,13 +259,19 @@ impl GpuBackend {
         report: &mut StepReport,
         device: &mut GpuReport,
     ) -> Result<(), StepError> {
-        let mut node = NodeState::<S>::default();
-        node.read(world);
-        if node.is_empty() {
+        if let Some(error) = self.readback.lost.take() {
+            return Err(refused(error));
+        }
+        if world.resource::<Topology>().vertex_count() == 0 {
             return Ok(());
+        }
+        if settings.integrator.is_explicit() {
+            self.bring_columns_up_to_date::<S>(world).map_err(refused)?;
         }
         self.make_resident::<S>(world, settings, device).map_err(refused)?;
         self.apply_pressures(world);
+        let mut node = NodeState::<S>::default();
+        node.read(world);
         let dt = world.resource::<StepClock>().dt;
         let rows: Vec<_> = world
             .resource::<Topology>()
@@ -251,26 +281,42 @@ impl GpuBackend {
             .collect();
         if settings.integrator.is_explicit() {
             let outputs = self.explicit_steps(world, settings, &node, &rows, report)?;
+            world.remove_resource::<VolumesReported>();
+            device.state_read = true;
             self.accept(world, node, rows, outputs, "accept_explicit");
             return Ok(());
         }
         let volumes = world.resource::<VolumeReport>().clone();
+        if self.needs_columns(world, &node, &rows, &volumes) {
+            self.bring_columns_up_to_date::<S>(world).map_err(refused)?;
+            node.read(world);
+        }
+        let behind = self.readback.behind;
+        let volumes_here = self.readback.volumes;
+        let read_back = !(self.readback.on_demand && volumes_here);
+        device.state_read = read_back;
         let mut outputs: Vec<BodyOutput> = Vec::with_capacity(rows.len());
         for (i, rows) in rows.iter().enumerate() {
             let inverted = volumes.inverted_by_body.get(i).is_some_and(|&count| count > 0);
             let topology = world.resource::<Topology>();
             let body = &topology.bodies[i];
             let resident = &mut self.bodies[i];
-            let moves = resident.tell(&self.context, &node, rows.clone(), body);
+            let moves = resident.tell(&self.context, &node, rows.clone(), body, behind);
             let mut own = StepReport::default();
-            let free = node.kinetic_energy(rows.clone(), &node.v)[0];
+            // nothing that is decided needs it while the columns are behind
+            let other = if behind {
+                0.0
+            } else {
+                let free = node.kinetic_energy(rows.clone(), &node.v)[0];
+                free - node.load_potential(rows.clone(), &node.u)
+            };
             let decision = Decision {
                 index: i,
                 topology,
                 volumes: &volumes,
                 u: &resident.state[0],
                 rest: &self.rest[rows.clone()],
-                other: free - node.load_potential(rows.clone(), &node.u),
+                other,
             };
             let (context, device_body) = (&self.context, &mut resident.body);
             let on = settings.recovery && !world.resource::<BodiesWithoutRecovery>().contains(i);
@@ -283,9 +329,17 @@ impl GpuBackend {
                 free_pieces: free_pieces(body, &node, rows.start),
                 size: body.size,
                 iterations: resident.iterations,
+                read_back,
+                volumes: volumes_here,
             };
-            let step = SafeStep { context: &self.context, body: &resident.body, settings, dt };
-            let output = step.run(&input, &mut own, device).map_err(refused)?;
+            let step = SafeStep {
+                context: &self.context,
+                body: &resident.body,
+                settings,
+                preconditioner: preconditioner(settings, resident.body.n),
+                dt,
+            };
+            let output = step.run(&input, &mut resident.kept, &mut own, device).map_err(refused)?;
             resident.iterations = output.iterations;
             if !output.finite {
                 // the device still has the old state; say which vertex, if it can be told
@@ -305,8 +359,7 @@ impl GpuBackend {
         }
         let work = report.load_work + report.constraint_work;
         report.dissipation += work - report.elastic_energy - report.kinetic_energy;
-        report.preconditioner = Preconditioner::BlockJacobi.name();
-
+        self.report_volumes(world, &outputs);
         self.accept(world, node, rows, outputs, "accept");
         Ok(())
     }
@@ -321,19 +374,23 @@ impl GpuBackend {
         kernel: &'static str,
     ) {
         let (mut u, mut v): (Rows<S>, Rows<S>) = (node.u, node.v);
+        let read_back = outputs.iter().all(|output| !output.u.is_empty());
         for ((rows, output), resident) in rows.into_iter().zip(outputs).zip(&mut self.bodies) {
-            let wide = |x: &[f32; 4]| x.map(|x| S::from_f64(f64::from(x)));
-            let old = u[rows.clone()].iter_mut().zip(&mut v[rows]);
-            for ((u, v), (new_u, new_v)) in old.zip(output.u.iter().zip(&output.v)) {
-                (*u, *v) = (wide(new_u), wide(new_v));
-            }
+            widen(&mut u[rows.clone()], &output.u);
+            widen(&mut v[rows], &output.v);
             let mut recorder = self.context.record();
             recorder.pass(Phase::Rows, |pass| resident.body.each_row(&self.context, pass, kernel));
             recorder.submit();
-            resident.state = [output.u, output.v];
+            if read_back {
+                resident.state = [output.u, output.v];
+            }
+            resident.place.clone_from(&resident.target);
             resident.carries_low = kernel == "accept_explicit";
         }
-        write_state(world, &u, &v);
+        if read_back {
+            write_state(world, &u, &v);
+        }
+        self.mark_columns(world, !read_back);
     }
 
     /// Uploads bodies that are not there, or no longer what they were.
@@ -345,7 +402,9 @@ impl GpuBackend {
     ) -> Result<(), GpuError> {
         let revision = (world.id(), world.resource::<Topology>().revision);
         let with_matrix = !settings.integrator.is_explicit();
-        let made_for = [with_matrix, with_matrix && settings.stiffness_damping > 0.0];
+        let two_levels = settings.preconditioner != Preconditioner::BlockJacobi;
+        let damped = settings.stiffness_damping > 0.0;
+        let made_for = [with_matrix, with_matrix && damped, with_matrix && two_levels];
         let serves = self.made_for.iter().zip(made_for).all(|(&has, needs)| has || !needs);
         let tick = self.tick.filter(|_| serves && self.revision == Some(revision));
         if let Some(changed) = tick.and_then(|tick| changed_laws(world, tick))
@@ -353,6 +412,8 @@ impl GpuBackend {
         {
             return Ok(());
         }
+        // the bodies that have the state go
+        self.bring_columns_up_to_date::<S>(world)?;
         self.revision = None;
         self.made_for = made_for;
         read_rest(world, &mut self.rest);
@@ -372,14 +433,19 @@ impl GpuBackend {
                 [x.x, x.y, x.z, 0.0]
             };
             let rest = own.iter().map(relative).collect();
+            let piece = body.piece.clone();
             let laws = laws::columns::<S>(world, i, first, |_| true);
+            let n = end - first;
+            let two_levels =
+                made_for[2] && preconditioner(settings, n) == Preconditioner::Multigrid;
             let parts = BodyParts {
-                n: end - first,
+                n,
                 edges,
                 laws: &laws,
                 rest,
                 with_matrix: made_for[0],
                 with_damping: made_for[1],
+                coarse: two_levels.then_some(CoarseParts { rest: own, piece: &piece }),
             };
             self.bodies.push(Resident {
                 body: self.context.within_memory(|| DeviceBody::new(&self.context, parts))?,
@@ -387,13 +453,16 @@ impl GpuBackend {
                 centre,
                 state: Default::default(),
                 target: Vec::new(),
+                place: Vec::new(),
                 load: Vec::new(),
                 iterations: 0,
+                kept: None,
                 recovery: None,
                 carries_low: false,
             });
             device.uploads += 1;
         }
+        self.readback.volumes = self.has_all_volumes(world);
         self.revision = Some(revision);
         // what is changed from here on has a later tick
         self.tick = Some(world.increment_change_tick());
@@ -438,31 +507,22 @@ impl GpuBackend {
 }
 
 impl Resident {
-    /// Brings the device up to date with the columns; whether held unknowns have a way to go.
+    /// Brings the device up to date with the columns; whether held unknowns have a way to go. With columns that are
+    /// `behind` the device, displacements and velocities are left alone.
     pub(crate) fn tell<S: Scalar>(
         &mut self,
         context: &Context,
         node: &NodeState<S>,
-        rows: std::ops::Range<usize>,
+        rows: Range<usize>,
         body: &BodyRows,
+        behind: bool,
     ) -> bool {
         let narrow = |x: &[S; 4]| x.map(|x| x.to_f64() as f32);
-        let mut vertices: Vec<_> = rows
-            .clone()
-            .zip(&body.piece)
-            .map(|(row, &piece)| VertexConstants {
-                mass: node.mass[row].to_f64() as f32,
-                // without mass and element nothing says where it should go
-                held: if node.mass[row] == S::ZERO { 7 } else { u32::from(node.fixed[row].0) },
-                piece,
-                loaded: 0,
-            })
-            .collect();
-        for &row in &self.body.elements.loaded_rows {
-            vertices[row as usize].loaded = 1;
-        }
+        let loaded = &self.body.elements.loaded_rows;
+        let vertices = vertex_constants(node, rows.clone(), body, loaded);
         if vertices != self.vertices {
             self.body.write_vertices(context, &vertices);
+            self.kept = None;
             self.vertices = vertices;
         }
         let refresh = |slot, known: &mut Vec<[f32; 4]>, now: Vec<[f32; 4]>| {
@@ -471,11 +531,13 @@ impl Resident {
                 *known = now;
             }
         };
-        let [u, v] = &mut self.state;
-        let before = u.clone();
-        refresh(Slot::U, u, node.u[rows.clone()].iter().map(narrow).collect());
-        self.carries_low &= before == *u;
-        refresh(Slot::V, v, node.v[rows.clone()].iter().map(narrow).collect());
+        if !behind {
+            let [u, v] = &mut self.state;
+            let now: Vec<_> = node.u[rows.clone()].iter().map(narrow).collect();
+            self.carries_low &= now == *u;
+            refresh(Slot::U, u, now);
+            refresh(Slot::V, v, node.v[rows.clone()].iter().map(narrow).collect());
+        }
         refresh(
             Slot::Load,
             &mut self.load,
@@ -484,18 +546,46 @@ impl Resident {
         // free unknowns have no target: theirs is the displacement, so that it does not change with it
         let mut moves = false;
         let mut target = Vec::with_capacity(rows.len());
-        for (row, vertex) in rows.zip(&self.vertices) {
+        for (local, (row, vertex)) in rows.zip(&self.vertices).enumerate() {
             let mut own = [0.0; 4];
             for k in (0..3).filter(|k| vertex.held >> k & 1 == 1) {
+                let is = if behind { self.place[local][k] } else { node.u[row][k].to_f64() as f32 };
                 let massless = !node.fixed[row].holds(k);
-                let at = if massless { node.u[row][k] } else { node.prescribed[row][k] };
-                own[k] = at.to_f64() as f32;
-                moves |= own[k] != node.u[row][k].to_f64() as f32;
+                own[k] = if massless { is } else { node.prescribed[row][k].to_f64() as f32 };
+                moves |= own[k] != is;
             }
             target.push(own);
         }
         refresh(Slot::Target, &mut self.target, target);
         moves
+    }
+}
+
+/// What the device has to know of the vertices of a body.
+pub(crate) fn vertex_constants<S: Scalar>(
+    node: &NodeState<S>,
+    rows: Range<usize>,
+    body: &BodyRows,
+    loaded: &[u32],
+) -> Vec<VertexConstants> {
+    let constants = |(row, &piece): (usize, &u32)| VertexConstants {
+        mass: node.mass[row].to_f64() as f32,
+        // without mass and element nothing says where it should go
+        held: if node.mass[row] == S::ZERO { 7 } else { u32::from(node.fixed[row].0) },
+        piece,
+        loaded: 0,
+    };
+    let mut vertices: Vec<_> = rows.zip(&body.piece).map(constants).collect();
+    for &row in loaded {
+        vertices[row as usize].loaded = 1;
+    }
+    vertices
+}
+
+/// Rows of the device in the number type of the columns.
+pub(crate) fn widen<S: Scalar>(to: &mut [[S; 4]], from: &[[f32; 4]]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = from.map(|x| S::from_f64(f64::from(x)));
     }
 }
 
@@ -523,6 +613,9 @@ pub(crate) fn add(sum: &mut StepReport, own: &StepReport) {
     sum.cg_caps += own.cg_caps;
     sum.cg_residual = sum.cg_residual.max(own.cg_residual);
     sum.newton_step = sum.newton_step.max(own.newton_step);
+    sum.preconditioner = own.preconditioner;
+    sum.preconditioner_refreshes += own.preconditioner_refreshes;
+    sum.preconditioner_breakdowns += own.preconditioner_breakdowns;
     sum.projections += own.projections;
     sum.backtracks += own.backtracks;
     sum.gradient_fallbacks += own.gradient_fallbacks;

@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use sinew_adapter::wgpu;
 use sinew_engine::law::TangentKind;
 
+use crate::coarse::{Coarse, CoarseBuffers, CoarseParts, CoarsePlan};
 use crate::context::{Context, GROUP, Pending, Recorder, groups_for};
 use crate::elements::Elements;
 use crate::error::GpuError;
@@ -55,7 +56,9 @@ pub(crate) struct StepUniform {
     pub keep: f32,
     pub kick: f32,
     pub drift: f32,
-    pub padding: u32,
+    pub coarse_groups: u32,
+    pub smoother: [f32; 2],
+    pub padding: [u32; 2],
 }
 
 /// `kind` of a [`StepUniform`].
@@ -100,6 +103,8 @@ pub(crate) struct BodyParts<'a> {
     pub rest: Vec<[f32; 4]>,
     pub with_matrix: bool,
     pub with_damping: bool,
+    /// What aggregates are chosen by, where motions of them are part of the preconditioner.
+    pub coarse: Option<CoarseParts<'a>>,
 }
 
 pub(crate) struct DeviceBody {
@@ -108,6 +113,7 @@ pub(crate) struct DeviceBody {
     pub groups: u32,
     pub elements: Elements,
     pub matrix: Option<Matrix>,
+    pub coarse: Option<Coarse>,
     /// Moves by the corotational energy.
     pub recovering: bool,
     rows: wgpu::Buffer,
@@ -142,7 +148,21 @@ impl DeviceBody {
         let elements = Elements::new(context, parts.laws, n, first_sum, pattern.as_ref());
         let sums = context.storage("sums", 16 * u64::from(first_sum + elements.energy_sums));
         let matrix_groups = pattern.as_ref().map_or(0, |p| p.groups);
-        let partials = context.storage("partial sums", 16 * u64::from(groups + matrix_groups));
+        let plan = parts.coarse.as_ref().filter(|_| pattern.is_some());
+        let plan = plan.and_then(|parts| CoarsePlan::new(context, parts));
+        let coarse_groups = plan.as_ref().map_or(0, |plan| plan.groups);
+        let partials = groups + matrix_groups + coarse_groups;
+        let partials = context.storage("partial sums", 16 * u64::from(partials));
+        let buffers = CoarseBuffers {
+            step: &step,
+            rows: &rows,
+            vertices: &vertices,
+            partials: &partials,
+            cg: &cg,
+        };
+        let coarse = plan
+            .zip(pattern.as_ref())
+            .map(|(plan, pattern)| Coarse::new(context, plan, pattern, &buffers));
         let matrix = pattern.map(|pattern| {
             let shifts = pattern.shifts(context, &step, &vertices, &rows);
             Matrix { pattern, shifts }
@@ -156,6 +176,7 @@ impl DeviceBody {
             groups,
             elements,
             matrix,
+            coarse,
             recovering: false,
             rows,
             vertices,

@@ -1,41 +1,16 @@
-// Conjugate gradients with inverse diagonal blocks. Twin of `sinew_solvers::cg` with block Jacobi.
+// Conjugate gradients. Twin of `sinew_solvers::cg`.
 //
-// An iteration is four dispatches: `note` (one workgroup) and `product` in matrix.wgsl, `improve`, `direction`.
+// The preconditioner is the inverse diagonal blocks, to which coarse.wgsl may add rigid motions of aggregates. An
+// iteration is four dispatches: `note` (one workgroup) and `product` in matrix.wgsl, `improve`, `direction`; seven
+// with two levels: a smoother and the motions come between the last two, with a `direction` of their own.
 // Scalar products leave one partial sum per workgroup; whoever needs the total adds these up again, in the same
 // order everywhere. The state changes in kernels of one workgroup only (`start_end`, `note`, `verify_end`), so
 // that nobody reads it while it changes. Once the phase is no longer ITERATING, iterations do nothing.
 
-const ITERATING: u32 = 0u;
-const CLAIMED: u32 = 1u;     // the recurrence says converged; the true residual is to be formed
-const CONVERGED: u32 = 2u;
-const CAPPED: u32 = 3u;      // too many iterations
-const INDEFINITE: u32 = 4u;  // a direction of curvature that is not positive
-const NOT_FINITE: u32 = 5u;
-const STALLED: u32 = 6u;     // f32 gets no closer
-
-struct CgState {
-    phase: atomic<u32>,
-    iterations: u32,
-    restarts: u32,
-    fresh: u32,          // 1 before the first product of a sequence
-    rz: f32,             // r.z
-    reference: f32,      // squared norm the residual is measured against
-    residual: f32,       // squared norm of the true residual when last formed
-    curvature: f32,      // p.q when it was not positive
-}
 fn precondition(i: u32, r: vec4f) -> vec4f {
     let a = load_row(INVERSE, i);
     let b = load_row(INVERSE_2, i);
     return vec4f(dot(a.xyz, r.xyz), dot(vec3f(a.y, a.w, b.x), r.xyz), dot(vec3f(a.z, b.x, b.y), r.xyz), 0.0);
-}
-
-// Sums of partials[first..first + count]; all threads get them.
-fn total(first: u32, count: u32, local: u32) -> vec4f {
-    var own = vec4f(0.0);
-    for (var k = local; k < count; k += GROUP) {
-        own += partials[first + k];
-    }
-    return group_sum(local, own);
 }
 
 // r = b - A x with A x in Q, z, p = z; sums r.z, r.r, b.b. Runs before the first iteration.
@@ -49,7 +24,7 @@ fn form_residual(act: bool, group: vec3u, groups: vec3u, local: u32) {
         store_row(R, i, r);
         store_row(Z, i, z);
         store_row(P, i, z);
-        own += vec4f(dot(r.xyz, z.xyz), dot(r.xyz, r.xyz), dot(b.xyz, b.xyz), 0.0);
+        own += vec4f(select(dot(r.xyz, z.xyz), 0.0, two_levels()), dot(r.xyz, r.xyz), dot(b.xyz, b.xyz), 0.0);
     }
     // every thread takes part in the sum: barriers stand in uniform control flow
     let sum = group_sum(local, own);
@@ -66,7 +41,7 @@ fn start_residual(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) 
 // One workgroup: what the residual is measured against, and whether anything is left to do.
 @compute @workgroup_size(256)
 fn start_end(@builtin(local_invocation_index) local: u32) {
-    let sum = total(step.matrix_groups, step.groups, local);
+    let sum = preconditioned_sums(local);
     if local != 0u { return; }
     // below a few units of rounding of b there is nothing left to solve for
     let floor = 16.0 * 1.1920929e-7 / step.tolerance;
@@ -82,6 +57,8 @@ fn start_end(@builtin(local_invocation_index) local: u32) {
         phase = NOT_FINITE;
     } else if sum.z == 0.0 || sum.y <= step.tolerance * step.tolerance * cg.reference {
         phase = CONVERGED;
+    } else if unusable(sum.x) {
+        phase = UNUSABLE;
     }
     atomicStore(&cg.phase, phase);
 }
@@ -102,7 +79,7 @@ fn improve(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
             let z = precondition(i, r);
             store_row(R, i, r);
             store_row(Z, i, z);
-            own += vec4f(dot(r.xyz, z.xyz), dot(r.xyz, r.xyz), 0.0, 0.0);
+            own += vec4f(select(dot(r.xyz, z.xyz), 0.0, two_levels()), dot(r.xyz, r.xyz), 0.0, 0.0);
         }
     }
     let sum = group_sum(local, own);
@@ -120,7 +97,7 @@ fn improve(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
 @compute @workgroup_size(256)
 fn direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     let go = atomicLoad(&cg.phase) == ITERATING;
-    let sum = total(step.matrix_groups, step.groups, local);
+    let sum = preconditioned_sums(local);
     if !go || sum.w > 0.0 { return; }
     let beta = sum.x / cg.rz;
     for (var i = group.x * GROUP + local; i < step.n; i += groups.x * GROUP) {
@@ -149,7 +126,7 @@ const MAX_RESTARTS: u32 = 4u;
 @compute @workgroup_size(256)
 fn verify_end(@builtin(local_invocation_index) local: u32) {
     let phase = atomicLoad(&cg.phase);
-    let sum = total(step.matrix_groups, step.groups, local);
+    let sum = preconditioned_sums(local);
     if local != 0u || phase != CLAIMED { return; }
     let before = cg.residual;
     cg.residual = sum.y;
@@ -160,6 +137,8 @@ fn verify_end(@builtin(local_invocation_index) local: u32) {
         atomicStore(&cg.phase, CONVERGED);
     } else if cg.restarts >= MAX_RESTARTS || sum.y > 0.25 * before {
         atomicStore(&cg.phase, STALLED);
+    } else if unusable(sum.x) {
+        atomicStore(&cg.phase, UNUSABLE);
     } else {
         cg.restarts += 1u;
         cg.rz = sum.x;

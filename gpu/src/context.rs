@@ -46,6 +46,12 @@ pub(crate) struct Layouts {
     pub assemble: wgpu::BindGroupLayout,
     /// Part to system.
     pub shift: wgpu::BindGroupLayout,
+    /// Motions of aggregates in conjugate gradients.
+    pub coarse: wgpu::BindGroupLayout,
+    /// Part of a matrix to the coarse matrix.
+    pub galerkin: wgpu::BindGroupLayout,
+    /// Coarse matrix to its inverse.
+    pub inverse: wgpu::BindGroupLayout,
 }
 
 /// An opened device with what was compiled for it.
@@ -115,6 +121,17 @@ impl Context {
                 "shift",
                 &[Uniform, Uniform, Read, Read, Read, Write, Read, Write],
             ),
+            coarse: layout(
+                device,
+                "coarse",
+                &[Uniform, Write, Read, Write, Write, Uniform, Read, Read, Read, Write],
+            ),
+            galerkin: layout(
+                device,
+                "galerkin",
+                &[Uniform, Uniform, Read, Read, Read, Read, Read, Read, Write],
+            ),
+            inverse: layout(device, "inverse", &[Uniform, Uniform, Read, Read, Write, Write]),
         };
         let limits = device.limits();
         let own = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);

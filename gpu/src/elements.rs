@@ -236,6 +236,12 @@ impl Elements {
         Energies { elastic, load: add(&sums[start..end]) }
     }
 
+    /// Vertices of the largest element, which bound the eigenvalues of a sum of element matrices against its diagonal
+    /// blocks: each matrix lies below as many times its own diagonal as it has vertices.
+    pub fn most_vertices(&self) -> f64 {
+        self.chunks.iter().map(|chunk| chunk.law.kind.vertices).max().unwrap_or(1) as f64
+    }
+
     /// Energies at the point of evaluation into the sums. Here and below laws of a recovering body give way to
     /// the corotational energy.
     pub fn energies(
@@ -396,10 +402,10 @@ fn force_lists(nodes: &[u32], n: u32) -> (Vec<u32>, Vec<u32>) {
 }
 
 /// Compressed rows of (row, value) pairs, in the order in which they come.
-pub(crate) fn compressed<I: Iterator<Item = (u32, u32)>>(
+pub(crate) fn compressed<T: Copy + Default, I: Iterator<Item = (u32, T)>>(
     rows: usize,
     entries: impl Fn() -> I,
-) -> (Vec<u32>, Vec<u32>) {
+) -> (Vec<u32>, Vec<T>) {
     let mut starts = vec![0; rows + 1];
     for (row, _) in entries() {
         starts[row as usize + 1] += 1;
@@ -408,7 +414,7 @@ pub(crate) fn compressed<I: Iterator<Item = (u32, u32)>>(
         starts[row + 1] += starts[row];
     }
     let mut next = starts.clone();
-    let mut values = vec![0; starts[rows] as usize];
+    let mut values = vec![T::default(); starts[rows] as usize];
     for (row, value) in entries() {
         values[next[row as usize] as usize] = value;
         next[row as usize] += 1;

@@ -41,8 +41,8 @@ pub enum GpuError {
     },
     /// A preconditioner that does not run on the device.
     #[error(
-        "preconditioner = \"{preconditioner}\" does not run on the device: use \"auto\" or \
-         \"block-jacobi\", or the CPU backend (backend = \"cpu\")"
+        "preconditioner = \"{preconditioner}\" does not run on the device: use \"auto\", \
+         \"block-jacobi\" or \"multigrid\", or the CPU backend (backend = \"cpu\")"
     )]
     Preconditioner {
         /// As in a scene file.

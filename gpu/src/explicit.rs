@@ -154,7 +154,7 @@ impl ExplicitStep<'_> {
             report.momentum[k] = end(1, k);
             report.angular_momentum[k] = end(2, k);
         }
-        Ok(Some((BodyOutput { u, v, iterations: 0, finite: true }, [grown, scale])))
+        Ok(Some((BodyOutput { u, v, finite: true, ..BodyOutput::default() }, [grown, scale])))
     }
 
     fn varies(&self, within: &WithinStep) -> bool {

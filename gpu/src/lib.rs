@@ -8,7 +8,7 @@
 //!
 //! * The laws below, any number of them in a body ([`laws`]).
 //! * The safe step (`Integrator::Safe`, also what `auto` stands for here): tangent, projected where it is
-//!   indefinite, conjugate gradients with inverse diagonal blocks, line search, energy cap, recovery from
+//!   indefinite, conjugate gradients with inverse diagonal blocks or two levels, line search, energy cap, recovery from
 //!   inversion; held and prescribed vertices, loads, gravity, Rayleigh damping; many bodies.
 //! * Explicit substeps (`SymplecticEuler`, `StormerVerlet`), with loads and motions that vary within a step. The
 //!   stability limit is estimated on the processor, at the start and when edges have changed.
@@ -34,13 +34,15 @@
 //!   blocks) into slots of their own; vertices (blocks of the matrix) gather them through lists in the order of the
 //!   elements, set after set in the order of the laws on the processor. With sums by fixed trees results are
 //!   the same bit for bit on one device, however buffers are cut.
+//! * **Two levels** precondition (`coarse.rs`): from 600 vertices on by default, and as `"multigrid"`.
 //! * **The tangent is assembled**, all 3x3 blocks of a row side by side; `matrix.rs` says why.
 //! * **The host sees sums only.** A smooth step waits three times: for conjugate gradients, which run in batches
 //!   as long as last time and verify their true residual on the device; for the line search; for the end.
 //! * **Buffers are cut** to the adapter's binding limit: elements into chunks, the matrix into ranges of rows.
-//!   Vertex rows are not: 19 slots of 16 bytes, 441 000 vertices a body at the 128 MiB that every adapter has.
-//! * **The state comes down after every step**, 32 bytes a vertex, since volume ratios, positions and probes are
-//!   read from the columns.
+//!   Vertex rows are not: 19 slots of 16 bytes, 441 000 vertices a body at the 128 MiB that every adapter has, 7.0
+//!   million at 2 GiB: the adapter's own limit is asked for.
+//! * **The state comes down** after every step, 32 bytes a vertex, or only when somebody asks for it ([`readback`]).
+//!   Sums and volume ratios are formed on the device.
 //!
 //! The WGSL of a law lies beside the file that names its columns, functions named as in `sinew_models`; what
 //! is common lies in `prelude.wgsl` and `elements.wgsl`, what a kind of element brings in a file of its own. A module is
@@ -61,6 +63,7 @@
 //! ```
 pub mod backend;
 mod body;
+mod coarse;
 mod context;
 mod elements;
 mod error;
@@ -68,6 +71,7 @@ mod explicit;
 pub mod laws;
 mod matrix;
 pub mod measure;
+pub mod readback;
 mod recovery;
 pub mod report;
 mod safe;
@@ -77,4 +81,5 @@ mod substeps;
 pub use backend::{GpuBackend, GpuOptions, check, install_gpu};
 pub use error::GpuError;
 pub use measure::{DeviceEvaluation, DeviceVolumes, ForceTiming};
+pub use readback::{columns_needed, fetch_state};
 pub use report::GpuReport;

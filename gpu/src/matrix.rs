@@ -44,7 +44,7 @@ pub(crate) struct Part {
     damping_bind: wgpu::BindGroup,
     uniform: wgpu::Buffer,
     row_start: wgpu::Buffer,
-    columns: wgpu::Buffer,
+    pub columns: wgpu::Buffer,
 }
 
 /// Which blocks there are, and the parts.
@@ -118,6 +118,16 @@ impl Pattern {
         Self { row_start, columns, parts, groups: partial }
     }
 
+    /// Columns of a row, ascending.
+    pub fn row(&self, row: usize) -> &[u32] {
+        &self.columns[self.row_start[row] as usize..self.row_start[row + 1] as usize]
+    }
+
+    /// Bytes of the values.
+    pub fn bytes(&self) -> u64 {
+        BLOCK_BYTES * self.columns.len() as u64
+    }
+
     /// For every block of a part the blocks of the elements that make it up, in the order of the elements.
     pub fn block_lists(
         &self,
@@ -132,7 +142,7 @@ impl Pattern {
         for (element, nodes) in (0..).zip(nodes.chunks_exact(kind.vertices)) {
             for (a, &row) in nodes.iter().enumerate().filter(|(_, row)| rows.contains(row)) {
                 let from = self.row_start[row as usize];
-                let own = &self.columns[from as usize..self.row_start[row as usize + 1] as usize];
+                let own = self.row(row as usize);
                 for (b, column) in nodes.iter().enumerate() {
                     // the edge graph holds all pairs of an element
                     let at = own.binary_search(column).expect("pair of an element in the graph");

@@ -13,12 +13,36 @@ struct Part {
 @group(1) @binding(2) var<storage, read> columns: array<u32>;
 @group(1) @binding(3) var<storage, read> values: array<f32>;
 
-// q = K p, or for the system q = A p with A = c_M M + K and held unknowns taken out exactly (p is 0 there);
-// returns the thread's part of p.q.
+// K x of a row of the part.
 //
-// K does not resist translations, so K p is a sum of K_ij (p_j - p_i): in a smooth p the differences are small,
-// and so is what rounding makes of them. Summing K_ij p_j instead would cancel, and f32 would stall conjugate
+// K does not resist translations, so K x is a sum of K_ij (x_j - x_i): in a smooth x the differences are small,
+// and so is what rounding makes of them. Summing K_ij x_j instead would cancel, and f32 would stall conjugate
 // gradients ten times earlier in a slender body.
+fn tangent_product(row: u32, slot: u32, own: vec3f) -> vec3f {
+    var q = vec3f(0.0);
+    let end = row_start[row + 1u];
+    for (var k = row_start[row]; k < end; k += 1u) {
+        let x = rows[slot * step.n + columns[k]].xyz - own;
+        let at = 9u * k;
+        q += vec3f(
+            dot(vec3f(values[at], values[at + 1u], values[at + 2u]), x),
+            dot(vec3f(values[at + 3u], values[at + 4u], values[at + 5u]), x),
+            dot(vec3f(values[at + 6u], values[at + 7u], values[at + 8u]), x),
+        );
+    }
+    return q;
+}
+
+// A x of a row, A = c_M M + K with held unknowns taken out exactly: x is 0 there.
+fn system_product(row: u32, slot: u32, own: vec3f) -> vec3f {
+    let i = part.first + row;
+    let vertex = vertices[i];
+    let inertia = ((step.inertia + step.mass_damping) * vertex.mass) * own;
+    let q = tangent_product(row, slot, own) + inertia + row_sum_product(i, own);
+    return select(own, q, free_axes(vertex.held).xyz > vec3f(0.5));
+}
+
+// q = K p, or for the system q = A p; returns the thread's part of p.q.
 fn multiply(act: bool, is_system: bool, group: u32, local: u32) -> f32 {
     var sum = 0.0;
     let count = select(0u, part.count, act);
@@ -26,24 +50,49 @@ fn multiply(act: bool, is_system: bool, group: u32, local: u32) -> f32 {
         let i = part.first + row;
         let own = rows[P * step.n + i].xyz;
         var q = vec3f(0.0);
-        let end = row_start[row + 1u];
-        for (var k = row_start[row]; k < end; k += 1u) {
-            let x = rows[P * step.n + columns[k]].xyz - own;
-            let at = 9u * k;
-            q += vec3f(
-                dot(vec3f(values[at], values[at + 1u], values[at + 2u]), x),
-                dot(vec3f(values[at + 3u], values[at + 4u], values[at + 5u]), x),
-                dot(vec3f(values[at + 6u], values[at + 7u], values[at + 8u]), x),
-            );
-        }
         if is_system {
-            q += ((step.inertia + step.mass_damping) * vertices[i].mass) * own + row_sum_product(i, own);
-            q = select(own, q, free_axes(vertices[i].held).xyz > vec3f(0.5));
+            q = system_product(row, P, own);
+        } else {
+            q = tangent_product(row, P, own);
         }
         rows[Q * step.n + i] = vec4f(q, 0.0);
         sum += dot(q, own);
     }
     return sum;
+}
+
+// The fine level of two: Chebyshev polynomial of the matrix with inverse diagonal blocks, from z = D^-1 r in Z to Q,
+// which is free between an iteration's update and the next product; sums r.z.
+fn smooth_residual(act: bool, group: u32, local: u32) {
+    var sum = 0.0;
+    let count = select(0u, part.count, act);
+    for (var row = group * GROUP + local; row < count; row += part.groups * GROUP) {
+        let i = part.first + row;
+        let own = load_row(Z, i);
+        let moved = precondition(i, vec4f(system_product(row, Z, own.xyz), 0.0));
+        let z = step.smoother.x * own - step.smoother.y * moved;
+        store_row(Q, i, vec4f(z.xyz, 0.0));
+        sum += dot(load_row(R, i).xyz, z.xyz);
+    }
+    let all = group_sum(local, vec4f(sum, 0.0, 0.0, 0.0));
+    if local == 0u && act {
+        partials[part.partial + group] = all;
+    }
+}
+
+@compute @workgroup_size(256)
+fn smooth_start(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    smooth_residual(true, group.x, local);
+}
+
+@compute @workgroup_size(256)
+fn smooth_iteration(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    smooth_residual(atomicLoad(&cg.phase) == ITERATING, group.x, local);
+}
+
+@compute @workgroup_size(256)
+fn smooth_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    smooth_residual(atomicLoad(&cg.phase) == CLAIMED, group.x, local);
 }
 
 // Product with a tangent alone.
@@ -68,7 +117,7 @@ fn product_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
 @compute @workgroup_size(256)
 fn note(@builtin(local_invocation_index) local: u32) {
     let phase = atomicLoad(&cg.phase);
-    let sum = total(step.matrix_groups, step.groups, local);
+    let sum = preconditioned_sums(local);
     if local != 0u || phase != ITERATING { return; }
     if cg.fresh == 1u {
         cg.fresh = 0u;
@@ -88,6 +137,8 @@ fn note(@builtin(local_invocation_index) local: u32) {
     } else if cg.iterations >= step.max_iterations {
         cg.residual = sum.y;
         atomicStore(&cg.phase, CAPPED);
+    } else if unusable(sum.x) {
+        atomicStore(&cg.phase, UNUSABLE);
     }
 }
 

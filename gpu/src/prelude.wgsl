@@ -45,7 +45,9 @@ struct Step {
     keep: f32,                // explicit substeps: what is kept of the velocity,
     kick: f32,                // time of the kick (s),
     drift: f32,               // and of the drift (s)
-    padding: u32,
+    coarse_groups: u32,       // partial sums that motions of aggregates leave; 0 without them
+    smoother: vec2f,          // z = smoother.x D^-1 r - smoother.y D^-1 A D^-1 r
+    padding: vec2u,
 }
 
 struct Vertex {
@@ -106,4 +108,12 @@ struct Chunk {
     sums: u32,         // place of its first partial energy
     rows: u32,         // vertex rows
     factor: f32,       // of loads: their value now
+}
+
+// Rigid motions of aggregates.
+struct Coarse {
+    aggregates: u32,
+    stride: u32,       // of the rows of the coarse matrix: its unknowns and some padding
+    blocks: u32,       // Galerkin blocks, diagonal and above
+    padding: u32,
 }

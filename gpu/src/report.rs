@@ -11,6 +11,8 @@ pub enum Phase {
     Forces,
     /// Tangents of elements, assembly, system matrix.
     Tangent,
+    /// Coarse matrix and its inverse.
+    Preconditioner,
     /// Conjugate gradients.
     Solve,
     /// Everything else over vertex rows.
@@ -19,13 +21,15 @@ pub enum Phase {
 
 impl Phase {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Forces, Self::Tangent, Self::Solve, Self::Rows];
+    pub const ALL: [Self; 5] =
+        [Self::Forces, Self::Tangent, Self::Preconditioner, Self::Solve, Self::Rows];
 
     /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Forces => "forces",
             Self::Tangent => "tangent",
+            Self::Preconditioner => "preconditioner",
             Self::Solve => "solve",
             Self::Rows => "rows",
         }
@@ -55,6 +59,9 @@ pub struct GpuReport {
     pub restarts: u32,
     /// Linear solves that `f32` could not bring to the tolerance; the residual reached is in the step's report.
     pub stalled: u32,
+    /// The new state came down with the step; otherwise it does when somebody asks for it, and its bytes count with
+    /// those of the next step.
+    pub state_read: bool,
     /// Elements were uploaded anew: first step, new material, removed elements.
     pub uploads: u32,
 }

@@ -2,15 +2,16 @@
 //! `sinew_solvers::implicit` with `Integrator::Safe`; the same formulas, tests and constants.
 //!
 //! The host decides between the parts and sees only sums: nothing of the size of the body crosses but the new
-//! state, which is read back once. A smooth step waits for the device three times: for conjugate gradients, for
+//! state, where it is asked for, once. A smooth step waits for the device three times: for conjugate gradients, for
 //! the line search, for the end.
 
 use sinew_engine::law::TangentKind;
 use sinew_engine::report::StepReport;
-use sinew_solvers::settings::SolverSettings;
+use sinew_solvers::settings::{Preconditioner, SolverSettings};
 
 use crate::body::{CgState, DeviceBody, Slot, StepUniform, kind_number, total};
-use crate::context::Context;
+use crate::coarse::{self, Coarse, Kept};
+use crate::context::{Context, Pending, Recorder, groups_for};
 use crate::elements::Energies;
 use crate::error::GpuError;
 use crate::report::{GpuReport, Phase};
@@ -34,6 +35,7 @@ mod phase {
     pub const CAPPED: u32 = 3;
     pub const NOT_FINITE: u32 = 5;
     pub const STALLED: u32 = 6;
+    pub const UNUSABLE: u32 = 7;
 }
 
 /// What the host knows of a body at the start of a step.
@@ -49,14 +51,20 @@ pub(crate) struct BodyInput {
     pub size: f64,
     /// Iterations that the last linear system took.
     pub iterations: u32,
+    /// The new state is wanted on the host.
+    pub read_back: bool,
+    /// Volume ratios are wanted.
+    pub volumes: bool,
 }
 
 /// The end of a step, not yet accepted.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct BodyOutput {
-    /// Displacements (m) and velocities (m/s).
+    /// Displacements (m) and velocities (m/s), where they were asked for.
     pub u: Vec<[f32; 4]>,
     pub v: Vec<[f32; 4]>,
+    /// Smallest volume ratio and inverted elements, where they were asked for.
+    pub volumes: Option<(f64, u64)>,
     pub iterations: u32,
     /// The new state, or something on the way, is not finite.
     pub finite: bool,
@@ -67,6 +75,8 @@ pub(crate) struct SafeStep<'a> {
     pub context: &'a Context,
     pub body: &'a DeviceBody,
     pub settings: &'a SolverSettings,
+    /// What it stands for in this body.
+    pub preconditioner: Preconditioner,
     pub dt: f64,
 }
 
@@ -101,8 +111,16 @@ impl SafeStep<'_> {
             max_iterations: settings.max_linear_iterations,
             t: 1.0,
             warm: 1,
+            coarse_groups: self.coarse().map_or(0, |coarse| coarse.groups),
+            smoother: coarse::smoother(self.body.elements.most_vertices()),
             ..StepUniform::default()
         }
+    }
+
+    /// Motions of aggregates, if they are part of the preconditioner.
+    fn coarse(&self) -> Option<&Coarse> {
+        let coarse = self.body.coarse.as_ref();
+        coarse.filter(|_| self.preconditioner == Preconditioner::Multigrid)
     }
 
     fn damped(&self) -> bool {
@@ -113,6 +131,7 @@ impl SafeStep<'_> {
     pub fn run(
         &self,
         input: &BodyInput,
+        kept: &mut Option<Kept>,
         report: &mut StepReport,
         device: &mut GpuReport,
     ) -> Result<BodyOutput, GpuError> {
@@ -160,7 +179,7 @@ impl SafeStep<'_> {
         body.tangent(context, &mut recorder, kind, false);
         body.shift(context, &mut recorder);
         recorder.submit();
-        let mut outcome = self.solve(input.iterations, report, device)?;
+        let mut outcome = self.solve(&uniform, input.iterations, kept, report, device)?;
 
         let at_start = body.elements.sum_energies(&start_energy.wait(context)?);
         let before = match before {
@@ -180,8 +199,7 @@ impl SafeStep<'_> {
         report.constraint_work += elastic + damping - before.total() - loads_moved;
 
         let mut iterations = outcome.1.iterations;
-        let not_finite =
-            |iterations| BodyOutput { u: Vec::new(), v: Vec::new(), iterations, finite: false };
+        let not_finite = |iterations| BodyOutput { iterations, ..BodyOutput::default() };
         let finite = elastic.is_finite() && budget.is_finite();
         if outcome.0 == Solve::NotFinite || !finite {
             return Ok(not_finite(iterations));
@@ -217,7 +235,7 @@ impl SafeStep<'_> {
             recorder.submit();
             report.evaluations += 1;
             report.projections += 1;
-            outcome = self.solve(iterations, report, device)?;
+            outcome = self.solve(&uniform, iterations, kept, report, device)?;
             iterations = iterations.max(outcome.1.iterations);
             match outcome.0 {
                 Solve::NotFinite => return Ok(not_finite(iterations)),
@@ -292,12 +310,24 @@ impl SafeStep<'_> {
             body.summing(context, pass, "measure_end");
         });
         let end_sums = body.read_sums(&mut recorder, 3);
-        let u = body.read_rows(&mut recorder, Slot::Y);
-        let v = body.read_rows(&mut recorder, Slot::Step);
+        if input.volumes {
+            body.volumes(context, &mut recorder);
+        }
+        let volumes = input.volumes.then(|| body.read_energies(&mut recorder));
+        let u = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Y));
+        let v = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Step));
         recorder.submit();
         let mut sums = end_sums.wait::<[f32; 4]>(context)?;
-        let u = u.wait(context)?;
-        let mut v = v.wait(context)?;
+        let rows = |pending: Option<Pending>| pending.map_or(Ok(Vec::new()), |p| p.wait(context));
+        let (u, mut v) = (rows(u)?, rows(v)?);
+        let volumes = match volumes {
+            Some(pending) => {
+                let found = pending.wait::<[f32; 4]>(context)?;
+                let smallest = found.iter().map(|x| f64::from(x[0])).fold(f64::INFINITY, f64::min);
+                Some((smallest, total(&found, 1, 0, 1) as u64))
+            }
+            None => None,
+        };
         if total(&sums, 3, 1, 3) > 0.0 || !trial_energy.total().is_finite() {
             return Ok(not_finite(iterations));
         }
@@ -318,10 +348,10 @@ impl SafeStep<'_> {
                 body.summing(context, pass, "measure_end");
             });
             let end_sums = body.read_sums(&mut recorder, 3);
-            let capped = body.read_rows(&mut recorder, Slot::Step);
+            let capped = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Step));
             recorder.submit();
             sums = end_sums.wait(context)?;
-            v = capped.wait(context)?;
+            v = rows(capped)?;
             kinetic = end(&sums, 0, 0);
             report.energy_caps += 1;
         }
@@ -336,50 +366,57 @@ impl SafeStep<'_> {
             report.momentum[k] += end(&sums, 1, k);
             report.angular_momentum[k] += end(&sums, 2, k);
         }
-        Ok(BodyOutput { u, v, iterations, finite: true })
+        Ok(BodyOutput { u, v, volumes, iterations, finite: true })
     }
 
     /// Conjugate gradients from the right-hand side on.
     fn solve(
         &self,
+        uniform: &StepUniform,
         expected: u32,
+        kept: &mut Option<Kept>,
         report: &mut StepReport,
         device: &mut GpuReport,
     ) -> Result<(Solve, CgState), GpuError> {
-        let (context, body) = (self.context, self.body);
-        // as many as last time and a few more, so that one wait does
-        let mut batch =
-            if expected == 0 { FIRST_BATCH } else { expected + expected / 8 + 4 }.min(MAX_BATCH);
-        let mut recorder = context.record();
-        recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "right_hand_side"));
-        recorder.pass(Phase::Solve, |pass| {
-            body.product(context, pass, "product_alone", false);
-            body.summing(context, pass, "start_residual");
-            body.single(context, pass, "start_end");
-        });
+        let context = self.context;
+        let mut coarse = self.coarse();
+        report.preconditioner = Preconditioner::BlockJacobi.name();
         let state = loop {
-            recorder.pass(Phase::Solve, |pass| {
-                for _ in 0..batch {
-                    self.matrix_single(pass, "note");
-                    body.product(context, pass, "product", false);
-                    body.summing(context, pass, "improve");
-                    body.summing(context, pass, "direction");
+            let mut recorder = context.record();
+            if let Some(coarse) = coarse {
+                report.preconditioner = self.preconditioner.name();
+                let factors = [uniform.inertia, uniform.mass_damping, uniform.stiffness_damping];
+                if !kept.as_ref().is_some_and(|kept| kept.serves(factors)) {
+                    coarse.refresh(context, &mut recorder);
+                    let matrix = self.body.matrix.as_ref().map_or(0, |m| m.pattern.bytes());
+                    *kept = Some(Kept::new(factors, coarse.cost(matrix)));
+                    report.preconditioner_refreshes += 1;
                 }
-                self.matrix_single(pass, "note");
-                body.each_row(context, pass, "verify_begin");
-                body.product(context, pass, "product_verify", false);
-                body.summing(context, pass, "verify_residual");
-                body.single(context, pass, "verify_end");
-            });
-            let pending = body.read_cg(&mut recorder);
-            recorder.submit();
-            let state = pending.wait::<CgState>(context)?[0];
-            if !matches!(state.phase, phase::ITERATING | phase::CLAIMED) {
+            }
+            let state = self.iterate(recorder, coarse, expected)?;
+            if state.phase != phase::UNUSABLE {
                 break state;
             }
-            batch = FIRST_BATCH;
-            recorder = context.record();
+            // `f32` could not hold the inverse: this system goes without
+            report.cg_iterations += state.iterations;
+            report.preconditioner_breakdowns += 1;
+            report.preconditioner = Preconditioner::BlockJacobi.name();
+            *kept = None;
+            coarse = None;
+            self.body.set(context, StepUniform { coarse_groups: 0, ..*uniform });
         };
+        if coarse.is_some() {
+            let reduction = f64::from(state.residual) / f64::from(state.reference);
+            match (state.phase, kept.as_mut()) {
+                (phase::CONVERGED, Some(kept)) => {
+                    kept.book(state.iterations, -0.5 * reduction.log10());
+                }
+                // `f32` gets no closer, whatever the preconditioner
+                (phase::STALLED, _) => {}
+                // made for a matrix that was given up: not worth keeping
+                _ => *kept = None,
+            }
+        }
         report.cg_iterations += state.iterations;
         device.restarts += state.restarts;
         let outcome = match state.phase {
@@ -398,6 +435,70 @@ impl SafeStep<'_> {
             _ => Solve::Indefinite,
         };
         Ok((outcome, state))
+    }
+
+    /// The iterations, in batches.
+    fn iterate<'r>(
+        &'r self,
+        mut recorder: Recorder<'r>,
+        coarse: Option<&Coarse>,
+        expected: u32,
+    ) -> Result<CgState, GpuError> {
+        let (context, body) = (self.context, self.body);
+        // as many as last time and a few more, so that one wait does
+        let mut batch =
+            if expected == 0 { FIRST_BATCH } else { expected + expected / 8 + 4 }.min(MAX_BATCH);
+        let rows = groups_for(u64::from(body.n));
+        recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "right_hand_side"));
+        recorder.pass(Phase::Solve, |pass| {
+            body.product(context, pass, "product_alone", false);
+            body.summing(context, pass, "start_residual");
+            if let Some(coarse) = coarse {
+                body.product(context, pass, coarse::START[0], false);
+                coarse.apply(context, coarse::START, pass);
+            }
+            body.single(context, pass, "start_end");
+            if let Some(coarse) = coarse {
+                coarse.dispatch(context, "first_direction", rows, pass);
+            }
+        });
+        loop {
+            recorder.pass(Phase::Solve, |pass| {
+                for _ in 0..batch {
+                    self.matrix_single(pass, "note");
+                    body.product(context, pass, "product", false);
+                    body.summing(context, pass, "improve");
+                    match coarse {
+                        Some(coarse) => {
+                            body.product(context, pass, coarse::ITERATION[0], false);
+                            coarse.apply(context, coarse::ITERATION, pass);
+                            coarse.dispatch(context, "direction", [body.groups, 1], pass);
+                        }
+                        None => body.summing(context, pass, "direction"),
+                    }
+                }
+                self.matrix_single(pass, "note");
+                body.each_row(context, pass, "verify_begin");
+                body.product(context, pass, "product_verify", false);
+                body.summing(context, pass, "verify_residual");
+                if let Some(coarse) = coarse {
+                    body.product(context, pass, coarse::VERIFY[0], false);
+                    coarse.apply(context, coarse::VERIFY, pass);
+                }
+                body.single(context, pass, "verify_end");
+                if let Some(coarse) = coarse {
+                    coarse.dispatch(context, "first_direction", rows, pass);
+                }
+            });
+            let pending = body.read_cg(&mut recorder);
+            recorder.submit();
+            let state = pending.wait::<CgState>(context)?[0];
+            if !matches!(state.phase, phase::ITERATING | phase::CLAIMED) {
+                return Ok(state);
+            }
+            batch = FIRST_BATCH;
+            recorder = context.record();
+        }
     }
 
     fn matrix_single(&self, pass: &mut sinew_adapter::wgpu::ComputePass<'_>, entry: &'static str) {

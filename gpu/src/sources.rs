@@ -10,6 +10,7 @@ pub struct Source {
 }
 
 const PRELUDE: &str = include_str!("prelude.wgsl");
+const STATE: &str = include_str!("state.wgsl");
 const TENSORS: &str = include_str!("tensors.wgsl");
 const ELEMENTS: &str = include_str!("elements.wgsl");
 
@@ -21,12 +22,28 @@ fn module(name: &'static str, files: &[&str]) -> Source {
 pub(crate) fn solver() -> Source {
     let files = [
         PRELUDE,
+        STATE,
         include_str!("vectors.wgsl"),
         include_str!("explicit.wgsl"),
         include_str!("cg.wgsl"),
         include_str!("matrix.wgsl"),
     ];
     module("solver", &files)
+}
+
+/// Motions of aggregates in conjugate gradients.
+pub(crate) fn coarse() -> Source {
+    module("coarse", &[PRELUDE, STATE, include_str!("coarse.wgsl")])
+}
+
+/// Matrix to coarse matrix.
+pub(crate) fn galerkin() -> Source {
+    module("galerkin", &[PRELUDE, include_str!("galerkin.wgsl")])
+}
+
+/// Coarse matrix to its inverse.
+pub(crate) fn inverse() -> Source {
+    module("inverse", &[PRELUDE, include_str!("inverse.wgsl")])
 }
 
 /// Forces of elements to vertices.
@@ -56,7 +73,8 @@ pub(crate) fn elements(name: &'static str, kind: &[&str], law: &[&str]) -> Sourc
 
 /// Every module, for validation without an adapter.
 pub fn all() -> Vec<Source> {
-    let mut all = vec![solver(), gather(), assemble(), shift(), silence()];
+    let mut all =
+        vec![solver(), gather(), assemble(), shift(), silence(), coarse(), galerkin(), inverse()];
     all.extend(crate::laws::LAWS.iter().map(|law| law.source()));
     all
 }

@@ -59,7 +59,7 @@ impl GpuBackend {
             let body = &world.resource::<Topology>().bodies[i];
             let resident = &mut self.bodies[i];
             let known = resident.vertices.clone();
-            resident.tell(&self.context, node, rows.clone(), body);
+            resident.tell(&self.context, node, rows.clone(), body, false);
             if known != resident.vertices {
                 self.limit.known = None;
             }

@@ -9,14 +9,6 @@
 @group(0) @binding(4) var<storage, read_write> cg: CgState;
 @group(0) @binding(5) var<storage, read_write> sums: array<vec4f>;
 
-fn load_row(slot: u32, i: u32) -> vec4f {
-    return rows[slot * step.n + i];
-}
-
-fn store_row(slot: u32, i: u32, x: vec4f) {
-    rows[slot * step.n + i] = x;
-}
-
 // What products as sums of K_ij (x_j - x_i) miss: the blocks of a row of the exact tangent sum up to 0 but where
 // pressure acts.
 fn row_sum_product(i: u32, x: vec3f) -> vec3f {

@@ -436,9 +436,11 @@ fn what_has_no_twin_is_refused_by_name() {
     for word in ["gpu", "tr-bdf2", "\"safe\"", "\"cpu\""] {
         assert!(error.contains(word), "{error}");
     }
-    simulation
-        .set_solver(SolverSettings { preconditioner: Preconditioner::Multigrid, ..settings() });
-    assert!(simulation.step().unwrap_err().to_string().contains("multigrid"));
+    simulation.set_solver(SolverSettings {
+        preconditioner: Preconditioner::IncompleteCholesky,
+        ..settings()
+    });
+    assert!(simulation.step().unwrap_err().to_string().contains("incomplete-cholesky"));
     simulation.set_solver(settings());
     simulation.step().unwrap();
     let mut axes = AxesDescription::isotropic(MATERIAL.lame().unwrap());

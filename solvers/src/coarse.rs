@@ -57,31 +57,12 @@ impl<T: Scalar> CoarseSpace<T> {
     /// connected piece of every row.
     pub fn new(pattern: &Pattern, rest: &[DVec3], piece: &[u32], size: usize) -> Self {
         let n = pattern.len();
-        let mut groups = Vec::new();
-        let mut order: Vec<u32> = (0..n as u32).collect();
-        order.sort_by_key(|&row| (piece[row as usize], row));
-        for rows in order.chunk_by_mut(|a, b| piece[*a as usize] == piece[*b as usize]) {
-            let count = ((rows.len() + size / 2) / size).max(1);
-            bisect(rest, rows, count, &mut groups);
-        }
-        // along the body
-        groups.sort_by_cached_key(|rows| {
-            let sum: u64 = rows.iter().map(|&r| u64::from(r)).sum();
-            (sum * 16 / rows.len() as u64, rows.iter().min().copied())
-        });
-        let mut aggregate = vec![0; n];
-        let mut arm = vec![[[T::ZERO; 4]; 2]; n];
-        for (i, rows) in groups.iter().enumerate() {
-            let centre = rows.iter().map(|&r| rest[r as usize]).sum::<DVec3>() / rows.len() as f64;
-            let from = |r: u32| rest[r as usize] - centre;
-            let radius = rows.iter().map(|&r| from(r).length()).fold(0.0, f64::max);
-            for &r in rows {
-                let a = if radius > 0.0 { from(r) / radius } else { DVec3::ZERO };
-                aggregate[r as usize] = i as u32;
-                let [x, y, z] = a.to_array().map(T::from_f64);
-                arm[r as usize] = [[y, z, x, T::ZERO], [z, x, y, T::ZERO]];
-            }
-        }
+        let Aggregates { of: aggregate, arm, count } = Aggregates::new(rest, piece, size);
+        let orders = |arm: &DVec3| {
+            let [x, y, z] = arm.to_array().map(T::from_f64);
+            [[y, z, x, T::ZERO], [z, x, y, T::ZERO]]
+        };
+        let arm = arm.iter().map(orders).collect();
         let mut terms = Vec::with_capacity(n + pattern.column.len());
         for row in 0..n {
             let own = aggregate[row];
@@ -105,7 +86,7 @@ impl<T: Scalar> CoarseSpace<T> {
                 _ => blocks.push(CoarseBlock { pair: term.pair, end: i as u32 + 1 }),
             }
         }
-        let factor = Envelope::new(groups.len(), blocks.iter().map(|b| b.pair));
+        let factor = Envelope::new(count, blocks.iter().map(|b| b.pair));
         let values = vec![[0.0; 36]; blocks.len()];
         Self { aggregate, arm, blocks, terms, values, factor, forces: Vec::new() }
     }
@@ -198,6 +179,52 @@ impl<T: Scalar> CoarseSpace<T> {
         vectorised(Solve(&mut self.factor, coarse));
         let rows = self.forces.iter().zip(coarse);
         rows.map(|(f, x)| (0..MODES).map(|k| f[k].to_f64() * x[k].to_f64()).sum::<f64>()).sum()
+    }
+}
+
+/// Vertices gathered into compact aggregates, numbered along the body.
+#[derive(Clone, Debug, Default)]
+pub struct Aggregates {
+    /// Aggregate of each row.
+    pub of: Vec<u32>,
+    /// Position of each row relative to the centre of its aggregate, over the aggregate's radius; zero in an
+    /// aggregate of one point.
+    pub arm: Vec<DVec3>,
+    /// Number of aggregates.
+    pub count: usize,
+}
+
+impl Aggregates {
+    /// Aggregates of about `size` vertices, none of which reaches over several connected pieces. `rest` (m) and
+    /// `piece` belong to the rows.
+    pub fn new(rest: &[DVec3], piece: &[u32], size: usize) -> Self {
+        let n = rest.len();
+        let mut groups = Vec::new();
+        let mut order: Vec<u32> = (0..n as u32).collect();
+        order.sort_by_key(|&row| (piece[row as usize], row));
+        for rows in order.chunk_by_mut(|a, b| piece[*a as usize] == piece[*b as usize]) {
+            let count = ((rows.len() + size / 2) / size).max(1);
+            bisect(rest, rows, count, &mut groups);
+        }
+        // along the body
+        groups.sort_by_cached_key(|rows| {
+            let sum: u64 = rows.iter().map(|&r| u64::from(r)).sum();
+            (sum * 16 / rows.len() as u64, rows.iter().min().copied())
+        });
+        let mut of = vec![0; n];
+        let mut arm = vec![DVec3::ZERO; n];
+        for (i, rows) in groups.iter().enumerate() {
+            let centre = rows.iter().map(|&r| rest[r as usize]).sum::<DVec3>() / rows.len() as f64;
+            let from = |r: u32| rest[r as usize] - centre;
+            let radius = rows.iter().map(|&r| from(r).length()).fold(0.0, f64::max);
+            for &r in rows {
+                of[r as usize] = i as u32;
+                if radius > 0.0 {
+                    arm[r as usize] = from(r) / radius;
+                }
+            }
+        }
+        Self { of, arm, count: groups.len() }
     }
 }
 

@@ -66,8 +66,9 @@ pub struct Comparison<'a> {
 }
 
 /// A body in a state, with its energy (that of loads included) and forces.
-fn posed(
-    Comparison { description, set_up, .. }: &Comparison<'_>,
+pub fn posed(
+    description: &BodyDescription<'_>,
+    set_up: &dyn Fn(&mut Simulation, BodyHandle),
     u: &[DVec3],
     precision: Precision,
 ) -> (Simulation, f64, Vec<DVec3>) {
@@ -85,8 +86,9 @@ fn posed(
 /// Of the device, and of the processor in `f32`.
 fn errors(backend: &mut GpuBackend, comparison: &Comparison<'_>, state: &State) -> [Errors; 2] {
     let u = displacements(comparison.mesh, state);
-    let (mut double, energy, force) = posed(comparison, &u, Precision::F64);
-    let (mut single, single_energy, single_force) = posed(comparison, &u, Precision::F32);
+    let Comparison { description, set_up, .. } = *comparison;
+    let (mut double, energy, force) = posed(description, set_up, &u, Precision::F64);
+    let (mut single, single_energy, single_force) = posed(description, set_up, &u, Precision::F32);
     let device = backend.evaluate::<f64>(double.world_mut()).unwrap();
     let direction: Vec<[f32; 4]> = (0..double.topology().vertex_count())
         .map(|row| {

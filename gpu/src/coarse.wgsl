@@ -1,0 +1,150 @@
+// Rigid motions of aggregates in conjugate gradients: z = S r + P B P^T r with S the smoother in matrix.wgsl and B the
+// inverse of the coarse matrix, kept as a whole. Twin of `sinew_solvers::coarse`, with the solve turned into a product: a triangular
+// solve goes step by step, a product of 2000 rows is one pass over 16 MB.
+//
+// Forces and motions of aggregates have six entries each: translation, turn about the centre over the radius.
+
+@group(0) @binding(0) var<uniform> step: Step;
+@group(0) @binding(1) var<storage, read_write> rows: array<vec4f>;
+@group(0) @binding(2) var<storage, read> vertices: array<Vertex>;
+@group(0) @binding(3) var<storage, read_write> partials: array<vec4f>;
+@group(0) @binding(4) var<storage, read_write> cg: CgState;
+@group(0) @binding(5) var<uniform> coarse: Coarse;
+@group(0) @binding(6) var<storage, read> arms: array<vec4f>;           // and the aggregate
+@group(0) @binding(7) var<storage, read> members: array<u32>;          // starts, then rows aggregate by aggregate
+@group(0) @binding(8) var<storage, read> inverse: array<f32>;
+@group(0) @binding(9) var<storage, read_write> motions: array<f32>;    // forces, then motions
+
+const LANES: u32 = 16u;
+var<workgroup> force: array<vec4f, 256>;
+var<workgroup> turn: array<vec4f, 256>;
+
+// Sum of the residual over aggregates, sixteen a workgroup with as many lanes each.
+fn restrict_residual(act: bool, group: u32, local: u32) {
+    let lane = local % LANES;
+    let aggregate = group * LANES + local / LANES;
+    let own = act && aggregate < coarse.aggregates;
+    var f = vec3f(0.0);
+    var t = vec3f(0.0);
+    if own {
+        let first = coarse.aggregates + 1u;
+        let end = members[aggregate + 1u];
+        for (var k = members[aggregate] + lane; k < end; k += LANES) {
+            let i = members[first + k];
+            let r = load_row(R, i).xyz;
+            f += r;
+            t += cross(arms[i].xyz, r);
+        }
+    }
+    force[local] = vec4f(f, 0.0);
+    turn[local] = vec4f(t, 0.0);
+    workgroupBarrier();
+    if own && lane < 6u {
+        var sum = 0.0;
+        for (var k = local - lane; k < local - lane + LANES; k += 1u) {
+            if lane < 3u {
+                sum += force[k][lane];
+            } else {
+                sum += turn[k][lane - 3u];
+            }
+        }
+        motions[6u * aggregate + lane] = sum;
+    }
+}
+
+@compute @workgroup_size(256)
+fn restrict_start(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    restrict_residual(true, group.x, local);
+}
+
+@compute @workgroup_size(256)
+fn restrict_iteration(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    restrict_residual(atomicLoad(&cg.phase) == ITERATING, group.x, local);
+}
+
+@compute @workgroup_size(256)
+fn restrict_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    restrict_residual(atomicLoad(&cg.phase) == CLAIMED, group.x, local);
+}
+
+var<workgroup> lanes: array<f32, 256>;
+
+// Motions from forces, sixteen rows a workgroup with as many lanes each; leaves their part of r.z. The inverse is
+// symmetric: neighbouring threads read neighbouring numbers of one of its rows as their columns.
+fn move_aggregates(act: bool, group: u32, local: u32) {
+    let lane = local / LANES;
+    let row = group * LANES + local % LANES;
+    let unknowns = 6u * coarse.aggregates;
+    var own = 0.0;
+    let end = select(0u, unknowns, act && row < unknowns);
+    for (var k = lane; k < end; k += LANES) {
+        own += inverse[k * coarse.stride + row] * motions[k];
+    }
+    lanes[local] = own;
+    workgroupBarrier();
+    if lane == 0u {
+        var x = 0.0;
+        for (var k = 0u; k < LANES; k += 1u) {
+            x += lanes[LANES * k + local];
+        }
+        var work = 0.0;
+        if act && row < unknowns {
+            motions[coarse.stride + row] = x;
+            work = motions[row] * x;
+        }
+        // nobody else reads this place of the first lane
+        lanes[local] = work;
+    }
+    workgroupBarrier();
+    if act && local == 0u {
+        var sum = 0.0;
+        for (var k = 0u; k < LANES; k += 1u) {
+            sum += lanes[k];
+        }
+        partials[step.matrix_groups + step.groups + group] = vec4f(sum, 0.0, 0.0, 0.0);
+    }
+}
+
+@compute @workgroup_size(256)
+fn move_start(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    move_aggregates(true, group.x, local);
+}
+
+@compute @workgroup_size(256)
+fn move_iteration(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    move_aggregates(atomicLoad(&cg.phase) == ITERATING, group.x, local);
+}
+
+@compute @workgroup_size(256)
+fn move_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    move_aggregates(atomicLoad(&cg.phase) == CLAIMED, group.x, local);
+}
+
+// Motion of a vertex with its aggregate, held unknowns left out.
+fn prolong(i: u32) -> vec4f {
+    let arm = arms[i];
+    let at = coarse.stride + 6u * u32(arm.w);
+    let t = vec3f(motions[at], motions[at + 1u], motions[at + 2u]);
+    let w = vec3f(motions[at + 3u], motions[at + 4u], motions[at + 5u]);
+    return free_axes(vertices[i].held) * vec4f(t + cross(w, arm.xyz), 0.0);
+}
+
+// p = z + beta p with what the smoother left in Q.
+@compute @workgroup_size(256)
+fn direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let go = atomicLoad(&cg.phase) == ITERATING;
+    let sum = preconditioned_sums(local);
+    if !go || sum.w > 0.0 { return; }
+    let beta = sum.x / cg.rz;
+    for (var i = group.x * GROUP + local; i < step.n; i += groups.x * GROUP) {
+        store_row(P, i, load_row(Q, i) + prolong(i) + beta * load_row(P, i));
+    }
+}
+
+// The first direction of a sequence.
+@compute @workgroup_size(256)
+fn first_direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i >= step.n || atomicLoad(&cg.phase) != ITERATING || cg.fresh == 0u { return; }
+    store_row(P, i, load_row(Q, i) + prolong(i));
+}

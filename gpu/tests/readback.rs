@@ -1,0 +1,188 @@
+//! The state comes down after every step, or when somebody asks: the bits are the same.
+mod common;
+
+use common::{MATERIAL, beam, device, noise, say};
+use glam::DVec3;
+use sinew::engine::mesh::Mesh;
+use sinew::engine::vertex::Position;
+use sinew::prelude::*;
+use sinew_gpu::{GpuOptions, GpuReport};
+
+/// One scene for both ways: builds a body and says what happens between steps.
+type Scene<'a> = &'a dyn Fn(&mut Simulation, BodyHandle, &Mesh, usize);
+
+/// What a run leaves behind.
+#[derive(Debug, PartialEq)]
+struct Run {
+    hashes: Vec<u64>,
+    volumes: Vec<(u64, f64)>,
+    reports: Vec<String>,
+    positions: Vec<DVec3>,
+}
+
+/// Runs a scene; with the steps in which the state came down.
+fn run(
+    mesh: &Mesh,
+    model: Model,
+    readback: Readback,
+    steps: usize,
+    ask: usize,
+    scene: Scene<'_>,
+) -> Option<(Run, Vec<GpuReport>)> {
+    let backend = device(&GpuOptions::default())?;
+    let options = SimulationOptions { readback, ..SimulationOptions::default() };
+    let mut simulation = Simulation::with_gpu(options, backend).unwrap();
+    let description = BodyDescription { model, ..BodyDescription::new("beam", mesh, MATERIAL) };
+    let body = simulation.add_body(&description).unwrap();
+    simulation
+        .set_solver(SolverSettings { integrator: Integrator::Safe, ..SolverSettings::default() });
+    let mut run = Run { hashes: vec![], volumes: vec![], reports: vec![], positions: vec![] };
+    let mut device = Vec::new();
+    for step in 0..steps {
+        scene(&mut simulation, body, mesh, step);
+        simulation.step().unwrap();
+        device.push(simulation.world().resource::<GpuReport>().clone());
+        let volumes = simulation.volume_report();
+        run.volumes.push((volumes.inverted, volumes.smallest_ratio));
+        run.reports.push(format!("{:?}", simulation.report()));
+        if (step + 1) % ask == 0 {
+            run.hashes.push(simulation.state_hash());
+        }
+    }
+    let world = simulation.world_mut();
+    run.positions.extend(world.query::<&Position>().iter(world).map(|p| p.0));
+    Some((run, device))
+}
+
+fn hold(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, group: &str) {
+    let rows = simulation.group_rows(body, mesh, group).unwrap();
+    simulation.add_constraint(Constraint::hold(group, rows));
+}
+
+#[test]
+fn same_bits_however_the_state_is_read() {
+    let mesh = beam([8, 3, 3]);
+    // a constraint that begins on the way, where vertices happen to be then
+    let late = |s: &mut Simulation, body: BodyHandle, mesh: &Mesh, step: usize| {
+        if step == 0 {
+            hold(s, body, mesh, "x0");
+            let rows = s.group_rows(body, mesh, "x1").unwrap();
+            let motion = Motion::Translate(DVec3::new(0.0, 0.0, 0.02));
+            let ramp = Curve::ramp(0.055, 0.155);
+            let mut pull = Constraint::moving("pull", rows, motion, ramp);
+            pull.from = 0.055;
+            pull.until = 0.105;
+            s.add_constraint(pull);
+        }
+    };
+    // things done from outside between steps
+    let outside = |s: &mut Simulation, body: BodyHandle, mesh: &Mesh, step: usize| match step {
+        0 => hold(s, body, mesh, "x0"),
+        3 => {
+            let v: Vec<_> = s.velocities(body).iter().map(|v| *v + DVec3::Y * 0.1).collect();
+            let u = s.displacements(body);
+            s.set_state(body, &u, &v).unwrap();
+        }
+        6 => {
+            let near = |x: DVec3| (x.x - 0.1).abs() < 0.03 && x.z > 0.03;
+            let notch = (0..).zip(&mesh.tetrahedra).filter(|(_, t)| {
+                near(t.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / 4.0)
+            });
+            let notch = notch.map(|(i, _)| i).collect::<Vec<u32>>();
+            s.remove_elements(body, &Removal::new(Region::Tetrahedra(notch))).unwrap();
+        }
+        8 => {
+            s.set_material(body, YoungPoisson { young_modulus: 2e4, ..MATERIAL }).unwrap();
+        }
+        _ => {}
+    };
+    // inside out and back
+    let scrambled = |s: &mut Simulation, body: BodyHandle, mesh: &Mesh, step: usize| {
+        if step == 0 {
+            s.set_gravity(DVec3::ZERO);
+            let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.03 * noise(i)).collect();
+            s.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        }
+    };
+    let scenes: [(&str, Model, usize, Scene<'_>); 4] = [
+        ("constraint that begins", Model::CompressibleStVK, 14, &late),
+        ("changes from outside", Model::Corotational, 12, &outside),
+        ("scrambled", Model::CompressibleStVK, 40, &scrambled),
+        ("springs, whose volumes the processor has", Model::MassSpring, 6, &late),
+    ];
+    for (name, model, steps, scene) in scenes {
+        // both ask now and then; what is asked for must not matter
+        let ways = [(Readback::EveryStep, 2), (Readback::OnDemand, 2), (Readback::OnDemand, 1)];
+        let mut runs = Vec::new();
+        for (readback, ask) in ways {
+            let Some(found) = run(&mesh, model, readback, steps, ask, scene) else { return };
+            runs.push(found);
+        }
+        let read: Vec<usize> =
+            runs.iter().map(|(_, device)| device.iter().filter(|r| r.state_read).count()).collect();
+        say(&format!("{name}: of {steps} steps brought the state down: {read:?}"));
+        assert_eq!(read[0], steps);
+        assert_eq!(read[1], if model == Model::MassSpring { steps } else { 0 }, "{name}");
+        assert_eq!(runs[0].0, runs[1].0, "{name}");
+        assert_eq!(runs[0].0.positions, runs[2].0.positions, "{name}");
+        assert_eq!(runs[0].0.volumes, runs[2].0.volumes, "{name}");
+        let every_second: Vec<u64> = runs[2].0.hashes.iter().skip(1).step_by(2).copied().collect();
+        assert_eq!(runs[0].0.hashes, every_second, "{name}");
+        if name == "scrambled" {
+            assert!(runs[0].0.volumes[0].0 > 0 && runs[0].0.volumes[39].0 == 0);
+        }
+    }
+}
+
+#[test]
+fn volume_ratios_are_those_of_the_processor() {
+    let mesh = beam([8, 3, 3]);
+    let Some(backend) = device(&GpuOptions::default()) else { return };
+    let options =
+        SimulationOptions { readback: Readback::OnDemand, ..SimulationOptions::default() };
+    let mut simulation = Simulation::with_gpu(options, backend).unwrap();
+    let bodies = ["one", "two"].map(|name| {
+        let body = simulation.add_body(&BodyDescription::new(name, &mesh, MATERIAL)).unwrap();
+        hold(&mut simulation, body, &mesh, "x0");
+        body
+    });
+    simulation.set_solver(SolverSettings {
+        integrator: Integrator::Safe,
+        recovery: false,
+        ..SolverSettings::default()
+    });
+    let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.02 * noise(i)).collect();
+    simulation.set_state(bodies[1], &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    simulation.step().unwrap();
+    let report = simulation.volume_report().clone();
+    for body in bodies {
+        let ratios = simulation.volume_ratios(body);
+        let inverted = ratios.iter().filter(|&&j| j <= 0.0).count() as u64;
+        let smallest = ratios.iter().copied().fold(f64::INFINITY, f64::min);
+        assert_eq!(report.inverted_by_body[body.0], inverted);
+        assert_eq!(report.elements_by_body[body.0], ratios.len() as u64);
+        let found = report.smallest_by_body[body.0];
+        assert!((found - smallest).abs() < 1e-5 * smallest.abs().max(1.0), "{found} {smallest}");
+    }
+    assert!(report.inverted_by_body[0] == 0 && report.inverted_by_body[1] > 10);
+    assert_eq!(report.inverted, report.inverted_by_body[1]);
+    assert_eq!(report.smallest_ratio, report.smallest_by_body[1]);
+}
+
+#[test]
+fn bytes_of_a_step() {
+    let mesh = beam([12, 4, 4]);
+    let still = |s: &mut Simulation, body: BodyHandle, mesh: &Mesh, step: usize| {
+        if step == 0 {
+            hold(s, body, mesh, "x0");
+        }
+    };
+    let down = [Readback::EveryStep, Readback::OnDemand].map(|readback| {
+        let (_, reports) = run(&mesh, Model::CompressibleStVK, readback, 4, 99, &still)?;
+        Some(reports[3].bytes_down)
+    });
+    let [Some(every), Some(lean)] = down else { return };
+    say(&format!("{} vertices: {every} bytes down a step, {lean} on demand", mesh.points.len()));
+    assert_eq!(every - lean, 32 * mesh.points.len() as u64);
+    assert!(lean < 4096, "{lean}");
+}
