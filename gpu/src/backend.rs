@@ -6,6 +6,7 @@
 
 use bevy_ecs::change_detection::Tick;
 use bevy_ecs::prelude::*;
+use bevy_ecs::world::WorldId;
 use glam::DVec3;
 use sinew_adapter::{AdapterRequest, AdapterSummary, Gpu, open};
 use sinew_engine::law::BodiesWithoutRecovery;
@@ -47,7 +48,7 @@ pub struct GpuOptions {
 pub struct GpuBackend {
     pub(crate) context: Context,
     pub(crate) bodies: Vec<Resident>,
-    revision: Option<u64>,
+    revision: Option<(WorldId, u64)>,
     tick: Option<Tick>,
     /// Rest positions (m) of all rows.
     pub(crate) rest: Vec<DVec3>,
@@ -342,7 +343,7 @@ impl GpuBackend {
         settings: &SolverSettings,
         device: &mut GpuReport,
     ) -> Result<(), GpuError> {
-        let revision = world.resource::<Topology>().revision;
+        let revision = (world.id(), world.resource::<Topology>().revision);
         let with_matrix = !settings.integrator.is_explicit();
         let made_for = [with_matrix, with_matrix && settings.stiffness_damping > 0.0];
         let serves = self.made_for.iter().zip(made_for).all(|(&has, needs)| has || !needs);

@@ -257,7 +257,8 @@ impl DeviceBody {
 
     /// Bytes that a force pass moves at least: constants, indices, slots written and read, lists, rows.
     pub fn force_bytes(&self) -> u64 {
-        let elements = self.elements.chunks.iter().map(|chunk| {
+        let with_forces = self.elements.chunks.iter().filter(|chunk| chunk.law.forces);
+        let elements = with_forces.map(|chunk| {
             let (vertices, constants) = (chunk.law.kind.vertices, chunk.law.kind.constants);
             // index, slot written and read, place in the list
             let bytes = vertices * (4 + 16 + 16 + 4) + 4 * constants;
@@ -270,6 +271,13 @@ impl DeviceBody {
     pub fn energies(&self, context: &Context, recorder: &mut Recorder<'_>) {
         recorder.pass(Phase::Forces, |pass| {
             self.elements.energies(context, self.recovering, &self.row_bind, pass);
+        });
+    }
+
+    /// Volume ratios at the point of evaluation, in place of the energies.
+    pub fn volumes(&self, context: &Context, recorder: &mut Recorder<'_>) {
+        recorder.pass(Phase::Rows, |pass| {
+            self.elements.volumes(context, &self.row_bind, pass);
         });
     }
 

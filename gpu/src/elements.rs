@@ -249,15 +249,37 @@ impl Elements {
         for chunk in &self.chunks {
             let pipeline = match chunk.law.now(recovering).filter(|law| law.forces) {
                 Some(law) => kernel(context, law, "energies"),
-                None => {
-                    let layouts = [&context.layouts.rows, &context.layouts.chunk];
-                    context.pipeline("silence", crate::sources::silence, "no_energies", &layouts)
-                }
+                None => silence(context, "no_energies"),
             };
             pass.set_pipeline(&pipeline);
             pass.set_bind_group(1, &chunk.bind, &[]);
             pass.dispatch_workgroups(chunk.energy_groups, 1, 1);
         }
+    }
+
+    /// Smallest volume ratio and inverted elements at the point of evaluation, into the places of the energies.
+    pub fn volumes(
+        &self,
+        context: &Context,
+        rows: &wgpu::BindGroup,
+        pass: &mut wgpu::ComputePass<'_>,
+    ) {
+        pass.set_bind_group(0, rows, &[]);
+        for chunk in &self.chunks {
+            pass.set_pipeline(&if chunk.law.volumes {
+                kernel(context, &chunk.law, "volumes")
+            } else {
+                silence(context, "no_volumes")
+            });
+            pass.set_bind_group(1, &chunk.bind, &[]);
+            pass.dispatch_workgroups(chunk.energy_groups, 1, 1);
+        }
+    }
+
+    /// Elements whose volume ratios are measured.
+    pub fn solid_elements(&self) -> u64 {
+        let solid = self.chunks.iter().filter(|chunk| chunk.law.volumes);
+        solid.map(|chunk| u64::from(chunk.count)).sum()
     }
 
     /// Forces at the point of evaluation.
@@ -340,6 +362,11 @@ fn gather(context: &Context, entry: &'static str) -> wgpu::ComputePipeline {
 fn kernel(context: &Context, law: &DeviceLaw, entry: &'static str) -> wgpu::ComputePipeline {
     let layouts = [&context.layouts.rows, &context.layouts.chunk];
     context.pipeline(law.name, || law.source(), entry, &layouts)
+}
+
+fn silence(context: &Context, entry: &'static str) -> wgpu::ComputePipeline {
+    let layouts = [&context.layouts.rows, &context.layouts.chunk];
+    context.pipeline("silence", crate::sources::silence, entry, &layouts)
 }
 
 impl Chunk {

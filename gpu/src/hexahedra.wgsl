@@ -47,13 +47,14 @@ fn energy_of(t: u32) -> f32 {
     return energy(e, displacement_gradient(e));
 }
 
-// What the points of the elements of a workgroup have found, and the derivatives of vertex a at point q in place 8 a + q.
+// What the points of the elements of a workgroup have found, and the derivatives of vertex a at point q in place
+// 8 q + a: threads that share an element read neighbours.
 var<workgroup> found: array<mat3x3f, 256>;
 var<workgroup> shape: array<vec3f, 64>;
 
 fn write_shape(local: u32) {
     if local < 64u {
-        shape[local] = derivatives(local / 8u, local % 8u);
+        shape[local] = derivatives(local % 8u, local / 8u);
     }
 }
 
@@ -73,7 +74,7 @@ fn write_forces(t: u32) {
     let a = local % 8u;
     var force = vec3f();
     for (var q = 0u; q < 8u; q += 1u) {
-        force += found[local - a + q] * shape[8u * a + q];
+        force += found[local - a + q] * shape[8u * q + a];
     }
     slots[t] = vec4f(force, 0.0);
 }
@@ -101,8 +102,8 @@ fn write_tangents(t: u32) {
         for (var q = 0u; q < 8u; q += 1u) {
             let k = found[local - a + q];
             for (var p = 0u; p < 5u; p += 1u) {
-                let da = shape[8u * vertices[p].x + q];
-                let db = shape[8u * vertices[p].y + q];
+                let da = shape[8u * q + vertices[p].x];
+                let db = shape[8u * q + vertices[p].y];
                 sums[p] += (da[i] * db[j]) * k;
                 if i != j {
                     sums[p] += (da[j] * db[i]) * transpose(k);

@@ -76,5 +76,5 @@ mod substeps;
 
 pub use backend::{GpuBackend, GpuOptions, check, install_gpu};
 pub use error::GpuError;
-pub use measure::{DeviceEvaluation, ForceTiming};
+pub use measure::{DeviceEvaluation, DeviceVolumes, ForceTiming};
 pub use report::GpuReport;

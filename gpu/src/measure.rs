@@ -6,7 +6,7 @@ use sinew_engine::scalar::Scalar;
 use std::time::Instant;
 
 use crate::backend::GpuBackend;
-use crate::body::{Slot, StepUniform, kind_number};
+use crate::body::{Slot, StepUniform, kind_number, total};
 use crate::error::GpuError;
 use crate::report::Phase;
 
@@ -17,6 +17,17 @@ pub struct DeviceEvaluation {
     pub energies: Vec<f64>,
     /// Elastic force on every vertex row (N); fourth entry padding.
     pub forces: Vec<[f32; 4]>,
+}
+
+/// Volume ratios of the solid elements of a body, at the Gauss points of those that have several.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviceVolumes {
+    /// Smallest ratio of deformed to rest volume; infinite where nothing is measured.
+    pub smallest: f64,
+    /// Elements with a ratio of zero or less somewhere.
+    pub inverted: u64,
+    /// Elements measured: all but those without a law of their own, such as in bodies of springs.
+    pub elements: u64,
 }
 
 /// Times of force passes.
@@ -53,6 +64,35 @@ impl GpuBackend {
             let energies = energies.wait::<[f32; 4]>(context)?;
             result.energies.push(body.elements.sum_energies(&energies).total());
             result.forces.extend(forces.wait::<[f32; 4]>(context)?);
+        }
+        self.context.restart_timer();
+        Ok(result)
+    }
+
+    /// Volume ratios of every body at the displacements in the columns.
+    ///
+    /// # Errors
+    /// As [`evaluate`](Self::evaluate).
+    pub fn volumes<S: Scalar>(
+        &mut self,
+        world: &mut World,
+    ) -> Result<Vec<DeviceVolumes>, GpuError> {
+        self.prepare::<S>(world)?;
+        let mut result = Vec::with_capacity(self.bodies.len());
+        for resident in &self.bodies {
+            let (context, body) = (&self.context, &resident.body);
+            body.set(context, StepUniform::default());
+            let mut recorder = context.record();
+            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
+            body.volumes(context, &mut recorder);
+            let found = body.read_energies(&mut recorder);
+            recorder.submit();
+            let elements = body.elements.solid_elements();
+            let found = found.wait::<[f32; 4]>(context)?;
+            let least = found.iter().map(|x| f64::from(x[0])).fold(f64::INFINITY, f64::min);
+            let smallest = if elements > 0 { least } else { f64::INFINITY };
+            let inverted = if elements > 0 { total(&found, 1, 0, 1) as u64 } else { 0 };
+            result.push(DeviceVolumes { smallest, inverted, elements });
         }
         self.context.restart_timer();
         Ok(result)

@@ -84,6 +84,22 @@ fn group_sum(local: u32, own: vec4f) -> vec4f {
     return tree[0];
 }
 
+// Smallest number of the workgroup; every thread gets it.
+fn group_min(local: u32, own: f32) -> f32 {
+    workgroupBarrier();
+    tree[local].x = own;
+    workgroupBarrier();
+    for (var width = GROUP / 2u; width > 0u; width = width / 2u) {
+        if local < width {
+            tree[local].x = min(tree[local].x, tree[local + width].x);
+        }
+        workgroupBarrier();
+    }
+    return tree[0].x;
+}
+
+const LARGEST: f32 = 3.4028234e38;
+
 // A range of elements whose buffers fit one binding each.
 struct Chunk {
     count: u32,        // elements

@@ -2,11 +2,15 @@
 //! energy, products with the three tangents.
 mod common;
 
-use common::compare::{compare, compare_on};
-use common::{MATERIAL, STATES, beam, bricks, device, displacements, half_bricks};
+use common::compare::{compare, compare_on, posed};
+use common::{
+    MATERIAL, STATES, beam, bricks, device, displacements, displacements_of, half_bricks,
+};
 use glam::DVec3;
 use sinew::engine::law::TangentKind;
 use sinew::engine::mesh::Mesh;
+use sinew::engine::report::VolumeReport;
+use sinew::engine::step::measure_volume_ratios;
 use sinew::prelude::*;
 use sinew_gpu::GpuOptions;
 
@@ -109,23 +113,74 @@ fn hexahedra_beside_tetrahedra() {
 }
 
 #[test]
+fn volume_ratios_of_all_elements() {
+    let (tets, hexes, mixed) = (beam([10, 4, 5]), bricks(CELLS), half_bricks(CELLS));
+    let cases = [
+        of(&tets, Model::CompressibleStVK),
+        pooled(&tets, Model::CompressibleStVK),
+        pooled(&tets, Model::StVK),
+        of(&hexes, Model::Corotational),
+        pooled(&mixed, Model::CompressibleStVK),
+        // nothing but springs: the processor measures
+        of(&tets, Model::MassSpring),
+    ];
+    for description in cases {
+        let Some(mut backend) = device(&GpuOptions::default()) else { return };
+        let mut inverted = 0;
+        for state in &STATES {
+            let u = displacements_of(description.points, state);
+            let (mut double, ..) = posed(&description, &u, Precision::F64);
+            let world = double.world_mut();
+            world.run_system_cached(measure_volume_ratios::<f64>).unwrap();
+            let cpu = world.resource::<VolumeReport>().clone();
+            let [gpu] = backend.volumes::<f64>(world).unwrap()[..] else { panic!("one body") };
+            if description.model == Model::MassSpring {
+                assert_eq!((gpu.elements, gpu.inverted), (0, 0));
+                assert_eq!(gpu.smallest, f64::INFINITY);
+                continue;
+            }
+            assert_eq!([gpu.elements, gpu.inverted], [cpu.elements_by_body[0], cpu.inverted]);
+            let error = (gpu.smallest - cpu.smallest_ratio).abs();
+            assert!(error < 1e-5, "{}: {error:.1e} of {}", state.0, cpu.smallest_ratio);
+            inverted = inverted.max(gpu.inverted);
+        }
+        assert!(description.model == Model::MassSpring || inverted > 20, "{inverted}");
+    }
+}
+
+#[test]
 fn springs_on_edges_of_hexahedra() {
     compare_on(&bricks(CELLS), |mesh| of(mesh, Model::MassSpring), "hexahedra mass_spring");
 }
 
 #[test]
-fn repeats_bit_for_bit_and_does_not_depend_on_how_buffers_are_cut() {
-    let mesh = beam([10, 4, 5]);
-    repeats(&mesh, &of(&mesh, Model::CompressibleStVK));
-    repeats(&mesh, &pooled(&mesh, Model::CompressibleStVK));
-    let mesh = half_bricks(CELLS);
-    repeats(&mesh, &of(&mesh, Model::CompressibleStVK));
+fn worlds_are_not_taken_for_each_other() {
+    let Some(mut backend) = device(&GpuOptions::default()) else { return };
+    let mesh = beam([4, 2, 2]);
+    let u = displacements(&mesh, &STATES[0]);
+    for model in [Model::StVK, Model::Linear] {
+        let (mut simulation, energy, _) = posed(&of(&mesh, model), &u, Precision::F64);
+        let found = backend.evaluate::<f64>(simulation.world_mut()).unwrap().energies[0];
+        assert!((found - energy).abs() < 1e-5 * energy, "{model:?}: {found} of {energy}");
+    }
 }
 
-fn repeats(mesh: &Mesh, description: &BodyDescription<'_>) {
-    let Some(mut whole) = device(&GpuOptions::default()) else { return };
+#[test]
+fn repeats_bit_for_bit_and_does_not_depend_on_how_buffers_are_cut() {
+    let mesh = beam([10, 4, 5]);
     // of 1200 tetrahedra 6 chunks, and 8 parts of the matrix
-    let limit = Some(128 << 10);
+    repeats(&mesh, &of(&mesh, Model::CompressibleStVK), 128 << 10);
+    repeats(&mesh, &pooled(&mesh, Model::CompressibleStVK), 128 << 10);
+    let mesh = half_bricks(CELLS);
+    repeats(&mesh, &of(&mesh, Model::CompressibleStVK), 64 << 10);
+    // 50 hexahedra, then 46
+    let mesh = bricks(CELLS);
+    repeats(&mesh, &of(&mesh, Model::CompressibleStVK), 64 << 10);
+}
+
+fn repeats(mesh: &Mesh, description: &BodyDescription<'_>, limit: u64) {
+    let Some(mut whole) = device(&GpuOptions::default()) else { return };
+    let limit = Some(limit);
     let mut cut = device(&GpuOptions { binding_limit: limit, ..GpuOptions::default() }).unwrap();
     let mut simulation = Simulation::new(SimulationOptions::default()).unwrap();
     let body = simulation.add_body(description).unwrap();

@@ -9,6 +9,7 @@ use super::{DeviceLaw, ElementColumns, InRecovery, STRESS, TETRAHEDRON, tetrahed
 /// The law.
 pub const LAW: DeviceLaw = DeviceLaw {
     recovery: InRecovery::Unchanged,
+    volumes: true,
     ..DeviceLaw::of::<Corotational>(
         TETRAHEDRON,
         &[STRESS, include_str!("polar.wgsl"), include_str!("corotational.wgsl")],

@@ -13,9 +13,10 @@ const FILES: &[&str] = &[STRESS, include_str!("fused.wgsl")];
 pub const LAW: DeviceLaw = DeviceLaw::of_tetrahedra::<FusedStVK>(FILES);
 
 /// The compression term of pooled bodies: the law with nothing but that modulus.
-pub const COMPRESSION: DeviceLaw = DeviceLaw::of_tetrahedra::<Compression>(FILES);
+pub const COMPRESSION: DeviceLaw =
+    DeviceLaw { volumes: false, ..DeviceLaw::of_tetrahedra::<Compression>(FILES) };
 
-/// The projected tangent of pooled bodies.
+/// The projected tangent of pooled bodies. Its set is that of all their tetrahedra.
 pub const PROJECTION: DeviceLaw = DeviceLaw::of_tetrahedra::<PooledProjection>(FILES);
 
 /// Its elements in a body.

@@ -15,7 +15,7 @@ use sinew_models::neo_hookean::NeoHookean;
 
 use super::{
     DEFORMATION, DeviceLaw, ElementColumns, ElementKind, InRecovery, PROJECTION, TETRAHEDRON,
-    corotational, fused, linear, neo_hookean, push_tetrahedron,
+    VOLUMES, corotational, fused, linear, neo_hookean, push_tetrahedron,
 };
 
 /// Hexahedra, eight threads each.
@@ -27,7 +27,14 @@ pub const HEXAHEDRON: ElementKind = ElementKind {
     vertices: 8,
     constants: 8 * TETRAHEDRON.constants,
     threads: 8,
-    files: &[HEXAHEDRA, DEFORMATION, include_str!("../tetrahedron.wgsl"), PROJECTION],
+    files: &[
+        HEXAHEDRA,
+        DEFORMATION,
+        include_str!("../tetrahedron.wgsl"),
+        PROJECTION,
+        include_str!("../hexahedron_volumes.wgsl"),
+        VOLUMES,
+    ],
 };
 
 /// St Venant-Kirchhoff with compression term.
@@ -37,6 +44,7 @@ pub const LINEAR: DeviceLaw = of::<Linear>(&linear::LAW);
 /// Corotational elasticity.
 pub const COROTATIONAL: DeviceLaw = DeviceLaw {
     recovery: InRecovery::Unchanged,
+    volumes: true,
     ..DeviceLaw::of::<Hexahedral<Corotational>>(HEXAHEDRON, corotational::LAW.files)
 };
 /// Stable neo-Hookean elasticity.
@@ -49,6 +57,7 @@ where
 {
     DeviceLaw {
         recovery: InRecovery::StandIn(&COROTATIONAL),
+        volumes: true,
         ..DeviceLaw::of::<Hexahedral<L>>(HEXAHEDRON, law.files)
     }
 }

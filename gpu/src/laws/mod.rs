@@ -58,6 +58,8 @@ pub const TETRAHEDRON: ElementKind = ElementKind {
         DEFORMATION,
         include_str!("../tetrahedron.wgsl"),
         PROJECTION,
+        include_str!("../tetrahedron_volumes.wgsl"),
+        VOLUMES,
     ],
 };
 
@@ -67,6 +69,8 @@ const FOUR_VERTICES: &str = include_str!("../four_vertices.wgsl");
 const DEFORMATION: &str = include_str!("../deformation.wgsl");
 /// Positive semidefinite tangents.
 const PROJECTION: &str = include_str!("../projection.wgsl");
+/// Volume ratios.
+const VOLUMES: &str = include_str!("../volumes.wgsl");
 /// Forces from a stress.
 const VERTEX_FORCES: &str = include_str!("../vertex_forces.wgsl");
 /// The same, and what tangents of isotropic laws are made of.
@@ -121,6 +125,8 @@ pub struct DeviceLaw {
     pub forces: bool,
     /// Whether it has a part in a tangent of this kind.
     pub tangent: fn(TangentKind) -> bool,
+    /// Whether its set measures volume ratios. Every solid element of a body is in one such set at most.
+    pub volumes: bool,
     /// Its WGSL, beside that of the kind of element.
     files: &'static [&'static str],
 }
@@ -136,6 +142,7 @@ impl DeviceLaw {
             is_load: L::IS_LOAD,
             forces: true,
             tangent: |_| true,
+            volumes: false,
             files,
         }
     }
@@ -145,7 +152,8 @@ impl DeviceLaw {
         let recovery =
             if L::STANDS_IN { InRecovery::StandIn(&corotational::LAW) } else { InRecovery::Silent };
         let forces = L::FORCES;
-        Self { recovery, forces, tangent: L::contributes, ..Self::of::<L>(TETRAHEDRON, files) }
+        let law = Self::of::<L>(TETRAHEDRON, files);
+        Self { recovery, forces, tangent: L::contributes, volumes: true, ..law }
     }
 
     /// The law that its elements follow.

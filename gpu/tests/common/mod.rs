@@ -88,7 +88,12 @@ pub fn noise(i: usize) -> DVec3 {
 
 /// Displacements (m) of a state.
 pub fn displacements(mesh: &Mesh, state: &State) -> Vec<DVec3> {
-    mesh.points.iter().enumerate().map(|(i, x)| (state.1)(*x, noise(i))).collect()
+    displacements_of(&mesh.points, state)
+}
+
+/// Displacements (m) of points (m) in a state.
+pub fn displacements_of(points: &[DVec3], state: &State) -> Vec<DVec3> {
+    points.iter().enumerate().map(|(i, x)| (state.1)(*x, noise(i))).collect()
 }
 
 /// Largest length of a difference over the largest length of `b`.
