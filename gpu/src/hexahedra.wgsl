@@ -47,14 +47,6 @@ fn energy_of(t: u32) -> f32 {
     return energy(e, displacement_gradient(e));
 }
 
-fn smallest_ratio(i: u32) -> f32 {
-    var smallest = LARGEST;
-    for (var q = 0u; q < 8u; q += 1u) {
-        smallest = min(smallest, volume_ratio(point(8u * i + q)));
-    }
-    return smallest;
-}
-
 // What the points of the elements of a workgroup have found, and the derivatives of vertex a at point q in place
 // 8 q + a: threads that share an element read neighbours.
 var<workgroup> found: array<mat3x3f, 256>;

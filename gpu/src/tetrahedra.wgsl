@@ -27,7 +27,3 @@ fn write_tangents(i: u32) {
     let e = element(i);
     write_tetrahedron_blocks(i, core(e, displacement_gradient(e), step.kind));
 }
-
-fn smallest_ratio(i: u32) -> f32 {
-    return volume_ratio(element(i));
-}

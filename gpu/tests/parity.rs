@@ -129,7 +129,7 @@ fn volume_ratios_of_all_elements() {
         let mut inverted = 0;
         for state in &STATES {
             let u = displacements_of(description.points, state);
-            let (mut double, ..) = posed(&description, &|_, _| {}, &u, Precision::F64);
+            let (mut double, ..) = posed(&description, &u, Precision::F64);
             let world = double.world_mut();
             world.run_system_cached(measure_volume_ratios::<f64>).unwrap();
             let cpu = world.resource::<VolumeReport>().clone();
@@ -159,7 +159,7 @@ fn worlds_are_not_taken_for_each_other() {
     let mesh = beam([4, 2, 2]);
     let u = displacements(&mesh, &STATES[0]);
     for model in [Model::StVK, Model::Linear] {
-        let (mut simulation, energy, _) = posed(&of(&mesh, model), &|_, _| {}, &u, Precision::F64);
+        let (mut simulation, energy, _) = posed(&of(&mesh, model), &u, Precision::F64);
         let found = backend.evaluate::<f64>(simulation.world_mut()).unwrap().energies[0];
         assert!((found - energy).abs() < 1e-5 * energy, "{model:?}: {found} of {energy}");
     }

@@ -27,7 +27,14 @@ pub const HEXAHEDRON: ElementKind = ElementKind {
     vertices: 8,
     constants: 8 * TETRAHEDRON.constants,
     threads: 8,
-    files: &[HEXAHEDRA, DEFORMATION, include_str!("../tetrahedron.wgsl"), PROJECTION, VOLUMES],
+    files: &[
+        HEXAHEDRA,
+        DEFORMATION,
+        include_str!("../tetrahedron.wgsl"),
+        PROJECTION,
+        include_str!("../hexahedron_volumes.wgsl"),
+        VOLUMES,
+    ],
 };
 
 /// St Venant-Kirchhoff with compression term.

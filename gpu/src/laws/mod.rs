@@ -58,6 +58,7 @@ pub const TETRAHEDRON: ElementKind = ElementKind {
         DEFORMATION,
         include_str!("../tetrahedron.wgsl"),
         PROJECTION,
+        include_str!("../tetrahedron_volumes.wgsl"),
         VOLUMES,
     ],
 };

@@ -65,9 +65,18 @@ pub struct Comparison<'a> {
     pub set_up: &'a dyn Fn(&mut Simulation, BodyHandle),
 }
 
-/// A body in a state, with its energy (that of loads included) and forces.
+/// A body in a state, with its energy and forces.
 pub fn posed(
-    description: &BodyDescription<'_>,
+    description: &BodyDescription,
+    u: &[DVec3],
+    precision: Precision,
+) -> (Simulation, f64, Vec<DVec3>) {
+    posed_in(description, &|_, _| {}, u, precision)
+}
+
+/// The same with what is beside the body; the energy is with that of loads.
+fn posed_in(
+    description: &BodyDescription,
     set_up: &dyn Fn(&mut Simulation, BodyHandle),
     u: &[DVec3],
     precision: Precision,
@@ -86,9 +95,9 @@ pub fn posed(
 /// Of the device, and of the processor in `f32`.
 fn errors(backend: &mut GpuBackend, comparison: &Comparison<'_>, state: &State) -> [Errors; 2] {
     let u = displacements(comparison.mesh, state);
-    let Comparison { description, set_up, .. } = *comparison;
-    let (mut double, energy, force) = posed(description, set_up, &u, Precision::F64);
-    let (mut single, single_energy, single_force) = posed(description, set_up, &u, Precision::F32);
+    let pose = |precision| posed_in(comparison.description, comparison.set_up, &u, precision);
+    let (mut double, energy, force) = pose(Precision::F64);
+    let (mut single, single_energy, single_force) = pose(Precision::F32);
     let device = backend.evaluate::<f64>(double.world_mut()).unwrap();
     let direction: Vec<[f32; 4]> = (0..double.topology().vertex_count())
         .map(|row| {
