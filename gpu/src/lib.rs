@@ -21,7 +21,7 @@
 //! | tetrahedra, triangles and edges of pooled bodies | tensile, angular and volumetric springs, compression term, projected tangent |
 //! | hexahedra, 2x2x2 Gauss points | St Venant-Kirchhoff with and without compression term, linear, corotational, stable neo-Hookean |
 //! | edges | springs |
-//! | axes in tetrahedra, and in hexahedra at their Gauss points | triads with angles and volume, single fibres, passive and active, volume alone |
+//! | axes in tetrahedra, and in hexahedra at their Gauss points | triads with angles and volume, single fibres, passive and active, volume alone; dampers, in safe steps |
 //! | membrane triangles | biquadratic springs with and without compression term, fused and pooled; quadratic springs, linear, corotational |
 //! | membrane quadrilaterals, 2x2 Gauss points | biquadratic springs with and without compression term, linear, corotational |
 //! | surface triangles | follower pressure, in safe steps |
@@ -56,7 +56,7 @@
 //!     Err(error) => panic!("{error}"),
 //! }
 //! // every law is a whole module
-//! assert_eq!(sinew_gpu::laws::LAWS.len(), 33);
+//! assert_eq!(sinew_gpu::laws::LAWS.len(), 35);
 //! assert!(sinew_gpu::sources::all().iter().all(|module| module.text.contains("@compute")));
 //! ```
 pub mod backend;

@@ -341,6 +341,23 @@ fn a_drum_swings_on_its_rim() {
     agree(&runs, 1e-4, "drum");
 }
 
+#[test]
+fn dampers_along_fibres_beside_stiffness_damping() {
+    let along = [DVec3::new(1.0, 0.0, 1.0)];
+    for (name, mesh) in [("tetrahedra", beam([8, 3, 3])), ("hexahedra", bricks([8, 3, 3]))] {
+        let family = AxisFamily { viscosity: 200.0, ..AxisFamily::new("f", &along, 2e4) };
+        let axes = AxesDescription { families: vec![family], ..AxesDescription::default() };
+        let description = with_axes(&mesh, Model::CompressibleStVK, axes.into_owned());
+        for stiffness_damping in [0.0, 0.003] {
+            let settings = SolverSettings { stiffness_damping, ..settings() };
+            let scene = |s: &mut Simulation, body: BodyHandle| hold(s, body, &mesh, "x0");
+            let Some(runs) = run_both(&description, 20, &settings, scene) else { return };
+            agree(&runs, 1e-4, &format!("dampers in {name} beside {stiffness_damping}"));
+            assert!(runs[1].reports.last().unwrap().damping_dissipation > 0.0);
+        }
+    }
+}
+
 /// Axes say nothing while their body recovers.
 #[test]
 fn a_crushed_body_with_axes_recovers() {
