@@ -6,7 +6,7 @@ use glam::DVec3;
 use sinew::gpu::{GpuBackend, GpuError, GpuOptions};
 use sinew::prelude::{AxisForm, Backend, Evaluation, Integrator, Precision};
 use sinew_demos::axes::AxesEntry;
-use sinew_demos::build::{BuildOptions, build};
+use sinew_demos::build::{BuildOptions, BuiltBody, build};
 use sinew_demos::error::RunError;
 use sinew_demos::run::{RunOptions, Silent, run};
 use sinew_demos::scene::LoadedScene;
@@ -64,7 +64,8 @@ fn differences(name: &str, mut loaded: LoadedScene, steps: u64) -> Option<[f64; 
         say(&format!(
             "{name} {backend:?} {precision:?}: {iterations} iterations, residual {residual:.1e}"
         ));
-        built.simulation.displacements(built.bodies[0].handle)
+        let of = |body: &BuiltBody| built.simulation.displacements(body.handle);
+        built.bodies.iter().flat_map(of).collect::<Vec<_>>()
     });
     let largest = truth.iter().map(|u| u.length()).fold(0.0, f64::max);
     let apart = |(a, b): (&DVec3, &DVec3)| (*a - *b).length();

@@ -35,6 +35,10 @@
 //!   elements, set after set in the order of the laws on the processor. With sums by fixed trees results are
 //!   the same bit for bit on one device, however buffers are cut.
 //! * **The tangent is assembled**, all 3x3 blocks of a row side by side; `matrix.rs` says why.
+//! * **Constants go up when they change**, those of the laws that read them: activations, a new material, removed
+//!   elements. Lists and matrices stay, unless vertices of elements are others.
+//! * **A pressure is a set of elements** whose factor is its value in the step. Products count on blocks of a row
+//!   that sum up to 0; where pressure acts, what is missing is kept beside. Its potential is booked as load.
 //! * **The host sees sums only.** A smooth step waits three times: for conjugate gradients, which run in batches
 //!   as long as last time and verify their true residual on the device; for the line search; for the end.
 //! * **Buffers are cut** to the adapter's binding limit: elements into chunks, the matrix into ranges of rows.
