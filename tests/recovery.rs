@@ -163,7 +163,7 @@ fn every_material_gives_way_to_the_corotational_energy() {
     let body = |model, evaluation| {
         let mut simulation = Simulation::new(SimulationOptions::default()).unwrap();
         let axes = (model == Model::Axes)
-            .then(|| AxesDescription::isotropic(soft(1e4, 0.3).lame().unwrap()).into());
+            .then(|| AxesDescription::isotropic(soft(1e4, 0.3).lame().unwrap()));
         let own = BodyDescription::new("body", &mesh, soft(1e4, 0.3));
         let body =
             simulation.add_body(&BodyDescription { model, evaluation, axes, ..own }).unwrap();

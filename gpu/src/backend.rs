@@ -161,8 +161,8 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
             return Err(GpuError::Law { body: rows.name.clone(), law: law.into() });
         }
     }
-    if has_dampers(world) {
-        return Err(GpuError::WorldLaw { law: "dampers".into() });
+    if settings.integrator.is_explicit() && has_dampers(world) {
+        return Err(GpuError::WorldLaw { law: "axial dampers in explicit substeps".into() });
     }
     if let Some(active) = world.get_resource::<ActiveLaws>()
         && let Some(law) = active.0.iter().find(|law| !laws::is_known(law))
@@ -184,10 +184,7 @@ fn preconditioner(settings: &SolverSettings, vertices: u32) -> Preconditioner {
 /// The first part of a body without a twin on the device.
 fn missing(soft: &SoftBody) -> Option<&'static str> {
     let axes = &soft.axes.as_ref()?.description;
-    if axes.form != AxisForm::EnergyConsistent {
-        return Some("axes in their printed form");
-    }
-    axes.families.iter().any(|family| family.viscosity > 0.0).then_some("axial dampers")
+    (axes.form != AxisForm::EnergyConsistent).then_some("axes in their printed form")
 }
 
 /// The one system of [`StepSystems::Integrate`].
@@ -301,6 +298,8 @@ impl GpuBackend {
             let topology = world.resource::<Topology>();
             let body = &topology.bodies[i];
             let resident = &mut self.bodies[i];
+            let elements = &mut resident.body.elements;
+            elements.set_stiffness_damping(&self.context, settings.stiffness_damping);
             let moves = resident.tell(&self.context, &node, rows.clone(), body, behind);
             let mut own = StepReport::default();
             // nothing that is decided needs it while the columns are behind
@@ -403,7 +402,7 @@ impl GpuBackend {
         let revision = (world.id(), world.resource::<Topology>().revision);
         let with_matrix = !settings.integrator.is_explicit();
         let two_levels = settings.preconditioner != Preconditioner::BlockJacobi;
-        let damped = settings.stiffness_damping > 0.0;
+        let damped = settings.stiffness_damping > 0.0 || has_dampers(world);
         let made_for = [with_matrix, with_matrix && damped, with_matrix && two_levels];
         let serves = self.made_for.iter().zip(made_for).all(|(&has, needs)| has || !needs);
         let tick = self.tick.filter(|_| serves && self.revision == Some(revision));
@@ -488,11 +487,14 @@ impl GpuBackend {
         if changed.iter().any(|name| laws::LAWS.iter().all(|law| law.name != *name)) {
             return false;
         }
+        // who reads dampers does not say when they change
+        let dampers = laws::LAWS.iter().filter(|law| law.is_damper).map(|law| law.name);
+        let renewed: Vec<_> = changed.iter().copied().chain(dampers).collect();
         let mut found = Vec::with_capacity(self.bodies.len());
         for (i, resident) in self.bodies.iter().enumerate() {
             let first = world.resource::<Topology>().bodies[i].vertices.start;
-            let own = laws::columns::<S>(world, i, first, |law| changed.contains(&law.name));
-            if !resident.body.elements.serve(changed, &own) {
+            let own = laws::columns::<S>(world, i, first, |law| renewed.contains(&law.name));
+            if !resident.body.elements.serve(&renewed, &own) {
                 return false;
             }
             found.push(own);

@@ -88,6 +88,8 @@ pub(crate) struct Elements {
     load_sums: Range<usize>,
     /// Vertex rows on which loads that are laws act.
     pub loaded_rows: Vec<u32>,
+    /// Rayleigh damping of the step (s).
+    stiffness_damping: f64,
 }
 
 impl Elements {
@@ -186,7 +188,15 @@ impl Elements {
             loads.flat_map(|(_, columns)| &columns.nodes).copied().collect();
         loaded_rows.sort_unstable();
         loaded_rows.dedup();
-        Self { chunks, rows: n, sets, energy_sums: sums - first_sum, load_sums, loaded_rows }
+        Self {
+            chunks,
+            rows: n,
+            sets,
+            energy_sums: sums - first_sum,
+            load_sums,
+            loaded_rows,
+            stiffness_damping: 0.0,
+        }
     }
 
     /// Whether these are all elements of the laws `names`, as they were uploaded but for their constants.
@@ -214,13 +224,25 @@ impl Elements {
     pub fn set_factor(&mut self, context: &Context, load: Entity, value: f32) {
         for set in self.sets.iter().filter(|set| set.load == Some(load)) {
             for chunk in &mut self.chunks[set.chunks.clone()] {
-                let (buffer, values) = &mut chunk.uniform;
-                if values.factor != value {
-                    values.factor = value;
-                    context.write(buffer, 0, &[*values]);
-                }
+                chunk.set_factor(context, value);
             }
         }
+    }
+
+    /// Takes note of the stiffness damping (s): dampers are divided by it, since the whole damping matrix is
+    /// multiplied by it. Without it the matrix is that of the dampers.
+    pub fn set_stiffness_damping(&mut self, context: &Context, value: f64) {
+        self.stiffness_damping = value;
+        let factor = if value > 0.0 { (1.0 / value) as f32 } else { 1.0 };
+        for chunk in self.chunks.iter_mut().filter(|chunk| chunk.law.is_damper) {
+            chunk.set_factor(context, factor);
+        }
+    }
+
+    /// What the damping matrix has to be multiplied by (s); 0 where there is no damping.
+    pub fn damping_factor(&self) -> f64 {
+        let dampers = self.chunks.iter().any(|chunk| chunk.law.is_damper);
+        if self.stiffness_damping > 0.0 { self.stiffness_damping } else { f64::from(dampers) }
     }
 
     /// Whether loads are among the elements.
@@ -338,8 +360,11 @@ impl Elements {
         };
         let (mut first, mut first_load) = (true, true);
         for chunk in &self.chunks {
-            let law = chunk.law.now(recovering).filter(|law| (law.tangent)(kind));
-            let Some(law) = law else { continue };
+            let takes_part = |law: &&DeviceLaw| {
+                let elastic = !damping || self.stiffness_damping > 0.0;
+                law.is_damper && damping || elastic && (law.tangent)(kind)
+            };
+            let Some(law) = chunk.law.now(recovering).filter(takes_part) else { continue };
             pass.set_bind_group(0, rows, &[]);
             if law.is_load {
                 chunk.run(context, law, "row_sums", pass);
@@ -376,6 +401,14 @@ fn silence(context: &Context, entry: &'static str) -> wgpu::ComputePipeline {
 }
 
 impl Chunk {
+    fn set_factor(&mut self, context: &Context, value: f32) {
+        let (buffer, values) = &mut self.uniform;
+        if values.factor != value {
+            values.factor = value;
+            context.write(buffer, 0, &[*values]);
+        }
+    }
+
     /// A pass over the elements by a law; rows are bound.
     fn run(
         &self,

@@ -21,7 +21,7 @@
 //! | tetrahedra, triangles and edges of pooled bodies | tensile, angular and volumetric springs, compression term, projected tangent |
 //! | hexahedra, 2x2x2 Gauss points | St Venant-Kirchhoff with and without compression term, linear, corotational, stable neo-Hookean |
 //! | edges | springs |
-//! | axes in tetrahedra, and in hexahedra at their Gauss points | triads with angles and volume, single fibres, passive and active, volume alone |
+//! | axes in tetrahedra, and in hexahedra at their Gauss points | triads with angles and volume, single fibres, passive and active, volume alone; dampers, in safe steps |
 //! | membrane triangles | biquadratic springs with and without compression term, fused and pooled; quadratic springs, linear, corotational |
 //! | membrane quadrilaterals, 2x2 Gauss points | biquadratic springs with and without compression term, linear, corotational |
 //! | surface triangles | follower pressure, in safe steps |
@@ -36,6 +36,10 @@
 //!   the same bit for bit on one device, however buffers are cut.
 //! * **Two levels** precondition (`coarse.rs`): from 600 vertices on by default, and as `"multigrid"`.
 //! * **The tangent is assembled**, all 3x3 blocks of a row side by side; `matrix.rs` says why.
+//! * **Constants go up when they change**, those of the laws that read them: activations, a new material, removed
+//!   elements. Lists and matrices stay, unless vertices of elements are others.
+//! * **A pressure is a set of elements** whose factor is its value in the step. Products count on blocks of a row
+//!   that sum up to 0; where pressure acts, what is missing is kept beside. Its potential is booked as load.
 //! * **The host sees sums only.** A smooth step waits three times: for conjugate gradients, which run in batches
 //!   as long as last time and verify their true residual on the device; for the line search; for the end.
 //! * **Buffers are cut** to the adapter's binding limit: elements into chunks, the matrix into ranges of rows.
@@ -58,7 +62,7 @@
 //!     Err(error) => panic!("{error}"),
 //! }
 //! // every law is a whole module
-//! assert_eq!(sinew_gpu::laws::LAWS.len(), 33);
+//! assert_eq!(sinew_gpu::laws::LAWS.len(), 35);
 //! assert!(sinew_gpu::sources::all().iter().all(|module| module.text.contains("@compute")));
 //! ```
 pub mod backend;

@@ -6,7 +6,8 @@
 //!
 //! * elements inside out, or a body in recovery, since energies then decide on its law;
 //! * other held vertices than in the last step, which may be anywhere;
-//! * a constraint that begins and a removal that was asked for ([`columns_needed`]);
+//! * a constraint that begins, a removal that was asked for, and muscles, whose work is found from the columns
+//!   ([`columns_needed`]);
 //! * new element columns or other bodies, explicit substeps, and bodies whose volume ratios only the processor has:
 //!   springs without a law of tetrahedra.
 //!
@@ -22,6 +23,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{ColumnsBehind, StepClock, VolumesReported, write_positions};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::BodyId;
+use sinew_models::axes::muscle::Muscles;
 use sinew_models::resection::RemovalRequest;
 use sinew_solvers::state::{NodeState, write_state};
 use std::ops::Range;
@@ -57,8 +59,11 @@ pub fn fetch_state<S: Scalar>(world: &mut World) {
     world.insert_resource(backend);
 }
 
-/// Whether the next step reads columns outside the integrator: a constraint that begins, or a removal.
+/// Whether the next step reads columns outside the integrator: a constraint that begins, a removal, or muscles.
 pub fn columns_needed(world: &mut World) -> bool {
+    if world.contains_resource::<Muscles>() {
+        return true;
+    }
     let clock = *world.resource::<StepClock>();
     let end = clock.time + clock.dt;
     let begins = |c: &Constraint| c.start.len() != c.rows.len() && c.active(end);

@@ -106,7 +106,7 @@ impl SafeStep<'_> {
             rate: rate as f32,
             inertia: (rate * rate) as f32,
             mass_damping: (settings.mass_damping * rate) as f32,
-            stiffness_damping: (settings.stiffness_damping * rate) as f32,
+            stiffness_damping: (self.body.elements.damping_factor() * rate) as f32,
             tolerance: settings.linear_tolerance as f32,
             max_iterations: settings.max_linear_iterations,
             t: 1.0,
@@ -124,7 +124,7 @@ impl SafeStep<'_> {
     }
 
     fn damped(&self) -> bool {
-        self.settings.stiffness_damping > 0.0
+        self.body.elements.damping_factor() > 0.0
     }
 
     /// Carries out the step up to where it only has to be accepted.
@@ -191,7 +191,7 @@ impl SafeStep<'_> {
         let sums = start_sums.wait::<[f32; 4]>(context)?;
         let start = |at: usize, k: usize| total(&sums, 2, at, k);
         let (free_before, held_before) = (start(0, 0), start(0, 1));
-        let stiffness_damping = self.settings.stiffness_damping / self.dt;
+        let stiffness_damping = body.elements.damping_factor() / self.dt;
         let damping = 0.5 * stiffness_damping * start(0, 2);
         // loads along the displacements at the start, and along the way of the held vertices
         let (loads_before, loads_moved) = (start(1, 0), start(0, 3));
@@ -334,8 +334,7 @@ impl SafeStep<'_> {
         let end = |sums: &[[f32; 4]], at: usize, k: usize| total(sums, 3, at, k);
         let (mut kinetic, held) = (end(&sums, 0, 0), end(&sums, 0, 1));
         report.damping_dissipation += self.dt
-            * (2.0 * self.settings.mass_damping * kinetic
-                + self.settings.stiffness_damping / self.dt * end(&sums, 0, 2));
+            * (2.0 * self.settings.mass_damping * kinetic + stiffness_damping * end(&sums, 0, 2));
         let load_work = end(&sums, 0, 3);
         let potential = trial_energy.total() - (loads_before + load_work);
         if kinetic > 0.0 && kinetic + potential > budget + NOISE * (kinetic + potential.abs()) {

@@ -3,7 +3,7 @@ mod common;
 
 use common::compare::{Comparison, compare, compare_in, compare_on};
 use common::{
-    MATERIAL, Run, STATES, State, beam, bricks, close, half_bricks, relative, run_both, say,
+    MATERIAL, Run, STATES, State, beam, bricks, close, device, half_bricks, relative, run_both, say,
 };
 use glam::{DVec2, DVec3};
 use sinew::engine::mesh::Mesh;
@@ -13,7 +13,7 @@ use sinew::models::axes::muscle::activate_at;
 use sinew::models::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
-use sinew_gpu::GpuReport;
+use sinew_gpu::{GpuOptions, GpuReport};
 
 /// Four families that are not orthogonal, two of them active, five angles: triads, fibres and a term of volume,
 /// some elements without a share.
@@ -339,6 +339,74 @@ fn a_drum_swings_on_its_rim() {
     };
     let Some(runs) = run_both(&description, 20, &settings(), scene) else { return };
     agree(&runs, 1e-4, "drum");
+}
+
+#[test]
+fn dampers_along_fibres_beside_stiffness_damping() {
+    let along = [DVec3::new(1.0, 0.0, 1.0)];
+    for (name, mesh) in [("tetrahedra", beam([8, 3, 3])), ("hexahedra", bricks([8, 3, 3]))] {
+        let family = AxisFamily { viscosity: 200.0, ..AxisFamily::new("f", &along, 2e4) };
+        let axes = AxesDescription { families: vec![family], ..AxesDescription::default() };
+        let description = with_axes(&mesh, Model::CompressibleStVK, axes.into_owned());
+        for stiffness_damping in [0.0, 0.003] {
+            let settings = SolverSettings { stiffness_damping, ..settings() };
+            let scene = |s: &mut Simulation, body: BodyHandle| hold(s, body, &mesh, "x0");
+            let Some(runs) = run_both(&description, 20, &settings, scene) else { return };
+            agree(&runs, 1e-4, &format!("dampers in {name} beside {stiffness_damping}"));
+            assert!(runs[1].reports.last().unwrap().damping_dissipation > 0.0);
+        }
+    }
+}
+
+/// A notch through fibres, dampers, skin and loaded faces.
+#[test]
+fn removed_elements_take_their_axes_and_faces_along() {
+    let mesh = beam([8, 3, 3]);
+    let skin = mesh.surface_triangles();
+    let along = [DVec3::new(1.0, 0.0, 1.0)];
+    let family = AxisFamily { viscosity: 100.0, ..AxisFamily::new("f", &along, 2e4) };
+    let axes = AxesDescription { families: vec![family], ..AxesDescription::default() };
+    let description = BodyDescription {
+        membrane: Some(MembraneDescription::new(&skin, 1e-3, MATERIAL)),
+        ..with_axes(&mesh, Model::CompressibleStVK, axes.into_owned())
+    };
+    let near = |x: DVec3| (x.x - 0.1).abs() < 0.03 && x.z > 0.03;
+    let middle =
+        |t: &[u32]| t.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / t.len() as f64;
+    let scene = |s: &mut Simulation, body: BodyHandle| {
+        hold(s, body, &mesh, "x0");
+        let faces = s.face_rows(body, "air", &skin).unwrap();
+        let curve = Curve::ramp(0.0, 0.2);
+        s.add_pressure(Pressure { name: "air".into(), faces, pressure: 100.0, curve });
+        (0..3).for_each(|_| s.step().unwrap());
+        let notch = (0..).zip(&mesh.tetrahedra).filter(|(_, t)| near(middle(&t[..])));
+        let notch = notch.map(|(i, _)| i).collect::<Vec<u32>>();
+        assert!(notch.len() > 10);
+        s.remove_elements(body, &Removal::new(Region::Tetrahedra(notch))).unwrap();
+        let torn = (0..).zip(&skin).filter(|(_, t)| near(middle(&t[..])));
+        let torn = torn.map(|(i, _)| i).collect::<Vec<u32>>();
+        s.remove_elements(body, &Removal::new(Region::Triangles(torn))).unwrap();
+    };
+    let Some(runs) = run_both(&description, 10, &settings(), scene) else { return };
+    agree(&runs, 1e-4, "notched");
+}
+
+#[test]
+fn explicit_substeps_refuse_pressures_and_dampers_by_name() {
+    let mesh = beam([3, 2, 2]);
+    let skin = mesh.surface_triangles();
+    let Some(backend) = device(&GpuOptions::default()) else { return };
+    let mut simulation = Simulation::with_gpu(SimulationOptions::default(), backend).unwrap();
+    let body = simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
+    simulation.set_solver(SolverSettings { integrator: Integrator::StormerVerlet, ..settings() });
+    simulation.step().unwrap();
+    let faces = simulation.face_rows(body, "air", &skin).unwrap();
+    let curve = Curve::Constant;
+    simulation.add_pressure(Pressure { name: "air".into(), faces, pressure: 1.0, curve });
+    let error = simulation.step().unwrap_err().to_string();
+    assert!(error.contains("follower pressure in explicit"), "{error}");
+    simulation.set_solver(settings());
+    simulation.step().unwrap();
 }
 
 /// Axes say nothing while their body recovers.

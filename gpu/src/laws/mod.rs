@@ -3,6 +3,7 @@
 
 pub mod axes;
 pub mod corotational;
+pub mod dampers;
 pub mod fused;
 pub mod hexahedra;
 pub mod linear;
@@ -16,6 +17,8 @@ pub mod stvk_fem;
 pub mod warped;
 
 use bevy_ecs::prelude::*;
+use sinew_engine::element::AxisVertices;
+use sinew_engine::isoparametric::AxisHexahedronVertices;
 use sinew_engine::law::{Law, TangentKind};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
@@ -125,6 +128,8 @@ pub struct DeviceLaw {
     pub forces: bool,
     /// Whether it has a part in a tangent of this kind.
     pub tangent: fn(TangentKind) -> bool,
+    /// Whether it is a part of the damping matrix, and of nothing else.
+    pub is_damper: bool,
     /// Whether its set measures volume ratios. Every solid element of a body is in one such set at most.
     pub volumes: bool,
     /// Its WGSL, beside that of the kind of element.
@@ -142,6 +147,7 @@ impl DeviceLaw {
             is_load: L::IS_LOAD,
             forces: true,
             tangent: |_| true,
+            is_damper: false,
             volumes: false,
             files,
         }
@@ -172,7 +178,7 @@ impl DeviceLaw {
 }
 
 /// All laws with a twin.
-pub static LAWS: [DeviceLaw; 33] = [
+pub static LAWS: [DeviceLaw; 35] = [
     fused::LAW,
     fused::COMPRESSION,
     fused::PROJECTION,
@@ -206,6 +212,8 @@ pub static LAWS: [DeviceLaw; 33] = [
     membranes::COMPRESSION,
     membranes::PROJECTION,
     pressure::LAW,
+    dampers::IN_TETRAHEDRA,
+    dampers::IN_HEXAHEDRA,
 ];
 
 /// Names of systems that have no elements of their own here: others do their part.
@@ -284,6 +292,8 @@ fn finders<S: Scalar>() -> Vec<(DeviceLaw, Find)> {
         (axes::HEXAHEDRON_TRIADS, axes::hexahedron_triads::<S>),
         (axes::HEXAHEDRON_FIBRES, axes::hexahedron_fibres::<S>),
         (axes::HEXAHEDRON_VOLUMES, axes::hexahedron_volumes::<S>),
+        (dampers::IN_TETRAHEDRA, dampers::columns::<4, AxisVertices>),
+        (dampers::IN_HEXAHEDRA, dampers::columns::<8, AxisHexahedronVertices>),
         (membranes::BIQUADRATIC, membranes::columns::<BiquadraticMembrane, S>),
         (membranes::QUADRATIC, membranes::columns::<QuadraticMembrane, S>),
         (membranes::LINEAR, membranes::columns::<LinearMembrane, S>),
