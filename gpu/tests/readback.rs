@@ -122,7 +122,7 @@ fn same_bits_however_the_state_is_read() {
         ("changes from outside", of(&mesh, Model::Corotational), 12, &outside),
         ("scrambled", of(&mesh, Model::CompressibleStVK), 40, &scrambled),
         ("springs, whose volumes the processor has", of(&mesh, Model::MassSpring), 6, &late),
-        ("muscle, whose work the processor finds", muscle, 6, &late),
+        ("muscle, whose work is found from the columns before a step", muscle, 6, &late),
     ];
     for (name, description, steps, scene) in scenes {
         // both ask now and then; what is asked for must not matter
