@@ -456,3 +456,20 @@ fn what_has_no_twin_is_refused_by_name() {
         assert!(error.contains(word), "{error}");
     }
 }
+
+#[test]
+fn a_body_beyond_the_limits_of_the_adapter_is_refused_with_a_remedy() {
+    let mesh = beam([10, 4, 5]);
+    let options = GpuOptions { binding_limit: Some(16 << 10), ..GpuOptions::default() };
+    let Some(backend) = device(&options) else { return };
+    let mut simulation = Simulation::with_gpu(SimulationOptions::default(), backend).unwrap();
+    let body = simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
+    simulation.set_solver(settings());
+    let error = simulation.step().unwrap_err().to_string();
+    for word in ["bytes in one binding", "16384", "coarser mesh", "\"cpu\""] {
+        assert!(error.contains(word), "{error}");
+    }
+    // nothing has happened
+    assert_eq!(simulation.time(), 0.0);
+    assert!(simulation.displacements(body).iter().all(|u| *u == DVec3::ZERO));
+}
