@@ -124,6 +124,20 @@ const SHEET_MODELS: [MembraneModel; 6] = [
     MembraneModel::MassSpring,
 ];
 
+/// A membrane alone, in the states of sheets.
+fn compare_sheet(law: &str, mesh: &Mesh, membrane: MembraneDescription<'_>) {
+    compare_in(Comparison {
+        law,
+        description: &BodyDescription {
+            membrane: Some(membrane),
+            ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
+        },
+        mesh,
+        states: &SHEET_STATES,
+        set_up: &|_, _| {},
+    });
+}
+
 #[test]
 fn sheets() {
     let mesh = triangle_grid(DVec2::new(0.2, 0.05), [16, 5]).unwrap();
@@ -134,16 +148,7 @@ fn sheets() {
                 evaluation,
                 ..MembraneDescription::new(&mesh.triangles, 1e-3, MATERIAL)
             };
-            compare_in(Comparison {
-                law: &format!("{} {evaluation:?}", model.name()),
-                description: &BodyDescription {
-                    membrane: Some(membrane),
-                    ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
-                },
-                mesh: &mesh,
-                states: &SHEET_STATES,
-                set_up: &|_, _| {},
-            });
+            compare_sheet(&format!("{} {evaluation:?}", model.name()), &mesh, membrane);
         }
     }
 }
@@ -157,16 +162,7 @@ fn sheets_of_quadrilaterals() {
             quads: &mesh.quads,
             ..MembraneDescription::new(&[], 1e-3, MATERIAL)
         };
-        compare_in(Comparison {
-            law: &format!("{} quads", model.name()),
-            description: &BodyDescription {
-                membrane: Some(membrane),
-                ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
-            },
-            mesh: &mesh,
-            states: &SHEET_STATES,
-            set_up: &|_, _| {},
-        });
+        compare_sheet(&format!("{} quads", model.name()), &mesh, membrane);
     }
 }
 
