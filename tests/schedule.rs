@@ -9,7 +9,7 @@ use bevy_ecs::schedule::{ScheduleBuildError, ScheduleBuildWarning, ScheduleLabel
 use common::*;
 use glam::DVec3;
 use sinew::engine::element::{EdgeVertices, TetrahedronEdges, TetrahedronVertices};
-use sinew::engine::law::LawBuffer;
+use sinew::engine::law::LawBuffers;
 use sinew::engine::load::apply_constraints;
 use sinew::engine::matrix::Tangent;
 use sinew::engine::mesh::Mesh;
@@ -18,7 +18,7 @@ use sinew::engine::schedule::{
 };
 use sinew::engine::step::{install_engine, run_step};
 use sinew::engine::vertex::{Displacement, ElasticForce, RestPosition, VertexIndex};
-use sinew::models::pooled::{Tensile, TriangleVertices};
+use sinew::models::pooled::TriangleVertices;
 use sinew::prelude::*;
 
 type Kind = (Model, Evaluation);
@@ -168,7 +168,7 @@ fn a_scene_pays_only_for_what_it_uses() {
     let fused = &mut scene(&[FUSED], executor);
     assert_eq!(laws(fused), ["fused St Venant-Kirchhoff"]);
     assert_eq!(systems(fused, ForceSchedule), FRAME + LAW);
-    assert!(!fused.world().contains_resource::<LawBuffer<Tensile, f64>>());
+    assert!(fused.world().resource::<LawBuffers<f64>>().id("tensile springs").is_none());
     assert_eq!(count::<EdgeVertices, ()>(fused), 0);
     assert_eq!(count::<TriangleVertices, ()>(fused), 0);
     assert_eq!(count::<TetrahedronVertices, ()>(fused), small().tetrahedra.len());

@@ -5,10 +5,10 @@ mod common;
 
 use common::{SIZES, beam, bent, evaluate, request};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use sinew::engine::law::{LawBuffer, TangentKind};
+use sinew::engine::law::{LawBuffers, TangentKind};
 use sinew::engine::matrix::Tangent;
 use sinew::engine::workers::Workers;
-use sinew::models::fused::FusedStVK;
+use sinew::models::fused::{FusedStVK, TetrahedronLaw};
 use sinew::prelude::*;
 
 fn gather(c: &mut Criterion) {
@@ -21,7 +21,8 @@ fn gather(c: &mut Criterion) {
             request(&mut simulation, false, true, Some(TangentKind::Exact));
             evaluate(&mut simulation);
             let world = simulation.world();
-            let buffer = world.resource::<LawBuffer<FusedStVK, f64>>();
+            let buffers = world.resource::<LawBuffers<f64>>();
+            let buffer = buffers.get(FusedStVK::NAME).unwrap();
             let workers = world.resource::<Workers>();
             let mut total = vec![[0.0; 4]; simulation.topology().vertex_count()];
             group.bench_function(BenchmarkId::new("forces", threads), |b| {

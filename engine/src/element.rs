@@ -38,6 +38,7 @@ pub struct EdgeVertices(pub [u32; 2]);
 
 /// Off-diagonal block of the tangent that an edge owns (index into the edge graph).
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct EdgeBlock(pub u32);
 
@@ -129,6 +130,7 @@ pub struct TetrahedronVertices(pub [u32; 4]);
 
 /// Tangent blocks (edge-graph indices) of the six edges of a tetrahedron.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct TetrahedronBlocks(pub [u32; 6]);
 
@@ -263,6 +265,7 @@ pub struct MembraneVertices(pub [u32; 3]);
 
 /// Tangent blocks (edge-graph indices) of a membrane triangle, block `i` opposite vertex `i`.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct MembraneBlocks(pub [u32; 3]);
 
@@ -405,6 +408,7 @@ pub struct AxisVertices(pub [u32; 4]);
 
 /// Tangent blocks (edge-graph indices) of the tetrahedron that axes lie in.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct AxisBlocks(pub [u32; 6]);
 

@@ -194,6 +194,7 @@ pub struct HexahedronVertices(pub [u32; 8]);
 
 /// Tangent blocks (edge-graph indices) of a hexahedron in the order of [`HEXAHEDRON_PAIRS`].
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct HexahedronBlocks(pub [u32; 28]);
 
@@ -359,6 +360,7 @@ pub struct AxisHexahedronVertices(pub [u32; 8]);
 
 /// Tangent blocks of that hexahedron, in the order of its pairs.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct AxisHexahedronBlocks(pub [u32; 28]);
 
@@ -375,6 +377,7 @@ pub struct QuadVertices(pub [u32; 4]);
 
 /// Tangent blocks (edge-graph indices) of a membrane quadrilateral in the order of [`QUAD_PAIRS`].
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(summary_tick)]
 #[repr(transparent)]
 pub struct QuadBlocks(pub [u32; 6]);
 

@@ -1,6 +1,6 @@
 //! How laws and solvers meet: an [`EvaluationRequest`] says what is wanted, every law writes into
-//! its own [`LawBuffer`] (so laws never conflict and may run in parallel), and a gather system per
-//! law adds the buffers up in a fixed order.
+//! its own [`LawBuffer`] (so laws never conflict and may run in parallel), and the gather adds the
+//! buffers up in a fixed order.
 //!
 //! A buffer holds private arrays for a fixed set of element ranges. Because elements are sorted by
 //! vertex row, a range touches only a short span of rows and of tangent blocks, and its private
@@ -11,9 +11,10 @@ use crate::matrix::BlockMatrix;
 use crate::scalar::Scalar;
 use crate::topology::Topology;
 use crate::workers::Workers;
-use bevy_ecs::prelude::Resource;
-use std::marker::PhantomData;
+use bevy_ecs::component::ComponentId;
+use bevy_ecs::prelude::{Resource, World};
 use std::ops::Range;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Which second derivative, or positive semidefinite stand-in for it, a tangent is.
@@ -74,6 +75,19 @@ impl BodiesWithoutRecovery {
     }
 }
 
+/// Laws that are switched off, by name: neither evaluated nor summed up, and named in the report of a run.
+/// Bodies that rely on one have no energy of it. Takes effect at the next evaluation.
+#[derive(Resource, Clone, Debug, Default, PartialEq, Eq)]
+pub struct DisabledLaws(pub Vec<&'static str>);
+
+impl DisabledLaws {
+    /// Whether a law is switched off.
+    #[inline]
+    pub fn contains(&self, name: &str) -> bool {
+        self.0.iter().any(|law| *law == name)
+    }
+}
+
 /// Elastic energy of the last evaluation (J), with the potential of loads that are laws.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct ElasticEnergy {
@@ -83,7 +97,7 @@ pub struct ElasticEnergy {
     pub by_law: Vec<(&'static str, f64)>,
     /// Sum over all laws for each body, in the order of [`Topology::bodies`].
     pub by_body: Vec<f64>,
-    /// Part of `total` that is no elastic energy but the potential of loads ([`Law::IS_LOAD`]).
+    /// Part of `total` that is no elastic energy but the potential of loads ([`LawInfo::is_load`]).
     pub load: f64,
 }
 
@@ -94,15 +108,21 @@ impl ElasticEnergy {
     }
 }
 
-/// A force law: a marker type that names its buffer and its place in the sum.
-pub trait Law: Send + Sync + 'static {
-    /// Name shown in reports.
-    const NAME: &'static str;
-    /// Place in the fixed order in which contributions are added; unique per law.
-    const ORDER: u8;
+/// What the engine knows of a law.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LawInfo {
+    /// Name shown in reports; unique.
+    pub name: &'static str,
     /// Whether its energy is the potential of a load: part of what solvers minimise, but booked as work of
     /// loads and not as elastic energy.
-    const IS_LOAD: bool = false;
+    pub is_load: bool,
+}
+
+impl LawInfo {
+    /// A law whose energy is elastic.
+    pub const fn elastic(name: &'static str) -> Self {
+        Self { name, is_load: false }
+    }
 }
 
 /// Private arrays of one range of elements.
@@ -234,19 +254,18 @@ impl<S: Scalar> Span<S> {
     }
 }
 
-/// Contribution of law `L` to forces, tangent and energy.
-#[derive(Resource, Debug)]
-pub struct LawBuffer<L: Law, S: Scalar> {
+/// Contribution of one law to forces, tangent and energy.
+#[derive(Clone, Debug)]
+pub struct LawBuffer<S> {
     /// Fixed ranges of elements with their private arrays.
     pub spans: Vec<Span<S>>,
     /// Host time of the law's last evaluation; the gather books it.
     pub time: Duration,
-    law: PhantomData<fn() -> L>,
 }
 
-impl<L: Law, S: Scalar> Default for LawBuffer<L, S> {
+impl<S> Default for LawBuffer<S> {
     fn default() -> Self {
-        Self { spans: Vec::new(), time: Duration::ZERO, law: PhantomData }
+        Self { spans: Vec::new(), time: Duration::ZERO }
     }
 }
 
@@ -255,7 +274,7 @@ const ELEMENTS_PER_SPAN: usize = 2048;
 /// Upper limit for the number of ranges.
 const MAX_SPANS: usize = 16;
 
-impl<L: Law, S: Scalar> LawBuffer<L, S> {
+impl<S: Scalar> LawBuffer<S> {
     /// Cuts elements into fixed ranges, body by body. `vertices(i)` lists the vertex rows of element
     /// `i`; elements lie body by body in their table.
     pub fn partition<'a>(
@@ -325,6 +344,88 @@ impl<L: Law, S: Scalar> LawBuffer<L, S> {
             self.spans.iter().for_each(|s| add(first, blocks, &s.blocks, &s.off_diagonal));
         });
     }
+}
+
+/// Cuts the elements of a law, those with the component `mark`, into the ranges of its buffer.
+pub type Partition<S> = fn(&mut World, mark: Option<ComponentId>, &mut LawBuffer<S>);
+
+/// Place of a law in [`LawBuffers`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LawId(pub(crate) usize);
+
+/// One active law.
+pub(crate) struct Slot<S> {
+    pub(crate) info: LawInfo,
+    /// Its place in the sum.
+    place: usize,
+    /// Whether it is a law of dampers: a part of the viscous matrix and of nothing else.
+    pub(crate) is_damper: bool,
+    mark: Option<ComponentId>,
+    partition: Partition<S>,
+    /// Every law writes into its own buffer alone, so this lock never waits.
+    pub(crate) buffer: Mutex<LawBuffer<S>>,
+}
+
+/// The buffers of all active laws, summed up in the order of the laws' places.
+#[derive(Resource)]
+pub struct LawBuffers<S: Scalar> {
+    pub(crate) slots: Vec<Slot<S>>,
+    /// Slots by place.
+    pub(crate) order: Vec<usize>,
+}
+
+impl<S: Scalar> Default for LawBuffers<S> {
+    fn default() -> Self {
+        Self { slots: Vec::new(), order: Vec::new() }
+    }
+}
+
+impl<S: Scalar> LawBuffers<S> {
+    /// Adds an empty buffer, unless there is one of this name.
+    pub(crate) fn insert(
+        &mut self,
+        info: LawInfo,
+        place: usize,
+        is_damper: bool,
+        mark: Option<ComponentId>,
+        partition: Partition<S>,
+    ) -> Option<LawId> {
+        if self.id(info.name).is_some() {
+            return None;
+        }
+        let id = self.slots.len();
+        let buffer = Mutex::default();
+        self.slots.push(Slot { info, place, is_damper, mark, partition, buffer });
+        self.order.push(id);
+        self.order.sort_by_key(|&slot| self.slots[slot].place);
+        Some(LawId(id))
+    }
+
+    /// The law of this name, if it is active.
+    pub fn id(&self, name: &str) -> Option<LawId> {
+        self.slots.iter().position(|slot| slot.info.name == name).map(LawId)
+    }
+
+    /// The buffer of a law.
+    pub fn lock(&self, law: LawId) -> MutexGuard<'_, LawBuffer<S>> {
+        // a panic elsewhere leaves numbers that the next evaluation writes anew
+        self.slots[law.0].buffer.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The buffer of the law of this name, if it is active.
+    pub fn get(&self, name: &str) -> Option<MutexGuard<'_, LawBuffer<S>>> {
+        self.id(name).map(|law| self.lock(law))
+    }
+}
+
+/// Cuts the elements of every active law into its fixed ranges; to be called when rows have changed.
+pub fn partition_laws<S: Scalar>(world: &mut World) {
+    let Some(mut buffers) = world.remove_resource::<LawBuffers<S>>() else { return };
+    for slot in &mut buffers.slots {
+        let buffer = slot.buffer.get_mut().unwrap_or_else(PoisonError::into_inner);
+        (slot.partition)(world, slot.mark, buffer);
+    }
+    world.insert_resource(buffers);
 }
 
 /// An empty range with the rows and blocks that its elements touch.

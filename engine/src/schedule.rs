@@ -3,20 +3,25 @@
 
 use crate::columns::single_table;
 use crate::law::{
-    BodiesWithoutRecovery, ElasticEnergy, EvaluationRequest, Law, LawBuffer, RecoveringBodies,
+    BodiesWithoutRecovery, DisabledLaws, ElasticEnergy, EvaluationRequest, LawBuffer, LawBuffers,
+    LawId, LawInfo, Partition, RecoveringBodies,
 };
 use crate::matrix::Tangent;
 use crate::report::SystemTimes;
 use crate::scalar::Scalar;
 use crate::topology::Topology;
-use crate::vertex::ElasticForce;
+use crate::vertex::{Displacement, ElasticForce};
 use crate::workers::Workers;
-use bevy_ecs::change_detection::{ContiguousRef, Tick};
+use bevy_ecs::change_detection::Tick;
+use bevy_ecs::component::ComponentId;
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::{ContiguousQueryData, QueryBuilder, ReadOnlyQueryData};
 use bevy_ecs::schedule::{
     LogLevel, MultiThreadedExecutor, ScheduleBuildSettings, ScheduleLabel, SingleThreadedExecutor,
 };
+use bevy_ecs::system::{ParamBuilder, QueryParamBuilder, SystemParamBuilder};
 use bytemuck::TransparentWrapper;
+use std::sync::PoisonError;
 use std::time::Instant;
 
 /// Where Sinew runs inside a host schedule (a Bevy app's `FixedUpdate`, for example).
@@ -70,16 +75,9 @@ pub enum ForceSystems {
     Evaluate,
     /// Own columns to buffers where a law needs it (edge tensions).
     Collect,
-    /// Buffers to totals, law by law in the order of [`Law::ORDER`].
+    /// Buffers to totals, law by law in the order of their places.
     Gather,
 }
-
-/// Place of a law in the gather.
-#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
-struct GatherSlot(u8);
-
-/// Highest value of [`Law::ORDER`].
-pub const MAX_LAW_ORDER: u8 = 47;
 
 /// Which executor runs the schedules.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -97,7 +95,9 @@ pub fn install<S: Scalar>(world: &mut World, executor: Executor) {
     world.init_resource::<EvaluationRequest>();
     world.init_resource::<RecoveringBodies>();
     world.init_resource::<BodiesWithoutRecovery>();
+    world.init_resource::<DisabledLaws>();
     world.init_resource::<ElasticEnergy>();
+    world.init_resource::<LawBuffers<S>>();
     world.init_resource::<Tangent<S>>();
     world.init_resource::<Workers>();
     world.init_resource::<SystemTimes>();
@@ -129,13 +129,7 @@ pub fn install<S: Scalar>(world: &mut World, executor: Executor) {
         )
             .chain(),
     );
-    for order in 0..=MAX_LAW_ORDER {
-        force.configure_sets(GatherSlot(order).in_set(ForceSystems::Gather));
-        if order > 0 {
-            force.configure_sets(GatherSlot(order).after(GatherSlot(order - 1)));
-        }
-    }
-    force.add_systems(clear_totals::<S>.in_set(ForceSystems::Gather).before(GatherSlot(0)));
+    force.add_systems(gather::<S>.in_set(ForceSystems::Gather));
     world.add_schedule(force);
 }
 
@@ -154,17 +148,118 @@ fn configure(schedule: &mut Schedule, executor: Executor) {
 #[derive(Resource, Default, Debug, Clone)]
 pub struct ActiveLaws(pub Vec<&'static str>);
 
-/// Puts a law's systems and its gather into [`ForceSchedule`], once. Bodies call this for the laws
-/// they use, so a scene has no system for a law it does not use.
-pub fn activate_law<L: Law, S: Scalar>(world: &mut World, add: impl FnOnce(&mut Schedule)) {
-    if !activate_systems(world, L::NAME, add) {
-        return;
+/// What the system of a law is given beside the columns of its elements.
+#[derive(Clone, Copy)]
+pub struct Evaluation<'a> {
+    /// What is wanted.
+    pub request: &'a EvaluationRequest,
+    /// Threads and instruction set.
+    pub workers: &'a Workers,
+    /// Bodies whose laws give way to the corotational energy.
+    pub recovering: &'a RecoveringBodies,
+}
+
+/// What a law does with the displacements of all vertices and the columns `D` of its elements: energy, force
+/// and tangent of every range into its private arrays, as far as they are asked for.
+pub type Evaluate<S, D> = for<'w, 's> fn(
+    Evaluation,
+    &'w [Displacement<S>],
+    <D as ContiguousQueryData>::Contiguous<'w, 's>,
+    &mut LawBuffer<S>,
+);
+
+/// A law of elements as it goes into a schedule.
+pub struct ElementLaw<S: Scalar, D: ContiguousQueryData> {
+    /// Name and nature.
+    pub info: LawInfo,
+    /// Place in the sum, lower first.
+    pub place: usize,
+    /// Component that its elements have, and no others.
+    pub mark: Option<ComponentId>,
+    /// Cuts its elements into ranges.
+    pub partition: Partition<S>,
+    /// Evaluates them.
+    pub evaluate: Evaluate<S, D>,
+}
+
+/// Puts a law of elements into [`ForceSchedule`], once. All laws of one kind of columns are instances of one
+/// system type; each has a buffer of its own and declares the columns it reads by its query, so that
+/// independent laws may run side by side. Changes of those columns are seen by themselves ([`changed_laws`]).
+pub fn activate_law<S: Scalar, D>(world: &mut World, law: ElementLaw<S, D>)
+where
+    D: ReadOnlyQueryData + ContiguousQueryData + 'static,
+{
+    add_element_law(world, law, false);
+}
+
+fn add_element_law<S: Scalar, D>(world: &mut World, law: ElementLaw<S, D>, is_damper: bool)
+where
+    D: ReadOnlyQueryData + ContiguousQueryData + 'static,
+{
+    let ElementLaw { info, place, mark, partition, evaluate } = law;
+    let mut buffers = world.get_resource_or_init::<LawBuffers<S>>();
+    let Some(id) = buffers.insert(info, place, is_damper, mark, partition) else { return };
+    let query = QueryBuilder::<D>::new(world);
+    let reads = query.access().access().reads().as_finite_set();
+    let inputs: Option<Vec<Input>> = reads.map(|set| set.iter().map(Input::Column).collect());
+    let builders = (
+        QueryParamBuilder::new(move |query: &mut QueryBuilder<D>| {
+            if let Some(mark) = mark {
+                query.with_id(mark);
+            }
+        }),
+        ParamBuilder,
+        ParamBuilder,
+        ParamBuilder,
+        ParamBuilder,
+        ParamBuilder,
+        ParamBuilder,
+    );
+    let system = builders.build_state(world).build_any_system(
+        move |elements: Query<D>,
+              vertices: Query<&Displacement<S>>,
+              buffers: Res<LawBuffers<S>>,
+              disabled: Res<DisabledLaws>,
+              request: Res<EvaluationRequest>,
+              workers: Res<Workers>,
+              recovering: Res<RecoveringBodies>| {
+            let start = Instant::now();
+            if disabled.contains(info.name) {
+                return;
+            }
+            let Some(u) = single_table(vertices.contiguous_iter()) else { return };
+            let Some(data) = single_table(elements.contiguous_iter()) else { return };
+            let mut buffer = buffers.lock(id);
+            let with = Evaluation { request: &request, workers: &workers, recovering: &recovering };
+            evaluate(with, u, data, &mut buffer);
+            buffer.time = start.elapsed();
+        },
+    );
+    let system = system.in_set(ForceSystems::Evaluate);
+    if is_damper {
+        damping_schedule::<S>(world).add_systems(system);
+    } else {
+        activate_systems(world, info.name, |schedule| {
+            schedule.add_systems(system);
+        });
+        if let Some(inputs) = inputs {
+            declare_inputs(world, info.name, &inputs);
+        }
     }
-    world.init_resource::<LawBuffer<L, S>>();
-    world
-        .resource_mut::<Schedules>()
-        .entry(ForceSchedule)
-        .add_systems(gather_law::<L, S>.in_set(GatherSlot(L::ORDER)));
+}
+
+/// Puts a law with systems of its own into [`ForceSchedule`], once: `add` is given its place in
+/// [`LawBuffers`]. What it reads is to be told by [`declare_inputs`].
+pub fn activate_law_of_systems<S: Scalar>(
+    world: &mut World,
+    (info, place): (LawInfo, usize),
+    (mark, partition): (Option<ComponentId>, Partition<S>),
+    add: impl FnOnce(&mut Schedule, LawId),
+) {
+    let mut buffers = world.get_resource_or_init::<LawBuffers<S>>();
+    if let Some(id) = buffers.insert(info, place, false, mark, partition) {
+        activate_systems(world, info.name, |schedule| add(schedule, id));
+    }
 }
 
 /// Puts systems without a buffer of their own into [`ForceSchedule`], once per `name`; says whether
@@ -183,30 +278,26 @@ pub fn activate_systems(
     true
 }
 
-/// Puts a law of dampers into [`DampingSchedule`], once. `add` gives the system that leaves its viscous
-/// matrix (N s/m, symmetric and positive semidefinite) as the tangent in the law's buffer.
-pub fn activate_dampers<L: Law, S: Scalar>(world: &mut World, add: impl FnOnce(&mut Schedule)) {
-    if world.contains_resource::<LawBuffer<L, S>>() {
-        return;
-    }
-    world.init_resource::<LawBuffer<L, S>>();
-    let mut schedules = world.resource_mut::<Schedules>();
+/// Puts a law of dampers into [`DampingSchedule`], once. It leaves its viscous matrix (N s/m, symmetric and
+/// positive semidefinite) as the tangent in its buffer.
+pub fn activate_dampers<S: Scalar, D>(world: &mut World, law: ElementLaw<S, D>)
+where
+    D: ReadOnlyQueryData + ContiguousQueryData + 'static,
+{
+    add_element_law(world, law, true);
+}
+
+fn damping_schedule<S: Scalar>(world: &mut World) -> &mut Schedule {
+    let schedules = world.resource_mut::<Schedules>().into_inner();
     if !schedules.contains(DampingSchedule) {
         let mut schedule = Schedule::new(DampingSchedule);
         // a handful of systems once a step: not worth another executor
         configure(&mut schedule, Executor::SingleThreaded);
         schedule.configure_sets((ForceSystems::Evaluate, ForceSystems::Gather).chain());
-        for order in 0..=MAX_LAW_ORDER {
-            schedule.configure_sets(GatherSlot(order).in_set(ForceSystems::Gather));
-            if order > 0 {
-                schedule.configure_sets(GatherSlot(order).after(GatherSlot(order - 1)));
-            }
-        }
+        schedule.add_systems(gather_dampers::<S>.in_set(ForceSystems::Gather));
         schedules.insert(schedule);
     }
-    let schedule = schedules.entry(DampingSchedule);
-    add(schedule);
-    schedule.add_systems(gather_dampers::<L, S>.in_set(GatherSlot(L::ORDER)));
+    schedules.entry(DampingSchedule)
 }
 
 /// Whether any body has dampers.
@@ -224,32 +315,49 @@ pub fn evaluate_dampers<S: Scalar>(world: &mut World) {
     world.run_schedule(DampingSchedule);
 }
 
-/// Says whether a column changed since [`World::last_change_tick`].
-pub type ColumnWatch = fn(&mut World) -> bool;
+/// Something that the force of a law depends on beside the displacements.
+#[derive(Clone, Copy, Debug)]
+pub enum Input {
+    /// A column of elements. Without `#[component(summary_tick)]` it counts as changed at any time.
+    Column(ComponentId),
+    /// Whatever this finds changed since [`World::last_change_tick`].
+    Watch(fn(&mut World) -> bool),
+}
 
-/// What the active laws read beside the displacements. A law that is missing here may depend on
-/// anything, and is evaluated anew whenever its force is needed.
-#[derive(Resource, Default, Debug, Clone)]
-struct LawInputs(Vec<(&'static str, Vec<ColumnWatch>)>);
+impl Input {
+    /// The column of a component.
+    pub fn column<C: Component>(world: &mut World) -> Self {
+        Self::Column(world.register_component::<C>())
+    }
 
-/// Declares that the law or system `name` of [`activate_law`] or [`activate_systems`] reads nothing
-/// but displacements, the order of rows and these columns, so that its force at unchanged
-/// displacements may be used again. Systems put into [`ForceSchedule`] in any other way are not seen.
-pub fn declare_inputs(world: &mut World, name: &'static str, columns: &[ColumnWatch]) {
-    let mut inputs = world.get_resource_or_init::<LawInputs>();
-    if inputs.0.iter().all(|(known, _)| *known != name) {
-        inputs.0.push((name, columns.to_vec()));
+    fn changed(self, world: &mut World) -> bool {
+        match self {
+            Self::Watch(watch) => watch(world),
+            Self::Column(id) => {
+                let (last, now) = (world.last_change_tick(), world.read_change_tick());
+                let with =
+                    |table: &bevy_ecs::storage::Table| table.has_column(id) && !table.is_empty();
+                world.storages().tables.iter().filter(|table| with(table)).any(|table| {
+                    table.get_summary_tick(id).is_none_or(|t| t.get().is_newer_than(last, now))
+                })
+            }
+        }
     }
 }
 
-/// Whether a component of type `C` changed since [`World::last_change_tick`]: a [`ColumnWatch`].
-/// Constant time for components with `#[component(summary_tick)]`, else a pass over the ticks.
-pub fn column_changed<C: Component>(world: &mut World) -> bool {
-    let mut query = world.query::<Ref<C>>();
-    let tables = query.contiguous_iter(world).expect("element components are stored in tables");
-    tables.map(ContiguousRef::split).any(|(_, ticks)| {
-        ticks.summary_tick_is_changed() != Some(false) && ticks.is_changed_iter().any(|c| c)
-    })
+/// What the active laws read beside the displacements. A law that is missing here may depend on
+/// anything, and is evaluated again whenever its force is needed.
+#[derive(Resource, Default, Debug, Clone)]
+struct LawInputs(Vec<(&'static str, Vec<Input>)>);
+
+/// Declares that the law or system `name` of [`activate_law_of_systems`] or [`activate_systems`] reads nothing
+/// but displacements, the order of rows and these, so that its force at unchanged displacements may be used
+/// again. Systems put into [`ForceSchedule`] in any other way are not seen.
+pub fn declare_inputs(world: &mut World, name: &'static str, inputs: &[Input]) {
+    let mut known = world.get_resource_or_init::<LawInputs>();
+    if known.0.iter().all(|(other, _)| *other != name) {
+        known.0.push((name, inputs.to_vec()));
+    }
 }
 
 /// Whether the elastic force at the same displacements is still what it was at tick `since`: every
@@ -264,34 +372,32 @@ pub fn law_inputs_unchanged(world: &mut World, since: Tick) -> bool {
 pub fn changed_laws(world: &mut World, since: Tick) -> Option<Vec<&'static str>> {
     let active = world.get_resource::<ActiveLaws>()?.0.clone();
     let inputs = world.get_resource::<LawInputs>()?.clone();
-    // laws share columns; each is looked at once
-    let mut known: Vec<(ColumnWatch, bool)> = Vec::new();
-    let mut changed = Vec::new();
-    for law in active {
-        let (_, columns) = inputs.0.iter().find(|(name, _)| *name == law)?;
-        let own = columns.iter().any(|&column| {
-            let found = known.iter().find(|(other, _)| std::ptr::fn_addr_eq(*other, column));
-            if let Some(&(_, now)) = found {
-                return now;
+    world.last_change_tick_scope(since, |world| {
+        let switched = world.is_resource_changed::<DisabledLaws>();
+        let mut changed = Vec::new();
+        for law in active {
+            let (_, own) = inputs.0.iter().find(|(name, _)| *name == law)?;
+            if switched || own.iter().any(|input| input.changed(world)) {
+                changed.push(law);
             }
-            let now = world.last_change_tick_scope(since, column);
-            known.push((column, now));
-            now
-        });
-        if own {
-            changed.push(law);
         }
-    }
-    Some(changed)
+        Some(changed)
+    })
 }
 
-fn clear_totals<S: Scalar>(
+/// Clears the totals and adds up the buffers of all laws in the order of their places.
+fn gather<S: Scalar>(
     request: Res<EvaluationRequest>,
     topology: Res<Topology>,
+    workers: Res<Workers>,
+    disabled: Res<DisabledLaws>,
+    mut buffers: ResMut<LawBuffers<S>>,
     mut energy: ResMut<ElasticEnergy>,
     mut tangent: ResMut<Tangent<S>>,
+    mut times: ResMut<SystemTimes>,
     mut forces: Query<&mut ElasticForce<S>>,
 ) {
+    let start = Instant::now();
     if request.energy {
         energy.total = 0.0;
         energy.load = 0.0;
@@ -299,58 +405,63 @@ fn clear_totals<S: Scalar>(
         energy.by_body.clear();
         energy.by_body.resize(topology.bodies.len(), 0.0);
     }
-    if request.force
-        && let Some(mut forces) = single_table(forces.contiguous_iter_mut())
-    {
-        forces.bypass_change_detection().fill(ElasticForce::default());
+    let mut rows = single_table(forces.contiguous_iter_mut()).filter(|_| request.force);
+    let mut total =
+        rows.as_mut().map(|forces| ElasticForce::peel_slice_mut(forces.bypass_change_detection()));
+    if let Some(total) = &mut total {
+        total.fill([S::ZERO; 4]);
     }
     if request.tangent.is_some() {
         tangent.matrix.clear(&topology);
         tangent.clamped = 0;
     }
-}
-
-fn gather_law<L: Law, S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    mut buffer: ResMut<LawBuffer<L, S>>,
-    mut energy: ResMut<ElasticEnergy>,
-    mut tangent: ResMut<Tangent<S>>,
-    mut times: ResMut<SystemTimes>,
-    mut forces: Query<&mut ElasticForce<S>>,
-) {
-    let start = Instant::now();
-    times.add(L::NAME, std::mem::take(&mut buffer.time));
-    if request.energy {
-        let own = buffer.energy();
-        energy.total += own;
-        energy.load += if L::IS_LOAD { own } else { 0.0 };
-        energy.by_law.push((L::NAME, own));
-        for span in &buffer.spans {
-            energy.by_body[span.body] += span.energy;
+    let LawBuffers { slots, order } = &mut *buffers;
+    for &slot in order.iter() {
+        let slot = &mut slots[slot];
+        let LawInfo { name, is_load } = slot.info;
+        if slot.is_damper || disabled.contains(name) {
+            continue;
         }
-    }
-    if request.force
-        && let Some(mut forces) = single_table(forces.contiguous_iter_mut())
-    {
-        let total = ElasticForce::peel_slice_mut(forces.bypass_change_detection());
-        buffer.add_forces_to(&workers, total);
-    }
-    if request.tangent.is_some() {
-        buffer.add_tangent_to(&workers, &mut tangent.matrix);
-        tangent.clamped += buffer.spans.iter().map(|s| s.clamped).sum::<u64>();
+        let buffer = slot.buffer.get_mut().unwrap_or_else(PoisonError::into_inner);
+        times.add(name, std::mem::take(&mut buffer.time));
+        if request.energy {
+            let own = buffer.energy();
+            energy.total += own;
+            energy.load += if is_load { own } else { 0.0 };
+            energy.by_law.push((name, own));
+            for span in &buffer.spans {
+                energy.by_body[span.body] += span.energy;
+            }
+        }
+        if let Some(total) = &mut total {
+            buffer.add_forces_to(&workers, total);
+        }
+        if request.tangent.is_some() {
+            buffer.add_tangent_to(&workers, &mut tangent.matrix);
+            tangent.clamped += buffer.spans.iter().map(|s| s.clamped).sum::<u64>();
+        }
     }
     times.add("gather", start.elapsed());
 }
 
-fn gather_dampers<L: Law, S: Scalar>(
+/// Adds up the buffers of all laws of dampers, likewise.
+fn gather_dampers<S: Scalar>(
     workers: Res<Workers>,
-    mut buffer: ResMut<LawBuffer<L, S>>,
+    disabled: Res<DisabledLaws>,
+    mut buffers: ResMut<LawBuffers<S>>,
     mut tangent: ResMut<Tangent<S>>,
     mut times: ResMut<SystemTimes>,
 ) {
     let start = Instant::now();
-    times.add(L::NAME, std::mem::take(&mut buffer.time));
-    buffer.add_tangent_to(&workers, &mut tangent.matrix);
+    let LawBuffers { slots, order } = &mut *buffers;
+    for &slot in order.iter() {
+        let slot = &mut slots[slot];
+        if !slot.is_damper || disabled.contains(slot.info.name) {
+            continue;
+        }
+        let buffer = slot.buffer.get_mut().unwrap_or_else(PoisonError::into_inner);
+        times.add(slot.info.name, std::mem::take(&mut buffer.time));
+        buffer.add_tangent_to(&workers, &mut tangent.matrix);
+    }
     times.add("gather", start.elapsed());
 }

@@ -149,9 +149,9 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
     }
     if settings.integrator.is_explicit()
         && let Some(active) = world.get_resource::<ActiveLaws>()
-        && active.0.contains(&laws::pressure::LAW.name)
+        && active.0.contains(&laws::pressure::LAW.name())
     {
-        let law = format!("{} in explicit substeps", laws::pressure::LAW.name);
+        let law = format!("{} in explicit substeps", laws::pressure::LAW.name());
         return Err(GpuError::WorldLaw { law });
     }
     let mut bodies = world.query::<&SoftBody>();
@@ -484,16 +484,16 @@ impl GpuBackend {
     /// Uploads the constants of the elements of these laws anew; `false`, with nothing done, where more than
     /// constants may be different.
     fn renew_constants<S: Scalar>(&mut self, world: &mut World, changed: &[&'static str]) -> bool {
-        if changed.iter().any(|name| laws::LAWS.iter().all(|law| law.name != *name)) {
+        if changed.iter().any(|name| laws::all().all(|law| law.name() != *name)) {
             return false;
         }
         // who reads dampers does not say when they change
-        let dampers = laws::LAWS.iter().filter(|law| law.is_damper).map(|law| law.name);
+        let dampers = laws::all().filter(|law| law.row.is_damper).map(|law| law.name());
         let renewed: Vec<_> = changed.iter().copied().chain(dampers).collect();
         let mut found = Vec::with_capacity(self.bodies.len());
         for (i, resident) in self.bodies.iter().enumerate() {
             let first = world.resource::<Topology>().bodies[i].vertices.start;
-            let own = laws::columns::<S>(world, i, first, |law| renewed.contains(&law.name));
+            let own = laws::columns::<S>(world, i, first, |law| renewed.contains(&law.name()));
             if !resident.body.elements.serve(&renewed, &own) {
                 return false;
             }

@@ -278,7 +278,7 @@ impl DeviceBody {
 
     /// Bytes that a force pass moves at least: constants, indices, slots written and read, lists, rows.
     pub fn force_bytes(&self) -> u64 {
-        let with_forces = self.elements.chunks.iter().filter(|chunk| chunk.law.forces);
+        let with_forces = self.elements.chunks.iter().filter(|chunk| chunk.law.row.forces);
         let elements = with_forces.map(|chunk| {
             let (vertices, constants) = (chunk.law.kind.vertices, chunk.law.kind.constants);
             // index, slot written and read, place in the list

@@ -172,18 +172,18 @@ impl Elements {
                 sums += energy_groups;
             }
             sets.push(Set {
-                law: law.name,
+                law: law.name(),
                 load: columns.load,
                 nodes: columns.nodes.clone(),
                 chunks: first_chunk..chunks.len(),
             });
         }
         let energies = |chunks: &[Chunk]| chunks.iter().map(|c| c.energy_groups as usize).sum();
-        let is_load = |chunk: &Chunk| chunk.law.is_load;
+        let is_load = |chunk: &Chunk| chunk.law.is_load();
         let start = chunks.iter().position(is_load).unwrap_or(chunks.len());
         let end = chunks.iter().rposition(is_load).map_or(start, |last| last + 1);
         let load_sums = energies(&chunks[..start])..energies(&chunks[..end]);
-        let loads = laws.iter().filter(|(law, _)| law.is_load);
+        let loads = laws.iter().filter(|(law, _)| law.is_load());
         let mut loaded_rows: Vec<_> =
             loads.flat_map(|(_, columns)| &columns.nodes).copied().collect();
         loaded_rows.sort_unstable();
@@ -203,13 +203,13 @@ impl Elements {
     pub fn serve(&self, names: &[&str], laws: &[(DeviceLaw, ElementColumns)]) -> bool {
         let own = self.sets.iter().filter(|set| names.contains(&set.law));
         own.map(|set| (set.law, set.load, &set.nodes))
-            .eq(laws.iter().map(|(law, columns)| (law.name, columns.load, &columns.nodes)))
+            .eq(laws.iter().map(|(law, columns)| (law.name(), columns.load, &columns.nodes)))
     }
 
     /// Uploads the constants of elements that [`serve`](Self::serve).
     pub fn write(&self, context: &Context, laws: &[(DeviceLaw, ElementColumns)]) {
         for (law, columns) in laws {
-            let of = |set: &&Set| set.law == law.name && set.load == columns.load;
+            let of = |set: &&Set| set.law == law.name() && set.load == columns.load;
             let Some(set) = self.sets.iter().find(of) else { continue };
             let mut data = &columns.data[..];
             for chunk in &self.chunks[set.chunks.clone()] {
@@ -234,14 +234,14 @@ impl Elements {
     pub fn set_stiffness_damping(&mut self, context: &Context, value: f64) {
         self.stiffness_damping = value;
         let factor = if value > 0.0 { (1.0 / value) as f32 } else { 1.0 };
-        for chunk in self.chunks.iter_mut().filter(|chunk| chunk.law.is_damper) {
+        for chunk in self.chunks.iter_mut().filter(|chunk| chunk.law.row.is_damper) {
             chunk.set_factor(context, factor);
         }
     }
 
     /// What the damping matrix has to be multiplied by (s); 0 where there is no damping.
     pub fn damping_factor(&self) -> f64 {
-        let dampers = self.chunks.iter().any(|chunk| chunk.law.is_damper);
+        let dampers = self.chunks.iter().any(|chunk| chunk.law.row.is_damper);
         if self.stiffness_damping > 0.0 { self.stiffness_damping } else { f64::from(dampers) }
     }
 
@@ -275,7 +275,7 @@ impl Elements {
     ) {
         pass.set_bind_group(0, rows, &[]);
         for chunk in &self.chunks {
-            let pipeline = match chunk.law.now(recovering).filter(|law| law.forces) {
+            let pipeline = match chunk.law.now(recovering).filter(|law| law.row.forces) {
                 Some(law) => kernel(context, law, "energies"),
                 None => silence(context, "no_energies"),
             };
@@ -324,7 +324,9 @@ impl Elements {
         let mut first = true;
         pass.set_bind_group(0, rows, &[]);
         for chunk in &self.chunks {
-            let Some(law) = chunk.law.now(recovering).filter(|law| law.forces) else { continue };
+            let Some(law) = chunk.law.now(recovering).filter(|law| law.row.forces) else {
+                continue;
+            };
             chunk.run(context, law, "forces", pass);
             pass.set_pipeline(&gather(if first { "gather_forces" } else { "add_forces" }));
             pass.set_bind_group(1, &chunk.gather, &[]);
@@ -362,11 +364,11 @@ impl Elements {
         for chunk in &self.chunks {
             let takes_part = |law: &&DeviceLaw| {
                 let elastic = !damping || self.stiffness_damping > 0.0;
-                law.is_damper && damping || elastic && (law.tangent)(kind)
+                law.row.is_damper && damping || elastic && law.has_tangent(kind)
             };
             let Some(law) = chunk.law.now(recovering).filter(takes_part) else { continue };
             pass.set_bind_group(0, rows, &[]);
-            if law.is_load {
+            if law.is_load() {
                 chunk.run(context, law, "row_sums", pass);
                 let entry = if first_load { "gather_row_sums" } else { "add_row_sums" };
                 pass.set_pipeline(&gather(context, entry));
@@ -392,7 +394,7 @@ fn gather(context: &Context, entry: &'static str) -> wgpu::ComputePipeline {
 
 fn kernel(context: &Context, law: &DeviceLaw, entry: &'static str) -> wgpu::ComputePipeline {
     let layouts = [&context.layouts.rows, &context.layouts.chunk];
-    context.pipeline(law.name, || law.source(), entry, &layouts)
+    context.pipeline(law.name(), || law.source(), entry, &layouts)
 }
 
 fn silence(context: &Context, entry: &'static str) -> wgpu::ComputePipeline {

@@ -75,6 +75,6 @@ pub(crate) fn elements(name: &'static str, kind: &[&str], law: &[&str]) -> Sourc
 pub fn all() -> Vec<Source> {
     let mut all =
         vec![solver(), gather(), assemble(), shift(), silence(), coarse(), galerkin(), inverse()];
-    all.extend(crate::laws::LAWS.iter().map(|law| law.source()));
+    all.extend(crate::laws::all().map(|law| law.source()));
     all
 }

@@ -3,19 +3,17 @@
 use bevy_ecs::bundle::NoBundleEffect;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
-use sinew_engine::columns::single_table;
 use sinew_engine::compiled_here;
 use sinew_engine::element::{
-    AxisVertices, EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, MembraneVertices, RestVolume,
+    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestVolume, ShapeGradientBundle,
     TETRAHEDRON_FACES, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices,
     TriangleEdges, rest_edge_bundle, shape_gradient_bundle,
 };
 use sinew_engine::isoparametric::{
-    AxisHexahedronVertices, HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronIndex,
-    HexahedronVertices, QuadVertices, RestHexahedron, RestShapeError,
+    HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronIndex, HexahedronRest, HexahedronVertices,
+    RestHexahedron, RestShapeError,
 };
-use sinew_engine::law::{BodiesWithoutRecovery, Law, LawBuffer};
+use sinew_engine::law::{BodiesWithoutRecovery, partition_laws};
 use sinew_engine::layout::{BodyLayout, ElementLists};
 use sinew_engine::mesh::Mesh;
 use sinew_engine::scalar::Scalar;
@@ -27,133 +25,25 @@ use sinew_engine::vertex::{
 use sinew_identify::ElementMethod;
 use std::sync::Arc;
 
-use crate::axes::columns::{AxisAngleStiffness, FibreActive, FibreShape, VolumeAlone};
-use crate::axes::damper::{AxialDamper, AxialDampers};
 use crate::axes::description::{AxesDescription, AxesError, AxisForm, BodyAxes};
-use crate::axes::hexahedra::{HexahedronFibres, HexahedronTriads, HexahedronVolumes};
-use crate::axes::printed_system::{PrintedAxes, PrintedSprings};
-use crate::axes::site::AxisSite;
 use crate::axes::spawn::{Offsets, RestShapes, spawn_axes};
 use crate::axes::spawn_printed::{check_chords, spawn_printed};
-use crate::axes::systems::{AxesOnly, AxisTriads, Fibres, VolumePreservation};
-use crate::corotational::{Corotational, WarpedStiffness};
+use crate::axes::systems::AxesOnly;
 use crate::field::{FieldError, MaterialArrays, MaterialField};
-use crate::fused::{
-    self, Compression, CompressionModulus, FirstLameParameter, FusedStVK, PooledProjection,
-    ShearModulus, TetrahedronLaw,
-};
-use crate::fused_membrane::{
-    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, MembraneCompression, PooledMembrane,
-    QuadraticMembrane, TriangleLaw,
-};
-use crate::hexahedron::{self, Hexahedral};
-use crate::linear::Linear;
+use crate::fused::{self, CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
+use crate::hexahedron::Hexahedral;
+use crate::laws::{self, Elements, LawError, LawRow, LawTable};
 use crate::lumped::{self, ElementSprings, Sources, SpringsError};
 use crate::material::{LameParameters, YoungPoisson};
-use crate::neo_hookean::NeoHookean;
 use crate::pooled::{
-    self, Angular, AngularStiffness, SpringForces, Tensile, TensileStiffness, TensileTension,
-    TriangleVertices, Volumetric, VolumetricStiffness,
+    self, AngularStiffness, TensileStiffness, TensileTension, TriangleVertices, VolumetricStiffness,
 };
 use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants};
-use crate::quad::Quadrilateral;
-use crate::quadratic::{self, MassSpring, QuadraticSprings};
+use crate::quadratic::{self, MassSpring};
 use crate::resection;
 use crate::sheet::{MembraneDescription, MembraneError, MembraneSettings, Sheet};
-use crate::stvk_fem::StVKFem;
 
-/// Energy of a body.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Model {
-    /// St Venant-Kirchhoff (tetrahedral biquadratic springs).
-    #[serde(rename = "svk")]
-    StVK,
-    /// The same with the compression term of Delingette 2008, section 4 (default).
-    #[default]
-    #[serde(rename = "svk_comp")]
-    CompressibleStVK,
-    /// Tetrahedral quadratic springs ([`crate::quadratic`]): St Venant-Kirchhoff for small strains.
-    /// Fused evaluation only; no compression term.
-    #[serde(rename = "tqs")]
-    QuadraticSprings,
-    /// Springs on edges alone, the tensile part of the quadratic springs: no material, for
-    /// comparison. One pass over edges; nothing resists inversion.
-    #[serde(rename = "mass_spring")]
-    MassSpring,
-    /// Linear elasticity ([`crate::linear`]): small displacements only. For comparison.
-    #[serde(rename = "linear")]
-    Linear,
-    /// Stiffness warping ([`crate::corotational`]): corotational forces, tangent with rotations held.
-    /// For comparison.
-    #[serde(rename = "corotational_warped")]
-    WarpedStiffness,
-    /// Corotational elasticity ([`crate::corotational`]). For comparison.
-    #[serde(rename = "corotational")]
-    Corotational,
-    /// St Venant-Kirchhoff written as in textbooks ([`crate::stvk_fem`]). For comparison of cost.
-    #[serde(rename = "svk_fem")]
-    StVKFem,
-    /// Stable neo-Hookean ([`crate::neo_hookean`]). For comparison at large strain.
-    #[serde(rename = "neo_hookean")]
-    NeoHookean,
-    /// Nothing but the axes of the body ([`crate::axes`]); of its material only the density counts.
-    #[serde(rename = "axes")]
-    Axes,
-}
-
-impl Model {
-    /// All that a material defines, in the order of their documentation; not [`Axes`](Self::Axes), which
-    /// need a description.
-    pub const ALL: [Self; 9] = [
-        Self::CompressibleStVK,
-        Self::StVK,
-        Self::QuadraticSprings,
-        Self::MassSpring,
-        Self::Linear,
-        Self::WarpedStiffness,
-        Self::Corotational,
-        Self::StVKFem,
-        Self::NeoHookean,
-    ];
-
-    /// Name in scene files and reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::StVK => "svk",
-            Self::CompressibleStVK => "svk_comp",
-            Self::QuadraticSprings => "tqs",
-            Self::MassSpring => "mass_spring",
-            Self::Linear => "linear",
-            Self::WarpedStiffness => "corotational_warped",
-            Self::Corotational => "corotational",
-            Self::StVKFem => "svk_fem",
-            Self::NeoHookean => "neo_hookean",
-            Self::Axes => "axes",
-        }
-    }
-
-    /// Whether hexahedra have it; the textbook form is that of [`StVK`](Self::StVK) there.
-    pub fn serves_hexahedra(self) -> bool {
-        !matches!(self, Self::QuadraticSprings | Self::WarpedStiffness)
-    }
-
-    /// Whether the energy can be summed this way. [`Evaluation::Fused`] always can; for
-    /// [`MassSpring`](Self::MassSpring) it means its one pass over edges.
-    pub fn supports(self, evaluation: Evaluation) -> bool {
-        evaluation == Evaluation::Fused || matches!(self, Self::StVK | Self::CompressibleStVK)
-    }
-}
-
-/// How the energy is summed; the result is the same to rounding.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Evaluation {
-    /// One pass over tetrahedra (default, the faster one).
-    #[default]
-    Fused,
-    /// Independent systems over edges, triangles and tetrahedra.
-    Pooled,
-}
+pub use crate::model::{Evaluation, Model};
 
 /// What a body is made of.
 #[derive(Clone, Debug)]
@@ -304,6 +194,14 @@ pub enum BodyError {
         /// Its model.
         model: Model,
     },
+    /// A law of another crate that cannot be used.
+    #[error("body `{body}`: {source}")]
+    Law {
+        /// Name of the body.
+        body: String,
+        /// What is wrong.
+        source: LawError,
+    },
     /// An element whose springs cannot be found.
     #[error("body `{body}`: {source}")]
     Springs {
@@ -377,6 +275,8 @@ pub struct SoftBody {
     pub arrays: MaterialArrays,
     /// Energy.
     pub model: Model,
+    /// Law of its tetrahedra, and by it of its hexahedra.
+    pub law: Option<&'static LawRow>,
     /// Evaluation.
     pub evaluation: Evaluation,
     /// How the constants of its springs are found, if it consists of springs.
@@ -447,6 +347,13 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         if !distinct || vertices.iter().any(|&v| v as usize >= count) {
             return Err(BodyError::HexahedronIndex { body: name(), hexahedron, vertices, count });
         }
+    }
+    if let Model::Own(law) = body.model {
+        let of_law = |source| BodyError::Law { body: name(), source };
+        if law.elements != Elements::Tetrahedra {
+            return Err(of_law(LawError::NotOfTetrahedra(law.info.name)));
+        }
+        world.get_resource_or_init::<LawTable>().add(law).map_err(of_law)?;
     }
     if !body.hexahedra.is_empty() && !body.model.serves_hexahedra() {
         return Err(BodyError::HexahedronModel { body: name(), model: body.model });
@@ -570,60 +477,23 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
             .collect::<Vec<_>>(),
     );
 
-    let geometry: Vec<_> = layout
-        .tetrahedra
-        .iter()
-        .zip(&layout.tetrahedron_edges)
-        .zip(&layout.tetrahedron_order)
-        .zip(rest.iter().zip(&lame))
-        .map(|(((t, e), &original), (r, &lame))| {
-            let d = [r.gradients[1], r.gradients[2], r.gradients[3]];
-            (
-                TetrahedronVertices(t.map(|v| v + v0)),
-                TetrahedronBlocks(e.map(|b| b + block0)),
-                TetrahedronIndex(original),
-                id,
-                shape_gradient_bundle::<S>(d),
-                RestVolume(S::from_f64(r.volume)),
-                moduli_bundle::<S>(lame, body.model),
-            )
-        })
-        .collect();
-
     let springs =
         Springs::new(&layout, body, &rest, &lame, sheet.as_ref(), (&element_springs, &rest_of));
     springs.spawn_edges::<S>(world, &layout, &rest_of, v0, block0, id);
     let edge_rows = springs.spawn_pooled::<S>(world, &layout, &rest_of, v0, block0, id);
-    spawn_hexahedra::<S>(world, &layout, &bricks, &brick_lame, body.model, (v0, block0, id));
     if matches!(body.model, Model::MassSpring | Model::Axes) {
         world.resource_mut::<BodiesWithoutRecovery>().insert(id.0 as usize);
     }
-    match (body.model, body.evaluation) {
-        _ if body.tetrahedra.is_empty() => {}
-        (Model::QuadraticSprings, _) => spawn_marked::<QuadraticSprings, S>(world, geometry),
-        (Model::Linear, _) => spawn_marked::<Linear, S>(world, geometry),
-        (Model::WarpedStiffness, _) => spawn_marked::<WarpedStiffness, S>(world, geometry),
-        (Model::Corotational, _) => spawn_marked::<Corotational, S>(world, geometry),
-        (Model::StVKFem, _) => spawn_marked::<StVKFem, S>(world, geometry),
-        (Model::NeoHookean, _) => spawn_marked::<NeoHookean, S>(world, geometry),
-        (Model::Axes, _) => {
-            world.spawn_batch(geometry.into_iter().map(|g| (g, AxesOnly)).collect::<Vec<_>>());
-        }
-        (Model::MassSpring, _) => {
-            world.spawn_batch(geometry.into_iter().map(|g| (g, MassSpring)).collect::<Vec<_>>());
-        }
-        (_, Evaluation::Fused) => {
-            world.spawn_batch(geometry);
-            fused::activate::<FusedStVK, S>(world);
-        }
-        (_, Evaluation::Pooled) => {
-            spawn_volumetric::<S>(world, &layout, &rest, &lame, geometry, &edge_rows);
-            fused::activate::<PooledProjection, S>(world);
-            if body.model == Model::CompressibleStVK {
-                fused::activate::<Compression, S>(world);
-            }
-        }
-    }
+    let law = body.model.law().map(|row| laws::in_table(world, row).1);
+    let part = SolidPart {
+        layout: &layout,
+        rest: &rest,
+        bricks: &bricks,
+        lame: [&lame, &brick_lame],
+        model: body.model,
+        at: (v0, block0, id),
+    };
+    part.spawn::<S>(world, law, body.evaluation, &edge_rows);
     if let Some(sheet) = &sheet {
         sheet.spawn::<S>(world, &layout, v0, block0, id);
     }
@@ -655,6 +525,7 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
         material,
         arrays,
         model,
+        law,
         evaluation,
         spring_method: body.springs,
         springs: Arc::new(element_springs),
@@ -664,34 +535,68 @@ fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity,
     Ok(world.spawn(soft).id())
 }
 
-/// Tetrahedra of a law with a table of its own, marked by the law itself.
-fn spawn_marked<L: TetrahedronLaw + Component + Default, S: Scalar>(
-    world: &mut World,
-    geometry: Vec<impl Bundle<Effect: NoBundleEffect>>,
-) {
-    world.spawn_batch(geometry.into_iter().map(|g| (g, L::default())).collect::<Vec<_>>());
-    fused::activate::<L, S>(world);
+/// The solid elements of a body on their way into the world.
+pub struct SolidPart<'a> {
+    layout: &'a BodyLayout,
+    rest: &'a [RestTetrahedron],
+    bricks: &'a [RestHexahedron],
+    /// Lamé parameters of tetrahedra and of hexahedra.
+    lame: [&'a [LameParameters]; 2],
+    model: Model,
+    /// First vertex row, first block, body.
+    at: (u32, u32, BodyId),
 }
 
-/// Hexahedra of a body, with the law that they need.
-fn spawn_hexahedra<S: Scalar>(
-    world: &mut World,
-    layout: &BodyLayout,
-    rest: &[RestHexahedron],
-    lame: &[LameParameters],
-    model: Model,
-    (v0, block0, id): (u32, u32, BodyId),
-) {
-    if rest.is_empty() {
-        return;
+/// Components of a tetrahedron, without the mark of its law.
+type TetrahedronBundle<S> = (
+    TetrahedronVertices,
+    TetrahedronBlocks,
+    TetrahedronIndex,
+    BodyId,
+    ShapeGradientBundle<S>,
+    RestVolume<S>,
+    Moduli<S>,
+);
+
+/// Components of a hexahedron, likewise.
+type HexahedronBundle<S> = (
+    HexahedronVertices,
+    HexahedronBlocks,
+    HexahedronIndex,
+    BodyId,
+    HexahedronRest<S>,
+    RestVolume<S>,
+    Moduli<S>,
+);
+
+impl SolidPart<'_> {
+    fn tetrahedra<S: Scalar>(&self) -> impl Iterator<Item = TetrahedronBundle<S>> {
+        let (v0, block0, id) = self.at;
+        let Self { layout, model, .. } = self;
+        let elements = layout.tetrahedra.iter().zip(&layout.tetrahedron_edges);
+        let elements =
+            elements.zip(&layout.tetrahedron_order).zip(self.rest.iter().zip(self.lame[0]));
+        elements.map(move |(((t, e), &original), (rest, &lame))| {
+            let d = [rest.gradients[1], rest.gradients[2], rest.gradients[3]];
+            (
+                TetrahedronVertices(t.map(|v| v + v0)),
+                TetrahedronBlocks(e.map(|b| b + block0)),
+                TetrahedronIndex(original),
+                id,
+                shape_gradient_bundle::<S>(d),
+                RestVolume(S::from_f64(rest.volume)),
+                moduli_bundle::<S>(lame, *model),
+            )
+        })
     }
-    let elements = layout
-        .hexahedra
-        .iter()
-        .zip(&layout.hexahedron_edges)
-        .zip(&layout.hexahedron_order)
-        .zip(rest.iter().zip(lame))
-        .map(|(((h, e), &original), (rest, &lame))| {
+
+    fn hexahedra<S: Scalar>(&self) -> impl Iterator<Item = HexahedronBundle<S>> {
+        let (v0, block0, id) = self.at;
+        let Self { layout, model, .. } = self;
+        let elements = layout.hexahedra.iter().zip(&layout.hexahedron_edges);
+        let elements =
+            elements.zip(&layout.hexahedron_order).zip(self.bricks.iter().zip(self.lame[1]));
+        elements.map(move |(((h, e), &original), (rest, &lame))| {
             (
                 HexahedronVertices(h.map(|v| v + v0)),
                 HexahedronBlocks(e.map(|b| b + block0)),
@@ -699,41 +604,97 @@ fn spawn_hexahedra<S: Scalar>(
                 id,
                 rest.component::<S>(),
                 RestVolume(S::from_f64(rest.total_volume())),
-                moduli_bundle::<S>(lame, model),
+                moduli_bundle::<S>(lame, *model),
+            )
+        })
+    }
+
+    /// Spawns the elements with the mark of their law.
+    fn spawn<S: Scalar>(
+        &self,
+        world: &mut World,
+        law: Option<&'static LawRow>,
+        evaluation: Evaluation,
+        edge_rows: &[u32],
+    ) {
+        if !self.rest.is_empty() {
+            match law {
+                Some(_) if evaluation == Evaluation::Pooled => {
+                    self.spawn_pooled::<S>(world, edge_rows);
+                }
+                Some(law) => law.spawn::<S>(world, self),
+                None if self.model == Model::MassSpring => {
+                    self.spawn_tetrahedra::<MassSpring, S>(world);
+                }
+                None => self.spawn_tetrahedra::<AxesOnly, S>(world),
+            }
+        }
+        if !self.bricks.is_empty() {
+            match law {
+                Some(LawRow { hexahedra: Some(law), .. }) => {
+                    laws::in_table(world, law).1.spawn::<S>(world, self);
+                }
+                // refused before
+                Some(_) => {}
+                None if self.model == Model::MassSpring => {
+                    self.spawn_hexahedra::<MassSpring, S>(world);
+                }
+                None => self.spawn_hexahedra::<AxesOnly, S>(world),
+            }
+        }
+    }
+
+    fn spawn_tetrahedra<M: Component + Default, S: Scalar>(&self, world: &mut World) {
+        let marked = self.tetrahedra::<S>().map(|t| (t, M::default()));
+        world.spawn_batch(marked.collect::<Vec<_>>());
+    }
+
+    fn spawn_hexahedra<M: Component + Default, S: Scalar>(&self, world: &mut World) {
+        let marked = self.hexahedra::<S>().map(|h| (h, M::default()));
+        world.spawn_batch(marked.collect::<Vec<_>>());
+    }
+
+    /// Spawns pooled tetrahedra; `edge_rows` are the edge-table rows of the edges of the layout.
+    fn spawn_pooled<S: Scalar>(&self, world: &mut World, edge_rows: &[u32]) {
+        let constants = self.rest.iter().zip(self.lame[0]);
+        let constants = constants.map(|(r, &lame)| SpringConstants::new(r, lame).volumetric);
+        let elements = self.tetrahedra::<S>().zip(&self.layout.tetrahedron_edges).zip(constants);
+        let elements = elements.map(|((tetrahedron, e), d)| {
+            (
+                tetrahedron,
+                TetrahedronEdges(e.map(|e| edge_rows[e as usize])),
+                VolumetricStiffness::<S, 0>(S::from_f64(d[0])),
+                VolumetricStiffness::<S, 1>(S::from_f64(d[1])),
+                VolumetricStiffness::<S, 2>(S::from_f64(d[2])),
             )
         });
-    let elements: Vec<_> = elements.collect();
-    macro_rules! spawn_as {
-        ($law:ident) => {{
-            let mark = Hexahedral::<$law>::default();
-            world.spawn_batch(elements.into_iter().map(|e| (e, mark)).collect::<Vec<_>>());
-            hexahedron::activate::<$law, S>(world);
-        }};
-    }
-    match model {
-        Model::StVK | Model::CompressibleStVK | Model::StVKFem => spawn_as!(FusedStVK),
-        Model::Linear => spawn_as!(Linear),
-        Model::Corotational => spawn_as!(Corotational),
-        Model::NeoHookean => spawn_as!(NeoHookean),
-        // springs on edges
-        Model::MassSpring => {
-            world.spawn_batch(elements.into_iter().map(|e| (e, MassSpring)).collect::<Vec<_>>());
+        world.spawn_batch(elements.collect::<Vec<_>>());
+        laws::activate::<S>(world, &fused::PROJECTION);
+        if self.model.has_compression() {
+            laws::activate::<S>(world, &fused::COMPRESSION);
         }
-        // nothing but axes
-        Model::Axes => {
-            world.spawn_batch(elements.into_iter().map(|e| (e, AxesOnly)).collect::<Vec<_>>());
-        }
-        // refused for hexahedra
-        Model::QuadraticSprings | Model::WarpedStiffness => {}
     }
 }
 
+/// Spawns the tetrahedra of a body with the mark of law `L`.
+pub(crate) fn spawn_tetrahedra<L: Component + Default, S: Scalar>(
+    world: &mut World,
+    part: &SolidPart,
+) {
+    part.spawn_tetrahedra::<L, S>(world);
+}
+
+/// Spawns the hexahedra of a body with the mark of law `L`.
+pub(crate) fn spawn_hexahedra<L: TetrahedronLaw, S: Scalar>(world: &mut World, part: &SolidPart) {
+    part.spawn_hexahedra::<Hexahedral<L>, S>(world);
+}
+
+/// Columns of the moduli of a solid element.
+type Moduli<S> = (FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>);
+
 /// Moduli of a solid element.
-pub(crate) fn moduli_bundle<S: Scalar>(
-    lame: LameParameters,
-    model: Model,
-) -> (FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>) {
-    let compression = if model == Model::CompressibleStVK { lame.lambda + lame.mu } else { 0.0 };
+pub(crate) fn moduli_bundle<S: Scalar>(lame: LameParameters, model: Model) -> Moduli<S> {
+    let compression = if model.has_compression() { lame.lambda + lame.mu } else { 0.0 };
     let lame = match model {
         Model::Axes => LameParameters { lambda: 0.0, mu: 0.0 },
         _ => lame,
@@ -816,7 +777,7 @@ impl Springs {
             .collect();
         if !edges.is_empty() {
             world.spawn_batch(edges);
-            quadratic::activate_mass_spring::<S>(world);
+            laws::activate::<S>(world, &quadratic::EDGE_SPRINGS);
         }
     }
 
@@ -867,7 +828,9 @@ impl Springs {
                 })
                 .collect::<Vec<_>>(),
         );
-        pooled::activate::<S>(world);
+        for row in pooled::SPRINGS {
+            laws::activate::<S>(world, row);
+        }
         rows
     }
 }
@@ -893,138 +856,10 @@ fn edge_bundles<S: Scalar>(
     })
 }
 
-/// Spawns pooled tetrahedra; `edge_rows` are the edge-table rows of the edges of the layout.
-fn spawn_volumetric<S: Scalar>(
-    world: &mut World,
-    layout: &BodyLayout,
-    rest: &[RestTetrahedron],
-    lame: &[LameParameters],
-    geometry: Vec<impl Bundle<Effect: NoBundleEffect>>,
-    edge_rows: &[u32],
-) {
-    let constants =
-        rest.iter().zip(lame).map(|(r, &lame)| SpringConstants::new(r, lame).volumetric);
-    world.spawn_batch(
-        geometry
-            .into_iter()
-            .zip(&layout.tetrahedron_edges)
-            .zip(constants)
-            .map(|((geometry, e), d)| {
-                (
-                    geometry,
-                    TetrahedronEdges(e.map(|e| edge_rows[e as usize])),
-                    VolumetricStiffness::<S, 0>(S::from_f64(d[0])),
-                    VolumetricStiffness::<S, 1>(S::from_f64(d[1])),
-                    VolumetricStiffness::<S, 2>(S::from_f64(d[2])),
-                )
-            })
-            .collect::<Vec<_>>(),
-    );
-}
-
 /// Local face and vertex to which the angular spring of a pair of adjacent edges belongs.
 pub(crate) fn angular_place([apex, j, k]: [usize; 3]) -> (usize, usize) {
     // the face through the pair lies opposite the one vertex that it does not use
     let face = (0..4).find(|v| ![apex, j, k].contains(v)).unwrap_or(0);
     debug_assert!(TETRAHEDRON_FACES[face].contains(&apex));
     (face, apex)
-}
-
-/// Cuts the elements of every active law into its fixed ranges.
-pub(crate) fn partition_laws<S: Scalar>(world: &mut World) {
-    fn tetrahedra<L: TetrahedronLaw, S: Scalar>(world: &mut World) {
-        partition::<L, S, TetrahedronVertices, L::Bodies>(world, |t| &t.0);
-    }
-    tetrahedra::<FusedStVK, S>(world);
-    tetrahedra::<QuadraticSprings, S>(world);
-    tetrahedra::<Linear, S>(world);
-    tetrahedra::<WarpedStiffness, S>(world);
-    tetrahedra::<Corotational, S>(world);
-    tetrahedra::<StVKFem, S>(world);
-    tetrahedra::<NeoHookean, S>(world);
-    fn hexahedra<L: TetrahedronLaw, S: Scalar>(world: &mut World)
-    where
-        Hexahedral<L>: Law,
-    {
-        partition::<Hexahedral<L>, S, HexahedronVertices, With<Hexahedral<L>>>(world, |h| &h.0);
-    }
-    hexahedra::<FusedStVK, S>(world);
-    hexahedra::<Linear, S>(world);
-    hexahedra::<Corotational, S>(world);
-    hexahedra::<NeoHookean, S>(world);
-    fn quads<L: TriangleLaw, S: Scalar>(world: &mut World)
-    where
-        Quadrilateral<L>: Law,
-    {
-        partition::<Quadrilateral<L>, S, QuadVertices, With<Quadrilateral<L>>>(world, |q| &q.0);
-    }
-    quads::<BiquadraticMembrane, S>(world);
-    quads::<LinearMembrane, S>(world);
-    quads::<CorotationalMembrane, S>(world);
-    partition::<MassSpring, S, EdgeVertices, With<MassSpring>>(world, |e| &e.0);
-    tetrahedra::<Compression, S>(world);
-    tetrahedra::<PooledProjection, S>(world);
-    partition::<Volumetric, S, TetrahedronVertices, With<TetrahedronEdges>>(world, |t| &t.0);
-    partition::<Tensile, S, EdgeVertices, With<TensileTension<S>>>(world, |e| &e.0);
-    partition::<SpringForces, S, EdgeVertices, With<TensileTension<S>>>(world, |e| &e.0);
-    partition::<Angular, S, TriangleVertices, ()>(world, |t| &t.0);
-    partition::<BiquadraticMembrane, S, MembraneVertices, With<BiquadraticMembrane>>(world, |t| {
-        &t.0
-    });
-    partition::<QuadraticMembrane, S, MembraneVertices, With<QuadraticMembrane>>(world, |t| &t.0);
-    partition::<LinearMembrane, S, MembraneVertices, With<LinearMembrane>>(world, |t| &t.0);
-    partition::<CorotationalMembrane, S, MembraneVertices, With<CorotationalMembrane>>(
-        world,
-        |t| &t.0,
-    );
-    partition::<PooledMembrane, S, MembraneVertices, With<PooledMembrane>>(world, |t| &t.0);
-    partition::<MembraneCompression, S, MembraneVertices, With<PooledMembrane>>(world, |t| &t.0);
-    fn in_elements<S: Scalar, const N: usize, V: AxisSite<N>>(world: &mut World)
-    where
-        PrintedSprings<V>: Law,
-        AxialDampers<V>: Law,
-    {
-        partition::<PrintedSprings<V>, S, V, With<PrintedAxes<N>>>(world, |v| v.rows());
-        partition::<AxialDampers<V>, S, V, With<AxialDamper<N>>>(world, |v| v.rows());
-    }
-    partition::<AxisTriads, S, AxisVertices, With<AxisAngleStiffness<S, 0>>>(world, |t| &t.0);
-    in_elements::<S, 4, AxisVertices>(world);
-    partition::<Fibres, S, AxisVertices, With<FibreShape<S, 1>>>(world, |t| &t.0);
-    partition::<VolumePreservation, S, AxisVertices, VolumeAlone<S>>(world, |t| &t.0);
-    type InHexahedra = AxisHexahedronVertices;
-    in_elements::<S, 8, InHexahedra>(world);
-    partition::<HexahedronTriads, S, InHexahedra, With<AxisAngleStiffness<S, 0>>>(world, |h| &h.0);
-    partition::<HexahedronFibres, S, InHexahedra, With<FibreActive<S>>>(world, |h| &h.0);
-    partition::<HexahedronVolumes, S, InHexahedra, VolumeAlone<S>>(world, |h| &h.0);
-    find_edges::<Volumetric, S, TetrahedronEdges>(world, |e| &e.0);
-    find_edges::<Angular, S, TriangleEdges>(world, |e| &e.0);
-}
-
-/// Tells the ranges of a law of springs which edge-table rows they pull on.
-fn find_edges<L: Law, S: Scalar, C: Component>(world: &mut World, edges: impl Fn(&C) -> &[u32]) {
-    let mut elements = world.query::<&C>();
-    let Some(mut buffer) = world.remove_resource::<LawBuffer<L, S>>() else { return };
-    if let Some(column) = single_table(elements.contiguous_iter(world)) {
-        for span in &mut buffer.spans {
-            let own = || column[span.elements.clone()].iter().flat_map(&edges);
-            let (low, high) = (own().min(), own().max());
-            span.edges = low.map_or(0, |&e| e as usize)..high.map_or(0, |&e| e as usize + 1);
-        }
-    }
-    world.insert_resource(buffer);
-}
-
-fn partition<L: Law, S: Scalar, C: Component, F: bevy_ecs::query::ArchetypeFilter>(
-    world: &mut World,
-    vertices: impl Fn(&C) -> &[u32],
-) {
-    let mut elements = world.query_filtered::<&C, F>();
-    let Some(mut buffer) = world.remove_resource::<LawBuffer<L, S>>() else { return };
-    let topology = world.resource::<Topology>();
-    if let Some(column) = single_table(elements.contiguous_iter(world)) {
-        buffer.partition(column.len(), topology, |i| vertices(&column[i]));
-    } else {
-        buffer.spans.clear();
-    }
-    world.insert_resource(buffer);
 }

@@ -47,10 +47,11 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::{displacement_gradient, volume_change};
-use sinew_engine::law::{Law, TangentKind};
+use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, cross, dot, mat_vec};
 
 use crate::fused::TetrahedronLaw;
+use crate::laws::LawRow;
 use crate::projection::{Svd, is_positive_definite, rounding, signed_svd, symmetric_eigen};
 use crate::tetrahedron::{
     CORE, Element, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
@@ -412,24 +413,23 @@ fn symmetrise<R: Real>(block: &mut [R; 9]) {
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct Corotational;
 
-impl Law for Corotational {
-    const NAME: &'static str = "corotational";
-    const ORDER: u8 = 11;
-}
+/// Row of its tetrahedra in the table of laws.
+pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<Corotational>().with_hexahedra(&HEXAHEDRA);
+/// Row of its hexahedra in the table of laws.
+pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<Corotational>("corotational hexahedra");
 
 /// Stiffness warping: [`Corotational`] with the tangent `R K0 R^T` in place of every kind; also the mark
 /// of its tetrahedra.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct WarpedStiffness;
 
-impl Law for WarpedStiffness {
-    const NAME: &'static str = "warped stiffness";
-    const ORDER: u8 = 10;
-}
+/// Row of its tetrahedra in the table of laws.
+pub static WARPED_TETRAHEDRA: LawRow = LawRow::tetrahedra::<WarpedStiffness>();
 
 impl TetrahedronLaw for Corotational {
     const AVX2: bool = false;
-    type Bodies = With<Corotational>;
+    const NAME: &'static str = "corotational";
+    type Mark = Self;
     const STRESS_PROJECTION: bool = false;
     fn contributes(_: TangentKind) -> bool {
         true
@@ -458,7 +458,8 @@ impl TetrahedronLaw for Corotational {
 
 impl TetrahedronLaw for WarpedStiffness {
     const AVX2: bool = false;
-    type Bodies = With<WarpedStiffness>;
+    const NAME: &'static str = "warped stiffness";
+    type Mark = Self;
     const STRESS_PROJECTION: bool = false;
     fn contributes(_: TangentKind) -> bool {
         true

@@ -4,31 +4,27 @@
 //! the whole stress of an element and so cannot be split into springs.
 
 use bevy_ecs::prelude::*;
-use bevy_ecs::query::ArchetypeFilter;
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    RestVolume, ShapeGradient, ShapeGradientColumns, ShapeGradients, TetrahedronBlocks,
-    TetrahedronEdges, TetrahedronShapes, TetrahedronVertices, displacement_gradient,
+    RestVolume, ShapeGradientColumns, ShapeGradients, TetrahedronBlocks, TetrahedronEdges,
+    TetrahedronShapes, TetrahedronVertices, displacement_gradient,
 };
 use sinew_engine::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, RecoveringBodies, Span, TangentKind};
+use sinew_engine::law::{
+    EvaluationRequest, LawBuffer, LawBuffers, RecoveringBodies, Span, TangentKind,
+};
 use sinew_engine::scalar::{Real, Scalar};
-use sinew_engine::schedule::{ForceSystems, activate_law, column_changed, declare_inputs};
+use sinew_engine::schedule::{ElementLaw, Evaluation, activate_law};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
 use std::ops::Range;
-use std::time::Instant;
 
-use crate::axes::systems::AxesOnly;
-use crate::corotational::{Corotational, WarpedStiffness};
-use crate::linear::Linear;
-use crate::neo_hookean::NeoHookean;
+use crate::corotational::Corotational;
+use crate::laws::{LawRow, partition};
 use crate::projection;
-use crate::quadratic::{MassSpring, QuadraticSprings};
-use crate::stvk_fem::StVKFem;
 use crate::tetrahedron::{self, Element, TetrahedronTangent};
 
 macro_rules! moduli {
@@ -53,9 +49,11 @@ moduli! {
 ///
 /// The functions are written for [`Real`], that is for one tetrahedron or for a register full of
 /// them.
-pub trait TetrahedronLaw: Law {
-    /// Tetrahedra it acts on.
-    type Bodies: ArchetypeFilter + 'static;
+pub trait TetrahedronLaw: Send + Sync + 'static {
+    /// Name shown in reports; unique.
+    const NAME: &'static str;
+    /// Component of the tetrahedra it acts on, and of no others; mostly the law itself.
+    type Mark: Component;
     /// Whether it contributes energy and force.
     const FORCES: bool = true;
     /// Whether the corotational energy takes its place for bodies that recover: so for one law of every
@@ -98,26 +96,14 @@ pub trait TetrahedronLaw: Law {
     }
 }
 
-/// Fused evaluation: St Venant-Kirchhoff plus compression term, all in one pass.
+/// Fused evaluation: St Venant-Kirchhoff plus compression term, all in one pass; also the mark of its
+/// tetrahedra.
+#[derive(Component, Clone, Copy, Debug, Default)]
 pub struct FusedStVK;
 
-impl Law for FusedStVK {
-    const NAME: &'static str = "fused St Venant-Kirchhoff";
-    const ORDER: u8 = 0;
-}
-
 impl TetrahedronLaw for FusedStVK {
-    type Bodies = (
-        Without<TetrahedronEdges>,
-        Without<QuadraticSprings>,
-        Without<MassSpring>,
-        Without<Linear>,
-        Without<WarpedStiffness>,
-        Without<Corotational>,
-        Without<StVKFem>,
-        Without<NeoHookean>,
-        Without<AxesOnly>,
-    );
+    const NAME: &'static str = "fused St Venant-Kirchhoff";
+    type Mark = Self;
     fn contributes(_: TangentKind) -> bool {
         true
     }
@@ -151,13 +137,9 @@ impl TetrahedronLaw for FusedStVK {
 /// The compression term of pooled bodies, an independent law beside their springs.
 pub struct Compression;
 
-impl Law for Compression {
-    const NAME: &'static str = "compression term";
-    const ORDER: u8 = 5;
-}
-
 impl TetrahedronLaw for Compression {
-    type Bodies = With<TetrahedronEdges>;
+    const NAME: &'static str = "compression term";
+    type Mark = TetrahedronEdges;
     const STANDS_IN: bool = false;
     fn contributes(kind: TangentKind) -> bool {
         kind != TangentKind::Projected
@@ -196,13 +178,9 @@ impl TetrahedronLaw for Compression {
 /// stress of a tetrahedron, so it is formed per tetrahedron, springs and compression together.
 pub struct PooledProjection;
 
-impl Law for PooledProjection {
-    const NAME: &'static str = "projected tangent of springs";
-    const ORDER: u8 = 6;
-}
-
 impl TetrahedronLaw for PooledProjection {
-    type Bodies = With<TetrahedronEdges>;
+    const NAME: &'static str = "projected tangent of springs";
+    type Mark = TetrahedronEdges;
     const FORCES: bool = false;
     fn contributes(kind: TangentKind) -> bool {
         kind == TangentKind::Projected
@@ -234,31 +212,29 @@ impl TetrahedronLaw for PooledProjection {
     }
 }
 
+/// Rows of these laws in the table.
+pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<FusedStVK>().with_hexahedra(&HEXAHEDRA);
+/// As [`TETRAHEDRA`].
+pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<FusedStVK>("St Venant-Kirchhoff hexahedra");
+/// As [`TETRAHEDRA`].
+pub static COMPRESSION: LawRow = LawRow::pooled_tetrahedra::<Compression>();
+/// As [`TETRAHEDRA`].
+pub static PROJECTION: LawRow = LawRow::pooled_tetrahedra::<PooledProjection>();
+
 /// Puts `L` into the force schedule.
-pub fn activate<L: TetrahedronLaw, S: Scalar>(world: &mut World) {
-    activate_law::<L, S>(world, |schedule| {
-        schedule.add_systems(evaluate::<L, S>.in_set(ForceSystems::Evaluate));
-    });
-    declare_inputs(
-        world,
-        L::NAME,
-        &[
-            column_changed::<TetrahedronVertices>,
-            column_changed::<ShapeGradient<S, 1, 0>>,
-            column_changed::<ShapeGradient<S, 1, 1>>,
-            column_changed::<ShapeGradient<S, 1, 2>>,
-            column_changed::<ShapeGradient<S, 2, 0>>,
-            column_changed::<ShapeGradient<S, 2, 1>>,
-            column_changed::<ShapeGradient<S, 2, 2>>,
-            column_changed::<ShapeGradient<S, 3, 0>>,
-            column_changed::<ShapeGradient<S, 3, 1>>,
-            column_changed::<ShapeGradient<S, 3, 2>>,
-            column_changed::<RestVolume<S>>,
-            column_changed::<FirstLameParameter<S>>,
-            column_changed::<ShearModulus<S>>,
-            column_changed::<CompressionModulus<S>>,
-        ],
-    );
+pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(
+    world: &mut World,
+    row: &'static LawRow,
+    place: usize,
+) {
+    let law = ElementLaw::<S, TetrahedronData<S>> {
+        info: row.info,
+        place,
+        mark: Some(world.register_component::<L::Mark>()),
+        partition: partition::<TetrahedronVertices, S>,
+        evaluate: evaluate::<L, S>,
+    };
+    activate_law(world, law);
 }
 
 /// Columns of the tetrahedra, as slices.
@@ -382,19 +358,12 @@ impl<S: Scalar> Tail<S> {
 }
 
 fn evaluate<L: TetrahedronLaw, S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<L, S>>,
-    vertices: Query<&Displacement<S>>,
-    tetrahedra: Query<TetrahedronData<S>, L::Bodies>,
+    with: Evaluation,
+    u: &[Displacement<S>],
+    tetrahedra: TetrahedronSlices<'_, S>,
+    buffer: &mut LawBuffer<S>,
 ) {
-    let start = Instant::now();
-    let Some(displacement) = single_table(vertices.contiguous_iter()) else { return };
-    let Some(data) = single_table(tetrahedra.contiguous_iter()) else { return };
-    let columns = TetrahedronColumns::new(displacement, data);
-    evaluate_spans::<L, S>(&columns, &request, &workers, &recovering, &mut buffer);
-    buffer.time = start.elapsed();
+    evaluate_spans::<L, S>(&TetrahedronColumns::new(u, tetrahedra), with, buffer);
 }
 
 /// What the system of law `L` does with the columns of its tetrahedra: energy, force and tangent of
@@ -403,18 +372,17 @@ pub fn evaluate_columns<L: TetrahedronLaw, S: Scalar>(
     columns: &TetrahedronColumns<S>,
     request: &EvaluationRequest,
     workers: &Workers,
-    buffer: &mut LawBuffer<L, S>,
+    buffer: &mut LawBuffer<S>,
 ) {
-    evaluate_spans(columns, request, workers, &RecoveringBodies::default(), buffer);
+    let recovering = &RecoveringBodies::default();
+    evaluate_spans::<L, S>(columns, Evaluation { request, workers, recovering }, buffer);
 }
 
 /// [`evaluate_columns`] with the corotational energy for bodies that recover.
 fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
     columns: &TetrahedronColumns<S>,
-    request: &EvaluationRequest,
-    workers: &Workers,
-    recovering: &RecoveringBodies,
-    buffer: &mut LawBuffer<L, S>,
+    Evaluation { request, workers, recovering }: Evaluation,
+    buffer: &mut LawBuffer<S>,
 ) {
     let tangent = request.tangent.filter(|&kind| L::contributes(kind));
     let (energy, force) = (L::FORCES && request.energy, L::FORCES && request.force);
@@ -467,11 +435,13 @@ fn evaluate_span<L: TetrahedronLaw, S: Scalar>(
     tangent: Option<TangentKind>,
 ) {
     let law = PhantomData::<fn() -> L>;
-    if energy {
-        workers.dispatch(EnergyPass { columns, span, law });
-    }
-    if force {
-        workers.dispatch(ForcePass { columns, span, law });
+    if L::FORCES {
+        if energy {
+            workers.dispatch(EnergyPass { columns, span, law });
+        }
+        if force {
+            workers.dispatch(ForcePass { columns, span, law });
+        }
     }
     match tangent {
         Some(kind) => {
@@ -510,7 +480,7 @@ pub fn multiply_columns<L: TetrahedronLaw, S: Scalar>(
     kind: TangentKind,
     direction: &[[S; 4]],
     workers: &Workers,
-    buffer: &mut LawBuffer<L, S>,
+    buffer: &mut LawBuffer<S>,
     result: &mut [[S; 4]],
 ) -> Result<(), NoProduct> {
     if kind == TangentKind::Projected && L::STRESS_PROJECTION {
@@ -541,18 +511,16 @@ pub fn multiply<L: TetrahedronLaw, S: Scalar>(
     result: &mut [[S; 4]],
 ) -> Result<(), NoProduct> {
     let mut vertices = world.query::<&Displacement<S>>();
-    let mut tetrahedra = world.query_filtered::<TetrahedronData<S>, L::Bodies>();
-    let Some(mut buffer) = world.remove_resource::<LawBuffer<L, S>>() else { return Ok(()) };
-    let mut outcome = Ok(());
+    let mut tetrahedra = world.query_filtered::<TetrahedronData<S>, With<L::Mark>>();
+    let Some(mut buffer) = world.resource::<LawBuffers<S>>().get(L::NAME) else { return Ok(()) };
     if let Some(displacement) = single_table(vertices.contiguous_iter(world))
         && let Some(data) = single_table(tetrahedra.contiguous_iter(world))
     {
         let columns = TetrahedronColumns::new(displacement, data);
         let workers = world.resource::<Workers>();
-        outcome = multiply_columns(&columns, kind, direction, workers, &mut buffer, result);
+        multiply_columns::<L, S>(&columns, kind, direction, workers, &mut buffer, result)?;
     }
-    world.insert_resource(buffer);
-    outcome
+    Ok(())
 }
 
 struct ProductBatch<'a, 'b, L, S> {

@@ -3,23 +3,21 @@
 //! stress of a triangle. Mass-spring membranes are springs on edges ([`crate::quadratic::MassSpring`]).
 
 use bevy_ecs::prelude::*;
-use bevy_ecs::query::ArchetypeFilter;
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    MembraneBlocks, MembraneEdge, MembraneRest, MembraneRestColumns, MembraneShapes,
-    MembraneVertices, RestArea,
+    MembraneBlocks, MembraneRest, MembraneRestColumns, MembraneShapes, MembraneVertices,
 };
 use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
+use sinew_engine::law::{EvaluationRequest, LawBuffer, LawBuffers, Span, TangentKind};
 use sinew_engine::scalar::{Real, Scalar};
-use sinew_engine::schedule::{ForceSystems, activate_law, column_changed, declare_inputs};
+use sinew_engine::schedule::{ElementLaw, Evaluation, activate_law};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
-use std::time::Instant;
 
+use crate::laws::{LawRow, partition};
 use crate::membrane::{Element, TriangleTangent, biquadratic, corotational, linear, quadratic};
 use crate::pooled::sum;
 
@@ -42,9 +40,11 @@ moduli! {
 }
 
 /// A law whose energy is a sum over membrane triangles of a function of their three displacements.
-pub trait TriangleLaw: Law {
-    /// Triangles it acts on.
-    type Bodies: ArchetypeFilter + 'static;
+pub trait TriangleLaw: Send + Sync + 'static {
+    /// Name shown in reports; unique.
+    const NAME: &'static str;
+    /// Component of the triangles it acts on, and of no others; mostly the law itself.
+    type Mark: Component;
     /// Whether it contributes energy and force.
     const FORCES: bool = true;
     /// Whether it is compiled for AVX2 too.
@@ -76,44 +76,54 @@ pub trait TriangleLaw: Law {
     }
 }
 
-macro_rules! law {
-    ($(#[$doc:meta])* $name:ident, $text:literal, $order:literal) => {
-        $(#[$doc])*
-        #[derive(Component, Clone, Copy, Debug, Default)]
-        pub struct $name;
-        impl Law for $name {
-            const NAME: &'static str = $text;
-            const ORDER: u8 = $order;
-        }
-    };
-}
-law!(
-    /// Biquadratic springs (TRBS), one triangle at a time; also the mark of its triangles.
-    BiquadraticMembrane, "biquadratic membrane", 12
-);
-law!(
-    /// Quadratic springs (TRQS); also the mark of its triangles.
-    QuadraticMembrane, "quadratic membrane", 13
-);
-law!(
-    /// Constant-strain triangles; also the mark of its triangles.
-    LinearMembrane, "linear membrane", 14
-);
-law!(
-    /// Corotational triangles; also the mark of its triangles.
-    CorotationalMembrane, "corotational membrane", 15
-);
-law!(
-    /// Projected tangent of pooled membranes; also the mark of their triangles.
-    PooledMembrane, "projected tangent of a pooled membrane", 16
-);
-law!(
-    /// The compression term of pooled membranes, an independent law beside their springs.
-    MembraneCompression, "membrane compression term", 17
-);
+/// Biquadratic springs (TRBS), one triangle at a time; also the mark of its triangles.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct BiquadraticMembrane;
+
+/// Quadratic springs (TRQS); also the mark of its triangles.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct QuadraticMembrane;
+
+/// Constant-strain triangles; also the mark of its triangles.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct LinearMembrane;
+
+/// Corotational triangles; also the mark of its triangles.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct CorotationalMembrane;
+
+/// Projected tangent of pooled membranes; also the mark of their triangles.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct PooledMembrane;
+
+/// The compression term of pooled membranes, an independent law beside their springs.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct MembraneCompression;
+
+/// Row of [`BiquadraticMembrane`] in the table of laws.
+pub static BIQUADRATIC: LawRow = LawRow::triangles::<BiquadraticMembrane>();
+/// Row of [`QuadraticMembrane`] in the table of laws.
+pub static QUADRATIC: LawRow = LawRow::triangles::<QuadraticMembrane>();
+/// Row of [`LinearMembrane`] in the table of laws.
+pub static LINEAR: LawRow = LawRow::triangles::<LinearMembrane>();
+/// Row of [`CorotationalMembrane`] in the table of laws.
+pub static COROTATIONAL: LawRow = LawRow::triangles::<CorotationalMembrane>();
+/// Row of [`PooledMembrane`] in the table of laws.
+pub static PROJECTION: LawRow = LawRow::triangles::<PooledMembrane>();
+/// Row of [`MembraneCompression`] in the table of laws.
+pub static COMPRESSION: LawRow = LawRow::triangles::<MembraneCompression>();
+/// Row of [`BiquadraticMembrane`] on quadrilaterals.
+pub static BIQUADRATIC_QUADS: LawRow =
+    LawRow::quads::<BiquadraticMembrane>("St Venant-Kirchhoff quadrilaterals");
+/// Row of [`LinearMembrane`] on quadrilaterals.
+pub static LINEAR_QUADS: LawRow = LawRow::quads::<LinearMembrane>("linear quadrilaterals");
+/// Row of [`CorotationalMembrane`] on quadrilaterals.
+pub static COROTATIONAL_QUADS: LawRow =
+    LawRow::quads::<CorotationalMembrane>("corotational quadrilaterals");
 
 impl TriangleLaw for BiquadraticMembrane {
-    type Bodies = With<Self>;
+    const NAME: &'static str = "biquadratic membrane";
+    type Mark = Self;
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
         biquadratic::energy(e, u)
@@ -145,7 +155,8 @@ impl TriangleLaw for BiquadraticMembrane {
 }
 
 impl TriangleLaw for QuadraticMembrane {
-    type Bodies = With<Self>;
+    const NAME: &'static str = "quadratic membrane";
+    type Mark = Self;
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
         quadratic::energy(e, u)
@@ -166,7 +177,8 @@ impl TriangleLaw for QuadraticMembrane {
 
 impl TriangleLaw for LinearMembrane {
     const AVX2: bool = false;
-    type Bodies = With<Self>;
+    const NAME: &'static str = "linear membrane";
+    type Mark = Self;
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
         linear::energy(e, u)
@@ -183,7 +195,8 @@ impl TriangleLaw for LinearMembrane {
 
 impl TriangleLaw for CorotationalMembrane {
     const AVX2: bool = false;
-    type Bodies = With<Self>;
+    const NAME: &'static str = "corotational membrane";
+    type Mark = Self;
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
         corotational::energy(e, u)
@@ -203,7 +216,8 @@ impl TriangleLaw for CorotationalMembrane {
 }
 
 impl TriangleLaw for PooledMembrane {
-    type Bodies = With<Self>;
+    const NAME: &'static str = "projected tangent of a pooled membrane";
+    type Mark = Self;
     const FORCES: bool = false;
     fn contributes(kind: TangentKind) -> bool {
         kind == TangentKind::Projected
@@ -233,7 +247,8 @@ fn compression_only<R: Real>(e: &Element<R>) -> Element<R> {
 }
 
 impl TriangleLaw for MembraneCompression {
-    type Bodies = With<PooledMembrane>;
+    const NAME: &'static str = "membrane compression term";
+    type Mark = PooledMembrane;
     fn contributes(kind: TangentKind) -> bool {
         kind != TangentKind::Projected
     }
@@ -252,27 +267,19 @@ impl TriangleLaw for MembraneCompression {
 }
 
 /// Puts `L` into the force schedule.
-pub fn activate<L: TriangleLaw, S: Scalar>(world: &mut World) {
-    activate_law::<L, S>(world, |schedule| {
-        schedule.add_systems(evaluate::<L, S>.in_set(ForceSystems::Evaluate));
-    });
-    declare_inputs(
-        world,
-        L::NAME,
-        &[
-            column_changed::<MembraneVertices>,
-            column_changed::<MembraneEdge<S, 1, 0>>,
-            column_changed::<MembraneEdge<S, 1, 1>>,
-            column_changed::<MembraneEdge<S, 1, 2>>,
-            column_changed::<MembraneEdge<S, 2, 0>>,
-            column_changed::<MembraneEdge<S, 2, 1>>,
-            column_changed::<MembraneEdge<S, 2, 2>>,
-            column_changed::<RestArea<S>>,
-            column_changed::<MembraneFirstModulus<S>>,
-            column_changed::<MembraneShearModulus<S>>,
-            column_changed::<MembraneCompressionModulus<S>>,
-        ],
-    );
+pub(crate) fn activate<L: TriangleLaw, S: Scalar>(
+    world: &mut World,
+    row: &'static LawRow,
+    place: usize,
+) {
+    let law = ElementLaw::<S, MembraneData<S>> {
+        info: row.info,
+        place,
+        mark: Some(world.register_component::<L::Mark>()),
+        partition: partition::<MembraneVertices, S>,
+        evaluate: evaluate::<L, S>,
+    };
+    activate_law(world, law);
 }
 
 /// Columns of the membrane triangles, as slices.
@@ -339,18 +346,13 @@ impl<'a, S: Scalar> MembraneColumns<'a, S> {
 }
 
 fn evaluate<L: TriangleLaw, S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    mut buffer: ResMut<LawBuffer<L, S>>,
-    vertices: Query<&Displacement<S>>,
-    triangles: Query<MembraneData<S>, L::Bodies>,
+    with: Evaluation,
+    u: &[Displacement<S>],
+    triangles: MembraneSlices<'_, S>,
+    buffer: &mut LawBuffer<S>,
 ) {
-    let start = Instant::now();
-    let Some(displacement) = single_table(vertices.contiguous_iter()) else { return };
-    let Some(data) = single_table(triangles.contiguous_iter()) else { return };
-    let columns = MembraneColumns::new(displacement, data);
-    evaluate_columns::<L, S>(&columns, &request, &workers, &mut buffer);
-    buffer.time = start.elapsed();
+    let columns = MembraneColumns::new(u, triangles);
+    evaluate_columns::<L, S>(&columns, with.request, with.workers, buffer);
 }
 
 /// What the system of law `L` does with the columns of its triangles: energy, force and tangent of
@@ -359,7 +361,7 @@ pub fn evaluate_columns<L: TriangleLaw, S: Scalar>(
     columns: &MembraneColumns<S>,
     request: &EvaluationRequest,
     workers: &Workers,
-    buffer: &mut LawBuffer<L, S>,
+    buffer: &mut LawBuffer<S>,
 ) {
     let tangent = request.tangent.filter(|&kind| L::contributes(kind));
     let (energy, force) = (L::FORCES && request.energy, L::FORCES && request.force);
@@ -371,14 +373,17 @@ pub fn evaluate_columns<L: TriangleLaw, S: Scalar>(
         4 * usize::from(energy) + 5 * usize::from(force) + 30 * usize::from(tangent.is_some());
     workers.for_each(&mut buffer.spans, columns.blocks.len() * work_ns, |_, span| {
         let (law, elements) = (PhantomData::<fn() -> L>, span.elements.clone());
-        if energy {
-            let batch = EnergyBatch { columns, sums: [0.0; MAX_LANES], law };
-            span.energy = sum(workers.dispatch(Batches(elements.clone(), batch)).sums);
-        }
-        if force {
-            span.clear_force();
-            let (row, force) = (span.rows.start, &mut span.force[..]);
-            workers.dispatch(Batches(elements.clone(), ForceBatch { columns, force, row, law }));
+        if L::FORCES {
+            if energy {
+                let batch = EnergyBatch { columns, sums: [0.0; MAX_LANES], law };
+                span.energy = sum(workers.dispatch(Batches(elements.clone(), batch)).sums);
+            }
+            if force {
+                span.clear_force();
+                let (row, force) = (span.rows.start, &mut span.force[..]);
+                let batch = ForceBatch { columns, force, row, law };
+                workers.dispatch(Batches(elements.clone(), batch));
+            }
         }
         match tangent {
             Some(kind) => {
@@ -399,7 +404,7 @@ pub fn multiply_columns<L: TriangleLaw, S: Scalar>(
     kind: TangentKind,
     direction: &[[S; 4]],
     workers: &Workers,
-    buffer: &mut LawBuffer<L, S>,
+    buffer: &mut LawBuffer<S>,
     result: &mut [[S; 4]],
 ) {
     if !L::contributes(kind) {
@@ -423,16 +428,15 @@ pub fn multiply<L: TriangleLaw, S: Scalar>(
     result: &mut [[S; 4]],
 ) {
     let mut vertices = world.query::<&Displacement<S>>();
-    let mut triangles = world.query_filtered::<MembraneData<S>, L::Bodies>();
-    let Some(mut buffer) = world.remove_resource::<LawBuffer<L, S>>() else { return };
+    let mut triangles = world.query_filtered::<MembraneData<S>, With<L::Mark>>();
+    let Some(mut buffer) = world.resource::<LawBuffers<S>>().get(L::NAME) else { return };
     if let Some(displacement) = single_table(vertices.contiguous_iter(world))
         && let Some(data) = single_table(triangles.contiguous_iter(world))
     {
         let columns = MembraneColumns::new(displacement, data);
         let workers = world.resource::<Workers>();
-        multiply_columns(&columns, kind, direction, workers, &mut buffer, result);
+        multiply_columns::<L, S>(&columns, kind, direction, workers, &mut buffer, result);
     }
-    world.insert_resource(buffer);
 }
 
 struct EnergyBatch<'a, 'b, L, S> {

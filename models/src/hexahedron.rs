@@ -12,28 +12,25 @@
 
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
-use sinew_engine::columns::single_table;
-use sinew_engine::element::{RestVolume, displacement_gradient};
+use sinew_engine::element::displacement_gradient;
 use sinew_engine::isoparametric::{
     Derivatives, HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronRest, HexahedronVertices,
     hexahedron_differences, load_points, load_weights, rows_of,
 };
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, RecoveringBodies, Span, TangentKind};
+use sinew_engine::law::{EvaluationRequest, LawBuffer, Span, TangentKind};
 use sinew_engine::scalar::{Real, Scalar};
-use sinew_engine::schedule::{ForceSystems, activate_law, column_changed, declare_inputs};
+use sinew_engine::schedule::{ElementLaw, Evaluation, activate_law};
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
-use std::time::Instant;
 
 use crate::corotational::Corotational;
 use crate::fused::{
     CompressionModulus, FirstLameParameter, FusedStVK, ShearModulus, TetrahedronLaw,
 };
-use crate::linear::Linear;
-use crate::neo_hookean::NeoHookean;
+use crate::laws::{LawRow, partition};
 use crate::projection;
 use crate::tetrahedron::{self, Element, TetrahedronTangent};
 
@@ -53,21 +50,6 @@ impl<L: Send + Sync + 'static> Default for Hexahedral<L> {
     fn default() -> Self {
         Self(PhantomData)
     }
-}
-
-macro_rules! laws {
-    ($($law:ident: $name:literal, $order:literal;)+) => {$(
-        impl Law for Hexahedral<$law> {
-            const NAME: &'static str = $name;
-            const ORDER: u8 = $order;
-        }
-    )+};
-}
-laws! {
-    FusedStVK: "St Venant-Kirchhoff hexahedra", 32;
-    Linear: "linear hexahedra", 33;
-    Corotational: "corotational hexahedra", 34;
-    NeoHookean: "neo-Hookean hexahedra", 35;
 }
 
 /// A hexahedron as the kernels see it, one Gauss point per lane.
@@ -136,45 +118,38 @@ type Data<S> = (
     &'static CompressionModulus<S>,
 );
 
+/// Slices of [`Data`], as a contiguous query gives them.
+type Slices<'a, S> = (
+    &'a [HexahedronVertices],
+    &'a [HexahedronBlocks],
+    &'a [HexahedronRest<S>],
+    &'a [FirstLameParameter<S>],
+    &'a [ShearModulus<S>],
+    &'a [CompressionModulus<S>],
+);
+
 /// Puts `L` on hexahedra into the force schedule.
-pub fn activate<L: TetrahedronLaw, S: Scalar>(world: &mut World)
-where
-    Hexahedral<L>: Law,
-{
-    activate_law::<Hexahedral<L>, S>(world, |schedule| {
-        schedule.add_systems(evaluate::<L, S>.in_set(ForceSystems::Evaluate));
-    });
-    declare_inputs(
-        world,
-        Hexahedral::<L>::NAME,
-        &[
-            column_changed::<HexahedronVertices>,
-            column_changed::<HexahedronRest<S>>,
-            column_changed::<RestVolume<S>>,
-            column_changed::<FirstLameParameter<S>>,
-            column_changed::<ShearModulus<S>>,
-            column_changed::<CompressionModulus<S>>,
-        ],
-    );
+pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(
+    world: &mut World,
+    row: &'static LawRow,
+    place: usize,
+) {
+    let law = ElementLaw::<S, Data<S>> {
+        info: row.info,
+        place,
+        mark: Some(world.register_component::<Hexahedral<L>>()),
+        partition: partition::<HexahedronVertices, S>,
+        evaluate: evaluate::<L, S>,
+    };
+    activate_law(world, law);
 }
 
 fn evaluate<L: TetrahedronLaw, S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<Hexahedral<L>, S>>,
-    vertices: Query<&Displacement<S>>,
-    hexahedra: Query<Data<S>, With<Hexahedral<L>>>,
-) where
-    Hexahedral<L>: Law,
-{
-    let start = Instant::now();
-    let Some(displacement) = single_table(vertices.contiguous_iter()) else { return };
-    let Some((nodes, blocks, rest, lambda, mu, compression)) =
-        single_table(hexahedra.contiguous_iter())
-    else {
-        return;
-    };
+    Evaluation { request, workers, recovering }: Evaluation,
+    displacement: &[Displacement<S>],
+    (nodes, blocks, rest, lambda, mu, compression): Slices<'_, S>,
+    buffer: &mut LawBuffer<S>,
+) {
     let columns = Columns {
         displacement: Displacement::peel_slice(displacement),
         nodes: HexahedronVertices::peel_slice(nodes),
@@ -190,12 +165,11 @@ fn evaluate<L: TetrahedronLaw, S: Scalar>(
         + 3000 * usize::from(request.tangent.is_some());
     workers.for_each(&mut buffer.spans, columns.rest.len() * work, |_, span| {
         if recovering.contains(span.body) {
-            evaluate_span::<Corotational, S>(&columns, &workers, &request, span);
+            evaluate_span::<Corotational, S>(&columns, workers, request, span);
         } else {
-            evaluate_span::<L, S>(&columns, &workers, &request, span);
+            evaluate_span::<L, S>(&columns, workers, request, span);
         }
     });
-    buffer.time = start.elapsed();
 }
 
 fn evaluate_span<L: TetrahedronLaw, S: Scalar>(

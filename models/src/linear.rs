@@ -14,11 +14,12 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::displacement_gradient;
-use sinew_engine::law::{Law, TangentKind};
+use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, dot};
 
 use crate::corotational::warped;
 use crate::fused::TetrahedronLaw;
+use crate::laws::LawRow;
 use crate::tetrahedron::{
     Element, TetrahedronTangent, assemble, nodal_forces, second_piola_kirchhoff,
 };
@@ -58,14 +59,15 @@ pub fn tangent<R: Real>(e: &Element<R>) -> TetrahedronTangent<R> {
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct Linear;
 
-impl Law for Linear {
-    const NAME: &'static str = "linear elasticity";
-    const ORDER: u8 = 9;
-}
+/// Row of its tetrahedra in the table of laws.
+pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<Linear>().with_hexahedra(&HEXAHEDRA);
+/// Row of its hexahedra in the table of laws.
+pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<Linear>("linear hexahedra");
 
 impl TetrahedronLaw for Linear {
     const AVX2: bool = false;
-    type Bodies = With<Linear>;
+    const NAME: &'static str = "linear elasticity";
+    type Mark = Self;
     const STRESS_PROJECTION: bool = false;
     fn contributes(_: TangentKind) -> bool {
         true

@@ -48,10 +48,11 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::{displacement_gradient, minor, volume_change};
-use sinew_engine::law::{Law, TangentKind};
+use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, cross, dot, mat_vec};
 
 use crate::fused::TetrahedronLaw;
+use crate::laws::LawRow;
 use crate::projection::{Spectrum, Svd, clamped_blocks, signed_svd};
 use crate::tetrahedron::{
     CORE, Element, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
@@ -247,14 +248,15 @@ fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6])
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct NeoHookean;
 
-impl Law for NeoHookean {
-    const NAME: &'static str = "stable neo-Hookean";
-    const ORDER: u8 = 22;
-}
+/// Row of its tetrahedra in the table of laws.
+pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<NeoHookean>().with_hexahedra(&HEXAHEDRA);
+/// Row of its hexahedra in the table of laws.
+pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<NeoHookean>("neo-Hookean hexahedra");
 
 impl TetrahedronLaw for NeoHookean {
     const AVX2: bool = false;
-    type Bodies = With<NeoHookean>;
+    const NAME: &'static str = "stable neo-Hookean";
+    type Mark = Self;
     const STRESS_PROJECTION: bool = false;
     fn contributes(_: TangentKind) -> bool {
         true

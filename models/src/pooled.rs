@@ -28,11 +28,14 @@ use sinew_engine::element::{
     TETRAHEDRON_EDGES, TetrahedronBlocks, TetrahedronEdges, TetrahedronVertices, TriangleEdges,
 };
 use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, RecoveringBodies, Span, TangentKind};
+use sinew_engine::law::{
+    DisabledLaws, EvaluationRequest, LawBuffer, LawBuffers, LawInfo, Partition, RecoveringBodies,
+    Span, TangentKind,
+};
 use sinew_engine::report::SystemTimes;
 use sinew_engine::scalar::{Real, Scalar, add, dot, scale, sub};
 use sinew_engine::schedule::{
-    ForceSystems, activate_law, activate_systems, column_changed, declare_inputs,
+    ForceSystems, Input, activate_law_of_systems, activate_systems, declare_inputs,
 };
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
@@ -41,6 +44,7 @@ use std::ops::Range;
 use std::time::Instant;
 
 use crate::fused::add_tangent;
+use crate::laws::{Elements, LawRow, mark, partition};
 use crate::precompute::OPPOSITE_EDGES;
 use crate::spring::{coupling_energy, edge_force, tensile_energy, tensile_tension};
 use crate::tetrahedron::TetrahedronTangent;
@@ -89,77 +93,143 @@ pub type VolumetricStiffnesses<S> = (
     &'static VolumetricStiffness<S, 2>,
 );
 
-macro_rules! law {
-    ($(#[$doc:meta])* $name:ident, $text:literal, $order:literal) => {
-        $(#[$doc])*
-        pub struct $name;
-        impl Law for $name {
-            const NAME: &'static str = $text;
-            const ORDER: u8 = $order;
-        }
-    };
-}
-law!(
-    /// Tensile springs on edges: energy and tangent.
-    Tensile, "tensile springs", 1
-);
-law!(
-    /// Angular springs in triangles: energy and tangent.
-    Angular, "angular springs", 2
-);
-law!(
-    /// Volumetric springs in tetrahedra: energy and tangent.
-    Volumetric, "volumetric springs", 3
-);
-law!(
-    /// Edge tensions of all springs turned into forces.
-    SpringForces, "spring forces", 4
-);
+/// Tensile springs on edges: energy and tangent.
+pub static TENSILE: LawRow = LawRow::of_systems(
+    LawInfo::elastic("tensile springs"),
+    Elements::PooledEdges,
+    [mark::<TensileTension<f64>>, mark::<TensileTension<f32>>],
+    [activate_tensile::<f64>, activate_tensile::<f32>],
+)
+.with_tangent(is_spring_tangent);
+/// Angular springs in triangles: energy and tangent.
+pub static ANGULAR: LawRow = LawRow::of_systems(
+    LawInfo::elastic("angular springs"),
+    Elements::PooledTriangles,
+    [mark::<TriangleVertices>; 2],
+    [activate_angular::<f64>, activate_angular::<f32>],
+)
+.with_tangent(is_spring_tangent);
+/// Volumetric springs in tetrahedra: energy and tangent.
+pub static VOLUMETRIC: LawRow = LawRow::of_systems(
+    LawInfo::elastic("volumetric springs"),
+    Elements::PooledTetrahedra,
+    [mark::<TetrahedronEdges>; 2],
+    [activate_volumetric::<f64>, activate_volumetric::<f32>],
+)
+.with_tangent(is_spring_tangent);
+/// Edge tensions of all springs turned into forces.
+pub static SPRING_FORCES: LawRow = LawRow::of_systems(
+    LawInfo::elastic("spring forces"),
+    Elements::PooledEdges,
+    [mark::<TensileTension<f64>>, mark::<TensileTension<f32>>],
+    [activate_spring_forces::<f64>, activate_spring_forces::<f32>],
+)
+.with_tangent(|_| false);
 
-/// Puts the spring laws into the force schedule.
-pub fn activate<S: Scalar>(world: &mut World) {
+/// Rows of the pooled springs.
+pub(crate) static SPRINGS: [&LawRow; 4] = [&TENSILE, &ANGULAR, &VOLUMETRIC, &SPRING_FORCES];
+
+/// Measures the edges, once for all springs.
+fn activate_edges<S: Scalar>(world: &mut World) -> [Input; 4] {
+    let inputs = [
+        Input::column::<EdgeVertices>(world),
+        Input::column::<RestEdge<S, 0>>(world),
+        Input::column::<RestEdge<S, 1>>(world),
+        Input::column::<RestEdge<S, 2>>(world),
+    ];
     activate_systems(world, EDGE_CHANGES, |schedule| {
         schedule.add_systems(measure_edges::<S>.in_set(ForceSystems::Measure));
     });
-    activate_law::<Tensile, S>(world, |schedule| {
+    declare_inputs(world, EDGE_CHANGES, &inputs);
+    inputs
+}
+
+fn activate_tensile<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    activate_edges::<S>(world);
+    let elements = (Some(row.mark::<S>(world)), partition::<EdgeVertices, S> as Partition<S>);
+    activate_law_of_systems(world, (row.info, place), elements, |schedule, _| {
         schedule.add_systems(evaluate_tensile::<S>.in_set(ForceSystems::Evaluate));
     });
-    activate_law::<Angular, S>(world, |schedule| {
+    let stiffness = Input::column::<TensileStiffness<S>>(world);
+    declare_inputs(world, row.info.name, &[stiffness]);
+}
+
+fn activate_angular<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    let cut: Partition<S> = |world, mark, buffer| {
+        partition::<TriangleVertices, S>(world, mark, buffer);
+        find_edges::<TriangleEdges, S>(world, buffer);
+    };
+    let elements = (Some(row.mark::<S>(world)), cut);
+    activate_law_of_systems(world, (row.info, place), elements, |schedule, _| {
         schedule.add_systems(evaluate_angular::<S>.in_set(ForceSystems::Evaluate));
     });
-    activate_law::<Volumetric, S>(world, |schedule| {
+    let inputs = [
+        Input::column::<TriangleEdges>(world),
+        Input::column::<AngularStiffness<S, 0>>(world),
+        Input::column::<AngularStiffness<S, 1>>(world),
+        Input::column::<AngularStiffness<S, 2>>(world),
+    ];
+    declare_inputs(world, row.info.name, &inputs);
+}
+
+fn activate_volumetric<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    let cut: Partition<S> = |world, mark, buffer| {
+        partition::<TetrahedronVertices, S>(world, mark, buffer);
+        find_edges::<TetrahedronEdges, S>(world, buffer);
+    };
+    let elements = (Some(row.mark::<S>(world)), cut);
+    activate_law_of_systems(world, (row.info, place), elements, |schedule, _| {
         schedule.add_systems(evaluate_volumetric::<S>.in_set(ForceSystems::Evaluate));
     });
-    activate_law::<SpringForces, S>(world, |schedule| {
+    let inputs = [
+        Input::column::<TetrahedronEdges>(world),
+        Input::column::<VolumetricStiffness<S, 0>>(world),
+        Input::column::<VolumetricStiffness<S, 1>>(world),
+        Input::column::<VolumetricStiffness<S, 2>>(world),
+    ];
+    declare_inputs(world, row.info.name, &inputs);
+}
+
+fn activate_spring_forces<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    let inputs = activate_edges::<S>(world);
+    let elements = (Some(row.mark::<S>(world)), partition::<EdgeVertices, S> as Partition<S>);
+    activate_law_of_systems(world, (row.info, place), elements, |schedule, _| {
         schedule.add_systems(
             (collect_tension::<S>, evaluate_spring_forces::<S>)
                 .chain()
                 .in_set(ForceSystems::Collect),
         );
     });
-    let edges = [
-        column_changed::<EdgeVertices>,
-        column_changed::<RestEdge<S, 0>>,
-        column_changed::<RestEdge<S, 1>>,
-        column_changed::<RestEdge<S, 2>>,
-    ];
-    declare_inputs(world, EDGE_CHANGES, &edges);
-    declare_inputs(world, SpringForces::NAME, &edges);
-    declare_inputs(world, Tensile::NAME, &[column_changed::<TensileStiffness<S>>]);
-    let triangles = [
-        column_changed::<TriangleEdges>,
-        column_changed::<AngularStiffness<S, 0>>,
-        column_changed::<AngularStiffness<S, 1>>,
-        column_changed::<AngularStiffness<S, 2>>,
-    ];
-    declare_inputs(world, Angular::NAME, &triangles);
-    let tetrahedra = [
-        column_changed::<TetrahedronEdges>,
-        column_changed::<VolumetricStiffness<S, 0>>,
-        column_changed::<VolumetricStiffness<S, 1>>,
-        column_changed::<VolumetricStiffness<S, 2>>,
-    ];
-    declare_inputs(world, Volumetric::NAME, &tetrahedra);
+    declare_inputs(world, row.info.name, &inputs);
+}
+
+/// Elements whose springs pull on rows of the edge table.
+trait PullsOnEdges: Component {
+    fn edges(&self) -> &[u32];
+}
+
+impl PullsOnEdges for TriangleEdges {
+    fn edges(&self) -> &[u32] {
+        &self.0
+    }
+}
+
+impl PullsOnEdges for TetrahedronEdges {
+    fn edges(&self) -> &[u32] {
+        &self.0
+    }
+}
+
+/// Tells the ranges of a law of springs which edge-table rows they pull on.
+fn find_edges<C: PullsOnEdges, S: Scalar>(world: &mut World, buffer: &mut LawBuffer<S>) {
+    let mut elements = world.query::<&C>();
+    if let Some(column) = single_table(elements.contiguous_iter(world)) {
+        for span in &mut buffer.spans {
+            let own = || column[span.elements.clone()].iter().flat_map(C::edges);
+            let (low, high) = (own().min(), own().max());
+            span.edges = low.map_or(0, |&e| e as usize)..high.map_or(0, |&e| e as usize + 1);
+        }
+    }
 }
 
 /// Name of the systems that measure edges and collect their tensions.
@@ -167,9 +237,14 @@ pub const EDGE_CHANGES: &str = "edge changes";
 
 const ROW_CHUNK: usize = 2048;
 
-/// The part of the tangent that springs themselves give; the projected one is formed elsewhere.
+/// The projected tangent is formed elsewhere ([`crate::fused::PooledProjection`]).
+fn is_spring_tangent(kind: TangentKind) -> bool {
+    kind != TangentKind::Projected
+}
+
+/// The part of the tangent that springs themselves give.
 fn spring_tangent(request: &EvaluationRequest) -> Option<TangentKind> {
-    request.tangent.filter(|&kind| kind != TangentKind::Projected)
+    request.tangent.filter(|&kind| is_spring_tangent(kind))
 }
 
 fn measure_edges<S: Scalar>(
@@ -210,7 +285,8 @@ fn evaluate_tensile<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
     recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<Tensile, S>>,
+    buffers: Res<LawBuffers<S>>,
+    disabled: Res<DisabledLaws>,
     vertices: Query<&Displacement<S>>,
     mut edges: Query<(
         &EdgeVertices,
@@ -222,6 +298,7 @@ fn evaluate_tensile<S: Scalar>(
     )>,
 ) {
     let start = Instant::now();
+    let Some(mut buffer) = buffers.get(TENSILE.info.name) else { return };
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((nodes, block, rest, change, stiffness, mut tension)) =
         single_table(edges.contiguous_iter_mut())
@@ -234,6 +311,10 @@ fn evaluate_tensile<S: Scalar>(
         change: EdgeChange::peel_slice(change),
         stiffness: TensileStiffness::peel_slice(stiffness),
     };
+    if disabled.contains(TENSILE.info.name) {
+        TensileTension::peel_slice_mut(tension.bypass_change_detection()).fill(S::ZERO);
+        return;
+    }
     if request.force {
         let tension = TensileTension::peel_slice_mut(tension.bypass_change_detection());
         workers.for_chunks(tension, ROW_CHUNK, nodes.len(), |first, rows| {
@@ -346,12 +427,18 @@ fn evaluate_angular<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
     recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<Angular, S>>,
+    buffers: Res<LawBuffers<S>>,
+    disabled: Res<DisabledLaws>,
     vertices: Query<&Displacement<S>>,
     edges: Query<(&EdgeBlock, RestEdges<S>, &EdgeChange<S>)>,
     triangles: Query<(&TriangleVertices, &TriangleEdges, AngularStiffnesses<S>)>,
 ) {
     let start = Instant::now();
+    let Some(mut buffer) = buffers.get(ANGULAR.info.name) else { return };
+    if disabled.contains(ANGULAR.info.name) {
+        buffer.spans.iter_mut().for_each(Span::clear_tension);
+        return;
+    }
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((block, rest, change)) = single_table(edges.contiguous_iter()) else { return };
     let Some((nodes, of, (c0, c1, c2))) = single_table(triangles.contiguous_iter()) else { return };
@@ -395,7 +482,8 @@ fn evaluate_volumetric<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
     recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<Volumetric, S>>,
+    buffers: Res<LawBuffers<S>>,
+    disabled: Res<DisabledLaws>,
     vertices: Query<&Displacement<S>>,
     edges: Query<(RestEdges<S>, &EdgeChange<S>)>,
     tetrahedra: Query<(
@@ -406,6 +494,11 @@ fn evaluate_volumetric<S: Scalar>(
     )>,
 ) {
     let start = Instant::now();
+    let Some(mut buffer) = buffers.get(VOLUMETRIC.info.name) else { return };
+    if disabled.contains(VOLUMETRIC.info.name) {
+        buffer.spans.iter_mut().for_each(Span::clear_tension);
+        return;
+    }
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((rest, change)) = single_table(edges.contiguous_iter()) else { return };
     let Some((nodes, of, blocks, (d0, d1, d2))) = single_table(tetrahedra.contiguous_iter()) else {
@@ -717,8 +810,7 @@ impl<S: Scalar> Batch<S> for VolumetricTangent<'_, S> {
 fn collect_tension<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
-    angular: Res<LawBuffer<Angular, S>>,
-    volumetric: Res<LawBuffer<Volumetric, S>>,
+    buffers: Res<LawBuffers<S>>,
     mut edges: Query<(&TensileTension<S>, &mut EdgeTension<S>)>,
     mut times: ResMut<SystemTimes>,
 ) {
@@ -729,9 +821,11 @@ fn collect_tension<S: Scalar>(
     let Some((tensile, mut tension)) = single_table(edges.contiguous_iter_mut()) else { return };
     let tensile = TensileTension::peel_slice(tensile);
     let tension = EdgeTension::peel_slice_mut(tension.bypass_change_detection());
+    let pulls = [buffers.get(ANGULAR.info.name), buffers.get(VOLUMETRIC.info.name)];
+    let spans = || pulls.iter().flatten().flat_map(|buffer| &buffer.spans);
     workers.for_chunks(tension, ROW_CHUNK, tensile.len() * 2, |first, rows| {
         rows.copy_from_slice(&tensile[first..first + rows.len()]);
-        for span in angular.spans.iter().chain(&volumetric.spans) {
+        for span in spans() {
             let low = span.edges.start.max(first);
             let high = span.edges.end.min(first + rows.len());
             if low < high {
@@ -761,7 +855,7 @@ fn evaluate_spring_forces<S: Scalar>(
     request: Res<EvaluationRequest>,
     workers: Res<Workers>,
     recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<SpringForces, S>>,
+    buffers: Res<LawBuffers<S>>,
     vertices: Query<&Displacement<S>>,
     edges: Query<(&EdgeVertices, RestEdges<S>, &EdgeTension<S>)>,
 ) {
@@ -769,6 +863,7 @@ fn evaluate_spring_forces<S: Scalar>(
         return;
     }
     let start = Instant::now();
+    let Some(mut buffer) = buffers.get(SPRING_FORCES.info.name) else { return };
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((nodes, rest, tension)) = single_table(edges.contiguous_iter()) else { return };
     let shapes = &EdgeShapes::new(u, nodes, rest);

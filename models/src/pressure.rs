@@ -28,11 +28,13 @@ use bevy_ecs::prelude::*;
 use sinew_engine::columns::single_table;
 use sinew_engine::compiled_here;
 use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
+use sinew_engine::law::{
+    DisabledLaws, EvaluationRequest, LawBuffer, LawBuffers, LawInfo, Span, TangentKind,
+};
 use sinew_engine::load::{LoadTime, Pressure, SweptVolumes};
 use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
 use sinew_engine::schedule::{
-    ForceSystems, StepSchedule, StepSystems, activate_law, declare_inputs,
+    ForceSystems, Input, StepSchedule, StepSystems, activate_law_of_systems, declare_inputs,
 };
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, RestPosition};
@@ -41,6 +43,7 @@ use sinew_engine::workers::Workers;
 use std::time::Instant;
 
 use crate::fused_membrane::add_tangent;
+use crate::laws::{self, Elements, LawRow, mark};
 use crate::membrane::TriangleTangent;
 use crate::pooled::sum;
 
@@ -93,12 +96,22 @@ fn deformed<R: Real>(edges: &[[R; 3]; 2], u: &[[R; 3]; 3]) -> [[R; 3]; 2] {
 }
 
 /// Follower pressure of all [`Pressure`] entities.
-pub struct FollowerPressure;
+pub static ROW: LawRow = LawRow::of_systems(
+    LawInfo { name: "follower pressure", is_load: true },
+    Elements::Faces,
+    [mark::<Pressure>; 2],
+    [activate_law::<f64>, activate_law::<f32>],
+)
+// indefinite by itself, so no part of the stand-ins
+.with_tangent(|kind| matches!(kind, TangentKind::Exact));
 
-impl Law for FollowerPressure {
-    const NAME: &'static str = "follower pressure";
-    const ORDER: u8 = 24;
-    const IS_LOAD: bool = true;
+fn activate_law<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    // cut when faces are collected
+    let elements = (None, (|_, _, _| {}) as sinew_engine::law::Partition<S>);
+    activate_law_of_systems(world, (row.info, place), elements, |schedule, _| {
+        schedule.add_systems(evaluate::<S>.in_set(ForceSystems::Evaluate));
+    });
+    declare_inputs(world, row.info.name, &[Input::Watch(pressures_changed::<S>)]);
 }
 
 /// The triangles of all [`Pressure`] entities in the order of evaluation.
@@ -135,10 +148,7 @@ fn activate_law_of_pressure<S: Scalar>(world: &mut World) {
         schedules.entry(StepSchedule).add_systems(
             collect_faces::<S>.after(StepSystems::Prepare).before(StepSystems::Integrate),
         );
-        activate_law::<FollowerPressure, S>(world, |schedule| {
-            schedule.add_systems(evaluate::<S>.in_set(ForceSystems::Evaluate));
-        });
-        declare_inputs(world, FollowerPressure::NAME, &[pressures_changed::<S>]);
+        laws::activate::<S>(world, &ROW);
     }
     collect_faces::<S>(world);
 }
@@ -168,8 +178,7 @@ fn collect_faces<S: Scalar>(world: &mut World) {
     let sources: Vec<(Entity, Pressure)> =
         sources.into_iter().map(|(e, p)| (e, p.clone())).collect();
     let mut faces = PressureFaces::<S> { revision, ..Default::default() };
-    let mut buffer = world.remove_resource::<LawBuffer<FollowerPressure, S>>().unwrap_or_default();
-    buffer.spans.clear();
+    let mut buffer = LawBuffer::default();
     let mut rests = world.query::<&RestPosition>();
     let rest = single_table(rests.contiguous_iter(world)).unwrap_or(&[]);
     let topology = world.resource::<Topology>();
@@ -197,7 +206,9 @@ fn collect_faces<S: Scalar>(world: &mut World) {
         buffer.spans.extend(spans);
     }
     faces.sources = sources;
-    world.insert_resource(buffer);
+    if let Some(mut own) = world.resource::<LawBuffers<S>>().get(ROW.info.name) {
+        *own = buffer;
+    }
     world.insert_resource(faces);
 }
 
@@ -217,10 +228,15 @@ fn evaluate<S: Scalar>(
     time: Res<LoadTime>,
     faces: Res<PressureFaces<S>>,
     mut swept: ResMut<SweptVolumes>,
-    mut buffer: ResMut<LawBuffer<FollowerPressure, S>>,
+    buffers: Res<LawBuffers<S>>,
+    disabled: Res<DisabledLaws>,
     vertices: Query<&Displacement<S>>,
 ) {
     let start = Instant::now();
+    if disabled.contains(ROW.info.name) {
+        return;
+    }
+    let Some(mut buffer) = buffers.get(ROW.info.name) else { return };
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let displacement = bytemuck::TransparentWrapper::peel_slice(u);
     let pressures: Vec<f64> =

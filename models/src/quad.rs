@@ -4,26 +4,23 @@
 
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
-use sinew_engine::columns::single_table;
 use sinew_engine::isoparametric::{
     Derivatives, QUAD_PAIRS, QuadBlocks, QuadRest, QuadVertices, load_points, load_weights,
     quad_differences, rows_of,
 };
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
+use sinew_engine::law::{LawBuffer, Span, TangentKind};
 use sinew_engine::scalar::{Real, Scalar};
-use sinew_engine::schedule::{ForceSystems, activate_law, column_changed, declare_inputs};
+use sinew_engine::schedule::{ElementLaw, Evaluation, activate_law};
 use sinew_engine::vertex::Displacement;
-use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
-use std::time::Instant;
 
 use crate::fused_membrane::{
-    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, MembraneCompressionModulus,
-    MembraneFirstModulus, MembraneShearModulus, TriangleLaw,
+    MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus, TriangleLaw,
 };
 use crate::hexahedron::total;
+use crate::laws::{LawRow, partition};
 use crate::membrane::{Element, TriangleTangent};
 
 /// Law `L` at the Gauss points of quadrilaterals; also the mark of its quadrilaterals.
@@ -42,20 +39,6 @@ impl<L: Send + Sync + 'static> Default for Quadrilateral<L> {
     fn default() -> Self {
         Self(PhantomData)
     }
-}
-
-macro_rules! laws {
-    ($($law:ident: $name:literal, $order:literal;)+) => {$(
-        impl Law for Quadrilateral<$law> {
-            const NAME: &'static str = $name;
-            const ORDER: u8 = $order;
-        }
-    )+};
-}
-laws! {
-    BiquadraticMembrane: "St Venant-Kirchhoff quadrilaterals", 36;
-    LinearMembrane: "linear quadrilaterals", 37;
-    CorotationalMembrane: "corotational quadrilaterals", 38;
 }
 
 /// A quadrilateral as the kernels see it, one Gauss point per lane.
@@ -114,43 +97,38 @@ type Data<S> = (
     &'static MembraneCompressionModulus<S>,
 );
 
+/// Slices of [`Data`], as a contiguous query gives them.
+type Slices<'a, S> = (
+    &'a [QuadVertices],
+    &'a [QuadBlocks],
+    &'a [QuadRest<S>],
+    &'a [MembraneFirstModulus<S>],
+    &'a [MembraneShearModulus<S>],
+    &'a [MembraneCompressionModulus<S>],
+);
+
 /// Puts `L` on quadrilaterals into the force schedule.
-pub fn activate<L: TriangleLaw, S: Scalar>(world: &mut World)
-where
-    Quadrilateral<L>: Law,
-{
-    activate_law::<Quadrilateral<L>, S>(world, |schedule| {
-        schedule.add_systems(evaluate::<L, S>.in_set(ForceSystems::Evaluate));
-    });
-    declare_inputs(
-        world,
-        Quadrilateral::<L>::NAME,
-        &[
-            column_changed::<QuadVertices>,
-            column_changed::<QuadRest<S>>,
-            column_changed::<MembraneFirstModulus<S>>,
-            column_changed::<MembraneShearModulus<S>>,
-            column_changed::<MembraneCompressionModulus<S>>,
-        ],
-    );
+pub(crate) fn activate<L: TriangleLaw, S: Scalar>(
+    world: &mut World,
+    row: &'static LawRow,
+    place: usize,
+) {
+    let law = ElementLaw::<S, Data<S>> {
+        info: row.info,
+        place,
+        mark: Some(world.register_component::<Quadrilateral<L>>()),
+        partition: partition::<QuadVertices, S>,
+        evaluate: evaluate::<L, S>,
+    };
+    activate_law(world, law);
 }
 
 fn evaluate<L: TriangleLaw, S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    mut buffer: ResMut<LawBuffer<Quadrilateral<L>, S>>,
-    vertices: Query<&Displacement<S>>,
-    quads: Query<Data<S>, With<Quadrilateral<L>>>,
-) where
-    Quadrilateral<L>: Law,
-{
-    let start = Instant::now();
-    let Some(displacement) = single_table(vertices.contiguous_iter()) else { return };
-    let Some((nodes, blocks, rest, lambda, mu, compression)) =
-        single_table(quads.contiguous_iter())
-    else {
-        return;
-    };
+    Evaluation { request, workers, .. }: Evaluation,
+    displacement: &[Displacement<S>],
+    (nodes, blocks, rest, lambda, mu, compression): Slices<'_, S>,
+    buffer: &mut LawBuffer<S>,
+) {
     let columns = Columns {
         displacement: Displacement::peel_slice(displacement),
         nodes: QuadVertices::peel_slice(nodes),
@@ -181,7 +159,6 @@ fn evaluate<L: TriangleLaw, S: Scalar>(
             None => span.drop_tangent(),
         }
     });
-    buffer.time = start.elapsed();
 }
 
 struct EnergyPass<'a, 'b, L, S: Scalar> {

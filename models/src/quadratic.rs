@@ -34,18 +34,15 @@
 //! Squared lengths must be normal numbers when multiplied: in `f32` edges longer than 1e-9 m.
 
 use bevy_ecs::prelude::*;
-use sinew_engine::columns::single_table;
-use sinew_engine::element::{EdgeBlock, EdgeShapes, EdgeVertices, RestEdge, RestEdges};
+use sinew_engine::element::{EdgeBlock, EdgeShapes, EdgeVertices, RestEdges};
 use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, Span, TangentKind};
+use sinew_engine::law::{EvaluationRequest, LawBuffer, LawInfo, Span, TangentKind};
 use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
-use sinew_engine::schedule::{ForceSystems, activate_law, column_changed, declare_inputs};
-use sinew_engine::vertex::Displacement;
+use sinew_engine::schedule::{ElementLaw, activate_law};
 use sinew_engine::workers::Workers;
 
-use std::time::Instant;
-
 use crate::fused::TetrahedronLaw;
+use crate::laws::{Elements, InRecovery, LawRow, mark, partition};
 use crate::pooled::{TensileStiffness, add_edge_tangent, add_identity, add_outer, sum};
 use crate::spring::{tensile_energy, tensile_tension};
 use crate::tetrahedron::{CORE, Element, TetrahedronTangent, assemble};
@@ -303,13 +300,12 @@ pub mod tetrahedron {
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct QuadraticSprings;
 
-impl Law for QuadraticSprings {
-    const NAME: &'static str = "quadratic springs";
-    const ORDER: u8 = 7;
-}
+/// Row of its tetrahedra in the table of laws.
+pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<QuadraticSprings>();
 
 impl TetrahedronLaw for QuadraticSprings {
-    type Bodies = With<QuadraticSprings>;
+    const NAME: &'static str = "quadratic springs";
+    type Mark = Self;
     const FOLDS_VOLUME: bool = false;
     const STRESS_PROJECTION: bool = false;
     fn contributes(_: TangentKind) -> bool {
@@ -341,27 +337,36 @@ impl TetrahedronLaw for QuadraticSprings {
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct MassSpring;
 
-impl Law for MassSpring {
-    const NAME: &'static str = "edge springs";
-    const ORDER: u8 = 8;
-}
+/// Row of the springs on edges in the table of laws.
+pub static EDGE_SPRINGS: LawRow = LawRow::of_systems(
+    LawInfo::elastic("edge springs"),
+    Elements::Edges,
+    [mark::<MassSpring>; 2],
+    [activate_mass_spring::<f64>, activate_mass_spring::<f32>],
+)
+// on bodies that never recover, or beside a solid that does
+.in_recovery(InRecovery::Unchanged);
 
-/// Puts the edge springs into the force schedule.
-pub fn activate_mass_spring<S: Scalar>(world: &mut World) {
-    activate_law::<MassSpring, S>(world, |schedule| {
-        schedule.add_systems(evaluate_edges::<S>.in_set(ForceSystems::Evaluate));
-    });
-    declare_inputs(
-        world,
-        MassSpring::NAME,
-        &[
-            column_changed::<EdgeVertices>,
-            column_changed::<RestEdge<S, 0>>,
-            column_changed::<RestEdge<S, 1>>,
-            column_changed::<RestEdge<S, 2>>,
-            column_changed::<TensileStiffness<S>>,
-        ],
-    );
+/// Query data of [`EdgeColumns`].
+type EdgeData<S> =
+    (&'static EdgeVertices, &'static EdgeBlock, RestEdges<S>, &'static TensileStiffness<S>);
+
+fn activate_mass_spring<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    let law = ElementLaw::<S, EdgeData<S>> {
+        info: row.info,
+        place,
+        mark: Some(row.mark::<S>(world)),
+        partition: partition::<EdgeVertices, S>,
+        evaluate: |with, u, (nodes, block, rest, stiffness), buffer| {
+            let columns = EdgeColumns {
+                shapes: EdgeShapes::new(u, nodes, rest),
+                block: bytemuck::TransparentWrapper::peel_slice(block),
+                stiffness: bytemuck::TransparentWrapper::peel_slice(stiffness),
+            };
+            evaluate_edge_columns(&columns, with.request, with.workers, buffer);
+        },
+    };
+    activate_law(world, law);
 }
 
 /// Columns of the edges of mass-spring bodies, as slices.
@@ -375,34 +380,13 @@ pub struct EdgeColumns<'a, S> {
     pub stiffness: &'a [S],
 }
 
-fn evaluate_edges<S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    mut buffer: ResMut<LawBuffer<MassSpring, S>>,
-    vertices: Query<&Displacement<S>>,
-    edges: Query<(&EdgeVertices, &EdgeBlock, RestEdges<S>, &TensileStiffness<S>), With<MassSpring>>,
-) {
-    let start = Instant::now();
-    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let Some((nodes, block, rest, stiffness)) = single_table(edges.contiguous_iter()) else {
-        return;
-    };
-    let columns = EdgeColumns {
-        shapes: EdgeShapes::new(u, nodes, rest),
-        block: bytemuck::TransparentWrapper::peel_slice(block),
-        stiffness: bytemuck::TransparentWrapper::peel_slice(stiffness),
-    };
-    evaluate_edge_columns(&columns, &request, &workers, &mut buffer);
-    buffer.time = start.elapsed();
-}
-
 /// What the system of [`MassSpring`] does with the columns of its edges: energy, force and tangent of
 /// every range into its private arrays, as far as they are asked for.
 pub fn evaluate_edge_columns<S: Scalar>(
     columns: &EdgeColumns<S>,
     request: &EvaluationRequest,
     workers: &Workers,
-    buffer: &mut LawBuffer<MassSpring, S>,
+    buffer: &mut LawBuffer<S>,
 ) {
     let work_ns = 3 * usize::from(request.energy)
         + 4 * usize::from(request.force)

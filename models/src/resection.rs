@@ -46,26 +46,23 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::axes;
-use crate::body::{Evaluation, Model, SoftBody, angular_place};
-use crate::corotational::{Corotational, WarpedStiffness};
-use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
+use crate::body::{Evaluation, SoftBody, angular_place};
+use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::fused_membrane::{
     MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
 };
 use crate::hexahedron;
-use crate::linear::Linear;
+use crate::laws::LawRow;
 use crate::lumped;
 use crate::material::LameParameters;
 use crate::membrane::{self, RestTriangle};
-use crate::neo_hookean::NeoHookean;
 use crate::pooled::{AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness};
 use crate::precompute::{ADJACENT_PAIRS, EDGES, RestTetrahedron, SpringConstants};
 use crate::pressure;
 use crate::quad;
-use crate::quadratic::{self, MassSpring};
+use crate::quadratic::MassSpring;
 use crate::sheet::{MembraneModel, MembraneSettings};
-use crate::stvk_fem::StVKFem;
-use crate::tetrahedron::{self, Element, green_strain, second_piola_kirchhoff};
+use crate::tetrahedron::{Element, green_strain, second_piola_kirchhoff};
 
 mod compact;
 mod verify;
@@ -915,17 +912,18 @@ impl BodyResection {
         }
         for (&t, element) in chosen[ElementKind::Tetrahedron].iter().zip(elements) {
             let u = vertices.displacements(connectivity.tetrahedra[t as usize]);
-            report.elastic_energy += energy(soft.model, &element, &u);
+            report.elastic_energy += energy(soft.law, &element, &u);
             report.volume += element.volume;
             for entity in self.rows.axes(ElementKind::Tetrahedron, t) {
                 report.elastic_energy += axes::removal::energy::<S>(world, entity, &u);
             }
         }
+        let brick_law = soft.law.and_then(|law| law.hexahedra);
         for (&h, (rest, moduli)) in chosen[ElementKind::Hexahedron].iter().zip(&bricks) {
             let u = vertices.displacements(connectivity.hexahedra[h as usize]);
             let points = hexahedron::tetrahedra(rest, *moduli, &u);
             report.elastic_energy +=
-                points.iter().map(|(e, u)| energy(soft.model, e, u)).sum::<f64>();
+                points.iter().map(|(e, u)| energy(brick_law, e, u)).sum::<f64>();
             report.volume += rest.volume.iter().sum::<f64>();
             for entity in self.rows.axes(ElementKind::Hexahedron, h) {
                 report.elastic_energy += axes::removal::hexahedron_energy::<S>(world, entity, &u);
@@ -1317,19 +1315,9 @@ fn moduli_of(settings: &MembraneSettings) -> [f64; 3] {
     [lambda, mu, settings.compression()]
 }
 
-/// Energy (J) of a tetrahedron by its own law; springs on edges are booked beside it.
-fn energy(model: Model, element: &Element<f64>, u: &[[f64; 3]; 4]) -> f64 {
-    match model {
-        Model::StVK | Model::CompressibleStVK => tetrahedron::energy(element, u),
-        Model::QuadraticSprings => quadratic::tetrahedron::energy(element, u),
-        Model::Linear => Linear::energy(element, u),
-        Model::WarpedStiffness => WarpedStiffness::energy(element, u),
-        Model::Corotational => Corotational::energy(element, u),
-        Model::StVKFem => StVKFem::energy(element, u),
-        Model::NeoHookean => NeoHookean::energy(element, u),
-        // theirs are those of their edges and axes
-        Model::MassSpring | Model::Axes => 0.0,
-    }
+/// Energy (J) of a tetrahedron by its own law; springs on edges and axes are booked beside it.
+fn energy(law: Option<&LawRow>, element: &Element<f64>, u: &[[f64; 3]; 4]) -> f64 {
+    law.and_then(|row| row.energy).map_or(0.0, |energy| energy(element, u))
 }
 
 /// Energy (J) of a membrane triangle by its own law; springs on edges are booked beside it.

@@ -18,15 +18,16 @@ use thiserror::Error;
 
 use crate::body::Evaluation;
 use crate::fused_membrane::{
-    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, MembraneCompression,
-    MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus, PooledMembrane,
-    QuadraticMembrane, activate,
+    self, BIQUADRATIC, BIQUADRATIC_QUADS, BiquadraticMembrane, COROTATIONAL, COROTATIONAL_QUADS,
+    CorotationalMembrane, LINEAR, LINEAR_QUADS, LinearMembrane, MembraneCompressionModulus,
+    MembraneFirstModulus, MembraneShearModulus, PooledMembrane, QUADRATIC, QuadraticMembrane,
 };
+use crate::laws;
 use crate::material::{LameParameters, MaterialError, YoungPoisson};
 use crate::membrane::{
     RestTriangle, RestTriangleError, SpringConstants, plane_strain, plane_stress,
 };
-use crate::quad::{self, Quadrilateral};
+use crate::quad::Quadrilateral;
 use crate::quadratic::MassSpring;
 
 /// Energy of a membrane.
@@ -476,12 +477,12 @@ impl Sheet {
             };
         }
         macro_rules! spawn_both {
-            ($law:ident) => {
-                spawn_as!(triangles, $law, activate::<$law, S>(world));
+            ($law:ident, $triangles:expr, $quads:expr) => {
+                spawn_as!(triangles, $law, laws::activate::<S>(world, $triangles));
                 spawn_as!(
                     quads,
                     Quadrilateral::<$law>::default(),
-                    quad::activate::<$law, S>(world)
+                    laws::activate::<S>(world, $quads)
                 );
             };
         }
@@ -489,30 +490,30 @@ impl Sheet {
             MembraneModel::Biquadratic | MembraneModel::CompressibleBiquadratic => {
                 if self.is_pooled() {
                     spawn_as!(triangles, PooledMembrane, {
-                        activate::<PooledMembrane, S>(world);
+                        laws::activate::<S>(world, &fused_membrane::PROJECTION);
                         if self.settings.compression() > 0.0 {
-                            activate::<MembraneCompression, S>(world);
+                            laws::activate::<S>(world, &fused_membrane::COMPRESSION);
                         }
                     });
                     // a quadrilateral has no springs to pool
                     spawn_as!(
                         quads,
                         Quadrilateral::<BiquadraticMembrane>::default(),
-                        quad::activate::<BiquadraticMembrane, S>(world)
+                        laws::activate::<S>(world, &BIQUADRATIC_QUADS)
                     );
                 } else {
-                    spawn_both!(BiquadraticMembrane);
+                    spawn_both!(BiquadraticMembrane, &BIQUADRATIC, &BIQUADRATIC_QUADS);
                 }
             }
             // refused for quadrilaterals
             MembraneModel::Quadratic => {
-                spawn_as!(triangles, QuadraticMembrane, activate::<QuadraticMembrane, S>(world));
+                spawn_as!(triangles, QuadraticMembrane, laws::activate::<S>(world, &QUADRATIC));
             }
             MembraneModel::Linear => {
-                spawn_both!(LinearMembrane);
+                spawn_both!(LinearMembrane, &LINEAR, &LINEAR_QUADS);
             }
             MembraneModel::Corotational => {
-                spawn_both!(CorotationalMembrane);
+                spawn_both!(CorotationalMembrane, &COROTATIONAL, &COROTATIONAL_QUADS);
             }
             MembraneModel::MassSpring => {
                 spawn_as!(triangles, MassSpring, {});

@@ -13,10 +13,11 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::displacement_gradient;
-use sinew_engine::law::{Law, TangentKind};
+use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, dot, mat_vec};
 
 use crate::fused::TetrahedronLaw;
+use crate::laws::LawRow;
 use crate::tetrahedron::{CORE, Element, TetrahedronTangent, assemble, nodal_forces};
 
 /// `F` and `E`, row-major.
@@ -150,14 +151,14 @@ pub fn tangent<R: Real>(
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct StVKFem;
 
-impl Law for StVKFem {
-    const NAME: &'static str = "St Venant-Kirchhoff by finite elements";
-    const ORDER: u8 = 21;
-}
+/// Row of its tetrahedra in the table of laws.
+pub static TETRAHEDRA: LawRow =
+    LawRow::tetrahedra::<StVKFem>().with_hexahedra(&crate::fused::HEXAHEDRA);
 
 impl TetrahedronLaw for StVKFem {
     const AVX2: bool = false;
-    type Bodies = With<StVKFem>;
+    const NAME: &'static str = "St Venant-Kirchhoff by finite elements";
+    type Mark = Self;
     fn contributes(_: TangentKind) -> bool {
         true
     }

@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 use proptest::prelude::*;
 use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronShapes};
 use sinew_engine::lanes::InstructionSet;
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer};
+use sinew_engine::law::{EvaluationRequest, LawBuffer};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::workers::Workers;
@@ -486,11 +486,11 @@ fn check_registers<L: TetrahedronLaw, S: Scalar>(count: usize, seed: usize, size
             }
         }
         for set in InstructionSet::ALL.into_iter().filter(|set| set.is_available()) {
-            let mut buffer = LawBuffer::<L, S>::default();
+            let mut buffer = LawBuffer::<S>::default();
             buffer.partition(nodes.len(), &topology, |i| &nodes[i]);
             let workers = Workers::serial().with_instruction_set(set).unwrap();
             let request = EvaluationRequest { energy: true, force: true, tangent: Some(kind) };
-            evaluate_columns(&columns, &request, &workers, &mut buffer);
+            evaluate_columns::<L, S>(&columns, &request, &workers, &mut buffer);
             let [span] = &buffer.spans[..] else { panic!("a small body is one range") };
             let tolerance = 4000.0 * S::EPSILON.to_f64() * scale;
             let name = format!("{} {} {} {kind:?} {count}", L::NAME, set.name(), S::NAME);

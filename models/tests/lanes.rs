@@ -123,7 +123,7 @@ impl Strip {
             },
             &edges,
         );
-        let mut buffer = LawBuffer::<FusedStVK, S>::default();
+        let mut buffer = LawBuffer::<S>::default();
         buffer.partition(self.nodes.len(), &topology, |i| &self.nodes[i]);
         let column = |f: &dyn Fn(&Element<S>) -> S| elements.iter().map(f).collect::<Vec<S>>();
         let gradients: [Vec<S>; 9] =
@@ -142,7 +142,7 @@ impl Strip {
         };
         let workers = Workers::serial().with_instruction_set(set).unwrap();
         let request = EvaluationRequest { energy: true, force: true, tangent: Some(kind) };
-        evaluate_columns(&columns, &request, &workers, &mut buffer);
+        evaluate_columns::<FusedStVK, S>(&columns, &request, &workers, &mut buffer);
         let [span] = &buffer.spans[..] else { panic!("a small body is one range") };
         Sums {
             energy: span.energy,

@@ -24,7 +24,7 @@ pub struct PlainArrays<S: Scalar> {
     gradients: [Vec<S>; 9],
     volume: Vec<S>,
     moduli: [Vec<S>; 3],
-    buffer: LawBuffer<FusedStVK, S>,
+    buffer: LawBuffer<S>,
     total: Vec<[S; 4]>,
     workers: Workers,
 }
@@ -84,7 +84,7 @@ impl<S: Scalar> PlainArrays<S> {
             compression: &self.moduli[2],
         };
         let request = EvaluationRequest { force: true, ..Default::default() };
-        evaluate_columns(&columns, &request, &self.workers, &mut self.buffer);
+        evaluate_columns::<FusedStVK, S>(&columns, &request, &self.workers, &mut self.buffer);
         self.total.fill([S::ZERO; 4]);
         self.buffer.add_forces_to(&self.workers, &mut self.total);
         &self.total

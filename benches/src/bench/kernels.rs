@@ -18,7 +18,7 @@ use sinew::engine::element::{
     TriangleEdges,
 };
 use sinew::engine::lanes::InstructionSet;
-use sinew::engine::law::{ElasticEnergy, LawBuffer, TangentKind};
+use sinew::engine::law::{ElasticEnergy, LawBuffers, TangentKind};
 use sinew::engine::matrix::{BlockMatrix, ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::report::SystemTimes;
@@ -420,7 +420,8 @@ fn once<S: Scalar>(
         }
         Quantity::Gather => {
             let workers = world.resource::<Workers>();
-            let buffer = world.resource::<LawBuffer<FusedStVK, S>>();
+            let buffers = world.resource::<LawBuffers<S>>();
+            let buffer = buffers.get(FusedStVK::NAME).expect("the body follows this law");
             buffer.add_forces_to(workers, black_box(y));
         }
         _ => world.run_schedule(ForceSchedule),
@@ -490,16 +491,11 @@ impl<S: Scalar> Subject for Body<S> {
             (Quantity::MatrixFree, _) => "matrix-free",
             (Quantity::Gather, _) => "private force arrays",
             (_, Evaluation::Pooled) => "pooled, all passes",
-            _ => match self.model {
-                Model::StVK | Model::CompressibleStVK => "fused",
-                Model::QuadraticSprings => "TQS",
-                Model::MassSpring => "mass-spring edges",
-                Model::Linear => "linear",
-                Model::WarpedStiffness => "warped stiffness",
-                Model::Corotational => "corotational",
-                Model::StVKFem => "StVK, textbook form",
-                Model::NeoHookean => "stable neo-Hookean",
-                Model::Axes => "axes (triads)",
+            _ => match (self.model, self.model.law()) {
+                (Model::StVK | Model::CompressibleStVK, _) => "fused",
+                (_, Some(law)) => law.info.name,
+                (Model::Axes, None) => "axes (triads)",
+                (_, None) => "mass-spring edges",
             },
         };
         (kernel.to_string(), quantity.name().to_string())

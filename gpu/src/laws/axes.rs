@@ -3,18 +3,16 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::isoparametric::HexahedronRest;
-use sinew_engine::law::Law;
 use sinew_engine::scalar::{Scalar, dot};
 use sinew_engine::vertex::BodyId;
 use sinew_models::axes::columns::{FibreData, TriadData, VolumeAlone, VolumeData};
-use sinew_models::axes::hexahedra::{
-    self as bricks, HexahedronFibres, HexahedronTriads, HexahedronVolumes,
-};
-use sinew_models::axes::systems::{AxisTriads, Fibres, VolumePreservation};
+use sinew_models::axes::{hexahedra as bricks, systems};
+use sinew_models::laws::LawRow;
 
-use super::hexahedra::HEXAHEDRA;
+use super::solid::HEXAHEDRA;
 use super::{
-    DEFORMATION, DeviceLaw, ElementColumns, ElementKind, FOUR_VERTICES, TETRAHEDRA, VERTEX_FORCES,
+    DEFORMATION, DeviceLaw, ElementColumns, ElementKind, FOUR_VERTICES, Find, TETRAHEDRA,
+    VERTEX_FORCES,
 };
 
 const CHORD: &str = include_str!("chord.wgsl");
@@ -27,46 +25,59 @@ const VOLUME_FILES: &[&str] =
 /// Rows of four constants of a triad, a fibre, a term of volume.
 const ROWS: [usize; 3] = [7, 3, 3];
 
-/// Law `L` in tetrahedra with so many rows of constants.
-const fn in_tetrahedra<L: Law>(
-    rows: usize,
-    kind: &'static [&'static str],
-    files: &'static [&'static str],
-) -> DeviceLaw {
-    let kind = ElementKind { vertices: 4, constants: 4 * rows, threads: 1, files: kind };
-    DeviceLaw::of::<L>(kind, files)
-}
-
-/// Law `L` in hexahedra with so many rows of constants at every Gauss point.
-const fn in_hexahedra<L: Law>(
-    rows: usize,
-    kind: &'static [&'static str],
-    files: &'static [&'static str],
-) -> DeviceLaw {
-    let kind = ElementKind { vertices: 8, constants: 32 * rows, threads: 8, files: kind };
-    DeviceLaw::of::<L>(kind, files)
-}
-
 const TETRAHEDRON: &[&str] = &[TETRAHEDRA, FOUR_VERTICES, DEFORMATION];
 const HEXAHEDRON: &[&str] = &[HEXAHEDRA, DEFORMATION];
+/// Fibres know the deformation along themselves only.
+const ALONG: [&[&str]; 2] = [&[TETRAHEDRA, FOUR_VERTICES], &[HEXAHEDRA]];
 
-/// Triads of axes, their angles and the term of volume.
-pub const TRIADS: DeviceLaw = in_tetrahedra::<AxisTriads>(ROWS[0], TETRAHEDRON, TRIAD_FILES);
-/// The same in hexahedra.
-pub const HEXAHEDRON_TRIADS: DeviceLaw =
-    in_hexahedra::<HexahedronTriads>(ROWS[0], HEXAHEDRON, TRIAD_FILES);
-/// Single fibres, passive and active. They know the deformation along themselves only.
-pub const FIBRES: DeviceLaw =
-    in_tetrahedra::<Fibres>(ROWS[1], &[TETRAHEDRA, FOUR_VERTICES], FIBRE_FILES);
-/// The same in hexahedra.
-pub const HEXAHEDRON_FIBRES: DeviceLaw =
-    in_hexahedra::<HexahedronFibres>(ROWS[1], &[HEXAHEDRA], FIBRE_FILES);
-/// The term of volume without axes.
-pub const VOLUMES: DeviceLaw =
-    in_tetrahedra::<VolumePreservation>(ROWS[2], TETRAHEDRON, VOLUME_FILES);
-/// The same in hexahedra.
-pub const HEXAHEDRON_VOLUMES: DeviceLaw =
-    in_hexahedra::<HexahedronVolumes>(ROWS[2], HEXAHEDRON, VOLUME_FILES);
+/// Triads of axes with their angles and the term of volume, single fibres, the term of volume alone; each in
+/// tetrahedra and in hexahedra.
+pub(super) static LAWS: &[DeviceLaw] = &[
+    in_tetrahedra(
+        (&systems::TRIADS, [triads::<f64>, triads::<f32>]),
+        (ROWS[0], TETRAHEDRON, TRIAD_FILES),
+    ),
+    in_tetrahedra(
+        (&systems::FIBRES, [fibres::<f64>, fibres::<f32>]),
+        (ROWS[1], ALONG[0], FIBRE_FILES),
+    ),
+    in_tetrahedra(
+        (&systems::VOLUMES, [volumes::<f64>, volumes::<f32>]),
+        (ROWS[2], TETRAHEDRON, VOLUME_FILES),
+    ),
+    in_hexahedra(
+        (&bricks::TRIADS, [hexahedron_triads::<f64>, hexahedron_triads::<f32>]),
+        (ROWS[0], HEXAHEDRON, TRIAD_FILES),
+    ),
+    in_hexahedra(
+        (&bricks::FIBRES, [hexahedron_fibres::<f64>, hexahedron_fibres::<f32>]),
+        (ROWS[1], ALONG[1], FIBRE_FILES),
+    ),
+    in_hexahedra(
+        (&bricks::VOLUMES, [hexahedron_volumes::<f64>, hexahedron_volumes::<f32>]),
+        (ROWS[2], HEXAHEDRON, VOLUME_FILES),
+    ),
+];
+
+/// Rows of four constants of an element, WGSL of its kind, WGSL of the law.
+type Shape = (usize, &'static [&'static str], &'static [&'static str]);
+
+const fn in_tetrahedra(
+    (law, find): (&'static LawRow, [Find; 2]),
+    (rows, kind, files): Shape,
+) -> DeviceLaw {
+    let kind = ElementKind { vertices: 4, constants: 4 * rows, threads: 1, files: kind };
+    DeviceLaw { row: law, kind, volumes: false, find, files }
+}
+
+/// With so many rows of constants at every Gauss point.
+const fn in_hexahedra(
+    (law, find): (&'static LawRow, [Find; 2]),
+    (rows, kind, files): Shape,
+) -> DeviceLaw {
+    let kind = ElementKind { vertices: 8, constants: 32 * rows, threads: 8, files: kind };
+    DeviceLaw { row: law, kind, volumes: false, find, files }
+}
 
 /// Appends an element: its rows, and its constants, in `f64` so that products are rounded once.
 fn push<const N: usize, const R: usize>(
@@ -146,7 +157,7 @@ fn volume_rows([a, b, c]: [[f64; 3]; 3], volume: f64) -> [[f64; 4]; 3] {
 }
 
 /// Triads in tetrahedra of a body.
-pub(super) fn triads<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {
+fn triads<S: Scalar>(world: &mut World, _: &LawRow, body: usize, first_row: u32) -> ElementColumns {
     let mut columns = ElementColumns::default();
     let mut query = world.query::<(TriadData<S>, &BodyId)>();
     for ((site, d, (a, b, c), y, g, volume), of) in query.iter(world) {
@@ -165,8 +176,9 @@ pub(super) fn triads<S: Scalar>(world: &mut World, body: usize, first_row: u32) 
 }
 
 /// Triads in hexahedra of a body.
-pub(super) fn hexahedron_triads<S: Scalar>(
+fn hexahedron_triads<S: Scalar>(
     world: &mut World,
+    _: &LawRow,
     body: usize,
     first_row: u32,
 ) -> ElementColumns {
@@ -188,7 +200,7 @@ pub(super) fn hexahedron_triads<S: Scalar>(
 }
 
 /// Fibres in tetrahedra of a body.
-pub(super) fn fibres<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {
+fn fibres<S: Scalar>(world: &mut World, _: &LawRow, body: usize, first_row: u32) -> ElementColumns {
     let mut columns = ElementColumns::default();
     let mut query = world.query::<(FibreData<S>, &BodyId)>();
     for ((site, q, a, (y, shortening, active, offset, width)), of) in query.iter(world) {
@@ -202,8 +214,9 @@ pub(super) fn fibres<S: Scalar>(world: &mut World, body: usize, first_row: u32) 
 }
 
 /// Fibres in hexahedra of a body.
-pub(super) fn hexahedron_fibres<S: Scalar>(
+fn hexahedron_fibres<S: Scalar>(
     world: &mut World,
+    _: &LawRow,
     body: usize,
     first_row: u32,
 ) -> ElementColumns {
@@ -223,9 +236,14 @@ pub(super) fn hexahedron_fibres<S: Scalar>(
 }
 
 /// Terms of volume in tetrahedra of a body.
-pub(super) fn volumes<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {
+fn volumes<S: Scalar>(
+    world: &mut World,
+    _: &LawRow,
+    body: usize,
+    first_row: u32,
+) -> ElementColumns {
     let mut columns = ElementColumns::default();
-    let mut query = world.query_filtered::<(VolumeData<S>, &BodyId), VolumeAlone<S>>();
+    let mut query = world.query_filtered::<(VolumeData<S>, &BodyId), With<VolumeAlone>>();
     for ((site, d, volume), of) in query.iter(world) {
         if of.0 as usize == body {
             let d = [three!(d.0), three!(d.1), three!(d.2)];
@@ -237,13 +255,14 @@ pub(super) fn volumes<S: Scalar>(world: &mut World, body: usize, first_row: u32)
 }
 
 /// Terms of volume in hexahedra of a body.
-pub(super) fn hexahedron_volumes<S: Scalar>(
+fn hexahedron_volumes<S: Scalar>(
     world: &mut World,
+    _: &LawRow,
     body: usize,
     first_row: u32,
 ) -> ElementColumns {
     let mut columns = ElementColumns::default();
-    let mut query = world.query_filtered::<(bricks::VolumeData<S>, &BodyId), VolumeAlone<S>>();
+    let mut query = world.query_filtered::<(bricks::VolumeData<S>, &BodyId), With<VolumeAlone>>();
     for (((nodes, _, rest), volume), of) in query.iter(world) {
         if of.0 as usize == body {
             let volume = volume.0.to_f64();

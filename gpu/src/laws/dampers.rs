@@ -4,34 +4,37 @@
 use bevy_ecs::prelude::*;
 use sinew_engine::element::AxisVertices;
 use sinew_engine::isoparametric::AxisHexahedronVertices;
-use sinew_engine::law::Law;
 use sinew_engine::vertex::BodyId;
-use sinew_models::axes::damper::{AxialDamper, AxialDampers};
+use sinew_models::axes::damper::{self, AxialDamper};
 use sinew_models::axes::site::AxisSite;
+use sinew_models::laws::LawRow;
 
-use super::{DeviceLaw, ElementColumns, ElementKind, InRecovery};
+use super::{DeviceLaw, ElementColumns, ElementKind, Find};
 
-const fn law<L: Law>(vertices: usize, files: &'static [&'static str]) -> DeviceLaw {
+/// In tetrahedra and in hexahedra.
+pub(super) static LAWS: &[DeviceLaw] = &[
+    law((&damper::IN_TETRAHEDRA, columns::<4, AxisVertices>), 4, &["const VERTICES: u32 = 4u;\n"]),
+    law(
+        (&damper::IN_HEXAHEDRA, columns::<8, AxisHexahedronVertices>),
+        8,
+        &["const VERTICES: u32 = 8u;\n"],
+    ),
+];
+
+const fn law(
+    (law, find): (&'static LawRow, Find),
+    vertices: usize,
+    files: &'static [&'static str],
+) -> DeviceLaw {
     let kind = ElementKind { vertices, constants: vertices + 4, threads: 1, files };
-    DeviceLaw {
-        recovery: InRecovery::Unchanged,
-        forces: false,
-        tangent: |_| false,
-        is_damper: true,
-        ..DeviceLaw::of::<L>(kind, &[include_str!("dampers.wgsl")])
-    }
+    let files = &[include_str!("dampers.wgsl")];
+    DeviceLaw { row: law, kind, volumes: false, find: [find; 2], files }
 }
 
-/// In tetrahedra.
-pub const IN_TETRAHEDRA: DeviceLaw =
-    law::<AxialDampers<AxisVertices>>(4, &["const VERTICES: u32 = 4u;\n"]);
-/// In hexahedra.
-pub const IN_HEXAHEDRA: DeviceLaw =
-    law::<AxialDampers<AxisHexahedronVertices>>(8, &["const VERTICES: u32 = 8u;\n"]);
-
 /// Dampers of a body in elements of `N` vertices: q_a, a and V eta.
-pub(super) fn columns<const N: usize, V: AxisSite<N>>(
+fn columns<const N: usize, V: AxisSite<N>>(
     world: &mut World,
+    _: &LawRow,
     body: usize,
     first_row: u32,
 ) -> ElementColumns {

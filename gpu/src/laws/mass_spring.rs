@@ -1,36 +1,38 @@
 //! Springs on edges: twin of [`sinew_models::quadratic::MassSpring`].
 
 use bevy_ecs::prelude::*;
-use bevy_ecs::query::ArchetypeFilter;
+use bevy_ecs::query::QueryBuilder;
 use sinew_engine::element::{EdgeVertices, RestEdges};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
+use sinew_models::laws::LawRow;
 use sinew_models::pooled::TensileStiffness;
-use sinew_models::quadratic::MassSpring;
+use sinew_models::quadratic::EDGE_SPRINGS;
 
-use super::{DeviceLaw, EDGE, ElementColumns, InRecovery, STRETCH};
+use super::{DeviceLaw, EDGE, ElementColumns, STRETCH};
 
 /// The law.
-pub const LAW: DeviceLaw = DeviceLaw {
-    // on bodies that never recover, or beside a solid that does
-    recovery: InRecovery::Unchanged,
-    ..DeviceLaw::of::<MassSpring>(EDGE, &[STRETCH, include_str!("mass_spring.wgsl")])
+pub static LAW: DeviceLaw = DeviceLaw {
+    row: &EDGE_SPRINGS,
+    kind: EDGE,
+    volumes: false,
+    find: [edge_columns::<f64>, edge_columns::<f32>],
+    files: &[STRETCH, include_str!("mass_spring.wgsl")],
 };
 
-/// Its elements in a body.
-pub(super) fn columns<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {
-    edge_columns::<With<MassSpring>, S>(world, body, first_row)
-}
-
-/// Columns of an [`EDGE`] law from the edges of a body that `F` selects.
-pub(super) fn edge_columns<F: ArchetypeFilter, S: Scalar>(
+/// Columns of the edges of a body that follow a law.
+pub(super) fn edge_columns<S: Scalar>(
     world: &mut World,
+    law: &LawRow,
     body: usize,
     first_row: u32,
 ) -> ElementColumns {
+    type Data<S> =
+        (&'static EdgeVertices, RestEdges<S>, &'static TensileStiffness<S>, &'static BodyId);
     let mut columns = ElementColumns::default();
-    let mut query =
-        world.query_filtered::<(&EdgeVertices, RestEdges<S>, &TensileStiffness<S>, &BodyId), F>();
+    let mark = law.mark::<S>(world);
+    let mut query = QueryBuilder::<Data<S>>::new(world);
+    let mut query = query.with_id(mark).build();
     for (nodes, (x, y, z), stiffness, of) in query.iter(world) {
         if of.0 as usize == body {
             columns.nodes.extend(nodes.0.map(|row| row - first_row));

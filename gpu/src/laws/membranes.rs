@@ -3,18 +3,17 @@
 //! body recover.
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::QueryBuilder;
 use sinew_engine::isoparametric::{QuadRest, QuadVertices};
-use sinew_engine::law::Law;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
+use sinew_models::fused_membrane as membrane;
 use sinew_models::fused_membrane::{
-    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, MembraneCompression,
     MembraneCompressionModulus, MembraneData, MembraneFirstModulus, MembraneShearModulus,
-    PooledMembrane, QuadraticMembrane, TriangleLaw,
 };
-use sinew_models::quad::Quadrilateral;
+use sinew_models::laws::LawRow;
 
-use super::{DeviceLaw, ElementColumns, ElementKind, InRecovery, STRETCH, TRIANGLES};
+use super::{DeviceLaw, ElementColumns, ElementKind, STRETCH, TRIANGLES};
 
 /// Three vertices; E_1 (m) and lambda (N/m), E_2 and mu, rest area (m^2) and kappa (N/m).
 const MEMBRANE: ElementKind = ElementKind {
@@ -36,63 +35,47 @@ const QUAD_MEMBRANE: ElementKind = ElementKind {
     ],
 };
 
-const fn law<L: TriangleLaw>(files: &'static [&'static str]) -> DeviceLaw {
-    DeviceLaw {
-        recovery: InRecovery::Unchanged,
-        forces: L::FORCES,
-        tangent: L::contributes,
-        ..DeviceLaw::of::<L>(MEMBRANE, files)
-    }
-}
-
 const SPRINGS: &[&str] = &[include_str!("biquadratic_membrane.wgsl")];
+const LINEAR: &[&str] = &[include_str!("linear_membrane.wgsl")];
+const COROTATIONAL: &[&str] = &[include_str!("corotational_membrane.wgsl")];
 
-/// Biquadratic springs.
-pub const BIQUADRATIC: DeviceLaw = law::<BiquadraticMembrane>(SPRINGS);
-
-/// The same at the points of quadrilaterals, and two more.
-pub const QUAD_BIQUADRATIC: DeviceLaw = quad_law::<BiquadraticMembrane>(&BIQUADRATIC);
-/// Constant strain at every point.
-pub const QUAD_LINEAR: DeviceLaw = quad_law::<LinearMembrane>(&LINEAR);
-/// Corotational at every point.
-pub const QUAD_COROTATIONAL: DeviceLaw = quad_law::<CorotationalMembrane>(&COROTATIONAL);
-
-/// The law of quadrilaterals to one of triangles.
-const fn quad_law<L: TriangleLaw>(law: &DeviceLaw) -> DeviceLaw
-where
-    Quadrilateral<L>: Law,
-{
+/// The laws.
+pub(super) static LAWS: &[DeviceLaw] = &[
+    triangles(&membrane::BIQUADRATIC, SPRINGS),
+    triangles(&membrane::QUADRATIC, &[STRETCH, include_str!("quadratic_membrane.wgsl")]),
+    triangles(&membrane::LINEAR, LINEAR),
+    triangles(&membrane::COROTATIONAL, COROTATIONAL),
     DeviceLaw {
-        recovery: InRecovery::Unchanged,
-        ..DeviceLaw::of::<Quadrilateral<L>>(QUAD_MEMBRANE, law.files)
-    }
+        find: [compression::<f64>, compression::<f32>],
+        ..triangles(&membrane::COMPRESSION, SPRINGS)
+    },
+    triangles(&membrane::PROJECTION, SPRINGS),
+    quads(&membrane::BIQUADRATIC_QUADS, SPRINGS),
+    quads(&membrane::LINEAR_QUADS, LINEAR),
+    quads(&membrane::COROTATIONAL_QUADS, COROTATIONAL),
+];
+
+const fn triangles(law: &'static LawRow, files: &'static [&'static str]) -> DeviceLaw {
+    let find = [columns::<f64>, columns::<f32>];
+    DeviceLaw { row: law, kind: MEMBRANE, volumes: false, find, files }
 }
 
-/// The compression term of pooled membranes: the law with nothing but that modulus.
-pub const COMPRESSION: DeviceLaw = law::<MembraneCompression>(SPRINGS);
+const fn quads(law: &'static LawRow, files: &'static [&'static str]) -> DeviceLaw {
+    let find = [quad_columns::<f64>, quad_columns::<f32>];
+    DeviceLaw { row: law, kind: QUAD_MEMBRANE, volumes: false, find, files }
+}
 
-/// The projected tangent of pooled membranes.
-pub const PROJECTION: DeviceLaw = law::<PooledMembrane>(SPRINGS);
-
-/// Quadratic springs.
-pub const QUADRATIC: DeviceLaw =
-    law::<QuadraticMembrane>(&[STRETCH, include_str!("quadratic_membrane.wgsl")]);
-
-/// Constant-strain triangles.
-pub const LINEAR: DeviceLaw = law::<LinearMembrane>(&[include_str!("linear_membrane.wgsl")]);
-
-/// Corotational triangles.
-pub const COROTATIONAL: DeviceLaw =
-    law::<CorotationalMembrane>(&[include_str!("corotational_membrane.wgsl")]);
-
-/// Triangles of law `L` in a body.
-pub(super) fn columns<L: TriangleLaw, S: Scalar>(
+/// Triangles of a law in a body.
+fn columns<S: Scalar>(
     world: &mut World,
+    law: &LawRow,
     body: usize,
     first_row: u32,
 ) -> ElementColumns {
     let mut columns = ElementColumns::default();
-    let mut query = world.query_filtered::<(MembraneData<S>, &BodyId), L::Bodies>();
+    let mark = law.mark::<S>(world);
+    let mut query = QueryBuilder::<(MembraneData<S>, &BodyId)>::new(world);
+    let mut query = query.with_id(mark).build();
     for ((nodes, _, (a, b, area), lambda, mu, compression), of) in query.iter(world) {
         if of.0 as usize != body {
             continue;
@@ -109,12 +92,13 @@ pub(super) fn columns<L: TriangleLaw, S: Scalar>(
 }
 
 /// Triangles of a pooled membrane with the compression term; none where no element has it.
-pub(super) fn compression<S: Scalar>(
+fn compression<S: Scalar>(
     world: &mut World,
+    law: &LawRow,
     body: usize,
     first_row: u32,
 ) -> ElementColumns {
-    let mut columns = columns::<MembraneCompression, S>(world, body, first_row);
+    let mut columns = columns::<S>(world, law, body, first_row);
     if columns.data.chunks_exact(12).all(|constants| constants[9] == 0.0) {
         return ElementColumns::default();
     }
@@ -124,24 +108,25 @@ pub(super) fn compression<S: Scalar>(
     columns
 }
 
-/// Quadrilaterals of law `L` in a body.
-pub(super) fn quads<L: TriangleLaw, S: Scalar>(
+/// Quadrilaterals of a law in a body.
+fn quad_columns<S: Scalar>(
     world: &mut World,
+    law: &LawRow,
     body: usize,
     first_row: u32,
-) -> ElementColumns
-where
-    Quadrilateral<L>: Law,
-{
+) -> ElementColumns {
+    type Data<S> = (
+        &'static QuadVertices,
+        &'static QuadRest<S>,
+        &'static MembraneFirstModulus<S>,
+        &'static MembraneShearModulus<S>,
+        &'static MembraneCompressionModulus<S>,
+        &'static BodyId,
+    );
     let mut columns = ElementColumns::default();
-    let mut query = world.query_filtered::<(
-        &QuadVertices,
-        &QuadRest<S>,
-        &MembraneFirstModulus<S>,
-        &MembraneShearModulus<S>,
-        &MembraneCompressionModulus<S>,
-        &BodyId,
-    ), With<Quadrilateral<L>>>();
+    let mark = law.mark::<S>(world);
+    let mut query = QueryBuilder::<Data<S>>::new(world);
+    let mut query = query.with_id(mark).build();
     for (nodes, rest, lambda, mu, compression, of) in query.iter(world) {
         if of.0 as usize != body {
             continue;

@@ -2,34 +2,18 @@
 //! `sinew_models`.
 
 pub mod axes;
-pub mod corotational;
 pub mod dampers;
-pub mod fused;
-pub mod hexahedra;
-pub mod linear;
 pub mod mass_spring;
 pub mod membranes;
-pub mod neo_hookean;
 pub mod pooled;
 pub mod pressure;
-pub mod quadratic;
-pub mod stvk_fem;
-pub mod warped;
+pub mod solid;
 
 use bevy_ecs::prelude::*;
-use sinew_engine::element::AxisVertices;
-use sinew_engine::isoparametric::AxisHexahedronVertices;
-use sinew_engine::law::{Law, TangentKind};
+use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::vertex::BodyId;
-use sinew_models::corotational::Corotational;
-use sinew_models::fused::{FusedStVK, TetrahedronData, TetrahedronLaw};
-use sinew_models::fused_membrane::{
-    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, PooledMembrane, QuadraticMembrane,
-};
-use sinew_models::linear::Linear;
-use sinew_models::neo_hookean::NeoHookean;
-use sinew_models::pooled::SpringForces;
+use sinew_models::laws::{InRecovery, LawRow, LawTable, precision};
+use sinew_models::pooled::{EDGE_CHANGES, SPRING_FORCES};
 
 use crate::sources::{Source, elements};
 
@@ -49,22 +33,6 @@ pub struct ElementKind {
 /// Two vertices; rest vector X_a - X_b (m) and stiffness (N/m^3).
 pub const EDGE: ElementKind =
     ElementKind { vertices: 2, constants: 4, threads: 1, files: &[include_str!("../edges.wgsl")] };
-
-/// Four vertices; D_1 (1/m) and lambda V (J), D_2 and mu V, D_3 and kappa V.
-pub const TETRAHEDRON: ElementKind = ElementKind {
-    vertices: 4,
-    constants: 12,
-    threads: 1,
-    files: &[
-        TETRAHEDRA,
-        FOUR_VERTICES,
-        DEFORMATION,
-        include_str!("../tetrahedron.wgsl"),
-        PROJECTION,
-        include_str!("../tetrahedron_volumes.wgsl"),
-        VOLUMES,
-    ],
-};
 
 /// Forces and blocks of four vertices from those of three.
 const FOUR_VERTICES: &str = include_str!("../four_vertices.wgsl");
@@ -99,73 +67,48 @@ impl ElementKind {
     }
 }
 
-/// What a law does while its body recovers from inversion.
-#[derive(Clone, Copy, Debug)]
-pub enum InRecovery {
-    /// Another law of the same elements, with the same columns, stands in for it.
-    StandIn(&'static DeviceLaw),
-    /// It has no energy, no force and no tangent.
-    Silent,
-    /// Goes on.
-    Unchanged,
-}
+/// Finds the elements of a body (by index and first row) that follow a law.
+type Find = fn(&mut World, &LawRow, usize, u32) -> ElementColumns;
 
 /// A law with a twin on the device. A body has a set of elements for each of its laws; what sets give is added
 /// up in the order of the laws.
 #[derive(Clone, Copy, Debug)]
 pub struct DeviceLaw {
-    /// [`Law::NAME`] of the law.
-    pub name: &'static str,
-    /// [`Law::ORDER`] of the law.
-    pub order: u8,
+    /// The law.
+    pub row: &'static LawRow,
     /// What its elements are.
     pub kind: ElementKind,
-    /// What it does while its body recovers.
-    pub recovery: InRecovery,
-    /// Whether its energy is the potential of a load ([`Law::IS_LOAD`]).
-    pub is_load: bool,
-    /// Whether it has energy and forces.
-    pub forces: bool,
-    /// Whether it has a part in a tangent of this kind.
-    pub tangent: fn(TangentKind) -> bool,
-    /// Whether it is a part of the damping matrix, and of nothing else.
-    pub is_damper: bool,
     /// Whether its set measures volume ratios. Every solid element of a body is in one such set at most.
     pub volumes: bool,
+    /// How its elements are found, in `f64` and `f32`.
+    find: [Find; 2],
     /// Its WGSL, beside that of the kind of element.
     files: &'static [&'static str],
 }
 
 impl DeviceLaw {
-    /// Law `L`, with energy, forces and all tangents, silent in recovery.
-    const fn of<L: Law>(kind: ElementKind, files: &'static [&'static str]) -> Self {
-        Self {
-            name: L::NAME,
-            order: L::ORDER,
-            kind,
-            recovery: InRecovery::Silent,
-            is_load: L::IS_LOAD,
-            forces: true,
-            tangent: |_| true,
-            is_damper: false,
-            volumes: false,
-            files,
-        }
+    /// Name of the law.
+    pub fn name(&self) -> &'static str {
+        self.row.info.name
     }
 
-    /// Law `L` of tetrahedra, for which the corotational one stands in where the CPU has it so.
-    const fn of_tetrahedra<L: TetrahedronLaw>(files: &'static [&'static str]) -> Self {
-        let recovery =
-            if L::STANDS_IN { InRecovery::StandIn(&corotational::LAW) } else { InRecovery::Silent };
-        let forces = L::FORCES;
-        let law = Self::of::<L>(TETRAHEDRON, files);
-        Self { recovery, forces, tangent: L::contributes, volumes: true, ..law }
+    /// Whether its energy is the potential of a load.
+    pub fn is_load(&self) -> bool {
+        self.row.info.is_load
+    }
+
+    /// Whether it has a part in a tangent of this kind.
+    pub fn has_tangent(&self, kind: TangentKind) -> bool {
+        (self.row.tangent)(kind)
     }
 
     /// The law that its elements follow.
     pub fn now(&self, recovering: bool) -> Option<&Self> {
-        match self.recovery {
-            InRecovery::StandIn(other) if recovering => Some(other),
+        match self.row.recovery {
+            InRecovery::StandIn if recovering && self.kind == solid::HEXAHEDRON => {
+                Some(&solid::COROTATIONAL_HEXAHEDRA)
+            }
+            InRecovery::StandIn if recovering => Some(&solid::COROTATIONAL_TETRAHEDRA),
             InRecovery::Silent if recovering => None,
             _ => Some(self),
         }
@@ -173,55 +116,24 @@ impl DeviceLaw {
 
     /// The whole module.
     pub fn source(&self) -> Source {
-        elements(self.name, self.kind.files, self.files)
+        elements(self.name(), self.kind.files, self.files)
     }
 }
 
 /// All laws with a twin.
-pub static LAWS: [DeviceLaw; 35] = [
-    fused::LAW,
-    fused::COMPRESSION,
-    fused::PROJECTION,
-    pooled::TENSILE,
-    pooled::ANGULAR,
-    pooled::VOLUMETRIC,
-    stvk_fem::LAW,
-    quadratic::LAW,
-    linear::LAW,
-    warped::LAW,
-    corotational::LAW,
-    neo_hookean::LAW,
-    mass_spring::LAW,
-    hexahedra::STVK,
-    hexahedra::LINEAR,
-    hexahedra::COROTATIONAL,
-    hexahedra::NEO_HOOKEAN,
-    axes::TRIADS,
-    axes::FIBRES,
-    axes::VOLUMES,
-    axes::HEXAHEDRON_TRIADS,
-    axes::HEXAHEDRON_FIBRES,
-    axes::HEXAHEDRON_VOLUMES,
-    membranes::BIQUADRATIC,
-    membranes::QUADRATIC,
-    membranes::LINEAR,
-    membranes::COROTATIONAL,
-    membranes::QUAD_BIQUADRATIC,
-    membranes::QUAD_LINEAR,
-    membranes::QUAD_COROTATIONAL,
-    membranes::COMPRESSION,
-    membranes::PROJECTION,
-    pressure::LAW,
-    dampers::IN_TETRAHEDRA,
-    dampers::IN_HEXAHEDRA,
-];
+pub fn all() -> impl Iterator<Item = &'static DeviceLaw> {
+    let kinds = [solid::LAWS, pooled::LAWS, membranes::LAWS, axes::LAWS, dampers::LAWS];
+    kinds.into_iter().flatten().chain([&mass_spring::LAW, &pressure::LAW])
+}
 
 /// Names of systems that have no elements of their own here: others do their part.
-const CARRIED: [&str; 2] = [sinew_models::pooled::EDGE_CHANGES, SpringForces::NAME];
+fn is_carried(name: &str) -> bool {
+    [EDGE_CHANGES, SPRING_FORCES.info.name].contains(&name)
+}
 
 /// Whether a law or system that is active in a world runs on the device.
 pub fn is_known(name: &str) -> bool {
-    CARRIED.contains(&name) || LAWS.iter().any(|law| law.name == name)
+    is_carried(name) || all().any(|law| law.name() == name)
 }
 
 /// Columns of the elements of one body and law, as the device has them.
@@ -235,77 +147,6 @@ pub struct ElementColumns {
     pub load: Option<Entity>,
 }
 
-/// Columns of the elements of `body` that have law `L`; `first_row` is the first row of the body.
-fn tetrahedron_columns<L: TetrahedronLaw, S: Scalar>(
-    world: &mut World,
-    body: usize,
-    first_row: u32,
-) -> ElementColumns {
-    let mut columns = ElementColumns::default();
-    let mut query = world.query_filtered::<(TetrahedronData<S>, &BodyId), L::Bodies>();
-    for ((nodes, _, (d1, d2, d3), volume, lambda, mu, compression), of) in query.iter(world) {
-        if of.0 as usize != body {
-            continue;
-        }
-        let d = [d1.0.0, d1.1.0, d1.2.0, d2.0.0, d2.1.0, d2.2.0, d3.0.0, d3.1.0, d3.2.0];
-        columns.nodes.extend(nodes.0.map(|row| row - first_row));
-        push_tetrahedron(&mut columns.data, d, volume.0, [lambda.0, mu.0, compression.0]);
-    }
-    columns
-}
-
-/// Appends the constants of a [`TETRAHEDRON`] from its shape vectors (1/m), volume (m^3) and moduli (Pa).
-fn push_tetrahedron<S: Scalar>(data: &mut Vec<f32>, d: [S; 9], volume: S, moduli: [S; 3]) {
-    for (d, modulus) in d.chunks_exact(3).zip(moduli) {
-        data.extend(d.iter().map(|x| x.to_f64() as f32));
-        // in f64, rounded once
-        data.push((modulus.to_f64() * volume.to_f64()) as f32);
-    }
-}
-
-/// Finds the elements of a body (by index and first row) that follow a law.
-type Find = fn(&mut World, usize, u32) -> ElementColumns;
-
-/// How the elements of every law are found.
-fn finders<S: Scalar>() -> Vec<(DeviceLaw, Find)> {
-    vec![
-        (fused::LAW, fused::columns::<S>),
-        (fused::COMPRESSION, fused::compression::<S>),
-        (fused::PROJECTION, fused::projection::<S>),
-        (pooled::TENSILE, pooled::tensile::<S>),
-        (pooled::ANGULAR, pooled::angular::<S>),
-        (pooled::VOLUMETRIC, pooled::volumetric::<S>),
-        (stvk_fem::LAW, stvk_fem::columns::<S>),
-        (quadratic::LAW, quadratic::columns::<S>),
-        (linear::LAW, linear::columns::<S>),
-        (warped::LAW, warped::columns::<S>),
-        (corotational::LAW, corotational::columns::<S>),
-        (neo_hookean::LAW, neo_hookean::columns::<S>),
-        (mass_spring::LAW, mass_spring::columns::<S>),
-        (hexahedra::STVK, hexahedra::columns::<FusedStVK, S>),
-        (hexahedra::LINEAR, hexahedra::columns::<Linear, S>),
-        (hexahedra::COROTATIONAL, hexahedra::columns::<Corotational, S>),
-        (hexahedra::NEO_HOOKEAN, hexahedra::columns::<NeoHookean, S>),
-        (axes::TRIADS, axes::triads::<S>),
-        (axes::FIBRES, axes::fibres::<S>),
-        (axes::VOLUMES, axes::volumes::<S>),
-        (axes::HEXAHEDRON_TRIADS, axes::hexahedron_triads::<S>),
-        (axes::HEXAHEDRON_FIBRES, axes::hexahedron_fibres::<S>),
-        (axes::HEXAHEDRON_VOLUMES, axes::hexahedron_volumes::<S>),
-        (dampers::IN_TETRAHEDRA, dampers::columns::<4, AxisVertices>),
-        (dampers::IN_HEXAHEDRA, dampers::columns::<8, AxisHexahedronVertices>),
-        (membranes::BIQUADRATIC, membranes::columns::<BiquadraticMembrane, S>),
-        (membranes::QUADRATIC, membranes::columns::<QuadraticMembrane, S>),
-        (membranes::LINEAR, membranes::columns::<LinearMembrane, S>),
-        (membranes::COROTATIONAL, membranes::columns::<CorotationalMembrane, S>),
-        (membranes::QUAD_BIQUADRATIC, membranes::quads::<BiquadraticMembrane, S>),
-        (membranes::QUAD_LINEAR, membranes::quads::<LinearMembrane, S>),
-        (membranes::QUAD_COROTATIONAL, membranes::quads::<CorotationalMembrane, S>),
-        (membranes::COMPRESSION, membranes::compression::<S>),
-        (membranes::PROJECTION, membranes::columns::<PooledMembrane, S>),
-    ]
-}
-
 /// The elements of a body that follow one of the laws `wanted`, law by law in the order in which the processor
 /// adds them up.
 pub fn columns<S: Scalar>(
@@ -314,15 +155,15 @@ pub fn columns<S: Scalar>(
     first_row: u32,
     wanted: impl Fn(&DeviceLaw) -> bool,
 ) -> Vec<(DeviceLaw, ElementColumns)> {
-    let mut found: Vec<_> = finders::<S>()
-        .into_iter()
-        .filter(|(law, _)| wanted(law))
-        .map(|(law, find)| (law, find(world, body, first_row)))
+    let mut found: Vec<_> = all()
+        .filter(|law| wanted(law))
+        .map(|law| (*law, law.find[precision::<S>()](world, law.row, body, first_row)))
         .filter(|(_, columns)| !columns.nodes.is_empty())
         .collect();
     if wanted(&pressure::LAW) {
         found.extend(pressure::columns(world, body, first_row));
     }
-    found.sort_by_key(|(law, _)| law.order);
+    let table = world.get_resource_or_init::<LawTable>();
+    found.sort_by_key(|(law, _)| table.find(law.name()).map(|(place, _)| place));
     found
 }

@@ -6,13 +6,10 @@ use bevy_ecs::prelude::*;
 use sinew_engine::element::{
     EdgeChange, EdgeVertices, RestEdges, TetrahedronEdges, TetrahedronVertices, TriangleEdges,
 };
-use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
-use sinew_models::pooled::{
-    Angular, AngularStiffnesses, Tensile, TensileTension, TriangleVertices, Volumetric,
-    VolumetricStiffnesses,
-};
+use sinew_models::laws::LawRow;
+use sinew_models::pooled::{self, AngularStiffnesses, TriangleVertices, VolumetricStiffnesses};
 
 use super::mass_spring::edge_columns;
 use super::{DeviceLaw, EDGE, ElementColumns, ElementKind};
@@ -28,33 +25,31 @@ const COUPLED_TRIANGLE: ElementKind =
 /// Four vertices; for every edge at vertex 0 rest vector (m) and the stiffness (N/m^3) of the spring of its number.
 const COUPLED_TETRAHEDRON: ElementKind = ElementKind { vertices: 4, ..COUPLED_TRIANGLE };
 
-/// The projected tangent is formed elsewhere: [`super::fused::PROJECTION`].
-fn spring_tangent(kind: TangentKind) -> bool {
-    kind != TangentKind::Projected
-}
-
-/// Tensile springs on edges.
-pub const TENSILE: DeviceLaw = DeviceLaw {
-    tangent: spring_tangent,
-    ..DeviceLaw::of::<Tensile>(EDGE, &[SPRING, include_str!("tensile.wgsl")])
-};
-
-/// Angular springs in triangles.
-pub const ANGULAR: DeviceLaw = DeviceLaw {
-    tangent: spring_tangent,
-    ..DeviceLaw::of::<Angular>(COUPLED_TRIANGLE, &[SPRING, include_str!("angular.wgsl")])
-};
-
-/// Volumetric springs in tetrahedra.
-pub const VOLUMETRIC: DeviceLaw = DeviceLaw {
-    tangent: spring_tangent,
-    ..DeviceLaw::of::<Volumetric>(COUPLED_TETRAHEDRON, &[SPRING, include_str!("volumetric.wgsl")])
-};
-
-/// Edges of a body with a tensile spring.
-pub(super) fn tensile<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {
-    edge_columns::<With<TensileTension<S>>, S>(world, body, first_row)
-}
+/// Tensile springs on edges, angular ones in triangles, volumetric ones in tetrahedra. Their projected tangent is
+/// that of [`PooledProjection`](sinew_models::fused::PooledProjection).
+pub(super) static LAWS: &[DeviceLaw] = &[
+    DeviceLaw {
+        row: &pooled::TENSILE,
+        kind: EDGE,
+        volumes: false,
+        find: [edge_columns::<f64>, edge_columns::<f32>],
+        files: &[SPRING, include_str!("tensile.wgsl")],
+    },
+    DeviceLaw {
+        row: &pooled::ANGULAR,
+        kind: COUPLED_TRIANGLE,
+        volumes: false,
+        find: [angular::<f64>, angular::<f32>],
+        files: &[SPRING, include_str!("angular.wgsl")],
+    },
+    DeviceLaw {
+        row: &pooled::VOLUMETRIC,
+        kind: COUPLED_TETRAHEDRON,
+        volumes: false,
+        find: [volumetric::<f64>, volumetric::<f32>],
+        files: &[SPRING, include_str!("volumetric.wgsl")],
+    },
+];
 
 /// Rest vectors of the edge table of pooled elements.
 fn rest_edges<S: Scalar>(world: &mut World) -> Vec<[f32; 3]> {
@@ -77,7 +72,12 @@ fn push<S: Scalar>(
 }
 
 /// Triangles of a body with angular springs.
-pub(super) fn angular<S: Scalar>(world: &mut World, body: usize, first_row: u32) -> ElementColumns {
+fn angular<S: Scalar>(
+    world: &mut World,
+    _: &LawRow,
+    body: usize,
+    first_row: u32,
+) -> ElementColumns {
     let mut columns = ElementColumns::default();
     let rest = rest_edges::<S>(world);
     let mut query =
@@ -92,8 +92,9 @@ pub(super) fn angular<S: Scalar>(world: &mut World, body: usize, first_row: u32)
 }
 
 /// Tetrahedra of a body with volumetric springs.
-pub(super) fn volumetric<S: Scalar>(
+fn volumetric<S: Scalar>(
     world: &mut World,
+    _: &LawRow,
     body: usize,
     first_row: u32,
 ) -> ElementColumns {

@@ -3,24 +3,24 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::columns::single_table;
-use sinew_engine::law::TangentKind;
 use sinew_engine::load::{LoadTime, Pressure};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::RestPosition;
-use sinew_models::pressure::FollowerPressure;
+use sinew_models::pressure::ROW;
 
-use super::{DeviceLaw, ElementColumns, ElementKind, InRecovery, TRIANGLES};
+use super::{DeviceLaw, ElementColumns, ElementKind, TRIANGLES};
 
 /// Three vertices; E_1 and E_2 (m).
 const FACE: ElementKind =
     ElementKind { vertices: 3, constants: 8, threads: 1, files: &[TRIANGLES] };
 
-/// The law.
-pub const LAW: DeviceLaw = DeviceLaw {
-    recovery: InRecovery::Unchanged,
-    // indefinite by itself, so no part of the stand-ins
-    tangent: |kind| kind == TangentKind::Exact,
-    ..DeviceLaw::of::<FollowerPressure>(FACE, &[include_str!("pressure.wgsl")])
+/// The law. Its faces are found by [`columns`], a set for each pressure.
+pub static LAW: DeviceLaw = DeviceLaw {
+    row: &ROW,
+    kind: FACE,
+    volumes: false,
+    find: [|_, _, _, _| ElementColumns::default(); 2],
+    files: &[include_str!("pressure.wgsl")],
 };
 
 /// Faces in a body, pressure by pressure.

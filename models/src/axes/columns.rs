@@ -341,8 +341,9 @@ impl<S: Scalar> AxisColumns<S> for FibreColumns<'_, S> {
     }
 }
 
-/// Filter of the table of terms of volume, since triads hold one too.
-pub type VolumeAlone<S> = (With<VolumeStiffness<S>>, Without<AxialStiffness<S, 0>>);
+/// Marks axis entities that have a term of volume and no axes.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct VolumeAlone;
 
 /// Columns of the table of terms of volume.
 #[derive(Clone, Copy, Debug)]

@@ -12,21 +12,18 @@
 //! damping; explicit ones refuse it, because it would need a linear system.
 
 use bevy_ecs::prelude::*;
-use sinew_engine::columns::single_table;
 use sinew_engine::element::AxisVertices;
 use sinew_engine::isoparametric::AxisHexahedronVertices;
-use sinew_engine::law::{Law, LawBuffer};
+use sinew_engine::law::LawInfo;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{ForceSystems, activate_dampers};
+use sinew_engine::schedule::{ElementLaw, activate_dampers};
 use sinew_engine::vertex::Displacement;
-use sinew_engine::workers::Workers;
-use std::marker::PhantomData;
-use std::time::Instant;
 
 use bytemuck::TransparentWrapper;
 
 use super::printed::{Blocks, Nodes, add_spread, spread_over};
 use super::site::{AxisSite, add_blocks, local};
+use crate::laws::{Elements, LawRow, mark, partition};
 use crate::pooled::add_outer;
 
 /// A damper along an axis of an element of `N` vertices.
@@ -75,47 +72,41 @@ impl<const N: usize> AxialDamper<N> {
     }
 }
 
-/// Dampers in the elements that `V` tells.
-pub struct AxialDampers<V>(PhantomData<fn() -> V>);
+/// Dampers in tetrahedra.
+pub static IN_TETRAHEDRA: LawRow = LawRow::of_dampers(
+    LawInfo::elastic("axial dampers"),
+    Elements::AxesInTetrahedra,
+    [mark::<AxialDamper<4>>; 2],
+    [activate::<f64, 4, AxisVertices>, activate::<f32, 4, AxisVertices>],
+);
+/// Dampers in hexahedra.
+pub static IN_HEXAHEDRA: LawRow = LawRow::of_dampers(
+    LawInfo::elastic("axial dampers in hexahedra"),
+    Elements::AxesInHexahedra,
+    [mark::<AxialDamper<8>>; 2],
+    [activate::<f64, 8, AxisHexahedronVertices>, activate::<f32, 8, AxisHexahedronVertices>],
+);
 
-impl Law for AxialDampers<AxisVertices> {
-    const NAME: &'static str = "axial dampers";
-    const ORDER: u8 = 29;
-}
-
-impl Law for AxialDampers<AxisHexahedronVertices> {
-    const NAME: &'static str = "axial dampers in hexahedra";
-    const ORDER: u8 = 43;
-}
-
-/// Puts the dampers of one kind of element into the damping schedule.
-pub(crate) fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(world: &mut World)
-where
-    AxialDampers<V>: Law,
-{
-    activate_dampers::<AxialDampers<V>, S>(world, |schedule| {
-        schedule.add_systems(evaluate::<S, N, V>.in_set(ForceSystems::Evaluate));
-    });
-}
-
-fn evaluate<S: Scalar, const N: usize, V: AxisSite<N>>(
-    workers: Res<Workers>,
-    mut buffer: ResMut<LawBuffer<AxialDampers<V>, S>>,
-    vertices: Query<&Displacement<S>>,
-    dampers: Query<(&V, &V::Blocks, &AxialDamper<N>)>,
-) where
-    AxialDampers<V>: Law,
-{
-    let start = Instant::now();
-    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let Some((sites, blocks, dampers)) = single_table(dampers.contiguous_iter()) else { return };
-    let u = Displacement::peel_slice(u);
-    workers.for_each(&mut buffer.spans, dampers.len() * 10 * N * N, |_, span| {
-        span.clear_tangent();
-        for i in span.elements.clone() {
-            let matrix = dampers[i].matrix(&local(u, sites[i].rows()));
-            add_blocks(span, &sites[i], &blocks[i], &matrix);
-        }
-    });
-    buffer.time = start.elapsed();
+fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(
+    world: &mut World,
+    row: &'static LawRow,
+    place: usize,
+) {
+    let law = ElementLaw::<S, (&V, &V::Blocks, &AxialDamper<N>)> {
+        info: row.info,
+        place,
+        mark: Some(row.mark::<S>(world)),
+        partition: partition::<V, S>,
+        evaluate: |with, u, (sites, blocks, dampers), buffer| {
+            let u = Displacement::peel_slice(u);
+            with.workers.for_each(&mut buffer.spans, dampers.len() * 10 * N * N, |_, span| {
+                span.clear_tangent();
+                for i in span.elements.clone() {
+                    let matrix = dampers[i].matrix(&local(u, sites[i].rows()));
+                    add_blocks(span, &sites[i], &blocks[i], &matrix);
+                }
+            });
+        },
+    };
+    activate_dampers(world, law);
 }

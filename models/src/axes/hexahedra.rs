@@ -12,25 +12,20 @@
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
-use sinew_engine::columns::single_table;
 use sinew_engine::isoparametric::{
     AxisHexahedronBlocks, AxisHexahedronVertices, Derivatives, HexahedronRest, RestHexahedron,
     hexahedron_differences, load_points, load_weights, rows_of,
 };
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, RecoveringBodies, Span, TangentKind};
+use sinew_engine::law::{LawBuffer, LawInfo, Span, TangentKind};
 use sinew_engine::scalar::{Scalar, dot};
-use sinew_engine::schedule::{
-    ColumnWatch, ForceSystems, activate_law, column_changed, declare_inputs,
-};
+use sinew_engine::schedule::{ElementLaw, Evaluation, activate_law};
 use sinew_engine::vertex::Displacement;
-use sinew_engine::workers::Workers;
-
-use std::time::Instant;
 
 use super::columns::*;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
 use crate::hexahedron::{Blocks, total};
+use crate::laws::{Elements, LawRow, mark, partition};
 
 /// Rest shape of a hexahedron in `f64`, with shares of the volume in place of volumes.
 pub(crate) fn shares(rest: &RestHexahedron) -> RestHexahedron {
@@ -49,24 +44,27 @@ pub(crate) fn shape_of(
     std::array::from_fn(|a| (0..3).map(|j| derivatives.0[a][j][q] * along[j]).sum())
 }
 
-macro_rules! laws {
-    ($($(#[$doc:meta])* $law:ident: $name:literal, $order:literal;)+) => {$(
-        $(#[$doc])*
-        pub struct $law;
-        impl Law for $law {
-            const NAME: &'static str = $name;
-            const ORDER: u8 = $order;
-        }
-    )+};
-}
-laws! {
-    /// Triads of axes in hexahedra, with their angles and the term of volume.
-    HexahedronTriads: "axes in hexahedra", 40;
-    /// Single fibres in hexahedra, passive and active.
-    HexahedronFibres: "fibres in hexahedra", 41;
-    /// The term of volume of hexahedra without axes.
-    HexahedronVolumes: "volume preservation of hexahedra", 42;
-}
+/// Triads of axes in hexahedra, with their angles and the term of volume.
+pub static TRIADS: LawRow = LawRow::of_systems(
+    LawInfo::elastic("axes in hexahedra"),
+    Elements::AxesInHexahedra,
+    [mark::<AxisAngleStiffness<f64, 0>>, mark::<AxisAngleStiffness<f32, 0>>],
+    [triads::<f64>, triads::<f32>],
+);
+/// Single fibres in hexahedra, passive and active.
+pub static FIBRES: LawRow = LawRow::of_systems(
+    LawInfo::elastic("fibres in hexahedra"),
+    Elements::AxesInHexahedra,
+    [mark::<FibreActive<f64>>, mark::<FibreActive<f32>>],
+    [fibres::<f64>, fibres::<f32>],
+);
+/// The term of volume of hexahedra without axes.
+pub static VOLUMES: LawRow = LawRow::of_systems(
+    LawInfo::elastic("volume preservation of hexahedra"),
+    Elements::AxesInHexahedra,
+    [mark::<VolumeAlone>; 2],
+    [volumes::<f64>, volumes::<f32>],
+);
 
 /// What all tables of axes in hexahedra have.
 #[derive(Clone, Copy)]
@@ -183,7 +181,7 @@ pub type FibreData<S> = (
 );
 
 #[derive(Clone, Copy)]
-struct FibreColumns<'a, S: Scalar> {
+pub(crate) struct FibreColumns<'a, S: Scalar> {
     shared: Shared<'a, S>,
     axis: DirectionColumns<'a, S, 0>,
     stiffness: &'a [AxialStiffness<S, 0>],
@@ -191,6 +189,29 @@ struct FibreColumns<'a, S: Scalar> {
     active: &'a [FibreActive<S>],
     offset: &'a [FibreOffset<S>],
     inverse_width: &'a [FibreInverseWidth<S>],
+}
+
+/// Slices of [`FibreData`].
+type FibreSlices<'a, S> = (
+    SharedSlices<'a, S>,
+    DirectionColumns<'a, S, 0>,
+    (
+        &'a [AxialStiffness<S, 0>],
+        &'a [FibreShortening<S>],
+        &'a [FibreActive<S>],
+        &'a [FibreOffset<S>],
+        &'a [FibreInverseWidth<S>],
+    ),
+);
+
+impl<'a, S: Scalar> FibreColumns<'a, S> {
+    pub(crate) fn new(
+        displacement: &'a [Displacement<S>],
+        (shared, axis, (stiffness, shortening, active, offset, inverse_width)): FibreSlices<'a, S>,
+    ) -> Self {
+        let shared = Shared::new(displacement, shared);
+        Self { shared, axis, stiffness, shortening, active, offset, inverse_width }
+    }
 }
 
 impl<S: Scalar> HexahedronColumns<S> for FibreColumns<'_, S> {
@@ -238,133 +259,50 @@ impl<S: Scalar> HexahedronColumns<S> for VolumeColumns<'_, S> {
     }
 }
 
-fn shared_watches<S: Scalar>() -> [ColumnWatch; 2] {
-    [column_changed::<AxisHexahedronVertices>, column_changed::<HexahedronRest<S>>]
-}
-
-/// Puts the law of triads into the force schedule.
-pub(crate) fn activate_triads<S: Scalar>(world: &mut World) {
-    activate_law::<HexahedronTriads, S>(world, |schedule| {
-        schedule.add_systems(evaluate_triads::<S>.in_set(ForceSystems::Evaluate));
-    });
-    let mut inputs = shared_watches::<S>().to_vec();
-    inputs.extend([
-        column_changed::<AxialStiffness<S, 0>> as ColumnWatch,
-        column_changed::<AxialStiffness<S, 1>>,
-        column_changed::<AxialStiffness<S, 2>>,
-        column_changed::<AxisAngleStiffness<S, 0>>,
-        column_changed::<AxisAngleStiffness<S, 1>>,
-        column_changed::<AxisAngleStiffness<S, 2>>,
-        column_changed::<VolumeStiffness<S>>,
-    ]);
-    inputs.extend(super::systems::direction_watches::<S>());
-    declare_inputs(world, HexahedronTriads::NAME, &inputs);
-}
-
-/// Puts the law of fibres into the force schedule.
-pub(crate) fn activate_fibres<S: Scalar>(world: &mut World) {
-    activate_law::<HexahedronFibres, S>(world, |schedule| {
-        schedule.add_systems(evaluate_fibres::<S>.in_set(ForceSystems::Evaluate));
-    });
-    let mut inputs = shared_watches::<S>().to_vec();
-    inputs.extend([
-        column_changed::<AxialStiffness<S, 0>> as ColumnWatch,
-        column_changed::<FibreShortening<S>>,
-        column_changed::<FibreActive<S>>,
-        column_changed::<FibreOffset<S>>,
-        column_changed::<FibreInverseWidth<S>>,
-    ]);
-    inputs.extend(&super::systems::direction_watches::<S>()[..3]);
-    declare_inputs(world, HexahedronFibres::NAME, &inputs);
-}
-
-/// Puts the term of volume into the force schedule.
-pub(crate) fn activate_volumes<S: Scalar>(world: &mut World) {
-    activate_law::<HexahedronVolumes, S>(world, |schedule| {
-        schedule.add_systems(evaluate_volumes::<S>.in_set(ForceSystems::Evaluate));
-    });
-    let mut inputs = shared_watches::<S>().to_vec();
-    inputs.push(column_changed::<VolumeStiffness<S>>);
-    declare_inputs(world, HexahedronVolumes::NAME, &inputs);
-}
-
-fn evaluate_triads<S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<HexahedronTriads, S>>,
-    vertices: Query<&Displacement<S>>,
-    axes: Query<TriadData<S>>,
-) {
-    let start = Instant::now();
-    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let Some((shared, axes, axial, angular, volumetric)) = single_table(axes.contiguous_iter())
-    else {
-        return;
+fn triads<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    let law = ElementLaw::<S, TriadData<S>> {
+        info: row.info,
+        place,
+        mark: Some(row.mark::<S>(world)),
+        partition: partition::<AxisHexahedronVertices, S>,
+        evaluate: |with, u, (shared, axes, axial, angular, volumetric), buffer| {
+            let shared = Shared::new(u, shared);
+            evaluate(&TriadColumns { shared, axes, axial, angular, volumetric }, with, buffer);
+        },
     };
-    let columns = TriadColumns { shared: Shared::new(u, shared), axes, axial, angular, volumetric };
-    evaluate(&columns, &request, &workers, &recovering, &mut buffer);
-    buffer.time = start.elapsed();
+    activate_law(world, law);
 }
 
-fn evaluate_fibres<S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<HexahedronFibres, S>>,
-    vertices: Query<&Displacement<S>>,
-    axes: Query<FibreData<S>>,
-) {
-    let start = Instant::now();
-    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let Some((shared, axis, (stiffness, shortening, active, offset, inverse_width))) =
-        single_table(axes.contiguous_iter())
-    else {
-        return;
+fn fibres<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    let law = ElementLaw::<S, FibreData<S>> {
+        info: row.info,
+        place,
+        mark: Some(row.mark::<S>(world)),
+        partition: partition::<AxisHexahedronVertices, S>,
+        evaluate: |with, u, data, buffer| evaluate(&FibreColumns::new(u, data), with, buffer),
     };
-    let shared = Shared::new(u, shared);
-    let columns =
-        FibreColumns { shared, axis, stiffness, shortening, active, offset, inverse_width };
-    evaluate(&columns, &request, &workers, &recovering, &mut buffer);
-    buffer.time = start.elapsed();
+    activate_law(world, law);
 }
 
-fn evaluate_volumes<S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<HexahedronVolumes, S>>,
-    vertices: Query<&Displacement<S>>,
-    axes: Query<VolumeData<S>, VolumeAlone<S>>,
-) {
-    let start = Instant::now();
-    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let Some((shared, volumetric)) = single_table(axes.contiguous_iter()) else { return };
-    let columns = VolumeColumns { shared: Shared::new(u, shared), volumetric };
-    evaluate(&columns, &request, &workers, &recovering, &mut buffer);
-    buffer.time = start.elapsed();
-}
-
-/// Energy (J) of all fibres in hexahedra at the displacements that the world holds.
-pub(crate) fn fibre_energy<S: Scalar>(world: &mut World) -> f64 {
-    if !world.contains_resource::<LawBuffer<HexahedronFibres, S>>() {
-        return 0.0;
-    }
-    let before = *world.resource::<EvaluationRequest>();
-    world.insert_resource(EvaluationRequest { energy: true, force: false, tangent: None });
-    let done = world.run_system_cached(evaluate_fibres::<S>);
-    debug_assert!(done.is_ok());
-    world.insert_resource(before);
-    world.resource::<LawBuffer<HexahedronFibres, S>>().energy()
+fn volumes<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    let law = ElementLaw::<S, VolumeData<S>> {
+        info: row.info,
+        place,
+        mark: Some(row.mark::<S>(world)),
+        partition: partition::<AxisHexahedronVertices, S>,
+        evaluate: |with, u, (shared, volumetric), buffer| {
+            let columns = VolumeColumns { shared: Shared::new(u, shared), volumetric };
+            evaluate(&columns, with, buffer);
+        },
+    };
+    activate_law(world, law);
 }
 
 /// Energy, force and tangent of every range into its private arrays, as far as they are asked for.
-fn evaluate<L: Law, S: Scalar, C: HexahedronColumns<S>>(
+pub(crate) fn evaluate<S: Scalar, C: HexahedronColumns<S>>(
     columns: &C,
-    request: &EvaluationRequest,
-    workers: &Workers,
-    recovering: &RecoveringBodies,
-    buffer: &mut LawBuffer<L, S>,
+    Evaluation { request, workers, recovering }: Evaluation,
+    buffer: &mut LawBuffer<S>,
 ) {
     let work = 300 * usize::from(request.energy)
         + 400 * usize::from(request.force)

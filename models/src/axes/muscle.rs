@@ -14,17 +14,15 @@
 use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
-use sinew_engine::law::{EvaluationRequest, LawBuffer};
+use sinew_engine::law::{EvaluationRequest, LawBuffers};
 use sinew_engine::load::Curve;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{StepSchedule, StepSystems};
+use sinew_engine::schedule::{Evaluation, StepSchedule, StepSystems};
 use sinew_engine::step::StepClock;
 use sinew_engine::vertex::Displacement;
-use sinew_engine::workers::Workers;
 
 use super::columns::*;
-use super::hexahedra::fibre_energy;
-use super::systems::{Fibres, evaluate_spans};
+use super::{hexahedra, systems};
 
 /// What activation does to fibres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -301,19 +299,24 @@ pub(crate) fn copy_activations<S: Scalar>(world: &mut World, activations: &[(Str
 fn energy<S: Scalar>(world: &mut World) -> f64 {
     let mut vertices = world.query::<&Displacement<S>>();
     let mut fibres = world.query::<FibreData<S>>();
-    let in_hexahedra = fibre_energy::<S>(world);
-    let Some(mut buffer) = world.remove_resource::<LawBuffer<Fibres, S>>() else {
-        return in_hexahedra;
-    };
-    if let Some(u) = single_table(vertices.contiguous_iter(world))
+    let mut in_hexahedra = world.query::<hexahedra::FibreData<S>>();
+    let request = EvaluationRequest { energy: true, force: false, tangent: None };
+    let with =
+        Evaluation { request: &request, workers: world.resource(), recovering: world.resource() };
+    let buffers = world.resource::<LawBuffers<S>>();
+    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return 0.0 };
+    let mut energy = 0.0;
+    if let Some(mut buffer) = buffers.get(systems::FIBRES.info.name)
         && let Some(data) = single_table(fibres.contiguous_iter(world))
     {
-        let request = EvaluationRequest { energy: true, force: false, tangent: None };
-        let workers = world.resource::<Workers>();
-        let recovering = world.resource();
-        evaluate_spans(&FibreColumns::new(u, data), &request, workers, recovering, &mut buffer);
+        systems::evaluate(&FibreColumns::new(u, data), with, &mut buffer);
+        energy += buffer.energy();
     }
-    let energy = buffer.energy();
-    world.insert_resource(buffer);
-    energy + in_hexahedra
+    if let Some(mut buffer) = buffers.get(hexahedra::FIBRES.info.name)
+        && let Some(data) = single_table(in_hexahedra.contiguous_iter(world))
+    {
+        hexahedra::evaluate(&hexahedra::FibreColumns::new(u, data), with, &mut buffer);
+        energy += buffer.energy();
+    }
+    energy
 }

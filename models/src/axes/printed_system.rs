@@ -3,19 +3,12 @@
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
-use sinew_engine::columns::single_table;
 use sinew_engine::element::AxisVertices;
 use sinew_engine::isoparametric::AxisHexahedronVertices;
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, RecoveringBodies, TangentKind};
+use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{
-    ColumnWatch, ForceSystems, activate_law, column_changed, declare_inputs,
-};
+use sinew_engine::schedule::{ElementLaw, Evaluation, activate_law};
 use sinew_engine::vertex::Displacement;
-use sinew_engine::workers::Workers;
-
-use std::marker::PhantomData;
-use std::time::Instant;
 
 use super::attachment::{self, Attachment};
 use super::element::AXIS_PAIRS;
@@ -24,19 +17,22 @@ use super::printed::{
     VolumeForm, VolumeSprings,
 };
 use super::site::{AxisSite, add_blocks, local};
+use crate::laws::{Elements, LawRow, mark, partition};
 
-/// The springs of Bourguignon & Cani 2000 in their printed form, in the elements that `V` tells.
-pub struct PrintedSprings<V>(PhantomData<fn() -> V>);
-
-impl Law for PrintedSprings<AxisVertices> {
-    const NAME: &'static str = "axes, printed form";
-    const ORDER: u8 = 28;
-}
-
-impl Law for PrintedSprings<AxisHexahedronVertices> {
-    const NAME: &'static str = "axes in hexahedra, printed form";
-    const ORDER: u8 = 44;
-}
+/// The springs of Bourguignon & Cani 2000 in their printed form, in tetrahedra.
+pub static IN_TETRAHEDRA: LawRow = LawRow::of_systems(
+    LawInfo::elastic("axes, printed form"),
+    Elements::AxesInTetrahedra,
+    [mark::<PrintedAxes<4>>; 2],
+    [activate::<f64, 4, AxisVertices>, activate::<f32, 4, AxisVertices>],
+);
+/// The same in hexahedra.
+pub static IN_HEXAHEDRA: LawRow = LawRow::of_systems(
+    LawInfo::elastic("axes in hexahedra, printed form"),
+    Elements::AxesInHexahedra,
+    [mark::<PrintedAxes<8>>; 2],
+    [activate::<f64, 8, AxisHexahedronVertices>, activate::<f32, 8, AxisHexahedronVertices>],
+);
 
 /// Printed springs of up to three axes in an element of `N` vertices.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
@@ -212,34 +208,29 @@ impl<const N: usize> PrintedAxes<N> {
     }
 }
 
-/// Puts the printed springs of one kind of element into the force schedule.
-pub(crate) fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(world: &mut World)
-where
-    PrintedSprings<V>: Law,
-{
-    activate_law::<PrintedSprings<V>, S>(world, |schedule| {
-        schedule.add_systems(evaluate::<S, N, V>.in_set(ForceSystems::Evaluate));
-    });
-    declare_inputs(
-        world,
-        PrintedSprings::<V>::NAME,
-        &[column_changed::<V> as ColumnWatch, column_changed::<PrintedAxes<N>>],
-    );
+fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(
+    world: &mut World,
+    row: &'static LawRow,
+    place: usize,
+) {
+    let law = ElementLaw::<S, (&V, &V::Blocks, &PrintedAxes<N>)> {
+        info: row.info,
+        place,
+        mark: Some(row.mark::<S>(world)),
+        partition: partition::<V, S>,
+        evaluate: |with, u, (sites, blocks, axes), buffer| {
+            evaluate(with, u, (sites, blocks, axes), buffer);
+        },
+    };
+    activate_law(world, law);
 }
 
 fn evaluate<S: Scalar, const N: usize, V: AxisSite<N>>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<PrintedSprings<V>, S>>,
-    vertices: Query<&Displacement<S>>,
-    axes: Query<(&V, &V::Blocks, &PrintedAxes<N>)>,
-) where
-    PrintedSprings<V>: Law,
-{
-    let start = Instant::now();
-    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let Some((sites, blocks, axes)) = single_table(axes.contiguous_iter()) else { return };
+    Evaluation { request, workers, recovering }: Evaluation,
+    u: &[Displacement<S>],
+    (sites, blocks, axes): (&[V], &[V::Blocks], &[PrintedAxes<N>]),
+    buffer: &mut LawBuffer<S>,
+) {
     let u = Displacement::peel_slice(u);
     workers.for_each(&mut buffer.spans, axes.len() * 30 * N * N, |_, span| {
         if recovering.contains(span.body) {
@@ -272,5 +263,4 @@ fn evaluate<S: Scalar, const N: usize, V: AxisSite<N>>(
             span.energy = energy;
         }
     });
-    buffer.time = start.elapsed();
 }

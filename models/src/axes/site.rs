@@ -7,9 +7,10 @@ use sinew_engine::law::Span;
 use sinew_engine::scalar::{Scalar, xyz};
 
 use super::printed::{Blocks, Nodes};
+use crate::laws::ElementRows;
 
 /// Vertex rows of an axis entity in an element of `N` vertices: the column that tells its kind of element.
-pub trait AxisSite<const N: usize>: Component + Copy {
+pub trait AxisSite<const N: usize>: ElementRows + Copy {
     /// The column of tangent blocks beside it.
     type Blocks: Component + Copy;
     /// Pairs of vertices in the order of the tangent blocks.

@@ -19,7 +19,8 @@ use super::damper::{self, AxialDamper};
 use super::description::{AxesDescription, AxisFamily, AxisGroup};
 use super::hexahedra;
 use super::muscle::{self, Muscle, Muscles};
-use super::systems::{activate_fibres, activate_triads, activate_volumes};
+use super::systems;
+use crate::laws;
 use crate::precompute::RestTetrahedron;
 
 /// Rows and blocks of a tetrahedron, and where it comes from.
@@ -98,7 +99,8 @@ pub(crate) fn spawn_axes<S: Scalar>(
     let muscles = spawn_muscles::<S>(world, axes, body);
     let mut triads: Vec<(Place, ShapeGradientBundle<S>, TriadMade<S>)> = Vec::new();
     let mut fibres: Vec<(Place, FibreShapes<S>, FibreMade<S>)> = Vec::new();
-    let mut volumes: Vec<(Place, ShapeGradientBundle<S>, VolumeStiffness<S>)> = Vec::new();
+    let mut volumes: Vec<(Place, ShapeGradientBundle<S>, VolumeStiffness<S>, VolumeAlone)> =
+        Vec::new();
     let mut dampers: Vec<(Place, AxialDamper<4>)> = Vec::new();
     for (row, &original) in layout.tetrahedron_order.iter().enumerate() {
         let place = tetrahedron_place(layout, row, at);
@@ -124,26 +126,26 @@ pub(crate) fn spawn_axes<S: Scalar>(
                 }
                 AxisGroup::Volume(modulus) => {
                     let stiffness = VolumeStiffness(S::from_f64(shape.volume * modulus));
-                    volumes.push((place, shape_gradient_bundle(d), stiffness));
+                    volumes.push((place, shape_gradient_bundle(d), stiffness, VolumeAlone));
                 }
             }
         }
     }
     if !triads.is_empty() {
         world.spawn_batch(triads);
-        activate_triads::<S>(world);
+        laws::activate::<S>(world, &systems::TRIADS);
     }
     if !fibres.is_empty() {
         world.spawn_batch(fibres);
-        activate_fibres::<S>(world);
+        laws::activate::<S>(world, &systems::FIBRES);
     }
     if !volumes.is_empty() {
         world.spawn_batch(volumes);
-        activate_volumes::<S>(world);
+        laws::activate::<S>(world, &systems::VOLUMES);
     }
     if !dampers.is_empty() {
         world.spawn_batch(dampers);
-        damper::activate::<S, 4, AxisVertices>(world);
+        laws::activate::<S>(world, &damper::IN_TETRAHEDRA);
     }
     spawn_in_hexahedra::<S>(world, axes, (&groups, &muscles), layout, rest.hexahedra, at);
 }
@@ -158,7 +160,7 @@ fn spawn_in_hexahedra<S: Scalar>(
 ) {
     let mut triads: Vec<(HexahedronPlace<S>, TriadMade<S>)> = Vec::new();
     let mut fibres: Vec<(HexahedronPlace<S>, FibreMade<S>)> = Vec::new();
-    let mut volumes: Vec<(HexahedronPlace<S>, VolumeStiffness<S>)> = Vec::new();
+    let mut volumes: Vec<(HexahedronPlace<S>, VolumeStiffness<S>, VolumeAlone)> = Vec::new();
     let mut dampers: Vec<(HexahedronRows, AxialDamper<8>)> = Vec::new();
     let derivatives = Derivatives::<f64, 8, 3>::hexahedron();
     for (row, &original) in layout.hexahedron_order.iter().enumerate() {
@@ -183,26 +185,27 @@ fn spawn_in_hexahedra<S: Scalar>(
                     fibres.extend(made.map(|made| (place, made)));
                 }
                 AxisGroup::Volume(modulus) => {
-                    volumes.push((place, VolumeStiffness(S::from_f64(volume * modulus))));
+                    let stiffness = VolumeStiffness(S::from_f64(volume * modulus));
+                    volumes.push((place, stiffness, VolumeAlone));
                 }
             }
         }
     }
     if !triads.is_empty() {
         world.spawn_batch(triads);
-        hexahedra::activate_triads::<S>(world);
+        laws::activate::<S>(world, &hexahedra::TRIADS);
     }
     if !fibres.is_empty() {
         world.spawn_batch(fibres);
-        hexahedra::activate_fibres::<S>(world);
+        laws::activate::<S>(world, &hexahedra::FIBRES);
     }
     if !volumes.is_empty() {
         world.spawn_batch(volumes);
-        hexahedra::activate_volumes::<S>(world);
+        laws::activate::<S>(world, &hexahedra::VOLUMES);
     }
     if !dampers.is_empty() {
         world.spawn_batch(dampers);
-        damper::activate::<S, 8, AxisHexahedronVertices>(world);
+        laws::activate::<S>(world, &damper::IN_HEXAHEDRA);
     }
 }
 

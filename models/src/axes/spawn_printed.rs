@@ -2,8 +2,7 @@
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
-use sinew_engine::element::AxisVertices;
-use sinew_engine::isoparametric::{AxisHexahedronVertices, RestHexahedron};
+use sinew_engine::isoparametric::RestHexahedron;
 use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 
@@ -15,6 +14,7 @@ use super::element::AXIS_PAIRS;
 use super::printed::VolumeForm;
 use super::printed_system::{self, Printed, PrintedAxes, PrintedElement, PrintedModuli};
 use super::spawn::{Offsets, RestShapes, hexahedron_rows, tetrahedron_place, unit};
+use crate::laws;
 
 /// Checks that every axis in a hexahedron meets two of its faces. In tetrahedra that have a volume it does.
 ///
@@ -57,11 +57,11 @@ pub(crate) fn spawn_printed<S: Scalar>(
     }
     if !springs.is_empty() {
         world.spawn_batch(springs);
-        printed_system::activate::<S, 4, AxisVertices>(world);
+        laws::activate::<S>(world, &printed_system::IN_TETRAHEDRA);
     }
     if !dampers.is_empty() {
         world.spawn_batch(dampers);
-        damper::activate::<S, 4, AxisVertices>(world);
+        laws::activate::<S>(world, &damper::IN_TETRAHEDRA);
     }
     let (mut springs, mut dampers) = (Vec::new(), Vec::new());
     for (row, &original) in layout.hexahedron_order.iter().enumerate() {
@@ -76,11 +76,11 @@ pub(crate) fn spawn_printed<S: Scalar>(
     }
     if !springs.is_empty() {
         world.spawn_batch(springs);
-        printed_system::activate::<S, 8, AxisHexahedronVertices>(world);
+        laws::activate::<S>(world, &printed_system::IN_HEXAHEDRA);
     }
     if !dampers.is_empty() {
         world.spawn_batch(dampers);
-        damper::activate::<S, 8, AxisHexahedronVertices>(world);
+        laws::activate::<S>(world, &damper::IN_HEXAHEDRA);
     }
 }
 

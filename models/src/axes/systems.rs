@@ -2,196 +2,97 @@
 //! made of.
 
 use bevy_ecs::prelude::*;
-use sinew_engine::columns::single_table;
-use sinew_engine::element::{AxisVertices, ShapeGradient};
+use sinew_engine::element::AxisVertices;
 use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, Law, LawBuffer, RecoveringBodies, Span, TangentKind};
-use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{
-    ColumnWatch, ForceSystems, activate_law, column_changed, declare_inputs,
+use sinew_engine::law::{
+    EvaluationRequest, LawBuffer, LawInfo, RecoveringBodies, Span, TangentKind,
 };
-use sinew_engine::vertex::Displacement;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::schedule::{ElementLaw, Evaluation, activate_law};
 use sinew_engine::workers::Workers;
-
-use std::time::Instant;
 
 use super::columns::*;
 use super::element::AxisElement;
 use crate::fused::add_tangent;
+use crate::laws::{Elements, LawRow, mark, partition};
 use crate::pooled::sum;
-
-/// Triads of axes with their angles and the term of volume.
-pub struct AxisTriads;
-
-impl Law for AxisTriads {
-    const NAME: &'static str = "axes";
-    const ORDER: u8 = 25;
-}
-
-/// Single fibres, passive and active.
-pub struct Fibres;
-
-impl Law for Fibres {
-    const NAME: &'static str = "fibres";
-    const ORDER: u8 = 26;
-}
-
-/// The term of volume without axes.
-pub struct VolumePreservation;
-
-impl Law for VolumePreservation {
-    const NAME: &'static str = "volume preservation";
-    const ORDER: u8 = 27;
-}
 
 /// Marks tetrahedra of bodies that consist of axes alone: no law of a material acts on them.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct AxesOnly;
 
-/// Puts the law of triads into the force schedule.
-pub fn activate_triads<S: Scalar>(world: &mut World) {
-    activate_law::<AxisTriads, S>(world, |schedule| {
-        schedule.add_systems(evaluate_triads::<S>.in_set(ForceSystems::Evaluate));
-    });
-    let mut inputs = gradient_watches::<S>().to_vec();
-    inputs.extend([
-        column_changed::<AxisVertices> as ColumnWatch,
-        column_changed::<AxialStiffness<S, 0>>,
-        column_changed::<AxialStiffness<S, 1>>,
-        column_changed::<AxialStiffness<S, 2>>,
-        column_changed::<AxisAngleStiffness<S, 0>>,
-        column_changed::<AxisAngleStiffness<S, 1>>,
-        column_changed::<AxisAngleStiffness<S, 2>>,
-        column_changed::<VolumeStiffness<S>>,
-    ]);
-    inputs.extend(direction_watches::<S>());
-    declare_inputs(world, AxisTriads::NAME, &inputs);
+/// Triads of axes with their angles and the term of volume.
+pub static TRIADS: LawRow = LawRow::of_systems(
+    LawInfo::elastic("axes"),
+    Elements::AxesInTetrahedra,
+    [mark::<AxisAngleStiffness<f64, 0>>, mark::<AxisAngleStiffness<f32, 0>>],
+    [triads::<f64>, triads::<f32>],
+);
+/// Single fibres, passive and active.
+pub static FIBRES: LawRow = LawRow::of_systems(
+    LawInfo::elastic("fibres"),
+    Elements::AxesInTetrahedra,
+    [mark::<FibreShape<f64, 1>>, mark::<FibreShape<f32, 1>>],
+    [fibres::<f64>, fibres::<f32>],
+);
+/// The term of volume without axes.
+pub static VOLUMES: LawRow = LawRow::of_systems(
+    LawInfo::elastic("volume preservation"),
+    Elements::AxesInTetrahedra,
+    [mark::<VolumeAlone>; 2],
+    [volumes::<f64>, volumes::<f32>],
+);
+
+fn triads<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    let law = ElementLaw::<S, TriadData<S>> {
+        info: row.info,
+        place,
+        mark: Some(row.mark::<S>(world)),
+        partition: partition::<AxisVertices, S>,
+        evaluate: |with, u, data, buffer| evaluate(&TriadColumns::new(u, data), with, buffer),
+    };
+    activate_law(world, law);
 }
 
-/// Puts the law of fibres into the force schedule.
-pub fn activate_fibres<S: Scalar>(world: &mut World) {
-    activate_law::<Fibres, S>(world, |schedule| {
-        schedule.add_systems(evaluate_fibres::<S>.in_set(ForceSystems::Evaluate));
-    });
-    let mut inputs = vec![
-        column_changed::<AxisVertices> as ColumnWatch,
-        column_changed::<FibreShape<S, 1>>,
-        column_changed::<FibreShape<S, 2>>,
-        column_changed::<FibreShape<S, 3>>,
-        column_changed::<AxialStiffness<S, 0>>,
-        column_changed::<FibreShortening<S>>,
-        column_changed::<FibreActive<S>>,
-        column_changed::<FibreOffset<S>>,
-        column_changed::<FibreInverseWidth<S>>,
-    ];
-    inputs.extend(&direction_watches::<S>()[..3]);
-    declare_inputs(world, Fibres::NAME, &inputs);
+fn fibres<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    let law = ElementLaw::<S, FibreData<S>> {
+        info: row.info,
+        place,
+        mark: Some(row.mark::<S>(world)),
+        partition: partition::<AxisVertices, S>,
+        evaluate: |with, u, data, buffer| evaluate(&FibreColumns::new(u, data), with, buffer),
+    };
+    activate_law(world, law);
 }
 
-/// Puts the term of volume into the force schedule.
-pub fn activate_volumes<S: Scalar>(world: &mut World) {
-    activate_law::<VolumePreservation, S>(world, |schedule| {
-        schedule.add_systems(evaluate_volumes::<S>.in_set(ForceSystems::Evaluate));
-    });
-    let mut inputs = gradient_watches::<S>().to_vec();
-    inputs.extend([
-        column_changed::<AxisVertices> as ColumnWatch,
-        column_changed::<VolumeStiffness<S>>,
-    ]);
-    declare_inputs(world, VolumePreservation::NAME, &inputs);
-}
-
-fn gradient_watches<S: Scalar>() -> [ColumnWatch; 9] {
-    [
-        column_changed::<ShapeGradient<S, 1, 0>>,
-        column_changed::<ShapeGradient<S, 1, 1>>,
-        column_changed::<ShapeGradient<S, 1, 2>>,
-        column_changed::<ShapeGradient<S, 2, 0>>,
-        column_changed::<ShapeGradient<S, 2, 1>>,
-        column_changed::<ShapeGradient<S, 2, 2>>,
-        column_changed::<ShapeGradient<S, 3, 0>>,
-        column_changed::<ShapeGradient<S, 3, 1>>,
-        column_changed::<ShapeGradient<S, 3, 2>>,
-    ]
-}
-
-pub(crate) fn direction_watches<S: Scalar>() -> [ColumnWatch; 9] {
-    [
-        column_changed::<AxisDirection<S, 0, 0>>,
-        column_changed::<AxisDirection<S, 0, 1>>,
-        column_changed::<AxisDirection<S, 0, 2>>,
-        column_changed::<AxisDirection<S, 1, 0>>,
-        column_changed::<AxisDirection<S, 1, 1>>,
-        column_changed::<AxisDirection<S, 1, 2>>,
-        column_changed::<AxisDirection<S, 2, 0>>,
-        column_changed::<AxisDirection<S, 2, 1>>,
-        column_changed::<AxisDirection<S, 2, 2>>,
-    ]
-}
-
-fn evaluate_triads<S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<AxisTriads, S>>,
-    vertices: Query<&Displacement<S>>,
-    axes: Query<TriadData<S>>,
-) {
-    let start = Instant::now();
-    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let Some(data) = single_table(axes.contiguous_iter()) else { return };
-    evaluate_spans(&TriadColumns::new(u, data), &request, &workers, &recovering, &mut buffer);
-    buffer.time = start.elapsed();
-}
-
-fn evaluate_fibres<S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<Fibres, S>>,
-    vertices: Query<&Displacement<S>>,
-    axes: Query<FibreData<S>>,
-) {
-    let start = Instant::now();
-    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let Some(data) = single_table(axes.contiguous_iter()) else { return };
-    evaluate_spans(&FibreColumns::new(u, data), &request, &workers, &recovering, &mut buffer);
-    buffer.time = start.elapsed();
-}
-
-fn evaluate_volumes<S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    recovering: Res<RecoveringBodies>,
-    mut buffer: ResMut<LawBuffer<VolumePreservation, S>>,
-    vertices: Query<&Displacement<S>>,
-    axes: Query<VolumeData<S>, VolumeAlone<S>>,
-) {
-    let start = Instant::now();
-    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let Some(data) = single_table(axes.contiguous_iter()) else { return };
-    evaluate_spans(&VolumeColumns::new(u, data), &request, &workers, &recovering, &mut buffer);
-    buffer.time = start.elapsed();
+fn volumes<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    let law = ElementLaw::<S, VolumeData<S>> {
+        info: row.info,
+        place,
+        mark: Some(row.mark::<S>(world)),
+        partition: partition::<AxisVertices, S>,
+        evaluate: |with, u, data, buffer| evaluate(&VolumeColumns::new(u, data), with, buffer),
+    };
+    activate_law(world, law);
 }
 
 /// Energy, force and tangent of every range into its private arrays, as far as they are asked for.
-pub fn evaluate_columns<L: Law, S: Scalar, C: AxisColumns<S>>(
+pub fn evaluate_columns<S: Scalar, C: AxisColumns<S>>(
     columns: &C,
     request: &EvaluationRequest,
     workers: &Workers,
-    buffer: &mut LawBuffer<L, S>,
+    buffer: &mut LawBuffer<S>,
 ) {
-    evaluate_spans(columns, request, workers, &RecoveringBodies::default(), buffer);
+    let recovering = &RecoveringBodies::default();
+    evaluate(columns, Evaluation { request, workers, recovering }, buffer);
 }
 
 /// [`evaluate_columns`], silent for bodies that recover: the corotational energy that stands in for the
 /// base material has one minimum only as long as nothing is added to it.
-pub(crate) fn evaluate_spans<L: Law, S: Scalar, C: AxisColumns<S>>(
+pub(crate) fn evaluate<S: Scalar, C: AxisColumns<S>>(
     columns: &C,
-    request: &EvaluationRequest,
-    workers: &Workers,
-    recovering: &RecoveringBodies,
-    buffer: &mut LawBuffer<L, S>,
+    Evaluation { request, workers, recovering }: Evaluation,
+    buffer: &mut LawBuffer<S>,
 ) {
     let EvaluationRequest { energy, force, tangent } = *request;
     let work_ns =

@@ -5,101 +5,23 @@
 //! have them. Vertex rows do not change.
 
 use super::Resection;
-use crate::axes::change::AxisSource;
-use crate::axes::columns::*;
-use crate::axes::damper::AxialDamper;
-use crate::axes::printed_system::PrintedAxes;
-use crate::body::partition_laws;
-use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
-use crate::fused_membrane::{
-    MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
-};
-use crate::pooled::{
-    AngularStiffness, TensileStiffness, TensileTension, TriangleVertices, VolumetricStiffness,
-};
-use bevy_ecs::component::{ComponentId, Mutable};
 use bevy_ecs::prelude::*;
+use sinew_engine::columns::{can_move_rows, move_rows_to_front};
 use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::element::{
-    AxisBlocks, AxisTetrahedron, AxisVertices, EdgeBlock, EdgeChange, EdgeTension, EdgeVertices,
-    MembraneBlocks, MembraneEdge, MembraneIndex, MembraneVertices, RestArea, RestEdge, RestVolume,
-    ShapeGradient, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices,
-    TriangleEdges,
+    AxisBlocks, AxisTetrahedron, EdgeBlock, EdgeTension, EdgeVertices, MembraneBlocks,
+    MembraneIndex, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TriangleEdges,
 };
 use sinew_engine::isoparametric::{
-    AxisHexahedron, AxisHexahedronBlocks, AxisHexahedronVertices, HexahedronBlocks,
-    HexahedronIndex, HexahedronRest, HexahedronVertices, QuadBlocks, QuadIndex, QuadRest,
-    QuadVertices,
+    AxisHexahedron, AxisHexahedronBlocks, HexahedronBlocks, HexahedronIndex, QuadBlocks, QuadIndex,
 };
+use sinew_engine::law::partition_laws;
 use sinew_engine::layout::{UNUSED, starts};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{ElementTables, Topology};
 use sinew_engine::vertex::BodyId;
 
-/// How a column is moved: rows in ascending order to the front of the table of an entity.
-#[derive(Clone, Copy)]
-struct Column {
-    id: ComponentId,
-    shift: fn(&mut World, Entity, &[usize]),
-}
-
-fn shift<C: Component<Mutability = Mutable> + Copy>(
-    world: &mut World,
-    first: Entity,
-    rows: &[usize],
-) {
-    let mut query = world.query::<(Entity, &mut C)>();
-    let tables = query.contiguous_iter_mut(world).expect("element components are stored in tables");
-    for (entities, mut column) in tables {
-        if entities.first() == Some(&first) {
-            for (to, &from) in rows.iter().enumerate() {
-                column[to] = column[from];
-            }
-        }
-    }
-}
-
-macro_rules! columns {
-    ($world:ident: $($component:ty),+ $(,)?) => {
-        vec![$(Column {
-            id: $world.register_component::<$component>(),
-            shift: shift::<$component>,
-        }),+]
-    };
-}
-
-/// Columns of elements that move with their row.
-fn known_columns<S: Scalar>(world: &mut World) -> Vec<Column> {
-    columns![world:
-        BodyId, TetrahedronVertices, TetrahedronBlocks, TetrahedronIndex, TetrahedronEdges,
-        ShapeGradient<S, 1, 0>, ShapeGradient<S, 1, 1>, ShapeGradient<S, 1, 2>,
-        ShapeGradient<S, 2, 0>, ShapeGradient<S, 2, 1>, ShapeGradient<S, 2, 2>,
-        ShapeGradient<S, 3, 0>, ShapeGradient<S, 3, 1>, ShapeGradient<S, 3, 2>,
-        RestVolume<S>, FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>,
-        VolumetricStiffness<S, 0>, VolumetricStiffness<S, 1>, VolumetricStiffness<S, 2>,
-        EdgeVertices, EdgeBlock, RestEdge<S, 0>, RestEdge<S, 1>, RestEdge<S, 2>,
-        EdgeChange<S>, EdgeTension<S>, TensileStiffness<S>, TensileTension<S>,
-        TriangleVertices, TriangleEdges,
-        AngularStiffness<S, 0>, AngularStiffness<S, 1>, AngularStiffness<S, 2>,
-        MembraneVertices, MembraneBlocks, MembraneIndex, RestArea<S>,
-        MembraneEdge<S, 1, 0>, MembraneEdge<S, 1, 1>, MembraneEdge<S, 1, 2>,
-        MembraneEdge<S, 2, 0>, MembraneEdge<S, 2, 1>, MembraneEdge<S, 2, 2>,
-        MembraneFirstModulus<S>, MembraneShearModulus<S>, MembraneCompressionModulus<S>,
-        HexahedronVertices, HexahedronBlocks, HexahedronIndex, HexahedronRest<S>,
-        AxisHexahedronVertices, AxisHexahedronBlocks, AxisHexahedron,
-        QuadVertices, QuadBlocks, QuadIndex, QuadRest<S>,
-        AxisVertices, AxisBlocks, AxisTetrahedron,
-        AxisDirection<S, 0, 0>, AxisDirection<S, 0, 1>, AxisDirection<S, 0, 2>,
-        AxisDirection<S, 1, 0>, AxisDirection<S, 1, 1>, AxisDirection<S, 1, 2>,
-        AxisDirection<S, 2, 0>, AxisDirection<S, 2, 1>, AxisDirection<S, 2, 2>,
-        AxialStiffness<S, 0>, AxialStiffness<S, 1>, AxialStiffness<S, 2>,
-        AxisAngleStiffness<S, 0>, AxisAngleStiffness<S, 1>, AxisAngleStiffness<S, 2>,
-        VolumeStiffness<S>, FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>,
-        FibreShortening<S>, FibreActive<S>, FibreOffset<S>, FibreInverseWidth<S>,
-        PassiveStiffness<S>, PeakTension<S>, MuscleIndex,
-        PrintedAxes<4>, PrintedAxes<8>, AxialDamper<4>, AxialDamper<8>, AxisSource,
-    ]
-}
+use crate::pooled::TriangleVertices;
 
 /// Rows of one table of elements.
 struct Table {
@@ -108,41 +30,23 @@ struct Table {
 }
 
 /// Removes the rows of removed elements from all tables, and the edges that no element uses from the
-/// edge graph. Does nothing, and says so, when an element has a component that is not known here:
-/// its column would not move along.
+/// edge graph. Does nothing, and says so, when an element has a component whose values cannot be moved as
+/// plain bytes, because they own something.
 pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -> bool {
-    let columns = known_columns::<S>(world);
     let tables = find_tables(world, resection);
-    let edge_tension = world.register_component::<EdgeTension<S>>();
-    let mut plan = Vec::new();
-    for table in tables {
-        let entity = world.entity(table.entities[0]);
-        let archetype = entity.archetype();
-        let mut shifts = Vec::new();
-        for &component in archetype.components() {
-            if let Some(column) = columns.iter().find(|c| c.id == component) {
-                shifts.push(column.shift);
-            } else if world.components().get_info(component).is_none_or(|i| i.layout().size() > 0) {
-                return false;
-            }
-        }
-        let pooled_edges = archetype.contains(edge_tension);
-        plan.push((table, shifts, pooled_edges));
+    if !tables.iter().all(|table| can_move_rows(world, table.entities[0])) {
+        return false;
     }
-
     let mut row_of_edge = Vec::new();
-    for (table, shifts, pooled_edges) in plan {
-        let Table { entities, keep } = table;
+    for Table { entities, keep } in tables {
         let rows: Vec<usize> = (0..keep.len()).filter(|&row| keep[row]).collect();
-        if pooled_edges {
+        if world.entity(entities[0]).contains::<EdgeTension<S>>() {
             row_of_edge = new_places(&keep);
         }
         if rows.len() == keep.len() {
             continue;
         }
-        for shift in shifts {
-            shift(world, entities[0], &rows);
-        }
+        move_rows_to_front(world, entities[0], &rows);
         // from the end, so that no row takes the place of another
         for &entity in entities[rows.len()..].iter().rev() {
             world.despawn(entity);

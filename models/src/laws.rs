@@ -1,0 +1,428 @@
+//! The table of laws: one row each. Spawning, changes, removal, compaction, upload to the device, reports and
+//! tests read it; a law that is not in it cannot be spawned.
+//!
+//! A row says by what component a law's elements are marked, how it is put into the force schedule for either
+//! precision, and what it does to tangents and in recovery. Its place in [`LAWS`] is its place in the sum of
+//! energies, forces and tangents.
+//!
+//! A world has a copy of the table, [`LawTable`]: another crate adds laws of its own there, or puts one in the
+//! place of a shipped one. [`DisabledLaws`](sinew_engine::law::DisabledLaws) switches laws off.
+
+use bevy_ecs::component::ComponentId;
+use bevy_ecs::prelude::*;
+use bevy_ecs::query::QueryBuilder;
+use sinew_engine::columns::single_table;
+use sinew_engine::element::{AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices};
+use sinew_engine::isoparametric::{AxisHexahedronVertices, HexahedronVertices, QuadVertices};
+use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::Topology;
+
+use crate::axes::{damper, hexahedra as axes_in_hexahedra, printed_system, systems as axes};
+use crate::body::{SolidPart, spawn_hexahedra, spawn_tetrahedra};
+use crate::fused::TetrahedronLaw;
+use crate::fused_membrane::TriangleLaw;
+use crate::hexahedron::Hexahedral;
+use crate::pooled::TriangleVertices;
+use crate::quad::Quadrilateral;
+use crate::tetrahedron::Element;
+use crate::{
+    corotational, fused, fused_membrane, hexahedron, linear, neo_hookean, pooled, pressure, quad,
+    quadratic, stvk_fem,
+};
+
+/// What the elements of a law are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Elements {
+    /// Tetrahedra, one at a time.
+    Tetrahedra,
+    /// Tetrahedra of pooled bodies.
+    PooledTetrahedra,
+    /// Faces of tetrahedra and membrane triangles of pooled bodies.
+    PooledTriangles,
+    /// Edges of pooled bodies.
+    PooledEdges,
+    /// Hexahedra, at their Gauss points.
+    Hexahedra,
+    /// Membrane triangles.
+    Triangles,
+    /// Membrane quadrilaterals, at their Gauss points.
+    Quads,
+    /// Edges that are springs by themselves.
+    Edges,
+    /// Axes of anisotropy in tetrahedra.
+    AxesInTetrahedra,
+    /// Axes of anisotropy in hexahedra.
+    AxesInHexahedra,
+    /// Faces under pressure.
+    Faces,
+}
+
+/// What a law does while its body recovers from inversion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InRecovery {
+    /// The corotational energy of the same elements takes its place.
+    StandIn,
+    /// It has no energy, no force and no tangent.
+    Silent,
+    /// Goes on.
+    Unchanged,
+}
+
+/// Finds the component that marks the elements of a law.
+pub type Mark = fn(&mut World) -> ComponentId;
+/// Puts a law into the schedule of a world, at its place in the sum.
+pub type Activate = fn(&mut World, &'static LawRow, usize);
+
+/// Energy (J) of a tetrahedron at the displacements (m) of its vertices.
+pub type TetrahedronEnergy = fn(&Element<f64>, &[[f64; 3]; 4]) -> f64;
+
+/// One law.
+#[derive(Clone, Copy, Debug)]
+pub struct LawRow {
+    /// Name in reports, and whether it is a load.
+    pub info: LawInfo,
+    /// What its elements are.
+    pub elements: Elements,
+    /// Whether it has energy and forces.
+    pub forces: bool,
+    /// Whether it has a part in a tangent of this kind.
+    pub tangent: fn(TangentKind) -> bool,
+    /// What it does while its body recovers.
+    pub recovery: InRecovery,
+    /// Whether it is a part of the damping matrix, and of nothing else.
+    pub is_damper: bool,
+    /// Energy of one of its tetrahedra.
+    pub energy: Option<TetrahedronEnergy>,
+    /// The same law in hexahedra.
+    pub hexahedra: Option<&'static LawRow>,
+    mark: [Mark; 2],
+    activate: [Activate; 2],
+    spawn: Option<[fn(&mut World, &SolidPart); 2]>,
+}
+
+impl PartialEq for LawRow {
+    /// Laws are told apart by their names.
+    fn eq(&self, other: &Self) -> bool {
+        self.info == other.info
+    }
+}
+
+impl Eq for LawRow {}
+
+/// The component `C` as a mark.
+pub(crate) fn mark<C: Component>(world: &mut World) -> ComponentId {
+    world.register_component::<C>()
+}
+
+/// Place of a precision in the pairs of a row: 0 for `f64`, 1 for `f32`.
+pub fn precision<S: Scalar>() -> usize {
+    usize::from(size_of::<S>() == size_of::<f32>())
+}
+
+impl LawRow {
+    /// A law with systems of its own, silent in recovery: for `f64` and `f32`, how its elements are marked
+    /// and how it is put into the schedule.
+    pub const fn of_systems(
+        info: LawInfo,
+        elements: Elements,
+        mark: [Mark; 2],
+        activate: [Activate; 2],
+    ) -> Self {
+        Self {
+            info,
+            elements,
+            forces: true,
+            tangent: |_| true,
+            recovery: if info.is_load { InRecovery::Unchanged } else { InRecovery::Silent },
+            is_damper: false,
+            energy: None,
+            hexahedra: None,
+            mark,
+            activate,
+            spawn: None,
+        }
+    }
+
+    /// A law of dampers, likewise.
+    pub(crate) const fn of_dampers(
+        info: LawInfo,
+        elements: Elements,
+        mark: [Mark; 2],
+        activate: [Activate; 2],
+    ) -> Self {
+        let recovery = InRecovery::Unchanged;
+        let row = Self::of_systems(info, elements, mark, activate);
+        Self { forces: false, tangent: |_| false, is_damper: true, recovery, ..row }
+    }
+
+    /// This law with a part only in the tangents of which `tangent` says so.
+    pub const fn with_tangent(self, tangent: fn(TangentKind) -> bool) -> Self {
+        Self { tangent, ..self }
+    }
+
+    /// This law with another conduct in recovery.
+    pub const fn in_recovery(self, recovery: InRecovery) -> Self {
+        Self { recovery, ..self }
+    }
+
+    /// Law `L` of tetrahedra.
+    pub const fn tetrahedra<L: TetrahedronLaw<Mark = L> + Component + Default>() -> Self {
+        Self {
+            elements: Elements::Tetrahedra,
+            spawn: Some([spawn_tetrahedra::<L, f64>, spawn_tetrahedra::<L, f32>]),
+            ..Self::pooled_tetrahedra::<L>()
+        }
+    }
+
+    /// Law `L` of the tetrahedra of pooled bodies.
+    pub(crate) const fn pooled_tetrahedra<L: TetrahedronLaw>() -> Self {
+        let activate: [Activate; 2] = [fused::activate::<L, f64>, fused::activate::<L, f32>];
+        let (info, elements) = (LawInfo::elastic(L::NAME), Elements::PooledTetrahedra);
+        Self {
+            forces: L::FORCES,
+            tangent: L::contributes,
+            recovery: if L::STANDS_IN { InRecovery::StandIn } else { InRecovery::Silent },
+            energy: Some(|e, u| L::energy(e, u)),
+            ..Self::of_systems(info, elements, [mark::<L::Mark>; 2], activate)
+        }
+    }
+
+    /// Law `L` of tetrahedra at the Gauss points of hexahedra, under another name.
+    pub const fn hexahedra<L: TetrahedronLaw>(name: &'static str) -> Self {
+        let activate: [Activate; 2] =
+            [hexahedron::activate::<L, f64>, hexahedron::activate::<L, f32>];
+        let (info, elements) = (LawInfo::elastic(name), Elements::Hexahedra);
+        Self {
+            tangent: L::contributes,
+            recovery: InRecovery::StandIn,
+            energy: Some(|e, u| L::energy(e, u)),
+            spawn: Some([spawn_hexahedra::<L, f64>, spawn_hexahedra::<L, f32>]),
+            ..Self::of_systems(info, elements, [mark::<Hexahedral<L>>; 2], activate)
+        }
+    }
+
+    /// This law with the row of the same law in hexahedra.
+    pub const fn with_hexahedra(self, row: &'static LawRow) -> Self {
+        Self { hexahedra: Some(row), ..self }
+    }
+
+    /// Law `L` of membrane triangles.
+    pub const fn triangles<L: TriangleLaw>() -> Self {
+        let activate: [Activate; 2] =
+            [fused_membrane::activate::<L, f64>, fused_membrane::activate::<L, f32>];
+        let (info, elements) = (LawInfo::elastic(L::NAME), Elements::Triangles);
+        Self {
+            forces: L::FORCES,
+            tangent: L::contributes,
+            recovery: InRecovery::Unchanged,
+            ..Self::of_systems(info, elements, [mark::<L::Mark>; 2], activate)
+        }
+    }
+
+    /// Law `L` of triangles at the Gauss points of quadrilaterals, under another name.
+    pub const fn quads<L: TriangleLaw>(name: &'static str) -> Self {
+        let activate: [Activate; 2] = [quad::activate::<L, f64>, quad::activate::<L, f32>];
+        let (info, elements) = (LawInfo::elastic(name), Elements::Quads);
+        Self {
+            tangent: L::contributes,
+            recovery: InRecovery::Unchanged,
+            ..Self::of_systems(info, elements, [mark::<Quadrilateral<L>>; 2], activate)
+        }
+    }
+
+    /// The component that marks its elements in a world of this precision.
+    pub fn mark<S: Scalar>(&self, world: &mut World) -> ComponentId {
+        self.mark[precision::<S>()](world)
+    }
+
+    /// Spawns the elements of a body that follow it and puts it into the schedule.
+    pub(crate) fn spawn<S: Scalar>(&'static self, world: &mut World, part: &SolidPart) {
+        if let Some(spawn) = self.spawn {
+            spawn[precision::<S>()](world, part);
+            activate::<S>(world, self);
+        }
+    }
+}
+
+/// All laws that come with Sinew, in the order in which they are summed up.
+pub static LAWS: &[&LawRow] = &[
+    &fused::TETRAHEDRA,
+    &pooled::TENSILE,
+    &pooled::ANGULAR,
+    &pooled::VOLUMETRIC,
+    &pooled::SPRING_FORCES,
+    &fused::COMPRESSION,
+    &fused::PROJECTION,
+    &quadratic::TETRAHEDRA,
+    &quadratic::EDGE_SPRINGS,
+    &linear::TETRAHEDRA,
+    &corotational::WARPED_TETRAHEDRA,
+    &corotational::TETRAHEDRA,
+    &fused_membrane::BIQUADRATIC,
+    &fused_membrane::QUADRATIC,
+    &fused_membrane::LINEAR,
+    &fused_membrane::COROTATIONAL,
+    &fused_membrane::PROJECTION,
+    &fused_membrane::COMPRESSION,
+    &stvk_fem::TETRAHEDRA,
+    &neo_hookean::TETRAHEDRA,
+    &pressure::ROW,
+    &axes::TRIADS,
+    &axes::FIBRES,
+    &axes::VOLUMES,
+    &printed_system::IN_TETRAHEDRA,
+    &damper::IN_TETRAHEDRA,
+    &fused::HEXAHEDRA,
+    &linear::HEXAHEDRA,
+    &corotational::HEXAHEDRA,
+    &neo_hookean::HEXAHEDRA,
+    &fused_membrane::BIQUADRATIC_QUADS,
+    &fused_membrane::LINEAR_QUADS,
+    &fused_membrane::COROTATIONAL_QUADS,
+    &axes_in_hexahedra::TRIADS,
+    &axes_in_hexahedra::FIBRES,
+    &axes_in_hexahedra::VOLUMES,
+    &damper::IN_HEXAHEDRA,
+    &printed_system::IN_HEXAHEDRA,
+];
+
+/// The laws that a world knows: [`LAWS`], then those that its users added.
+#[derive(Resource, Clone, Debug)]
+pub struct LawTable(Vec<&'static LawRow>);
+
+impl Default for LawTable {
+    fn default() -> Self {
+        Self(LAWS.to_vec())
+    }
+}
+
+/// A law that cannot be put into a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LawError {
+    /// The name is taken.
+    #[error(
+        "there is a law `{0}` already: names must be unique; `LawTable::replace` puts one in its place"
+    )]
+    Duplicate(&'static str),
+    /// A body asks for a law that acts on something else.
+    #[error("law `{0}` does not act on tetrahedra: make its row with `LawRow::tetrahedra`")]
+    NotOfTetrahedra(&'static str),
+    /// There is none of this name.
+    #[error("there is no law `{0}` to replace; `LawTable::rows` lists their names")]
+    Unknown(&'static str),
+    /// It acts on other elements than the law whose place it takes.
+    #[error(
+        "law `{name}` acts on {old:?}, the one in its place on {new:?}: they must act on the same elements"
+    )]
+    OtherElements {
+        /// Name.
+        name: &'static str,
+        /// Elements of the law that was there.
+        old: Elements,
+        /// Elements of the other.
+        new: Elements,
+    },
+}
+
+impl LawTable {
+    /// All rows, in the order in which they are summed up.
+    pub fn rows(&self) -> &[&'static LawRow] {
+        &self.0
+    }
+
+    /// The law of this name with its place in the sum.
+    pub fn find(&self, name: &str) -> Option<(usize, &'static LawRow)> {
+        self.0.iter().copied().enumerate().find(|(_, row)| row.info.name == name)
+    }
+
+    /// Adds a law, and its row of hexahedra if it has one, unless they are there. Spawning a body with
+    /// [`Model::Own`](crate::model::Model::Own) does this.
+    ///
+    /// # Errors
+    /// When another law has the name.
+    pub fn add(&mut self, row: &'static LawRow) -> Result<(), LawError> {
+        for row in [Some(row), row.hexahedra].into_iter().flatten() {
+            match self.find(row.info.name) {
+                None => self.0.push(row),
+                Some((_, known)) if std::ptr::eq(known, row) => {}
+                Some(_) => return Err(LawError::Duplicate(row.info.name)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts a law in the place of the one of the same name, for bodies spawned from now on. Call it before the
+    /// first body that has it.
+    ///
+    /// # Errors
+    /// When there is none of this name, or it acts on other elements.
+    pub fn replace(&mut self, row: &'static LawRow) -> Result<(), LawError> {
+        let name = row.info.name;
+        let (place, known) = self.find(name).ok_or(LawError::Unknown(name))?;
+        let (old, new) = (known.elements, row.elements);
+        if old != new {
+            return Err(LawError::OtherElements { name, old, new });
+        }
+        self.0[place] = row;
+        Ok(())
+    }
+}
+
+/// The row that stands in a world's table in the place of `row`, and that place.
+pub(crate) fn in_table(world: &mut World, row: &'static LawRow) -> (usize, &'static LawRow) {
+    let table = world.get_resource_or_init::<LawTable>();
+    // rows of this crate are in every table: it can only grow, and names are kept
+    table.find(row.info.name).unwrap_or((table.rows().len(), row))
+}
+
+/// Puts a law into the schedule of a world, once.
+pub(crate) fn activate<S: Scalar>(world: &mut World, row: &'static LawRow) {
+    let (place, row) = in_table(world, row);
+    row.activate[precision::<S>()](world, row, place);
+}
+
+/// Elements that know the rows of their vertices.
+pub trait ElementRows: Component {
+    /// Vertex rows.
+    fn vertex_rows(&self) -> &[u32];
+}
+
+macro_rules! element_rows {
+    ($($column:ty),+ $(,)?) => {$(
+        impl ElementRows for $column {
+            fn vertex_rows(&self) -> &[u32] {
+                &self.0
+            }
+        }
+    )+};
+}
+element_rows!(
+    EdgeVertices,
+    TriangleVertices,
+    TetrahedronVertices,
+    HexahedronVertices,
+    MembraneVertices,
+    QuadVertices,
+    AxisVertices,
+    AxisHexahedronVertices,
+);
+
+/// Cuts the elements of kind `C` that have the component `mark` into the ranges of a law's buffer.
+pub(crate) fn partition<C: ElementRows, S: Scalar>(
+    world: &mut World,
+    mark: Option<ComponentId>,
+    buffer: &mut LawBuffer<S>,
+) {
+    let mut query = QueryBuilder::<&C>::new(world);
+    if let Some(mark) = mark {
+        query.with_id(mark);
+    }
+    let mut elements = query.build();
+    let topology = world.resource::<Topology>();
+    match single_table(elements.contiguous_iter(world)) {
+        Some(column) => buffer.partition(column.len(), topology, |i| column[i].vertex_rows()),
+        None => buffer.spans.clear(),
+    }
+}

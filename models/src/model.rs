@@ -1,0 +1,116 @@
+//! What the energy of a body can be, by name.
+
+use serde::{Deserialize, Serialize};
+
+use crate::laws::LawRow;
+use crate::{corotational, fused, linear, neo_hookean, quadratic, stvk_fem};
+
+/// What a model is made of.
+#[derive(Clone, Copy, Debug)]
+struct ModelRow {
+    name: &'static str,
+    /// Law of its tetrahedra; that of its hexahedra stands in the row.
+    law: Option<&'static LawRow>,
+    /// Whether it has the compression term of Delingette 2008, section 4.
+    compression: bool,
+    /// Whether its energy can be summed by independent systems over edges, triangles and tetrahedra.
+    pooled: bool,
+}
+
+macro_rules! models {
+    ($($(#[$attribute:meta])* $variant:ident = $name:literal, $law:expr $(, $flag:ident)*;)+) => {
+        /// Energy of a body.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+        pub enum Model {
+            $($(#[$attribute])* #[serde(rename = $name)] $variant,)+
+            /// Nothing but the axes of the body ([`crate::axes`]); of its material only the density counts.
+            #[serde(rename = "axes")]
+            Axes,
+            /// A law of tetrahedra from another crate, by its row.
+            #[serde(skip)]
+            Own(&'static LawRow),
+        }
+
+        impl Model {
+            /// All that a material defines, in the order of their documentation; neither
+            /// [`Axes`](Self::Axes), which need a description, nor those of other crates.
+            pub const ALL: [Self; [$($name),+].len()] = [$(Self::$variant),+];
+
+            fn row(self) -> ModelRow {
+                let plain = |name| ModelRow { name, law: None, compression: false, pooled: false };
+                match self {
+                    $(Self::$variant => ModelRow { law: $law, $($flag: true,)* ..plain($name) },)+
+                    Self::Axes => plain("axes"),
+                    Self::Own(law) => ModelRow { law: Some(law), ..plain(law.info.name) },
+                }
+            }
+        }
+    };
+}
+models! {
+    /// St Venant-Kirchhoff with the compression term of Delingette 2008, section 4 (default).
+    #[default]
+    CompressibleStVK = "svk_comp", Some(&fused::TETRAHEDRA), compression, pooled;
+    /// St Venant-Kirchhoff (tetrahedral biquadratic springs).
+    StVK = "svk", Some(&fused::TETRAHEDRA), pooled;
+    /// Tetrahedral quadratic springs ([`crate::quadratic`]): St Venant-Kirchhoff for small strains.
+    /// Fused evaluation only; no compression term.
+    QuadraticSprings = "tqs", Some(&quadratic::TETRAHEDRA);
+    /// Springs on edges alone, the tensile part of the quadratic springs: no material, for
+    /// comparison. One pass over edges; nothing resists inversion.
+    MassSpring = "mass_spring", None;
+    /// Linear elasticity ([`crate::linear`]): small displacements only. For comparison.
+    Linear = "linear", Some(&linear::TETRAHEDRA);
+    /// Stiffness warping ([`crate::corotational`]): corotational forces, tangent with rotations held.
+    /// For comparison.
+    WarpedStiffness = "corotational_warped", Some(&corotational::WARPED_TETRAHEDRA);
+    /// Corotational elasticity ([`crate::corotational`]). For comparison.
+    Corotational = "corotational", Some(&corotational::TETRAHEDRA);
+    /// St Venant-Kirchhoff written as in textbooks ([`crate::stvk_fem`]). For comparison of cost.
+    StVKFem = "svk_fem", Some(&stvk_fem::TETRAHEDRA);
+    /// Stable neo-Hookean ([`crate::neo_hookean`]). For comparison at large strain.
+    NeoHookean = "neo_hookean", Some(&neo_hookean::TETRAHEDRA);
+}
+
+impl Model {
+    /// Name in scene files and reports.
+    pub fn name(self) -> &'static str {
+        self.row().name
+    }
+
+    /// Law of its tetrahedra, if they have one.
+    pub fn law(self) -> Option<&'static LawRow> {
+        self.row().law
+    }
+
+    /// Whether it has the compression term of Delingette 2008, section 4.
+    pub fn has_compression(self) -> bool {
+        self.row().compression
+    }
+
+    /// Whether hexahedra have it; the textbook form is that of [`StVK`](Self::StVK) there.
+    pub fn serves_hexahedra(self) -> bool {
+        match self.law() {
+            Some(row) => row.hexahedra.is_some(),
+            // springs, axes
+            None => true,
+        }
+    }
+
+    /// Whether the energy can be summed this way. [`Evaluation::Fused`] always can; for
+    /// [`MassSpring`](Self::MassSpring) it means its one pass over edges.
+    pub fn supports(self, evaluation: Evaluation) -> bool {
+        evaluation == Evaluation::Fused || self.row().pooled
+    }
+}
+
+/// How the energy is summed; the result is the same to rounding.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Evaluation {
+    /// One pass over tetrahedra (default, the faster one).
+    #[default]
+    Fused,
+    /// Independent systems over edges, triangles and tetrahedra.
+    Pooled,
+}
