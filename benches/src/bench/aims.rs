@@ -76,7 +76,7 @@ pub fn kernels(report: &KernelReport) -> Vec<Aim> {
     }
     for precision in ["f64", "f32"] {
         for (name, size) in SIZES {
-            let quadratic = median(["TQS", "force", "tqs", precision], size, 1);
+            let quadratic = median(["quadratic springs", "force", "tqs", precision], size, 1);
             let biquadratic = median(["fused", "force", "svk", precision], size, 1);
             let ratio = quadratic.zip(biquadratic).map(|(q, b)| q / b);
             add(
