@@ -428,7 +428,7 @@ impl Law for WarpedStiffness {
 }
 
 impl TetrahedronLaw for Corotational {
-    const AVX2: bool = false;
+    const WIDE: bool = false;
     type Bodies = With<Corotational>;
     const STRESS_PROJECTION: bool = false;
     fn contributes(_: TangentKind) -> bool {
@@ -457,7 +457,7 @@ impl TetrahedronLaw for Corotational {
 }
 
 impl TetrahedronLaw for WarpedStiffness {
-    const AVX2: bool = false;
+    const WIDE: bool = false;
     type Bodies = With<WarpedStiffness>;
     const STRESS_PROJECTION: bool = false;
     fn contributes(_: TangentKind) -> bool {

@@ -64,7 +64,7 @@ impl Law for Linear {
 }
 
 impl TetrahedronLaw for Linear {
-    const AVX2: bool = false;
+    const WIDE: bool = false;
     type Bodies = With<Linear>;
     const STRESS_PROJECTION: bool = false;
     fn contributes(_: TangentKind) -> bool {

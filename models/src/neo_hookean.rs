@@ -253,7 +253,7 @@ impl Law for NeoHookean {
 }
 
 impl TetrahedronLaw for NeoHookean {
-    const AVX2: bool = false;
+    const WIDE: bool = false;
     type Bodies = With<NeoHookean>;
     const STRESS_PROJECTION: bool = false;
     fn contributes(_: TangentKind) -> bool {

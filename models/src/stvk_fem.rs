@@ -156,7 +156,7 @@ impl Law for StVKFem {
 }
 
 impl TetrahedronLaw for StVKFem {
-    const AVX2: bool = false;
+    const WIDE: bool = false;
     type Bodies = With<StVKFem>;
     fn contributes(_: TangentKind) -> bool {
         true

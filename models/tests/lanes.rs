@@ -277,7 +277,7 @@ fn this_machine_is_told_apart() {
     let mut world = World::new();
     world.insert_resource(Workers::serial());
     let best = world.resource::<Workers>().instruction_set();
-    assert!(best.is_available() && InstructionSet::Scalar.is_available());
+    assert!(best.is_available() && InstructionSet::Portable.is_available());
     let missing = InstructionSet::ALL.into_iter().filter(|set| !set.is_available());
     for set in missing {
         assert!(Workers::serial().with_instruction_set(set).is_err());
