@@ -22,6 +22,7 @@ pub mod prelude {
         SimulationOptions,
     };
     pub use glam::{DQuat, DVec3};
+    pub use sinew_engine::lanes::InstructionSet;
     pub use sinew_engine::load::{Constraint, Curve, Load, Motion, Pressure};
     pub use sinew_engine::mesh::{CheckOptions, Mesh, check};
     pub use sinew_engine::report::{StepReport, VolumeReport};

@@ -241,7 +241,7 @@ fn a_changed_body_is_a_new_one() {
 fn explicit_steps_follow_the_material() {
     let mesh = beam();
     let (mut simulation, body) = simulate(
-        SimulationOptions { instruction_set: Some(InstructionSet::Scalar), ..Default::default() },
+        SimulationOptions { instruction_set: Some(InstructionSet::Portable), ..Default::default() },
         &mesh,
         soft(1e4, 0.3),
         Model::CompressibleStVK,

@@ -10,7 +10,7 @@ use crate::scene::{
 };
 use crate::summary::{Level, Warning};
 use glam::{DQuat, DVec2, DVec3};
-use sinew::engine::load::{Constraint, Curve, Load, Motion, Pressure};
+use sinew::engine::load::{Constraint, Curve, Load, Motion, Pressure, rotation};
 use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::generate::{
     box_hexahedra, box_tets, cup_hexahedra, cylinder_hexahedra, cylinder_tets, disc_triangles,
@@ -679,7 +679,7 @@ impl Builder<'_> {
                 let key = format!("{key}.rotate");
                 let axis = self.axis(&key, *axis)?;
                 self.finite(&format!("{key}.degrees"), [*degrees])?;
-                DQuat::from_axis_angle(axis, degrees.to_radians())
+                rotation(axis, degrees.to_radians())
             }
             None => DQuat::IDENTITY,
         };

@@ -1,12 +1,12 @@
 //! Kernels over several elements at once.
 //!
 //! A [`Kernel`] is a loop over elements written once for any [`Lanes`] type: a register that holds the
-//! same quantity of 1, 4, 8 or 16 neighbouring elements. [`dispatch`] runs it with the widest registers
-//! that the machine has (AVX-512, AVX2 with FMA, else one element at a time), compiled for that
-//! instruction set, so nothing needs `target-cpu=native`.
+//! same quantity of 1, 4, 8 or 16 neighbouring elements. [`dispatch_on`] runs it with an [`InstructionSet`]
+//! that is chosen at run time (AVX-512, AVX2 with FMA, or one element at a time) and that its code was
+//! compiled for, so nothing needs `target-cpu=native`.
 //!
 //! ```
-//! use sinew_engine::lanes::{Kernel, Lanes, dispatch};
+//! use sinew_engine::lanes::{InstructionSet, Kernel, Lanes, dispatch_on};
 //! use sinew_engine::scalar::{Real, Scalar};
 //!
 //! /// `y += a x`
@@ -29,12 +29,12 @@
 //!
 //! let x: Vec<f64> = (0..21).map(f64::from).collect();
 //! let mut y = vec![1.0; 21];
-//! dispatch(Axpy(2.0, &x, &mut y));
+//! dispatch_on(InstructionSet::best(), Axpy(2.0, &x, &mut y));
 //! assert_eq!(y[20], 41.0);
 //! ```
 //!
 //! The `unsafe` code here is calls of vector instructions. They are sound because the register types
-//! are private to this module and reach a kernel only through [`dispatch`], which has asked the machine
+//! are private to this module and reach a kernel only through [`dispatch_on`], which has asked the machine
 //! first; all memory access is through slices, bounds checked. Against plain arrays, which would need
 //! none of this, the force kernels are 1.3 to 1.6 times faster.
 //!
@@ -42,7 +42,10 @@
 //! `#[inline(always)]`.
 
 use crate::scalar::{Real, Scalar};
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
+use std::str::FromStr;
+use std::sync::LazyLock;
 
 /// Most lanes of any register.
 pub const MAX_LANES: usize = 16;
@@ -183,19 +186,17 @@ pub fn padded<T: Copy>(column: &[T], first: usize, end: usize) -> [T; MAX_LANES]
 pub trait Kernel<S: Scalar> {
     /// Result.
     type Output;
-    /// Whether it is compiled for AVX2 too; without, machines that have no wider registers run it one
-    /// element at a time. For kernels whose speed matters little: each set costs compile time.
-    const AVX2: bool = true;
-    /// Whether it is compiled for AVX-512; without, such machines run it one element at a time.
-    const AVX512: bool = true;
+    /// Whether it is compiled for AVX-512 too; without, such machines run it with AVX2. For kernels that
+    /// only serve comparison: each instruction set costs compile time.
+    const WIDE: bool = true;
     /// The loop; mark implementations `#[inline(always)]`.
     fn run<L: Lanes<Scalar = S>>(self) -> Self::Output;
 }
 
 /// What a kernel does with one register full of elements.
 pub trait Batch<S: Scalar> {
-    /// As [`Kernel::AVX2`].
-    const AVX2: bool = true;
+    /// As [`Kernel::WIDE`].
+    const WIDE: bool = true;
     /// The elements from `first` on; mark implementations `#[inline(always)]`.
     fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize);
 }
@@ -206,40 +207,73 @@ pub struct Batches<B>(pub Range<usize>, pub B);
 
 impl<S: Scalar, B: Batch<S>> Kernel<S> for Batches<B> {
     type Output = B;
-    const AVX2: bool = B::AVX2;
+    const WIDE: bool = B::WIDE;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) -> B {
         let Self(elements, mut batch) = self;
-        let whole = elements.end - elements.len() % L::COUNT;
-        for first in (elements.start..whole).step_by(L::COUNT) {
-            batch.batch::<L>(first);
+        let mut first = elements.start;
+        if L::COUNT > 1 {
+            while first + L::COUNT <= elements.end {
+                batch.batch::<L>(first);
+                first += L::COUNT;
+            }
         }
-        for element in whole..elements.end {
-            batch.batch::<S::One>(element);
-        }
-        batch
+        // a place of its own: what a function gets by reference could not stay in registers above
+        let mut rest = batch;
+        one_by_one(&mut rest, first..elements.end);
+        rest
+    }
+}
+
+/// The one copy of a batch for single elements, whatever registers came before it.
+#[inline(never)]
+fn one_by_one<S: Scalar, B: Batch<S>>(batch: &mut B, elements: Range<usize>) {
+    for element in elements {
+        batch.batch::<S::One>(element);
     }
 }
 
 /// Instruction sets that kernels are compiled for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum InstructionSet {
-    /// One element at a time, whatever the compiler makes of it.
-    Scalar,
+    /// One element at a time in plain operations of IEEE 754 (`+ - * / sqrt`), each rounded, in the order
+    /// of the source: the same bits on every machine.
+    Portable,
     /// 256-bit registers with fused multiply-add: 4 `f64` or 8 `f32`.
     Avx2,
     /// 512-bit registers: 8 `f64` or 16 `f32`.
     Avx512,
 }
 
+/// An instruction set that cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum InstructionSetError {
+    /// No set has this name.
+    #[error("there is no instruction set `{0}`; choose portable, avx2 or avx512")]
+    Unknown(String),
+    /// The machine lacks it.
+    #[error(
+        "this machine has no {}; leave the instruction set out to get the best it has, or choose portable",
+        .0.name()
+    )]
+    Unavailable(InstructionSet),
+    /// The environment asks for one that cannot be used.
+    #[error("environment variable {}: {}", InstructionSet::VARIABLE, .0)]
+    Environment(Box<Self>),
+}
+
 impl InstructionSet {
     /// All, narrowest first.
-    pub const ALL: [Self; 3] = [Self::Scalar, Self::Avx2, Self::Avx512];
+    pub const ALL: [Self; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
+    /// Environment variable that chooses the set of a whole process by its name.
+    pub const VARIABLE: &str = "SINEW_INSTRUCTION_SET";
 
     /// Whether this machine has it.
     pub fn is_available(self) -> bool {
         match self {
-            Self::Scalar => true,
+            Self::Portable => true,
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
             #[cfg(target_arch = "x86_64")]
@@ -254,32 +288,59 @@ impl InstructionSet {
         }
     }
 
-    /// The widest of this machine.
-    pub fn best() -> Self {
-        static BEST: std::sync::LazyLock<InstructionSet> = std::sync::LazyLock::new(|| {
-            let mut sets = InstructionSet::ALL.into_iter().rev();
-            sets.find(|set| set.is_available()).unwrap_or(InstructionSet::Scalar)
-        });
-        *BEST
+    /// Those of this machine, narrowest first.
+    pub fn available() -> impl Iterator<Item = Self> {
+        Self::ALL.into_iter().filter(|set| set.is_available())
     }
 
-    /// Name for reports.
+    /// The widest of this machine.
+    pub fn best() -> Self {
+        Self::available().last().unwrap_or(Self::Portable)
+    }
+
+    /// What [`Self::VARIABLE`] names, [`best`](Self::best) where it is not set. Read once per process.
+    ///
+    /// # Errors
+    /// When the variable names no set, or one that this machine does not have.
+    pub fn default_set() -> Result<Self, InstructionSetError> {
+        static CHOSEN: LazyLock<Result<InstructionSet, InstructionSetError>> =
+            LazyLock::new(|| match std::env::var_os(InstructionSet::VARIABLE) {
+                None => Ok(InstructionSet::best()),
+                Some(name) => (name.to_string_lossy().parse())
+                    .and_then(InstructionSet::checked)
+                    .map_err(|error| InstructionSetError::Environment(Box::new(error))),
+            });
+        CHOSEN.clone()
+    }
+
+    /// Itself when this machine has it.
+    ///
+    /// # Errors
+    /// When it does not.
+    pub fn checked(self) -> Result<Self, InstructionSetError> {
+        if self.is_available() { Ok(self) } else { Err(InstructionSetError::Unavailable(self)) }
+    }
+
+    /// Name in scenes, commands, the environment and reports.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Scalar => "scalar",
-            Self::Avx2 => "AVX2",
-            Self::Avx512 => "AVX-512",
+            Self::Portable => "portable",
+            Self::Avx2 => "avx2",
+            Self::Avx512 => "avx512",
         }
     }
 }
 
-/// Runs a kernel with the widest registers of this machine.
-#[inline]
-pub fn dispatch<S: Scalar, K: Kernel<S>>(kernel: K) -> K::Output {
-    dispatch_on(InstructionSet::best(), kernel)
+impl FromStr for InstructionSet {
+    type Err = InstructionSetError;
+    fn from_str(name: &str) -> Result<Self, InstructionSetError> {
+        let mut sets = Self::ALL.into_iter();
+        sets.find(|set| set.name() == name)
+            .ok_or_else(|| InstructionSetError::Unknown(name.to_string()))
+    }
 }
 
-/// Runs a kernel with a given instruction set.
+/// Runs a kernel with a given instruction set, or the next narrower one that it is compiled for.
 ///
 /// # Panics
 /// When this machine does not have it; ask [`InstructionSet::is_available`] first.
@@ -287,24 +348,18 @@ pub fn dispatch<S: Scalar, K: Kernel<S>>(kernel: K) -> K::Output {
 pub fn dispatch_on<S: Scalar, K: Kernel<S>>(set: InstructionSet, kernel: K) -> K::Output {
     assert!(set.is_available(), "this machine has no {}", set.name());
     match set {
-        InstructionSet::Scalar => kernel.run::<S::One>(),
-        InstructionSet::Avx2 => {
-            if K::AVX2 {
-                // SAFETY: the machine has the instruction set, by the assertion above.
-                unsafe { S::run_avx2(kernel) }
-            } else {
-                kernel.run::<S::One>()
-            }
-        }
-        InstructionSet::Avx512 => {
-            if K::AVX512 {
-                // SAFETY: as above.
-                unsafe { S::run_avx512(kernel) }
-            } else {
-                kernel.run::<S::One>()
-            }
-        }
+        InstructionSet::Portable => run_portable(kernel),
+        // SAFETY: the machine has the instruction set, by the assertion above.
+        InstructionSet::Avx512 if K::WIDE => unsafe { S::run_avx512(kernel) },
+        // SAFETY: as above; what has AVX-512 has AVX2 and FMA.
+        InstructionSet::Avx2 | InstructionSet::Avx512 => unsafe { S::run_avx2(kernel) },
     }
+}
+
+/// A function of its own, so that no caller gets another copy of the kernel.
+#[inline(never)]
+fn run_portable<S: Scalar, K: Kernel<S>>(kernel: K) -> K::Output {
+    kernel.run::<S::One>()
 }
 
 pub(crate) mod sealed {
@@ -357,17 +412,17 @@ one_lane!(f32);
 one_lane!(f64);
 
 #[cfg(not(target_arch = "x86_64"))]
-mod portable {
-    use super::{Kernel, Registers};
+mod no_registers {
+    use super::{Kernel, Registers, run_portable};
     macro_rules! registers {
         ($t:ident) => {
             impl Registers for $t {
                 type One = $t;
                 unsafe fn run_avx2<K: Kernel<$t>>(kernel: K) -> K::Output {
-                    kernel.run::<$t>()
+                    run_portable(kernel)
                 }
                 unsafe fn run_avx512<K: Kernel<$t>>(kernel: K) -> K::Output {
-                    kernel.run::<$t>()
+                    run_portable(kernel)
                 }
             }
         };

@@ -94,7 +94,7 @@ impl Curve {
                 }
             }
             Self::Sine { frequency, phase } => {
-                (std::f64::consts::TAU * frequency * t + phase).sin()
+                libm::sin(std::f64::consts::TAU * frequency * t + phase)
             }
         }
     }
@@ -178,7 +178,7 @@ impl Constraint {
         let factor = self.curve.value(t);
         match &self.motion {
             Motion::Rotate { axis, angle, .. } => {
-                Pose::Turn(DQuat::from_axis_angle(axis.normalize(), angle * factor))
+                Pose::Turn(rotation(axis.normalize(), angle * factor))
             }
             _ => Pose::Factor(factor),
         }
@@ -198,6 +198,14 @@ impl Constraint {
             _ => start,
         }
     }
+}
+
+/// Rotation about a unit vector by an angle (rad). That of glam takes sine and cosine from the platform,
+/// which rounds them its own way; this one gives the same bits everywhere.
+pub fn rotation(axis: DVec3, angle: f64) -> DQuat {
+    let (sin, cos) = libm::sincos(0.5 * angle);
+    let DVec3 { x, y, z } = axis * sin;
+    DQuat::from_xyzw(x, y, z, cos)
 }
 
 /// A motion at one time.

@@ -34,7 +34,8 @@ pub trait Real:
     const ONE: Self;
     /// Nearest value to `x`, in every lane.
     fn from_f64(x: f64) -> Self;
-    /// `self * b + c`, rounded once where the machine can (the scalar types round twice).
+    /// `self * b + c`, rounded once where the machine can; `f32` and `f64`, the registers of the portable set,
+    /// round twice everywhere.
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;

@@ -1,7 +1,7 @@
 //! The one thread pool. Work is always cut into *fixed* pieces, by size and never by thread count,
 //! and sums run over the pieces in order: results are the same bit for bit for any thread count.
 
-use crate::lanes::{InstructionSet, Kernel, dispatch_on};
+use crate::lanes::{InstructionSet, InstructionSetError, Kernel, dispatch_on};
 use crate::scalar::Scalar;
 use bevy_ecs::prelude::Resource;
 use rayon::prelude::*;
@@ -34,9 +34,9 @@ pub enum WorkersError {
         /// Threads asked for.
         threads: usize,
     },
-    /// The machine lacks an instruction set.
-    #[error("this machine has no {0}; leave the instruction set out to get the best it has")]
-    InstructionSet(&'static str),
+    /// An instruction set that does not exist or that the machine lacks.
+    #[error(transparent)]
+    InstructionSet(#[from] InstructionSetError),
     /// The operating system refused to start them.
     #[error("cannot start {threads} worker threads: {source}; ask for fewer threads")]
     Refused {
@@ -57,24 +57,28 @@ impl Default for Workers {
 }
 
 impl Workers {
-    /// Everything on the calling thread.
+    /// Everything on the calling thread, as [`new(1)`](Self::new), but it cannot fail: where the
+    /// environment names no usable instruction set it takes the best of this machine.
     pub fn serial() -> Self {
-        Self { pool: None, threads: 1, instruction_set: InstructionSet::best() }
+        let instruction_set = InstructionSet::default_set().unwrap_or(InstructionSet::best());
+        Self { pool: None, threads: 1, instruction_set }
     }
 
     /// A pool of `threads` threads; 0 means one per core. A pool with one thread per core keeps each on
-    /// its own.
+    /// its own. The instruction set is [`InstructionSet::default_set`].
     ///
     /// # Errors
-    /// When the threads cannot be started, or are more than 512.
+    /// When the threads cannot be started, or are more than 512, or the environment names an instruction
+    /// set that does not exist or that this machine does not have.
     pub fn new(threads: usize) -> Result<Self, WorkersError> {
         let threads = if threads == 0 {
             std::thread::available_parallelism().map_or(1, |n| n.get())
         } else {
             threads
         };
+        let instruction_set = InstructionSet::default_set()?;
         if threads == 1 {
-            return Ok(Self::serial());
+            return Ok(Self { pool: None, threads, instruction_set });
         }
         if threads > MAX_THREADS {
             return Err(WorkersError::TooMany { threads });
@@ -84,20 +88,16 @@ impl Workers {
             .start_handler(move |thread| pin(thread, threads))
             .build()
             .map_err(|source| WorkersError::Refused { threads, source })?;
-        Ok(Self { pool: Some(Arc::new(pool)), threads, instruction_set: InstructionSet::best() })
+        Ok(Self { pool: Some(Arc::new(pool)), threads, instruction_set })
     }
 
-    /// The same threads with another instruction set than the widest of this machine. Results depend
-    /// on it in the last digits, and only on it: with the same one they agree between machines.
+    /// The same threads with another instruction set. Results depend on it in the last digits; with
+    /// [`InstructionSet::Portable`] they are the same on every machine.
     ///
     /// # Errors
     /// When this machine does not have it.
     pub fn with_instruction_set(self, set: InstructionSet) -> Result<Self, WorkersError> {
-        if set.is_available() {
-            Ok(Self { instruction_set: set, ..self })
-        } else {
-            Err(WorkersError::InstructionSet(set.name()))
-        }
+        Ok(Self { instruction_set: set.checked()?, ..self })
     }
 
     /// Instruction set of the kernels.

@@ -103,7 +103,7 @@ impl Element<'_> {
     }
 
     fn lloyd_tetrahedron(&self) -> Vec<f64> {
-        let edge = (6.0 * 2f64.sqrt() * self.measure).cbrt();
+        let edge = libm::cbrt(6.0 * 2f64.sqrt() * self.measure);
         vec![2.0 * 2f64.sqrt() / 25.0 * self.modulus * edge; 6]
     }
 
@@ -111,7 +111,7 @@ impl Element<'_> {
         // pairs: 01 02 03 12 13 23
         let l = &self.lengths;
         let (i, j) = (0.5 * (l[0] + l[5]), 0.5 * (l[2] + l[3]));
-        let diagonal = i.hypot(j);
+        let diagonal = libm::hypot(i, j);
         self.check_ideal("rectangle", &[i, diagonal, j, j, diagonal, i], diagonal)?;
         let common = self.modulus / (4.0 * i * j * (1.0 + self.nu));
         let along_i = common * (j * j * (3.0 * self.nu + 2.0) - i * i);

@@ -427,7 +427,7 @@ pub struct WarpedStiffness;
 pub static WARPED_TETRAHEDRA: LawRow = LawRow::tetrahedra::<WarpedStiffness>();
 
 impl TetrahedronLaw for Corotational {
-    const AVX2: bool = false;
+    const WIDE: bool = false;
     const NAME: &'static str = "corotational";
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
@@ -457,7 +457,7 @@ impl TetrahedronLaw for Corotational {
 }
 
 impl TetrahedronLaw for WarpedStiffness {
-    const AVX2: bool = false;
+    const WIDE: bool = false;
     const NAME: &'static str = "warped stiffness";
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;

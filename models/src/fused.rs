@@ -82,8 +82,8 @@ pub trait TetrahedronLaw: Send + Sync + 'static {
     ) -> [[R; 3]; 4] {
         Self::tangent(e, u, kind).product(v)
     }
-    /// Whether it is compiled for AVX2 too ([`Kernel::AVX2`]).
-    const AVX2: bool = true;
+    /// Whether it is compiled for AVX-512 too ([`Kernel::WIDE`]).
+    const WIDE: bool = true;
     /// Whether the volume is multiplied into the moduli beforehand and elements come with volume 1.
     const FOLDS_VOLUME: bool = true;
     /// Whether `Projected` clamps the eigenvalues of the St Venant-Kirchhoff stress; otherwise
@@ -534,7 +534,7 @@ struct ProductBatch<'a, 'b, L, S> {
 }
 
 impl<Law: TetrahedronLaw, S: Scalar> Batch<S> for ProductBatch<'_, '_, Law, S> {
-    const AVX2: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
         let u = self.columns.shapes.displacements::<L>(first);
@@ -587,7 +587,7 @@ struct EnergyPass<'a, 'b, L, S> {
 
 impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for EnergyPass<'_, '_, Law, S> {
     type Output = ();
-    const AVX2: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let mut sums = [0.0; MAX_LANES];
@@ -616,7 +616,7 @@ struct ForcePass<'a, 'b, L, S> {
 
 impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for ForcePass<'_, '_, Law, S> {
     type Output = ();
-    const AVX2: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { columns, span, .. } = self;
@@ -654,7 +654,7 @@ struct TangentPass<'a, 'b, L, S> {
 
 impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for TangentPass<'_, '_, Law, S> {
     type Output = ();
-    const AVX2: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { columns, span, kind, doubtful, .. } = self;

@@ -47,8 +47,8 @@ pub trait TriangleLaw: Send + Sync + 'static {
     type Mark: Component;
     /// Whether it contributes energy and force.
     const FORCES: bool = true;
-    /// Whether it is compiled for AVX2 too.
-    const AVX2: bool = true;
+    /// Whether it is compiled for AVX-512 too ([`Kernel::WIDE`](sinew_engine::lanes::Kernel::WIDE)).
+    const WIDE: bool = true;
     /// Whether it contributes to a tangent of this kind.
     fn contributes(_: TangentKind) -> bool {
         true
@@ -176,7 +176,7 @@ impl TriangleLaw for QuadraticMembrane {
 }
 
 impl TriangleLaw for LinearMembrane {
-    const AVX2: bool = false;
+    const WIDE: bool = false;
     const NAME: &'static str = "linear membrane";
     type Mark = Self;
     #[inline(always)]
@@ -194,7 +194,7 @@ impl TriangleLaw for LinearMembrane {
 }
 
 impl TriangleLaw for CorotationalMembrane {
-    const AVX2: bool = false;
+    const WIDE: bool = false;
     const NAME: &'static str = "corotational membrane";
     type Mark = Self;
     #[inline(always)]
@@ -446,7 +446,7 @@ struct EnergyBatch<'a, 'b, L, S> {
 }
 
 impl<Law: TriangleLaw, S: Scalar> Batch<S> for EnergyBatch<'_, '_, Law, S> {
-    const AVX2: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
         let u = self.columns.shapes.displacements::<L>(first);
@@ -463,7 +463,7 @@ struct ForceBatch<'a, 'b, L, S> {
 }
 
 impl<Law: TriangleLaw, S: Scalar> Batch<S> for ForceBatch<'_, '_, Law, S> {
-    const AVX2: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
         let u = self.columns.shapes.displacements::<L>(first);
@@ -484,7 +484,7 @@ struct TangentBatch<'a, 'b, L, S> {
 }
 
 impl<Law: TriangleLaw, S: Scalar> Batch<S> for TangentBatch<'_, '_, Law, S> {
-    const AVX2: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
         let Self { columns, span, kind, clamped, .. } = self;
@@ -530,7 +530,7 @@ struct ProductBatch<'a, 'b, L, S> {
 }
 
 impl<Law: TriangleLaw, S: Scalar> Batch<S> for ProductBatch<'_, '_, Law, S> {
-    const AVX2: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
         let u = self.columns.shapes.displacements::<L>(first);

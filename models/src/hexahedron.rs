@@ -207,8 +207,7 @@ struct EnergyPass<'a, 'b, L, S: Scalar> {
 
 impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for EnergyPass<'_, '_, Law, S> {
     type Output = f64;
-    const AVX2: bool = false;
-    const AVX512: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) -> f64 {
         let mut sums = [0.0; MAX_LANES];
@@ -231,8 +230,7 @@ struct ForcePass<'a, 'b, L, S: Scalar> {
 
 impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for ForcePass<'_, '_, Law, S> {
     type Output = ();
-    const AVX2: bool = false;
-    const AVX512: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { columns, span, .. } = self;
@@ -283,8 +281,7 @@ struct TangentPass<'a, 'b, L, S: Scalar> {
 
 impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for TangentPass<'_, '_, Law, S> {
     type Output = ();
-    const AVX2: bool = false;
-    const AVX512: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { columns, span, kind, .. } = self;
@@ -316,8 +313,7 @@ struct ProjectedPass<'a, 'b, S: Scalar> {
 
 impl<S: Scalar> Kernel<f64> for ProjectedPass<'_, '_, S> {
     type Output = ();
-    const AVX2: bool = false;
-    const AVX512: bool = false;
+    const WIDE: bool = false;
     #[inline(always)]
     fn run<L: Lanes<Scalar = f64>>(self) {
         let Self { columns, span } = self;

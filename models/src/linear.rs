@@ -65,7 +65,7 @@ pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<Linear>().with_hexahedra(&H
 pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<Linear>("linear hexahedra");
 
 impl TetrahedronLaw for Linear {
-    const AVX2: bool = false;
+    const WIDE: bool = false;
     const NAME: &'static str = "linear elasticity";
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;

@@ -254,7 +254,7 @@ pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<NeoHookean>().with_hexahedr
 pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<NeoHookean>("neo-Hookean hexahedra");
 
 impl TetrahedronLaw for NeoHookean {
-    const AVX2: bool = false;
+    const WIDE: bool = false;
     const NAME: &'static str = "stable neo-Hookean";
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;

@@ -169,8 +169,7 @@ struct EnergyPass<'a, 'b, L, S: Scalar> {
 
 impl<Law: TriangleLaw, S: Scalar> Kernel<S> for EnergyPass<'_, '_, Law, S> {
     type Output = f64;
-    const AVX2: bool = false;
-    const AVX512: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) -> f64 {
         let mut sums = [0.0; MAX_LANES];
@@ -193,8 +192,7 @@ struct ForcePass<'a, 'b, L, S: Scalar> {
 
 impl<Law: TriangleLaw, S: Scalar> Kernel<S> for ForcePass<'_, '_, Law, S> {
     type Output = ();
-    const AVX2: bool = false;
-    const AVX512: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { columns, span, .. } = self;
@@ -233,8 +231,7 @@ struct TangentPass<'a, 'b, L, S: Scalar> {
 
 impl<Law: TriangleLaw, S: Scalar> Kernel<S> for TangentPass<'_, '_, Law, S> {
     type Output = ();
-    const AVX2: bool = false;
-    const AVX512: bool = Law::AVX2;
+    const WIDE: bool = Law::WIDE;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { columns, span, kind, .. } = self;

@@ -1353,7 +1353,7 @@ fn membrane_strain(e: &membrane::Element<f64>, u: &[[f64; 3]; 3]) -> [f64; 3] {
 
 /// Principal values of a symmetric 2x2 matrix given as xx, yy, xy, larger first.
 fn principal([xx, yy, xy]: [f64; 3]) -> [f64; 2] {
-    let (mean, radius) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+    let (mean, radius) = (0.5 * (xx + yy), libm::hypot(0.5 * (xx - yy), xy));
     [mean + radius, mean - radius]
 }
 
@@ -1396,6 +1396,6 @@ fn largest_eigenvalue([xx, yy, zz, yz, xz, xy]: [f64; 6]) -> f64 {
     }
     let radius = square.sqrt();
     let det = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz);
-    let angle = (det / (2.0 * radius * square)).clamp(-1.0, 1.0).acos() / 3.0;
-    mean + 2.0 * radius * angle.cos()
+    let angle = libm::acos((det / (2.0 * radius * square)).clamp(-1.0, 1.0)) / 3.0;
+    mean + 2.0 * radius * libm::cos(angle)
 }

@@ -156,7 +156,7 @@ pub static TETRAHEDRA: LawRow =
     LawRow::tetrahedra::<StVKFem>().with_hexahedra(&crate::fused::HEXAHEDRA);
 
 impl TetrahedronLaw for StVKFem {
-    const AVX2: bool = false;
+    const WIDE: bool = false;
     const NAME: &'static str = "St Venant-Kirchhoff by finite elements";
     type Mark = Self;
     fn contributes(_: TangentKind) -> bool {

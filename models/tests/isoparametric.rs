@@ -205,7 +205,7 @@ fn displacements(count: usize, size: f64, seed: u64) -> Vec<DVec3> {
 #[test]
 fn derivatives_of_energy_and_force() {
     for_bodies(|body, name, _| {
-        let mut world = world::<f64>(body, InstructionSet::Scalar);
+        let mut world = world::<f64>(body, InstructionSet::Portable);
         let n = body.points.len();
         for (size, seed) in [(0.05, 1), (0.3, 2)] {
             let u = displacements(n, size, seed);
@@ -239,7 +239,7 @@ fn derivatives_of_energy_and_force() {
 #[test]
 fn rigid_motions_cost_nothing() {
     for_bodies(|body, name, linear| {
-        let mut world = world::<f64>(body, InstructionSet::Scalar);
+        let mut world = world::<f64>(body, InstructionSet::Portable);
         let turn = DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 2.0));
         let way = DVec3::new(3.0, -1.0, 2.0);
         let moved = |x: &DVec3| if linear { way } else { turn * *x + way - *x };
@@ -262,7 +262,7 @@ fn rigid_motions_cost_nothing() {
 #[test]
 fn stand_ins_are_definite() {
     for_bodies(|body, name, _| {
-        let mut world = world::<f64>(body, InstructionSet::Scalar);
+        let mut world = world::<f64>(body, InstructionSet::Portable);
         let n = body.points.len();
         let squash = |x: &DVec3| -0.6 * x.x * DVec3::X;
         let states = [
@@ -300,7 +300,7 @@ fn instruction_sets_and_precisions_agree() {
         let u = displacements(body.points.len(), 0.2, 21);
         for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
             let reference =
-                respond::<f64>(&mut world::<f64>(body, InstructionSet::Scalar), &u, kind);
+                respond::<f64>(&mut world::<f64>(body, InstructionSet::Portable), &u, kind);
             let scale = sizes(&reference.tangent);
             let check = |other: Response, tolerance: f64, what: &str| {
                 let energy = (other.energy - reference.energy).abs();
@@ -347,7 +347,7 @@ fn element_forces_of_established_codes() {
                 model,
                 ..BodyDescription::from_parts("body", &points, &[], material)
             };
-            let mut world = world::<f64>(&body, InstructionSet::Scalar);
+            let mut world = world::<f64>(&body, InstructionSet::Portable);
             let own = respond::<f64>(&mut world, &u, TangentKind::Exact);
             let reference = vectors(&case[law]["f"]);
             let size = reference.iter().fold(0.0, |m: f64, f| m.max(f.length()));
@@ -376,8 +376,8 @@ fn isotropic_axes_are_linear_elasticity_at_rest() {
     let axes = BodyDescription { model: Model::Axes, axes: Some(axes), ..linear.clone() };
     let rest = vec![DVec3::ZERO; points.len()];
     let kind = TangentKind::Exact;
-    let a = respond::<f64>(&mut world::<f64>(&linear, InstructionSet::Scalar), &rest, kind);
-    let b = respond::<f64>(&mut world::<f64>(&axes, InstructionSet::Scalar), &rest, kind);
+    let a = respond::<f64>(&mut world::<f64>(&linear, InstructionSet::Portable), &rest, kind);
+    let b = respond::<f64>(&mut world::<f64>(&axes, InstructionSet::Portable), &rest, kind);
     let scale = sizes(&a.tangent);
     for (a, b) in a.tangent.iter().flatten().zip(b.tangent.iter().flatten()) {
         assert!((a - b).abs() < 1e-12 * scale, "{a} {b}");
@@ -392,7 +392,7 @@ fn masses_are_row_sums() {
         hexahedra: &hexahedra,
         ..BodyDescription::from_parts("body", &points, &[], material(0.3))
     };
-    let mut solid = world::<f64>(&body, InstructionSet::Scalar);
+    let mut solid = world::<f64>(&body, InstructionSet::Portable);
     let at = respond::<f64>(&mut solid, &[DVec3::ZERO; 8], TangentKind::Exact);
     assert!(at.masses.iter().all(|m| (m - 1.0).abs() < 1e-14));
     let (points, quads) = plates();
@@ -401,7 +401,7 @@ fn masses_are_row_sums() {
         membrane: Some(MembraneDescription { quads: &quads, ..sheet }),
         ..BodyDescription::from_parts("body", &points, &[], material(0.4))
     };
-    let mut plate = world::<f64>(&body, InstructionSet::Scalar);
+    let mut plate = world::<f64>(&body, InstructionSet::Portable);
     let at = respond::<f64>(&mut plate, &[DVec3::ZERO; 6], TangentKind::Exact);
     assert!(at.masses.iter().all(|m| *m > 0.0));
 }

@@ -1,10 +1,9 @@
 //! Kernels over registers of elements against the same functions one element at a time: every
 //! instruction set of this machine, both number types, 1 to 33 elements, also degenerate ones.
 
-use bevy_ecs::prelude::*;
 use proptest::prelude::*;
 use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronShapes};
-use sinew_engine::lanes::InstructionSet;
+use sinew_engine::lanes::{InstructionSet, Kernel, Lanes, MAX_LANES, dispatch_on};
 use sinew_engine::law::{EvaluationRequest, LawBuffer};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, Topology};
@@ -221,7 +220,7 @@ fn compare<S: Scalar>(strip: &Strip) {
     let stiffness = largest(&rest.evaluate::<f64>(TangentKind::Exact, None).diagonal);
     for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
         let expected = strip.evaluate::<S>(kind, None);
-        for set in InstructionSet::ALL.into_iter().filter(|set| set.is_available()) {
+        for set in InstructionSet::available() {
             let found = strip.evaluate::<S>(kind, Some(set));
             let name = format!("{} {} {kind:?} {}", set.name(), S::NAME, strip.nodes.len());
             let scale = stiffness.max(largest(&expected.diagonal));
@@ -274,12 +273,34 @@ fn every_remainder_and_degenerate_elements() {
 
 #[test]
 fn this_machine_is_told_apart() {
-    let mut world = World::new();
-    world.insert_resource(Workers::serial());
-    let best = world.resource::<Workers>().instruction_set();
-    assert!(best.is_available() && InstructionSet::Scalar.is_available());
-    let missing = InstructionSet::ALL.into_iter().filter(|set| !set.is_available());
-    for set in missing {
-        assert!(Workers::serial().with_instruction_set(set).is_err());
+    let used = Workers::new(1).unwrap().instruction_set();
+    assert!(used.is_available() && InstructionSet::Portable.is_available());
+    assert_eq!(InstructionSet::default_set(), Ok(used));
+    assert_eq!(Workers::serial().instruction_set(), used);
+    for set in InstructionSet::ALL {
+        assert_eq!(set.name().parse(), Ok(set));
+        assert_eq!(Workers::serial().with_instruction_set(set).is_ok(), set.is_available());
+    }
+    let unknown = "AVX-512".parse::<InstructionSet>().unwrap_err().to_string();
+    assert!(InstructionSet::ALL.iter().all(|set| unknown.contains(set.name())), "{unknown}");
+}
+
+/// One element at a time rounds product and sum apart, on machines that fuse them too.
+#[test]
+fn portable_arithmetic_is_not_fused() {
+    struct Fused;
+    impl Kernel<f64> for Fused {
+        type Output = bool;
+        #[inline(always)]
+        fn run<L: Lanes<Scalar = f64>>(self) -> bool {
+            let x = 1.0 + f64::EPSILON;
+            let mut rest = [0.0; MAX_LANES];
+            // 1 + 2 eps + eps^2 less its rounded value
+            L::splat(x).mul_add(L::splat(x), -L::splat(x * x)).store(&mut rest);
+            rest[0] != 0.0
+        }
+    }
+    for set in InstructionSet::available() {
+        assert_eq!(dispatch_on(set, Fused), set != InstructionSet::Portable, "{}", set.name());
     }
 }

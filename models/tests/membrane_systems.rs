@@ -253,7 +253,7 @@ fn a_body_of_both_is_the_sum_of_the_two() {
                 ..BodyDescription::from_parts("sheet", &points, &[], soft)
             };
             let both = BodyDescription { membrane: Some(membrane), ..solid.clone() };
-            let best = InstructionSet::best();
+            let best = InstructionSet::default_set().unwrap();
             let mut worlds = [&solid, &alone, &both].map(|b| world::<f64>(b, &moved, best));
             for kind in KINDS {
                 let [a, b, sum] = worlds.each_mut().map(|w| evaluate::<f64>(w, n, kind));
@@ -296,7 +296,7 @@ fn pooled_and_fused_agree_and_projections_are_semidefinite() {
                     membrane: Some(membrane),
                     ..BodyDescription::from_parts("sheet", &points, &[], material(1.0, 0.3))
                 };
-                let mut world = world::<f64>(&body, &moved, InstructionSet::best());
+                let mut world = world::<f64>(&body, &moved, InstructionSet::default_set().unwrap());
                 results.push(evaluate::<f64>(&mut world, n, kind));
             }
             let [fused, pooled] = &results[..] else { unreachable!() };
@@ -326,7 +326,7 @@ fn projected_tangents_of_entities_are_semidefinite() {
             membrane: Some(membrane),
             ..BodyDescription::from_parts("one", &points, &[], material(1.0, 0.3))
         };
-        let mut world = world::<f64>(&body, &moved, InstructionSet::best());
+        let mut world = world::<f64>(&body, &moved, InstructionSet::default_set().unwrap());
         let least = |world: &mut World, kind| {
             let sums = evaluate::<f64>(world, 3, kind);
             let mut k = [[0.0; 9]; 9];
@@ -355,7 +355,7 @@ fn products_without_assembly() {
             ..BodyDescription::from_parts("sheet", &points, &[], material(1.0, 0.3))
         };
         for kind in KINDS {
-            let mut world = world::<f64>(&body, &moved, InstructionSet::best());
+            let mut world = world::<f64>(&body, &moved, InstructionSet::default_set().unwrap());
             evaluate::<f64>(&mut world, points.len(), kind);
             let topology = world.resource::<Topology>();
             let v: Vec<[f64; 4]> = (0..topology.vertex_count())
@@ -400,7 +400,7 @@ fn single_precision_follows() {
             evaluation: POOLED,
             ..BodyDescription::from_parts("both", &points, &tetrahedra, material(5e3, 0.4))
         };
-        let best = InstructionSet::best();
+        let best = InstructionSet::default_set().unwrap();
         let wide = evaluate::<f64>(&mut world::<f64>(&body, &moved, best), n, TangentKind::Exact);
         for set in available() {
             let mut narrow = world::<f32>(&body, &moved, set);
@@ -431,7 +431,7 @@ fn several_bodies_share_the_tables() {
             ..BodyDescription::from_parts(&name, &points, tetrahedra, material(5e3, 0.4))
         };
         spawn_body::<f64>(&mut together, &body).unwrap();
-        let mut alone = world::<f64>(&body, &moved, InstructionSet::best());
+        let mut alone = world::<f64>(&body, &moved, InstructionSet::default_set().unwrap());
         energies.push(evaluate::<f64>(&mut alone, points.len(), TangentKind::Exact).energy);
     }
     let orders: Vec<u32> = together

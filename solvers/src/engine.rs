@@ -147,7 +147,7 @@ impl<T: Scalar> Engine<T> {
         });
         // what kept values may spend before a refresh is cheaper
         let allowance = kept.map(|k| {
-            let expected = k.fresh.map_or(0.0, |fresh| fresh * -target.log10());
+            let expected = k.fresh.map_or(0.0, |fresh| fresh * -libm::log10(target));
             (expected + k.cost - k.excess).ceil() as u32
         });
         let workers = system.workers;
@@ -168,7 +168,7 @@ impl<T: Scalar> Engine<T> {
         }
         if let Some(kept) = &mut self.kept {
             let iterations = f64::from(inner.iterations - since.0);
-            let decades = (since.1 / inner.reduction).log10();
+            let decades = libm::log10(since.1 / inner.reduction);
             if inner.status != InnerStatus::Converged {
                 // made for a matrix that was given up: not worth keeping
                 kept.excess = f64::INFINITY;

@@ -272,8 +272,10 @@ impl Report {
         let best = InstructionSet::best().name();
         for row in self.kernels.iter().flat_map(|k| &k.rows) {
             let whole = !row.kernel.starts_with("pooled: ") && row.model == "svk_comp";
-            if whole && row.quantity == "force" && row.instructions == best {
-                let (tets, threads) = (row.tetrahedra, threads(row.threads));
+            let portable = row.instructions == InstructionSet::Portable.name();
+            if whole && row.quantity == "force" && (row.instructions == best || portable) {
+                let threads = threads(row.threads) + if portable { ", portable" } else { "" };
+                let tets = row.tetrahedra;
                 key.row(vec![
                     format!("{} force", row.kernel.replace(", all passes", "")).into(),
                     format!("{tets} tets, {}, {threads}", row.precision).into(),

@@ -36,7 +36,7 @@ pub struct StepRow {
     pub tetrahedra: usize,
     /// Integrator.
     pub integrator: String,
-    /// Linear solver; empty for explicit integrators.
+    /// Linear solver, empty for explicit integrators; with "portable" where that is the instruction set.
     pub solver: String,
     /// State that the step starts from.
     pub state: String,
@@ -196,11 +196,13 @@ struct Subject {
     body: BodyHandle,
 }
 
+#[derive(Clone)]
 struct Variant {
     subject: usize,
     start: usize,
     solver: String,
     settings: SolverSettings,
+    instructions: InstructionSet,
     threads: usize,
     /// Seconds of linear solves per step, of every sample.
     solves: Vec<f64>,
@@ -236,6 +238,7 @@ fn size_rows(
             start,
             solver: solver.to_string(),
             settings: settings.clone(),
+            instructions: InstructionSet::best(),
             threads,
             solves: Vec::new(),
             evaluations: Vec::new(),
@@ -269,6 +272,19 @@ fn size_rows(
             }
         }
     }
+    // what the same bits on every machine cost
+    let priced = |v: &&Variant| {
+        v.start == 0
+            && matches!(v.settings.integrator, Integrator::Auto | Integrator::StormerVerlet)
+            && v.instructions != InstructionSet::Portable
+    };
+    let portable = |v: &Variant| Variant {
+        instructions: InstructionSet::Portable,
+        solver: format!("{} portable", v.solver).trim().to_string(),
+        ..v.clone()
+    };
+    let portable: Vec<Variant> = variants.iter().filter(priced).map(portable).collect();
+    variants.extend(portable);
     let samples = interleave(&mut variants, options.rounds, |variant| {
         let subject = &mut subjects[variant.subject];
         let pool = pools.get_mut(&variant.threads);
@@ -319,7 +335,8 @@ impl Variant {
         let mut lent = None;
         if let Some(slot) = pool {
             if let Some(workers) = slot.take() {
-                s.world_mut().insert_resource(workers);
+                let workers = workers.with_instruction_set(self.instructions);
+                s.world_mut().insert_resource(workers.map_err(SimulationError::from)?);
             }
             lent = Some(slot);
         }

@@ -256,7 +256,8 @@ pub fn helicoidal(
     let across = axis.any_orthonormal_vector();
     let round = |x: DVec3| axis.cross(x - centre).try_normalize().unwrap_or(across);
     let vectors = barycentres(mesh)?.into_iter();
-    let vectors = vectors.map(|x| round(x) * pitch.cos() + axis * pitch.sin()).collect();
+    let (sin, cos) = libm::sincos(pitch);
+    let vectors = vectors.map(|x| round(x) * cos + axis * sin).collect();
     normalised("helix", vectors, false)
 }
 
@@ -273,7 +274,8 @@ pub fn random(mesh: &Mesh, seed: u64) -> FibreField {
     let directions = (0..mesh.tetrahedra.len() + mesh.hexahedra.len()).map(|_| {
         let (height, turn) = (2.0 * next() - 1.0, std::f64::consts::TAU * next());
         let radius = (1.0 - height * height).max(0.0).sqrt();
-        DVec3::new(radius * turn.cos(), radius * turn.sin(), height)
+        let (sin, cos) = libm::sincos(turn);
+        DVec3::new(radius * cos, radius * sin, height)
     });
     FibreField { directions: directions.collect(), repaired: 0 }
 }
@@ -387,8 +389,8 @@ impl Laplace {
             // both are unit vectors: what is left of parallel ones is rounding
             let round = if round.length() > LEVEL { round.normalize() } else { DVec3::ZERO };
             let along = through.cross(round);
-            let angle = inner + (outer - inner) * depth;
-            vectors.push(round * angle.cos() + along * angle.sin());
+            let (sin, cos) = libm::sincos(inner + (outer - inner) * depth);
+            vectors.push(round * cos + along * sin);
         }
         normalised("helix rule", vectors, false)
     }

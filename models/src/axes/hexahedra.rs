@@ -368,8 +368,7 @@ struct EnergyPass<'a, 'b, S: Scalar, C> {
 
 impl<S: Scalar, C: HexahedronColumns<S>> Kernel<S> for EnergyPass<'_, '_, S, C> {
     type Output = f64;
-    const AVX2: bool = false;
-    const AVX512: bool = false;
+    const WIDE: bool = false;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) -> f64 {
         let mut sums = [0.0; MAX_LANES];
@@ -390,8 +389,7 @@ struct ForcePass<'a, 'b, S: Scalar, C> {
 
 impl<S: Scalar, C: HexahedronColumns<S>> Kernel<S> for ForcePass<'_, '_, S, C> {
     type Output = ();
-    const AVX2: bool = false;
-    const AVX512: bool = false;
+    const WIDE: bool = false;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { pass, span } = self;
@@ -429,8 +427,7 @@ struct TangentPass<'a, 'b, S: Scalar, C> {
 
 impl<S: Scalar, C: HexahedronColumns<S>> Kernel<S> for TangentPass<'_, '_, S, C> {
     type Output = ();
-    const AVX2: bool = false;
-    const AVX512: bool = false;
+    const WIDE: bool = false;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { pass, span, kind } = self;

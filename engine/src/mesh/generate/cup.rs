@@ -57,7 +57,7 @@ pub fn cup_hexahedra(
     for layer in 0..=layers {
         let out = wall * layer as f64 / layers as f64;
         points.extend(disc.iter().enumerate().map(|(i, p)| {
-            let (sin, cos) = (p.length() * FRAC_PI_2).sin_cos();
+            let (sin, cos) = libm::sincos(p.length() * FRAC_PI_2);
             let round = p.normalize_or_zero() * (sin * (radius + out));
             // the rim lies in the plane exactly
             let down = if i < rim { cos * (depth + out) } else { 0.0 };
