@@ -1,7 +1,8 @@
 //! Axes of bodies, activation of muscles, and volumes, for [`Simulation`].
 
-use crate::simulation::{BodyHandle, Precision, Simulation, SimulationError};
+use crate::simulation::{BodyHandle, Simulation, SimulationError};
 use bevy_ecs::prelude::World;
+use sinew_engine::by_precision;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
     RestVolume, ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change,
@@ -49,11 +50,7 @@ impl Simulation {
         let before = self.evaluate();
         let precision = self.precision();
         let world = self.world_mut();
-        let changed = match precision {
-            Precision::F64 => set::<f64>(world, body, family, modulus),
-            Precision::F32 => set::<f32>(world, body, family, modulus),
-        };
-        changed.map_err(|source| {
+        by_precision!(precision, set(world, body, family, modulus)).map_err(|source| {
             let body = self.topology().bodies[body.0].name.clone();
             SimulationError::Axes { body, source }
         })?;
@@ -68,10 +65,7 @@ impl Simulation {
 
     /// Volume (m^3) of the solid elements of a body as it is now, counting inverted ones negative.
     pub fn volume(&mut self, body: BodyHandle) -> f64 {
-        match self.precision() {
-            Precision::F64 => volume::<f64>(self, body),
-            Precision::F32 => volume::<f32>(self, body),
-        }
+        by_precision!(self.precision(), volume(self, body))
     }
 }
 

@@ -18,18 +18,19 @@ pub use sinew_solvers as solvers;
 pub mod prelude {
     pub use crate::plugin::SinewPlugins;
     pub use crate::simulation::{
-        Backend, BodyHandle, MaterialChange, Precision, Readback, Simulation, SimulationError,
+        Backend, BodyHandle, MaterialChange, Readback, Simulation, SimulationError,
         SimulationOptions,
     };
     pub use glam::{DQuat, DVec3};
     pub use sinew_engine::lanes::InstructionSet;
-    pub use sinew_engine::load::{Constraint, Curve, Load, Motion, Pressure};
+    pub use sinew_engine::load::{Constraint, Curve, Load, Motion, Pose, Pressure};
     pub use sinew_engine::mesh::{CheckOptions, Mesh, check};
+    pub use sinew_engine::precision::Precision;
     pub use sinew_engine::report::{StepReport, VolumeReport};
-    pub use sinew_engine::step::StepError;
+    pub use sinew_engine::step::{StepClock, StepError};
     pub use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
     pub use sinew_models::axes::muscle::MuscleSettings;
-    pub use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model};
+    pub use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, spawn_body};
     pub use sinew_models::field::{FieldError, MaterialField};
     pub use sinew_models::material::{MaterialError, YoungPoisson, preset, presets};
     pub use sinew_models::resection::{MassPolicy, Region, Removal, RemovalError, RemovalReport};

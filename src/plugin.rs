@@ -1,30 +1,64 @@
 //! Sinew inside a Bevy app.
 
-use crate::simulation::Precision;
 use bevy_app::{App, FixedUpdate, Plugin, PluginGroup, PluginGroupBuilder};
 use bevy_ecs::intern::Interned;
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::ScheduleLabel;
+use sinew_engine::by_precision;
+use sinew_engine::precision::Precision;
 use sinew_engine::schedule::{Executor, SimulationSystems};
 use sinew_engine::step::{StepError, install_engine, run_step};
 use sinew_engine::workers::{Workers, WorkersError};
 use sinew_solvers::install_solver;
+use std::sync::Arc;
 
 /// Everything that a soft-tissue scene needs, one step per run of the host schedule.
 ///
 /// Bodies are added with [`sinew_models::body::spawn_body`]; each brings the laws it uses into the
 /// force schedule. The step length is [`sinew_engine::step::StepClock::dt`] and should equal the
-/// period of the host schedule.
+/// period of the host schedule. A step that fails is an error in the log, a [`StepFailed`] message and
+/// the resource [`StepOutcome`].
+///
+/// A tool that a system moves from frame to frame, and positions to draw:
 ///
 /// ```
 /// use bevy_app::{App, Update};
-/// use sinew::SinewPlugins;
-/// use sinew::engine::step::StepClock;
+/// use bevy_ecs::prelude::*;
+/// use sinew::engine::mesh::generate::box_tets;
+/// use sinew::engine::schedule::SimulationSystems;
+/// use sinew::engine::topology::Topology;
+/// use sinew::engine::vertex::Position;
+/// use sinew::prelude::*;
+///
+/// #[derive(Component)]
+/// struct Tool;
+///
+/// fn move_tool(clock: Res<StepClock>, mut tools: Query<&mut Constraint, With<Tool>>) -> Result {
+///     for mut tool in &mut tools {
+///         let hand = DVec3::new(0.1 * (clock.time + clock.dt), 0.0, 0.0); // from the device
+///         tool.set_target(hand)?;
+///     }
+///     Ok(())
+/// }
 ///
 /// let mut app = App::new();
 /// app.add_plugins(SinewPlugins::default().in_schedule(Update));
-/// app.update();
-/// assert_eq!(app.world().resource::<StepClock>().step, 1);
+/// app.add_systems(Update, move_tool.in_set(SimulationSystems::Prepare));
+///
+/// let mesh = box_tets(DVec3::new(0.2, 0.1, 0.1), [4, 2, 2])?;
+/// let world = app.world_mut();
+/// spawn_body(world, &BodyDescription::new("box", &mesh, preset("liver")?.material))?;
+/// let topology = world.resource::<Topology>();
+/// let rows = |name: &str| topology.body("box")?.rows(&mesh.group(name)?.vertices);
+/// let (wall, held) = (rows("x0").unwrap(), rows("x1").unwrap());
+/// world.spawn(Constraint::hold("wall", wall));
+/// world.spawn((Constraint::hold("tool", held), Tool));
+/// for _ in 0..10 {
+///     app.update();
+/// }
+/// let drawn = app.world_mut().query::<&Position>().iter(app.world()).map(|p| p.0.x);
+/// assert!((drawn.fold(0.0, f64::max) - 0.21).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct SinewPlugins {
     /// Number type of the state.
@@ -62,8 +96,8 @@ impl PluginGroup for SinewPlugins {
         let Self { precision, threads, executor, schedule } = self;
         PluginGroupBuilder::start::<Self>()
             .add(EnginePlugin { precision, threads, executor })
-            .add(SolverPlugin { precision })
-            .add(HostPlugin { precision, schedule })
+            .add(SolverPlugin)
+            .add(HostPlugin { schedule })
     }
 }
 
@@ -80,34 +114,32 @@ pub struct EnginePlugin {
 impl Plugin for EnginePlugin {
     fn build(&self, app: &mut App) {
         let world = app.world_mut();
-        match self.precision {
-            Precision::F64 => install_engine::<f64>(world, self.executor),
-            Precision::F32 => install_engine::<f32>(world, self.executor),
-        }
-        world.insert_resource(self.precision);
-        world.init_resource::<SetupError>();
+        by_precision!(self.precision, install_engine(world, self.executor));
         match Workers::new(self.threads) {
             Ok(workers) => world.insert_resource(workers),
-            Err(error) => world.resource_mut::<SetupError>().0 = Some(error),
+            Err(error) => world.insert_resource(SetupError(Some(Arc::new(error)))),
         }
     }
 }
 
-/// Threads that could not be started: the engine then works on the calling thread.
-#[derive(Resource, Debug, Default)]
-pub struct SetupError(pub Option<WorkersError>);
+/// Threads that could not be started: the engine then works on the calling thread. The first step writes it
+/// to the log and sends [`ThreadsNotStarted`].
+#[derive(Resource, Clone, Debug, Default)]
+pub struct SetupError(pub Option<Arc<WorkersError>>);
 
-/// The integrators; [`sinew_solvers::settings::SolverSettings`] chooses among them.
-pub struct SolverPlugin {
-    /// Number type of the state.
-    pub precision: Precision,
-}
+/// The threads asked for could not be started.
+#[derive(Message, Clone, Debug)]
+pub struct ThreadsNotStarted(pub Arc<WorkersError>);
+
+/// The integrators; [`sinew_solvers::settings::SolverSettings`] chooses among them. It comes after
+/// [`EnginePlugin`], whose [`Precision`] it takes.
+pub struct SolverPlugin;
 
 impl Plugin for SolverPlugin {
     fn build(&self, app: &mut App) {
-        match self.precision {
-            Precision::F64 => install_solver::<f64>(app.world_mut()),
-            Precision::F32 => install_solver::<f32>(app.world_mut()),
+        // without an engine the first step says so
+        if let Some(&precision) = app.world().get_resource::<Precision>() {
+            by_precision!(precision, install_solver(app.world_mut()));
         }
     }
 }
@@ -117,36 +149,53 @@ impl Plugin for SolverPlugin {
 #[derive(Resource, Clone, Debug, Default)]
 pub struct StepOutcome(pub Option<StepError>);
 
+/// A step was not carried out; see [`StepOutcome`].
+#[derive(Message, Clone, Debug, PartialEq)]
+pub struct StepFailed(pub StepError);
+
 /// Runs one step per run of the host schedule, in [`SimulationSystems::Step`].
 pub struct HostPlugin {
-    /// Number type of the state.
-    pub precision: Precision,
     /// Host schedule.
     pub schedule: Interned<dyn ScheduleLabel>,
 }
 
 impl Plugin for HostPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<StepOutcome>();
+        app.init_resource::<StepOutcome>().init_resource::<SetupError>();
+        app.add_message::<StepFailed>().add_message::<ThreadsNotStarted>();
         app.configure_sets(
             self.schedule,
             (SimulationSystems::Prepare, SimulationSystems::Step, SimulationSystems::Writeback)
                 .chain(),
         );
-        match self.precision {
-            Precision::F64 => {
-                app.add_systems(self.schedule, host_step::<f64>.in_set(SimulationSystems::Step))
-            }
-            Precision::F32 => {
-                app.add_systems(self.schedule, host_step::<f32>.in_set(SimulationSystems::Step))
-            }
-        };
+        app.add_systems(self.schedule, host_step.in_set(SimulationSystems::Step));
     }
 }
 
-fn host_step<S: sinew_engine::scalar::Scalar>(world: &mut World) {
-    if world.resource::<StepOutcome>().0.is_none() {
-        let result = run_step::<S>(world);
-        world.resource_mut::<StepOutcome>().0 = result.err();
+/// What the log was told: whether there are threads, and the last failure.
+type Told = (bool, Option<String>);
+
+/// One step, unless the last one failed. A failure that repeats is written to the log once.
+fn host_step(world: &mut World, mut told: Local<Told>) {
+    let (threads, last) = &mut *told;
+    // not while plugins are built: the host's logger may be one of those to come
+    if !std::mem::replace(threads, true)
+        && let Some(error) = world.resource::<SetupError>().0.clone()
+    {
+        log::error!("{error}; steps are made on one thread until then");
+        world.write_message(ThreadsNotStarted(error));
     }
+    if world.resource::<StepOutcome>().0.is_some() {
+        return;
+    }
+    let failure = run_step(world).err();
+    let text = failure.as_ref().map(ToString::to_string);
+    if let (Some(error), Some(text)) = (&failure, &text) {
+        if last.as_ref() != Some(text) {
+            log::error!("{text}; no further step is made until `StepOutcome` is `None` again");
+        }
+        world.write_message(StepFailed(error.clone()));
+    }
+    *last = text;
+    world.resource_mut::<StepOutcome>().0 = failure;
 }

@@ -1,6 +1,7 @@
 //! Removal of elements from a [`Simulation`].
 
-use crate::simulation::{BodyHandle, Precision, Simulation};
+use crate::simulation::{BodyHandle, Simulation};
+use sinew_engine::by_precision;
 use sinew_engine::connectivity::ElementKind;
 use sinew_models::body::BodyError;
 use sinew_models::resection::{
@@ -39,10 +40,7 @@ impl Simulation {
     ) -> Result<RemovalReport, RemovalError> {
         let precision = self.precision();
         let world = self.world_mut();
-        match precision {
-            Precision::F64 => remove_elements::<f64>(world, body.0, removal),
-            Precision::F32 => remove_elements::<f32>(world, body.0, removal),
-        }
+        by_precision!(precision, remove_elements(world, body.0, removal))
     }
 
     /// Finds out now what the first removal from a body needs to know, so that it costs no more than
@@ -108,9 +106,6 @@ impl Simulation {
     pub fn verify_against_fresh(&mut self, body: BodyHandle) -> Result<FreshDifference, BodyError> {
         let precision = self.precision();
         let world = self.world_mut();
-        match precision {
-            Precision::F64 => compare_with_fresh::<f64>(world, body.0),
-            Precision::F32 => compare_with_fresh::<f32>(world, body.0),
-        }
+        by_precision!(precision, compare_with_fresh(world, body.0))
     }
 }

@@ -1,9 +1,8 @@
 //! A headless simulation: a world, its schedules and one call per step.
 
-use crate::plugin::{EnginePlugin, SolverPlugin};
-use bevy_app::App;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
+use sinew_engine::by_precision;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{ShapeGradients, TetrahedronVertices};
 use sinew_engine::isoparametric::{
@@ -12,16 +11,17 @@ use sinew_engine::isoparametric::{
 };
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
-use sinew_engine::load::{Constraint, Load, Pressure};
+use sinew_engine::load::{Constraint, Load, Pose, Pressure, TargetError};
 use sinew_engine::mesh::Mesh;
+pub use sinew_engine::precision::Precision;
 use sinew_engine::report::{AreaReport, StepReport, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule};
 #[cfg(feature = "gpu")]
 use sinew_engine::step::ColumnsBehind;
 use sinew_engine::step::{
-    Gravity, StepClock, StepError, hexahedron_ratios, measure_area_ratios, measure_volume_ratios,
-    quad_ratios, run_step,
+    Gravity, StepClock, StepError, hexahedron_ratios, install_engine, measure_area_ratios,
+    measure_volume_ratios, quad_ratios, run_step,
 };
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{
@@ -35,27 +35,8 @@ use sinew_models::field::{FieldError, MaterialField};
 use sinew_models::pressure::activate as activate_pressure;
 use sinew_solvers::explicit::{estimate_stable_step, forget_steps};
 use sinew_solvers::implicit::forget_matrices;
+use sinew_solvers::install_solver;
 use sinew_solvers::settings::SolverSettings;
-
-/// Number type of the state.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Precision {
-    /// 64-bit (default).
-    #[default]
-    F64,
-    /// 32-bit: about 5e-6 relative force error at any strain.
-    F32,
-}
-
-impl Precision {
-    /// `"f32"` or `"f64"`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::F64 => f64::NAME,
-            Self::F32 => f32::NAME,
-        }
-    }
-}
 
 /// Where forces and steps are computed.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -129,6 +110,9 @@ pub enum SimulationError {
     /// A step.
     #[error(transparent)]
     Step(#[from] StepError),
+    /// A target of a constraint.
+    #[error(transparent)]
+    Target(#[from] TargetError),
     /// A material for a body that exists.
     #[error("new material of body `{body}`: {source}")]
     Material {
@@ -213,20 +197,12 @@ pub struct BodyHandle(pub usize);
 
 /// A world with bodies, and its clock.
 ///
-/// Everything in it is ordinary ECS data: [`Simulation::world_mut`] gives access to it. In a Bevy
-/// app use [`crate::SinewPlugins`] instead, which installs the same systems.
+/// Everything in it is ordinary ECS data: [`Simulation::world_mut`] gives access to it. It may be moved to
+/// another thread and stepped there. In a Bevy app use [`crate::SinewPlugins`] instead, which installs the
+/// same systems.
 pub struct Simulation {
-    app: App,
+    world: World,
     precision: Precision,
-}
-
-macro_rules! by_precision {
-    ($self:ident, $function:ident ( $($argument:expr),* )) => {
-        match $self.precision {
-            Precision::F64 => $function::<f64>($($argument),*),
-            Precision::F32 => $function::<f32>($($argument),*),
-        }
-    };
 }
 
 impl Simulation {
@@ -239,7 +215,7 @@ impl Simulation {
         match options.backend {
             Backend::Cpu => {
                 let mut simulation = Self::without_solver(options)?;
-                simulation.app.add_plugins(SolverPlugin { precision: options.precision });
+                by_precision!(options.precision, install_solver(&mut simulation.world));
                 Ok(simulation)
             }
             #[cfg(feature = "gpu")]
@@ -262,9 +238,9 @@ impl Simulation {
     ) -> Result<Self, SimulationError> {
         backend.read_back_on_demand(options.readback == Readback::OnDemand);
         let mut simulation = Self::without_solver(options)?;
-        let world = simulation.app.world_mut();
+        let world = &mut simulation.world;
         world.insert_resource(Backend::Gpu);
-        by_precision!(simulation, install_on_gpu(world, backend));
+        by_precision!(simulation.precision, install_on_gpu(world, backend));
         Ok(simulation)
     }
 
@@ -274,11 +250,11 @@ impl Simulation {
             workers = workers.with_instruction_set(set)?;
         }
         let SimulationOptions { precision, executor, .. } = options;
-        let mut app = App::empty();
-        app.add_plugins(EnginePlugin { precision, threads: 1, executor });
-        app.insert_resource(workers);
-        app.insert_resource(Backend::Cpu);
-        Ok(Self { app, precision })
+        let mut world = World::new();
+        by_precision!(precision, install_engine(&mut world, executor));
+        world.insert_resource(workers);
+        world.insert_resource(Backend::Cpu);
+        Ok(Self { world, precision })
     }
 
     /// Whether the backend has all that bodies and settings need; a step checks it too.
@@ -288,7 +264,7 @@ impl Simulation {
     pub fn check_backend(&mut self) -> Result<(), SimulationError> {
         #[cfg(feature = "gpu")]
         if self.backend() == Backend::Gpu {
-            let world = self.app.world_mut();
+            let world = &mut self.world;
             let settings = world.resource::<SolverSettings>().clone();
             sinew_gpu::check(world, &settings)?;
         }
@@ -303,20 +279,20 @@ impl Simulation {
     /// The world. With [`Readback::OnDemand`] displacements, velocities and positions may be those of an earlier step:
     /// [`Simulation::world_mut`] brings them up to date.
     pub fn world(&self) -> &World {
-        self.app.world()
+        &self.world
     }
 
     /// The world, writable, its columns up to date.
     pub fn world_mut(&mut self) -> &mut World {
         self.fetch();
-        self.app.world_mut()
+        &mut self.world
     }
 
     /// Brings the columns up to date.
     #[cfg(feature = "gpu")]
     fn fetch(&mut self) {
-        let world = self.app.world_mut();
-        by_precision!(self, fetch_state(world));
+        let world = &mut self.world;
+        by_precision!(self.precision, fetch_state(world));
     }
 
     #[cfg(not(feature = "gpu"))]
@@ -333,8 +309,8 @@ impl Simulation {
     /// When mesh or material cannot be used; nothing is added then.
     pub fn add_body(&mut self, body: &BodyDescription) -> Result<BodyHandle, BodyError> {
         self.fetch();
-        let world = self.app.world_mut();
-        by_precision!(self, spawn_body(world, body))?;
+        let world = &mut self.world;
+        spawn_body(world, body)?;
         Ok(BodyHandle(self.topology().bodies.len() - 1))
     }
 
@@ -386,6 +362,46 @@ impl Simulation {
         self.world_mut().spawn(constraint).id()
     }
 
+    /// Moves what a constraint of [`Constraint::hold`] holds: a vector is a translation (m) from where the
+    /// vertices were when it took hold, a [`Pose`] turns them too. They reach it at the end of the next step,
+    /// evenly through the step, and stay there until another target is set.
+    ///
+    /// # Errors
+    /// When there is no such constraint, it has a motion of its own, or the pose cannot be used.
+    ///
+    /// ```
+    /// use sinew::prelude::*;
+    /// use sinew::engine::mesh::generate::box_tets;
+    ///
+    /// let mesh = box_tets(DVec3::new(0.2, 0.1, 0.1), [4, 2, 2])?;
+    /// let mut simulation = Simulation::new(SimulationOptions::default())?;
+    /// let body = simulation.add_body(&BodyDescription::new("box", &mesh, preset("liver")?.material))?;
+    /// let wall = simulation.group_rows(body, &mesh, "x0")?;
+    /// simulation.add_constraint(Constraint::hold("wall", wall));
+    /// let held = simulation.group_rows(body, &mesh, "x1")?;
+    /// let tool = simulation.add_constraint(Constraint::hold("tool", held));
+    /// for frame in 1..=10 {
+    ///     let hand = DVec3::new(0.001 * f64::from(frame), 0.0, 0.0); // where the device is in this frame
+    ///     simulation.set_target(tool, hand)?;
+    ///     simulation.step()?;
+    /// }
+    /// simulation.evaluate();
+    /// assert!(simulation.reaction(tool).x > 0.5);
+    /// let corner = mesh.group("x1").unwrap().vertices[0] as usize;
+    /// assert_eq!(simulation.positions(body)[corner].x, 0.2 + 0.01);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn set_target(
+        &mut self,
+        constraint: Entity,
+        pose: impl Into<Pose>,
+    ) -> Result<(), TargetError> {
+        match self.world_mut().get_mut::<Constraint>(constraint) {
+            Some(mut constraint) => constraint.set_target(pose),
+            None => Err(TargetError::NoConstraint(constraint)),
+        }
+    }
+
     /// Adds dead loads on rows of [`Simulation::rows`].
     pub fn add_load(&mut self, load: Load) -> Entity {
         self.world_mut().spawn(load).id()
@@ -423,9 +439,9 @@ impl Simulation {
     /// shape function gives it.
     pub fn add_pressure(&mut self, pressure: Pressure) -> Entity {
         self.fetch();
-        let world = self.app.world_mut();
+        let world = &mut self.world;
         let entity = world.spawn(pressure).id();
-        by_precision!(self, activate_pressure(world));
+        by_precision!(self.precision, activate_pressure(world));
         entity
     }
 
@@ -452,18 +468,16 @@ impl Simulation {
         let field = material.into();
         let before = (self.evaluate(), self.kinetic_energy(body));
         self.fetch();
-        let world = self.app.world_mut();
-        let result = by_precision!(self, set_material(world, body.0, &field));
+        let world = &mut self.world;
+        let result = by_precision!(self.precision, set_material(world, body.0, &field));
         if let Err(source) = result {
             let body = self.topology().bodies[body.0].name.clone();
             return Err(SimulationError::Material { body, source });
         }
         self.fetch();
-        let world = self.app.world_mut();
-        by_precision!(self, forget_steps(world));
-        self.fetch();
-        let world = self.app.world_mut();
-        by_precision!(self, forget_matrices(world));
+        let world = &mut self.world;
+        by_precision!(self.precision, forget_steps(world));
+        by_precision!(self.precision, forget_matrices(world));
         Ok(MaterialChange {
             elastic_energy: self.evaluate() - before.0,
             kinetic_energy: self.kinetic_energy(body) - before.1,
@@ -503,20 +517,20 @@ impl Simulation {
     pub fn step(&mut self) -> Result<(), StepError> {
         #[cfg(feature = "gpu")]
         if self.world().contains_resource::<ColumnsBehind>()
-            && sinew_gpu::columns_needed(self.app.world_mut())
+            && sinew_gpu::columns_needed(&mut self.world)
         {
             self.fetch();
         }
-        let world = self.app.world_mut();
-        by_precision!(self, run_step(world))
+        let world = &mut self.world;
+        run_step(world)
     }
 
     /// Largest stable explicit step (s) at the current state, from the largest eigenvalue by Lanczos
     /// steps; see [`sinew_solvers::stability`].
     pub fn stable_step(&mut self) -> f64 {
         self.fetch();
-        let world = self.app.world_mut();
-        by_precision!(self, estimate_stable_step(world))
+        let world = &mut self.world;
+        by_precision!(self.precision, estimate_stable_step(world))
     }
 
     /// Simulated time (s).
@@ -544,29 +558,34 @@ impl Simulation {
         self.world().resource()
     }
 
+    /// Deformed positions (m) in the user's order, what a host draws; zero for vertices without an element.
+    pub fn positions(&mut self, body: BodyHandle) -> Vec<DVec3> {
+        by_precision!(self.precision, read_rows(self, body, |x| x.5.0 + x.0.get()))
+    }
+
     /// Displacements (m) in the user's order; vertices without an element have none (zero).
     pub fn displacements(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self, read_rows(self, body, |x| to_vector(&x.0.0)))
+        by_precision!(self.precision, read_rows(self, body, |x| x.0.get()))
     }
 
     /// Velocities (m/s) in the user's order.
     pub fn velocities(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self, read_rows(self, body, |x| to_vector(&x.1.0)))
+        by_precision!(self.precision, read_rows(self, body, |x| x.1.get()))
     }
 
     /// Elastic forces (N) of the last evaluation in the user's order; see [`Simulation::evaluate`].
     pub fn elastic_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self, read_rows(self, body, |x| to_vector(&x.2.0)))
+        by_precision!(self.precision, read_rows(self, body, |x| x.2.get()))
     }
 
     /// External forces (N), gravity included, of the last step in the user's order.
     pub fn external_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self, read_rows(self, body, |x| to_vector(&x.3.0)))
+        by_precision!(self.precision, read_rows(self, body, |x| x.3.get()))
     }
 
     /// Lumped masses (kg) in the user's order; zero for vertices without an element.
     pub fn masses(&mut self, body: BodyHandle) -> Vec<f64> {
-        by_precision!(self, read_rows(self, body, |x| DVec3::splat(x.4.0.to_f64())))
+        by_precision!(self.precision, read_rows(self, body, |x| DVec3::splat(x.4.0.to_f64())))
             .iter()
             .map(|m| m.x)
             .collect()
@@ -575,13 +594,13 @@ impl Simulation {
     /// Volume ratio J of every tetrahedron of a body, then of every hexahedron (the smallest of its Gauss
     /// points), in the user's order.
     pub fn volume_ratios(&mut self, body: BodyHandle) -> Vec<f64> {
-        by_precision!(self, volume_ratios(self, body))
+        by_precision!(self.precision, volume_ratios(self, body))
     }
 
     /// Area ratio of every membrane triangle of a body, then of every quadrilateral (the smallest of its Gauss
     /// points), in the user's order.
     pub fn area_ratios(&mut self, body: BodyHandle) -> Vec<f64> {
-        by_precision!(self, area_ratios(self, body))
+        by_precision!(self.precision, area_ratios(self, body))
     }
 
     /// Sets displacements (m) and velocities (m/s) in the user's order.
@@ -602,7 +621,7 @@ impl Simulation {
                 return Err(SimulationError::Length { what, body, expected, given: values.len() });
             }
         }
-        Ok(by_precision!(self, write_state(self, &rows, displacements, velocities))?)
+        Ok(by_precision!(self.precision, write_state(self, &rows, displacements, velocities))?)
     }
 
     /// Evaluates elastic energy (J) and forces at the current state, outside a step.
@@ -622,7 +641,7 @@ impl Simulation {
     /// are left out, and unknowns that two constraints hold count in both. Call
     /// [`Simulation::evaluate`] first; zero when there is no such constraint.
     pub fn reaction(&mut self, constraint: Entity) -> DVec3 {
-        by_precision!(self, reaction(self, constraint))
+        by_precision!(self.precision, reaction(self, constraint))
     }
 
     /// 64-bit FNV-1a hash of displacements and velocities, in the user's order: equal hashes mean
@@ -645,12 +664,9 @@ impl Simulation {
 #[cfg(feature = "gpu")]
 use sinew_gpu::{fetch_state, install_gpu as install_on_gpu};
 
-fn to_vector<S: Scalar>(x: &[S; 4]) -> DVec3 {
-    DVec3::new(x[0].to_f64(), x[1].to_f64(), x[2].to_f64())
-}
-
 /// The vertex columns that can be read from outside.
-type Vertex<S> = (Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>);
+type Vertex<S> =
+    (Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>, RestPosition);
 
 /// One value per vertex of the user's mesh, zero where there is no row.
 fn read_rows<S: Scalar>(
@@ -667,11 +683,12 @@ fn read_rows<S: Scalar>(
         &ElasticForce<S>,
         &ExternalForce<S>,
         &Mass<S>,
+        &RestPosition,
     )>();
-    if let Some((u, v, f, e, m)) = single_table(query.contiguous_iter(world)) {
+    if let Some((u, v, f, e, m, x)) = single_table(query.contiguous_iter(world)) {
         for (local, &vertex) in rows.vertex_order.iter().enumerate() {
             let row = rows.vertices.start as usize + local;
-            result[vertex as usize] = pick(&(u[row], v[row], f[row], e[row], m[row]));
+            result[vertex as usize] = pick(&(u[row], v[row], f[row], e[row], m[row], x[row]));
         }
     }
     result
@@ -688,10 +705,8 @@ fn write_state<S: Scalar>(
     if let Some((mut u, mut v)) = single_table(query.contiguous_iter_mut(world)) {
         for (local, &vertex) in rows.vertex_order.iter().enumerate() {
             let row = rows.vertices.start as usize + local;
-            for k in 0..3 {
-                u[row].0[k] = S::from_f64(displacements[vertex as usize][k]);
-                v[row].0[k] = S::from_f64(velocities[vertex as usize][k]);
-            }
+            u[row].set(displacements[vertex as usize]);
+            v[row].set(velocities[vertex as usize]);
         }
     }
     // what the solver does with a state must not depend on the state before
@@ -780,7 +795,7 @@ fn reaction<S: Scalar>(simulation: &mut Simulation, constraint: Entity) -> DVec3
     };
     let mut sum = DVec3::ZERO;
     for row in rows.into_iter().filter(|&row| (row as usize) < elastic.len()) {
-        let f = to_vector(&elastic[row as usize].0) + to_vector(&external[row as usize].0);
+        let f = elastic[row as usize].get() + external[row as usize].get();
         for k in 0..3 {
             if axes.holds(k) {
                 sum[k] -= f[k];

@@ -4,7 +4,8 @@
 mod common;
 
 use common::*;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
+use sinew::engine::load::TargetError;
 use sinew::engine::mesh::Mesh;
 use sinew::prelude::*;
 
@@ -186,6 +187,53 @@ fn steps_and_gravity() {
             refuses_step(|s| s.set_gravity(gravity), mend, &["gravity", "not finite"]);
         }
     }
+}
+
+#[test]
+fn targets() {
+    let (mut simulation, body, mesh) = sound();
+    let rows = simulation.rows(body, "tool", &group(&mesh, "x1")).unwrap();
+    let tool = simulation.add_constraint(Constraint::hold("tool", rows.clone()));
+    let (pull, ramp) = (Motion::Translate(DVec3::X * 0.01), Curve::ramp(0.0, 1.0));
+    let moving = simulation.add_constraint(Constraint::moving("moving", rows, pull, ramp));
+    simulation.world_mut().despawn(moving);
+    simulation.set_target(tool, DVec3::X * 0.001).unwrap();
+    simulation.step().unwrap();
+    let hash = simulation.state_hash();
+    let turned = |rotation| Pose { rotation, ..Pose::IDENTITY };
+    let mut bad: Vec<(Pose, &[&str])> = vec![
+        (turned(DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0)), &["`tool`", "no rotation", "IDENTITY"]),
+        (Pose { centre: DVec3::Z * f64::NAN, ..Pose::IDENTITY }, &["`tool`", "not finite"]),
+        (turned(DQuat::from_xyzw(f64::NAN, 0.0, 0.0, 1.0)), &["`tool`", "not finite"]),
+        (turned(DQuat::from_xyzw(1e300, 0.0, 0.0, 1e300)), &["`tool`", "no rotation"]),
+    ];
+    for x in [f64::NAN, f64::INFINITY] {
+        bad.push((DVec3::new(0.0, x, 0.0).into(), &["`tool`", "not finite"]));
+    }
+    for (pose, words) in bad {
+        let error = simulation.set_target(tool, pose).unwrap_err();
+        assert_says(&error.to_string(), words);
+    }
+    assert_eq!(simulation.state_hash(), hash);
+    // what was followed before stays, and a rotation of another length is the same rotation
+    let stretched = DQuat::from_xyzw(0.0, 0.0, 0.0, 1e-20);
+    simulation
+        .set_target(tool, Pose { translation: DVec3::X * 0.001, ..turned(stretched) })
+        .unwrap();
+    simulation.step().unwrap();
+    let held = group(&mesh, "x1")[0] as usize;
+    let before = simulation.displacements(body)[held];
+    simulation.step().unwrap();
+    assert_eq!(simulation.displacements(body)[held], before);
+
+    let error = simulation.set_target(moving, DVec3::X).unwrap_err();
+    assert_eq!(error, TargetError::NoConstraint(moving));
+    assert_says(&error.to_string(), &["is no constraint", "`add_constraint`"]);
+    let wall = Constraint::moving("wall", Vec::new(), Motion::Translate(DVec3::X), Curve::Constant);
+    let wall = simulation.add_constraint(wall);
+    let error = simulation.set_target(wall, DVec3::X).unwrap_err();
+    assert_eq!(error, TargetError::OwnMotion { name: "wall".into() });
+    assert_says(&error.to_string(), &["`wall`", "curve of its own", "`Constraint::hold`"]);
 }
 
 #[test]

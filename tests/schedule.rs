@@ -316,7 +316,7 @@ fn changed_elements_are_an_error_not_a_panic() {
 fn what_is_missing_or_wrong_is_named() {
     let mut world = World::new();
     install_engine::<f64>(&mut world, Executor::SingleThreaded);
-    let error = run_step::<f64>(&mut world).unwrap_err();
+    let error = run_step(&mut world).unwrap_err();
     assert_eq!(error, StepError::NoIntegrator);
     assert!(error.to_string().contains("add one of the solver plugins"));
 

@@ -638,7 +638,7 @@ impl Builder<'_> {
     fn mesh(&self, key: &str, body: &Body) -> Result<Mesh, SceneError> {
         let mesh = match (&body.mesh, &body.generate) {
             (Some(path), None) => {
-                Mesh::read(&self.loaded.resolve(path)).map_err(|source| SceneError::Mesh {
+                self.loaded.read_mesh(path).map_err(|source| SceneError::Mesh {
                     place: self.place(format!("{key}.mesh")),
                     source: Box::new(source),
                 })?

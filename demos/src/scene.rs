@@ -4,6 +4,7 @@
 use crate::axes::{AxesEntry, FibreEntry};
 use crate::error::{Place, SceneError, hint};
 use serde::{Deserialize, Serialize};
+use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::identify::ElementMethod;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::resection::MassPolicy;
@@ -12,8 +13,10 @@ use sinew::simulation::{Backend, Precision};
 use sinew::solvers::settings::SolverSettings;
 use std::cmp::Reverse;
 use std::collections::HashMap;
+use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -744,6 +747,17 @@ pub struct LoadedScene {
     /// Its file.
     pub file: PathBuf,
     keys: KeySpans,
+    files: Files,
+}
+
+/// How files that a scene names are read.
+#[derive(Clone)]
+struct Files(Arc<dyn Fn(&Path) -> std::io::Result<Vec<u8>> + Send + Sync>);
+
+impl fmt::Debug for Files {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Files(..)")
+    }
 }
 
 impl LoadedScene {
@@ -758,16 +772,62 @@ impl LoadedScene {
         Self::parse(&text, path)
     }
 
-    /// Reads a scene from text; mesh files are looked for beside `file`, which need not exist.
+    /// Reads a scene from text; mesh files are looked for beside `file`, which need not exist, or where
+    /// [`LoadedScene::with_files`] says.
     ///
     /// # Errors
     /// As [`LoadedScene::read`].
     pub fn parse(text: &str, file: &Path) -> Result<Self, SceneError> {
         let keys = KeySpans::new(text);
         match toml::from_str(text) {
-            Ok(scene) => Ok(Self { scene, file: file.into(), keys }),
+            Ok(scene) => {
+                let files = Files(Arc::new(|path| std::fs::read(path)));
+                Ok(Self { scene, file: file.into(), keys, files })
+            }
             Err(error) => Err(parse_error(text, file, &keys, &error)),
         }
+    }
+
+    /// Takes the files that the scene names from `open` in place of the file system: memory, an archive, a
+    /// network. It is asked for paths relative to the scene file's folder, as [`Mesh::read_with`] says.
+    ///
+    /// ```
+    /// use sinew_demos::scene::LoadedScene;
+    /// use std::io::{Error, ErrorKind};
+    ///
+    /// let text = r#"
+    ///     name = "drop"
+    ///     duration = 0.1
+    ///     [[body]]
+    ///     name = "tetrahedron"
+    ///     mesh = "tetrahedron.vtk"
+    ///     material = { preset = "liver" }
+    /// "#;
+    /// let mesh = b"# vtk DataFile Version 3.0\n\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 double\n\
+    ///     0 0 0  1 0 0  0 1 0  0 0 1\nCELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n10\n";
+    /// let scene = LoadedScene::parse(text, "drop.toml".as_ref())?.with_files(|path| {
+    ///     let known = path == "tetrahedron.vtk";
+    ///     known.then(|| mesh.to_vec()).ok_or(Error::from(ErrorKind::NotFound))
+    /// });
+    /// let built = sinew_demos::build::build(&scene, &Default::default())?;
+    /// assert_eq!(built.bodies[0].mesh.tetrahedra, [[0, 1, 2, 3]]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn with_files(
+        mut self,
+        open: impl Fn(&Path) -> std::io::Result<Vec<u8>> + Send + Sync + 'static,
+    ) -> Self {
+        self.files = Files(Arc::new(open));
+        self
+    }
+
+    /// Reads a mesh file named in the scene.
+    ///
+    /// # Errors
+    /// As [`Mesh::read_with`].
+    pub fn read_mesh(&self, path: &Path) -> Result<Mesh, MeshError> {
+        Mesh::read_with(&self.resolve(path), &*self.files.0)
     }
 
     /// Place of a key.

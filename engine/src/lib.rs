@@ -13,6 +13,7 @@ pub mod layout;
 pub mod load;
 pub mod matrix;
 pub mod mesh;
+pub mod precision;
 pub mod report;
 pub mod scalar;
 pub mod schedule;

@@ -119,6 +119,123 @@ pub enum Motion {
         /// Angle (rad) at curve value 1.
         angle: f64,
     },
+    /// Where [`Constraint::set_target`] says, whatever the curve.
+    Follow(TargetPath),
+}
+
+/// Rigid motion of held vertices, relative to where they were when their constraint took hold: turned
+/// about a centre, then shifted. A vector is a translation (m) alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Translation (m).
+    pub translation: DVec3,
+    /// Rotation about the centre.
+    pub rotation: DQuat,
+    /// Point (m) that the rotation leaves in place.
+    pub centre: DVec3,
+}
+
+impl Pose {
+    /// Nothing moved.
+    pub const IDENTITY: Self =
+        Self { translation: DVec3::ZERO, rotation: DQuat::IDENTITY, centre: DVec3::ZERO };
+
+    /// Way (m) of a point.
+    fn way(&self, point: DVec3) -> DVec3 {
+        let arm = point - self.centre;
+        self.rotation * arm - arm + self.translation
+    }
+
+    /// A pose on the way to another: translation and rotation about the other's centre pass evenly.
+    fn towards(&self, to: &Self, part: f64) -> Self {
+        if part >= 1.0 {
+            return *to;
+        }
+        let start = self.way(to.centre);
+        Self {
+            translation: start + (to.translation - start) * part,
+            rotation: self.rotation.lerp(to.rotation, part),
+            centre: to.centre,
+        }
+    }
+}
+
+impl Default for Pose {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+impl From<DVec3> for Pose {
+    fn from(translation: DVec3) -> Self {
+        Self { translation, ..Self::IDENTITY }
+    }
+}
+
+/// Path of a constraint through the step being made, to the target that the host set last.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TargetPath {
+    /// Target of the next step.
+    target: Pose,
+    /// Poses at the start and at the end of the step.
+    ends: [Pose; 2],
+    /// Time (s) at the start of the step, and its length (s).
+    span: [f64; 2],
+    /// Number of the step.
+    step: u64,
+}
+
+impl TargetPath {
+    /// Leads from where the last step ended to the target. A step that failed is made again from its start.
+    fn prepare(&mut self, clock: &StepClock) {
+        if self.step != clock.step {
+            self.ends[0] = self.ends[1];
+        }
+        self.ends[1] = self.target;
+        self.span = [clock.time, clock.dt];
+        self.step = clock.step;
+    }
+
+    fn pose(&self, t: f64) -> Pose {
+        let [start, dt] = self.span;
+        self.ends[0].towards(&self.ends[1], if t < start + dt { (t - start) / dt } else { 1.0 })
+    }
+}
+
+/// A target that a constraint cannot follow; what it followed before stays.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TargetError {
+    /// A number is not finite.
+    #[error("target of constraint `{name}`: {pose:?} has a number that is not finite")]
+    NotFinite {
+        /// Constraint.
+        name: String,
+        /// Offending value.
+        pose: Pose,
+    },
+    /// The quaternion has no direction.
+    #[error(
+        "target of constraint `{name}`: rotation {rotation} is no rotation; use DQuat::IDENTITY for none"
+    )]
+    Rotation {
+        /// Constraint.
+        name: String,
+        /// Offending value.
+        rotation: DQuat,
+    },
+    /// The constraint has a motion of its own.
+    #[error(
+        "constraint `{name}` moves by a curve of its own and cannot be given targets; make it with \
+         `Constraint::hold`"
+    )]
+    OwnMotion {
+        /// Constraint.
+        name: String,
+    },
+    /// There is no such constraint.
+    #[error("entity {0} is no constraint; use what `add_constraint` returned")]
+    NoConstraint(Entity),
 }
 
 /// Holds or moves vertices while it is active.
@@ -168,33 +285,85 @@ impl Constraint {
         }
     }
 
+    /// Moves the held vertices: they reach the pose at the end of the next step, evenly through the step,
+    /// and stay there until another target is set. For what is not known beforehand, such as a tool in a
+    /// hand: set the target before every step.
+    ///
+    /// # Errors
+    /// When the pose is not finite or not a rotation, or the constraint has a [`Motion`] of its own.
+    ///
+    /// ```
+    /// use bevy_ecs::prelude::*;
+    /// use sinew_engine::load::{Constraint, Pose};
+    /// use glam::{DQuat, DVec3};
+    ///
+    /// let mut tool = Constraint::hold("tool", vec![0, 1, 2]);
+    /// tool.set_target(DVec3::new(0.0, 0.0, 0.01))?;
+    /// let jaw = DVec3::new(0.1, 0.0, 0.05);
+    /// tool.set_target(Pose { rotation: DQuat::from_rotation_x(0.2), centre: jaw, ..Pose::IDENTITY })?;
+    /// assert!(tool.set_target(DVec3::NAN).unwrap_err().to_string().contains("`tool`"));
+    /// # Ok::<(), sinew_engine::load::TargetError>(())
+    /// ```
+    pub fn set_target(&mut self, pose: impl Into<Pose>) -> Result<(), TargetError> {
+        let mut pose: Pose = pose.into();
+        let name = || self.name.clone();
+        if !(pose.translation.is_finite() && pose.rotation.is_finite() && pose.centre.is_finite()) {
+            return Err(TargetError::NotFinite { name: name(), pose });
+        }
+        let length = pose.rotation.length();
+        if !(length.is_normal()) {
+            return Err(TargetError::Rotation { name: name(), rotation: pose.rotation });
+        }
+        pose.rotation = pose.rotation / length;
+        match &mut self.motion {
+            Motion::Follow(path) => path.target = pose,
+            Motion::Hold => {
+                self.motion = Motion::Follow(TargetPath { target: pose, ..Default::default() });
+            }
+            _ => return Err(TargetError::OwnMotion { name: name() }),
+        }
+        Ok(())
+    }
+
+    /// Whether it moves its vertices between the times `from` and `to` (s) of the step being made, other
+    /// than by a jump.
+    pub(crate) fn moves(&self, from: f64, to: f64) -> bool {
+        match &self.motion {
+            Motion::Hold => false,
+            Motion::Follow(path) => path.ends[0] != path.ends[1],
+            _ => self.curve.varies(from, to) && !self.curve.jumps(from, to),
+        }
+    }
+
     /// Whether it acts on a step that ends at `t` (s).
     pub fn active(&self, t: f64) -> bool {
         t >= self.from && t <= self.until
     }
 
     /// The motion at a time (s).
-    pub(crate) fn pose(&self, t: f64) -> Pose {
+    pub(crate) fn at(&self, t: f64) -> MotionAt {
         let factor = self.curve.value(t);
         match &self.motion {
             Motion::Rotate { axis, angle, .. } => {
-                Pose::Turn(rotation(axis.normalize(), angle * factor))
+                MotionAt::Turn(rotation(axis.normalize(), angle * factor))
             }
-            _ => Pose::Factor(factor),
+            Motion::Follow(path) => MotionAt::Pose(path.pose(t)),
+            _ => MotionAt::Factor(factor),
         }
     }
 
     /// Displacement (m) of its vertex `i`, which rests at `rest` (m).
-    pub(crate) fn displacement(&self, pose: &Pose, i: usize, rest: DVec3) -> DVec3 {
+    pub(crate) fn displacement(&self, at: &MotionAt, i: usize, rest: DVec3) -> DVec3 {
         let start = self.start[i];
-        match (&self.motion, pose) {
-            (Motion::Translate(d), Pose::Factor(factor)) => start + *d * *factor,
-            (Motion::TranslateEach(d), Pose::Factor(factor)) => {
+        match (&self.motion, at) {
+            (Motion::Translate(d), MotionAt::Factor(factor)) => start + *d * *factor,
+            (Motion::TranslateEach(d), MotionAt::Factor(factor)) => {
                 start + d.get(i).copied().unwrap_or(DVec3::ZERO) * *factor
             }
-            (Motion::Rotate { centre, .. }, Pose::Turn(turn)) => {
+            (Motion::Rotate { centre, .. }, MotionAt::Turn(turn)) => {
                 *centre + *turn * (rest + start - *centre) - rest
             }
+            (_, MotionAt::Pose(pose)) => start + pose.way(rest + start),
             _ => start,
         }
     }
@@ -210,11 +379,13 @@ pub fn rotation(axis: DVec3, angle: f64) -> DQuat {
 
 /// A motion at one time.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Pose {
+pub(crate) enum MotionAt {
     /// Value of the curve.
     Factor(f64),
     /// Rotation about the centre.
     Turn(DQuat),
+    /// Pose on the way to a target.
+    Pose(Pose),
 }
 
 impl Constraint {
@@ -230,7 +401,7 @@ impl Constraint {
             return Some("its times are not numbers");
         }
         let motion = match &self.motion {
-            Motion::Hold => None,
+            Motion::Hold | Motion::Follow(_) => None,
             Motion::Translate(d) => (!d.is_finite()).then_some("its translation is not finite"),
             Motion::TranslateEach(d) if d.len() != self.rows.len() => {
                 Some("it needs one translation per vertex")
@@ -353,18 +524,15 @@ pub fn apply_constraints<S: Scalar>(
             continue;
         }
         if constraint.start.len() != constraint.rows.len() {
-            constraint.start = constraint
-                .rows
-                .iter()
-                .map(|&r| {
-                    let u = displacement[r as usize].0;
-                    DVec3::new(u[0].to_f64(), u[1].to_f64(), u[2].to_f64())
-                })
-                .collect();
+            constraint.start =
+                constraint.rows.iter().map(|&r| displacement[r as usize].get()).collect();
         }
-        let pose = constraint.pose(t);
+        if let Motion::Follow(path) = &mut constraint.motion {
+            path.prepare(&clock);
+        }
+        let at = constraint.at(t);
         for (i, &row) in constraint.rows.iter().enumerate() {
-            let u = constraint.displacement(&pose, i, rest[row as usize].0);
+            let u = constraint.displacement(&at, i, rest[row as usize].0);
             fixed[row as usize].0 |= constraint.axes.0;
             for k in 0..3 {
                 if constraint.axes.holds(k) {
@@ -399,9 +567,7 @@ pub fn apply_loads<S: Scalar>(
         let Ok((_, load)) = loads.get(entity) else { continue };
         let factor = load.curve.value(t);
         for &(row, f) in &load.forces {
-            for k in 0..3 {
-                force[row as usize].0[k] += S::from_f64(f[k] * factor);
-            }
+            force[row as usize] += f * factor;
         }
     }
 }

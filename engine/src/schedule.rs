@@ -7,6 +7,7 @@ use crate::law::{
     LawId, LawInfo, Partition, RecoveringBodies,
 };
 use crate::matrix::Tangent;
+use crate::precision::Precision;
 use crate::report::SystemTimes;
 use crate::scalar::Scalar;
 use crate::topology::Topology;
@@ -102,6 +103,7 @@ pub fn install<S: Scalar>(world: &mut World, executor: Executor) {
     world.init_resource::<Workers>();
     world.init_resource::<SystemTimes>();
     world.insert_resource(executor);
+    world.insert_resource(Precision::of::<S>());
 
     let mut step = Schedule::new(StepSchedule);
     configure(&mut step, executor);

@@ -1,7 +1,6 @@
 //! Running one step, and what can go wrong.
 
 use crate::columns::single_table;
-use crate::compiled_here;
 use crate::element::{
     MembraneRest, MembraneShapes, MembraneVertices, ShapeGradients, TetrahedronShapes,
     TetrahedronVertices, area_ratio, displacement_gradient, volume_change,
@@ -12,12 +11,14 @@ use crate::isoparametric::{
 };
 use crate::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use crate::load::{Constraint, Load, LoadTime, Pressure, apply_constraints, apply_loads};
+use crate::precision::Precision;
 use crate::report::{AreaReport, StepReport, SystemTimes, VolumeReport};
 use crate::scalar::{Real, Scalar};
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
 use crate::topology::{ElementTables, Topology};
 use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
 use crate::workers::Workers;
+use crate::{by_precision, compiled_here};
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::common_conditions::{not, resource_exists};
 use bytemuck::TransparentWrapper;
@@ -125,6 +126,12 @@ pub enum StepError {
         /// What is missing, and the remedy.
         reason: String,
     },
+    /// The world was not set up for steps.
+    #[error(
+        "the world has no `Precision`, so no engine: add `SinewPlugins` to the app, or call \
+         `install_engine`, before the first step"
+    )]
+    NoEngine,
     /// No integrator was installed.
     #[error("no integrator is installed: add one of the solver plugins")]
     NoIntegrator,
@@ -176,8 +183,9 @@ fn install_all<S: Scalar>(world: &mut World, executor: Executor) {
 /// # Errors
 /// When settings or state are invalid, or when the integrator gives up; the state is then what it
 /// was before.
-pub fn run_step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
-    compiled_here!(S, step(world: &mut World) -> Result<(), StepError>)
+pub fn run_step(world: &mut World) -> Result<(), StepError> {
+    let precision = *world.get_resource::<Precision>().ok_or(StepError::NoEngine)?;
+    by_precision!(precision, step(world))
 }
 
 fn step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
@@ -509,7 +517,7 @@ pub fn write_positions<S: Scalar>(
         return;
     };
     for ((p, x), u) in position.iter_mut().zip(rest).zip(displacement) {
-        p.0 = x.0 + DVec3::new(u.0[0].to_f64(), u.0[1].to_f64(), u.0[2].to_f64());
+        p.0 = x.0 + u.get();
     }
 }
 

@@ -2,7 +2,7 @@
 //! the step into substeps.
 
 use crate::columns::single_table;
-use crate::load::{Constraint, Curve, Load, Motion, Pose};
+use crate::load::{Constraint, Curve, Load, MotionAt};
 use crate::scalar::Scalar;
 use crate::step::StepClock;
 use crate::vertex::{FixedAxes, RestPosition};
@@ -28,7 +28,7 @@ pub struct WithinStep {
     /// Held unknowns that move, by row and axis.
     pub moving: Vec<MovingUnknown>,
     /// Constraints that they follow, each with its motion at the time last asked for.
-    motions: Vec<(Constraint, Pose)>,
+    motions: Vec<(Constraint, MotionAt)>,
 }
 
 /// A held unknown that moves through a step.
@@ -109,14 +109,9 @@ impl WithinStep {
         let mut active: Vec<&Constraint> =
             constraints.iter(world).filter(|c| c.active(end)).collect();
         active.sort_unstable_by_key(|c| c.sequence);
-        let moves = |c: &Constraint| {
-            !matches!(c.motion, Motion::Hold)
-                && c.curve.varies(start, end)
-                && !c.curve.jumps(start, end)
-        };
         // who holds each unknown: the last constraint in order of creation
         let mut holders: Vec<(u32, u32, Reverse<u32>, u32)> = Vec::new();
-        if active.iter().any(|c| moves(c)) {
+        if active.iter().any(|c| c.moves(start, end)) {
             for (index, c) in active.iter().enumerate() {
                 for (place, &row) in c.rows.iter().enumerate() {
                     for k in (0..3).filter(|&k| c.axes.holds(k as usize)) {
@@ -129,18 +124,18 @@ impl WithinStep {
         }
         let mut motion_of = vec![None; active.len()];
         let mut ends = Vec::new();
-        for (index, c) in active.iter().enumerate().filter(|(_, c)| moves(c)) {
+        for (index, c) in active.iter().enumerate().filter(|(_, c)| c.moves(start, end)) {
             motion_of[index] = Some(self.motions.len());
-            self.motions.push(((*c).clone(), c.pose(start)));
-            ends.push([c.pose(start), c.pose(end)]);
+            self.motions.push(((*c).clone(), c.at(start)));
+            ends.push([c.at(start), c.at(end)]);
         }
         let path = |row: u32, axis: usize, to: S| {
             let found = holders.binary_search_by_key(&(row, axis as u32), |h| (h.0, h.1)).ok()?;
             let (_, _, Reverse(index), place) = holders[found];
             let motion = motion_of[index as usize]?;
             let rest = rest[row as usize].0;
-            let at = |pose| self.motions[motion].0.displacement(pose, place as usize, rest)[axis];
-            let ends = [at(&ends[motion][0]), at(&ends[motion][1])];
+            let to_axis = |at| self.motions[motion].0.displacement(at, place as usize, rest)[axis];
+            let ends = [to_axis(&ends[motion][0]), to_axis(&ends[motion][1])];
             (S::from_f64(ends[1]) == to).then_some(Path {
                 motion: motion as u32,
                 place,
@@ -182,14 +177,14 @@ impl WithinStep {
     /// Ways (m) of `moving` since the start of the step, when `part` (0 to 1) of it has passed.
     pub fn ways(&mut self, part: f64, ways: &mut Vec<f64>) {
         let t = self.span[0] + part * self.span[1];
-        for (constraint, pose) in &mut self.motions {
-            *pose = constraint.pose(t);
+        for (constraint, at) in &mut self.motions {
+            *at = constraint.at(t);
         }
         ways.clear();
         ways.extend(self.moving.iter().map(|m| match &m.path {
             Some(p) if part < 1.0 => {
-                let (constraint, pose) = &self.motions[p.motion as usize];
-                let now = constraint.displacement(pose, p.place as usize, p.rest);
+                let (constraint, at) = &self.motions[p.motion as usize];
+                let now = constraint.displacement(at, p.place as usize, p.rest);
                 let [start, end] = p.ends;
                 now[m.axis as usize] - start + part * (m.way - (end - start))
             }

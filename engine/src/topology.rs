@@ -106,6 +106,11 @@ impl BodyRows {
         let local = *self.row_of_vertex.get(vertex as usize)?;
         (local != crate::layout::UNUSED).then(|| self.vertices.start + local)
     }
+
+    /// Rows of vertices of the user's mesh; `None` when one is in no element.
+    pub fn rows(&self, vertices: &[u32]) -> Option<Vec<u32>> {
+        vertices.iter().map(|&vertex| self.row(vertex)).collect()
+    }
 }
 
 /// Bodies and edge graph of a world.

@@ -6,6 +6,40 @@
 //! The state is the displacement from rest, not the position: squared-length changes formed from
 //! displacements keep full relative accuracy at any strain and any distance from the origin, which
 //! is what makes `f32` usable.
+//!
+//! # For hosts
+//!
+//! Draw [`Position`]. The columns of the number type are read and written as vectors, by `get`, `set` and
+//! `+=`; the padded arrays inside are what kernels read. A system that pushes vertices, in
+//! [`StepSystems::Prepare`](crate::schedule::StepSystems::Prepare) after the loads:
+//!
+//! ```
+//! use bevy_ecs::prelude::*;
+//! use glam::DVec3;
+//! use sinew_engine::load::apply_loads;
+//! use sinew_engine::schedule::{Executor, StepSchedule, StepSystems};
+//! use sinew_engine::step::install_engine;
+//! use sinew_engine::vertex::{ExternalForce, Velocity};
+//!
+//! /// Air that rests: a force (N) against the velocity.
+//! fn drag(mut vertices: Query<(&Velocity<f64>, &mut ExternalForce<f64>)>) {
+//!     for (velocity, mut force) in &mut vertices {
+//!         *force += -0.01 * velocity.get();
+//!     }
+//! }
+//!
+//! let mut world = World::new();
+//! install_engine::<f64>(&mut world, Executor::default());
+//! let after_loads = drag.in_set(StepSystems::Prepare).after(apply_loads::<f64>);
+//! world.resource_mut::<Schedules>().entry(StepSchedule).add_systems(after_loads);
+//!
+//! let weight = ExternalForce::<f64>::new(DVec3::new(0.0, 0.0, -9.81));
+//! let vertex = world.spawn((Velocity::<f64>::new(DVec3::X), weight)).id();
+//! world.run_system_cached(drag)?;
+//! let force = world.get::<ExternalForce<f64>>(vertex).unwrap().get();
+//! assert_eq!((force.x, force.z), (-0.01, -9.81));
+//! # Ok::<(), BevyError>(())
+//! ```
 
 #![allow(
     clippy::multiple_bound_locations,
@@ -16,6 +50,7 @@ use crate::scalar::Scalar;
 use bevy_ecs::prelude::Component;
 use bytemuck::{Pod, TransparentWrapper, Zeroable};
 use glam::DVec3;
+use std::ops::AddAssign;
 
 macro_rules! rows {
     ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {$(
@@ -23,19 +58,54 @@ macro_rules! rows {
         #[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper, Pod, Zeroable)]
         #[repr(transparent)]
         pub struct $name<S: Scalar>(pub [S; 4]);
+
+        impl<S: Scalar> $name<S> {
+            /// Of a vector, in the unit of the column.
+            #[inline(always)]
+            pub fn new(vector: DVec3) -> Self {
+                Self([S::from_f64(vector.x), S::from_f64(vector.y), S::from_f64(vector.z), S::ZERO])
+            }
+
+            /// As a vector, in the unit of the column.
+            #[inline(always)]
+            pub fn get(&self) -> DVec3 {
+                DVec3::new(self.0[0].to_f64(), self.0[1].to_f64(), self.0[2].to_f64())
+            }
+
+            /// Sets it to a vector, in the unit of the column.
+            #[inline(always)]
+            pub fn set(&mut self, vector: DVec3) {
+                *self = Self::new(vector);
+            }
+        }
+
+        impl<S: Scalar> From<DVec3> for $name<S> {
+            fn from(vector: DVec3) -> Self {
+                Self::new(vector)
+            }
+        }
+
+        impl<S: Scalar> AddAssign<DVec3> for $name<S> {
+            #[inline(always)]
+            fn add_assign(&mut self, vector: DVec3) {
+                for (k, x) in vector.to_array().into_iter().enumerate() {
+                    self.0[k] += S::from_f64(x);
+                }
+            }
+        }
     )+};
 }
 
 rows! {
-    /// Displacement from the rest position (m); the fourth entry is padding and stays zero.
+    /// Displacement from the rest position (m); the fourth number is padding and stays zero.
     Displacement,
-    /// Velocity (m/s); the fourth entry is padding.
+    /// Velocity (m/s).
     Velocity,
-    /// Elastic force -dW/dx of all laws (N) at the displacement last evaluated; fourth entry padding.
+    /// Elastic force -dW/dx of all laws (N) at the displacement last evaluated.
     ElasticForce,
-    /// Force from outside (N), gravity included; written in Prepare; fourth entry padding.
+    /// Force from outside (N), gravity included; written in Prepare.
     ExternalForce,
-    /// Displacement (m) that fixed axes have at the end of the step; fourth entry padding.
+    /// Displacement (m) that fixed axes have at the end of the step.
     PrescribedDisplacement,
 }
 

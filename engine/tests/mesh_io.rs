@@ -5,6 +5,8 @@ use proptest::prelude::*;
 use sinew_engine::mesh::generate::{box_hexahedra, box_tets, triangle_grid};
 use sinew_engine::mesh::io::*;
 use sinew_engine::mesh::{CellData, FileLines, Group, Mesh, MeshError};
+use std::io::ErrorKind;
+use std::path::Path;
 
 /// The mesh without what differs between files of equal content.
 fn bare(mut mesh: Mesh) -> Mesh {
@@ -337,6 +339,57 @@ fn tetgen_obj_stl_and_gmsh_1() {
     assert_eq!(read_stl(&binary, "").unwrap().points, mesh.points);
     let mesh = read_gmsh(MSH_1.as_bytes(), "").unwrap();
     assert_eq!((mesh.tetrahedra.len(), mesh.groups[0].name.as_str()), (1, "7"));
+}
+
+#[test]
+fn bytes_of_every_format_are_a_mesh() {
+    let cube = cube();
+    let data = VtuData::of_mesh(&cube);
+    let files = [
+        ("a.vtu", encode_vtu(&data).unwrap()),
+        ("a.vtk", encode_vtk(&data, false).unwrap()),
+        ("b.vtk", encode_vtk(&data, true).unwrap()),
+        ("a.msh", encode_gmsh(&cube).into_bytes()),
+        ("b.msh", binary_4(true)),
+        ("c.msh", MSH_1.into()),
+        ("a.obj", OBJ.into()),
+        ("a.stl", STL.into()),
+        ("a.node", NODE.into()),
+        ("a.ele", ELE.into()),
+        ("a.face", FACE.into()),
+    ];
+    let open = |path: &Path| {
+        let found = files.iter().find(|(name, _)| path == Path::new(name));
+        found.map(|(_, bytes)| bytes.clone()).ok_or(ErrorKind::NotFound.into())
+    };
+    for (name, bytes) in &files[..8] {
+        let mesh = Mesh::from_bytes(name, bytes).unwrap();
+        assert_eq!(mesh.source, *name);
+        assert_eq!(Mesh::read_with(Path::new(name), &open).unwrap(), mesh);
+        assert!(!mesh.points.is_empty());
+    }
+    let whole = read_tetgen(NODE.as_bytes(), ELE.as_bytes(), Some(FACE.as_bytes()), "a.node");
+    assert_eq!(Mesh::read_with(Path::new("a.node"), &open).unwrap(), whole.unwrap());
+    // the file of faces may be missing, that of tetrahedra may not
+    let without = |lost: &'static str| {
+        move |path: &Path| {
+            if path == Path::new(lost) { Err(ErrorKind::NotFound.into()) } else { open(path) }
+        }
+    };
+    let bare = Mesh::read_with(Path::new("a.ele"), &without("a.face")).unwrap();
+    assert_eq!((bare.tetrahedra.len(), bare.triangles.len()), (1, 0));
+    let error = Mesh::read_with(Path::new("a.node"), &without("a.ele")).unwrap_err();
+    assert!(error.to_string().starts_with("a.ele: "), "{error}");
+    let refuse = |path: &Path| {
+        if path == Path::new("a.face") {
+            Err(ErrorKind::PermissionDenied.into())
+        } else {
+            open(path)
+        }
+    };
+    assert!(matches!(Mesh::read_with(Path::new("a.node"), &refuse), Err(MeshError::Io { .. })));
+    let error = Mesh::from_bytes("a.node", NODE.as_bytes()).unwrap_err();
+    assert!(matches!(error, MeshError::SeveralFiles { .. }), "{error}");
 }
 
 /// Every reader on the same bytes; the answer does not matter, coming back does.

@@ -3,7 +3,7 @@
 use bevy_ecs::bundle::NoBundleEffect;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
-use sinew_engine::compiled_here;
+use sinew_engine::by_precision;
 use sinew_engine::element::{
     EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestVolume, ShapeGradientBundle,
     TETRAHEDRON_FACES, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices,
@@ -16,6 +16,7 @@ use sinew_engine::isoparametric::{
 use sinew_engine::law::{BodiesWithoutRecovery, partition_laws};
 use sinew_engine::layout::{BodyLayout, ElementLists};
 use sinew_engine::mesh::Mesh;
+use sinew_engine::precision::Precision;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, ElementTables, Topology};
 use sinew_engine::vertex::{
@@ -256,6 +257,15 @@ pub enum BodyError {
         /// Name of the new body.
         body: String,
     },
+    /// The world was not set up for bodies.
+    #[error(
+        "body `{body}` cannot be added: the world has no `Precision`; add `SinewPlugins` to the app, or \
+         call `install_engine`, before the first body"
+    )]
+    NoPrecision {
+        /// Name of the new body.
+        body: String,
+    },
     /// The name is taken.
     #[error("there is a body `{body}` already; names must be unique")]
     Duplicate {
@@ -298,15 +308,15 @@ impl SoftBody {
 
 /// Builds a body: orders the mesh, precomputes stiffnesses, spawns one entity per vertex, tetrahedron
 /// and membrane triangle (per edge and triangle too when springs are pooled) and puts the laws it needs into
-/// the force schedule.
+/// the force schedule. Its number type is the world's [`Precision`].
 ///
 /// # Errors
-/// When material or mesh cannot be used; nothing is spawned then.
-pub fn spawn_body<S: Scalar>(
-    world: &mut World,
-    body: &BodyDescription,
-) -> Result<Entity, BodyError> {
-    compiled_here!(S, spawn(world: &mut World, body: &BodyDescription) -> Result<Entity, BodyError>)
+/// When material or mesh cannot be used, or the world has no [`Precision`]; nothing is spawned then.
+pub fn spawn_body(world: &mut World, body: &BodyDescription) -> Result<Entity, BodyError> {
+    match world.get_resource::<Precision>() {
+        Some(&precision) => by_precision!(precision, spawn(world, body)),
+        None => Err(BodyError::NoPrecision { body: body.name.to_string() }),
+    }
 }
 
 fn spawn<S: Scalar>(world: &mut World, body: &BodyDescription) -> Result<Entity, BodyError> {

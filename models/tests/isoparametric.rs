@@ -74,7 +74,7 @@ fn world<S: Scalar>(body: &BodyDescription, set: InstructionSet) -> World {
     let mut world = World::new();
     install::<S>(&mut world, Executor::SingleThreaded);
     world.insert_resource(Workers::serial().with_instruction_set(set).unwrap());
-    spawn_body::<S>(&mut world, body).unwrap();
+    spawn_body(&mut world, body).unwrap();
     world
 }
 
@@ -421,13 +421,13 @@ fn bad_elements_are_named() {
     let mut turned = hexahedra.clone();
     turned[1] = [7, 8, 11, 10, 1, 2, 5, 4];
     let body = BodyDescription { hexahedra: &turned, ..solid.clone() };
-    let error = spawn_body::<f64>(&mut fresh(), &body).unwrap_err();
+    let error = spawn_body(&mut fresh(), &body).unwrap_err();
     assert!(matches!(error, BodyError::Hexahedron { hexahedron: 1, .. }), "{error}");
     let body = BodyDescription { hexahedra: &[[0, 1, 2, 3, 4, 5, 6, 99]], ..solid.clone() };
-    let error = spawn_body::<f64>(&mut fresh(), &body).unwrap_err();
+    let error = spawn_body(&mut fresh(), &body).unwrap_err();
     assert!(matches!(error, BodyError::HexahedronIndex { hexahedron: 0, .. }), "{error}");
     let body = BodyDescription { model: Model::QuadraticSprings, ..solid.clone() };
-    let error = spawn_body::<f64>(&mut fresh(), &body).unwrap_err();
+    let error = spawn_body(&mut fresh(), &body).unwrap_err();
     assert!(matches!(error, BodyError::HexahedronModel { .. }), "{error}");
     let (points, quads) = plates();
     let sheet = MembraneDescription::new(&[], 0.1, material(0.3));
@@ -436,7 +436,7 @@ fn bad_elements_are_named() {
             membrane: Some(membrane),
             ..BodyDescription::from_parts("body", &points, &[], material(0.4))
         };
-        spawn_body::<f64>(world, &body).unwrap_err()
+        spawn_body(world, &body).unwrap_err()
     };
     let twice = [quads[0], [4, 3, 0, 1]];
     let error = spawn(MembraneDescription { quads: &twice, ..sheet }, &mut fresh());

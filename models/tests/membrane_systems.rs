@@ -76,7 +76,7 @@ fn world<S: Scalar>(body: &BodyDescription, moved: &[DVec3], set: InstructionSet
     let mut world = World::new();
     install::<S>(&mut world, Executor::SingleThreaded);
     world.insert_resource(Workers::new(1).unwrap().with_instruction_set(set).unwrap());
-    spawn_body::<S>(&mut world, body).unwrap();
+    spawn_body(&mut world, body).unwrap();
     let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
     let mut query = world.query::<&mut Displacement<S>>();
     for (mut u, v) in query.iter_mut(&mut world).zip(order) {
@@ -430,7 +430,7 @@ fn several_bodies_share_the_tables() {
             evaluation: if i % 2 == 0 { POOLED } else { FUSED },
             ..BodyDescription::from_parts(&name, &points, tetrahedra, material(5e3, 0.4))
         };
-        spawn_body::<f64>(&mut together, &body).unwrap();
+        spawn_body(&mut together, &body).unwrap();
         let mut alone = world::<f64>(&body, &moved, InstructionSet::default_set().unwrap());
         energies.push(evaluate::<f64>(&mut alone, points.len(), TangentKind::Exact).energy);
     }
@@ -465,7 +465,7 @@ fn bad_membranes_are_refused() {
             membrane: Some(membrane),
             ..BodyDescription::from_parts("sheet", &points, &[], material(1.0, 0.3))
         };
-        let result = spawn_body::<f64>(&mut world, &body);
+        let result = spawn_body(&mut world, &body);
         if result.is_err() {
             assert!(world.resource::<Topology>().bodies.is_empty());
         }

@@ -112,7 +112,7 @@ fn world<S: Scalar>(
     let mut world = World::new();
     install::<S>(&mut world, Executor::SingleThreaded);
     world.insert_resource(workers);
-    spawn_body::<S>(&mut world, &body("b", points, tetrahedra, model, evaluation)).unwrap();
+    spawn_body(&mut world, &body("b", points, tetrahedra, model, evaluation)).unwrap();
     let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
     let mut query = world.query::<&mut Displacement<S>>();
     for (mut u, v) in query.iter_mut(&mut world).zip(order) {
@@ -414,9 +414,8 @@ fn quadratic_springs_have_no_pooled_evaluation() {
         install::<f64>(&mut world, Executor::SingleThreaded);
         let (points, tetrahedra, _) = strip(3, &noise(), Motion::Rest);
         let evaluation = Evaluation::Pooled;
-        let error =
-            spawn_body::<f64>(&mut world, &body("b", &points, &tetrahedra, model, evaluation))
-                .unwrap_err();
+        let error = spawn_body(&mut world, &body("b", &points, &tetrahedra, model, evaluation))
+            .unwrap_err();
         assert_eq!(error, BodyError::Evaluation { body: "b".into(), model });
         assert!(error.to_string().contains(model.name()) && error.to_string().contains("fused"));
     }
@@ -442,7 +441,7 @@ fn all_kinds_side_by_side() {
         let name = &i.to_string();
         let (points, tetrahedra) = (&mesh.points[..], &mesh.tetrahedra[..]);
         let material = material();
-        spawn_body::<f64>(
+        spawn_body(
             &mut together,
             &BodyDescription { material, ..body(name, points, tetrahedra, model, evaluation) },
         )

@@ -32,6 +32,15 @@ pub enum MeshError {
         /// What the operating system said.
         source: std::io::Error,
     },
+    /// A mesh of several files was given as one.
+    #[error(
+        "{file}: a TetGen mesh is a .node and an .ele file, one alone is no mesh; \
+         read both with `Mesh::read_with`"
+    )]
+    SeveralFiles {
+        /// Name of the file.
+        file: String,
+    },
     /// Neither extension nor content tells the file format.
     #[error(
         "{file}: unknown mesh format, the file starts with `{start}`; \

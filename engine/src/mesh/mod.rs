@@ -144,7 +144,43 @@ impl Mesh {
     ///
     /// Every [`MeshError`] that has a file: absent, of unknown format, incomplete or wrong.
     pub fn read(path: &Path) -> Result<Mesh, MeshError> {
-        io::read(path)
+        io::read_with(path, &|path| std::fs::read(path))
+    }
+
+    /// Reads a mesh as [`Mesh::read`] does, from files that `open` gives in place of the file system: an
+    /// archive, a network, memory. It is asked for `path`, and for TetGen meshes for the files beside it;
+    /// an optional one may be answered by [`NotFound`](std::io::ErrorKind::NotFound).
+    ///
+    /// # Errors
+    ///
+    /// As [`Mesh::read`]; what `open` answers becomes [`MeshError::Io`].
+    pub fn read_with(
+        path: &Path,
+        open: &dyn Fn(&Path) -> std::io::Result<Vec<u8>>,
+    ) -> Result<Mesh, MeshError> {
+        io::read_with(path, open)
+    }
+
+    /// Reads a mesh from the bytes of a file. As in [`Mesh::read`] the first bytes tell the format, or else
+    /// the extension of `name` does, which messages give too.
+    ///
+    /// # Errors
+    ///
+    /// As [`Mesh::read`]; [`MeshError::SeveralFiles`] for TetGen meshes, which [`Mesh::read_with`] and
+    /// [`io::read_tetgen`] read.
+    ///
+    /// ```
+    /// use sinew_engine::mesh::Mesh;
+    ///
+    /// let triangle = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    /// let mesh = Mesh::from_bytes("skin.obj", triangle)?;
+    /// assert_eq!((mesh.points.len(), &mesh.triangles[..]), (3, &[[0, 1, 2]][..]));
+    /// let error = Mesh::from_bytes("skin.obj", b"v 0 zero 0\n").unwrap_err();
+    /// assert!(error.to_string().starts_with("skin.obj, line 1: found `zero`"));
+    /// # Ok::<(), sinew_engine::mesh::MeshError>(())
+    /// ```
+    pub fn from_bytes(name: &str, bytes: &[u8]) -> Result<Mesh, MeshError> {
+        io::from_bytes(Path::new(name), bytes)
     }
 
     /// The first group of that name, in order of dimension.

@@ -189,7 +189,7 @@ fn a_spoilt_inverse_is_reported_and_done_without() {
     });
     let mesh = box_tets(DVec3::new(0.2, 0.05, 0.05), [8, 3, 3]).unwrap();
     let material = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.45, density: 1000.0 };
-    spawn_body::<f64>(&mut world, &BodyDescription::new("beam", &mesh, material)).unwrap();
+    spawn_body(&mut world, &BodyDescription::new("beam", &mesh, material)).unwrap();
     world.spawn(Constraint::hold("end", (0..16).collect()));
     let mut step = |spoilt: bool| {
         if spoilt {
@@ -198,7 +198,7 @@ fn a_spoilt_inverse_is_reported_and_done_without() {
             let numbers = (coarse.stride * coarse.stride) as usize;
             backend.context.write(&coarse.inverse, 0, &vec![-1.0_f32; numbers]);
         }
-        run_step::<f64>(&mut world).unwrap();
+        run_step(&mut world).unwrap();
         let report: &StepReport = world.resource();
         assert!(report.cg_residual < 2e-4);
         let counts = [report.preconditioner_refreshes, report.preconditioner_breakdowns];

@@ -130,7 +130,7 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
             },
             ..BodyDescription::new("fresh", &mesh, soft.material)
         };
-        spawn_body::<S>(&mut fresh, &description)?;
+        spawn_body(&mut fresh, &description)?;
         if let Some(muscles) = world.get_resource::<Muscles>() {
             let own = muscles.iter().filter(|m| m.body == body);
             let activations: Vec<_> = own.map(|m| (m.family.clone(), m.activation())).collect();

@@ -1,0 +1,308 @@
+//! What a host relies on: precision from the world, failures that are seen, tools moved between steps,
+//! simulations that change threads.
+
+mod common;
+
+use bevy_app::{App, PluginGroup, Update};
+use bevy_ecs::prelude::*;
+use common::*;
+use glam::{DQuat, DVec3};
+use sinew::engine::load::Load;
+use sinew::engine::mesh::Mesh;
+use sinew::engine::schedule::Executor;
+use sinew::engine::step::{StepError, run_step};
+use sinew::engine::topology::Topology;
+use sinew::engine::vertex::{Displacement, Position};
+use sinew::models::body::{BodyError, Evaluation, spawn_body};
+use sinew::plugin::{EnginePlugin, SetupError, StepFailed, StepOutcome, ThreadsNotStarted};
+use sinew::prelude::*;
+use std::sync::Mutex;
+
+fn mesh() -> Mesh {
+    jittered_box([0.2, 0.05, 0.05], [6, 2, 2])
+}
+
+fn app(plugins: SinewPlugins) -> App {
+    let mut app = App::new();
+    app.add_plugins(plugins.in_schedule(Update));
+    app
+}
+
+#[test]
+fn a_body_has_the_precision_of_its_world() {
+    let mesh = mesh();
+    let description = BodyDescription::new("body", &mesh, soft(2e4, 0.4));
+    for precision in [Precision::F64, Precision::F32] {
+        let mut app = app(SinewPlugins { precision, ..Default::default() });
+        spawn_body(app.world_mut(), &description).unwrap();
+        for _ in 0..3 {
+            app.update();
+        }
+        let world = app.world_mut();
+        assert_eq!(world.resource::<StepOutcome>().0, None);
+        assert_eq!(world.resource::<StepClock>().step, 3);
+        let doubles = world.query::<&Displacement<f64>>().iter(world).count();
+        let singles = world.query::<&Displacement<f32>>().iter(world).count();
+        let vertices = mesh.points.len();
+        let expected = if precision == Precision::F64 { (vertices, 0) } else { (0, vertices) };
+        assert_eq!((doubles, singles), expected);
+        let falls = |p: &Position| p.0.z < 0.05 && p.0.z > -0.01;
+        assert!(world.query::<&Position>().iter(world).all(falls));
+    }
+}
+
+#[test]
+fn a_world_without_an_engine_is_named() {
+    let mesh = mesh();
+    let description = BodyDescription::new("organ", &mesh, soft(2e4, 0.4));
+    let mut world = World::new();
+    let error = spawn_body(&mut world, &description).unwrap_err();
+    assert_eq!(error, BodyError::NoPrecision { body: "organ".into() });
+    assert!(error.to_string().contains("add `SinewPlugins`"), "{error}");
+    assert!(!world.contains_resource::<Topology>());
+    let error = run_step(&mut world).unwrap_err();
+    assert_eq!(error, StepError::NoEngine);
+    assert!(error.to_string().contains("add `SinewPlugins`"), "{error}");
+
+    // a host that leaves the engine out hears of it, too
+    let mut app = App::new();
+    app.add_plugins(SinewPlugins::default().in_schedule(Update).build().disable::<EnginePlugin>());
+    app.update();
+    assert_eq!(app.world().resource::<StepOutcome>().0, Some(StepError::NoEngine));
+}
+
+/// The log of this test binary.
+struct Log(Mutex<Vec<String>>);
+
+static LOG: Log = Log(Mutex::new(Vec::new()));
+
+impl log::Log for Log {
+    fn enabled(&self, metadata: &log::Metadata) -> bool {
+        metadata.level() == log::Level::Error
+    }
+    fn log(&self, record: &log::Record) {
+        if self.enabled(record.metadata()) {
+            self.0.lock().unwrap().push(record.args().to_string());
+        }
+    }
+    fn flush(&self) {}
+}
+
+/// Log entries with a text in them that no other test writes.
+fn logged(text: &str) -> usize {
+    LOG.0.lock().unwrap().iter().filter(|line| line.contains(text)).count()
+}
+
+#[derive(Resource, Default)]
+struct Heard {
+    steps: Vec<StepError>,
+    threads: usize,
+}
+
+fn listen(
+    mut heard: ResMut<Heard>,
+    mut steps: MessageReader<StepFailed>,
+    mut threads: MessageReader<ThreadsNotStarted>,
+) {
+    heard.steps.extend(steps.read().map(|failed| failed.0.clone()));
+    heard.threads += threads.read().count();
+}
+
+#[test]
+fn failures_are_messages_and_log_entries() {
+    log::set_logger(&LOG).unwrap();
+    log::set_max_level(log::LevelFilter::Error);
+    let mut app = app(SinewPlugins { threads: 98_765, ..Default::default() });
+    app.init_resource::<Heard>().add_systems(bevy_app::PostUpdate, listen);
+    assert!(app.world().resource::<SetupError>().0.is_some());
+    assert_eq!(logged("98765 threads"), 0, "the host's logger may come later");
+    app.update();
+    app.update();
+    assert_eq!(app.world().resource::<StepClock>().step, 2, "one thread does the work");
+    assert_eq!((logged("98765 threads"), app.world().resource::<Heard>().threads), (1, 1));
+
+    let set_dt = |app: &mut App, dt| app.world_mut().resource_mut::<StepClock>().dt = dt;
+    let deal_with_it = |app: &mut App| app.world_mut().resource_mut::<StepOutcome>().0 = None;
+    let bad = StepError::InvalidStep { dt: -0.125 };
+    set_dt(&mut app, -0.125);
+    for _ in 0..5 {
+        app.update();
+    }
+    assert_eq!(app.world().resource::<StepOutcome>().0, Some(bad.clone()));
+    assert_eq!(app.world().resource::<Heard>().steps, [bad.clone()]);
+    assert_eq!(logged("dt = -0.125 s"), 1);
+    // a host that tries again without a change: every failure is a message, the log stays readable
+    for _ in 0..3 {
+        deal_with_it(&mut app);
+        app.update();
+    }
+    assert_eq!((app.world().resource::<Heard>().steps.len(), logged("dt = -0.125 s")), (4, 1));
+    // another error is told, and the first one anew once steps went well again
+    deal_with_it(&mut app);
+    set_dt(&mut app, f64::NAN);
+    app.update();
+    assert_eq!((app.world().resource::<Heard>().steps.len(), logged("dt = NaN s")), (5, 1));
+    for _ in 0..2 {
+        deal_with_it(&mut app);
+        set_dt(&mut app, 0.01);
+        app.update();
+    }
+    assert_eq!(app.world().resource::<StepClock>().step, 4);
+    set_dt(&mut app, -0.125);
+    app.update();
+    assert_eq!(logged("dt = -0.125 s"), 2);
+}
+
+/// A beam held at one end, its other end in a tool; returns the tool.
+fn beam(options: SimulationOptions, integrator: Integrator, motion: Motion) -> Held {
+    let mesh = mesh();
+    let model = Model::CompressibleStVK;
+    let (mut simulation, body) = simulate(options, &mesh, soft(2e4, 0.4), model, Evaluation::Fused);
+    simulation.set_solver(SolverSettings { integrator, ..Default::default() });
+    clamp(&mut simulation, body, &mesh, "x0");
+    let rows = simulation.rows(body, "tool", &group(&mesh, "x1")).unwrap();
+    let tool = Constraint::moving("tool", rows, motion, Curve::ramp(0.0, 0.15));
+    let tool = simulation.add_constraint(tool);
+    Held { simulation, body, tool }
+}
+
+struct Held {
+    simulation: Simulation,
+    body: BodyHandle,
+    tool: Entity,
+}
+
+impl Held {
+    /// Steps through the ramp and some time after it, with `target` of the ramp's value at the end of
+    /// each step; force (N) of the tool after every step.
+    fn run(&mut self, target: Option<&dyn Fn(f64) -> Pose>) -> Vec<DVec3> {
+        let s = &mut self.simulation;
+        let ramp = Curve::ramp(0.0, 0.15);
+        let steps = 0..20;
+        steps
+            .map(|_| {
+                if let Some(target) = target {
+                    let end = s.time() + s.world().resource::<StepClock>().dt;
+                    s.set_target(self.tool, target(ramp.value(end))).unwrap();
+                }
+                s.step().unwrap();
+                s.evaluate();
+                s.reaction(self.tool)
+            })
+            .collect()
+    }
+}
+
+const IMPLICIT: [Integrator; 5] = [
+    Integrator::Safe,
+    Integrator::LinearisedBdf2,
+    Integrator::TrBdf2,
+    Integrator::ImplicitMidpoint,
+    Integrator::QuasiStatic,
+];
+
+#[test]
+fn targets_set_between_steps_equal_a_ramp() {
+    let way = DVec3::new(0.03, 0.01, -0.02);
+    for precision in [Precision::F64, Precision::F32] {
+        let options = SimulationOptions { precision, threads: 1, ..Default::default() };
+        for integrator in IMPLICIT {
+            let mut ramp = beam(options, integrator, Motion::Translate(way));
+            let mut hand = beam(options, integrator, Motion::Hold);
+            let expected = ramp.run(None);
+            let reactions = hand.run(Some(&|factor| Pose::from(way * factor)));
+            assert!(expected.iter().all(|f| f.x > 0.01), "{integrator:?}: {expected:?}");
+            assert_eq!(reactions, expected, "{precision:?} {integrator:?}");
+            assert_eq!(ramp.simulation.state_hash(), hand.simulation.state_hash());
+        }
+        // substeps go along the same line, rounded otherwise
+        let tolerance = if precision == Precision::F64 { 1e-10 } else { 1e-3 };
+        for integrator in [Integrator::SymplecticEuler, Integrator::StormerVerlet] {
+            let expected = beam(options, integrator, Motion::Translate(way)).run(None);
+            let mut hand = beam(options, integrator, Motion::Hold);
+            let reactions = hand.run(Some(&|factor| Pose::from(way * factor)));
+            let error = max_distance(&reactions, &expected) / max_length(&expected);
+            assert!(error < tolerance, "{precision:?} {integrator:?}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn targets_turn_what_is_held() {
+    let centre = DVec3::new(0.2, 0.025, 0.025);
+    let options = SimulationOptions { threads: 1, ..Default::default() };
+    let angle = 1.2;
+    for integrator in [Integrator::Safe, Integrator::StormerVerlet] {
+        let turn = Motion::Rotate { centre, axis: DVec3::X, angle };
+        let mut ramp = beam(options, integrator, turn);
+        let mut hand = beam(options, integrator, Motion::Hold);
+        let target = |factor: f64| {
+            let rotation = DQuat::from_rotation_x(angle * factor);
+            Pose { rotation, centre, ..Pose::IDENTITY }
+        };
+        ramp.run(None);
+        hand.run(Some(&target));
+        let [expected, found] = [&mut ramp, &mut hand].map(|h| h.simulation.positions(h.body));
+        assert!(max_distance(&expected, &mesh().points) > 0.01);
+        let error = max_distance(&found, &expected) / 0.2;
+        // a hand turns a little otherwise within a step than an angle that grows evenly
+        let tolerance = if integrator == Integrator::Safe { 1e-12 } else { 1e-6 };
+        assert!(error < tolerance, "{integrator:?}: {error:e}");
+    }
+}
+
+#[test]
+fn a_target_holds_until_the_next_and_survives_a_failed_step() {
+    let options = SimulationOptions { threads: 1, ..Default::default() };
+    let mut held = beam(options, Integrator::StormerVerlet, Motion::Hold);
+    let (tool, corner) = (held.tool, group(&mesh(), "x1")[0] as usize);
+    let s = &mut held.simulation;
+    let x = |s: &mut Simulation| s.displacements(BodyHandle(0))[corner].x;
+    s.set_target(tool, DVec3::X * 0.001).unwrap();
+    s.set_target(tool, DVec3::X * 0.002).unwrap();
+    s.step().unwrap();
+    assert_eq!(x(s), 0.002, "the last target before a step counts");
+    s.step().unwrap();
+    assert_eq!(x(s), 0.002);
+    // a step that fails moves nothing, and made again it moves as if it had not been tried
+    let load = Load { name: "bad".into(), forces: vec![(0, DVec3::NAN)], curve: Curve::Constant };
+    s.set_target(tool, DVec3::X * 0.004).unwrap();
+    let bad = s.add_load(load);
+    let before = s.state_hash();
+    assert!(s.step().is_err());
+    assert_eq!(s.state_hash(), before);
+    s.world_mut().despawn(bad);
+    s.step().unwrap();
+    assert_eq!(x(s), 0.004);
+    let mut smooth = beam(options, Integrator::StormerVerlet, Motion::Hold);
+    for target in [0.002, 0.002, 0.004] {
+        smooth.simulation.set_target(smooth.tool, DVec3::X * target).unwrap();
+        smooth.simulation.step().unwrap();
+    }
+    assert_eq!(smooth.simulation.state_hash(), s.state_hash());
+}
+
+#[test]
+fn a_simulation_changes_threads() {
+    fn is_send<T: Send>() {}
+    is_send::<Simulation>();
+    let hold = || Motion::Translate(DVec3::X * 0.03);
+    for executor in [Executor::SingleThreaded, Executor::MultiThreaded] {
+        for threads in [1, 2] {
+            let options = SimulationOptions { executor, threads, ..Default::default() };
+            let mut here = beam(options, Integrator::Auto, hold());
+            let there = beam(options, Integrator::Auto, hold());
+            here.run(None);
+            // made here, stepped there, read here
+            let mut there = std::thread::spawn(move || {
+                let mut held = there;
+                held.run(None);
+                held
+            })
+            .join()
+            .unwrap();
+            assert_eq!(there.simulation.state_hash(), here.simulation.state_hash());
+            there.simulation.step().unwrap();
+        }
+    }
+}
