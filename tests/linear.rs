@@ -14,8 +14,9 @@ use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::vertex::{ElasticForce, FixedAxes, Mass, RestPosition};
 use sinew::engine::workers::Workers;
 use sinew::prelude::*;
-use sinew::solvers::cg::{CgOutcome, CgStatus, LinearOptions, LinearSolver, ShiftedTangent};
+use sinew::solvers::linear_solver::{CgOutcome, CgStatus, LinearOptions, LinearSolver};
 use sinew::solvers::settings::{LinearPrecision, Preconditioner};
+use sinew::solvers::system::ShiftedTangent;
 
 const PRECONDITIONERS: [Preconditioner; 3] =
     [Preconditioner::BlockJacobi, Preconditioner::IncompleteCholesky, Preconditioner::Multigrid];

@@ -16,7 +16,8 @@ use sinew::models::pooled::{
     AngularStiffnesses, TensileStiffness, TriangleVertices, VolumetricStiffnesses,
 };
 use sinew::prelude::*;
-use sinew::solvers::cg::{CgStatus, LinearOptions, LinearSolver, ShiftedTangent};
+use sinew::solvers::linear_solver::{CgStatus, LinearOptions, LinearSolver};
+use sinew::solvers::system::ShiftedTangent;
 
 const BOTH: [Evaluation; 2] = [Evaluation::Pooled, Evaluation::Fused];
 

@@ -13,8 +13,9 @@ use sinew::engine::scalar::Scalar;
 use sinew::engine::vertex::{ElasticForce, FixedAxes, Mass, RestPosition};
 use sinew::engine::workers::Workers;
 use sinew::prelude::*;
-use sinew::solvers::cg::{LinearOptions, LinearSolver, ShiftedTangent};
+use sinew::solvers::linear_solver::{LinearOptions, LinearSolver};
 use sinew::solvers::settings::Preconditioner;
+use sinew::solvers::system::ShiftedTangent;
 
 const PRECONDITIONERS: [Preconditioner; 3] =
     [Preconditioner::BlockJacobi, Preconditioner::IncompleteCholesky, Preconditioner::Multigrid];

@@ -11,8 +11,9 @@ use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{FixedAxes, RestPosition};
 use sinew::engine::workers::Workers;
 use sinew::prelude::*;
-use sinew::solvers::cg::{CgStatus, LinearOptions, LinearSolver, ShiftedTangent};
+use sinew::solvers::linear_solver::{CgStatus, LinearOptions, LinearSolver};
 use sinew::solvers::state::{NodeState, Rows, dot3, evaluate};
+use sinew::solvers::system::ShiftedTangent;
 
 /// A mode of free vibration.
 #[derive(Clone, Debug, PartialEq)]

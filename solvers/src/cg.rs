@@ -1,430 +1,695 @@
-//! Linear systems with a shifted tangent on the free unknowns.
+//! Preconditioned conjugate gradients in one number type, and what they keep between solves.
 //!
-//! The system matrix is `A = c_M M + c_K K + c_C C` with lumped mass `M`, tangent `K` and an optional
-//! frozen damping tangent `C`, restricted to the free unknowns: rows and columns of held unknowns
-//! are taken out exactly by masking, not by penalties. Bodies do not couple, so each is solved alone.
+//! An iteration is two parallel regions over the fixed pieces of the pattern: one forms the new
+//! direction, multiplies the piece's rows of the upper half and takes the scalar product on the way; the
+//! other updates solution and residual, applies the preconditioner to the piece and takes the
+//! other two products. What a piece adds to the rows of later ones stays in its own array and is
+//! fetched by them.
 //!
-//! A solve adds the matrix up once and hands it to preconditioned conjugate gradients
-//! ([`crate::engine`]). With mixed precision the matrix, the vectors and the preconditioner are in
-//! `f32` and only a correction is solved for; the residual is formed anew in `f64` with the tangent
-//! as it came, and corrections are added until that residual holds the tolerance. Where `f32` gets
-//! no closer, or claims a negative curvature that the `f64` tangent does not confirm, the solve goes
-//! on in `f64`. Sums run over fixed pieces in `f64`, so the iterates do not depend on the number of
-//! threads.
+//! Values of the preconditioner are kept over solves. They are computed again when the unknowns held
+//! or the factors of the matrix change, and when the iterations spent beyond those of the first solve
+//! after the last refresh add up to what a refresh costs, in the middle of a solve if need be, or when
+//! a solve with them did not converge.
 
-use crate::engine::{Engine, Inner, InnerStatus};
-use crate::settings::{LinearPrecision, Preconditioner};
-use crate::state::{Rows, dot3};
-use crate::system::{Pattern, definite_inverse, diagonal_inverse, transpose_product};
+use crate::cholesky::IncompleteCholesky;
+use crate::coarse::{CoarseSpace, Motion};
+use crate::settings::Preconditioner;
+use crate::simd::{Kernel, vectorised};
+use crate::system::{Pattern, ShiftedTangent, SystemMatrix, accumulate, add4, scale4, sub4};
 use glam::DVec3;
-use sinew_engine::matrix::{BlockMatrix, ProductSpans};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
-use std::ops::Range;
 
-/// The system matrix.
+/// The system of one body, and how it is solved.
 #[derive(Clone, Copy)]
-pub struct ShiftedTangent<'a, S> {
-    /// Edge graph.
-    pub topology: &'a Topology,
-    /// Thread pool.
-    pub workers: &'a Workers,
-    /// Masses (kg).
-    pub mass: &'a [S],
-    /// Factor of the masses.
-    pub mass_factor: S,
-    /// Tangent.
-    pub tangent: &'a BlockMatrix<S>,
-    /// Factor of the tangent.
-    pub tangent_factor: S,
-    /// Frozen damping tangent and its factor.
-    pub damping: Option<(&'a BlockMatrix<S>, S)>,
-    /// Held unknowns.
-    pub fixed: &'a [FixedAxes],
+pub struct BodySystem<'a, S> {
+    /// The matrix of its world.
+    pub system: &'a ShiftedTangent<'a, S>,
+    /// Index of the body.
+    pub body: usize,
+    /// Pattern of its part of the matrix.
+    pub pattern: &'a Pattern,
+    /// Rest positions (m) of all rows of the world.
+    pub rest: &'a [DVec3],
+    /// Preconditioner, neither [`Preconditioner::Auto`] nor [`Preconditioner::Direct`].
+    pub preconditioner: Preconditioner,
 }
 
-/// How a solve ended.
+/// When an inner solve ends.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Norm of the residual at its start.
+    pub norm: f64,
+    /// Reduction of the residual that is enough.
+    pub target: f64,
+    /// Most iterations.
+    pub cap: u32,
+}
+
+/// How an inner solve ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CgStatus {
-    /// The residual is below the tolerance.
+pub enum InnerStatus {
+    /// The recurrence of the residual fell below the target.
     Converged,
-    /// The iteration cap was reached.
+    /// The cap was reached.
     Cap,
-    /// A direction of non-positive curvature turned up: the matrix is not positive definite.
+    /// A direction of non-positive curvature turned up.
     Indefinite,
     /// A number is not finite.
     NotFinite,
 }
 
-/// What a solve is asked for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LinearOptions {
-    /// Residual, relative to that of the start vector, at which the system counts as solved.
-    pub tolerance: f64,
-    /// Cap on iterations.
-    pub max_iterations: u32,
-    /// Preconditioner.
-    pub preconditioner: Preconditioner,
-    /// Number type of matrix and iteration.
-    pub precision: LinearPrecision,
-}
-
-impl Default for LinearOptions {
-    fn default() -> Self {
-        Self {
-            tolerance: 1e-3,
-            max_iterations: 5_000,
-            preconditioner: Preconditioner::default(),
-            precision: LinearPrecision::default(),
-        }
-    }
-}
-
-/// Result of a solve.
+/// Result of an inner solve.
 #[derive(Clone, Copy, Debug)]
-pub struct CgOutcome {
+pub struct Inner {
     /// How it ended.
-    pub status: CgStatus,
+    pub status: InnerStatus,
     /// Iterations.
     pub iterations: u32,
-    /// Residual over that of the start vector (or the right-hand side, if smaller), Euclidean norm.
-    pub residual: f64,
-    /// Preconditioner that was used, never [`Preconditioner::Auto`].
-    pub preconditioner: Preconditioner,
-    /// Times its values were computed; otherwise those of an earlier solve were used.
+    /// Residual of the recurrence over that of the start.
+    pub reduction: f64,
+    /// Refreshes of the preconditioner.
     pub refreshes: u32,
-    /// Restarts of its factorisation after breakdowns.
+    /// Restarts of its factorisation.
     pub breakdowns: u32,
-    /// The solve had to go on in full precision.
-    pub fell_back: bool,
 }
 
-/// Solves the systems of the bodies of a world, one by one, and keeps what can be used again.
+/// Matrix, preconditioner and vectors of one body in one number type.
 #[derive(Clone, Debug, Default)]
-pub struct LinearSolver<S> {
-    revision: u64,
-    bodies: Vec<BodySolver<S>>,
-    spans: ProductSpans<S>,
-    damped: Rows<S>,
-    residual: Rows<S>,
-    correction: Rows<S>,
+pub struct ConjugateGradients<T> {
+    /// The matrix.
+    pub matrix: SystemMatrix<T>,
+    product: Vec<ProductPiece<T>>,
+    update: Vec<UpdatePiece<T>>,
+    cholesky: IncompleteCholesky<T>,
+    coarse: Option<CoarseSpace<T>>,
+    forces: Vec<[T; 8]>,
+    motions: Vec<Motion<T>>,
+    kept: Option<Kept>,
 }
 
+/// What the kept values of the preconditioner were computed for, and how they did since.
+#[derive(Clone, Debug)]
+struct Kept {
+    kind: Preconditioner,
+    factors: [f64; 3],
+    held: Vec<FixedAxes>,
+    /// Splits of the body: aggregates must not reach across a gap.
+    splits: u64,
+    /// Iterations per power of ten of the first solve after the refresh.
+    fresh: Option<f64>,
+    /// Iterations spent beyond that since.
+    excess: f64,
+    /// Iterations that a refresh costs.
+    cost: f64,
+}
+
+impl Kept {
+    /// Books a solve; the values are in use since so many iterations and at this reduction.
+    fn book(&mut self, inner: &Inner, since: (u32, f64)) {
+        let iterations = f64::from(inner.iterations - since.0);
+        let decades = libm::log10(since.1 / inner.reduction);
+        if inner.status != InnerStatus::Converged {
+            // made for a matrix that was given up: not worth keeping
+            self.excess = f64::INFINITY;
+        } else if let Some(fresh) = self.fresh {
+            self.excess += (iterations - fresh * decades).max(0.0);
+        } else if decades > 0.0 {
+            self.fresh = Some(iterations / decades);
+        }
+    }
+}
+
+/// What the first region of an iteration writes, rows from the piece's first to its reach.
 #[derive(Clone, Debug, Default)]
-struct BodySolver<S> {
-    pattern: Pattern,
-    single: Engine<f32>,
-    #[cfg(feature = "direct")]
-    direct: crate::direct::DirectFactor<S>,
-    /// In use when `S` is `f64` and mixed precision is off or not enough.
-    full: Engine<S>,
+struct ProductPiece<T> {
+    p: Vec<[T; 4]>,
+    q: Vec<[T; 4]>,
+    curvature: f64,
 }
 
-const CHUNK: usize = 2048;
-
-impl<S: Scalar> ShiftedTangent<'_, S> {
-    /// Vertex rows of a body.
-    fn rows(&self, body: usize) -> Range<usize> {
-        let rows = &self.topology.bodies[body].vertices;
-        rows.start as usize..rows.end as usize
-    }
-
-    /// `y = A x` for the rows of one body; held entries of `x` must be zero, those of `y` are.
-    pub fn multiply(
-        &self,
-        spans: &mut ProductSpans<S>,
-        scratch: &mut Rows<S>,
-        body: usize,
-        x: &[[S; 4]],
-        y: &mut [[S; 4]],
-    ) {
-        let offset = self.rows(body).start;
-        self.tangent.multiply_body(self.topology, self.workers, spans, body, x, y);
-        let damping = self.damping.map(|(matrix, factor)| {
-            scratch.resize(x.len(), [S::ZERO; 4]);
-            matrix.multiply_body(self.topology, self.workers, spans, body, x, scratch);
-            (&*scratch, factor)
-        });
-        self.workers.for_chunks(y, CHUNK, x.len() * 4, |first, rows| {
-            for (i, y) in rows.iter_mut().enumerate() {
-                let local = first + i;
-                let row = offset + local;
-                let m = self.mass_factor * self.mass[row];
-                for k in 0..3 {
-                    y[k] = y[k] * self.tangent_factor + m * x[local][k];
-                    if let Some((c, factor)) = damping {
-                        y[k] += factor * c[local][k];
-                    }
-                    if self.fixed[row].holds(k) {
-                        y[k] = S::ZERO;
-                    }
-                }
-                y[3] = S::ZERO;
-            }
-        });
-    }
-
-    /// Right-hand side of one body times the inverse diagonal blocks: a descent direction whatever the
-    /// matrix.
-    pub fn preconditioned(&self, body: usize, b: &[[S; 4]], x: &mut [[S; 4]]) {
-        let mut matrix = crate::system::SystemMatrix::<S>::default();
-        matrix.assemble(self, body);
-        for ((m, b), x) in matrix.diagonal.iter().zip(b).zip(x) {
-            let inverse = definite_inverse(m).unwrap_or_else(|| diagonal_inverse(m));
-            *x = transpose_product(&inverse, *b).map(|x| x * S::from_f64(matrix.factor));
-        }
-    }
+/// What the second region writes, rows of the piece.
+#[derive(Clone, Debug, Default)]
+struct UpdatePiece<T> {
+    x: Vec<[T; 4]>,
+    r: Vec<[T; 4]>,
+    z: Vec<[T; 4]>,
+    /// `r . z` of the piece's part of the preconditioner.
+    rz: f64,
+    rr: f64,
+    /// Forces on the aggregates of the piece's rows.
+    coarse: Vec<[T; 8]>,
+    aggregates: std::ops::Range<usize>,
 }
 
-/// One round of refinement with the complete factor of `matrix`.
-#[cfg(feature = "direct")]
-fn solve_directly<S: Scalar>(
-    direct: &mut crate::direct::DirectFactor<S>,
-    pattern: &Pattern,
-    matrix: &crate::system::SystemMatrix<S>,
-    r: &[[S; 4]],
-    e: &mut [[S; 4]],
-) -> Inner {
-    let factorised = direct.prepare(pattern, matrix);
-    if factorised.is_some() {
-        direct.solve(r, e);
-    }
-    Inner {
-        status: factorised.map_or(InnerStatus::Indefinite, |_| InnerStatus::Converged),
-        iterations: 1,
-        reduction: 1.0,
-        refreshes: u32::from(factorised == Some(true)),
-        breakdowns: 0,
-    }
-}
+/// Share of an iteration that a multiplication of blocks takes in a factorisation, which is less
+/// regular than a product.
+const FACTOR_COST: f64 = 5.0;
 
-impl<S: Scalar> LinearSolver<S> {
-    /// Solves the rows of one body of `A x = b` from the start vector in `x`; `b` and `x` hold those
-    /// rows only, and their held entries must be zero. `rest` holds the rest positions (m) of all
-    /// rows of the world.
-    ///
-    /// The residual is measured against that of the start vector (or `b`, if smaller): a start that
-    /// already carries the inertia must not make the forces look small.
-    pub fn solve(
+impl<T: Scalar> ConjugateGradients<T> {
+    /// Solves `A e = r` for the correction `e` of the residual `r`.
+    pub fn solve<S: Scalar>(
         &mut self,
-        system: &ShiftedTangent<'_, S>,
-        rest: &[DVec3],
-        body: usize,
-        b: &[[S; 4]],
-        x: &mut [[S; 4]],
-        options: &LinearOptions,
-    ) -> CgOutcome {
-        if self.revision != system.topology.revision
-            || self.bodies.len() != system.topology.bodies.len()
-        {
-            self.revision = system.topology.revision;
-            self.bodies.clear();
-            self.bodies.resize_with(system.topology.bodies.len(), BodySolver::default);
-        }
-        if self.bodies[body].pattern.is_empty() {
-            self.bodies[body].pattern = Pattern::new(system.topology, body);
-        }
-        // on a thread of the pool, regions follow each other without a hand-over
-        system.workers.enter(|| self.refine(system, rest, body, b, x, options))
-    }
-
-    fn refine(
-        &mut self,
-        system: &ShiftedTangent<'_, S>,
-        rest: &[DVec3],
-        body: usize,
-        b: &[[S; 4]],
-        x: &mut [[S; 4]],
-        options: &LinearOptions,
-    ) -> CgOutcome {
-        let mut outcome = CgOutcome {
-            status: CgStatus::Converged,
+        of: &BodySystem<'_, S>,
+        residual: &[[S; 4]],
+        correction: &mut [[S; 4]],
+        limits: Limits,
+    ) -> Inner {
+        let Limits { norm, target, cap } = limits;
+        let (workers, pattern) = (of.system.workers, of.pattern);
+        let mut inner = Inner {
+            status: InnerStatus::Cap,
             iterations: 0,
-            residual: 0.0,
-            preconditioner: options.preconditioner.resolve(b.len()),
+            reduction: 1.0,
             refreshes: 0,
             breakdowns: 0,
-            fell_back: false,
         };
-        let norm_b = norm(b);
-        if norm_b == 0.0 {
-            x.fill([S::ZERO; 4]);
-            return outcome;
+        // what kept values may spend before a refresh is cheaper
+        let allowance = self.usable(of).map(|k| {
+            let expected = k.fresh.map_or(0.0, |fresh| fresh * -libm::log10(target));
+            (expected + k.cost - k.excess).ceil() as u32
+        });
+        let mut since = (0, 1.0);
+        if let Some(allowance) = allowance {
+            self.load(pattern, residual, 1.0 / norm);
+            self.iterate(workers, pattern, target, cap.min(allowance), &mut inner);
         }
-        let mut r = std::mem::take(&mut self.residual);
-        let mut e = std::mem::take(&mut self.correction);
-        r.clear();
-        r.extend_from_slice(b);
-        if x.iter().any(|x| *x != [S::ZERO; 4]) {
-            self.subtract_product(system, body, x, &mut r, &mut e);
+        if allowance.is_none() || (inner.status == InnerStatus::Cap && inner.iterations < cap) {
+            since = (inner.iterations, inner.reduction);
+            inner.breakdowns = self.refresh(of);
+            inner.refreshes = 1;
+            if allowance.is_none() {
+                // the work space may be new
+                self.load(pattern, residual, 1.0 / norm);
+            }
+            self.iterate(workers, pattern, target, cap, &mut inner);
         }
-        let norm_r = norm(&r);
-        // below a few units of rounding of b there is nothing left to solve for
-        let floor = 16.0 * S::EPSILON.to_f64() * norm_b / options.tolerance;
-        let reference = norm_r.min(norm_b).max(floor);
-        let same_type = size_of::<S>() == size_of::<f32>();
-        let mut mixed = options.precision == LinearPrecision::Mixed || same_type;
-        let mut assembled = [false; 2];
-        let mut now = norm_r;
-        loop {
-            outcome.residual = now / reference;
-            if !now.is_finite() {
-                outcome.status = CgStatus::NotFinite;
-                break;
-            }
-            if outcome.residual <= options.tolerance {
-                outcome.status = CgStatus::Converged;
-                break;
-            }
-            if outcome.iterations >= options.max_iterations {
-                outcome.status = CgStatus::Cap;
-                break;
-            }
-            let mut target = options.tolerance * reference / now;
-            if mixed && !same_type {
-                // a little below, since the recurrence drifts; f32 gets no further than this at once
-                target = (0.9 * target).max(SINGLE_REDUCTION);
-            }
-            let own = &mut self.bodies[body];
-            let cap = options.max_iterations - outcome.iterations;
-            let pattern = &own.pattern;
-            let kind = outcome.preconditioner;
-            e.resize(b.len(), [S::ZERO; 4]);
-            let single = mixed && kind != Preconditioner::Direct;
-            if !std::mem::replace(&mut assembled[usize::from(single)], true) {
-                if single {
-                    own.single.assemble(system, body);
-                } else {
-                    own.full.assemble(system, body);
-                }
-            }
-            let inner = match kind {
-                #[cfg(feature = "direct")]
-                Preconditioner::Direct => {
-                    solve_directly(&mut own.direct, pattern, &own.full.matrix, &r, &mut e)
-                }
-                _ if mixed => own
-                    .single
-                    .solve(system, pattern, rest, body, kind, &r, &mut e, now, target, cap),
-                _ => {
-                    own.full.solve(system, pattern, rest, body, kind, &r, &mut e, now, target, cap)
-                }
-            };
-            let Inner { status, iterations, reduction, refreshes, breakdowns } = inner;
-            outcome.iterations += iterations;
-            outcome.refreshes += refreshes;
-            outcome.breakdowns += breakdowns;
-            let to_full = |mixed: &mut bool, outcome: &mut CgOutcome| {
-                *mixed = false;
-                outcome.fell_back = true;
-            };
-            match status {
-                InnerStatus::NotFinite | InnerStatus::Indefinite
-                    if mixed && !same_type && kind != Preconditioner::Direct =>
-                {
-                    // only the tangent as it came may say that it is indefinite
-                    if status == InnerStatus::Indefinite {
-                        own.single.direction(pattern, &mut e);
-                        let curvature = self.curvature(system, body, &e);
-                        if curvature <= 0.0 {
-                            outcome.status = CgStatus::Indefinite;
-                            break;
-                        }
-                    }
-                    to_full(&mut mixed, &mut outcome);
-                    continue;
-                }
-                InnerStatus::NotFinite => {
-                    outcome.status = CgStatus::NotFinite;
-                    break;
-                }
-                InnerStatus::Indefinite => {
-                    outcome.status = CgStatus::Indefinite;
-                    break;
-                }
-                InnerStatus::Converged | InnerStatus::Cap => {}
-            }
-            for (x, e) in x.iter_mut().zip(&e) {
+        if let Some(kept) = &mut self.kept {
+            kept.book(&inner, since);
+        }
+        // the matrix was scaled by its factor and the residual by its norm
+        let scale = norm * self.matrix.factor;
+        for (piece, own) in pattern.pieces.iter().zip(&self.update) {
+            for (to, from) in correction[piece.rows.clone()].iter_mut().zip(&own.x) {
                 for k in 0..3 {
-                    x[k] += e[k];
+                    to[k] = S::from_f64(from[k].to_f64() * scale);
                 }
             }
-            if kind != Preconditioner::Direct && (same_type || !mixed) {
-                // the iteration ran in the number type of the state: its own residual counts
-                outcome.residual = reduction * now / reference;
-                outcome.status = if status == InnerStatus::Converged {
-                    CgStatus::Converged
-                } else {
-                    CgStatus::Cap
-                };
-                break;
-            }
-            self.subtract_product_of(system, body, b, x, &mut r, &mut e);
-            let next = norm(&r);
-            if next > STALLED * now && next > options.tolerance * reference {
-                if kind == Preconditioner::Direct {
-                    outcome.status = CgStatus::Cap;
-                    outcome.residual = next / reference;
-                    break;
-                }
-                to_full(&mut mixed, &mut outcome);
-            }
-            now = next;
         }
-        self.residual = r;
-        self.correction = e;
-        outcome
+        inner
     }
 
-    /// `r = b - A x`.
-    fn subtract_product_of(
-        &mut self,
-        system: &ShiftedTangent<'_, S>,
-        body: usize,
-        b: &[[S; 4]],
-        x: &[[S; 4]],
-        r: &mut Rows<S>,
-        work: &mut Rows<S>,
-    ) {
-        r.clear();
-        r.extend_from_slice(b);
-        self.subtract_product(system, body, x, r, work);
+    /// The kept values of the preconditioner, if they may be used for a matrix.
+    fn usable<S: Scalar>(&self, of: &BodySystem<'_, S>) -> Option<&Kept> {
+        self.kept.as_ref().filter(|k| {
+            k.kind == of.preconditioner
+                && k.factors == of.system.factors()
+                && k.held == self.matrix.held
+                && k.splits == of.system.topology.bodies[of.body].splits
+                && k.excess < k.cost
+        })
     }
 
-    /// `r -= A x`.
-    fn subtract_product(
-        &mut self,
-        system: &ShiftedTangent<'_, S>,
-        body: usize,
-        x: &[[S; 4]],
-        r: &mut [[S; 4]],
-        work: &mut Rows<S>,
-    ) {
-        work.resize(x.len(), [S::ZERO; 4]);
-        system.multiply(&mut self.spans, &mut self.damped, body, x, work);
-        for (r, q) in r.iter_mut().zip(&*work) {
-            for k in 0..3 {
-                r[k] -= q[k];
+    /// The last direction, any length.
+    pub fn direction<S: Scalar>(&self, pattern: &Pattern, p: &mut [[S; 4]]) {
+        for (piece, own) in pattern.pieces.iter().zip(&self.product) {
+            for (to, from) in p[piece.rows.clone()].iter_mut().zip(&own.p) {
+                *to = from.map(|x| S::from_f64(x.to_f64()));
             }
         }
     }
 
-    /// `p . A p`.
-    fn curvature(&mut self, system: &ShiftedTangent<'_, S>, body: usize, p: &[[S; 4]]) -> f64 {
-        let mut q = vec![[S::ZERO; 4]; p.len()];
-        system.multiply(&mut self.spans, &mut self.damped, body, p, &mut q);
-        p.iter().zip(&q).map(|(p, q)| dot3(p, q)).sum()
+    /// Computes the preconditioner and notes what for; returns the restarts of its factorisation.
+    fn refresh<S: Scalar>(&mut self, of: &BodySystem<'_, S>) -> u32 {
+        let BodySystem { system, body, pattern, rest, preconditioner: kind } = *of;
+        let rows = &system.topology.bodies[body];
+        let rest = &rest[rows.vertices.start as usize..rows.vertices.end as usize];
+        if self.kept.as_ref().is_some_and(|k| k.splits != rows.splits) {
+            self.kept = None;
+        }
+        let breakdowns = self.build(system.workers, pattern, rest, &rows.piece, kind);
+        let blocks = (pattern.len() + 2 * pattern.column.len()) as f64;
+        let mut refresh = self.cholesky.work();
+        let mut iteration = 2.0 * blocks;
+        if let Some(coarse) = &self.coarse {
+            refresh += coarse.work();
+            iteration += coarse.solve_work();
+        }
+        let cost = FACTOR_COST * refresh / iteration;
+        let held = self.matrix.held.clone();
+        let (factors, splits) = (system.factors(), rows.splits);
+        self.kept = Some(Kept { kind, factors, held, splits, fresh: None, excess: 0.0, cost });
+        breakdowns
+    }
+
+    /// Computes the values of the preconditioner, its symbolic part too when it is new. `rest` and
+    /// `piece` belong to the rows of the body.
+    fn build(
+        &mut self,
+        workers: &Workers,
+        pattern: &Pattern,
+        rest: &[DVec3],
+        piece: &[u32],
+        kind: Preconditioner,
+    ) -> u32 {
+        if self.kept.as_ref().is_none_or(|k| k.kind != kind) {
+            self.cholesky = IncompleteCholesky::new(pattern, kind != Preconditioner::BlockJacobi);
+            self.coarse = (kind == Preconditioner::Multigrid).then(|| {
+                // in large bodies the work of the factor would outgrow that of an iteration
+                let size = AGGREGATE.max((0.45 * (rest.len() as f64).sqrt()) as usize);
+                CoarseSpace::new(pattern, rest, piece, size)
+            });
+            self.product.clear();
+            self.update.clear();
+            for piece in &pattern.pieces {
+                let (n, reach) = (piece.rows.len(), piece.reach - piece.rows.start);
+                let zero = |n| vec![[T::ZERO; 4]; n];
+                self.product.push(ProductPiece { p: zero(reach), q: zero(reach), curvature: 0.0 });
+                let aggregates =
+                    self.coarse.as_ref().map_or(0..0, |c| c.aggregates_of(piece.rows.clone()));
+                self.update.push(UpdatePiece {
+                    x: zero(n),
+                    r: zero(n),
+                    z: zero(n),
+                    rz: 0.0,
+                    rr: 0.0,
+                    coarse: vec![[T::ZERO; 8]; aggregates.len()],
+                    aggregates,
+                });
+            }
+            let aggregates = self.coarse.as_ref().map_or(0, CoarseSpace::aggregates);
+            self.forces = vec![[T::ZERO; 8]; aggregates];
+        }
+        let breakdowns = self.cholesky.factorise(workers, pattern, &self.matrix);
+        if let Some(coarse) = &mut self.coarse {
+            coarse.factorise(workers, &self.matrix);
+        }
+        breakdowns
+    }
+
+    /// Start of an iteration: residual `scale r`, solution zero.
+    fn load<S: Scalar>(&mut self, pattern: &Pattern, r: &[[S; 4]], scale: f64) {
+        for (piece, own) in pattern.pieces.iter().zip(&mut self.update) {
+            own.x.fill([T::ZERO; 4]);
+            for (to, from) in own.r.iter_mut().zip(&r[piece.rows.clone()]) {
+                *to = [0, 1, 2].map(|k| T::from_f64(from[k].to_f64() * scale)).padded();
+            }
+        }
+    }
+
+    fn iterate(
+        &mut self,
+        workers: &Workers,
+        pattern: &Pattern,
+        target: f64,
+        cap: u32,
+        inner: &mut Inner,
+    ) {
+        let (mut rr, mut rho) = self.update(workers, pattern, None);
+        let mut beta = T::ZERO;
+        inner.status = loop {
+            if !rr.is_finite() || !rho.is_finite() {
+                break InnerStatus::NotFinite;
+            }
+            inner.reduction = rr.sqrt();
+            if inner.reduction <= target {
+                break InnerStatus::Converged;
+            }
+            if inner.iterations == cap {
+                break InnerStatus::Cap;
+            }
+            let curvature = self.multiply(workers, pattern, beta);
+            if !curvature.is_finite() {
+                break InnerStatus::NotFinite;
+            }
+            if curvature <= 0.0 || rho <= 0.0 {
+                break InnerStatus::Indefinite;
+            }
+            let previous = rho;
+            (rr, rho) = self.update(workers, pattern, Some(T::from_f64(rho / curvature)));
+            beta = T::from_f64(rho / previous);
+            inner.iterations += 1;
+        };
+    }
+
+    /// `p = z + beta p` and `q = A p`; returns `p . q`.
+    fn multiply(&mut self, workers: &Workers, pattern: &Pattern, beta: T) -> f64 {
+        let Self { matrix, product, update, coarse, motions, .. } = self;
+        let (matrix, update, coarse, motions) = (&*matrix, &*update, coarse.as_ref(), &*motions);
+        workers.for_each(product, usize::MAX, |index, own| {
+            vectorised(Multiply { matrix, pattern, update, coarse, motions, beta, index, own });
+        });
+        self.product.iter().map(|p| p.curvature).sum()
+    }
+
+    /// `x += alpha p`, `r -= alpha q`, `z = M^-1 r`; returns `r . r` and `r . z`. Without `alpha` only
+    /// the preconditioner is applied, and the directions forgotten.
+    fn update(&mut self, workers: &Workers, pattern: &Pattern, alpha: Option<T>) -> (f64, f64) {
+        let Self { product, update, coarse, forces, motions, cholesky, .. } = self;
+        if alpha.is_none() {
+            for own in product.iter_mut() {
+                own.p.fill([T::ZERO; 4]);
+            }
+        }
+        let (product, cholesky) = (&*product, &*cholesky);
+        let space = coarse.as_ref();
+        workers.for_each(update, usize::MAX, |index, own| {
+            vectorised(Update { pattern, product, cholesky, space, alpha, index, own });
+        });
+        let rr = update.iter().map(|u| u.rr).sum();
+        let mut rz: f64 = update.iter().map(|u| u.rz).sum();
+        if let Some(space) = coarse {
+            forces.fill([T::ZERO; 8]);
+            for own in &*update {
+                for (total, part) in forces[own.aggregates.clone()].iter_mut().zip(&own.coarse) {
+                    for k in 0..6 {
+                        total[k] += part[k];
+                    }
+                }
+            }
+            rz += space.solve(forces);
+            CoarseSpace::motions(forces, motions);
+        }
+        (rr, rz)
     }
 }
 
-/// Reduction of the residual asked of one round in `f32`.
-const SINGLE_REDUCTION: f64 = 1e-5;
-/// A round that reduces the residual by less than this is the last one in `f32`.
-const STALLED: f64 = 0.5;
+/// First region of an iteration for one piece.
+struct Multiply<'a, T> {
+    matrix: &'a SystemMatrix<T>,
+    pattern: &'a Pattern,
+    update: &'a [UpdatePiece<T>],
+    coarse: Option<&'a CoarseSpace<T>>,
+    motions: &'a [Motion<T>],
+    beta: T,
+    index: usize,
+    own: &'a mut ProductPiece<T>,
+}
 
-/// Euclidean norm.
-fn norm<S: Scalar>(x: &[[S; 4]]) -> f64 {
-    x.iter().map(|x| dot3(x, x)).sum::<f64>().sqrt()
+impl<T: Scalar> Kernel for Multiply<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { matrix, pattern, update, coarse, motions, beta, index, own } = self;
+        let piece = &pattern.pieces[index];
+        let mut at = piece.rows.start;
+        // own rows, and those of later pieces that the blocks reach
+        for (other, later) in update[index..].iter().zip(&pattern.pieces[index..]) {
+            let end = later.rows.end.min(piece.reach);
+            if at >= end {
+                break;
+            }
+            let base = piece.rows.start;
+            let p = &mut own.p[at - base..end - base];
+            let z = &other.z[..end - at];
+            match coarse {
+                None => {
+                    for (p, z) in p.iter_mut().zip(z) {
+                        *p = add4(*z, scale4(*p, beta));
+                    }
+                }
+                Some(coarse) => {
+                    for (i, (p, z)) in p.iter_mut().zip(z).enumerate() {
+                        let motion = coarse.prolong(at + i, motions);
+                        let held = matrix.held[at + i];
+                        let mut direction = add4(*z, motion);
+                        if held.0 != 0 {
+                            for k in 0..3 {
+                                if held.holds(k) {
+                                    direction[k] = T::ZERO;
+                                }
+                            }
+                        }
+                        *p = add4(direction, scale4(*p, beta));
+                    }
+                }
+            }
+            at = end;
+        }
+        own.curvature = matrix.multiply_piece(pattern, piece, &own.p, &mut own.q);
+    }
+}
+
+/// Second region of an iteration for one piece.
+struct Update<'a, T> {
+    pattern: &'a Pattern,
+    product: &'a [ProductPiece<T>],
+    cholesky: &'a IncompleteCholesky<T>,
+    space: Option<&'a CoarseSpace<T>>,
+    alpha: Option<T>,
+    index: usize,
+    own: &'a mut UpdatePiece<T>,
+}
+
+impl<T: Scalar> Kernel for Update<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { pattern, product, cholesky, space, alpha, index, own } = self;
+        let rows = &pattern.pieces[index].rows;
+        if let Some(alpha) = alpha {
+            for (x, p) in own.x.iter_mut().zip(&product[index].p) {
+                *x = add4(*x, scale4(*p, alpha));
+            }
+            for (r, q) in own.r.iter_mut().zip(&product[index].q) {
+                *r = sub4(*r, scale4(*q, alpha));
+            }
+            for (piece, other) in pattern.pieces[..index].iter().zip(product) {
+                if piece.reach <= rows.start {
+                    continue;
+                }
+                let q = &other.q[rows.start - piece.rows.start..];
+                for (r, q) in own.r.iter_mut().zip(q) {
+                    *r = sub4(*r, scale4(*q, alpha));
+                }
+            }
+        }
+        cholesky.pieces[index].apply(&own.r, &mut own.z);
+        let (mut rz, mut rr) = ([0.0; 4], [0.0; 4]);
+        for (r, z) in own.r.iter().zip(&own.z) {
+            accumulate(&mut rz, *r, *z);
+            accumulate(&mut rr, *r, *r);
+        }
+        (own.rz, own.rr) = (rz.iter().sum(), rr.iter().sum());
+        if let Some(space) = space {
+            own.coarse.fill([T::ZERO; 8]);
+            space.restrict(rows.start, &own.r, own.aggregates.start, &mut own.coarse);
+        }
+    }
+}
+
+/// Vertices per aggregate of small bodies; in large ones aggregates grow, since the work of the
+/// factor grows faster than that of an iteration.
+const AGGREGATE: usize = 64;
+
+trait Padded<T> {
+    fn padded(self) -> [T; 4];
+}
+
+impl<T: Scalar> Padded<T> for [T; 3] {
+    #[inline(always)]
+    fn padded(self) -> [T; 4] {
+        [self[0], self[1], self[2], T::ZERO]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::system::{Piece, product};
+    use proptest::prelude::*;
+
+    fn noise(seed: u64) -> impl FnMut() -> f64 {
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        move || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        }
+    }
+
+    /// Springs of random stiffness on a grid of points, a few unknowns held.
+    fn springs(
+        n: [usize; 3],
+        seed: u64,
+        pieces: usize,
+    ) -> (Pattern, SystemMatrix<f64>, Vec<DVec3>) {
+        let count = n[0] * n[1] * n[2];
+        let mut next = noise(seed);
+        let rest: Vec<DVec3> = (0..count)
+            .map(|i| {
+                let cell = [i / (n[1] * n[2]), i / n[2] % n[1], i % n[2]];
+                DVec3::from(cell.map(|c| c as f64)) + 0.2 * DVec3::new(next(), next(), next())
+            })
+            .collect();
+        let (mut start, mut column) = (vec![0], Vec::new());
+        let mut matrix = SystemMatrix::<f64> { factor: 1.0, ..Default::default() };
+        matrix.diagonal = vec![[[0.0; 4]; 3]; count];
+        matrix.held = (0..count).map(|_| FixedAxes(if next() > 0.4 { 5 } else { 0 })).collect();
+        for i in 0..count {
+            for k in 0..3 {
+                matrix.diagonal[i][k][k] += 1e-3;
+            }
+            for j in (i + 1..count).filter(|&j| (rest[i] - rest[j]).length() < 1.6) {
+                let d = (rest[i] - rest[j]).normalize().to_array();
+                let k = 1.0 + next();
+                column.push(j as u32);
+                let mut block = [[0.0; 4]; 3];
+                for r in 0..3 {
+                    for c in 0..3 {
+                        block[r][c] = -k * d[r] * d[c];
+                        matrix.diagonal[i][r][c] -= block[r][c];
+                        matrix.diagonal[j][r][c] -= block[r][c];
+                        if matrix.held[i].holds(r) || matrix.held[j].holds(c) {
+                            block[r][c] = 0.0;
+                        }
+                    }
+                }
+                matrix.upper.push(block);
+            }
+            start.push(column.len() as u32);
+        }
+        for (m, held) in matrix.diagonal.iter_mut().zip(&matrix.held) {
+            for (r, c) in (0..9).map(|i| (i / 3, i % 3)) {
+                if held.holds(r) || held.holds(c) {
+                    m[r][c] = if r == c { 1.0 } else { 0.0 };
+                }
+            }
+        }
+        let pieces = (0..pieces)
+            .map(|p| {
+                let rows = count * p / pieces..count * (p + 1) / pieces;
+                let own = &column[start[rows.start] as usize..start[rows.end] as usize];
+                let reach = own.iter().map(|&c| c as usize + 1).max().unwrap_or(0).max(rows.end);
+                Piece { rows, reach }
+            })
+            .collect();
+        (Pattern { start, column, pieces }, matrix, rest)
+    }
+
+    fn prepared(
+        kind: Preconditioner,
+        pattern: &Pattern,
+        matrix: &SystemMatrix<f64>,
+        rest: &[DVec3],
+    ) -> ConjugateGradients<f64> {
+        let mut cg = ConjugateGradients { matrix: matrix.clone(), ..Default::default() };
+        let piece = vec![0; rest.len()];
+        cg.build(&Workers::serial(), pattern, rest, &piece, kind);
+        cg
+    }
+
+    /// The preconditioner times `r`, by way of the first direction.
+    fn precondition(
+        cg: &mut ConjugateGradients<f64>,
+        pattern: &Pattern,
+        r: &[[f64; 4]],
+    ) -> Vec<[f64; 4]> {
+        let workers = Workers::serial();
+        cg.load(pattern, r, 1.0);
+        cg.update(&workers, pattern, None);
+        cg.multiply(&workers, pattern, 0.0);
+        let mut z = vec![[0.0; 4]; r.len()];
+        cg.direction(pattern, &mut z);
+        z
+    }
+
+    fn dot(a: &[[f64; 4]], b: &[[f64; 4]]) -> f64 {
+        a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum()
+    }
+
+    fn random(matrix: &SystemMatrix<f64>, mut next: impl FnMut() -> f64) -> Vec<[f64; 4]> {
+        let entry = |held: FixedAxes, k, x| if held.holds(k) { 0.0 } else { x };
+        let rows = matrix.held.iter();
+        rows.map(|&h| [entry(h, 0, next()), entry(h, 1, next()), entry(h, 2, next()), 0.0])
+            .collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        #[test]
+        fn preconditioners_are_symmetric_and_positive(
+            seed in 1u64..1000, x in 2usize..7, y in 1usize..5, z in 1usize..5, pieces in 1usize..4,
+        ) {
+            let (pattern, matrix, rest) = springs([x, y, z], seed, pieces.min(x * y * z));
+            let mut next = noise(seed + 7);
+            let (a, b) = (random(&matrix, &mut next), random(&matrix, &mut next));
+            prop_assume!(dot(&a, &a) > 0.0);
+            for kind in [
+                Preconditioner::BlockJacobi,
+                Preconditioner::IncompleteCholesky,
+                Preconditioner::Multigrid,
+            ] {
+                let mut cg = prepared(kind, &pattern, &matrix, &rest);
+                let (za, zb) = (
+                    precondition(&mut cg, &pattern, &a),
+                    precondition(&mut cg, &pattern, &b),
+                );
+                let (ab, ba) = (dot(&a, &zb), dot(&b, &za));
+                let scale = (dot(&a, &za) * dot(&b, &zb)).sqrt();
+                prop_assert!((ab - ba).abs() <= 1e-9 * scale, "{kind:?}: {ab} {ba}");
+                prop_assert!(dot(&a, &za) > 0.0, "{kind:?}");
+                // the scalar product that the iteration uses is that of the whole preconditioner
+                cg.load(&pattern, &a, 1.0);
+                let (_, rz) = cg.update(&Workers::serial(), &pattern, None);
+                prop_assert!((rz - dot(&a, &za)).abs() <= 1e-9 * rz, "{kind:?}");
+            }
+        }
+
+        #[test]
+        fn pieces_add_up_to_the_product(seed in 1u64..1000, pieces in 1usize..5) {
+            let (pattern, matrix, rest) = springs([6, 3, 3], seed, pieces);
+            let x = random(&matrix, noise(seed + 3));
+            let mut expected = vec![[0.0; 4]; x.len()];
+            for i in 0..x.len() {
+                let own = product(&matrix.diagonal[i], x[i]);
+                expected[i] = add4(expected[i], own);
+                for at in pattern.blocks(i) {
+                    let j = pattern.column[at] as usize;
+                    let m = &matrix.upper[at];
+                    for (r, c) in (0..9).map(|i| (i / 3, i % 3)) {
+                        expected[i][r] += m[r][c] * x[j][c];
+                        expected[j][c] += m[r][c] * x[i][r];
+                    }
+                }
+            }
+            let mut cg = prepared(Preconditioner::BlockJacobi, &pattern, &matrix, &rest);
+            // zero residual and solution, direction x: one update leaves r = -A x
+            cg.load(&pattern, &vec![[0.0; 4]; x.len()], 1.0);
+            cg.update(&Workers::serial(), &pattern, None);
+            for (piece, own) in pattern.pieces.iter().zip(&mut cg.product) {
+                own.p.copy_from_slice(&x[piece.rows.start..piece.reach]);
+            }
+            let curvature = cg.multiply(&Workers::serial(), &pattern, 1.0);
+            cg.update(&Workers::serial(), &pattern, Some(1.0));
+            prop_assert!((curvature - dot(&x, &expected)).abs() <= 1e-12 * curvature.abs());
+            for (piece, own) in pattern.pieces.iter().zip(&cg.update) {
+                for (r, e) in own.r.iter().zip(&expected[piece.rows.clone()]) {
+                    for k in 0..4 {
+                        prop_assert!((r[k] + e[k]).abs() <= 1e-12 * (1.0 + e[k].abs()));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Along a chain nothing fills in, so the factor is complete and one iteration solves.
+    #[test]
+    fn the_factor_of_a_chain_is_exact() {
+        let (pattern, matrix, rest) = springs([40, 1, 1], 5, 1);
+        let r = random(&matrix, noise(11));
+        let mut cg = prepared(Preconditioner::IncompleteCholesky, &pattern, &matrix, &rest);
+        let z = precondition(&mut cg, &pattern, &r);
+        // the product of the first direction is the residual again
+        for (q, r) in cg.product[0].q.iter().zip(&r) {
+            for k in 0..3 {
+                assert!((q[k] - r[k]).abs() < 1e-9, "{q:?} {r:?}");
+            }
+        }
+        assert!(dot(&z, &z) > 0.0);
+    }
 }

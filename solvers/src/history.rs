@@ -9,7 +9,7 @@ use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
 use std::ops::Range;
 
-/// Ratios of step lengths over which BDF2 goes on; beyond them it starts anew.
+/// Ratios of step lengths over which BDF2 uses the last step; beyond them it starts again.
 const RATIOS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
 /// The last step.
@@ -20,8 +20,8 @@ pub(crate) struct History<S> {
     pub v: Rows<S>,
     pub mass: Vec<S>,
     pub fixed: Vec<FixedAxes>,
-    /// Way (m) through it, and velocities (m/s) at its start.
-    pub way: Rows<S>,
+    /// Displacement (m) during it, and velocities (m/s) at its start.
+    pub increment: Rows<S>,
     pub v_before: Rows<S>,
     /// Its length (s).
     pub dt: f64,
@@ -47,8 +47,8 @@ pub(crate) struct BodyHistory {
 pub(crate) struct Past {
     /// The state is that of the last step's end.
     pub same_state: bool,
-    /// Masses, held axes and step length let BDF2 go on.
-    pub goes_on: bool,
+    /// Masses, held axes and step length let BDF2 use the last step.
+    pub history_holds: bool,
     pub body: BodyHistory,
 }
 
@@ -59,7 +59,7 @@ impl<S: Scalar> Default for History<S> {
             v: Vec::new(),
             mass: Vec::new(),
             fixed: Vec::new(),
-            way: Vec::new(),
+            increment: Vec::new(),
             v_before: Vec::new(),
             dt: 0.0,
             bodies: Vec::new(),
@@ -91,11 +91,11 @@ impl<S: Scalar> History<S> {
         let past = rows.into_iter().zip(&self.bodies).map(|(rows, &body)| {
             let same_state = self.u[rows.clone()] == node.u[rows.clone()]
                 && self.v[rows.clone()] == node.v[rows.clone()];
-            let goes_on = same_state
+            let history_holds = same_state
                 && RATIOS.contains(&(dt / self.dt))
                 && self.mass[rows.clone()] == node.mass[rows.clone()]
                 && self.fixed[rows.clone()] == node.fixed[rows];
-            Past { same_state, goes_on, body }
+            Past { same_state, history_holds, body }
         });
         (energies, past.collect())
     }

@@ -6,10 +6,11 @@ pub mod cholesky;
 pub mod coarse;
 #[cfg(feature = "direct")]
 pub mod direct;
-pub mod engine;
 pub mod explicit;
 mod history;
 pub mod implicit;
+pub mod integrator;
+pub mod linear_solver;
 mod orphan;
 pub mod recovery;
 pub mod settings;

@@ -2,15 +2,15 @@
 //! forces, so their step is known beforehand and no linear solve, line search or energy cap of their
 //! former body may touch it: they take part in implicit steps as held unknowns that move along it.
 
-use crate::settings::Integrator;
+use crate::settings::SolverSettings;
 use crate::state::NodeState;
 use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
 
-/// A vertex row without elements.
-pub(crate) struct Flown<S> {
+/// A vertex row without elements, and its step.
+pub(crate) struct Orphan<S> {
     pub row: usize,
     /// Axes held by constraints.
     pub held: FixedAxes,
@@ -18,27 +18,27 @@ pub(crate) struct Flown<S> {
     pub velocity: [S; 4],
 }
 
-/// Prescribes the step of the vertices without elements on their free axes, with mass damping `damping`
-/// (1/s): implicit Euler's where the integrator is of that kind, else the midpoint rule's, which is exact
-/// without damping. Those without mass stay where they are, as all do in equilibria.
+/// Prescribes the step of length `h` (s) of the vertices without elements on their free axes, with mass
+/// damping: implicit Euler's for integrators of first order, else the midpoint rule's, which is exact without
+/// damping. Those without mass stay where they are, as all do in equilibria.
 pub(crate) fn prescribe_orphans<S: Scalar>(
     topology: &Topology,
     node: &mut NodeState<S>,
     h: f64,
-    damping: f64,
-    integrator: Integrator,
-) -> Vec<Flown<S>> {
-    let euler = matches!(integrator, Integrator::Safe | Integrator::Newton);
-    let mut flown = Vec::new();
+    settings: &SolverSettings,
+) -> Vec<Orphan<S>> {
+    let (damping, facts) = (settings.mass_damping, settings.integrator.facts());
+    let euler = facts.order == 1;
+    let mut orphans = Vec::new();
     for body in &topology.bodies {
         for (local, _) in body.piece.iter().enumerate().filter(|(_, piece)| **piece == UNUSED) {
             let row = body.vertices.start as usize + local;
             let mass = node.mass[row].to_f64();
-            let flies = mass > 0.0 && integrator != Integrator::QuasiStatic;
+            let moves = mass > 0.0 && facts.dynamic;
             let mut velocity = [S::ZERO; 4];
             for k in (0..3).filter(|&k| !node.fixed[row].holds(k)) {
                 let mut u = node.u[row][k];
-                if flies {
+                if moves {
                     let acceleration = node.external[row][k].to_f64() / mass;
                     let v = node.v[row][k].to_f64();
                     let (new, mean) = if euler {
@@ -55,8 +55,8 @@ pub(crate) fn prescribe_orphans<S: Scalar>(
                 node.prescribed[row][k] = u;
             }
             let held = std::mem::replace(&mut node.fixed[row], FixedAxes::ALL);
-            flown.push(Flown { row, held, velocity });
+            orphans.push(Orphan { row, held, velocity });
         }
     }
-    flown
+    orphans
 }

@@ -1,78 +1,9 @@
 //! What the user chooses of the solver.
 
+pub use crate::integrator::Integrator;
 use bevy_ecs::prelude::Resource;
 use serde::{Deserialize, Serialize};
 use sinew_engine::step::StepError;
-
-/// Time integrator.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Integrator {
-    /// The solver's choice (default): [`Self::LinearisedBdf2`]; a static scene looks for equilibria.
-    #[default]
-    Auto,
-    /// Linearised implicit Euler with line search and energy cap: one linear system a step, and the
-    /// energy provably never rises between outside actions. First order.
-    Safe,
-    /// BDF2 linearised at `x_n + h v_n`, one linear system a step; a body for which that step fails
-    /// its tests (tangent not positive definite, step shortened, energy above its budget) takes the
-    /// safe step instead. Second order as long as the tests pass.
-    LinearisedBdf2,
-    /// Implicit Euler solved to convergence. First order.
-    Newton,
-    /// BDF2 solved to convergence. Second order, damps high frequencies.
-    Bdf2,
-    /// TR-BDF2 solved to convergence, two solves a step. Second order, damps high frequencies, and
-    /// needs no history.
-    TrBdf2,
-    /// Implicit midpoint rule solved to convergence. Second order, keeps angular momentum; not robust:
-    /// large steps make it gain energy without bound.
-    ImplicitMidpoint,
-    /// Equilibrium at the loads and constraints of the step's end; no inertia.
-    QuasiStatic,
-    /// Symplectic Euler, substepped below the stability limit.
-    SymplecticEuler,
-    /// Störmer-Verlet (velocity form), substepped below the stability limit.
-    StormerVerlet,
-}
-
-impl Integrator {
-    /// Name as in a scene file.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Safe => "safe",
-            Self::LinearisedBdf2 => "linearised-bdf2",
-            Self::Newton => "newton",
-            Self::Bdf2 => "bdf2",
-            Self::TrBdf2 => "tr-bdf2",
-            Self::ImplicitMidpoint => "implicit-midpoint",
-            Self::QuasiStatic => "quasi-static",
-            Self::SymplecticEuler => "symplectic-euler",
-            Self::StormerVerlet => "stormer-verlet",
-        }
-    }
-
-    /// What `Auto` stands for.
-    pub fn resolve(self) -> Self {
-        if self == Self::Auto { Self::LinearisedBdf2 } else { self }
-    }
-
-    /// Whether it cuts steps below a stability limit and solves no linear system.
-    pub fn is_explicit(self) -> bool {
-        matches!(self, Self::SymplecticEuler | Self::StormerVerlet)
-    }
-
-    /// Whether it can take over bodies with many inverted elements ([`SolverSettings::recovery`]).
-    pub fn recovers(self) -> bool {
-        matches!(self.resolve(), Self::Safe | Self::LinearisedBdf2)
-    }
-
-    /// Whether it solves a nonlinear system to convergence.
-    pub fn converges(self) -> bool {
-        !self.is_explicit() && !matches!(self.resolve(), Self::Safe | Self::LinearisedBdf2)
-    }
-}
 
 /// Preconditioner of conjugate gradients.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

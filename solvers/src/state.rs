@@ -79,6 +79,20 @@ impl<S: Scalar> NodeState<S> {
         !self.fixed[row].holds(axis)
     }
 
+    /// Free axes of a row.
+    #[inline(always)]
+    pub fn free_axes(&self, row: usize) -> impl Iterator<Item = usize> + use<S> {
+        let fixed = self.fixed[row];
+        (0..3).filter(move |&axis| !fixed.holds(axis))
+    }
+
+    /// Held axes of a row.
+    #[inline(always)]
+    pub fn held_axes(&self, row: usize) -> impl Iterator<Item = usize> + use<S> {
+        let fixed = self.fixed[row];
+        (0..3).filter(move |&axis| fixed.holds(axis))
+    }
+
     /// Kinetic energy (J) at velocities `v` of the free and of the held unknowns among `rows`.
     pub fn kinetic_energy(&self, rows: Range<usize>, v: &[[S; 4]]) -> [f64; 2] {
         let mut sum = [0.0; 2];

@@ -1,18 +1,42 @@
-//! The matrix of one linear solve, as conjugate gradients and preconditioners see it: inertia,
-//! tangent and damping added up in one pass, held unknowns eliminated, in the number type of the
-//! solve.
+//! The system matrix: its parts, and the matrix of one linear solve, as conjugate gradients and
+//! preconditioners see it: inertia, tangent and damping added up in one pass, held unknowns eliminated, in
+//! the number type of the solve.
 //!
 //! Only the upper half is stored. Rows of blocks are padded to four numbers, so that both halves of
 //! the product are vector operations on whole rows: `A_ij x_j` accumulates row by row and is summed
 //! across once per block row, `A_ij^T x_i` adds multiples of the rows of `A_ij`. The code is plain
 //! loops over four numbers without fused operations, so that every instruction set gives the same bits.
 
-use crate::cg::ShiftedTangent;
+use crate::state::Rows;
+use sinew_engine::matrix::{BlockMatrix, ProductSpans};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
 use std::ops::Range;
+
+/// The system matrix of a world, not added up: `A = c_M M + c_K K + c_C C` with lumped mass `M`, tangent `K`
+/// and an optional frozen damping tangent `C`, restricted to the free unknowns. Bodies do not couple, so each
+/// is solved alone.
+#[derive(Clone, Copy)]
+pub struct ShiftedTangent<'a, S> {
+    /// Edge graph.
+    pub topology: &'a Topology,
+    /// Thread pool.
+    pub workers: &'a Workers,
+    /// Masses (kg).
+    pub mass: &'a [S],
+    /// Factor of the masses.
+    pub mass_factor: S,
+    /// Tangent.
+    pub tangent: &'a BlockMatrix<S>,
+    /// Factor of the tangent.
+    pub tangent_factor: S,
+    /// Frozen damping tangent and its factor.
+    pub damping: Option<(&'a BlockMatrix<S>, S)>,
+    /// Held unknowns.
+    pub fixed: &'a [FixedAxes],
+}
 
 /// A 3x3 block, rows padded by a zero.
 pub type Block<T> = [[T; 4]; 3];
@@ -260,6 +284,66 @@ impl<T: Scalar> SystemMatrix<T> {
             accumulate(&mut dot, *p, *q);
         }
         dot.iter().sum()
+    }
+}
+
+impl<S: Scalar> ShiftedTangent<'_, S> {
+    /// Vertex rows of a body.
+    fn rows(&self, body: usize) -> Range<usize> {
+        let rows = &self.topology.bodies[body].vertices;
+        rows.start as usize..rows.end as usize
+    }
+
+    /// Factors of masses, tangent and damping.
+    pub fn factors(&self) -> [f64; 3] {
+        let damping = self.damping.map_or(0.0, |(_, factor)| factor.to_f64());
+        [self.mass_factor.to_f64(), self.tangent_factor.to_f64(), damping]
+    }
+
+    /// `y = A x` for the rows of one body; held entries of `x` must be zero, those of `y` are.
+    pub fn multiply(
+        &self,
+        spans: &mut ProductSpans<S>,
+        scratch: &mut Rows<S>,
+        body: usize,
+        x: &[[S; 4]],
+        y: &mut [[S; 4]],
+    ) {
+        let offset = self.rows(body).start;
+        self.tangent.multiply_body(self.topology, self.workers, spans, body, x, y);
+        let damping = self.damping.map(|(matrix, factor)| {
+            scratch.resize(x.len(), [S::ZERO; 4]);
+            matrix.multiply_body(self.topology, self.workers, spans, body, x, scratch);
+            (&*scratch, factor)
+        });
+        self.workers.for_chunks(y, CHUNK, x.len() * 4, |first, rows| {
+            for (i, y) in rows.iter_mut().enumerate() {
+                let local = first + i;
+                let row = offset + local;
+                let m = self.mass_factor * self.mass[row];
+                for k in 0..3 {
+                    y[k] = y[k] * self.tangent_factor + m * x[local][k];
+                    if let Some((c, factor)) = damping {
+                        y[k] += factor * c[local][k];
+                    }
+                    if self.fixed[row].holds(k) {
+                        y[k] = S::ZERO;
+                    }
+                }
+                y[3] = S::ZERO;
+            }
+        });
+    }
+
+    /// Right-hand side of one body times the inverse diagonal blocks: a descent direction whatever the
+    /// matrix.
+    pub fn preconditioned(&self, body: usize, b: &[[S; 4]], x: &mut [[S; 4]]) {
+        let mut matrix = SystemMatrix::<S>::default();
+        matrix.assemble(self, body);
+        for ((m, b), x) in matrix.diagonal.iter().zip(b).zip(x) {
+            let inverse = definite_inverse(m).unwrap_or_else(|| diagonal_inverse(m));
+            *x = transpose_product(&inverse, *b).map(|x| x * S::from_f64(matrix.factor));
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use sinew::engine::step::StepClock;
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::axes::muscle::activate_at;
 use sinew::models::field::MaterialField;
-use sinew::solvers::cg::LinearSolver;
+use sinew::solvers::linear_solver::LinearSolver;
 use sinew::solvers::state::{NodeState, Rows, evaluate, read_force, read_rest};
 
 /// An equilibrium.

@@ -30,8 +30,9 @@ use sinew::engine::workers::Workers;
 use sinew::models::axes::description::AxisForm;
 use sinew::models::body::Model;
 use sinew::models::material::{LameParameters, MAX_POISSON_RATIO, YoungPoisson};
-use sinew::solvers::cg::{CgStatus, LinearOptions, ShiftedTangent};
+use sinew::solvers::linear_solver::{CgStatus, LinearOptions};
 use sinew::solvers::state::{Rows, dot3, evaluate};
+use sinew::solvers::system::ShiftedTangent;
 
 /// How derivatives are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]

@@ -1,0 +1,133 @@
+//! The end of a step: velocities, energy cap, report, and the new state into the columns and the history.
+
+use super::linearised_bdf2::WAIT;
+use super::step::{BodyStep, ImplicitScratch, Mode, Step, noise};
+use crate::history::BodyHistory;
+use crate::state::{book_momentum, dot3, write_state};
+use sinew_engine::scalar::Scalar;
+
+/// Part of the energy budget's excess over the energy that is lost every step.
+pub const BUDGET_DECAY: f64 = 0.05;
+
+impl<S: Scalar> Step<'_, S> {
+    /// Ends the step.
+    pub fn finish(&mut self) {
+        let dynamic = self.is_dynamic();
+        self.scratch.history.bodies.clear();
+        let mut energy_before = 0.0;
+        self.scratch.multiply_damping(self.world);
+        for index in 0..self.bodies.len() {
+            self.set_velocities(index);
+            let (body, scratch) = (&self.bodies[index], &mut *self.scratch);
+            let report = &mut *self.report;
+            let rows = body.rows.clone();
+            if dynamic {
+                let power = scratch.damping_power(body, self.settings.mass_damping);
+                report.damping_dissipation += self.dt * power;
+            }
+            let load_potential = scratch.node.load_potential(rows.clone(), &scratch.iterate);
+            let potential = body.elastic - load_potential;
+            let [mut kinetic, held] = scratch.node.kinetic_energy(rows.clone(), &scratch.velocity);
+            if dynamic && body.mode == Mode::Safe && body.exceeds_budget::<S>(kinetic, potential) {
+                kinetic = scratch.cap_energy(body, kinetic, potential);
+                report.energy_caps += 1;
+            }
+            report.elastic_energy += body.elastic;
+            if dynamic {
+                // what holds vertices also speeds them up and slows them down
+                let [free_before, held_before] =
+                    scratch.node.kinetic_energy(rows.clone(), &scratch.node.v);
+                report.kinetic_energy += kinetic + held;
+                report.constraint_work += held - held_before;
+                report.load_work +=
+                    load_potential - scratch.node.load_potential(rows, &scratch.node.u);
+                energy_before += body.elastic_before + free_before + held_before;
+            } else {
+                report.constraint_work = 0.0;
+            }
+            scratch.history.bodies.push(body.history(kinetic + potential));
+        }
+        if dynamic {
+            let report = &mut *self.report;
+            let work = report.load_work + report.constraint_work;
+            let now = report.elastic_energy + report.kinetic_energy;
+            report.dissipation = energy_before + work - now;
+        }
+        self.write();
+    }
+
+    /// Velocities of a body at the end of the step, vertices without elements included.
+    fn set_velocities(&mut self, index: usize) {
+        let (body, scratch) = (&self.bodies[index], &mut *self.scratch);
+        scratch.find_velocities(body);
+        for orphan in self.orphans.iter().filter(|orphan| body.rows.contains(&orphan.row)) {
+            for k in (0..3).filter(|&k| !orphan.held.holds(k)) {
+                scratch.velocity[orphan.row][k] = orphan.velocity[k];
+            }
+        }
+    }
+
+    /// The new state into the columns and the history.
+    fn write(&mut self) {
+        let ImplicitScratch { rest, node, iterate, velocity, increment, history, .. } =
+            &mut *self.scratch;
+        book_momentum(self.report, rest, &node.mass, iterate, velocity);
+        write_state(self.world, iterate, velocity);
+        std::mem::swap(&mut history.u, iterate);
+        std::mem::swap(&mut history.v, velocity);
+        std::mem::swap(&mut history.increment, increment);
+        std::mem::swap(&mut history.v_before, &mut node.v);
+        history.mass.clone_from(&node.mass);
+        history.fixed.clone_from(&node.fixed);
+        history.dt = self.dt;
+        history.stamp(self.world);
+    }
+}
+
+impl BodyStep {
+    /// Whether kinetic and potential energy (J) are above the budget by more than rounding.
+    fn exceeds_budget<S: Scalar>(&self, kinetic: f64, potential: f64) -> bool {
+        let rounding = noise::<S>() * (kinetic + potential.abs());
+        kinetic > 0.0 && kinetic + potential > self.budget + rounding
+    }
+
+    /// What is remembered of a body that ends with `energy` (J), kinetic and potential.
+    fn history(&self, energy: f64) -> BodyHistory {
+        let past = self.past.body;
+        let unused = self.budget - energy;
+        BodyHistory {
+            elastic: self.elastic,
+            // what a safe step takes is not given back
+            excess: if self.mode == Mode::Trial {
+                (1.0 - BUDGET_DECAY) * (unused + past.excess).max(0.0)
+            } else {
+                0.0
+            },
+            wait: if self.rejected.is_some() { WAIT } else { past.wait.saturating_sub(1) },
+        }
+    }
+}
+
+impl<S: Scalar> ImplicitScratch<S> {
+    /// Slows the free unknowns of a body down until its kinetic energy leaves the energy at its budget; the
+    /// kinetic energy (J) then.
+    fn cap_energy(&mut self, body: &BodyStep, kinetic: f64, potential: f64) -> f64 {
+        let factor = ((body.budget - potential).max(0.0) / kinetic).sqrt();
+        for row in body.rows.clone() {
+            for k in 0..3 {
+                if self.node.free(row, k) {
+                    self.velocity[row][k] *= S::from_f64(factor);
+                }
+            }
+        }
+        self.node.kinetic_energy(body.rows.clone(), &self.velocity)[0]
+    }
+
+    /// Power (W) that damping takes at the velocities found, `damped` being up to date.
+    fn damping_power(&self, body: &BodyStep, mass_damping: f64) -> f64 {
+        let power = |row| dot3(&self.velocity[row], &self.damped[row]);
+        let viscous: f64 = body.rows.clone().map(power).sum::<f64>();
+        let kinetic = self.node.kinetic_energy(body.rows.clone(), &self.velocity)[0];
+        2.0 * mass_damping * kinetic + body.weights.rate * viscous
+    }
+}

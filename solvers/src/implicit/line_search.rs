@@ -1,0 +1,181 @@
+//! Armijo backtracking along the Newton step, body by body, with one evaluation for all of them a try.
+
+use super::step::{BodyStep, ImplicitScratch, Mode, Rejected, Step, noise};
+use crate::state::{dot3, evaluate};
+use bevy_ecs::prelude::World;
+use sinew_engine::law::ElasticEnergy;
+use sinew_engine::scalar::Scalar;
+
+/// Armijo constant.
+const ARMIJO: f64 = 1e-4;
+/// Predicted decrease, over the energies involved, below which Newton does not test for decrease.
+const UNRESOLVED: f64 = 1e-10;
+/// Most halvings of the line search.
+const MAX_HALVINGS: u32 = 30;
+
+/// The potential of a body along its Newton step, as differences to the current iterate: `linear t +
+/// quadratic t^2 / 2` from inertia, damping and loads, and the elastic energy.
+struct LineSearch {
+    /// Index of the body.
+    body: usize,
+    linear: f64,
+    quadratic: f64,
+    slope: f64,
+    rounding: f64,
+    /// Differences of energy can be told from rounding.
+    resolved: bool,
+    /// Fraction of the Newton step that is tried.
+    fraction: f64,
+    accepted: bool,
+}
+
+impl LineSearch {
+    /// Change of the potential at the fraction tried, where the elastic energy changes by `elastic`.
+    fn change(&self, elastic: f64) -> f64 {
+        let t = self.fraction;
+        elastic + t * self.linear + 0.5 * t * t * self.quadratic
+    }
+
+    /// Whether a change of the potential is decrease enough.
+    fn accepts(&self, change: f64) -> bool {
+        change <= ARMIJO * self.fraction * self.slope + self.rounding
+            || (!self.resolved && change.is_finite())
+    }
+
+    /// Distance of a change of the potential from what the linearised step predicted, relative; `None`
+    /// where it predicted nothing above rounding.
+    fn linearisation_error(&self, change: f64) -> Option<f64> {
+        let t = self.fraction;
+        // the solved system has d.A d = -slope
+        let predicted = self.slope * (t - 0.5 * t * t);
+        (predicted.abs() > self.rounding).then(|| (change / predicted - 1.0).abs())
+    }
+}
+
+impl<S: Scalar> Step<'_, S> {
+    /// Backtracks along the direction of every unfinished body until its potential decreases enough, and
+    /// moves it. A body for which no decrease is found stays where it is and is done.
+    pub fn line_search(&mut self) {
+        self.scratch.multiply_damping_by_direction(self.world);
+        let mut searches: Vec<LineSearch> = (0..self.bodies.len())
+            .filter(|&i| !self.bodies[i].done)
+            .map(|i| self.scratch.line_search(i, &self.bodies[i]))
+            .collect();
+        if searches.is_empty() {
+            return;
+        }
+        self.scratch.trial.clone_from(&self.scratch.iterate);
+        for _ in 0..MAX_HALVINGS {
+            for search in searches.iter().filter(|search| !search.accepted) {
+                self.scratch.set_trial(&self.bodies[search.body], search.fraction);
+            }
+            evaluate(self.world, &self.scratch.trial, true, false, None);
+            self.report.evaluations += 1;
+            for search in searches.iter_mut().filter(|search| !search.accepted) {
+                self.judge(search);
+            }
+            if searches.iter().all(|search| search.accepted) {
+                return;
+            }
+        }
+        let tolerance = self.newton_tolerance();
+        for search in searches.iter().filter(|search| !search.accepted) {
+            let body = &mut self.bodies[search.body];
+            self.report.line_search_failures += 1;
+            // rounding level: the gradient is as small as the energy can resolve
+            let length = self.scratch.relative_step(body);
+            (body.done, body.converged) = (true, length <= tolerance.max(noise::<S>()));
+        }
+    }
+
+    /// Moves a body by the fraction tried, gives its step up, or halves the fraction.
+    fn judge(&mut self, search: &mut LineSearch) {
+        let energy = self.world.resource::<ElasticEnergy>().by_body[search.body];
+        let body = &mut self.bodies[search.body];
+        let change = search.change(energy - body.elastic);
+        if search.accepts(change) {
+            body.elastic = energy;
+            search.accepted = true;
+            self.scratch.advance(body.rows.clone(), S::from_f64(search.fraction));
+            if let Some(error) = search.linearisation_error(change) {
+                self.report.linearisation_error = self.report.linearisation_error.max(error);
+            }
+        } else if body.mode == Mode::Trial {
+            search.accepted = true;
+            body.reject(Rejected::Shortened);
+        } else {
+            self.report.backtracks += 1;
+            search.fraction *= 0.5;
+        }
+    }
+}
+
+impl<S: Scalar> ImplicitScratch<S> {
+    /// Product of the damping matrix and the direction, zero without one.
+    fn multiply_damping_by_direction(&mut self, world: &World) {
+        let Self { damping, product, direction, damped_direction, .. } = self;
+        damped_direction.clear();
+        damped_direction.resize(direction.len(), [S::ZERO; 4]);
+        if !damping.diagonal.is_empty() {
+            let (topology, workers) = (world.resource(), world.resource());
+            damping.multiply(topology, workers, product, direction, damped_direction);
+        }
+    }
+
+    /// Trial displacements of a body at a fraction of its Newton step.
+    fn set_trial(&mut self, body: &BodyStep, fraction: f64) {
+        let fraction = S::from_f64(fraction);
+        for row in body.rows.clone() {
+            for k in 0..3 {
+                // the same sum as in `advance`
+                if self.node.free(row, k) {
+                    let increment = self.increment[row][k] + fraction * self.direction[row][k];
+                    self.trial[row][k] = self.node.u[row][k] + increment;
+                }
+            }
+        }
+    }
+
+    /// The search of a body, with the full step to be tried first.
+    fn line_search(&self, index: usize, body: &BodyStep) -> LineSearch {
+        let weights = &body.weights;
+        let (mut linear, mut quadratic, mut slope) = (0.0, 0.0, 0.0);
+        let mut scale = body.elastic.abs();
+        for row in body.rows.clone() {
+            let m = self.node.mass[row].to_f64();
+            let direction = &self.direction[row];
+            for k in 0..3 {
+                let d = direction[k].to_f64();
+                let past_inertial = (self.increment[row][k] - self.inertial[row][k]).to_f64();
+                if self.node.free(row, k) {
+                    let past_offset = (self.increment[row][k] - self.offset[row][k]).to_f64();
+                    linear += m
+                        * d
+                        * (weights.inertia * past_inertial + weights.mass_damping * past_offset);
+                    quadratic += m * d * d * (weights.inertia + weights.mass_damping);
+                    scale += 0.5 * m * weights.inertia * past_inertial * past_inertial;
+                }
+                linear -= self.load[row][k].to_f64() * d;
+                linear += weights.rate * self.damped[row][k].to_f64() * d;
+            }
+            slope -= dot3(&self.residual[row], direction);
+            quadratic += weights.rate * dot3(&self.damped_direction[row], direction);
+        }
+        // Near its end Newton converges quadratically while differences of energy drown in rounding
+        // (more so for pooled springs, whose terms cancel): such steps are taken as they are. The safe
+        // step always tests, its bound rests on it.
+        let least = noise::<S>().max(UNRESOLVED) * scale;
+        let resolved = body.mode != Mode::Converge || -slope > least;
+        let rounding = noise::<S>() * scale;
+        LineSearch {
+            body: index,
+            linear,
+            quadratic,
+            slope,
+            rounding,
+            resolved,
+            fraction: 1.0,
+            accepted: false,
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! Linearised BDF2: one Newton step of BDF2 from `x_n + h v_n`. It counts if the tangent was positive
+//! definite, the full step was taken, no element was turned inside out and the energy stayed below its
+//! budget: the largest it has been, decaying by [`BUDGET_DECAY`](super::BUDGET_DECAY) of the excess a
+//! step, plus outside work. Otherwise the body takes the safe step, and so do its next [`WAIT`] steps.
+//! Where there is no history (first step, state set or held axes changed from outside, much other step
+//! length) it starts with a safe step.
+
+use super::step::{Mode, Rejected, Step, Weights, noise};
+use crate::state::write_displacement;
+use sinew_engine::report::VolumeReport;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::step::{StepError, measure_volume_ratios};
+
+/// Safe steps that follow one at which linearised BDF2 failed its tests.
+pub const WAIT: u32 = 2;
+
+impl<S: Scalar> Step<'_, S> {
+    /// A trial step for every body whose past allows one, then safe steps for those that failed.
+    pub fn linearised_bdf2(&mut self) -> Result<(), StepError> {
+        for body in &mut self.bodies {
+            let past = &body.past;
+            let second_order = past.history_holds && past.body.wait == 0 && !body.inverted;
+            body.mode = if second_order { Mode::Trial } else { Mode::Safe };
+            let fallbacks = &mut self.report.fallbacks;
+            fallbacks.start += u32::from(!past.history_holds);
+            fallbacks.waiting += u32::from(past.history_holds && !second_order);
+        }
+        self.start_at_predictor(self.dt);
+        self.minimise()?;
+        self.test_energies();
+        self.test_inversion();
+        self.count_trials();
+        self.step_safely_where_rejected()
+    }
+
+    /// Rejects trial steps that end above the energy budget.
+    fn test_energies(&mut self) {
+        let scratch = &mut *self.scratch;
+        for body in self.bodies.iter_mut().filter(|b| b.is_open_trial()) {
+            scratch.find_velocities(body);
+            let rows = body.rows.clone();
+            let kinetic = scratch.node.kinetic_energy(rows.clone(), &scratch.velocity)[0];
+            let potential = body.elastic - scratch.node.load_potential(rows, &scratch.iterate);
+            let allowed =
+                body.budget + body.past.body.excess + noise::<S>() * (kinetic + potential.abs());
+            // false for NaN
+            let within = kinetic + potential <= allowed;
+            if !within {
+                body.reject(Rejected::Energy);
+            }
+        }
+    }
+
+    /// Rejects trial steps that end with inverted elements; they begin without.
+    fn test_inversion(&mut self) {
+        if !self.bodies.iter().any(|b| b.is_open_trial()) {
+            return;
+        }
+        let after = self.inverted_by_body();
+        for (body, inverted) in self.bodies.iter_mut().zip(after) {
+            if body.is_open_trial() && inverted > 0 {
+                body.reject(Rejected::Inverted);
+            }
+        }
+    }
+
+    /// Inverted elements of the bodies at the iterate; the report of volumes stays as it is.
+    pub fn inverted_by_body(&mut self) -> Vec<u64> {
+        write_displacement(self.world, &self.scratch.iterate);
+        let before = self.world.resource::<VolumeReport>().clone();
+        self.world.run_system_cached(measure_volume_ratios::<S>).expect("engine resources");
+        std::mem::replace(&mut *self.world.resource_mut::<VolumeReport>(), before).inverted_by_body
+    }
+
+    fn count_trials(&mut self) {
+        for body in self.bodies.iter_mut().filter(|b| b.mode == Mode::Trial) {
+            let fallbacks = &mut self.report.fallbacks;
+            match body.rejected {
+                None => self.report.second_order_steps += 1,
+                Some(Rejected::Indefinite) => fallbacks.indefinite += 1,
+                Some(Rejected::Shortened) => fallbacks.shortened += 1,
+                Some(Rejected::Energy) => fallbacks.energy += 1,
+                Some(Rejected::Inverted) => fallbacks.inverted += 1,
+            }
+        }
+    }
+
+    /// The safe step for the bodies whose trial step was rejected.
+    fn step_safely_where_rejected(&mut self) -> Result<(), StepError> {
+        for body in &mut self.bodies {
+            body.done = body.rejected.is_none();
+        }
+        if self.bodies.iter().all(|b| b.done) {
+            return Ok(());
+        }
+        let scratch = &mut *self.scratch;
+        for body in self.bodies.iter_mut().filter(|b| !b.done) {
+            body.mode = Mode::Safe;
+            body.weights = Weights::new(self.settings, self.dt);
+            scratch.set_euler_inertia(body, self.dt);
+            for row in body.rows.clone() {
+                for k in 0..3 {
+                    if scratch.node.free(row, k) {
+                        scratch.iterate[row][k] = scratch.node.u[row][k];
+                        scratch.increment[row][k] = S::ZERO;
+                    } else {
+                        scratch.set_displacement(row, k, scratch.prescribed[row][k]);
+                    }
+                }
+            }
+        }
+        self.minimise()
+    }
+}

@@ -1,0 +1,175 @@
+//! Implicit integrators and quasi-static equilibrium as minimisation of an incremental potential, body
+//! by body (bodies share a world, not a solve, a line search or a cap). The unknown is the increment `d`
+//! of the displacements since the start of the step:
+//!
+//! `P(d) = |d - d_inertia|^2_M / (2 H^2) + W(x_n + d) - f.d + 1/(2 H) (d - o)^T C (d - o)`
+//!
+//! over the free unknowns. The velocity at the end is `(d - o) / H`, and without forces it would be
+//! `v_ref`: `d_inertia = o + H v_ref`. `C = alpha M + beta K_gn + C_d` is Rayleigh damping and the
+//! matrix of dampers, frozen where the iteration starts; `K_gn` is the positive semi-definite part of the
+//! tangent.
+//!
+//! | | file | `H` | `o` | `v_ref` |
+//! |---|---|---|---|---|
+//! | implicit Euler | `euler` | `h` | 0 | `v_n` |
+//! | BDF2, `r = h / h_prev`, `b = r^2 / (1 + 2 r)` | `bdf2`, `linearised_bdf2` | `h (1 + r) / (1 + 2 r)` | `b d_prev` | `v_n + b (v_n - v_prev)` |
+//! | TR-BDF2, trapezoid to `gamma h`, `gamma = 2 - sqrt 2` | `tr_bdf2` | `gamma h / 2` | `H v_n` | `v_n`, and the force at `x_n` beside `f` |
+//! | then BDF2, `a = 1 / (gamma (2 - gamma))` | | `gamma h / 2` | `a d_gamma` | `a v_gamma + (1 - a) v_n` |
+//! | midpoint: implicit Euler to the middle, then `2 d` | `midpoint` | `h / 2` | 0 | `v_n` |
+//! | equilibrium | `equilibrium` | infinite | | |
+//!
+//! * **Safe**: one Newton step from `x_n` (held vertices moved) with the exact Hessian. If conjugate
+//!   gradients meet non-positive curvature, or the last step ended with inverted elements, the tangent
+//!   is assembled again with clamped elements and the system solved again. Armijo backtracking on `P`,
+//!   then the energy cap: since Armijo gives `W(y) + |v - v_n|^2_M / 2 <= W(y_0) + |v_n|^2_M / 2`, a
+//!   factor on `v` exists that keeps kinetic plus potential energy at or below `T_n + W(y_0)` (plus
+//!   what damping stores when held vertices move), so the total energy never rises between outside
+//!   actions, for any step length.
+//! * **Linearised BDF2**: one Newton step of BDF2 from `x_n + h v_n`, which must pass tests
+//!   (`linearised_bdf2`); a body that fails them takes the safe step.
+//! * **Newton, BDF2, TR-BDF2, midpoint**: iterated to convergence, the last three from where the
+//!   velocities lead.
+//! * **Quasi-static**: the same without inertia; in parts if it does not converge in one go, or turns
+//!   elements inside out (`equilibrium`).
+
+mod bdf2;
+mod equilibrium;
+mod euler;
+mod finish;
+mod line_search;
+mod linearised_bdf2;
+mod midpoint;
+mod newton;
+mod start;
+mod step;
+mod tr_bdf2;
+
+use crate::integrator::Integrator;
+use crate::settings::SolverSettings;
+use crate::state::{evaluate, read_rest, write_state};
+use crate::support::check_support;
+use bevy_ecs::prelude::*;
+pub use equilibrium::MAX_PARTINGS;
+pub use finish::BUDGET_DECAY;
+pub use linearised_bdf2::WAIT;
+use sinew_engine::law::ElasticEnergy;
+use sinew_engine::load::SweptVolumes;
+use sinew_engine::report::StepReport;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::step::{StepError, not_finite};
+use sinew_engine::topology::Topology;
+pub use step::ImplicitScratch;
+use step::Step;
+
+/// Forgets the kept preconditioners and factors of the implicit integrators: they belong to matrices
+/// that will not come again.
+pub fn forget_matrices<S: Scalar>(world: &mut World) {
+    world.remove_resource::<ImplicitScratch<S>>();
+}
+
+/// Carries out one implicit step, or finds one equilibrium.
+///
+/// # Errors
+/// When a number stops being finite, an equilibrium is asked of a body that can move rigidly, or the
+/// integrator chosen is an explicit one; the columns are then unchanged.
+pub fn implicit_step<S: Scalar>(
+    world: &mut World,
+    settings: &SolverSettings,
+    report: &mut StepReport,
+) -> Result<(), StepError> {
+    let mut scratch = world.remove_resource::<ImplicitScratch<S>>().unwrap_or_default();
+    scratch.node.read(world);
+    let revision = world.resource::<Topology>().revision;
+    if scratch.revision != revision || scratch.rest.len() != scratch.node.len() {
+        read_rest(world, &mut scratch.rest);
+        scratch.revision = revision;
+    }
+    let result = if scratch.node.is_empty() {
+        Ok(())
+    } else {
+        Step::new(world, settings, report, &mut scratch).run()
+    };
+    if result.is_err() {
+        write_state(world, &scratch.node.u, &scratch.node.v);
+    }
+    world.insert_resource(scratch);
+    result
+}
+
+impl<S: Scalar> Step<'_, S> {
+    /// The whole step, or the search for an equilibrium.
+    fn run(&mut self) -> Result<(), StepError> {
+        let integrator = self.settings.integrator.resolve();
+        if !self.is_dynamic() {
+            check_support(self.world, &self.scratch.node)?;
+        }
+        let start = follower_energies(self.world, &self.scratch.node.u);
+        self.hold_orphans();
+        self.recall();
+        match integrator {
+            Integrator::Safe => self.safe_euler(),
+            Integrator::LinearisedBdf2 => self.linearised_bdf2(),
+            Integrator::Newton => self.converged_euler(),
+            Integrator::Bdf2 => self.bdf2(),
+            Integrator::TrBdf2 => self.tr_bdf2(),
+            Integrator::ImplicitMidpoint => self.midpoint(),
+            Integrator::QuasiStatic => self.equilibrium(),
+            Integrator::Auto | Integrator::SymplecticEuler | Integrator::StormerVerlet => {
+                let name = integrator.name();
+                Err(StepError::InvalidSetting(format!("integrator = \"{name}\" is not implicit")))
+            }
+        }?;
+        self.check_finite()?;
+        let end = follower_energies(self.world, &self.scratch.iterate);
+        self.finish();
+        if let (Some(start), Some(end)) = (start, end) {
+            self.book_followers(start, end);
+        }
+        Ok(())
+    }
+
+    /// Every displacement found must be a number.
+    fn check_finite(&mut self) -> Result<(), StepError> {
+        let finite = |u: &[S; 4]| u.iter().all(|u| u.is_finite());
+        match self.scratch.iterate.iter().position(|u| !finite(u)) {
+            None => Ok(()),
+            Some(row) => Err(not_finite(
+                self.world,
+                row,
+                "new displacement",
+                "the step was undone; try a smaller step or check material and loads",
+            )),
+        }
+    }
+
+    /// Books the loads that are laws as loads: their potential is small beside that of the elements, so
+    /// better read than found by subtraction.
+    fn book_followers(&mut self, start: FollowerEnergies, end: FollowerEnergies) {
+        let dynamic = self.is_dynamic();
+        let report = &mut *self.report;
+        let booked = report.elastic_energy - end.load;
+        report.elastic_energy = end.elastic;
+        if dynamic {
+            report.dissipation += booked - end.elastic;
+            report.load_work += start.load - end.load;
+        }
+    }
+}
+
+/// Energies in a world with follower loads: loads that are laws, such as pressure.
+struct FollowerEnergies {
+    /// Potential of these loads (J).
+    load: f64,
+    /// Elastic energy (J).
+    elastic: f64,
+}
+
+/// Energies at displacements `u`; `None`, without an evaluation, where there are no follower loads.
+fn follower_energies<S: Scalar>(world: &mut World, u: &[[S; 4]]) -> Option<FollowerEnergies> {
+    if !world.contains_resource::<SweptVolumes>() {
+        return None;
+    }
+    evaluate(world, u, true, false, None);
+    let energy = world.resource::<ElasticEnergy>();
+    Some(FollowerEnergies { load: energy.load, elastic: energy.elastic() })
+}

@@ -1,0 +1,367 @@
+//! What one implicit step works with: the world, the work space, and what is known of each body.
+
+use crate::history::{History, Past};
+use crate::linear_solver::LinearSolver;
+use crate::orphan::{Orphan, prescribe_orphans};
+use crate::recovery::Recovery;
+use crate::settings::SolverSettings;
+use crate::state::{NodeState, Rows};
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use sinew_engine::load::SweptVolumes;
+use sinew_engine::matrix::{BlockMatrix, ProductSpans};
+use sinew_engine::report::{StepReport, VolumeReport};
+use sinew_engine::scalar::Scalar;
+use sinew_engine::step::StepClock;
+use sinew_engine::substep::WithinStep;
+use sinew_engine::topology::{BodyRows, Topology};
+use sinew_engine::vertex::FixedAxes;
+use std::ops::Range;
+
+/// One step of all bodies of a world.
+pub(super) struct Step<'w, S: Scalar> {
+    pub world: &'w mut World,
+    pub settings: &'w SolverSettings,
+    pub report: &'w mut StepReport,
+    pub scratch: &'w mut ImplicitScratch<S>,
+    pub bodies: Vec<BodyStep>,
+    pub orphans: Vec<Orphan<S>>,
+    /// The elastic energies at the end of the last step still hold.
+    pub energies_hold: bool,
+    /// Length of the step (s).
+    pub dt: f64,
+}
+
+/// Work space of the implicit integrators, and what they remember of the last step.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct ImplicitScratch<S: Scalar> {
+    /// The columns at the start of the step.
+    pub(super) node: NodeState<S>,
+    /// Displacement since the start of the step (m): the unknown. Velocities come from it alone, so
+    /// a large displacement from rest costs no digits of them.
+    pub(super) increment: Rows<S>,
+    /// Increment for which the velocity is zero (m), `o` in the module documentation.
+    pub(super) offset: Rows<S>,
+    /// Increment that inertia alone would make (m), `d_inertia`.
+    pub(super) inertial: Rows<S>,
+    /// Displacements (m) of held unknowns at the end of the stage.
+    pub(super) prescribed: Rows<S>,
+    /// Forces (N) beside the elastic ones.
+    pub(super) load: Rows<S>,
+    /// Displacements (m) at the current iterate.
+    pub(super) iterate: Rows<S>,
+    /// Displacements (m) that the line search tries.
+    pub(super) trial: Rows<S>,
+    /// Elastic forces (N) at the iterate.
+    pub(super) force: Rows<S>,
+    /// `-dP/dd` (N), zero on held unknowns.
+    pub(super) residual: Rows<S>,
+    /// Newton step (m).
+    pub(super) direction: Rows<S>,
+    /// Velocities (m/s) at the end of the stage.
+    pub(super) velocity: Rows<S>,
+    /// `beta K_gn + C_d` (N s/m); empty without damping.
+    pub(super) damping: BlockMatrix<S>,
+    /// `increment - offset`, when it is needed as one.
+    pub(super) past_offset: Rows<S>,
+    /// Damping matrix times `increment - offset`, and times the direction.
+    pub(super) damped: Rows<S>,
+    pub(super) damped_direction: Rows<S>,
+    pub(super) product: ProductSpans<S>,
+    pub(super) linear: LinearSolver<S>,
+    pub(super) history: History<S>,
+    pub(super) recovery: Recovery,
+    pub(super) within: WithinStep,
+    /// Rest positions (m), read once per topology.
+    pub(super) rest: Vec<DVec3>,
+    pub(super) revision: u64,
+}
+
+/// What a step knows of a body.
+#[derive(Clone, Debug)]
+pub(super) struct BodyStep {
+    pub rows: Range<usize>,
+    pub size: f64,
+    /// Pieces without held unknowns: their momentum can be balanced exactly.
+    pub free_pieces: Vec<FreePiece>,
+    /// Elements were inverted when the step began.
+    pub inverted: bool,
+    pub mode: Mode,
+    pub weights: Weights,
+    /// What is remembered of it.
+    pub past: Past,
+    /// Elastic energy (J) at the current iterate, and at the start of the step.
+    pub elastic: f64,
+    pub elastic_before: f64,
+    /// Kinetic plus potential energy (J) at the start, held vertices moved.
+    pub budget: f64,
+    pub done: bool,
+    pub converged: bool,
+    /// Why the linearised BDF2 step does not count.
+    pub rejected: Option<Rejected>,
+}
+
+/// How a body takes its step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Mode {
+    /// One solve, line search and energy cap.
+    Safe,
+    /// One solve, which must pass the tests of linearised BDF2.
+    Trial,
+    /// Newton to convergence.
+    Converge,
+}
+
+/// Why a linearised BDF2 step does not count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Rejected {
+    Indefinite,
+    Shortened,
+    Energy,
+    Inverted,
+}
+
+/// Rows of a piece without held unknowns.
+#[derive(Clone, Debug)]
+pub(super) enum FreePiece {
+    /// All rows of the body.
+    Whole,
+    /// Some of them.
+    Rows(Vec<u32>),
+}
+
+/// Weights of the incremental potential.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Weights {
+    /// `1 / H`, 0 for equilibria (1/s).
+    pub rate: f64,
+    /// Factor of `|d - d_inertia|^2_M / 2` (1/s^2).
+    pub inertia: f64,
+    /// Factor of `|d - o|^2_M / 2`, mass damping over `H` (1/s^2).
+    pub mass_damping: f64,
+}
+
+impl Weights {
+    /// Of a stage of effective length `h` (s), infinite for equilibria.
+    pub fn new(settings: &SolverSettings, h: f64) -> Self {
+        let rate = 1.0 / h;
+        Self { rate, inertia: rate * rate, mass_damping: settings.mass_damping * rate }
+    }
+}
+
+/// Relative size below which differences of energies are rounding.
+pub(super) fn noise<S: Scalar>() -> f64 {
+    450.0 * S::EPSILON.to_f64()
+}
+
+/// Largest entry of a field.
+pub(super) fn largest_entry<S: Scalar>(x: &[[S; 4]]) -> f64 {
+    x.iter().flat_map(|x| x[..3].iter()).fold(0.0, |m, x| m.max(x.to_f64().abs()))
+}
+
+impl<'w, S: Scalar> Step<'w, S> {
+    /// A step from the columns in `scratch.node`.
+    pub fn new(
+        world: &'w mut World,
+        settings: &'w SolverSettings,
+        report: &'w mut StepReport,
+        scratch: &'w mut ImplicitScratch<S>,
+    ) -> Self {
+        let dt = world.resource::<StepClock>().dt;
+        scratch.damping.diagonal.clear();
+        scratch.velocity.clear();
+        scratch.velocity.resize(scratch.node.len(), [S::ZERO; 4]);
+        Self {
+            world,
+            settings,
+            report,
+            scratch,
+            bodies: Vec::new(),
+            orphans: Vec::new(),
+            energies_hold: false,
+            dt,
+        }
+    }
+
+    /// Whether bodies have inertia.
+    pub fn is_dynamic(&self) -> bool {
+        self.settings.integrator.facts().dynamic
+    }
+
+    /// Makes held unknowns of the vertices without elements, and takes loads and prescribed displacements
+    /// at the end of the step.
+    pub fn hold_orphans(&mut self) {
+        let topology = self.world.resource::<Topology>();
+        self.orphans = prescribe_orphans(topology, &mut self.scratch.node, self.dt, self.settings);
+        self.scratch.use_end_of_step();
+    }
+
+    /// What is remembered of every body and still holds, and which bodies recover from inversion.
+    pub fn recall(&mut self) {
+        let scratch = &mut *self.scratch;
+        let (unchanged, past) = scratch.history.compare(self.world, &scratch.node, self.dt);
+        // the potential of a pressure changes with time
+        self.energies_hold = unchanged && !self.world.contains_resource::<SweptVolumes>();
+        let ImplicitScratch { recovery, node, rest, .. } = scratch;
+        let on = self.settings.recovery;
+        let recovers = recovery.update(self.world, on, node, rest, self.report);
+        let inverted = &self.world.resource::<VolumeReport>().inverted_by_body;
+        let bodies = self.world.resource::<Topology>().bodies.iter().enumerate().zip(past);
+        self.bodies = bodies
+            .map(|((i, body), past)| {
+                let inverted = inverted.get(i).is_some_and(|&count| count > 0);
+                BodyStep::new(body, &node.fixed, inverted, past)
+            })
+            .collect();
+        for (body, _) in self.bodies.iter_mut().zip(recovers).filter(|(_, recovers)| *recovers) {
+            // other energies than those remembered, and safe steps
+            body.past = Past::default();
+            body.inverted = true;
+        }
+    }
+}
+
+impl BodyStep {
+    fn new(body: &BodyRows, fixed: &[FixedAxes], inverted: bool, past: Past) -> Self {
+        let rows = body.vertices.start as usize..body.vertices.end as usize;
+        Self {
+            free_pieces: free_pieces(body, &fixed[rows.clone()]),
+            rows,
+            size: body.size,
+            inverted,
+            mode: Mode::Safe,
+            weights: Weights { rate: 0.0, inertia: 0.0, mass_damping: 0.0 },
+            past,
+            elastic: 0.0,
+            elastic_before: 0.0,
+            budget: f64::INFINITY,
+            done: false,
+            converged: false,
+            rejected: None,
+        }
+    }
+
+    /// Uses the projected tangent from the start.
+    pub fn projects(&self) -> bool {
+        self.mode == Mode::Safe && self.inverted
+    }
+
+    /// Takes BDF2, not the implicit Euler step that starts it or stands in for it.
+    pub fn uses_bdf2(&self) -> bool {
+        self.past.history_holds && self.mode != Mode::Safe
+    }
+
+    /// Took a trial step that nothing speaks against so far.
+    pub fn is_open_trial(&self) -> bool {
+        self.mode == Mode::Trial && self.rejected.is_none()
+    }
+
+    /// Gives the linearised BDF2 step up.
+    pub fn reject(&mut self, why: Rejected) {
+        (self.done, self.rejected) = (true, Some(why));
+    }
+
+    /// Takes another round of Newton's iteration up.
+    pub fn reopen(&mut self) {
+        (self.done, self.converged) = (false, false);
+    }
+}
+
+/// Pieces of a body without held unknowns; `fixed` belongs to its rows.
+fn free_pieces(body: &BodyRows, fixed: &[FixedAxes]) -> Vec<FreePiece> {
+    let held = fixed.iter().any(|f| f.0 != 0);
+    if body.piece_count() == 1 && !held {
+        return vec![FreePiece::Whole];
+    }
+    let mut pieces = vec![Some(Vec::new()); body.piece_count()];
+    let first = body.vertices.start;
+    for (row, (&piece, fixed)) in (first..).zip(body.piece.iter().zip(fixed)) {
+        // vertices without elements belong to no piece
+        let Some(rows) = pieces.get_mut(piece as usize) else { continue };
+        match rows {
+            Some(rows) if fixed.0 == 0 => rows.push(row),
+            rows => *rows = None,
+        }
+    }
+    pieces.into_iter().flatten().map(FreePiece::Rows).collect()
+}
+
+impl<S: Scalar> ImplicitScratch<S> {
+    /// Loads and prescribed displacements as they are at the end of the step.
+    pub(super) fn use_end_of_step(&mut self) {
+        self.load.clone_from(&self.node.external);
+        self.prescribed.clone_from(&self.node.prescribed);
+    }
+
+    /// Loads (N) when `part` of the step has passed.
+    pub(super) fn use_loads_at(&mut self, part: f64) {
+        self.load.clone_from(&self.node.external);
+        let mut differences = Vec::new();
+        self.within.load_differences(part, &mut differences);
+        for (&row, difference) in self.within.loaded.iter().zip(&differences) {
+            for k in 0..3 {
+                self.load[row as usize][k] += S::from_f64(difference[k]);
+            }
+        }
+    }
+
+    /// Prescribed displacements (m), of those that move, when `part` of the step has passed.
+    pub(super) fn use_motions_at(&mut self, part: f64) {
+        let mut increments = Vec::new();
+        self.within.ways(part, &mut increments);
+        for (moving, increment) in self.within.moving.iter().zip(&increments) {
+            let (row, k) = (moving.row as usize, moving.axis as usize);
+            self.prescribed[row][k] = self.node.u[row][k] + S::from_f64(*increment);
+        }
+    }
+
+    /// Sets a free unknown to an increment, the displacement with it.
+    pub(super) fn set_increment(&mut self, row: usize, k: usize, increment: S) {
+        self.increment[row][k] = increment;
+        self.iterate[row][k] = self.node.u[row][k] + increment;
+    }
+
+    /// Sets an unknown to a displacement, the increment with it.
+    pub(super) fn set_displacement(&mut self, row: usize, k: usize, displacement: S) {
+        self.iterate[row][k] = displacement;
+        self.increment[row][k] = displacement - self.node.u[row][k];
+    }
+
+    /// Moves a body by a fraction of its Newton step.
+    pub(super) fn advance(&mut self, rows: Range<usize>, fraction: S) {
+        for row in rows {
+            for k in 0..3 {
+                self.increment[row][k] += fraction * self.direction[row][k];
+                self.iterate[row][k] = if self.node.free(row, k) {
+                    self.node.u[row][k] + self.increment[row][k]
+                } else {
+                    self.prescribed[row][k]
+                };
+            }
+        }
+    }
+
+    /// Velocities of a body at the end of the stage.
+    pub(super) fn find_velocities(&mut self, body: &BodyStep) {
+        let per_second = S::from_f64(body.weights.rate);
+        for row in body.rows.clone() {
+            for k in 0..3 {
+                self.velocity[row][k] = (self.increment[row][k] - self.offset[row][k]) * per_second;
+            }
+        }
+    }
+
+    /// Product of the damping matrix and `increment - offset` into `damped`, zero without one.
+    pub(super) fn multiply_damping(&mut self, world: &World) {
+        self.damped.clear();
+        self.damped.resize(self.node.len(), [S::ZERO; 4]);
+        if !self.damping.diagonal.is_empty() {
+            let difference =
+                |(d, o): (&[S; 4], &[S; 4])| [d[0] - o[0], d[1] - o[1], d[2] - o[2], S::ZERO];
+            self.past_offset.clear();
+            self.past_offset.extend(self.increment.iter().zip(&self.offset).map(difference));
+            let Self { damping, product, past_offset, damped, .. } = self;
+            damping.multiply(world.resource(), world.resource(), product, past_offset, damped);
+        }
+    }
+}

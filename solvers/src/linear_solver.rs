@@ -1,0 +1,354 @@
+//! Linear systems with a [`ShiftedTangent`] on the free unknowns: rows and columns of held unknowns are
+//! taken out exactly by masking, not by penalties.
+//!
+//! A solve adds the matrix up once and hands it to preconditioned conjugate gradients
+//! ([`crate::cg`]). With mixed precision the matrix, the vectors and the preconditioner are in
+//! `f32` and only a correction is solved for; the residual is formed again in `f64` with the tangent
+//! as it came, and corrections are added until that residual holds the tolerance. Where `f32` gets
+//! no closer, or claims a negative curvature that the `f64` tangent does not confirm, the solve goes
+//! on in `f64`. Sums run over fixed pieces in `f64`, so the iterates do not depend on the number of
+//! threads.
+
+use crate::cg::{BodySystem, ConjugateGradients, Inner, InnerStatus, Limits};
+use crate::settings::{LinearPrecision, Preconditioner};
+use crate::state::{Rows, dot3};
+use crate::system::{Pattern, ShiftedTangent};
+use glam::DVec3;
+use sinew_engine::matrix::ProductSpans;
+use sinew_engine::scalar::Scalar;
+
+/// How a solve ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CgStatus {
+    /// The residual is below the tolerance.
+    Converged,
+    /// The iteration cap was reached.
+    Cap,
+    /// A direction of non-positive curvature turned up: the matrix is not positive definite.
+    Indefinite,
+    /// A number is not finite.
+    NotFinite,
+}
+
+/// What a solve is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinearOptions {
+    /// Residual, relative to that of the start vector, at which the system counts as solved.
+    pub tolerance: f64,
+    /// Cap on iterations.
+    pub max_iterations: u32,
+    /// Preconditioner.
+    pub preconditioner: Preconditioner,
+    /// Number type of matrix and iteration.
+    pub precision: LinearPrecision,
+}
+
+impl Default for LinearOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-3,
+            max_iterations: 5_000,
+            preconditioner: Preconditioner::default(),
+            precision: LinearPrecision::default(),
+        }
+    }
+}
+
+/// Result of a solve.
+#[derive(Clone, Copy, Debug)]
+pub struct CgOutcome {
+    /// How it ended.
+    pub status: CgStatus,
+    /// Iterations.
+    pub iterations: u32,
+    /// Residual over that of the start vector (or the right-hand side, if smaller), Euclidean norm.
+    pub residual: f64,
+    /// Preconditioner that was used, never [`Preconditioner::Auto`].
+    pub preconditioner: Preconditioner,
+    /// Times its values were computed; otherwise those of an earlier solve were used.
+    pub refreshes: u32,
+    /// Restarts of its factorisation after breakdowns.
+    pub breakdowns: u32,
+    /// The solve had to go on in full precision.
+    pub fell_back: bool,
+}
+
+/// Solves the systems of the bodies of a world, one by one, and keeps what can be used again.
+#[derive(Clone, Debug, Default)]
+pub struct LinearSolver<S> {
+    revision: u64,
+    bodies: Vec<BodySolver<S>>,
+    spans: ProductSpans<S>,
+    damped: Rows<S>,
+    residual: Rows<S>,
+    correction: Rows<S>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct BodySolver<S> {
+    pattern: Pattern,
+    single: ConjugateGradients<f32>,
+    #[cfg(feature = "direct")]
+    direct: crate::direct::DirectFactor<S>,
+    /// In use when `S` is `f64` and mixed precision is off or not enough.
+    full: ConjugateGradients<S>,
+}
+
+/// One round of refinement with the complete factor of `matrix`.
+#[cfg(feature = "direct")]
+fn solve_directly<S: Scalar>(
+    direct: &mut crate::direct::DirectFactor<S>,
+    pattern: &Pattern,
+    matrix: &crate::system::SystemMatrix<S>,
+    r: &[[S; 4]],
+    e: &mut [[S; 4]],
+) -> Inner {
+    let factorised = direct.prepare(pattern, matrix);
+    if factorised.is_some() {
+        direct.solve(r, e);
+    }
+    Inner {
+        status: factorised.map_or(InnerStatus::Indefinite, |_| InnerStatus::Converged),
+        iterations: 1,
+        reduction: 1.0,
+        refreshes: u32::from(factorised == Some(true)),
+        breakdowns: 0,
+    }
+}
+
+impl<S: Scalar> LinearSolver<S> {
+    /// Solves the rows of one body of `A x = b` from the start vector in `x`; `b` and `x` hold those
+    /// rows only, and their held entries must be zero. `rest` holds the rest positions (m) of all
+    /// rows of the world.
+    ///
+    /// The residual is measured against that of the start vector (or `b`, if smaller): a start that
+    /// already carries the inertia must not make the forces look small.
+    pub fn solve(
+        &mut self,
+        system: &ShiftedTangent<'_, S>,
+        rest: &[DVec3],
+        body: usize,
+        b: &[[S; 4]],
+        x: &mut [[S; 4]],
+        options: &LinearOptions,
+    ) -> CgOutcome {
+        if self.revision != system.topology.revision
+            || self.bodies.len() != system.topology.bodies.len()
+        {
+            self.revision = system.topology.revision;
+            self.bodies.clear();
+            self.bodies.resize_with(system.topology.bodies.len(), BodySolver::default);
+        }
+        if self.bodies[body].pattern.is_empty() {
+            self.bodies[body].pattern = Pattern::new(system.topology, body);
+        }
+        let same_type = size_of::<S>() == size_of::<f32>();
+        let solve = Solve {
+            solver: self,
+            system,
+            rest,
+            body,
+            b,
+            options,
+            same_type,
+            mixed: options.precision == LinearPrecision::Mixed || same_type,
+            assembled: [false; 2],
+            reference: 0.0,
+            outcome: CgOutcome {
+                status: CgStatus::Converged,
+                iterations: 0,
+                residual: 0.0,
+                preconditioner: options.preconditioner.resolve(b.len()),
+                refreshes: 0,
+                breakdowns: 0,
+                fell_back: false,
+            },
+        };
+        // on a thread of the pool, regions follow each other without a hand-over
+        system.workers.enter(|| solve.run(x))
+    }
+
+    /// `residual = b - A x` for the rows of one body.
+    fn find_residual(
+        &mut self,
+        system: &ShiftedTangent<'_, S>,
+        body: usize,
+        b: &[[S; 4]],
+        x: &[[S; 4]],
+    ) {
+        let Self { spans, damped, residual, correction: product, .. } = self;
+        residual.clear();
+        residual.extend_from_slice(b);
+        if x.iter().all(|x| *x == [S::ZERO; 4]) {
+            return;
+        }
+        product.resize(x.len(), [S::ZERO; 4]);
+        system.multiply(spans, damped, body, x, product);
+        for (r, q) in residual.iter_mut().zip(&*product) {
+            for k in 0..3 {
+                r[k] -= q[k];
+            }
+        }
+    }
+}
+
+/// One solve: rounds of conjugate gradients, or of the complete factor, each for a correction of what is
+/// left.
+struct Solve<'a, S: Scalar> {
+    solver: &'a mut LinearSolver<S>,
+    system: &'a ShiftedTangent<'a, S>,
+    rest: &'a [DVec3],
+    body: usize,
+    b: &'a [[S; 4]],
+    options: &'a LinearOptions,
+    /// The state is in `f32` itself.
+    same_type: bool,
+    /// Rounds run in `f32`.
+    mixed: bool,
+    /// Whether the matrix is added up: in the number type of the state, in `f32`.
+    assembled: [bool; 2],
+    /// What residuals are measured against.
+    reference: f64,
+    outcome: CgOutcome,
+}
+
+impl<S: Scalar> Solve<'_, S> {
+    fn run(mut self, x: &mut [[S; 4]]) -> CgOutcome {
+        let norm_b = norm(self.b);
+        if norm_b == 0.0 {
+            x.fill([S::ZERO; 4]);
+            return self.outcome;
+        }
+        self.solver.find_residual(self.system, self.body, self.b, x);
+        let mut norm_r = norm(&self.solver.residual);
+        // below a few units of rounding of b there is nothing left to solve for
+        let floor = 16.0 * S::EPSILON.to_f64() * norm_b / self.options.tolerance;
+        self.reference = norm_r.min(norm_b).max(floor);
+        loop {
+            if let Some(status) = self.round(x, &mut norm_r) {
+                self.outcome.status = status;
+                return self.outcome;
+            }
+        }
+    }
+
+    /// One round; `norm_r` is the norm of the residual before it and becomes that after it. Returns how the
+    /// solve ended, if it did.
+    fn round(&mut self, x: &mut [[S; 4]], norm_r: &mut f64) -> Option<CgStatus> {
+        let (options, before) = (self.options, *norm_r);
+        self.outcome.residual = before / self.reference;
+        if !before.is_finite() {
+            return Some(CgStatus::NotFinite);
+        }
+        if self.outcome.residual <= options.tolerance {
+            return Some(CgStatus::Converged);
+        }
+        if self.outcome.iterations >= options.max_iterations {
+            return Some(CgStatus::Cap);
+        }
+        let inner = self.correct(before);
+        match inner.status {
+            InnerStatus::Converged | InnerStatus::Cap => {}
+            InnerStatus::NotFinite if self.may_widen() => return self.widen(),
+            InnerStatus::NotFinite => return Some(CgStatus::NotFinite),
+            InnerStatus::Indefinite if self.may_widen() && !self.is_indefinite() => {
+                return self.widen();
+            }
+            InnerStatus::Indefinite => return Some(CgStatus::Indefinite),
+        }
+        for (x, e) in x.iter_mut().zip(&self.solver.correction) {
+            for k in 0..3 {
+                x[k] += e[k];
+            }
+        }
+        let direct = self.outcome.preconditioner == Preconditioner::Direct;
+        if !direct && (self.same_type || !self.mixed) {
+            // the iteration ran in the number type of the state: its own residual counts
+            self.outcome.residual = inner.reduction * before / self.reference;
+            let converged = inner.status == InnerStatus::Converged;
+            return Some(if converged { CgStatus::Converged } else { CgStatus::Cap });
+        }
+        self.solver.find_residual(self.system, self.body, self.b, x);
+        *norm_r = norm(&self.solver.residual);
+        if *norm_r > STALLED * before && *norm_r > options.tolerance * self.reference {
+            if direct {
+                self.outcome.residual = *norm_r / self.reference;
+                return Some(CgStatus::Cap);
+            }
+            return self.widen();
+        }
+        None
+    }
+
+    /// Solves for the correction of a residual of norm `norm_r`.
+    fn correct(&mut self, norm_r: f64) -> Inner {
+        let Self { system, body, rest, .. } = *self;
+        let preconditioner = self.outcome.preconditioner;
+        let mut target = self.options.tolerance * self.reference / norm_r;
+        if self.mixed && !self.same_type {
+            // a little below, since the recurrence drifts; f32 gets no further than this at once
+            target = (0.9 * target).max(SINGLE_REDUCTION);
+        }
+        let cap = self.options.max_iterations - self.outcome.iterations;
+        let limits = Limits { norm: norm_r, target, cap };
+        let LinearSolver { bodies, residual, correction, .. } = &mut *self.solver;
+        let own = &mut bodies[body];
+        correction.resize(residual.len(), [S::ZERO; 4]);
+        let single = self.mixed && preconditioner != Preconditioner::Direct;
+        if !std::mem::replace(&mut self.assembled[usize::from(single)], true) {
+            if single {
+                own.single.matrix.assemble(system, body);
+            } else {
+                own.full.matrix.assemble(system, body);
+            }
+        }
+        let of = BodySystem { system, body, pattern: &own.pattern, rest, preconditioner };
+        let inner = match preconditioner {
+            #[cfg(feature = "direct")]
+            Preconditioner::Direct => {
+                let matrix = &own.full.matrix;
+                solve_directly(&mut own.direct, &own.pattern, matrix, residual, correction)
+            }
+            _ if self.mixed => own.single.solve(&of, residual, correction, limits),
+            _ => own.full.solve(&of, residual, correction, limits),
+        };
+        self.outcome.iterations += inner.iterations;
+        self.outcome.refreshes += inner.refreshes;
+        self.outcome.breakdowns += inner.breakdowns;
+        inner
+    }
+
+    /// Whether the rounds run in `f32` and may go on in the number type of the state.
+    fn may_widen(&self) -> bool {
+        self.mixed && !self.same_type && self.outcome.preconditioner != Preconditioner::Direct
+    }
+
+    /// The rounds to come run in the number type of the state.
+    fn widen(&mut self) -> Option<CgStatus> {
+        self.mixed = false;
+        self.outcome.fell_back = true;
+        None
+    }
+
+    /// Whether the tangent as it came has no positive curvature along the last direction of the `f32`
+    /// iteration: only it may say that it is indefinite.
+    fn is_indefinite(&mut self) -> bool {
+        let LinearSolver { bodies, spans, damped, correction, .. } = &mut *self.solver;
+        let own = &bodies[self.body];
+        own.single.direction(&own.pattern, correction);
+        let mut product = vec![[S::ZERO; 4]; correction.len()];
+        self.system.multiply(spans, damped, self.body, correction, &mut product);
+        let curvature: f64 = correction.iter().zip(&product).map(|(p, q)| dot3(p, q)).sum();
+        curvature <= 0.0
+    }
+}
+
+/// Reduction of the residual asked of one round in `f32`.
+const SINGLE_REDUCTION: f64 = 1e-5;
+/// A round that reduces the residual by less than this is the last one in `f32`.
+const STALLED: f64 = 0.5;
+
+/// Euclidean norm.
+fn norm<S: Scalar>(x: &[[S; 4]]) -> f64 {
+    x.iter().map(|x| dot3(x, x)).sum::<f64>().sqrt()
+}
