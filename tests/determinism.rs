@@ -1,9 +1,7 @@
 //! Results are the same bit for bit for any number of threads, for either executor and when run
 //! again.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::DVec3;
 use sinew::engine::law::LawBuffer;
 use sinew::engine::mesh::Mesh;
