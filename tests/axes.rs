@@ -1,9 +1,7 @@
 //! Bodies with axes: beside and instead of a material, in every way of evaluation; mesh independence,
 //! conservation, active fibres, removal, recovery.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::DVec3;
 use proptest::prelude::*;
 use sinew::engine::law::{ElasticEnergy, RecoveringBodies};

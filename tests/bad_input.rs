@@ -1,9 +1,7 @@
 //! Bad input gives a typed error that names the entity and a remedy, and leaves the state as it was;
 //! extreme but valid input gives bounded results.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{DQuat, DVec3};
 use sinew::engine::load::TargetError;
 use sinew::engine::mesh::Mesh;

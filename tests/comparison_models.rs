@@ -1,8 +1,6 @@
 //! Comparison models in whole simulations, and new materials for bodies that exist.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::DVec3;
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::mesh::Mesh;

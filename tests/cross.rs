@@ -1,9 +1,7 @@
 //! Removal of elements together with membranes, material fields, pressures, the comparison laws, recovery
 //! and integrators of second order.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::DVec3;
 use proptest::prelude::*;
 use sinew::engine::mesh::Mesh;

@@ -1,9 +1,7 @@
 //! Results are the same bit for bit for any number of threads, for either executor and when run
 //! again; with the portable instruction set they are the same on every machine.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::{DVec2, DVec3};
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::law::LawBuffers;

@@ -1,10 +1,8 @@
 //! Explicit integrators: what acts within a step, what is remembered between steps, and how sharp and
 //! how safe the stability limit is.
 
-mod common;
-
+use crate::common::*;
 use bevy_ecs::prelude::*;
-use common::*;
 use glam::DVec3;
 use sinew::engine::law::{EvaluationRequest, TangentKind};
 use sinew::engine::matrix::{ProductSpans, Tangent};

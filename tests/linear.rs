@@ -1,9 +1,7 @@
 //! Linear systems of implicit steps: every preconditioner and precision against a dense solve, masks,
 //! indefinite matrices, values kept over solves, threads, and how iterations grow with the mesh.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::DVec3;
 use sinew::engine::columns::single_table;
 use sinew::engine::law::{EvaluationRequest, TangentKind};

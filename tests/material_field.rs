@@ -1,8 +1,6 @@
 //! Bodies whose material varies from tetrahedron to tetrahedron.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::models::field::FieldError;

@@ -1,9 +1,7 @@
 //! Conservation laws, closed forms, orders of convergence and equilibria of whole bodies.
 
-mod common;
-
+use crate::common::*;
 use bevy_ecs::prelude::Entity;
-use common::*;
 use glam::DVec3;
 use sinew::engine::law::{EvaluationRequest, TangentKind};
 use sinew::engine::matrix::{BlockMatrix, Tangent};

@@ -1,9 +1,7 @@
 //! Follower pressure and membranes through whole steps: forces are derivatives of the potential, energy
 //! is booked, spheres and discs inflate as they should, solids share the mechanism.
 
-mod common;
-
-use common::{group, max_distance, max_length, random_field, soft};
+use crate::common::{group, max_distance, max_length, random_field, soft};
 use sinew::engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
 use sinew::engine::load::SweptVolumes;
 use sinew::engine::matrix::{ProductSpans, Tangent};
@@ -225,7 +223,8 @@ fn pressure_all_round_a_solid_has_the_closed_form() {
     for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
         let material = soft(young, nu);
         let options = SimulationOptions::default();
-        let (mut s, body) = common::simulate(options, &mesh, material, Model::StVK, evaluation);
+        let (mut s, body) =
+            crate::common::simulate(options, &mesh, material, Model::StVK, evaluation);
         s.set_gravity(DVec3::ZERO);
         for (k, side) in ["x0", "y0", "z0"].into_iter().enumerate() {
             let rows = s.rows(body, side, &group(&mesh, side)).unwrap();

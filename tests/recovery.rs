@@ -1,8 +1,6 @@
 //! Bodies that were collapsed, scrambled or mirrored find back to their rest shape in recovery mode.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::DVec3;
 use sinew::engine::law::RecoveringBodies;
 use sinew::engine::mesh::Mesh;

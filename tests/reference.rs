@@ -1,9 +1,7 @@
 //! Whole bodies against reference vectors: pooled constants and sums, tangent products, single
 //! implicit steps, converged trajectories.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::DVec3;
 use sinew::engine::columns::single_table;
 use sinew::engine::element::{EdgeVertices, TetrahedronIndex, TetrahedronVertices};

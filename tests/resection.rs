@@ -1,7 +1,5 @@
 //! Removal of elements: what is left equals a fresh build, stays bounded, and runs repeat.
 
-mod common;
-
 use glam::DVec3;
 use proptest::prelude::*;
 use sinew::engine::mesh::Mesh;
@@ -561,8 +559,8 @@ fn explicit_steps_notice_a_removal() {
             simulation.step().unwrap();
             results.push(simulation.displacements(body));
         }
-        let size = common::max_length(&results[0]);
-        assert!(common::max_distance(&results[0], &results[1]) < 1e-12 * size, "{kind:?}");
+        let size = crate::common::max_length(&results[0]);
+        assert!(crate::common::max_distance(&results[0], &results[1]) < 1e-12 * size, "{kind:?}");
     }
 }
 
@@ -582,7 +580,7 @@ fn fused_and_pooled_agree_after_removals() {
     }
     let (a, b) = (&results[0], &results[1]);
     assert!((a.0 / b.0 - 1.0).abs() < 1e-12);
-    assert!(common::max_distance(&a.1, &b.1) < 1e-12 * common::max_length(&a.1));
+    assert!(crate::common::max_distance(&a.1, &b.1) < 1e-12 * crate::common::max_length(&a.1));
 }
 
 /// One body of the random runs, and what it ended with.
@@ -618,7 +616,7 @@ fn random_run(cells: [usize; 3], kind: usize, seed: u64, threads: usize) -> (u64
         }
         // nothing flies further than falling takes it
         let fall = 0.5 * 9.81 * (simulation.time() + 1.0 / 60.0).powi(2);
-        let reach = common::max_length(&simulation.displacements(body));
+        let reach = crate::common::max_length(&simulation.displacements(body));
         assert!(reach < fall + 2.0 * size, "reach {reach} m after {} s", simulation.time());
     }
     (simulation.state_hash(), removals)

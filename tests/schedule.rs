@@ -1,12 +1,10 @@
 //! The ECS side: schedules without ambiguities, scenes that pay only for what they use, one table
 //! per kind of element, and typed errors where somebody breaks that.
 
-mod common;
-
+use crate::common::*;
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::ArchetypeFilter;
 use bevy_ecs::schedule::{ScheduleBuildError, ScheduleBuildWarning, ScheduleLabel};
-use common::*;
 use glam::DVec3;
 use sinew::engine::element::{EdgeVertices, TetrahedronEdges, TetrahedronVertices};
 use sinew::engine::law::LawBuffers;

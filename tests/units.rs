@@ -1,9 +1,7 @@
 //! Units do not matter: the same scene in metres, centimetres and millimetres, and geometrically
 //! similar bodies from a micrometre to a kilometre, give the same displacements over length.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::prelude::*;

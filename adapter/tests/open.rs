@@ -1,4 +1,5 @@
 //! Opens an adapter, where there is one.
+
 use sinew_adapter::{AdapterError, AdapterRequest, list, open};
 
 #[test]

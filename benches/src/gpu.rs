@@ -1,4 +1,4 @@
-//! Graphics processor beside processor: force passes and implicit steps, time and error of both. `sinew bench
+//! Graphics processor beside processor: force passes and implicit steps, time and error of both. `sinew-lab bench
 //! gpu`.
 
 use crate::beam::{MATERIAL, beam, bend, cells_for, evaluate, request};

@@ -1,11 +1,8 @@
-//! The bench (speed against error, `sinew bench` and `sinew advise`), the rivals and the suite of hard
-//! cases (`sinew bench stability`), the figures of papers made again (`sinew reproduce`), and springs
-//! identified for a mesh (`sinew fit`).
+//! The laboratory, command `sinew-lab`: the bench (speed against error, `bench`), the rivals (`bench peers`),
+//! the suite of hard cases (`bench stability`), and the figures of papers made again (`reproduce`).
 
-pub mod advise;
 pub mod beam;
 pub mod bench;
-pub mod fit;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod peers;

@@ -340,8 +340,8 @@ pub fn run(options: &PeerOptions) -> Result<PeerReport, PeerError> {
     run_rapier(options, &mut report)?;
     #[cfg(not(feature = "rapier"))]
     report.skipped.push(
-        "Rapier soft bodies: not built in; run with `cargo run --release --features \
-         sinew-cli/rapier -- bench peers`"
+        "Rapier soft bodies: not built in; run with `cargo run --release -p sinew-benches --features \
+         rapier -- bench peers`"
             .into(),
     );
     report.skipped.extend(NOT_COMPARED.iter().map(|s| s.to_string()));

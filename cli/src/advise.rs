@@ -1,9 +1,9 @@
 //! `sinew advise`.
 
-use crate::{Outcome, print};
 use clap::Args;
-use sinew_benches::advise::{Request, advise, parse_budget, parse_error};
+use sinew_cli::{Outcome, print};
 use sinew_demos::scene::LoadedScene;
+use sinew_tune::advise::{Request, advise, parse_budget, parse_error};
 use std::path::PathBuf;
 
 #[derive(Args)]

@@ -1,11 +1,11 @@
 //! `sinew fit MESH` and `sinew fit --data OBSERVED.csv SCENE.toml`.
 
 use crate::fit_data::{FitDataOptions, fit_data};
-use crate::{Outcome, print};
 use clap::{Args, ValueEnum};
 use sinew::identify::{ElementMethod, LinearMaterial, Plane, Section};
-use sinew_benches::fit::rig::Grips;
-use sinew_benches::fit::{FitRequest, file, fit_file};
+use sinew_cli::{Outcome, print};
+use sinew_tune::fit::rig::Grips;
+use sinew_tune::fit::{FitRequest, file, fit_file};
 use std::path::PathBuf;
 
 /// What `--out` writes, for the long help.

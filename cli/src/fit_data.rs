@@ -1,9 +1,9 @@
 //! `sinew fit --data OBSERVED.csv SCENE.toml`.
 
-use crate::{Outcome, print};
 use clap::Args;
-use sinew_demos::fit_data::{self, FitRequest};
+use sinew_cli::{Outcome, print};
 use sinew_demos::scene::LoadedScene;
+use sinew_tune::fit_data::{self, FitRequest};
 use std::path::{Path, PathBuf};
 
 /// Options of the form with data.

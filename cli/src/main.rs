@@ -3,24 +3,20 @@
 #![allow(clippy::print_stderr, reason = "a command speaks to its terminal")]
 
 mod advise;
-mod bench;
 mod fit;
 mod fit_data;
 mod progress;
 #[cfg(feature = "render")]
 mod render;
-mod reproduce;
 
 use advise::{AdviseArguments, advise_scene};
-use bench::{BenchCommand, bench};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 use fit::{FitArguments, fit};
 use progress::Progress;
-use reproduce::{ReproduceCommand, reproduce};
 use sinew::engine::mesh::Mesh;
 use sinew::prelude::{Evaluation, Integrator, Model};
 use sinew::simulation::{Backend, Precision};
-use sinew_benches::advise::Choice;
+use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print};
 use sinew_demos::build::{BuildOptions, generate};
 use sinew_demos::check::check_file;
 use sinew_demos::mesh_tool::{MeshInfo, convert, write};
@@ -30,18 +26,9 @@ use sinew_demos::scene::{
     SolidCells, SphereShape,
 };
 use sinew_demos::validate::{ValidateOptions, validate};
-use std::error::Error;
-use std::io::Write;
+use sinew_tune::advise::Choice;
 use std::path::PathBuf;
 use std::process::ExitCode;
-
-/// Prints a result; a reader that has had enough (`sinew ... | head`) is no error.
-fn print(text: std::fmt::Arguments<'_>) -> std::io::Result<()> {
-    match std::io::stdout().write_fmt(text) {
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        result => result,
-    }
-}
 
 macro_rules! say {
     ($($argument:tt)*) => { print(format_args!($($argument)*))? };
@@ -51,9 +38,15 @@ macro_rules! sayln {
     ($($argument:tt)*) => { print(format_args!("{}\n", format_args!($($argument)*)))? };
 }
 
-/// Soft tissue: simulate scenes, check meshes, validate against reference solutions, measure.
+/// Soft tissue: simulate scenes, check meshes, validate against reference solutions, fit, advise.
 #[derive(Parser)]
-#[command(name = "sinew", version, about)]
+#[command(
+    name = "sinew",
+    version,
+    about,
+    after_help = "Benches, hard cases, papers and rivals are the other command: `sinew-lab`, that is `cargo run \
+                  --release -p sinew-benches -- --help`."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -70,12 +63,6 @@ enum Command {
     Check(CheckArguments),
     /// Run reference cases and compare with their stored truth.
     Validate(ValidateArguments),
-    /// Measure speed and error on this machine, or run the hard cases.
-    #[command(subcommand)]
-    Bench(BenchCommand),
-    /// Make the figures of a paper again and say what agrees.
-    #[command(subcommand)]
-    Reproduce(ReproduceCommand),
     /// Find the settings that run a scene within a budget of time and error on this machine.
     Advise(AdviseArguments),
     /// Find the springs of a mesh and say what they are worth, or, with --data, the material constants of a
@@ -134,21 +121,6 @@ struct RunArguments {
     /// No progress bar and no report.
     #[arg(long, short)]
     quiet: bool,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum PrecisionArgument {
-    F32,
-    F64,
-}
-
-impl From<PrecisionArgument> for Precision {
-    fn from(argument: PrecisionArgument) -> Self {
-        match argument {
-            PrecisionArgument::F32 => Self::F32,
-            PrecisionArgument::F64 => Self::F64,
-        }
-    }
 }
 
 #[derive(Args)]
@@ -279,35 +251,17 @@ enum Shape {
     },
 }
 
-/// A word of a scene file, such as an integrator.
-fn choice<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, String> {
-    serde_json::from_value(text.into()).map_err(|error| error.to_string())
-}
-
-/// Whether all went well; what did not has been said.
-type Outcome = Result<bool, Box<dyn Error>>;
-
 fn main() -> ExitCode {
-    let outcome = match Cli::parse().command {
+    exit_code(match Cli::parse().command {
         Command::Run(arguments) => run_scene(arguments),
         #[cfg(feature = "render")]
         Command::Render(arguments) => render::render_scene(*arguments),
         Command::Check(arguments) => check_scene_or_mesh(&arguments),
         Command::Validate(arguments) => validate_cases(arguments),
-        Command::Bench(command) => bench(&command),
-        Command::Reproduce(command) => reproduce(&command),
         Command::Advise(arguments) => advise_scene(&arguments),
         Command::Mesh(command) => mesh(command),
         Command::Fit(arguments) => fit(&arguments),
-    };
-    match outcome {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    })
 }
 
 fn run_scene(arguments: RunArguments) -> Outcome {

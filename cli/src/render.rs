@@ -1,16 +1,16 @@
 //! `sinew render`.
 
 use crate::progress::Progress;
-use crate::{Outcome, PrecisionArgument, choice, print};
 use clap::Args;
 use sinew::prelude::{Integrator, Model};
-use sinew_benches::advise::Choice;
+use sinew_cli::{Outcome, PrecisionArgument, choice, print};
 use sinew_demos::build::BuildOptions;
 use sinew_demos::picture::{Quantity, RenderJob, Variant, gallery, render};
 use sinew_demos::run::{Observer, Silent};
 use sinew_demos::scene::{BackendName, LoadedScene};
 use sinew_render::adapter::AdapterRequest;
 use sinew_render::camera::CameraRequest;
+use sinew_tune::advise::Choice;
 use std::path::PathBuf;
 
 #[derive(Args)]

@@ -46,6 +46,10 @@ fn bad_input_returns_one_and_a_wrong_command_line_two() {
     check(&["run"], 2, "", "Usage");
     check(&["run", &shipped("liver"), "--steps", "0"], 2, "", "--steps");
     check(&["simulate"], 2, "", "Usage");
+    check(&["run", &shipped("liver"), "--integrator", "magic"], 2, "", "newton");
+    // each command names the other
+    check(&["bench"], 2, "", "Usage");
+    check(&["--help"], 0, "sinew-lab", "");
 }
 
 #[test]
@@ -71,57 +75,6 @@ fn checks_and_meshes() {
     check(&["mesh", "info", &msh, "--json"], 0, "\"tetrahedra\": 36", "");
     let stp = file("box.stp").display().to_string();
     check(&["mesh", "convert", &out, &stp], 1, "", ".vtu");
-}
-
-#[test]
-fn a_bench_writes_one_report_in_all_its_forms() {
-    let folder = file("bench");
-    let out = folder.display().to_string();
-    let output = sinew(&["bench", "kernels", "--quick", "--tets", "200", "--json", "--out", &out]);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let text = std::fs::read_to_string(folder.join("report.json")).unwrap();
-    assert_eq!(printed, serde_json::from_str::<serde_json::Value>(&text).unwrap());
-    assert_eq!(printed["schema"], "sinew-bench/1");
-    for row in printed["kernels"]["rows"].as_array().unwrap() {
-        // every speed has its error, its precision and its threads
-        let bound = if row["precision"] == "f32" { 1e-3 } else { 1e-10 };
-        assert!(row["error"].as_f64().unwrap() < bound, "{row}");
-        assert!(row["ns_per_tet"]["median"].as_f64().unwrap() > 0.0, "{row}");
-        assert!(row["threads"].as_u64().unwrap() > 0, "{row}");
-    }
-    let page = std::fs::read_to_string(folder.join("report.html")).unwrap();
-    assert!(page.contains("<svg") && page.contains("multiply-add"));
-    let csv = std::fs::read_to_string(folder.join("kernels.csv")).unwrap();
-    assert!(csv.starts_with("kernel,quantity,model,tets"));
-    assert!(folder.join("readme.md").exists() && folder.join("kernels-f64.svg").exists());
-}
-
-#[test]
-fn hard_cases_print_a_table_and_write_a_page() {
-    let page = file("stability.html").display().to_string();
-    let arguments = ["bench", "stability", "--quick", "--group", "11", "--html", &page];
-    check(&arguments, 0, "14 of 14 required cases passed", "written to");
-    assert!(std::fs::read_to_string(&page).unwrap().contains("bad input"));
-    let json = sinew(&["bench", "stability", "--quick", "--group", "10", "--json", "-"]);
-    let value: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
-    assert_eq!(value["schema"], "sinew-stability/3");
-    assert_eq!(value["rows"][0]["status"], "pass");
-    check(&["bench", "stability", "--group", "12"], 1, "", "1 to 11");
-    check(&["bench", "stability", "--integrator", "quasi-static"], 1, "", "equilibria");
-    check(&["stability"], 2, "", "Usage");
-}
-
-#[test]
-fn figures_of_a_paper_are_made_again() {
-    let folder = file("paper-a");
-    let out = folder.display().to_string();
-    check(&["reproduce", "paper-a", "--only", "a,f", "--out", &out], 0, "DIFFERS", "11 files");
-    let page = std::fs::read_to_string(folder.join("paper-a.html")).unwrap();
-    assert!(page.contains("<svg") && page.contains("(f) Resection of a liver in real time"));
-    let csv = std::fs::read_to_string(folder.join("a-force.csv")).unwrap();
-    assert!(csv.starts_with("nu,altitude ratio") && csv.lines().count() == 1 + 4 * 171);
-    check(&["reproduce", "paper-a", "--only", "z"], 1, "", "a, b, c");
 }
 
 #[test]
@@ -152,16 +105,6 @@ fn advice_can_be_followed_and_impossible_requests_fail() {
     check(&["advise", &scene, "--budget", "16", "--error", "3%"], 2, "", "16ms");
     check(&["advise", &scene, "--budget", "16ms", "--error", "3"], 2, "", "percentage");
     check(&["advise", "nowhere.toml", "--budget", "16ms", "--error", "3%"], 1, "", "nowhere");
-}
-
-#[test]
-fn bad_bench_arguments_are_named() {
-    check(&["bench"], 2, "", "Usage");
-    check(&["bench", "everything"], 2, "", "'everything'");
-    check(&["bench", "--help"], 0, "kernels", "");
-    check(&["bench", "kernels", "--tets", "3"], 1, "", "between 24 and");
-    check(&["bench", "accuracy", "--quick", "--case", "fold"], 1, "", "cantilever");
-    check(&["run", &shipped("liver"), "--integrator", "magic"], 2, "", "newton");
 }
 
 #[test]
@@ -210,14 +153,6 @@ fn a_fit_reports_writes_and_names_what_is_wrong() {
     check(&with(&["--out", "body.txt"]), 1, "", ".json or .csv");
     check(&["fit", &mesh, "--young", "1e4", "--poisson", "0.5"], 1, "", "Poisson");
     check(&["fit", "nowhere.msh", "--young", "1e4", "--poisson", "0.3"], 1, "", "nowhere.msh");
-}
-
-#[test]
-fn the_tables_of_a_paper() {
-    check(&["reproduce", "paper-b", "--only", "d"], 0, "nu_out does not follow nu_in", "figure 9");
-    check(&["reproduce", "paper-b", "--only", "x"], 1, "", "choose of a, b, c, d, e, f");
-    let nowhere = ["reproduce", "paper-b", "--only", "d", "--meshes", "nowhere"];
-    check(&nowhere, 1, "", "b_cube_hex.msh");
 }
 
 #[cfg(feature = "render")]

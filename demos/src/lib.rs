@@ -18,13 +18,11 @@
 //! * [`summary`]: what a run reports, as data and as text.
 //! * [`check`], [`mesh_tool`], [`validate`](mod@validate): the other subcommands.
 //! * [`modes`](mod@modes): modes of free vibration.
-//! * [`fit_data`]: material constants from measured displacements and forces.
 
 pub mod axes;
 pub mod build;
 pub mod check;
 pub mod error;
-pub mod fit_data;
 pub mod mesh_tool;
 pub mod modes;
 pub mod output;

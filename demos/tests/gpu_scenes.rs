@@ -1,6 +1,5 @@
 //! Scenes on a graphics processor against the same scenes on the processor. On a machine without an adapter
 //! they are skipped with a message.
-#![cfg(feature = "gpu")]
 
 use glam::DVec3;
 use sinew::gpu::{GpuBackend, GpuError, GpuOptions};

@@ -1,5 +1,4 @@
 //! Scenes to recordings and pictures (feature `render`).
-#![cfg(feature = "render")]
 
 use sinew::prelude::Model;
 use sinew_demos::build::BuildOptions;

@@ -1,8 +1,7 @@
 //! Axes, membranes and follower pressure on the device against the processor in `f64`.
-mod common;
 
-use common::compare::{Comparison, compare, compare_in, compare_on};
-use common::{
+use crate::common::compare::{Comparison, compare, compare_in, compare_on};
+use crate::common::{
     MATERIAL, Run, STATES, State, beam, bricks, close, device, half_bricks, relative, run_both, say,
 };
 use glam::{DVec2, DVec3};
@@ -413,7 +412,7 @@ fn a_crushed_body_with_axes_recovers() {
     let scene = |s: &mut Simulation, _: BodyHandle| s.set_gravity(DVec3::ZERO);
     let crush = |s: &mut Simulation, body: BodyHandle| {
         scene(s, body);
-        let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.03 * common::noise(i)).collect();
+        let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.03 * crate::common::noise(i)).collect();
         s.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
     };
     let settings = SolverSettings { mass_damping: 5.0, linear_tolerance: 1e-4, ..settings() };

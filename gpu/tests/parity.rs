@@ -1,9 +1,8 @@
 //! Every law on the device against the same law on the processor in `f64`, in several states: forces,
 //! energy, products with the three tangents.
-mod common;
 
-use common::compare::{compare, compare_on, posed};
-use common::{
+use crate::common::compare::{compare, compare_on, posed};
+use crate::common::{
     MATERIAL, STATES, beam, bricks, device, displacements, displacements_of, half_bricks,
 };
 use glam::DVec3;

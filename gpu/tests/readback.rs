@@ -1,7 +1,6 @@
 //! The state comes down after every step, or when somebody asks: the bits are the same.
-mod common;
 
-use common::{MATERIAL, beam, device, noise, say};
+use crate::common::{MATERIAL, beam, device, noise, say};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::vertex::Position;

@@ -1,4 +1,5 @@
 //! Every shader is valid WGSL. Needs no adapter.
+
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 #[test]

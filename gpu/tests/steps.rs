@@ -1,7 +1,6 @@
 //! The safe step on the device against that of the processor in `f64`.
-mod common;
 
-use common::{
+use crate::common::{
     MATERIAL, Run, beam, bricks, close, device, half_bricks, noise, relative, run_both, say,
 };
 use glam::DVec3;

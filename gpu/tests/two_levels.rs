@@ -1,7 +1,6 @@
 //! The two-level preconditioner on the device: iterations against the processor's, and bodies that are not one whole.
-mod common;
 
-use common::{MATERIAL, beam, device, relative, say};
+use crate::common::{MATERIAL, beam, device, relative, say};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;

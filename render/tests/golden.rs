@@ -1,7 +1,5 @@
 //! Pictures of a software adapter against stored ones. `SINEW_GOLDEN=write` draws these again.
 
-mod common;
-
 use sinew_render::adapter::{AdapterError, AdapterRequest, Gpu, open};
 use sinew_render::camera::CameraRequest;
 use sinew_render::image::{Image, Packing};
@@ -54,7 +52,7 @@ fn compare(name: &str, image: &Image) {
 #[test]
 fn a_bent_bar_looks_as_it_did() {
     let Some(gpu) = software() else { return };
-    let recording = common::bar();
+    let recording = crate::common::bar();
     let camera = CameraRequest::default();
     let mut painter =
         Painter::new(gpu, [320, 180], &recording, camera, Some(0), Captions::ALL).unwrap();
@@ -69,7 +67,7 @@ fn a_bent_bar_looks_as_it_did() {
 #[test]
 fn plain_colours_with_edges_and_without_ground_look_as_they_did() {
     let Some(gpu) = software() else { return };
-    let recording = common::bar();
+    let recording = crate::common::bar();
     let camera = "205,35,1.2".parse().unwrap();
     let mut painter =
         Painter::new(gpu, [240, 240], &recording, camera, None, Captions::ALL).unwrap();
@@ -80,7 +78,7 @@ fn plain_colours_with_edges_and_without_ground_look_as_they_did() {
 #[test]
 fn films_give_the_pictures_of_stills_in_order() {
     let Some(gpu) = software() else { return };
-    let recording = common::bar();
+    let recording = crate::common::bar();
     let (camera, captions) = (CameraRequest::default(), Captions::ALL);
     let mut painter = Painter::new(gpu, [160, 90], &recording, camera, Some(0), captions).unwrap();
     painter.captions = Captions { title: false, note: false, bar: false };
@@ -102,7 +100,7 @@ fn films_give_the_pictures_of_stills_in_order() {
 #[test]
 fn sizes_out_of_range_are_refused() {
     let Some(gpu) = software() else { return };
-    let recording = common::bar();
+    let recording = crate::common::bar();
     for size in [[0, 100], [100, 1 << 20]] {
         let painter = Painter::new(
             gpu.clone(),
@@ -121,7 +119,7 @@ fn sizes_out_of_range_are_refused() {
 fn a_comparison_holds_its_panels_beside_each_other() {
     use sinew_render::compare::{Comparison, Grid, Layout, Panel};
     let Some(gpu) = software() else { return };
-    let bent = common::bar();
+    let bent = crate::common::bar();
     let mut other = bent.clone();
     other.fields[0].range = [0.0, 1.3];
     let grid = Grid {

@@ -1,7 +1,5 @@
 //! The page in a headless browser: it draws, it follows the scrub bar, and nothing is reported as an error.
 
-mod common;
-
 use sinew_render::camera::CameraRequest;
 use sinew_render::page::page;
 use std::io::Write;
@@ -68,7 +66,7 @@ fn the_player_draws_scrubs_and_recolours_without_an_error() {
         let _ = writeln!(std::io::stderr(), "skipped: no chromium on the path");
         return;
     };
-    let recording = common::bar();
+    let recording = crate::common::bar();
     let page = page(&[&recording, &recording], CameraRequest::default()).unwrap();
     // before the player, so that nothing escapes it
     let page = page.replace("<div id=\"views\">", &format!("{PROBE}<div id=\"views\">"));

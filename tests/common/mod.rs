@@ -1,5 +1,4 @@
 //! Reference vectors and small builders shared by the tests.
-#![allow(dead_code, reason = "every test binary uses a part")]
 
 use bevy_ecs::entity::Entity;
 use glam::DVec3;

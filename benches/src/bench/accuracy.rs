@@ -1,13 +1,13 @@
 //! Speed against error: every method on every case is a point (cost, error).
 
-use super::cases::{Case, Kind, Method, Outcome, Truth, cases, error};
+use super::cases::{Case, Kind, Method, Outcome, Truth, cases};
 use super::error::BenchError;
-use super::pareto::front;
 use super::stats::{Rounds, Spread, interleave};
 use super::table::Table;
 use serde::{Deserialize, Serialize};
 use sinew::prelude::*;
 use sinew_demos::summary::{evaluation_name, model_name};
+use sinew_tune::measures::{displacement_error, front};
 
 /// What is measured.
 #[derive(Clone, Debug)]
@@ -141,7 +141,7 @@ fn run_case(
     for (mesh, truth) in case.meshes.iter().zip(&truths) {
         let mesh_error = refined
             .filter(|r| !std::ptr::eq(*r, truth))
-            .and_then(|r| error(&truth.states, &r.states, mesh.points.len()));
+            .and_then(|r| displacement_error(&truth.states, &r.states, mesh.points.len()));
         report.truths.push(TruthRow {
             case: case.name.into(),
             tetrahedra: mesh.tetrahedra.len(),
@@ -177,8 +177,9 @@ fn run_case(
             let mut point = Point::new(case, mesh.tetrahedra.len(), n, &method);
             match outcome {
                 Some(Ok(outcome)) => {
-                    let percent =
-                        |truth: &Truth| error(&outcome.states, &truth.states, n).map(|e| 100.0 * e);
+                    let percent = |truth: &Truth| {
+                        displacement_error(&outcome.states, &truth.states, n).map(|e| 100.0 * e)
+                    };
                     let per = if case.is_motion() { outcome.simulated } else { 1.0 };
                     point.cost = Spread::of(&samples).map(|s| s.scaled(1.0 / per));
                     point.error_percent = percent(&truths[level]);

@@ -6,6 +6,7 @@ use glam::DVec3;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::prelude::*;
+use sinew_tune::measures::displacement_error;
 use std::path::Path;
 
 /// A scene with one body.
@@ -360,7 +361,7 @@ impl Case {
                 let method = Method { dt, settings, threads: 0, ..Method::default() };
                 let mut outcome = self.load_steps(mesh, &method, Some(&tight))?;
                 let states: Vec<_> = outcome.states.pop().into_iter().collect();
-                let own = error(&outcome.states, &states, mesh.points.len());
+                let own = displacement_error(&outcome.states, &states, mesh.points.len());
                 (states, own)
             }
             Kind::Motion { .. } => {
@@ -373,7 +374,8 @@ impl Case {
                     self.run(mesh, &Method { settings, threads: 0, ..Method::default() })
                 };
                 let (coarse, fine) = (run(0.34)?, run(0.17)?);
-                let own = error(&coarse.states, &fine.states, mesh.points.len()).map(|e| e / 3.0);
+                let own = displacement_error(&coarse.states, &fine.states, mesh.points.len())
+                    .map(|e| e / 3.0);
                 (fine.states, own)
             }
         };
@@ -411,43 +413,9 @@ pub struct Truth {
     pub seconds: f64,
 }
 
-/// Largest distance of a vertex from where it should be, over all times, over the largest true
-/// displacement (a share, not percent). The first `vertices` of every state are compared; `None` when
-/// states are missing or not finite.
-pub fn error(found: &[Vec<DVec3>], truth: &[Vec<DVec3>], vertices: usize) -> Option<f64> {
-    if found.len() != truth.len() {
-        return None;
-    }
-    let (mut difference, mut size) = (0.0_f64, 0.0_f64);
-    for (found, truth) in found.iter().zip(truth) {
-        let pairs = found.get(..vertices)?.iter().zip(truth.get(..vertices)?);
-        for (u, t) in pairs {
-            if !u.is_finite() {
-                return None;
-            }
-            difference = difference.max(u.distance(*t));
-            size = size.max(t.length());
-        }
-    }
-    (size > 0.0).then(|| difference / size)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn errors_are_relative_to_the_largest_displacement() {
-        let truth = vec![vec![DVec3::X, DVec3::ZERO], vec![2.0 * DVec3::X, DVec3::ZERO]];
-        let mut found = truth.clone();
-        assert_eq!(error(&found, &truth, 2), Some(0.0));
-        found[0][1] = 0.1 * DVec3::Y;
-        assert_eq!(error(&found, &truth, 2), Some(0.05));
-        assert_eq!(error(&found, &truth, 1), Some(0.0));
-        assert_eq!(error(&found[..1], &truth, 1), None);
-        found[1][0].x = f64::NAN;
-        assert_eq!(error(&found, &truth, 1), None);
-    }
 
     #[test]
     fn settling_and_load_steps_find_the_truth() {
@@ -464,7 +432,8 @@ mod tests {
         };
         for method in [method(Integrator::QuasiStatic, 0.5), method(Integrator::Safe, 0.05)] {
             let outcome = case.run(mesh, &method).unwrap();
-            let error = error(&outcome.states, &truth.states, mesh.points.len()).unwrap();
+            let error =
+                displacement_error(&outcome.states, &truth.states, mesh.points.len()).unwrap();
             assert!(error < 1e-3, "{:?}: {error}", method.settings.integrator);
         }
     }

@@ -1,6 +1,5 @@
 //! Why a bench cannot be carried out.
 
-use crate::fit::FitError;
 use crate::peers::PeerError;
 use sinew::engine::mesh::MeshError;
 use sinew::models::body::BodyError;
@@ -11,6 +10,7 @@ use sinew::simulation::SimulationError;
 use sinew_demos::error::{RunError, SceneError};
 use sinew_identify::IdentifyError;
 use sinew_identify::virtual_test::VirtualTestError;
+use sinew_tune::fit::FitError;
 use std::path::PathBuf;
 
 /// A bench that cannot be carried out or written.

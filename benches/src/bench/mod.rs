@@ -8,9 +8,7 @@ pub mod error;
 pub mod flops;
 pub mod integrators;
 pub mod kernels;
-pub mod machine;
 pub mod membranes;
-pub mod pareto;
 pub mod plot;
 pub mod refine;
 pub mod report;
@@ -18,7 +16,8 @@ pub mod roofline;
 pub mod scenes;
 pub mod stats;
 pub mod step;
-pub mod table;
+
+pub use sinew_tune::{machine, table};
 
 use crate::peers::PeerOptions;
 use error::BenchError;

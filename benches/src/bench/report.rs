@@ -387,7 +387,7 @@ impl Report {
         let _ = write!(
             body,
             "<h2>How to reproduce</h2>\n<p><code>cargo run --release -- {}</code> from a checkout, \
-             with nothing else running. For the other engines see <code>sinew bench --help</code>.</p>\n",
+             with nothing else running. For the other engines see <code>sinew-lab bench --help</code>.</p>\n",
             escape(self.command.trim_start_matches("sinew "))
         );
         Ok(page("Sinew bench", &body))
@@ -664,7 +664,7 @@ mod tests {
 
     #[test]
     fn a_report_survives_json_and_names_its_schema() {
-        let mut report = Report::new("sinew bench kernels", true);
+        let mut report = Report::new("sinew-lab bench kernels", true);
         report.aims.push(Aim::at_most("a", 1.0, "ns", 2.0));
         report.kernels = Some(KernelReport::default());
         let text = serde_json::to_string(&report).unwrap();

@@ -2,6 +2,7 @@
 //! every figure keeps its spread.
 
 use serde::{Deserialize, Serialize};
+use sinew_tune::measures::quantile;
 
 /// Order statistics of repeated measurements; unit of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -52,13 +53,6 @@ impl Spread {
     pub fn relative_spread(&self) -> f64 {
         (self.upper_quartile - self.lower_quartile) / self.median
     }
-}
-
-/// Value at a share of the sorted samples, linear between neighbours; the slice is not empty.
-pub fn quantile(sorted: &[f64], share: f64) -> f64 {
-    let at = share * (sorted.len() - 1) as f64;
-    let (low, high) = (at.floor() as usize, at.ceil() as usize);
-    sorted[low] + (at - low as f64) * (sorted[high] - sorted[low])
 }
 
 /// How often variants take turns.

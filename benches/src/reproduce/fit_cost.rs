@@ -5,9 +5,9 @@ use super::{Figure, Finding};
 use crate::bench::error::BenchError;
 use crate::bench::stats::Spread;
 use crate::bench::table::Table;
-use crate::fit::FitError;
 use sinew_identify::ElementMethod::{self, Block, Frobenius, TwoNorm};
 use sinew_identify::{ElementGeometry, ElementKind, fit_element};
+use sinew_tune::fit::FitError;
 use std::hint::black_box;
 use std::time::Instant;
 

@@ -4,8 +4,6 @@
 use super::Finding;
 use crate::bench::error::BenchError;
 use crate::bench::table::{Cell, Table};
-use crate::fit::assess::{against, reference};
-use crate::fit::rig::{Grips, Reading, Rig};
 use glam::{DVec2, DVec3};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{
@@ -17,6 +15,8 @@ use sinew_identify::error_metrics::PositionErrors;
 use sinew_identify::mesh::{FittedSprings, fit_elements};
 use sinew_identify::virtual_test::{Loading, SpringOptions};
 use sinew_identify::{ElementMethod, LinearMaterial, Plane, Section};
+use sinew_tune::fit::assess::{against, reference};
+use sinew_tune::fit::rig::{Grips, Reading, Rig};
 use std::path::{Path, PathBuf};
 
 /// Paper B's material: 10 kPa, 0.3.

@@ -1,4 +1,4 @@
-//! `sinew reproduce`: the figures of a paper made again with this engine, as charts and numbers, with a
+//! `sinew-lab reproduce`: the figures of a paper made again with this engine, as charts and numbers, with a
 //! paragraph each that says what agrees and what does not. The paragraphs are worked out from the
 //! numbers of the run.
 

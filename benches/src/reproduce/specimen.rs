@@ -5,13 +5,13 @@ use super::lumped::{MATERIAL, Meshes, Ours, Specimen, pair, percents, printed_na
 use super::{Figure, Finding};
 use crate::bench::error::BenchError;
 use crate::bench::table::{Cell, Table};
-use crate::fit::assess::against;
-use crate::fit::rig::Reading;
 use sinew_identify::ElementMethod::{self, Baudet, Frobenius, Lloyd, TwoNorm, VanGelder};
 use sinew_identify::baselines::baudet_tension_correction;
 use sinew_identify::virtual_test::Loading;
 use sinew_identify::virtual_test::facets::nodes_at;
 use sinew_identify::virtual_test::gauge::{MeasuredModuli, tensile_moduli};
+use sinew_tune::fit::assess::against;
+use sinew_tune::fit::rig::Reading;
 
 /// Width of the straight part, which is 2 widths long, and thickness of the solid one (m).
 const WIDTH: f64 = 0.01;
@@ -170,7 +170,7 @@ fn corrected(specimen: &Specimen) -> Result<Option<MeasuredModuli>, BenchError> 
         rig.axis,
         stress,
     )?;
-    let fem = crate::fit::assess::reference(rig, &MATERIAL, &loading)?;
+    let fem = sinew_tune::fit::assess::reference(rig, &MATERIAL, &loading)?;
     loading.forces.extend(lateral.into_iter().enumerate());
     let springs = specimen.springs(Baudet)?;
     let own = against(rig, &springs, &loading, &fem, None).ok();

@@ -7,14 +7,14 @@ use crate::bench::error::BenchError;
 use crate::bench::plot::{Scales, Series, lines};
 use crate::bench::report::Chart;
 use crate::bench::table::{Cell, Table};
-use crate::fit::FitError;
-use crate::fit::assess::{against, reference};
-use crate::fit::rig::{Grips, Rig};
 use glam::DVec2;
 use sinew::engine::mesh::generate::quad_grid;
 use sinew_identify::ElementMethod::{self, Baudet, Block, Frobenius, TwoNorm};
 use sinew_identify::LinearMaterial;
 use sinew_identify::mesh::fit_elements;
+use sinew_tune::fit::FitError;
+use sinew_tune::fit::assess::{against, reference};
+use sinew_tune::fit::rig::{Grips, Rig};
 
 const SIDE: f64 = 0.02;
 const METHODS: [ElementMethod; 4] = [Frobenius, TwoNorm, Block, Baudet];

@@ -5,13 +5,13 @@ use super::{Figure, Finding};
 use crate::bench::error::BenchError;
 use crate::bench::plot::{Scales, Series, lines};
 use crate::bench::report::Chart;
-use crate::bench::stats::quantile;
 use crate::bench::table::Table;
 use glam::{DVec2, DVec3};
 use sinew::engine::mesh::{Group, Mesh};
 use sinew::models::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
 use sinew_identify::ElementMethod;
+use sinew_tune::measures::quantile;
 use std::time::Instant;
 
 /// Radius (m), thickness (m) and material of the floor; none is printed.

@@ -296,7 +296,7 @@ impl SuiteOptions {
 
     /// The command that runs it.
     fn command(&self) -> String {
-        let mut words = vec!["sinew bench stability".to_string()];
+        let mut words = vec!["sinew-lab bench stability".to_string()];
         if self.quick {
             words.push("--quick".into());
         }

@@ -170,7 +170,7 @@ pub fn gallery(
         draw(adapter)?.write_png(&path, Packing::Small)?;
         let _ = write!(
             page,
-            "\n## {paper}\n\n{words} `sinew reproduce {paper} --out DIR` writes it too.\n\n\
+            "\n## {paper}\n\n{words} `sinew-lab reproduce {paper} --out DIR` writes it too.\n\n\
              ![{paper}]({name}/{paper}.png)\n"
         );
         files.push(path);

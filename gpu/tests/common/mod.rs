@@ -1,5 +1,4 @@
 //! A device for tests, and bodies in states that matter.
-#![allow(dead_code, reason = "every test binary uses a part of it")]
 
 pub mod compare;
 

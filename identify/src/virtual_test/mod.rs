@@ -232,7 +232,7 @@ pub fn finite_elements(
         return Err(IdentifyError::MaterialCount { given: materials.len(), elements: count }.into());
     }
     let loading = loading.expand(points.len(), dimension)?;
-    let mut system = System::new(&loading.held);
+    let mut system = System::new(&loading.held, dimension);
     for element in 0..count {
         let (kind, index, nodes) = cells.element(element);
         let locate = |source| IdentifyError::Element { kind, index, source };

@@ -62,7 +62,7 @@ pub fn linear_springs(
     loading: &Loading,
 ) -> Result<SpringSolution, VirtualTestError> {
     let loading = loading.expand(points.len(), dimension)?;
-    let mut system = System::new(&loading.held);
+    let mut system = System::new(&loading.held, dimension);
     let body = Springs::new(points, edges, constants, dimension);
     body.add_tangent(&vec![0.0; points.len() * dimension], &mut system);
     let held: Vec<f64> = loading.held.iter().map(|h| h.unwrap_or(0.0)).collect();
@@ -135,7 +135,7 @@ pub fn rest_length_springs(
             }
             let held: Vec<f64> =
                 (0..unknowns).map(|i| loading.held[i].map_or(0.0, |h| h * part - u[i])).collect();
-            let mut system = System::new(&loading.held);
+            let mut system = System::new(&loading.held, dimension);
             body.add_tangent(&u, &mut system);
             let (du, is_definite) = system.solve(&r, &held).ok_or_else(|| singular.clone())?;
             (definite, solves) = (is_definite, solves + 1);

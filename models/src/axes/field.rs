@@ -6,10 +6,10 @@
 //! [`hemicircular`], [`helicoidal`], [`random`]). A constant field needs none of these: a family takes one
 //! direction for all elements.
 
-use exmex::{Express, FlatEx};
 use glam::DVec3;
 use sinew_engine::mesh::{CellData, Mesh};
 
+use super::formula::Formula;
 use crate::precompute::RestTetrahedron;
 
 /// A direction in every solid element: the tetrahedra in the order of the mesh, then the hexahedra.
@@ -186,32 +186,14 @@ pub fn to_cell_data(name: &str, directions: &[DVec3], mesh: &Mesh) -> [CellData;
 /// # Errors
 /// When a formula cannot be read or gives a vector that is zero or not finite.
 pub fn from_formula(mesh: &Mesh, formulas: [&str; 3]) -> Result<FibreField, FibreError> {
-    let mut parsed = Vec::new();
-    for (component, text) in ['x', 'y', 'z'].into_iter().zip(formulas) {
-        let error = |reason: String| FibreError::Formula { component, text: text.into(), reason };
-        let formula = FlatEx::<f64>::parse(text).map_err(|e| error(e.to_string()))?;
-        let names = formula.var_names().to_vec();
-        let places: Option<Vec<usize>> =
-            names.iter().map(|n| ["x", "y", "z"].iter().position(|k| k == n)).collect();
-        let Some(places) = places else {
-            return Err(error(format!("it has the variables {names:?}")));
-        };
-        parsed.push((formula, places, component, text));
-    }
-    let mut vectors = Vec::with_capacity(mesh.tetrahedra.len() + mesh.hexahedra.len());
-    for centre in barycentres(mesh)? {
-        let at = centre.to_array();
-        let mut value = [0.0; 3];
-        for (value, (formula, places, component, text)) in value.iter_mut().zip(&parsed) {
-            let arguments: Vec<f64> = places.iter().map(|&k| at[k]).collect();
-            *value = formula.eval(&arguments).map_err(|e| FibreError::Formula {
-                component: *component,
-                text: text.to_string(),
-                reason: e.to_string(),
-            })?;
-        }
-        vectors.push(DVec3::from_array(value));
-    }
+    let parse = |k: usize| {
+        let (component, text) = (['x', 'y', 'z'][k], formulas[k]);
+        let error = |reason| FibreError::Formula { component, text: text.into(), reason };
+        Formula::parse(text).map_err(error)
+    };
+    let parsed = [parse(0)?, parse(1)?, parse(2)?];
+    let at = |centre: DVec3| DVec3::from_array(parsed.each_ref().map(|f| f.at(centre.to_array())));
+    let vectors = barycentres(mesh)?.into_iter().map(at).collect();
     normalised("formula", vectors, false)
 }
 

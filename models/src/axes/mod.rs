@@ -20,6 +20,7 @@ pub mod damper;
 pub mod description;
 pub mod element;
 pub mod field;
+mod formula;
 pub mod hexahedra;
 pub mod muscle;
 pub mod printed;

@@ -1,8 +1,8 @@
 //! What can be wrong with a fit; every message says where, what and what to do.
 
-use crate::error::SceneError;
 use sinew::engine::step::StepError;
 use sinew::simulation::SimulationError;
+use sinew_demos::error::SceneError;
 use std::path::PathBuf;
 
 /// A fit that cannot be carried out.

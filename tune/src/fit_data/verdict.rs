@@ -3,9 +3,9 @@
 use super::observe::{DataKind, Observations};
 use super::parameter::{Constant, Parameter};
 use super::statistics::Directions;
-use crate::build::BuiltScene;
-use crate::scene::{LoadedScene, PrecisionName};
-use crate::summary::{Level, Warning};
+use sinew_demos::build::BuiltScene;
+use sinew_demos::scene::{LoadedScene, PrecisionName};
+use sinew_demos::summary::{Level, Warning};
 
 /// Change of the observations, over their size, under a change of a parameter by its scale, below which
 /// the parameter counts as without influence.

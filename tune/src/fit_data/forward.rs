@@ -3,7 +3,6 @@
 use super::error::FitError;
 use super::observe::{Measured, Observation};
 use super::parameter::{Constant, ElementMaterials, Parameter};
-use crate::build::BuiltScene;
 use bevy_ecs::prelude::World;
 use glam::DVec3;
 use serde::Serialize;
@@ -14,6 +13,7 @@ use sinew::models::axes::muscle::activate_at;
 use sinew::models::field::MaterialField;
 use sinew::solvers::linear_solver::LinearSolver;
 use sinew::solvers::state::{NodeState, Rows, evaluate, read_force, read_rest};
+use sinew_demos::build::BuiltScene;
 
 /// An equilibrium.
 #[derive(Clone, Debug)]
@@ -168,7 +168,8 @@ impl Forward {
         let (mut at, mut displacements) = match before {
             Some(before) => (before.load, before.displacements.clone()),
             None => {
-                let rest = |b: &crate::build::BuiltBody| vec![DVec3::ZERO; b.mesh.points.len()];
+                let rest =
+                    |b: &sinew_demos::build::BuiltBody| vec![DVec3::ZERO; b.mesh.points.len()];
                 (0.0, self.scene.bodies.iter().map(rest).collect())
             }
         };

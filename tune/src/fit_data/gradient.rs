@@ -20,7 +20,6 @@ use super::error::FitError;
 use super::forward::{Forward, at_load};
 use super::observe::{Measured, Observation};
 use super::parameter::{Constant, ElementMaterials, Parameter};
-use crate::build::BuiltBody;
 use nalgebra::DMatrix;
 use serde::Serialize;
 use sinew::engine::law::TangentKind;
@@ -33,6 +32,7 @@ use sinew::models::material::{LameParameters, MAX_POISSON_RATIO, YoungPoisson};
 use sinew::solvers::linear_solver::{CgStatus, LinearOptions};
 use sinew::solvers::state::{Rows, dot3, evaluate};
 use sinew::solvers::system::ShiftedTangent;
+use sinew_demos::build::BuiltBody;
 
 /// How derivatives are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]

@@ -2,11 +2,11 @@
 //! range.
 
 use super::error::FitError;
-use crate::build::{BuiltBody, BuiltScene};
-use crate::error::hint;
 use serde::Serialize;
 use sinew::models::body::SoftBody;
 use sinew::models::material::{MAX_POISSON_RATIO, YoungPoisson};
+use sinew_demos::build::{BuiltBody, BuiltScene};
+use sinew_demos::error::hint;
 
 /// A constant of the material, or of its fibres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -7,22 +7,37 @@
 //! the largest distance of a vertex from where a converged run of the same scene has it, at any time
 //! of comparison, over the largest displacement of that run.
 
-use crate::bench::cases::error as field_error;
-use crate::bench::error::BenchError;
-use crate::bench::machine::{Load, MachineNotes, Watch};
-use crate::bench::pareto::front;
-use crate::bench::stats::quantile;
-use crate::bench::table::{Table, three_digits};
+use crate::machine::{Load, MachineNotes, Watch};
+use crate::measures::{displacement_error, front, quantile};
+use crate::table::{Table, three_digits};
 use glam::DVec3;
 use serde::Serialize;
 use sinew::prelude::*;
 use sinew_demos::build::{BuildOptions, build};
+use sinew_demos::error::SceneError;
 use sinew_demos::scene::{LoadedScene, Mode, PrecisionName};
 use sinew_demos::summary::{evaluation_name, model_name};
 use std::time::Instant;
 
 /// Name and version of the JSON.
 pub const SCHEMA: &str = "sinew-advise/1";
+
+/// Advice that cannot be given.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AdviseError {
+    /// The scene cannot be read or built.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The solution that errors are measured against does not exist, or no run came to its end.
+    #[error("{scene}: no converged solution to measure errors against: {reason}")]
+    NoTruth {
+        /// Name of the scene.
+        scene: String,
+        /// What happened.
+        reason: String,
+    },
+}
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -237,7 +252,7 @@ pub fn advise(
     loaded: &LoadedScene,
     request: Request,
     mut tell: impl FnMut(&str),
-) -> Result<Advice, BenchError> {
+) -> Result<Advice, AdviseError> {
     let watch = Watch::start();
     let plan = build(loaded, &BuildOptions::default())?.plan;
     let fixed = plan.mode == Mode::Static;
@@ -259,7 +274,7 @@ pub fn advise(
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let mut rows: Vec<Row> = Vec::new();
     let mut tried: Vec<Choice> = Vec::new();
-    let mut attempt = |choice: Choice, rows: &mut Vec<Row>| -> Result<(), BenchError> {
+    let mut attempt = |choice: Choice, rows: &mut Vec<Row>| -> Result<(), AdviseError> {
         if !tried.contains(&choice) {
             tell(&format!("trying {}", choice.options()));
             rows.push(search.row(&choice, &truth)?);
@@ -281,8 +296,8 @@ pub fn advise(
     }
     mark(&mut rows);
 
-    let (mut best, mut met) = choose(&rows, request).ok_or_else(|| BenchError::NoTruth {
-        case: loaded.scene.name.clone(),
+    let (mut best, mut met) = choose(&rows, request).ok_or_else(|| AdviseError::NoTruth {
+        scene: loaded.scene.name.clone(),
         reason: "no run of the search came to its end".into(),
     })?;
     // a figure that was lucky once does not count
@@ -411,7 +426,7 @@ impl Search<'_> {
     }
 
     /// Runs the horizon; stops when `limit` (s of wall time per frame) is exceeded by far.
-    fn run(&self, choice: &Choice, limit: Option<f64>) -> Result<Run, BenchError> {
+    fn run(&self, choice: &Choice, limit: Option<f64>) -> Result<Run, AdviseError> {
         let mut loaded = self.loaded.clone();
         choice.apply(&mut loaded);
         let mut scene = build(&loaded, &BuildOptions::default())?;
@@ -456,7 +471,7 @@ impl Search<'_> {
         Ok(run)
     }
 
-    fn row(&self, choice: &Choice, truth: &[Vec<DVec3>]) -> Result<Row, BenchError> {
+    fn row(&self, choice: &Choice, truth: &[Vec<DVec3>]) -> Result<Row, AdviseError> {
         let run = self.run(choice, Some(HOPELESS * self.request.budget_s))?;
         let mut loaded = self.loaded.clone();
         choice.apply(&mut loaded);
@@ -470,7 +485,8 @@ impl Search<'_> {
             (false, false) => (total / sorted.len() as f64, quantile(&sorted, 0.95)),
         };
         let vertices = truth.first().map_or(0, Vec::len);
-        let error = if run.finished { field_error(&run.states, truth, vertices) } else { None };
+        let error =
+            if run.finished { displacement_error(&run.states, truth, vertices) } else { None };
         let integrator = if self.fixed { Integrator::QuasiStatic } else { scene.solver.integrator };
         let explicit = integrator.is_explicit();
         let names = |name: &dyn Fn(usize) -> &'static str| {
@@ -503,23 +519,26 @@ impl Search<'_> {
 
     /// A converged run, how it was made, and an estimate of its own error (a share): the distance from
     /// the run with twice the step.
-    fn truth(&self, tell: &mut impl FnMut(&str)) -> Result<Converged, BenchError> {
+    fn truth(&self, tell: &mut impl FnMut(&str)) -> Result<Converged, AdviseError> {
         let base = Choice {
             threads: Some(0),
             precision: Some(Precision::F64),
             evaluation: Some(Evaluation::Fused),
             ..Choice::default()
         };
-        let states = |choice: &Choice| -> Result<Vec<Vec<DVec3>>, BenchError> {
+        let states = |choice: &Choice| -> Result<Vec<Vec<DVec3>>, AdviseError> {
             let run = self.run(choice, None)?;
             if run.finished && run.note.is_empty() {
                 Ok(run.states)
             } else {
-                Err(BenchError::NoTruth { case: self.loaded.scene.name.clone(), reason: run.note })
+                Err(AdviseError::NoTruth {
+                    scene: self.loaded.scene.name.clone(),
+                    reason: run.note,
+                })
             }
         };
         let distance = |a: &[Vec<DVec3>], b: &[Vec<DVec3>]| {
-            field_error(a, b, b.first().map_or(0, Vec::len)).unwrap_or(f64::INFINITY)
+            displacement_error(a, b, b.first().map_or(0, Vec::len)).unwrap_or(f64::INFINITY)
         };
         if self.fixed {
             let tight = |parts, tolerance| Choice {
@@ -599,8 +618,8 @@ impl Search<'_> {
         let best = explicit.into_iter().chain(implicit).min_by(|a, b| a.2.total_cmp(&b.2));
         match best {
             Some(truth) if truth.2 < 0.5 * self.request.error => Ok(truth),
-            found => Err(BenchError::NoTruth {
-                case: self.loaded.scene.name.clone(),
+            found => Err(AdviseError::NoTruth {
+                scene: self.loaded.scene.name.clone(),
                 reason: format!(
                     "ever smaller steps still differ by {:.2} %, more than half the error asked for; the \
                      motion is too violent to be predicted that well: ask for a larger error, or \

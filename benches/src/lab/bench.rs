@@ -1,12 +1,12 @@
-//! `sinew bench`.
+//! `sinew-lab bench`.
 
-use crate::{Outcome, PrecisionArgument, choice, print};
 use clap::{Args, Subcommand};
 use serde::Serialize;
 use sinew::prelude::{Integrator, Model};
 use sinew_benches::bench::{BenchOptions, Part, run};
 use sinew_benches::resection::ResectionOptions;
 use sinew_benches::stability::SuiteOptions;
+use sinew_cli::{Outcome, PrecisionArgument, choice, print};
 use std::fmt::Display;
 use std::path::PathBuf;
 
@@ -23,7 +23,7 @@ pub enum BenchCommand {
     /// The demo scenes as they are.
     Scenes(BenchArguments),
     /// Sinew beside MuJoCo flex (pip install mujoco; see --python) and Rapier (build with --features
-    /// sinew-cli/rapier), same mesh, material and load; what is absent is skipped with a message.
+    /// rapier), same mesh, material and load; what is absent is skipped with a message.
     Peers(BenchArguments),
     /// Frame times while one tetrahedron a frame is removed, on two threads; not part of `all`.
     Resection(BenchArguments),
@@ -116,7 +116,7 @@ fn measured(command: &BenchCommand) -> Option<(Vec<Part>, &'static str, &BenchAr
 
 /// The command that makes such a report.
 fn command(what: &str, arguments: &BenchArguments) -> String {
-    let mut words = vec!["sinew bench".to_string(), what.into()];
+    let mut words = vec!["sinew-lab bench".to_string(), what.into()];
     if arguments.quick {
         words.push("--quick".into());
     }

@@ -21,8 +21,6 @@ pub mod statistics;
 mod least_squares;
 mod verdict;
 
-use crate::build::{BuildOptions, build};
-use crate::scene::{LoadedScene, Mode};
 use error::FitError;
 use forward::Forward;
 use gradient::Gradient;
@@ -32,6 +30,8 @@ use parameter::{ElementMaterials, Parameter};
 use report::{FitReport, GradientCheck, Misfit, ParameterFit, SCHEMA};
 use sinew::models::body::Model;
 use sinew::simulation::Precision;
+use sinew_demos::build::{BuildOptions, build};
+use sinew_demos::scene::{LoadedScene, Mode};
 use statistics::{Directions, half_width};
 use std::path::PathBuf;
 use std::time::Instant;

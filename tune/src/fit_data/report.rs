@@ -4,8 +4,8 @@ use super::forward::Work;
 use super::gradient::Gradient;
 use super::observe::{DataFile, DataKind};
 use super::parameter::Constant;
-use crate::summary::Warning;
 use serde::Serialize;
+use sinew_demos::summary::Warning;
 use std::fmt;
 
 /// Schema of [`FitReport`].

@@ -187,8 +187,8 @@ pub fn fit_file(path: &std::path::Path, request: &FitRequest) -> Result<FittedBo
 /// ```
 /// use glam::DVec2;
 /// use sinew::engine::mesh::generate::quad_grid;
-/// use sinew_benches::fit::rig::Grips;
-/// use sinew_benches::fit::{FitRequest, fit_mesh};
+/// use sinew_tune::fit::rig::Grips;
+/// use sinew_tune::fit::{FitRequest, fit_mesh};
 /// use sinew_identify::{ElementMethod, LinearMaterial, Section};
 ///
 /// let mesh = quad_grid(DVec2::new(0.04, 0.02), [4, 2])?;

@@ -5,12 +5,12 @@ use sinew::engine::mesh::CellData;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::io::{VtuData, write_vtu};
 use sinew_demos::build::{BuildOptions, build};
-use sinew_demos::fit_data::error::FitError;
-use sinew_demos::fit_data::gradient::Gradient;
-use sinew_demos::fit_data::report::FitReport;
-use sinew_demos::fit_data::{FitRequest, fit};
 use sinew_demos::scene::LoadedScene;
 use sinew_demos::scene_folder;
+use sinew_tune::fit_data::error::FitError;
+use sinew_tune::fit_data::gradient::Gradient;
+use sinew_tune::fit_data::report::FitReport;
+use sinew_tune::fit_data::{FitRequest, fit};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -518,7 +518,7 @@ fn write_the_example() {
     let mut text = String::from(
         "# Rest positions and displacements (m) of markers on the top of the bar of fit_bar.toml, at half\n\
          # and at full load; made by\n\
-         # cargo test -p sinew-demos --test fit_data write_the_example -- --ignored\n\
+         # cargo test -p sinew-tune --test fit_data write_the_example -- --ignored\n\
          x,y,z,ux,uy,uz,load\n",
     );
     for (load, displacements, _) in found {

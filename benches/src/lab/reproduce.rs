@@ -1,8 +1,8 @@
-//! `sinew reproduce`.
+//! `sinew-lab reproduce`.
 
-use crate::{Outcome, print};
 use clap::{Args, Subcommand};
 use sinew_benches::reproduce::{PaperBOptions, paper_a, paper_b, paper_c};
+use sinew_cli::{Outcome, print};
 use std::path::PathBuf;
 
 #[derive(Subcommand)]

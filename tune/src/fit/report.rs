@@ -1,7 +1,7 @@
 //! The report of `sinew fit` on a terminal.
 
 use super::FittedBody;
-use crate::bench::table::{Table, three_digits};
+use crate::table::{Table, three_digits};
 use sinew_identify::{Plane, mesh::Residuals};
 use std::fmt;
 

@@ -1,10 +1,10 @@
 //! Observations: CSV files of displacements, or of reactions of constraints.
 
 use super::error::FitError;
-use crate::build::{BuiltBody, BuiltScene};
-use crate::error::hint;
 use glam::DVec3;
 use serde::Serialize;
+use sinew_demos::build::{BuiltBody, BuiltScene};
+use sinew_demos::error::hint;
 use std::path::{Path, PathBuf};
 
 /// What was measured.

@@ -1,0 +1,93 @@
+//! `sinew-lab` as a user meets it: exit codes, and what goes to stdout and stderr.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn sinew_lab(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_sinew-lab")).args(arguments).output().unwrap()
+}
+
+fn check(arguments: &[&str], code: i32, stdout: &str, stderr: &str) {
+    let output = sinew_lab(arguments);
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let (out, err) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {out}{err}");
+    assert!(out.contains(stdout), "{arguments:?}: `{stdout}` is not in {out}");
+    assert!(err.contains(stderr), "{arguments:?}: `{stderr}` is not in {err}");
+}
+
+fn file(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
+}
+
+#[test]
+fn a_bench_writes_one_report_in_all_its_forms() {
+    let folder = file("bench");
+    let out = folder.display().to_string();
+    let output =
+        sinew_lab(&["bench", "kernels", "--quick", "--tets", "200", "--json", "--out", &out]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let text = std::fs::read_to_string(folder.join("report.json")).unwrap();
+    assert_eq!(printed, serde_json::from_str::<serde_json::Value>(&text).unwrap());
+    assert_eq!(printed["schema"], "sinew-bench/1");
+    for row in printed["kernels"]["rows"].as_array().unwrap() {
+        // every speed has its error, its precision and its threads
+        let bound = if row["precision"] == "f32" { 1e-3 } else { 1e-10 };
+        assert!(row["error"].as_f64().unwrap() < bound, "{row}");
+        assert!(row["ns_per_tet"]["median"].as_f64().unwrap() > 0.0, "{row}");
+        assert!(row["threads"].as_u64().unwrap() > 0, "{row}");
+    }
+    let page = std::fs::read_to_string(folder.join("report.html")).unwrap();
+    assert!(page.contains("<svg") && page.contains("multiply-add"));
+    let csv = std::fs::read_to_string(folder.join("kernels.csv")).unwrap();
+    assert!(csv.starts_with("kernel,quantity,model,tets"));
+    assert!(folder.join("readme.md").exists() && folder.join("kernels-f64.svg").exists());
+}
+
+#[test]
+fn hard_cases_print_a_table_and_write_a_page() {
+    let page = file("stability.html").display().to_string();
+    let arguments = ["bench", "stability", "--quick", "--group", "11", "--html", &page];
+    check(&arguments, 0, "14 of 14 required cases passed", "written to");
+    assert!(std::fs::read_to_string(&page).unwrap().contains("bad input"));
+    let json = sinew_lab(&["bench", "stability", "--quick", "--group", "10", "--json", "-"]);
+    let value: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!(value["schema"], "sinew-stability/3");
+    assert_eq!(value["rows"][0]["status"], "pass");
+    check(&["bench", "stability", "--group", "12"], 1, "", "1 to 11");
+    check(&["bench", "stability", "--integrator", "quasi-static"], 1, "", "equilibria");
+    check(&["stability"], 2, "", "Usage");
+}
+
+#[test]
+fn figures_of_a_paper_are_made_again() {
+    let folder = file("paper-a");
+    let out = folder.display().to_string();
+    check(&["reproduce", "paper-a", "--only", "a,f", "--out", &out], 0, "DIFFERS", "11 files");
+    let page = std::fs::read_to_string(folder.join("paper-a.html")).unwrap();
+    assert!(page.contains("<svg") && page.contains("(f) Resection of a liver in real time"));
+    let csv = std::fs::read_to_string(folder.join("a-force.csv")).unwrap();
+    assert!(csv.starts_with("nu,altitude ratio") && csv.lines().count() == 1 + 4 * 171);
+    check(&["reproduce", "paper-a", "--only", "z"], 1, "", "a, b, c");
+}
+
+#[test]
+fn bad_bench_arguments_are_named() {
+    check(&["bench"], 2, "", "Usage");
+    check(&["bench", "everything"], 2, "", "'everything'");
+    check(&["bench", "--help"], 0, "kernels", "");
+    check(&["bench", "kernels", "--tets", "3"], 1, "", "between 24 and");
+    check(&["bench", "accuracy", "--quick", "--case", "fold"], 1, "", "cantilever");
+    check(&["run", "liver.toml"], 2, "", "Usage");
+    // each command names the other
+    check(&["--help"], 0, "cargo run --release`", "");
+}
+
+#[test]
+fn the_tables_of_a_paper() {
+    check(&["reproduce", "paper-b", "--only", "d"], 0, "nu_out does not follow nu_in", "figure 9");
+    check(&["reproduce", "paper-b", "--only", "x"], 1, "", "choose of a, b, c, d, e, f");
+    let nowhere = ["reproduce", "paper-b", "--only", "d", "--meshes", "nowhere"];
+    check(&nowhere, 1, "", "b_cube_hex.msh");
+}

@@ -1,0 +1,10 @@
+//! Scene files and what runs them. In one binary: each would link, and in part compile, everything below for itself.
+
+mod bad_scenes;
+#[cfg(feature = "gpu")]
+mod gpu_scenes;
+mod material_fields;
+#[cfg(feature = "render")]
+mod pictures;
+mod scenes;
+mod tools;

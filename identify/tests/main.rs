@@ -1,0 +1,6 @@
+//! Springs of elements and meshes. In one binary: each would link, and in part compile, everything below for itself.
+
+mod mesh;
+mod reference;
+#[cfg(feature = "virtual-test")]
+mod virtual_test;

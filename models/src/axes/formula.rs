@@ -1,0 +1,276 @@
+//! Formulas in `x`, `y` and `z`, as scene files give them for fibre fields.
+//!
+//! `+ - * /` from left to right, `^` from right to left and before a sign (`-x^2` is `-(x^2)`), parentheses,
+//! `pi`, `tau`, `e` and the functions of [`FUNCTIONS`] and [`OF_TWO`]. Parsers that others keep bring regular
+//! expressions (half a minute of compile time), another licence, or stand still; this is all they would be
+//! used for.
+
+/// Functions of one number; angles are in rad, `log` is the natural one.
+const FUNCTIONS: [(&str, fn(f64) -> f64); 26] = [
+    ("abs", f64::abs),
+    ("signum", f64::signum),
+    ("sin", f64::sin),
+    ("cos", f64::cos),
+    ("tan", f64::tan),
+    ("asin", f64::asin),
+    ("acos", f64::acos),
+    ("atan", f64::atan),
+    ("sinh", f64::sinh),
+    ("cosh", f64::cosh),
+    ("tanh", f64::tanh),
+    ("asinh", f64::asinh),
+    ("acosh", f64::acosh),
+    ("atanh", f64::atanh),
+    ("floor", f64::floor),
+    ("round", f64::round),
+    ("ceil", f64::ceil),
+    ("trunc", f64::trunc),
+    ("fract", f64::fract),
+    ("exp", f64::exp),
+    ("sqrt", f64::sqrt),
+    ("cbrt", f64::cbrt),
+    ("ln", f64::ln),
+    ("log", f64::ln),
+    ("log2", f64::log2),
+    ("log10", f64::log10),
+];
+/// Functions of two numbers.
+const OF_TWO: [(&str, fn(f64, f64) -> f64); 4] =
+    [("atan2", f64::atan2), ("min", f64::min), ("max", f64::max), ("pow", f64::powf)];
+/// Parentheses, signs and powers within each other; more would not be read by anyone.
+const DEEPEST: usize = 64;
+
+#[derive(Clone, Copy)]
+enum Step {
+    Number(f64),
+    Axis(usize),
+    Of(fn(f64) -> f64),
+    OfTwo(fn(f64, f64) -> f64),
+}
+
+/// A formula that has been read.
+pub(super) struct Formula {
+    /// operands before what takes them
+    steps: Vec<Step>,
+}
+
+impl Formula {
+    /// Reads a formula; what is wrong with it otherwise.
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
+        let mut parser = Parser { rest: text.trim_start(), depth: 0, steps: Vec::new() };
+        parser.sum()?;
+        match parser.rest {
+            "" => Ok(Self { steps: parser.steps }),
+            rest => Err(format!("`{rest}` is left over")),
+        }
+    }
+
+    /// Value at a point (m); not finite where the formula has none.
+    pub(super) fn at(&self, point: [f64; 3]) -> f64 {
+        let mut stack = Vec::with_capacity(self.steps.len());
+        for step in &self.steps {
+            let mut take = || stack.pop().unwrap_or(f64::NAN);
+            let value = match *step {
+                Step::Number(value) => value,
+                Step::Axis(axis) => point[axis],
+                Step::Of(function) => function(take()),
+                Step::OfTwo(function) => {
+                    let second = take();
+                    function(take(), second)
+                }
+            };
+            stack.push(value);
+        }
+        stack.pop().unwrap_or(f64::NAN)
+    }
+}
+
+struct Parser<'a> {
+    /// what has not been read, without leading blanks
+    rest: &'a str,
+    depth: usize,
+    steps: Vec<Step>,
+}
+
+impl<'a> Parser<'a> {
+    /// Takes the first `length` bytes.
+    fn take(&mut self, length: usize) -> &'a str {
+        let (taken, rest) = self.rest.split_at(length);
+        self.rest = rest.trim_start();
+        taken
+    }
+
+    /// Takes one of these characters if it comes next.
+    fn one_of(&mut self, characters: &[char]) -> Option<char> {
+        let next = self.rest.chars().next().filter(|c| characters.contains(c))?;
+        self.take(next.len_utf8());
+        Some(next)
+    }
+
+    fn expect(&mut self, character: char) -> Result<(), String> {
+        match self.one_of(&[character]) {
+            Some(_) => Ok(()),
+            None => Err(format!("`{character}` is missing {}", self.here())),
+        }
+    }
+
+    fn here(&self) -> String {
+        match self.rest {
+            "" => "at the end".to_string(),
+            rest => format!("before `{rest}`"),
+        }
+    }
+
+    fn sum(&mut self) -> Result<(), String> {
+        self.product()?;
+        while let Some(sign) = self.one_of(&['+', '-']) {
+            self.product()?;
+            self.steps.push(Step::OfTwo(if sign == '+' { |a, b| a + b } else { |a, b| a - b }));
+        }
+        Ok(())
+    }
+
+    fn product(&mut self) -> Result<(), String> {
+        self.signed()?;
+        while let Some(sign) = self.one_of(&['*', '/']) {
+            self.signed()?;
+            self.steps.push(Step::OfTwo(if sign == '*' { |a, b| a * b } else { |a, b| a / b }));
+        }
+        Ok(())
+    }
+
+    fn signed(&mut self) -> Result<(), String> {
+        self.depth += 1;
+        if self.depth > DEEPEST {
+            return Err(format!(
+                "more than {DEEPEST} parentheses, signs or powers within each other"
+            ));
+        }
+        match self.one_of(&['+', '-']) {
+            Some(sign) => {
+                self.signed()?;
+                self.steps.extend((sign == '-').then_some(Step::Of(|a| -a)));
+            }
+            None => {
+                self.operand()?;
+                if self.one_of(&['^']).is_some() {
+                    self.signed()?;
+                    self.steps.push(Step::OfTwo(f64::powf));
+                }
+            }
+        }
+        self.depth -= 1;
+        Ok(())
+    }
+
+    fn operand(&mut self) -> Result<(), String> {
+        if self.one_of(&['(']).is_some() {
+            self.sum()?;
+            return self.expect(')');
+        }
+        if self.rest.starts_with(|c: char| c.is_ascii_digit() || c == '.') {
+            let digits = |text: &str| {
+                text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len())
+            };
+            let mut length = digits(self.rest);
+            if let Some(power) = self.rest[length..].strip_prefix(['e', 'E']) {
+                let figures = power.trim_start_matches(['+', '-']);
+                length += 1 + power.len() - figures.len() + digits(figures);
+            }
+            let text = self.take(length);
+            let value = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+            self.steps.push(Step::Number(value));
+            return Ok(());
+        }
+        let word = |c: char| c.is_alphanumeric() || c == '_';
+        if !self.rest.starts_with(word) {
+            return Err(format!("a number, a variable or a function is missing {}", self.here()));
+        }
+        let name = self.take(self.rest.find(|c| !word(c)).unwrap_or(self.rest.len()));
+        let step = match name {
+            "x" => Step::Axis(0),
+            "y" => Step::Axis(1),
+            "z" => Step::Axis(2),
+            "pi" | "PI" | "π" => Step::Number(std::f64::consts::PI),
+            "tau" | "TAU" | "τ" => Step::Number(std::f64::consts::TAU),
+            "e" | "E" => Step::Number(std::f64::consts::E),
+            _ => self.call(name)?,
+        };
+        self.steps.push(step);
+        Ok(())
+    }
+
+    /// A function and what it is taken of.
+    fn call(&mut self, name: &str) -> Result<Step, String> {
+        let one = FUNCTIONS.iter().find(|f| f.0 == name).map(|f| Step::Of(f.1));
+        let two = OF_TWO.iter().find(|f| f.0 == name).map(|f| Step::OfTwo(f.1));
+        let Some(step) = one.or(two) else {
+            let names: Vec<&str> =
+                FUNCTIONS.iter().map(|f| f.0).chain(OF_TWO.map(|f| f.0)).collect();
+            let names = names.join(", ");
+            return Err(format!(
+                "`{name}` is none of the variables x, y, z and the functions {names}"
+            ));
+        };
+        self.expect('(')?;
+        self.sum()?;
+        if two.is_some() {
+            self.expect(',')?;
+            self.sum()?;
+        }
+        self.expect(')')?;
+        Ok(step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formulas_have_the_values_of_arithmetic() {
+        let (x, y, z) = (0.3_f64, -1.5_f64, 2.0_f64);
+        for (text, value) in [
+            ("-y", -y),
+            (" 1 + 2*x - y/ z/4 ", 1.0 + 2.0 * x - y / z / 4.0),
+            ("-z^2", -4.0),
+            ("(-z)^2", 4.0),
+            ("2^z^3", 256.0),
+            ("2^-z", 0.25),
+            ("1e-3 + 2.5E2*.5 - 3.", 1e-3 + 125.0 - 3.0),
+            ("2 - -3", 5.0),
+            ("atan2(y, x) + min(x, y)*max(x, pow(z, 3))", y.atan2(x) + y * 8.0),
+            ("sin(pi/6) + cos(tau) + ln(e)", (std::f64::consts::PI / 6.0).sin() + 2.0),
+            ("sqrt(abs(y)) * exp(x)", 1.5_f64.sqrt() * x.exp()),
+            ("z*sin((x - 1)*(y + 2))", z * ((x - 1.0) * (y + 2.0)).sin()),
+        ] {
+            let found = Formula::parse(text).unwrap().at([x, y, z]);
+            assert!((found - value).abs() <= 1e-15 * value.abs(), "{text}: {found} {value}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_named() {
+        let deep = "(".repeat(100_000);
+        for (text, said) in [
+            ("", "missing at the end"),
+            ("x +", "missing at the end"),
+            ("2*w", "`w` is none of the variables x, y, z and the functions abs"),
+            ("sinus(x)", "`sinus`"),
+            ("sin x", "`(` is missing before `x`"),
+            ("sin(x", "`)` is missing at the end"),
+            ("atan2(x)", "`,` is missing before `)`"),
+            ("2x", "`x` is left over"),
+            ("x)", "`)` is left over"),
+            ("1.2.3", "`1.2.3` is no number"),
+            ("1e", "`1e` is no number"),
+            ("x % y", "`% y` is left over"),
+            ("*x", "missing before `*x`"),
+            ("µ", "`µ`"),
+            (&deep, "within each other"),
+        ] {
+            let Err(error) = Formula::parse(text) else { panic!("{text} was read") };
+            assert!(error.contains(said), "{text}: {error}");
+        }
+    }
+}

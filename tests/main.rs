@@ -1,0 +1,19 @@
+//! Whole simulations. In one binary: each would link, and in part compile, everything below for itself.
+
+mod axes;
+mod bad_input;
+mod common;
+mod comparison_models;
+mod cross;
+mod determinism;
+mod elements;
+mod explicit;
+mod linear;
+mod material_field;
+mod physics;
+mod pressure;
+mod recovery;
+mod reference;
+mod resection;
+mod schedule;
+mod units;
