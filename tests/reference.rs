@@ -1,5 +1,5 @@
 //! Whole bodies against reference vectors: pooled constants and sums, tangent products, single
-//! implicit steps, converged trajectories.
+//! implicit steps. Trajectories and static fields are in `demos/tests/validation.rs`.
 
 use crate::common::*;
 use glam::DVec3;
@@ -319,53 +319,6 @@ fn converged_implicit_steps() {
             let size = max_distance(&rest, &vec![rest[0]; rest.len()]);
             let error = max_distance(&x, &vectors(&case["newton"]["x1"])) / size;
             assert!(error < 1e-9, "{name} {evaluation:?}: {error:e}");
-        }
-    }
-}
-
-#[test]
-fn implicit_euler_trajectories() {
-    for file in ["p1_cantilever", "p2_spin_stvk", "p3_compressed_release"] {
-        let case = reference(&format!("reference_dynamics/{file}.json"));
-        let rest = vectors(&case["vertices"]);
-        let start: Vec<DVec3> =
-            vectors(&case["initial_positions"]).iter().zip(&rest).map(|(x, r)| *x - *r).collect();
-        let comp = case["model"].as_str().unwrap().contains("+ compression");
-        let model = if comp { Model::CompressibleStVK } else { Model::StVK };
-        let (mut simulation, body) = simulation(
-            SimulationOptions::default(),
-            &rest,
-            &indices::<4>(&case["tetrahedra"]),
-            material(&case),
-            model,
-            Evaluation::Fused,
-        );
-        simulation.set_state(body, &start, &vectors(&case["initial_velocities"])).unwrap();
-        let energy = simulation.evaluate();
-        let expected = number(&case["initial_elastic_energy"]);
-        assert!((energy - expected).abs() <= 1e-11 * expected.max(1e-9), "{file}: {energy}");
-        let rows = simulation.rows(body, "fixed", &list(&case["fixed_vertices"])).unwrap();
-        simulation.add_constraint(Constraint::hold("fixed", rows));
-        simulation.set_gravity(vectors(&serde_json::json!([case["gravity"]]))[0]);
-        simulation.set_dt(number(&case["h"]));
-        simulation.set_solver(SolverSettings {
-            integrator: Integrator::Newton,
-            linear_tolerance: 1e-9,
-            newton_tolerance: 1e-12,
-            ..Default::default()
-        });
-        let size = simulation.topology().bodies[0].size;
-        let mut step = 0;
-        for state in case["implicit_euler"]["states"].as_array().unwrap() {
-            while step < state["step"].as_u64().unwrap() {
-                simulation.step().unwrap();
-                assert!(!simulation.report().unconverged, "{file} step {step}");
-                step += 1;
-            }
-            let x: Vec<DVec3> =
-                simulation.displacements(body).iter().zip(&rest).map(|(u, r)| *u + *r).collect();
-            let error = max_distance(&x, &vectors(&state["positions"])) / size;
-            assert!(error < 1e-8, "{file} step {step}: {error:e} of body size");
         }
     }
 }

@@ -134,8 +134,7 @@ struct CheckArguments {
 
 #[derive(Args)]
 struct ValidateArguments {
-    /// Case files (JSON).
-    #[arg(required = true)]
+    /// Case files (JSON) or folders of them [default: the cases that come with Sinew, demos/reference].
     cases: Vec<PathBuf>,
     /// File for the JSON report; `-` prints it instead of the table.
     #[arg(long, value_name = "FILE")]
@@ -143,7 +142,7 @@ struct ValidateArguments {
     /// Relative difference at which a case passes [default: 1e-6 static, 1e-8 trajectories].
     #[arg(long, value_name = "X")]
     tolerance: Option<f64>,
-    /// Folder with the meshes of the cases [default: meshes beside the folder of the case].
+    /// Folder with the meshes of the cases [default: meshes beside the case or its folder].
     #[arg(long, value_name = "DIR")]
     meshes: Option<PathBuf>,
     /// Sum the energy spring by spring instead of tetrahedron by tetrahedron.

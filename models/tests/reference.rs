@@ -2,14 +2,14 @@
 //! energy differentiated automatically and checked in 50-digit arithmetic, the compression curve of
 //! Delingette 2008 (Fig. 2, left), and single elements from a finite element program.
 //!
-//! The files lie in `tests/data`; a folder named by `SINEW_REFERENCE` with the subfolders
-//! `reference` and `reference_fem` replaces them.
+//! The files lie in `tests/data` and, of the program, in `demos/reference`; a folder named by
+//! `SINEW_REFERENCE` with the subfolders `reference` and `reference_fem` replaces them.
 //!
 //! Units of the errors: energy `E V`, force `E V^(2/3)`, matrices their largest entry.
 
 use crate::common;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use common::{Worst, max_abs, max_difference};
 use serde_json::Value;
@@ -25,9 +25,10 @@ use sinew_models::tetrahedron::{self, Element, TangentKind, compression};
 const TOLERANCE: f64 = 1e-9;
 
 fn load(folder: &str, file: &str) -> Value {
+    let own = if folder == "reference_fem" { "../demos/reference" } else { "tests/data" };
     let path = match std::env::var_os("SINEW_REFERENCE") {
         Some(root) => PathBuf::from(root).join(folder).join(file),
-        None => PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(file),
+        None => Path::new(env!("CARGO_MANIFEST_DIR")).join(own).join(file),
     };
     let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()))

@@ -7,7 +7,7 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::prelude::*;
 
-/// A reference file: from `SINEW_REFERENCE` (a folder with `reference/`, `reference_dynamics/`),
+/// A reference file: from `SINEW_REFERENCE` (a folder with `reference/`),
 /// else from the project's own copy.
 pub fn reference(path: &str) -> Value {
     let own = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data");

@@ -1,0 +1,246 @@
+//! The body of a case: its material, its elements and their law.
+
+use super::read::{Case, Entry};
+use super::{CaseError, ValidateOptions};
+use glam::DVec3;
+use sinew::engine::mesh::Mesh;
+use sinew::models::sheet::{MembraneDescription, MembraneModel, PlaneState};
+use sinew::prelude::*;
+use std::path::Path;
+
+/// Material of a case: constants, and lists of one value per element in the order of the file.
+#[derive(Clone)]
+pub(super) struct Material {
+    /// That of the first element.
+    base: YoungPoisson,
+    young_modulus: Option<Vec<f64>>,
+    poisson_ratio: Option<Vec<f64>>,
+    density: Option<Vec<f64>>,
+}
+
+impl Material {
+    /// `E`, `nu` and `rho` (water's by default) of an object, each a number or a list of one per element.
+    pub fn read(entry: &Entry, elements: usize) -> Result<Self, CaseError> {
+        let constant = |key: &str| {
+            let entry = entry.get(key);
+            if !entry.is_list() {
+                return Ok((entry.number()?, None));
+            }
+            let fail = || entry.error(format!("a number or a list of {elements}, one per element"));
+            let values = entry.numbers()?;
+            match values.first() {
+                Some(&first) if values.len() == elements => {
+                    let varies = values.iter().any(|&v| v != first);
+                    Ok((first, varies.then_some(values)))
+                }
+                _ => Err(fail()),
+            }
+        };
+        let (first_modulus, young_modulus) = constant("E")?;
+        let (first_ratio, poisson_ratio) = constant("nu")?;
+        let (first_density, density) =
+            if entry.get("rho").is_absent() { (1000.0, None) } else { constant("rho")? };
+        let base = YoungPoisson {
+            young_modulus: first_modulus,
+            poisson_ratio: first_ratio,
+            density: first_density,
+        };
+        Ok(Self { base, young_modulus, poisson_ratio, density })
+    }
+
+    /// Whether elements differ.
+    fn varies(&self) -> bool {
+        self.young_modulus.is_some() || self.poisson_ratio.is_some() || self.density.is_some()
+    }
+
+    /// That of one element alone.
+    pub fn of_element(&self, i: usize) -> Self {
+        let pick = |list: &Option<Vec<f64>>, base| list.as_ref().map_or(base, |list| list[i]);
+        let base = YoungPoisson {
+            young_modulus: pick(&self.young_modulus, self.base.young_modulus),
+            poisson_ratio: pick(&self.poisson_ratio, self.base.poisson_ratio),
+            density: pick(&self.density, self.base.density),
+        };
+        Self { base, young_modulus: None, poisson_ratio: None, density: None }
+    }
+}
+
+/// Which strains or stresses across a plane case vanish.
+pub(super) fn plane_state(entry: &Entry) -> Result<PlaneState, CaseError> {
+    match entry.clone().given().map(|entry| entry.text()).transpose()? {
+        None | Some("stress") => Ok(PlaneState::Stress),
+        Some("strain") => Ok(PlaneState::Strain),
+        Some(_) => Err(entry.error("`stress` or `strain`")),
+    }
+}
+
+/// Elements of one kind.
+#[derive(Clone, Copy)]
+pub(super) enum Cells<'a> {
+    Tetrahedra(&'a [[u32; 4]]),
+    Hexahedra(&'a [[u32; 8]]),
+    Triangles(&'a [[u32; 3]]),
+    Quads(&'a [[u32; 4]]),
+}
+
+impl<'a> Cells<'a> {
+    /// Those of a mesh: solid elements before what may be their surface.
+    pub fn of(mesh: &'a Mesh) -> Option<Self> {
+        let kinds = [
+            Cells::Hexahedra(&mesh.hexahedra),
+            Cells::Tetrahedra(&mesh.tetrahedra),
+            Cells::Quads(&mesh.quads),
+            Cells::Triangles(&mesh.triangles),
+        ];
+        kinds.into_iter().find(|cells| cells.len() > 0)
+    }
+
+    pub fn len(self) -> usize {
+        match self {
+            Cells::Tetrahedra(cells) | Cells::Quads(cells) => cells.len(),
+            Cells::Hexahedra(cells) => cells.len(),
+            Cells::Triangles(cells) => cells.len(),
+        }
+    }
+
+    /// Nodes of an element.
+    pub fn nodes(self) -> usize {
+        match self {
+            Cells::Tetrahedra(_) | Cells::Quads(_) => 4,
+            Cells::Hexahedra(_) => 8,
+            Cells::Triangles(_) => 3,
+        }
+    }
+
+    /// Name of the kind in case files.
+    pub fn kind(self) -> &'static str {
+        match self {
+            Cells::Tetrahedra(_) => "tet",
+            Cells::Hexahedra(_) => "hex",
+            Cells::Triangles(_) => "tri",
+            Cells::Quads(_) => "quad",
+        }
+    }
+}
+
+/// A law of solid elements or of membranes.
+#[derive(Clone, Copy)]
+pub(super) enum Law {
+    Solid(Model),
+    Membrane(MembraneModel),
+}
+
+impl Law {
+    /// The law of a name for a kind of elements. Plane cases call the laws of membranes by those of solids.
+    pub fn find(name: &str, kind: &str) -> Result<Self, CaseError> {
+        let solid = || Model::ALL.into_iter().find(|m| m.name() == name);
+        let membrane = || match name {
+            "svk" => Some(MembraneModel::Biquadratic),
+            "svk_comp" => Some(MembraneModel::CompressibleBiquadratic),
+            _ => MembraneModel::ALL.into_iter().find(|m| m.name() == name),
+        };
+        let found = match kind {
+            "tet" => solid().map(Law::Solid),
+            "hex" => solid().filter(|m| m.serves_hexahedra()).map(Law::Solid),
+            "tri" | "quad" => membrane().map(Law::Membrane),
+            _ => return Err(CaseError::NotRun(format!("{kind} elements are not known"))),
+        };
+        let why = || CaseError::NotRun(format!("law `{name}` is not built yet"));
+        found.ok_or_else(why)
+    }
+
+    /// Name in reports of trajectories.
+    pub fn name(self) -> &'static str {
+        match self {
+            Law::Solid(model) => model.name(),
+            Law::Membrane(model) => model.name(),
+        }
+    }
+}
+
+/// A body of one kind of elements.
+#[derive(Clone, Copy)]
+pub(super) struct Body<'a> {
+    pub points: &'a [DVec3],
+    pub cells: Cells<'a>,
+    pub law: Law,
+    pub material: &'a Material,
+    /// Thickness of a membrane (m); moduli of plane cases are per unit thickness.
+    pub thickness: f64,
+    pub plane: PlaneState,
+}
+
+impl Body<'_> {
+    /// A simulation of this body alone, without gravity.
+    pub fn simulation(
+        &self,
+        case: &Case,
+        options: &ValidateOptions,
+    ) -> Result<(Simulation, BodyHandle), CaseError> {
+        let threads = options.threads;
+        let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })
+            .map_err(|e| case.simulation_error(e))?;
+        let wanted = options.evaluation;
+        let simplices = matches!(self.cells, Cells::Tetrahedra(_) | Cells::Triangles(_));
+        let evaluation =
+            |supported| if simplices && supported { wanted } else { Evaluation::Fused };
+        let plain = BodyDescription::from_parts("body", self.points, &[], self.material.base);
+        let description = match (self.law, self.cells) {
+            (Law::Solid(model), cells) => BodyDescription {
+                tetrahedra: if let Cells::Tetrahedra(cells) = cells { cells } else { &[] },
+                hexahedra: if let Cells::Hexahedra(cells) = cells { cells } else { &[] },
+                young_modulus: self.material.young_modulus.as_deref(),
+                poisson_ratio: self.material.poisson_ratio.as_deref(),
+                density: self.material.density.as_deref(),
+                model,
+                evaluation: evaluation(model.supports(wanted)),
+                ..plain
+            },
+            (Law::Membrane(_), _) if self.material.varies() => {
+                let why = "a membrane has one material; values per element are for solid elements";
+                return Err(CaseError::NotRun(why.into()));
+            }
+            (Law::Membrane(model), cells) => {
+                let triangles = if let Cells::Triangles(cells) = cells { cells } else { &[] };
+                let membrane = MembraneDescription {
+                    quads: if let Cells::Quads(cells) = cells { cells } else { &[] },
+                    model,
+                    plane: self.plane,
+                    evaluation: evaluation(model.supports(wanted)),
+                    ..MembraneDescription::new(triangles, self.thickness, self.material.base)
+                };
+                BodyDescription { membrane: Some(membrane), ..plain }
+            }
+        };
+        let body = simulation.add_body(&description).map_err(|e| case.simulation_error(e))?;
+        simulation.set_gravity(DVec3::ZERO);
+        Ok((simulation, body))
+    }
+}
+
+/// The mesh that a case names, found in the folder of the options, or else in `meshes` beside the case or
+/// beside its folder.
+pub(super) fn mesh(case: &Case, options: &ValidateOptions) -> Result<Mesh, CaseError> {
+    let root = case.root();
+    let name = root.get("mesh").text()?;
+    let beside = case.path.parent().unwrap_or(Path::new("."));
+    let searched = match &options.meshes {
+        Some(folder) => vec![folder.clone()],
+        None => {
+            vec![beside.join("meshes"), beside.join("../meshes"), beside.into(), beside.join("..")]
+        }
+    };
+    let file = searched.iter().map(|folder| folder.join(name)).find(|file| file.is_file());
+    let Some(file) = file else {
+        return Err(CaseError::NoMesh { case: case.path.clone(), mesh: name.into(), searched });
+    };
+    let mesh = Mesh::read(&file)?;
+    let cells = Cells::of(&mesh).map_or(0, Cells::len);
+    for (key, count) in [("nodes", mesh.points.len()), ("cells", cells)] {
+        let given = root.get(key).given();
+        if let Some(given) = given.filter(|g| g.index().ok() != u32::try_from(count).ok()) {
+            return Err(given.error(format!("{count}, as `{}` has", file.display())));
+        }
+    }
+    Ok(mesh)
+}

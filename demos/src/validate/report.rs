@@ -1,0 +1,215 @@
+//! What came out, as data and as a table.
+
+use super::CaseError;
+use serde::Serialize;
+use sinew::prelude::Evaluation;
+use std::fmt;
+use std::path::PathBuf;
+
+/// How a case ended.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Status {
+    /// Within the tolerance.
+    Pass,
+    /// Not within the tolerance, not converged, or a file that cannot be used; the note tells.
+    Fail,
+    /// Not run, with the reason.
+    Unsupported(String),
+}
+
+/// One row of the table: a case and a law.
+#[derive(Clone, Debug, Serialize)]
+pub struct ValidationRow {
+    /// Case name.
+    pub case: String,
+    /// Law, or quantity for trajectories.
+    pub law: String,
+    /// Nodes of the mesh.
+    pub nodes: usize,
+    /// Cells of the mesh.
+    pub cells: usize,
+    /// How it ended.
+    pub status: Status,
+    /// Largest node difference over largest displacement (over body size for trajectories).
+    pub max_difference: f64,
+    /// Root mean square node difference over the same.
+    pub rms_difference: f64,
+    /// Relative difference of energy.
+    pub energy_difference: f64,
+    /// Largest difference of a group's reaction over the largest reaction.
+    pub reaction_difference: f64,
+    /// Difference to the continuum (or to the time-converged trajectory), rms in percent of the
+    /// largest displacement.
+    pub continuum_rms_percent: f64,
+    /// The same, largest node.
+    pub continuum_max_percent: f64,
+    /// Newton iterations.
+    pub newton_iterations: u64,
+    /// Conjugate-gradient iterations.
+    pub cg_iterations: u64,
+    /// Wall time (s).
+    pub seconds: f64,
+    /// Remarks: load steps, follower loads, caps, errors.
+    pub note: String,
+}
+
+impl ValidationRow {
+    pub(super) fn new(case: &str, law: &str, nodes: usize, cells: usize) -> Self {
+        Self {
+            case: case.into(),
+            law: law.into(),
+            nodes,
+            cells,
+            status: Status::Fail,
+            max_difference: f64::NAN,
+            rms_difference: f64::NAN,
+            energy_difference: f64::NAN,
+            reaction_difference: f64::NAN,
+            continuum_rms_percent: f64::NAN,
+            continuum_max_percent: f64::NAN,
+            newton_iterations: 0,
+            cg_iterations: 0,
+            seconds: 0.0,
+            note: String::new(),
+        }
+    }
+
+    /// The row when its case has ended, possibly with an error.
+    pub(super) fn ended(mut self, outcome: Result<(), CaseError>) -> Self {
+        match outcome {
+            Ok(()) => {}
+            Err(CaseError::NotRun(why)) => self.status = Status::Unsupported(why),
+            Err(error) => {
+                self.status = Status::Fail;
+                self.remark(error.to_string());
+            }
+        }
+        self
+    }
+
+    /// Puts a remark before those that are there.
+    pub(super) fn remark(&mut self, remark: String) {
+        let separator = if self.note.is_empty() { "" } else { "; " };
+        self.note = format!("{remark}{separator}{}", self.note);
+    }
+}
+
+/// All rows.
+#[derive(Clone, Debug, Serialize)]
+pub struct ValidationReport {
+    /// Schema of the JSON form.
+    pub schema: &'static str,
+    /// Files and folders of the cases; the folder that comes with Sinew when none was named.
+    pub cases: Vec<PathBuf>,
+    /// Evaluation used.
+    pub evaluation: Evaluation,
+    /// One row per case and law.
+    pub rows: Vec<ValidationRow>,
+}
+
+impl ValidationReport {
+    /// Whether cases were run and every one of them passed.
+    pub fn passed(&self) -> bool {
+        let [passed, failed, _] = self.counts();
+        passed > 0 && failed == 0
+    }
+
+    /// How many rows passed, failed and were not run.
+    pub fn counts(&self) -> [usize; 3] {
+        let mut counts = [0; 3];
+        for row in &self.rows {
+            let i = match row.status {
+                Status::Pass => 0,
+                Status::Fail => 1,
+                Status::Unsupported(_) => 2,
+            };
+            counts[i] += 1;
+        }
+        counts
+    }
+
+    /// The reasons of rows that were not run, each with their number, in the order of the table.
+    fn reasons(&self) -> Vec<(&str, usize)> {
+        let mut reasons: Vec<(&str, usize)> = Vec::new();
+        for row in &self.rows {
+            let Status::Unsupported(why) = &row.status else { continue };
+            match reasons.iter_mut().find(|(known, _)| known == why) {
+                Some((_, count)) => *count += 1,
+                None => reasons.push((why, 1)),
+            }
+        }
+        reasons
+    }
+}
+
+impl fmt::Display for ValidationReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{:<26} {:<20} {:>5} {:>5} {:>6} {:>8} {:>8} {:>8} {:>8} {:>13} {:>7} {:>8} {:>7}  note",
+            "case",
+            "law",
+            "nodes",
+            "cells",
+            "result",
+            "max rel",
+            "rms rel",
+            "energy",
+            "reaction",
+            "continuum %",
+            "newton",
+            "cg",
+            "s"
+        )?;
+        for row in &self.rows {
+            writeln!(f, "{row}")?;
+        }
+        let [passed, failed, not_run] = self.counts();
+        writeln!(f, "\n{passed} passed, {failed} failed, {not_run} not run")?;
+        for (why, count) in self.reasons() {
+            writeln!(f, "  {count} not run: {why}")?;
+        }
+        if passed + failed == 0 {
+            writeln!(f, "nothing was run, which counts as a failure")?;
+        }
+        let cases: Vec<_> = self.cases.iter().map(|path| path.display().to_string()).collect();
+        writeln!(f, "cases: {}", cases.join(", "))
+    }
+}
+
+impl fmt::Display for ValidationRow {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let scientific = |x: f64| {
+            if x.is_nan() { "-".to_string() } else { format!("{x:.1e}") }
+        };
+        let (result, note) = match &self.status {
+            Status::Pass => ("ok", &self.note),
+            Status::Fail => ("FAIL", &self.note),
+            Status::Unsupported(why) => ("-", why),
+        };
+        let continuum = if self.continuum_rms_percent.is_nan() {
+            "-".into()
+        } else {
+            format!("{:.2} / {:.2}", self.continuum_rms_percent, self.continuum_max_percent)
+        };
+        write!(
+            f,
+            "{:<26} {:<20} {:>5} {:>5} {:>6} {:>8} {:>8} {:>8} {:>8} {:>13} {:>7} {:>8} {:>7.2}  {}",
+            self.case,
+            self.law,
+            self.nodes,
+            self.cells,
+            result,
+            scientific(self.max_difference),
+            scientific(self.rms_difference),
+            scientific(self.energy_difference),
+            scientific(self.reaction_difference),
+            continuum,
+            self.newton_iterations,
+            self.cg_iterations,
+            self.seconds,
+            note,
+        )
+    }
+}

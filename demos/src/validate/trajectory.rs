@@ -1,0 +1,268 @@
+//! Trajectories of an independent program: implicit Euler steps solved to convergence, and the motion
+//! converged in time.
+
+use super::body::{Body, Cells, Law, Material};
+use super::compare::{difference, worst};
+use super::read::{Case, Entry};
+use super::{CaseError, Status, TRAJECTORY_TOLERANCE, ValidateOptions, ValidationRow};
+use glam::DVec3;
+use sinew::models::sheet::{MembraneModel, PlaneState};
+use sinew::prelude::*;
+use std::time::Instant;
+
+const KEYS: [&str; 24] = [
+    "E",
+    "damping",
+    "elements",
+    "fine",
+    "fixed_vertices",
+    "gravity",
+    "h",
+    "hexahedra",
+    "implicit_euler",
+    "initial_elastic_energy",
+    "initial_positions",
+    "initial_total_force",
+    "initial_velocities",
+    "kind",
+    "masses",
+    "model",
+    "name",
+    "nu",
+    "quads",
+    "rho",
+    "tetrahedra",
+    "thickness",
+    "triangles",
+    "vertices",
+];
+
+/// What lies behind the elements of a body.
+enum Lists {
+    Tetrahedra(Vec<[u32; 4]>),
+    Hexahedra(Vec<[u32; 8]>),
+    Triangles(Vec<[u32; 3]>),
+    Quads(Vec<[u32; 4]>),
+}
+
+impl Lists {
+    fn read(root: &Entry) -> Result<Self, CaseError> {
+        let kind = root.get("elements");
+        match kind.clone().given().map_or(Ok("tetrahedra"), |kind| kind.text())? {
+            "tetrahedra" => Ok(Lists::Tetrahedra(root.get("tetrahedra").cells()?)),
+            "hexahedra" => Ok(Lists::Hexahedra(root.get("hexahedra").cells()?)),
+            "triangles" => Ok(Lists::Triangles(root.get("triangles").cells()?)),
+            "quads" => Ok(Lists::Quads(root.get("quads").cells()?)),
+            _ => Err(kind.error("tetrahedra, hexahedra, triangles or quads")),
+        }
+    }
+
+    fn cells(&self) -> Cells<'_> {
+        match self {
+            Lists::Tetrahedra(cells) => Cells::Tetrahedra(cells),
+            Lists::Hexahedra(cells) => Cells::Hexahedra(cells),
+            Lists::Triangles(cells) => Cells::Triangles(cells),
+            Lists::Quads(cells) => Cells::Quads(cells),
+        }
+    }
+}
+
+/// The law that `model` describes: a name of a law, or words that begin with the name of a material.
+fn law(model: &Entry, cells: Cells) -> Result<Law, CaseError> {
+    let words = model.text()?;
+    let membrane = matches!(cells, Cells::Triangles(_) | Cells::Quads(_));
+    if words.starts_with("TRBS") && membrane {
+        Ok(Law::Membrane(MembraneModel::Biquadratic))
+    } else if words.starts_with("StVK") && !membrane {
+        let compression = words.contains("+ compression");
+        Ok(Law::Solid(if compression { Model::CompressibleStVK } else { Model::StVK }))
+    } else {
+        Law::find(words, cells.kind())
+    }
+}
+
+/// A trajectory with its body.
+struct Trajectory<'a> {
+    case: &'a Case,
+    body: Body<'a>,
+    start_u: Vec<DVec3>,
+    start_v: Vec<DVec3>,
+    fixed: Vec<u32>,
+    gravity: DVec3,
+    /// Step (s).
+    h: f64,
+}
+
+pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
+    let root = case.root();
+    root.refuse_unknown(&KEYS)?;
+    let points = root.get("vertices").vectors()?;
+    let n = points.len();
+    let lists = Lists::read(&root)?;
+    let cells = lists.cells();
+    let law = law(&root.get("model"), cells)?;
+    let thickness = match law {
+        Law::Membrane(_) => root.get("thickness").number()?,
+        Law::Solid(_) => 0.0,
+    };
+    let material = Material::read(&root, cells.len())?;
+    let plane = PlaneState::Stress;
+    if let Some(damping) = root.get("damping").given().filter(|d| d.number().ok() != Some(0.0)) {
+        return Err(damping.error("0: trajectories with damping are not run"));
+    }
+    let mut start_u = root.get("initial_positions").field(n)?;
+    start_u.iter_mut().zip(&points).for_each(|(x, rest)| *x -= *rest);
+    let trajectory = Trajectory {
+        case,
+        body: Body { points: &points, cells, law, material: &material, thickness, plane },
+        start_u,
+        start_v: root.get("initial_velocities").field(n)?,
+        fixed: root.get("fixed_vertices").indices()?,
+        gravity: root.get("gravity").vector()?,
+        h: root.get("h").number()?,
+    };
+    let mut rows = Vec::new();
+    for (integrator, label) in
+        [(Integrator::Newton, "implicit Euler"), (Integrator::Safe, "safe step")]
+    {
+        let law = format!("{}, {label}", law.name());
+        let mut row = ValidationRow::new(&case.name(), &law, n, cells.len());
+        let outcome = trajectory.run(integrator, options, &mut row);
+        rows.push(row.ended(outcome));
+    }
+    Ok(rows)
+}
+
+impl Trajectory<'_> {
+    fn run(
+        &self,
+        integrator: Integrator,
+        options: &ValidateOptions,
+        row: &mut ValidationRow,
+    ) -> Result<(), CaseError> {
+        let root = self.case.root();
+        let failed = |error: SimulationError| self.case.simulation_error(error);
+        let (mut simulation, body) = self.prepare(integrator, options)?;
+        let at_start = self.compare_start(&mut simulation, body)?;
+        let size = simulation.topology().bodies[body.0].size;
+        let mut converged = true;
+        let mut step = 0;
+        let start = Instant::now();
+        (row.max_difference, row.rms_difference, row.energy_difference) = (0.0, 0.0, 0.0);
+        let mut u_at = Vec::new();
+        for state in root.get("implicit_euler").get("states").list()? {
+            let target = state.get("step").index()?;
+            while step < target {
+                simulation.step().map_err(|e| failed(e.into()))?;
+                let report = simulation.report();
+                row.newton_iterations += u64::from(report.newton_iterations);
+                row.cg_iterations += u64::from(report.cg_iterations);
+                converged &= !report.unconverged;
+                step += 1;
+            }
+            let u = simulation.displacements(body);
+            let truth = self.displacements(&state.get("positions"))?;
+            let (max, rms) = difference(&u, &truth, size);
+            row.max_difference = worst(row.max_difference, max);
+            row.rms_difference = worst(row.rms_difference, rms);
+            let expected = state.get("elastic_energy").number()?;
+            let energy = simulation.evaluate();
+            row.energy_difference =
+                worst(row.energy_difference, (energy - expected).abs() / expected.abs());
+            u_at.push((f64::from(step) * self.h, u));
+        }
+        row.seconds = start.elapsed().as_secs_f64();
+        self.time_error(&u_at, size, row)?;
+        if integrator != Integrator::Newton {
+            let why = "one linearised step: shown for its distance, no criterion";
+            return Err(CaseError::NotRun(why.into()));
+        }
+        row.note = "continuum columns: time error at the last common time".into();
+        let tolerance = options.tolerance.unwrap_or(TRAJECTORY_TOLERANCE);
+        if let Some(remark) = at_start {
+            row.remark(remark);
+        } else if converged && !u_at.is_empty() && row.max_difference <= tolerance {
+            row.status = Status::Pass;
+        }
+        Ok(())
+    }
+
+    /// The body in its first state.
+    fn prepare(
+        &self,
+        integrator: Integrator,
+        options: &ValidateOptions,
+    ) -> Result<(Simulation, BodyHandle), CaseError> {
+        let failed = |error: SimulationError| self.case.simulation_error(error);
+        let (mut simulation, body) = self.body.simulation(self.case, options)?;
+        simulation.set_state(body, &self.start_u, &self.start_v).map_err(failed)?;
+        // vertices without an element are not part of the body
+        let rows = &simulation.topology().bodies[body.0];
+        let of_body = |&v: &u32| v as usize >= self.body.points.len() || rows.row(v).is_some();
+        let used: Vec<u32> = self.fixed.iter().copied().filter(of_body).collect();
+        let held = simulation.rows(body, "fixed", &used).map_err(failed)?;
+        simulation.add_constraint(Constraint::hold("fixed", held));
+        simulation.set_gravity(self.gravity);
+        simulation.set_dt(self.h);
+        simulation.set_solver(SolverSettings {
+            integrator,
+            linear_tolerance: 1e-9,
+            newton_tolerance: 1e-12,
+            ..Default::default()
+        });
+        Ok((simulation, body))
+    }
+
+    /// What differs at the start, which no step could mend: masses and elastic energy, where given.
+    fn compare_start(
+        &self,
+        simulation: &mut Simulation,
+        body: BodyHandle,
+    ) -> Result<Option<String>, CaseError> {
+        let root = self.case.root();
+        if let Some(masses) = root.get("masses").given() {
+            let truth = masses.list_of(self.body.points.len())?;
+            for (i, (mass, truth)) in simulation.masses(body).into_iter().zip(truth).enumerate() {
+                let truth = truth.number()?;
+                if mass > 0.0 && (mass - truth).abs() > 1e-10 * truth {
+                    return Ok(Some(format!("mass of vertex {i} is {mass} kg, not {truth}")));
+                }
+            }
+        }
+        if let Some(energy) = root.get("initial_elastic_energy").given() {
+            let (found, truth) = (simulation.evaluate(), energy.number()?);
+            if (found - truth).abs() > 1e-11 * truth.max(1e-9) {
+                return Ok(Some(format!("elastic energy at the start is {found} J, not {truth}")));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Displacements (m) of a list of positions.
+    fn displacements(&self, positions: &Entry) -> Result<Vec<DVec3>, CaseError> {
+        let mut u = positions.field(self.body.points.len())?;
+        u.iter_mut().zip(self.body.points).for_each(|(x, rest)| *x -= *rest);
+        Ok(u)
+    }
+
+    /// Error of the time integration: against the trajectory converged in time, at its last time that has a
+    /// state.
+    fn time_error(
+        &self,
+        u_at: &[(f64, Vec<DVec3>)],
+        size: f64,
+        row: &mut ValidationRow,
+    ) -> Result<(), CaseError> {
+        let Some(fine) = self.case.root().get("fine").given() else { return Ok(()) };
+        for (i, time) in fine.get("times").numbers()?.into_iter().enumerate() {
+            let same = |(t, _): &&(f64, Vec<DVec3>)| (t - time).abs() < 1e-6 * self.h;
+            let Some((_, u)) = u_at.iter().find(same) else { continue };
+            let truth = self.displacements(&fine.get("positions").at(i))?;
+            let scale = fine.get("length_scale_of_uncertainty").given();
+            let scale = scale.map_or(Ok(size), |scale| scale.number())?;
+            let (max, rms) = difference(u, &truth, scale);
+            (row.continuum_max_percent, row.continuum_rms_percent) = (100.0 * max, 100.0 * rms);
+        }
+        Ok(())
+    }
+}
