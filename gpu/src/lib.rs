@@ -62,7 +62,7 @@
 //!     Err(error) => panic!("{error}"),
 //! }
 //! // every law is a whole module
-//! assert_eq!(sinew_gpu::laws::all().count(), 35);
+//! assert_eq!(sinew_gpu::laws::all().count(), 37);
 //! assert!(sinew_gpu::sources::all().iter().all(|module| module.text.contains("@compute")));
 //! ```
 pub mod backend;

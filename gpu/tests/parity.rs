@@ -62,6 +62,23 @@ fn neo_hookean() {
     compare(|mesh| of(mesh, Model::NeoHookean), "neo_hookean");
 }
 
+#[test]
+fn svk_volume() {
+    compare(|mesh| of(mesh, Model::StVKVolume), "svk_volume");
+    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::StVKVolume), "hexahedra svk_volume");
+}
+
+/// Every law has a twin but those named here, with their reason.
+#[test]
+fn every_row_of_the_table_has_a_twin() {
+    // formed from the tensions of edges by the twins of the springs; for comparison on the processor alone
+    let without = ["spring forces", "axes, printed form", "axes in hexahedra, printed form"];
+    for row in sinew::models::laws::LAWS {
+        let twins = sinew_gpu::laws::all().filter(|law| law.row == *row).count();
+        assert_eq!(twins, usize::from(!without.contains(&row.info.name)), "{}", row.info.name);
+    }
+}
+
 fn pooled(mesh: &Mesh, model: Model) -> BodyDescription<'_> {
     BodyDescription { evaluation: Evaluation::Pooled, ..of(mesh, model) }
 }

@@ -28,7 +28,7 @@ use crate::quad::Quadrilateral;
 use crate::tetrahedron::Element;
 use crate::{
     corotational, fused, fused_membrane, hexahedron, linear, neo_hookean, pooled, pressure, quad,
-    quadratic, stvk_fem,
+    quadratic, stvk_fem, svk_volume,
 };
 
 /// What the elements of a law are.
@@ -267,6 +267,7 @@ pub static LAWS: &[&LawRow] = &[
     &fused_membrane::COMPRESSION,
     &stvk_fem::TETRAHEDRA,
     &neo_hookean::TETRAHEDRA,
+    &svk_volume::TETRAHEDRA,
     &pressure::ROW,
     &axes::TRIADS,
     &axes::FIBRES,
@@ -277,6 +278,7 @@ pub static LAWS: &[&LawRow] = &[
     &linear::HEXAHEDRA,
     &corotational::HEXAHEDRA,
     &neo_hookean::HEXAHEDRA,
+    &svk_volume::HEXAHEDRA,
     &fused_membrane::BIQUADRATIC_QUADS,
     &fused_membrane::LINEAR_QUADS,
     &fused_membrane::COROTATIONAL_QUADS,

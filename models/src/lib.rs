@@ -78,4 +78,5 @@ pub mod resection;
 pub mod sheet;
 pub mod spring;
 pub mod stvk_fem;
+pub mod svk_volume;
 pub mod tetrahedron;

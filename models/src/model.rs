@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::laws::LawRow;
-use crate::{corotational, fused, linear, neo_hookean, quadratic, stvk_fem};
+use crate::{corotational, fused, linear, neo_hookean, quadratic, stvk_fem, svk_volume};
 
 /// What a model is made of.
 #[derive(Clone, Copy, Debug)]
@@ -70,6 +70,9 @@ models! {
     StVKFem = "svk_fem", Some(&stvk_fem::TETRAHEDRA);
     /// Stable neo-Hookean ([`crate::neo_hookean`]). For comparison at large strain.
     NeoHookean = "neo_hookean", Some(&neo_hookean::TETRAHEDRA);
+    /// St Venant-Kirchhoff shear with a volume term in `J` ([`crate::svk_volume`]): nearly incompressible
+    /// solids at large strain.
+    StVKVolume = "svk_volume", Some(&svk_volume::TETRAHEDRA);
 }
 
 impl Model {

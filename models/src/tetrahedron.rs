@@ -412,7 +412,7 @@ pub(crate) fn cofactor<S: Real>(g: &[S; 9]) -> [S; 9] {
 
 /// First Piola-Kirchhoff stress `F S = S + G S`, row-major.
 #[inline(always)]
-fn elastic_stress<S: Real>(g: &[S; 9], s: &[S; 6]) -> [S; 9] {
+pub(crate) fn elastic_stress<S: Real>(g: &[S; 9], s: &[S; 6]) -> [S; 9] {
     let full = [s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]];
     let mut p = full;
     for i in 0..3 {

@@ -18,6 +18,7 @@ use sinew_models::material::LameParameters;
 use sinew_models::neo_hookean::NeoHookean;
 use sinew_models::precompute::RestTetrahedron;
 use sinew_models::stvk_fem::StVKFem;
+use sinew_models::svk_volume::StVKVolume;
 use sinew_models::tetrahedron::{self, Element, TangentKind};
 
 type Nodes = [[f64; 3]; 4];
@@ -228,6 +229,7 @@ proptest! {
         check_derivatives::<Linear>(p, u)?;
         check_derivatives::<StVKFem>(p, u)?;
         check_derivatives::<NeoHookean>(p, u)?;
+        check_derivatives::<StVKVolume>(p, u)?;
         // where the rotation is determined it is differentiable
         prop_assume!(gap(gradient(&p, &u)) > 0.1);
         check_derivatives::<Corotational>(p, u)?;
@@ -242,6 +244,7 @@ proptest! {
             check_definiteness::<Corotational>(p, u)?;
             check_definiteness::<StVKFem>(p, u)?;
             check_definiteness::<NeoHookean>(p, u)?;
+            check_definiteness::<StVKVolume>(p, u)?;
         }
     }
 
@@ -251,6 +254,7 @@ proptest! {
         check_rigid_motion::<Corotational>(p, axis, shift)?;
         check_rigid_motion::<StVKFem>(p, axis, shift)?;
         check_rigid_motion::<NeoHookean>(p, axis, shift)?;
+        check_rigid_motion::<StVKVolume>(p, axis, shift)?;
     }
 
     #[test]
@@ -259,6 +263,7 @@ proptest! {
         check_small_strain::<Corotational>(p, u)?;
         check_small_strain::<StVKFem>(p, u)?;
         check_small_strain::<NeoHookean>(p, u)?;
+        check_small_strain::<StVKVolume>(p, u)?;
     }
 
     #[test]
@@ -271,6 +276,7 @@ proptest! {
         check_digits::<WarpedStiffness>(p, u, size, 1e-4)?;
         check_digits::<Corotational>(p, u, size, 1e-4)?;
         check_digits::<NeoHookean>(p, u, size, 1e-4)?;
+        check_digits::<StVKVolume>(p, u, size, 1e-4)?;
     }
 
     /// Where the strain is no longer formed from that of Green and Lagrange, errors of the rotation are those of
@@ -532,4 +538,5 @@ fn every_instruction_set_gives_what_single_elements_give() {
     each::<Corotational>();
     each::<StVKFem>();
     each::<NeoHookean>();
+    each::<StVKVolume>();
 }

@@ -6,6 +6,7 @@ mod common;
 mod comparison;
 mod isoparametric;
 mod lanes;
+mod laws;
 mod membrane;
 mod membrane_systems;
 mod properties;

@@ -7,7 +7,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 use sinew_models::fused::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronData};
 use sinew_models::laws::LawRow;
-use sinew_models::{corotational, fused, linear, neo_hookean, quadratic, stvk_fem};
+use sinew_models::{corotational, fused, linear, neo_hookean, quadratic, stvk_fem, svk_volume};
 
 use super::{
     DEFORMATION, DeviceLaw, ElementColumns, ElementKind, FOUR_VERTICES, PROJECTION, STRESS,
@@ -55,6 +55,7 @@ const COROTATIONAL: &[&str] =
     &[STRESS, include_str!("polar.wgsl"), include_str!("corotational.wgsl")];
 const WARPED: &[&str] = &[STRESS, include_str!("polar.wgsl"), include_str!("warped.wgsl")];
 const NEO_HOOKEAN: &[&str] = &[STRESS, include_str!("neo_hookean.wgsl")];
+const SVK_VOLUME: &[&str] = &[STRESS, include_str!("svk_volume.wgsl")];
 
 /// The law that stands in for those of tetrahedra while a body recovers.
 pub(super) static COROTATIONAL_TETRAHEDRA: DeviceLaw =
@@ -80,10 +81,12 @@ pub(super) static LAWS: &[DeviceLaw] = &[
     tetrahedra(&corotational::WARPED_TETRAHEDRA, WARPED),
     tetrahedra(&corotational::TETRAHEDRA, COROTATIONAL),
     tetrahedra(&neo_hookean::TETRAHEDRA, NEO_HOOKEAN),
+    tetrahedra(&svk_volume::TETRAHEDRA, SVK_VOLUME),
     hexahedra(&fused::HEXAHEDRA, FUSED),
     hexahedra(&linear::HEXAHEDRA, LINEAR),
     hexahedra(&corotational::HEXAHEDRA, COROTATIONAL),
     hexahedra(&neo_hookean::HEXAHEDRA, NEO_HOOKEAN),
+    hexahedra(&svk_volume::HEXAHEDRA, SVK_VOLUME),
 ];
 
 const fn tetrahedra(law: &'static LawRow, files: &'static [&'static str]) -> DeviceLaw {

@@ -1,0 +1,373 @@
+//! The table of laws: every row is reached, evaluates all its elements and is told by its name; rows of other
+//! crates take their place beside them.
+
+use bevy_ecs::prelude::*;
+use bevy_ecs::query::QueryBuilder;
+use glam::{DVec2, DVec3};
+use sinew_engine::law::{DisabledLaws, ElasticEnergy, EvaluationRequest, LawBuffers, TangentKind};
+use sinew_engine::load::{Curve, Pressure};
+use sinew_engine::mesh::Mesh;
+use sinew_engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle_grid};
+use sinew_engine::precision::Precision;
+use sinew_engine::scalar::{Real, Scalar};
+use sinew_engine::schedule::{
+    ActiveLaws, DampingSchedule, Executor, ForceSchedule, changed_laws, install,
+};
+use sinew_engine::vertex::{Displacement, ElasticForce};
+use sinew_models::axes::description::{AxesDescription, AxisForm};
+use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, spawn_body};
+use sinew_models::fused::TetrahedronLaw;
+use sinew_models::laws::{Elements, LAWS, LawError, LawRow, LawTable};
+use sinew_models::linear::Linear;
+use sinew_models::material::YoungPoisson;
+use sinew_models::pressure;
+use sinew_models::sheet::{MembraneDescription, MembraneModel};
+use sinew_models::tetrahedron::{Element, TetrahedronTangent};
+use std::collections::BTreeSet;
+
+fn world<S: Scalar>() -> World {
+    let mut world = World::new();
+    install::<S>(&mut world, Executor::SingleThreaded);
+    world.insert_resource(Precision::of::<S>());
+    world
+}
+
+fn material() -> YoungPoisson {
+    YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 }
+}
+
+fn tetrahedra() -> Mesh {
+    box_tets(DVec3::new(0.2, 0.1, 0.1), [4, 2, 2]).unwrap()
+}
+
+fn hexahedra() -> Mesh {
+    box_hexahedra(DVec3::new(0.2, 0.1, 0.1), [4, 2, 2]).unwrap()
+}
+
+/// Axes that need every law: a triad, a single fibre, volume alone; all with dampers.
+fn axes(kind: usize, form: AxisForm) -> AxesDescription<'static> {
+    let mut axes = AxesDescription::isotropic(material().lame().unwrap());
+    axes.form = form;
+    match kind {
+        0 => {}
+        1 => {
+            axes.families.truncate(1);
+            axes.angles.clear();
+            axes.volume_modulus = 0.0;
+        }
+        _ => {
+            axes.families.clear();
+            axes.angles.clear();
+        }
+    }
+    for family in &mut axes.families {
+        family.viscosity = 3.0;
+    }
+    axes
+}
+
+fn evaluate<S: Scalar>(world: &mut World, tangent: TangentKind) {
+    let tangent = Some(tangent);
+    world.insert_resource(EvaluationRequest { energy: true, force: true, tangent });
+    world.run_schedule(ForceSchedule);
+    if world.resource::<Schedules>().contains(DampingSchedule) {
+        world.run_schedule(DampingSchedule);
+    }
+}
+
+fn disturb<S: Scalar>(world: &mut World) {
+    let mut state = 7_u64;
+    for mut u in world.query::<&mut Displacement<S>>().iter_mut(world) {
+        for x in 0..3 {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            u.0[x] = S::from_f64(1e-2 * ((state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0));
+        }
+    }
+}
+
+/// Spawns a body and checks that its laws are rows of the table, hold all of its elements and are told in the
+/// order of the table.
+fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet<&'static str>) {
+    let mut world = world::<S>();
+    spawn_body(&mut world, body).unwrap_or_else(|e| panic!("{e}"));
+    if pressed {
+        let faces = vec![[0, 1, 2]];
+        let curve = Curve::Constant;
+        world.spawn(Pressure { name: "p".into(), faces, pressure: 10.0, curve });
+        pressure::activate::<S>(&mut world);
+    }
+    disturb::<S>(&mut world);
+    let counts = |elements| match elements {
+        Elements::Tetrahedra | Elements::PooledTetrahedra => Some(body.tetrahedra.len()),
+        Elements::Hexahedra => Some(body.hexahedra.len()),
+        Elements::Triangles => Some(body.membrane.unwrap().triangles.len()),
+        Elements::Quads => Some(body.membrane.unwrap().quads.len()),
+        _ => None,
+    };
+    for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
+        evaluate::<S>(&mut world, kind);
+        let buffers = world.resource::<LawBuffers<S>>();
+        let mut active = Vec::new();
+        for row in LAWS {
+            let Some(buffer) = buffers.get(row.info.name) else { continue };
+            let name = row.info.name;
+            reached.insert(name);
+            if row.elements != Elements::Faces {
+                assert!(buffer.element_count() > 0, "{name} evaluates nothing");
+            }
+            if let Some(count) = counts(row.elements) {
+                assert_eq!(buffer.element_count(), count, "{name}");
+            }
+            let whole = matches!(
+                row.elements,
+                Elements::Tetrahedra | Elements::Hexahedra | Elements::Triangles | Elements::Quads
+            );
+            if whole && row.forces && !name.contains("compression") {
+                assert!(buffer.energy() > 0.0, "{name}: {}", buffer.energy());
+            }
+            let in_tangent = buffer.spans.iter().any(|span| !span.diagonal.is_empty());
+            if row.elements != Elements::Faces {
+                assert_eq!(in_tangent, (row.tangent)(kind) || row.is_damper, "{name} {kind:?}");
+            }
+            if !row.is_damper {
+                active.push(name);
+            }
+        }
+        let told: Vec<_> =
+            world.resource::<ElasticEnergy>().by_law.iter().map(|(name, _)| *name).collect();
+        assert_eq!(told, active, "told in the order of the table");
+        let known = |name: &&str| LAWS.iter().any(|row| row.info.name == *name);
+        let laws = &world.resource::<ActiveLaws>().0;
+        assert!(laws.iter().all(|name| known(name) || *name == "edge changes"), "{laws:?}");
+    }
+}
+
+fn walk_all<S: Scalar>() {
+    let (tets, hexes) = (&tetrahedra(), &hexahedra());
+    let (triangles, quads) = (
+        triangle_grid(DVec2::splat(0.1), [3, 3]).unwrap(),
+        quad_grid(DVec2::splat(0.1), [3, 3]).unwrap(),
+    );
+    let mut reached = BTreeSet::new();
+    for model in Model::ALL {
+        for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
+            for mesh in [tets, hexes] {
+                if model.supports(evaluation)
+                    && (mesh.hexahedra.is_empty() || model.serves_hexahedra())
+                {
+                    let body = BodyDescription::new("body", mesh, material());
+                    walk::<S>(&BodyDescription { model, evaluation, ..body }, true, &mut reached);
+                }
+            }
+        }
+    }
+    for form in [AxisForm::EnergyConsistent, AxisForm::Printed] {
+        for kind in 0..3 {
+            for mesh in [tets, hexes] {
+                let (model, axes) = (Model::Axes, Some(axes(kind, form)));
+                let body = BodyDescription::new("body", mesh, material());
+                walk::<S>(&BodyDescription { model, axes, ..body }, false, &mut reached);
+            }
+        }
+    }
+    let sheets = [
+        MembraneModel::Biquadratic,
+        MembraneModel::CompressibleBiquadratic,
+        MembraneModel::Quadratic,
+        MembraneModel::Linear,
+        MembraneModel::Corotational,
+    ];
+    for model in sheets {
+        for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
+            let springs = [MembraneModel::Biquadratic, MembraneModel::CompressibleBiquadratic]
+                .contains(&model);
+            if evaluation == Evaluation::Pooled && !springs {
+                continue;
+            }
+            for mesh in [&triangles, &quads] {
+                let mut sheet = MembraneDescription::new(&mesh.triangles, 1e-3, material());
+                sheet = MembraneDescription { quads: &mesh.quads, model, evaluation, ..sheet };
+                if model == MembraneModel::Quadratic && !mesh.quads.is_empty() {
+                    continue;
+                }
+                let body = BodyDescription::from_parts("sheet", &mesh.points, &[], material());
+                walk::<S>(&BodyDescription { membrane: Some(sheet), ..body }, false, &mut reached);
+            }
+        }
+    }
+    let missing: Vec<_> =
+        LAWS.iter().map(|row| row.info.name).filter(|name| !reached.contains(name)).collect();
+    assert!(missing.is_empty(), "rows that no body reached: {missing:?}");
+}
+
+#[test]
+fn every_row_of_the_table_is_reached_in_double_precision() {
+    walk_all::<f64>();
+}
+
+#[test]
+fn every_row_of_the_table_is_reached_in_single_precision() {
+    walk_all::<f32>();
+}
+
+#[test]
+fn names_are_unique() {
+    let names: BTreeSet<_> = LAWS.iter().map(|row| row.info.name).collect();
+    assert_eq!(names.len(), LAWS.len());
+    for row in LAWS.iter().filter_map(|row| row.hexahedra) {
+        assert!(LAWS.contains(&row), "{} is a row of its own", row.info.name);
+    }
+}
+
+/// `W = V mu/2 |G|^2` of the displacement gradient `G`, by the name `name`.
+macro_rules! laplacian {
+    ($law:ident, $row:ident, $name:expr) => {
+        #[derive(Component, Clone, Copy, Debug, Default)]
+        struct $law;
+
+        static $row: LawRow = LawRow::tetrahedra::<$law>();
+
+        impl TetrahedronLaw for $law {
+            const NAME: &'static str = $name;
+            type Mark = Self;
+            const STRESS_PROJECTION: bool = false;
+            fn contributes(_: TangentKind) -> bool {
+                true
+            }
+            fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+                let f = Self::forces(e, u).unwrap();
+                let mut work = R::ZERO;
+                for a in 0..4 {
+                    for x in 0..3 {
+                        work -= f[a][x] * u[a][x];
+                    }
+                }
+                work * R::from_f64(0.5)
+            }
+            fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
+                let k = Self::tangent(e, u, TangentKind::Exact).product(u);
+                Some(k.map(|f| f.map(|x| -x)))
+            }
+            fn tangent<R: Real>(
+                e: &Element<R>,
+                _: &[[R; 3]; 4],
+                _: TangentKind,
+            ) -> TetrahedronTangent<R> {
+                let d = &e.gradients;
+                let mut all = [[R::ZERO; 3], d[0], d[1], d[2]];
+                for x in 0..3 {
+                    all[0][x] = -(d[0][x] + d[1][x] + d[2][x]);
+                }
+                let block = |a: usize, b: usize| {
+                    let k = sinew_engine::scalar::dot(all[a], all[b]) * e.mu * e.volume;
+                    let o = R::ZERO;
+                    [k, o, o, o, k, o, o, o, k]
+                };
+                TetrahedronTangent {
+                    diagonal: [block(0, 0), block(1, 1), block(2, 2), block(3, 3)],
+                    off: [
+                        block(0, 1),
+                        block(0, 2),
+                        block(0, 3),
+                        block(1, 2),
+                        block(1, 3),
+                        block(2, 3),
+                    ],
+                }
+            }
+        }
+    };
+}
+laplacian!(Laplacian, LAPLACIAN, "Laplacian of a test");
+laplacian!(Instead, INSTEAD, Linear::NAME);
+
+fn energy_of(world: &mut World) -> f64 {
+    evaluate::<f64>(world, TangentKind::Exact);
+    world.resource::<ElasticEnergy>().total
+}
+
+#[test]
+fn a_law_of_another_crate_is_a_row_and_a_model() {
+    let mesh = tetrahedra();
+    let (lame, shear) = (material().lame().unwrap(), 0.3);
+    let body = BodyDescription {
+        model: Model::Own(&LAPLACIAN),
+        ..BodyDescription::new("b", &mesh, material())
+    };
+    let mut world = world::<f64>();
+    spawn_body(&mut world, &body).unwrap();
+    // simple shear: W = V mu/2 shear^2
+    let rows = world.query::<(&sinew_engine::vertex::RestPosition, &mut Displacement<f64>)>();
+    let mut rows = rows;
+    for (x, mut u) in rows.iter_mut(&mut world) {
+        u.0[0] = shear * x.0.z;
+    }
+    let expected = 0.5 * lame.mu * shear * shear * 0.2 * 0.1 * 0.1;
+    assert!((energy_of(&mut world) - expected).abs() < 1e-12 * expected);
+    assert_eq!(world.resource::<LawTable>().rows().len(), LAWS.len() + 1);
+
+    // switched off, it is neither evaluated nor told, and solvers learn that forces have changed
+    let before = world.change_tick();
+    world.increment_change_tick();
+    assert_eq!(changed_laws(&mut world, before), Some(vec![]));
+    world.resource_mut::<DisabledLaws>().0.push(Laplacian::NAME);
+    assert_eq!(changed_laws(&mut world, before), Some(vec![Laplacian::NAME]));
+    assert_eq!(energy_of(&mut world), 0.0);
+    assert!(world.resource::<ElasticEnergy>().by_law.is_empty());
+    let mut forces = world.query::<&ElasticForce<f64>>();
+    assert!(forces.iter(&world).all(|f| f.0 == [0.0; 4]));
+    world.resource_mut::<DisabledLaws>().0.clear();
+    assert!((energy_of(&mut world) - expected).abs() < 1e-12 * expected);
+}
+
+#[test]
+fn rows_take_the_place_of_shipped_ones() {
+    let mesh = tetrahedra();
+    let linear =
+        BodyDescription { model: Model::Linear, ..BodyDescription::new("b", &mesh, material()) };
+    let mut world = world::<f64>();
+    world.get_resource_or_init::<LawTable>().replace(&INSTEAD).unwrap();
+    spawn_body(&mut world, &linear).unwrap();
+    disturb::<f64>(&mut world);
+    let replaced = energy_of(&mut world);
+    let own = BodyDescription { model: Model::Own(&LAPLACIAN), ..linear.clone() };
+    let mut other = self::world::<f64>();
+    spawn_body(&mut other, &own).unwrap();
+    disturb::<f64>(&mut other);
+    assert_eq!(replaced, energy_of(&mut other));
+
+    // a name that is taken, and one that nobody has
+    let taken = BodyDescription { model: Model::Own(&INSTEAD), ..linear.clone() };
+    let error = spawn_body(&mut self::world::<f64>(), &taken).unwrap_err();
+    assert!(matches!(error, BodyError::Law { source: LawError::Duplicate(Linear::NAME), .. }));
+    assert!(error.to_string().contains("`b`") && error.to_string().contains(Linear::NAME));
+    let mut table = LawTable::default();
+    assert_eq!(table.replace(&LAPLACIAN), Err(LawError::Unknown(Laplacian::NAME)));
+    // a law of other elements
+    let hexahedra: &'static LawRow = Model::Linear.law().unwrap().hexahedra.unwrap();
+    let wrong = BodyDescription { model: Model::Own(hexahedra), ..linear };
+    let error = spawn_body(&mut self::world::<f64>(), &wrong).unwrap_err();
+    assert!(error.to_string().contains("does not act on tetrahedra"), "{error}");
+}
+
+/// Elements of every row can be found by its mark.
+#[test]
+fn marks_find_elements() {
+    let mesh = tetrahedra();
+    let mut world = world::<f64>();
+    for (i, model) in Model::ALL.into_iter().enumerate() {
+        let name = format!("body {i}");
+        spawn_body(
+            &mut world,
+            &BodyDescription { model, ..BodyDescription::new(&name, &mesh, material()) },
+        )
+        .unwrap();
+    }
+    for model in Model::ALL {
+        let Some(law) = model.law() else { continue };
+        let mark = law.mark::<f64>(&mut world);
+        let count = QueryBuilder::<()>::new(&mut world).with_id(mark).build().iter(&world).count();
+        let bodies = Model::ALL.into_iter().filter(|other| other.law() == Some(law)).count();
+        assert_eq!(count, bodies * mesh.tetrahedra.len(), "{}", law.info.name);
+    }
+}
