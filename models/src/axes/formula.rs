@@ -5,38 +5,39 @@
 //! expressions (half a minute of compile time), another licence, or stand still; this is all they would be
 //! used for.
 
-/// Functions of one number; angles are in rad, `log` is the natural one.
+/// Functions of one number; angles are in rad, `log` is the natural one. Those of `libm` give the same bits on every
+/// machine.
 const FUNCTIONS: [(&str, fn(f64) -> f64); 26] = [
     ("abs", f64::abs),
     ("signum", f64::signum),
-    ("sin", f64::sin),
-    ("cos", f64::cos),
-    ("tan", f64::tan),
-    ("asin", f64::asin),
-    ("acos", f64::acos),
-    ("atan", f64::atan),
-    ("sinh", f64::sinh),
-    ("cosh", f64::cosh),
-    ("tanh", f64::tanh),
-    ("asinh", f64::asinh),
-    ("acosh", f64::acosh),
-    ("atanh", f64::atanh),
+    ("sin", libm::sin),
+    ("cos", libm::cos),
+    ("tan", libm::tan),
+    ("asin", libm::asin),
+    ("acos", libm::acos),
+    ("atan", libm::atan),
+    ("sinh", libm::sinh),
+    ("cosh", libm::cosh),
+    ("tanh", libm::tanh),
+    ("asinh", libm::asinh),
+    ("acosh", libm::acosh),
+    ("atanh", libm::atanh),
     ("floor", f64::floor),
     ("round", f64::round),
     ("ceil", f64::ceil),
     ("trunc", f64::trunc),
     ("fract", f64::fract),
-    ("exp", f64::exp),
+    ("exp", libm::exp),
     ("sqrt", f64::sqrt),
-    ("cbrt", f64::cbrt),
-    ("ln", f64::ln),
-    ("log", f64::ln),
-    ("log2", f64::log2),
-    ("log10", f64::log10),
+    ("cbrt", libm::cbrt),
+    ("ln", libm::log),
+    ("log", libm::log),
+    ("log2", libm::log2),
+    ("log10", libm::log10),
 ];
 /// Functions of two numbers.
 const OF_TWO: [(&str, fn(f64, f64) -> f64); 4] =
-    [("atan2", f64::atan2), ("min", f64::min), ("max", f64::max), ("pow", f64::powf)];
+    [("atan2", libm::atan2), ("min", f64::min), ("max", f64::max), ("pow", libm::pow)];
 /// Parentheses, signs and powers within each other; more would not be read by anyone.
 const DEEPEST: usize = 64;
 
@@ -155,7 +156,7 @@ impl<'a> Parser<'a> {
                 self.operand()?;
                 if self.one_of(&['^']).is_some() {
                     self.signed()?;
-                    self.steps.push(Step::OfTwo(f64::powf));
+                    self.steps.push(Step::OfTwo(libm::pow));
                 }
             }
         }
