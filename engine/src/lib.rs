@@ -1,7 +1,8 @@
-//! Sinew engine: mesh data, ECS layout, schedule, gather and block matrix.
+//! The engine of Sinew: meshes, the layout of bodies as entities, schedules, the sum of forces, and the block matrix.
+//! It knows no material and no integrator.
 //!
-//! Vertices, edges, triangles and tetrahedra are entities; kernels see whole table columns as
-//! slices. See `ARCHITECTURE.md` at the root of the repository for the map.
+//! Vertices and elements are entities; in pooled bodies edges and triangles are too. Kernels see whole table
+//! columns as slices. `ARCHITECTURE.md` at the root of the repository says how the parts work together.
 
 pub mod columns;
 pub mod connectivity;

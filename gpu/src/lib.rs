@@ -1,19 +1,20 @@
 //! Forces and steps of Sinew on any graphics processor that `wgpu` reaches (Vulkan, Metal, DX12).
 //!
-//! A world is the same on both backends: bodies, constraints, loads, reports and the columns that others read.
-//! [`install_gpu`] puts the integrator of the device where `sinew_solvers::install_solver` puts that of the
-//! processor; `Simulation` does so for `backend = "gpu"`. [`GpuReport`] has times and traffic of the last step.
+//! A world is the same on both backends: bodies, constraints, loads, reports and columns. [`install_gpu`] installs
+//! the integrator of the device, as `sinew_solvers::install_solver` installs that of the processor; `Simulation` does
+//! so for `backend = "gpu"`. [`GpuReport`] holds times and traffic of the last step.
 //!
 //! # What runs there
 //!
 //! * The laws below, any number of them in a body ([`laws`]).
-//! * The safe step (`Integrator::Safe`, also what `auto` stands for here): tangent, projected where it is
+//! * The safe step (`Integrator::Safe`; `auto` means it here): tangent, projected where it is
 //!   indefinite, conjugate gradients with inverse diagonal blocks or two levels, line search, energy cap, recovery from
 //!   inversion; held and prescribed vertices, loads, gravity, Rayleigh damping; many bodies.
 //! * Explicit substeps (`SymplecticEuler`, `StormerVerlet`), with loads and motions that vary within a step. The
 //!   stability limit is estimated on the processor, at the start and when edges have changed.
 //!
-//! [`check`] names what else a world has ([`GpuError`]); a step does so too. Nothing is left out silently.
+//! Everything else is an error that names it ([`GpuError`]), from [`check`] and from a step. Nothing is left out
+//! silently.
 //!
 //! | elements | laws |
 //! |---|---|
@@ -28,28 +29,29 @@
 //!
 //! # How
 //!
-//! * **`f32` on displacements**, never positions: forces keep five to six digits at any strain. The host adds up
-//!   sums of energy and decides in `f64`.
+//! * **`f32` on displacements**, never positions: forces keep five to six digits at any strain. The host adds
+//!   partial sums of energy in `f64` and decides on them.
 //! * **Two passes, no atomics.** A body has a set of elements for each of its laws. Elements write forces (tangent
 //!   blocks) into slots of their own; vertices (blocks of the matrix) gather them through lists in the order of the
-//!   elements, set after set in the order of the laws on the processor. With sums by fixed trees results are
-//!   the same bit for bit on one device, however buffers are cut.
+//!   elements, set after set in the order of the laws on the processor. Sums are formed by fixed trees, so one
+//!   device repeats its bits, however buffers are cut.
 //! * **Two levels** precondition (`coarse.rs`): from 600 vertices on by default, and as `"multigrid"`.
-//! * **The tangent is assembled**, all 3x3 blocks of a row side by side; `matrix.rs` says why.
-//! * **Constants go up when they change**, those of the laws that read them: activations, a new material, removed
-//!   elements. Lists and matrices stay, unless vertices of elements are others.
-//! * **A pressure is a set of elements** whose factor is its value in the step. Products count on blocks of a row
-//!   that sum up to 0; where pressure acts, what is missing is kept beside. Its potential is booked as load.
-//! * **The host sees sums only.** A smooth step waits three times: for conjugate gradients, which run in batches
-//!   as long as last time and verify their true residual on the device; for the line search; for the end.
+//! * **The tangent is assembled**, all 3x3 blocks of a row next to each other; `matrix.rs` says why.
+//! * **Constants are uploaded when they change**, only those of the laws that read them: activations, a new
+//!   material, removed elements. Lists and matrices stay until the vertices of elements change.
+//! * **A pressure is a set of elements** whose factor is its value in the step. Products rely on blocks of a row
+//!   that sum to 0; where pressure acts, the remainder is stored separately. Its potential is booked as load.
+//! * **The host sees sums only.** A smooth step waits three times: for conjugate gradients, for the line search and
+//!   for the end. Conjugate gradients run in batches as long as those of the last step, and verify their true
+//!   residual on the device.
 //! * **Buffers are cut** to the adapter's binding limit: elements into chunks, the matrix into ranges of rows.
-//!   Vertex rows are not: 19 slots of 16 bytes, 441 000 vertices a body at the 128 MiB that every adapter has, 7.0
-//!   million at 2 GiB: the adapter's own limit is asked for.
-//! * **The state comes down** after every step, 32 bytes a vertex, or only when somebody asks for it ([`readback`]).
+//!   Vertex rows are not: a vertex takes 19 slots of 16 bytes, so a body has at most 441 000 vertices at the 128 MiB
+//!   that every adapter has, and 7.0 million at 2 GiB. The largest limit of the adapter is requested.
+//! * **The state is downloaded** after every step, 32 bytes a vertex, or only when somebody asks ([`readback`]).
 //!   Sums and volume ratios are formed on the device.
 //!
-//! The WGSL of a law lies beside the file that names its columns, functions named as in `sinew_models`; what
-//! is common lies in `prelude.wgsl` and `elements.wgsl`, what a kind of element brings in a file of its own. A module is
+//! The WGSL of a law is next to the file that names its columns, with functions named as in `sinew_models`. Common
+//! code is in `prelude.wgsl` and `elements.wgsl`, the code of a kind of element in a file of its own. A module is
 //! these files one after another ([`sources`]).
 //!
 //! ```

@@ -16,7 +16,7 @@
 //! | [`fit`] | the fits: Frobenius, off-diagonal blocks, 2-norm, non-negative ones |
 //! | [`baselines`] | closed forms from the literature |
 //! | [`method`] | all of these by name, for one element |
-//! | [`mesh`] | a whole mesh, in parallel, congruent elements once |
+//! | [`mesh`] | a whole mesh, in parallel; congruent elements are fitted once |
 //! | [`response`] | the moduli that a spring lattice really has |
 //! | [`error_metrics`] | paper B's errors between two sets of positions |
 //! | `virtual_test` (feature `virtual-test`) | tension, shear, torsion and bending of meshes: finite elements against springs |
@@ -24,9 +24,9 @@
 //! # What springs cannot do
 //!
 //! Central forces obey the Cauchy relation `C12 = C44`, so an isotropic lattice has a Poisson ratio of
-//! 1/4 in space and 1/3 in the plane, whatever the target ([`response`] measures it). Near
+//! 1/4 in space and 1/3 in the plane for any target ([`response`] measures it). Near
 //! incompressibility the fits are several times too stiff in tension. Fits may also give negative
-//! constants, with which solvers lose definiteness; every fit counts them, and the non-negative fits
+//! constants, which make a tangent indefinite; every fit counts them, and the non-negative fits
 //! and [`ElementMethod::PaperA`] have none.
 //!
 //! ```

@@ -1,13 +1,13 @@
 //! Pictures, films and pages of a run, without a window.
 //!
-//! Everything is drawn from plain data, a [`scene::Recording`]: whoever steps a simulation fills it, and nothing here
-//! knows of laws, integrators or entities.
+//! Everything is drawn from plain data, a [`scene::Recording`], which the program that steps a simulation fills. Nothing
+//! here knows laws, integrators or entities.
 //!
 //! * [`skin`]: surfaces with smooth normals and sharp edges.
 //! * [`camera`]: a camera that fits the whole run.
 //! * [`colour`], [`overlay`]: colour maps, text and colour bars.
-//! * [`renderer`]: frames to pixels through `wgpu`, several under way at a time.
-//! * [`painter`]: frames with their captions.
+//! * [`renderer`]: frames to pixels through `wgpu`, several in flight.
+//! * [`painter`]: frames with captions.
 //! * [`compare`](mod@compare): several runs in one picture.
 //! * [`page`]: a page with an interactive player.
 //! * [`image`], [`film`]: PNG files and films.

@@ -1,5 +1,5 @@
-//! Sinew solvers: time integrators and linear solvers. They know vertex columns, force totals and
-//! tangents, never a law.
+//! Time integrators and linear solvers of Sinew. They know columns of vertices, sums of forces and tangents, and no
+//! law.
 
 pub mod cg;
 pub mod cholesky;

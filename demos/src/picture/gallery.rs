@@ -124,7 +124,7 @@ pub fn gallery(
     std::fs::create_dir_all(folder).map_err(|e| error(folder, e))?;
     let name = folder.file_name().map_or("gallery".into(), |n| n.to_string_lossy().into_owned());
     let mut page = format!(
-        "# Gallery\n\nEvery scene in `demos/scenes`, drawn off-screen by `sinew render`. All of it is made again by\n\n\
+        "# Gallery\n\nEvery scene in `demos/scenes`, drawn off-screen by `sinew render`. This command draws everything again:\n\n\
          ```\ncargo run --release -p sinew-cli --features render -- render --gallery docs/{name}\n```\n"
     );
     let mut files = Vec::new();
