@@ -515,14 +515,9 @@ impl Builder<'_> {
             };
             let key = format!("body[{b}].fibres[{f}].viscosity");
             self.dynamic_only_absent(&key, integrator == Integrator::QuasiStatic, "dynamic")?;
-            if integrator.is_explicit() {
-                return Err(self.value(
-                    key,
-                    format!("dampers with integrator {}", integrator.name()),
-                    "they would need a linear system every substep: use solver.mass_damping, or \
-                     solver.integrator = \"safe\"",
-                ));
-            }
+            integrator
+                .check_dampers()
+                .map_err(|source| SceneError::Setting { place: self.place(key), source })?;
         }
         Ok(())
     }

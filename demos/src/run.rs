@@ -232,7 +232,7 @@ pub fn run(
         v.final_smallest_j = volume.smallest_ratio;
         v.inverted_max = v.inverted_max.max(volume.inverted);
         v.inverted_final = volume.inverted;
-        let equilibrium = plan.settings.integrator == Integrator::QuasiStatic;
+        let equilibrium = !plan.settings.integrator.facts().dynamic;
         if equilibrium && report.unconverged {
             failure = Some(format!(
                 "no equilibrium found in {} Newton iterations (last step {:.1e} of the body size); \
@@ -434,13 +434,12 @@ fn run_warnings(
             "the motion is damped there; use a smaller dt where it matters",
         );
     }
-    if integrator == Integrator::ImplicitMidpoint {
+    if let Some(caution) = integrator.facts().caution {
         add(
             "run.not-robust",
             Level::Note,
             "solver",
-            "the implicit midpoint rule gains energy without bound where steps are too large"
-                .into(),
+            caution.into(),
             "compare with integrator = \"tr-bdf2\", or leave the integrator out",
         );
     }
@@ -480,17 +479,15 @@ fn run_warnings(
             "nothing to do; a sign of strong compression, inverted elements or large steps",
         );
     }
-    if integrator != Integrator::QuasiStatic {
+    if integrator.facts().dynamic {
         let e = &totals.energy;
         let work = e.load_work.abs() + e.constraint_work.abs() + e.activation_work.abs();
         let scale = e.initial + work + e.elastic_max;
         // what runs on the device is f32 whatever the columns hold
-        let share = match (integrator.is_explicit(), precision) {
-            (true, _) => 1e-2,
-            // its budget lets energy swing
-            _ if integrator.resolve() == Integrator::LinearisedBdf2 => 1e-2,
-            (false, Precision::F64) => 1e-6,
-            (false, Precision::F32) => 1e-3,
+        let share = match precision {
+            _ if integrator.facts().energy_swings => 1e-2,
+            Precision::F64 => 1e-6,
+            Precision::F32 => 1e-3,
         };
         let dissipated = totals.dissipated();
         if dissipated < -share * scale {
@@ -521,7 +518,7 @@ fn summarise(
     let precision = built.simulation.precision();
     let settings = &built.plan.settings;
     let steps = totals.step_times.len() as u64;
-    let equilibrium = settings.integrator == Integrator::QuasiStatic;
+    let equilibrium = !settings.integrator.facts().dynamic;
     totals.energy.dissipated = (!equilibrium).then(|| totals.dissipated());
     let mut warnings = std::mem::take(&mut built.warnings);
     let on_gpu = built.simulation.backend() == Backend::Gpu;

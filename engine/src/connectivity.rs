@@ -2,6 +2,7 @@
 //! alone. Numbers are local to the body and those of its layout; they never change.
 
 use crate::element::TETRAHEDRON_FACES;
+pub use crate::element_kind::{ByKind, ElementKind};
 use crate::isoparametric::HEXAHEDRON_FACES;
 use crate::layout::{Cells, UNUSED, starts};
 use crate::topology::{BodyRows, pieces, root};
@@ -48,51 +49,6 @@ fn counted(count: usize, round: &ByKind<Incidence>) -> Vec<u32> {
         sum.iter_mut().zip(own.counts()).for_each(|(sum, n)| *sum += n);
     }
     sum
-}
-
-/// Kinds of elements.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum ElementKind {
-    /// Tetrahedron.
-    Tetrahedron,
-    /// Membrane triangle.
-    Triangle,
-    /// Hexahedron.
-    Hexahedron,
-    /// Membrane quadrilateral.
-    Quad,
-}
-
-impl ElementKind {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Tetrahedron, Self::Triangle, Self::Hexahedron, Self::Quad];
-
-    /// Name in messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Tetrahedron => "tetrahedron",
-            Self::Triangle => "membrane triangle",
-            Self::Hexahedron => "hexahedron",
-            Self::Quad => "membrane quadrilateral",
-        }
-    }
-}
-
-/// Something for every kind of element.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ByKind<T>(pub [T; 4]);
-
-impl<T> std::ops::Index<ElementKind> for ByKind<T> {
-    type Output = T;
-    fn index(&self, kind: ElementKind) -> &T {
-        &self.0[kind as usize]
-    }
-}
-
-impl<T> std::ops::IndexMut<ElementKind> for ByKind<T> {
-    fn index_mut(&mut self, kind: ElementKind) -> &mut T {
-        &mut self.0[kind as usize]
-    }
 }
 
 /// Connectivity of a body whose elements are removed.

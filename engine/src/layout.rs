@@ -5,8 +5,8 @@
 //! that a range of elements touches a short span of vertices: that keeps gathers in cache and makes
 //! the private arrays of [`crate::law`] small.
 
-use crate::connectivity::ElementKind;
 use crate::element::{TETRAHEDRON_EDGES, TETRAHEDRON_FACES};
+use crate::element_kind::ElementKind;
 use crate::isoparametric::{HEXAHEDRON_FACES, HEXAHEDRON_PAIRS, QUAD_PAIRS};
 
 /// Row that stands for "not part of the body".

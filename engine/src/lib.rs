@@ -7,6 +7,7 @@
 pub mod columns;
 pub mod connectivity;
 pub mod element;
+pub mod element_kind;
 pub mod isoparametric;
 pub mod lanes;
 pub mod law;
@@ -20,6 +21,7 @@ pub mod scalar;
 pub mod schedule;
 pub mod step;
 pub mod substep;
+pub mod time;
 pub mod topology;
 pub mod vertex;
 pub mod workers;

@@ -4,7 +4,7 @@
 
 use crate::columns::single_table;
 use crate::scalar::Scalar;
-use crate::step::{Gravity, StepClock};
+use crate::time::{Gravity, StepClock};
 use crate::vertex::{
     Displacement, ExternalForce, FixedAxes, Mass, PrescribedDisplacement, RestPosition,
 };

@@ -1,5 +1,6 @@
 //! What a step has to tell.
 
+use crate::vertex::BodyId;
 use bevy_ecs::prelude::Resource;
 use serde::Serialize;
 use std::time::Duration;
@@ -133,6 +134,29 @@ impl Default for VolumeReport {
             smallest_by_body: Vec::new(),
             elements_by_body: Vec::new(),
         }
+    }
+}
+
+impl VolumeReport {
+    /// Starts a measurement of so many bodies.
+    pub(crate) fn clear(&mut self, bodies: usize) {
+        (self.smallest_ratio, self.inverted) = (f64::INFINITY, 0);
+        for counts in [&mut self.inverted_by_body, &mut self.elements_by_body] {
+            counts.clear();
+            counts.resize(bodies, 0);
+        }
+        self.smallest_by_body.clear();
+        self.smallest_by_body.resize(bodies, f64::INFINITY);
+    }
+
+    /// Adds `count` elements of a body: their smallest ratio, and how many are inverted.
+    pub(crate) fn add(&mut self, body: BodyId, smallest: f64, inverted: u64, count: u64) {
+        let body = body.0 as usize;
+        self.smallest_ratio = self.smallest_ratio.min(smallest);
+        self.inverted += inverted;
+        self.inverted_by_body[body] += inverted;
+        self.smallest_by_body[body] = self.smallest_by_body[body].min(smallest);
+        self.elements_by_body[body] += count;
     }
 }
 

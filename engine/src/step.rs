@@ -15,6 +15,7 @@ use crate::precision::Precision;
 use crate::report::{AreaReport, StepReport, SystemTimes, VolumeReport};
 use crate::scalar::{Real, Scalar};
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
+pub use crate::time::{Gravity, StepClock};
 use crate::topology::{ElementTables, Topology};
 use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
 use crate::workers::Workers;
@@ -25,33 +26,6 @@ use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use std::ops::Range;
 use std::time::Instant;
-
-/// Simulated time.
-#[derive(Resource, Clone, Copy, Debug, PartialEq)]
-pub struct StepClock {
-    /// Length of the next step (s).
-    pub dt: f64,
-    /// Time at the start of the next step (s).
-    pub time: f64,
-    /// Steps done.
-    pub step: u64,
-}
-
-impl Default for StepClock {
-    fn default() -> Self {
-        Self { dt: 0.01, time: 0.0, step: 0 }
-    }
-}
-
-/// Acceleration of gravity (m/s^2).
-#[derive(Resource, Clone, Copy, Debug, PartialEq)]
-pub struct Gravity(pub DVec3);
-
-impl Default for Gravity {
-    fn default() -> Self {
-        Self(DVec3::new(0.0, 0.0, -9.81))
-    }
-}
 
 /// Why a step was not carried out. The state is what it was before the step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -287,12 +261,9 @@ pub fn not_finite(
 
 /// Smallest `J` and inverted elements of the current state into [`VolumeReport`].
 pub fn measure_volume_ratios<S: Scalar>(
-    workers: Res<Workers>,
-    failure: Res<StepFailure>,
-    mut report: ResMut<VolumeReport>,
-    mut times: ResMut<SystemTimes>,
+    (workers, failure, topology): (Res<Workers>, Res<StepFailure>, Res<Topology>),
+    (mut report, mut times): (ResMut<VolumeReport>, ResMut<SystemTimes>),
     vertices: Query<&Displacement<S>>,
-    topology: Res<Topology>,
     tetrahedra: Query<(&TetrahedronVertices, ShapeGradients<S>, &BodyId)>,
     hexahedra: Query<(&HexahedronVertices, &HexahedronRest<S>, &BodyId)>,
     mut partial: Local<Vec<Vec<(BodyId, f64, u64, u64)>>>,
@@ -302,13 +273,7 @@ pub fn measure_volume_ratios<S: Scalar>(
     if failure.0.is_some() {
         return;
     }
-    report.smallest_ratio = f64::INFINITY;
-    report.inverted_by_body.clear();
-    report.inverted_by_body.resize(topology.bodies.len(), 0);
-    report.smallest_by_body.clear();
-    report.smallest_by_body.resize(topology.bodies.len(), f64::INFINITY);
-    report.elements_by_body.clear();
-    report.elements_by_body.resize(topology.bodies.len(), 0);
+    report.clear(topology.bodies.len());
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     // pooled and fused bodies keep their tetrahedra in a table each
     for (nodes, gradients, bodies) in
@@ -330,11 +295,7 @@ pub fn measure_volume_ratios<S: Scalar>(
             }
         });
         for &(body, smallest, inverted, count) in partial.iter().flatten() {
-            report.smallest_ratio = report.smallest_ratio.min(smallest);
-            let body = body.0 as usize;
-            report.inverted_by_body[body] += inverted;
-            report.smallest_by_body[body] = report.smallest_by_body[body].min(smallest);
-            report.elements_by_body[body] += count;
+            report.add(body, smallest, inverted, count);
         }
     }
     for (nodes, rest, bodies) in
@@ -349,14 +310,9 @@ pub fn measure_volume_ratios<S: Scalar>(
         });
         for (ratios, body) in ratios.iter().zip(bodies) {
             let smallest = ratios.iter().copied().fold(f64::INFINITY, f64::min);
-            report.smallest_ratio = report.smallest_ratio.min(smallest);
-            let body = body.0 as usize;
-            report.inverted_by_body[body] += u64::from(smallest <= 0.0);
-            report.smallest_by_body[body] = report.smallest_by_body[body].min(smallest);
-            report.elements_by_body[body] += 1;
+            report.add(*body, smallest, u64::from(smallest <= 0.0), 1);
         }
     }
-    report.inverted = report.inverted_by_body.iter().sum();
     times.add("volume ratios", start.elapsed());
 }
 

@@ -4,7 +4,7 @@
 use crate::columns::single_table;
 use crate::load::{Constraint, Curve, Load, MotionAt};
 use crate::scalar::Scalar;
-use crate::step::StepClock;
+use crate::time::StepClock;
 use crate::vertex::{FixedAxes, RestPosition};
 use bevy_ecs::prelude::*;
 use glam::DVec3;

@@ -1,10 +1,10 @@
 //! What the bodies of a world share: their row ranges and the edge graph, on which every tangent
 //! lives (all springs of a tetrahedron couple its own vertices).
 
-use crate::connectivity::ElementKind;
 use crate::element::{
     AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges,
 };
+use crate::element_kind::ElementKind;
 use crate::isoparametric::{AxisHexahedronVertices, HexahedronVertices, QuadVertices};
 use crate::layout::{BodyLayout, ElementLists, starts};
 use crate::vertex::RestPosition;

@@ -35,9 +35,6 @@ use crate::report::{GpuReport, Phase};
 use crate::safe::{BodyInput, BodyOutput, SafeStep};
 use crate::substeps::Limit;
 
-/// Integrators that run on the device, for messages.
-const INTEGRATORS: &str = "\"safe\" (also \"auto\"), \"symplectic-euler\" or \"stormer-verlet\"";
-
 /// How the device is chosen and used.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
@@ -134,14 +131,11 @@ pub fn install_gpu<S: Scalar>(world: &mut World, backend: GpuBackend) {
 /// # Errors
 /// [`GpuError`] naming the first law and body, integrator or preconditioner that has none.
 pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuError> {
-    match settings.integrator {
-        Integrator::Auto
-        | Integrator::Safe
-        | Integrator::SymplecticEuler
-        | Integrator::StormerVerlet => {}
-        other => {
-            return Err(GpuError::Integrator { integrator: other.name(), known: INTEGRATORS });
-        }
+    if !settings.integrator.facts().device {
+        let known = Integrator::ALL.iter().filter(|i| i.facts().device);
+        let known: Vec<String> = known.map(|i| format!("\"{}\"", i.name())).collect();
+        let integrator = settings.integrator.name();
+        return Err(GpuError::Integrator { integrator, known: known.join(", ") });
     }
     match settings.preconditioner {
         Preconditioner::Auto | Preconditioner::BlockJacobi | Preconditioner::Multigrid => {}

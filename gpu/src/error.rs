@@ -30,14 +30,14 @@ pub enum GpuError {
     },
     /// An integrator that does not run on the device.
     #[error(
-        "integrator = \"{integrator}\" does not run on the device: use {known}, or the CPU backend \
+        "integrator = \"{integrator}\" does not run on the device: use one of {known}, or the CPU backend \
          (backend = \"cpu\")"
     )]
     Integrator {
         /// As in a scene file.
         integrator: &'static str,
         /// Those that do.
-        known: &'static str,
+        known: String,
     },
     /// A preconditioner that does not run on the device.
     #[error(

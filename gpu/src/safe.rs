@@ -5,6 +5,7 @@
 //! state, where it is asked for, once. A smooth step waits for the device three times: for conjugate gradients, for
 //! the line search, for the end.
 
+use sinew_adapter::wgpu::ComputePass;
 use sinew_engine::law::TangentKind;
 use sinew_engine::report::StepReport;
 use sinew_solvers::settings::{Preconditioner, SolverSettings};
@@ -97,6 +98,332 @@ struct Search {
     largest: f64,
 }
 
+impl Search {
+    /// The step leads downhill, or there is none to make.
+    fn descends(&self) -> bool {
+        self.slope < 0.0 || self.largest == 0.0
+    }
+}
+
+/// Energies (J) at the start of a step.
+struct Start {
+    /// Before held vertices move.
+    before: Energies,
+    /// What is minimised, held vertices moved.
+    elastic: f64,
+    /// Kinetic energies of free and of held unknowns.
+    kinetic: [f64; 2],
+    /// Potential of the loads before held vertices move.
+    loads: f64,
+    /// Kinetic plus potential energy, held vertices moved.
+    budget: f64,
+}
+
+/// A step under way.
+struct Progress<'a, 's> {
+    step: &'a SafeStep<'s>,
+    input: &'a BodyInput,
+    kept: &'a mut Option<Kept>,
+    report: &'a mut StepReport,
+    device: &'a mut GpuReport,
+    uniform: StepUniform,
+    /// Of the longest linear solve; before the first, those expected.
+    iterations: u32,
+}
+
+impl<'s> Progress<'_, 's> {
+    /// The whole step.
+    fn run(mut self) -> Result<BodyOutput, GpuError> {
+        let before = self.begin();
+        let (start, solved) = self.linearise(before)?;
+        let finite = start.elastic.is_finite() && start.budget.is_finite();
+        if solved == Solve::NotFinite || !finite {
+            return Ok(self.not_finite());
+        }
+        self.report.projections += u32::from(self.input.inverted);
+        let Some((search, energies)) = self.find_direction(solved)? else {
+            return Ok(self.not_finite());
+        };
+        let energies = self.backtrack(&start, &search, energies)?;
+        self.finish(&start, energies)
+    }
+
+    fn not_finite(&self) -> BodyOutput {
+        BodyOutput { iterations: self.iterations, ..BodyOutput::default() }
+    }
+
+    /// Sets the constants of the kernels and begins to record.
+    fn record(&self) -> Recorder<'s> {
+        self.step.body.set(self.step.context, self.uniform);
+        self.step.context.record()
+    }
+
+    /// The tangent of the damping, and the energies before held vertices move, if any do.
+    fn begin(&mut self) -> Option<Pending> {
+        let SafeStep { context, body, .. } = *self.step;
+        if !self.input.moves && !self.step.damped() {
+            return None;
+        }
+        self.uniform.kind = kind_number(TangentKind::GaussNewton);
+        let mut recorder = self.record();
+        recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
+        let before = self.input.moves.then(|| {
+            body.energies(context, &mut recorder);
+            self.report.evaluations += 1;
+            body.read_energies(&mut recorder)
+        });
+        if self.step.damped() {
+            body.tangent(context, &mut recorder, TangentKind::GaussNewton, true);
+            self.report.evaluations += 1;
+        }
+        recorder.submit();
+        before
+    }
+
+    /// Energies, residual and tangent with held vertices moved, and the first linear solve.
+    fn linearise(&mut self, before: Option<Pending>) -> Result<(Start, Solve), GpuError> {
+        let SafeStep { context, body, .. } = *self.step;
+        let kind = if self.input.inverted { TangentKind::Projected } else { TangentKind::Exact };
+        self.uniform.kind = kind_number(kind);
+        let mut recorder = self.record();
+        recorder.pass(Phase::Rows, |pass| {
+            body.each_row(context, pass, "begin");
+            self.step.multiply_damping(pass);
+        });
+        body.energies(context, &mut recorder);
+        let energies = body.read_energies(&mut recorder);
+        body.forces(context, &mut recorder);
+        recorder.pass(Phase::Rows, |pass| body.summing(context, pass, "measure_start"));
+        let sums = body.read_sums(&mut recorder, 2);
+        self.report.evaluations += 1;
+        body.tangent(context, &mut recorder, kind, false);
+        body.shift(context, &mut recorder);
+        recorder.submit();
+        let solved = self.solve()?;
+        let start = self.open_books(before, energies, sums)?;
+        Ok((start, solved))
+    }
+
+    /// Opens the energy books.
+    fn open_books(
+        &mut self,
+        before: Option<Pending>,
+        energies: Pending,
+        sums: Pending,
+    ) -> Result<Start, GpuError> {
+        let SafeStep { context, body, .. } = *self.step;
+        let at_start = body.elements.sum_energies(&energies.wait(context)?);
+        let before = match before {
+            Some(pending) => body.elements.sum_energies(&pending.wait(context)?),
+            None => at_start,
+        };
+        let elastic = at_start.total();
+        let sums = sums.wait::<[f32; 4]>(context)?;
+        let start = |at: usize, k: usize| total(&sums, 2, at, k);
+        let kinetic = [start(0, 0), start(0, 1)];
+        let damping = 0.5 * self.stiffness_damping() * start(0, 2);
+        // loads along the displacements at the start, and along the way of the held vertices
+        let (loads, loads_moved) = (start(1, 0), start(0, 3));
+        let budget = kinetic[0] + elastic - (loads + loads_moved) + damping;
+        self.report.constraint_work += elastic + damping - before.total() - loads_moved;
+        Ok(Start { before, elastic, kinetic, loads, budget })
+    }
+
+    /// Factor of the damping matrix over the step length.
+    fn stiffness_damping(&self) -> f64 {
+        self.step.body.elements.damping_factor() / self.step.dt
+    }
+
+    fn solve(&mut self) -> Result<Solve, GpuError> {
+        let expected = self.iterations;
+        let (kept, report) = (&mut *self.kept, &mut *self.report);
+        let (solved, state) =
+            self.step.solve(&self.uniform, expected, kept, report, self.device)?;
+        self.iterations = state.iterations;
+        Ok(solved)
+    }
+
+    /// A step that leads downhill, if need be by a definite tangent or along the preconditioned gradient;
+    /// `None` when a number is not finite.
+    fn find_direction(&mut self, solved: Solve) -> Result<Option<(Search, Energies)>, GpuError> {
+        if solved == Solve::Solved {
+            let found = self.step.direction(self.input, &mut self.uniform)?;
+            if found.0.descends() {
+                return Ok(Some(found));
+            }
+        }
+        if !self.input.inverted {
+            match self.solve_projected()? {
+                Solve::NotFinite => return Ok(None),
+                Solve::Solved => {
+                    let found = self.step.direction(self.input, &mut self.uniform)?;
+                    if found.0.descends() {
+                        return Ok(Some(found));
+                    }
+                }
+                Solve::Indefinite => {}
+            }
+        }
+        self.report.gradient_fallbacks += 1;
+        let SafeStep { context, body, .. } = *self.step;
+        let mut recorder = context.record();
+        recorder.pass(Phase::Rows, |pass| {
+            body.each_row(context, pass, "preconditioned_gradient");
+        });
+        recorder.submit();
+        let input = BodyInput { free_pieces: Vec::new(), ..self.input.clone() };
+        self.step.direction(&input, &mut self.uniform).map(Some)
+    }
+
+    /// Solves again with the projected tangent.
+    fn solve_projected(&mut self) -> Result<Solve, GpuError> {
+        let SafeStep { context, body, .. } = *self.step;
+        self.uniform.kind = kind_number(TangentKind::Projected);
+        self.uniform.warm = 0;
+        let mut recorder = self.record();
+        // the trial moved the point of evaluation
+        recorder.pass(Phase::Rows, |pass| {
+            body.each_row(context, pass, "begin");
+            self.step.multiply_damping(pass);
+        });
+        body.tangent(context, &mut recorder, TangentKind::Projected, false);
+        body.shift(context, &mut recorder);
+        recorder.submit();
+        self.report.evaluations += 1;
+        self.report.projections += 1;
+        let first = self.iterations;
+        let solved = self.solve()?;
+        self.iterations = self.iterations.max(first);
+        Ok(solved)
+    }
+
+    /// Backtracking on the incremental potential from the full step, where the elements have `energies`;
+    /// their energies at the fraction accepted, none of the step where no fraction is.
+    fn backtrack(
+        &mut self,
+        start: &Start,
+        search: &Search,
+        mut energies: Energies,
+    ) -> Result<Energies, GpuError> {
+        let report = &mut *self.report;
+        report.newton_iterations += 1;
+        report.newton_step = report.newton_step.max(search.largest / self.input.size);
+        let scale = start.elastic.abs() + search.inertia;
+        let rounding = NOISE * scale;
+        let mut t = 1.0;
+        for halving in 0..MAX_HALVINGS {
+            report.evaluations += 1;
+            let change = (energies.total() - start.elastic)
+                + t * search.linear
+                + 0.5 * t * t * search.quadratic;
+            if change <= ARMIJO * t * search.slope + rounding {
+                let predicted = search.slope * (t - 0.5 * t * t);
+                if predicted.abs() > rounding {
+                    let error = (change / predicted - 1.0).abs();
+                    report.linearisation_error = report.linearisation_error.max(error);
+                }
+                self.uniform.t = t as f32;
+                return Ok(energies);
+            }
+            report.backtracks += 1;
+            t *= 0.5;
+            if halving + 1 < MAX_HALVINGS {
+                energies = self.step.trial(t, &mut self.uniform)?;
+            }
+        }
+        report.line_search_failures += 1;
+        self.step.trial(0.0, &mut self.uniform)
+    }
+
+    /// The end: velocities, sums, the energy cap, the report.
+    fn finish(&mut self, start: &Start, energies: Energies) -> Result<BodyOutput, GpuError> {
+        let SafeStep { context, body, .. } = *self.step;
+        let input = self.input;
+        let mut recorder = self.record();
+        recorder.pass(Phase::Rows, |pass| {
+            body.each_row(context, pass, "advance");
+            self.step.multiply_direction(pass);
+            body.summing(context, pass, "measure_end");
+        });
+        let sums = body.read_sums(&mut recorder, 3);
+        if input.volumes {
+            body.volumes(context, &mut recorder);
+        }
+        let volumes = input.volumes.then(|| body.read_energies(&mut recorder));
+        let u = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Y));
+        let v = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Step));
+        recorder.submit();
+        let mut sums = EndSums(sums.wait(context)?);
+        let rows = |pending: Option<Pending>| pending.map_or(Ok(Vec::new()), |p| p.wait(context));
+        let (u, mut v) = (rows(u)?, rows(v)?);
+        let volumes = match volumes {
+            Some(pending) => {
+                let found = pending.wait::<[f32; 4]>(context)?;
+                let smallest = found.iter().map(|x| f64::from(x[0])).fold(f64::INFINITY, f64::min);
+                Some((smallest, total(&found, 1, 0, 1) as u64))
+            }
+            None => None,
+        };
+        if sums.get(1, 3) > 0.0 || !energies.total().is_finite() {
+            return Ok(self.not_finite());
+        }
+        let kinetic = sums.get(0, 0);
+        let mass_damping = self.step.settings.mass_damping;
+        let power = 2.0 * mass_damping * kinetic + self.stiffness_damping() * sums.get(0, 2);
+        self.report.damping_dissipation += self.step.dt * power;
+        let potential = energies.total() - (start.loads + sums.get(0, 3));
+        let rounding = NOISE * (kinetic + potential.abs());
+        // the cap changes neither
+        let (held, load_work) = (sums.get(0, 1), sums.get(0, 3));
+        if kinetic > 0.0 && kinetic + potential > start.budget + rounding {
+            let factor = ((start.budget - potential).max(0.0) / kinetic).sqrt();
+            let capped;
+            (sums, capped) = self.cap_energy(factor)?;
+            v = rows(capped)?;
+        }
+        let report = &mut *self.report;
+        // small beside the potential of loads, so summed apart
+        report.elastic_energy += energies.elastic;
+        report.kinetic_energy += sums.get(0, 0) + held;
+        report.constraint_work += held - start.kinetic[1];
+        report.load_work += load_work + start.before.load - energies.load;
+        // completed by the caller: energy at the start plus work less energy at the end
+        report.dissipation += start.before.elastic + start.kinetic[0] + start.kinetic[1];
+        for k in 0..3 {
+            report.momentum[k] += sums.get(1, k);
+            report.angular_momentum[k] += sums.get(2, k);
+        }
+        Ok(BodyOutput { u, v, volumes, iterations: self.iterations, finite: true })
+    }
+
+    /// Multiplies the velocities by a factor; the sums of the end with them, and the velocities on their way
+    /// to the host where they are asked for.
+    fn cap_energy(&mut self, factor: f64) -> Result<(EndSums, Option<Pending>), GpuError> {
+        let SafeStep { context, body, .. } = *self.step;
+        self.uniform.scale = factor as f32;
+        let mut recorder = self.record();
+        recorder.pass(Phase::Rows, |pass| {
+            body.each_row(context, pass, "cap_velocity");
+            body.summing(context, pass, "measure_end");
+        });
+        let sums = body.read_sums(&mut recorder, 3);
+        let velocities = self.input.read_back.then(|| body.read_rows(&mut recorder, Slot::Step));
+        recorder.submit();
+        self.report.energy_caps += 1;
+        Ok((EndSums(sums.wait(context)?), velocities))
+    }
+}
+
+/// Sums of the measurement at the end of a step.
+struct EndSums(Vec<[f32; 4]>);
+
+impl EndSums {
+    /// Entry `k` of row `at` of three.
+    fn get(&self, at: usize, k: usize) -> f64 {
+        total(&self.0, 3, at, k)
+    }
+}
+
 impl SafeStep<'_> {
     fn uniform(&self) -> StepUniform {
         let settings = self.settings;
@@ -135,237 +462,25 @@ impl SafeStep<'_> {
         report: &mut StepReport,
         device: &mut GpuReport,
     ) -> Result<BodyOutput, GpuError> {
-        let (context, body) = (self.context, self.body);
-        let mut uniform = self.uniform();
+        let uniform = self.uniform();
+        let iterations = input.iterations;
+        Progress { step: self, input, kept, report, device, uniform, iterations }.run()
+    }
 
-        // the tangent of the damping, and the energy before held vertices move
-        let mut before = None;
-        if input.moves || self.damped() {
-            uniform.kind = kind_number(TangentKind::GaussNewton);
-            body.set(context, uniform);
-            let mut recorder = context.record();
-            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
-            if input.moves {
-                body.energies(context, &mut recorder);
-                before = Some(body.read_energies(&mut recorder));
-                report.evaluations += 1;
-            }
-            if self.damped() {
-                body.tangent(context, &mut recorder, TangentKind::GaussNewton, true);
-                report.evaluations += 1;
-            }
-            recorder.submit();
+    /// Damping matrix times the way from the offset.
+    fn multiply_damping(&self, pass: &mut ComputePass<'_>) {
+        if self.damped() {
+            self.body.each_row(self.context, pass, "moved_to_direction");
+            self.multiply_direction(pass);
         }
+    }
 
-        // everything up to the first iterations of the linear system
-        let kind = if input.inverted { TangentKind::Projected } else { TangentKind::Exact };
-        uniform.kind = kind_number(kind);
-        body.set(context, uniform);
-        let mut recorder = context.record();
-        recorder.pass(Phase::Rows, |pass| {
-            body.each_row(context, pass, "begin");
-            if self.damped() {
-                body.each_row(context, pass, "moved_to_direction");
-                body.product(context, pass, "product_plain", true);
-                body.each_row(context, pass, "product_to_damped");
-            }
-        });
-        body.energies(context, &mut recorder);
-        let start_energy = body.read_energies(&mut recorder);
-        body.forces(context, &mut recorder);
-        recorder.pass(Phase::Rows, |pass| body.summing(context, pass, "measure_start"));
-        let start_sums = body.read_sums(&mut recorder, 2);
-        report.evaluations += 1;
-        body.tangent(context, &mut recorder, kind, false);
-        body.shift(context, &mut recorder);
-        recorder.submit();
-        let mut outcome = self.solve(&uniform, input.iterations, kept, report, device)?;
-
-        let at_start = body.elements.sum_energies(&start_energy.wait(context)?);
-        let before = match before {
-            Some(pending) => body.elements.sum_energies(&pending.wait(context)?),
-            None => at_start,
-        };
-        // what is minimised
-        let elastic = at_start.total();
-        let sums = start_sums.wait::<[f32; 4]>(context)?;
-        let start = |at: usize, k: usize| total(&sums, 2, at, k);
-        let (free_before, held_before) = (start(0, 0), start(0, 1));
-        let stiffness_damping = body.elements.damping_factor() / self.dt;
-        let damping = 0.5 * stiffness_damping * start(0, 2);
-        // loads along the displacements at the start, and along the way of the held vertices
-        let (loads_before, loads_moved) = (start(1, 0), start(0, 3));
-        let budget = free_before + elastic - (loads_before + loads_moved) + damping;
-        report.constraint_work += elastic + damping - before.total() - loads_moved;
-
-        let mut iterations = outcome.1.iterations;
-        let not_finite = |iterations| BodyOutput { iterations, ..BodyOutput::default() };
-        let finite = elastic.is_finite() && budget.is_finite();
-        if outcome.0 == Solve::NotFinite || !finite {
-            return Ok(not_finite(iterations));
+    /// Damping matrix times the direction.
+    fn multiply_direction(&self, pass: &mut ComputePass<'_>) {
+        if self.damped() {
+            self.body.product(self.context, pass, "product_plain", true);
+            self.body.each_row(self.context, pass, "product_to_damped");
         }
-
-        // a step that leads downhill, if need be by a definite tangent
-        if input.inverted {
-            report.projections += 1;
-        }
-        let mut found = None;
-        if outcome.0 == Solve::Solved {
-            let (search, energy) = self.direction(input, &mut uniform)?;
-            if search.slope < 0.0 || search.largest == 0.0 {
-                found = Some((search, energy));
-            }
-        }
-        if found.is_none() && !input.inverted {
-            uniform.kind = kind_number(TangentKind::Projected);
-            uniform.warm = 0;
-            body.set(context, uniform);
-            let mut recorder = context.record();
-            // the trial moved the point of evaluation
-            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "begin"));
-            if self.damped() {
-                recorder.pass(Phase::Rows, |pass| {
-                    body.each_row(context, pass, "moved_to_direction");
-                    body.product(context, pass, "product_plain", true);
-                    body.each_row(context, pass, "product_to_damped");
-                });
-            }
-            body.tangent(context, &mut recorder, TangentKind::Projected, false);
-            body.shift(context, &mut recorder);
-            recorder.submit();
-            report.evaluations += 1;
-            report.projections += 1;
-            outcome = self.solve(&uniform, iterations, kept, report, device)?;
-            iterations = iterations.max(outcome.1.iterations);
-            match outcome.0 {
-                Solve::NotFinite => return Ok(not_finite(iterations)),
-                Solve::Solved => {
-                    let (search, energy) = self.direction(input, &mut uniform)?;
-                    if search.slope < 0.0 || search.largest == 0.0 {
-                        found = Some((search, energy));
-                    }
-                }
-                Solve::Indefinite => {}
-            }
-        }
-        let (search, mut trial_energy) = match found {
-            Some(found) => found,
-            None => {
-                report.gradient_fallbacks += 1;
-                let mut recorder = context.record();
-                recorder.pass(Phase::Rows, |pass| {
-                    body.each_row(context, pass, "preconditioned_gradient");
-                });
-                recorder.submit();
-                self.direction(
-                    &BodyInput { free_pieces: Vec::new(), ..input.clone() },
-                    &mut uniform,
-                )?
-            }
-        };
-        report.newton_iterations += 1;
-        report.newton_step = report.newton_step.max(search.largest / input.size);
-
-        // backtracking on the incremental potential
-        let scale = elastic.abs() + search.inertia;
-        let rounding = NOISE * scale;
-        let mut t = 1.0;
-        let mut accepted = false;
-        for halving in 0..MAX_HALVINGS {
-            report.evaluations += 1;
-            let change = (trial_energy.total() - elastic)
-                + t * search.linear
-                + 0.5 * t * t * search.quadratic;
-            if change <= ARMIJO * t * search.slope + rounding {
-                accepted = true;
-                let predicted = search.slope * (t - 0.5 * t * t);
-                if predicted.abs() > rounding {
-                    let error = (change / predicted - 1.0).abs();
-                    report.linearisation_error = report.linearisation_error.max(error);
-                }
-                break;
-            }
-            report.backtracks += 1;
-            t *= 0.5;
-            if halving + 1 < MAX_HALVINGS {
-                trial_energy = self.trial(t, &mut uniform)?;
-            }
-        }
-        if !accepted {
-            report.line_search_failures += 1;
-            t = 0.0;
-            trial_energy = self.trial(t, &mut uniform)?;
-        }
-
-        // the end: velocities, sums, the energy cap
-        uniform.t = t as f32;
-        body.set(context, uniform);
-        let mut recorder = context.record();
-        recorder.pass(Phase::Rows, |pass| {
-            body.each_row(context, pass, "advance");
-            if self.damped() {
-                body.product(context, pass, "product_plain", true);
-                body.each_row(context, pass, "product_to_damped");
-            }
-            body.summing(context, pass, "measure_end");
-        });
-        let end_sums = body.read_sums(&mut recorder, 3);
-        if input.volumes {
-            body.volumes(context, &mut recorder);
-        }
-        let volumes = input.volumes.then(|| body.read_energies(&mut recorder));
-        let u = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Y));
-        let v = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Step));
-        recorder.submit();
-        let mut sums = end_sums.wait::<[f32; 4]>(context)?;
-        let rows = |pending: Option<Pending>| pending.map_or(Ok(Vec::new()), |p| p.wait(context));
-        let (u, mut v) = (rows(u)?, rows(v)?);
-        let volumes = match volumes {
-            Some(pending) => {
-                let found = pending.wait::<[f32; 4]>(context)?;
-                let smallest = found.iter().map(|x| f64::from(x[0])).fold(f64::INFINITY, f64::min);
-                Some((smallest, total(&found, 1, 0, 1) as u64))
-            }
-            None => None,
-        };
-        if total(&sums, 3, 1, 3) > 0.0 || !trial_energy.total().is_finite() {
-            return Ok(not_finite(iterations));
-        }
-        let end = |sums: &[[f32; 4]], at: usize, k: usize| total(sums, 3, at, k);
-        let (mut kinetic, held) = (end(&sums, 0, 0), end(&sums, 0, 1));
-        report.damping_dissipation += self.dt
-            * (2.0 * self.settings.mass_damping * kinetic + stiffness_damping * end(&sums, 0, 2));
-        let load_work = end(&sums, 0, 3);
-        let potential = trial_energy.total() - (loads_before + load_work);
-        if kinetic > 0.0 && kinetic + potential > budget + NOISE * (kinetic + potential.abs()) {
-            let factor = ((budget - potential).max(0.0) / kinetic).sqrt();
-            uniform.scale = factor as f32;
-            body.set(context, uniform);
-            let mut recorder = context.record();
-            recorder.pass(Phase::Rows, |pass| {
-                body.each_row(context, pass, "cap_velocity");
-                body.summing(context, pass, "measure_end");
-            });
-            let end_sums = body.read_sums(&mut recorder, 3);
-            let capped = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Step));
-            recorder.submit();
-            sums = end_sums.wait(context)?;
-            v = rows(capped)?;
-            kinetic = end(&sums, 0, 0);
-            report.energy_caps += 1;
-        }
-        // small beside the potential of loads, so summed apart
-        report.elastic_energy += trial_energy.elastic;
-        report.kinetic_energy += kinetic + held;
-        report.constraint_work += held - held_before;
-        report.load_work += load_work + before.load - trial_energy.load;
-        // completed by the caller: energy at the start plus work less energy at the end
-        report.dissipation += before.elastic + free_before + held_before;
-        for k in 0..3 {
-            report.momentum[k] += end(&sums, 1, k);
-            report.angular_momentum[k] += end(&sums, 2, k);
-        }
-        Ok(BodyOutput { u, v, volumes, iterations, finite: true })
     }
 
     /// Conjugate gradients from the right-hand side on.
@@ -500,7 +615,7 @@ impl SafeStep<'_> {
         }
     }
 
-    fn matrix_single(&self, pass: &mut sinew_adapter::wgpu::ComputePass<'_>, entry: &'static str) {
+    fn matrix_single(&self, pass: &mut ComputePass<'_>, entry: &'static str) {
         self.body.single(self.context, pass, entry);
     }
 

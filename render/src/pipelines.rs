@@ -96,9 +96,91 @@ struct Kind<'a> {
     multisample: u32,
 }
 
-impl Pipelines {
-    pub(crate) fn new(device: &wgpu::Device, targets: &Targets, uniforms: &wgpu::Buffer) -> Self {
-        let module = device.create_shader_module(wgpu::include_wgsl!("draw.wgsl"));
+impl<'a> Kind<'a> {
+    /// Draws into the picture.
+    fn picture(
+        [vertex, fragment]: [&'a str; 2],
+        buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
+        depth: wgpu::DepthStencilState,
+    ) -> Self {
+        Self {
+            vertex,
+            fragment: Some(fragment),
+            buffers,
+            format: Some(COLOUR),
+            blend: None,
+            depth: Some(depth),
+            cull: None,
+            multisample: MULTISAMPLE,
+        }
+    }
+
+    /// Draws into the contact shade.
+    fn shade(
+        [vertex, fragment]: [&'a str; 2],
+        buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
+        blend: Option<wgpu::BlendState>,
+    ) -> Self {
+        let (fragment, format) = (Some(fragment), Some(CONTACT));
+        Self { vertex, fragment, buffers, format, blend, depth: None, cull: None, multisample: 1 }
+    }
+}
+
+/// Makes pipelines of the entry points of a shader.
+struct Shader<'a> {
+    device: &'a wgpu::Device,
+    module: wgpu::ShaderModule,
+}
+
+impl Shader<'_> {
+    fn pipeline(&self, layout: &wgpu::BindGroupLayout, kind: Kind) -> wgpu::RenderPipeline {
+        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &[Some(layout)],
+            immediate_size: 0,
+        });
+        let targets = [kind.format.map(|format| wgpu::ColorTargetState {
+            format,
+            blend: kind.blend,
+            write_mask: wgpu::ColorWrites::ALL,
+        })];
+        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(kind.vertex),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: &self.module,
+                entry_point: Some(kind.vertex),
+                compilation_options: Default::default(),
+                buffers: kind.buffers,
+            },
+            primitive: wgpu::PrimitiveState { cull_mode: kind.cull, ..Default::default() },
+            depth_stencil: kind.depth,
+            multisample: wgpu::MultisampleState { count: kind.multisample, ..Default::default() },
+            fragment: kind.fragment.map(|entry| wgpu::FragmentState {
+                module: &self.module,
+                entry_point: Some(entry),
+                compilation_options: Default::default(),
+                targets: &targets,
+            }),
+            multiview_mask: None,
+            cache: None,
+        })
+    }
+}
+
+/// What shaders read, by the number of its binding.
+struct Resources<'a> {
+    device: &'a wgpu::Device,
+    targets: &'a Targets,
+    uniforms: &'a wgpu::Buffer,
+    colours: wgpu::TextureView,
+    /// Samplers: smoothly, and to compare depths.
+    smooth: wgpu::Sampler,
+    compare: wgpu::Sampler,
+}
+
+impl<'a> Resources<'a> {
+    fn new(device: &'a wgpu::Device, targets: &'a Targets, uniforms: &'a wgpu::Buffer) -> Self {
         let sampler = |compare| {
             device.create_sampler(&wgpu::SamplerDescriptor {
                 mag_filter: wgpu::FilterMode::Linear,
@@ -107,160 +189,125 @@ impl Pipelines {
                 ..Default::default()
             })
         };
-        let smooth = sampler(None);
-        let compare = sampler(Some(wgpu::CompareFunction::LessEqual));
-        let colours = targets.colours.create_view(&Default::default());
-        // bindings of each kind of pass, by their numbers in the shader
-        let entry = |binding| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
-            ty: match binding {
-                0 => wgpu::BindingType::Buffer {
-                    ty: wgpu::BufferBindingType::Uniform,
-                    has_dynamic_offset: false,
-                    min_binding_size: None,
-                },
-                1 => wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
-                2 => wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison),
-                5 => texture_type(wgpu::TextureSampleType::Depth),
-                _ => texture_type(wgpu::TextureSampleType::Float { filterable: true }),
-            },
-            count: None,
-        };
-        let group = |bindings: &[u32], unblurred: &wgpu::TextureView| {
-            let entries: Vec<_> = bindings.iter().map(|&b| entry(b)).collect();
-            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-                label: None,
-                entries: &entries,
-            });
-            let entries: Vec<_> = bindings
-                .iter()
-                .map(|&binding| wgpu::BindGroupEntry {
-                    binding,
-                    resource: match binding {
-                        0 => uniforms.as_entire_binding(),
-                        1 => wgpu::BindingResource::Sampler(&smooth),
-                        2 => wgpu::BindingResource::Sampler(&compare),
-                        3 => wgpu::BindingResource::TextureView(&colours),
-                        4 => wgpu::BindingResource::TextureView(&targets.contact[0]),
-                        5 => wgpu::BindingResource::TextureView(&targets.shadow),
-                        _ => wgpu::BindingResource::TextureView(unblurred),
-                    },
-                })
-                .collect();
-            let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: None,
-                layout: &layout,
-                entries: &entries,
-            });
-            (layout, group)
-        };
-        let (light_layout, light_group) = group(&[0], &colours);
-        let (blur_layout, across) = group(&[0, 1, 6], &targets.contact[0]);
-        let (_, upright) = group(&[0, 1, 6], &targets.contact[1]);
-        let (layout, main_group) = group(&[0, 1, 2, 3, 4, 5], &colours);
+        Self {
+            device,
+            targets,
+            uniforms,
+            colours: targets.colours.create_view(&Default::default()),
+            smooth: sampler(None),
+            compare: sampler(Some(wgpu::CompareFunction::LessEqual)),
+        }
+    }
 
-        let pipeline = |layout: &wgpu::BindGroupLayout, kind: Kind| {
-            let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: None,
-                bind_group_layouts: &[Some(layout)],
-                immediate_size: 0,
-            });
-            let targets = [kind.format.map(|format| wgpu::ColorTargetState {
-                format,
-                blend: kind.blend,
-                write_mask: wgpu::ColorWrites::ALL,
-            })];
-            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-                label: Some(kind.vertex),
-                layout: Some(&pipeline_layout),
-                vertex: wgpu::VertexState {
-                    module: &module,
-                    entry_point: Some(kind.vertex),
-                    compilation_options: Default::default(),
-                    buffers: kind.buffers,
-                },
-                primitive: wgpu::PrimitiveState { cull_mode: kind.cull, ..Default::default() },
-                depth_stencil: kind.depth,
-                multisample: wgpu::MultisampleState {
-                    count: kind.multisample,
-                    ..Default::default()
-                },
-                fragment: kind.fragment.map(|entry| wgpu::FragmentState {
-                    module: &module,
-                    entry_point: Some(entry),
-                    compilation_options: Default::default(),
-                    targets: &targets,
-                }),
-                multiview_mask: None,
-                cache: None,
-            })
+    /// Layout and group of some bindings; `unblurred` is what a pass that blurs reads.
+    fn group(
+        &self,
+        bindings: &[u32],
+        unblurred: &wgpu::TextureView,
+    ) -> (wgpu::BindGroupLayout, wgpu::BindGroup) {
+        let entries: Vec<_> = bindings.iter().map(|&binding| layout_entry(binding)).collect();
+        let layout = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &entries,
+        });
+        let resource = |binding| match binding {
+            0 => self.uniforms.as_entire_binding(),
+            1 => wgpu::BindingResource::Sampler(&self.smooth),
+            2 => wgpu::BindingResource::Sampler(&self.compare),
+            3 => wgpu::BindingResource::TextureView(&self.colours),
+            4 => wgpu::BindingResource::TextureView(&self.targets.contact[0]),
+            5 => wgpu::BindingResource::TextureView(&self.targets.shadow),
+            _ => wgpu::BindingResource::TextureView(unblurred),
         };
+        let entry = |&binding: &u32| wgpu::BindGroupEntry { binding, resource: resource(binding) };
+        let entries: Vec<_> = bindings.iter().map(entry).collect();
+        let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &layout,
+            entries: &entries,
+        });
+        (layout, group)
+    }
+}
+
+/// Type of a binding, by its number in the shader.
+fn layout_entry(binding: u32) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+        ty: match binding {
+            0 => wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Uniform,
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            1 => wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+            2 => wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison),
+            5 => texture_type(wgpu::TextureSampleType::Depth),
+            _ => texture_type(wgpu::TextureSampleType::Float { filterable: true }),
+        },
+        count: None,
+    }
+}
+
+/// Attributes that follow each other without gaps, from a location on.
+fn attributes(formats: &[VertexFormat], first: u32) -> Vec<wgpu::VertexAttribute> {
+    let mut offset = 0;
+    let attribute = |(shader_location, &format): (u32, &VertexFormat)| {
+        let attribute = wgpu::VertexAttribute { format, offset, shader_location };
+        offset += format.size();
+        attribute
+    };
+    (first..).zip(formats).map(attribute).collect()
+}
+
+/// A buffer with one entry of so many bytes for each vertex.
+fn per_vertex(
+    array_stride: u64,
+    attributes: &[wgpu::VertexAttribute],
+) -> Option<wgpu::VertexBufferLayout<'_>> {
+    let step_mode = wgpu::VertexStepMode::Vertex;
+    Some(wgpu::VertexBufferLayout { array_stride, step_mode, attributes })
+}
+
+/// Bytes of a corner of the skin.
+const CORNER: u64 = 44;
+
+impl Pipelines {
+    pub(crate) fn new(device: &wgpu::Device, targets: &Targets, uniforms: &wgpu::Buffer) -> Self {
         use VertexFormat::{Float32, Float32x3, Float32x4};
-        let attributes = |formats: &[VertexFormat], first: u32| -> Vec<wgpu::VertexAttribute> {
-            let mut offset = 0;
-            let mut location = first;
-            let attribute = |&format: &VertexFormat| {
-                let attribute = wgpu::VertexAttribute { format, offset, shader_location: location };
-                offset += format.size();
-                location += 1;
-                attribute
-            };
-            formats.iter().map(attribute).collect()
-        };
+        let module = device.create_shader_module(wgpu::include_wgsl!("draw.wgsl"));
+        let shader = Shader { device, module };
+        let resources = Resources::new(device, targets, uniforms);
+        let (light_layout, light_group) = resources.group(&[0], &resources.colours);
+        let (blur_layout, across) = resources.group(&[0, 1, 6], &targets.contact[0]);
+        let (_, upright) = resources.group(&[0, 1, 6], &targets.contact[1]);
+        let (layout, group) = resources.group(&[0, 1, 2, 3, 4, 5], &resources.colours);
+
         let corner = attributes(&[Float32x3, Float32x3, Float32, Float32x4], 0);
-        let corner = [Some(wgpu::VertexBufferLayout {
-            array_stride: 44,
-            step_mode: wgpu::VertexStepMode::Vertex,
-            attributes: &corner,
-        })];
+        let corner = [per_vertex(CORNER, &corner)];
         let place = attributes(&[Float32x3], 0);
-        let place = [Some(wgpu::VertexBufferLayout {
-            array_stride: 44,
-            step_mode: wgpu::VertexStepMode::Vertex,
-            attributes: &place,
-        })];
+        let place = [per_vertex(CORNER, &place)];
         let vertex = attributes(&[Float32x3, Float32x3], 0);
         let instance = attributes(&[Float32x3, Float32x3, Float32x3, Float32x3, Float32x4], 2);
         let solid = [
-            Some(wgpu::VertexBufferLayout {
-                array_stride: size_of::<SolidVertex>() as u64,
-                step_mode: wgpu::VertexStepMode::Vertex,
-                attributes: &vertex,
-            }),
+            per_vertex(size_of::<SolidVertex>() as u64, &vertex),
             Some(wgpu::VertexBufferLayout {
                 array_stride: size_of::<Instance>() as u64,
                 step_mode: wgpu::VertexStepMode::Instance,
                 attributes: &instance,
             }),
         ];
-        let depth = |write, compare, bias| wgpu::DepthStencilState {
+        let depth = |write, compare| wgpu::DepthStencilState {
             format: DEPTH,
             depth_write_enabled: Some(write),
             depth_compare: Some(compare),
             stencil: Default::default(),
-            bias,
+            bias: Default::default(),
         };
-        let none = wgpu::DepthBiasState::default;
+        let (always, less) = (wgpu::CompareFunction::Always, wgpu::CompareFunction::Less);
         // faces that are steep to the light shade themselves without
         let slope = wgpu::DepthBiasState { constant: 2, slope_scale: 2.0, clamp: 0.0 };
-        let (always, less) = (wgpu::CompareFunction::Always, wgpu::CompareFunction::Less);
-        let main = |vertex, fragment, buffers, blend, depth, cull| {
-            let (format, multisample) = (Some(COLOUR), MULTISAMPLE);
-            let (fragment, depth) = (Some(fragment), Some(depth));
-            pipeline(
-                &layout,
-                Kind { vertex, fragment, buffers, format, blend, depth, cull, multisample },
-            )
-        };
-        let flat = |layout, vertex, fragment, buffers, blend| {
-            let (format, fragment) = (Some(CONTACT), Some(fragment));
-            let (depth, cull, multisample) = (None, None, 1);
-            pipeline(
-                layout,
-                Kind { vertex, fragment, buffers, format, blend, depth, cull, multisample },
-            )
-        };
         // the nearest to the ground counts
         let largest = wgpu::BlendComponent {
             src_factor: wgpu::BlendFactor::One,
@@ -269,59 +316,39 @@ impl Pipelines {
         };
         let largest = Some(wgpu::BlendState { color: largest, alpha: largest });
         let over = Some(wgpu::BlendState::ALPHA_BLENDING);
+        let (written, read) = (depth(true, less), depth(false, less));
+        let back = Some(wgpu::Face::Back);
+
+        let light = Kind {
+            vertex: "light_vertex",
+            fragment: None,
+            buffers: &place,
+            format: None,
+            blend: None,
+            depth: Some(wgpu::DepthStencilState { bias: slope, ..written.clone() }),
+            cull: None,
+            multisample: 1,
+        };
+        let contact = Kind::shade(["contact_vertex", "contact_fragment"], &place, largest);
+        let cast = Kind::shade(["cast_vertex", "cast_fragment"], &place, largest);
+        let blur = |fragment| Kind::shade(["screen_vertex", fragment], &[], None);
+        let ground = Kind::picture(["screen_vertex", "ground_fragment"], &[], depth(false, always));
+        let skin = Kind::picture(["skin_vertex", "skin_fragment"], &corner, written.clone());
+        let ghost = Kind::picture(["ghost_vertex", "ghost_fragment"], &corner, read);
+        let solid = Kind::picture(["solid_vertex", "solid_fragment"], &solid, written);
         Self {
-            light: pipeline(
-                &light_layout,
-                Kind {
-                    vertex: "light_vertex",
-                    fragment: None,
-                    buffers: &place,
-                    format: None,
-                    blend: None,
-                    depth: Some(depth(true, less, slope)),
-                    cull: None,
-                    multisample: 1,
-                },
-            ),
-            contact: flat(&light_layout, "contact_vertex", "contact_fragment", &place, largest),
-            cast: flat(&light_layout, "cast_vertex", "cast_fragment", &place, largest),
+            light: shader.pipeline(&light_layout, light),
+            contact: shader.pipeline(&light_layout, contact),
+            cast: shader.pipeline(&light_layout, cast),
             blur: ["blur_across", "blur_upright"]
-                .map(|fragment| flat(&blur_layout, "screen_vertex", fragment, &[], None)),
-            ground: main(
-                "screen_vertex",
-                "ground_fragment",
-                &[],
-                None,
-                depth(false, always, none()),
-                None,
-            ),
-            skin: main(
-                "skin_vertex",
-                "skin_fragment",
-                &corner,
-                None,
-                depth(true, less, none()),
-                None,
-            ),
-            ghost: main(
-                "ghost_vertex",
-                "ghost_fragment",
-                &corner,
-                over,
-                depth(false, less, none()),
-                Some(wgpu::Face::Back),
-            ),
-            solid: main(
-                "solid_vertex",
-                "solid_fragment",
-                &solid,
-                None,
-                depth(true, less, none()),
-                Some(wgpu::Face::Back),
-            ),
+                .map(|fragment| shader.pipeline(&blur_layout, blur(fragment))),
+            ground: shader.pipeline(&layout, ground),
+            skin: shader.pipeline(&layout, skin),
+            ghost: shader.pipeline(&layout, Kind { blend: over, cull: back, ..ghost }),
+            solid: shader.pipeline(&layout, Kind { cull: back, ..solid }),
             light_group,
             blur_groups: [across, upright],
-            group: main_group,
+            group,
         }
     }
 }

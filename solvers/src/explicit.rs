@@ -30,24 +30,12 @@ use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
 use sinew_engine::load::{LoadTime, SweptVolumes};
 use sinew_engine::report::StepReport;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{ActiveLaws, ForceSchedule, has_dampers, law_inputs_unchanged};
+use sinew_engine::schedule::{ActiveLaws, ForceSchedule, law_inputs_unchanged};
 use sinew_engine::step::{StepClock, StepError};
 use sinew_engine::substep::WithinStep;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, ElasticForce, FixedAxes, Velocity};
 use sinew_engine::workers::Workers;
-
-/// Dampers would need a linear system every substep.
-pub(crate) fn refuse_dampers(world: &World, settings: &SolverSettings) -> Result<(), StepError> {
-    if !has_dampers(world) {
-        return Ok(());
-    }
-    Err(StepError::InvalidSetting(format!(
-        "integrator = \"{}\" with dampers along axes: they would need a linear system every substep; set the \
-         viscosity of the families to 0 and use mass_damping, or integrator = \"safe\"",
-        settings.integrator.name()
-    )))
-}
 
 /// Work space of the explicit integrators, and what they remember from step to step.
 #[derive(Resource, Clone, Debug)]
@@ -136,19 +124,23 @@ pub fn explicit_step<S: Scalar>(
     settings: &SolverSettings,
     report: &mut StepReport,
 ) -> Result<(), StepError> {
-    let mut s = world.remove_resource::<ExplicitScratch<S>>().unwrap_or_default();
-    s.node.read(world);
+    let mut scratch = world.remove_resource::<ExplicitScratch<S>>().unwrap_or_default();
+    scratch.node.read(world);
     let revision = Some(world.resource::<Topology>().revision);
-    if s.revision != revision {
-        read_rest(world, &mut s.rest);
-        s.revision = revision;
+    if scratch.revision != revision {
+        read_rest(world, &mut scratch.rest);
+        scratch.revision = revision;
     }
-    let result = if s.node.is_empty() { Ok(()) } else { substep(world, settings, report, &mut s) };
+    let result = if scratch.node.is_empty() {
+        Ok(())
+    } else {
+        substep(world, settings, report, &mut scratch)
+    };
     if result.is_err() {
-        write_state(world, &s.node.u, &s.node.v);
-        s.last = None;
+        write_state(world, &scratch.node.u, &scratch.node.v);
+        scratch.last = None;
     }
-    world.insert_resource(s);
+    world.insert_resource(scratch);
     result
 }
 
@@ -183,14 +175,14 @@ fn substep<S: Scalar>(
     world: &mut World,
     settings: &SolverSettings,
     report: &mut StepReport,
-    s: &mut ExplicitScratch<S>,
+    scratch: &mut ExplicitScratch<S>,
 ) -> Result<(), StepError> {
     let clock = *world.resource::<StepClock>();
-    s.within.read(world, &s.node.u, &s.node.prescribed, &s.node.fixed);
-    let elastic = take_up(world, report, s);
-    let limit = s.limit.get(world, &s.node, &s.force, &mut report.evaluations);
+    scratch.within.read(world, &scratch.node.u, &scratch.node.prescribed, &scratch.node.fixed);
+    let elastic = recall(world, report, scratch);
+    let limit = scratch.limit.get(world, &scratch.node, &scratch.force, &mut report.evaluations);
     report.stable_step = limit;
-    let needed = (clock.dt / (limit * s.caution * settings.explicit_safety)).ceil().max(1.0);
+    let needed = (clock.dt / (limit * scratch.caution * settings.explicit_safety)).ceil().max(1.0);
     let mut substeps = if needed <= f64::from(settings.max_substeps) {
         needed as u32
     } else {
@@ -200,15 +192,15 @@ fn substep<S: Scalar>(
         if substeps > settings.max_substeps {
             return Err(refuse(&clock, f64::from(substeps), limit, settings));
         }
-        if let Some(growth) = attempt(world, settings, report, s, elastic, substeps) {
+        if let Some(growth) = attempt(world, settings, report, scratch, elastic, substeps) {
             report.substeps = substeps;
             report.refinements = refinement;
-            finish(world, report, s, growth, refinement > 0);
+            finish(world, report, scratch, growth, refinement > 0);
             return Ok(());
         }
         substeps = substeps.saturating_mul(2);
     }
-    s.limit.forget();
+    scratch.limit.forget();
     Err(StepError::Diverged {
         step: clock.step,
         time: clock.time,
@@ -232,59 +224,59 @@ fn refuse(clock: &StepClock, needed: f64, limit: f64, settings: &SolverSettings)
     }
 }
 
-/// Makes what is remembered fit the state: elastic force into `s.force`, and returns the elastic
+/// Makes what is remembered fit the state: elastic force into `scratch.force`, and returns the elastic
 /// energy (J), both from the last step if they still hold.
-fn take_up<S: Scalar>(
+fn recall<S: Scalar>(
     world: &mut World,
     report: &mut StepReport,
-    s: &mut ExplicitScratch<S>,
+    scratch: &mut ExplicitScratch<S>,
 ) -> f64 {
-    let n = s.node.len();
-    if s.made_of.0 != s.node.mass || s.made_of.1 != s.node.fixed {
-        s.made_of = (s.node.mass.clone(), s.node.fixed.clone());
-        s.weight.clear();
-        s.weight.extend(s.node.mass.iter().enumerate().map(|(row, m)| {
+    let n = scratch.node.len();
+    if scratch.made_of.0 != scratch.node.mass || scratch.made_of.1 != scratch.node.fixed {
+        scratch.made_of = (scratch.node.mass.clone(), scratch.node.fixed.clone());
+        scratch.weight.clear();
+        scratch.weight.extend(scratch.node.mass.iter().enumerate().map(|(row, m)| {
             // vertices without mass stay where they are
             let weight = if *m > S::ZERO { S::ONE / *m } else { S::ZERO };
-            let axis = |k| if s.node.free(row, k) { weight } else { S::ZERO };
+            let axis = |k| if scratch.node.free(row, k) { weight } else { S::ZERO };
             [axis(0), axis(1), axis(2), S::ZERO]
         }));
-        s.limit.forget();
+        scratch.limit.forget();
     }
     let revision = world.resource::<Topology>().revision;
     let laws = world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len());
-    let same = s.last.as_ref().filter(|last| last.revision == revision && last.laws == laws);
+    let same = scratch.last.as_ref().filter(|last| last.revision == revision && last.laws == laws);
     let same = same.filter(|last| law_inputs_unchanged(world, last.tick));
     let Some(last) = same else {
-        s.limit.forget();
-        (s.caution, s.creep) = (1.0, 0.0);
-        s.low_start.clear();
-        s.low_start.resize(n, [S::ZERO; 4]);
-        return evaluate_start(world, report, s);
+        scratch.limit.forget();
+        (scratch.caution, scratch.creep) = (1.0, 0.0);
+        scratch.low_start.clear();
+        scratch.low_start.resize(n, [S::ZERO; 4]);
+        return evaluate_start(world, report, scratch);
     };
-    if bytemuck::cast_slice::<_, u8>(&last.u) == bytemuck::cast_slice::<_, u8>(&s.node.u) {
+    if bytemuck::cast_slice::<_, u8>(&last.u) == bytemuck::cast_slice::<_, u8>(&scratch.node.u) {
         return last.elastic;
     }
     // somebody moved vertices: what their displacements could not hold is void
-    for ((low, then), now) in s.low_start.iter_mut().zip(&last.u).zip(&s.node.u) {
+    for ((low, then), now) in scratch.low_start.iter_mut().zip(&last.u).zip(&scratch.node.u) {
         if then != now {
             *low = [S::ZERO; 4];
         }
     }
-    evaluate_start(world, report, s)
+    evaluate_start(world, report, scratch)
 }
 
 fn evaluate_start<S: Scalar>(
     world: &mut World,
     report: &mut StepReport,
-    s: &mut ExplicitScratch<S>,
+    scratch: &mut ExplicitScratch<S>,
 ) -> f64 {
     report.evaluations += 1;
     let start = world.resource::<StepClock>().time;
     world.insert_resource(LoadTime(start));
-    evaluate(world, &s.node.u, true, true, None);
-    read_force(world, &mut s.force);
-    s.swept = world.get_resource::<SweptVolumes>().cloned().unwrap_or_default();
+    evaluate(world, &scratch.node.u, true, true, None);
+    read_force(world, &mut scratch.force);
+    scratch.swept = world.get_resource::<SweptVolumes>().cloned().unwrap_or_default();
     world.resource::<ElasticEnergy>().elastic()
 }
 
@@ -304,6 +296,29 @@ struct Factors<S> {
     keep: S,
     kick: S,
     drift: S,
+}
+
+impl<S: Scalar> Factors<S> {
+    /// Of the first substep, of those in the middle, and of the kick at the end of the last, with substeps of
+    /// length `h` (s).
+    fn of(settings: &SolverSettings, h: f64) -> [Self; 3] {
+        // damping is taken implicitly in every kick
+        let damped = |t: f64| 1.0 / (1.0 + settings.mass_damping * t);
+        let (whole, half) = (damped(h), damped(0.5 * h));
+        let factors = |keep: f64, kick: f64, drift: f64| Self {
+            keep: S::from_f64(keep),
+            kick: S::from_f64(kick),
+            drift: S::from_f64(drift),
+        };
+        let last = factors(half, 0.5 * h * half, 0.0);
+        if settings.integrator == Integrator::StormerVerlet {
+            // the two half kicks between drifts are one
+            let between = factors(half * half, 0.5 * h * (half * half + half), h);
+            [factors(half, 0.5 * h * half, h), between, last]
+        } else {
+            [factors(whole, h * whole, h), factors(whole, h * whole, h), last]
+        }
+    }
 }
 
 /// Slices of the columns for a piece of rows.
@@ -340,44 +355,29 @@ fn attempt<S: Scalar>(
     world: &mut World,
     settings: &SolverSettings,
     report: &mut StepReport,
-    s: &mut ExplicitScratch<S>,
+    scratch: &mut ExplicitScratch<S>,
     elastic0: f64,
     substeps: u32,
 ) -> Option<[f64; 2]> {
-    let n = s.node.len();
+    let n = scratch.node.len();
     let StepClock { dt, time, .. } = *world.resource::<StepClock>();
     let h = dt / f64::from(substeps);
-    let mut swept = s.swept.clone();
+    let mut swept = scratch.swept.clone();
     let verlet = settings.integrator == Integrator::StormerVerlet;
-    // damping is taken implicitly in every kick
-    let damped = |t: f64| 1.0 / (1.0 + settings.mass_damping * t);
-    let (whole, half) = (damped(h), damped(0.5 * h));
-    let factors = |keep: f64, kick: f64, drift: f64| Factors {
-        keep: S::from_f64(keep),
-        kick: S::from_f64(kick),
-        drift: S::from_f64(drift),
-    };
-    // the two half kicks between drifts are one
-    let between = factors(half * half, 0.5 * h * (half * half + half), h);
-    let [first, middle] = if verlet {
-        [factors(half, 0.5 * h * half, h), between]
-    } else {
-        [factors(whole, h * whole, h); 2]
-    };
-    let last = factors(half, 0.5 * h * half, 0.0);
+    let [first, middle, last] = Factors::of(settings, h);
 
-    write_state(world, &s.node.u, &s.node.v);
-    s.low.clone_from(&s.low_start);
-    s.external.clone_from(&s.node.external);
-    let [kinetic0, held0] = s.node.kinetic_energy(0..n, &s.node.v);
+    write_state(world, &scratch.node.u, &scratch.node.v);
+    scratch.low.clone_from(&scratch.low_start);
+    scratch.external.clone_from(&scratch.node.external);
+    let [kinetic0, held0] = scratch.node.kinetic_energy(0..n, &scratch.node.v);
     let mut state = State::<S>::new(world);
     let mut books = Bookkeeping::default();
-    s.within.load_differences(0.0, &mut books.differences);
-    stop_held(&mut state, world, s);
+    scratch.within.load_differences(0.0, &mut books.differences);
+    stop_held(&mut state, world, scratch);
     for i in 1..=substeps {
         let part = f64::from(i) / f64::from(substeps);
-        load(s, &books);
-        s.within.ways(part, &mut books.ways);
+        load(scratch, &books);
+        scratch.within.ways(part, &mut books.ways);
         {
             let (workers, mut columns) = state.get_mut(world).expect("engine resources");
             let (mut u, mut v, f) =
@@ -385,14 +385,18 @@ fn attempt<S: Scalar>(
             let u = Displacement::peel_slice_mut(u.bypass_change_detection());
             let v = Velocity::peel_slice_mut(v.bypass_change_detection());
             let start = i == 1;
-            let force = if start { &s.force[..] } else { ElasticForce::peel_slice(f) };
-            open_books(&mut books, s, u, force);
+            let force = if start { &scratch.force[..] } else { ElasticForce::peel_slice(f) };
+            open_books(&mut books, scratch, u, force);
             let factors = if start { first } else { middle };
-            advance(&workers, pieces(u, v, &mut s.low, [force, &s.external, &s.weight]), factors);
-            place_held(&mut books, s, u, v, h, i == substeps);
+            advance(
+                &workers,
+                pieces(u, v, &mut scratch.low, [force, &scratch.external, &scratch.weight]),
+                factors,
+            );
+            place_held(&mut books, scratch, u, v, h, i == substeps);
         }
-        s.within.load_differences(part, &mut books.differences);
-        load(s, &books);
+        scratch.within.load_differences(part, &mut books.differences);
+        load(scratch, &books);
         let end = i == substeps;
         world.insert_resource(EvaluationRequest { energy: end, force: true, tangent: None });
         world.insert_resource(LoadTime(time + part * dt));
@@ -407,10 +411,14 @@ fn attempt<S: Scalar>(
             single_table(columns.contiguous_iter_mut()).expect("there are vertices");
         let u = Displacement::peel_slice_mut(u.bypass_change_detection());
         let force = ElasticForce::peel_slice(f);
-        close_books(&mut books, s, u, force);
+        close_books(&mut books, scratch, u, force);
         if end && verlet {
             let v = Velocity::peel_slice_mut(v.bypass_change_detection());
-            advance(&workers, pieces(u, v, &mut s.low, [force, &s.external, &s.weight]), last);
+            advance(
+                &workers,
+                pieces(u, v, &mut scratch.low, [force, &scratch.external, &scratch.weight]),
+                last,
+            );
         }
     }
 
@@ -418,15 +426,16 @@ fn attempt<S: Scalar>(
     let (_, mut columns) = state.get_mut(world).expect("engine resources");
     let (u, v, _) = single_table(columns.contiguous_iter_mut()).expect("there are vertices");
     let (u, v) = (Displacement::peel_slice(&u), Velocity::peel_slice(&v));
-    let [kinetic, held] = s.node.kinetic_energy(0..n, v);
+    let [kinetic, held] = scratch.node.kinetic_energy(0..n, v);
     let load_work = books.load_work
         + (0..n)
             .map(|row| {
                 let mut way = [S::ZERO; 4];
                 for k in 0..3 {
-                    way[k] = u[row][k] - s.node.u[row][k] + (s.low[row][k] - s.low_start[row][k]);
+                    way[k] = u[row][k] - scratch.node.u[row][k]
+                        + (scratch.low[row][k] - scratch.low_start[row][k]);
                 }
-                dot3(&s.node.external[row], &way)
+                dot3(&scratch.node.external[row], &way)
             })
             .sum::<f64>();
     let change = elastic - elastic0 - load_work;
@@ -449,7 +458,7 @@ fn attempt<S: Scalar>(
     report.load_work = load_work;
     report.dissipation = -grown;
     report.damping_dissipation = settings.mass_damping * dt * (kinetic0 + kinetic);
-    book_momentum(report, &s.rest, &s.node.mass, u, v);
+    book_momentum(report, &scratch.rest, &scratch.node.mass, u, v);
     Some([grown, scale])
 }
 
@@ -457,28 +466,28 @@ fn attempt<S: Scalar>(
 fn finish<S: Scalar>(
     world: &mut World,
     report: &StepReport,
-    s: &mut ExplicitScratch<S>,
+    scratch: &mut ExplicitScratch<S>,
     [grown, scale]: [f64; 2],
     refined: bool,
 ) {
-    s.creep = (s.creep + grown).max(0.0);
-    let creeping = s.creep > CREEP * scale;
+    scratch.creep = (scratch.creep + grown).max(0.0);
+    let creeping = scratch.creep > CREEP * scale;
     if refined || creeping {
         // the limit was too optimistic
-        s.limit.forget();
-        s.caution = (s.caution * CAUTION[0]).max(CAUTION[1]);
-        s.creep = 0.0;
+        scratch.limit.forget();
+        scratch.caution = (scratch.caution * CAUTION[0]).max(CAUTION[1]);
+        scratch.creep = 0.0;
     }
-    std::mem::swap(&mut s.low, &mut s.low_start);
-    s.swept = world.get_resource::<SweptVolumes>().cloned().unwrap_or_default();
-    read_force(world, &mut s.force);
-    let mut u = s.last.take().map_or_else(Vec::new, |last| last.u);
+    std::mem::swap(&mut scratch.low, &mut scratch.low_start);
+    scratch.swept = world.get_resource::<SweptVolumes>().cloned().unwrap_or_default();
+    read_force(world, &mut scratch.force);
+    let mut u = scratch.last.take().map_or_else(Vec::new, |last| last.u);
     u.clear();
     let mut query = world.query::<&Displacement<S>>();
     if let Some(column) = single_table(query.contiguous_iter(world)) {
         u.extend_from_slice(Displacement::peel_slice(column));
     }
-    s.last = Some(LastStep {
+    scratch.last = Some(LastStep {
         u,
         elastic: report.elastic_energy,
         revision: world.resource::<Topology>().revision,
@@ -535,31 +544,32 @@ impl<S: Scalar> Kernel for Advance<'_, '_, S> {
 }
 
 /// Velocities of held unknowns to zero: those that move get theirs substep by substep.
-fn stop_held<S: Scalar>(state: &mut State<S>, world: &mut World, s: &mut ExplicitScratch<S>) {
+fn stop_held<S: Scalar>(state: &mut State<S>, world: &mut World, scratch: &mut ExplicitScratch<S>) {
     let (_, mut columns) = state.get_mut(world).expect("engine resources");
     let Some((_, mut v, _)) = single_table(columns.contiguous_iter_mut()) else { return };
     let v = v.bypass_change_detection();
-    for (row, held) in s.node.fixed.iter().enumerate().filter(|(_, held)| held.0 != 0) {
+    for (row, held) in scratch.node.fixed.iter().enumerate().filter(|(_, held)| held.0 != 0) {
         for k in (0..3).filter(|&k| held.holds(k)) {
             v[row].0[k] = S::ZERO;
-            s.low[row][k] = S::ZERO;
+            scratch.low[row][k] = S::ZERO;
         }
     }
 }
 
-/// External forces of the present substep into `s.external`.
-fn load<S: Scalar>(s: &mut ExplicitScratch<S>, books: &Bookkeeping) {
-    for (&row, difference) in s.within.loaded.iter().zip(&books.differences) {
-        let (now, end) = (&mut s.external[row as usize], &s.node.external[row as usize]);
+/// External forces of the present substep into `scratch.external`.
+fn load<S: Scalar>(scratch: &mut ExplicitScratch<S>, books: &Bookkeeping) {
+    for (&row, difference) in scratch.within.loaded.iter().zip(&books.differences) {
+        let (now, end) =
+            (&mut scratch.external[row as usize], &scratch.node.external[row as usize]);
         for k in 0..3 {
             now[k] = end[k] + S::from_f64(difference[k]);
         }
     }
 }
 
-fn reaction<S: Scalar>(s: &ExplicitScratch<S>, force: &[[S; 4]], row: u32, axis: u32) -> f64 {
+fn reaction<S: Scalar>(scratch: &ExplicitScratch<S>, force: &[[S; 4]], row: u32, axis: u32) -> f64 {
     let (row, axis) = (row as usize, axis as usize);
-    -(force[row][axis] + s.external[row][axis]).to_f64()
+    -(force[row][axis] + scratch.external[row][axis]).to_f64()
 }
 
 fn vector<S: Scalar>(x: &[S; 4]) -> DVec3 {
@@ -569,33 +579,37 @@ fn vector<S: Scalar>(x: &[S; 4]) -> DVec3 {
 /// Start of a substep: reactions, and where the loaded vertices are.
 fn open_books<S: Scalar>(
     books: &mut Bookkeeping,
-    s: &ExplicitScratch<S>,
+    scratch: &ExplicitScratch<S>,
     u: &[[S; 4]],
     force: &[[S; 4]],
 ) {
     books.reactions.clear();
-    let moving = &s.within.moving;
-    books.reactions.extend(moving.iter().map(|m| reaction(s, force, m.row, m.axis)));
+    let moving = &scratch.within.moving;
+    books.reactions.extend(moving.iter().map(|m| reaction(scratch, force, m.row, m.axis)));
     books.differences_before.clone_from(&books.differences);
     books.loaded.clear();
-    books.loaded.extend(s.within.loaded.iter().map(|&row| vector(&u[row as usize])));
+    books.loaded.extend(scratch.within.loaded.iter().map(|&row| vector(&u[row as usize])));
 }
 
 /// Puts the moving unknowns where their constraints want them.
 fn place_held<S: Scalar>(
     books: &mut Bookkeeping,
-    s: &mut ExplicitScratch<S>,
+    scratch: &mut ExplicitScratch<S>,
     u: &mut [[S; 4]],
     v: &mut [[S; 4]],
     h: f64,
     end: bool,
 ) {
     books.ways_before.resize(books.ways.len(), 0.0);
-    for ((m, way), before) in s.within.moving.iter().zip(&books.ways).zip(&books.ways_before) {
+    for ((m, way), before) in scratch.within.moving.iter().zip(&books.ways).zip(&books.ways_before)
+    {
         let (row, k) = (m.row as usize, m.axis as usize);
-        u[row][k] =
-            if end { s.node.prescribed[row][k] } else { s.node.u[row][k] + S::from_f64(*way) };
-        s.low[row][k] = S::ZERO;
+        u[row][k] = if end {
+            scratch.node.prescribed[row][k]
+        } else {
+            scratch.node.u[row][k] + S::from_f64(*way)
+        };
+        scratch.low[row][k] = S::ZERO;
         v[row][k] = S::from_f64((way - before) / h);
     }
 }
@@ -603,16 +617,16 @@ fn place_held<S: Scalar>(
 /// End of a substep: work by the trapezoidal rule.
 fn close_books<S: Scalar>(
     books: &mut Bookkeeping,
-    s: &ExplicitScratch<S>,
+    scratch: &ExplicitScratch<S>,
     u: &[[S; 4]],
     force: &[[S; 4]],
 ) {
-    for (i, m) in s.within.moving.iter().enumerate() {
-        let mean = 0.5 * (books.reactions[i] + reaction(s, force, m.row, m.axis));
+    for (i, m) in scratch.within.moving.iter().enumerate() {
+        let mean = 0.5 * (books.reactions[i] + reaction(scratch, force, m.row, m.axis));
         books.constraint_work += mean * (books.ways[i] - books.ways_before[i]);
     }
     books.ways_before.clone_from(&books.ways);
-    for (i, &row) in s.within.loaded.iter().enumerate() {
+    for (i, &row) in scratch.within.loaded.iter().enumerate() {
         let mean = 0.5 * (books.differences_before[i] + books.differences[i]);
         books.load_work += mean.dot(vector(&u[row as usize]) - books.loaded[i]);
     }

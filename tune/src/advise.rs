@@ -385,7 +385,7 @@ impl Search<'_> {
             }
         }
         if self.loaded.scene.solver.stiffness_damping == 0.0 {
-            for integrator in [Integrator::SymplecticEuler, Integrator::StormerVerlet] {
+            for &integrator in Integrator::ALL.iter().filter(|i| i.is_explicit()) {
                 for part in [1.0, 2.0] {
                     all.push(Choice {
                         integrator: Some(integrator),

@@ -263,19 +263,12 @@ impl SuiteOptions {
                 let newton = Column { integrator: Integrator::Newton, ..default };
                 return vec![default, safe, newton, Column { model: Model::MassSpring, ..default }];
             }
-            let integrators = [
-                Integrator::Newton,
-                Integrator::Bdf2,
-                Integrator::TrBdf2,
-                Integrator::ImplicitMidpoint,
-                Integrator::StormerVerlet,
-                Integrator::SymplecticEuler,
-            ];
             let mut columns = vec![default, safe];
             if recovery {
                 columns.push(Column { recovery: false, ..default });
             }
-            columns.extend(integrators.map(|integrator| Column { integrator, ..default }));
+            let others = Integrator::ALL.iter().filter(|i| i.facts().dynamic && !i.recovers());
+            columns.extend(others.map(|&integrator| Column { integrator, ..default }));
             let models = Model::ALL.into_iter().filter(|m| *m != default.model);
             columns.extend(models.map(|model| Column { model, ..default }));
             return columns;
@@ -426,7 +419,7 @@ pub fn run(
     if let Some(&group) = options.groups.iter().find(|g| !(1..=11).contains(*g)) {
         return Err(SuiteError::Group(group));
     }
-    if options.integrators.contains(&Integrator::QuasiStatic) {
+    if options.integrators.iter().any(|i| !i.facts().dynamic) {
         return Err(SuiteError::QuasiStatic);
     }
     let instruction_set = InstructionSet::default_set()?;
@@ -486,9 +479,10 @@ fn jobs<'a>(cases: &'a [Case], columns: &[Column]) -> Vec<Job<'a>> {
                 let integrator = Integrator::StormerVerlet;
                 add(Some(Column { integrator, ..Column::DEFAULT }), false);
             }
-            Scope::Explicit => [Integrator::SymplecticEuler, Integrator::StormerVerlet]
-                .into_iter()
-                .for_each(|integrator| add(Some(Column { integrator, ..Column::DEFAULT }), true)),
+            Scope::Explicit => Integrator::ALL
+                .iter()
+                .filter(|i| i.is_explicit())
+                .for_each(|&integrator| add(Some(Column { integrator, ..Column::DEFAULT }), true)),
             Scope::Every | Scope::Integrators => {
                 columns.iter().filter(|c| wanted(c)).for_each(|&c| add(Some(c), c.required()))
             }

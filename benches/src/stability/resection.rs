@@ -150,10 +150,9 @@ fn orphan(setting: &Setting, mesh: &Mesh, policy: MassPolicy, dt: f64) -> Outcom
     let removal = Removal { region: Region::Tetrahedra(round), mass: policy };
     let report = run.remove(&removal)?;
     // integrators of second order let it fly by the midpoint rule
-    let rule = match setting.column.integrator.resolve() {
-        Integrator::LinearisedBdf2 | Integrator::Bdf2 => Integrator::ImplicitMidpoint,
-        other => other,
-    };
+    let facts = setting.column.integrator.facts();
+    let rule =
+        if facts.multistep { Integrator::ImplicitMidpoint } else { setting.column.integrator };
     let mut fall = Fall::new(DVec3::ZERO, DVec3::ZERO);
     let mut off = 0.0_f64;
     for _ in 0..30 {

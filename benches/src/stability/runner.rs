@@ -4,7 +4,7 @@ use super::{Check, Column, Figures, Part};
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
-use sinew::engine::report::StepReport;
+use sinew::engine::report::{Fallbacks, StepReport};
 use sinew::models::resection::RemovalReport;
 use sinew::prelude::*;
 
@@ -293,18 +293,12 @@ impl Fall {
 
     /// Follows a step of length `h` (s) that was reported; every step so far had this length.
     pub fn step(&mut self, integrator: Integrator, report: &StepReport, h: f64, a: DVec3) {
-        let second_order = match integrator.resolve() {
-            Integrator::LinearisedBdf2 => report.second_order_steps > 0,
-            Integrator::Bdf2 => report.fallbacks.start == 0,
-            _ => false,
-        };
+        let facts = integrator.facts();
         let v = self.v + h * a;
-        self.way = match integrator.resolve() {
-            _ if second_order => (2.0 * h * v + self.way) / 3.0,
-            Integrator::StormerVerlet | Integrator::TrBdf2 | Integrator::ImplicitMidpoint => {
-                h * (self.v + v) / 2.0
-            }
-            Integrator::SymplecticEuler => {
+        self.way = match facts.order {
+            2 if !facts.multistep => h * (self.v + v) / 2.0,
+            2 if report.fallbacks == Fallbacks::default() => (2.0 * h * v + self.way) / 3.0,
+            1 if facts.explicit => {
                 let substeps = f64::from(report.substeps);
                 h * self.v + h * h * a * (0.5 + 0.5 / substeps)
             }

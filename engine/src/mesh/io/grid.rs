@@ -193,6 +193,93 @@ pub(crate) struct Assembly {
     slots: Slots,
 }
 
+/// A count of an array that does not fit: expected and found.
+fn mismatch(file: &str, place: Place, what: &str, [expected, found]: [usize; 2]) -> MeshError {
+    MeshError::CountMismatch {
+        file: file.to_owned(),
+        place,
+        what: what.to_owned(),
+        expected: expected as u64,
+        found: found as u64,
+    }
+}
+
+impl Piece {
+    /// Number of its points; the arrays of points and cells must have fitting lengths.
+    fn count_points(&self, file: &str) -> Result<usize, MeshError> {
+        let (n_cells, found) = (self.types.values.len(), self.ends.values.len());
+        if found != n_cells {
+            let what = "the number of cell offsets";
+            return Err(mismatch(file, self.ends.place, what, [n_cells, found]));
+        }
+        let found = self.points.values.len();
+        if !found.is_multiple_of(3) {
+            let what = "the number of point coordinates";
+            return Err(mismatch(file, self.points.place, what, [found / 3 * 3, found]));
+        }
+        Ok(found / 3)
+    }
+
+    /// Kind of a cell that begins at `start` of the connectivity, which moves to its end, and its vertices:
+    /// of `n_points` points, the first of which has number `base` in the mesh.
+    fn cell(
+        &self,
+        file: &str,
+        number: usize,
+        start: &mut usize,
+        [base, n_points]: [usize; 2],
+        vertices: &mut Vec<u32>,
+    ) -> Result<CellKind, MeshError> {
+        let end = self.ends.values[number];
+        let connectivity = &self.connectivity.values;
+        let cell = usize::try_from(end).ok().and_then(|end| connectivity.get(*start..end));
+        let Some(cell) = cell else {
+            return Err(MeshError::InvalidValue {
+                file: file.to_owned(),
+                place: self.ends.place,
+                found: end.to_string(),
+                expected: format!(
+                    "the end of cell {number}, from {start} to {}",
+                    connectivity.len()
+                ),
+            });
+        };
+        *start += cell.len();
+        let by_rows = matches!(self.types.values[number], PIXEL | VOXEL);
+        let mut kind = cell_kind(self.types.values[number]);
+        if kind.name == "polygon" {
+            match cell.len() {
+                3 => kind = CellKind::TRIANGLE,
+                4 => kind = CellKind::QUAD,
+                _ => {}
+            }
+        }
+        let place = self.connectivity.place;
+        if kind.used_as() != CellUse::Skipped && cell.len() != kind.vertices {
+            let what = format!("the number of vertices of cell {number} ({})", kind.name);
+            return Err(mismatch(file, place, &what, [kind.vertices, cell.len()]));
+        }
+        vertices.clear();
+        for &vertex in cell {
+            match usize::try_from(vertex) {
+                Ok(index) if index < n_points => vertices.push((base + index) as u32),
+                _ => {
+                    return Err(MeshError::UnknownVertex {
+                        file: file.to_owned(),
+                        place,
+                        cell: format!("cell {number} ({})", kind.name),
+                        vertex,
+                    });
+                }
+            }
+        }
+        if by_rows {
+            vertices.chunks_exact_mut(4).for_each(|square| square.swap(2, 3));
+        }
+        Ok(kind)
+    }
+}
+
 impl Assembly {
     pub fn new(source: &str) -> Self {
         Assembly { builder: Builder::new(source), slots: Slots::new() }
@@ -208,35 +295,17 @@ impl Assembly {
 
     pub fn add(&mut self, cursor: &Cursor<'_>, piece: &Piece) -> Result<(), MeshError> {
         let file = cursor.file;
-        let mismatch =
-            |place, what: &str, expected: usize, found: usize| MeshError::CountMismatch {
-                file: file.to_owned(),
-                place,
-                what: what.to_owned(),
-                expected: expected as u64,
-                found: found as u64,
-            };
         let n_cells = piece.types.values.len();
-        if piece.ends.values.len() != n_cells {
-            let found = piece.ends.values.len();
-            return Err(mismatch(piece.ends.place, "the number of cell offsets", n_cells, found));
-        }
         let base = self.builder.mesh.points.len();
-        let coordinates = &piece.points.values;
-        if !coordinates.len().is_multiple_of(3) {
-            let whole = coordinates.len() / 3 * 3;
-            let what = "the number of point coordinates";
-            return Err(mismatch(piece.points.place, what, whole, coordinates.len()));
-        }
-        for point in coordinates.chunks_exact(3) {
+        let n_points = piece.count_points(file)?;
+        for point in piece.points.values.chunks_exact(3) {
             self.builder.point(cursor, DVec3::from_slice(point), 0)?;
         }
-        let n_points = self.builder.mesh.points.len() - base;
         for (arrays, n) in [(&piece.point_arrays, n_points), (&piece.cell_arrays, n_cells)] {
             for (name, array) in arrays {
                 if array.len() != n {
                     let what = format!("the number of values of the array `{name}`");
-                    return Err(mismatch(array.place(), &what, n, array.len()));
+                    return Err(mismatch(file, array.place(), &what, [n, array.len()]));
                 }
             }
         }
@@ -259,52 +328,8 @@ impl Assembly {
         let mut start = 0usize;
         let mut vertices = Vec::new();
         let mut groups = Vec::new();
-        let ends = piece.ends.values.iter();
-        for (number, (&end, &kind)) in ends.zip(&piece.types.values).enumerate() {
-            let cell =
-                usize::try_from(end).ok().and_then(|end| piece.connectivity.values.get(start..end));
-            let Some(cell) = cell else {
-                return Err(MeshError::InvalidValue {
-                    file: file.to_owned(),
-                    place: piece.ends.place,
-                    found: end.to_string(),
-                    expected: format!(
-                        "the end of cell {number}, from {start} to {}",
-                        piece.connectivity.values.len()
-                    ),
-                });
-            };
-            start += cell.len();
-            let by_rows = matches!(kind, PIXEL | VOXEL);
-            let mut kind = cell_kind(kind);
-            if kind.name == "polygon" {
-                match cell.len() {
-                    3 => kind = CellKind::TRIANGLE,
-                    4 => kind = CellKind::QUAD,
-                    _ => {}
-                }
-            }
-            if kind.used_as() != CellUse::Skipped && cell.len() != kind.vertices {
-                let what = format!("the number of vertices of cell {number} ({})", kind.name);
-                return Err(mismatch(piece.connectivity.place, &what, kind.vertices, cell.len()));
-            }
-            vertices.clear();
-            for &vertex in cell {
-                match usize::try_from(vertex) {
-                    Ok(index) if index < n_points => vertices.push((base + index) as u32),
-                    _ => {
-                        return Err(MeshError::UnknownVertex {
-                            file: file.to_owned(),
-                            place: piece.connectivity.place,
-                            cell: format!("cell {number} ({})", kind.name),
-                            vertex,
-                        });
-                    }
-                }
-            }
-            if by_rows {
-                vertices.chunks_exact_mut(4).for_each(|square| square.swap(2, 3));
-            }
+        for number in 0..n_cells {
+            let kind = piece.cell(file, number, &mut start, [base, n_points], &mut vertices)?;
             groups.clear();
             let mut exact = Vec::new();
             for (values, slots) in &memberships {
@@ -334,6 +359,12 @@ impl Assembly {
                 }
             }
         }
+        self.add_point_groups(piece, base);
+        Ok(())
+    }
+
+    /// Vertices of the groups that point arrays hold.
+    fn add_point_groups(&mut self, piece: &Piece, base: usize) {
         for (name, array) in &piece.point_arrays {
             let (Some((dimension, name)), Some(values)) = (group_name(name), array.integers())
             else {
@@ -344,7 +375,6 @@ impl Assembly {
             let group: &mut Group = &mut self.builder.mesh.groups[slot];
             group.vertices.extend(members.map(|(i, _)| (base + i) as u32));
         }
-        Ok(())
     }
 
     /// Cell arrays that are data and not groups; of several with one name the first.
