@@ -1,11 +1,9 @@
 //! What a host relies on: precision from the world, failures that are seen, tools moved between steps,
 //! simulations that change threads.
 
-mod common;
-
+use crate::common::*;
 use bevy_app::{App, PluginGroup, Update};
 use bevy_ecs::prelude::*;
-use common::*;
 use glam::{DQuat, DVec3};
 use sinew::engine::load::Load;
 use sinew::engine::mesh::Mesh;

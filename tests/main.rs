@@ -8,6 +8,7 @@ mod cross;
 mod determinism;
 mod elements;
 mod explicit;
+mod host;
 mod linear;
 mod material_field;
 mod physics;

@@ -291,20 +291,21 @@ fn dissect(rows: &[Vec<(usize, Matrix3<f64>)>]) -> Vec<Front> {
         // from one end of the part, not from its middle
         let end = first.last().map_or(nodes[0], |last| last[0]);
         let layers = layers_from(end, seen, &mut part, again);
+        if layers.len() < 3 {
+            fronts.push(whole(nodes));
+            continue;
+        }
         let mut before = 0;
-        let middle = layers.iter().position(|layer| {
+        let half = layers.iter().position(|layer| {
             before += layer.len();
             2 * before >= reached
         });
-        match middle {
-            Some(middle) if middle > 0 && middle + 1 < layers.len() => {
-                let front = fronts.len();
-                stack.push((layers[..middle].concat(), Some(front)));
-                stack.push((layers[middle + 1..].concat(), Some(front)));
-                fronts.push(whole(layers[middle].clone()));
-            }
-            _ => fronts.push(whole(nodes)),
-        }
+        // with something on either side
+        let middle = half.unwrap_or(1).clamp(1, layers.len() - 2);
+        let front = fronts.len();
+        stack.push((layers[..middle].concat(), Some(front)));
+        stack.push((layers[middle + 1..].concat(), Some(front)));
+        fronts.push(whole(layers[middle].clone()));
     }
     fronts
 }
