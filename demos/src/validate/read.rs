@@ -30,7 +30,7 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), CaseError> {
     let mut paths: Vec<PathBuf> = entries.map_err(failed)?.iter().map(|e| e.path()).collect();
     paths.sort();
     for path in paths {
-        if path.is_dir() {
+        if path.is_dir() && !path.is_symlink() {
             collect(&path, files)?;
         } else if path.extension().is_some_and(|e| e == "json") {
             files.push(path);
@@ -135,40 +135,31 @@ impl<'a> Entry<'a> {
             Value::Object(_) => "an object".into(),
             other => format!("`{other}`"),
         };
-        let (path, field) = (self.path.into(), self.key.clone());
+        let whole = self.key.is_empty();
+        let field = if whole { "the whole file".into() } else { self.key.clone() };
+        let path = self.path.into();
         CaseError::Field { path, field, found, expected: expected.into() }
     }
 
-    /// Refuses keys that are neither known nor remarks.
-    pub fn refuse_unknown(&self, known: &[&str]) -> Result<(), CaseError> {
-        let remark = |key: &str, value: &Value| value.is_string() || REMARKS.contains(&key);
-        self.refuse(known, remark)
+    /// Refuses keys that are neither known (separated by blanks) nor remarks.
+    pub fn refuse_unknown(&self, known: &str) -> Result<(), CaseError> {
+        self.refuse(known, Value::is_string)
     }
 
-    /// Refuses what is not known among results: numbers there tell how they were made.
-    pub fn refuse_unknown_results(&self, known: &[&str]) -> Result<(), CaseError> {
-        let remark = |key: &str, value: &Value| {
-            value.is_string() || value.is_number() || REMARKS.contains(&key)
-        };
-        self.refuse(known, remark)
+    /// The same for results, where numbers tell how they were made.
+    pub fn refuse_unknown_results(&self, known: &str) -> Result<(), CaseError> {
+        self.refuse(known, |value| value.is_string() || value.is_number())
     }
 
-    fn refuse(
-        &self,
-        known: &[&str],
-        remark: impl Fn(&str, &Value) -> bool,
-    ) -> Result<(), CaseError> {
+    fn refuse(&self, known: &str, remark: impl Fn(&Value) -> bool) -> Result<(), CaseError> {
+        let known = || known.split_whitespace();
         let unknown = |(key, value): &(&String, &Value)| {
-            !known.contains(&key.as_str()) && !value.is_null() && !remark(key, value)
+            let named = known().chain(REMARKS).any(|known| known == *key);
+            !named && !value.is_null() && !remark(value)
         };
-        match self.object()?.iter().find(unknown) {
-            None => Ok(()),
-            Some((key, _)) => Err(CaseError::UnknownKey {
-                path: self.path.into(),
-                field: self.get(key).key,
-                hint: hint("key", key, known.iter().copied()),
-            }),
-        }
+        let Some((key, _)) = self.object()?.iter().find(unknown) else { return Ok(()) };
+        let (path, field) = (self.path.into(), self.get(key).key);
+        Err(CaseError::UnknownKey { path, field, hint: hint("key", key, known()) })
     }
 
     pub fn object(&self) -> Result<&'a Map<String, Value>, CaseError> {

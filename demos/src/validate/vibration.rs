@@ -10,20 +10,8 @@ use sinew::models::sheet::PlaneState;
 use sinew::prelude::*;
 use std::time::Instant;
 
-const KEYS: [&str; 12] = [
-    "E",
-    "cells",
-    "fixed_group",
-    "frequencies_hz",
-    "lumped_mass",
-    "mesh",
-    "mode_shapes_first3",
-    "name",
-    "nodes",
-    "nu",
-    "rho",
-    "total_mass",
-];
+const KEYS: &str = "E cells fixed_group frequencies_hz lumped_mass mesh mode_shapes_first3 name nodes nu \
+    rho total_mass";
 
 pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
     let mut row = ValidationRow::new(&case.name(), "linear, modes", 0, 0);
@@ -37,7 +25,7 @@ fn run_modes(
     row: &mut ValidationRow,
 ) -> Result<(), CaseError> {
     let root = case.root();
-    root.refuse_unknown(&KEYS)?;
+    root.refuse_unknown(KEYS)?;
     let mesh = mesh(case, options)?;
     let cells = Cells::of(&mesh).filter(|_| mesh.is_solid());
     let cells = cells.ok_or_else(|| CaseError::NotRun("the mesh has no solid elements".into()))?;
@@ -45,6 +33,9 @@ fn run_modes(
     let frequencies = root.get("frequencies_hz").numbers()?;
     let shapes = root.get("mode_shapes_first3").list()?;
     let shapes = shapes.map(|shape| shape.field(row.nodes)).collect::<Result<Vec<_>, _>>()?;
+    if frequencies.is_empty() {
+        return Err(root.get("frequencies_hz").error("at least one frequency"));
+    }
     if shapes.len() > frequencies.len() {
         return Err(root.get("mode_shapes_first3").error("at most one per frequency"));
     }
