@@ -84,7 +84,7 @@ impl DisabledLaws {
     /// Whether a law is switched off.
     #[inline]
     pub fn contains(&self, name: &str) -> bool {
-        self.0.iter().any(|law| *law == name)
+        self.0.contains(&name)
     }
 }
 

@@ -66,7 +66,7 @@ fn axes(kind: usize, form: AxisForm) -> AxesDescription<'static> {
     axes
 }
 
-fn evaluate<S: Scalar>(world: &mut World, tangent: TangentKind) {
+fn evaluate(world: &mut World, tangent: TangentKind) {
     let tangent = Some(tangent);
     world.insert_resource(EvaluationRequest { energy: true, force: true, tangent });
     world.run_schedule(ForceSchedule);
@@ -105,7 +105,7 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
         _ => None,
     };
     for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
-        evaluate::<S>(&mut world, kind);
+        evaluate(&mut world, kind);
         let buffers = world.resource::<LawBuffers<S>>();
         let mut active = Vec::new();
         for row in LAWS {
@@ -282,7 +282,7 @@ laplacian!(Laplacian, LAPLACIAN, "Laplacian of a test");
 laplacian!(Instead, INSTEAD, Linear::NAME);
 
 fn energy_of(world: &mut World) -> f64 {
-    evaluate::<f64>(world, TangentKind::Exact);
+    evaluate(world, TangentKind::Exact);
     world.resource::<ElasticEnergy>().total
 }
 
