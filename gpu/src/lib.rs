@@ -64,7 +64,7 @@
 //!     Err(error) => panic!("{error}"),
 //! }
 //! // every law is a whole module
-//! assert_eq!(sinew_gpu::laws::all().count(), 37);
+//! assert!(sinew_gpu::laws::all().any(|law| law.name() == "linear elasticity"));
 //! assert!(sinew_gpu::sources::all().iter().all(|module| module.text.contains("@compute")));
 //! ```
 pub mod backend;
