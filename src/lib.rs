@@ -17,22 +17,18 @@ pub use sinew_solvers as solvers;
 /// What a first program needs.
 pub mod prelude {
     pub use crate::plugin::SinewPlugins;
-    pub use crate::simulation::{
-        Backend, BodyHandle, MaterialChange, Readback, Simulation, SimulationError,
-        SimulationOptions,
-    };
+    pub use crate::simulation::{BodyHandle, Simulation, SimulationOptions};
     pub use glam::{DQuat, DVec3};
-    pub use sinew_engine::lanes::InstructionSet;
-    pub use sinew_engine::load::{Constraint, Curve, Load, Motion, Pose, Pressure};
+    pub use sinew_engine::load::{Constraint, Curve, Load, Motion, Pose};
     pub use sinew_engine::mesh::{CheckOptions, Mesh, check};
     pub use sinew_engine::precision::Precision;
-    pub use sinew_engine::report::{StepReport, VolumeReport};
-    pub use sinew_engine::step::{StepClock, StepError};
-    pub use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
-    pub use sinew_models::axes::muscle::MuscleSettings;
-    pub use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, spawn_body};
-    pub use sinew_models::field::{FieldError, MaterialField};
-    pub use sinew_models::material::{MaterialError, YoungPoisson, preset, presets};
-    pub use sinew_models::resection::{MassPolicy, Region, Removal, RemovalError, RemovalReport};
+    pub use sinew_engine::step::StepClock;
+    pub use sinew_models::body::{BodyDescription, Model, spawn_body};
+    pub use sinew_models::material::{YoungPoisson, preset};
     pub use sinew_solvers::settings::{Integrator, SolverSettings};
 }
+
+/// The shipped example runs as a test of the documentation.
+#[cfg(doctest)]
+#[doc = concat!("```\n", include_str!("../examples/liver.rs"), "\n```")]
+mod liver {}

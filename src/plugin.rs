@@ -182,7 +182,7 @@ fn host_step(world: &mut World, mut told: Local<Told>) {
     if !std::mem::replace(threads, true)
         && let Some(error) = world.resource::<SetupError>().0.clone()
     {
-        log::error!("{error}; steps are made on one thread until then");
+        log::error!("{error}; until then steps are made on one thread");
         world.write_message(ThreadsNotStarted(error));
     }
     if world.resource::<StepOutcome>().0.is_some() {

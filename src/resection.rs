@@ -20,6 +20,7 @@ impl Simulation {
     /// ```
     /// use sinew::prelude::*;
     /// use sinew::engine::mesh::generate::box_tets;
+    /// use sinew::models::resection::{Region, Removal};
     ///
     /// let mesh = box_tets(DVec3::new(0.2, 0.1, 0.1), [2, 1, 1])?;
     /// let mut simulation = Simulation::new(SimulationOptions::default())?;

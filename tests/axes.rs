@@ -8,8 +8,13 @@ use sinew::engine::law::{ElasticEnergy, RecoveringBodies};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
 use sinew::engine::vertex::FixedAxes;
+use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
 use sinew::models::axes::field;
+use sinew::models::axes::muscle::MuscleSettings;
+use sinew::models::body::Evaluation;
+use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
+use sinew::simulation::SimulationError;
 
 fn options(precision: Precision, threads: usize) -> SimulationOptions {
     SimulationOptions { precision, threads, ..Default::default() }

@@ -5,6 +5,8 @@ use crate::common::*;
 use glam::{DQuat, DVec3};
 use sinew::engine::load::TargetError;
 use sinew::engine::mesh::Mesh;
+use sinew::engine::step::StepError;
+use sinew::models::body::{BodyError, Evaluation};
 use sinew::prelude::*;
 
 fn mesh() -> Mesh {

@@ -4,7 +4,11 @@
 use crate::common::*;
 use glam::DVec3;
 use proptest::prelude::*;
+use sinew::engine::load::Pressure;
 use sinew::engine::mesh::Mesh;
+use sinew::models::body::Evaluation;
+use sinew::models::field::MaterialField;
+use sinew::models::resection::{MassPolicy, Region, Removal, RemovalReport};
 use sinew::models::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
 

@@ -3,11 +3,15 @@
 
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
+use sinew::engine::load::Pressure;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, jitter_interior, quad_grid};
 use sinew::engine::vertex::FixedAxes;
 use sinew::identify::mesh::{Cells, fit_elements};
 use sinew::identify::{ElementMethod, LinearMaterial, Section};
+use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
+use sinew::models::axes::muscle::MuscleSettings;
+use sinew::models::resection::{Region, Removal};
 use sinew::models::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
 

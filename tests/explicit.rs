@@ -11,6 +11,7 @@ use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{Displacement, ElasticForce, FixedAxes, Mass, Velocity};
 use sinew::engine::workers::Workers;
+use sinew::models::body::Evaluation;
 use sinew::models::fused::ShearModulus;
 use sinew::prelude::*;
 

@@ -8,6 +8,7 @@ use sinew::engine::matrix::{BlockMatrix, Tangent};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::vertex::FixedAxes;
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 
 const MODELS: [Model; 2] = [Model::StVK, Model::CompressibleStVK];

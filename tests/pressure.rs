@@ -3,16 +3,19 @@
 
 use crate::common::{group, max_distance, max_length, random_field, soft};
 use sinew::engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
-use sinew::engine::load::SweptVolumes;
+use sinew::engine::load::{Pressure, SweptVolumes};
 use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::mesh::generate::{box_tets, disc_triangles, sphere_triangles, triangle_grid};
 use sinew::engine::schedule::ForceSchedule;
+use sinew::engine::step::StepError;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::FixedAxes;
 use sinew::engine::workers::Workers;
+use sinew::models::body::Evaluation;
 use sinew::models::membrane::plane_stress;
 use sinew::models::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
+use sinew::simulation::SimulationError;
 
 /// A body that is all membrane.
 fn sheet(

@@ -4,6 +4,8 @@ use crate::common::*;
 use glam::DVec3;
 use sinew::engine::law::RecoveringBodies;
 use sinew::engine::mesh::Mesh;
+use sinew::models::axes::description::AxesDescription;
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 
 const CELL: f64 = 0.02;

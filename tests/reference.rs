@@ -10,6 +10,7 @@ use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::vertex::{FixedAxes, Mass, RestPosition};
 use sinew::engine::workers::Workers;
+use sinew::models::body::Evaluation;
 use sinew::models::pooled::{
     AngularStiffnesses, TensileStiffness, TriangleVertices, VolumetricStiffnesses,
 };

@@ -4,7 +4,10 @@ use glam::DVec3;
 use proptest::prelude::*;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
-use sinew::models::resection::{RemovalLog, RemovalRequest};
+use sinew::models::body::Evaluation;
+use sinew::models::resection::{
+    MassPolicy, Region, Removal, RemovalError, RemovalLog, RemovalRequest,
+};
 use sinew::prelude::*;
 
 const MATERIAL: YoungPoisson =

@@ -14,8 +14,9 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::schedule::{
     ActiveLaws, Executor, ForceSchedule, ForceSystems, StepSchedule, StepSystems,
 };
-use sinew::engine::step::{install_engine, run_step};
+use sinew::engine::step::{StepError, install_engine, run_step};
 use sinew::engine::vertex::{Displacement, ElasticForce, RestPosition, VertexIndex};
+use sinew::models::body::Evaluation;
 use sinew::models::pooled::TriangleVertices;
 use sinew::prelude::*;
 

@@ -4,6 +4,7 @@
 use crate::common::*;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 
 /// Units of length and time as multiples of metre and second in which the scene is stated, the mass

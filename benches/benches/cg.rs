@@ -12,6 +12,7 @@ use sinew::engine::matrix::Tangent;
 use sinew::engine::scalar::Scalar;
 use sinew::engine::vertex::{ElasticForce, FixedAxes, Mass, RestPosition};
 use sinew::engine::workers::Workers;
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use sinew::solvers::linear_solver::{LinearOptions, LinearSolver};
 use sinew::solvers::settings::Preconditioner;

@@ -8,6 +8,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use sinew::engine::law::{LawBuffers, TangentKind};
 use sinew::engine::matrix::Tangent;
 use sinew::engine::workers::Workers;
+use sinew::models::body::Evaluation;
 use sinew::models::fused::{FusedStVK, TetrahedronLaw};
 use sinew::prelude::*;
 

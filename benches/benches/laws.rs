@@ -10,6 +10,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use sinew::engine::mesh::generate::box_hexahedra;
 use sinew::engine::report::SystemTimes;
 use sinew::engine::scalar::Scalar;
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use sinew_benches::bench::arrays::PlainArrays;
 use std::hint::black_box;

@@ -6,6 +6,7 @@ mod common;
 
 use common::{SIZES, beam, bent};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use std::time::{Duration, Instant};
 

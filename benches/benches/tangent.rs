@@ -12,6 +12,7 @@ use sinew::engine::law::TangentKind;
 use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::scalar::Scalar;
+use sinew::models::body::Evaluation;
 use sinew::models::fused::{FusedStVK, multiply};
 use sinew::prelude::*;
 

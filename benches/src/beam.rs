@@ -7,7 +7,10 @@ use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::workers::Workers;
+use sinew::models::axes::description::AxesDescription;
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
+use sinew::simulation::SimulationError;
 
 /// Name and cells of 5 040 and 49 392 tetrahedra.
 pub const SIZES: [(&str, [usize; 3]); 2] = [("5k", [20, 6, 7]), ("50k", [42, 14, 14])];

@@ -6,6 +6,7 @@ use glam::DVec3;
 use serde::Serialize;
 use sinew::gpu::{GpuBackend, GpuOptions, GpuReport};
 use sinew::prelude::*;
+use sinew::simulation::{Backend, Readback};
 use sinew::solvers::settings::Preconditioner;
 use std::error::Error;
 use std::fmt;

@@ -19,7 +19,10 @@ mod sinew_rows;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::engine::mesh::MeshError;
+use sinew::engine::step::StepError;
+use sinew::models::body::BodyError;
 use sinew::prelude::*;
+use sinew::simulation::SimulationError;
 
 pub use beam::Beam;
 

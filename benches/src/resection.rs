@@ -3,6 +3,7 @@
 
 use serde::Serialize;
 use sinew::engine::mesh::generate::sphere_tets;
+use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use std::error::Error;
 use std::fmt;

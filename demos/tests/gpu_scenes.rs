@@ -3,7 +3,10 @@
 
 use glam::DVec3;
 use sinew::gpu::{GpuBackend, GpuError, GpuOptions};
-use sinew::prelude::{AxisForm, Backend, Evaluation, Integrator, Precision};
+use sinew::models::axes::description::AxisForm;
+use sinew::models::body::Evaluation;
+use sinew::prelude::{Integrator, Precision};
+use sinew::simulation::Backend;
 use sinew_demos::axes::AxesEntry;
 use sinew_demos::build::{BuildOptions, BuiltBody, build};
 use sinew_demos::error::RunError;

@@ -2,7 +2,7 @@
 //! the folder named by `SINEW_REFERENCE`, or in `../shared` beside the repository.
 
 use serde_json::{Value, json};
-use sinew::prelude::Evaluation;
+use sinew::models::body::Evaluation;
 use sinew_demos::validate::{
     CaseError, Status, ValidateOptions, ValidationReport, reference_folder, validate,
 };

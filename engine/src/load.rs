@@ -571,3 +571,48 @@ pub fn apply_loads<S: Scalar>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_leads_evenly_from_pose_to_pose() {
+        let turned = |angle, axis: DVec3, centre| Pose {
+            translation: DVec3::new(0.1, -0.2, 0.3),
+            rotation: DQuat::from_axis_angle(axis.normalize(), angle),
+            centre,
+        };
+        // another centre: the same motion from the same places
+        let from = turned(0.4, DVec3::new(1.0, 2.0, 3.0), DVec3::X);
+        let to = turned(-0.3, DVec3::new(3.0, 0.0, -1.0), DVec3::new(0.0, 2.0, 1.0));
+        let points = [DVec3::ZERO, DVec3::ONE, DVec3::new(0.3, -4.0, 2.0)];
+        for point in points {
+            assert!(from.towards(&to, 0.0).way(point).distance(from.way(point)) < 1e-14);
+            assert_eq!(from.towards(&to, 1.0).way(point), to.way(point));
+        }
+        let half = from.towards(&to, 0.5).rotation;
+        assert!((half.angle_between(from.rotation) - half.angle_between(to.rotation)).abs() < 1e-7);
+        // a translation alone passes along a line, exactly to its ends
+        let line = Pose::IDENTITY.towards(&DVec3::new(0.1, 0.2, 0.3).into(), 0.25);
+        assert_eq!(line.way(DVec3::splat(7.0)), DVec3::new(0.025, 0.05, 0.3 * 0.25));
+    }
+
+    #[test]
+    fn a_path_goes_on_from_the_last_step_that_was_made() {
+        let mut path = TargetPath { target: DVec3::X.into(), ..Default::default() };
+        let mut clock = StepClock { dt: 0.5, ..Default::default() };
+        path.prepare(&clock);
+        assert_eq!(path.pose(0.25).translation, 0.5 * DVec3::X);
+        // that step failed; the next attempt is half as long
+        clock.dt = 0.25;
+        path.prepare(&clock);
+        assert_eq!(path.pose(0.125).translation, 0.5 * DVec3::X);
+        assert_eq!(path.pose(0.25).translation, DVec3::X);
+        clock = StepClock { dt: 0.25, time: 0.25, step: 1 };
+        path.target = (3.0 * DVec3::X).into();
+        path.prepare(&clock);
+        assert_eq!(path.pose(0.25).translation, DVec3::X);
+        assert_eq!(path.pose(0.375).translation, 2.0 * DVec3::X);
+    }
+}

@@ -5,10 +5,14 @@ use crate::common::{
     MATERIAL, Run, STATES, State, beam, bricks, close, device, half_bricks, relative, run_both, say,
 };
 use glam::{DVec2, DVec3};
+use sinew::engine::load::Pressure;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{quad_grid, triangle_grid};
+use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
 use sinew::models::axes::field;
-use sinew::models::axes::muscle::activate_at;
+use sinew::models::axes::muscle::{MuscleSettings, activate_at};
+use sinew::models::body::Evaluation;
+use sinew::models::resection::{Region, Removal};
 use sinew::models::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;

@@ -10,6 +10,7 @@ use sinew::engine::law::TangentKind;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::report::VolumeReport;
 use sinew::engine::step::measure_volume_ratios;
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use sinew_gpu::GpuOptions;
 

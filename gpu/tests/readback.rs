@@ -4,8 +4,11 @@ use crate::common::{MATERIAL, beam, device, noise, say};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::vertex::Position;
-use sinew::models::axes::muscle::ActivationWork;
+use sinew::models::axes::description::{AxesDescription, AxisFamily};
+use sinew::models::axes::muscle::{ActivationWork, MuscleSettings};
+use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
+use sinew::simulation::Readback;
 use sinew_gpu::{GpuOptions, GpuReport};
 
 /// One scene for both ways: builds a body and says what happens between steps.

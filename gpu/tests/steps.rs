@@ -5,6 +5,10 @@ use crate::common::{
 };
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
+use sinew::engine::report::StepReport;
+use sinew::models::axes::description::{AxesDescription, AxisForm};
+use sinew::models::body::Evaluation;
+use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
 use sinew_gpu::{GpuOptions, GpuReport};

@@ -6,7 +6,9 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::report::StepReport;
 use sinew::engine::vertex::FixedAxes;
+use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
+use sinew::simulation::Backend;
 use sinew::solvers::settings::Preconditioner;
 use sinew_gpu::GpuOptions;
 

@@ -5,6 +5,7 @@ use glam::DVec3;
 use serde_json::Value;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 
 /// A reference file: from `SINEW_REFERENCE` (a folder with `reference/`),

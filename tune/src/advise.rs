@@ -12,6 +12,7 @@ use crate::measures::{displacement_error, front, quantile};
 use crate::table::{Table, three_digits};
 use glam::DVec3;
 use serde::Serialize;
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use sinew_demos::build::{BuildOptions, build};
 use sinew_demos::error::SceneError;

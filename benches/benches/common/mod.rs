@@ -4,6 +4,7 @@
 pub use sinew_benches::beam::{SIZES, evaluate, request};
 
 use sinew::engine::mesh::Mesh;
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 
 pub fn beam(cells: [usize; 3]) -> Mesh {

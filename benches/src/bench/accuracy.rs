@@ -5,6 +5,7 @@ use super::error::BenchError;
 use super::stats::{Rounds, Spread, interleave};
 use super::table::Table;
 use serde::{Deserialize, Serialize};
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use sinew_demos::summary::{evaluation_name, model_name};
 use sinew_tune::measures::{displacement_error, front};

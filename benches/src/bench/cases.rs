@@ -5,7 +5,9 @@ use super::refine::refined;
 use glam::DVec3;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
+use sinew::simulation::SimulationError;
 use sinew_tune::measures::displacement_error;
 use std::path::Path;
 

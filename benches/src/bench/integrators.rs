@@ -8,6 +8,7 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::report::Fallbacks;
 use sinew::prelude::*;
+use sinew::simulation::SimulationError;
 use std::time::Instant;
 
 /// What was measured.

@@ -16,6 +16,7 @@ use sinew::engine::scalar::{Scalar, add, sub};
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
 use sinew::engine::workers::Workers;
+use sinew::models::body::Evaluation;
 use sinew::models::fused_membrane::{
     BiquadraticMembrane, CorotationalMembrane, QuadraticMembrane, multiply,
 };

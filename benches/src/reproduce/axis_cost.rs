@@ -5,7 +5,9 @@ use super::{Figure, Finding};
 use crate::bench::error::BenchError;
 use crate::bench::table::Table;
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
+use sinew::engine::step::StepError;
 use sinew::engine::vertex::FixedAxes;
+use sinew::models::axes::description::{AxesDescription, AxisForm};
 use sinew::prelude::*;
 use std::time::Instant;
 

@@ -18,6 +18,7 @@ use sinew::engine::scalar::Scalar;
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
 use sinew::engine::workers::Workers;
+use sinew::models::body::Evaluation;
 use sinew::models::corotational::Corotational;
 use sinew::models::fused::{self, FusedStVK};
 use sinew::models::quadratic::QuadraticSprings;

@@ -9,6 +9,7 @@ use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::cylinder_tets;
 use sinew::prelude::*;
+use sinew::simulation::SimulationError;
 
 const RADIUS: f64 = 0.005;
 const LENGTH: f64 = 0.1;

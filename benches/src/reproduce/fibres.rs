@@ -9,6 +9,7 @@ use crate::bench::report::Chart;
 use crate::bench::table::Table;
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
+use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::models::axes::field::{FibreError, helicoidal, hemicircular, random};
 use sinew::prelude::*;
 use std::borrow::Cow;

@@ -3,6 +3,7 @@
 use super::{Paper, axis_cost, fibres, pictures, volume};
 use crate::bench::error::BenchError;
 use crate::bench::machine::MachineNotes;
+use sinew::models::axes::description::AxesDescription;
 use sinew::prelude::*;
 
 const REFERENCE: &str = "Bourguignon & Cani 2000, Controlling Anisotropy in Mass-Spring Systems";

@@ -6,6 +6,7 @@ use crate::bench::plot::{Scales, Series, lines};
 use crate::bench::report::Chart;
 use crate::bench::table::Table;
 use crate::resection::{FRAME, Frame, Organ, Run, at_random, cut};
+use sinew::models::resection::Region;
 use sinew::prelude::*;
 use std::path::Path;
 

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::prelude::*;
+use sinew::simulation::SimulationError;
 
 /// Strains at which laws are compared.
 const STRAINS: [f64; 7] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5];

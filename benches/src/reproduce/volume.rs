@@ -9,6 +9,7 @@ use crate::bench::report::Chart;
 use crate::bench::table::Table;
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
+use sinew::models::axes::description::{AxesDescription, AxisForm};
 use sinew::prelude::*;
 
 /// Side of the cube (m) and cells along it: the numbers of masses and tetrahedra of the paper's table 1.

@@ -7,6 +7,7 @@ use super::{Check, Part};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
 use sinew::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;

@@ -6,6 +6,7 @@ use super::runner::{Case, Outcome, Problem, Run, Scope, Setting, tissue};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::engine::step::StepError;
 use sinew::prelude::*;
 use std::sync::Arc;
 

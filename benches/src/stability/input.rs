@@ -7,6 +7,8 @@ use glam::DVec3;
 use sinew::engine::mesh::check::{FindingCode, Severity};
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::engine::step::StepError;
+use sinew::models::body::BodyError;
 use sinew::prelude::*;
 use std::sync::Arc;
 

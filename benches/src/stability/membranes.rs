@@ -4,6 +4,7 @@
 use super::runner::{Case, Outcome, Problem, Random, Run, Scope, Setting, tissue};
 use super::{Check, Part};
 use glam::{DVec2, DVec3};
+use sinew::engine::load::Pressure;
 use sinew::engine::mesh::generate::{sphere_triangles, triangle_grid};
 use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::engine::vertex::FixedAxes;

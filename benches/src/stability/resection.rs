@@ -6,6 +6,7 @@ use super::{Check, Part};
 use glam::DVec3;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::models::resection::{MassPolicy, Region, Removal};
 use sinew::prelude::*;
 use std::sync::Arc;
 

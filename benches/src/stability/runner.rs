@@ -5,7 +5,7 @@ use bevy_ecs::entity::Entity;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::report::{Fallbacks, StepReport};
-use sinew::models::resection::RemovalReport;
+use sinew::models::resection::{Removal, RemovalReport};
 use sinew::prelude::*;
 
 /// Why a case could not be run to its end.

@@ -5,6 +5,7 @@ use super::compare::{difference, largest};
 use super::read::{Case, Entry};
 use super::{CaseError, STATIC_TOLERANCE, Status, ValidateOptions, ValidationRow};
 use glam::DVec3;
+use sinew::engine::load::Pressure;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::vertex::FixedAxes;
 use sinew::prelude::*;

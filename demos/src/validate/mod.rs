@@ -18,7 +18,9 @@ pub use report::{Status, ValidationReport, ValidationRow};
 
 use crate::modes::ModesError;
 use read::{Case, case_files, file_stem};
+use sinew::models::body::Evaluation;
 use sinew::prelude::*;
+use sinew::simulation::SimulationError;
 use std::path::{Path, PathBuf};
 
 /// Relative difference to a static field at which a case passes.

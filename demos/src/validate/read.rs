@@ -80,7 +80,7 @@ impl Case {
 
     pub fn simulation_error(
         &self,
-        source: impl Into<sinew::prelude::SimulationError>,
+        source: impl Into<sinew::simulation::SimulationError>,
     ) -> CaseError {
         CaseError::Simulation { case: self.path.clone(), source: source.into() }
     }

@@ -2,7 +2,7 @@
 
 use super::CaseError;
 use serde::Serialize;
-use sinew::prelude::Evaluation;
+use sinew::models::body::Evaluation;
 use std::fmt;
 use std::path::PathBuf;
 

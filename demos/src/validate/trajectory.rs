@@ -9,6 +9,7 @@ use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::models::sheet::{MembraneModel, PlaneState};
 use sinew::prelude::*;
+use sinew::simulation::SimulationError;
 use std::time::Instant;
 
 const KEYS: &str = "E damping elements fine fixed_vertices gravity h hexahedra implicit_euler \
