@@ -389,13 +389,10 @@ pub fn changed_laws(world: &mut World, since: Tick) -> Option<Vec<&'static str>>
 
 /// Clears the totals and adds up the buffers of all laws in the order of their places.
 fn gather<S: Scalar>(
-    request: Res<EvaluationRequest>,
-    topology: Res<Topology>,
-    workers: Res<Workers>,
-    disabled: Res<DisabledLaws>,
+    (request, disabled): (Res<EvaluationRequest>, Res<DisabledLaws>),
+    (topology, workers): (Res<Topology>, Res<Workers>),
     mut buffers: ResMut<LawBuffers<S>>,
-    mut energy: ResMut<ElasticEnergy>,
-    mut tangent: ResMut<Tangent<S>>,
+    (mut energy, mut tangent): (ResMut<ElasticEnergy>, ResMut<Tangent<S>>),
     mut times: ResMut<SystemTimes>,
     mut forces: Query<&mut ElasticForce<S>>,
 ) {
