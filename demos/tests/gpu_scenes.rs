@@ -4,11 +4,10 @@
 use glam::DVec3;
 use sinew::gpu::{GpuBackend, GpuError, GpuOptions};
 use sinew::prelude::{AxisForm, Backend, Evaluation, Integrator, Precision};
-use sinew_demos::axes::AxesEntry;
 use sinew_demos::build::{BuildOptions, BuiltBody, build};
 use sinew_demos::error::RunError;
 use sinew_demos::run::{RunOptions, Silent, run};
-use sinew_demos::scene::LoadedScene;
+use sinew_demos::scene::{AxesEntry, LoadedScene};
 use std::path::Path;
 
 #[allow(clippy::print_stderr, reason = "a skipped test says so, a comparison its figures")]
