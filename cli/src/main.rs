@@ -13,7 +13,9 @@ use advise::{AdviseArguments, advise_scene};
 use clap::{Args, Parser, Subcommand};
 use fit::{FitArguments, fit};
 use progress::Progress;
+use sinew::engine::lanes::InstructionSet;
 use sinew::engine::mesh::Mesh;
+use sinew::engine::schedule::Executor;
 use sinew::models::body::Evaluation;
 use sinew::prelude::{Integrator, Model};
 use sinew::simulation::{Backend, Precision};
@@ -23,8 +25,8 @@ use sinew_demos::check::check_file;
 use sinew_demos::mesh_tool::{MeshInfo, convert, write};
 use sinew_demos::run::{Observer, RunOptions, Silent, run};
 use sinew_demos::scene::{
-    BackendName, BoxShape, CylinderShape, Generate, LoadedScene, SheetCells, SheetShape,
-    SolidCells, SphereShape,
+    BackendName, BoxShape, CylinderShape, ExecutorName, Generate, LoadedScene, SheetCells,
+    SheetShape, SolidCells, SphereShape,
 };
 use sinew_demos::validate::{ValidateOptions, validate};
 use sinew_tune::advise::Choice;
@@ -87,6 +89,12 @@ struct RunArguments {
     /// Threads, 0 for one per core; results do not depend on it.
     #[arg(long)]
     threads: Option<usize>,
+    /// Independent systems run one after another (single) or side by side (multi); results do not depend on it.
+    #[arg(long, value_parser = choice::<ExecutorName>)]
+    executor: Option<ExecutorName>,
+    /// Instruction set: portable (the same bits on every machine), avx2 or avx512; the best there is without.
+    #[arg(long, value_parser = choice::<InstructionSet>)]
+    instruction_set: Option<InstructionSet>,
     /// Number type of the state.
     #[arg(long)]
     precision: Option<PrecisionArgument>,
@@ -112,9 +120,7 @@ struct RunArguments {
     /// Evaluation of all bodies: fused or pooled.
     #[arg(long, value_parser = choice::<Evaluation>)]
     evaluation: Option<Evaluation>,
-    /// Energy of all bodies: svk_comp, svk, tqs, mass_spring, linear, corotational_warped,
-    /// corotational, svk_fem or neo_hookean.
-    #[arg(long, value_parser = choice::<Model>)]
+    #[arg(long, value_parser = choice::<Model>, help = format!("Energy of all bodies: {}", models()))]
     model: Option<Model>,
     /// Carry out this many steps instead of the whole scene.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
@@ -122,6 +128,11 @@ struct RunArguments {
     /// No progress bar and no report.
     #[arg(long, short)]
     quiet: bool,
+}
+
+/// Names of models that every body can have.
+fn models() -> String {
+    Model::ALL.map(Model::name).join(", ")
 }
 
 #[derive(Args)]
@@ -286,6 +297,8 @@ fn run_scene(arguments: RunArguments) -> Outcome {
             backend: arguments.backend.map(Backend::from),
             threads: arguments.threads,
             steps: arguments.steps,
+            executor: arguments.executor.map(Executor::from),
+            instruction_set: arguments.instruction_set,
         },
         out: arguments.out,
         json: arguments.json.filter(|_| !print_json),

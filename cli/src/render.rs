@@ -146,6 +146,7 @@ pub fn render_scene(arguments: RenderArguments) -> Outcome {
             backend: arguments.backend.map(Into::into),
             threads: arguments.threads,
             steps: arguments.steps,
+            ..BuildOptions::default()
         },
         frames: arguments.frames.map(|n| n as usize),
         size: arguments.size,

@@ -3,8 +3,8 @@
 use crate::build::{BuildOptions, build};
 use crate::error::SceneError;
 use crate::scene::LoadedScene;
-use crate::summary::counted;
-use crate::summary::{Level, Warning, short};
+use crate::text::{counted, short};
+use crate::warning::{Level, Warning};
 use serde::Serialize;
 use sinew::engine::mesh::{CheckOptions, CheckReport, Mesh, MeshError, check};
 use std::fmt;

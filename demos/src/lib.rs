@@ -12,14 +12,13 @@
 //! * [`scene`]: what a scene file may hold, and reading it with file, line and hint in every error.
 //! * [`build`](mod@build): from a scene to a [`sinew::simulation::Simulation`], with everything that
 //!   was found on the way.
-//! * [`axes`]: fibres and muscles of a scene.
+//! * [`probe`]: what probes can record, as a table.
 //! * [`run`](mod@run): the loop over steps, with an observer for progress.
 //! * [`output`]: VTU frames, their PVD index and the CSV of probes.
 //! * [`summary`]: what a run reports, as data and as text.
 //! * [`check`], [`mesh_tool`], [`validate`](mod@validate): the other subcommands.
 //! * [`modes`](mod@modes): modes of free vibration.
 
-pub mod axes;
 pub mod build;
 pub mod check;
 pub mod error;
@@ -28,11 +27,13 @@ pub mod modes;
 pub mod output;
 #[cfg(feature = "render")]
 pub mod picture;
-pub mod resection;
+pub mod probe;
 pub mod run;
 pub mod scene;
 pub mod summary;
+mod text;
 pub mod validate;
+pub mod warning;
 
 use std::path::PathBuf;
 

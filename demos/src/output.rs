@@ -1,16 +1,14 @@
 //! VTU frames with their PVD index, and the CSV of probes. All bodies of a scene are in one frame;
 //! the cell field `body` tells them apart.
 
-use crate::axes::enclosed_volume;
-use crate::build::{BuiltBody, BuiltConstraint, BuiltProbe, BuiltScene};
+use crate::build::{BuiltBody, BuiltScene};
 use crate::error::RunError;
-use crate::scene::Quantity;
+use crate::probe;
 use glam::DVec3;
 use sinew::engine::connectivity::{ByKind, ElementKind};
+use sinew::engine::mesh::CellData;
 use sinew::engine::mesh::io::{VtuData, write_pvd, write_vtu};
-use sinew::engine::mesh::{CellData, Mesh};
 use sinew::models::axes::field::to_cell_data;
-use sinew::simulation::Simulation;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -33,125 +31,9 @@ pub const COMMON_COLUMNS: [&str; 12] = [
 /// Cell data that every frame has.
 const FRAME_CELL_DATA: [&str; 2] = ["J", "body"];
 
-/// Columns of the probes.
-pub fn probe_columns(probes: &[BuiltProbe]) -> Vec<String> {
-    let mut columns = Vec::new();
-    for probe in probes {
-        for quantity in &probe.record {
-            let (name, unit, vector) = quantity.column();
-            let axes: &[&str] = if vector { &["_x", "_y", "_z"] } else { &[""] };
-            columns.extend(axes.iter().map(|axis| format!("{}.{name}{axis} ({unit})", probe.name)));
-        }
-    }
-    columns
-}
-
-/// Values of the probes, in the order of [`probe_columns`].
-pub fn probe_values(
-    simulation: &mut Simulation,
-    bodies: &[BuiltBody],
-    constraints: &[BuiltConstraint],
-    probes: &[BuiltProbe],
-    kinetic_energy: f64,
-) -> Vec<f64> {
-    let mut values = Vec::new();
-    let needs_evaluation = probes.iter().flat_map(|p| &p.record);
-    let elastic = if needs_evaluation
-        .clone()
-        .any(|q| matches!(q, Quantity::Reaction | Quantity::ElasticEnergy))
-    {
-        simulation.evaluate()
-    } else {
-        0.0
-    };
-    for probe in probes {
-        let handle = bodies[probe.body].handle;
-        let needs = |of: &[Quantity]| probe.record.iter().any(|q| of.contains(q));
-        let u = if needs(&[Quantity::MeanDisplacement, Quantity::MaxDisplacement]) {
-            simulation.displacements(handle)
-        } else {
-            Vec::new()
-        };
-        let v = if needs(&[Quantity::MeanVelocity]) {
-            simulation.velocities(handle)
-        } else {
-            Vec::new()
-        };
-        let mean = |x: &[DVec3]| -> DVec3 {
-            let sum: DVec3 = probe.vertices.iter().map(|&i| x[i as usize]).sum();
-            sum / probe.vertices.len().max(1) as f64
-        };
-        for quantity in &probe.record {
-            match quantity {
-                Quantity::MeanDisplacement => values.extend(mean(&u).to_array()),
-                Quantity::MeanVelocity => values.extend(mean(&v).to_array()),
-                Quantity::MaxDisplacement => {
-                    let lengths = probe.vertices.iter().map(|&i| u[i as usize].length());
-                    values.push(lengths.fold(0.0, f64::max));
-                }
-                Quantity::Reaction => {
-                    let time = simulation.time();
-                    let acting = probe
-                        .constraint
-                        .map(|i| &constraints[i])
-                        .filter(|c| time > 0.0 && acts(c, time));
-                    let force = acting.map_or(DVec3::ZERO, |c| simulation.reaction(c.entity));
-                    values.extend(force.to_array());
-                }
-                Quantity::ElasticEnergy => values.push(elastic),
-                Quantity::KineticEnergy => values.push(kinetic_energy),
-                Quantity::MinJ => {
-                    let ratios = simulation.volume_ratios(handle);
-                    values.push(ratios.into_iter().fold(f64::INFINITY, f64::min));
-                }
-                Quantity::Volume => values.push(volume(simulation, &bodies[probe.body])),
-                Quantity::EnclosedVolume => {
-                    let points = deformed(simulation, &bodies[probe.body]);
-                    values.push(enclosed_volume(&points, &probe.faces));
-                }
-                Quantity::MinAreaRatio => {
-                    let ratios = simulation.area_ratios(handle);
-                    values.push(ratios.into_iter().fold(f64::INFINITY, f64::min));
-                }
-            }
-        }
-    }
-    values
-}
-
-/// Points of a body as it is now (m).
-fn deformed(simulation: &mut Simulation, body: &BuiltBody) -> Vec<DVec3> {
-    let u = simulation.displacements(body.handle);
-    body.mesh.points.iter().zip(&u).map(|(x, u)| *x + *u).collect()
-}
-
-/// Volume (m^3) of what is left of a body, as it is now; inverted elements count negative.
-pub fn volume(simulation: &mut Simulation, body: &BuiltBody) -> f64 {
-    let points = deformed(simulation, body);
-    let left = |kind| simulation.remaining(body.handle, kind).into_iter().map(|e| e as usize);
-    let tetrahedra = left(ElementKind::Tetrahedron).map(|e| body.mesh.tetrahedra[e]).collect();
-    let hexahedra = left(ElementKind::Hexahedron).map(|e| body.mesh.hexahedra[e]).collect();
-    Mesh { points, tetrahedra, hexahedra, ..Mesh::default() }.total_volume()
-}
-
-/// Whether a constraint acted on the step that ended at `time` (s).
-pub fn acts(constraint: &BuiltConstraint, time: f64) -> bool {
-    time >= constraint.from && time <= constraint.until
-}
-
 /// Kinds of cells in the order of VTU files.
 const KINDS: [ElementKind; 4] =
     [ElementKind::Tetrahedron, ElementKind::Hexahedron, ElementKind::Triangle, ElementKind::Quad];
-
-/// Number of cells of a kind that a body has in frames.
-pub(crate) fn cell_count(body: &BuiltBody, kind: ElementKind) -> usize {
-    match kind {
-        ElementKind::Tetrahedron => body.mesh.tetrahedra.len(),
-        ElementKind::Hexahedron => body.mesh.hexahedra.len(),
-        ElementKind::Triangle => body.membrane_triangles().len(),
-        ElementKind::Quad => body.membrane_quads().len(),
-    }
-}
 
 /// The fibres of a body as cell data: unit vectors at rest, `NAME_x`, `NAME_y` and `NAME_z`.
 fn fibre_data(body: &BuiltBody) -> Vec<CellData> {
@@ -246,7 +128,7 @@ impl Writer {
         let columns = COMMON_COLUMNS.iter().map(|c| (*c).to_string());
         let header: Vec<String> =
             columns
-                .chain(probe_columns(&built.probes))
+                .chain(probe::columns(&built.probes))
                 .map(|c| {
                     if c.contains([',', '"']) {
                         format!("\"{}\"", c.replace('"', "\"\""))
@@ -315,10 +197,10 @@ impl Writer {
             // of a membrane the ratio of areas
             let mut solid = simulation.volume_ratios(body.handle);
             let mut sheet = simulation.area_ratios(body.handle);
-            let hexahedra = solid.split_off(cell_count(body, ElementKind::Tetrahedron));
-            let quads = sheet.split_off(cell_count(body, ElementKind::Triangle));
+            let hexahedra = solid.split_off(body.element_count(ElementKind::Tetrahedron));
+            let quads = sheet.split_off(body.element_count(ElementKind::Triangle));
             ratios.push(ByKind([solid, sheet, hexahedra, quads]));
-            for c in built.constraints.iter().filter(|c| c.body == i && acts(c, time)) {
+            for c in built.constraints.iter().filter(|c| c.body == i && c.acts(time)) {
                 c.vertices.iter().for_each(|&vertex| held[first + vertex as usize] = 1.0);
             }
         }

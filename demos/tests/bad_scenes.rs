@@ -3,9 +3,12 @@
 use glam::DVec3;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::models::axes::field::to_cell_data;
+use sinew::models::body::Model;
+use sinew::models::sheet::MembraneModel;
 use sinew_demos::build::{BuildOptions, build};
 use sinew_demos::error::SceneError;
 use sinew_demos::mesh_tool::write;
+use sinew_demos::probe::PROBES;
 use sinew_demos::scene::{LoadedScene, Scene};
 use sinew_demos::scene_folder;
 use std::collections::BTreeSet;
@@ -93,6 +96,23 @@ bad! {
         Unknown { .. }, 16, ["`constraint[0]`", "`selection`", "did you mean `select`?"];
     unknown_integrator: "\"safe\"" => "\"netwon\"",
         Unknown { .. }, 7, ["`netwon`", "did you mean `newton`?"];
+    unknown_executor: "dt = 0.01" => "dt = 0.01\nexecutor = \"mutli\"",
+        Unknown { .. }, 4, ["`mutli`", "did you mean `multi`?"];
+    unknown_instruction_set: "dt = 0.01" => "dt = 0.01\ninstruction_set = \"avx\"",
+        Unknown { .. }, 4, ["`avx`", "did you mean `avx2`"];
+    negative_modulus_of_an_angle: "[[constraint]]"
+        => "[[body.fibres]]\nname = \"a\"\nmodulus = 1.0\ndirection = [1, 0, 0]\n\
+            [[body.fibres]]\nname = \"b\"\nmodulus = 1.0\ndirection = [0, 1, 0]\n[body.axes]\n\
+            angles = [{ between = [\"a\", \"b\"], modulus = 1.0 },\n\
+            { between = [\"b\", \"a\"], modulus = -1.0 }]\n[[constraint]]",
+        Axes { .. }, 24, ["`body[0].axes.angles[1].modulus`", "-1 Pa"];
+    negative_modulus_of_volume: "[[constraint]]"
+        => "[body.axes]\nvolume_modulus = -2.0\n[[constraint]]",
+        Axes { .. }, 15, ["`body[0].axes.volume_modulus`", "-2 Pa"];
+    pressure_named_twice: "[[probe]]"
+        => "[[pressure]]\nname = \"p\"\non = { surface = true }\npressure = 1.0\n\
+            [[pressure]]\nname = \"p\"\non = { surface = true }\npressure = 1.0\n[[probe]]",
+        Duplicate { .. }, 29, ["`p`", "pressure"];
     unknown_quantity: "[\"mean_displacement\"]" => "[\"displacement\"]",
         Unknown { .. }, 27, ["`mean_displacement`"];
     not_toml: "dt = 0.01" => "dt = = 0.01", Syntax { .. }, 3, ["extra `=`"];
@@ -304,6 +324,15 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         let rows = text.lines().filter_map(|line| line.strip_prefix("| `"));
         rows.map(|row| row.split('`').next().unwrap().to_owned()).collect()
     };
+    let probes = PROBES.iter().map(|probe| probe.key);
+    for name in
+        probes.chain(Model::ALL.map(Model::name)).chain(MembraneModel::ALL.map(MembraneModel::name))
+    {
+        assert!(
+            readme.contains(&format!("`\"{name}\"`")),
+            "{name} is not in demos/scenes/README.md"
+        );
+    }
     for (title, text) in &sections {
         assert_eq!(documented(title), keys_of(text), "section {title} of demos/scenes/README.md");
     }

@@ -7,11 +7,10 @@ use sinew::models::axes::description::AxisForm;
 use sinew::models::body::Evaluation;
 use sinew::prelude::{Integrator, Precision};
 use sinew::simulation::Backend;
-use sinew_demos::axes::AxesEntry;
 use sinew_demos::build::{BuildOptions, BuiltBody, build};
 use sinew_demos::error::RunError;
 use sinew_demos::run::{RunOptions, Silent, run};
-use sinew_demos::scene::LoadedScene;
+use sinew_demos::scene::{AxesEntry, LoadedScene};
 use std::path::Path;
 
 #[allow(clippy::print_stderr, reason = "a skipped test says so, a comparison its figures")]

@@ -1,7 +1,9 @@
 //! Every shipped scene runs and does what its description says.
 
 use glam::DVec3;
+use sinew::engine::lanes::InstructionSet;
 use sinew::engine::mesh::Mesh;
+use sinew::engine::schedule::Executor;
 use sinew::simulation::Precision;
 use sinew_demos::build::{BuildOptions, BuiltScene};
 use sinew_demos::run::{Observer, RunOptions, Silent, run};
@@ -77,6 +79,7 @@ fn every_shipped_scene_has_a_test_here() {
         "liver_resection",
         "membrane_drum",
         "muscle_bar",
+        "side_by_side",
         "slender_cylinder",
         "static_beam",
         "ventricle",
@@ -415,4 +418,64 @@ fn ventricle_fills_and_ejects_twice() {
     assert!(summary.volume.inverted_max == 0, "{summary}");
     let axes = summary.bodies[0].axes.as_ref().unwrap();
     assert!(axes.volume_ratio[0] > 0.85 && axes.volume_ratio[1] < 1.1, "{summary}");
+}
+
+#[test]
+fn four_systems_run_side_by_side_to_the_same_bits() {
+    let (summary, table) = run_whole("side_by_side", None);
+    assert_eq!((summary.settings.executor, summary.settings.threads), ("multi", 2));
+    // pulled to the side, let go, swung through
+    let top: Vec<f64> = table.vector("top.mean_displacement", "m").iter().map(|u| u.x).collect();
+    let lowest = top[40..].iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(top[40] > 0.005 && lowest < -0.3 * top[40], "{} and {lowest}", top[40]);
+    assert_eq!(summary.volume.inverted_max, 0, "{summary}");
+    let text = summary.to_string();
+    for system in [
+        "tensile springs",
+        "angular springs",
+        "volumetric springs",
+        "compression",
+        "executor multi",
+    ] {
+        assert!(text.contains(system), "{system} is not in\n{text}");
+    }
+
+    let scene = LoadedScene::read(&shipped_scene("side_by_side")).unwrap();
+    for (executor, threads) in
+        [(Executor::SingleThreaded, 1), (Executor::SingleThreaded, 3), (Executor::MultiThreaded, 3)]
+    {
+        let (threads, executor) = (Some(threads), Some(executor));
+        let build = BuildOptions { threads, executor, ..BuildOptions::default() };
+        let other = run(&scene, &RunOptions { build, ..RunOptions::default() }, &mut Silent);
+        let other = other.unwrap();
+        assert_eq!(other.final_state_hash, summary.final_state_hash, "{other}");
+        assert_eq!(other.settings.executor, executor.unwrap().name());
+    }
+}
+
+#[test]
+fn instruction_sets_are_words_of_a_scene_and_a_missing_one_is_refused_by_name() {
+    let text = std::fs::read_to_string(shipped_scene("cantilever")).unwrap();
+    for set in InstructionSet::ALL {
+        let text = format!("instruction_set = \"{}\"\n{text}", set.name());
+        let scene = LoadedScene::parse(&text, &shipped_scene("cantilever")).unwrap();
+        let build = BuildOptions { steps: Some(2), threads: Some(1), ..BuildOptions::default() };
+        let result = run(&scene, &RunOptions { build, ..RunOptions::default() }, &mut Silent);
+        if set.is_available() {
+            let summary = result.unwrap();
+            assert_eq!(summary.settings.instruction_set, set.name());
+            assert!(summary.to_string().contains(&format!("instruction set {}", set.name())));
+        } else {
+            let message = result.unwrap_err().to_string();
+            for part in ["line 1, `instruction_set`", set.name(), "portable"] {
+                assert!(message.contains(part), "{part} is not in: {message}");
+            }
+        }
+        // the command comes before the scene
+        let instruction_set = Some(InstructionSet::Portable);
+        let build = BuildOptions { instruction_set, ..build };
+        let options = RunOptions { build, ..RunOptions::default() };
+        let summary = run(&scene, &options, &mut Silent).unwrap();
+        assert_eq!(summary.settings.instruction_set, "portable");
+    }
 }

@@ -90,6 +90,16 @@ pub enum Executor {
     MultiThreaded,
 }
 
+impl Executor {
+    /// Name in scene files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::SingleThreaded => "single",
+            Self::MultiThreaded => "multi",
+        }
+    }
+}
+
 /// Adds both schedules, empty but for the gather frame, to `world`, with ambiguity as an error.
 pub fn install<S: Scalar>(world: &mut World, executor: Executor) {
     world.init_resource::<Topology>();

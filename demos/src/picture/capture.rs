@@ -1,17 +1,17 @@
 //! Makes a recording of a scene while it runs: an observer that copies what pictures need.
 
-use super::Quantity;
 use super::boundary::{Face, boundary};
 use super::measure::{Measured, Moduli};
+use super::quantity::Quantity;
 use crate::build::{BuiltBody, BuiltScene};
-use crate::output::acts;
 use crate::run::Observer;
-use crate::scene::{LoadedScene, Mode};
+use crate::scene::{LoadedScene, Mode, Scene};
 use bevy_ecs::entity::Entity;
 use glam::{DVec3, Vec3};
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::load::{Load, Pressure};
 use sinew::engine::report::SystemTimes;
+use sinew::engine::topology::BodyRows;
 use sinew_render::colour::{ColourMap, Rgb};
 use sinew_render::scene::{Arrow, Ball, Frame, Recording, Rod};
 use sinew_render::skin::{CREASE_ANGLE, Facet, Skin};
@@ -326,11 +326,23 @@ impl<'a> Recorder<'a> {
             fibres(part, body, &u, FIBRE[usize::from(dark)], &mut rods);
             displacements.push(u);
         }
-        let position = |body: usize, v: u32| {
-            built.bodies[body].mesh.points[v as usize] + displacements[body][v as usize]
-        };
-        for (c, entry) in built.constraints.iter().zip(&self.scene.scene.constraints) {
-            if !acts(c, time) {
+        let now = Now::new(built, step, displacements);
+        self.balls(built, &now, &points, &mut balls);
+        self.forces.push(forces(&self.scene.scene, built, &now));
+        let pushes = self.pushes(built, &now);
+        self.pushes.push(pushes);
+        let note = note(built, step);
+        let (skin, arrows) = (self.skin.clone(), Vec::new());
+        let frame = Frame { step, time, points, skin, fields, balls, arrows, rods, note };
+        self.recording.frames.push(frame);
+        self.seconds += start.elapsed().as_secs_f64();
+    }
+
+    /// Held and moved vertices, and tools.
+    fn balls(&self, built: &BuiltScene, now: &Now, points: &[[f32; 3]], balls: &mut Vec<Ball>) {
+        let scene = &self.scene.scene;
+        for (c, entry) in built.constraints.iter().zip(&scene.constraints) {
+            if !c.acts(now.time) {
                 continue;
             }
             let colour = if entry.motion.is_some() { MOVED } else { HELD };
@@ -343,8 +355,8 @@ impl<'a> Recorder<'a> {
                 }
             }
         }
-        for tool in self.scene.scene.resections.iter().filter_map(|r| r.tool.as_ref()) {
-            let path = &tool.path;
+        for tool in scene.resections.iter().filter_map(|r| r.tool.as_ref()) {
+            let (path, time) = (&tool.path, now.time);
             if let Some(i) = path.windows(2).position(|w| time >= w[0][0] && time <= w[1][0]) {
                 let ([t0, a @ ..], [t1, b @ ..]) = (path[i], path[i + 1]);
                 let s = (time - t0) / (t1 - t0);
@@ -353,82 +365,36 @@ impl<'a> Recorder<'a> {
                 balls.push(Ball { centre, radius: tool.radius as f32, colour: TOOL });
             }
         }
-        // forces: loads at their middle, reactions of what moves
-        let mut forces: Vec<Force> = Vec::new();
-        let centres: Vec<DVec3> = (0..built.bodies.len())
-            .map(|b| {
-                let used = &built.bodies[b].used_vertices;
-                used.iter().map(|&v| position(b, v)).sum::<DVec3>() / used.len().max(1) as f64
-            })
-            .collect();
-        for (c, entry) in built.constraints.iter().zip(&self.scene.scene.constraints) {
-            if step == 0 || entry.motion.is_none() || !acts(c, time) {
-                continue;
-            }
-            let times = built.simulation.world().get_resource::<SystemTimes>().cloned();
-            built.simulation.evaluate();
-            if let Some(times) = times {
-                built.simulation.world_mut().insert_resource(times);
-            }
-            let force = built.simulation.reaction(c.entity).as_vec3();
-            let at: DVec3 = c.vertices.iter().map(|&v| position(c.body, v)).sum();
-            let at = (at / c.vertices.len().max(1) as f64).as_vec3();
-            forces.push((at, force, centres[c.body].as_vec3(), MOVED));
-        }
-        let rows: Vec<_> = built.simulation.topology().bodies.to_vec();
-        let world = built.simulation.world_mut();
-        for load in world.query::<&Load>().iter(world) {
-            let (mut at, mut force, mut centre) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
-            for &(row, f) in &load.forces {
-                let body = rows.iter().position(|b| b.vertices.contains(&row));
-                let Some(body) = body else { continue };
-                let local = (row - rows[body].vertices.start) as usize;
-                at += position(body, rows[body].vertex_order[local]);
-                force += f;
-                centre = centres[body];
-            }
-            let at = at / load.forces.len().max(1) as f64;
-            let force = force * load.curve.value(time);
-            forces.push((at.as_vec3(), force.as_vec3(), centre.as_vec3(), LOAD));
-        }
-        let place = |row: u32| {
-            let body = rows.iter().position(|b| b.vertices.contains(&row));
-            let body = body.expect("pressures act on vertices");
-            let vertex = rows[body].vertex_order[(row - rows[body].vertices.start) as usize];
-            (body, vertex)
-        };
+    }
+
+    /// Pressures on a few faces of each.
+    fn pushes(&mut self, built: &mut BuiltScene, now: &Now) -> Vec<Push> {
+        let BuiltScene { simulation, bodies, .. } = built;
+        let world = simulation.world_mut();
         let mut pushes: Vec<Push> = Vec::new();
         for (entity, pressure) in world.query::<(Entity, &Pressure)>().iter(world) {
-            let now = (pressure.pressure * pressure.curve.value(time)) as f32;
+            let push = (pressure.pressure * pressure.curve.value(now.time)) as f32;
             let count = pressure.faces.len();
             let chosen = self.pushed.entry(entity).or_default();
             if chosen.0 != count {
                 let middle = |face: &[u32; 3]| {
-                    let sum: DVec3 = face
-                        .map(place)
-                        .iter()
-                        .map(|&(body, v)| built.bodies[body].mesh.points[v as usize])
-                        .sum();
-                    sum / 3.0
+                    let places = face.iter().filter_map(|&row| now.place(row));
+                    let points = places.map(|(body, v)| bodies[body].mesh.points[v as usize]);
+                    points.sum::<DVec3>() / 3.0
                 };
                 let middles: Vec<DVec3> = pressure.faces.iter().map(middle).collect();
                 *chosen = (count, spread(&middles, PUSHES));
             }
             for &face in &chosen.1 {
                 let [a, b, c] = pressure.faces[face].map(|row| {
-                    let (body, v) = place(row);
-                    position(body, v).as_vec3()
+                    // pressures act on vertices
+                    let place = now.place(row);
+                    place.map_or(Vec3::ZERO, |(body, v)| now.points[body][v as usize].as_vec3())
                 });
-                pushes.push(((a + b + c) / 3.0, now, (b - a).cross(c - a).normalize_or_zero()));
+                pushes.push(((a + b + c) / 3.0, push, (b - a).cross(c - a).normalize_or_zero()));
             }
         }
-        let note = note(built, step);
-        let (skin, arrows) = (self.skin.clone(), Vec::new());
-        let frame = Frame { step, time, points, skin, fields, balls, arrows, rods, note };
-        self.recording.frames.push(frame);
-        self.forces.push(forces);
-        self.pushes.push(pushes);
-        self.seconds += start.elapsed().as_secs_f64();
+        pushes
     }
 }
 
@@ -455,6 +421,73 @@ impl Observer for Recorder<'_> {
     fn finish(&mut self) {
         self.inner.finish();
     }
+}
+
+/// Where everything is at a step.
+struct Now {
+    time: f64,
+    step: u64,
+    /// Of every body: its points, and the middle of those that elements use (m).
+    points: Vec<Vec<DVec3>>,
+    centres: Vec<DVec3>,
+    rows: Vec<BodyRows>,
+}
+
+impl Now {
+    fn new(built: &BuiltScene, step: u64, displacements: Vec<Vec<DVec3>>) -> Self {
+        let moved = |(body, u): (&BuiltBody, Vec<DVec3>)| -> Vec<DVec3> {
+            body.mesh.points.iter().zip(u).map(|(x, u)| *x + u).collect()
+        };
+        let points: Vec<_> = built.bodies.iter().zip(displacements).map(moved).collect();
+        let middle = |(body, points): (&BuiltBody, &Vec<DVec3>)| {
+            let used = &body.used_vertices;
+            used.iter().map(|&v| points[v as usize]).sum::<DVec3>() / used.len().max(1) as f64
+        };
+        let centres = built.bodies.iter().zip(&points).map(middle).collect();
+        let rows = built.simulation.topology().bodies.to_vec();
+        Self { time: built.simulation.time(), step, points, centres, rows }
+    }
+
+    /// Body and vertex of a row.
+    fn place(&self, row: u32) -> Option<(usize, u32)> {
+        let body = self.rows.iter().position(|b| b.vertices.contains(&row))?;
+        let own = &self.rows[body];
+        Some((body, own.vertex_order[(row - own.vertices.start) as usize]))
+    }
+}
+
+/// Reactions of what moves at its middle, and loads.
+fn forces(scene: &Scene, built: &mut BuiltScene, now: &Now) -> Vec<Force> {
+    let BuiltScene { simulation, constraints, .. } = built;
+    let mut forces = Vec::new();
+    for (c, entry) in constraints.iter().zip(&scene.constraints) {
+        if now.step == 0 || entry.motion.is_none() || !c.acts(now.time) {
+            continue;
+        }
+        let times = simulation.world().get_resource::<SystemTimes>().cloned();
+        simulation.evaluate();
+        if let Some(times) = times {
+            simulation.world_mut().insert_resource(times);
+        }
+        let force = simulation.reaction(c.entity).as_vec3();
+        let at: DVec3 = c.vertices.iter().map(|&v| now.points[c.body][v as usize]).sum();
+        let at = (at / c.vertices.len().max(1) as f64).as_vec3();
+        forces.push((at, force, now.centres[c.body].as_vec3(), MOVED));
+    }
+    let world = simulation.world_mut();
+    for load in world.query::<&Load>().iter(world) {
+        let (mut at, mut force, mut centre) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        for &(row, f) in &load.forces {
+            let Some((body, v)) = now.place(row) else { continue };
+            at += now.points[body][v as usize];
+            force += f;
+            centre = now.centres[body];
+        }
+        let at = at / load.forces.len().max(1) as f64;
+        let force = force * load.curve.value(now.time);
+        forces.push((at.as_vec3(), force.as_vec3(), centre.as_vec3(), LOAD));
+    }
+    forces
 }
 
 /// Indices of at most `count` points that are far from each other: the first, then each time the one furthest

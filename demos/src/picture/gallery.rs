@@ -1,7 +1,8 @@
 //! The gallery: a small picture for every scene that ships and for every paper, and a page that shows them.
 
 use super::job::{RenderJob, RenderJobError, render};
-use super::{Quantity, papers};
+use super::papers;
+use super::quantity::Quantity;
 use crate::error::RunError;
 use crate::run::Silent;
 use crate::scene::LoadedScene;

@@ -1,7 +1,8 @@
 //! From a scene to files.
 
 use super::capture::set_ranges;
-use super::{CaptureOptions, Quantity, Recorder};
+use super::capture::{CaptureOptions, Recorder};
+use super::quantity::Quantity;
 use crate::build::BuildOptions;
 use crate::error::RunError;
 use crate::run::{Observer, RunOptions, Silent, run};

@@ -1,7 +1,8 @@
 //! A picture for each of the papers: several models side by side.
 
+use super::capture::CaptureOptions;
 use super::job::{RenderJobError, Variant, nearest, record};
-use super::{CaptureOptions, Quantity};
+use super::quantity::Quantity;
 use crate::build::BuildOptions;
 use crate::run::Silent;
 use crate::scene::LoadedScene;

@@ -42,7 +42,7 @@ pub use check::{
     Severity, check,
 };
 pub use error::{MeshError, Place};
-pub use surface::Surface;
+pub use surface::{Surface, enclosed_volume};
 
 pub(crate) use cell::{for_equal_cells, sorted};
 

@@ -2,6 +2,7 @@
 
 use super::Mesh;
 use super::cell::{for_equal_cells, hexahedron_faces, quad_triangles, sorted, tetrahedron_faces};
+use glam::DVec3;
 
 /// Faces that bound the volume cells, turned outward.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -94,6 +95,28 @@ impl Mesh {
     }
 }
 
+/// Volume (m^3) between a surface and the cone from its rim to the rim's middle: of a cavity, how much it
+/// holds. Positive where triangles turn outward; 0 without triangles; a closed surface has no rim.
+pub fn enclosed_volume(points: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
+    let point = |v: u32| points[v as usize];
+    let mut edges: Vec<[u32; 2]> =
+        triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+    edges.sort_unstable();
+    let rim = edges.iter().filter(|[a, b]| edges.binary_search(&[*b, *a]).is_err());
+    let (mut sum, mut count) = (DVec3::ZERO, 0.0);
+    for [a, b] in rim {
+        sum += point(*a) + point(*b);
+        count += 2.0;
+    }
+    let middle =
+        if count > 0.0 { sum / count } else { points.first().copied().unwrap_or_default() };
+    let cones = triangles.iter().map(|t| {
+        let [a, b, c] = t.map(|v| point(v) - middle);
+        a.dot(b.cross(c)) / 6.0
+    });
+    cones.sum()
+}
+
 /// Faces that occur once, in the order of the list, and those that occur more than twice.
 fn sort_faces<const N: usize>(
     faces: &[[u32; N]],
@@ -156,8 +179,7 @@ fn join_mixed(faces: &mut Faces, n_points: usize) {
 mod tests {
     use super::*;
     use crate::mesh::cell::mirrored_hexahedron;
-    use crate::mesh::generate::box_hexahedra;
-    use glam::DVec3;
+    use crate::mesh::generate::{box_hexahedra, box_tets, cup_hexahedra};
 
     fn unit_tet() -> Mesh {
         Mesh {
@@ -167,28 +189,27 @@ mod tests {
         }
     }
 
-    /// Divergence theorem: the enclosed volume has the right sign only if all faces turn outward.
-    fn enclosed_volume(mesh: &Mesh) -> f64 {
-        let p = |i: u32| mesh.points[i as usize];
-        mesh.surface_triangles().iter().map(|&[a, b, c]| p(a).dot(p(b).cross(p(c))) / 6.0).sum()
+    /// Has the right sign only if all faces turn outward.
+    fn surface_volume(mesh: &Mesh) -> f64 {
+        enclosed_volume(&mesh.points, &mesh.surface_triangles())
     }
 
     #[test]
     fn surface_turns_outward_for_either_winding() {
         let mut mesh = unit_tet();
-        assert!((enclosed_volume(&mesh) - 1.0 / 6.0).abs() < 1e-15);
+        assert!((surface_volume(&mesh) - 1.0 / 6.0).abs() < 1e-15);
         mesh.tetrahedra[0] = [0, 1, 3, 2];
-        assert!((enclosed_volume(&mesh) - 1.0 / 6.0).abs() < 1e-15);
+        assert!((surface_volume(&mesh) - 1.0 / 6.0).abs() < 1e-15);
         mesh.tetrahedra.push([0, 1, 2, 99]);
         assert_eq!(mesh.surface_triangles().len(), 4);
 
         let mut mesh = box_hexahedra(DVec3::new(2.0, 1.0, 1.0), [2, 1, 3]).unwrap();
-        assert!((enclosed_volume(&mesh) - 2.0).abs() < 1e-14);
+        assert!((surface_volume(&mesh) - 2.0).abs() < 1e-14);
         assert_eq!(mesh.surface_quads().len(), 2 * (2 + 6 + 3));
         for i in [0, 3] {
             mesh.hexahedra[i] = mirrored_hexahedron(mesh.hexahedra[i]);
         }
-        assert!((enclosed_volume(&mesh) - 2.0).abs() < 1e-14);
+        assert!((surface_volume(&mesh) - 2.0).abs() < 1e-14);
         mesh.hexahedra.push([0, 1, 2, 3, 4, 5, 6, 99]);
         assert_eq!(mesh.surface_triangles().len(), 44);
     }
@@ -199,7 +220,7 @@ mod tests {
         mesh.points.push(DVec3::ONE);
         mesh.tetrahedra.push([1, 2, 3, 4]);
         assert_eq!(mesh.surface_triangles().len(), 6);
-        assert!((enclosed_volume(&mesh) - mesh.total_volume()).abs() < 1e-15);
+        assert!((surface_volume(&mesh) - mesh.total_volume()).abs() < 1e-15);
     }
 
     #[test]
@@ -212,12 +233,42 @@ mod tests {
         assert!((mesh.total_volume() - 4.0 / 3.0).abs() < 1e-15);
         let surface = mesh.surface();
         assert_eq!((surface.triangles.len(), surface.quads.len()), (4, 5));
-        assert!((enclosed_volume(&mesh) - mesh.total_volume()).abs() < 1e-15);
+        assert!((surface_volume(&mesh) - mesh.total_volume()).abs() < 1e-15);
         // one tetrahedron alone leaves a gap, and all faces are kept
         mesh.tetrahedra.pop();
         let surface = mesh.surface();
         assert_eq!((surface.triangles.len(), surface.quads.len()), (4, 6));
         let faces = mesh.faces(&mesh.tetrahedra, &mesh.hexahedra);
         assert_eq!(faces.mixed, [sorted(top)]);
+    }
+
+    #[test]
+    fn volumes_of_a_box_and_of_a_cup() {
+        let size = DVec3::new(0.3, 0.2, 0.1);
+        let mesh = box_tets(size, [2, 3, 2]).unwrap();
+        let moved: Vec<DVec3> = mesh.points.iter().map(|p| *p + DVec3::splat(5.0)).collect();
+        let all = enclosed_volume(&moved, &mesh.surface_triangles());
+        assert!((all / 0.006 - 1.0).abs() < 1e-12, "{all}");
+        // without its top, which is flat, the same
+        let top = mesh.group("z1").unwrap();
+        let open: Vec<[u32; 3]> = (0..mesh.triangles.len())
+            .filter(|i| !top.triangles.contains(&(*i as u32)))
+            .map(|i| mesh.triangles[i])
+            .collect();
+        let open = enclosed_volume(&moved, &open);
+        assert!((open.abs() / 0.006 - 1.0).abs() < 1e-12, "{open}");
+
+        let cup = cup_hexahedra([0.02, 0.04], 0.01, 8, 12, 1).unwrap().split_into_simplices();
+        let inner: Vec<[u32; 3]> = cup
+            .group("inner")
+            .unwrap()
+            .triangles
+            .iter()
+            .map(|&t| cup.triangles[t as usize])
+            .collect();
+        let exact = 2.0 / 3.0 * std::f64::consts::PI * 0.02 * 0.02 * 0.04;
+        let cavity = enclosed_volume(&cup.points, &inner).abs();
+        assert!((cavity / exact - 1.0).abs() < 0.02, "{cavity} beside {exact}");
+        assert_eq!(enclosed_volume(&[], &[]), 0.0);
     }
 }

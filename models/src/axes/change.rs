@@ -5,7 +5,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
 use super::columns::*;
-use super::description::AxesError;
+use super::description::{AxesError, ModulusOf};
 use super::muscle::Muscles;
 use super::printed_system::PrintedAxes;
 use crate::body::SoftBody;
@@ -56,7 +56,7 @@ pub fn set_axis_modulus<S: Scalar>(
         return Err(AxesError::Unknown { family: family.to_string(), known });
     };
     if !(modulus >= 0.0 && modulus.is_finite()) {
-        return Err(AxesError::Modulus { what: format!("family `{family}`"), value: modulus });
+        return Err(AxesError::Modulus { of: ModulusOf::Family(family.into()), value: modulus });
     }
     families[index].modulus = modulus;
     let muscles = world.get_resource::<Muscles>().cloned().unwrap_or_default();

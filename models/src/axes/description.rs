@@ -3,6 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
+use std::fmt;
 
 use super::muscle::{MuscleError, MuscleSettings};
 use crate::material::LameParameters;
@@ -159,17 +160,17 @@ impl AxesDescription<'_> {
         if self.families.is_empty() && self.volume_modulus == 0.0 {
             return Err(AxesError::Nothing);
         }
-        let modulus = |what: String, value: f64| match value >= 0.0 && value.is_finite() {
+        let modulus = |of: ModulusOf, value: f64| match value >= 0.0 && value.is_finite() {
             true => Ok(()),
-            false => Err(AxesError::Modulus { what, value }),
+            false => Err(AxesError::Modulus { of, value }),
         };
-        modulus("the term of volume".into(), self.volume_modulus)?;
+        modulus(ModulusOf::Volume, self.volume_modulus)?;
         for (i, family) in self.families.iter().enumerate() {
             let name = || family.name.to_string();
             if self.families[..i].iter().any(|other| other.name == family.name) {
                 return Err(AxesError::Duplicate { family: name() });
             }
-            modulus(format!("family `{}`", family.name), family.modulus)?;
+            modulus(ModulusOf::Family(name()), family.modulus)?;
             let value = family.viscosity;
             if !(value >= 0.0 && value.is_finite()) {
                 return Err(AxesError::Viscosity { family: name(), value });
@@ -203,13 +204,13 @@ impl AxesDescription<'_> {
                 }
             }
         }
-        for angle in &self.angles {
-            let [i, j] = angle.families;
+        for (index, angle) in self.angles.iter().enumerate() {
+            let families @ [i, j] = angle.families;
             if i == j || i.max(j) >= self.families.len() {
                 let count = self.families.len();
-                return Err(AxesError::Angle { families: angle.families, count });
+                return Err(AxesError::Angle { families, count });
             }
-            modulus(format!("the angle of families {i} and {j}"), angle.modulus)?;
+            modulus(ModulusOf::Angle { index, families }, angle.modulus)?;
         }
         Ok(())
     }
@@ -290,6 +291,32 @@ pub struct BodyAxes {
     pub repaired: Vec<usize>,
 }
 
+/// What has a modulus.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ModulusOf {
+    /// The term of volume.
+    Volume,
+    /// The family of that name.
+    Family(String),
+    /// An angle.
+    Angle {
+        /// Place among [`AxesDescription::angles`].
+        index: usize,
+        /// Its families.
+        families: [usize; 2],
+    },
+}
+
+impl fmt::Display for ModulusOf {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Volume => f.write_str("the term of volume"),
+            Self::Family(name) => write!(f, "family `{name}`"),
+            Self::Angle { families: [i, j], .. } => write!(f, "the angle of families {i} and {j}"),
+        }
+    }
+}
+
 /// Axes that cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -312,10 +339,10 @@ pub enum AxesError {
         family: String,
     },
     /// A modulus out of range.
-    #[error("modulus of {what} is {value} Pa; it must be finite and not negative")]
+    #[error("modulus of {of} is {value} Pa; it must be finite and not negative")]
     Modulus {
         /// What has it.
-        what: String,
+        of: ModulusOf,
         /// The modulus (Pa).
         value: f64,
     },

@@ -1,0 +1,207 @@
+//! Axes and muscles: from `[[body.fibres]]` and `[body.axes]` to a description.
+
+use super::curves::factor;
+use super::materials::cell_data;
+use super::select::group_vertices;
+use crate::error::SceneError;
+use crate::scene::{
+    Body, CircularEntry, FibreEntry, HelicoidalEntry, HemicircularEntry, Key, LaplaceEntry, Mode,
+    MuscleEntry,
+};
+use crate::warning::{Level, Warning};
+use sinew::engine::mesh::Mesh;
+use sinew::models::axes::description::{
+    AxesDescription, AxesError, AxisAngle, AxisFamily, ModulusOf,
+};
+use sinew::models::axes::field::{
+    FibreError, FibreField, Laplace, circular, from_cell_data, from_formula, helicoidal,
+    hemicircular, random,
+};
+use sinew::models::axes::muscle::MuscleSettings;
+use sinew::models::body::Model;
+use std::borrow::Cow;
+
+/// The axes of a body, `None` where it has none.
+pub(super) fn axes(
+    key: &Key,
+    body: &Body,
+    mesh: &Mesh,
+    mode: Mode,
+    warnings: &mut Vec<Warning>,
+) -> Result<Option<AxesDescription<'static>>, SceneError> {
+    let error =
+        |key: Key, source| SceneError::Axes { place: key.place(), source: Box::new(source) };
+    if body.fibres.is_empty() && body.axes.is_none() {
+        if body.model == Model::Axes && mesh.is_solid() {
+            return Err(error(key.at("model"), AxesError::Missing));
+        }
+        return Ok(None);
+    }
+    let mut families = Vec::with_capacity(body.fibres.len());
+    for (i, entry) in body.fibres.iter().enumerate() {
+        let key = key.at("fibres").entry(i);
+        let field = directions(&key, entry, mesh)?;
+        if field.repaired > 0 {
+            warnings.push(Warning::new(
+                "scene.fibres.length",
+                Level::Warning,
+                format!("fibres `{}` of body `{}`", entry.name, body.name),
+                format!("{} vectors were not of unit length and were made so", field.repaired),
+                "nothing to do if only their direction was meant",
+            ));
+        }
+        let share = cell_data(&key.at("share_field"), entry.share_field.as_ref(), mesh)?;
+        let muscle = match &entry.muscle {
+            Some(entry) => Some(muscle(&key.at("muscle"), entry, mode)?),
+            None => None,
+        };
+        families.push(AxisFamily {
+            name: Cow::Owned(entry.name.clone()),
+            directions: Cow::Owned(field.directions),
+            modulus: entry.modulus,
+            viscosity: entry.viscosity.unwrap_or(0.0),
+            share: share.map(Cow::Owned),
+            muscle,
+        });
+    }
+    let entry = body.axes.clone().unwrap_or_default();
+    let mut angles = Vec::with_capacity(entry.angles.len());
+    for (i, angle) in entry.angles.iter().enumerate() {
+        let key = key.at("axes.angles").entry(i).at("between");
+        let known = || body.fibres.iter().map(|f| f.name.as_str());
+        let family = |name: &str| {
+            known().position(|f| f == name).ok_or_else(|| key.unknown("fibres", name, known()))
+        };
+        let [a, b] = &angle.between;
+        angles.push(AxisAngle { families: [family(a)?, family(b)?], modulus: angle.modulus });
+    }
+    let volume_modulus = entry.volume_modulus.unwrap_or(0.0);
+    let description = AxesDescription { families, angles, volume_modulus, form: entry.form };
+    let checked = description.validate(mesh.tetrahedra.len(), mesh.hexahedra.len());
+    checked.map_err(|source| error(wrong_key(key, body, &description, &source), source))?;
+    Ok(Some(description))
+}
+
+/// Key of what is wrong.
+fn wrong_key<'a>(key: &Key<'a>, body: &Body, axes: &AxesDescription, error: &AxesError) -> Key<'a> {
+    let of = |family: &str, what: &str| {
+        // of two with the same name the second
+        let at = body.fibres.iter().rposition(|f| f.name == family).unwrap_or(0);
+        key.at("fibres").entry(at).at(what)
+    };
+    let shared = key.at("axes");
+    match error {
+        AxesError::Duplicate { family } => of(family, "name"),
+        AxesError::Share { family, .. } | AxesError::Length { family, .. } => {
+            of(family, "share_field")
+        }
+        AxesError::Direction { family, .. } => of(family, "direction"),
+        AxesError::Muscle { family, source } => of(family, &format!("muscle.{}", source.quantity)),
+        AxesError::NoChord { .. } | AxesError::PrintedMuscle { .. } => shared.at("form"),
+        AxesError::Viscosity { family, .. } => of(family, "viscosity"),
+        AxesError::Angle { families, .. } => {
+            let at = axes.angles.iter().position(|a| a.families == *families).unwrap_or(0);
+            shared.at("angles").entry(at).at("between")
+        }
+        AxesError::Modulus { of: ModulusOf::Volume, .. } => shared.at("volume_modulus"),
+        AxesError::Modulus { of: ModulusOf::Family(family), .. } => of(family, "modulus"),
+        AxesError::Modulus { of: ModulusOf::Angle { index, .. }, .. } => {
+            shared.at("angles").entry(*index).at("modulus")
+        }
+        _ => shared,
+    }
+}
+
+/// The directions of a family: one, or one for every element.
+fn directions(key: &Key, entry: &FibreEntry, mesh: &Mesh) -> Result<FibreField, SceneError> {
+    let given = [
+        entry.direction.is_some(),
+        entry.data.is_some(),
+        entry.formula.is_some(),
+        entry.laplace.is_some(),
+        entry.circular.is_some(),
+        entry.hemicircular.is_some(),
+        entry.helicoidal.is_some(),
+        entry.random.is_some(),
+    ];
+    let keys = "`direction`, `data`, `formula`, `laplace`, `circular`, `hemicircular`, \
+                `helicoidal` and `random`";
+    key.exactly_one(&given, "direction", keys)?;
+    let error = |name: &str| {
+        let place = key.at(name).place();
+        |source: FibreError| SceneError::Fibres { place, source: Box::new(source) }
+    };
+    let point = |name: &str, values: [f64; 3]| key.at(name).finite(values);
+    if let Some(direction) = entry.direction {
+        let key = key.at("direction");
+        let unit = key.finite(direction)?.try_normalize();
+        let unit = unit.ok_or_else(|| key.value("the direction has no length", "give a vector"))?;
+        return Ok(FibreField { directions: vec![unit], repaired: 0 });
+    }
+    if let Some(name) = &entry.data {
+        return from_cell_data(mesh, name).map_err(|source| match source {
+            // near misses first
+            FibreError::Data { .. } if !mesh.cell_data.is_empty() => {
+                let known = mesh.cell_data.iter().filter_map(|d| d.name.strip_suffix("_x"));
+                key.at("data").unknown("vectors", name, known)
+            }
+            source => error("data")(source),
+        });
+    }
+    if let Some([x, y, z]) = &entry.formula {
+        return from_formula(mesh, [x, y, z]).map_err(error("formula"));
+    }
+    if let Some(rule) = &entry.laplace {
+        return by_laplace(&key.at("laplace"), rule, mesh);
+    }
+    if let Some(CircularEntry { centre, axis }) = entry.circular {
+        let (centre, axis) = (point("circular.centre", centre)?, point("circular.axis", axis)?);
+        return circular(mesh, centre, axis).map_err(error("circular"));
+    }
+    if let Some(HemicircularEntry { axis, side }) = entry.hemicircular {
+        let (axis, side) = (point("hemicircular.axis", axis)?, point("hemicircular.side", side)?);
+        return hemicircular(mesh, axis, side).map_err(error("hemicircular"));
+    }
+    if let Some(HelicoidalEntry { centre, axis, degrees }) = entry.helicoidal {
+        let centre = point("helicoidal.centre", centre)?;
+        let axis = point("helicoidal.axis", axis)?;
+        let field = helicoidal(mesh, centre, axis, degrees.to_radians());
+        return field.map_err(error("helicoidal"));
+    }
+    Ok(random(mesh, entry.random.as_ref().map_or(0, |r| r.seed)))
+}
+
+fn by_laplace(key: &Key, rule: &LaplaceEntry, mesh: &Mesh) -> Result<FibreField, SceneError> {
+    let error =
+        |source: FibreError| SceneError::Fibres { place: key.place(), source: Box::new(source) };
+    let inner = group_vertices(&key.at("from"), &rule.from, mesh)?;
+    let outer = group_vertices(&key.at("to"), &rule.to, mesh)?;
+    let (angles, axis) = match (rule.helix, rule.axis) {
+        (Some(angles), Some(axis)) => (angles, axis),
+        (None, None) => return Ok(Laplace::solve(mesh, &inner, &outer).map_err(error)?.through()),
+        (helix, _) => {
+            let (given, missing) =
+                if helix.is_some() { ("helix", "axis") } else { ("axis", "helix") };
+            return Err(key.at(given).missing(
+                format!("key `{missing}`"),
+                "a helix needs angles [inside, outside] (degrees) and an axis; without both, \
+                 fibres run through the wall",
+            ));
+        }
+    };
+    let axis = key.at("axis").finite(axis)?;
+    let laplace = Laplace::solve(mesh, &inner, &outer).map_err(error)?;
+    laplace.helix(axis, angles[0].to_radians(), angles[1].to_radians()).map_err(error)
+}
+
+fn muscle(key: &Key, entry: &MuscleEntry, mode: Mode) -> Result<MuscleSettings, SceneError> {
+    let default = MuscleSettings::default();
+    Ok(MuscleSettings {
+        peak_stress: entry.peak_stress.unwrap_or(default.peak_stress),
+        optimal_stretch: entry.optimal_stretch.unwrap_or(default.optimal_stretch),
+        width: entry.width.unwrap_or(default.width),
+        stiffening: entry.stiffening.unwrap_or(default.stiffening),
+        shortening: entry.shortening.unwrap_or(default.shortening),
+        curve: Some(factor(key, entry.curve.as_ref(), mode)?),
+    })
+}

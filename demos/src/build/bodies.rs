@@ -1,0 +1,198 @@
+//! Bodies and their membranes.
+
+use super::body::{BuiltBody, BuiltMembrane};
+use super::materials::{cell_data, field_error, material};
+use super::scene::BuiltScene;
+use super::select::group_cells;
+use super::{axes, meshes};
+use crate::error::SceneError;
+use crate::scene::{Body, Key, LoadedScene, Membrane};
+use crate::warning::{Level, Warning};
+use glam::DVec3;
+use sinew::engine::mesh::check::Severity;
+use sinew::engine::mesh::{CheckOptions, CheckReport, CheckedMesh, FindingCode, Mesh, check};
+use sinew::models::body::BodyDescription;
+use sinew::models::material::YoungPoisson;
+use sinew::models::sheet::MembraneSettings;
+
+/// Adds the bodies of a scene.
+pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
+    for (i, entry) in loaded.scene.bodies.iter().enumerate() {
+        let body = body(&loaded.key("body").entry(i), entry, built)?;
+        built.bodies.push(body);
+    }
+    Ok(())
+}
+
+fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, SceneError> {
+    let entry = &body.material;
+    let material = material(&key.at("material"), entry)?;
+    let mesh = meshes::placed(key, body)?;
+    let mesh_key = meshes::source(key, body);
+    let mut checked = check(&mesh, &CheckOptions::default())
+        .map_err(|source| SceneError::Check { place: mesh_key.place(), source })?;
+    let membrane = match &body.membrane {
+        Some(entry) => Some(membrane(&key.at("membrane"), entry, &checked.mesh, material)?),
+        None => None,
+    };
+    if !checked.mesh.is_solid() && membrane.is_none() {
+        return Err(mesh_key.value(
+            "the mesh has faces but no tetrahedra or hexahedra",
+            "give them a thickness, membrane = { thickness = 0.001 }, or fill the mesh with \
+             tetrahedra (Gmsh, TetGen)",
+        ));
+    }
+    if let Some(membrane) = &membrane {
+        count_membrane_vertices(&mut checked, membrane);
+    }
+    warn_of_findings(&body.name, &checked.report, material, &mut built.warnings);
+    let field = |quantity: &str, name: &Option<String>| {
+        let key = key.at("material").at(format!("{quantity}_field"));
+        cell_data(&key, name.as_ref(), &checked.mesh)
+    };
+    let young_modulus = field("young_modulus", &entry.young_modulus_field)?;
+    let poisson_ratio = field("poisson_ratio", &entry.poisson_ratio_field)?;
+    let density = field("density", &entry.density_field)?;
+    let axes = axes::axes(key, body, &checked.mesh, built.plan.mode, &mut built.warnings)?;
+    let description = BodyDescription {
+        axes: axes.clone(),
+        young_modulus: young_modulus.as_deref(),
+        poisson_ratio: poisson_ratio.as_deref(),
+        density: density.as_deref(),
+        model: body.model,
+        evaluation: body.evaluation,
+        springs: body.element_method,
+        membrane: membrane.as_ref().map(|m| m.settings.of(&m.triangles, &m.quads)),
+        ..BodyDescription::new(&body.name, &checked.mesh, material)
+    };
+    let counts = (checked.mesh.tetrahedra.len(), checked.mesh.hexahedra.len());
+    description
+        .material_field()
+        .validate(counts.0, counts.1)
+        .map_err(|source| field_error(&key.at("material"), entry, &checked.mesh, source))?;
+    let solid = match description.density {
+        Some(density) => mass_of(&checked.mesh, density),
+        None => checked.report.statistics.total_volume * material.density,
+    };
+    let sheet = membrane.as_ref().map_or(0.0, |m| m.area * m.settings.surface().1);
+    let handle = built
+        .simulation
+        .add_body(&description)
+        .map_err(|source| SceneError::Body { place: mesh_key.place(), source: Box::new(source) })?;
+    Ok(BuiltBody {
+        name: body.name.clone(),
+        handle,
+        mesh: checked.mesh,
+        report: checked.report,
+        used_vertices: checked.used_vertices,
+        material,
+        mass: solid + sheet,
+        membrane,
+        preset: entry.preset.clone(),
+        model: body.model,
+        evaluation: body.evaluation,
+        element_method: body.element_method,
+        axes,
+    })
+}
+
+/// Mass (kg) of the solid elements of a mesh with a density (kg/m^3) each.
+fn mass_of(mesh: &Mesh, density: &[f64]) -> f64 {
+    let tetrahedra = mesh.tetrahedra.iter().map(|&t| mesh.signed_volume(t));
+    let hexahedra = mesh.hexahedra.iter().map(|&h| mesh.hexahedron_volume(h));
+    let volumes = tetrahedra.chain(hexahedra).map(|volume| volume.unwrap_or(0.0));
+    volumes.zip(density).map(|(volume, rho)| rho * volume).sum()
+}
+
+/// The check of a mesh does not know of the membrane: which vertices are used depends on it.
+fn count_membrane_vertices(checked: &mut CheckedMesh, membrane: &BuiltMembrane) {
+    let used = &mut checked.used_vertices;
+    *used = checked.mesh.tetrahedra.as_flattened().to_vec();
+    used.extend(checked.mesh.hexahedra.as_flattened());
+    used.extend(membrane.triangles.as_flattened());
+    used.extend(membrane.quads.as_flattened());
+    used.sort_unstable();
+    used.dedup();
+    let unused = checked.mesh.points.len() - used.len();
+    let findings = &mut checked.report.findings;
+    findings.retain(|f| f.code != FindingCode::UnusedVertices || unused > 0);
+    for finding in findings.iter_mut().filter(|f| f.code == FindingCode::UnusedVertices) {
+        (finding.count, finding.entity) = (unused, String::new());
+        finding.message = format!("{unused} vertices belong to no element and are left out");
+    }
+}
+
+/// What checks of the mesh and of the material found.
+fn warn_of_findings(
+    body: &str,
+    report: &CheckReport,
+    material: YoungPoisson,
+    warnings: &mut Vec<Warning>,
+) {
+    let subject = format!("body `{body}`");
+    warnings.extend(report.findings.iter().map(|finding| Warning {
+        code: format!("mesh.{}", finding.code),
+        level: match finding.severity {
+            Severity::Info => Level::Note,
+            _ => Level::Warning,
+        },
+        subject: subject.clone(),
+        message: if finding.entity.is_empty() {
+            finding.message.clone()
+        } else {
+            format!("{}: {}", finding.message, finding.entity)
+        },
+        remedy: finding.remedy.clone(),
+    }));
+    warnings.extend(
+        material
+            .findings()
+            .into_iter()
+            .map(|f| Warning::new(f.code, Level::Warning, &subject, f.message, f.remedy)),
+    );
+}
+
+/// The membrane of a body: its triangles and quadrilaterals, and what they are made of.
+fn membrane(
+    key: &Key,
+    entry: &Membrane,
+    mesh: &Mesh,
+    base: YoungPoisson,
+) -> Result<BuiltMembrane, SceneError> {
+    let material = match &entry.material {
+        Some(own) => material(&key.at("material"), own)?,
+        None => base,
+    };
+    key.at("thickness").positive(entry.thickness, "the thickness", "m")?;
+    if !entry.model.supports(entry.evaluation) {
+        let found = format!("model \"{}\" has no pooled evaluation", entry.model.name());
+        return Err(key.at("evaluation").value(found, "leave it out"));
+    }
+    let (triangles, quads) = match (&entry.group, entry.surface) {
+        (Some(group), None) => group_cells(key, group, mesh)?,
+        (None, Some(true)) => {
+            let surface = mesh.surface();
+            (surface.triangles, surface.quads)
+        }
+        (None, None) if !mesh.is_solid() => (mesh.triangles.clone(), mesh.quads.clone()),
+        _ => {
+            let found = "not exactly one kind of cells is given";
+            return Err(key.value(found, "give `group`, or `surface = true`"));
+        }
+    };
+    if triangles.is_empty() && quads.is_empty() {
+        return Err(key.value("it has no triangles and no quadrilaterals", "choose other ones"));
+    }
+    let twice = |points: &[u32]| {
+        let sides = (0..points.len()).map(|i| {
+            let [a, b] = [points[i], points[(i + 1) % points.len()]];
+            mesh.points[a as usize].cross(mesh.points[b as usize])
+        });
+        sides.sum::<DVec3>().length()
+    };
+    let areas = triangles.iter().map(|t| twice(t)).chain(quads.iter().map(|q| twice(q)));
+    let area = 0.5 * areas.sum::<f64>();
+    let Membrane { thickness, plane, model, evaluation, element_method: springs, .. } = *entry;
+    let settings = MembraneSettings { thickness, material, plane, model, evaluation, springs };
+    Ok(BuiltMembrane { triangles, quads, settings, area })
+}

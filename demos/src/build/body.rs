@@ -1,0 +1,91 @@
+//! A body of a scene, built.
+
+use glam::DVec3;
+use sinew::engine::connectivity::ElementKind;
+use sinew::engine::mesh::{CheckReport, Mesh};
+use sinew::identify::ElementMethod;
+use sinew::models::axes::description::AxesDescription;
+use sinew::models::body::{Evaluation, Model};
+use sinew::models::material::YoungPoisson;
+use sinew::models::sheet::MembraneSettings;
+use sinew::simulation::{BodyHandle, Simulation};
+
+/// A body in the simulation.
+pub struct BuiltBody {
+    /// Name.
+    pub name: String,
+    /// The body.
+    pub handle: BodyHandle,
+    /// Its mesh, in place and repaired.
+    pub mesh: Mesh,
+    /// What the check found.
+    pub report: CheckReport,
+    /// Vertices that its elements use, sorted.
+    pub used_vertices: Vec<u32>,
+    /// Material.
+    pub material: YoungPoisson,
+    /// Sum of the masses of its elements (kg).
+    pub mass: f64,
+    /// Its membrane.
+    pub membrane: Option<BuiltMembrane>,
+    /// Preset that it came from.
+    pub preset: Option<String>,
+    /// Energy.
+    pub model: Model,
+    /// Evaluation.
+    pub evaluation: Evaluation,
+    /// How constants of lumped springs are found, where the scene says so.
+    pub element_method: Option<ElementMethod>,
+    /// Axes.
+    pub axes: Option<AxesDescription<'static>>,
+}
+
+/// The membrane of a body.
+#[derive(Clone, Debug)]
+pub struct BuiltMembrane {
+    /// Triangles.
+    pub triangles: Vec<[u32; 3]>,
+    /// Quadrilaterals.
+    pub quads: Vec<[u32; 4]>,
+    /// What it is made of.
+    pub settings: MembraneSettings,
+    /// Area (m^2).
+    pub area: f64,
+}
+
+impl BuiltBody {
+    /// Triangles of its membrane, none without one.
+    pub fn membrane_triangles(&self) -> &[[u32; 3]] {
+        self.membrane.as_ref().map_or(&[], |m| &m.triangles)
+    }
+
+    /// Quadrilaterals of its membrane, none without one.
+    pub fn membrane_quads(&self) -> &[[u32; 4]] {
+        self.membrane.as_ref().map_or(&[], |m| &m.quads)
+    }
+
+    /// Number of elements of a kind.
+    pub fn element_count(&self, kind: ElementKind) -> usize {
+        match kind {
+            ElementKind::Tetrahedron => self.mesh.tetrahedra.len(),
+            ElementKind::Hexahedron => self.mesh.hexahedra.len(),
+            ElementKind::Triangle => self.membrane_triangles().len(),
+            ElementKind::Quad => self.membrane_quads().len(),
+        }
+    }
+
+    /// Points of the body as it is now (m).
+    pub fn deformed(&self, simulation: &mut Simulation) -> Vec<DVec3> {
+        let u = simulation.displacements(self.handle);
+        self.mesh.points.iter().zip(&u).map(|(x, u)| *x + *u).collect()
+    }
+
+    /// Volume (m^3) of what is left of it, as it is now; inverted elements count negative.
+    pub fn volume(&self, simulation: &mut Simulation) -> f64 {
+        let points = self.deformed(simulation);
+        let left = |kind| simulation.remaining(self.handle, kind).into_iter().map(|e| e as usize);
+        let tetrahedra = left(ElementKind::Tetrahedron).map(|e| self.mesh.tetrahedra[e]).collect();
+        let hexahedra = left(ElementKind::Hexahedron).map(|e| self.mesh.hexahedra[e]).collect();
+        Mesh { points, tetrahedra, hexahedra, ..Mesh::default() }.total_volume()
+    }
+}

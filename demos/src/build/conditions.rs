@@ -1,0 +1,59 @@
+//! What acts on the bodies of a scene, built.
+
+use bevy_ecs::entity::Entity;
+use glam::DVec3;
+use sinew::engine::vertex::FixedAxes;
+
+/// A constraint in the simulation.
+#[derive(Clone, Debug)]
+pub struct BuiltConstraint {
+    /// Name.
+    pub name: String,
+    /// Index of the body.
+    pub body: usize,
+    /// The constraint.
+    pub entity: Entity,
+    /// Vertices, sorted.
+    pub vertices: Vec<u32>,
+    /// Held axes.
+    pub axes: FixedAxes,
+    /// Time (s) from which it acts.
+    pub from: f64,
+    /// Time (s) until which it acts.
+    pub until: f64,
+    /// What it does, in words.
+    pub motion: String,
+}
+
+impl BuiltConstraint {
+    /// Whether it acted on the step that ended at `time` (s).
+    pub fn acts(&self, time: f64) -> bool {
+        time >= self.from && time <= self.until
+    }
+}
+
+/// A load in the simulation.
+#[derive(Clone, Debug)]
+pub struct BuiltLoad {
+    /// Name.
+    pub name: String,
+    /// Index of the body.
+    pub body: usize,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Total force (N) at curve value 1.
+    pub force: DVec3,
+}
+
+/// A pressure in the simulation.
+#[derive(Clone, Debug)]
+pub struct BuiltPressure {
+    /// Name.
+    pub name: String,
+    /// Index of the body.
+    pub body: usize,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Pressure (Pa) at curve value 1.
+    pub pressure: f64,
+}

@@ -1,0 +1,179 @@
+//! Held and moved vertices.
+
+use super::conditions::BuiltConstraint;
+use super::curves::factor;
+use super::scene::BuiltScene;
+use super::select::{select, which_body};
+use crate::error::SceneError;
+use crate::scene::{ConstraintEntry, Key, LoadedScene, Mode, MotionEntry};
+use crate::warning::{Level, Warning};
+use sinew::engine::load::{Constraint, Motion};
+use sinew::engine::vertex::FixedAxes;
+
+/// Adds the constraints of a scene.
+pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
+    for (i, entry) in loaded.scene.constraints.iter().enumerate() {
+        let constraint = constraint(&loaded.key("constraint").entry(i), entry, built)?;
+        built.constraints.push(constraint);
+    }
+    Ok(())
+}
+
+fn constraint(
+    key: &Key,
+    entry: &ConstraintEntry,
+    built: &mut BuiltScene,
+) -> Result<BuiltConstraint, SceneError> {
+    let mode = built.plan.mode;
+    let body = which_body(key, entry.body.as_deref(), &built.bodies)?;
+    let vertices = select(&key.at("select"), &entry.select, &built.bodies[body])?;
+    let axes = held_axes(&key.at("axes"), entry.axes.as_deref())?;
+    let (motion, words) = motion(&key.at("motion"), entry.motion.as_ref())?;
+    if entry.motion.is_none() && entry.curve.is_some() {
+        return Err(key.at("curve").value(
+            "a curve without a motion",
+            "add `motion`, or use `from` and `until` to hold and release",
+        ));
+    }
+    let curve = factor(key, entry.curve.as_ref(), mode)?;
+    let [from, until] = window(key, entry, mode)?;
+    let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
+    let rows = built.simulation.rows(handle, &name, &vertices).map_err(|source| {
+        SceneError::Simulation { place: key.place(), source: Box::new(source) }
+    })?;
+    let mut constraint = Constraint::moving(name.clone(), rows, motion, curve);
+    (constraint.axes, constraint.from, constraint.until) = (axes, from, until);
+    let entity = built.simulation.add_constraint(constraint);
+    let own = BuiltConstraint { name, body, entity, vertices, axes, from, until, motion: words };
+    warn_about(&own, entry, built);
+    Ok(own)
+}
+
+/// A motion, and the same in words.
+fn motion(key: &Key, entry: Option<&MotionEntry>) -> Result<(Motion, String), SceneError> {
+    match entry.map(|m| (&m.translate, &m.rotate)) {
+        None => Ok((Motion::Hold, "held".into())),
+        Some((Some(d), None)) => {
+            let d = key.at("translate").finite(*d)?;
+            let words = format!("moved by [{}, {}, {}] m", d.x, d.y, d.z);
+            Ok((Motion::Translate(d), words))
+        }
+        Some((None, Some(turn))) => {
+            let key = key.at("rotate");
+            let axis = key.axis(turn.axis)?;
+            let centre = key.at("centre").finite(turn.centre)?;
+            key.at("degrees").finite([turn.degrees])?;
+            let angle = turn.degrees.to_radians();
+            let words = format!("turned by {} degrees", turn.degrees);
+            Ok((Motion::Rotate { centre, axis, angle }, words))
+        }
+        Some(_) => {
+            let found = "not exactly one motion is given";
+            Err(key.value(found, "give `translate` or `rotate`"))
+        }
+    }
+}
+
+/// Times (s) from which and until which it acts.
+fn window(key: &Key, entry: &ConstraintEntry, mode: Mode) -> Result<[f64; 2], SceneError> {
+    for (name, value) in [("from", entry.from), ("until", entry.until)] {
+        let Some(value) = value else { continue };
+        let key = key.at(name);
+        if mode == Mode::Static {
+            let found = format!("`{name}` in a static scene");
+            return Err(key.value(found, "leave it out, there is no time"));
+        }
+        key.finite([value])?;
+    }
+    let from = entry.from.unwrap_or(f64::NEG_INFINITY);
+    let until = entry.until.unwrap_or(f64::INFINITY);
+    if from >= until {
+        let found = format!("it acts from {from} s until {until} s");
+        return Err(key.at("until").value(found, "make `until` later than `from`"));
+    }
+    Ok([from, until])
+}
+
+/// What may not be meant: a motion in one step, vertices that an earlier constraint holds too.
+fn warn_about(own: &BuiltConstraint, entry: &ConstraintEntry, built: &mut BuiltScene) {
+    let BuiltScene { constraints, warnings, plan, .. } = built;
+    let subject = format!("constraint `{}`", own.name);
+    let mut warn = |code: &str, message: String, remedy: &str| {
+        warnings.push(Warning::new(code, Level::Warning, &subject, message, remedy));
+    };
+    if plan.mode == Mode::Dynamic && entry.motion.is_some() && entry.curve.is_none() {
+        warn(
+            "scene.motion.jump",
+            "the whole motion happens in its first step".into(),
+            "add a curve such as `curve = { ramp = [0.0, 1.0] }`",
+        );
+    }
+    for other in constraints.iter() {
+        if other.body != own.body
+            || other.axes.0 & own.axes.0 == 0
+            || own.from >= other.until
+            || other.from >= own.until
+        {
+            continue;
+        }
+        let held = |v: &&u32| other.vertices.binary_search(v).is_ok();
+        let shared = own.vertices.iter().filter(held).count();
+        if shared > 0 {
+            warn(
+                "scene.constraint.overlap",
+                format!("{shared} of its vertices are held by `{}` too", other.name),
+                "the later entry wins; make the selections disjoint",
+            );
+        }
+    }
+}
+
+fn held_axes(key: &Key, axes: Option<&str>) -> Result<FixedAxes, SceneError> {
+    let Some(axes) = axes else { return Ok(FixedAxes::ALL) };
+    let mut bits = 0u8;
+    for letter in axes.chars() {
+        let bit = "xyz".find(letter).map_or(0, |k| 1 << k);
+        if bit == 0 || bits & bit != 0 {
+            bits = 0;
+            break;
+        }
+        bits |= bit;
+    }
+    if bits == 0 {
+        return Err(key.value(
+            format!("axes are \"{axes}\""),
+            "use the letters x, y and z, each at most once, such as \"xyz\" or \"z\"",
+        ));
+    }
+    Ok(FixedAxes(bits))
+}
+
+/// Every body is held against rigid motion, as far as counting tells.
+pub(super) fn check_all_held(loaded: &LoadedScene, built: &BuiltScene) -> Result<(), SceneError> {
+    for (i, body) in built.bodies.iter().enumerate() {
+        let own = || built.constraints.iter().filter(move |c| c.body == i);
+        let held = own().fold(0, |held, c| held | c.axes.0);
+        let free: Vec<&str> = ["x", "y", "z"]
+            .into_iter()
+            .enumerate()
+            .filter_map(|(k, name)| (held >> k & 1 == 0).then_some(name))
+            .collect();
+        // six rigid motions need six held unknowns; a vertex in two constraints counts once
+        let mut unknowns: Vec<(u32, usize)> = own()
+            .flat_map(|c| c.vertices.iter().map(move |&v| (v, c.axes)))
+            .flat_map(|(v, axes)| (0..3).filter(move |&k| axes.holds(k)).map(move |k| (v, k)))
+            .collect();
+        unknowns.sort_unstable();
+        unknowns.dedup();
+        let motion = if !free.is_empty() {
+            format!("translation along {}", free.join(", "))
+        } else if unknowns.len() < 6 {
+            format!("rotation ({} unknowns are held, at least 6 are needed)", unknowns.len())
+        } else {
+            continue;
+        };
+        let place = loaded.place(format!("body[{i}].name"));
+        return Err(SceneError::NotHeld { place, body: body.name.clone(), motion });
+    }
+    Ok(())
+}

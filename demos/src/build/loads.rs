@@ -1,0 +1,91 @@
+//! Forces and pressures.
+
+use super::conditions::{BuiltLoad, BuiltPressure};
+use super::curves::factor;
+use super::scene::BuiltScene;
+use super::select::{faces, select, which_body};
+use crate::error::SceneError;
+use crate::scene::LoadedScene;
+use crate::warning::{Level, Warning};
+use sinew::engine::load::{Load, Pressure};
+use std::collections::HashMap;
+
+/// Adds the loads of a scene.
+pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
+    for (i, entry) in loaded.scene.loads.iter().enumerate() {
+        let key = loaded.key("load").entry(i);
+        let body = which_body(&key, entry.body.as_deref(), &built.bodies)?;
+        let vertices = select(&key.at("select"), &entry.select, &built.bodies[body])?;
+        let force = key.at("force").finite(entry.force)?;
+        let curve = factor(&key, entry.curve.as_ref(), built.plan.mode)?;
+        let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
+        let rows = built.simulation.rows(handle, &name, &vertices).map_err(|source| {
+            SceneError::Simulation { place: key.place(), source: Box::new(source) }
+        })?;
+        let share = force / rows.len() as f64;
+        let forces = rows.iter().map(|&row| (row, share)).collect();
+        built.simulation.add_load(Load { name: name.clone(), forces, curve });
+        built.loads.push(BuiltLoad { name, body, vertices: rows.len(), force });
+    }
+    Ok(())
+}
+
+/// Adds the pressures of a scene.
+pub(super) fn add_pressures(
+    loaded: &LoadedScene,
+    built: &mut BuiltScene,
+) -> Result<(), SceneError> {
+    for (i, entry) in loaded.scene.pressures.iter().enumerate() {
+        let key = loaded.key("pressure").entry(i);
+        let body = which_body(&key, entry.body.as_deref(), &built.bodies)?;
+        let on = key.at("on");
+        let (triangles, share) = faces(&on, &entry.on, &built.bodies[body])?;
+        key.at("pressure").finite([entry.pressure])?;
+        let curve = factor(&key, entry.curve.as_ref(), built.plan.mode)?;
+        let free = free_rim_edges(&triangles, share == 1.0, body, built);
+        if free > 0 {
+            built.warnings.push(Warning::new(
+                "scene.pressure.rim",
+                Level::Note,
+                format!("pressure `{}`", entry.name),
+                format!(
+                    "{free} edges of its rim are free to move: there it has no potential, and \
+                     energies of implicit steps are approximate"
+                ),
+                "hold the rim, or put it on a closed surface, for exact energies",
+            ));
+        }
+        let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
+        let faces = built.simulation.face_rows(handle, &name, &triangles).map_err(|source| {
+            SceneError::Simulation { place: on.place(), source: Box::new(source) }
+        })?;
+        let pressure = entry.pressure * share;
+        built.simulation.add_pressure(Pressure { name: name.clone(), faces, pressure, curve });
+        let (triangles, pressure) = (triangles.len(), entry.pressure);
+        built.pressures.push(BuiltPressure { name, body, triangles, pressure });
+    }
+    Ok(())
+}
+
+/// Edges of the rim of some triangles with an end that no constraint holds. Where every face comes `once`,
+/// rim edges belong to one triangle; faces that are cut twice share their diagonals, which they pass in
+/// opposite directions.
+fn free_rim_edges(triangles: &[[u32; 3]], once: bool, body: usize, built: &BuiltScene) -> usize {
+    let mut edges = HashMap::new();
+    for &[a, b, c] in triangles {
+        for (a, b) in [(a, b), (b, c), (c, a)] {
+            let (count, turns) = edges.entry((a.min(b), a.max(b))).or_insert((0, 0));
+            *count += 1;
+            *turns += if a < b { 1 } else { -1 };
+        }
+    }
+    let held = |v: u32| {
+        let mut own = built.constraints.iter().filter(|c| c.body == body);
+        own.any(|c| c.vertices.binary_search(&v).is_ok())
+    };
+    let is_rim = |count: i32, turns: i32| if once { count == 1 } else { turns != 0 };
+    edges
+        .iter()
+        .filter(|((a, b), (count, turns))| is_rim(*count, *turns) && !(held(*a) && held(*b)))
+        .count()
+}

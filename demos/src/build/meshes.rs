@@ -1,0 +1,112 @@
+//! Meshes: read or generated, and put in place.
+
+use crate::error::SceneError;
+use crate::scene::{Body, Generate, Key, Rotation, SheetCells, SolidCells};
+use glam::{DQuat, DVec2, DVec3};
+use sinew::engine::load::rotation;
+use sinew::engine::mesh::generate::{
+    box_hexahedra, box_tets, cup_hexahedra, cylinder_hexahedra, cylinder_tets, disc_triangles,
+    irregular_box_tets, jitter_interior, quad_grid, specimen_hexahedra, specimen_quads,
+    specimen_tets, specimen_triangles, sphere_tets, sphere_triangles, triangle_grid,
+};
+use sinew::engine::mesh::{Mesh, MeshError};
+
+/// The mesh of a generated shape.
+///
+/// # Errors
+/// [`MeshError`] when a parameter is out of range, `Ok(None)` unless exactly one shape is given.
+pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
+    let Generate { cuboid, cylinder, sphere, sheet, specimen, disc, balloon, cup } = shape;
+    let shapes = [
+        cuboid.as_ref().map(|s| {
+            let size = DVec3::from_array(s.size);
+            match s.elements {
+                SolidCells::Tetrahedra => box_tets(size, s.cells),
+                SolidCells::Hexahedra => box_hexahedra(size, s.cells),
+                SolidCells::Irregular => {
+                    irregular_box_tets(size, s.cells, 0.15, s.seed.unwrap_or(0))
+                }
+            }
+        }),
+        cylinder.as_ref().map(|s| match s.elements {
+            SolidCells::Tetrahedra => cylinder_tets(s.radius, s.length, s.rings, s.layers),
+            SolidCells::Hexahedra => {
+                cylinder_hexahedra(s.radius, s.length, 2 * s.rings, s.rings, s.layers)
+            }
+            SolidCells::Irregular => cylinder_tets(s.radius, s.length, s.rings, s.layers)
+                .and_then(|mesh| jitter_interior(&mesh, 0.15, 0)),
+        }),
+        sphere.as_ref().map(|s| sphere_tets(s.radius, s.shells)),
+        sheet.as_ref().map(|s| {
+            let size = DVec2::from_array(s.size);
+            match s.elements {
+                SheetCells::Triangles => triangle_grid(size, s.cells),
+                SheetCells::Quads => quad_grid(size, s.cells),
+            }
+        }),
+        specimen.as_ref().map(|s| {
+            let cells = |i: usize| s.cells.get(i).copied().unwrap_or(0);
+            let (flat, deep) = ([cells(0), cells(1)], [cells(0), cells(1), cells(2)]);
+            match (s.thickness, s.solid, s.sheet.unwrap_or_default()) {
+                (None, _, SheetCells::Triangles) => specimen_triangles(s.width, flat),
+                (None, _, SheetCells::Quads) => specimen_quads(s.width, flat),
+                (Some(t), Some(SolidCells::Hexahedra), _) => specimen_hexahedra(s.width, t, deep),
+                (Some(t), ..) => specimen_tets(s.width, t, deep),
+            }
+        }),
+        disc.as_ref().map(|s| disc_triangles(s.radius, s.rings)),
+        balloon.as_ref().map(|s| sphere_triangles(s.radius, s.cuts)),
+        cup.as_ref().map(|s| {
+            let mesh = cup_hexahedra([s.radius, s.depth], s.wall, s.core, s.rings, s.layers)?;
+            match s.elements {
+                SolidCells::Hexahedra => Ok(mesh),
+                SolidCells::Tetrahedra => Ok(mesh.split_into_simplices()),
+                SolidCells::Irregular => jitter_interior(&mesh.split_into_simplices(), 0.15, 0),
+            }
+        }),
+    ];
+    let mut given = shapes.into_iter().flatten();
+    match (given.next(), given.next()) {
+        (Some(mesh), None) => mesh.map(Some),
+        _ => Ok(None),
+    }
+}
+
+/// Key of what the mesh of a body comes from.
+pub(super) fn source<'a>(key: &Key<'a>, body: &Body) -> Key<'a> {
+    key.at(if body.mesh.is_some() { "mesh" } else { "generate" })
+}
+
+/// Reads or generates the mesh of a body and puts it in place.
+pub(super) fn placed(key: &Key, body: &Body) -> Result<Mesh, SceneError> {
+    let own = source(key, body);
+    let error = |source| SceneError::Mesh { place: own.place(), source: Box::new(source) };
+    let mesh = match (&body.mesh, &body.generate) {
+        (Some(path), None) => key.loaded.read_mesh(path).map_err(error)?,
+        (None, Some(shape)) => generate(shape).map_err(error)?.ok_or_else(|| {
+            let remedy = "give one of `box`, `cylinder`, `sphere`, `sheet`, `specimen`, `disc`, \
+                          `balloon` and `cup`";
+            own.value("not exactly one shape is given", remedy)
+        })?,
+        (None, None) => {
+            let remedy = "give `mesh` (a file) or `generate` (a shape)";
+            return Err(key.missing("the mesh", remedy));
+        }
+        (Some(_), Some(_)) => {
+            let found = "both `mesh` and `generate` are given";
+            return Err(key.at("generate").value(found, "keep one of them"));
+        }
+    };
+    let scale = key.at("scale").positive(body.scale.unwrap_or(1.0), "scale", "")?;
+    let rotation = match &body.rotate {
+        Some(Rotation { axis, degrees }) => {
+            let key = key.at("rotate");
+            let axis = key.axis(*axis)?;
+            key.at("degrees").finite([*degrees])?;
+            rotation(axis, degrees.to_radians())
+        }
+        None => DQuat::IDENTITY,
+    };
+    let translation = key.at("translate").finite(body.translate.unwrap_or_default())?;
+    Ok(mesh.transformed(scale, rotation, translation))
+}

@@ -1,0 +1,142 @@
+//! From a scene to a simulation. Everything is checked here, before the first step, and everything
+//! that was found on the way is kept as a warning.
+//!
+//! One file for every kind of entry; each adds to the [`BuiltScene`] what its entries say.
+
+mod axes;
+mod bodies;
+pub(crate) mod body;
+pub(crate) mod conditions;
+mod constraints;
+mod curves;
+mod loads;
+mod materials;
+mod meshes;
+mod plan;
+mod probes;
+mod removal;
+mod resections;
+mod scene;
+mod select;
+
+pub use crate::probe::BuiltProbe;
+pub use body::{BuiltBody, BuiltMembrane};
+pub use conditions::{BuiltConstraint, BuiltLoad, BuiltPressure};
+pub use meshes::generate;
+pub use removal::{BuiltResection, ResectionSummary};
+pub use scene::{BuildOptions, BuiltScene, Plan};
+
+use crate::error::SceneError;
+use crate::scene::LoadedScene;
+use sinew::engine::workers::WorkersError;
+use sinew::simulation::{Readback, Simulation, SimulationError, SimulationOptions};
+use sinew::solvers::settings::Integrator;
+use std::collections::HashSet;
+
+/// Checks a scene and builds its simulation.
+///
+/// # Errors
+/// [`SceneError`] with file, line, key and remedy.
+pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene, SceneError> {
+    let scene = &loaded.scene;
+    if scene.name.trim().is_empty() {
+        return Err(loaded.key("name").value("the name is empty", "give the scene a name"));
+    }
+    let plan = plan::plan(loaded, options)?;
+    if scene.bodies.is_empty() {
+        let remedy = "add a [[body]] with `mesh` or `generate`";
+        return Err(loaded.key("").missing("a body", remedy));
+    }
+    check_names(loaded)?;
+    let mut built = BuiltScene {
+        simulation: empty_simulation(loaded, options, &plan)?,
+        bodies: Vec::new(),
+        constraints: Vec::new(),
+        loads: Vec::new(),
+        resections: Vec::new(),
+        pressures: Vec::new(),
+        probes: Vec::new(),
+        plan,
+        warnings: Vec::new(),
+    };
+    bodies::add(loaded, &mut built)?;
+    constraints::add(loaded, &mut built)?;
+    loads::add(loaded, &mut built)?;
+    resections::add(loaded, &mut built)?;
+    loads::add_pressures(loaded, &mut built)?;
+    probes::add(loaded, &mut built)?;
+    if built.plan.settings.integrator == Integrator::QuasiStatic {
+        constraints::check_all_held(loaded, &built)?;
+    }
+    let checked = built.simulation.check_backend();
+    checked.map_err(|source| of_simulation(loaded, source))?;
+    Ok(built)
+}
+
+/// A simulation without bodies.
+fn empty_simulation(
+    loaded: &LoadedScene,
+    options: &BuildOptions,
+    plan: &Plan,
+) -> Result<Simulation, SceneError> {
+    let scene = &loaded.scene;
+    let mut simulation = Simulation::new(SimulationOptions {
+        precision: options.precision.unwrap_or(scene.precision.into()),
+        backend: options.backend.unwrap_or(scene.backend.into()),
+        executor: options.executor.unwrap_or(scene.executor.into()),
+        instruction_set: options.instruction_set.or(scene.instruction_set),
+        threads: plan.threads,
+        // the runner reads the state through the simulation, which asks for it
+        readback: Readback::OnDemand,
+    })
+    .map_err(|source| of_simulation(loaded, source))?;
+    simulation.set_gravity(plan.gravity);
+    simulation.set_dt(plan.dt);
+    simulation.set_solver(plan.settings.clone());
+    Ok(simulation)
+}
+
+/// What the machine or the build does not have, at the key that asks for it.
+fn of_simulation(loaded: &LoadedScene, source: SimulationError) -> SceneError {
+    let key = match source {
+        SimulationError::Workers(WorkersError::InstructionSet(_)) => "instruction_set",
+        SimulationError::Workers(_) => "threads",
+        _ => "backend",
+    };
+    SceneError::Simulation { place: loaded.place(key), source: Box::new(source) }
+}
+
+/// Names are given and unique among entries of their kind; those of loads also among constraints.
+fn check_names(loaded: &LoadedScene) -> Result<(), SceneError> {
+    fn names<T>(entries: &[T], name: impl Fn(&T) -> &str) -> Vec<&str> {
+        entries.iter().map(name).collect()
+    }
+    let scene = &loaded.scene;
+    let kinds = [
+        ("body", names(&scene.bodies, |b| &b.name)),
+        ("constraint", names(&scene.constraints, |c| &c.name)),
+        ("load", names(&scene.loads, |l| &l.name)),
+        ("resection", names(&scene.resections, |r| &r.name)),
+        ("pressure", names(&scene.pressures, |p| &p.name)),
+        ("probe", names(&scene.probes, |p| &p.name)),
+    ];
+    let constraints: HashSet<&str> = kinds[1].1.iter().copied().collect();
+    for (kind, names) in kinds {
+        let mut seen = HashSet::new();
+        for (i, name) in names.into_iter().enumerate() {
+            let key = loaded.key(kind).entry(i).at("name");
+            if name.trim().is_empty() {
+                return Err(key.value("the name is empty", "give it a name"));
+            }
+            let taken = match kind {
+                _ if !seen.insert(name) => Some(kind),
+                "load" if constraints.contains(name) => Some("constraint"),
+                _ => None,
+            };
+            if let Some(kind) = taken {
+                return Err(SceneError::Duplicate { place: key.place(), kind, name: name.into() });
+            }
+        }
+    }
+    Ok(())
+}

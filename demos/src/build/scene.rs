@@ -1,0 +1,73 @@
+//! A scene, built.
+
+use super::body::BuiltBody;
+use super::conditions::{BuiltConstraint, BuiltLoad, BuiltPressure};
+use super::removal::BuiltResection;
+use crate::probe::BuiltProbe;
+use crate::scene::Mode;
+use crate::warning::Warning;
+use glam::DVec3;
+use sinew::engine::lanes::InstructionSet;
+use sinew::engine::schedule::Executor;
+use sinew::simulation::{Backend, Precision, Simulation};
+use sinew::solvers::settings::SolverSettings;
+
+/// What a caller may set in place of the scene.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BuildOptions {
+    /// Number type.
+    pub precision: Option<Precision>,
+    /// Where steps are computed.
+    pub backend: Option<Backend>,
+    /// Threads; 0 means one per core.
+    pub threads: Option<usize>,
+    /// Executor of the schedules.
+    pub executor: Option<Executor>,
+    /// Instruction set of the kernels.
+    pub instruction_set: Option<InstructionSet>,
+    /// Steps (load steps of a static scene).
+    pub steps: Option<u64>,
+}
+
+/// A scene, ready for its first step.
+pub struct BuiltScene {
+    /// The simulation.
+    pub simulation: Simulation,
+    /// Bodies in the order of the file.
+    pub bodies: Vec<BuiltBody>,
+    /// Constraints in the order of the file.
+    pub constraints: Vec<BuiltConstraint>,
+    /// Loads in the order of the file.
+    pub loads: Vec<BuiltLoad>,
+    /// Resections in the order of the file.
+    pub resections: Vec<BuiltResection>,
+    /// Pressures in the order of the file.
+    pub pressures: Vec<BuiltPressure>,
+    /// Probes in the order of the file.
+    pub probes: Vec<BuiltProbe>,
+    /// Steps and intervals.
+    pub plan: Plan,
+    /// What was found and repaired, or looks unintended.
+    pub warnings: Vec<Warning>,
+}
+
+/// Steps and intervals of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Kind of the scene.
+    pub mode: Mode,
+    /// Step length (s); of a static scene the fraction of the loads per step.
+    pub dt: f64,
+    /// Number of steps.
+    pub steps: u64,
+    /// Steps between frames.
+    pub frame_every: u64,
+    /// Steps between rows of the probes.
+    pub probe_every: u64,
+    /// Full gravity (m/s^2).
+    pub gravity: DVec3,
+    /// Settings of the solver.
+    pub settings: SolverSettings,
+    /// Threads asked for; 0 means one per core.
+    pub threads: usize,
+}

@@ -1,0 +1,208 @@
+//! Selections of vertices and faces.
+
+use super::body::BuiltBody;
+use crate::error::{SceneError, hint};
+use crate::scene::{Faces, Key, Selection};
+use glam::DVec3;
+use sinew::engine::mesh::{Group, Mesh};
+use std::collections::HashMap;
+
+/// The body of that name, or the only one.
+pub(super) fn which_body(
+    key: &Key,
+    name: Option<&str>,
+    bodies: &[BuiltBody],
+) -> Result<usize, SceneError> {
+    let key = key.at("body");
+    let known = || bodies.iter().map(|b| b.name.as_str());
+    match name {
+        Some(name) => {
+            known().position(|n| n == name).ok_or_else(|| key.unknown("body", name, known()))
+        }
+        None if bodies.len() == 1 => Ok(0),
+        None => {
+            let remedy = format!("the scene has {} bodies, say which one is meant", bodies.len());
+            Err(key.missing("key `body`", remedy))
+        }
+    }
+}
+
+/// Sorted vertices of a selection, at least one.
+pub(super) fn select(
+    key: &Key,
+    selection: &Selection,
+    body: &BuiltBody,
+) -> Result<Vec<u32>, SceneError> {
+    let Selection { group, vertices, cuboid, sphere, all } = selection;
+    let given =
+        [group.is_some(), vertices.is_some(), cuboid.is_some(), sphere.is_some(), all.is_some()];
+    let keys = "`group`, `vertices`, `box`, `sphere` and `all = true`";
+    key.exactly_one(&given, "selection", keys)?;
+    let points = &body.mesh.points;
+    let within = |test: &dyn Fn(DVec3) -> bool| -> Vec<u32> {
+        body.used_vertices.iter().copied().filter(|&v| test(points[v as usize])).collect()
+    };
+    let (chosen, remedy) = if let Some(name) = group {
+        let mut chosen = group_vertices(&key.at("group"), name, &body.mesh)?;
+        chosen.sort_unstable();
+        chosen.dedup();
+        chosen.retain(|v| body.used_vertices.binary_search(v).is_ok());
+        (chosen, "the group has no vertex that an element uses".to_string())
+    } else if let Some(vertices) = vertices {
+        (listed(&key.at("vertices"), vertices, body)?, "the list is empty".to_string())
+    } else if let Some(region) = cuboid {
+        let key = key.at("box");
+        let low = key.at("min").finite(region.min)?;
+        let high = key.at("max").finite(region.max)?;
+        if !low.cmple(high).all() {
+            let found = format!("min {low} is not below max {high}");
+            return Err(key.value(found, "exchange the corners"));
+        }
+        (within(&|p| p.cmpge(low).all() && p.cmple(high).all()), bounds_remedy(body))
+    } else if let Some(region) = sphere {
+        let key = key.at("sphere");
+        let centre = key.at("centre").finite(region.centre)?;
+        let radius = key.at("radius").positive(region.radius, "radius", "m")?;
+        (within(&|p| p.distance(centre) <= radius), bounds_remedy(body))
+    } else if *all == Some(true) {
+        (body.used_vertices.clone(), String::new())
+    } else {
+        let key = key.at("all");
+        return Err(key.value("`all = false` selects nothing", "give another selection"));
+    };
+    if chosen.is_empty() {
+        let (place, body) = (key.place(), body.name.clone());
+        return Err(SceneError::EmptySelection { place, body, remedy });
+    }
+    Ok(chosen)
+}
+
+/// Sorted vertices of a list, all of which elements use.
+fn listed(key: &Key, vertices: &[u32], body: &BuiltBody) -> Result<Vec<u32>, SceneError> {
+    let count = body.mesh.points.len();
+    if let Some(&vertex) = vertices.iter().find(|&&v| v as usize >= count) {
+        let (place, body) = (key.place(), body.name.clone());
+        return Err(SceneError::VertexIndex { place, body, vertex, count });
+    }
+    if let Some(vertex) = vertices.iter().find(|v| body.used_vertices.binary_search(v).is_err()) {
+        let found = format!("no element uses vertex {vertex} of body `{}`", body.name);
+        return Err(key.value(found, "leave it out"));
+    }
+    let mut chosen = vertices.to_vec();
+    chosen.sort_unstable();
+    chosen.dedup();
+    Ok(chosen)
+}
+
+fn bounds_remedy(body: &BuiltBody) -> String {
+    match body.mesh.bounds() {
+        Some((low, high)) => format!(
+            "the body reaches from [{:.4}, {:.4}, {:.4}] to [{:.4}, {:.4}, {:.4}] m",
+            low.x, low.y, low.z, high.x, high.y, high.z
+        ),
+        None => "the body has no points".into(),
+    }
+}
+
+/// Groups of that name, at least one.
+fn groups<'m>(key: &Key, name: &str, mesh: &'m Mesh) -> Result<Vec<&'m Group>, SceneError> {
+    let own: Vec<&Group> = mesh.groups.iter().filter(|g| g.name == name).collect();
+    if !own.is_empty() {
+        return Ok(own);
+    }
+    let known = || mesh.groups.iter().map(|g| g.name.as_str());
+    let mut hint = hint("group", name, known());
+    if hint.starts_with("did") {
+        let all: Vec<&str> = known().collect();
+        hint.push_str(&format!(" groups of the mesh: {}", all.join(", ")));
+    }
+    let name = name.to_string();
+    Err(SceneError::Unknown { place: key.place(), kind: "group", name, hint })
+}
+
+/// Vertices of the groups of that name, not sorted.
+pub(super) fn group_vertices(key: &Key, name: &str, mesh: &Mesh) -> Result<Vec<u32>, SceneError> {
+    let groups = groups(key, name, mesh)?;
+    Ok(groups.into_iter().flat_map(|g| g.vertices.iter().copied()).collect())
+}
+
+/// Triangles and quadrilaterals of the groups of that name, at least one.
+pub(super) fn group_cells(
+    key: &Key,
+    name: &str,
+    mesh: &Mesh,
+) -> Result<(Vec<[u32; 3]>, Vec<[u32; 4]>), SceneError> {
+    let key = key.at("group");
+    let (mut triangles, mut quads) = (Vec::new(), Vec::new());
+    for group in groups(&key, name, mesh)? {
+        triangles.extend(group.triangles.iter().map(|&t| mesh.triangles[t as usize]));
+        quads.extend(group.quads.iter().map(|&q| mesh.quads[q as usize]));
+    }
+    if triangles.is_empty() && quads.is_empty() {
+        let found = format!("group `{name}` has no triangles and no quadrilaterals");
+        let has = |g: &&Group| !g.triangles.is_empty() || !g.quads.is_empty();
+        let with: Vec<&str> = mesh.groups.iter().filter(has).map(|g| g.name.as_str()).collect();
+        return Err(key.value(found, format!("groups with such cells: {}", with.join(", "))));
+    }
+    Ok((triangles, quads))
+}
+
+/// Triangles that a pressure pushes along their normals, and the share of the pressure that each gets: with
+/// quadrilaterals among them half, because these are cut along both diagonals, so that every corner gets
+/// what its shape function gives it, and triangles come twice.
+pub(super) fn faces(
+    key: &Key,
+    on: &Faces,
+    body: &BuiltBody,
+) -> Result<(Vec<[u32; 3]>, f64), SceneError> {
+    let inward = |[a, b, c]: [u32; 3]| [a, c, b];
+    let inward_quad = |[a, b, c, d]: [u32; 4]| [a, d, c, b];
+    let (triangles, quads) = match (&on.group, on.surface, on.membrane) {
+        (Some(group), None, None) => {
+            let surface = body.mesh.surface();
+            let outward = by_vertices(&surface.triangles);
+            let outward_quads = by_vertices(&surface.quads);
+            let (mut triangles, mut quads) = group_cells(key, group, &body.mesh)?;
+            for t in &mut triangles {
+                *t = outward.get(&sorted(*t)).map_or(*t, |own| inward(*own));
+            }
+            for q in &mut quads {
+                *q = outward_quads.get(&sorted(*q)).map_or(*q, |own| inward_quad(*own));
+            }
+            (triangles, quads)
+        }
+        (None, Some(true), None) => {
+            let surface = body.mesh.surface();
+            let triangles = surface.triangles.into_iter().map(inward);
+            (triangles.collect(), surface.quads.into_iter().map(inward_quad).collect())
+        }
+        (None, None, Some(true)) => {
+            (body.membrane_triangles().to_vec(), body.membrane_quads().to_vec())
+        }
+        _ => {
+            return Err(key.value(
+                "not exactly one kind of faces is given",
+                "give one of `group`, `surface = true` and `membrane = true`",
+            ));
+        }
+    };
+    if triangles.is_empty() && quads.is_empty() {
+        let found = format!("body `{}` has no such triangles", body.name);
+        return Err(key.value(found, "choose other ones, or give the body a membrane"));
+    }
+    if quads.is_empty() {
+        return Ok((triangles, 1.0));
+    }
+    let cut = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d], [b, c, d], [a, b, d]];
+    let twice = triangles.iter().chain(&triangles).copied();
+    Ok((twice.chain(quads.into_iter().flat_map(cut)).collect(), 0.5))
+}
+
+fn sorted<const N: usize>(mut cell: [u32; N]) -> [u32; N] {
+    cell.sort_unstable();
+    cell
+}
+
+fn by_vertices<const N: usize>(cells: &[[u32; N]]) -> HashMap<[u32; N], [u32; N]> {
+    cells.iter().map(|&cell| (sorted(cell), cell)).collect()
+}

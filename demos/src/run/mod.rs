@@ -1,0 +1,227 @@
+//! Runs a scene: steps, probes, frames, and the figures of the summary.
+
+mod facts;
+mod totals;
+mod warnings;
+
+use crate::build::{BuildOptions, BuiltScene, build};
+use crate::error::RunError;
+use crate::output::Writer;
+use crate::probe::{self, Sampler};
+use crate::scene::{LoadedScene, Mode};
+use crate::summary::RunSummary;
+use facts::RunFacts;
+use sinew::engine::report::SystemTimes;
+use std::path::PathBuf;
+use std::time::Instant;
+use totals::Totals;
+use warnings::run_warnings;
+
+/// How a scene is run.
+#[derive(Clone, Debug, Default)]
+pub struct RunOptions {
+    /// What replaces values of the scene.
+    pub build: BuildOptions,
+    /// Folder for frames, probes and summary; nothing is written without it.
+    pub out: Option<PathBuf>,
+    /// File for the JSON summary.
+    pub json: Option<PathBuf>,
+}
+
+/// Is told how a run gets on.
+pub trait Observer {
+    /// The scene is built and at rest.
+    fn built(&mut self, scene: &mut BuiltScene) {
+        let _ = scene;
+    }
+    /// The scene is built; `steps` follow.
+    fn start(&mut self, name: &str, steps: u64) {
+        let _ = (name, steps);
+    }
+    /// `done` steps are done, the clock stands at `time` (s).
+    fn step(&mut self, done: u64, time: f64, scene: &mut BuiltScene) {
+        let _ = (done, time, scene);
+    }
+    /// The last step is done or has failed.
+    fn finish(&mut self) {}
+}
+
+/// An observer that does nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Observer for Silent {}
+
+/// A run on its way.
+struct Run<'a> {
+    built: BuiltScene,
+    totals: Totals,
+    writer: Option<Writer>,
+    observer: &'a mut dyn Observer,
+    /// Last values of the probes.
+    probes: Vec<f64>,
+}
+
+/// Runs a scene to its end, or to the step that fails.
+///
+/// A step that fails is no error here: the summary then has [`RunSummary::failure`], and the files up
+/// to that step are written.
+///
+/// # Errors
+/// When the scene cannot be built or a file cannot be written.
+pub fn run(
+    loaded: &LoadedScene,
+    options: &RunOptions,
+    observer: &mut dyn Observer,
+) -> Result<RunSummary, RunError> {
+    let start = Instant::now();
+    if options.build.steps == Some(0) {
+        let (option, remedy) = ("--steps", "give at least 1");
+        return Err(RunError::Option { option, found: "0 steps".into(), remedy });
+    }
+    let mut built = build(loaded, &options.build)?;
+    let writer = match &options.out {
+        Some(folder) => Some(Writer::new(folder, &loaded.scene.name, &built)?),
+        None => None,
+    };
+    let totals = Totals::new(&mut built);
+    built.simulation.world_mut().insert_resource(SystemTimes::default());
+    let setup = start.elapsed().as_secs_f64();
+
+    let mut run = Run { built, totals, writer, observer, probes: Vec::new() };
+    run.record(0)?;
+    run.frame()?;
+    run.observer.built(&mut run.built);
+    let steps = run.built.plan.steps;
+    run.observer.start(&loaded.scene.name, steps);
+    let mut failure = None;
+    for done in 1..=steps {
+        failure = run.step(done)?;
+        if failure.is_some() {
+            break;
+        }
+    }
+    run.observer.finish();
+
+    let Run { built, mut totals, writer, probes, .. } = run;
+    let clock = Instant::now();
+    let mut files = match writer {
+        Some(writer) => writer.finish()?,
+        None => Vec::new(),
+    };
+    totals.frames += clock.elapsed().as_secs_f64();
+    if built.plan.settings.integrator.facts().dynamic {
+        totals.energy.dissipated = Some(totals.dissipated());
+    }
+    let targets: Vec<PathBuf> = options
+        .out
+        .iter()
+        .map(|folder| folder.join("summary.json"))
+        .chain(options.json.clone())
+        .collect();
+    files.extend(targets.iter().map(|path| path.display().to_string()));
+    let final_probes = probe::columns(&built.probes).into_iter().zip(probes).collect();
+    let facts = RunFacts { loaded, built, totals, start, setup, failure, final_probes, files };
+    let found = run_warnings(&facts);
+    let summary = facts.summary(found);
+    for path in &targets {
+        let error = |source| RunError::Write { path: path.clone(), source };
+        let text = serde_json::to_string_pretty(&summary).map_err(|e| error(e.into()))?;
+        std::fs::write(path, text + "\n").map_err(error)?;
+    }
+    Ok(summary)
+}
+
+impl Run<'_> {
+    /// Carries out step `done` (counted from 1) with its removals, probes and frame; why it failed, if it
+    /// did.
+    fn step(&mut self, done: u64) -> Result<Option<String>, RunError> {
+        let BuiltScene { simulation, plan, resections, .. } = &mut self.built;
+        if plan.mode == Mode::Static {
+            simulation.set_gravity(plan.gravity * (done as f64 / plan.steps as f64));
+        }
+        let time = simulation.time();
+        let removed = resections.iter_mut().try_for_each(|r| r.apply(simulation, time, plan.dt));
+        self.totals.energy.removed = resections.iter().map(|r| r.summary.energy).sum();
+        if let Err(error) = removed {
+            return Ok(Some(error.to_string()));
+        }
+        let clock = Instant::now();
+        if let Err(error) = simulation.step() {
+            return Ok(Some(error.to_string()));
+        }
+        self.totals.add_step(simulation, clock.elapsed().as_secs_f64());
+        let report = simulation.report();
+        let equilibrium = !plan.settings.integrator.facts().dynamic;
+        let failure = (equilibrium && report.unconverged).then(|| {
+            format!(
+                "no equilibrium found in {} Newton iterations (last step {:.1e} of the body size); \
+                 apply the loads in more parts (load_steps), or raise \
+                 solver.max_newton_iterations",
+                report.newton_iterations, report.newton_step
+            )
+        });
+        let time = simulation.time();
+        let last = done == plan.steps || failure.is_some();
+        let (probe_every, frame_every) = (plan.probe_every, plan.frame_every);
+        if last || done.is_multiple_of(probe_every) {
+            self.record(done)?;
+        }
+        if last || done.is_multiple_of(frame_every) {
+            self.frame()?;
+        }
+        self.observer.step(done, time, &mut self.built);
+        Ok(failure)
+    }
+
+    /// Writes a frame, if files are asked for.
+    fn frame(&mut self) -> Result<(), RunError> {
+        let Some(writer) = &mut self.writer else { return Ok(()) };
+        let clock = Instant::now();
+        writer.frame(&mut self.built)?;
+        self.totals.frames += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Reads the probes and writes their row.
+    fn record(&mut self, step: u64) -> Result<(), RunError> {
+        let clock = Instant::now();
+        let totals = &mut self.totals;
+        let BuiltScene { simulation, bodies, constraints, probes, .. } = &mut self.built;
+        // evaluations for probes do not count as time of the steps
+        let times = simulation.world().resource::<SystemTimes>().clone();
+        let reactions = &mut totals.reactions;
+        let mut now = Sampler::new(simulation, totals.energy.kinetic);
+        self.probes = probe::values(&mut now, bodies, constraints, probes, |c, force| {
+            reactions[c] = Some(reactions[c].unwrap_or(0.0).max(force.length()));
+        });
+        for (body, ratios) in bodies.iter().zip(&mut totals.volume_ratios) {
+            if body.axes.is_some() {
+                let ratio = body.volume(simulation) / body.report.statistics.total_volume;
+                *ratios = [ratios[0].min(ratio), ratios[1].max(ratio), ratio];
+            }
+        }
+        simulation.world_mut().insert_resource(times);
+        if let Some(writer) = &mut self.writer {
+            let (report, volume) = (simulation.report(), simulation.volume_report());
+            let e = &totals.energy;
+            let mut row = vec![
+                simulation.time(),
+                e.elastic,
+                e.kinetic,
+                e.load_work,
+                e.constraint_work,
+                totals.dissipated(),
+                if step == 0 { 1.0 } else { volume.smallest_ratio },
+                volume.inverted as f64,
+                f64::from(report.newton_iterations),
+                f64::from(report.cg_iterations),
+                totals.step_times.last().map_or(0.0, |s| s * 1e3),
+            ];
+            row.extend_from_slice(&self.probes);
+            writer.row(step, &row)?;
+        }
+        self.totals.probes += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+}

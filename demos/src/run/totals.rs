@@ -1,0 +1,143 @@
+//! Sums over the steps of a run.
+
+use crate::build::BuiltScene;
+use crate::summary::{EnergySummary, GpuSummary, SolverSummary, VolumeSummary};
+use sinew::engine::report::StepReport;
+use sinew::simulation::Simulation;
+
+/// Sums over the steps.
+#[derive(Default)]
+pub(super) struct Totals {
+    /// Host times (s) of all steps.
+    pub step_times: Vec<f64>,
+    pub solver: SolverSummary,
+    pub energy: EnergySummary,
+    pub volume: VolumeSummary,
+    /// Largest reaction (N) of every constraint that a probe looks at.
+    pub reactions: Vec<Option<f64>>,
+    /// Volume over that at rest of every body with axes: smallest, largest and last.
+    pub volume_ratios: Vec<[f64; 3]>,
+    /// Host times (s) of probes and frames.
+    pub probes: f64,
+    pub frames: f64,
+    pub gpu: Option<GpuSummary>,
+}
+
+impl Totals {
+    /// Before the first step.
+    pub fn new(built: &mut BuiltScene) -> Self {
+        let initial = built.simulation.evaluate();
+        Self {
+            energy: EnergySummary { initial, elastic: initial, ..EnergySummary::default() },
+            volume: VolumeSummary {
+                smallest_j: 1.0,
+                final_smallest_j: 1.0,
+                ..VolumeSummary::default()
+            },
+            reactions: vec![None; built.constraints.len()],
+            volume_ratios: vec![[f64::INFINITY, f64::NEG_INFINITY, 1.0]; built.bodies.len()],
+            ..Self::default()
+        }
+    }
+
+    /// Adds a step that took `seconds` of host time.
+    pub fn add_step(&mut self, simulation: &Simulation, seconds: f64) {
+        self.step_times.push(seconds);
+        self.add(simulation.report());
+        self.add_gpu(simulation);
+        self.energy.activation_work = simulation.activation_work().total;
+        let (volume, v) = (simulation.volume_report(), &mut self.volume);
+        if volume.smallest_ratio < v.smallest_j {
+            v.smallest_j = volume.smallest_ratio;
+            v.smallest_j_time = simulation.time();
+        }
+        v.final_smallest_j = volume.smallest_ratio;
+        v.inverted_max = v.inverted_max.max(volume.inverted);
+        v.inverted_final = volume.inverted;
+    }
+
+    fn add(&mut self, report: &StepReport) {
+        let s = &mut self.solver;
+        s.cg_iterations += u64::from(report.cg_iterations);
+        s.cg_iterations_max = s.cg_iterations_max.max(report.cg_iterations);
+        s.newton_iterations += u64::from(report.newton_iterations);
+        s.newton_iterations_max = s.newton_iterations_max.max(report.newton_iterations);
+        s.evaluations += u64::from(report.evaluations);
+        s.worst_residual = s.worst_residual.max(report.cg_residual);
+        s.worst_newton_step = s.worst_newton_step.max(report.newton_step);
+        // a running mean: the time of this step is booked already
+        let done = self.step_times.len().max(1) as f64;
+        let error = report.linearisation_error;
+        s.linearisation_error_mean += (error - s.linearisation_error_mean) / done;
+        s.linearisation_error_max = s.linearisation_error_max.max(error);
+        s.cg_caps += u64::from(report.cg_caps);
+        if s.preconditioner != report.preconditioner && !report.preconditioner.is_empty() {
+            report.preconditioner.clone_into(&mut s.preconditioner);
+        }
+        s.preconditioner_refreshes += u64::from(report.preconditioner_refreshes);
+        s.preconditioner_breakdowns += u64::from(report.preconditioner_breakdowns);
+        s.precision_fallbacks += u64::from(report.precision_fallbacks);
+        s.gradient_fallbacks += u64::from(report.gradient_fallbacks);
+        s.projections += u64::from(report.projections);
+        s.clamped_elements += report.clamped_elements;
+        s.backtracks += u64::from(report.backtracks);
+        s.line_search_failures += u64::from(report.line_search_failures);
+        s.energy_caps += u64::from(report.energy_caps);
+        s.unconverged_steps += u64::from(report.unconverged);
+        s.recovering += u64::from(report.recovering);
+        s.load_partings += u64::from(report.load_partings);
+        s.second_order_steps += u64::from(report.second_order_steps);
+        let f = &report.fallbacks;
+        let reasons = [f.start, f.indefinite, f.shortened, f.energy, f.inverted, f.waiting];
+        for (sum, count) in s.fallbacks.iter_mut().zip(reasons) {
+            *sum += u64::from(count);
+        }
+        s.substeps += u64::from(report.substeps);
+        s.refinements += u64::from(report.refinements);
+        if report.stable_step > 0.0 {
+            let smallest = s.stable_step.unwrap_or(f64::INFINITY).min(report.stable_step);
+            s.stable_step = Some(smallest);
+        }
+        let e = &mut self.energy;
+        e.load_work += report.load_work;
+        e.initial += report.recovery_energy;
+        e.constraint_work += report.constraint_work;
+        e.damping += report.damping_dissipation;
+        e.elastic = report.elastic_energy;
+        e.kinetic = report.kinetic_energy;
+        e.elastic_max = e.elastic_max.max(e.elastic);
+        e.kinetic_max = e.kinetic_max.max(e.kinetic);
+    }
+
+    #[cfg(not(feature = "gpu"))]
+    fn add_gpu(&mut self, _: &Simulation) {}
+
+    #[cfg(feature = "gpu")]
+    fn add_gpu(&mut self, simulation: &Simulation) {
+        let Some(own) = simulation.world().get_resource::<sinew::gpu::GpuReport>() else { return };
+        let sum = self.gpu.get_or_insert_default();
+        sum.adapter.clone_from(&own.adapter);
+        sum.software = own.software;
+        sum.host_s += own.host_seconds;
+        sum.submissions += u64::from(own.submissions);
+        sum.bytes_up += own.bytes_up;
+        sum.bytes_down += own.bytes_down;
+        sum.stalled += u64::from(own.stalled);
+        if sum.device_s.is_empty() {
+            sum.device_s.clone_from(&own.device_seconds);
+        } else {
+            for ((_, sum), (_, own)) in sum.device_s.iter_mut().zip(&own.device_seconds) {
+                *sum += own;
+            }
+        }
+    }
+
+    /// Energy (J) that damping and the integrator took out.
+    pub fn dissipated(&self) -> f64 {
+        let e = &self.energy;
+        e.initial + e.load_work + e.constraint_work + e.activation_work
+            - e.removed
+            - e.elastic
+            - e.kinetic
+    }
+}

@@ -1,0 +1,93 @@
+//! A body: its material, membrane and place.
+
+use super::fibres::{AxesEntry, FibreEntry};
+use super::shape::{Generate, Rotation};
+use serde::{Deserialize, Serialize};
+use sinew::identify::ElementMethod;
+use sinew::models::body::{Evaluation, Model};
+use sinew::models::sheet::{MembraneModel, PlaneState};
+use std::path::PathBuf;
+
+/// A body.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// Name, unique in the scene.
+    pub name: String,
+    /// Mesh file, relative to the scene file; either this or `generate`.
+    pub mesh: Option<PathBuf>,
+    /// Generated shape; either this or `mesh`.
+    pub generate: Option<Generate>,
+    /// Factor on the coordinates (for a mesh in millimetres: 0.001); default 1.
+    pub scale: Option<f64>,
+    /// Rotation about the origin, after scaling.
+    pub rotate: Option<Rotation>,
+    /// Translation (m), after scaling and rotating.
+    pub translate: Option<[f64; 3]>,
+    /// Material.
+    pub material: Material,
+    /// Energy; names are those of [`Model`].
+    #[serde(default)]
+    pub model: Model,
+    /// How the energy is summed: `"fused"` (default), or `"pooled"` for the first two.
+    #[serde(default)]
+    pub evaluation: Evaluation,
+    /// How spring constants of `"mass_spring"` are found: `"frobenius"`, `"block"`, `"two-norm"`,
+    /// `"nonnegative"`, `"two-norm-nonnegative"`, `"van-gelder"`, `"lloyd"`, `"baudet"` or `"paper-a"`; without,
+    /// `"paper-a"` for tetrahedra and `"frobenius"` for hexahedra.
+    pub element_method: Option<ElementMethod>,
+    /// Membrane on or instead of the solid.
+    pub membrane: Option<Membrane>,
+    /// Families of fibres in the solid.
+    #[serde(default)]
+    pub fibres: Vec<FibreEntry>,
+    /// Angles between them, volume and form.
+    pub axes: Option<AxesEntry>,
+}
+
+/// A membrane: triangles and quadrilaterals of the body's mesh with a thickness.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Membrane {
+    /// Thickness (m).
+    pub thickness: f64,
+    /// Group of triangles or quadrilaterals; this or `surface` in a body with solid elements, all of the mesh
+    /// otherwise.
+    pub group: Option<String>,
+    /// The whole boundary of the solid.
+    pub surface: Option<bool>,
+    /// `"stress"` (default): thin, free to become thinner; `"strain"`: a slice of a long body.
+    #[serde(default)]
+    pub plane: PlaneState,
+    /// As [`Body::element_method`], also `"van-gelder-full"`; without, `"paper-a"` for triangles and
+    /// `"frobenius"` for quadrilaterals.
+    pub element_method: Option<ElementMethod>,
+    /// Material; that of the body without it.
+    pub material: Option<Material>,
+    /// Energy; names are those of [`MembraneModel`].
+    #[serde(default)]
+    pub model: MembraneModel,
+    /// How the energy is summed: `"fused"` (default), or `"pooled"` for the first two.
+    #[serde(default)]
+    pub evaluation: Evaluation,
+}
+
+/// A preset, single values, or a preset with some values replaced.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Material {
+    /// Name of a tissue preset.
+    pub preset: Option<String>,
+    /// Young's modulus (Pa).
+    pub young_modulus: Option<f64>,
+    /// Poisson's ratio (-).
+    pub poisson_ratio: Option<f64>,
+    /// Density (kg/m^3).
+    pub density: Option<f64>,
+    /// Cell data of the mesh file with a Young's modulus (Pa) for every solid element.
+    pub young_modulus_field: Option<String>,
+    /// Cell data with a Poisson's ratio (-) for every solid element.
+    pub poisson_ratio_field: Option<String>,
+    /// Cell data with a density (kg/m^3) for every solid element.
+    pub density_field: Option<String>,
+}

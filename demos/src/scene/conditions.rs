@@ -1,0 +1,158 @@
+//! What acts on bodies: constraints, loads and pressures, where and when.
+
+use serde::{Deserialize, Serialize};
+
+/// Vertices of a body; exactly one key. Boxes and spheres are those of the rest shape.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Selection {
+    /// Name of a group of the mesh.
+    pub group: Option<String>,
+    /// Vertex indices, counted from 0.
+    pub vertices: Option<Vec<u32>>,
+    /// All vertices in a box.
+    #[serde(rename = "box")]
+    pub cuboid: Option<BoxRegion>,
+    /// All vertices in a sphere.
+    pub sphere: Option<SphereRegion>,
+    /// All vertices of the body.
+    pub all: Option<bool>,
+}
+
+/// A box with its faces.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoxRegion {
+    /// Lowest corner (m).
+    pub min: [f64; 3],
+    /// Highest corner (m).
+    pub max: [f64; 3],
+}
+
+/// A sphere with its surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SphereRegion {
+    /// Centre (m).
+    pub centre: [f64; 3],
+    /// Radius (m).
+    pub radius: f64,
+}
+
+/// Vertices that are held or moved.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ConstraintEntry {
+    /// Name, unique among constraints and loads.
+    pub name: String,
+    /// Name of the body; may be left out when there is only one.
+    pub body: Option<String>,
+    /// Which vertices.
+    pub select: Selection,
+    /// Held axes, such as `"xyz"` (default) or `"z"`.
+    pub axes: Option<String>,
+    /// Where they go; they stay where they are without it.
+    pub motion: Option<MotionEntry>,
+    /// Factor on the motion over time; 1 without it. Dynamic scenes.
+    pub curve: Option<CurveEntry>,
+    /// Time (s) from which they are held. Dynamic scenes.
+    pub from: Option<f64>,
+    /// Time (s) after which they are free again. Dynamic scenes.
+    pub until: Option<f64>,
+}
+
+/// A motion; exactly one key.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MotionEntry {
+    /// Translation (m).
+    pub translate: Option<[f64; 3]>,
+    /// Rotation about an axis.
+    pub rotate: Option<RotationAbout>,
+}
+
+/// A rotation about an axis anywhere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RotationAbout {
+    /// Point on the axis (m).
+    pub centre: [f64; 3],
+    /// Direction of the axis, of any length.
+    pub axis: [f64; 3],
+    /// Angle (degrees).
+    pub degrees: f64,
+}
+
+/// A force on vertices.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoadEntry {
+    /// Name, unique among constraints and loads.
+    pub name: String,
+    /// Name of the body; may be left out when there is only one.
+    pub body: Option<String>,
+    /// Which vertices.
+    pub select: Selection,
+    /// Total force (N), shared equally by the vertices.
+    pub force: [f64; 3],
+    /// Factor over time; 1 without it. Dynamic scenes.
+    pub curve: Option<CurveEntry>,
+}
+
+/// A pressure that follows the deformed surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PressureEntry {
+    /// Name, unique among pressures.
+    pub name: String,
+    /// Name of the body; may be left out when there is only one.
+    pub body: Option<String>,
+    /// Which triangles.
+    pub on: Faces,
+    /// Pressure (Pa); negative for suction.
+    pub pressure: f64,
+    /// Factor over time; 1 without it. Dynamic scenes.
+    pub curve: Option<CurveEntry>,
+}
+
+/// Triangles of a body; exactly one key.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Faces {
+    /// A group of triangles: on faces of tetrahedra the pressure pushes into the body, on other
+    /// membrane triangles along their normal.
+    pub group: Option<String>,
+    /// The whole boundary of the tetrahedra, pushed inward.
+    pub surface: Option<bool>,
+    /// All triangles of the membrane, pushed along their normals.
+    pub membrane: Option<bool>,
+}
+
+/// A factor over time; exactly one key.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CurveEntry {
+    /// Constant factor.
+    pub hold: Option<f64>,
+    /// 0 until the first time (s), 1 from the second, linear between.
+    pub ramp: Option<[f64; 2]>,
+    /// 1 until the first time (s), 0 from the second, linear between.
+    pub release: Option<[f64; 2]>,
+    /// Times (s) of start, full, release and end: 0, linear to 1, held at 1, linear back to 0.
+    pub pulse: Option<[f64; 4]>,
+    /// `[time (s), factor]` pairs, linear between them, constant outside.
+    pub points: Option<Vec<[f64; 2]>>,
+    /// `sin(2 pi frequency t + phase)`.
+    pub sine: Option<Sine>,
+}
+
+/// A sine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sine {
+    /// Frequency (Hz).
+    pub frequency: f64,
+    /// Phase (degrees); default 0.
+    #[serde(default)]
+    pub degrees: f64,
+}

@@ -1,0 +1,29 @@
+//! What a scene file may hold, and reading it. Every key is described in `demos/scenes/README.md`; an unknown
+//! key is an error with a hint. SI units throughout, angles in degrees. Nothing here knows how a scene is
+//! built.
+
+mod body;
+mod conditions;
+mod document;
+mod fibres;
+mod read;
+mod resection;
+mod shape;
+
+pub use body::{Body, Material, Membrane};
+pub use conditions::{
+    BoxRegion, ConstraintEntry, CurveEntry, Faces, LoadEntry, MotionEntry, PressureEntry,
+    RotationAbout, Selection, Sine, SphereRegion,
+};
+pub use document::{BackendName, ExecutorName, Mode, Output, PrecisionName, ProbeEntry, Scene};
+pub use fibres::{
+    AngleEntry, AxesEntry, CircularEntry, FibreEntry, HelicoidalEntry, HemicircularEntry,
+    LaplaceEntry, MuscleEntry, RandomEntry,
+};
+pub(crate) use read::Key;
+pub use read::LoadedScene;
+pub use resection::{ResectionEntry, ToolEntry};
+pub use shape::{
+    BalloonShape, BoxShape, CupShape, CylinderShape, DiscShape, Generate, Rotation, SheetCells,
+    SheetShape, SolidCells, SpecimenShape, SphereShape,
+};

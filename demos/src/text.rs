@@ -1,0 +1,99 @@
+//! Numbers, counts and blocks of lines in reports for a terminal.
+
+use std::fmt;
+
+/// Counts in words, those of 0 left out: "3 tetrahedra and 2 triangles".
+pub fn counted(counts: &[(&str, usize)]) -> String {
+    let words: Vec<String> = counts
+        .iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(name, count)| format!("{count} {name}"))
+        .collect();
+    match &words[..] {
+        [] => format!("0 {}", counts.first().map_or("elements", |(name, _)| name)),
+        words => words.join(" and "),
+    }
+}
+
+/// A number with about four digits, plain where that is short.
+pub fn short(x: f64) -> String {
+    let size = x.abs();
+    if x == 0.0 {
+        "0".into()
+    } else if !(1e-3..1e5).contains(&size) {
+        format!("{x:.2e}")
+    } else {
+        let digits = (3 - size.log10().floor() as i32).clamp(0, 6) as usize;
+        let text = format!("{x:.digits$}");
+        if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.').into()
+        } else {
+            text
+        }
+    }
+}
+
+/// A pressure in the unit that suits it.
+pub fn pressure(x: f64) -> String {
+    match x {
+        x if x >= 1e6 => format!("{} MPa", short(x / 1e6)),
+        x if x >= 1e3 => format!("{} kPa", short(x / 1e3)),
+        x => format!("{} Pa", short(x)),
+    }
+}
+
+/// A time in the unit that suits it.
+pub fn seconds(x: f64) -> String {
+    match x {
+        x if x >= 120.0 => format!("{:.0} min {:02.0} s", (x / 60.0).floor(), x % 60.0),
+        x if x >= 1.0 => format!("{x:.2} s"),
+        x if x >= 1e-3 => format!("{:.1} ms", x * 1e3),
+        x => format!("{:.0} us", x * 1e6),
+    }
+}
+
+/// Lines with labels under a title.
+pub(crate) struct Block {
+    title: &'static str,
+    lines: Vec<(String, String)>,
+}
+
+impl Block {
+    /// Without lines, when nothing is printed.
+    pub fn new(title: &'static str) -> Self {
+        Self { title, lines: Vec::new() }
+    }
+
+    /// Adds a line; an empty label continues the line before.
+    pub fn line(&mut self, label: impl Into<String>, text: impl Into<String>) {
+        self.lines.push((label.into(), text.into()));
+    }
+}
+
+/// Writes blocks, their labels in one column.
+pub(crate) fn write_blocks(f: &mut fmt::Formatter<'_>, blocks: &[Block]) -> fmt::Result {
+    let labels = blocks.iter().flat_map(|block| &block.lines).map(|(label, _)| label);
+    let width = labels.map(|label| label.chars().count()).max().unwrap_or(0).min(35);
+    for block in blocks.iter().filter(|block| !block.lines.is_empty()) {
+        writeln!(f, "\n{}", block.title)?;
+        for (label, text) in &block.lines {
+            writeln!(f, "  {label:<width$} {text}")?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        let texts: Vec<String> =
+            [0.0, 1.0, 1060.0, 0.012345, 1234.5678, 3.2e-9, 1e7].map(short).into();
+        assert_eq!(texts, ["0", "1", "1060", "0.01235", "1235", "3.20e-9", "1.00e7"]);
+        assert_eq!(pressure(5000.0), "5 kPa");
+        assert_eq!(seconds(0.0166667), "16.7 ms");
+        assert_eq!(seconds(125.0), "2 min 05 s");
+    }
+}
