@@ -7,7 +7,6 @@ use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::engine::step::StepError;
-use sinew::prelude::*;
 use std::sync::Arc;
 
 const GRID: Part = Part {

@@ -19,7 +19,6 @@ pub use report::{Status, ValidationReport, ValidationRow};
 use crate::modes::ModesError;
 use read::{Case, case_files, file_stem};
 use sinew::models::body::Evaluation;
-use sinew::prelude::*;
 use sinew::simulation::SimulationError;
 use std::path::{Path, PathBuf};
 
