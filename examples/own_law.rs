@@ -9,9 +9,9 @@ use sinew::engine::element::displacement_gradient;
 use sinew::engine::law::{DisabledLaws, TangentKind};
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::scalar::{Real, dot};
-use sinew::models::fused::TetrahedronLaw;
+use sinew::models::element::tetrahedron::{Element, TetrahedronTangent};
+use sinew::models::frame::tetrahedra::TetrahedronLaw;
 use sinew::models::laws::LawRow;
-use sinew::models::tetrahedron::{Element, TetrahedronTangent};
 use sinew::prelude::*;
 
 /// The law; also the mark of its tetrahedra.

@@ -29,10 +29,10 @@ use sinew_engine::vertex::{
 };
 use sinew_engine::workers::{Workers, WorkersError};
 use sinew_models::axes::description::AxesError;
+use sinew_models::body::change::set_material;
 use sinew_models::body::{BodyDescription, BodyError, spawn_body};
-use sinew_models::change::set_material;
-use sinew_models::field::{FieldError, MaterialField};
-use sinew_models::pressure::activate as activate_pressure;
+use sinew_models::laws::pressure::activate as activate_pressure;
+use sinew_models::material::field::{FieldError, MaterialField};
 use sinew_solvers::explicit::{estimate_stable_step, forget_steps};
 use sinew_solvers::implicit::forget_matrices;
 use sinew_solvers::install_solver;

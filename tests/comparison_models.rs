@@ -5,7 +5,7 @@ use glam::DVec3;
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::mesh::Mesh;
 use sinew::models::body::Evaluation;
-use sinew::models::field::MaterialField;
+use sinew::models::material::field::MaterialField;
 use sinew::prelude::*;
 
 const NEW: [Model; 5] =

@@ -11,8 +11,8 @@ use sinew::identify::mesh::{Cells, fit_elements};
 use sinew::identify::{ElementMethod, LinearMaterial, Section};
 use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
 use sinew::models::axes::muscle::MuscleSettings;
+use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::resection::{Region, Removal};
-use sinew::models::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
 
 const SOFT: YoungPoisson =

@@ -4,7 +4,7 @@ use crate::common::*;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::models::body::{BodyError, Evaluation};
-use sinew::models::field::FieldError;
+use sinew::models::material::field::FieldError;
 use sinew::prelude::*;
 
 const KINDS: [(Model, Evaluation); 6] = [

@@ -12,8 +12,8 @@ use sinew::engine::topology::Topology;
 use sinew::engine::vertex::FixedAxes;
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
-use sinew::models::membrane::plane_stress;
-use sinew::models::sheet::{MembraneDescription, MembraneModel};
+use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
+use sinew::models::element::membrane::plane_stress;
 use sinew::prelude::*;
 use sinew::simulation::SimulationError;
 

@@ -11,7 +11,7 @@ use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::vertex::{FixedAxes, Mass, RestPosition};
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
-use sinew::models::pooled::{
+use sinew::models::laws::pooled::{
     AngularStiffnesses, TensileStiffness, TriangleVertices, VolumetricStiffnesses,
 };
 use sinew::prelude::*;

@@ -17,7 +17,7 @@ use sinew::engine::schedule::{
 use sinew::engine::step::{StepError, install_engine, run_step};
 use sinew::engine::vertex::{Displacement, ElasticForce, RestPosition, VertexIndex};
 use sinew::models::body::Evaluation;
-use sinew::models::pooled::TriangleVertices;
+use sinew::models::laws::pooled::TriangleVertices;
 use sinew::prelude::*;
 
 type Kind = (Model, Evaluation);

@@ -9,7 +9,8 @@ use sinew::engine::law::{LawBuffers, TangentKind};
 use sinew::engine::matrix::Tangent;
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
-use sinew::models::fused::{FusedStVK, TetrahedronLaw};
+use sinew::models::frame::tetrahedra::TetrahedronLaw;
+use sinew::models::laws::svk::FusedStVK;
 use sinew::prelude::*;
 
 fn gather(c: &mut Criterion) {

@@ -13,7 +13,8 @@ use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::scalar::Scalar;
 use sinew::models::body::Evaluation;
-use sinew::models::fused::{FusedStVK, multiply};
+use sinew::models::frame::tetrahedra::multiply;
+use sinew::models::laws::svk::FusedStVK;
 use sinew::prelude::*;
 
 fn tangent(c: &mut Criterion) {

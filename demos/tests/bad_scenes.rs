@@ -4,7 +4,7 @@ use glam::DVec3;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::models::axes::field::to_cell_data;
 use sinew::models::body::Model;
-use sinew::models::sheet::MembraneModel;
+use sinew::models::body::sheet::MembraneModel;
 use sinew_demos::build::{BuildOptions, build};
 use sinew_demos::error::SceneError;
 use sinew_demos::mesh_tool::write;

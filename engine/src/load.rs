@@ -448,7 +448,7 @@ pub struct Load {
 }
 
 /// Follower pressure: pushes every triangle along its normal with pressure times deformed area. The law
-/// that does so has to be activated (`sinew_models::pressure::activate`).
+/// that does so has to be activated (`sinew_models::laws::pressure::activate`).
 #[derive(Component, Clone, Debug, PartialEq)]
 pub struct Pressure {
     /// Name for reports.

@@ -1,5 +1,5 @@
 // Elements with three springs, each of which couples two edges (angular, volumetric); one thread each. Twin of what
-// they share in `sinew_models::pooled`. The law has
+// they share in `sinew_models::laws::pooled`. The law has
 //   nodes              binding 1 of group 1
 //   VERTICES, EDGES    of an element
 //   START, END         local vertices of the edges

@@ -1,5 +1,5 @@
 // Hexahedra over 2x2x2 Gauss points, eight threads each: one for every point, then one for every vertex. Twin of
-// `sinew_models::hexahedron`: a point deforms as a tetrahedron whose edges are the derivatives of the positions by the
+// `sinew_models::frame::hexahedra`: a point deforms as a tetrahedron whose edges are the derivatives of the positions by the
 // local coordinates, so the law has the functions of tetrahedron.wgsl.
 
 // vertices 0 to 3, then 4 to 7

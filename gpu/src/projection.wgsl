@@ -1,4 +1,4 @@
-// Positive semidefinite projection of the second derivative of the energy by F. Twin of `sinew_models::projection`,
+// Positive semidefinite projection of the second derivative of the energy by F. Twin of `sinew_models::element::projection`,
 // in f32: the same names, the same matrices, see there for the mathematics.
 
 const NEGLIGIBLE: f32 = 16.0 * 1.1920929e-7;

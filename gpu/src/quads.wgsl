@@ -1,4 +1,4 @@
-// Quadrilaterals over 2x2 Gauss points, one thread each. Twin of `sinew_models::quad`: a point deforms as a triangle whose
+// Quadrilaterals over 2x2 Gauss points, one thread each. Twin of `sinew_models::frame::quads`: a point deforms as a triangle whose
 // edges are the derivatives of the positions by the local coordinates, so the law has the functions that
 // three_vertices.wgsl asks for. A point stands for twice the area of its triangle: moduli are twice those given.
 

@@ -12,8 +12,8 @@ use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, A
 use sinew::models::axes::field;
 use sinew::models::axes::muscle::{MuscleSettings, activate_at};
 use sinew::models::body::Evaluation;
+use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::resection::{Region, Removal};
-use sinew::models::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
 use sinew_gpu::{GpuOptions, GpuReport};

@@ -2,29 +2,24 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | [`material`] | Young's modulus, Poisson's ratio and density as the user states them, Lamé parameters, tissue presets |
-//! | [`field`] | a material that varies from tetrahedron to tetrahedron |
-//! | [`precompute`] | shape vectors and rest volume of a tetrahedron, its 21 biquadratic spring constants |
-//! | [`spring`] | tensile and coupling springs on squared-length changes, one scalar at a time |
-//! | [`quadratic`] | springs on changes of length: tetrahedra of quadratic springs (TQS), mass-spring edges |
-//! | [`tetrahedron`] | the same energy per element in one pass, the compression term, exact and definite tangents and their products |
-//! | [`membrane`] | triangles in space: biquadratic and quadratic springs, linear and corotational, their compression term |
-//! | [`pressure`] | follower pressure on surfaces |
+//! | [`material`] | Young's modulus, Poisson's ratio and density as the user states them, Lamé parameters, tissue presets; materials that vary from element to element |
+//! | [`element`] | single elements: rest shapes and their spring constants, energy, forces and tangents of tetrahedra and membrane triangles |
+//! | [`frame`] | what runs a law over all elements of a kind, several at a time; the traits that a law implements |
+//! | [`laws`] | the table of laws and the laws: each with energy, forces and tangents in its docs |
 //! | [`axes`] | axes of anisotropy, fibre fields, muscles, preservation of volume |
-//! | [`pooled`], [`fused`], [`fused_membrane`] | the systems that run these over all elements, several at a time |
-//! | [`sheet`] | membranes as parts of bodies |
-//! | [`body`], [`change`] | from mesh and material to entities, and to a new material |
+//! | [`body`] | from mesh and material to entities, and to a new material; membranes and lumped springs as parts of bodies |
+//! | [`resection`] | removal of elements |
 //!
 //! Comparison models, each fused only, without compression term:
 //!
 //! | module | for | not for |
 //! |---|---|---|
-//! | [`linear`] | finite element references, modes of vibration, small displacements | anything that turns: it swells |
-//! | [`corotational`] `corotational_warped` | the classic of real-time simulation: forces of the next row, tangent always definite | Newton's method to convergence: linear, not quadratic |
-//! | [`corotational`] `corotational` | comparison with other engines, recovery from inversion | large strain of real materials |
-//! | [`stvk_fem`] | cost and rounding of the textbook form | work: same energy as the default, slower |
-//! | [`neo_hookean`] | large strain, strong compression | small-strain speed: its projected tangent decomposes every element |
-//!
+//! | [`laws::linear`] | finite element references, modes of vibration, small displacements | anything that turns: it swells |
+//! | [`laws::corotational`] `corotational_warped` | the classic of real-time simulation: forces of the next row, tangent always definite | Newton's method to convergence: linear, not quadratic |
+//! | [`laws::corotational`] `corotational` | comparison with other engines, recovery from inversion | large strain of real materials |
+//! | [`laws::stvk_fem`] | cost and rounding of the textbook form | work: same energy as the default, slower |
+//! | [`laws::neo_hookean`] | large strain, strong compression | small-strain speed: its projected tangent decomposes every element |
+//! | [`laws::svk_volume`] | nearly incompressible solids at large strain | small-strain speed, likewise |
 //!
 //! Everything is in SI units and driven by the displacement `u` from the rest shape, never by
 //! positions: differences of displacements keep their digits in `f32` where differences of
@@ -33,8 +28,8 @@
 //!
 //! ```
 //! use sinew_models::material::YoungPoisson;
-//! use sinew_models::precompute::RestTetrahedron;
-//! use sinew_models::tetrahedron::{self, Element};
+//! use sinew_models::element::precompute::RestTetrahedron;
+//! use sinew_models::element::tetrahedron::{self, Element};
 //!
 //! let material = YoungPoisson { young_modulus: 5e3, poisson_ratio: 0.45, density: 1060.0 };
 //! let rest = RestTetrahedron::new([
@@ -55,28 +50,8 @@
 
 pub mod axes;
 pub mod body;
-pub mod change;
-pub mod corotational;
-pub mod field;
-pub mod fused;
-pub mod fused_membrane;
-pub mod hexahedron;
+pub mod element;
+pub mod frame;
 pub mod laws;
-pub mod linear;
-pub mod lumped;
 pub mod material;
-pub mod membrane;
-pub mod model;
-pub mod neo_hookean;
-pub mod pooled;
-pub mod precompute;
-pub mod pressure;
-mod projection;
-pub mod quad;
-pub mod quadratic;
 pub mod resection;
-pub mod sheet;
-pub mod spring;
-pub mod stvk_fem;
-pub mod svk_volume;
-pub mod tetrahedron;

@@ -13,11 +13,11 @@ use sinew_models::axes::printed::{
     AngularForm, AngularSprings, AxialSprings, Blocks, Curvature, Nodes, RadialSprings, RadiusSum,
     VolumeForm,
 };
-use sinew_models::fused::TetrahedronLaw;
-use sinew_models::linear::Linear;
+use sinew_models::element::precompute::RestTetrahedron;
+use sinew_models::element::tetrahedron::{Element, TangentKind, TetrahedronTangent};
+use sinew_models::frame::tetrahedra::TetrahedronLaw;
+use sinew_models::laws::linear::Linear;
 use sinew_models::material::LameParameters;
-use sinew_models::precompute::RestTetrahedron;
-use sinew_models::tetrahedron::{Element, TangentKind, TetrahedronTangent};
 
 use crate::common::{Worst, max_abs, max_difference, symmetric_eigen};
 

@@ -11,15 +11,15 @@ use sinew_engine::law::{EvaluationRequest, LawBuffer};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::workers::Workers;
-use sinew_models::corotational::{self, Corotational, Polar, WarpedStiffness};
-use sinew_models::fused::{TetrahedronColumns, TetrahedronLaw, evaluate_columns};
-use sinew_models::linear::Linear;
+use sinew_models::element::precompute::RestTetrahedron;
+use sinew_models::element::tetrahedron::{self, Element, TangentKind};
+use sinew_models::frame::tetrahedra::{TetrahedronColumns, TetrahedronLaw, evaluate_columns};
+use sinew_models::laws::corotational::{self, Corotational, Polar, WarpedStiffness};
+use sinew_models::laws::linear::Linear;
+use sinew_models::laws::neo_hookean::NeoHookean;
+use sinew_models::laws::stvk_fem::StVKFem;
+use sinew_models::laws::svk_volume::StVKVolume;
 use sinew_models::material::LameParameters;
-use sinew_models::neo_hookean::NeoHookean;
-use sinew_models::precompute::RestTetrahedron;
-use sinew_models::stvk_fem::StVKFem;
-use sinew_models::svk_volume::StVKVolume;
-use sinew_models::tetrahedron::{self, Element, TangentKind};
 
 type Nodes = [[f64; 3]; 4];
 

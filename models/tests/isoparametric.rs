@@ -15,9 +15,9 @@ use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, ElasticForce, Mass};
 use sinew_engine::workers::Workers;
 use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
+use sinew_models::body::sheet::{MembraneDescription, MembraneError, MembraneModel, PlaneState};
 use sinew_models::body::{BodyDescription, BodyError, Model, spawn_body};
 use sinew_models::material::YoungPoisson;
-use sinew_models::sheet::{MembraneDescription, MembraneError, MembraneModel, PlaneState};
 
 /// Models of a material that hexahedra have.
 fn solids() -> impl Iterator<Item = Model> {

@@ -8,10 +8,11 @@ use sinew_engine::law::{EvaluationRequest, LawBuffer};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::workers::Workers;
-use sinew_models::fused::{FusedStVK, TetrahedronColumns, evaluate_columns};
+use sinew_models::element::precompute::RestTetrahedron;
+use sinew_models::element::tetrahedron::{self, Element, TangentKind};
+use sinew_models::frame::tetrahedra::{TetrahedronColumns, evaluate_columns};
+use sinew_models::laws::svk::FusedStVK;
 use sinew_models::material::YoungPoisson;
-use sinew_models::precompute::RestTetrahedron;
-use sinew_models::tetrahedron::{self, Element, TangentKind};
 
 /// A strip of tetrahedra in which neighbours share three vertices, and its deformation.
 #[derive(Clone)]

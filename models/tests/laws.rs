@@ -15,14 +15,14 @@ use sinew_engine::schedule::{
 };
 use sinew_engine::vertex::{Displacement, ElasticForce};
 use sinew_models::axes::description::{AxesDescription, AxisForm};
+use sinew_models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, spawn_body};
-use sinew_models::fused::TetrahedronLaw;
+use sinew_models::element::tetrahedron::{Element, TetrahedronTangent};
+use sinew_models::frame::tetrahedra::TetrahedronLaw;
+use sinew_models::laws::linear::Linear;
+use sinew_models::laws::pressure;
 use sinew_models::laws::{Elements, LAWS, LawError, LawRow, LawTable};
-use sinew_models::linear::Linear;
 use sinew_models::material::YoungPoisson;
-use sinew_models::pressure;
-use sinew_models::sheet::{MembraneDescription, MembraneModel};
-use sinew_models::tetrahedron::{Element, TetrahedronTangent};
 use std::collections::BTreeSet;
 
 fn world<S: Scalar>() -> World {

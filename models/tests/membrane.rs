@@ -10,13 +10,13 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use serde_json::Value;
 use sinew_engine::scalar::{Real, add, cross, dot, scale, sub};
-use sinew_models::material::LameParameters;
-use sinew_models::membrane::{
+use sinew_models::element::membrane::{
     Element, RestTriangle, RestTriangleError, SpringConstants, TangentKind, TriangleTangent,
     area_ratio, biquadratic, corotational, linear, plane_stress, quadratic,
 };
-use sinew_models::quadratic::Stretch;
-use sinew_models::spring::{tensile_energy, tensile_tension};
+use sinew_models::element::spring::{tensile_energy, tensile_tension};
+use sinew_models::laws::quadratic::Stretch;
+use sinew_models::material::LameParameters;
 
 type Nodes = [[f64; 3]; 3];
 
@@ -406,13 +406,13 @@ proptest! {
     fn springs_carry_the_energy((s, u) in state(1.0)) {
         let springs = SpringConstants::new(&s.rest, s.moduli);
         let delta = EDGES.map(|[a, b]| {
-            sinew_models::spring::squared_length_change(sub(s.points[a], s.points[b]), u[a], u[b])
+            sinew_models::element::spring::squared_length_change(sub(s.points[a], s.points[b]), u[a], u[b])
         });
         let mut energy = 0.0;
         for i in 0..3 {
             energy += tensile_energy(springs.tensile[i], delta[i]);
             let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-            energy += sinew_models::spring::coupling_energy(springs.angular[i], delta[j], delta[k]);
+            energy += sinew_models::element::spring::coupling_energy(springs.angular[i], delta[j], delta[k]);
         }
         let own = Law::Biquadratic.energy(&s.element(), &u);
         prop_assert!((own - energy).abs() < 1e-11 * s.k_unit() * s.size * s.size);

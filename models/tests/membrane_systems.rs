@@ -18,12 +18,13 @@ use sinew_engine::schedule::{Executor, ForceSchedule, install};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, ElasticForce, Mass};
 use sinew_engine::workers::Workers;
+use sinew_models::body::sheet::{MembraneDescription, MembraneError, MembraneModel};
 use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, spawn_body};
-use sinew_models::fused_membrane::{
-    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, QuadraticMembrane, multiply,
+use sinew_models::frame::triangles::multiply;
+use sinew_models::laws::membranes::{
+    BiquadraticMembrane, CorotationalMembrane, LinearMembrane, QuadraticMembrane,
 };
 use sinew_models::material::YoungPoisson;
-use sinew_models::sheet::{MembraneDescription, MembraneError, MembraneModel};
 
 const KINDS: [TangentKind; 3] =
     [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected];

@@ -10,12 +10,12 @@ use common::{max_abs, max_difference, symmetric_eigen};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use sinew_engine::scalar::{Scalar, add, cross, dot, mat_vec, scale, sub};
-use sinew_models::material::{LameParameters, YoungPoisson};
-use sinew_models::precompute::{
+use sinew_models::element::precompute::{
     ADJACENT_EDGES, EDGES, OPPOSITE_EDGES, RestTetrahedron, SpringConstants,
 };
-use sinew_models::spring;
-use sinew_models::tetrahedron::{self, Element, TangentKind, compression};
+use sinew_models::element::spring;
+use sinew_models::element::tetrahedron::{self, Element, TangentKind, compression};
+use sinew_models::material::{LameParameters, YoungPoisson};
 
 type Nodes = [[f64; 3]; 4];
 

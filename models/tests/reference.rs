@@ -13,14 +13,14 @@ use std::path::{Path, PathBuf};
 
 use common::{Worst, max_abs, max_difference};
 use serde_json::Value;
-use sinew_models::material::{LameParameters, YoungPoisson};
-use sinew_models::precompute::{
+use sinew_models::element::precompute::{
     ADJACENT_EDGES, ADJACENT_PAIRS, EDGES, OPPOSITE_EDGES, OPPOSITE_PAIRS, RestTetrahedron,
     SpringConstants,
 };
-use sinew_models::quadratic;
-use sinew_models::spring;
-use sinew_models::tetrahedron::{self, Element, TangentKind, compression};
+use sinew_models::element::spring;
+use sinew_models::element::tetrahedron::{self, Element, TangentKind, compression};
+use sinew_models::laws::quadratic;
+use sinew_models::material::{LameParameters, YoungPoisson};
 
 const TOLERANCE: f64 = 1e-9;
 

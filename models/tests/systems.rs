@@ -20,11 +20,12 @@ use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, ElasticForce, RestPosition};
 use sinew_engine::workers::Workers;
 use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, spawn_body};
-use sinew_models::fused::{self, FusedStVK};
+use sinew_models::element::precompute::{RestTetrahedron, SpringConstants};
+use sinew_models::element::tetrahedron::{self, Element};
+use sinew_models::frame::tetrahedra;
+use sinew_models::laws::quadratic::{self, QuadraticSprings, Stretch};
+use sinew_models::laws::svk::FusedStVK;
 use sinew_models::material::{LameParameters, YoungPoisson};
-use sinew_models::precompute::{RestTetrahedron, SpringConstants};
-use sinew_models::quadratic::{self, QuadraticSprings, Stretch};
-use sinew_models::tetrahedron::{self, Element};
 
 const KINDS: [TangentKind; 3] =
     [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected];
@@ -358,7 +359,7 @@ fn pooled_equals_fused() {
 }
 
 /// `K v` by tetrahedra against the product with the assembled matrix.
-fn products<L: fused::TetrahedronLaw, S: Scalar>(law: (Model, Evaluation), tolerance: f64) {
+fn products<L: tetrahedra::TetrahedronLaw, S: Scalar>(law: (Model, Evaluation), tolerance: f64) {
     let (mesh, moved) = jittered();
     for size in [0.0, 0.3, 1.0, 3.0] {
         let moved: Vec<DVec3> = moved.iter().map(|u| size * *u).collect();
@@ -374,7 +375,7 @@ fn products<L: fused::TetrahedronLaw, S: Scalar>(law: (Model, Evaluation), toler
                     })
                     .collect();
                 let mut found = vec![[S::ZERO; 4]; v.len()];
-                let outcome = fused::multiply::<L, S>(&mut w, kind, &v, &mut found);
+                let outcome = tetrahedra::multiply::<L, S>(&mut w, kind, &v, &mut found);
                 if kind == TangentKind::Projected && L::STRESS_PROJECTION {
                     assert!(outcome.unwrap_err().to_string().contains("assemble"));
                     continue;

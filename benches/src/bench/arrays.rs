@@ -10,10 +10,10 @@ use sinew::engine::scalar::Scalar;
 use sinew::engine::topology::Topology;
 use sinew::engine::vertex::Displacement;
 use sinew::engine::workers::Workers;
-use sinew::models::fused::{
-    CompressionModulus, FirstLameParameter, FusedStVK, ShearModulus, TetrahedronColumns,
-    evaluate_columns,
+use sinew::models::frame::tetrahedra::{
+    CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronColumns, evaluate_columns,
 };
+use sinew::models::laws::svk::FusedStVK;
 use sinew::prelude::Simulation;
 
 /// The columns of a body copied into plain vectors.

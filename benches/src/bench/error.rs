@@ -3,9 +3,9 @@
 use crate::peers::PeerError;
 use sinew::engine::mesh::MeshError;
 use sinew::models::body::BodyError;
+use sinew::models::element::membrane::RestTriangleError;
+use sinew::models::element::precompute::RestTetrahedronError;
 use sinew::models::material::MaterialError;
-use sinew::models::membrane::RestTriangleError;
-use sinew::models::precompute::RestTetrahedronError;
 use sinew::simulation::SimulationError;
 use sinew_demos::error::{RunError, SceneError};
 use sinew_identify::IdentifyError;

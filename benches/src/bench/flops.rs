@@ -4,9 +4,9 @@
 //! multiply-add two, comparisons and sign changes nothing.
 
 use sinew::engine::scalar::Real;
+use sinew::models::element::precompute::RestTetrahedron;
+use sinew::models::element::tetrahedron::{self, Element};
 use sinew::models::material::YoungPoisson;
-use sinew::models::precompute::RestTetrahedron;
-use sinew::models::tetrahedron::{self, Element};
 use std::cell::Cell;
 use std::hint::black_box;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -103,7 +103,7 @@ impl Real for Counted {
     }
 }
 
-/// Operations per tetrahedron of the fused law, in the formulas of `sinew_models::tetrahedron`.
+/// Operations per tetrahedron of the fused law, in the formulas of `sinew_models::element::tetrahedron`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ElementFlops {
     /// Energy.

@@ -29,16 +29,17 @@ use sinew::engine::vertex::ElasticForce;
 use sinew::engine::workers::Workers;
 use sinew::models::axes::element::{AxisElement, Triad};
 use sinew::models::body::Evaluation;
-use sinew::models::corotational::{Corotational, WarpedStiffness};
-use sinew::models::fused::{self, FusedStVK, TetrahedronLaw};
-use sinew::models::linear::Linear;
+use sinew::models::element::precompute::{RestTetrahedron, SpringConstants};
+use sinew::models::element::spring::{tensile_energy, tensile_tension};
+use sinew::models::element::tetrahedron::{self, Element};
+use sinew::models::frame::tetrahedra::{self, TetrahedronLaw};
+use sinew::models::laws::corotational::{Corotational, WarpedStiffness};
+use sinew::models::laws::linear::Linear;
+use sinew::models::laws::neo_hookean::NeoHookean;
+use sinew::models::laws::quadratic::{QuadraticSprings, Stretch};
+use sinew::models::laws::stvk_fem::StVKFem;
+use sinew::models::laws::svk::FusedStVK;
 use sinew::models::material::LameParameters;
-use sinew::models::neo_hookean::NeoHookean;
-use sinew::models::precompute::{RestTetrahedron, SpringConstants};
-use sinew::models::quadratic::{QuadraticSprings, Stretch};
-use sinew::models::spring::{tensile_energy, tensile_tension};
-use sinew::models::stvk_fem::StVKFem;
-use sinew::models::tetrahedron::{self, Element};
 use sinew::prelude::*;
 use sinew::simulation::SimulationError;
 use std::collections::BTreeMap;
@@ -417,7 +418,7 @@ fn once<S: Scalar>(
         }
         Quantity::MatrixFree => {
             y.fill([S::ZERO; 4]);
-            let done = fused::multiply::<FusedStVK, S>(world, TangentKind::Exact, x, y);
+            let done = tetrahedra::multiply::<FusedStVK, S>(world, TangentKind::Exact, x, y);
             debug_assert!(done.is_ok(), "exact tangents have a product");
         }
         Quantity::Gather => {

@@ -17,13 +17,14 @@ use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
-use sinew::models::fused_membrane::{
-    BiquadraticMembrane, CorotationalMembrane, QuadraticMembrane, multiply,
-};
-use sinew::models::membrane::{
+use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
+use sinew::models::element::membrane::{
     Element, RestTriangle, SpringConstants, biquadratic, corotational, plane_stress, quadratic,
 };
-use sinew::models::sheet::{MembraneDescription, MembraneModel};
+use sinew::models::frame::triangles::multiply;
+use sinew::models::laws::membranes::{
+    BiquadraticMembrane, CorotationalMembrane, QuadraticMembrane,
+};
 use sinew::prelude::*;
 use std::time::Instant;
 

@@ -6,8 +6,8 @@ use crate::bench::plot::{Scales, Series, lines};
 use crate::bench::report::Chart;
 use crate::bench::table::Table;
 use sinew::engine::scalar::dot;
-use sinew::models::precompute::RestTetrahedron;
-use sinew::models::tetrahedron::{Element, forces};
+use sinew::models::element::precompute::RestTetrahedron;
+use sinew::models::element::tetrahedron::{Element, forces};
 use sinew::prelude::YoungPoisson;
 
 const RATIOS: [f64; 4] = [0.0, 0.3, 0.45, 0.49];

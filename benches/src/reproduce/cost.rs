@@ -19,10 +19,11 @@ use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::topology::Topology;
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
-use sinew::models::corotational::Corotational;
-use sinew::models::fused::{self, FusedStVK};
-use sinew::models::quadratic::QuadraticSprings;
-use sinew::models::sheet::MembraneModel;
+use sinew::models::body::sheet::MembraneModel;
+use sinew::models::frame::tetrahedra;
+use sinew::models::laws::corotational::Corotational;
+use sinew::models::laws::quadratic::QuadraticSprings;
+use sinew::models::laws::svk::FusedStVK;
 use sinew::prelude::*;
 use std::time::Instant;
 
@@ -205,12 +206,12 @@ impl<S: Scalar> Solid<S> {
                     y.fill([S::ZERO; 4]);
                     let done = match model {
                         Model::QuadraticSprings => {
-                            fused::multiply::<QuadraticSprings, S>(world, kind, x, y)
+                            tetrahedra::multiply::<QuadraticSprings, S>(world, kind, x, y)
                         }
                         Model::Corotational => {
-                            fused::multiply::<Corotational, S>(world, kind, x, y)
+                            tetrahedra::multiply::<Corotational, S>(world, kind, x, y)
                         }
-                        _ => fused::multiply::<FusedStVK, S>(world, kind, x, y),
+                        _ => tetrahedra::multiply::<FusedStVK, S>(world, kind, x, y),
                     };
                     debug_assert!(done.is_ok(), "exact tangents have a product");
                 } else {

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{jitter_interior, triangle_grid};
 use sinew::engine::vertex::FixedAxes;
-use sinew::models::sheet::{MembraneDescription, MembraneModel};
+use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
 
 /// Side (m) and thickness (m) of the sheet.

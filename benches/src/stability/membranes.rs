@@ -8,8 +8,8 @@ use sinew::engine::load::Pressure;
 use sinew::engine::mesh::generate::{sphere_triangles, triangle_grid};
 use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::engine::vertex::FixedAxes;
-use sinew::models::membrane::plane_stress;
-use sinew::models::sheet::{MembraneDescription, MembraneModel};
+use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
+use sinew::models::element::membrane::plane_stress;
 use sinew::prelude::*;
 use std::sync::Arc;
 

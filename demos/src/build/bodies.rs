@@ -12,8 +12,8 @@ use glam::DVec3;
 use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::{CheckOptions, CheckReport, CheckedMesh, FindingCode, Mesh, check};
 use sinew::models::body::BodyDescription;
+use sinew::models::body::sheet::MembraneSettings;
 use sinew::models::material::YoungPoisson;
-use sinew::models::sheet::MembraneSettings;
 
 /// Adds the bodies of a scene.
 pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {

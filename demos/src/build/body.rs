@@ -5,9 +5,9 @@ use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::{CheckReport, Mesh};
 use sinew::identify::ElementMethod;
 use sinew::models::axes::description::AxesDescription;
+use sinew::models::body::sheet::MembraneSettings;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::material::YoungPoisson;
-use sinew::models::sheet::MembraneSettings;
 use sinew::simulation::{BodyHandle, Simulation};
 
 /// A body in the simulation.

@@ -3,7 +3,7 @@
 use crate::error::SceneError;
 use crate::scene::{Key, Material};
 use sinew::engine::mesh::Mesh;
-use sinew::models::field::FieldError;
+use sinew::models::material::field::FieldError;
 use sinew::models::material::{MaterialError, YoungPoisson, preset};
 
 /// Key of the value that is wrong.

@@ -3,9 +3,9 @@
 use crate::build::BuiltBody;
 use glam::{DMat3, DVec3};
 use sinew::engine::isoparametric::{RestHexahedron, gauss_point, hexahedron_derivatives};
+use sinew::models::body::sheet::PlaneState;
+use sinew::models::element::precompute::RestTetrahedron;
 use sinew::models::material::{LameParameters, YoungPoisson};
-use sinew::models::precompute::RestTetrahedron;
-use sinew::models::sheet::PlaneState;
 
 /// Largest principal Green-Lagrange strain (-), von Mises stress (Pa), energy density (J/m^3), volume ratio (-);
 /// of membranes the ratio of areas.

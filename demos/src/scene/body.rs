@@ -4,8 +4,8 @@ use super::fibres::{AxesEntry, FibreEntry};
 use super::shape::{Generate, Rotation};
 use serde::{Deserialize, Serialize};
 use sinew::identify::ElementMethod;
+use sinew::models::body::sheet::{MembraneModel, PlaneState};
 use sinew::models::body::{Evaluation, Model};
-use sinew::models::sheet::{MembraneModel, PlaneState};
 use std::path::PathBuf;
 
 /// A body.

@@ -9,9 +9,9 @@ use crate::build::ResectionSummary;
 use serde::Serialize;
 use sinew::identify::ElementMethod;
 use sinew::models::axes::description::{AxesDescription, AxisForm};
+use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::material::YoungPoisson;
-use sinew::models::sheet::MembraneModel;
 use sinew::solvers::settings::SolverSettings;
 
 /// Version of the JSON summary.

@@ -4,8 +4,8 @@ use super::{AxesSummary, BodySummary, MembraneSummary, RunSummary, Warning, eval
 use crate::build::ResectionSummary;
 use crate::text::{Block, counted, pressure, seconds, short, write_blocks};
 use sinew::identify::ElementMethod;
+use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Model};
-use sinew::models::sheet::MembraneModel;
 use std::fmt;
 
 impl fmt::Display for RunSummary {

@@ -5,7 +5,7 @@ use super::{CaseError, ValidateOptions};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::models::body::Evaluation;
-use sinew::models::sheet::{MembraneDescription, MembraneModel, PlaneState};
+use sinew::models::body::sheet::{MembraneDescription, MembraneModel, PlaneState};
 use sinew::prelude::*;
 use std::path::Path;
 

@@ -6,7 +6,7 @@ use super::read::{Case, Entry};
 use super::{CaseError, STATIC_TOLERANCE, Status, ValidateOptions, ValidationRow};
 use glam::DVec3;
 use sinew::engine::isoparametric::{gauss_point, quad_derivatives};
-use sinew::models::sheet::PlaneState;
+use sinew::models::body::sheet::PlaneState;
 use std::time::Instant;
 
 const KEYS: &str = "E cases name nu rho schema";

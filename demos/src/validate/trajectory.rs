@@ -7,7 +7,7 @@ use super::read::{Case, Entry};
 use super::{CaseError, Status, TRAJECTORY_TOLERANCE, ValidateOptions, ValidationRow};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
-use sinew::models::sheet::{MembraneModel, PlaneState};
+use sinew::models::body::sheet::{MembraneModel, PlaneState};
 use sinew::prelude::*;
 use sinew::simulation::SimulationError;
 use std::time::Instant;

@@ -6,7 +6,7 @@ use super::compare::{difference, largest, nearest, worst};
 use super::read::Case;
 use super::{CaseError, STATIC_TOLERANCE, Status, ValidateOptions, ValidationRow};
 use crate::modes::{Mode, modes};
-use sinew::models::sheet::PlaneState;
+use sinew::models::body::sheet::PlaneState;
 use sinew::prelude::*;
 use std::time::Instant;
 

@@ -1,4 +1,4 @@
-// Angular springs in triangles. Twin of `sinew_models::pooled::Angular`. Vertices ascend; edge m lies opposite
+// Angular springs in triangles. Twin of `sinew_models::laws::pooled::Angular`. Vertices ascend; edge m lies opposite
 // vertex m, and spring m couples the two others.
 
 @group(1) @binding(1) var<storage, read> nodes: array<u32>;

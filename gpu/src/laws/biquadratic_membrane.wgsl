@@ -1,5 +1,5 @@
 // Biquadratic springs (TRBS) with the compression term where its modulus is not 0. Twin of
-// `sinew_models::membrane::biquadratic`.
+// `sinew_models::element::membrane::biquadratic`.
 
 // Area ratio J2 below which it is continued by a parabola.
 const FLAT: f32 = 1e-3;

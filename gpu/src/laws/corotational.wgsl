@@ -1,4 +1,4 @@
-// Corotational elasticity. Twin of `sinew_models::corotational`.
+// Corotational elasticity. Twin of `sinew_models::laws::corotational`.
 
 fn core(e: Element, g: mat3x3f, kind: u32) -> array<mat3x3f, 6> {
     let p = polar(g);

@@ -1,4 +1,4 @@
-// Linear elasticity of the stretch U - I, with F = R U. Twin of `sinew_models::membrane::corotational`.
+// Linear elasticity of the stretch U - I, with F = R U. Twin of `sinew_models::element::membrane::corotational`.
 
 struct Polar {
     excess: f32,     // tr U - 2

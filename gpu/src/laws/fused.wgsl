@@ -1,4 +1,4 @@
-// Fused St Venant-Kirchhoff with compression term. Twin of `sinew_models::tetrahedron` (laws `FusedStVK`
+// Fused St Venant-Kirchhoff with compression term. Twin of `sinew_models::element::tetrahedron` (laws `FusedStVK`
 // and, without the term, `StVKFem`).
 
 // S = lambda (tr E) I + 2 mu E.

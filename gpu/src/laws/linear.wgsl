@@ -1,4 +1,4 @@
-// Linear elasticity. Twin of `sinew_models::linear`.
+// Linear elasticity. Twin of `sinew_models::laws::linear`.
 
 fn small_strain(g: mat3x3f) -> mat3x3f {
     return 0.5 * (g + transpose(g));

@@ -1,4 +1,4 @@
-// Constant-strain triangles in the plane of their rest shape. Twin of `sinew_models::membrane::linear`.
+// Constant-strain triangles in the plane of their rest shape. Twin of `sinew_models::element::membrane::linear`.
 
 // First-order part of the change of the Gram matrix.
 fn linear_change(e: Element) -> vec3f {

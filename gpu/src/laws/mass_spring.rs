@@ -1,4 +1,4 @@
-//! Springs on edges: twin of [`sinew_models::quadratic::MassSpring`].
+//! Springs on edges: twin of [`sinew_models::laws::quadratic::MassSpring`].
 
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::QueryBuilder;
@@ -6,8 +6,8 @@ use sinew_engine::element::{EdgeVertices, RestEdges};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 use sinew_models::laws::LawRow;
-use sinew_models::pooled::TensileStiffness;
-use sinew_models::quadratic::EDGE_SPRINGS;
+use sinew_models::laws::pooled::TensileStiffness;
+use sinew_models::laws::quadratic::EDGE_SPRINGS;
 
 use super::{DeviceLaw, EDGE, ElementColumns, STRETCH};
 

@@ -1,4 +1,4 @@
-// Springs on edges. Twin of `sinew_models::quadratic::MassSpring`.
+// Springs on edges. Twin of `sinew_models::laws::quadratic::MassSpring`.
 
 fn energy(e: Edge) -> f32 {
     let change = stretch(e.rest, e.relative).change;

@@ -1,4 +1,4 @@
-// What the laws of membrane triangles share. Twin of `sinew_models::membrane`: see there for the mathematics.
+// What the laws of membrane triangles share. Twin of `sinew_models::element::membrane`: see there for the mathematics.
 // Constants are 3 rows of 16 bytes: E_1 (m) and lambda (N/m), E_2 and mu, rest area A (m^2) and kappa (N/m).
 
 struct Element {

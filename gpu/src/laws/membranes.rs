@@ -1,5 +1,5 @@
-//! Membranes of triangles and, over Gauss points, of quadrilaterals: twins of [`sinew_models::fused_membrane`] and
-//! [`sinew_models::quad`]. They go on while the tetrahedra of their
+//! Membranes of triangles and, over Gauss points, of quadrilaterals: twins of [`sinew_models::frame::triangles`] and
+//! [`sinew_models::frame::quads`]. They go on while the tetrahedra of their
 //! body recover.
 
 use bevy_ecs::prelude::*;
@@ -7,11 +7,10 @@ use bevy_ecs::query::QueryBuilder;
 use sinew_engine::isoparametric::{QuadRest, QuadVertices};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
-use sinew_models::fused_membrane as membrane;
-use sinew_models::fused_membrane::{
+use sinew_models::frame::triangles::{
     MembraneCompressionModulus, MembraneData, MembraneFirstModulus, MembraneShearModulus,
 };
-use sinew_models::laws::LawRow;
+use sinew_models::laws::{LawRow, membranes as membrane};
 
 use super::{DeviceLaw, ElementColumns, ElementKind, STRETCH, TRIANGLES};
 

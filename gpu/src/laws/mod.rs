@@ -12,8 +12,8 @@ pub mod solid;
 use bevy_ecs::prelude::*;
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::Scalar;
+use sinew_models::laws::pooled::{EDGE_CHANGES, SPRING_FORCES};
 use sinew_models::laws::{InRecovery, LawRow, LawTable, precision};
-use sinew_models::pooled::{EDGE_CHANGES, SPRING_FORCES};
 
 use crate::sources::{Source, elements};
 

@@ -1,4 +1,4 @@
-// Stable neo-Hookean elasticity. Twin of `sinew_models::neo_hookean`.
+// Stable neo-Hookean elasticity. Twin of `sinew_models::laws::neo_hookean`.
 
 fn bulk(e: Element) -> f32 {
     return e.lambda + 5.0 / 6.0 * e.mu;

@@ -1,4 +1,4 @@
-// Polar decomposition F = R S, and energy and stress of the corotational laws. Twin of `sinew_models::corotational`,
+// Polar decomposition F = R S, and energy and stress of the corotational laws. Twin of `sinew_models::laws::corotational`,
 // with the rotation from the signed singular value decomposition.
 
 struct Polar {

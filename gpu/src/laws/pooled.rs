@@ -1,5 +1,5 @@
-//! Springs pooled over the mesh: twins of the laws of [`sinew_models::pooled`]. Each set turns its own tensions into
-//! forces, so that [`SpringForces`](sinew_models::pooled::SpringForces), which does that on the processor for the
+//! Springs pooled over the mesh: twins of the laws of [`sinew_models::laws::pooled`]. Each set turns its own tensions into
+//! forces, so that [`SpringForces`](sinew_models::laws::pooled::SpringForces), which does that on the processor for the
 //! sum, has no elements here.
 
 use bevy_ecs::prelude::*;
@@ -9,7 +9,9 @@ use sinew_engine::element::{
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 use sinew_models::laws::LawRow;
-use sinew_models::pooled::{self, AngularStiffnesses, TriangleVertices, VolumetricStiffnesses};
+use sinew_models::laws::pooled::{
+    self, AngularStiffnesses, TriangleVertices, VolumetricStiffnesses,
+};
 
 use super::mass_spring::edge_columns;
 use super::{DeviceLaw, EDGE, ElementColumns, ElementKind};
@@ -26,7 +28,7 @@ const COUPLED_TRIANGLE: ElementKind =
 const COUPLED_TETRAHEDRON: ElementKind = ElementKind { vertices: 4, ..COUPLED_TRIANGLE };
 
 /// Tensile springs on edges, angular ones in triangles, volumetric ones in tetrahedra. Their projected tangent is
-/// that of [`PooledProjection`](sinew_models::fused::PooledProjection).
+/// that of [`PooledProjection`](sinew_models::laws::svk::PooledProjection).
 pub(super) static LAWS: &[DeviceLaw] = &[
     DeviceLaw {
         row: &pooled::TENSILE,

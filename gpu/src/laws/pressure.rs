@@ -1,4 +1,4 @@
-//! Follower pressure: twin of [`sinew_models::pressure`]. The faces of every [`Pressure`] are a set of their own, and
+//! Follower pressure: twin of [`sinew_models::laws::pressure`]. The faces of every [`Pressure`] are a set of their own, and
 //! its value the factor of the set.
 
 use bevy_ecs::prelude::*;
@@ -6,7 +6,7 @@ use sinew_engine::columns::single_table;
 use sinew_engine::load::{LoadTime, Pressure};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::RestPosition;
-use sinew_models::pressure::ROW;
+use sinew_models::laws::pressure::ROW;
 
 use super::{DeviceLaw, ElementColumns, ElementKind, TRIANGLES};
 

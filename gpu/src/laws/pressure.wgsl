@@ -1,4 +1,4 @@
-// Follower pressure. Twin of `sinew_models::pressure`: see there for the mathematics. Constants are 2 rows of 16 bytes,
+// Follower pressure. Twin of `sinew_models::laws::pressure`: see there for the mathematics. Constants are 2 rows of 16 bytes,
 // the rest edges E_1, E_2 (m); the factor of the chunk is the pressure (Pa).
 
 struct Face {

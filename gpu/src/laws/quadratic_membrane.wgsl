@@ -1,4 +1,4 @@
-// Quadratic springs (TRQS). Twin of `sinew_models::membrane::quadratic`.
+// Quadratic springs (TRQS). Twin of `sinew_models::element::membrane::quadratic`.
 
 // Edges 01, 02 and 12, each pointing to its higher vertex.
 fn stretches(e: Element) -> array<Stretch, 3> {

@@ -5,9 +5,12 @@ use bevy_ecs::query::QueryBuilder;
 use sinew_engine::isoparametric::{HexahedronRest, HexahedronVertices};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
-use sinew_models::fused::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronData};
-use sinew_models::laws::LawRow;
-use sinew_models::{corotational, fused, linear, neo_hookean, quadratic, stvk_fem, svk_volume};
+use sinew_models::frame::tetrahedra::{
+    CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronData,
+};
+use sinew_models::laws::{
+    LawRow, corotational, linear, neo_hookean, quadratic, stvk_fem, svk, svk_volume,
+};
 
 use super::{
     DEFORMATION, DeviceLaw, ElementColumns, ElementKind, FOUR_VERTICES, PROJECTION, STRESS,
@@ -67,14 +70,14 @@ pub(super) static COROTATIONAL_HEXAHEDRA: DeviceLaw =
 /// The laws; the textbook form of St Venant-Kirchhoff has the shader of the fused one, since it is the same
 /// energy, in a form of its own on the processor for comparison of cost.
 pub(super) static LAWS: &[DeviceLaw] = &[
-    tetrahedra(&fused::TETRAHEDRA, FUSED),
+    tetrahedra(&svk::TETRAHEDRA, FUSED),
     DeviceLaw {
         volumes: false,
         find: [compression::<f64>, compression::<f32>],
-        ..tetrahedra(&fused::COMPRESSION, FUSED)
+        ..tetrahedra(&svk::COMPRESSION, FUSED)
     },
     // its set is that of all tetrahedra of pooled bodies
-    tetrahedra(&fused::PROJECTION, FUSED),
+    tetrahedra(&svk::PROJECTION, FUSED),
     tetrahedra(&stvk_fem::TETRAHEDRA, FUSED),
     tetrahedra(&quadratic::TETRAHEDRA, &[STRETCH, include_str!("quadratic.wgsl")]),
     tetrahedra(&linear::TETRAHEDRA, LINEAR),
@@ -82,7 +85,7 @@ pub(super) static LAWS: &[DeviceLaw] = &[
     tetrahedra(&corotational::TETRAHEDRA, COROTATIONAL),
     tetrahedra(&neo_hookean::TETRAHEDRA, NEO_HOOKEAN),
     tetrahedra(&svk_volume::TETRAHEDRA, SVK_VOLUME),
-    hexahedra(&fused::HEXAHEDRA, FUSED),
+    hexahedra(&svk::HEXAHEDRA, FUSED),
     hexahedra(&linear::HEXAHEDRA, LINEAR),
     hexahedra(&corotational::HEXAHEDRA, COROTATIONAL),
     hexahedra(&neo_hookean::HEXAHEDRA, NEO_HOOKEAN),

@@ -1,4 +1,4 @@
-// Biquadratic springs: laws on changes of squared edge length. Twin of `sinew_models::spring`.
+// Biquadratic springs: laws on changes of squared edge length. Twin of `sinew_models::element::spring`.
 
 // |x_a - x_b|^2 - L^2 (m^2) from rest vector and relative displacement: nothing cancels.
 fn squared_length_change(rest: vec3f, relative: vec3f) -> f32 {

@@ -1,4 +1,4 @@
-// How far an edge is stretched. Twin of `sinew_models::quadratic::Stretch`.
+// How far an edge is stretched. Twin of `sinew_models::laws::quadratic::Stretch`.
 
 struct Stretch {
     edge: vec3f,            // deformed edge (m)

@@ -1,4 +1,4 @@
-// St Venant-Kirchhoff shear with a volume term in J. Twin of `sinew_models::svk_volume`.
+// St Venant-Kirchhoff shear with a volume term in J. Twin of `sinew_models::laws::svk_volume`.
 
 fn energy(e: Element, g: mat3x3f) -> f32 {
     let m = volume_change(g);

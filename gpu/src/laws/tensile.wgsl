@@ -1,4 +1,4 @@
-// Tensile springs on edges. Twin of `sinew_models::pooled::Tensile`.
+// Tensile springs on edges. Twin of `sinew_models::laws::pooled::Tensile`.
 
 fn energy(e: Edge) -> f32 {
     return tensile_energy(e.k, squared_length_change(e.rest, e.relative));

@@ -1,4 +1,4 @@
-// Volumetric springs in tetrahedra. Twin of `sinew_models::pooled::Volumetric`. Edges in the order 01 02 03 12 13 23;
+// Volumetric springs in tetrahedra. Twin of `sinew_models::laws::pooled::Volumetric`. Edges in the order 01 02 03 12 13 23;
 // spring m couples the opposite edges m and 5 - m.
 
 @group(1) @binding(1) var<storage, read> nodes: array<vec4u>;

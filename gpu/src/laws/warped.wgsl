@@ -1,4 +1,4 @@
-// Stiffness warping: R held in the tangent. Twin of `sinew_models::corotational::WarpedStiffness`.
+// Stiffness warping: R held in the tangent. Twin of `sinew_models::laws::corotational::WarpedStiffness`.
 
 fn core(e: Element, g: mat3x3f, kind: u32) -> array<mat3x3f, 6> {
     let r = polar(g).rotation;

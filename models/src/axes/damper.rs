@@ -23,8 +23,8 @@ use bytemuck::TransparentWrapper;
 
 use super::printed::{Blocks, Nodes, add_spread, spread_over};
 use super::site::{AxisSite, add_blocks, local};
+use crate::laws::pooled::add_outer;
 use crate::laws::{Elements, LawRow, mark, partition};
-use crate::pooled::add_outer;
 
 /// A damper along an axis of an element of `N` vertices.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]

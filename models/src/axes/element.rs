@@ -35,8 +35,8 @@ use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, add, cross, dot, mat_vec, scale, sub};
 
-use crate::pooled::{add_identity, add_outer};
-use crate::tetrahedron::{CORE, TetrahedronTangent, assemble, cofactor};
+use crate::element::tetrahedron::{CORE, TetrahedronTangent, assemble, cofactor};
+use crate::laws::pooled::{add_identity, add_outer};
 
 /// Pairs of the three axes, in the order of their angular moduli.
 pub const AXIS_PAIRS: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];

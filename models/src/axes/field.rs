@@ -10,7 +10,7 @@ use glam::DVec3;
 use sinew_engine::mesh::{CellData, Mesh};
 
 use super::formula::Formula;
-use crate::precompute::RestTetrahedron;
+use crate::element::precompute::RestTetrahedron;
 
 /// A direction in every solid element: the tetrahedra in the order of the mesh, then the hexahedra.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -24,7 +24,7 @@ use sinew_engine::vertex::Displacement;
 
 use super::columns::*;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
-use crate::hexahedron::{Blocks, total};
+use crate::frame::hexahedra::{Blocks, total};
 use crate::laws::{Elements, LawRow, mark, partition};
 
 /// Rest shape of a hexahedron in `f64`, with shares of the volume in place of volumes.

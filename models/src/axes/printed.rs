@@ -30,7 +30,7 @@
 use sinew_engine::scalar::{dot, scale, sub};
 
 use super::element::AXIS_PAIRS;
-use crate::pooled::{add_identity, add_outer};
+use crate::laws::pooled::{add_identity, add_outer};
 
 /// Vectors of the vertices (m, m/s or N).
 pub type Nodes<const N: usize> = [[f64; 3]; N];

@@ -20,8 +20,8 @@ use super::description::{AxesDescription, AxisFamily, AxisGroup};
 use super::hexahedra;
 use super::muscle::{self, Muscle, Muscles};
 use super::systems;
+use crate::element::precompute::RestTetrahedron;
 use crate::laws;
-use crate::precompute::RestTetrahedron;
 
 /// Rows and blocks of a tetrahedron, and where it comes from.
 pub(super) type Place = (AxisVertices, AxisBlocks, AxisTetrahedron, BodyId);

@@ -13,9 +13,9 @@ use sinew_engine::workers::Workers;
 
 use super::columns::*;
 use super::element::AxisElement;
-use crate::fused::add_tangent;
+use crate::frame::tetrahedra::add_tangent;
+use crate::laws::pooled::sum;
 use crate::laws::{Elements, LawRow, mark, partition};
-use crate::pooled::sum;
 
 /// Marks tetrahedra of bodies that consist of axes alone: no law of a material acts on them.
 #[derive(Component, Clone, Copy, Debug, Default)]

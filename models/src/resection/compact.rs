@@ -21,7 +21,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{ElementTables, Topology};
 use sinew_engine::vertex::BodyId;
 
-use crate::pooled::TriangleVertices;
+use crate::laws::pooled::TriangleVertices;
 
 /// Rows of one table of elements.
 struct Table {

@@ -3,13 +3,15 @@
 use super::Resection;
 use crate::axes::muscle::{Muscles, copy_activations};
 use crate::body::{BodyDescription, BodyError, SoftBody, spawn_body};
-use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
-use crate::fused_membrane::{
+use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::frame::triangles::{
     MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
 };
-use crate::pooled::{AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness};
-use crate::pressure;
-use crate::quadratic::MassSpring;
+use crate::laws::pooled::{
+    AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness,
+};
+use crate::laws::pressure;
+use crate::laws::quadratic::MassSpring;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;

@@ -10,7 +10,7 @@ use sinew::engine::load::LoadTime;
 use sinew::engine::step::StepClock;
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::axes::muscle::activate_at;
-use sinew::models::field::MaterialField;
+use sinew::models::material::field::MaterialField;
 use sinew::solvers::linear_solver::LinearSolver;
 use sinew::solvers::state::{NodeState, Rows, evaluate, read_force, read_rest};
 use sinew_demos::build::BuiltScene;

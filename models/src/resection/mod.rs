@@ -46,23 +46,25 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::axes;
+use crate::body::lumped;
+use crate::body::sheet::{MembraneModel, MembraneSettings};
 use crate::body::{Evaluation, SoftBody, angular_place};
-use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
-use crate::fused_membrane::{
+use crate::element::membrane::{self, RestTriangle};
+use crate::element::precompute::{ADJACENT_PAIRS, EDGES, RestTetrahedron, SpringConstants};
+use crate::element::tetrahedron::{Element, green_strain, second_piola_kirchhoff};
+use crate::frame::hexahedra;
+use crate::frame::quads;
+use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::frame::triangles::{
     MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
 };
-use crate::hexahedron;
 use crate::laws::LawRow;
-use crate::lumped;
+use crate::laws::pooled::{
+    AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness,
+};
+use crate::laws::pressure;
+use crate::laws::quadratic::MassSpring;
 use crate::material::LameParameters;
-use crate::membrane::{self, RestTriangle};
-use crate::pooled::{AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness};
-use crate::precompute::{ADJACENT_PAIRS, EDGES, RestTetrahedron, SpringConstants};
-use crate::pressure;
-use crate::quad;
-use crate::quadratic::MassSpring;
-use crate::sheet::{MembraneModel, MembraneSettings};
-use crate::tetrahedron::{Element, green_strain, second_piola_kirchhoff};
 
 mod compact;
 mod verify;
@@ -858,7 +860,7 @@ impl BodyResection {
         chosen[ElementKind::Hexahedron].retain(|&h| {
             let u = vertices.displacements(connectivity.hexahedra[h as usize]);
             bricks.next().is_some_and(|(rest, moduli)| {
-                hexahedron::tetrahedra(rest, *moduli, &u).iter().any(|(e, u)| solid(e, u))
+                hexahedra::tetrahedra(rest, *moduli, &u).iter().any(|(e, u)| solid(e, u))
             })
         });
         let sheets = self.membrane_elements(soft, &chosen[ElementKind::Triangle], &vertices);
@@ -873,7 +875,7 @@ impl BodyResection {
             chosen[ElementKind::Quad].retain(|&q| {
                 let nodes = connectivity.quads[q as usize];
                 let (rest, u) = (vertices.rest_quad(nodes), vertices.displacements(nodes));
-                quad::triangles(&rest.component(), moduli, &u).iter().any(|(e, u)| sheet(e, u))
+                quads::triangles(&rest.component(), moduli, &u).iter().any(|(e, u)| sheet(e, u))
             });
         }
         chosen
@@ -921,7 +923,7 @@ impl BodyResection {
         let brick_law = soft.law.and_then(|law| law.hexahedra);
         for (&h, (rest, moduli)) in chosen[ElementKind::Hexahedron].iter().zip(&bricks) {
             let u = vertices.displacements(connectivity.hexahedra[h as usize]);
-            let points = hexahedron::tetrahedra(rest, *moduli, &u);
+            let points = hexahedra::tetrahedra(rest, *moduli, &u);
             report.elastic_energy +=
                 points.iter().map(|(e, u)| energy(brick_law, e, u)).sum::<f64>();
             report.volume += rest.volume.iter().sum::<f64>();
@@ -938,7 +940,7 @@ impl BodyResection {
         for &q in &chosen[ElementKind::Quad] {
             let nodes = connectivity.quads[q as usize];
             let (rest, u) = (vertices.rest_quad(nodes), vertices.displacements(nodes));
-            let points = quad::triangles(&rest.component(), moduli_of(settings), &u);
+            let points = quads::triangles(&rest.component(), moduli_of(settings), &u);
             report.elastic_energy +=
                 points.iter().map(|(e, u)| membrane_energy(settings.model, e, u)).sum::<f64>();
         }

@@ -22,9 +22,9 @@
 //!
 //! ```
 //! use sinew_models::material::YoungPoisson;
-//! use sinew_models::precompute::RestTetrahedron;
-//! use sinew_models::svk_volume;
-//! use sinew_models::tetrahedron::Element;
+//! use sinew_models::element::precompute::RestTetrahedron;
+//! use sinew_models::laws::svk_volume;
+//! use sinew_models::element::tetrahedron::Element;
 //!
 //! let material = YoungPoisson { young_modulus: 3e3, poisson_ratio: 0.49, density: 1000.0 };
 //! let corner = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -41,13 +41,13 @@ use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, cross, dot, mat_vec};
 
-use crate::fused::TetrahedronLaw;
-use crate::laws::LawRow;
-use crate::projection::{Spectrum, Svd, clamped_blocks, signed_svd};
-use crate::tetrahedron::{
+use crate::element::projection::{Spectrum, Svd, clamped_blocks, signed_svd};
+use crate::element::tetrahedron::{
     CORE, Element, TetrahedronTangent, assemble, cofactor, elastic_stress, green_strain,
     nodal_forces, second_piola_kirchhoff,
 };
+use crate::frame::tetrahedra::TetrahedronLaw;
+use crate::laws::LawRow;
 
 /// The element without its first modulus, which acts on the volume alone.
 #[inline(always)]

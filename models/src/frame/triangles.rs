@@ -1,6 +1,5 @@
-//! Membrane laws evaluated triangle by triangle ([`crate::membrane`]), and two that complete the pooled
-//! springs of [`crate::pooled`]: the compression term, and the projected tangent, which needs the whole
-//! stress of a triangle. Mass-spring membranes are springs on edges ([`crate::quadratic::MassSpring`]).
+//! Laws evaluated membrane triangle by membrane triangle: the trait that they implement, their columns, and the
+//! passes for energy, force and tangent.
 
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
@@ -17,9 +16,9 @@ use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
 
+use crate::element::membrane::{Element, TriangleTangent};
+use crate::laws::pooled::sum;
 use crate::laws::{LawRow, partition};
-use crate::membrane::{Element, TriangleTangent, biquadratic, corotational, linear, quadratic};
-use crate::pooled::sum;
 
 macro_rules! moduli {
     ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {$(
@@ -73,196 +72,6 @@ pub trait TriangleLaw: Send + Sync + 'static {
     #[inline(always)]
     fn is_clamped<R: Real>(_: &Element<R>, _: &[[R; 3]; 3]) -> R::Mask {
         R::less(R::ONE, R::ZERO)
-    }
-}
-
-/// Biquadratic springs (TRBS), one triangle at a time; also the mark of its triangles.
-#[derive(Component, Clone, Copy, Debug, Default)]
-pub struct BiquadraticMembrane;
-
-/// Quadratic springs (TRQS); also the mark of its triangles.
-#[derive(Component, Clone, Copy, Debug, Default)]
-pub struct QuadraticMembrane;
-
-/// Constant-strain triangles; also the mark of its triangles.
-#[derive(Component, Clone, Copy, Debug, Default)]
-pub struct LinearMembrane;
-
-/// Corotational triangles; also the mark of its triangles.
-#[derive(Component, Clone, Copy, Debug, Default)]
-pub struct CorotationalMembrane;
-
-/// Projected tangent of pooled membranes; also the mark of their triangles.
-#[derive(Component, Clone, Copy, Debug, Default)]
-pub struct PooledMembrane;
-
-/// The compression term of pooled membranes, an independent law beside their springs.
-#[derive(Component, Clone, Copy, Debug, Default)]
-pub struct MembraneCompression;
-
-/// Row of [`BiquadraticMembrane`] in the table of laws.
-pub static BIQUADRATIC: LawRow = LawRow::triangles::<BiquadraticMembrane>();
-/// Row of [`QuadraticMembrane`] in the table of laws.
-pub static QUADRATIC: LawRow = LawRow::triangles::<QuadraticMembrane>();
-/// Row of [`LinearMembrane`] in the table of laws.
-pub static LINEAR: LawRow = LawRow::triangles::<LinearMembrane>();
-/// Row of [`CorotationalMembrane`] in the table of laws.
-pub static COROTATIONAL: LawRow = LawRow::triangles::<CorotationalMembrane>();
-/// Row of [`PooledMembrane`] in the table of laws.
-pub static PROJECTION: LawRow = LawRow::triangles::<PooledMembrane>();
-/// Row of [`MembraneCompression`] in the table of laws.
-pub static COMPRESSION: LawRow = LawRow::triangles::<MembraneCompression>();
-/// Row of [`BiquadraticMembrane`] on quadrilaterals.
-pub static BIQUADRATIC_QUADS: LawRow =
-    LawRow::quads::<BiquadraticMembrane>("St Venant-Kirchhoff quadrilaterals");
-/// Row of [`LinearMembrane`] on quadrilaterals.
-pub static LINEAR_QUADS: LawRow = LawRow::quads::<LinearMembrane>("linear quadrilaterals");
-/// Row of [`CorotationalMembrane`] on quadrilaterals.
-pub static COROTATIONAL_QUADS: LawRow =
-    LawRow::quads::<CorotationalMembrane>("corotational quadrilaterals");
-
-impl TriangleLaw for BiquadraticMembrane {
-    const NAME: &'static str = "biquadratic membrane";
-    type Mark = Self;
-    #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
-        biquadratic::energy(e, u)
-    }
-    #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
-        biquadratic::forces(e, u)
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
-        biquadratic::tangent(e, u, kind)
-    }
-    #[inline(always)]
-    fn product<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 3],
-        v: &[[R; 3]; 3],
-        kind: TangentKind,
-    ) -> [[R; 3]; 3] {
-        match kind {
-            TangentKind::Projected => biquadratic::tangent(e, u, kind).product(v),
-            _ => biquadratic::product(e, u, v, kind == TangentKind::Exact),
-        }
-    }
-    #[inline(always)]
-    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
-        biquadratic::is_clamped(e, u)
-    }
-}
-
-impl TriangleLaw for QuadraticMembrane {
-    const NAME: &'static str = "quadratic membrane";
-    type Mark = Self;
-    #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
-        quadratic::energy(e, u)
-    }
-    #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
-        quadratic::forces(e, u)
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
-        quadratic::tangent(e, u, kind)
-    }
-    #[inline(always)]
-    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
-        quadratic::is_clamped(e, u)
-    }
-}
-
-impl TriangleLaw for LinearMembrane {
-    const WIDE: bool = false;
-    const NAME: &'static str = "linear membrane";
-    type Mark = Self;
-    #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
-        linear::energy(e, u)
-    }
-    #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
-        linear::forces(e, u)
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, _: &[[R; 3]; 3], _: TangentKind) -> TriangleTangent<R> {
-        linear::tangent(e)
-    }
-}
-
-impl TriangleLaw for CorotationalMembrane {
-    const WIDE: bool = false;
-    const NAME: &'static str = "corotational membrane";
-    type Mark = Self;
-    #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
-        corotational::energy(e, u)
-    }
-    #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
-        corotational::forces(e, u)
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
-        corotational::tangent(e, u, kind)
-    }
-    #[inline(always)]
-    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
-        corotational::is_clamped(e, u)
-    }
-}
-
-impl TriangleLaw for PooledMembrane {
-    const NAME: &'static str = "projected tangent of a pooled membrane";
-    type Mark = Self;
-    const FORCES: bool = false;
-    fn contributes(kind: TangentKind) -> bool {
-        kind == TangentKind::Projected
-    }
-    #[inline(always)]
-    fn energy<R: Real>(_: &Element<R>, _: &[[R; 3]; 3]) -> R {
-        R::ZERO
-    }
-    #[inline(always)]
-    fn forces<R: Real>(_: &Element<R>, _: &[[R; 3]; 3]) -> [[R; 3]; 3] {
-        [[R::ZERO; 3]; 3]
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
-        biquadratic::tangent(e, u, kind)
-    }
-    #[inline(always)]
-    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
-        biquadratic::is_clamped(e, u)
-    }
-}
-
-/// The element without its springs.
-#[inline(always)]
-fn compression_only<R: Real>(e: &Element<R>) -> Element<R> {
-    Element { lambda: R::ZERO, mu: R::ZERO, ..*e }
-}
-
-impl TriangleLaw for MembraneCompression {
-    const NAME: &'static str = "membrane compression term";
-    type Mark = PooledMembrane;
-    fn contributes(kind: TangentKind) -> bool {
-        kind != TangentKind::Projected
-    }
-    #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
-        biquadratic::energy(&compression_only(e), u)
-    }
-    #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
-        biquadratic::forces(&compression_only(e), u)
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
-        biquadratic::tangent(&compression_only(e), u, kind)
     }
 }
 

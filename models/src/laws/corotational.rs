@@ -50,12 +50,14 @@ use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, cross, dot, mat_vec};
 
-use crate::fused::TetrahedronLaw;
-use crate::laws::LawRow;
-use crate::projection::{Svd, is_positive_definite, rounding, signed_svd, symmetric_eigen};
-use crate::tetrahedron::{
+use crate::element::projection::{
+    Svd, is_positive_definite, rounding, signed_svd, symmetric_eigen,
+};
+use crate::element::tetrahedron::{
     CORE, Element, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
 };
+use crate::frame::tetrahedra::TetrahedronLaw;
+use crate::laws::LawRow;
 
 /// Polar decomposition of a deformation gradient.
 #[derive(Clone, Copy, Debug)]

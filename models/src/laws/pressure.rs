@@ -42,16 +42,16 @@ use sinew_engine::workers::Workers;
 
 use std::time::Instant;
 
-use crate::fused_membrane::add_tangent;
+use crate::element::membrane::TriangleTangent;
+use crate::frame::triangles::add_tangent;
+use crate::laws::pooled::sum;
 use crate::laws::{self, Elements, LawRow, mark};
-use crate::membrane::TriangleTangent;
-use crate::pooled::sum;
 
 /// Volume (m^3) that a triangle of rest edges `X_1 - X_0`, `X_2 - X_0` sweeps from rest to displacements
 /// `u`, positive along its normal.
 ///
 /// ```
-/// use sinew_models::pressure::swept_volume;
+/// use sinew_models::laws::pressure::swept_volume;
 /// // A right triangle lifted by 2, then another whose one corner is lifted by 3.
 /// let edges = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 /// assert_eq!(swept_volume(&edges, &[[0.0, 0.0, 2.0]; 3]), 1.0);

@@ -26,13 +26,14 @@ use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
 
-use crate::corotational::Corotational;
-use crate::fused::{
-    CompressionModulus, FirstLameParameter, FusedStVK, ShearModulus, TetrahedronLaw,
+use crate::element::projection;
+use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
+use crate::frame::tetrahedra::{
+    CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw,
 };
+use crate::laws::corotational::Corotational;
+use crate::laws::svk::FusedStVK;
 use crate::laws::{LawRow, partition};
-use crate::projection;
-use crate::tetrahedron::{self, Element, TetrahedronTangent};
 
 /// Law `L` at the Gauss points of hexahedra; also the mark of its hexahedra.
 #[derive(Component, Debug)]

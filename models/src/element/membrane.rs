@@ -30,7 +30,7 @@
 //! | [`corotational`] | linear in the stretch `U - I`, with `F = R U`: `W = A (lambda/2 tr^2 (U - I) + mu |U - I|^2)`, and forces that are its exact gradient |
 //!
 //! A mass-spring membrane is the tensile part of TRQS on edges alone, `k` of [`SpringConstants`] summed
-//! over the triangles round an edge ([`crate::quadratic::MassSpring`]); it is exact for equilateral
+//! over the triangles round an edge ([`crate::laws::quadratic::MassSpring`]); it is exact for equilateral
 //! triangles with a Poisson's ratio of 1/3 only.
 //!
 //! # Compression term
@@ -64,15 +64,15 @@ pub use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, Scalar, add, cross, dot, mat_vec, scale, sub};
 use thiserror::Error;
 
+use crate::laws::pooled::{add_identity, add_outer};
+use crate::laws::quadratic::Stretch;
 use crate::material::LameParameters;
-use crate::pooled::{add_identity, add_outer};
-use crate::quadratic::Stretch;
 
 /// Moduli of plane stress times the thickness, N/m: `lambda = E t nu/(1 - nu^2)`, `mu = E t/(2 (1 +
 /// nu))`, the latter the shear modulus. `stretch_modulus` is `E t` (N/m), -1 < `poisson_ratio` < 1.
 ///
 /// ```
-/// let moduli = sinew_models::membrane::plane_stress(300.0, 0.25);
+/// let moduli = sinew_models::element::membrane::plane_stress(300.0, 0.25);
 /// assert_eq!((moduli.lambda, moduli.mu), (80.0, 120.0));
 /// ```
 pub fn plane_stress(stretch_modulus: f64, poisson_ratio: f64) -> LameParameters {
@@ -86,7 +86,7 @@ pub fn plane_stress(stretch_modulus: f64, poisson_ratio: f64) -> LameParameters 
 /// `stretch_modulus` is `E t` (N/m), -1 < `poisson_ratio` < 1/2.
 ///
 /// ```
-/// let moduli = sinew_models::membrane::plane_strain(300.0, 0.25);
+/// let moduli = sinew_models::element::membrane::plane_strain(300.0, 0.25);
 /// assert_eq!((moduli.lambda, moduli.mu), (120.0, 120.0));
 /// ```
 pub fn plane_strain(stretch_modulus: f64, poisson_ratio: f64) -> LameParameters {

@@ -3,14 +3,14 @@
 use std::sync::Arc;
 use thiserror::Error;
 
-use crate::lumped::SpringsError;
+use crate::body::lumped::SpringsError;
 use crate::material::{LameParameters, MaterialError, YoungPoisson};
 
 /// Material of every solid element of a body: one material, and arrays that replace single constants of
 /// it, one value per element in the order of the user's mesh: tetrahedra first, then hexahedra.
 ///
 /// ```
-/// use sinew_models::field::MaterialField;
+/// use sinew_models::material::field::MaterialField;
 /// use sinew_models::material::YoungPoisson;
 ///
 /// let liver = YoungPoisson { young_modulus: 5e3, poisson_ratio: 0.45, density: 1060.0 };

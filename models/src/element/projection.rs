@@ -18,7 +18,7 @@
 use sinew_engine::element::volume_change;
 use sinew_engine::scalar::{Real, cross, dot, scale, sub};
 
-use crate::tetrahedron::{CORE, Element, green_strain, second_piola_kirchhoff};
+use crate::element::tetrahedron::{CORE, Element, green_strain, second_piola_kirchhoff};
 
 /// Eigenvalues above minus this part of the largest entry count as not negative: rounding of `s`
 /// alone moves the zero eigenvalues of a rotation by a few units of it.

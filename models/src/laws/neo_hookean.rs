@@ -29,9 +29,9 @@
 //!
 //! ```
 //! use sinew_models::material::YoungPoisson;
-//! use sinew_models::neo_hookean;
-//! use sinew_models::precompute::RestTetrahedron;
-//! use sinew_models::tetrahedron::{Element, TangentKind};
+//! use sinew_models::laws::neo_hookean;
+//! use sinew_models::element::precompute::RestTetrahedron;
+//! use sinew_models::element::tetrahedron::{Element, TangentKind};
 //!
 //! // at rest the stiffness matrix is that of linear elasticity
 //! let material = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 };
@@ -51,12 +51,12 @@ use sinew_engine::element::{displacement_gradient, minor, volume_change};
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, cross, dot, mat_vec};
 
-use crate::fused::TetrahedronLaw;
-use crate::laws::LawRow;
-use crate::projection::{Spectrum, Svd, clamped_blocks, signed_svd};
-use crate::tetrahedron::{
+use crate::element::projection::{Spectrum, Svd, clamped_blocks, signed_svd};
+use crate::element::tetrahedron::{
     CORE, Element, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
 };
+use crate::frame::tetrahedra::TetrahedronLaw;
+use crate::laws::LawRow;
 
 /// `l` from the moduli of small strain.
 #[inline(always)]

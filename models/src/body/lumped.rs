@@ -1,5 +1,5 @@
 //! Lumped elements: every pair of vertices of an element is joined by a spring of rest length, and the
-//! springs of elements that share a pair are added up ([`crate::quadratic::MassSpring`] is the law on the
+//! springs of elements that share a pair are added up ([`crate::laws::quadratic::MassSpring`] is the law on the
 //! sums).
 
 use glam::DVec3;
@@ -10,10 +10,10 @@ use sinew_engine::scalar::sub;
 use sinew_identify::mesh::{Cells, fit_each};
 use sinew_identify::{ElementMethod, IdentifyError, LinearMaterial, Plane, Section};
 
+use crate::body::sheet::{MembraneSettings, PlaneState};
+use crate::element::spring::tensile_energy;
+use crate::laws::quadratic::Stretch;
 use crate::material::YoungPoisson;
-use crate::quadratic::Stretch;
-use crate::sheet::{MembraneSettings, PlaneState};
-use crate::spring::tensile_energy;
 
 /// Spring constants (N/m) of the elements of a body, in the order of its layout; for each kind empty
 /// unless its elements are springs. Pairs are in the order of [`Connectivity::edges`].

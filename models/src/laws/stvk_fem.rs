@@ -1,5 +1,5 @@
 //! St Venant-Kirchhoff elasticity written the way textbooks have it, to compare cost and rounding with
-//! the forms of this crate; the energy is that of [`crate::tetrahedron`] without compression term.
+//! the forms of this crate; the energy is that of [`crate::element::tetrahedron`] without compression term.
 //!
 //! ```text
 //! F = I + sum_a u_a (x) D_a,   E = (F^T F - I)/2,   S = lambda (tr E) I + 2 mu E,   P = F S
@@ -16,9 +16,9 @@ use sinew_engine::element::displacement_gradient;
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, dot, mat_vec};
 
-use crate::fused::TetrahedronLaw;
+use crate::element::tetrahedron::{CORE, Element, TetrahedronTangent, assemble, nodal_forces};
+use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::laws::LawRow;
-use crate::tetrahedron::{CORE, Element, TetrahedronTangent, assemble, nodal_forces};
 
 /// `F` and `E`, row-major.
 #[inline(always)]
@@ -147,13 +147,13 @@ pub fn tangent<R: Real>(
 }
 
 /// St Venant-Kirchhoff elasticity by the textbook; also the mark of its tetrahedra. `Projected` tangents
-/// are those of [`crate::fused::FusedStVK`].
+/// are those of [`crate::laws::svk::FusedStVK`].
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct StVKFem;
 
 /// Row of its tetrahedra in the table of laws.
 pub static TETRAHEDRA: LawRow =
-    LawRow::tetrahedra::<StVKFem>().with_hexahedra(&crate::fused::HEXAHEDRA);
+    LawRow::tetrahedra::<StVKFem>().with_hexahedra(&crate::laws::svk::HEXAHEDRA);
 
 impl TetrahedronLaw for StVKFem {
     const WIDE: bool = false;

@@ -11,7 +11,7 @@
 //!
 //! (Delingette 2008, section 3; angular springs couple adjacent edges, volumetric springs opposite
 //! ones, and each unordered pair counts once.) Constants come from
-//! [`SpringConstants`](crate::precompute::SpringConstants) and may be summed over the
+//! [`SpringConstants`](crate::element::precompute::SpringConstants) and may be summed over the
 //! elements round an edge or face: the pooled evaluation is one pass that fills `delta` per edge,
 //! passes that add tensions `s` (scalars only), and one force pass per edge.
 //!

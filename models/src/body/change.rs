@@ -19,16 +19,18 @@ use sinew_engine::vertex::{BodyId, Mass, RestPosition};
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use crate::body::lumped::{self, Sources};
+use crate::body::sheet::MembraneModel;
 use crate::body::{Evaluation, Model, SoftBody, moduli_bundle};
-use crate::field::{FieldError, MaterialArrays, MaterialField};
-use crate::fused::{CompressionModulus, FirstLameParameter, ShearModulus};
-use crate::lumped::{self, Sources};
-use crate::membrane::{self, RestTriangle};
-use crate::pooled::{AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness};
-use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, SpringConstants};
-use crate::quadratic::MassSpring;
+use crate::element::membrane::{self, RestTriangle};
+use crate::element::precompute::{ADJACENT_PAIRS, RestTetrahedron, SpringConstants};
+use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::laws::pooled::{
+    AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness,
+};
+use crate::laws::quadratic::MassSpring;
+use crate::material::field::{FieldError, MaterialArrays, MaterialField};
 use crate::resection::Resection;
-use crate::sheet::MembraneModel;
 
 /// Gives the solid elements of body number `body` (index into [`Topology::bodies`]) the material of `field`:
 /// moduli, constants of pooled and edge springs, masses. Displacements and velocities stay; so does the

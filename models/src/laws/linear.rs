@@ -17,12 +17,12 @@ use sinew_engine::element::displacement_gradient;
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, dot};
 
-use crate::corotational::warped;
-use crate::fused::TetrahedronLaw;
-use crate::laws::LawRow;
-use crate::tetrahedron::{
+use crate::element::tetrahedron::{
     Element, TetrahedronTangent, assemble, nodal_forces, second_piola_kirchhoff,
 };
+use crate::frame::tetrahedra::TetrahedronLaw;
+use crate::laws::LawRow;
+use crate::laws::corotational::warped;
 
 /// Entries xx, yy, zz, yz, xz, xy of the strain.
 #[inline(always)]

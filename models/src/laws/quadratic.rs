@@ -9,7 +9,7 @@
 //! ```
 //!
 //! which is `delta` to first order. With `B` of
-//! [`SpringConstants::matrix`](crate::precompute::SpringConstants::matrix), and `h = 2 L/l`:
+//! [`SpringConstants::matrix`](crate::element::precompute::SpringConstants::matrix), and `h = 2 L/l`:
 //!
 //! ```text
 //! W   = 1/2 change^T B change,   s = B change             (J; N/m)
@@ -41,11 +41,11 @@ use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
 use sinew_engine::schedule::{ElementLaw, activate_law};
 use sinew_engine::workers::Workers;
 
-use crate::fused::TetrahedronLaw;
+use crate::element::spring::{tensile_energy, tensile_tension};
+use crate::element::tetrahedron::{CORE, Element, TetrahedronTangent, assemble};
+use crate::frame::tetrahedra::TetrahedronLaw;
+use crate::laws::pooled::{TensileStiffness, add_edge_tangent, add_identity, add_outer, sum};
 use crate::laws::{Elements, InRecovery, LawRow, mark, partition};
-use crate::pooled::{TensileStiffness, add_edge_tangent, add_identity, add_outer, sum};
-use crate::spring::{tensile_energy, tensile_tension};
-use crate::tetrahedron::{CORE, Element, TetrahedronTangent, assemble};
 
 /// How far an edge is stretched.
 #[derive(Clone, Copy, Debug)]
@@ -90,7 +90,7 @@ impl<R: Real> Stretch<R> {
     }
 }
 
-/// Ends of the edges of a tetrahedron in the order of [`EDGES`](crate::precompute::EDGES), such that
+/// Ends of the edges of a tetrahedron in the order of [`EDGES`](crate::element::precompute::EDGES), such that
 /// the edge is `x_plus - x_minus`.
 const ENDS: [[usize; 2]; 6] = [[1, 0], [2, 0], [3, 0], [1, 2], [1, 3], [2, 3]];
 

@@ -7,7 +7,7 @@
 //!
 //! 1. `measure_edges` writes `delta` per edge;
 //! 2. `evaluate_tensile`, `evaluate_angular`, `evaluate_volumetric` (and the compression term of
-//!    [`crate::fused::Compression`]) each read it and write tensions into their own column or the
+//!    [`crate::laws::svk::Compression`]) each read it and write tensions into their own column or the
 //!    private arrays of their own ranges. They share nothing they write, so they may run in any order
 //!    or side by side;
 //! 3. `collect_tension` adds the tensions `s_e = dW/d delta_e` per edge, range by range;
@@ -43,11 +43,11 @@ use sinew_engine::workers::Workers;
 use std::ops::Range;
 use std::time::Instant;
 
-use crate::fused::add_tangent;
+use crate::element::precompute::OPPOSITE_EDGES;
+use crate::element::spring::{coupling_energy, edge_force, tensile_energy, tensile_tension};
+use crate::element::tetrahedron::TetrahedronTangent;
+use crate::frame::tetrahedra::add_tangent;
 use crate::laws::{Elements, LawRow, mark, partition};
-use crate::precompute::OPPOSITE_EDGES;
-use crate::spring::{coupling_energy, edge_force, tensile_energy, tensile_tension};
-use crate::tetrahedron::TetrahedronTangent;
 
 /// Vertex rows of a triangle, ascending.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
@@ -80,7 +80,7 @@ pub type AngularStiffnesses<S> = (
 );
 
 /// Volumetric stiffness `d` (N/m^3) of a tetrahedron for pair `PAIR` of opposite edges, in the order of
-/// [`OPPOSITE_PAIRS`](crate::precompute::OPPOSITE_PAIRS).
+/// [`OPPOSITE_PAIRS`](crate::element::precompute::OPPOSITE_PAIRS).
 #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
 #[component(summary_tick)]
 #[repr(transparent)]
@@ -237,7 +237,7 @@ pub const EDGE_CHANGES: &str = "edge changes";
 
 const ROW_CHUNK: usize = 2048;
 
-/// The projected tangent is formed elsewhere ([`crate::fused::PooledProjection`]).
+/// The projected tangent is formed elsewhere ([`crate::laws::svk::PooledProjection`]).
 fn is_spring_tangent(kind: TangentKind) -> bool {
     kind != TangentKind::Projected
 }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::{corotational, linear, neo_hookean, quadratic, stvk_fem, svk, svk_volume};
 use crate::laws::LawRow;
-use crate::{corotational, fused, linear, neo_hookean, quadratic, stvk_fem, svk_volume};
 
 /// What a model is made of.
 #[derive(Clone, Copy, Debug)]
@@ -50,27 +50,27 @@ macro_rules! models {
 models! {
     /// St Venant-Kirchhoff with the compression term of Delingette 2008, section 4 (default).
     #[default]
-    CompressibleStVK = "svk_comp", Some(&fused::TETRAHEDRA), compression, pooled;
+    CompressibleStVK = "svk_comp", Some(&svk::TETRAHEDRA), compression, pooled;
     /// St Venant-Kirchhoff (tetrahedral biquadratic springs).
-    StVK = "svk", Some(&fused::TETRAHEDRA), pooled;
-    /// Tetrahedral quadratic springs ([`crate::quadratic`]): St Venant-Kirchhoff for small strains.
+    StVK = "svk", Some(&svk::TETRAHEDRA), pooled;
+    /// Tetrahedral quadratic springs ([`crate::laws::quadratic`]): St Venant-Kirchhoff for small strains.
     /// Fused evaluation only; no compression term.
     QuadraticSprings = "tqs", Some(&quadratic::TETRAHEDRA);
     /// Springs on edges alone, the tensile part of the quadratic springs: no material, for
     /// comparison. One pass over edges; nothing resists inversion.
     MassSpring = "mass_spring", None;
-    /// Linear elasticity ([`crate::linear`]): small displacements only. For comparison.
+    /// Linear elasticity ([`crate::laws::linear`]): small displacements only. For comparison.
     Linear = "linear", Some(&linear::TETRAHEDRA);
-    /// Stiffness warping ([`crate::corotational`]): corotational forces, tangent with rotations held.
+    /// Stiffness warping ([`crate::laws::corotational`]): corotational forces, tangent with rotations held.
     /// For comparison.
     WarpedStiffness = "corotational_warped", Some(&corotational::WARPED_TETRAHEDRA);
-    /// Corotational elasticity ([`crate::corotational`]). For comparison.
+    /// Corotational elasticity ([`crate::laws::corotational`]). For comparison.
     Corotational = "corotational", Some(&corotational::TETRAHEDRA);
-    /// St Venant-Kirchhoff written as in textbooks ([`crate::stvk_fem`]). For comparison of cost.
+    /// St Venant-Kirchhoff written as in textbooks ([`crate::laws::stvk_fem`]). For comparison of cost.
     StVKFem = "svk_fem", Some(&stvk_fem::TETRAHEDRA);
-    /// Stable neo-Hookean ([`crate::neo_hookean`]). For comparison at large strain.
+    /// Stable neo-Hookean ([`crate::laws::neo_hookean`]). For comparison at large strain.
     NeoHookean = "neo_hookean", Some(&neo_hookean::TETRAHEDRA);
-    /// St Venant-Kirchhoff shear with a volume term in `J` ([`crate::svk_volume`]): nearly incompressible
+    /// St Venant-Kirchhoff shear with a volume term in `J` ([`crate::laws::svk_volume`]): nearly incompressible
     /// solids at large strain.
     StVKVolume = "svk_volume", Some(&svk_volume::TETRAHEDRA);
 }

@@ -19,7 +19,7 @@
 //! `F (D_b x D_a) x v`, because `cof F (p x q) = F p x F q`.
 //!
 //! The elastic part is the energy of Delingette 2008, section 3 (tetrahedral biquadratic springs);
-//! [`SpringConstants`](crate::precompute::SpringConstants) gives the same energy spring by spring,
+//! [`SpringConstants`](crate::element::precompute::SpringConstants) gives the same energy spring by spring,
 //! and the test `springs_equal_the_fused_element` holds the two together. The compression term is
 //! that of section 4, with `kappa = lambda + mu`; the printed energy lacks the rest volume `V`
 //! (without it the units are Pa, not J) and writes `J` as the determinant of the deformation where
@@ -36,9 +36,9 @@ use sinew_engine::element::{displacement_gradient, minor, volume_change};
 pub use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, Scalar, cross, dot, mat_vec};
 
+use crate::element::precompute::RestTetrahedron;
+use crate::element::projection;
 use crate::material::LameParameters;
-use crate::precompute::RestTetrahedron;
-use crate::projection;
 
 /// Constants of one tetrahedron.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,7 +92,7 @@ impl<S: Scalar> Element<S> {
 pub struct TetrahedronTangent<S> {
     /// Blocks of a local vertex with itself; symmetric.
     pub diagonal: [[S; 9]; 4],
-    /// Blocks of two local vertices in the order of [`EDGES`](crate::precompute::EDGES); rows
+    /// Blocks of two local vertices in the order of [`EDGES`](crate::element::precompute::EDGES); rows
     /// belong to the lower vertex, columns to the higher. The mirrored block is the transpose.
     pub off: [[S; 9]; 6],
 }

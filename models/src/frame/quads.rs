@@ -1,5 +1,5 @@
 //! Membrane laws on quadrilaterals with bilinear shape functions, integrated over 2x2 Gauss points: as
-//! [`crate::hexahedron`] with triangles in place of tetrahedra. The quadrilateral may be warped; every point
+//! [`crate::frame::hexahedra`] with triangles in place of tetrahedra. The quadrilateral may be warped; every point
 //! has its own plane.
 
 use bevy_ecs::prelude::*;
@@ -16,12 +16,12 @@ use sinew_engine::vertex::Displacement;
 
 use std::marker::PhantomData;
 
-use crate::fused_membrane::{
+use crate::element::membrane::{Element, TriangleTangent};
+use crate::frame::hexahedra::total;
+use crate::frame::triangles::{
     MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus, TriangleLaw,
 };
-use crate::hexahedron::total;
 use crate::laws::{LawRow, partition};
-use crate::membrane::{Element, TriangleTangent};
 
 /// Law `L` at the Gauss points of quadrilaterals; also the mark of its quadrilaterals.
 #[derive(Component, Debug)]

@@ -12,6 +12,8 @@
 //! The limit of Poisson's ratio is [`MAX_POISSON_RATIO`]: beyond it displacement-only elements are
 //! useless, and well before it (about 0.49) linear tetrahedra lock.
 
+pub mod field;
+
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 

@@ -1,14 +1,12 @@
-//! Laws evaluated tetrahedron by tetrahedron: the fused St Venant-Kirchhoff body with its
-//! compression term (Delingette 2008, sections 3 and 4), and two laws that complete the pooled
-//! springs of [`crate::pooled`]: the compression term alone, and the projected tangent, which needs
-//! the whole stress of an element and so cannot be split into springs.
+//! Laws evaluated tetrahedron by tetrahedron: the trait that they implement, their columns, and the passes for
+//! energy, force and tangent.
 
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    RestVolume, ShapeGradientColumns, ShapeGradients, TetrahedronBlocks, TetrahedronEdges,
-    TetrahedronShapes, TetrahedronVertices, displacement_gradient,
+    RestVolume, ShapeGradientColumns, ShapeGradients, TetrahedronBlocks, TetrahedronShapes,
+    TetrahedronVertices, displacement_gradient,
 };
 use sinew_engine::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use sinew_engine::law::{
@@ -22,10 +20,10 @@ use sinew_engine::workers::Workers;
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use crate::corotational::Corotational;
+use crate::element::projection;
+use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
+use crate::laws::corotational::Corotational;
 use crate::laws::{LawRow, partition};
-use crate::projection;
-use crate::tetrahedron::{self, Element, TetrahedronTangent};
 
 macro_rules! moduli {
     ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {$(
@@ -95,131 +93,6 @@ pub trait TetrahedronLaw: Send + Sync + 'static {
         R::less(R::ONE, R::ZERO)
     }
 }
-
-/// Fused evaluation: St Venant-Kirchhoff plus compression term, all in one pass; also the mark of its
-/// tetrahedra.
-#[derive(Component, Clone, Copy, Debug, Default)]
-pub struct FusedStVK;
-
-impl TetrahedronLaw for FusedStVK {
-    const NAME: &'static str = "fused St Venant-Kirchhoff";
-    type Mark = Self;
-    fn contributes(_: TangentKind) -> bool {
-        true
-    }
-    #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-        tetrahedron::energy(e, u)
-    }
-    #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
-        Some(tetrahedron::forces(e, u))
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R> {
-        tetrahedron::tangent_parts(e, u, true, kind != TangentKind::GaussNewton)
-    }
-    #[inline(always)]
-    fn product<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        v: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> [[R; 3]; 4] {
-        tetrahedron::product_parts(e, u, v, true, kind != TangentKind::GaussNewton)
-    }
-}
-
-/// The compression term of pooled bodies, an independent law beside their springs.
-pub struct Compression;
-
-impl TetrahedronLaw for Compression {
-    const NAME: &'static str = "compression term";
-    type Mark = TetrahedronEdges;
-    const STANDS_IN: bool = false;
-    fn contributes(kind: TangentKind) -> bool {
-        kind != TangentKind::Projected
-    }
-    #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-        tetrahedron::compression::energy(e, u)
-    }
-    #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
-        let ratio = tetrahedron::volume_ratio(e, u);
-        let acts = R::both(R::less(ratio, R::ONE), R::less(R::ZERO, e.compression));
-        // no `then`: a closure would be compiled without the instruction set
-        if R::any(acts) { Some(tetrahedron::compression::forces(e, u)) } else { None }
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R> {
-        tetrahedron::tangent_parts(e, u, false, kind != TangentKind::GaussNewton)
-    }
-    #[inline(always)]
-    fn product<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        v: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> [[R; 3]; 4] {
-        tetrahedron::product_parts(e, u, v, false, kind != TangentKind::GaussNewton)
-    }
-}
-
-/// The projected tangent of pooled bodies: the eigenvalues that are clamped belong to the whole
-/// stress of a tetrahedron, so it is formed per tetrahedron, springs and compression together.
-pub struct PooledProjection;
-
-impl TetrahedronLaw for PooledProjection {
-    const NAME: &'static str = "projected tangent of springs";
-    type Mark = TetrahedronEdges;
-    const FORCES: bool = false;
-    fn contributes(kind: TangentKind) -> bool {
-        kind == TangentKind::Projected
-    }
-    #[inline(always)]
-    fn energy<R: Real>(_: &Element<R>, _: &[[R; 3]; 4]) -> R {
-        R::ZERO
-    }
-    #[inline(always)]
-    fn forces<R: Real>(_: &Element<R>, _: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
-        None
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R> {
-        tetrahedron::tangent_parts(e, u, true, kind != TangentKind::GaussNewton)
-    }
-    #[inline(always)]
-    fn product<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        v: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> [[R; 3]; 4] {
-        tetrahedron::product_parts(e, u, v, true, kind != TangentKind::GaussNewton)
-    }
-}
-
-/// Rows of these laws in the table.
-pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<FusedStVK>().with_hexahedra(&HEXAHEDRA);
-/// As [`TETRAHEDRA`].
-pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<FusedStVK>("St Venant-Kirchhoff hexahedra");
-/// As [`TETRAHEDRA`].
-pub static COMPRESSION: LawRow = LawRow::pooled_tetrahedra::<Compression>();
-/// As [`TETRAHEDRA`].
-pub static PROJECTION: LawRow = LawRow::pooled_tetrahedra::<PooledProjection>();
 
 /// Puts `L` into the force schedule.
 pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(

@@ -1,5 +1,9 @@
 //! From mesh and material to entities: every stiffness is precomputed here, in `f64`.
 
+pub mod change;
+pub mod lumped;
+pub mod sheet;
+
 use bevy_ecs::bundle::NoBundleEffect;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -30,21 +34,25 @@ use crate::axes::description::{AxesDescription, AxesError, AxisForm, BodyAxes};
 use crate::axes::spawn::{Offsets, RestShapes, spawn_axes};
 use crate::axes::spawn_printed::{check_chords, spawn_printed};
 use crate::axes::systems::AxesOnly;
-use crate::field::{FieldError, MaterialArrays, MaterialField};
-use crate::fused::{self, CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
-use crate::hexahedron::Hexahedral;
-use crate::laws::{self, Elements, LawError, LawRow, LawTable};
-use crate::lumped::{self, ElementSprings, Sources, SpringsError};
-use crate::material::{LameParameters, YoungPoisson};
-use crate::pooled::{
+use crate::body::lumped::{ElementSprings, Sources, SpringsError};
+use crate::body::sheet::{MembraneDescription, MembraneError, MembraneSettings, Sheet};
+use crate::element::precompute::{
+    ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants,
+};
+use crate::frame::hexahedra::Hexahedral;
+use crate::frame::tetrahedra::{
+    CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw,
+};
+use crate::laws::pooled::{
     self, AngularStiffness, TensileStiffness, TensileTension, TriangleVertices, VolumetricStiffness,
 };
-use crate::precompute::{ADJACENT_PAIRS, RestTetrahedron, RestTetrahedronError, SpringConstants};
-use crate::quadratic::{self, MassSpring};
+use crate::laws::quadratic::{self, MassSpring};
+use crate::laws::{self, Elements, LawError, LawRow, LawTable, svk};
+use crate::material::field::{FieldError, MaterialArrays, MaterialField};
+use crate::material::{LameParameters, YoungPoisson};
 use crate::resection;
-use crate::sheet::{MembraneDescription, MembraneError, MembraneSettings, Sheet};
 
-pub use crate::model::{Evaluation, Model};
+pub use crate::laws::models::{Evaluation, Model};
 
 /// What a body is made of.
 #[derive(Clone, Debug)]
@@ -679,9 +687,9 @@ impl SolidPart<'_> {
             )
         });
         world.spawn_batch(elements.collect::<Vec<_>>());
-        laws::activate::<S>(world, &fused::PROJECTION);
+        laws::activate::<S>(world, &svk::PROJECTION);
         if self.model.has_compression() {
-            laws::activate::<S>(world, &fused::COMPRESSION);
+            laws::activate::<S>(world, &svk::COMPRESSION);
         }
     }
 }

@@ -17,18 +17,21 @@ use sinew_identify::ElementMethod;
 use thiserror::Error;
 
 use crate::body::Evaluation;
-use crate::fused_membrane::{
-    self, BIQUADRATIC, BIQUADRATIC_QUADS, BiquadraticMembrane, COROTATIONAL, COROTATIONAL_QUADS,
-    CorotationalMembrane, LINEAR, LINEAR_QUADS, LinearMembrane, MembraneCompressionModulus,
-    MembraneFirstModulus, MembraneShearModulus, PooledMembrane, QUADRATIC, QuadraticMembrane,
-};
-use crate::laws;
-use crate::material::{LameParameters, MaterialError, YoungPoisson};
-use crate::membrane::{
+use crate::element::membrane::{
     RestTriangle, RestTriangleError, SpringConstants, plane_strain, plane_stress,
 };
-use crate::quad::Quadrilateral;
-use crate::quadratic::MassSpring;
+use crate::frame::quads::Quadrilateral;
+use crate::frame::triangles::{
+    MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
+};
+use crate::laws::membranes::{
+    BIQUADRATIC, BIQUADRATIC_QUADS, BiquadraticMembrane, COROTATIONAL, COROTATIONAL_QUADS,
+    CorotationalMembrane, LINEAR, LINEAR_QUADS, LinearMembrane, PooledMembrane, QUADRATIC,
+    QuadraticMembrane,
+};
+use crate::laws::quadratic::MassSpring;
+use crate::laws::{self, membranes};
+use crate::material::{LameParameters, MaterialError, YoungPoisson};
 
 /// Energy of a membrane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -37,7 +40,7 @@ pub enum MembraneModel {
     #[default]
     #[serde(rename = "trbs")]
     Biquadratic,
-    /// The same with a term that resists the loss of area ([`crate::membrane`]).
+    /// The same with a term that resists the loss of area ([`crate::element::membrane`]).
     #[serde(rename = "trbs_comp")]
     CompressibleBiquadratic,
     /// Triangular quadratic springs. Fused evaluation only.
@@ -490,9 +493,9 @@ impl Sheet {
             MembraneModel::Biquadratic | MembraneModel::CompressibleBiquadratic => {
                 if self.is_pooled() {
                     spawn_as!(triangles, PooledMembrane, {
-                        laws::activate::<S>(world, &fused_membrane::PROJECTION);
+                        laws::activate::<S>(world, &membranes::PROJECTION);
                         if self.settings.compression() > 0.0 {
-                            laws::activate::<S>(world, &fused_membrane::COMPRESSION);
+                            laws::activate::<S>(world, &membranes::COMPRESSION);
                         }
                     });
                     // a quadrilateral has no springs to pool

@@ -8,6 +8,18 @@
 //! A world has a copy of the table, [`LawTable`]: another crate adds laws of its own there, or puts one in the
 //! place of a shipped one. [`DisabledLaws`](sinew_engine::law::DisabledLaws) switches laws off.
 
+pub mod corotational;
+pub mod linear;
+pub mod membranes;
+pub mod models;
+pub mod neo_hookean;
+pub mod pooled;
+pub mod pressure;
+pub mod quadratic;
+pub mod stvk_fem;
+pub mod svk;
+pub mod svk_volume;
+
 use bevy_ecs::component::ComponentId;
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::QueryBuilder;
@@ -20,16 +32,13 @@ use sinew_engine::topology::Topology;
 
 use crate::axes::{damper, hexahedra as axes_in_hexahedra, printed_system, systems as axes};
 use crate::body::{SolidPart, spawn_hexahedra, spawn_tetrahedra};
-use crate::fused::TetrahedronLaw;
-use crate::fused_membrane::TriangleLaw;
-use crate::hexahedron::Hexahedral;
-use crate::pooled::TriangleVertices;
-use crate::quad::Quadrilateral;
-use crate::tetrahedron::Element;
-use crate::{
-    corotational, fused, fused_membrane, hexahedron, linear, neo_hookean, pooled, pressure, quad,
-    quadratic, stvk_fem, svk_volume,
-};
+use crate::element::tetrahedron::Element;
+use crate::frame::hexahedra::Hexahedral;
+use crate::frame::quads::Quadrilateral;
+use crate::frame::tetrahedra::TetrahedronLaw;
+use crate::frame::triangles::TriangleLaw;
+use crate::frame::{hexahedra, quads, tetrahedra, triangles};
+use crate::laws::pooled::TriangleVertices;
 
 /// What the elements of a law are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -177,7 +186,8 @@ impl LawRow {
 
     /// Law `L` of the tetrahedra of pooled bodies.
     pub(crate) const fn pooled_tetrahedra<L: TetrahedronLaw>() -> Self {
-        let activate: [Activate; 2] = [fused::activate::<L, f64>, fused::activate::<L, f32>];
+        let activate: [Activate; 2] =
+            [tetrahedra::activate::<L, f64>, tetrahedra::activate::<L, f32>];
         let (info, elements) = (LawInfo::elastic(L::NAME), Elements::PooledTetrahedra);
         Self {
             forces: L::FORCES,
@@ -191,7 +201,7 @@ impl LawRow {
     /// Law `L` of tetrahedra at the Gauss points of hexahedra, under another name.
     pub const fn hexahedra<L: TetrahedronLaw>(name: &'static str) -> Self {
         let activate: [Activate; 2] =
-            [hexahedron::activate::<L, f64>, hexahedron::activate::<L, f32>];
+            [hexahedra::activate::<L, f64>, hexahedra::activate::<L, f32>];
         let (info, elements) = (LawInfo::elastic(name), Elements::Hexahedra);
         Self {
             tangent: L::contributes,
@@ -210,7 +220,7 @@ impl LawRow {
     /// Law `L` of membrane triangles.
     pub const fn triangles<L: TriangleLaw>() -> Self {
         let activate: [Activate; 2] =
-            [fused_membrane::activate::<L, f64>, fused_membrane::activate::<L, f32>];
+            [triangles::activate::<L, f64>, triangles::activate::<L, f32>];
         let (info, elements) = (LawInfo::elastic(L::NAME), Elements::Triangles);
         Self {
             forces: L::FORCES,
@@ -222,7 +232,7 @@ impl LawRow {
 
     /// Law `L` of triangles at the Gauss points of quadrilaterals, under another name.
     pub const fn quads<L: TriangleLaw>(name: &'static str) -> Self {
-        let activate: [Activate; 2] = [quad::activate::<L, f64>, quad::activate::<L, f32>];
+        let activate: [Activate; 2] = [quads::activate::<L, f64>, quads::activate::<L, f32>];
         let (info, elements) = (LawInfo::elastic(name), Elements::Quads);
         Self {
             tangent: L::contributes,
@@ -247,24 +257,24 @@ impl LawRow {
 
 /// All laws that come with Sinew, in the order in which they are summed up.
 pub static LAWS: &[&LawRow] = &[
-    &fused::TETRAHEDRA,
+    &svk::TETRAHEDRA,
     &pooled::TENSILE,
     &pooled::ANGULAR,
     &pooled::VOLUMETRIC,
     &pooled::SPRING_FORCES,
-    &fused::COMPRESSION,
-    &fused::PROJECTION,
+    &svk::COMPRESSION,
+    &svk::PROJECTION,
     &quadratic::TETRAHEDRA,
     &quadratic::EDGE_SPRINGS,
     &linear::TETRAHEDRA,
     &corotational::WARPED_TETRAHEDRA,
     &corotational::TETRAHEDRA,
-    &fused_membrane::BIQUADRATIC,
-    &fused_membrane::QUADRATIC,
-    &fused_membrane::LINEAR,
-    &fused_membrane::COROTATIONAL,
-    &fused_membrane::PROJECTION,
-    &fused_membrane::COMPRESSION,
+    &membranes::BIQUADRATIC,
+    &membranes::QUADRATIC,
+    &membranes::LINEAR,
+    &membranes::COROTATIONAL,
+    &membranes::PROJECTION,
+    &membranes::COMPRESSION,
     &stvk_fem::TETRAHEDRA,
     &neo_hookean::TETRAHEDRA,
     &svk_volume::TETRAHEDRA,
@@ -274,14 +284,14 @@ pub static LAWS: &[&LawRow] = &[
     &axes::VOLUMES,
     &printed_system::IN_TETRAHEDRA,
     &damper::IN_TETRAHEDRA,
-    &fused::HEXAHEDRA,
+    &svk::HEXAHEDRA,
     &linear::HEXAHEDRA,
     &corotational::HEXAHEDRA,
     &neo_hookean::HEXAHEDRA,
     &svk_volume::HEXAHEDRA,
-    &fused_membrane::BIQUADRATIC_QUADS,
-    &fused_membrane::LINEAR_QUADS,
-    &fused_membrane::COROTATIONAL_QUADS,
+    &membranes::BIQUADRATIC_QUADS,
+    &membranes::LINEAR_QUADS,
+    &membranes::COROTATIONAL_QUADS,
     &axes_in_hexahedra::TRIADS,
     &axes_in_hexahedra::FIBRES,
     &axes_in_hexahedra::VOLUMES,
@@ -340,7 +350,7 @@ impl LawTable {
     }
 
     /// Adds a law, and its row of hexahedra if it has one, unless they are there. Spawning a body with
-    /// [`Model::Own`](crate::model::Model::Own) does this.
+    /// [`Model::Own`](crate::laws::models::Model::Own) does this.
     ///
     /// # Errors
     /// When another law has the name.

@@ -1,0 +1,7 @@
+//! Single elements: plain functions on plain values.
+
+pub mod membrane;
+pub mod precompute;
+pub(crate) mod projection;
+pub mod spring;
+pub mod tetrahedron;

@@ -1,0 +1,7 @@
+//! What runs a law over all elements of a kind: columns, passes for energy, force and tangent, several elements
+//! at a time.
+
+pub mod hexahedra;
+pub mod quads;
+pub mod tetrahedra;
+pub mod triangles;
