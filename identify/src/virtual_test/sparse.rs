@@ -2,8 +2,9 @@
 //!
 //! Nodes are cut into two halves and the layer between them, again and again (nested dissection); the
 //! layers are eliminated from the innermost to the first one, each as a small dense matrix (a front) of
-//! its own nodes and of those they still touch. Springs with negative constants are indefinite: `A = L D L^T`
-//! with blocks of [`PANEL`] unknowns in `D`, and these are factorised with pivots where they need them.
+//! its own nodes and of those they still touch. Springs with negative constants are indefinite: where
+//! a block of `D` in `A = L D L^T` is not positive definite, all that is left of the front's own unknowns is
+//! one block and is factorised with pivots.
 
 use nalgebra::{DMatrix, Matrix3};
 
@@ -226,22 +227,26 @@ impl Front {
     fn eliminate(&mut self, matrix: &mut DMatrix<f64>) -> Option<bool> {
         let (size, own) = (matrix.nrows(), 3 * self.own);
         let mut definite = true;
-        for start in (0..own).step_by(PANEL) {
-            let width = PANEL.min(own - start);
-            let (end, rest) = (start + width, size - start - width);
-            let pivot = matrix.view((start, start), (width, width)).into_owned();
-            let inverse = match pivot.clone().cholesky() {
+        let mut start = 0;
+        while start < own {
+            let square = |width| matrix.view((start, start), (width, width)).into_owned();
+            let mut width = PANEL.min(own - start);
+            let inverse = match square(width).cholesky() {
                 Some(factor) => factor.inverse(),
                 None => {
                     definite = false;
-                    pivot.try_inverse()?
+                    // the more there is to choose pivots from the better
+                    width = own - start;
+                    square(width).full_piv_lu().try_inverse()?
                 }
             };
+            let (end, rest) = (start + width, size - start - width);
             let column = matrix.view((end, start), (rest, width)).into_owned();
             let below = &column * &inverse;
             let mut behind = matrix.view_mut((end, end), (rest, rest));
             behind.gemm(-1.0, &below, &column.transpose(), 1.0);
             self.panels.push(Panel { start, inverse, below });
+            start = end;
         }
         Some(definite)
     }
