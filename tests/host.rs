@@ -127,7 +127,7 @@ fn failures_are_messages_and_log_entries() {
         app.update();
     }
     assert_eq!(app.world().resource::<StepOutcome>().0, Some(bad.clone()));
-    assert_eq!(app.world().resource::<Heard>().steps, [bad.clone()]);
+    assert_eq!(app.world().resource::<Heard>().steps, std::slice::from_ref(&bad));
     assert_eq!(logged("dt = -0.125 s"), 1);
     // a host that tries again without a change: every failure is a message, the log stays readable
     for _ in 0..3 {

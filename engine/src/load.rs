@@ -120,7 +120,7 @@ pub enum Motion {
         angle: f64,
     },
     /// Where [`Constraint::set_target`] says, whatever the curve.
-    Follow(TargetPath),
+    Follow(Box<TargetPath>),
 }
 
 /// Rigid motion of held vertices, relative to where they were when their constraint took hold: turned
@@ -314,11 +314,12 @@ impl Constraint {
         if !(length.is_normal()) {
             return Err(TargetError::Rotation { name: name(), rotation: pose.rotation });
         }
-        pose.rotation = pose.rotation / length;
+        pose.rotation /= length;
         match &mut self.motion {
             Motion::Follow(path) => path.target = pose,
             Motion::Hold => {
-                self.motion = Motion::Follow(TargetPath { target: pose, ..Default::default() });
+                let path = TargetPath { target: pose, ..Default::default() };
+                self.motion = Motion::Follow(Box::new(path));
             }
             _ => return Err(TargetError::OwnMotion { name: name() }),
         }

@@ -109,7 +109,7 @@ pub enum CaseError {
         /// Case file.
         case: PathBuf,
         /// Cause.
-        source: SimulationError,
+        source: Box<SimulationError>,
     },
     /// The modes of free vibration are not found.
     #[error("{case}: {source}")]

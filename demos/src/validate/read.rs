@@ -82,7 +82,7 @@ impl Case {
         &self,
         source: impl Into<sinew::simulation::SimulationError>,
     ) -> CaseError {
-        CaseError::Simulation { case: self.path.clone(), source: source.into() }
+        CaseError::Simulation { case: self.path.clone(), source: Box::new(source.into()) }
     }
 }
 
