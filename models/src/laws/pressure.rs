@@ -228,8 +228,7 @@ fn evaluate<S: Scalar>(
     time: Res<LoadTime>,
     faces: Res<PressureFaces<S>>,
     mut swept: ResMut<SweptVolumes>,
-    buffers: Res<LawBuffers<S>>,
-    disabled: Res<DisabledLaws>,
+    (buffers, disabled): (Res<LawBuffers<S>>, Res<DisabledLaws>),
     vertices: Query<&Displacement<S>>,
 ) {
     let start = Instant::now();
