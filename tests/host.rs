@@ -191,12 +191,15 @@ impl Held {
     }
 }
 
-const IMPLICIT: [Integrator; 5] = [
-    Integrator::Safe,
-    Integrator::LinearisedBdf2,
+/// They ask for the target at the end of a step alone.
+const AT_THE_END: [Integrator; 3] =
+    [Integrator::Safe, Integrator::LinearisedBdf2, Integrator::QuasiStatic];
+/// They ask for it on the way too, where a hand's path and a ramp are rounded otherwise.
+const ON_THE_WAY: [Integrator; 4] = [
     Integrator::TrBdf2,
     Integrator::ImplicitMidpoint,
-    Integrator::QuasiStatic,
+    Integrator::SymplecticEuler,
+    Integrator::StormerVerlet,
 ];
 
 #[test]
@@ -204,7 +207,7 @@ fn targets_set_between_steps_equal_a_ramp() {
     let way = DVec3::new(0.03, 0.01, -0.02);
     for precision in [Precision::F64, Precision::F32] {
         let options = SimulationOptions { precision, threads: 1, ..Default::default() };
-        for integrator in IMPLICIT {
+        for integrator in AT_THE_END {
             let mut ramp = beam(options, integrator, Motion::Translate(way));
             let mut hand = beam(options, integrator, Motion::Hold);
             let expected = ramp.run(None);
@@ -213,9 +216,8 @@ fn targets_set_between_steps_equal_a_ramp() {
             assert_eq!(reactions, expected, "{precision:?} {integrator:?}");
             assert_eq!(ramp.simulation.state_hash(), hand.simulation.state_hash());
         }
-        // substeps go along the same line, rounded otherwise
         let tolerance = if precision == Precision::F64 { 1e-10 } else { 1e-3 };
-        for integrator in [Integrator::SymplecticEuler, Integrator::StormerVerlet] {
+        for integrator in ON_THE_WAY {
             let expected = beam(options, integrator, Motion::Translate(way)).run(None);
             let mut hand = beam(options, integrator, Motion::Hold);
             let reactions = hand.run(Some(&|factor| Pose::from(way * factor)));

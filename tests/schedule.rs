@@ -151,10 +151,10 @@ fn a_conflicting_user_system_is_refused() {
     assert!(u.iter().all(|u| u.distance(DVec3::X * 1e-6) < 1e-18), "{u:?}");
 }
 
-/// The frame of the force schedule is one system, which zeroes the totals.
+/// The frame of the force schedule is one system, which adds the laws up.
 const FRAME: usize = 1;
-/// Evaluation and gather of one law.
-const LAW: usize = 2;
+/// Evaluation of one law.
+const LAW: usize = 1;
 
 #[test]
 fn a_scene_pays_only_for_what_it_uses() {
