@@ -13,6 +13,7 @@ use sinew_engine::scalar::{Real, Scalar};
 use sinew_engine::schedule::{
     ActiveLaws, DampingSchedule, Executor, ForceSchedule, changed_laws, install,
 };
+use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, ElasticForce};
 use sinew_models::axes::description::{AxesDescription, AxisForm};
 use sinew_models::body::sheet::{MembraneDescription, MembraneModel};
@@ -91,7 +92,10 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
     let mut world = world::<S>();
     spawn_body(&mut world, body).unwrap_or_else(|e| panic!("{e}"));
     if pressed {
-        let faces = vec![[0, 1, 2]];
+        let rows = &world.resource::<Topology>().bodies[0];
+        let corners = rows.tetrahedra.iter().map(|t| [t[0], t[1], t[2]]);
+        let faces =
+            corners.chain(rows.hexahedra.iter().map(|h| [h[0], h[1], h[2]])).take(1).collect();
         let curve = Curve::Constant;
         world.spawn(Pressure { name: "p".into(), faces, pressure: 10.0, curve });
         pressure::activate::<S>(&mut world);
