@@ -56,7 +56,8 @@ use std::sync::Arc;
 /// for _ in 0..10 {
 ///     app.update();
 /// }
-/// let drawn = app.world_mut().query::<&Position>().iter(app.world()).map(|p| p.0.x);
+/// let mut positions = app.world_mut().query::<&Position>();
+/// let drawn = positions.iter(app.world()).map(|p| p.0.x);
 /// assert!((drawn.fold(0.0, f64::max) - 0.21).abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
