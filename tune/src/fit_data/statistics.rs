@@ -79,7 +79,7 @@ const NO_PART: f64 = 1e-3;
 /// in standard errors; `None` stands for a known standard deviation (normal distribution).
 ///
 /// ```
-/// use sinew_demos::fit_data::statistics::half_width;
+/// use sinew_tune::fit_data::statistics::half_width;
 /// assert!((half_width(None) - 1.959963985).abs() < 1e-8);
 /// assert!((half_width(Some(1)) - 12.7062047).abs() < 1e-6);
 /// assert!((half_width(Some(10)) - 2.2281389).abs() < 1e-6);
