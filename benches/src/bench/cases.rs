@@ -409,7 +409,7 @@ impl Outcome {
 pub struct Truth {
     /// Displacements (m) at each time of comparison, or of the equilibrium.
     pub states: Vec<Vec<DVec3>>,
-    /// Estimate of its own error, as in [`error`].
+    /// Estimate of its own error, as in the module `error` of this bench.
     pub own_error: f64,
     /// What it took (s).
     pub seconds: f64,

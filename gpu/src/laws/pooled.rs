@@ -1,5 +1,5 @@
 //! Springs pooled over the mesh: twins of the laws of [`sinew_models::laws::pooled`]. Each set turns its own tensions into
-//! forces, so that [`SpringForces`](sinew_models::laws::pooled::SpringForces), which does that on the processor for the
+//! forces, so that [`SPRING_FORCES`](sinew_models::laws::pooled::SPRING_FORCES), which does that on the processor for the
 //! sum, has no elements here.
 
 use bevy_ecs::prelude::*;

@@ -14,7 +14,7 @@ use super::{DeviceLaw, ElementColumns, ElementKind, TRIANGLES};
 const FACE: ElementKind =
     ElementKind { vertices: 3, constants: 8, threads: 1, files: &[TRIANGLES] };
 
-/// The law. Its faces are found by [`columns`], a set for each pressure.
+/// The law. Its faces are found by `columns`, a set for each pressure.
 pub static LAW: DeviceLaw = DeviceLaw {
     row: &ROW,
     kind: FACE,

@@ -341,7 +341,7 @@ pub struct NoProduct {
 }
 
 /// Adds the product `K v` of a law's tangent to `result` (N when `direction` is in m), without
-/// assembly: for [`FusedStVK`] a fraction of the work of [`evaluate_columns`] with a tangent, and of
+/// assembly: for [`FusedStVK`](crate::laws::svk::FusedStVK) a fraction of the work of [`evaluate_columns`] with a tangent, and of
 /// the memory. Uses the private force arrays of `buffer`, which do not hold forces afterwards.
 ///
 /// `direction` and `result` have one row per vertex row; fourth entries are padding.

@@ -22,7 +22,7 @@
 //!
 //! The tangent is indefinite by itself, and left out of the semidefinite stand-ins.
 //!
-//! The potential is booked apart from elastic energy ([`Law::IS_LOAD`]).
+//! The potential is booked apart from elastic energy ([`LawInfo::is_load`]).
 
 use bevy_ecs::prelude::*;
 use sinew_engine::columns::single_table;
