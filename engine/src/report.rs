@@ -51,8 +51,12 @@ pub struct StepReport {
     pub fallbacks: Fallbacks,
     /// Bodies that moved by the corotational energy to recover from inversion.
     pub recovering: u32,
-    /// What changing to that energy and back added (J).
+    /// Elastic energy (J) that changing to that energy and back added.
     pub recovery_energy: f64,
+    /// Bodies that have many inverted elements but do not recover: loads crush them.
+    pub recoveries_refused: u32,
+    /// Bodies whose recovery took too long and was given up in this step; they move by their own law again.
+    pub recoveries_given_up: u32,
     /// Parts in which the equilibrium was found, and times a part was halved because Newton did not
     /// converge or turned elements inside out.
     pub load_parts: u32,

@@ -29,7 +29,8 @@ use sinew_engine::columns::single_table;
 use sinew_engine::compiled_here;
 use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
 use sinew_engine::law::{
-    DisabledLaws, EvaluationRequest, LawBuffer, LawBuffers, LawInfo, Span, TangentKind,
+    DisabledLaws, EvaluationRequest, LawBuffer, LawBuffers, LawInfo, RecoveringBodies, Span,
+    TangentKind,
 };
 use sinew_engine::load::{LoadTime, Pressure, SweptVolumes};
 use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
@@ -45,7 +46,7 @@ use std::time::Instant;
 use crate::element::membrane::TriangleTangent;
 use crate::frame::triangles::add_tangent;
 use crate::laws::pooled::sum;
-use crate::laws::{self, Elements, LawRow, mark};
+use crate::laws::{self, Elements, InRecovery, LawRow, mark};
 
 /// Volume (m^3) that a triangle of rest edges `X_1 - X_0`, `X_2 - X_0` sweeps from rest to displacements
 /// `u`, positive along its normal.
@@ -103,7 +104,9 @@ pub static ROW: LawRow = LawRow::of_systems(
     [activate_law::<f64>, activate_law::<f32>],
 )
 // indefinite by itself, so no part of the stand-ins
-.with_tangent(|kind| matches!(kind, TangentKind::Exact));
+.with_tangent(|kind| matches!(kind, TangentKind::Exact))
+// its potential falls with the third power of displacements, against a quadratic energy that stands in
+.in_recovery(InRecovery::Silent);
 
 fn activate_law<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
     // cut when faces are collected
@@ -229,6 +232,7 @@ fn evaluate<S: Scalar>(
     faces: Res<PressureFaces<S>>,
     mut swept: ResMut<SweptVolumes>,
     (buffers, disabled): (Res<LawBuffers<S>>, Res<DisabledLaws>),
+    recovering: Res<RecoveringBodies>,
     vertices: Query<&Displacement<S>>,
 ) {
     let start = Instant::now();
@@ -250,6 +254,11 @@ fn evaluate<S: Scalar>(
             // the volume, for now
             span.energy = sum(workers.dispatch(Batches(elements.clone(), batch)).sums);
         }
+        if recovering.contains(span.body) {
+            span.force.clear();
+            span.drop_tangent();
+            return;
+        }
         let pressure = S::from_f64(of_span(i));
         if request.force {
             span.clear_force();
@@ -270,7 +279,7 @@ fn evaluate<S: Scalar>(
         for (span, &source) in buffer.spans.iter_mut().zip(&faces.source_of_span) {
             let [pressure, volume] = &mut swept.0[source as usize];
             *volume += span.energy;
-            span.energy *= -*pressure;
+            span.energy *= if recovering.contains(span.body) { 0.0 } else { -*pressure };
         }
     }
     buffer.time = start.elapsed();

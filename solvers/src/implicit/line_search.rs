@@ -38,8 +38,9 @@ impl LineSearch {
 
     /// Whether a change of the potential is decrease enough.
     fn accepts(&self, change: f64) -> bool {
-        change <= ARMIJO * self.fraction * self.slope + self.rounding
-            || (!self.resolved && change.is_finite())
+        // an energy that falls without end is no decrease
+        change.is_finite()
+            && (!self.resolved || change <= ARMIJO * self.fraction * self.slope + self.rounding)
     }
 
     /// Distance of a change of the potential from what the linearised step predicted, relative; `None`

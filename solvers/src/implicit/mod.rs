@@ -56,7 +56,7 @@ use sinew_engine::law::ElasticEnergy;
 use sinew_engine::load::SweptVolumes;
 use sinew_engine::report::StepReport;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::step::{StepError, not_finite};
+use sinew_engine::step::{StepClock, StepError, not_finite};
 use sinew_engine::topology::Topology;
 pub use step::ImplicitScratch;
 use step::Step;
@@ -103,9 +103,10 @@ impl<S: Scalar> Step<'_, S> {
         if !self.is_dynamic() {
             check_support(self.world, &self.scratch.node)?;
         }
-        let start = follower_energies(self.world, &self.scratch.node.u);
         self.hold_orphans();
-        self.recall();
+        self.recall()?;
+        // by the laws of this step, which recovery may have changed
+        let start = follower_energies(self.world, &self.scratch.node.u);
         match integrator {
             Integrator::Safe => self.safe_euler(),
             Integrator::LinearisedBdf2 => self.linearised_bdf2(),
@@ -128,8 +129,19 @@ impl<S: Scalar> Step<'_, S> {
         Ok(())
     }
 
-    /// Every displacement found must be a number.
+    /// Every displacement and energy found must be a number.
     fn check_finite(&mut self) -> Result<(), StepError> {
+        let clock = self.world.resource::<StepClock>();
+        if let Some(body) = self.bodies.iter().position(|body| !body.elastic.is_finite()) {
+            return Err(StepError::Diverged {
+                step: clock.step,
+                time: clock.time,
+                reason: format!(
+                    "the energy of body {body} (in order of spawning) is beyond the range of numbers; the step \
+                     was undone: try a smaller step or check material and loads"
+                ),
+            });
+        }
         let finite = |u: &[S; 4]| u.iter().all(|u| u.is_finite());
         match self.scratch.iterate.iter().position(|u| !finite(u)) {
             None => Ok(()),

@@ -12,7 +12,7 @@ use sinew_engine::load::SweptVolumes;
 use sinew_engine::matrix::{BlockMatrix, ProductSpans};
 use sinew_engine::report::{StepReport, VolumeReport};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::step::StepClock;
+use sinew_engine::step::{StepClock, StepError};
 use sinew_engine::substep::WithinStep;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::FixedAxes;
@@ -197,14 +197,17 @@ impl<'w, S: Scalar> Step<'w, S> {
     }
 
     /// What is remembered of every body and still holds, and which bodies recover from inversion.
-    pub fn recall(&mut self) {
+    ///
+    /// # Errors
+    /// When a recovery does not end.
+    pub fn recall(&mut self) -> Result<(), StepError> {
         let scratch = &mut *self.scratch;
         let (unchanged, past) = scratch.history.compare(self.world, &scratch.node, self.dt);
         // the potential of a pressure changes with time
         self.energies_hold = unchanged && !self.world.contains_resource::<SweptVolumes>();
         let ImplicitScratch { recovery, node, rest, .. } = scratch;
         let on = self.settings.recovery;
-        let recovers = recovery.update(self.world, on, node, rest, self.report);
+        let recovers = recovery.update(self.world, on, node, rest, self.report)?;
         let inverted = &self.world.resource::<VolumeReport>().inverted_by_body;
         let bodies = self.world.resource::<Topology>().bodies.iter().enumerate().zip(past);
         self.bodies = bodies
@@ -218,6 +221,7 @@ impl<'w, S: Scalar> Step<'w, S> {
             body.past = Past::default();
             body.inverted = true;
         }
+        Ok(())
     }
 }
 
