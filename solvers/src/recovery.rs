@@ -9,8 +9,9 @@
 //! (dead loads fall linearly), and a body under loads beyond what such an energy can hold does not begin
 //! ([`OVERLOAD`]): it is inverted because it is crushed, and its own law holds the load better. Neither does a
 //! body that pressure holds in a shape of less energy than at rest, to which it would return. A body that
-//! is not in shape after [`PATIENCE`] steps gets its own law back if that does not raise its energy, and else
-//! the step fails: recovery neither goes on for ever nor makes energy at its end.
+//! comes to rest out of shape is held there: it gets its own law back, where that raises its energy by no more
+//! than [`MOST_GAIN`], until what holds it changes. After [`PATIENCE`] steps so does every other, or the step
+//! fails: recovery neither goes on for ever nor makes much energy at its end.
 //!
 //! Beginning may add energy (at a point 2.6 times that of the springs for nu = 0.3); it is booked in
 //! `StepReport::recovery_energy`.
@@ -23,6 +24,7 @@ use sinew_engine::report::{StepReport, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepClock, StepError, measure_volume_ratios};
 use sinew_engine::topology::{BodyRows, Topology};
+use std::ops::Range;
 
 /// Part of a body's elements with `J <= 0` above which it recovers.
 pub const ENTER: f64 = 0.05;
@@ -37,6 +39,12 @@ pub const LEAVE_STRAIN: f64 = 0.5;
 pub const OVERLOAD: f64 = 10.0;
 /// Steps after which a recovery is given up. Starts as bad as a point or random positions take about 100.
 pub const PATIENCE: u32 = 1000;
+/// Steps before which a recovering body counts as in motion, and the part of its energy below which kinetic
+/// energy and the change in a step count as none.
+const RESTLESS: (u32, f64) = (10, 1e-5);
+/// Most that giving up may multiply the elastic energy by. Of a body squeezed flat the two energies differ by
+/// less; that of one drawn out by loads would be multiplied by the square of its strain.
+pub const MOST_GAIN: f64 = 2.0;
 
 /// What is remembered of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,17 +52,33 @@ enum BodyState {
     /// Moves by its own law.
     #[default]
     Own,
-    /// Recovers for so many steps; its kinetic plus potential energy (J) by its own law when that began.
-    Recovers { start: f64, steps: u32 },
+    /// Recovers.
+    Recovers {
+        /// Kinetic plus potential energy (J) by its own law when that began.
+        start: f64,
+        /// Steps since then.
+        steps: u32,
+        /// Elastic energy (J) by the law that stands in, a step ago.
+        energy: f64,
+    },
     /// Moves by its own law although elements are inverted: recovery was given up, and does not begin again
-    /// before the body was in shape.
-    GivenUp,
+    /// before the body was in shape or what holds it changes (this is its mark).
+    GivenUp(u64),
 }
 
 impl BodyState {
     fn recovers(self) -> bool {
         matches!(self, Self::Recovers { .. })
     }
+}
+
+/// What is to become of a body in the step to come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Plan {
+    Stay,
+    Begin,
+    Leave,
+    GiveUp,
 }
 
 /// Which bodies recover.
@@ -91,109 +115,174 @@ impl Recovery {
         }
         world.insert_resource(old.clone());
         world.run_system_cached(measure_volume_ratios::<S>).expect("engine resources");
-        let wanted: Vec<bool> =
-            (0..count).map(|body| self.wants(world, node, rest, body)).collect();
-        let new = self.swap(world, node, rest, wanted, report)?;
+        let mut plans: Vec<Plan> = (0..count).map(|i| self.plan(world, node, rest, i)).collect();
+        if plans.contains(&Plan::Begin) || self.bodies.iter().any(|body| body.recovers()) {
+            let before = energies(world, node, &old);
+            report.evaluations += 1;
+            self.refuse_the_crushed(world, node, rest, &mut plans, &before, report);
+            self.give_up_at_rest(world, node, &mut plans, &before);
+            self.swap(world, node, &plans, &before, report)?;
+        }
+        let new = RecoveringBodies(self.bodies.iter().map(|body| body.recovers()).collect());
         report.recovering = new.0.iter().filter(|&&recovers| recovers).count() as u32;
         let touched = old.0.iter().zip(&new.0).map(|(old, new)| *old || *new).collect();
         world.insert_resource(new);
         Ok(touched)
     }
 
-    /// Whether the shape of a body asks for recovery in the step to come; counts its steps.
-    fn wants<S: Scalar>(
+    /// What the shape of a body asks for; counts its steps.
+    fn plan<S: Scalar>(
         &mut self,
         world: &World,
         node: &NodeState<S>,
         rest: &[DVec3],
         body: usize,
-    ) -> bool {
+    ) -> Plan {
         let volumes = world.resource::<VolumeReport>();
-        let inverted = volumes.inverted_by_body[body] as f64;
-        let many = inverted > ENTER * volumes.elements_by_body[body] as f64;
-        match &mut self.bodies[body] {
-            BodyState::Recovers { steps, .. } => {
-                *steps += 1;
-                let strain = || largest_strain(world.resource(), node, rest, body);
-                volumes.smallest_by_body[body] <= LEAVE_RATIO || strain() > LEAVE_STRAIN
+        let topology = world.resource::<Topology>();
+        let inverted = volumes.inverted_by_body[body];
+        let state = &mut self.bodies[body];
+        if let BodyState::GivenUp(hold) = *state {
+            let now = mark_of_hold(node, rows_of(topology, body));
+            if inverted > 0 && now == Some(hold) {
+                return Plan::Stay;
             }
-            BodyState::Own => many && !world.resource::<BodiesWithoutRecovery>().contains(body),
-            given_up => {
-                if inverted == 0.0 {
-                    *given_up = BodyState::Own;
-                }
-                false
+            *state = BodyState::Own;
+        }
+        if let BodyState::Recovers { steps, .. } = state {
+            *steps += 1;
+            let in_shape = volumes.smallest_by_body[body] > LEAVE_RATIO
+                && largest_strain(topology, node, rest, body) <= LEAVE_STRAIN;
+            return match in_shape {
+                true => Plan::Leave,
+                false if *steps > PATIENCE => Plan::GiveUp,
+                false => Plan::Stay,
+            };
+        }
+        let many = inverted as f64 > ENTER * volumes.elements_by_body[body] as f64;
+        let can = !world.resource::<BodiesWithoutRecovery>().contains(body);
+        if many && can { Plan::Begin } else { Plan::Stay }
+    }
+
+    /// Lets no body begin that is inverted because loads crush it.
+    fn refuse_the_crushed<S: Scalar>(
+        &self,
+        world: &mut World,
+        node: &NodeState<S>,
+        rest: &[DVec3],
+        plans: &mut [Plan],
+        before: &Energies,
+        report: &mut StepReport,
+    ) {
+        if !plans.contains(&Plan::Begin) {
+            return;
+        }
+        let loads = load_measures(world, node, rest);
+        report.evaluations += 2;
+        for (body, plan) in plans.iter_mut().enumerate().filter(|(_, plan)| **plan == Plan::Begin) {
+            // at rest the energy with follower loads would be 0
+            if loads[body] > OVERLOAD || before.by_body[body] < 0.0 {
+                *plan = Plan::Stay;
+                report.recoveries_refused += 1;
             }
         }
     }
 
-    /// Carries out the changes that are `wanted`, as far as loads and energies allow them.
+    /// Plans to give up the recoveries that came to rest: what holds those bodies keeps them out of shape.
+    fn give_up_at_rest<S: Scalar>(
+        &mut self,
+        world: &World,
+        node: &NodeState<S>,
+        plans: &mut [Plan],
+        before: &Energies,
+    ) {
+        let topology = world.resource::<Topology>();
+        for (body, state) in self.bodies.iter_mut().enumerate() {
+            let BodyState::Recovers { steps, energy, .. } = state else { continue };
+            let now = before.by_body[body];
+            let kinetic = node.kinetic_energy(rows_of(topology, body), &node.v)[0];
+            let (few, none) = (RESTLESS.0, RESTLESS.1 * now);
+            if plans[body] == Plan::Stay
+                && *steps >= few
+                && kinetic <= none
+                && (now - *energy).abs() <= none
+            {
+                plans[body] = Plan::GiveUp;
+            }
+            *energy = now;
+        }
+    }
+
+    /// Carries the plans out, as far as they make no energy.
     fn swap<S: Scalar>(
         &mut self,
         world: &mut World,
         node: &NodeState<S>,
-        rest: &[DVec3],
-        mut wanted: Vec<bool>,
+        plans: &[Plan],
+        before: &Energies,
         report: &mut StepReport,
-    ) -> Result<RecoveringBodies, StepError> {
-        let old = world.resource::<RecoveringBodies>().clone();
-        let begins: Vec<usize> = (0..wanted.len()).filter(|&i| wanted[i] && !old.0[i]).collect();
-        if !begins.is_empty() {
-            let (own, _) = energies(world, node, &old);
-            let loads = load_measures(world, node, rest);
-            report.evaluations += 3;
-            for body in begins {
-                // at rest its energy with follower loads would be 0
-                if loads[body] > OVERLOAD || own[body] < 0.0 {
-                    wanted[body] = false;
-                    report.recoveries_refused += 1;
+    ) -> Result<(), StepError> {
+        if plans.iter().all(|plan| *plan == Plan::Stay) {
+            return Ok(());
+        }
+        let is = |(plan, state): (&Plan, &BodyState)| match plan {
+            Plan::Stay => state.recovers(),
+            plan => *plan == Plan::Begin,
+        };
+        let asked = RecoveringBodies(plans.iter().zip(&self.bodies).map(is).collect());
+        let mut after = energies(world, node, &asked);
+        report.evaluations += 1;
+        for (body, &plan) in plans.iter().enumerate() {
+            let rows = rows_of(world.resource(), body);
+            let other = node.kinetic_energy(rows.clone(), &node.v)[0]
+                - node.load_potential(rows.clone(), &node.u);
+            let (old, new) = (before.by_body[body], after.by_body[body]);
+            match (plan, self.bodies[body]) {
+                (Plan::Begin, _) => {
+                    let start = other + old;
+                    self.bodies[body] = BodyState::Recovers { start, steps: 0, energy: new };
                 }
-            }
-        }
-        let tired = |state: &BodyState| matches!(state, BodyState::Recovers { steps, .. } if *steps > PATIENCE);
-        let given_up: Vec<bool> = self.bodies.iter().map(tired).collect();
-        let mut new = RecoveringBodies(wanted);
-        for body in (0..given_up.len()).filter(|&body| given_up[body]) {
-            new.0[body] = false;
-        }
-        if new == old {
-            return Ok(new);
-        }
-        let (before, elastic_before) = energies(world, node, &old);
-        let (after, mut elastic_after) = energies(world, node, &new);
-        report.evaluations += 2;
-        let asked = new.clone();
-        for body in 0..new.0.len() {
-            let rows = &world.resource::<Topology>().bodies[body].vertices;
-            let rows = rows.start as usize..rows.end as usize;
-            let other =
-                node.kinetic_energy(rows.clone(), &node.v)[0] - node.load_potential(rows, &node.u);
-            match (self.bodies[body], new.0[body]) {
-                (BodyState::Recovers { start, steps }, false) if other + after[body] > start => {
-                    if given_up[body] {
+                (Plan::Leave, BodyState::Recovers { start, .. }) if other + new <= start => {
+                    self.bodies[body] = BodyState::Own;
+                }
+                (Plan::GiveUp, BodyState::Recovers { start, steps, .. }) => {
+                    if new <= MOST_GAIN * old || other + new <= start {
+                        let hold = mark_of_hold(node, rows).unwrap_or_default();
+                        self.bodies[body] = BodyState::GivenUp(hold);
+                        report.recoveries_given_up += 1;
+                    } else if steps > PATIENCE {
                         return Err(unending(world, body, steps));
                     }
-                    new.0[body] = true;
-                }
-                (BodyState::Recovers { .. }, false) if given_up[body] => {
-                    self.bodies[body] = BodyState::GivenUp;
-                    report.recoveries_given_up += 1;
-                }
-                (BodyState::Recovers { .. }, false) => self.bodies[body] = BodyState::Own,
-                (BodyState::Own, true) => {
-                    let start = other + before[body];
-                    self.bodies[body] = BodyState::Recovers { start, steps: 0 };
                 }
                 _ => {}
             }
         }
+        let new = RecoveringBodies(self.bodies.iter().map(|body| body.recovers()).collect());
         if new != asked {
-            (_, elastic_after) = energies(world, node, &new);
+            after = energies(world, node, &new);
             report.evaluations += 1;
         }
-        report.recovery_energy += elastic_after - elastic_before;
-        Ok(new)
+        report.recovery_energy += after.elastic - before.elastic;
+        Ok(())
     }
+}
+
+/// Vertex rows of a body.
+fn rows_of(topology: &Topology, body: usize) -> Range<usize> {
+    let rows = &topology.bodies[body].vertices;
+    rows.start as usize..rows.end as usize
+}
+
+/// A mark of which axes of some rows are held; `None` while what holds them moves.
+fn mark_of_hold<S: Scalar>(node: &NodeState<S>, rows: Range<usize>) -> Option<u64> {
+    let mut mark = 0_u64;
+    for row in rows {
+        if node.held_axes(row).any(|k| node.prescribed[row][k] != node.u[row][k]) {
+            return None;
+        }
+        mark = mark.wrapping_mul(31).wrapping_add(u64::from(node.fixed[row].0));
+    }
+    Some(mark)
 }
 
 /// The error of a recovery that cannot be given up.
@@ -257,17 +346,24 @@ fn load_measures<S: Scalar>(world: &mut World, node: &NodeState<S>, rest: &[DVec
 /// Strain of the probe for the stiffness of a body: small for the material, large for rounding.
 const STRAIN: f64 = 1e-3;
 
-/// Energies (J) of the bodies, potential of follower loads included, while `recovering` are in recovery, and
-/// the elastic energy of all.
+/// Energies (J) at the start of a step.
+struct Energies {
+    /// Of the bodies, potential of follower loads included.
+    by_body: Vec<f64>,
+    /// Elastic energy of all.
+    elastic: f64,
+}
+
+/// Energies while `recovering` are in recovery.
 fn energies<S: Scalar>(
     world: &mut World,
     node: &NodeState<S>,
     recovering: &RecoveringBodies,
-) -> (Vec<f64>, f64) {
+) -> Energies {
     world.insert_resource(recovering.clone());
     evaluate(world, &node.u, true, false, None);
     let energy = world.resource::<ElasticEnergy>();
-    (energy.by_body.clone(), energy.elastic())
+    Energies { by_body: energy.by_body.clone(), elastic: energy.elastic() }
 }
 
 /// Largest relative change of length of the edges of a body.
