@@ -16,6 +16,7 @@
 //! Beginning may add energy (at a point 2.6 times that of the springs for nu = 0.3); it is booked in
 //! `StepReport::recovery_energy`.
 
+use crate::history::Past;
 use crate::state::{NodeState, Rows, evaluate, read_force};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -46,13 +47,13 @@ const RESTLESS: (u32, f64) = (10, 1e-5);
 /// less; that of one drawn out by loads would be multiplied by the square of its strain.
 pub const MOST_GAIN: f64 = 2.0;
 
-/// What is remembered of a body.
+/// How a body moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-enum BodyState {
-    /// Moves by its own law.
+pub enum BodyState {
+    /// By its own law.
     #[default]
     Own,
-    /// Recovers.
+    /// It recovers.
     Recovers {
         /// Kinetic plus potential energy (J) by its own law when that began.
         start: f64,
@@ -61,24 +62,140 @@ enum BodyState {
         /// Elastic energy (J) by the law that stands in, a step ago.
         energy: f64,
     },
-    /// Moves by its own law although elements are inverted: recovery was given up, and does not begin again
-    /// before the body was in shape or what holds it changes (this is its mark).
+    /// By its own law although elements are inverted: recovery was given up, and does not begin again before
+    /// the body was in shape or what holds it changes (this is its mark).
     GivenUp(u64),
 }
 
+/// What is to become of a body in the step to come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Plan {
+    /// It goes on as it did.
+    Stay,
+    /// It begins to recover.
+    Begin,
+    /// It is in shape.
+    Leave,
+    /// It is held out of shape, or takes too long.
+    GiveUp,
+}
+
+/// The shape of a body.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape {
+    /// Elements.
+    pub elements: u64,
+    /// Those that are inverted.
+    pub inverted: u64,
+    /// Smallest volume ratio.
+    pub smallest_ratio: f64,
+    /// Mark of what holds the body ([`mark_of_hold`]); none while that moves.
+    pub hold: Option<u64>,
+}
+
+/// Energies (J) of a body at the start of a step: by the law it moved by and by the one that is planned,
+/// potential of follower loads included, and what no law changes: kinetic energy less work of dead loads.
+#[derive(Clone, Copy, Debug)]
+pub struct SwapEnergies {
+    /// Before.
+    pub old: f64,
+    /// After.
+    pub new: f64,
+    /// The others.
+    pub other: f64,
+}
+
 impl BodyState {
-    fn recovers(self) -> bool {
+    /// Whether it recovers.
+    pub fn recovers(self) -> bool {
         matches!(self, Self::Recovers { .. })
+    }
+
+    /// What the shape asks for; counts steps. `strain` is the largest relative change of length of an edge.
+    pub fn plan(&mut self, shape: &Shape, strain: impl FnOnce() -> f64) -> Plan {
+        if let Self::GivenUp(hold) = *self {
+            if shape.inverted > 0 && shape.hold == Some(hold) {
+                return Plan::Stay;
+            }
+            *self = Self::Own;
+        }
+        if let Self::Recovers { steps, .. } = self {
+            *steps += 1;
+            return match shape.smallest_ratio > LEAVE_RATIO && strain() <= LEAVE_STRAIN {
+                true => Plan::Leave,
+                false if *steps > PATIENCE => Plan::GiveUp,
+                false => Plan::Stay,
+            };
+        }
+        match shape.inverted as f64 > ENTER * shape.elements as f64 {
+            true => Plan::Begin,
+            false => Plan::Stay,
+        }
+    }
+
+    /// Whether a recovering body came to rest; `energy` (J) is that of the law that stands in.
+    pub fn rests(&mut self, kinetic: f64, energy: f64) -> bool {
+        let Self::Recovers { steps, energy: last, .. } = self else { return false };
+        let none = RESTLESS.1 * energy;
+        let change = energy - std::mem::replace(last, energy);
+        *steps >= RESTLESS.0 && kinetic <= none && change.abs() <= none
+    }
+
+    /// Carries a plan out, as far as it makes no energy; false where it does not.
+    ///
+    /// # Errors
+    /// When the body can neither go on to recover nor give up.
+    pub fn follow(
+        &mut self,
+        plan: Plan,
+        shape: &Shape,
+        SwapEnergies { old, new, other }: SwapEnergies,
+    ) -> Result<bool, RecoveryUnending> {
+        match (plan, *self) {
+            (Plan::Begin, _) => {
+                *self = Self::Recovers { start: other + old, steps: 0, energy: new }
+            }
+            (Plan::Leave, Self::Recovers { start, .. }) if other + new <= start => {
+                *self = Self::Own
+            }
+            (Plan::GiveUp, Self::Recovers { start, .. })
+                if new <= MOST_GAIN * old || other + new <= start =>
+            {
+                *self = Self::GivenUp(shape.hold.unwrap_or_default());
+            }
+            (Plan::GiveUp, Self::Recovers { steps, .. }) if steps > PATIENCE => {
+                let Shape { inverted, smallest_ratio, .. } = *shape;
+                return Err(RecoveryUnending { steps, inverted, smallest_ratio });
+            }
+            _ => return Ok(false),
+        }
+        Ok(true)
     }
 }
 
-/// What is to become of a body in the step to come.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Plan {
-    Stay,
-    Begin,
-    Leave,
-    GiveUp,
+/// A recovery that neither ends nor can be given up.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "it did not recover from inversion in {steps} steps: {inverted} of its elements are still inverted, the \
+     smallest volume ratio is {smallest_ratio:.3}; remove the load or constraint that crushes it, or switch \
+     recovery off (`recovery = false`)"
+)]
+pub struct RecoveryUnending {
+    /// Steps that it took so far.
+    pub steps: u32,
+    /// Elements that are inverted.
+    pub inverted: u64,
+    /// Smallest volume ratio.
+    pub smallest_ratio: f64,
+}
+
+impl RecoveryUnending {
+    /// The error of the step, for body number `body`.
+    pub fn of_body(self, world: &World, body: usize) -> StepError {
+        let clock = world.resource::<StepClock>();
+        let reason = format!("body `{}`: {self}", world.resource::<Topology>().bodies[body].name);
+        StepError::Diverged { step: clock.step, time: clock.time, reason }
+    }
 }
 
 /// Which bodies recover.
@@ -90,7 +207,7 @@ pub(crate) struct Recovery {
 
 impl Recovery {
     /// Decides for the state in `node` which bodies recover, and tells the laws; which bodies changed
-    /// or go on.
+    /// or go on. A recovery that was given up may begin again where the state was set from outside.
     ///
     /// # Errors
     /// When a recovery does not end.
@@ -99,6 +216,7 @@ impl Recovery {
         world: &mut World,
         on: bool,
         node: &NodeState<S>,
+        past: &[Past],
         rest: &[DVec3],
         report: &mut StepReport,
     ) -> Result<Vec<bool>, StepError> {
@@ -113,15 +231,44 @@ impl Recovery {
             world.insert_resource(RecoveringBodies::default());
             return Ok(old.0);
         }
+        for (state, past) in self.bodies.iter_mut().zip(past) {
+            if !past.same_state && matches!(state, BodyState::GivenUp(_)) {
+                *state = BodyState::Own;
+            }
+        }
         world.insert_resource(old.clone());
         world.run_system_cached(measure_volume_ratios::<S>).expect("engine resources");
-        let mut plans: Vec<Plan> = (0..count).map(|i| self.plan(world, node, rest, i)).collect();
+        let shapes: Vec<Shape> = (0..count).map(|i| shape(world, node, i)).collect();
+        let topology = world.resource::<Topology>();
+        let without = world.resource::<BodiesWithoutRecovery>();
+        let plan = |(i, state): (usize, &mut BodyState)| {
+            let strain = || largest_strain(topology, node, rest, i);
+            if without.contains(i) { Plan::Stay } else { state.plan(&shapes[i], strain) }
+        };
+        let mut plans: Vec<Plan> = self.bodies.iter_mut().enumerate().map(plan).collect();
         if plans.contains(&Plan::Begin) || self.bodies.iter().any(|body| body.recovers()) {
             let before = energies(world, node, &old);
             report.evaluations += 1;
-            self.refuse_the_crushed(world, node, rest, &mut plans, &before, report);
-            self.give_up_at_rest(world, node, &mut plans, &before);
-            self.swap(world, node, &plans, &before, report)?;
+            if plans.contains(&Plan::Begin) {
+                let loads = load_measures(world, node, rest);
+                report.evaluations += 2;
+                for (i, plan) in plans.iter_mut().enumerate().filter(|(_, p)| **p == Plan::Begin) {
+                    if is_crushed(loads[i], before.by_body[i]) {
+                        *plan = Plan::Stay;
+                        report.recoveries_refused += 1;
+                    }
+                }
+            }
+            let topology = world.resource::<Topology>();
+            for (i, state) in self.bodies.iter_mut().enumerate() {
+                let kinetic = node.kinetic_energy(rows_of(topology, i), &node.v)[0];
+                if state.rests(kinetic, before.by_body[i]) && plans[i] == Plan::Stay {
+                    plans[i] = Plan::GiveUp;
+                }
+            }
+            if plans.iter().any(|plan| *plan != Plan::Stay) {
+                self.swap(world, node, &plans, &shapes, &before, report)?;
+            }
         }
         let new = RecoveringBodies(self.bodies.iter().map(|body| body.recovers()).collect());
         report.recovering = new.0.iter().filter(|&&recovers| recovers).count() as u32;
@@ -130,101 +277,16 @@ impl Recovery {
         Ok(touched)
     }
 
-    /// What the shape of a body asks for; counts its steps.
-    fn plan<S: Scalar>(
-        &mut self,
-        world: &World,
-        node: &NodeState<S>,
-        rest: &[DVec3],
-        body: usize,
-    ) -> Plan {
-        let volumes = world.resource::<VolumeReport>();
-        let topology = world.resource::<Topology>();
-        let inverted = volumes.inverted_by_body[body];
-        let state = &mut self.bodies[body];
-        if let BodyState::GivenUp(hold) = *state {
-            let now = mark_of_hold(node, rows_of(topology, body));
-            if inverted > 0 && now == Some(hold) {
-                return Plan::Stay;
-            }
-            *state = BodyState::Own;
-        }
-        if let BodyState::Recovers { steps, .. } = state {
-            *steps += 1;
-            let in_shape = volumes.smallest_by_body[body] > LEAVE_RATIO
-                && largest_strain(topology, node, rest, body) <= LEAVE_STRAIN;
-            return match in_shape {
-                true => Plan::Leave,
-                false if *steps > PATIENCE => Plan::GiveUp,
-                false => Plan::Stay,
-            };
-        }
-        let many = inverted as f64 > ENTER * volumes.elements_by_body[body] as f64;
-        let can = !world.resource::<BodiesWithoutRecovery>().contains(body);
-        if many && can { Plan::Begin } else { Plan::Stay }
-    }
-
-    /// Lets no body begin that is inverted because loads crush it.
-    fn refuse_the_crushed<S: Scalar>(
-        &self,
-        world: &mut World,
-        node: &NodeState<S>,
-        rest: &[DVec3],
-        plans: &mut [Plan],
-        before: &Energies,
-        report: &mut StepReport,
-    ) {
-        if !plans.contains(&Plan::Begin) {
-            return;
-        }
-        let loads = load_measures(world, node, rest);
-        report.evaluations += 2;
-        for (body, plan) in plans.iter_mut().enumerate().filter(|(_, plan)| **plan == Plan::Begin) {
-            // at rest the energy with follower loads would be 0
-            if loads[body] > OVERLOAD || before.by_body[body] < 0.0 {
-                *plan = Plan::Stay;
-                report.recoveries_refused += 1;
-            }
-        }
-    }
-
-    /// Plans to give up the recoveries that came to rest: what holds those bodies keeps them out of shape.
-    fn give_up_at_rest<S: Scalar>(
-        &mut self,
-        world: &World,
-        node: &NodeState<S>,
-        plans: &mut [Plan],
-        before: &Energies,
-    ) {
-        let topology = world.resource::<Topology>();
-        for (body, state) in self.bodies.iter_mut().enumerate() {
-            let BodyState::Recovers { steps, energy, .. } = state else { continue };
-            let now = before.by_body[body];
-            let kinetic = node.kinetic_energy(rows_of(topology, body), &node.v)[0];
-            let (few, none) = (RESTLESS.0, RESTLESS.1 * now);
-            if plans[body] == Plan::Stay
-                && *steps >= few
-                && kinetic <= none
-                && (now - *energy).abs() <= none
-            {
-                plans[body] = Plan::GiveUp;
-            }
-            *energy = now;
-        }
-    }
-
     /// Carries the plans out, as far as they make no energy.
     fn swap<S: Scalar>(
         &mut self,
         world: &mut World,
         node: &NodeState<S>,
         plans: &[Plan],
+        shapes: &[Shape],
         before: &Energies,
         report: &mut StepReport,
     ) -> Result<(), StepError> {
-        if plans.iter().all(|plan| *plan == Plan::Stay) {
-            return Ok(());
-        }
         let is = |(plan, state): (&Plan, &BodyState)| match plan {
             Plan::Stay => state.recovers(),
             plan => *plan == Plan::Begin,
@@ -232,30 +294,15 @@ impl Recovery {
         let asked = RecoveringBodies(plans.iter().zip(&self.bodies).map(is).collect());
         let mut after = energies(world, node, &asked);
         report.evaluations += 1;
-        for (body, &plan) in plans.iter().enumerate() {
+        for (body, &plan) in plans.iter().enumerate().filter(|(_, plan)| **plan != Plan::Stay) {
             let rows = rows_of(world.resource(), body);
             let other = node.kinetic_energy(rows.clone(), &node.v)[0]
                 - node.load_potential(rows.clone(), &node.u);
             let (old, new) = (before.by_body[body], after.by_body[body]);
-            match (plan, self.bodies[body]) {
-                (Plan::Begin, _) => {
-                    let start = other + old;
-                    self.bodies[body] = BodyState::Recovers { start, steps: 0, energy: new };
-                }
-                (Plan::Leave, BodyState::Recovers { start, .. }) if other + new <= start => {
-                    self.bodies[body] = BodyState::Own;
-                }
-                (Plan::GiveUp, BodyState::Recovers { start, steps, .. }) => {
-                    if new <= MOST_GAIN * old || other + new <= start {
-                        let hold = mark_of_hold(node, rows).unwrap_or_default();
-                        self.bodies[body] = BodyState::GivenUp(hold);
-                        report.recoveries_given_up += 1;
-                    } else if steps > PATIENCE {
-                        return Err(unending(world, body, steps));
-                    }
-                }
-                _ => {}
-            }
+            let changed = self.bodies[body]
+                .follow(plan, &shapes[body], SwapEnergies { old, new, other })
+                .map_err(|unending| unending.of_body(world, body))?;
+            report.recoveries_given_up += u32::from(changed && plan == Plan::GiveUp);
         }
         let new = RecoveringBodies(self.bodies.iter().map(|body| body.recovers()).collect());
         if new != asked {
@@ -267,14 +314,30 @@ impl Recovery {
     }
 }
 
+/// Whether a body is inverted because loads crush it: they are more than its material can hold ([`OVERLOAD`]),
+/// or its energy (J) by its own law, potential of follower loads included, is below that of the rest shape, 0.
+pub fn is_crushed(load: f64, energy: f64) -> bool {
+    load > OVERLOAD || energy < 0.0
+}
+
+fn shape<S: Scalar>(world: &World, node: &NodeState<S>, body: usize) -> Shape {
+    let volumes = world.resource::<VolumeReport>();
+    Shape {
+        elements: volumes.elements_by_body[body],
+        inverted: volumes.inverted_by_body[body],
+        smallest_ratio: volumes.smallest_by_body[body],
+        hold: mark_of_hold(node, rows_of(world.resource(), body)),
+    }
+}
+
 /// Vertex rows of a body.
-fn rows_of(topology: &Topology, body: usize) -> Range<usize> {
+pub(crate) fn rows_of(topology: &Topology, body: usize) -> Range<usize> {
     let rows = &topology.bodies[body].vertices;
     rows.start as usize..rows.end as usize
 }
 
 /// A mark of which axes of some rows are held; `None` while what holds them moves.
-fn mark_of_hold<S: Scalar>(node: &NodeState<S>, rows: Range<usize>) -> Option<u64> {
+pub fn mark_of_hold<S: Scalar>(node: &NodeState<S>, rows: Range<usize>) -> Option<u64> {
     let mut mark = 0_u64;
     for row in rows {
         if node.held_axes(row).any(|k| node.prescribed[row][k] != node.u[row][k]) {
@@ -285,26 +348,14 @@ fn mark_of_hold<S: Scalar>(node: &NodeState<S>, rows: Range<usize>) -> Option<u6
     Some(mark)
 }
 
-/// The error of a recovery that cannot be given up.
-fn unending(world: &World, body: usize, steps: u32) -> StepError {
-    let clock = world.resource::<StepClock>();
-    let volumes = world.resource::<VolumeReport>();
-    StepError::Diverged {
-        step: clock.step,
-        time: clock.time,
-        reason: format!(
-            "body {body} (in order of spawning) did not recover from inversion in {steps} steps: {} of its \
-             elements are still inverted, the smallest volume ratio is {:.3}; remove the load or constraint \
-             that crushes it, or switch recovery off (`recovery = false`)",
-            volumes.inverted_by_body[body], volumes.smallest_by_body[body],
-        ),
-    }
-}
-
 /// Loads on every body over what its material can hold: the sum of their magnitudes times its size over shear
 /// modulus times volume. Forces that only accelerate a free body as a whole do not count. Active stress and
 /// the pressure on the rest shape are loads here.
-fn load_measures<S: Scalar>(world: &mut World, node: &NodeState<S>, rest: &[DVec3]) -> Vec<f64> {
+pub fn load_measures<S: Scalar>(
+    world: &mut World,
+    node: &NodeState<S>,
+    rest: &[DVec3],
+) -> Vec<f64> {
     let topology = world.resource::<Topology>().clone();
     let of_recovery = world.resource::<RecoveringBodies>().clone();
     world.insert_resource(RecoveringBodies::default());

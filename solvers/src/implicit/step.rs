@@ -207,7 +207,7 @@ impl<'w, S: Scalar> Step<'w, S> {
         self.energies_hold = unchanged && !self.world.contains_resource::<SweptVolumes>();
         let ImplicitScratch { recovery, node, rest, .. } = scratch;
         let on = self.settings.recovery;
-        let recovers = recovery.update(self.world, on, node, rest, self.report)?;
+        let recovers = recovery.update(self.world, on, node, &past, rest, self.report)?;
         let inverted = &self.world.resource::<VolumeReport>().inverted_by_body;
         let bodies = self.world.resource::<Topology>().bodies.iter().enumerate().zip(past);
         self.bodies = bodies
