@@ -83,6 +83,7 @@ pub fn implicit_step<S: Scalar>(
     if scratch.revision != revision || scratch.rest.len() != scratch.node.len() {
         read_rest(world, &mut scratch.rest);
         scratch.revision = revision;
+        scratch.supported = None;
     }
     let result = if scratch.node.is_empty() {
         Ok(())
@@ -100,8 +101,9 @@ impl<S: Scalar> Step<'_, S> {
     /// The whole step, or the search for an equilibrium.
     fn run(&mut self) -> Result<(), StepError> {
         let integrator = self.settings.integrator.resolve();
-        if !self.is_dynamic() {
+        if !self.is_dynamic() && self.scratch.supported.as_ref() != Some(&self.scratch.node.fixed) {
             check_support(self.world, &self.scratch.node)?;
+            self.scratch.supported = Some(self.scratch.node.fixed.clone());
         }
         self.hold_orphans();
         self.recall()?;

@@ -75,6 +75,8 @@ pub struct ImplicitScratch<S: Scalar> {
     /// Rest positions (m), read once per topology.
     pub(super) rest: Vec<DVec3>,
     pub(super) revision: u64,
+    /// Held axes that are known to support every body.
+    pub(super) supported: Option<Vec<FixedAxes>>,
 }
 
 /// What a step knows of a body.
