@@ -35,8 +35,8 @@ use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, add, cross, dot, mat_vec, scale, sub};
 
+use crate::element::matrix::{add_identity, add_outer, add_skew, deformation};
 use crate::element::tetrahedron::{CORE, TetrahedronTangent, assemble, cofactor};
-use crate::laws::pooled::{add_identity, add_outer};
 
 /// Pairs of the three axes, in the order of their angular moduli.
 pub const AXIS_PAIRS: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
@@ -469,21 +469,12 @@ fn add_volume_stiffness<R: Real>(
     let normal =
         [mat_vec(&cof, gradients[0]), mat_vec(&cof, gradients[1]), mat_vec(&cof, gradients[2])];
     let pressure = volumetric * volume_change(g);
-    let mut f = *g;
-    f[0] += R::ONE;
-    f[4] += R::ONE;
-    f[8] += R::ONE;
+    let f = deformation(g);
     for (block, [a, b]) in core.iter_mut().zip(CORE) {
         add_outer(block, scale(normal[a], volumetric), normal[b]);
         if kind == TangentKind::Exact {
             // varying F by v (x) D_b turns cof F D_a by F (D_b x D_a) x v
-            let w = scale(mat_vec(&f, cross(gradients[b], gradients[a])), pressure);
-            block[1] -= w[2];
-            block[2] += w[1];
-            block[3] += w[2];
-            block[5] -= w[0];
-            block[6] -= w[1];
-            block[7] += w[0];
+            add_skew(block, scale(mat_vec(&f, cross(gradients[b], gradients[a])), pressure));
         }
     }
 }

@@ -30,7 +30,7 @@
 use sinew_engine::scalar::{dot, scale, sub};
 
 use super::element::AXIS_PAIRS;
-use crate::laws::pooled::{add_identity, add_outer};
+use crate::element::matrix::{add_identity, add_outer, transposed};
 
 /// Vectors of the vertices (m, m/s or N).
 pub type Nodes<const N: usize> = [[f64; 3]; N];
@@ -271,11 +271,10 @@ impl<const N: usize> AngularSprings<N> {
                 add_outer(&mut mixed, scale(b.direction, -factor), b.direction);
                 add_outer(&mut mixed, scale(a.direction, factor * cosine), b.direction);
             }
-            let transposed = [0, 3, 6, 1, 4, 7, 2, 5, 8].map(|x| mixed[x]);
             add_spread(&mut blocks, &self.spread[i], &self.spread[i], &own);
             add_spread(&mut blocks, &self.spread[j], &self.spread[j], &other);
             add_spread(&mut blocks, &self.spread[i], &self.spread[j], &mixed);
-            add_spread(&mut blocks, &self.spread[j], &self.spread[i], &transposed);
+            add_spread(&mut blocks, &self.spread[j], &self.spread[i], &transposed(&mixed));
         }
         blocks
     }

@@ -64,7 +64,7 @@ pub use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, Scalar, add, cross, dot, mat_vec, scale, sub};
 use thiserror::Error;
 
-use crate::laws::pooled::{add_identity, add_outer};
+use crate::element::matrix::{add_identity, add_outer, symmetrise, transposed};
 use crate::laws::quadratic::Stretch;
 use crate::material::LameParameters;
 
@@ -233,7 +233,7 @@ impl<S: Real> TriangleTangent<S> {
             return self.diagonal[a];
         }
         let m = self.off[3 - a - b];
-        if a < b { m } else { [m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]] }
+        if a < b { m } else { transposed(&m) }
     }
 
     /// Product `K v` (N when `v` is in m).
@@ -412,10 +412,7 @@ fn assemble<R: Real>([k11, k22, k12]: &[[R; 9]; 3]) -> TriangleTangent<R> {
     }
     let mut tangent = TriangleTangent { diagonal: [k00, *k11, *k22], off: [*k12, k02, k01] };
     for block in &mut tangent.diagonal {
-        for (k, l) in [(1, 3), (2, 6), (5, 7)] {
-            let mean = half * (block[k] + block[l]);
-            (block[k], block[l]) = (mean, mean);
-        }
+        symmetrise(block);
     }
     tangent
 }

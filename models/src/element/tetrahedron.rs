@@ -36,6 +36,7 @@ use sinew_engine::element::{displacement_gradient, minor, volume_change};
 pub use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, Scalar, cross, dot, mat_vec};
 
+use crate::element::matrix::{add_identity, add_skew, deformation, rows, symmetric, transposed};
 use crate::element::precompute::RestTetrahedron;
 use crate::element::projection;
 use crate::material::LameParameters;
@@ -249,11 +250,10 @@ pub(crate) fn product_parts<S: Real>(
         ];
         p = elastic_stress(&g, &second_piola_kirchhoff(e, &strain_rate));
         if exact {
-            let s = second_piola_kirchhoff(e, &green_strain(&g));
-            let rows = [[s[0], s[5], s[4]], [s[5], s[1], s[3]], [s[4], s[3], s[2]]];
+            let s = rows(&symmetric(second_piola_kirchhoff(e, &green_strain(&g))));
             for i in 0..3 {
                 for j in 0..3 {
-                    p[3 * i + j] += dot([h[3 * i], h[3 * i + 1], h[3 * i + 2]], rows[j]);
+                    p[3 * i + j] += dot([h[3 * i], h[3 * i + 1], h[3 * i + 2]], s[j]);
                 }
             }
         }
@@ -272,12 +272,7 @@ pub(crate) fn product_parts<S: Real>(
         }
         if exact {
             let p1 = (e.compression + e.compression) * (m * m * m);
-            let f = [
-                [S::ONE + g[0], g[1], g[2]],
-                [g[3], S::ONE + g[4], g[5]],
-                [g[6], g[7], S::ONE + g[8]],
-            ];
-            let h = [[h[0], h[1], h[2]], [h[3], h[4], h[5]], [h[6], h[7], h[8]]];
+            let (f, h) = (rows(&deformation(&g)), rows(&h));
             for i in 0..3 {
                 // row i of cof F is the vector product of the next two rows of F
                 let (j, k) = ((i + 1) % 3, (i + 2) % 3);
@@ -375,7 +370,7 @@ pub(crate) fn second_piola_kirchhoff<S: Real>(e: &Element<S>, strain: &[S; 6]) -
 
 /// `lambda/2 (tr E)^2 + mu tr E^2`, Pa.
 #[inline(always)]
-fn elastic_density<S: Real>(e: &Element<S>, strain: &[S; 6]) -> S {
+pub(crate) fn elastic_density<S: Real>(e: &Element<S>, strain: &[S; 6]) -> S {
     let [xx, yy, zz, yz, xz, xy] = *strain;
     let trace = xx + yy + zz;
     let shear = dot([yz, xz, xy], [yz, xz, xy]);
@@ -413,7 +408,7 @@ pub(crate) fn cofactor<S: Real>(g: &[S; 9]) -> [S; 9] {
 /// First Piola-Kirchhoff stress `F S = S + G S`, row-major.
 #[inline(always)]
 pub(crate) fn elastic_stress<S: Real>(g: &[S; 9], s: &[S; 6]) -> [S; 9] {
-    let full = [s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]];
+    let full = symmetric(*s);
     let mut p = full;
     for i in 0..3 {
         for j in 0..3 {
@@ -470,17 +465,13 @@ pub(crate) fn tangent_parts<S: Real>(
     indefinite: bool,
 ) -> TetrahedronTangent<S> {
     let g = displacement_gradient(&e.gradients, u);
-    let mut f = g;
-    f[0] += S::ONE;
-    f[4] += S::ONE;
-    f[8] += S::ONE;
+    let f = deformation(&g);
 
     // Quantities of the element: left Cauchy-Green tensor, stress, compression coefficients.
-    let [r0, r1, r2] = [[f[0], f[1], f[2]], [f[3], f[4], f[5]], [f[6], f[7], f[8]]];
+    let [r0, r1, r2] = rows(&f);
     let (b01, b02, b12) = (dot(r0, r1), dot(r0, r2), dot(r1, r2));
     let left = [dot(r0, r0), b01, b02, b01, dot(r1, r1), b12, b02, b12, dot(r2, r2)];
-    let s = second_piola_kirchhoff(e, &green_strain(&g));
-    let stress = [s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]];
+    let stress = symmetric(second_piola_kirchhoff(e, &green_strain(&g)));
     let m = volume_change(&g).min(S::ZERO);
     let p1 = (e.compression + e.compression) * (m * m * m);
     let p2 = S::from_f64(6.0) * e.compression * (m * m);
@@ -513,9 +504,7 @@ pub(crate) fn tangent_parts<S: Real>(
             }
             if indefinite {
                 let geometric = e.volume * dot(e.gradients[a], sd[b]);
-                block[0] += geometric;
-                block[4] += geometric;
-                block[8] += geometric;
+                add_identity(block, geometric);
             }
         }
         if compressed {
@@ -527,13 +516,7 @@ pub(crate) fn tangent_parts<S: Real>(
             }
             if indefinite {
                 let w = mat_vec(&f, cross(e.gradients[b], e.gradients[a]));
-                let w = [p1 * w[0], p1 * w[1], p1 * w[2]];
-                block[1] -= w[2];
-                block[2] += w[1];
-                block[3] += w[2];
-                block[5] -= w[0];
-                block[6] -= w[1];
-                block[7] += w[0];
+                add_skew(block, [p1 * w[0], p1 * w[1], p1 * w[2]]);
             }
         }
     }
@@ -566,12 +549,6 @@ pub(crate) fn assemble<S: Real>(core: &[[S; 9]; 6]) -> TetrahedronTangent<S> {
         }
     }
     TetrahedronTangent { diagonal: [k00, *k11, *k22, *k33], off: [k01, k02, k03, *k12, *k13, *k23] }
-}
-
-/// Transpose of a row-major block.
-#[inline(always)]
-fn transposed<S: Real>(m: &[S; 9]) -> [S; 9] {
-    [m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]]
 }
 
 #[inline(always)]

@@ -43,9 +43,11 @@ use sinew_engine::workers::Workers;
 use std::ops::Range;
 use std::time::Instant;
 
+use crate::element::matrix::{add_identity, add_outer};
 use crate::element::precompute::OPPOSITE_EDGES;
 use crate::element::spring::{coupling_energy, edge_force, tensile_energy, tensile_tension};
 use crate::element::tetrahedron::TetrahedronTangent;
+use crate::frame::columns::sum;
 use crate::frame::tetrahedra::add_tangent;
 use crate::laws::{Elements, LawRow, mark, partition};
 
@@ -894,26 +896,4 @@ impl<S: Scalar> Batch<S> for SpringForceBatch<'_, S> {
         L::add_rows(f, self.force, self.row, nodes, 0);
         L::add_rows([-f[0], -f[1], -f[2]], self.force, self.row, nodes, 1);
     }
-}
-
-/// Sum of the lanes, in order.
-pub(crate) fn sum(sums: [f64; MAX_LANES]) -> f64 {
-    sums.iter().sum()
-}
-
-/// Adds `a b^T`.
-#[inline(always)]
-pub(crate) fn add_outer<R: Real>(m: &mut [R; 9], a: [R; 3], b: [R; 3]) {
-    for i in 0..3 {
-        for j in 0..3 {
-            m[3 * i + j] = a[i].mul_add(b[j], m[3 * i + j]);
-        }
-    }
-}
-
-#[inline(always)]
-pub(crate) fn add_identity<R: Real>(m: &mut [R; 9], s: R) {
-    m[0] += s;
-    m[4] += s;
-    m[8] += s;
 }

@@ -43,8 +43,8 @@ use sinew_engine::workers::Workers;
 use std::time::Instant;
 
 use crate::element::membrane::TriangleTangent;
+use crate::frame::columns::sum;
 use crate::frame::triangles::add_tangent;
-use crate::laws::pooled::sum;
 use crate::laws::{self, Elements, LawRow, mark};
 
 /// Volume (m^3) that a triangle of rest edges `X_1 - X_0`, `X_2 - X_0` sweeps from rest to displacements

@@ -41,10 +41,12 @@ use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
 use sinew_engine::schedule::{ElementLaw, activate_law};
 use sinew_engine::workers::Workers;
 
+use crate::element::matrix::{add_identity, add_outer, symmetrise};
 use crate::element::spring::{tensile_energy, tensile_tension};
 use crate::element::tetrahedron::{CORE, Element, TetrahedronTangent, assemble};
+use crate::frame::columns::sum;
 use crate::frame::tetrahedra::TetrahedronLaw;
-use crate::laws::pooled::{TensileStiffness, add_edge_tangent, add_identity, add_outer, sum};
+use crate::laws::pooled::{TensileStiffness, add_edge_tangent};
 use crate::laws::{Elements, InRecovery, LawRow, mark, partition};
 
 /// How far an edge is stretched.
@@ -257,10 +259,7 @@ pub mod tetrahedron {
                 }
             }
             if a == c {
-                for (k, l) in [(1, 3), (2, 6), (5, 7)] {
-                    let mean = R::from_f64(0.5) * (block[k] + block[l]);
-                    (block[k], block[l]) = (mean, mean);
-                }
+                symmetrise(block);
             }
         }
         assemble(&core)
