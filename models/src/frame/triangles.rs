@@ -7,18 +7,20 @@ use sinew_engine::columns::single_table;
 use sinew_engine::element::{
     MembraneBlocks, MembraneRest, MembraneRestColumns, MembraneShapes, MembraneVertices,
 };
-use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, LawBuffer, LawBuffers, Span, TangentKind};
+use sinew_engine::lanes::{Lanes, MAX_LANES};
+use sinew_engine::law::{
+    EvaluationRequest, LawBuffer, LawBuffers, RecoveringBodies, Span, TangentKind,
+};
 use sinew_engine::scalar::{Real, Scalar};
-use sinew_engine::schedule::{ElementLaw, Evaluation, activate_law};
+use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
 
+use super::columns::{self, LawColumns, LawProducts, add_vertices, work};
 use crate::element::membrane::{Element, TriangleTangent};
-use crate::laws::pooled::sum;
-use crate::laws::{LawRow, partition};
+use crate::laws::{LawRow, activate_elements};
 
 macro_rules! moduli {
     ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {$(
@@ -81,14 +83,8 @@ pub(crate) fn activate<L: TriangleLaw, S: Scalar>(
     row: &'static LawRow,
     place: usize,
 ) {
-    let law = ElementLaw::<S, MembraneData<S>> {
-        info: row.info,
-        place,
-        mark: Some(world.register_component::<L::Mark>()),
-        partition: partition::<MembraneVertices, S>,
-        evaluate: evaluate::<L, S>,
-    };
-    activate_law(world, law);
+    let evaluate = evaluate::<L, S>;
+    activate_elements::<MembraneVertices, S, MembraneData<S>>(world, row, place, evaluate);
 }
 
 /// Columns of the membrane triangles, as slices.
@@ -172,38 +168,19 @@ pub fn evaluate_columns<L: TriangleLaw, S: Scalar>(
     workers: &Workers,
     buffer: &mut LawBuffer<S>,
 ) {
-    let tangent = request.tangent.filter(|&kind| L::contributes(kind));
-    let (energy, force) = (L::FORCES && request.energy, L::FORCES && request.force);
-    if !energy && !force && tangent.is_none() {
+    let request = EvaluationRequest {
+        energy: L::FORCES && request.energy,
+        force: L::FORCES && request.force,
+        tangent: request.tangent.filter(|&kind| L::contributes(kind)),
+    };
+    let work = work(&request, [4, 5, 30]);
+    if work == 0 {
         buffer.drop_tangent();
         return;
     }
-    let work_ns =
-        4 * usize::from(energy) + 5 * usize::from(force) + 30 * usize::from(tangent.is_some());
-    workers.for_each(&mut buffer.spans, columns.blocks.len() * work_ns, |_, span| {
-        let (law, elements) = (PhantomData::<fn() -> L>, span.elements.clone());
-        if L::FORCES {
-            if energy {
-                let batch = EnergyBatch { columns, sums: [0.0; MAX_LANES], law };
-                span.energy = sum(workers.dispatch(Batches(elements.clone(), batch)).sums);
-            }
-            if force {
-                span.clear_force();
-                let (row, force) = (span.rows.start, &mut span.force[..]);
-                let batch = ForceBatch { columns, force, row, law };
-                workers.dispatch(Batches(elements.clone(), batch));
-            }
-        }
-        match tangent {
-            Some(kind) => {
-                span.clear_tangent();
-                let batch = TangentBatch { columns, span, kind, clamped: [0.0; MAX_LANES], law };
-                let clamped = workers.dispatch(Batches(elements, batch)).clamped;
-                span.clamped = sum(clamped) as u64;
-            }
-            None => span.drop_tangent(),
-        }
-    });
+    // they go on while solids recover
+    let with = Evaluation { request: &request, workers, recovering: &RecoveringBodies::default() };
+    columns::evaluate(&OfLaw::<L, S>::new(columns), with, columns.blocks.len() * work, buffer);
 }
 
 /// Adds the product `K v` of a law's tangent to `result` (N when `direction` is in m), without
@@ -219,13 +196,8 @@ pub fn multiply_columns<L: TriangleLaw, S: Scalar>(
     if !L::contributes(kind) {
         return;
     }
-    workers.for_each(&mut buffer.spans, columns.blocks.len() * 8, |_, span| {
-        span.clear_force();
-        let (force, row) = (&mut span.force[..], span.rows.start);
-        let batch = ProductBatch::<L, S> { columns, direction, kind, force, row, law: PhantomData };
-        workers.dispatch(Batches(span.elements.clone(), batch));
-    });
-    buffer.add_forces_to(workers, result);
+    let columns = &OfLaw::<L, S>::new(columns);
+    columns::multiply(columns, kind, direction, workers, 8, buffer, result);
 }
 
 /// [`multiply_columns`] with the columns of the triangles of law `L` in `world`, at the displacements
@@ -248,67 +220,69 @@ pub fn multiply<L: TriangleLaw, S: Scalar>(
     }
 }
 
-struct EnergyBatch<'a, 'b, L, S> {
-    columns: &'a MembraneColumns<'b, S>,
-    sums: [f64; MAX_LANES],
-    law: PhantomData<fn() -> L>,
+/// Triangles that follow law `Law`.
+struct OfLaw<'a, Law, S> {
+    columns: &'a MembraneColumns<'a, S>,
+    law: PhantomData<fn() -> Law>,
 }
 
-impl<Law: TriangleLaw, S: Scalar> Batch<S> for EnergyBatch<'_, '_, Law, S> {
-    const WIDE: bool = Law::WIDE;
+impl<'a, Law, S: Scalar> OfLaw<'a, Law, S> {
+    fn new(columns: &'a MembraneColumns<'a, S>) -> Self {
+        Self { columns, law: PhantomData }
+    }
+
+    /// Constants and displacements (m) of the triangles from `first` on.
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let u = self.columns.shapes.displacements::<L>(first);
-        Law::energy(&self.columns.element::<L>(first), &u).accumulate(&mut self.sums);
+    fn element<L: Lanes<Scalar = S>>(&self, first: usize) -> (Element<L>, [[L; 3]; 3]) {
+        (self.columns.element(first), self.columns.shapes.displacements(first))
     }
 }
 
-struct ForceBatch<'a, 'b, L, S> {
-    columns: &'a MembraneColumns<'b, S>,
-    force: &'a mut [[S; 4]],
-    /// Vertex row of the first entry of `force`.
-    row: usize,
-    law: PhantomData<fn() -> L>,
-}
-
-impl<Law: TriangleLaw, S: Scalar> Batch<S> for ForceBatch<'_, '_, Law, S> {
+impl<Law: TriangleLaw, S: Scalar> LawColumns<S> for OfLaw<'_, Law, S> {
     const WIDE: bool = Law::WIDE;
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let u = self.columns.shapes.displacements::<L>(first);
-        let forces = Law::forces(&self.columns.element::<L>(first), &u);
+    fn add_energy<L: Lanes<Scalar = S>>(&self, first: usize, sums: &mut [f64; MAX_LANES]) {
+        let (e, u) = self.element::<L>(first);
+        Law::energy(&e, &u).accumulate(sums);
+    }
+    #[inline(always)]
+    fn add_forces<L: Lanes<Scalar = S>>(&self, first: usize, force: &mut [[S; 4]], row: usize) {
+        let (e, u) = self.element::<L>(first);
         let nodes = &self.columns.shapes.nodes[first..];
-        for a in 0..3 {
-            L::add_rows(forces[a], self.force, self.row, nodes, a);
-        }
+        add_vertices(Law::forces(&e, &u), force, row, nodes);
     }
-}
-
-struct TangentBatch<'a, 'b, L, S> {
-    columns: &'a MembraneColumns<'b, S>,
-    span: &'a mut Span<S>,
-    kind: TangentKind,
-    clamped: [f64; MAX_LANES],
-    law: PhantomData<fn() -> L>,
-}
-
-impl<Law: TriangleLaw, S: Scalar> Batch<S> for TangentBatch<'_, '_, Law, S> {
-    const WIDE: bool = Law::WIDE;
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let Self { columns, span, kind, clamped, .. } = self;
-        let u = columns.shapes.displacements::<L>(first);
-        let e = columns.element::<L>(first);
-        if *kind == TangentKind::Projected {
+    fn add_tangent<L: Lanes<Scalar = S>>(
+        &self,
+        first: usize,
+        kind: TangentKind,
+        span: &mut Span<S>,
+        clamped: &mut [f64; MAX_LANES],
+    ) {
+        let (e, u) = self.element::<L>(first);
+        if kind == TangentKind::Projected {
             L::select(Law::is_clamped(&e, &u), L::ONE, L::ZERO).accumulate(clamped);
         }
-        add_tangent(
-            &Law::tangent(&e, &u, *kind),
-            span,
-            columns.shapes.nodes,
-            columns.blocks,
-            first,
-        );
+        let MembraneColumns { shapes, blocks, .. } = self.columns;
+        add_tangent(&Law::tangent(&e, &u, kind), span, shapes.nodes, blocks, first);
+    }
+}
+
+impl<Law: TriangleLaw, S: Scalar> LawProducts<S, 3> for OfLaw<'_, Law, S> {
+    const WIDE: bool = Law::WIDE;
+    #[inline(always)]
+    fn nodes(&self) -> &[[u32; 3]] {
+        self.columns.shapes.nodes
+    }
+    #[inline(always)]
+    fn products<L: Lanes<Scalar = S>>(
+        &self,
+        first: usize,
+        kind: TangentKind,
+        v: &[[L; 3]; 3],
+    ) -> [[L; 3]; 3] {
+        let (e, u) = self.element::<L>(first);
+        Law::product(&e, &u, v, kind)
     }
 }
 
@@ -325,32 +299,5 @@ pub(crate) fn add_tangent<L: Lanes>(
     for a in 0..3 {
         L::add_blocks(&t.diagonal[a], &mut span.diagonal, span.rows.start, nodes, a);
         L::add_blocks(&t.off[a], &mut span.off_diagonal, span.blocks.start, blocks, a);
-    }
-}
-
-struct ProductBatch<'a, 'b, L, S> {
-    columns: &'a MembraneColumns<'b, S>,
-    direction: &'a [[S; 4]],
-    kind: TangentKind,
-    force: &'a mut [[S; 4]],
-    /// Vertex row of the first entry of `force`.
-    row: usize,
-    law: PhantomData<fn() -> L>,
-}
-
-impl<Law: TriangleLaw, S: Scalar> Batch<S> for ProductBatch<'_, '_, Law, S> {
-    const WIDE: bool = Law::WIDE;
-    #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let u = self.columns.shapes.displacements::<L>(first);
-        let nodes = &self.columns.shapes.nodes[first..];
-        let mut v = [[L::ZERO; 3]; 3];
-        for a in 0..3 {
-            v[a] = L::load_rows(self.direction, nodes, a);
-        }
-        let product = Law::product(&self.columns.element::<L>(first), &u, &v, self.kind);
-        for a in 0..3 {
-            L::add_rows(product[a], self.force, self.row, nodes, a);
-        }
     }
 }
