@@ -17,8 +17,10 @@ pub(crate) trait LawColumns<S: Scalar>: Sync {
     const LANES_ARE_POINTS: bool = false;
     /// Adds the energy (J) of the elements from `first` on, lane by lane.
     fn add_energy<L: Lanes<Scalar = S>>(&self, first: usize, sums: &mut [f64; MAX_LANES]);
-    /// Adds their forces (N); `row` is the vertex row of the first entry of `force`.
-    fn add_forces<L: Lanes<Scalar = S>>(&self, first: usize, force: &mut [[S; 4]], row: usize);
+    /// Adds their forces (N); the second number is the vertex row of the first force. There are none where other
+    /// systems turn tensions into forces.
+    #[inline(always)]
+    fn add_forces<L: Lanes<Scalar = S>>(&self, _: usize, _: &mut [[S; 4]], _: usize) {}
     /// Adds their tangents (N/m) and counts those whose eigenvalues were clamped.
     fn add_tangent<L: Lanes<Scalar = S>>(
         &self,

@@ -481,44 +481,34 @@ impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for TangentPass<'_, '_, Law, S> {
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { columns, span, kind, doubtful, .. } = self;
         for_batches!(L, columns, span.elements.clone(), |columns, at, first| {
-            tangent_batch::<Law, L>(columns, at, first, kind, span, doubtful)
+            let u = columns.shapes.displacements::<L>(at);
+            let mut e = columns.element::<Law, L>(at);
+            if kind == TangentKind::Projected && !Law::STRESS_PROJECTION {
+                let mut flags = [0.0; MAX_LANES];
+                L::select(Law::is_clamped(&e, &u), L::ONE, L::ZERO).accumulate(&mut flags);
+                span.clamped += sum(flags) as u64;
+            }
+            if kind == TangentKind::Projected && Law::STRESS_PROJECTION {
+                let g = displacement_gradient(&e.gradients, &u);
+                let margin = 1e6 * S::EPSILON.to_f64();
+                let mask = projection::is_doubtful(&e, &g, margin);
+                if L::any(mask) {
+                    let mut flags = [S::ZERO; MAX_LANES];
+                    L::select(mask, L::ONE, L::ZERO).store(&mut flags);
+                    for lane in 0..L::COUNT {
+                        if flags[lane] != S::ZERO {
+                            doubtful.push(first + lane);
+                        }
+                    }
+                    e.lambda = L::select(mask, L::ZERO, e.lambda);
+                    e.mu = L::select(mask, L::ZERO, e.mu);
+                    e.compression = L::select(mask, L::ZERO, e.compression);
+                }
+            }
+            let mut t = Law::tangent::<L>(&e, &u, kind);
+            add_tangent(&mut t, span, &columns.shapes.nodes[at..], &columns.blocks[at..]);
         });
     }
-}
-
-/// One batch; `number` is the table row of its first element.
-#[inline(always)]
-fn tangent_batch<Law: TetrahedronLaw, L: Lanes>(
-    columns: &TetrahedronColumns<L::Scalar>,
-    first: usize,
-    number: usize,
-    kind: TangentKind,
-    span: &mut Span<L::Scalar>,
-    doubtful: &mut Vec<usize>,
-) {
-    let u = columns.shapes.displacements::<L>(first);
-    let mut e = columns.element::<Law, L>(first);
-    if kind == TangentKind::Projected && !Law::STRESS_PROJECTION {
-        let mut flags = [0.0; MAX_LANES];
-        L::select(Law::is_clamped(&e, &u), L::ONE, L::ZERO).accumulate(&mut flags);
-        span.clamped += sum(flags) as u64;
-    }
-    if kind == TangentKind::Projected && Law::STRESS_PROJECTION {
-        let g = displacement_gradient(&e.gradients, &u);
-        let margin = 1e6 * L::Scalar::EPSILON.to_f64();
-        let mask = projection::is_doubtful(&e, &g, margin);
-        if L::any(mask) {
-            let mut flags = [L::Scalar::ZERO; MAX_LANES];
-            L::select(mask, L::ONE, L::ZERO).store(&mut flags);
-            let listed = (0..L::COUNT).filter(|&lane| flags[lane] != L::Scalar::ZERO);
-            doubtful.extend(listed.map(|lane| number + lane));
-            e.lambda = L::select(mask, L::ZERO, e.lambda);
-            e.mu = L::select(mask, L::ZERO, e.mu);
-            e.compression = L::select(mask, L::ZERO, e.compression);
-        }
-    }
-    let mut t = Law::tangent::<L>(&e, &u, kind);
-    add_tangent(&mut t, span, &columns.shapes.nodes[first..], &columns.blocks[first..]);
 }
 
 /// Adds the tangents of the tetrahedra at the start of `nodes` and `blocks` to a range.

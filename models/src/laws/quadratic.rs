@@ -34,20 +34,23 @@
 //! Squared lengths must be normal numbers when multiplied: in `f32` edges longer than 1e-9 m.
 
 use bevy_ecs::prelude::*;
+use bytemuck::TransparentWrapper;
 use sinew_engine::element::{EdgeBlock, EdgeShapes, EdgeVertices, RestEdges};
-use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, LawBuffer, LawInfo, Span, TangentKind};
+use sinew_engine::lanes::{Lanes, MAX_LANES};
+use sinew_engine::law::{
+    EvaluationRequest, LawBuffer, LawInfo, RecoveringBodies, Span, TangentKind,
+};
 use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
-use sinew_engine::schedule::{ElementLaw, activate_law};
+use sinew_engine::schedule::Evaluation;
 use sinew_engine::workers::Workers;
 
 use crate::element::matrix::{add_identity, add_outer, symmetrise};
 use crate::element::spring::{tensile_energy, tensile_tension};
 use crate::element::tetrahedron::{CORE, Element, TetrahedronTangent, assemble};
-use crate::frame::columns::sum;
+use crate::frame::columns::{self, LawColumns, add_vertices, work};
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::laws::pooled::{TensileStiffness, add_edge_tangent};
-use crate::laws::{Elements, InRecovery, LawRow, mark, partition};
+use crate::laws::{Elements, InRecovery, LawRow, activate_elements, mark};
 
 /// How far an edge is stretched.
 #[derive(Clone, Copy, Debug)]
@@ -351,21 +354,19 @@ type EdgeData<S> =
     (&'static EdgeVertices, &'static EdgeBlock, RestEdges<S>, &'static TensileStiffness<S>);
 
 fn activate_mass_spring<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    let law = ElementLaw::<S, EdgeData<S>> {
-        info: row.info,
+    activate_elements::<EdgeVertices, S, EdgeData<S>>(
+        world,
+        row,
         place,
-        mark: Some(row.mark::<S>(world)),
-        partition: partition::<EdgeVertices, S>,
-        evaluate: |with, u, (nodes, block, rest, stiffness), buffer| {
+        |with, u, (nodes, block, rest, stiffness), buffer| {
             let columns = EdgeColumns {
                 shapes: EdgeShapes::new(u, nodes, rest),
-                block: bytemuck::TransparentWrapper::peel_slice(block),
-                stiffness: bytemuck::TransparentWrapper::peel_slice(stiffness),
+                block: EdgeBlock::peel_slice(block),
+                stiffness: TensileStiffness::peel_slice(stiffness),
             };
             evaluate_edge_columns(&columns, with.request, with.workers, buffer);
         },
-    };
-    activate_law(world, law);
+    );
 }
 
 /// Columns of the edges of mass-spring bodies, as slices.
@@ -387,30 +388,10 @@ pub fn evaluate_edge_columns<S: Scalar>(
     workers: &Workers,
     buffer: &mut LawBuffer<S>,
 ) {
-    let work_ns = 3 * usize::from(request.energy)
-        + 4 * usize::from(request.force)
-        + 10 * usize::from(request.tangent.is_some());
-    workers.for_each(&mut buffer.spans, columns.stiffness.len() * work_ns, |_, span| {
-        let elements = span.elements.clone();
-        if request.energy {
-            let batch = EdgeEnergy { columns, sums: [0.0; MAX_LANES] };
-            span.energy = sum(workers.dispatch(Batches(elements.clone(), batch)).sums);
-        }
-        if request.force {
-            span.clear_force();
-            let batch = EdgeForce { columns, force: &mut span.force, row: span.rows.start };
-            workers.dispatch(Batches(elements.clone(), batch));
-        }
-        match request.tangent {
-            Some(kind) => {
-                span.clear_tangent();
-                let batch = EdgeTangent { columns, span, kind, clamped: [0.0; MAX_LANES] };
-                let clamped = workers.dispatch(Batches(elements, batch)).clamped;
-                span.clamped = sum(clamped) as u64;
-            }
-            None => span.drop_tangent(),
-        }
-    });
+    // on bodies that never recover, or beside a solid that does
+    let with = Evaluation { request, workers, recovering: &RecoveringBodies::default() };
+    let work = columns.stiffness.len() * work(request, [3, 4, 10]);
+    columns::evaluate(columns, with, work, buffer);
 }
 
 impl<S: Scalar> EdgeColumns<'_, S> {
@@ -421,57 +402,36 @@ impl<S: Scalar> EdgeColumns<'_, S> {
     }
 }
 
-struct EdgeEnergy<'a, 'b, S> {
-    columns: &'a EdgeColumns<'b, S>,
-    sums: [f64; MAX_LANES],
-}
-
-impl<S: Scalar> Batch<S> for EdgeEnergy<'_, '_, S> {
+impl<S: Scalar> LawColumns<S> for EdgeColumns<'_, S> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let (k, stretch) = self.columns.stretch::<L>(first);
-        tensile_energy(k, stretch.change).accumulate(&mut self.sums);
+    fn add_energy<L: Lanes<Scalar = S>>(&self, first: usize, sums: &mut [f64; MAX_LANES]) {
+        let (k, stretch) = self.stretch::<L>(first);
+        tensile_energy(k, stretch.change).accumulate(sums);
     }
-}
-
-struct EdgeForce<'a, 'b, S> {
-    columns: &'a EdgeColumns<'b, S>,
-    force: &'a mut [[S; 4]],
-    /// Vertex row of the first entry of `force`.
-    row: usize,
-}
-
-impl<S: Scalar> Batch<S> for EdgeForce<'_, '_, S> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let (k, stretch) = self.columns.stretch::<L>(first);
+    fn add_forces<L: Lanes<Scalar = S>>(&self, first: usize, force: &mut [[S; 4]], row: usize) {
+        let (k, stretch) = self.stretch::<L>(first);
         let f = scale(stretch.edge, stretch.slope * tensile_tension(k, stretch.change));
-        let nodes = &self.columns.shapes.nodes[first..];
-        L::add_rows([-f[0], -f[1], -f[2]], self.force, self.row, nodes, 0);
-        L::add_rows(f, self.force, self.row, nodes, 1);
+        add_vertices([[-f[0], -f[1], -f[2]], f], force, row, &self.shapes.nodes[first..]);
     }
-}
-
-struct EdgeTangent<'a, 'b, S> {
-    columns: &'a EdgeColumns<'b, S>,
-    span: &'a mut Span<S>,
-    kind: TangentKind,
-    clamped: [f64; MAX_LANES],
-}
-
-impl<S: Scalar> Batch<S> for EdgeTangent<'_, '_, S> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let (k, stretch) = self.columns.stretch::<L>(first);
+    fn add_tangent<L: Lanes<Scalar = S>>(
+        &self,
+        first: usize,
+        kind: TangentKind,
+        span: &mut Span<S>,
+        clamped: &mut [f64; MAX_LANES],
+    ) {
+        let (k, stretch) = self.stretch::<L>(first);
         let mut tension = tensile_tension(k, stretch.change);
         // identified constants may be negative
         let mut along = k;
-        match self.kind {
+        match kind {
             TangentKind::Exact => {}
             TangentKind::GaussNewton => (tension, along) = (L::ZERO, k.max(L::ZERO)),
             TangentKind::Projected => {
                 let negative = L::either(L::less(tension, L::ZERO), L::less(k, L::ZERO));
-                L::select(negative, L::ONE, L::ZERO).accumulate(&mut self.clamped);
+                L::select(negative, L::ONE, L::ZERO).accumulate(clamped);
                 (tension, along) = (tension.max(L::ZERO), k.max(L::ZERO));
             }
         }
@@ -479,6 +439,6 @@ impl<S: Scalar> Batch<S> for EdgeTangent<'_, '_, S> {
         let mut m = [L::ZERO; 9];
         add_outer(&mut m, scale(z, L::from_f64(0.5) * along), z);
         stretch.add_geometric(&mut m, stretch.slope * tension);
-        add_edge_tangent(m, self.span, self.columns.shapes.nodes, self.columns.block, first);
+        add_edge_tangent(m, span, self.shapes.nodes, self.block, first);
     }
 }
