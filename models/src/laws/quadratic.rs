@@ -310,9 +310,6 @@ impl TetrahedronLaw for QuadraticSprings {
     type Mark = Self;
     const FOLDS_VOLUME: bool = false;
     const STRESS_PROJECTION: bool = false;
-    fn contributes(_: TangentKind) -> bool {
-        true
-    }
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
         tetrahedron::energy(e, u)
