@@ -10,6 +10,7 @@
 //! [`HexahedronRest`] whose volumes are the shares of the points in it.
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::isoparametric::{
@@ -78,14 +79,13 @@ pub(crate) struct Shared<'a, S: Scalar> {
 pub type SharedData<S> =
     (&'static AxisHexahedronVertices, &'static AxisHexahedronBlocks, &'static HexahedronRest<S>);
 
-/// Slices of [`SharedData`].
-type SharedSlices<'a, S> =
-    (&'a [AxisHexahedronVertices], &'a [AxisHexahedronBlocks], &'a [HexahedronRest<S>]);
+/// Slices of the query data `D`.
+type Slices<'a, D> = <D as ContiguousQueryData>::Contiguous<'a, 'a>;
 
 impl<'a, S: Scalar> Shared<'a, S> {
     fn new(
         displacement: &'a [Displacement<S>],
-        (nodes, blocks, rest): SharedSlices<'a, S>,
+        (nodes, blocks, rest): Slices<'a, SharedData<S>>,
     ) -> Self {
         let elements = GaussElements {
             displacement: Displacement::peel_slice(displacement),
@@ -107,28 +107,27 @@ pub(crate) trait HexahedronColumns<S: Scalar>: Sync {
     fn element<L: Lanes<Scalar = S>>(&self, i: usize, first: usize, share: L) -> Self::Element<L>;
 }
 
-/// Query data of triads.
-pub type TriadData<S> = (
-    SharedData<S>,
-    (Direction<S, 0>, Direction<S, 1>, Direction<S, 2>),
-    (&'static AxialStiffness<S, 0>, &'static AxialStiffness<S, 1>, &'static AxialStiffness<S, 2>),
-    (
-        &'static AxisAngleStiffness<S, 0>,
-        &'static AxisAngleStiffness<S, 1>,
-        &'static AxisAngleStiffness<S, 2>,
-    ),
-    &'static VolumeStiffness<S>,
+/// The axes of a triad: query data.
+type Axes3<S> = (Direction<S, 0>, Direction<S, 1>, Direction<S, 2>);
+/// Axial moduli of a triad: query data.
+type Axial3<S> =
+    (&'static AxialStiffness<S, 0>, &'static AxialStiffness<S, 1>, &'static AxialStiffness<S, 2>);
+/// Angular moduli of a triad: query data.
+type Angular3<S> = (
+    &'static AxisAngleStiffness<S, 0>,
+    &'static AxisAngleStiffness<S, 1>,
+    &'static AxisAngleStiffness<S, 2>,
 );
+
+/// Query data of triads.
+pub type TriadData<S> =
+    (SharedData<S>, Axes3<S>, Axial3<S>, Angular3<S>, &'static VolumeStiffness<S>);
 
 struct TriadColumns<'a, S: Scalar> {
     shared: Shared<'a, S>,
-    axes: (DirectionColumns<'a, S, 0>, DirectionColumns<'a, S, 1>, DirectionColumns<'a, S, 2>),
-    axial: (&'a [AxialStiffness<S, 0>], &'a [AxialStiffness<S, 1>], &'a [AxialStiffness<S, 2>]),
-    angular: (
-        &'a [AxisAngleStiffness<S, 0>],
-        &'a [AxisAngleStiffness<S, 1>],
-        &'a [AxisAngleStiffness<S, 2>],
-    ),
+    axes: Slices<'a, Axes3<S>>,
+    axial: Slices<'a, Axial3<S>>,
+    angular: Slices<'a, Angular3<S>>,
     volumetric: &'a [VolumeStiffness<S>],
 }
 
@@ -166,49 +165,30 @@ impl<S: Scalar> HexahedronColumns<S> for TriadColumns<'_, S> {
     }
 }
 
-/// Query data of fibres.
-pub type FibreData<S> = (
-    SharedData<S>,
-    Direction<S, 0>,
-    (
-        &'static AxialStiffness<S, 0>,
-        &'static FibreShortening<S>,
-        &'static FibreActive<S>,
-        &'static FibreOffset<S>,
-        &'static FibreInverseWidth<S>,
-    ),
+/// Constants of fibres: query data.
+type FibreConstants<S> = (
+    &'static AxialStiffness<S, 0>,
+    &'static FibreShortening<S>,
+    &'static FibreActive<S>,
+    &'static FibreOffset<S>,
+    &'static FibreInverseWidth<S>,
 );
+
+/// Query data of fibres.
+pub type FibreData<S> = (SharedData<S>, Direction<S, 0>, FibreConstants<S>);
 
 pub(crate) struct FibreColumns<'a, S: Scalar> {
     shared: Shared<'a, S>,
     axis: DirectionColumns<'a, S, 0>,
-    stiffness: &'a [AxialStiffness<S, 0>],
-    shortening: &'a [FibreShortening<S>],
-    active: &'a [FibreActive<S>],
-    offset: &'a [FibreOffset<S>],
-    inverse_width: &'a [FibreInverseWidth<S>],
+    constants: Slices<'a, FibreConstants<S>>,
 }
-
-/// Slices of [`FibreData`].
-type FibreSlices<'a, S> = (
-    SharedSlices<'a, S>,
-    DirectionColumns<'a, S, 0>,
-    (
-        &'a [AxialStiffness<S, 0>],
-        &'a [FibreShortening<S>],
-        &'a [FibreActive<S>],
-        &'a [FibreOffset<S>],
-        &'a [FibreInverseWidth<S>],
-    ),
-);
 
 impl<'a, S: Scalar> FibreColumns<'a, S> {
     pub(crate) fn new(
         displacement: &'a [Displacement<S>],
-        (shared, axis, (stiffness, shortening, active, offset, inverse_width)): FibreSlices<'a, S>,
+        (shared, axis, constants): Slices<'a, FibreData<S>>,
     ) -> Self {
-        let shared = Shared::new(displacement, shared);
-        Self { shared, axis, stiffness, shortening, active, offset, inverse_width }
+        Self { shared: Shared::new(displacement, shared), axis, constants }
     }
 }
 
@@ -221,16 +201,17 @@ impl<S: Scalar> HexahedronColumns<S> for FibreColumns<'_, S> {
     #[inline(always)]
     fn element<L: Lanes<Scalar = S>>(&self, i: usize, first: usize, share: L) -> Fibre<L> {
         let (x, y, z) = self.axis;
+        let (stiffness, shortening, active, offset, inverse_width) = self.constants;
         let axis = [L::splat(x[i].0), L::splat(y[i].0), L::splat(z[i].0)];
         let [a, b, c] = self.shared.rest[i].gradients::<L>(first);
         Fibre {
             shape: [dot(a, axis), dot(b, axis), dot(c, axis)],
             axis,
-            stiffness: L::splat(self.stiffness[i].0) * share,
-            shortening: L::splat(self.shortening[i].0),
-            active: L::splat(self.active[i].0) * share,
-            offset: L::splat(self.offset[i].0),
-            inverse_width: L::splat(self.inverse_width[i].0),
+            stiffness: L::splat(stiffness[i].0) * share,
+            shortening: L::splat(shortening[i].0),
+            active: L::splat(active[i].0) * share,
+            offset: L::splat(offset[i].0),
+            inverse_width: L::splat(inverse_width[i].0),
         }
     }
 }

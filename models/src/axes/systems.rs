@@ -4,16 +4,13 @@
 use bevy_ecs::prelude::*;
 use sinew_engine::element::AxisVertices;
 use sinew_engine::lanes::{Lanes, MAX_LANES};
-use sinew_engine::law::{
-    EvaluationRequest, LawBuffer, LawInfo, RecoveringBodies, Span, TangentKind,
-};
+use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::Evaluation;
-use sinew_engine::workers::Workers;
 
 use super::columns::*;
 use super::element::AxisElement;
-use crate::frame::columns::{self, LawColumns, add_vertices, work};
+use crate::frame::columns::{self, LawColumns, TangentSum, add_vertices, work};
 use crate::frame::tetrahedra::add_tangent;
 use crate::laws::{Elements, LawRow, activate_elements, mark};
 
@@ -76,18 +73,7 @@ fn volumes<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
     );
 }
 
-/// Energy, force and tangent of every range into its private arrays, as far as they are asked for.
-pub fn evaluate_columns<S: Scalar, C: AxisColumns<S>>(
-    columns: &C,
-    request: &EvaluationRequest,
-    workers: &Workers,
-    buffer: &mut LawBuffer<S>,
-) {
-    let recovering = &RecoveringBodies::default();
-    evaluate(columns, Evaluation { request, workers, recovering }, buffer);
-}
-
-/// [`evaluate_columns`], silent for bodies that recover.
+/// Energy, force and tangent of every range, silent for bodies that recover.
 pub(crate) fn evaluate<S: Scalar, C: AxisColumns<S>>(
     columns: &C,
     with: Evaluation,
@@ -113,19 +99,13 @@ impl<S: Scalar, C: AxisColumns<S>> LawColumns<S> for Axes<'_, C> {
         add_vertices(forces, force, row, &self.0.nodes()[first..]);
     }
     #[inline(always)]
-    fn add_tangent<L: Lanes<Scalar = S>>(
-        &self,
-        first: usize,
-        kind: TangentKind,
-        span: &mut Span<S>,
-        clamped: &mut [f64; MAX_LANES],
-    ) {
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>) {
         let u = self.0.displacements::<L>(first);
         let e = self.0.element::<L>(first);
-        if kind == TangentKind::Projected {
-            L::select(e.is_clamped(&u), L::ONE, L::ZERO).accumulate(clamped);
+        if to.kind == TangentKind::Projected {
+            to.count_clamped::<L>(e.is_clamped(&u));
         }
-        let mut t = e.tangent(&u, kind);
-        add_tangent(&mut t, span, &self.0.nodes()[first..], &self.0.blocks()[first..]);
+        let mut t = e.tangent(&u, to.kind);
+        add_tangent(&mut t, to.span, &self.0.nodes()[first..], &self.0.blocks()[first..]);
     }
 }

@@ -1,5 +1,6 @@
 //! Matrices of 3x3 entries, row-major: blocks of tangents, stresses, gradients.
 
+use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::Real;
 
 /// Adds `a b^T`.
@@ -40,6 +41,31 @@ pub(crate) fn symmetrise<R: Real>(m: &mut [R; 9]) {
     }
 }
 
+/// What a tension `x` gives to a tangent: a negative one would make it indefinite.
+#[inline(always)]
+pub(crate) fn part_of_tension<R: Real>(kind: TangentKind, x: R) -> R {
+    match kind {
+        TangentKind::Exact => x,
+        TangentKind::Projected => x.max(R::ZERO),
+        TangentKind::GaussNewton => R::ZERO,
+    }
+}
+
+/// All entries of a matrix of `V` x `V` blocks; row and column `3 vertex + axis`.
+pub(crate) fn dense<R: Real, const V: usize, const N: usize>(
+    block: impl Fn(usize, usize) -> [R; 9],
+) -> [[R; N]; N] {
+    let mut dense = [[R::ZERO; N]; N];
+    for a in 0..V {
+        for b in 0..V {
+            for (k, x) in block(a, b).into_iter().enumerate() {
+                dense[3 * a + k / 3][3 * b + k % 3] = x;
+            }
+        }
+    }
+    dense
+}
+
 /// Transpose.
 #[inline(always)]
 pub(crate) fn transposed<R: Real>(m: &[R; 9]) -> [R; 9] {
@@ -50,6 +76,12 @@ pub(crate) fn transposed<R: Real>(m: &[R; 9]) -> [R; 9] {
 #[inline(always)]
 pub(crate) fn rows<R: Real>(m: &[R; 9]) -> [[R; 3]; 3] {
     [[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]]
+}
+
+/// Column `j`.
+#[inline(always)]
+pub(crate) fn column<R: Real>(m: &[R; 9], j: usize) -> [R; 3] {
+    [m[j], m[3 + j], m[6 + j]]
 }
 
 /// `F = I + G`.

@@ -36,7 +36,9 @@ use sinew_engine::element::{displacement_gradient, minor, volume_change};
 pub use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, Scalar, cross, dot, mat_vec};
 
-use crate::element::matrix::{add_identity, add_skew, deformation, rows, symmetric, transposed};
+use crate::element::matrix::{
+    add_identity, add_skew, deformation, dense, rows, symmetric, transposed,
+};
 use crate::element::precompute::RestTetrahedron;
 use crate::element::projection;
 use crate::material::LameParameters;
@@ -131,18 +133,7 @@ impl<S: Real> TetrahedronTangent<S> {
 
     /// All 144 entries; row and column `3 vertex + axis`.
     pub fn to_dense(&self) -> [[S; 12]; 12] {
-        let mut dense = [[S::ZERO; 12]; 12];
-        for a in 0..4 {
-            for b in 0..4 {
-                let block = self.block(a, b);
-                for i in 0..3 {
-                    for j in 0..3 {
-                        dense[3 * a + i][3 * b + j] = block[3 * i + j];
-                    }
-                }
-            }
-        }
-        dense
+        dense::<S, 4, 12>(|a, b| self.block(a, b))
     }
 }
 
@@ -171,12 +162,7 @@ pub fn forces<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
 /// Energy (J) and forces (N) together.
 #[inline(always)]
 pub fn energy_and_forces<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> (S, [[S; 3]; 4]) {
-    let g = displacement_gradient(&e.gradients, u);
-    let strain = green_strain(&g);
-    let energy = e.volume * (elastic_density(e, &strain) + compression_density(e, &g));
-    let mut p = elastic_stress(&g, &second_piola_kirchhoff(e, &strain));
-    add_compression_stress(e, &g, &mut p);
-    (energy, nodal_forces(e, &p))
+    (energy(e, u), forces(e, u))
 }
 
 /// Exact tangent `+d2W/du2`, N/m, in any number type.
@@ -191,33 +177,30 @@ pub fn tangent<S: Scalar>(
     u: &[[S; 3]; 4],
     kind: TangentKind,
 ) -> TetrahedronTangent<S> {
-    match kind {
-        TangentKind::Exact => exact_tangent(e, u),
-        TangentKind::GaussNewton => tangent_parts(e, u, true, false),
-        TangentKind::Projected => {
-            let g = displacement_gradient(&widened(&e.gradients), &widened(u));
-            match projection::projected_blocks(&e.widen(), &g) {
-                (true, blocks) => assemble(&blocks.map(|block| block.map(S::from_f64))),
-                (false, _) => tangent_parts(e, u, true, true),
-            }
+    tangent_of(e, &e.widen(), u, kind, true)
+}
+
+/// Tangent with the elastic part on request; `wide` is what eigenvalues are clamped of.
+fn tangent_of<S: Scalar>(
+    e: &Element<S>,
+    wide: &Element<f64>,
+    u: &[[S; 3]; 4],
+    kind: TangentKind,
+    elastic: bool,
+) -> TetrahedronTangent<S> {
+    if kind == TangentKind::Projected {
+        let g = displacement_gradient(&wide.gradients, &widened(u));
+        if let (true, blocks) = projection::projected_blocks(wide, &g) {
+            return assemble(&blocks.map(|block| block.map(S::from_f64)));
         }
     }
+    tangent_parts(e, u, elastic, kind != TangentKind::GaussNewton)
 }
 
 /// Product `K v` (N when `v` is in m) of the tangent with the displacements `v`, without forming it:
 /// `(K v)_a = V dP D_a`, `dP` being the rate of the first Piola-Kirchhoff stress `F S + p1 cof F` along
-/// `dF = sum_a v_a (x) D_a`. `exact` or else `GaussNewton`, which drops `dF S` and `p1 d(cof F)`.
-#[inline(always)]
-pub fn tangent_product<S: Real>(
-    e: &Element<S>,
-    u: &[[S; 3]; 4],
-    v: &[[S; 3]; 4],
-    exact: bool,
-) -> [[S; 3]; 4] {
-    product_parts(e, u, v, true, exact)
-}
-
-/// [`tangent_product`] with the elastic part on request.
+/// `dF = sum_a v_a (x) D_a`. `exact` or else `GaussNewton`, which drops `dF S` and `p1 d(cof F)`; the elastic
+/// part on request.
 #[inline(always)]
 pub(crate) fn product_parts<S: Real>(
     e: &Element<S>,
@@ -323,18 +306,8 @@ pub mod compression {
         u: &[[S; 3]; 4],
         kind: TangentKind,
     ) -> TetrahedronTangent<S> {
-        match kind {
-            TangentKind::Exact => tangent_parts(e, u, false, true),
-            TangentKind::GaussNewton => tangent_parts(e, u, false, false),
-            TangentKind::Projected => {
-                let wide = Element { lambda: 0.0, mu: 0.0, ..e.widen() };
-                let g = displacement_gradient(&wide.gradients, &widened(u));
-                match projection::projected_blocks(&wide, &g) {
-                    (true, blocks) => assemble(&blocks.map(|block| block.map(S::from_f64))),
-                    (false, _) => tangent_parts(e, u, false, true),
-                }
-            }
-        }
+        let wide = Element { lambda: 0.0, mu: 0.0, ..e.widen() };
+        tangent_of(e, &wide, u, kind, false)
     }
 }
 

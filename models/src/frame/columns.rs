@@ -8,6 +8,18 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::Evaluation;
 use sinew_engine::workers::Workers;
 
+/// Components of one number each that laws read.
+macro_rules! scalar_columns {
+    ($($(#[$doc:meta])* $name:ident $(<$index:ident>)?),+ $(,)?) => {$(
+        $(#[$doc])*
+        #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+        #[component(summary_tick)]
+        #[repr(transparent)]
+        pub struct $name<S: Scalar $(, const $index: usize)?>(pub S);
+    )+};
+}
+pub(crate) use scalar_columns;
+
 /// Columns of the elements of a law, with what the law makes of them. Functions are generic over the register
 /// type; mark implementations `#[inline(always)]`.
 pub(crate) trait LawColumns<S: Scalar>: Sync {
@@ -21,14 +33,8 @@ pub(crate) trait LawColumns<S: Scalar>: Sync {
     /// systems turn tensions into forces.
     #[inline(always)]
     fn add_forces<L: Lanes<Scalar = S>>(&self, _: usize, _: &mut [[S; 4]], _: usize) {}
-    /// Adds their tangents (N/m) and counts those whose eigenvalues were clamped.
-    fn add_tangent<L: Lanes<Scalar = S>>(
-        &self,
-        first: usize,
-        kind: TangentKind,
-        span: &mut Span<S>,
-        clamped: &mut [f64; MAX_LANES],
-    );
+    /// Adds their tangents (N/m).
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>);
 }
 
 /// Nanoseconds per element, roughly, from those of energy, force and tangent.
@@ -76,9 +82,9 @@ pub(crate) fn evaluate_span<S: Scalar, C: LawColumns<S>>(
     match request.tangent {
         Some(kind) => {
             span.clear_tangent();
-            let batch = TangentBatch { columns, span, kind, clamped: [0.0; MAX_LANES] };
-            let clamped = run::<S, C, _>(workers, elements, batch).clamped;
-            span.clamped = sum(clamped) as u64;
+            let to = TangentSum { span, kind, clamped: [0.0; MAX_LANES] };
+            let to = run::<S, C, _>(workers, elements, TangentBatch { columns, to }).to;
+            to.span.clamped = sum(to.clamped) as u64;
         }
         None => span.drop_tangent(),
     }
@@ -140,18 +146,34 @@ impl<S: Scalar, C: LawColumns<S>> Batch<S> for ForceBatch<'_, S, C> {
     }
 }
 
+/// Sum of the tangents of a range.
+pub(crate) struct TangentSum<'a, S> {
+    /// The range with its arrays.
+    pub span: &'a mut Span<S>,
+    /// What is asked for.
+    pub kind: TangentKind,
+    /// Numbers of elements whose eigenvalues were clamped, lane by lane.
+    pub clamped: [f64; MAX_LANES],
+}
+
+impl<S: Scalar> TangentSum<'_, S> {
+    /// Counts elements whose eigenvalues were clamped.
+    #[inline(always)]
+    pub fn count_clamped<L: Lanes<Scalar = S>>(&mut self, clamped: L::Mask) {
+        L::select(clamped, L::ONE, L::ZERO).accumulate(&mut self.clamped);
+    }
+}
+
 struct TangentBatch<'a, S, C> {
     columns: &'a C,
-    span: &'a mut Span<S>,
-    kind: TangentKind,
-    clamped: [f64; MAX_LANES],
+    to: TangentSum<'a, S>,
 }
 
 impl<S: Scalar, C: LawColumns<S>> Batch<S> for TangentBatch<'_, S, C> {
     const WIDE: bool = C::WIDE;
     #[inline(always)]
     fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        self.columns.add_tangent::<L>(first, self.kind, self.span, &mut self.clamped);
+        self.columns.add_tangent::<L>(first, &mut self.to);
     }
 }
 

@@ -14,7 +14,7 @@ use sinew_engine::scalar::{Real, Scalar};
 
 use std::marker::PhantomData;
 
-use super::columns::LawColumns;
+use super::columns::{LawColumns, TangentSum};
 use crate::element::matrix::symmetrise;
 
 /// Law `L` at the Gauss points of elements of `V` vertices; also the mark of such elements.
@@ -130,26 +130,20 @@ where
     }
 
     #[inline(always)]
-    fn add_tangent<L: Lanes<Scalar = S>>(
-        &self,
-        i: usize,
-        kind: TangentKind,
-        span: &mut Span<S>,
-        clamped: &mut [f64; MAX_LANES],
-    ) {
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, i: usize, to: &mut TangentSum<S>) {
         let elements = self.0.elements();
         let u = elements.displacements(i);
         let mut sum = Blocks::<L, V, P>::ZERO;
         let mut any = false;
         for first in (0..V).step_by(L::COUNT) {
             let points = self.0.points::<L>(i, &u, first);
-            if kind == TangentKind::Projected {
+            if to.kind == TangentKind::Projected {
                 any |= L::any(C::is_clamped(&points));
             }
-            sum.add(&C::tangent(&points, kind), &elements.derivatives, first);
+            sum.add(&C::tangent(&points, to.kind), &elements.derivatives, first);
         }
-        clamped[0] += f64::from(u8::from(any));
-        sum.write(span, &elements.nodes[i], &elements.blocks[i]);
+        to.clamped[0] += f64::from(u8::from(any));
+        sum.write(to.span, &elements.nodes[i], &elements.blocks[i]);
     }
 }
 

@@ -6,6 +6,7 @@
 //! compile time).
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use sinew_engine::element::displacement_gradient;
 use sinew_engine::isoparametric::{
@@ -49,6 +50,9 @@ impl<S: Scalar> Columns<'_, S> {
     }
 }
 
+/// A tetrahedron that stands for a Gauss point, and its displacements (m).
+type Point<L> = (Element<L>, [[L; 3]; 4]);
+
 /// The tetrahedra that stand for the Gauss points from `first` on of a hexahedron, and their displacements (m).
 #[inline(always)]
 fn points<Law: TetrahedronLaw, L: Lanes>(
@@ -57,7 +61,7 @@ fn points<Law: TetrahedronLaw, L: Lanes>(
     moduli: [L::Scalar; 3],
     u: &[[L::Scalar; 3]; 8],
     first: usize,
-) -> (Element<L>, [[L; 3]; 4]) {
+) -> Point<L> {
     let u = hexahedron_differences::<L>(derivatives, u, first);
     let volume = load_weights::<L, 8>(&rest.volume, first);
     let gradients = rest.gradients::<L>(first);
@@ -89,40 +93,32 @@ struct OfLaw<'a, 'b, Law, S: Scalar> {
 
 impl<Law: TetrahedronLaw, S: Scalar> GaussLaw<S, 8, 3, 28> for OfLaw<'_, '_, Law, S> {
     const WIDE: bool = Law::WIDE;
-    type Points<L: Lanes<Scalar = S>> = (Element<L>, [[L; 3]; 4]);
+    type Points<L: Lanes<Scalar = S>> = Point<L>;
     #[inline(always)]
     fn elements(&self) -> &GaussElements<'_, S, 8, 3, 28> {
         &self.columns.elements
     }
     #[inline(always)]
-    fn points<L: Lanes<Scalar = S>>(
-        &self,
-        i: usize,
-        u: &[[S; 3]; 8],
-        first: usize,
-    ) -> (Element<L>, [[L; 3]; 4]) {
+    fn points<L: Lanes<Scalar = S>>(&self, i: usize, u: &[[S; 3]; 8], first: usize) -> Point<L> {
         let columns = self.columns;
         let derivatives = &columns.elements.derivatives;
         points::<Law, L>(derivatives, &columns.rest[i], columns.moduli(i), u, first)
     }
     #[inline(always)]
-    fn energy<L: Lanes<Scalar = S>>((e, u): &(Element<L>, [[L; 3]; 4])) -> L {
+    fn energy<L: Lanes<Scalar = S>>((e, u): &Point<L>) -> L {
         Law::energy(e, u)
     }
     #[inline(always)]
-    fn forces<L: Lanes<Scalar = S>>((e, u): &(Element<L>, [[L; 3]; 4])) -> Option<[[L; 3]; 3]> {
+    fn forces<L: Lanes<Scalar = S>>((e, u): &Point<L>) -> Option<[[L; 3]; 3]> {
         let [_, a, b, c] = Law::forces(e, u)?;
         Some([a, b, c])
     }
     #[inline(always)]
-    fn tangent<L: Lanes<Scalar = S>>(
-        (e, u): &(Element<L>, [[L; 3]; 4]),
-        kind: TangentKind,
-    ) -> [[[L; 9]; 3]; 3] {
+    fn tangent<L: Lanes<Scalar = S>>((e, u): &Point<L>, kind: TangentKind) -> [[[L; 9]; 3]; 3] {
         inner_blocks(&Law::tangent(e, u, kind))
     }
     #[inline(always)]
-    fn is_clamped<L: Lanes<Scalar = S>>((e, u): &(Element<L>, [[L; 3]; 4])) -> L::Mask {
+    fn is_clamped<L: Lanes<Scalar = S>>((e, u): &Point<L>) -> L::Mask {
         L::both(L::less(L::ZERO, e.volume * e.mu), Law::is_clamped(e, u))
     }
 }
@@ -137,15 +133,8 @@ type Data<S> = (
     &'static CompressionModulus<S>,
 );
 
-/// Slices of [`Data`], as a contiguous query gives them.
-type Slices<'a, S> = (
-    &'a [HexahedronVertices],
-    &'a [HexahedronBlocks],
-    &'a [HexahedronRest<S>],
-    &'a [FirstLameParameter<S>],
-    &'a [ShearModulus<S>],
-    &'a [CompressionModulus<S>],
-);
+/// Slices of [`Data`].
+type Slices<'a, S> = <Data<S> as ContiguousQueryData>::Contiguous<'a, 'a>;
 
 /// Puts `L` on hexahedra into the force schedule.
 pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(

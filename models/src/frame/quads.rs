@@ -3,6 +3,7 @@
 //! has its own plane.
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use sinew_engine::isoparametric::{
     Derivatives, QuadBlocks, QuadRest, QuadVertices, load_points, load_weights, quad_differences,
@@ -26,6 +27,9 @@ use crate::laws::{LawRow, activate_elements};
 /// Law `L` at the Gauss points of quadrilaterals; also the mark of its quadrilaterals.
 pub type Quadrilateral<L> = AtPoints<L, 4>;
 
+/// A triangle that stands for a Gauss point, and its displacements (m).
+type Point<L> = (Element<L>, [[L; 3]; 3]);
+
 /// The triangles that stand for the Gauss points from `first` on of a quadrilateral, and their displacements
 /// (m).
 #[inline(always)]
@@ -35,7 +39,7 @@ fn points<L: Lanes>(
     moduli: [L::Scalar; 3],
     u: &[[L::Scalar; 3]; 4],
     first: usize,
-) -> (Element<L>, [[L; 3]; 3]) {
+) -> Point<L> {
     let u = quad_differences::<L>(derivatives, u, first);
     // a point stands for twice the area of its triangle
     let weight = load_weights::<L, 4>(&[L::Scalar::ONE + L::Scalar::ONE; 4], first);
@@ -56,41 +60,33 @@ struct Columns<'a, Law, S: Scalar> {
 
 impl<Law: TriangleLaw, S: Scalar> GaussLaw<S, 4, 2, 6> for Columns<'_, Law, S> {
     const WIDE: bool = Law::WIDE;
-    type Points<L: Lanes<Scalar = S>> = (Element<L>, [[L; 3]; 3]);
+    type Points<L: Lanes<Scalar = S>> = Point<L>;
     #[inline(always)]
     fn elements(&self) -> &GaussElements<'_, S, 4, 2, 6> {
         &self.elements
     }
     #[inline(always)]
-    fn points<L: Lanes<Scalar = S>>(
-        &self,
-        i: usize,
-        u: &[[S; 3]; 4],
-        first: usize,
-    ) -> (Element<L>, [[L; 3]; 3]) {
+    fn points<L: Lanes<Scalar = S>>(&self, i: usize, u: &[[S; 3]; 4], first: usize) -> Point<L> {
         let [lambda, mu, compression] = self.moduli;
         let moduli = [lambda[i], mu[i], compression[i]];
         points(&self.elements.derivatives, &self.rest[i], moduli, u, first)
     }
     #[inline(always)]
-    fn energy<L: Lanes<Scalar = S>>((e, u): &(Element<L>, [[L; 3]; 3])) -> L {
+    fn energy<L: Lanes<Scalar = S>>((e, u): &Point<L>) -> L {
         Law::energy(e, u)
     }
     #[inline(always)]
-    fn forces<L: Lanes<Scalar = S>>((e, u): &(Element<L>, [[L; 3]; 3])) -> Option<[[L; 3]; 2]> {
+    fn forces<L: Lanes<Scalar = S>>((e, u): &Point<L>) -> Option<[[L; 3]; 2]> {
         let [_, a, b] = Law::forces(e, u);
         Some([a, b])
     }
     #[inline(always)]
-    fn tangent<L: Lanes<Scalar = S>>(
-        (e, u): &(Element<L>, [[L; 3]; 3]),
-        kind: TangentKind,
-    ) -> [[[L; 9]; 2]; 2] {
+    fn tangent<L: Lanes<Scalar = S>>((e, u): &Point<L>, kind: TangentKind) -> [[[L; 9]; 2]; 2] {
         let t = Law::tangent(e, u, kind);
         [[t.block(1, 1), t.block(1, 2)], [t.block(2, 1), t.block(2, 2)]]
     }
     #[inline(always)]
-    fn is_clamped<L: Lanes<Scalar = S>>((e, u): &(Element<L>, [[L; 3]; 3])) -> L::Mask {
+    fn is_clamped<L: Lanes<Scalar = S>>((e, u): &Point<L>) -> L::Mask {
         L::both(L::less(L::ZERO, e.mu), Law::is_clamped(e, u))
     }
 }
@@ -105,15 +101,8 @@ type Data<S> = (
     &'static MembraneCompressionModulus<S>,
 );
 
-/// Slices of [`Data`], as a contiguous query gives them.
-type Slices<'a, S> = (
-    &'a [QuadVertices],
-    &'a [QuadBlocks],
-    &'a [QuadRest<S>],
-    &'a [MembraneFirstModulus<S>],
-    &'a [MembraneShearModulus<S>],
-    &'a [MembraneCompressionModulus<S>],
-);
+/// Slices of [`Data`].
+type Slices<'a, S> = <Data<S> as ContiguousQueryData>::Contiguous<'a, 'a>;
 
 /// Puts `L` on quadrilaterals into the force schedule.
 pub(crate) fn activate<L: TriangleLaw, S: Scalar>(

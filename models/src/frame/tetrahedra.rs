@@ -2,11 +2,12 @@
 //! energy, force and tangent.
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    RestVolume, ShapeGradientColumns, ShapeGradients, TetrahedronBlocks, TetrahedronShapes,
-    TetrahedronVertices, displacement_gradient,
+    RestVolume, ShapeGradients, TetrahedronBlocks, TetrahedronShapes, TetrahedronVertices,
+    displacement_gradient,
 };
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES, padded};
 use sinew_engine::law::{
@@ -20,22 +21,13 @@ use sinew_engine::workers::Workers;
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use super::columns::{self, LawProducts, add_vertices, sum, work};
+use super::columns::{self, LawProducts, add_vertices, scalar_columns, sum, work};
 use crate::element::projection;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
 use crate::laws::corotational::Corotational;
 use crate::laws::{LawRow, activate_elements};
 
-macro_rules! moduli {
-    ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {$(
-        $(#[$doc])*
-        #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-        #[component(summary_tick)]
-        #[repr(transparent)]
-        pub struct $name<S: Scalar>(pub S);
-    )+};
-}
-moduli! {
+scalar_columns! {
     /// First Lamé parameter lambda of a tetrahedron (Pa).
     FirstLameParameter,
     /// Shear modulus mu of a tetrahedron (Pa).
@@ -141,16 +133,8 @@ pub type TetrahedronData<S> = (
     &'static CompressionModulus<S>,
 );
 
-/// Slices of [`TetrahedronData`], as a contiguous query gives them.
-pub type TetrahedronSlices<'a, S> = (
-    &'a [TetrahedronVertices],
-    &'a [TetrahedronBlocks],
-    ShapeGradientColumns<'a, S>,
-    &'a [RestVolume<S>],
-    &'a [FirstLameParameter<S>],
-    &'a [ShearModulus<S>],
-    &'a [CompressionModulus<S>],
-);
+/// Slices of [`TetrahedronData`].
+pub type TetrahedronSlices<'a, S> = <TetrahedronData<S> as ContiguousQueryData>::Contiguous<'a, 'a>;
 
 impl<'a, S: Scalar> TetrahedronColumns<'a, S> {
     /// From table columns.
@@ -258,15 +242,6 @@ fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
     };
     let projected = own.tangent == Some(TangentKind::Projected);
     let work = work(&own, [5, 8, if projected { 120 } else { 50 }]);
-    let recovery = buffer.spans.iter().any(|s| recovering.contains(s.body));
-    if !recovery && work == 0 {
-        if L::FORCES {
-            buffer.drop_tangent();
-        } else {
-            buffer.spans.iter_mut().for_each(Span::silence);
-        }
-        return;
-    }
     workers.for_each(&mut buffer.spans, columns.volume.len() * work, |_, span| {
         if !recovering.contains(span.body) {
             if !L::FORCES {
@@ -322,38 +297,15 @@ pub struct NoProduct {
     pub law: &'static str,
 }
 
-/// Adds the product `K v` of a law's tangent to `result` (N when `direction` is in m), without
-/// assembly: for [`FusedStVK`](crate::laws::svk::FusedStVK) a fraction of the work of [`evaluate_columns`] with a tangent, and of
-/// the memory. Uses the private force arrays of `buffer`, which do not hold forces afterwards.
+/// Adds the product `K v` of a law's tangent to `result` (N when `direction` is in m), without assembly, at the
+/// displacements that the world holds: for [`FusedStVK`](crate::laws::svk::FusedStVK) a fraction of the work of
+/// [`evaluate_columns`] with a tangent, and of the memory. Nothing is added when the law is not active. Uses the
+/// private force arrays of the law, which do not hold forces afterwards.
 ///
 /// `direction` and `result` have one row per vertex row; fourth entries are padding.
 ///
 /// # Errors
 /// When a projected tangent is asked for of a law that clamps eigenvalues per element.
-pub fn multiply_columns<L: TetrahedronLaw, S: Scalar>(
-    columns: &TetrahedronColumns<S>,
-    kind: TangentKind,
-    direction: &[[S; 4]],
-    workers: &Workers,
-    buffer: &mut LawBuffer<S>,
-    result: &mut [[S; 4]],
-) -> Result<(), NoProduct> {
-    if kind == TangentKind::Projected && L::STRESS_PROJECTION {
-        return Err(NoProduct { law: L::NAME });
-    }
-    if !L::contributes(kind) {
-        return Ok(());
-    }
-    let columns = &OfLaw { columns, law: PhantomData::<fn() -> L> };
-    columns::multiply(columns, kind, direction, workers, 12, buffer, result);
-    Ok(())
-}
-
-/// [`multiply_columns`] with the columns of the tetrahedra of law `L` in `world`, at the displacements
-/// that it holds; nothing is added when the law is not active.
-///
-/// # Errors
-/// As [`multiply_columns`].
 pub fn multiply<L: TetrahedronLaw, S: Scalar>(
     world: &mut World,
     kind: TangentKind,
@@ -363,12 +315,18 @@ pub fn multiply<L: TetrahedronLaw, S: Scalar>(
     let mut vertices = world.query::<&Displacement<S>>();
     let mut tetrahedra = world.query_filtered::<TetrahedronData<S>, With<L::Mark>>();
     let Some(mut buffer) = world.resource::<LawBuffers<S>>().get(L::NAME) else { return Ok(()) };
-    if let Some(displacement) = single_table(vertices.contiguous_iter(world))
+    if let Some(u) = single_table(vertices.contiguous_iter(world))
         && let Some(data) = single_table(tetrahedra.contiguous_iter(world))
     {
-        let columns = TetrahedronColumns::new(displacement, data);
-        let workers = world.resource::<Workers>();
-        multiply_columns::<L, S>(&columns, kind, direction, workers, &mut buffer, result)?;
+        if kind == TangentKind::Projected && L::STRESS_PROJECTION {
+            return Err(NoProduct { law: L::NAME });
+        }
+        if L::contributes(kind) {
+            let columns = &TetrahedronColumns::new(u, data);
+            let columns = &OfLaw { columns, law: PhantomData::<fn() -> L> };
+            let workers = world.resource::<Workers>();
+            columns::multiply(columns, kind, direction, workers, 12, &mut buffer, result);
+        }
     }
     Ok(())
 }

@@ -50,7 +50,7 @@ use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, cross, dot, mat_vec};
 
-use crate::element::matrix::{add_identity, deformation, symmetrise};
+use crate::element::matrix::{add_identity, column, deformation, rows, symmetric, symmetrise};
 use crate::element::projection::{
     Svd, is_positive_definite, rounding, signed_svd, symmetric_eigen,
 };
@@ -102,7 +102,8 @@ impl<R: Real> Polar<R> {
         let upright = R::less(R::from_f64(-0.5), volume_change(g));
         let small = R::both(upright, R::less(size, R::from_f64(0.05)));
         let factor = R::from_f64(2.0) / R::select(small, determinant, one);
-        let product = |i: usize, j: usize| dot(row(&green, i), row(&adjugate, j));
+        let (green, adjugate) = (square(&green), square(&adjugate));
+        let product = |i: usize, j: usize| dot(green[i], adjugate[j]);
         let near = [
             factor * product(0, 0),
             factor * product(1, 1),
@@ -125,18 +126,26 @@ impl<R: Real> Polar<R> {
         self.strain[0] + self.strain[1] + self.strain[2]
     }
 
+    /// `R` times a symmetric matrix.
+    #[inline(always)]
+    fn turned(&self, s: &[R; 6]) -> [R; 9] {
+        let (r, s) = (rows(&self.rotation), square(s));
+        let mut product = [R::ZERO; 9];
+        for i in 0..3 {
+            for j in 0..3 {
+                product[3 * i + j] = dot(r[i], s[j]);
+            }
+        }
+        product
+    }
+
     /// `tr(S) I - R S R^T`, whose eigenvalues are the sums of two singular values.
     #[inline(always)]
     fn sums(&self) -> [R; 6] {
         // tr(S) I - S = (2 + tr e) I - e, turned by R
         let trace = R::from_f64(2.0) + self.trace();
-        let mut turned = [[R::ZERO; 3]; 3];
-        for i in 0..3 {
-            for j in 0..3 {
-                turned[i][j] = dot(line(&self.rotation, i), row(&self.strain, j));
-            }
-        }
-        let entry = |i: usize, j: usize| dot(turned[i], line(&self.rotation, j));
+        let (r, turned) = (rows(&self.rotation), rows(&self.turned(&self.strain)));
+        let entry = |i: usize, j: usize| dot(turned[i], r[j]);
         [
             trace - entry(0, 0),
             trace - entry(1, 1),
@@ -191,7 +200,7 @@ pub fn rotation<R: Real>(g: &[R; 9]) -> [R; 9] {
     let good = R::both(done, R::both(determined, resolved));
     let scale = one / R::select(good, zeta, one);
     // F F^T
-    let (r0, r1, r2) = (line(&f, 0), line(&f, 1), line(&f, 2));
+    let [r0, r1, r2] = rows(&f);
     let (b01, b02, b12) = (dot(r0, r1), dot(r0, r2), dot(r1, r2));
     let left = [[dot(r0, r0), b01, b02], [b01, dot(r1, r1), b12], [b02, b12, dot(r2, r2)]];
     let sum = kappa + squares;
@@ -250,36 +259,16 @@ pub(crate) fn warped<R: Real>(d: &[[R; 3]; 3], lambda: R, mu: R) -> [[R; 9]; 6] 
 /// Places of the six entries of a symmetric matrix.
 const ENTRIES: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)];
 
+/// Rows of a symmetric matrix from its entries xx, yy, zz, yz, xz, xy.
 #[inline(always)]
 fn square<R: Real>(s: &[R; 6]) -> [[R; 3]; 3] {
-    [row(s, 0), row(s, 1), row(s, 2)]
-}
-
-/// Row of a symmetric matrix.
-#[inline(always)]
-fn row<R: Real>(s: &[R; 6], i: usize) -> [R; 3] {
-    match i {
-        0 => [s[0], s[5], s[4]],
-        1 => [s[5], s[1], s[3]],
-        _ => [s[4], s[3], s[2]],
-    }
-}
-
-/// Row of a row-major matrix.
-#[inline(always)]
-fn line<R: Real>(m: &[R; 9], i: usize) -> [R; 3] {
-    [m[3 * i], m[3 * i + 1], m[3 * i + 2]]
-}
-
-#[inline(always)]
-fn column<R: Real>(m: &[R; 9], j: usize) -> [R; 3] {
-    [m[j], m[3 + j], m[6 + j]]
+    rows(&symmetric(*s))
 }
 
 /// Adjugate and determinant of a symmetric matrix.
 #[inline(always)]
 fn adjugate<R: Real>(s: &[R; 6]) -> ([R; 6], R) {
-    let (r0, r1, r2) = (row(s, 0), row(s, 1), row(s, 2));
+    let [r0, r1, r2] = square(s);
     let (c0, c1, c2) = (cross(r1, r2), cross(r2, r0), cross(r0, r1));
     ([c0[0], c1[1], c2[2], c1[2], c0[2], c0[1]], dot(r0, c0))
 }
@@ -328,13 +317,7 @@ impl TetrahedronLaw for Corotational {
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
         let polar = Polar::new(&displacement_gradient(&e.gradients, u));
         let stress = second_piola_kirchhoff(e, &polar.strain);
-        let mut p = [R::ZERO; 9];
-        for i in 0..3 {
-            for j in 0..3 {
-                p[3 * i + j] = dot(line(&polar.rotation, i), row(&stress, j));
-            }
-        }
-        Some(nodal_forces(e, &p))
+        Some(nodal_forces(e, &polar.turned(&stress)))
     }
     /// See the table of the module.
     #[inline(always)]
@@ -371,11 +354,12 @@ impl TetrahedronLaw for Corotational {
             }
         }
         let c = c * e.volume;
+        let h = square(&h);
         // H [R D_b]x
         let mut turning = [[[R::ZERO; 3]; 3]; 3];
         for b in 0..3 {
             for i in 0..3 {
-                turning[b][i] = cross(row(&h, i), rd[b]);
+                turning[b][i] = cross(h[i], rd[b]);
             }
         }
         let mut core = [[R::ZERO; 9]; 6];

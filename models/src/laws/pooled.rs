@@ -48,7 +48,7 @@ use crate::element::matrix::{add_identity, add_outer};
 use crate::element::precompute::OPPOSITE_EDGES;
 use crate::element::spring::{coupling_energy, edge_force, tensile_energy, tensile_tension};
 use crate::element::tetrahedron::TetrahedronTangent;
-use crate::frame::columns::{LawColumns, evaluate_span, work};
+use crate::frame::columns::{LawColumns, TangentSum, evaluate_span, scalar_columns, work};
 use crate::frame::tetrahedra::add_tangent;
 use crate::laws::{ElementRows, Elements, LawRow, mark, partition};
 
@@ -57,23 +57,21 @@ use crate::laws::{ElementRows, Elements, LawRow, mark, partition};
 #[repr(transparent)]
 pub struct TriangleVertices(pub [u32; 3]);
 
-/// Tensile stiffness `k` of an edge (N/m^3).
-#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct TensileStiffness<S: Scalar>(pub S);
+scalar_columns! {
+    /// Tensile stiffness `k` of an edge (N/m^3).
+    TensileStiffness,
+    /// Angular stiffness (N/m^3) of a triangle that couples the two edges meeting at its vertex `VERTEX`
+    /// (0, 1, 2).
+    AngularStiffness<VERTEX>,
+    /// Volumetric stiffness `d` (N/m^3) of a tetrahedron for pair `PAIR` of opposite edges, in the order of
+    /// [`OPPOSITE_PAIRS`](crate::element::precompute::OPPOSITE_PAIRS).
+    VolumetricStiffness<PAIR>,
+}
 
 /// Tension (N/m) of the tensile spring of an edge.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct TensileTension<S: Scalar>(pub S);
-
-/// Angular stiffness (N/m^3) of a triangle that couples the two edges meeting at its vertex `VERTEX`
-/// (0, 1, 2).
-#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct AngularStiffness<S: Scalar, const VERTEX: usize>(pub S);
 
 /// All three columns of [`AngularStiffness`]: query data.
 pub type AngularStiffnesses<S> = (
@@ -81,13 +79,6 @@ pub type AngularStiffnesses<S> = (
     &'static AngularStiffness<S, 1>,
     &'static AngularStiffness<S, 2>,
 );
-
-/// Volumetric stiffness `d` (N/m^3) of a tetrahedron for pair `PAIR` of opposite edges, in the order of
-/// [`OPPOSITE_PAIRS`](crate::element::precompute::OPPOSITE_PAIRS).
-#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct VolumetricStiffness<S: Scalar, const PAIR: usize>(pub S);
 
 /// All three columns of [`VolumetricStiffness`]: query data.
 pub type VolumetricStiffnesses<S> = (
@@ -390,22 +381,16 @@ impl<S: Scalar> LawColumns<S> for TensileColumns<'_, S> {
         tensile_energy(k, delta).accumulate(sums);
     }
     #[inline(always)]
-    fn add_tangent<L: Lanes<Scalar = S>>(
-        &self,
-        first: usize,
-        kind: TangentKind,
-        span: &mut Span<S>,
-        _: &mut [f64; MAX_LANES],
-    ) {
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>) {
         let k = L::load(&self.stiffness[first..]);
         let d = add(self.shapes.rest::<L>(first), self.shapes.relative::<L>(first));
         let mut m = [L::ZERO; 9];
         add_outer(&mut m, scale(d, k + k), d);
-        if kind == TangentKind::Exact {
+        if to.kind == TangentKind::Exact {
             // twice the tension k/2 delta
             add_identity(&mut m, k * L::load(&self.change[first..]));
         }
-        add_edge_tangent(m, span, self.shapes.nodes, self.block, first);
+        add_edge_tangent(m, to.span, self.shapes.nodes, self.block, first);
     }
 }
 
@@ -573,18 +558,12 @@ impl<C: Coupling<V, E>, S: Scalar, const V: usize, const E: usize> LawColumns<S>
         C::energy(self.stiffness::<L>(first), delta).accumulate(sums);
     }
     #[inline(always)]
-    fn add_tangent<L: Lanes<Scalar = S>>(
-        &self,
-        first: usize,
-        kind: TangentKind,
-        span: &mut Span<S>,
-        _: &mut [f64; MAX_LANES],
-    ) {
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>) {
         let mut s = [L::ZERO; E];
-        if kind == TangentKind::Exact {
+        if to.kind == TangentKind::Exact {
             s = C::tensions(self.stiffness::<L>(first), self.changes::<L>(first));
         }
-        C::add_tangent(self, first, s, span);
+        C::add_tangent(self, first, s, to.span);
     }
 }
 

@@ -43,7 +43,7 @@ use sinew_engine::workers::Workers;
 use std::time::Instant;
 
 use crate::element::membrane::TriangleTangent;
-use crate::frame::columns::{LawColumns, add_vertices, evaluate_span, load_vertices};
+use crate::frame::columns::{LawColumns, TangentSum, add_vertices, evaluate_span, load_vertices};
 use crate::frame::triangles::add_tangent;
 use crate::laws::{self, Elements, LawRow, mark};
 
@@ -299,15 +299,9 @@ impl<S: Scalar> LawColumns<S> for LoadedFaces<'_, S> {
         add_vertices([f; 3], to, row, &self.faces.nodes[first..]);
     }
     #[inline(always)]
-    fn add_tangent<L: Lanes<Scalar = S>>(
-        &self,
-        first: usize,
-        _: TangentKind,
-        span: &mut Span<S>,
-        _: &mut [f64; MAX_LANES],
-    ) {
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>) {
         let (edges, u, sign) = self.shape::<L>(first);
         let t = tangent(&edges, &u, sign * L::splat(self.pressure));
-        add_tangent(&t, span, &self.faces.nodes, &self.faces.blocks, first);
+        add_tangent(&t, to.span, &self.faces.nodes, &self.faces.blocks, first);
     }
 }

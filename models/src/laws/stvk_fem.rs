@@ -16,7 +16,7 @@ use sinew_engine::element::displacement_gradient;
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, dot, mat_vec};
 
-use crate::element::matrix::{add_identity, deformation, symmetrise};
+use crate::element::matrix::{add_identity, column, deformation, rows, symmetrise};
 use crate::element::tetrahedron::{CORE, Element, TetrahedronTangent, assemble, nodal_forces};
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::laws::LawRow;
@@ -29,7 +29,7 @@ fn kinematics<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> ([R; 9], [R; 9]) {
     let mut strain = [R::ZERO; 9];
     for i in 0..3 {
         for j in 0..3 {
-            let c = dot([f[i], f[3 + i], f[6 + i]], [f[j], f[3 + j], f[6 + j]]);
+            let c = dot(column(&f, i), column(&f, j));
             let identity = if i == j { R::ONE } else { R::ZERO };
             strain[3 * i + j] = half * (c - identity);
         }
@@ -80,8 +80,7 @@ impl TetrahedronLaw for StVKFem {
         let mut p = [R::ZERO; 9];
         for i in 0..3 {
             for j in 0..3 {
-                let column = [s[j], s[3 + j], s[6 + j]];
-                p[3 * i + j] = dot([f[3 * i], f[3 * i + 1], f[3 * i + 2]], column);
+                p[3 * i + j] = dot(rows(&f)[i], column(&s, j));
             }
         }
         Some(nodal_forces(e, &p))
@@ -111,7 +110,7 @@ impl TetrahedronLaw for StVKFem {
         for a in 0..3 {
             let d = e.gradients[a];
             for x in 0..3 {
-                let row = [f[3 * x], f[3 * x + 1], f[3 * x + 2]];
+                let row = rows(&f)[x];
                 for k in 0..3 {
                     b[a][k][x] = row[k] * d[k];
                     let (i, j) = [(1, 2), (0, 2), (0, 1)][k];
