@@ -90,7 +90,7 @@ struct Columns<'a, Law, S> {
 }
 
 /// Query data of membrane triangles.
-type MembraneData<S> = (
+pub type MembraneData<S> = (
     &'static MembraneVertices,
     &'static MembraneBlocks,
     MembraneRest<S>,

@@ -306,7 +306,7 @@ pub static EDGE_SPRINGS: LawRow = LawRow::of_systems(
 // on bodies that never recover, or beside a solid that does
 .in_recovery(InRecovery::Unchanged);
 
-/// Query data of [`EdgeColumns`].
+/// Query data of springs on edges.
 type EdgeData<S> =
     (&'static EdgeVertices, &'static EdgeBlock, RestEdges<S>, &'static TensileStiffness<S>);
 
