@@ -35,10 +35,6 @@ impl TetrahedronLaw for Laplacian {
     // its tangent is definite as it is
     const STRESS_PROJECTION: bool = false;
 
-    fn contributes(_: TangentKind) -> bool {
-        true
-    }
-
     /// J
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {

@@ -22,8 +22,8 @@ use sinew_engine::workers::Workers;
 use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, spawn_body};
 use sinew_models::element::precompute::{RestTetrahedron, SpringConstants};
 use sinew_models::element::tetrahedron::{self, Element};
-use sinew_models::frame::tetrahedra;
-use sinew_models::laws::quadratic::{self, QuadraticSprings, Stretch};
+use sinew_models::frame::tetrahedra::{self, TetrahedronLaw};
+use sinew_models::laws::quadratic::{MassSpring, QuadraticSprings, Stretch};
 use sinew_models::laws::svk::FusedStVK;
 use sinew_models::material::{LameParameters, YoungPoisson};
 
@@ -176,12 +176,12 @@ fn one_by_one(world: &mut World, u: &[[f64; 3]], model: Model, kind: TangentKind
         let (energy, force, t) = match model {
             Model::MassSpring => continue,
             Model::QuadraticSprings => {
-                let compressed = quadratic::tetrahedron::is_compressed(&e, &local);
+                let compressed = QuadraticSprings::is_clamped(&e, &local);
                 sums.clamped += u64::from(compressed && kind == TangentKind::Projected);
                 (
-                    quadratic::tetrahedron::energy(&e, &local),
-                    quadratic::tetrahedron::forces(&e, &local),
-                    quadratic::tetrahedron::tangent(&e, &local, kind),
+                    QuadraticSprings::energy(&e, &local),
+                    QuadraticSprings::forces(&e, &local).unwrap(),
+                    QuadraticSprings::tangent(&e, &local, kind),
                 )
             }
             _ => {
@@ -503,8 +503,8 @@ proptest! {
         prop_assume!(shortest(&p, &u) > 0.1);
         let e = element(p);
         let h = 1e-5;
-        let forces = quadratic::tetrahedron::forces(&e, &u);
-        let tangent = quadratic::tetrahedron::tangent(&e, &u, TangentKind::Exact).to_dense();
+        let forces = QuadraticSprings::forces(&e, &u).unwrap();
+        let tangent = QuadraticSprings::tangent(&e, &u, TangentKind::Exact).to_dense();
         let scale = max_abs(tangent.as_flattened());
         for a in 0..4 {
             for x in 0..3 {
@@ -513,11 +513,11 @@ proptest! {
                     moved[a][x] += steps * h;
                     moved
                 };
-                let energy = |s: f64| quadratic::tetrahedron::energy(&e, &at(s));
+                let energy = |s: f64| QuadraticSprings::energy(&e, &at(s));
                 let slope = (8.0 * (energy(1.0) - energy(-1.0)) - (energy(2.0) - energy(-2.0)))
                     / (12.0 * h);
                 prop_assert!((slope + forces[a][x]).abs() < 1e-9 * scale, "{slope} {forces:?}");
-                let force = |s: f64| quadratic::tetrahedron::forces(&e, &at(s));
+                let force = |s: f64| QuadraticSprings::forces(&e, &at(s)).unwrap();
                 let (m2, m1, p1, p2) = (force(-2.0), force(-1.0), force(1.0), force(2.0));
                 for b in 0..4 {
                     for y in 0..3 {
@@ -539,7 +539,7 @@ proptest! {
     fn quadratic_stand_ins_are_semidefinite((p, u) in state()) {
         let e = element(p);
         for kind in [TangentKind::GaussNewton, TangentKind::Projected] {
-            let dense = quadratic::tetrahedron::tangent(&e, &u, kind).to_dense();
+            let dense = QuadraticSprings::tangent(&e, &u, kind).to_dense();
             let (values, _) = symmetric_eigen(dense);
             let least = values.iter().fold(f64::INFINITY, |m, x| m.min(*x));
             prop_assert!(least > -1e-12 * max_abs(&values), "{kind:?} {least}");
@@ -554,11 +554,11 @@ proptest! {
             let x = DVec3::from_array(x);
             (turn * x + DVec3::from_array(shift) - x).to_array()
         });
-        let f = quadratic::tetrahedron::forces(&e, &u);
-        let stiffness = quadratic::tetrahedron::tangent(&e, &[[0.0; 3]; 4], TangentKind::Exact);
+        let f = QuadraticSprings::forces(&e, &u).unwrap();
+        let stiffness = QuadraticSprings::tangent(&e, &[[0.0; 3]; 4], TangentKind::Exact);
         let scale = max_abs(stiffness.to_dense().as_flattened());
         prop_assert!(max_abs(f.as_flattened()) < 1e-13 * scale);
-        prop_assert!(quadratic::tetrahedron::energy(&e, &u).abs() < 1e-24 * scale);
+        prop_assert!(QuadraticSprings::energy(&e, &u).abs() < 1e-24 * scale);
     }
 
     #[test]
@@ -567,7 +567,7 @@ proptest! {
         let e = element(p);
         let off = |size: f64| {
             let u = u.map(|u| u.map(|x| 1e-3 * size * x));
-            let (a, b) = (quadratic::tetrahedron::forces(&e, &u), tetrahedron::forces(&e, &u));
+            let (a, b) = (QuadraticSprings::forces(&e, &u).unwrap(), tetrahedron::forces(&e, &u));
             max_difference(a.as_flattened(), b.as_flattened())
         };
         let ratio = off(1.0) / off(0.5);
@@ -594,8 +594,7 @@ fn a_column_of_slices_is_one_table() {
     let (points, tetrahedra, moved) = strip(4, &noise(), Motion::Rest);
     let law = (Model::MassSpring, Evaluation::Fused);
     let mut world = world::<f64>(&points, &tetrahedra, &moved, law, Workers::serial());
-    let mut edges =
-        world.query_filtered::<&sinew_engine::element::EdgeBlock, With<quadratic::MassSpring>>();
+    let mut edges = world.query_filtered::<&sinew_engine::element::EdgeBlock, With<MassSpring>>();
     let column = single_table(edges.contiguous_iter(&world)).unwrap();
     assert!(column.iter().enumerate().all(|(i, b)| b.0 as usize == i));
 }

@@ -1,4 +1,4 @@
-// Tetrahedral quadratic springs. Twin of `sinew_models::laws::quadratic::tetrahedron`.
+// Tetrahedral quadratic springs. Twin of `sinew_models::laws::quadratic`.
 
 // Edges in the order 01 02 03 12 13 23; the edge is x_plus - x_minus.
 const PLUS = array<u32, 6>(1u, 2u, 3u, 1u, 1u, 2u);

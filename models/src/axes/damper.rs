@@ -23,7 +23,7 @@ use bytemuck::TransparentWrapper;
 
 use super::printed::{Blocks, Nodes, add_spread, spread_over};
 use super::site::{AxisSite, add_blocks, local};
-use crate::laws::pooled::add_outer;
+use crate::element::matrix::add_outer;
 use crate::laws::{Elements, LawRow, mark, partition};
 
 /// A damper along an axis of an element of `N` vertices.

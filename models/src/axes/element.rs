@@ -35,8 +35,10 @@ use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, add, cross, dot, mat_vec, scale, sub};
 
+use crate::element::matrix::{
+    add_identity, add_outer, add_skew, deformation, part_of_tension, transposed,
+};
 use crate::element::tetrahedron::{CORE, TetrahedronTangent, assemble, cofactor};
-use crate::laws::pooled::{add_identity, add_outer};
 
 /// Pairs of the three axes, in the order of their angular moduli.
 pub const AXIS_PAIRS: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
@@ -193,11 +195,7 @@ impl<R: Real> AxisElement<R> for Triad<R> {
         let mut mixed = [[R::ZERO; 9]; 3];
         for i in 0..3 {
             let Chord { stretch, inverse, .. } = chords[i];
-            let across = match kind {
-                TangentKind::Exact => self.axial[i] * (stretch * inverse),
-                TangentKind::Projected => self.axial[i] * (stretch * inverse).max(R::ZERO),
-                TangentKind::GaussNewton => R::ZERO,
-            };
+            let across = self.axial[i] * part_of_tension(kind, stretch * inverse);
             own[i] = chords[i].stiffness(self.axial[i], across);
         }
         for k in 0..3 {
@@ -237,10 +235,10 @@ impl<R: Real> AxisElement<R> for Triad<R> {
             }
             for k in 0..3 {
                 let [i, j] = AXIS_PAIRS[k];
+                let turned = transposed(&mixed[k]);
                 for x in 0..9 {
-                    let transposed = 3 * (x % 3) + x / 3;
                     rows[j][x] = mixed[k][x].mul_add(q[a][i], rows[j][x]);
-                    rows[i][x] = mixed[k][transposed].mul_add(q[a][j], rows[i][x]);
+                    rows[i][x] = turned[x].mul_add(q[a][j], rows[i][x]);
                 }
             }
             for (block, [c, d]) in core.iter_mut().zip(CORE) {
@@ -372,12 +370,8 @@ impl<R: Real> AxisElement<R> for Fibre<R> {
         let chord = self.chord(u);
         let (force, slope) = self.tension(chord.stretch);
         let across = force * chord.inverse;
-        let (along, across) = match kind {
-            TangentKind::Exact => (slope, across),
-            TangentKind::Projected => (slope.max(R::ZERO), across.max(R::ZERO)),
-            TangentKind::GaussNewton => (slope.max(R::ZERO), R::ZERO),
-        };
-        let m = chord.stiffness(along, across);
+        let along = if kind == TangentKind::Exact { slope } else { slope.max(R::ZERO) };
+        let m = chord.stiffness(along, part_of_tension(kind, across));
         let mut core = [[R::ZERO; 9]; 6];
         for (block, [a, b]) in core.iter_mut().zip(CORE) {
             let factor = self.shape[a] * self.shape[b];
@@ -469,21 +463,12 @@ fn add_volume_stiffness<R: Real>(
     let normal =
         [mat_vec(&cof, gradients[0]), mat_vec(&cof, gradients[1]), mat_vec(&cof, gradients[2])];
     let pressure = volumetric * volume_change(g);
-    let mut f = *g;
-    f[0] += R::ONE;
-    f[4] += R::ONE;
-    f[8] += R::ONE;
+    let f = deformation(g);
     for (block, [a, b]) in core.iter_mut().zip(CORE) {
         add_outer(block, scale(normal[a], volumetric), normal[b]);
         if kind == TangentKind::Exact {
             // varying F by v (x) D_b turns cof F D_a by F (D_b x D_a) x v
-            let w = scale(mat_vec(&f, cross(gradients[b], gradients[a])), pressure);
-            block[1] -= w[2];
-            block[2] += w[1];
-            block[3] += w[2];
-            block[5] -= w[0];
-            block[6] -= w[1];
-            block[7] += w[0];
+            add_skew(block, scale(mat_vec(&f, cross(gradients[b], gradients[a])), pressure));
         }
     }
 }

@@ -10,22 +10,25 @@
 //! [`HexahedronRest`] whose volumes are the shares of the points in it.
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::isoparametric::{
     AxisHexahedronBlocks, AxisHexahedronVertices, Derivatives, HexahedronRest, RestHexahedron,
-    hexahedron_differences, load_points, load_weights, rows_of,
+    hexahedron_differences, load_weights,
 };
-use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
-use sinew_engine::law::{LawBuffer, LawInfo, Span, TangentKind};
+use sinew_engine::lanes::Lanes;
+use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
 use sinew_engine::scalar::{Scalar, dot};
-use sinew_engine::schedule::{ElementLaw, Evaluation, activate_law};
+use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 
 use super::columns::*;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
-use crate::frame::hexahedra::{Blocks, total};
-use crate::laws::{Elements, LawRow, mark, partition};
+use crate::frame::columns::{self, work};
+use crate::frame::gauss::{GaussColumns, GaussElements, GaussLaw};
+use crate::frame::hexahedra::inner_blocks;
+use crate::laws::{Elements, LawRow, activate_elements, mark};
 
 /// Rest shape of a hexahedron in `f64`, with shares of the volume in place of volumes.
 pub(crate) fn shares(rest: &RestHexahedron) -> RestHexahedron {
@@ -67,11 +70,8 @@ pub static VOLUMES: LawRow = LawRow::of_systems(
 );
 
 /// What all tables of axes in hexahedra have.
-#[derive(Clone, Copy)]
 pub(crate) struct Shared<'a, S: Scalar> {
-    displacement: &'a [[S; 4]],
-    nodes: &'a [[u32; 8]],
-    blocks: &'a [[u32; 28]],
+    elements: GaussElements<'a, S, 8, 3, 28>,
     rest: &'a [HexahedronRest<S>],
 }
 
@@ -79,26 +79,26 @@ pub(crate) struct Shared<'a, S: Scalar> {
 pub type SharedData<S> =
     (&'static AxisHexahedronVertices, &'static AxisHexahedronBlocks, &'static HexahedronRest<S>);
 
-/// Slices of [`SharedData`].
-type SharedSlices<'a, S> =
-    (&'a [AxisHexahedronVertices], &'a [AxisHexahedronBlocks], &'a [HexahedronRest<S>]);
+/// Slices of the query data `D`.
+type Slices<'a, D> = <D as ContiguousQueryData>::Contiguous<'a, 'a>;
 
 impl<'a, S: Scalar> Shared<'a, S> {
     fn new(
         displacement: &'a [Displacement<S>],
-        (nodes, blocks, rest): SharedSlices<'a, S>,
+        (nodes, blocks, rest): Slices<'a, SharedData<S>>,
     ) -> Self {
-        Self {
+        let elements = GaussElements {
             displacement: Displacement::peel_slice(displacement),
             nodes: AxisHexahedronVertices::peel_slice(nodes),
             blocks: AxisHexahedronBlocks::peel_slice(blocks),
-            rest,
-        }
+            derivatives: Derivatives::hexahedron(),
+        };
+        Self { elements, rest }
     }
 }
 
 /// Columns of one table, as slices.
-pub(crate) trait HexahedronColumns<S: Scalar>: Copy + Send + Sync {
+pub(crate) trait HexahedronColumns<S: Scalar>: Sync {
     /// Elements at Gauss points.
     type Element<L: Lanes<Scalar = S>>: AxisElement<L>;
     /// What all tables have.
@@ -107,29 +107,27 @@ pub(crate) trait HexahedronColumns<S: Scalar>: Copy + Send + Sync {
     fn element<L: Lanes<Scalar = S>>(&self, i: usize, first: usize, share: L) -> Self::Element<L>;
 }
 
-/// Query data of triads.
-pub type TriadData<S> = (
-    SharedData<S>,
-    (Direction<S, 0>, Direction<S, 1>, Direction<S, 2>),
-    (&'static AxialStiffness<S, 0>, &'static AxialStiffness<S, 1>, &'static AxialStiffness<S, 2>),
-    (
-        &'static AxisAngleStiffness<S, 0>,
-        &'static AxisAngleStiffness<S, 1>,
-        &'static AxisAngleStiffness<S, 2>,
-    ),
-    &'static VolumeStiffness<S>,
+/// The axes of a triad: query data.
+type Axes3<S> = (Direction<S, 0>, Direction<S, 1>, Direction<S, 2>);
+/// Axial moduli of a triad: query data.
+type Axial3<S> =
+    (&'static AxialStiffness<S, 0>, &'static AxialStiffness<S, 1>, &'static AxialStiffness<S, 2>);
+/// Angular moduli of a triad: query data.
+type Angular3<S> = (
+    &'static AxisAngleStiffness<S, 0>,
+    &'static AxisAngleStiffness<S, 1>,
+    &'static AxisAngleStiffness<S, 2>,
 );
 
-#[derive(Clone, Copy)]
+/// Query data of triads.
+pub type TriadData<S> =
+    (SharedData<S>, Axes3<S>, Axial3<S>, Angular3<S>, &'static VolumeStiffness<S>);
+
 struct TriadColumns<'a, S: Scalar> {
     shared: Shared<'a, S>,
-    axes: (DirectionColumns<'a, S, 0>, DirectionColumns<'a, S, 1>, DirectionColumns<'a, S, 2>),
-    axial: (&'a [AxialStiffness<S, 0>], &'a [AxialStiffness<S, 1>], &'a [AxialStiffness<S, 2>]),
-    angular: (
-        &'a [AxisAngleStiffness<S, 0>],
-        &'a [AxisAngleStiffness<S, 1>],
-        &'a [AxisAngleStiffness<S, 2>],
-    ),
+    axes: Slices<'a, Axes3<S>>,
+    axial: Slices<'a, Axial3<S>>,
+    angular: Slices<'a, Angular3<S>>,
     volumetric: &'a [VolumeStiffness<S>],
 }
 
@@ -167,50 +165,30 @@ impl<S: Scalar> HexahedronColumns<S> for TriadColumns<'_, S> {
     }
 }
 
-/// Query data of fibres.
-pub type FibreData<S> = (
-    SharedData<S>,
-    Direction<S, 0>,
-    (
-        &'static AxialStiffness<S, 0>,
-        &'static FibreShortening<S>,
-        &'static FibreActive<S>,
-        &'static FibreOffset<S>,
-        &'static FibreInverseWidth<S>,
-    ),
+/// Constants of fibres: query data.
+type FibreConstants<S> = (
+    &'static AxialStiffness<S, 0>,
+    &'static FibreShortening<S>,
+    &'static FibreActive<S>,
+    &'static FibreOffset<S>,
+    &'static FibreInverseWidth<S>,
 );
 
-#[derive(Clone, Copy)]
+/// Query data of fibres.
+pub type FibreData<S> = (SharedData<S>, Direction<S, 0>, FibreConstants<S>);
+
 pub(crate) struct FibreColumns<'a, S: Scalar> {
     shared: Shared<'a, S>,
     axis: DirectionColumns<'a, S, 0>,
-    stiffness: &'a [AxialStiffness<S, 0>],
-    shortening: &'a [FibreShortening<S>],
-    active: &'a [FibreActive<S>],
-    offset: &'a [FibreOffset<S>],
-    inverse_width: &'a [FibreInverseWidth<S>],
+    constants: Slices<'a, FibreConstants<S>>,
 }
-
-/// Slices of [`FibreData`].
-type FibreSlices<'a, S> = (
-    SharedSlices<'a, S>,
-    DirectionColumns<'a, S, 0>,
-    (
-        &'a [AxialStiffness<S, 0>],
-        &'a [FibreShortening<S>],
-        &'a [FibreActive<S>],
-        &'a [FibreOffset<S>],
-        &'a [FibreInverseWidth<S>],
-    ),
-);
 
 impl<'a, S: Scalar> FibreColumns<'a, S> {
     pub(crate) fn new(
         displacement: &'a [Displacement<S>],
-        (shared, axis, (stiffness, shortening, active, offset, inverse_width)): FibreSlices<'a, S>,
+        (shared, axis, constants): Slices<'a, FibreData<S>>,
     ) -> Self {
-        let shared = Shared::new(displacement, shared);
-        Self { shared, axis, stiffness, shortening, active, offset, inverse_width }
+        Self { shared: Shared::new(displacement, shared), axis, constants }
     }
 }
 
@@ -223,16 +201,17 @@ impl<S: Scalar> HexahedronColumns<S> for FibreColumns<'_, S> {
     #[inline(always)]
     fn element<L: Lanes<Scalar = S>>(&self, i: usize, first: usize, share: L) -> Fibre<L> {
         let (x, y, z) = self.axis;
+        let (stiffness, shortening, active, offset, inverse_width) = self.constants;
         let axis = [L::splat(x[i].0), L::splat(y[i].0), L::splat(z[i].0)];
         let [a, b, c] = self.shared.rest[i].gradients::<L>(first);
         Fibre {
             shape: [dot(a, axis), dot(b, axis), dot(c, axis)],
             axis,
-            stiffness: L::splat(self.stiffness[i].0) * share,
-            shortening: L::splat(self.shortening[i].0),
-            active: L::splat(self.active[i].0) * share,
-            offset: L::splat(self.offset[i].0),
-            inverse_width: L::splat(self.inverse_width[i].0),
+            stiffness: L::splat(stiffness[i].0) * share,
+            shortening: L::splat(shortening[i].0),
+            active: L::splat(active[i].0) * share,
+            offset: L::splat(offset[i].0),
+            inverse_width: L::splat(inverse_width[i].0),
         }
     }
 }
@@ -240,7 +219,6 @@ impl<S: Scalar> HexahedronColumns<S> for FibreColumns<'_, S> {
 /// Query data of terms of volume; the filter is [`VolumeAlone`].
 pub type VolumeData<S> = (SharedData<S>, &'static VolumeStiffness<S>);
 
-#[derive(Clone, Copy)]
 struct VolumeColumns<'a, S: Scalar> {
     shared: Shared<'a, S>,
     volumetric: &'a [VolumeStiffness<S>],
@@ -260,192 +238,92 @@ impl<S: Scalar> HexahedronColumns<S> for VolumeColumns<'_, S> {
 }
 
 fn triads<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    let law = ElementLaw::<S, TriadData<S>> {
-        info: row.info,
+    activate_elements::<AxisHexahedronVertices, S, TriadData<S>>(
+        world,
+        row,
         place,
-        mark: Some(row.mark::<S>(world)),
-        partition: partition::<AxisHexahedronVertices, S>,
-        evaluate: |with, u, (shared, axes, axial, angular, volumetric), buffer| {
+        |with, u, (shared, axes, axial, angular, volumetric), buffer| {
             let shared = Shared::new(u, shared);
             evaluate(&TriadColumns { shared, axes, axial, angular, volumetric }, with, buffer);
         },
-    };
-    activate_law(world, law);
+    );
 }
 
 fn fibres<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    let law = ElementLaw::<S, FibreData<S>> {
-        info: row.info,
+    activate_elements::<AxisHexahedronVertices, S, FibreData<S>>(
+        world,
+        row,
         place,
-        mark: Some(row.mark::<S>(world)),
-        partition: partition::<AxisHexahedronVertices, S>,
-        evaluate: |with, u, data, buffer| evaluate(&FibreColumns::new(u, data), with, buffer),
-    };
-    activate_law(world, law);
+        |with, u, data, buffer| evaluate(&FibreColumns::new(u, data), with, buffer),
+    );
 }
 
 fn volumes<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    let law = ElementLaw::<S, VolumeData<S>> {
-        info: row.info,
+    activate_elements::<AxisHexahedronVertices, S, VolumeData<S>>(
+        world,
+        row,
         place,
-        mark: Some(row.mark::<S>(world)),
-        partition: partition::<AxisHexahedronVertices, S>,
-        evaluate: |with, u, (shared, volumetric), buffer| {
-            let columns = VolumeColumns { shared: Shared::new(u, shared), volumetric };
-            evaluate(&columns, with, buffer);
+        |with, u, (shared, volumetric), buffer| {
+            let shared = Shared::new(u, shared);
+            evaluate(&VolumeColumns { shared, volumetric }, with, buffer);
         },
-    };
-    activate_law(world, law);
+    );
 }
 
 /// Energy, force and tangent of every range into its private arrays, as far as they are asked for.
 pub(crate) fn evaluate<S: Scalar, C: HexahedronColumns<S>>(
     columns: &C,
-    Evaluation { request, workers, recovering }: Evaluation,
+    with: Evaluation,
     buffer: &mut LawBuffer<S>,
 ) {
-    let work = 300 * usize::from(request.energy)
-        + 400 * usize::from(request.force)
-        + 3000 * usize::from(request.tangent.is_some());
-    let derivatives = &Derivatives::hexahedron();
-    workers.for_each(&mut buffer.spans, columns.shared().nodes.len() * work, |_, span| {
-        if recovering.contains(span.body) {
-            span.silence();
-            return;
-        }
-        let pass = Pass { columns, derivatives };
-        if request.energy {
-            span.energy = workers.dispatch(EnergyPass { pass, span });
-        }
-        if request.force {
-            span.clear_force();
-            workers.dispatch(ForcePass { pass, span });
-        }
-        match request.tangent {
-            Some(kind) => {
-                span.clear_tangent();
-                workers.dispatch(TangentPass { pass, span, kind });
-            }
-            None => span.drop_tangent(),
-        }
-    });
+    let work = columns.shared().rest.len() * work(with.request, [300, 400, 3000]);
+    columns::evaluate(&GaussColumns(&Axes(columns)), with, work, buffer);
 }
 
-/// What every pass reads.
-struct Pass<'a, S: Scalar, C> {
-    columns: &'a C,
-    derivatives: &'a Derivatives<S, 8, 3>,
-}
+/// A table as a law at Gauss points.
+struct Axes<'a, C>(&'a C);
 
-impl<S: Scalar, C> Clone for Pass<'_, S, C> {
-    fn clone(&self) -> Self {
-        *self
+/// Elements at Gauss points, their shares of the volume and displacements (m).
+type Points<E, L> = (E, L, [[L; 3]; 4]);
+
+impl<S: Scalar, C: HexahedronColumns<S>> GaussLaw<S, 8, 3, 28> for Axes<'_, C> {
+    const WIDE: bool = false;
+    type Points<L: Lanes<Scalar = S>> = Points<C::Element<L>, L>;
+    #[inline(always)]
+    fn elements(&self) -> &GaussElements<'_, S, 8, 3, 28> {
+        &self.0.shared().elements
     }
-}
-
-impl<S: Scalar, C> Copy for Pass<'_, S, C> {}
-
-impl<S: Scalar, C: HexahedronColumns<S>> Pass<'_, S, C> {
-    /// Gauss points from `first` on of entity `i`: elements, shares of the volume, displacements (m).
     #[inline(always)]
     fn points<L: Lanes<Scalar = S>>(
         &self,
         i: usize,
+        u: &[[S; 3]; 8],
         first: usize,
-    ) -> (C::Element<L>, L, [[L; 3]; 4]) {
-        let shared = self.columns.shared();
-        let u = rows_of(shared.displacement, &shared.nodes[i]);
-        let u = hexahedron_differences::<L>(self.derivatives, &u, first);
+    ) -> Points<C::Element<L>, L> {
+        let shared = self.0.shared();
+        let u = hexahedron_differences::<L>(&shared.elements.derivatives, u, first);
         let share = load_weights::<L, 8>(&shared.rest[i].volume, first);
-        (self.columns.element::<L>(i, first, share), share, u)
+        (self.0.element::<L>(i, first, share), share, u)
     }
-}
-
-struct EnergyPass<'a, 'b, S: Scalar, C> {
-    pass: Pass<'a, S, C>,
-    span: &'b Span<S>,
-}
-
-impl<S: Scalar, C: HexahedronColumns<S>> Kernel<S> for EnergyPass<'_, '_, S, C> {
-    type Output = f64;
-    const WIDE: bool = false;
     #[inline(always)]
-    fn run<L: Lanes<Scalar = S>>(self) -> f64 {
-        let mut sums = [0.0; MAX_LANES];
-        for i in self.span.elements.clone() {
-            for first in (0..8).step_by(L::COUNT) {
-                let (element, _, u) = self.pass.points::<L>(i, first);
-                element.energy(&u).accumulate(&mut sums);
-            }
-        }
-        sums.iter().sum()
+    fn energy<L: Lanes<Scalar = S>>((e, _, u): &Points<C::Element<L>, L>) -> L {
+        e.energy(u)
     }
-}
-
-struct ForcePass<'a, 'b, S: Scalar, C> {
-    pass: Pass<'a, S, C>,
-    span: &'b mut Span<S>,
-}
-
-impl<S: Scalar, C: HexahedronColumns<S>> Kernel<S> for ForcePass<'_, '_, S, C> {
-    type Output = ();
-    const WIDE: bool = false;
     #[inline(always)]
-    fn run<L: Lanes<Scalar = S>>(self) {
-        let Self { pass, span } = self;
-        for i in span.elements.clone() {
-            let mut sum = [[L::ZERO; 3]; 8];
-            for first in (0..8).step_by(L::COUNT) {
-                let (element, _, u) = pass.points::<L>(i, first);
-                let f = element.forces(&u);
-                for a in 0..8 {
-                    for j in 0..3 {
-                        let d: L = load_points(&pass.derivatives.0[a][j], first);
-                        for x in 0..3 {
-                            sum[a][x] = d.mul_add(f[j + 1][x], sum[a][x]);
-                        }
-                    }
-                }
-            }
-            let nodes = &pass.columns.shared().nodes[i];
-            for a in 0..8 {
-                let mut force = [S::ZERO; 3];
-                for x in 0..3 {
-                    force[x] = total(sum[a][x]);
-                }
-                span.add_force(nodes[a], force);
-            }
-        }
+    fn forces<L: Lanes<Scalar = S>>((e, _, u): &Points<C::Element<L>, L>) -> Option<[[L; 3]; 3]> {
+        let [_, a, b, c] = e.forces(u);
+        Some([a, b, c])
     }
-}
-
-struct TangentPass<'a, 'b, S: Scalar, C> {
-    pass: Pass<'a, S, C>,
-    span: &'b mut Span<S>,
-    kind: TangentKind,
-}
-
-impl<S: Scalar, C: HexahedronColumns<S>> Kernel<S> for TangentPass<'_, '_, S, C> {
-    type Output = ();
-    const WIDE: bool = false;
     #[inline(always)]
-    fn run<L: Lanes<Scalar = S>>(self) {
-        let Self { pass, span, kind } = self;
-        for i in span.elements.clone() {
-            let mut sum = Blocks::<L>::ZERO;
-            let mut clamped = false;
-            for first in (0..8).step_by(L::COUNT) {
-                let (element, share, u) = pass.points::<L>(i, first);
-                if kind == TangentKind::Projected {
-                    let acts = L::less(L::ZERO, share);
-                    clamped |= L::any(L::both(acts, element.is_clamped(&u)));
-                }
-                sum.add(&element.tangent(&u, kind), pass.derivatives, first);
-            }
-            span.clamped += u64::from(clamped);
-            let shared = pass.columns.shared();
-            sum.write(span, &shared.nodes[i], &shared.blocks[i]);
-        }
+    fn tangent<L: Lanes<Scalar = S>>(
+        (e, _, u): &Points<C::Element<L>, L>,
+        kind: TangentKind,
+    ) -> [[[L; 9]; 3]; 3] {
+        inner_blocks(&e.tangent(u, kind))
+    }
+    #[inline(always)]
+    fn is_clamped<L: Lanes<Scalar = S>>((e, share, u): &Points<C::Element<L>, L>) -> L::Mask {
+        L::both(L::less(L::ZERO, *share), e.is_clamped(u))
     }
 }
 

@@ -30,7 +30,7 @@
 use sinew_engine::scalar::{dot, scale, sub};
 
 use super::element::AXIS_PAIRS;
-use crate::laws::pooled::{add_identity, add_outer};
+use crate::element::matrix::{add_identity, add_outer, transposed};
 
 /// Vectors of the vertices (m, m/s or N).
 pub type Nodes<const N: usize> = [[f64; 3]; N];
@@ -105,6 +105,11 @@ pub(crate) fn spread_over<const N: usize>(weights: &[f64; N], x: &Nodes<N>) -> [
     sum
 }
 
+/// The chords of three axes.
+fn arms<const N: usize>(spread: &[[f64; N]; 3], x: &Nodes<N>) -> [Arm; 3] {
+    spread.map(|weights| Arm::new(spread_over(&weights, x)))
+}
+
 fn spread_force<const N: usize>(to: &mut Nodes<N>, weights: &[f64; N], force: [f64; 3]) {
     for j in 0..N {
         for k in 0..3 {
@@ -130,20 +135,16 @@ pub(crate) fn add_spread<const N: usize>(
 }
 
 impl<const N: usize> AxialSprings<N> {
-    fn arms(&self, x: &Nodes<N>) -> [Arm; 3] {
-        [0, 1, 2].map(|i| Arm::new(spread_over(&self.spread[i], x)))
-    }
-
     /// Energy (J) at positions `x` (m).
     pub fn energy(&self, x: &Nodes<N>) -> f64 {
-        let arms = self.arms(x);
+        let arms = arms(&self.spread, x);
         (0..3).map(|i| 0.5 * self.stiffness[i] * (arms[i].length - self.length[i]).powi(2)).sum()
     }
 
     /// Elastic forces (N).
     pub fn forces(&self, x: &Nodes<N>) -> Nodes<N> {
         let mut f = [[0.0; 3]; N];
-        for (i, arm) in self.arms(x).into_iter().enumerate() {
+        for (i, arm) in arms(&self.spread, x).into_iter().enumerate() {
             let tension = self.stiffness[i] * (arm.length - self.length[i]);
             spread_force(&mut f, &self.spread[i], scale(arm.direction, -tension));
         }
@@ -153,7 +154,7 @@ impl<const N: usize> AxialSprings<N> {
     /// Forces of the dampers (N) at velocities `v` (m/s).
     pub fn damping_forces(&self, x: &Nodes<N>, v: &Nodes<N>) -> Nodes<N> {
         let mut f = [[0.0; 3]; N];
-        for (i, arm) in self.arms(x).into_iter().enumerate() {
+        for (i, arm) in arms(&self.spread, x).into_iter().enumerate() {
             let rate = dot(spread_over(&self.spread[i], v), arm.direction);
             let tension = self.damping[i] * rate;
             spread_force(&mut f, &self.spread[i], scale(arm.direction, -tension));
@@ -164,7 +165,7 @@ impl<const N: usize> AxialSprings<N> {
     /// Tangent `k (n n^T + (1 - L/|l|)(I - n n^T))`.
     pub fn tangent(&self, x: &Nodes<N>, curvature: Curvature) -> Blocks<N> {
         let mut blocks = [[[0.0; 9]; N]; N];
-        for (i, arm) in self.arms(x).into_iter().enumerate() {
+        for (i, arm) in arms(&self.spread, x).into_iter().enumerate() {
             let k = self.stiffness[i];
             let across = 1.0 - self.length[i] / arm.length.max(1e-6 * self.length[i]);
             let across = match curvature {
@@ -183,7 +184,7 @@ impl<const N: usize> AxialSprings<N> {
     /// Matrix of the dampers (N s/m), semidefinite.
     pub fn damping_matrix(&self, x: &Nodes<N>) -> Blocks<N> {
         let mut blocks = [[[0.0; 9]; N]; N];
-        for (i, arm) in self.arms(x).into_iter().enumerate() {
+        for (i, arm) in arms(&self.spread, x).into_iter().enumerate() {
             let mut m = [0.0; 9];
             add_outer(&mut m, scale(arm.direction, self.damping[i]), arm.direction);
             add_spread(&mut blocks, &self.spread[i], &self.spread[i], &m);
@@ -206,13 +207,9 @@ pub struct AngularSprings<const N: usize> {
 }
 
 impl<const N: usize> AngularSprings<N> {
-    fn arms(&self, x: &Nodes<N>) -> [Arm; 3] {
-        [0, 1, 2].map(|i| Arm::new(spread_over(&self.spread[i], x)))
-    }
-
     /// Energy (J) of the energy form at positions `x` (m).
     pub fn energy(&self, x: &Nodes<N>) -> f64 {
-        let arms = self.arms(x);
+        let arms = arms(&self.spread, x);
         let of = |p: usize| {
             let [i, j] = AXIS_PAIRS[p];
             let m = dot(arms[i].direction, arms[j].direction) - self.cosine[p];
@@ -223,7 +220,7 @@ impl<const N: usize> AngularSprings<N> {
 
     /// Forces (N).
     pub fn forces(&self, x: &Nodes<N>, form: AngularForm) -> Nodes<N> {
-        let arms = self.arms(x);
+        let arms = arms(&self.spread, x);
         let mut f = [[0.0; 3]; N];
         for p in 0..3 {
             let [i, j] = AXIS_PAIRS[p];
@@ -241,7 +238,7 @@ impl<const N: usize> AngularSprings<N> {
 
     /// Tangent of the energy form; its semidefinite forms are the same.
     pub fn tangent(&self, x: &Nodes<N>, curvature: Curvature) -> Blocks<N> {
-        let arms = self.arms(x);
+        let arms = arms(&self.spread, x);
         let mut blocks = [[[0.0; 9]; N]; N];
         for p in 0..3 {
             let [i, j] = AXIS_PAIRS[p];
@@ -271,11 +268,10 @@ impl<const N: usize> AngularSprings<N> {
                 add_outer(&mut mixed, scale(b.direction, -factor), b.direction);
                 add_outer(&mut mixed, scale(a.direction, factor * cosine), b.direction);
             }
-            let transposed = [0, 3, 6, 1, 4, 7, 2, 5, 8].map(|x| mixed[x]);
             add_spread(&mut blocks, &self.spread[i], &self.spread[i], &own);
             add_spread(&mut blocks, &self.spread[j], &self.spread[j], &other);
             add_spread(&mut blocks, &self.spread[i], &self.spread[j], &mixed);
-            add_spread(&mut blocks, &self.spread[j], &self.spread[i], &transposed);
+            add_spread(&mut blocks, &self.spread[j], &self.spread[i], &transposed(&mixed));
         }
         blocks
     }

@@ -7,7 +7,7 @@ use sinew_engine::element::AxisVertices;
 use sinew_engine::isoparametric::AxisHexahedronVertices;
 use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{ElementLaw, Evaluation, activate_law};
+use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 
 use super::attachment::{self, Attachment};
@@ -17,7 +17,7 @@ use super::printed::{
     VolumeForm, VolumeSprings,
 };
 use super::site::{AxisSite, add_blocks, local};
-use crate::laws::{Elements, LawRow, mark, partition};
+use crate::laws::{Elements, LawRow, activate_elements, mark};
 
 /// The springs of Bourguignon & Cani 2000 in their printed form, in tetrahedra.
 pub static IN_TETRAHEDRA: LawRow = LawRow::of_systems(
@@ -213,16 +213,8 @@ fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(
     row: &'static LawRow,
     place: usize,
 ) {
-    let law = ElementLaw::<S, (&V, &V::Blocks, &PrintedAxes<N>)> {
-        info: row.info,
-        place,
-        mark: Some(row.mark::<S>(world)),
-        partition: partition::<V, S>,
-        evaluate: |with, u, (sites, blocks, axes), buffer| {
-            evaluate(with, u, (sites, blocks, axes), buffer);
-        },
-    };
-    activate_law(world, law);
+    let evaluate = evaluate::<S, N, V>;
+    activate_elements::<V, S, (&V, &V::Blocks, &PrintedAxes<N>)>(world, row, place, evaluate);
 }
 
 fn evaluate<S: Scalar, const N: usize, V: AxisSite<N>>(

@@ -3,19 +3,16 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::AxisVertices;
-use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
-use sinew_engine::law::{
-    EvaluationRequest, LawBuffer, LawInfo, RecoveringBodies, Span, TangentKind,
-};
+use sinew_engine::lanes::{Lanes, MAX_LANES};
+use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{ElementLaw, Evaluation, activate_law};
-use sinew_engine::workers::Workers;
+use sinew_engine::schedule::Evaluation;
 
 use super::columns::*;
 use super::element::AxisElement;
+use crate::frame::columns::{self, LawColumns, TangentSum, add_vertices, work};
 use crate::frame::tetrahedra::add_tangent;
-use crate::laws::pooled::sum;
-use crate::laws::{Elements, LawRow, mark, partition};
+use crate::laws::{Elements, LawRow, activate_elements, mark};
 
 /// Marks tetrahedra of bodies that consist of axes alone: no law of a material acts on them.
 #[derive(Component, Clone, Copy, Debug, Default)]
@@ -44,135 +41,71 @@ pub static VOLUMES: LawRow = LawRow::of_systems(
 );
 
 fn triads<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    let law = ElementLaw::<S, TriadData<S>> {
-        info: row.info,
+    activate_elements::<AxisVertices, S, TriadData<S>>(
+        world,
+        row,
         place,
-        mark: Some(row.mark::<S>(world)),
-        partition: partition::<AxisVertices, S>,
-        evaluate: |with, u, data, buffer| evaluate(&TriadColumns::new(u, data), with, buffer),
-    };
-    activate_law(world, law);
+        |with, u, data, buffer| {
+            evaluate(&TriadColumns::new(u, data), with, buffer);
+        },
+    );
 }
 
 fn fibres<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    let law = ElementLaw::<S, FibreData<S>> {
-        info: row.info,
+    activate_elements::<AxisVertices, S, FibreData<S>>(
+        world,
+        row,
         place,
-        mark: Some(row.mark::<S>(world)),
-        partition: partition::<AxisVertices, S>,
-        evaluate: |with, u, data, buffer| evaluate(&FibreColumns::new(u, data), with, buffer),
-    };
-    activate_law(world, law);
+        |with, u, data, buffer| {
+            evaluate(&FibreColumns::new(u, data), with, buffer);
+        },
+    );
 }
 
 fn volumes<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    let law = ElementLaw::<S, VolumeData<S>> {
-        info: row.info,
+    activate_elements::<AxisVertices, S, VolumeData<S>>(
+        world,
+        row,
         place,
-        mark: Some(row.mark::<S>(world)),
-        partition: partition::<AxisVertices, S>,
-        evaluate: |with, u, data, buffer| evaluate(&VolumeColumns::new(u, data), with, buffer),
-    };
-    activate_law(world, law);
+        |with, u, data, buffer| {
+            evaluate(&VolumeColumns::new(u, data), with, buffer);
+        },
+    );
 }
 
-/// Energy, force and tangent of every range into its private arrays, as far as they are asked for.
-pub fn evaluate_columns<S: Scalar, C: AxisColumns<S>>(
-    columns: &C,
-    request: &EvaluationRequest,
-    workers: &Workers,
-    buffer: &mut LawBuffer<S>,
-) {
-    let recovering = &RecoveringBodies::default();
-    evaluate(columns, Evaluation { request, workers, recovering }, buffer);
-}
-
-/// [`evaluate_columns`], silent for bodies that recover: the corotational energy that stands in for the
-/// base material has one minimum only as long as nothing is added to it.
+/// Energy, force and tangent of every range, silent for bodies that recover.
 pub(crate) fn evaluate<S: Scalar, C: AxisColumns<S>>(
     columns: &C,
-    Evaluation { request, workers, recovering }: Evaluation,
+    with: Evaluation,
     buffer: &mut LawBuffer<S>,
 ) {
-    let EvaluationRequest { energy, force, tangent } = *request;
-    let work_ns =
-        6 * usize::from(energy) + 8 * usize::from(force) + 60 * usize::from(tangent.is_some());
-    workers.for_each(&mut buffer.spans, columns.nodes().len() * work_ns, |_, span| {
-        let elements = span.elements.clone();
-        if recovering.contains(span.body) {
-            span.silence();
-            return;
-        }
-        if energy {
-            let batch = EnergyBatch { columns, sums: [0.0; MAX_LANES] };
-            span.energy = sum(workers.dispatch(Batches(elements.clone(), batch)).sums);
-        }
-        if force {
-            span.clear_force();
-            let (row, force) = (span.rows.start, &mut span.force[..]);
-            workers.dispatch(Batches(elements.clone(), ForceBatch { columns, force, row }));
-        }
-        match tangent {
-            Some(kind) => {
-                span.clear_tangent();
-                let batch = TangentBatch { columns, span, kind, clamped: [0.0; MAX_LANES] };
-                let clamped = workers.dispatch(Batches(elements, batch)).clamped;
-                span.clamped = sum(clamped) as u64;
-            }
-            None => span.drop_tangent(),
-        }
-    });
+    let work = columns.nodes().len() * work(with.request, [6, 8, 60]);
+    columns::evaluate(&Axes(columns), with, work, buffer);
 }
 
-struct EnergyBatch<'a, C> {
-    columns: &'a C,
-    sums: [f64; MAX_LANES],
-}
+/// A table as columns of a law.
+struct Axes<'a, C>(&'a C);
 
-impl<S: Scalar, C: AxisColumns<S>> Batch<S> for EnergyBatch<'_, C> {
+impl<S: Scalar, C: AxisColumns<S>> LawColumns<S> for Axes<'_, C> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let u = self.columns.displacements::<L>(first);
-        self.columns.element::<L>(first).energy(&u).accumulate(&mut self.sums);
+    fn add_energy<L: Lanes<Scalar = S>>(&self, first: usize, sums: &mut [f64; MAX_LANES]) {
+        let u = self.0.displacements::<L>(first);
+        self.0.element::<L>(first).energy(&u).accumulate(sums);
     }
-}
-
-struct ForceBatch<'a, S, C> {
-    columns: &'a C,
-    force: &'a mut [[S; 4]],
-    /// Vertex row of the first entry of `force`.
-    row: usize,
-}
-
-impl<S: Scalar, C: AxisColumns<S>> Batch<S> for ForceBatch<'_, S, C> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let u = self.columns.displacements::<L>(first);
-        let forces = self.columns.element::<L>(first).forces(&u);
-        let nodes = &self.columns.nodes()[first..];
-        for a in 0..4 {
-            L::add_rows(forces[a], self.force, self.row, nodes, a);
-        }
+    fn add_forces<L: Lanes<Scalar = S>>(&self, first: usize, force: &mut [[S; 4]], row: usize) {
+        let u = self.0.displacements::<L>(first);
+        let forces = self.0.element::<L>(first).forces(&u);
+        add_vertices(forces, force, row, &self.0.nodes()[first..]);
     }
-}
-
-struct TangentBatch<'a, S, C> {
-    columns: &'a C,
-    span: &'a mut Span<S>,
-    kind: TangentKind,
-    clamped: [f64; MAX_LANES],
-}
-
-impl<S: Scalar, C: AxisColumns<S>> Batch<S> for TangentBatch<'_, S, C> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let Self { columns, span, kind, clamped } = self;
-        let u = columns.displacements::<L>(first);
-        let e = columns.element::<L>(first);
-        if *kind == TangentKind::Projected {
-            L::select(e.is_clamped(&u), L::ONE, L::ZERO).accumulate(clamped);
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>) {
+        let u = self.0.displacements::<L>(first);
+        let e = self.0.element::<L>(first);
+        if to.kind == TangentKind::Projected {
+            to.count_clamped::<L>(e.is_clamped(&u));
         }
-        let mut t = e.tangent(&u, *kind);
-        add_tangent(&mut t, span, &columns.nodes()[first..], &columns.blocks()[first..]);
+        let mut t = e.tangent(&u, to.kind);
+        add_tangent(&mut t, to.span, &self.0.nodes()[first..], &self.0.blocks()[first..]);
     }
 }

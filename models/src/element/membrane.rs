@@ -64,7 +64,9 @@ pub use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, Scalar, add, cross, dot, mat_vec, scale, sub};
 use thiserror::Error;
 
-use crate::laws::pooled::{add_identity, add_outer};
+use crate::element::matrix::{
+    add_identity, add_outer, dense, part_of_tension, symmetrise, transposed,
+};
 use crate::laws::quadratic::Stretch;
 use crate::material::LameParameters;
 
@@ -233,7 +235,7 @@ impl<S: Real> TriangleTangent<S> {
             return self.diagonal[a];
         }
         let m = self.off[3 - a - b];
-        if a < b { m } else { [m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]] }
+        if a < b { m } else { transposed(&m) }
     }
 
     /// Product `K v` (N when `v` is in m).
@@ -250,18 +252,7 @@ impl<S: Real> TriangleTangent<S> {
 
     /// All 81 entries; row and column `3 vertex + axis`.
     pub fn to_dense(&self) -> [[S; 9]; 9] {
-        let mut dense = [[S::ZERO; 9]; 9];
-        for a in 0..3 {
-            for b in 0..3 {
-                let block = self.block(a, b);
-                for i in 0..3 {
-                    for j in 0..3 {
-                        dense[3 * a + i][3 * b + j] = block[3 * i + j];
-                    }
-                }
-            }
-        }
-        dense
+        dense::<S, 3, 9>(|a, b| self.block(a, b))
     }
 }
 
@@ -305,16 +296,28 @@ fn gram_change<R: Real>(e: &Element<R>, w: &[[R; 3]; 2], x: &[[R; 3]; 2]) -> Pai
 /// `S` of a change `c`, N/m^3.
 #[inline(always)]
 fn stress<R: Real>(e: &Element<R>, d: &Pairs<R>, c: &Pairs<R>) -> Pairs<R> {
+    let (dcd, trace) = raised(d, c);
+    let pressure = R::from_f64(0.5) * e.lambda * trace;
+    [
+        pressure.mul_add(d[0], e.mu * dcd[0]),
+        pressure.mul_add(d[1], e.mu * dcd[1]),
+        pressure.mul_add(d[2], e.mu * dcd[2]),
+    ]
+}
+
+/// `d c d` and the trace of `d c`.
+#[inline(always)]
+fn raised<R: Real>(d: &Pairs<R>, c: &Pairs<R>) -> (Pairs<R>, R) {
     let m11 = d[0].mul_add(c[0], d[2] * c[2]);
     let m12 = d[0].mul_add(c[2], d[2] * c[1]);
     let m21 = d[2].mul_add(c[0], d[1] * c[2]);
     let m22 = d[2].mul_add(c[2], d[1] * c[1]);
-    let pressure = R::from_f64(0.5) * e.lambda * (m11 + m22);
-    [
-        pressure.mul_add(d[0], e.mu * m11.mul_add(d[0], m12 * d[2])),
-        pressure.mul_add(d[1], e.mu * m22.mul_add(d[1], m21 * d[2])),
-        pressure.mul_add(d[2], e.mu * m11.mul_add(d[2], m12 * d[1])),
-    ]
+    let dcd = [
+        m11.mul_add(d[0], m12 * d[2]),
+        m22.mul_add(d[1], m21 * d[2]),
+        m11.mul_add(d[2], m12 * d[1]),
+    ];
+    (dcd, m11 + m22)
 }
 
 /// `A/4 S^ab c_ab`, J.
@@ -412,10 +415,7 @@ fn assemble<R: Real>([k11, k22, k12]: &[[R; 9]; 3]) -> TriangleTangent<R> {
     }
     let mut tangent = TriangleTangent { diagonal: [k00, *k11, *k22], off: [*k12, k02, k01] };
     for block in &mut tangent.diagonal {
-        for (k, l) in [(1, 3), (2, 6), (5, 7)] {
-            let mean = half * (block[k] + block[l]);
-            (block[k], block[l]) = (mean, mean);
-        }
+        symmetrise(block);
     }
     tangent
 }
@@ -712,11 +712,7 @@ pub mod quadratic {
         for i in 0..3 {
             b[i] = tensions(e, &stress(e, &d, &unit[i]));
             z[i] = scale(edges[i].edge, edges[i].slope);
-            let tension = match kind {
-                TangentKind::Exact => s[i],
-                TangentKind::GaussNewton => R::ZERO,
-                TangentKind::Projected => s[i].max(R::ZERO),
-            };
+            let tension = part_of_tension(kind, s[i]);
             edges[i].add_geometric(&mut geometric[i], edges[i].slope * tension);
         }
         let [a, c, t] = z;
@@ -782,18 +778,11 @@ pub mod corotational {
         let per_trace = trace.recip();
         let k = dj - excess;
         // (d c d + k d)/t
-        let m11 = d[0].mul_add(c[0], d[2] * c[2]);
-        let m12 = d[0].mul_add(c[2], d[2] * c[1]);
-        let m21 = d[2].mul_add(c[0], d[1] * c[2]);
-        let m22 = d[2].mul_add(c[2], d[1] * c[1]);
-        let strain = [
-            (m11.mul_add(d[0], m12 * d[2]) + k * d[0]) * per_trace,
-            (m22.mul_add(d[1], m21 * d[2]) + k * d[1]) * per_trace,
-            (m11.mul_add(d[2], m12 * d[1]) + k * d[2]) * per_trace,
-        ];
+        let (mut strain, _) = raised(&d, &c);
         let (pressure, two_mu) = (e.lambda * excess, e.mu + e.mu);
         let mut t = [R::ZERO; 3];
         for i in 0..3 {
+            strain[i] = (strain[i] + k * d[i]) * per_trace;
             t[i] = two_mu.mul_add(strain[i], pressure * d[i]);
         }
         // S = U^-1 T with U^-1 = ((t - 1) I - (U - I))/J2; (U - I) with one index lowered

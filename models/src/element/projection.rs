@@ -18,6 +18,7 @@
 use sinew_engine::element::volume_change;
 use sinew_engine::scalar::{Real, cross, dot, scale, sub};
 
+use crate::element::matrix::{deformation, rows, symmetrise};
 use crate::element::tetrahedron::{CORE, Element, green_strain, second_piola_kirchhoff};
 
 /// Eigenvalues above minus this part of the largest entry count as not negative: rounding of `s`
@@ -71,8 +72,8 @@ pub(crate) fn projected_blocks<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R::Mask,
     let strain = green_strain(g);
     let p1 = two * e.compression * m * m * m;
     let p2 = R::from_f64(6.0) * e.compression * m * m;
-    let f = [[R::ONE + g[0], g[1], g[2]], [g[3], R::ONE + g[4], g[5]], [g[6], g[7], R::ONE + g[8]]];
-    let Svd { u, s, v } = signed_svd(&f);
+    let svd = signed_svd(&rows(&deformation(g)));
+    let Svd { s, .. } = svd;
     // t = tr E, from G rather than from s: exact to rounding near rest, where it is small.
     let t = strain[0] + strain[1] + strain[2];
     let c = [s[1] * s[2], s[0] * s[2], s[0] * s[1]];
@@ -104,7 +105,7 @@ pub(crate) fn projected_blocks<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R::Mask,
     }
 
     let spectrum = Spectrum { stretches: a, plus, minus };
-    clamped_blocks(&Svd { u, s, v }, spectrum, largest, doubtful, &e.gradients, e.volume)
+    clamped_blocks(&svd, spectrum, largest, doubtful, &e.gradients, e.volume)
 }
 
 /// The 9x9 second derivative of an isotropic energy by `F` in the basis of the decomposition.
@@ -195,10 +196,7 @@ pub(crate) fn clamped_blocks<R: Real>(
     }
     // Diagonal blocks are symmetric up to rounding; make them so exactly.
     for block in &mut blocks[..3] {
-        for (x, y) in [(1, 3), (2, 6), (5, 7)] {
-            let mean = half_of * (block[x] + block[y]);
-            (block[x], block[y]) = (mean, mean);
-        }
+        symmetrise(block);
     }
     (clamp, blocks)
 }

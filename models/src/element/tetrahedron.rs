@@ -36,6 +36,9 @@ use sinew_engine::element::{displacement_gradient, minor, volume_change};
 pub use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, Scalar, cross, dot, mat_vec};
 
+use crate::element::matrix::{
+    add_identity, add_skew, deformation, dense, rows, symmetric, transposed,
+};
 use crate::element::precompute::RestTetrahedron;
 use crate::element::projection;
 use crate::material::LameParameters;
@@ -130,18 +133,7 @@ impl<S: Real> TetrahedronTangent<S> {
 
     /// All 144 entries; row and column `3 vertex + axis`.
     pub fn to_dense(&self) -> [[S; 12]; 12] {
-        let mut dense = [[S::ZERO; 12]; 12];
-        for a in 0..4 {
-            for b in 0..4 {
-                let block = self.block(a, b);
-                for i in 0..3 {
-                    for j in 0..3 {
-                        dense[3 * a + i][3 * b + j] = block[3 * i + j];
-                    }
-                }
-            }
-        }
-        dense
+        dense::<S, 4, 12>(|a, b| self.block(a, b))
     }
 }
 
@@ -170,12 +162,7 @@ pub fn forces<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> [[S; 3]; 4] {
 /// Energy (J) and forces (N) together.
 #[inline(always)]
 pub fn energy_and_forces<S: Real>(e: &Element<S>, u: &[[S; 3]; 4]) -> (S, [[S; 3]; 4]) {
-    let g = displacement_gradient(&e.gradients, u);
-    let strain = green_strain(&g);
-    let energy = e.volume * (elastic_density(e, &strain) + compression_density(e, &g));
-    let mut p = elastic_stress(&g, &second_piola_kirchhoff(e, &strain));
-    add_compression_stress(e, &g, &mut p);
-    (energy, nodal_forces(e, &p))
+    (energy(e, u), forces(e, u))
 }
 
 /// Exact tangent `+d2W/du2`, N/m, in any number type.
@@ -190,33 +177,30 @@ pub fn tangent<S: Scalar>(
     u: &[[S; 3]; 4],
     kind: TangentKind,
 ) -> TetrahedronTangent<S> {
-    match kind {
-        TangentKind::Exact => exact_tangent(e, u),
-        TangentKind::GaussNewton => tangent_parts(e, u, true, false),
-        TangentKind::Projected => {
-            let g = displacement_gradient(&widened(&e.gradients), &widened(u));
-            match projection::projected_blocks(&e.widen(), &g) {
-                (true, blocks) => assemble(&blocks.map(|block| block.map(S::from_f64))),
-                (false, _) => tangent_parts(e, u, true, true),
-            }
+    tangent_of(e, &e.widen(), u, kind, true)
+}
+
+/// Tangent with the elastic part on request; `wide` is what eigenvalues are clamped of.
+fn tangent_of<S: Scalar>(
+    e: &Element<S>,
+    wide: &Element<f64>,
+    u: &[[S; 3]; 4],
+    kind: TangentKind,
+    elastic: bool,
+) -> TetrahedronTangent<S> {
+    if kind == TangentKind::Projected {
+        let g = displacement_gradient(&wide.gradients, &widened(u));
+        if let (true, blocks) = projection::projected_blocks(wide, &g) {
+            return assemble(&blocks.map(|block| block.map(S::from_f64)));
         }
     }
+    tangent_parts(e, u, elastic, kind != TangentKind::GaussNewton)
 }
 
 /// Product `K v` (N when `v` is in m) of the tangent with the displacements `v`, without forming it:
 /// `(K v)_a = V dP D_a`, `dP` being the rate of the first Piola-Kirchhoff stress `F S + p1 cof F` along
-/// `dF = sum_a v_a (x) D_a`. `exact` or else `GaussNewton`, which drops `dF S` and `p1 d(cof F)`.
-#[inline(always)]
-pub fn tangent_product<S: Real>(
-    e: &Element<S>,
-    u: &[[S; 3]; 4],
-    v: &[[S; 3]; 4],
-    exact: bool,
-) -> [[S; 3]; 4] {
-    product_parts(e, u, v, true, exact)
-}
-
-/// [`tangent_product`] with the elastic part on request.
+/// `dF = sum_a v_a (x) D_a`. `exact` or else `GaussNewton`, which drops `dF S` and `p1 d(cof F)`; the elastic
+/// part on request.
 #[inline(always)]
 pub(crate) fn product_parts<S: Real>(
     e: &Element<S>,
@@ -249,11 +233,10 @@ pub(crate) fn product_parts<S: Real>(
         ];
         p = elastic_stress(&g, &second_piola_kirchhoff(e, &strain_rate));
         if exact {
-            let s = second_piola_kirchhoff(e, &green_strain(&g));
-            let rows = [[s[0], s[5], s[4]], [s[5], s[1], s[3]], [s[4], s[3], s[2]]];
+            let s = rows(&symmetric(second_piola_kirchhoff(e, &green_strain(&g))));
             for i in 0..3 {
                 for j in 0..3 {
-                    p[3 * i + j] += dot([h[3 * i], h[3 * i + 1], h[3 * i + 2]], rows[j]);
+                    p[3 * i + j] += dot([h[3 * i], h[3 * i + 1], h[3 * i + 2]], s[j]);
                 }
             }
         }
@@ -272,12 +255,7 @@ pub(crate) fn product_parts<S: Real>(
         }
         if exact {
             let p1 = (e.compression + e.compression) * (m * m * m);
-            let f = [
-                [S::ONE + g[0], g[1], g[2]],
-                [g[3], S::ONE + g[4], g[5]],
-                [g[6], g[7], S::ONE + g[8]],
-            ];
-            let h = [[h[0], h[1], h[2]], [h[3], h[4], h[5]], [h[6], h[7], h[8]]];
+            let (f, h) = (rows(&deformation(&g)), rows(&h));
             for i in 0..3 {
                 // row i of cof F is the vector product of the next two rows of F
                 let (j, k) = ((i + 1) % 3, (i + 2) % 3);
@@ -328,18 +306,8 @@ pub mod compression {
         u: &[[S; 3]; 4],
         kind: TangentKind,
     ) -> TetrahedronTangent<S> {
-        match kind {
-            TangentKind::Exact => tangent_parts(e, u, false, true),
-            TangentKind::GaussNewton => tangent_parts(e, u, false, false),
-            TangentKind::Projected => {
-                let wide = Element { lambda: 0.0, mu: 0.0, ..e.widen() };
-                let g = displacement_gradient(&wide.gradients, &widened(u));
-                match projection::projected_blocks(&wide, &g) {
-                    (true, blocks) => assemble(&blocks.map(|block| block.map(S::from_f64))),
-                    (false, _) => tangent_parts(e, u, false, true),
-                }
-            }
-        }
+        let wide = Element { lambda: 0.0, mu: 0.0, ..e.widen() };
+        tangent_of(e, &wide, u, kind, false)
     }
 }
 
@@ -375,7 +343,7 @@ pub(crate) fn second_piola_kirchhoff<S: Real>(e: &Element<S>, strain: &[S; 6]) -
 
 /// `lambda/2 (tr E)^2 + mu tr E^2`, Pa.
 #[inline(always)]
-fn elastic_density<S: Real>(e: &Element<S>, strain: &[S; 6]) -> S {
+pub(crate) fn elastic_density<S: Real>(e: &Element<S>, strain: &[S; 6]) -> S {
     let [xx, yy, zz, yz, xz, xy] = *strain;
     let trace = xx + yy + zz;
     let shear = dot([yz, xz, xy], [yz, xz, xy]);
@@ -413,7 +381,7 @@ pub(crate) fn cofactor<S: Real>(g: &[S; 9]) -> [S; 9] {
 /// First Piola-Kirchhoff stress `F S = S + G S`, row-major.
 #[inline(always)]
 pub(crate) fn elastic_stress<S: Real>(g: &[S; 9], s: &[S; 6]) -> [S; 9] {
-    let full = [s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]];
+    let full = symmetric(*s);
     let mut p = full;
     for i in 0..3 {
         for j in 0..3 {
@@ -470,17 +438,13 @@ pub(crate) fn tangent_parts<S: Real>(
     indefinite: bool,
 ) -> TetrahedronTangent<S> {
     let g = displacement_gradient(&e.gradients, u);
-    let mut f = g;
-    f[0] += S::ONE;
-    f[4] += S::ONE;
-    f[8] += S::ONE;
+    let f = deformation(&g);
 
     // Quantities of the element: left Cauchy-Green tensor, stress, compression coefficients.
-    let [r0, r1, r2] = [[f[0], f[1], f[2]], [f[3], f[4], f[5]], [f[6], f[7], f[8]]];
+    let [r0, r1, r2] = rows(&f);
     let (b01, b02, b12) = (dot(r0, r1), dot(r0, r2), dot(r1, r2));
     let left = [dot(r0, r0), b01, b02, b01, dot(r1, r1), b12, b02, b12, dot(r2, r2)];
-    let s = second_piola_kirchhoff(e, &green_strain(&g));
-    let stress = [s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]];
+    let stress = symmetric(second_piola_kirchhoff(e, &green_strain(&g)));
     let m = volume_change(&g).min(S::ZERO);
     let p1 = (e.compression + e.compression) * (m * m * m);
     let p2 = S::from_f64(6.0) * e.compression * (m * m);
@@ -513,9 +477,7 @@ pub(crate) fn tangent_parts<S: Real>(
             }
             if indefinite {
                 let geometric = e.volume * dot(e.gradients[a], sd[b]);
-                block[0] += geometric;
-                block[4] += geometric;
-                block[8] += geometric;
+                add_identity(block, geometric);
             }
         }
         if compressed {
@@ -527,13 +489,7 @@ pub(crate) fn tangent_parts<S: Real>(
             }
             if indefinite {
                 let w = mat_vec(&f, cross(e.gradients[b], e.gradients[a]));
-                let w = [p1 * w[0], p1 * w[1], p1 * w[2]];
-                block[1] -= w[2];
-                block[2] += w[1];
-                block[3] += w[2];
-                block[5] -= w[0];
-                block[6] -= w[1];
-                block[7] += w[0];
+                add_skew(block, [p1 * w[0], p1 * w[1], p1 * w[2]]);
             }
         }
     }
@@ -566,12 +522,6 @@ pub(crate) fn assemble<S: Real>(core: &[[S; 9]; 6]) -> TetrahedronTangent<S> {
         }
     }
     TetrahedronTangent { diagonal: [k00, *k11, *k22, *k33], off: [k01, k02, k03, *k12, *k13, *k23] }
-}
-
-/// Transpose of a row-major block.
-#[inline(always)]
-fn transposed<S: Real>(m: &[S; 9]) -> [S; 9] {
-    [m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]]
 }
 
 #[inline(always)]

@@ -1,6 +1,8 @@
 //! What runs a law over all elements of a kind: columns, passes for energy, force and tangent, several elements
 //! at a time.
 
+pub(crate) mod columns;
+pub mod gauss;
 pub mod hexahedra;
 pub mod quads;
 pub mod tetrahedra;

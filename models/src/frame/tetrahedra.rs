@@ -2,39 +2,32 @@
 //! energy, force and tangent.
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
-    RestVolume, ShapeGradientColumns, ShapeGradients, TetrahedronBlocks, TetrahedronShapes,
-    TetrahedronVertices, displacement_gradient,
+    RestVolume, ShapeGradients, TetrahedronBlocks, TetrahedronShapes, TetrahedronVertices,
+    displacement_gradient,
 };
-use sinew_engine::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
+use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES, padded};
 use sinew_engine::law::{
     EvaluationRequest, LawBuffer, LawBuffers, RecoveringBodies, Span, TangentKind,
 };
 use sinew_engine::scalar::{Real, Scalar};
-use sinew_engine::schedule::{ElementLaw, Evaluation, activate_law};
+use sinew_engine::schedule::Evaluation;
 use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
 use std::ops::Range;
 
+use super::columns::{self, LawProducts, add_vertices, scalar_columns, sum, work};
 use crate::element::projection;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
 use crate::laws::corotational::Corotational;
-use crate::laws::{LawRow, partition};
+use crate::laws::{LawRow, activate_elements};
 
-macro_rules! moduli {
-    ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {$(
-        $(#[$doc])*
-        #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-        #[component(summary_tick)]
-        #[repr(transparent)]
-        pub struct $name<S: Scalar>(pub S);
-    )+};
-}
-moduli! {
+scalar_columns! {
     /// First Lamé parameter lambda of a tetrahedron (Pa).
     FirstLameParameter,
     /// Shear modulus mu of a tetrahedron (Pa).
@@ -58,7 +51,9 @@ pub trait TetrahedronLaw: Send + Sync + 'static {
     /// body, the others fall silent.
     const STANDS_IN: bool = true;
     /// Whether it contributes to a tangent of this kind.
-    fn contributes(kind: TangentKind) -> bool;
+    fn contributes(_: TangentKind) -> bool {
+        true
+    }
     /// Energy (J).
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R;
     /// Forces (N), `None` when there are none in any lane.
@@ -100,14 +95,14 @@ pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(
     row: &'static LawRow,
     place: usize,
 ) {
-    let law = ElementLaw::<S, TetrahedronData<S>> {
-        info: row.info,
+    activate_elements::<TetrahedronVertices, S, TetrahedronData<S>>(
+        world,
+        row,
         place,
-        mark: Some(world.register_component::<L::Mark>()),
-        partition: partition::<TetrahedronVertices, S>,
-        evaluate: evaluate::<L, S>,
-    };
-    activate_law(world, law);
+        |with, u, data, buffer| {
+            evaluate_spans::<L, S>(&TetrahedronColumns::new(u, data), with, buffer);
+        },
+    );
 }
 
 /// Columns of the tetrahedra, as slices.
@@ -138,16 +133,8 @@ pub type TetrahedronData<S> = (
     &'static CompressionModulus<S>,
 );
 
-/// Slices of [`TetrahedronData`], as a contiguous query gives them.
-pub type TetrahedronSlices<'a, S> = (
-    &'a [TetrahedronVertices],
-    &'a [TetrahedronBlocks],
-    ShapeGradientColumns<'a, S>,
-    &'a [RestVolume<S>],
-    &'a [FirstLameParameter<S>],
-    &'a [ShearModulus<S>],
-    &'a [CompressionModulus<S>],
-);
+/// Slices of [`TetrahedronData`].
+pub type TetrahedronSlices<'a, S> = <TetrahedronData<S> as ContiguousQueryData>::Contiguous<'a, 'a>;
 
 impl<'a, S: Scalar> TetrahedronColumns<'a, S> {
     /// From table columns.
@@ -230,15 +217,6 @@ impl<S: Scalar> Tail<S> {
     }
 }
 
-fn evaluate<L: TetrahedronLaw, S: Scalar>(
-    with: Evaluation,
-    u: &[Displacement<S>],
-    tetrahedra: TetrahedronSlices<'_, S>,
-    buffer: &mut LawBuffer<S>,
-) {
-    evaluate_spans::<L, S>(&TetrahedronColumns::new(u, tetrahedra), with, buffer);
-}
-
 /// What the system of law `L` does with the columns of its tetrahedra: energy, force and tangent of
 /// every range into its private arrays, as far as they are asked for.
 pub fn evaluate_columns<L: TetrahedronLaw, S: Scalar>(
@@ -257,41 +235,22 @@ fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
     Evaluation { request, workers, recovering }: Evaluation,
     buffer: &mut LawBuffer<S>,
 ) {
-    let tangent = request.tangent.filter(|&kind| L::contributes(kind));
-    let (energy, force) = (L::FORCES && request.energy, L::FORCES && request.force);
-    let recovery = buffer.spans.iter().any(|s| recovering.contains(s.body));
-    if !recovery && !energy && !force && tangent.is_none() {
-        if L::FORCES {
-            buffer.drop_tangent();
-        } else {
-            buffer.spans.iter_mut().for_each(Span::silence);
-        }
-        return;
-    }
-    let work_ns = 5 * usize::from(energy)
-        + 8 * usize::from(force)
-        + match tangent {
-            Some(TangentKind::Projected) => 120,
-            Some(_) => 50,
-            None => 0,
-        };
-    workers.for_each(&mut buffer.spans, columns.volume.len() * work_ns, |_, span| {
+    let own = EvaluationRequest {
+        energy: L::FORCES && request.energy,
+        force: L::FORCES && request.force,
+        tangent: request.tangent.filter(|&kind| L::contributes(kind)),
+    };
+    let projected = own.tangent == Some(TangentKind::Projected);
+    let work = work(&own, [5, 8, if projected { 120 } else { 50 }]);
+    workers.for_each(&mut buffer.spans, columns.volume.len() * work, |_, span| {
         if !recovering.contains(span.body) {
             if !L::FORCES {
                 // what it held while the body recovered
                 span.silence();
             }
-            evaluate_span::<L, S>(columns, workers, span, energy, force, tangent);
+            evaluate_span::<L, S>(columns, &own, workers, span);
         } else if L::STANDS_IN {
-            let request = *request;
-            evaluate_span::<Corotational, S>(
-                columns,
-                workers,
-                span,
-                request.energy,
-                request.force,
-                request.tangent,
-            );
+            evaluate_span::<Corotational, S>(columns, request, workers, span);
         } else {
             span.silence();
         }
@@ -301,22 +260,20 @@ fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
 /// Energy, force and tangent of one range, as far as they are asked for.
 fn evaluate_span<L: TetrahedronLaw, S: Scalar>(
     columns: &TetrahedronColumns<S>,
+    request: &EvaluationRequest,
     workers: &Workers,
     span: &mut Span<S>,
-    energy: bool,
-    force: bool,
-    tangent: Option<TangentKind>,
 ) {
     let law = PhantomData::<fn() -> L>;
     if L::FORCES {
-        if energy {
+        if request.energy {
             workers.dispatch(EnergyPass { columns, span, law });
         }
-        if force {
+        if request.force {
             workers.dispatch(ForcePass { columns, span, law });
         }
     }
-    match tangent {
+    match request.tangent {
         Some(kind) => {
             span.clear_tangent();
             let mut doubtful = Vec::new();
@@ -340,43 +297,15 @@ pub struct NoProduct {
     pub law: &'static str,
 }
 
-/// Adds the product `K v` of a law's tangent to `result` (N when `direction` is in m), without
-/// assembly: for [`FusedStVK`](crate::laws::svk::FusedStVK) a fraction of the work of [`evaluate_columns`] with a tangent, and of
-/// the memory. Uses the private force arrays of `buffer`, which do not hold forces afterwards.
+/// Adds the product `K v` of a law's tangent to `result` (N when `direction` is in m), without assembly, at the
+/// displacements that the world holds: for [`FusedStVK`](crate::laws::svk::FusedStVK) a fraction of the work of
+/// [`evaluate_columns`] with a tangent, and of the memory. Nothing is added when the law is not active. Uses the
+/// private force arrays of the law, which do not hold forces afterwards.
 ///
 /// `direction` and `result` have one row per vertex row; fourth entries are padding.
 ///
 /// # Errors
 /// When a projected tangent is asked for of a law that clamps eigenvalues per element.
-pub fn multiply_columns<L: TetrahedronLaw, S: Scalar>(
-    columns: &TetrahedronColumns<S>,
-    kind: TangentKind,
-    direction: &[[S; 4]],
-    workers: &Workers,
-    buffer: &mut LawBuffer<S>,
-    result: &mut [[S; 4]],
-) -> Result<(), NoProduct> {
-    if kind == TangentKind::Projected && L::STRESS_PROJECTION {
-        return Err(NoProduct { law: L::NAME });
-    }
-    if !L::contributes(kind) {
-        return Ok(());
-    }
-    workers.for_each(&mut buffer.spans, columns.volume.len() * 12, |_, span| {
-        span.clear_force();
-        let (force, row) = (&mut span.force[..], span.rows.start);
-        let batch = ProductBatch::<L, S> { columns, direction, kind, force, row, law: PhantomData };
-        workers.dispatch(Batches(span.elements.clone(), batch));
-    });
-    buffer.add_forces_to(workers, result);
-    Ok(())
-}
-
-/// [`multiply_columns`] with the columns of the tetrahedra of law `L` in `world`, at the displacements
-/// that it holds; nothing is added when the law is not active.
-///
-/// # Errors
-/// As [`multiply_columns`].
 pub fn multiply<L: TetrahedronLaw, S: Scalar>(
     world: &mut World,
     kind: TangentKind,
@@ -386,47 +315,44 @@ pub fn multiply<L: TetrahedronLaw, S: Scalar>(
     let mut vertices = world.query::<&Displacement<S>>();
     let mut tetrahedra = world.query_filtered::<TetrahedronData<S>, With<L::Mark>>();
     let Some(mut buffer) = world.resource::<LawBuffers<S>>().get(L::NAME) else { return Ok(()) };
-    if let Some(displacement) = single_table(vertices.contiguous_iter(world))
+    if let Some(u) = single_table(vertices.contiguous_iter(world))
         && let Some(data) = single_table(tetrahedra.contiguous_iter(world))
     {
-        let columns = TetrahedronColumns::new(displacement, data);
-        let workers = world.resource::<Workers>();
-        multiply_columns::<L, S>(&columns, kind, direction, workers, &mut buffer, result)?;
+        if kind == TangentKind::Projected && L::STRESS_PROJECTION {
+            return Err(NoProduct { law: L::NAME });
+        }
+        if L::contributes(kind) {
+            let columns = &TetrahedronColumns::new(u, data);
+            let columns = &OfLaw { columns, law: PhantomData::<fn() -> L> };
+            let workers = world.resource::<Workers>();
+            columns::multiply(columns, kind, direction, workers, 12, &mut buffer, result);
+        }
     }
     Ok(())
 }
 
-struct ProductBatch<'a, 'b, L, S> {
+/// Tetrahedra that follow law `Law`.
+struct OfLaw<'a, 'b, Law, S> {
     columns: &'a TetrahedronColumns<'b, S>,
-    direction: &'a [[S; 4]],
-    kind: TangentKind,
-    force: &'a mut [[S; 4]],
-    /// Vertex row of the first entry of `force`.
-    row: usize,
-    law: PhantomData<fn() -> L>,
+    law: PhantomData<fn() -> Law>,
 }
 
-impl<Law: TetrahedronLaw, S: Scalar> Batch<S> for ProductBatch<'_, '_, Law, S> {
+impl<Law: TetrahedronLaw, S: Scalar> LawProducts<S, 4> for OfLaw<'_, '_, Law, S> {
     const WIDE: bool = Law::WIDE;
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let u = self.columns.shapes.displacements::<L>(first);
-        let nodes = &self.columns.shapes.nodes[first..];
-        let mut v = [[L::ZERO; 3]; 4];
-        for a in 0..4 {
-            v[a] = L::load_rows(self.direction, nodes, a);
-        }
-        let product = Law::product(&self.columns.element::<Law, L>(first), &u, &v, self.kind);
-        for a in 0..4 {
-            L::add_rows(product[a], self.force, self.row, nodes, a);
-        }
+    fn nodes(&self) -> &[[u32; 4]] {
+        self.columns.shapes.nodes
     }
-}
-
-/// Complete batches of a range and where the incomplete one begins.
-#[inline(always)]
-fn batches<L: Lanes>(elements: &Range<usize>) -> usize {
-    elements.end - elements.len() % L::COUNT
+    #[inline(always)]
+    fn products<L: Lanes<Scalar = S>>(
+        &self,
+        first: usize,
+        kind: TangentKind,
+        v: &[[L; 3]; 4],
+    ) -> [[L; 3]; 4] {
+        let u = self.columns.shapes.displacements(first);
+        Law::product(&self.columns.element::<Law, L>(first), &u, v, kind)
+    }
 }
 
 /// The batches of a range: `$batch` runs with the columns `$columns`, complete or those of the tail, at
@@ -435,7 +361,8 @@ fn batches<L: Lanes>(elements: &Range<usize>) -> usize {
 macro_rules! for_batches {
     ($L:ident, $all:expr, $elements:expr, |$columns:ident, $at:ident, $first:ident| $batch:expr) => {{
         let (all, elements): (&TetrahedronColumns<_>, Range<usize>) = ($all, $elements);
-        let whole = batches::<$L>(&elements);
+        // where the incomplete batch begins
+        let whole = elements.end - elements.len() % $L::COUNT;
         let tail =
             if whole < elements.end { Some(Tail::new(all, whole, elements.end)) } else { None };
         let last = match &tail {
@@ -465,20 +392,11 @@ impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for EnergyPass<'_, '_, Law, S> {
     fn run<L: Lanes<Scalar = S>>(self) {
         let mut sums = [0.0; MAX_LANES];
         for_batches!(L, self.columns, self.span.elements.clone(), |columns, at, _first| {
-            energy_batch::<Law, L>(columns, at, &mut sums)
+            let u = columns.shapes.displacements(at);
+            Law::energy::<L>(&columns.element::<Law, L>(at), &u).accumulate(&mut sums);
         });
-        self.span.energy = sums.iter().sum();
+        self.span.energy = sum(sums);
     }
-}
-
-#[inline(always)]
-fn energy_batch<Law: TetrahedronLaw, L: Lanes>(
-    columns: &TetrahedronColumns<L::Scalar>,
-    first: usize,
-    sums: &mut [f64; MAX_LANES],
-) {
-    let u = columns.shapes.displacements(first);
-    Law::energy::<L>(&columns.element::<Law, L>(first), &u).accumulate(sums);
 }
 
 struct ForcePass<'a, 'b, L, S> {
@@ -495,23 +413,12 @@ impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for ForcePass<'_, '_, Law, S> {
         let Self { columns, span, .. } = self;
         span.clear_force();
         for_batches!(L, columns, span.elements.clone(), |columns, at, _first| {
-            force_batch::<Law, L>(columns, at, span)
+            let u = columns.shapes.displacements(at);
+            if let Some(forces) = Law::forces::<L>(&columns.element::<Law, L>(at), &u) {
+                let (row, nodes) = (span.rows.start, &columns.shapes.nodes[at..]);
+                add_vertices(forces, &mut span.force, row, nodes);
+            }
         });
-    }
-}
-
-#[inline(always)]
-fn force_batch<Law: TetrahedronLaw, L: Lanes>(
-    columns: &TetrahedronColumns<L::Scalar>,
-    first: usize,
-    span: &mut Span<L::Scalar>,
-) {
-    let u = columns.shapes.displacements(first);
-    if let Some(forces) = Law::forces::<L>(&columns.element::<Law, L>(first), &u) {
-        let nodes = &columns.shapes.nodes[first..];
-        for (a, force) in forces.into_iter().enumerate() {
-            L::add_rows(force, &mut span.force, span.rows.start, nodes, a);
-        }
     }
 }
 
@@ -532,44 +439,34 @@ impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for TangentPass<'_, '_, Law, S> {
     fn run<L: Lanes<Scalar = S>>(self) {
         let Self { columns, span, kind, doubtful, .. } = self;
         for_batches!(L, columns, span.elements.clone(), |columns, at, first| {
-            tangent_batch::<Law, L>(columns, at, first, kind, span, doubtful)
+            let u = columns.shapes.displacements::<L>(at);
+            let mut e = columns.element::<Law, L>(at);
+            if kind == TangentKind::Projected && !Law::STRESS_PROJECTION {
+                let mut flags = [0.0; MAX_LANES];
+                L::select(Law::is_clamped(&e, &u), L::ONE, L::ZERO).accumulate(&mut flags);
+                span.clamped += sum(flags) as u64;
+            }
+            if kind == TangentKind::Projected && Law::STRESS_PROJECTION {
+                let g = displacement_gradient(&e.gradients, &u);
+                let margin = 1e6 * S::EPSILON.to_f64();
+                let mask = projection::is_doubtful(&e, &g, margin);
+                if L::any(mask) {
+                    let mut flags = [S::ZERO; MAX_LANES];
+                    L::select(mask, L::ONE, L::ZERO).store(&mut flags);
+                    for lane in 0..L::COUNT {
+                        if flags[lane] != S::ZERO {
+                            doubtful.push(first + lane);
+                        }
+                    }
+                    e.lambda = L::select(mask, L::ZERO, e.lambda);
+                    e.mu = L::select(mask, L::ZERO, e.mu);
+                    e.compression = L::select(mask, L::ZERO, e.compression);
+                }
+            }
+            let mut t = Law::tangent::<L>(&e, &u, kind);
+            add_tangent(&mut t, span, &columns.shapes.nodes[at..], &columns.blocks[at..]);
         });
     }
-}
-
-/// One batch; `number` is the table row of its first element.
-#[inline(always)]
-fn tangent_batch<Law: TetrahedronLaw, L: Lanes>(
-    columns: &TetrahedronColumns<L::Scalar>,
-    first: usize,
-    number: usize,
-    kind: TangentKind,
-    span: &mut Span<L::Scalar>,
-    doubtful: &mut Vec<usize>,
-) {
-    let u = columns.shapes.displacements::<L>(first);
-    let mut e = columns.element::<Law, L>(first);
-    if kind == TangentKind::Projected && !Law::STRESS_PROJECTION {
-        let mut flags = [0.0; MAX_LANES];
-        L::select(Law::is_clamped(&e, &u), L::ONE, L::ZERO).accumulate(&mut flags);
-        span.clamped += flags.iter().map(|&x| x as u64).sum::<u64>();
-    }
-    if kind == TangentKind::Projected && Law::STRESS_PROJECTION {
-        let g = displacement_gradient(&e.gradients, &u);
-        let margin = 1e6 * L::Scalar::EPSILON.to_f64();
-        let mask = projection::is_doubtful(&e, &g, margin);
-        if L::any(mask) {
-            let mut flags = [L::Scalar::ZERO; MAX_LANES];
-            L::select(mask, L::ONE, L::ZERO).store(&mut flags);
-            let listed = (0..L::COUNT).filter(|&lane| flags[lane] != L::Scalar::ZERO);
-            doubtful.extend(listed.map(|lane| number + lane));
-            e.lambda = L::select(mask, L::ZERO, e.lambda);
-            e.mu = L::select(mask, L::ZERO, e.mu);
-            e.compression = L::select(mask, L::ZERO, e.compression);
-        }
-    }
-    let mut t = Law::tangent::<L>(&e, &u, kind);
-    add_tangent(&mut t, span, &columns.shapes.nodes[first..], &columns.blocks[first..]);
 }
 
 /// Adds the tangents of the tetrahedra at the start of `nodes` and `blocks` to a range.
@@ -687,7 +584,7 @@ fn projection_batch<S: Scalar, L: Lanes<Scalar = f64>>(
         }
         let mut flags = [0.0; MAX_LANES];
         L::select(clamped, L::ONE, L::ZERO).store(&mut flags);
-        span.clamped += flags.iter().map(|&x| x as u64).sum::<u64>();
+        span.clamped += sum(flags) as u64;
     }
     orient(&mut t, &nodes);
     let mut values = [[0.0; MAX_LANES]; 9];

@@ -50,11 +50,13 @@ use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, cross, dot, mat_vec};
 
+use crate::element::matrix::{add_identity, column, deformation, rows, symmetric, symmetrise};
 use crate::element::projection::{
     Svd, is_positive_definite, rounding, signed_svd, symmetric_eigen,
 };
 use crate::element::tetrahedron::{
-    CORE, Element, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
+    CORE, Element, TetrahedronTangent, assemble, cofactor, elastic_density, green_strain,
+    nodal_forces, second_piola_kirchhoff,
 };
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::laws::LawRow;
@@ -73,8 +75,7 @@ impl<R: Real> Polar<R> {
     #[inline(always)]
     pub fn new(g: &[R; 9]) -> Self {
         let rotation = rotation(g);
-        let one = R::ONE;
-        let f = [one + g[0], g[1], g[2], g[3], one + g[4], g[5], g[6], g[7], one + g[8]];
+        let (one, f) = (R::ONE, deformation(g));
         // S = R^T F to rounding of its largest entry
         let entry = |i: usize, j: usize| {
             let (r, f) = (column(&rotation, i), column(&f, j));
@@ -101,7 +102,8 @@ impl<R: Real> Polar<R> {
         let upright = R::less(R::from_f64(-0.5), volume_change(g));
         let small = R::both(upright, R::less(size, R::from_f64(0.05)));
         let factor = R::from_f64(2.0) / R::select(small, determinant, one);
-        let product = |i: usize, j: usize| dot(row(&green, i), row(&adjugate, j));
+        let (green, adjugate) = (square(&green), square(&adjugate));
+        let product = |i: usize, j: usize| dot(green[i], adjugate[j]);
         let near = [
             factor * product(0, 0),
             factor * product(1, 1),
@@ -124,18 +126,26 @@ impl<R: Real> Polar<R> {
         self.strain[0] + self.strain[1] + self.strain[2]
     }
 
+    /// `R` times a symmetric matrix.
+    #[inline(always)]
+    fn turned(&self, s: &[R; 6]) -> [R; 9] {
+        let (r, s) = (rows(&self.rotation), square(s));
+        let mut product = [R::ZERO; 9];
+        for i in 0..3 {
+            for j in 0..3 {
+                product[3 * i + j] = dot(r[i], s[j]);
+            }
+        }
+        product
+    }
+
     /// `tr(S) I - R S R^T`, whose eigenvalues are the sums of two singular values.
     #[inline(always)]
     fn sums(&self) -> [R; 6] {
         // tr(S) I - S = (2 + tr e) I - e, turned by R
         let trace = R::from_f64(2.0) + self.trace();
-        let mut turned = [[R::ZERO; 3]; 3];
-        for i in 0..3 {
-            for j in 0..3 {
-                turned[i][j] = dot(line(&self.rotation, i), row(&self.strain, j));
-            }
-        }
-        let entry = |i: usize, j: usize| dot(turned[i], line(&self.rotation, j));
+        let (r, turned) = (rows(&self.rotation), rows(&self.turned(&self.strain)));
+        let entry = |i: usize, j: usize| dot(turned[i], r[j]);
         [
             trace - entry(0, 0),
             trace - entry(1, 1),
@@ -156,8 +166,7 @@ const BADLY_DETERMINED: f64 = 0.3;
 /// The rotation closest to `F = I + G`, row-major: of the proper rotations it maximises `tr(R^T F)`.
 #[inline(always)]
 pub fn rotation<R: Real>(g: &[R; 9]) -> [R; 9] {
-    let one = R::ONE;
-    let f = [one + g[0], g[1], g[2], g[3], one + g[4], g[5], g[6], g[7], one + g[8]];
+    let (one, f) = (R::ONE, deformation(g));
     let cof = cofactor(g);
     let (mut squares, mut cofactors) = (R::ZERO, R::ZERO);
     for k in 0..9 {
@@ -191,7 +200,7 @@ pub fn rotation<R: Real>(g: &[R; 9]) -> [R; 9] {
     let good = R::both(done, R::both(determined, resolved));
     let scale = one / R::select(good, zeta, one);
     // F F^T
-    let (r0, r1, r2) = (line(&f, 0), line(&f, 1), line(&f, 2));
+    let [r0, r1, r2] = rows(&f);
     let (b01, b02, b12) = (dot(r0, r1), dot(r0, r2), dot(r1, r2));
     let left = [[dot(r0, r0), b01, b02], [b01, dot(r1, r1), b12], [b02, b12, dot(r2, r2)]];
     let sum = kappa + squares;
@@ -213,112 +222,6 @@ pub fn rotation<R: Real>(g: &[R; 9]) -> [R; 9] {
         }
     }
     rotation
-}
-
-/// Energy, J.
-#[inline(always)]
-pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-    let polar = Polar::new(&displacement_gradient(&e.gradients, u));
-    let [xx, yy, zz, yz, xz, xy] = polar.strain;
-    let trace = polar.trace();
-    let shear = dot([yz, xz, xy], [yz, xz, xy]);
-    let squares = dot([xx, yy, zz], [xx, yy, zz]) + (shear + shear);
-    e.volume * (R::from_f64(0.5) * e.lambda * trace).mul_add(trace, e.mu * squares)
-}
-
-/// Forces on the four vertices, N.
-#[inline(always)]
-pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [[R; 3]; 4] {
-    let polar = Polar::new(&displacement_gradient(&e.gradients, u));
-    let two_mu = e.mu + e.mu;
-    let pressure = e.lambda * polar.trace();
-    let [xx, yy, zz, yz, xz, xy] = polar.strain;
-    let stress = [
-        two_mu.mul_add(xx, pressure),
-        two_mu.mul_add(yy, pressure),
-        two_mu.mul_add(zz, pressure),
-        two_mu * yz,
-        two_mu * xz,
-        two_mu * xy,
-    ];
-    let mut p = [R::ZERO; 9];
-    for i in 0..3 {
-        for j in 0..3 {
-            p[3 * i + j] = dot(line(&polar.rotation, i), row(&stress, j));
-        }
-    }
-    nodal_forces(e, &p)
-}
-
-/// Tangent `+d2W/du2` or a semidefinite stand-in for it, N/m; see the table of the module.
-#[inline(always)]
-pub fn tangent<R: Real>(
-    e: &Element<R>,
-    u: &[[R; 3]; 4],
-    kind: TangentKind,
-) -> TetrahedronTangent<R> {
-    let polar = Polar::new(&displacement_gradient(&e.gradients, u));
-    let (lambda, two_mu) = (e.lambda * e.volume, (e.mu + e.mu) * e.volume);
-    let mut rd = [[R::ZERO; 3]; 3];
-    for a in 0..3 {
-        rd[a] = mat_vec(&polar.rotation, e.gradients[a]);
-    }
-    if kind == TangentKind::GaussNewton {
-        return assemble(&warped(&rd, lambda, e.mu * e.volume));
-    }
-    let c = e.lambda.mul_add(polar.trace(), -(e.mu + e.mu));
-    let sums = polar.sums();
-    let mut h = inverse(&sums);
-    if kind == TangentKind::Projected {
-        let clamp = clamped(e, c, &sums);
-        if R::any(clamp) {
-            let least = -c / R::select(clamp, e.mu, R::ONE);
-            let (values, vectors) = symmetric_eigen(square(&sums), clamp);
-            for (k, (i, j)) in ENTRIES.into_iter().enumerate() {
-                let mut sum = R::ZERO;
-                for n in 0..3 {
-                    let value = R::select(clamp, values[n].max(least), R::ONE);
-                    sum += vectors[i][n] * vectors[j][n] / value;
-                }
-                h[k] = R::select(clamp, sum, h[k]);
-            }
-        }
-    }
-    let c = c * e.volume;
-    // H [R D_b]x
-    let mut turning = [[[R::ZERO; 3]; 3]; 3];
-    for b in 0..3 {
-        for i in 0..3 {
-            turning[b][i] = cross(row(&h, i), rd[b]);
-        }
-    }
-    let mut core = [[R::ZERO; 9]; 6];
-    for (block, [a, b]) in core.iter_mut().zip(CORE) {
-        let shear = two_mu * dot(e.gradients[a], e.gradients[b]);
-        for j in 0..3 {
-            let of_column = [turning[b][0][j], turning[b][1][j], turning[b][2][j]];
-            let turned = cross(rd[a], of_column);
-            for i in 0..3 {
-                let volume = lambda * rd[a][i] * rd[b][j];
-                block[3 * i + j] = volume - c * turned[i];
-            }
-        }
-        block[0] += shear;
-        block[4] += shear;
-        block[8] += shear;
-        if a == b {
-            symmetrise(block);
-        }
-    }
-    assemble(&core)
-}
-
-/// Where the exact tangent has a negative eigenvalue that `Projected` raises.
-#[inline(always)]
-pub fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {
-    let polar = Polar::new(&displacement_gradient(&e.gradients, u));
-    let c = e.lambda.mul_add(polar.trace(), -(e.mu + e.mu));
-    clamped(e, c, &polar.sums())
 }
 
 /// The eigenvalues of the turning part are `2 mu + 2 c/g` with the sums `g` of two singular values.
@@ -347,8 +250,8 @@ pub(crate) fn warped<R: Real>(d: &[[R; 3]; 3], lambda: R, mu: R) -> [[R; 9]; 6] 
                 let volume = lambda * d[a][i] * d[b][j];
                 block[3 * i + j] = (mu * d[b][i]).mul_add(d[a][j], volume);
             }
-            block[4 * i] += shear;
         }
+        add_identity(block, shear);
     }
     core
 }
@@ -356,36 +259,16 @@ pub(crate) fn warped<R: Real>(d: &[[R; 3]; 3], lambda: R, mu: R) -> [[R; 9]; 6] 
 /// Places of the six entries of a symmetric matrix.
 const ENTRIES: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)];
 
+/// Rows of a symmetric matrix from its entries xx, yy, zz, yz, xz, xy.
 #[inline(always)]
 fn square<R: Real>(s: &[R; 6]) -> [[R; 3]; 3] {
-    [row(s, 0), row(s, 1), row(s, 2)]
-}
-
-/// Row of a symmetric matrix.
-#[inline(always)]
-fn row<R: Real>(s: &[R; 6], i: usize) -> [R; 3] {
-    match i {
-        0 => [s[0], s[5], s[4]],
-        1 => [s[5], s[1], s[3]],
-        _ => [s[4], s[3], s[2]],
-    }
-}
-
-/// Row of a row-major matrix.
-#[inline(always)]
-fn line<R: Real>(m: &[R; 9], i: usize) -> [R; 3] {
-    [m[3 * i], m[3 * i + 1], m[3 * i + 2]]
-}
-
-#[inline(always)]
-fn column<R: Real>(m: &[R; 9], j: usize) -> [R; 3] {
-    [m[j], m[3 + j], m[6 + j]]
+    rows(&symmetric(*s))
 }
 
 /// Adjugate and determinant of a symmetric matrix.
 #[inline(always)]
 fn adjugate<R: Real>(s: &[R; 6]) -> ([R; 6], R) {
-    let (r0, r1, r2) = (row(s, 0), row(s, 1), row(s, 2));
+    let [r0, r1, r2] = square(s);
     let (c0, c1, c2) = (cross(r1, r2), cross(r2, r0), cross(r0, r1));
     ([c0[0], c1[1], c2[2], c1[2], c0[2], c0[1]], dot(r0, c0))
 }
@@ -401,14 +284,6 @@ fn inverse<R: Real>(s: &[R; 6]) -> [R; 6] {
         *x *= factor;
     }
     inverse
-}
-
-#[inline(always)]
-fn symmetrise<R: Real>(block: &mut [R; 9]) {
-    for (k, l) in [(1, 3), (2, 6), (5, 7)] {
-        let mean = R::from_f64(0.5) * (block[k] + block[l]);
-        (block[k], block[l]) = (mean, mean);
-    }
 }
 
 /// Corotational elasticity with its exact tangent; also the mark of its tetrahedra.
@@ -433,28 +308,84 @@ impl TetrahedronLaw for Corotational {
     const NAME: &'static str = "corotational";
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
-    fn contributes(_: TangentKind) -> bool {
-        true
-    }
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-        energy(e, u)
+        let polar = Polar::new(&displacement_gradient(&e.gradients, u));
+        e.volume * elastic_density(e, &polar.strain)
     }
     #[inline(always)]
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
-        Some(forces(e, u))
+        let polar = Polar::new(&displacement_gradient(&e.gradients, u));
+        let stress = second_piola_kirchhoff(e, &polar.strain);
+        Some(nodal_forces(e, &polar.turned(&stress)))
     }
+    /// See the table of the module.
     #[inline(always)]
     fn tangent<R: Real>(
         e: &Element<R>,
         u: &[[R; 3]; 4],
         kind: TangentKind,
     ) -> TetrahedronTangent<R> {
-        tangent(e, u, kind)
+        let polar = Polar::new(&displacement_gradient(&e.gradients, u));
+        let (lambda, two_mu) = (e.lambda * e.volume, (e.mu + e.mu) * e.volume);
+        let mut rd = [[R::ZERO; 3]; 3];
+        for a in 0..3 {
+            rd[a] = mat_vec(&polar.rotation, e.gradients[a]);
+        }
+        if kind == TangentKind::GaussNewton {
+            return assemble(&warped(&rd, lambda, e.mu * e.volume));
+        }
+        let c = e.lambda.mul_add(polar.trace(), -(e.mu + e.mu));
+        let sums = polar.sums();
+        let mut h = inverse(&sums);
+        if kind == TangentKind::Projected {
+            let clamp = clamped(e, c, &sums);
+            if R::any(clamp) {
+                let least = -c / R::select(clamp, e.mu, R::ONE);
+                let (values, vectors) = symmetric_eigen(square(&sums), clamp);
+                for (k, (i, j)) in ENTRIES.into_iter().enumerate() {
+                    let mut sum = R::ZERO;
+                    for n in 0..3 {
+                        let value = R::select(clamp, values[n].max(least), R::ONE);
+                        sum += vectors[i][n] * vectors[j][n] / value;
+                    }
+                    h[k] = R::select(clamp, sum, h[k]);
+                }
+            }
+        }
+        let c = c * e.volume;
+        let h = square(&h);
+        // H [R D_b]x
+        let mut turning = [[[R::ZERO; 3]; 3]; 3];
+        for b in 0..3 {
+            for i in 0..3 {
+                turning[b][i] = cross(h[i], rd[b]);
+            }
+        }
+        let mut core = [[R::ZERO; 9]; 6];
+        for (block, [a, b]) in core.iter_mut().zip(CORE) {
+            let shear = two_mu * dot(e.gradients[a], e.gradients[b]);
+            for j in 0..3 {
+                let of_column = [turning[b][0][j], turning[b][1][j], turning[b][2][j]];
+                let turned = cross(rd[a], of_column);
+                for i in 0..3 {
+                    let volume = lambda * rd[a][i] * rd[b][j];
+                    block[3 * i + j] = volume - c * turned[i];
+                }
+            }
+            add_identity(block, shear);
+            if a == b {
+                symmetrise(block);
+            }
+        }
+        assemble(&core)
     }
+    /// Where the exact tangent has a negative eigenvalue that `Projected` raises.
     #[inline(always)]
     fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {
-        is_clamped(e, u)
+        let polar = Polar::new(&displacement_gradient(&e.gradients, u));
+        let c = e.lambda.mul_add(polar.trace(), -(e.mu + e.mu));
+        clamped(e, c, &polar.sums())
     }
 }
 
@@ -463,19 +394,16 @@ impl TetrahedronLaw for WarpedStiffness {
     const NAME: &'static str = "warped stiffness";
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
-    fn contributes(_: TangentKind) -> bool {
-        true
-    }
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-        energy(e, u)
+        Corotational::energy(e, u)
     }
     #[inline(always)]
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
-        Some(forces(e, u))
+        Corotational::forces(e, u)
     }
     #[inline(always)]
     fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 4], _: TangentKind) -> TetrahedronTangent<R> {
-        tangent(e, u, TangentKind::GaussNewton)
+        Corotational::tangent(e, u, TangentKind::GaussNewton)
     }
 }

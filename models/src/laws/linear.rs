@@ -15,10 +15,11 @@
 use bevy_ecs::prelude::*;
 use sinew_engine::element::displacement_gradient;
 use sinew_engine::law::TangentKind;
-use sinew_engine::scalar::{Real, dot};
+use sinew_engine::scalar::Real;
 
+use crate::element::matrix::symmetric;
 use crate::element::tetrahedron::{
-    Element, TetrahedronTangent, assemble, nodal_forces, second_piola_kirchhoff,
+    Element, TetrahedronTangent, assemble, elastic_density, nodal_forces, second_piola_kirchhoff,
 };
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::laws::LawRow;
@@ -30,29 +31,6 @@ fn strain<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [R; 6] {
     let g = displacement_gradient(&e.gradients, u);
     let half = R::from_f64(0.5);
     [g[0], g[4], g[8], half * (g[5] + g[7]), half * (g[2] + g[6]), half * (g[1] + g[3])]
-}
-
-/// Energy, J.
-#[inline(always)]
-pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-    let [xx, yy, zz, yz, xz, xy] = strain(e, u);
-    let trace = xx + yy + zz;
-    let shear = dot([yz, xz, xy], [yz, xz, xy]);
-    let squares = dot([xx, yy, zz], [xx, yy, zz]) + (shear + shear);
-    e.volume * (R::from_f64(0.5) * e.lambda * trace).mul_add(trace, e.mu * squares)
-}
-
-/// Forces on the four vertices, N.
-#[inline(always)]
-pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [[R; 3]; 4] {
-    let [xx, yy, zz, yz, xz, xy] = second_piola_kirchhoff(e, &strain(e, u));
-    nodal_forces(e, &[xx, xy, xz, xy, yy, yz, xz, yz, zz])
-}
-
-/// Tangent `+d2W/du2`, N/m, at any displacement.
-#[inline(always)]
-pub fn tangent<R: Real>(e: &Element<R>) -> TetrahedronTangent<R> {
-    assemble(&warped(&e.gradients, e.lambda * e.volume, e.mu * e.volume))
 }
 
 /// Linear elasticity; also the mark of its tetrahedra.
@@ -69,19 +47,16 @@ impl TetrahedronLaw for Linear {
     const NAME: &'static str = "linear elasticity";
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
-    fn contributes(_: TangentKind) -> bool {
-        true
-    }
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-        energy(e, u)
+        e.volume * elastic_density(e, &strain(e, u))
     }
     #[inline(always)]
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
-        Some(forces(e, u))
+        Some(nodal_forces(e, &symmetric(second_piola_kirchhoff(e, &strain(e, u)))))
     }
     #[inline(always)]
     fn tangent<R: Real>(e: &Element<R>, _: &[[R; 3]; 4], _: TangentKind) -> TetrahedronTangent<R> {
-        tangent(e)
+        assemble(&warped(&e.gradients, e.lambda * e.volume, e.mu * e.volume))
     }
 }

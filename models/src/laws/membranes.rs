@@ -58,21 +58,43 @@ pub static LINEAR_QUADS: LawRow = LawRow::quads::<LinearMembrane>("linear quadri
 pub static COROTATIONAL_QUADS: LawRow =
     LawRow::quads::<CorotationalMembrane>("corotational quadrilaterals");
 
+/// Energy and forces from a module of [`crate::element::membrane`].
+macro_rules! energy_of {
+    ($module:ident) => {
+        #[inline(always)]
+        fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
+            $module::energy(e, u)
+        }
+        #[inline(always)]
+        fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
+            $module::forces(e, u)
+        }
+    };
+}
+
+/// Tangents from such a module.
+macro_rules! tangent_of {
+    ($module:ident) => {
+        #[inline(always)]
+        fn tangent<R: Real>(
+            e: &Element<R>,
+            u: &[[R; 3]; 3],
+            kind: TangentKind,
+        ) -> TriangleTangent<R> {
+            $module::tangent(e, u, kind)
+        }
+        #[inline(always)]
+        fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
+            $module::is_clamped(e, u)
+        }
+    };
+}
+
 impl TriangleLaw for BiquadraticMembrane {
     const NAME: &'static str = "biquadratic membrane";
     type Mark = Self;
-    #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
-        biquadratic::energy(e, u)
-    }
-    #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
-        biquadratic::forces(e, u)
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
-        biquadratic::tangent(e, u, kind)
-    }
+    energy_of!(biquadratic);
+    tangent_of!(biquadratic);
     #[inline(always)]
     fn product<R: Real>(
         e: &Element<R>,
@@ -85,45 +107,20 @@ impl TriangleLaw for BiquadraticMembrane {
             _ => biquadratic::product(e, u, v, kind == TangentKind::Exact),
         }
     }
-    #[inline(always)]
-    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
-        biquadratic::is_clamped(e, u)
-    }
 }
 
 impl TriangleLaw for QuadraticMembrane {
     const NAME: &'static str = "quadratic membrane";
     type Mark = Self;
-    #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
-        quadratic::energy(e, u)
-    }
-    #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
-        quadratic::forces(e, u)
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
-        quadratic::tangent(e, u, kind)
-    }
-    #[inline(always)]
-    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
-        quadratic::is_clamped(e, u)
-    }
+    energy_of!(quadratic);
+    tangent_of!(quadratic);
 }
 
 impl TriangleLaw for LinearMembrane {
     const WIDE: bool = false;
     const NAME: &'static str = "linear membrane";
     type Mark = Self;
-    #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
-        linear::energy(e, u)
-    }
-    #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
-        linear::forces(e, u)
-    }
+    energy_of!(linear);
     #[inline(always)]
     fn tangent<R: Real>(e: &Element<R>, _: &[[R; 3]; 3], _: TangentKind) -> TriangleTangent<R> {
         linear::tangent(e)
@@ -134,22 +131,8 @@ impl TriangleLaw for CorotationalMembrane {
     const WIDE: bool = false;
     const NAME: &'static str = "corotational membrane";
     type Mark = Self;
-    #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R {
-        corotational::energy(e, u)
-    }
-    #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> [[R; 3]; 3] {
-        corotational::forces(e, u)
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
-        corotational::tangent(e, u, kind)
-    }
-    #[inline(always)]
-    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
-        corotational::is_clamped(e, u)
-    }
+    energy_of!(corotational);
+    tangent_of!(corotational);
 }
 
 impl TriangleLaw for PooledMembrane {
@@ -167,14 +150,7 @@ impl TriangleLaw for PooledMembrane {
     fn forces<R: Real>(_: &Element<R>, _: &[[R; 3]; 3]) -> [[R; 3]; 3] {
         [[R::ZERO; 3]; 3]
     }
-    #[inline(always)]
-    fn tangent<R: Real>(e: &Element<R>, u: &[[R; 3]; 3], kind: TangentKind) -> TriangleTangent<R> {
-        biquadratic::tangent(e, u, kind)
-    }
-    #[inline(always)]
-    fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 3]) -> R::Mask {
-        biquadratic::is_clamped(e, u)
-    }
+    tangent_of!(biquadratic);
 }
 
 /// The element without its springs.

@@ -22,12 +22,13 @@ pub mod svk_volume;
 
 use bevy_ecs::component::ComponentId;
 use bevy_ecs::prelude::*;
-use bevy_ecs::query::QueryBuilder;
+use bevy_ecs::query::{ContiguousQueryData, QueryBuilder, ReadOnlyQueryData};
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices};
 use sinew_engine::isoparametric::{AxisHexahedronVertices, HexahedronVertices, QuadVertices};
-use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
+use sinew_engine::law::{LawBuffer, LawInfo, Partition, TangentKind};
 use sinew_engine::scalar::Scalar;
+use sinew_engine::schedule::{ElementLaw, Evaluate, activate_law};
 use sinew_engine::topology::Topology;
 
 use crate::axes::{damper, hexahedra as axes_in_hexahedra, printed_system, systems as axes};
@@ -393,6 +394,20 @@ pub(crate) fn in_table(world: &mut World, row: &'static LawRow) -> (usize, &'sta
 pub(crate) fn activate<S: Scalar>(world: &mut World, row: &'static LawRow) {
     let (place, row) = in_table(world, row);
     row.activate[precision::<S>()](world, row, place);
+}
+
+/// Puts a law of elements of kind `C` with the columns `D` into the schedule.
+pub(crate) fn activate_elements<C: ElementRows, S: Scalar, D>(
+    world: &mut World,
+    row: &'static LawRow,
+    place: usize,
+    evaluate: Evaluate<S, D>,
+) where
+    D: ReadOnlyQueryData + ContiguousQueryData + 'static,
+{
+    let mark = Some(row.mark::<S>(world));
+    let partition: Partition<S> = partition::<C, S>;
+    activate_law(world, ElementLaw { info: row.info, place, mark, partition, evaluate });
 }
 
 /// Elements that know the rows of their vertices.

@@ -29,8 +29,9 @@
 //!
 //! ```
 //! use sinew_models::material::YoungPoisson;
-//! use sinew_models::laws::neo_hookean;
 //! use sinew_models::element::precompute::RestTetrahedron;
+//! use sinew_models::frame::tetrahedra::TetrahedronLaw;
+//! use sinew_models::laws::neo_hookean::NeoHookean;
 //! use sinew_models::element::tetrahedron::{Element, TangentKind};
 //!
 //! // at rest the stiffness matrix is that of linear elasticity
@@ -38,7 +39,7 @@
 //! let corner = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 //! let rest = RestTetrahedron::new(corner)?;
 //! let e = Element::<f64>::new(&rest, material.lame()?, false);
-//! let k = neo_hookean::tangent(&e, &[[0.0; 3]; 4], TangentKind::Exact);
+//! let k = NeoHookean::tangent(&e, &[[0.0; 3]; 4], TangentKind::Exact);
 //! // a pull along x on vertex 1 meets V (lambda + 2 mu), one along y meets V mu
 //! let (lambda, mu) = (e.lambda, e.mu);
 //! assert!((k.diagonal[1][0] - (lambda + 2.0 * mu) / 6.0).abs() < 1e-9 * mu);
@@ -51,6 +52,7 @@ use sinew_engine::element::{displacement_gradient, minor, volume_change};
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, cross, dot, mat_vec};
 
+use crate::element::matrix::{add_identity, add_skew, deformation, rows};
 use crate::element::projection::{Spectrum, Svd, clamped_blocks, signed_svd};
 use crate::element::tetrahedron::{
     CORE, Element, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
@@ -70,13 +72,6 @@ fn stretch<R: Real>(g: &[R; 9]) -> R {
     let [xx, yy, zz, ..] = green_strain(g);
     let trace = xx + yy + zz;
     trace + trace
-}
-
-/// `F`, row-major.
-#[inline(always)]
-fn gradient<R: Real>(g: &[R; 9]) -> [R; 9] {
-    let one = R::ONE;
-    [one + g[0], g[1], g[2], g[3], one + g[4], g[5], g[6], g[7], one + g[8]]
 }
 
 /// `x - log(1 + x)` for `x > -1`, without cancellation at small `x`.
@@ -108,43 +103,6 @@ fn series<R: Real>(t: R) -> R {
     sum * t2 * t
 }
 
-/// Energy, J.
-#[inline(always)]
-pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-    let g = displacement_gradient(&e.gradients, u);
-    let m = volume_change(&g);
-    let strain = green_strain(&g);
-    let [xx, yy, zz, yz, xz, xy] = strain;
-    let two = R::from_f64(2.0);
-    let q = two * (xx + yy + zz);
-    // q - 2 (J - 1): both are of first order in the strain, the difference is not. J^2 - 1 = q + r.
-    let minors = minor(yy, zz, yz, yz) + minor(xx, zz, xz, xz) + minor(xx, yy, xy, xy);
-    let determinant = dot([xx, xy, xz], cross([xy, yy, yz], [xz, yz, zz]));
-    let r = R::from_f64(8.0).mul_add(determinant, R::from_f64(4.0) * minors);
-    let near = R::less(R::from_f64(-0.5), m);
-    let shape = (q * m - (r + r)) / R::select(near, two + m, R::ONE);
-    let shape = R::select(near, shape, q - (m + m));
-    let half = R::from_f64(0.5);
-    let excess = R::from_f64(2.0 / 3.0) * excess_over_logarithm(R::from_f64(0.25) * q);
-    e.volume * (half * bulk(e) * m).mul_add(m, e.mu * (half * shape + excess))
-}
-
-/// Forces on the four vertices, N.
-#[inline(always)]
-pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [[R; 3]; 4] {
-    let g = displacement_gradient(&e.gradients, u);
-    let (f, cof) = (gradient(&g), cofactor(&g));
-    let q = stretch(&g);
-    let deviation = deviation(&g);
-    let pull = R::from_f64(1.0 / 3.0) * e.mu * q / (R::from_f64(4.0) + q);
-    let pressure = bulk(e) * volume_change(&g);
-    let mut p = [R::ZERO; 9];
-    for k in 0..9 {
-        p[k] = pressure.mul_add(cof[k], pull.mul_add(f[k], e.mu * deviation[k]));
-    }
-    nodal_forces(e, &p)
-}
-
 /// `F - cof F = G + G^T - (tr G) I - cof G`.
 #[inline(always)]
 fn deviation<R: Real>(g: &[R; 9]) -> [R; 9] {
@@ -171,60 +129,14 @@ fn coefficients<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R, R, R) {
     (a, b, bulk(e).mul_add(volume_change(g), -e.mu))
 }
 
-/// Tangent `+d2W/du2` or, for the other kinds, the same with its negative eigenvalues clamped, N/m.
-#[inline(always)]
-pub fn tangent<R: Real>(
-    e: &Element<R>,
-    u: &[[R; 3]; 4],
-    kind: TangentKind,
-) -> TetrahedronTangent<R> {
-    if kind != TangentKind::Exact {
-        return assemble(&projected(e, u).1);
-    }
-    let g = displacement_gradient(&e.gradients, u);
-    let (f, cof) = (gradient(&g), cofactor(&g));
-    let (a, b, p) = coefficients(e, &g);
-    let l = bulk(e) * e.volume;
-    let (a, b, p) = (a * e.volume, b * e.volume, p * e.volume);
-    let mut fd = [[R::ZERO; 3]; 3];
-    let mut cd = [[R::ZERO; 3]; 3];
-    for n in 0..3 {
-        fd[n] = mat_vec(&f, e.gradients[n]);
-        cd[n] = mat_vec(&cof, e.gradients[n]);
-    }
-    let mut core = [[R::ZERO; 9]; 6];
-    for (block, [n, m]) in core.iter_mut().zip(CORE) {
-        let (dn, dm) = (e.gradients[n], e.gradients[m]);
-        for i in 0..3 {
-            let (bf, lc) = (b * fd[n][i], l * cd[n][i]);
-            for j in 0..3 {
-                block[3 * i + j] = bf.mul_add(fd[m][j], lc * cd[m][j]);
-            }
-        }
-        let shear = a * dot(dn, dm);
-        for i in 0..3 {
-            block[4 * i] += shear;
-        }
-        let w = mat_vec(&f, cross(dm, dn));
-        let w = [p * w[0], p * w[1], p * w[2]];
-        block[1] -= w[2];
-        block[2] += w[1];
-        block[3] += w[2];
-        block[5] -= w[0];
-        block[6] -= w[1];
-        block[7] += w[0];
-    }
-    assemble(&core)
-}
-
 /// Whether eigenvalues were clamped, and the blocks of the rest.
 #[inline(always)]
 fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6]) {
     let g = displacement_gradient(&e.gradients, u);
-    let f = gradient(&g);
+    let f = deformation(&g);
     let (a, b, p) = coefficients(e, &g);
     let l = bulk(e);
-    let svd = signed_svd(&[[f[0], f[1], f[2]], [f[3], f[4], f[5]], [f[6], f[7], f[8]]]);
+    let svd = signed_svd(&rows(&f));
     let Svd { s, .. } = svd;
     let c = [s[1] * s[2], s[0] * s[2], s[0] * s[1]];
     let mut spectrum =
@@ -258,24 +170,75 @@ impl TetrahedronLaw for NeoHookean {
     const NAME: &'static str = "stable neo-Hookean";
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
-    fn contributes(_: TangentKind) -> bool {
-        true
-    }
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-        energy(e, u)
+        let g = displacement_gradient(&e.gradients, u);
+        let m = volume_change(&g);
+        let strain = green_strain(&g);
+        let [xx, yy, zz, yz, xz, xy] = strain;
+        let two = R::from_f64(2.0);
+        let q = two * (xx + yy + zz);
+        // q - 2 (J - 1): both are of first order in the strain, the difference is not. J^2 - 1 = q + r.
+        let minors = minor(yy, zz, yz, yz) + minor(xx, zz, xz, xz) + minor(xx, yy, xy, xy);
+        let determinant = dot([xx, xy, xz], cross([xy, yy, yz], [xz, yz, zz]));
+        let r = R::from_f64(8.0).mul_add(determinant, R::from_f64(4.0) * minors);
+        let near = R::less(R::from_f64(-0.5), m);
+        let shape = (q * m - (r + r)) / R::select(near, two + m, R::ONE);
+        let shape = R::select(near, shape, q - (m + m));
+        let half = R::from_f64(0.5);
+        let excess = R::from_f64(2.0 / 3.0) * excess_over_logarithm(R::from_f64(0.25) * q);
+        e.volume * (half * bulk(e) * m).mul_add(m, e.mu * (half * shape + excess))
     }
     #[inline(always)]
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
-        Some(forces(e, u))
+        let g = displacement_gradient(&e.gradients, u);
+        let (f, cof) = (deformation(&g), cofactor(&g));
+        let q = stretch(&g);
+        let deviation = deviation(&g);
+        let pull = R::from_f64(1.0 / 3.0) * e.mu * q / (R::from_f64(4.0) + q);
+        let pressure = bulk(e) * volume_change(&g);
+        let mut p = [R::ZERO; 9];
+        for k in 0..9 {
+            p[k] = pressure.mul_add(cof[k], pull.mul_add(f[k], e.mu * deviation[k]));
+        }
+        Some(nodal_forces(e, &p))
     }
+    /// `+d2W/du2` or, for the other kinds, the same with its negative eigenvalues clamped.
     #[inline(always)]
     fn tangent<R: Real>(
         e: &Element<R>,
         u: &[[R; 3]; 4],
         kind: TangentKind,
     ) -> TetrahedronTangent<R> {
-        tangent(e, u, kind)
+        if kind != TangentKind::Exact {
+            return assemble(&projected(e, u).1);
+        }
+        let g = displacement_gradient(&e.gradients, u);
+        let (f, cof) = (deformation(&g), cofactor(&g));
+        let (a, b, p) = coefficients(e, &g);
+        let l = bulk(e) * e.volume;
+        let (a, b, p) = (a * e.volume, b * e.volume, p * e.volume);
+        let mut fd = [[R::ZERO; 3]; 3];
+        let mut cd = [[R::ZERO; 3]; 3];
+        for n in 0..3 {
+            fd[n] = mat_vec(&f, e.gradients[n]);
+            cd[n] = mat_vec(&cof, e.gradients[n]);
+        }
+        let mut core = [[R::ZERO; 9]; 6];
+        for (block, [n, m]) in core.iter_mut().zip(CORE) {
+            let (dn, dm) = (e.gradients[n], e.gradients[m]);
+            for i in 0..3 {
+                let (bf, lc) = (b * fd[n][i], l * cd[n][i]);
+                for j in 0..3 {
+                    block[3 * i + j] = bf.mul_add(fd[m][j], lc * cd[m][j]);
+                }
+            }
+            let shear = a * dot(dn, dm);
+            add_identity(block, shear);
+            let w = mat_vec(&f, cross(dm, dn));
+            add_skew(block, [p * w[0], p * w[1], p * w[2]]);
+        }
+        assemble(&core)
     }
     #[inline(always)]
     fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {

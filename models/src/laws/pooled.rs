@@ -21,6 +21,7 @@
 //! any number of threads.
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::system::{ScheduleSystem, SystemParam};
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{
@@ -43,34 +44,34 @@ use sinew_engine::workers::Workers;
 use std::ops::Range;
 use std::time::Instant;
 
+use crate::element::matrix::{add_identity, add_outer};
 use crate::element::precompute::OPPOSITE_EDGES;
 use crate::element::spring::{coupling_energy, edge_force, tensile_energy, tensile_tension};
 use crate::element::tetrahedron::TetrahedronTangent;
+use crate::frame::columns::{LawColumns, TangentSum, evaluate_span, scalar_columns, work};
 use crate::frame::tetrahedra::add_tangent;
-use crate::laws::{Elements, LawRow, mark, partition};
+use crate::laws::{ElementRows, Elements, LawRow, mark, partition};
 
 /// Vertex rows of a triangle, ascending.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct TriangleVertices(pub [u32; 3]);
 
-/// Tensile stiffness `k` of an edge (N/m^3).
-#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct TensileStiffness<S: Scalar>(pub S);
+scalar_columns! {
+    /// Tensile stiffness `k` of an edge (N/m^3).
+    TensileStiffness,
+    /// Angular stiffness (N/m^3) of a triangle that couples the two edges meeting at its vertex `VERTEX`
+    /// (0, 1, 2).
+    AngularStiffness<VERTEX>,
+    /// Volumetric stiffness `d` (N/m^3) of a tetrahedron for pair `PAIR` of opposite edges, in the order of
+    /// [`OPPOSITE_PAIRS`](crate::element::precompute::OPPOSITE_PAIRS).
+    VolumetricStiffness<PAIR>,
+}
 
 /// Tension (N/m) of the tensile spring of an edge.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper)]
 #[repr(transparent)]
 pub struct TensileTension<S: Scalar>(pub S);
-
-/// Angular stiffness (N/m^3) of a triangle that couples the two edges meeting at its vertex `VERTEX`
-/// (0, 1, 2).
-#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct AngularStiffness<S: Scalar, const VERTEX: usize>(pub S);
 
 /// All three columns of [`AngularStiffness`]: query data.
 pub type AngularStiffnesses<S> = (
@@ -78,13 +79,6 @@ pub type AngularStiffnesses<S> = (
     &'static AngularStiffness<S, 1>,
     &'static AngularStiffness<S, 2>,
 );
-
-/// Volumetric stiffness `d` (N/m^3) of a tetrahedron for pair `PAIR` of opposite edges, in the order of
-/// [`OPPOSITE_PAIRS`](crate::element::precompute::OPPOSITE_PAIRS).
-#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct VolumetricStiffness<S: Scalar, const PAIR: usize>(pub S);
 
 /// All three columns of [`VolumetricStiffness`]: query data.
 pub type VolumetricStiffnesses<S> = (
@@ -155,39 +149,41 @@ fn activate_tensile<S: Scalar>(world: &mut World, row: &'static LawRow, place: u
 }
 
 fn activate_angular<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    let cut: Partition<S> = |world, mark, buffer| {
-        partition::<TriangleVertices, S>(world, mark, buffer);
-        find_edges::<TriangleEdges, S>(world, buffer);
-    };
-    let elements = (Some(row.mark::<S>(world)), cut);
-    activate_law_of_systems(world, (row.info, place), elements, |schedule, _| {
-        schedule.add_systems(evaluate_angular::<S>.in_set(ForceSystems::Evaluate));
-    });
-    let inputs = [
-        Input::column::<TriangleEdges>(world),
+    let stiffness = [
         Input::column::<AngularStiffness<S, 0>>(world),
         Input::column::<AngularStiffness<S, 1>>(world),
         Input::column::<AngularStiffness<S, 2>>(world),
     ];
-    declare_inputs(world, row.info.name, &inputs);
+    let law = (row, place, evaluate_angular::<S>);
+    activate_coupling::<TriangleVertices, TriangleEdges, S, _>(world, law, stiffness);
 }
 
 fn activate_volumetric<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    let cut: Partition<S> = |world, mark, buffer| {
-        partition::<TetrahedronVertices, S>(world, mark, buffer);
-        find_edges::<TetrahedronEdges, S>(world, buffer);
-    };
-    let elements = (Some(row.mark::<S>(world)), cut);
-    activate_law_of_systems(world, (row.info, place), elements, |schedule, _| {
-        schedule.add_systems(evaluate_volumetric::<S>.in_set(ForceSystems::Evaluate));
-    });
-    let inputs = [
-        Input::column::<TetrahedronEdges>(world),
+    let stiffness = [
         Input::column::<VolumetricStiffness<S, 0>>(world),
         Input::column::<VolumetricStiffness<S, 1>>(world),
         Input::column::<VolumetricStiffness<S, 2>>(world),
     ];
-    declare_inputs(world, row.info.name, &inputs);
+    let law = (row, place, evaluate_volumetric::<S>);
+    activate_coupling::<TetrahedronVertices, TetrahedronEdges, S, _>(world, law, stiffness);
+}
+
+/// Puts springs that couple edges into the schedule: those of elements with vertices `V` and edges `E`.
+fn activate_coupling<V: ElementRows, E: PullsOnEdges, S: Scalar, M>(
+    world: &mut World,
+    (row, place, evaluate): (&'static LawRow, usize, impl IntoScheduleConfigs<ScheduleSystem, M>),
+    [a, b, c]: [Input; 3],
+) {
+    let cut: Partition<S> = |world, mark, buffer| {
+        partition::<V, S>(world, mark, buffer);
+        find_edges::<E, S>(world, buffer);
+    };
+    let elements = (Some(row.mark::<S>(world)), cut);
+    activate_law_of_systems(world, (row.info, place), elements, |schedule, _| {
+        schedule.add_systems(evaluate.in_set(ForceSystems::Evaluate));
+    });
+    let edges = Input::column::<E>(world);
+    declare_inputs(world, row.info.name, &[edges, a, b, c]);
 }
 
 fn activate_spring_forces<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
@@ -242,11 +238,6 @@ fn is_spring_tangent(kind: TangentKind) -> bool {
     kind != TangentKind::Projected
 }
 
-/// The part of the tangent that springs themselves give.
-fn spring_tangent(request: &EvaluationRequest) -> Option<TangentKind> {
-    request.tangent.filter(|&kind| is_spring_tangent(kind))
-}
-
 fn measure_edges<S: Scalar>(
     workers: Res<Workers>,
     vertices: Query<&Displacement<S>>,
@@ -281,11 +272,45 @@ impl<S: Scalar> Batch<S> for Measure<'_, S> {
     }
 }
 
+/// What every system of springs reads.
+#[derive(SystemParam)]
+struct Springs<'w, S: Scalar> {
+    request: Res<'w, EvaluationRequest>,
+    workers: Res<'w, Workers>,
+    recovering: Res<'w, RecoveringBodies>,
+    buffers: Res<'w, LawBuffers<S>>,
+    disabled: Res<'w, DisabledLaws>,
+}
+
+impl<S: Scalar> Springs<'_, S> {
+    /// Energy and tangent of every range, after `pull` where forces are asked for; `cost` is that of
+    /// [`work`].
+    fn evaluate<C: LawColumns<S>>(
+        &self,
+        columns: &C,
+        count: usize,
+        cost: [usize; 3],
+        buffer: &mut LawBuffer<S>,
+        pull: impl Fn(&mut Span<S>) + Send + Sync,
+    ) {
+        let tangent = self.request.tangent.filter(|&kind| is_spring_tangent(kind));
+        let own = EvaluationRequest { tangent, ..*self.request };
+        let without_force = EvaluationRequest { force: false, ..own };
+        self.workers.for_each(&mut buffer.spans, count * work(&own, cost), |_, span| {
+            if own.force {
+                pull(span);
+            }
+            if self.recovering.contains(span.body) {
+                span.silence();
+            } else {
+                evaluate_span(columns, &without_force, &self.workers, span);
+            }
+        });
+    }
+}
+
 fn evaluate_tensile<S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    recovering: Res<RecoveringBodies>,
-    (buffers, disabled): (Res<LawBuffers<S>>, Res<DisabledLaws>),
+    with: Springs<S>,
     vertices: Query<&Displacement<S>>,
     mut edges: Query<(
         &EdgeVertices,
@@ -297,7 +322,7 @@ fn evaluate_tensile<S: Scalar>(
     )>,
 ) {
     let start = Instant::now();
-    let Some(mut buffer) = buffers.get(TENSILE.info.name) else { return };
+    let Some(mut buffer) = with.buffers.get(TENSILE.info.name) else { return };
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((nodes, block, rest, change, stiffness, mut tension)) =
         single_table(edges.contiguous_iter_mut())
@@ -310,36 +335,18 @@ fn evaluate_tensile<S: Scalar>(
         change: EdgeChange::peel_slice(change),
         stiffness: TensileStiffness::peel_slice(stiffness),
     };
-    if disabled.contains(TENSILE.info.name) {
-        TensileTension::peel_slice_mut(tension.bypass_change_detection()).fill(S::ZERO);
+    let tension = TensileTension::peel_slice_mut(tension.bypass_change_detection());
+    if with.disabled.contains(TENSILE.info.name) {
+        tension.fill(S::ZERO);
         return;
     }
-    if request.force {
-        let tension = TensileTension::peel_slice_mut(tension.bypass_change_detection());
-        workers.for_chunks(tension, ROW_CHUNK, nodes.len(), |first, rows| {
+    if with.request.force {
+        with.workers.for_chunks(tension, ROW_CHUNK, nodes.len(), |first, rows| {
             let batch = TensilePull { columns, row: first, tension: rows };
-            workers.dispatch(Batches(0..batch.tension.len(), batch));
+            with.workers.dispatch(Batches(0..batch.tension.len(), batch));
         });
     }
-    let kind = spring_tangent(&request);
-    let work = nodes.len() * (usize::from(request.energy) + 10 * usize::from(kind.is_some()));
-    workers.for_each(&mut buffer.spans, work, |_, span| {
-        if recovering.contains(span.body) {
-            span.silence();
-            return;
-        }
-        if request.energy {
-            let batch = TensileEnergy { columns, sums: [0.0; MAX_LANES] };
-            span.energy = sum(workers.dispatch(Batches(span.elements.clone(), batch)).sums);
-        }
-        let Some(kind) = kind else {
-            span.drop_tangent();
-            return;
-        };
-        span.clear_tangent();
-        let exact = kind == TangentKind::Exact;
-        workers.dispatch(Batches(span.elements.clone(), TensileTangent { columns, span, exact }));
-    });
+    with.evaluate(columns, nodes.len(), [1, 0, 10], &mut buffer, |_| {});
     buffer.time = start.elapsed();
 }
 
@@ -366,39 +373,24 @@ impl<S: Scalar> Batch<S> for TensilePull<'_, S> {
     }
 }
 
-struct TensileEnergy<'a, S> {
-    columns: &'a TensileColumns<'a, S>,
-    sums: [f64; MAX_LANES],
-}
-
-impl<S: Scalar> Batch<S> for TensileEnergy<'_, S> {
+impl<S: Scalar> LawColumns<S> for TensileColumns<'_, S> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let k = L::load(&self.columns.stiffness[first..]);
-        let delta = L::load(&self.columns.change[first..]);
-        tensile_energy(k, delta).accumulate(&mut self.sums);
+    fn add_energy<L: Lanes<Scalar = S>>(&self, first: usize, sums: &mut [f64; MAX_LANES]) {
+        let k = L::load(&self.stiffness[first..]);
+        let delta = L::load(&self.change[first..]);
+        tensile_energy(k, delta).accumulate(sums);
     }
-}
-
-struct TensileTangent<'a, S> {
-    columns: &'a TensileColumns<'a, S>,
-    span: &'a mut Span<S>,
-    exact: bool,
-}
-
-impl<S: Scalar> Batch<S> for TensileTangent<'_, S> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let shapes = &self.columns.shapes;
-        let k = L::load(&self.columns.stiffness[first..]);
-        let d = add(shapes.rest::<L>(first), shapes.relative::<L>(first));
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>) {
+        let k = L::load(&self.stiffness[first..]);
+        let d = add(self.shapes.rest::<L>(first), self.shapes.relative::<L>(first));
         let mut m = [L::ZERO; 9];
         add_outer(&mut m, scale(d, k + k), d);
-        if self.exact {
+        if to.kind == TangentKind::Exact {
             // twice the tension k/2 delta
-            add_identity(&mut m, k * L::load(&self.columns.change[first..]));
+            add_identity(&mut m, k * L::load(&self.change[first..]));
         }
-        add_edge_tangent(m, self.span, shapes.nodes, self.columns.block, first);
+        add_edge_tangent(m, to.span, self.shapes.nodes, self.block, first);
     }
 }
 
@@ -423,26 +415,16 @@ pub(crate) fn add_edge_tangent<L: Lanes>(
 }
 
 fn evaluate_angular<S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    recovering: Res<RecoveringBodies>,
-    (buffers, disabled): (Res<LawBuffers<S>>, Res<DisabledLaws>),
+    with: Springs<S>,
     vertices: Query<&Displacement<S>>,
     edges: Query<(&EdgeBlock, RestEdges<S>, &EdgeChange<S>)>,
     triangles: Query<(&TriangleVertices, &TriangleEdges, AngularStiffnesses<S>)>,
 ) {
-    let start = Instant::now();
-    let Some(mut buffer) = buffers.get(ANGULAR.info.name) else { return };
-    if disabled.contains(ANGULAR.info.name) {
-        buffer.spans.iter_mut().for_each(Span::clear_tension);
-        return;
-    }
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((block, rest, change)) = single_table(edges.contiguous_iter()) else { return };
     let Some((nodes, of, (c0, c1, c2))) = single_table(triangles.contiguous_iter()) else { return };
-    let columns = &CouplingColumns {
+    let columns = CouplingColumns {
         edges: EdgeShapes::new(u, &[], rest),
-        block: EdgeBlock::peel_slice(block),
         change: EdgeChange::peel_slice(change),
         nodes: TriangleVertices::peel_slice(nodes),
         of: TriangleEdges::peel_slice(of),
@@ -451,36 +433,13 @@ fn evaluate_angular<S: Scalar>(
             AngularStiffness::peel_slice(c1),
             AngularStiffness::peel_slice(c2),
         ],
+        coupling: Angular { block: EdgeBlock::peel_slice(block) },
     };
-    let kind = spring_tangent(&request);
-    workers.for_each(&mut buffer.spans, nodes.len() * coupling_work(&request), |_, span| {
-        if request.force {
-            pull::<AngularPull, S, 3, 3>(&workers, columns, span);
-        }
-        if recovering.contains(span.body) {
-            span.silence();
-            return;
-        }
-        if request.energy {
-            let batch = AngularEnergy { columns, sums: [0.0; MAX_LANES] };
-            span.energy = sum(workers.dispatch(Batches(span.elements.clone(), batch)).sums);
-        }
-        let Some(kind) = kind else {
-            span.drop_tangent();
-            return;
-        };
-        span.clear_tangent();
-        let exact = kind == TangentKind::Exact;
-        workers.dispatch(Batches(span.elements.clone(), AngularTangent { columns, span, exact }));
-    });
-    buffer.time = start.elapsed();
+    evaluate_coupling(&with, ANGULAR.info.name, &columns);
 }
 
 fn evaluate_volumetric<S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
-    recovering: Res<RecoveringBodies>,
-    (buffers, disabled): (Res<LawBuffers<S>>, Res<DisabledLaws>),
+    with: Springs<S>,
     vertices: Query<&Displacement<S>>,
     edges: Query<(RestEdges<S>, &EdgeChange<S>)>,
     tetrahedra: Query<(
@@ -490,21 +449,13 @@ fn evaluate_volumetric<S: Scalar>(
         VolumetricStiffnesses<S>,
     )>,
 ) {
-    let start = Instant::now();
-    let Some(mut buffer) = buffers.get(VOLUMETRIC.info.name) else { return };
-    if disabled.contains(VOLUMETRIC.info.name) {
-        buffer.spans.iter_mut().for_each(Span::clear_tension);
-        return;
-    }
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some((rest, change)) = single_table(edges.contiguous_iter()) else { return };
     let Some((nodes, of, blocks, (d0, d1, d2))) = single_table(tetrahedra.contiguous_iter()) else {
         return;
     };
-    let blocks = TetrahedronBlocks::peel_slice(blocks);
-    let columns = &CouplingColumns {
+    let columns = CouplingColumns {
         edges: EdgeShapes::new(u, &[], rest),
-        block: &[],
         change: EdgeChange::peel_slice(change),
         nodes: TetrahedronVertices::peel_slice(nodes),
         of: TetrahedronEdges::peel_slice(of),
@@ -513,53 +464,46 @@ fn evaluate_volumetric<S: Scalar>(
             VolumetricStiffness::peel_slice(d1),
             VolumetricStiffness::peel_slice(d2),
         ],
+        coupling: Volumetric { blocks: TetrahedronBlocks::peel_slice(blocks) },
     };
-    let kind = spring_tangent(&request);
-    workers.for_each(&mut buffer.spans, nodes.len() * coupling_work(&request), |_, span| {
-        if request.force {
-            pull::<VolumetricPull, S, 4, 6>(&workers, columns, span);
-        }
-        if recovering.contains(span.body) {
-            span.silence();
-            return;
-        }
-        if request.energy {
-            let batch = VolumetricEnergy { columns, sums: [0.0; MAX_LANES] };
-            span.energy = sum(workers.dispatch(Batches(span.elements.clone(), batch)).sums);
-        }
-        let Some(kind) = kind else {
-            span.drop_tangent();
-            return;
-        };
-        span.clear_tangent();
-        let exact = kind == TangentKind::Exact;
-        let batch = VolumetricTangent { columns, blocks, span, exact };
-        workers.dispatch(Batches(batch.span.elements.clone(), batch));
+    evaluate_coupling(&with, VOLUMETRIC.info.name, &columns);
+}
+
+/// Tensions, energy and tangent of every range.
+fn evaluate_coupling<C: Coupling<V, E>, S: Scalar, const V: usize, const E: usize>(
+    with: &Springs<S>,
+    name: &str,
+    columns: &CouplingColumns<C, S, V, E>,
+) {
+    let start = Instant::now();
+    let Some(mut buffer) = with.buffers.get(name) else { return };
+    if with.disabled.contains(name) {
+        buffer.spans.iter_mut().for_each(Span::clear_tension);
+        return;
+    }
+    with.evaluate(columns, columns.nodes.len(), [2, 4, 30], &mut buffer, |span| {
+        span.clear_tension();
+        let (first_edge, tension) = (span.edges.start, &mut span.tension[..]);
+        let batch = PullBatch { columns, first_edge, tension };
+        with.workers.dispatch(Batches(span.elements.clone(), batch));
     });
     buffer.time = start.elapsed();
 }
 
-/// Nanoseconds per triangle or tetrahedron, roughly.
-fn coupling_work(request: &EvaluationRequest) -> usize {
-    2 * usize::from(request.energy)
-        + 4 * usize::from(request.force)
-        + 30 * usize::from(spring_tangent(request).is_some())
-}
-
 /// Elements of `V` vertices and `E` edges whose springs couple edges.
-struct CouplingColumns<'a, S, const V: usize, const E: usize> {
+struct CouplingColumns<'a, C, S, const V: usize, const E: usize> {
     /// Rest vectors of the edge table, and all displacements.
     edges: EdgeShapes<'a, S>,
-    block: &'a [u32],
     /// Squared-length changes of the edge table.
     change: &'a [S],
     nodes: &'a [[u32; V]],
     /// Edge-table rows.
     of: &'a [[u32; E]],
     stiffness: [&'a [S]; 3],
+    coupling: C,
 }
 
-impl<S: Scalar, const V: usize, const E: usize> CouplingColumns<'_, S, V, E> {
+impl<C, S: Scalar, const V: usize, const E: usize> CouplingColumns<'_, C, S, V, E> {
     /// Squared-length changes of the edges of the elements from `first` on.
     #[inline(always)]
     fn changes<L: Lanes<Scalar = S>>(&self, first: usize) -> [L; E] {
@@ -590,14 +534,75 @@ impl<S: Scalar, const V: usize, const E: usize> CouplingColumns<'_, S, V, E> {
     }
 }
 
-/// How the springs of an element turn changes into tensions.
-trait Pull<const E: usize> {
+/// How the springs of an element couple its edges.
+trait Coupling<const V: usize, const E: usize>: Sync + Sized {
+    /// Energy (J) from the changes of squared length.
+    fn energy<R: Real>(stiffness: [R; 3], delta: [R; E]) -> R;
+    /// Tensions (N/m).
     fn tensions<R: Real>(stiffness: [R; 3], delta: [R; E]) -> [R; E];
+    /// Adds the tangents of the elements from `first` on, whose edges have the tensions `s`.
+    fn add_tangent<L: Lanes>(
+        columns: &CouplingColumns<Self, L::Scalar, V, E>,
+        first: usize,
+        s: [L; E],
+        span: &mut Span<L::Scalar>,
+    );
 }
 
-struct AngularPull;
-impl Pull<3> for AngularPull {
-    /// Stiffness `m` couples the two edges other than `m`.
+impl<C: Coupling<V, E>, S: Scalar, const V: usize, const E: usize> LawColumns<S>
+    for CouplingColumns<'_, C, S, V, E>
+{
+    #[inline(always)]
+    fn add_energy<L: Lanes<Scalar = S>>(&self, first: usize, sums: &mut [f64; MAX_LANES]) {
+        let delta = self.changes::<L>(first);
+        C::energy(self.stiffness::<L>(first), delta).accumulate(sums);
+    }
+    #[inline(always)]
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>) {
+        let mut s = [L::ZERO; E];
+        if to.kind == TangentKind::Exact {
+            s = C::tensions(self.stiffness::<L>(first), self.changes::<L>(first));
+        }
+        C::add_tangent(self, first, s, to.span);
+    }
+}
+
+struct PullBatch<'a, 'b, C, S, const V: usize, const E: usize> {
+    columns: &'a CouplingColumns<'b, C, S, V, E>,
+    first_edge: usize,
+    tension: &'a mut [S],
+}
+
+impl<C: Coupling<V, E>, S: Scalar, const V: usize, const E: usize> Batch<S>
+    for PullBatch<'_, '_, C, S, V, E>
+{
+    #[inline(always)]
+    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
+        let delta = self.columns.changes::<L>(first);
+        let s = C::tensions(self.columns.stiffness::<L>(first), delta);
+        let of = &self.columns.of[first..];
+        for e in 0..E {
+            s[e].add_at(self.tension, self.first_edge, of, e);
+        }
+    }
+}
+
+/// Local vertices of edge `i` of a triangle with ascending rows, lower row first.
+const TRIANGLE_ENDS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
+
+/// Springs between the edges of triangles: stiffness `m` couples the two edges other than `m`.
+struct Angular<'a> {
+    /// Tangent blocks of the edge table.
+    block: &'a [u32],
+}
+
+impl Coupling<3, 3> for Angular<'_> {
+    #[inline(always)]
+    fn energy<R: Real>(c: [R; 3], d: [R; 3]) -> R {
+        coupling_energy(c[0], d[1], d[2])
+            + coupling_energy(c[1], d[2], d[0])
+            + coupling_energy(c[2], d[0], d[1])
+    }
     #[inline(always)]
     fn tensions<R: Real>(c: [R; 3], delta: [R; 3]) -> [R; 3] {
         let half = R::from_f64(0.5);
@@ -608,122 +613,24 @@ impl Pull<3> for AngularPull {
             c[0].mul_add(delta[1], c[1] * delta[0]),
         ]
     }
-}
-
-struct VolumetricPull;
-impl Pull<6> for VolumetricPull {
     #[inline(always)]
-    fn tensions<R: Real>(d: [R; 3], delta: [R; 6]) -> [R; 6] {
-        let mut s = [R::ZERO; 6];
-        for m in 0..3 {
-            let [p, q] = OPPOSITE_EDGES[m];
-            let half = R::from_f64(0.5) * d[m];
-            s[p] = half * delta[q];
-            s[q] = half * delta[p];
-        }
-        s
-    }
-}
-
-/// Adds the tensions of the elements of a range to its private array.
-fn pull<P: Pull<E>, S: Scalar, const V: usize, const E: usize>(
-    workers: &Workers,
-    columns: &CouplingColumns<S, V, E>,
-    span: &mut Span<S>,
-) {
-    span.clear_tension();
-    let batch = PullBatch::<P, S, V, E> {
-        columns,
-        first_edge: span.edges.start,
-        tension: &mut span.tension,
-        law: std::marker::PhantomData,
-    };
-    workers.dispatch(Batches(span.elements.clone(), batch));
-}
-
-struct PullBatch<'a, P, S, const V: usize, const E: usize> {
-    columns: &'a CouplingColumns<'a, S, V, E>,
-    first_edge: usize,
-    tension: &'a mut [S],
-    law: std::marker::PhantomData<fn() -> P>,
-}
-
-impl<P: Pull<E>, S: Scalar, const V: usize, const E: usize> Batch<S> for PullBatch<'_, P, S, V, E> {
-    #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let delta = self.columns.changes::<L>(first);
-        let s = P::tensions(self.columns.stiffness::<L>(first), delta);
-        let of = &self.columns.of[first..];
-        for e in 0..E {
-            s[e].add_at(self.tension, self.first_edge, of, e);
-        }
-    }
-}
-
-struct AngularEnergy<'a, S> {
-    columns: &'a CouplingColumns<'a, S, 3, 3>,
-    sums: [f64; MAX_LANES],
-}
-
-impl<S: Scalar> Batch<S> for AngularEnergy<'_, S> {
-    #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let d = self.columns.changes::<L>(first);
-        let c = self.columns.stiffness::<L>(first);
-        let energy = coupling_energy(c[0], d[1], d[2])
-            + coupling_energy(c[1], d[2], d[0])
-            + coupling_energy(c[2], d[0], d[1]);
-        energy.accumulate(&mut self.sums);
-    }
-}
-
-struct VolumetricEnergy<'a, S> {
-    columns: &'a CouplingColumns<'a, S, 4, 6>,
-    sums: [f64; MAX_LANES],
-}
-
-impl<S: Scalar> Batch<S> for VolumetricEnergy<'_, S> {
-    #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let delta = self.columns.changes::<L>(first);
-        let d = self.columns.stiffness::<L>(first);
-        let mut energy = L::ZERO;
-        for m in 0..3 {
-            let [p, q] = OPPOSITE_EDGES[m];
-            energy += coupling_energy(d[m], delta[p], delta[q]);
-        }
-        energy.accumulate(&mut self.sums);
-    }
-}
-
-/// Local vertices of edge `i` of a triangle with ascending rows, lower row first.
-const TRIANGLE_ENDS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
-
-struct AngularTangent<'a, S> {
-    columns: &'a CouplingColumns<'a, S, 3, 3>,
-    span: &'a mut Span<S>,
-    exact: bool,
-}
-
-impl<S: Scalar> Batch<S> for AngularTangent<'_, S> {
-    #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let Self { columns, span, exact } = self;
+    fn add_tangent<L: Lanes>(
+        columns: &CouplingColumns<Self, L::Scalar, 3, 3>,
+        first: usize,
+        s: [L; 3],
+        span: &mut Span<L::Scalar>,
+    ) {
         let c = columns.stiffness::<L>(first);
         let mut d = [[L::ZERO; 3]; 3];
         for e in 0..3 {
             let [a, b] = TRIANGLE_ENDS[e];
             d[e] = columns.edge::<L>(first, e, a, b);
         }
-        let mut s = [L::ZERO; 3];
-        if *exact {
-            s = AngularPull::tensions(c, columns.changes::<L>(first));
-        }
         let nodes = &columns.nodes[first..];
         let mut blocks = [[0; 3]; MAX_LANES];
         for lane in 0..L::COUNT {
             for e in 0..3 {
-                blocks[lane][e] = columns.block[columns.of[first + lane][e] as usize];
+                blocks[lane][e] = columns.coupling.block[columns.of[first + lane][e] as usize];
             }
         }
         for a in 0..3 {
@@ -754,17 +661,40 @@ impl<S: Scalar> Batch<S> for AngularTangent<'_, S> {
     }
 }
 
-struct VolumetricTangent<'a, S> {
-    columns: &'a CouplingColumns<'a, S, 4, 6>,
+/// Springs between opposite edges of tetrahedra.
+struct Volumetric<'a> {
+    /// Tangent blocks of the edges.
     blocks: &'a [[u32; 6]],
-    span: &'a mut Span<S>,
-    exact: bool,
 }
 
-impl<S: Scalar> Batch<S> for VolumetricTangent<'_, S> {
+impl Coupling<4, 6> for Volumetric<'_> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let columns = self.columns;
+    fn energy<R: Real>(d: [R; 3], delta: [R; 6]) -> R {
+        let mut energy = R::ZERO;
+        for m in 0..3 {
+            let [p, q] = OPPOSITE_EDGES[m];
+            energy += coupling_energy(d[m], delta[p], delta[q]);
+        }
+        energy
+    }
+    #[inline(always)]
+    fn tensions<R: Real>(d: [R; 3], delta: [R; 6]) -> [R; 6] {
+        let mut s = [R::ZERO; 6];
+        for m in 0..3 {
+            let [p, q] = OPPOSITE_EDGES[m];
+            let half = R::from_f64(0.5) * d[m];
+            s[p] = half * delta[q];
+            s[q] = half * delta[p];
+        }
+        s
+    }
+    #[inline(always)]
+    fn add_tangent<L: Lanes>(
+        columns: &CouplingColumns<Self, L::Scalar, 4, 6>,
+        first: usize,
+        s: [L; 6],
+        span: &mut Span<L::Scalar>,
+    ) {
         let stiffness = columns.stiffness::<L>(first);
         // vertex 0 is the lowest row, so its edges run as stored; the others are differences
         let mut d = [[L::ZERO; 3]; 6];
@@ -774,10 +704,6 @@ impl<S: Scalar> Batch<S> for VolumetricTangent<'_, S> {
         for e in 3..6 {
             let [a, b] = TETRAHEDRON_EDGES[e];
             d[e] = sub(d[b - 1], d[a - 1]);
-        }
-        let mut s = [L::ZERO; 6];
-        if self.exact {
-            s = VolumetricPull::tensions(stiffness, columns.changes::<L>(first));
         }
         let mut t = TetrahedronTangent { diagonal: [[L::ZERO; 9]; 4], off: [[L::ZERO; 9]; 6] };
         for own in 0..6 {
@@ -800,7 +726,7 @@ impl<S: Scalar> Batch<S> for VolumetricTangent<'_, S> {
             add_identity(&mut t.diagonal[b], twice);
             add_identity(&mut t.off[own], -twice);
         }
-        add_tangent(&mut t, self.span, &columns.nodes[first..], &self.blocks[first..]);
+        add_tangent(&mut t, span, &columns.nodes[first..], &columns.coupling.blocks[first..]);
     }
 }
 
@@ -894,26 +820,4 @@ impl<S: Scalar> Batch<S> for SpringForceBatch<'_, S> {
         L::add_rows(f, self.force, self.row, nodes, 0);
         L::add_rows([-f[0], -f[1], -f[2]], self.force, self.row, nodes, 1);
     }
-}
-
-/// Sum of the lanes, in order.
-pub(crate) fn sum(sums: [f64; MAX_LANES]) -> f64 {
-    sums.iter().sum()
-}
-
-/// Adds `a b^T`.
-#[inline(always)]
-pub(crate) fn add_outer<R: Real>(m: &mut [R; 9], a: [R; 3], b: [R; 3]) {
-    for i in 0..3 {
-        for j in 0..3 {
-            m[3 * i + j] = a[i].mul_add(b[j], m[3 * i + j]);
-        }
-    }
-}
-
-#[inline(always)]
-pub(crate) fn add_identity<R: Real>(m: &mut [R; 9], s: R) {
-    m[0] += s;
-    m[4] += s;
-    m[8] += s;
 }

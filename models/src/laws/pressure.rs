@@ -27,7 +27,7 @@
 use bevy_ecs::prelude::*;
 use sinew_engine::columns::single_table;
 use sinew_engine::compiled_here;
-use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
+use sinew_engine::lanes::{Lanes, MAX_LANES};
 use sinew_engine::law::{
     DisabledLaws, EvaluationRequest, LawBuffer, LawBuffers, LawInfo, RecoveringBodies, Span,
     TangentKind,
@@ -44,8 +44,8 @@ use sinew_engine::workers::Workers;
 use std::time::Instant;
 
 use crate::element::membrane::TriangleTangent;
+use crate::frame::columns::{LawColumns, TangentSum, add_vertices, evaluate_span, load_vertices};
 use crate::frame::triangles::add_tangent;
-use crate::laws::pooled::sum;
 use crate::laws::{self, Elements, InRecovery, LawRow, mark};
 
 /// Volume (m^3) that a triangle of rest edges `X_1 - X_0`, `X_2 - X_0` sweeps from rest to displacements
@@ -245,35 +245,23 @@ fn evaluate<S: Scalar>(
     let pressures: Vec<f64> =
         faces.sources.iter().map(|(_, p)| p.pressure * p.curve.value(time.0)).collect();
     let of_span = |i: usize| pressures[faces.source_of_span[i] as usize];
-    let exact = request.tangent == Some(TangentKind::Exact);
-    let work_ns = 6 + 20 * usize::from(exact);
-    workers.for_each(&mut buffer.spans, faces.nodes.len() * work_ns, |i, span| {
-        let (faces, elements) = (&*faces, span.elements.clone());
-        if request.force || request.energy {
-            let batch = Volumes { faces, displacement, sums: [0.0; MAX_LANES] };
-            // the volume, for now
-            span.energy = sum(workers.dispatch(Batches(elements.clone(), batch)).sums);
-        }
+    let exact = request.tangent.filter(|&kind| kind == TangentKind::Exact);
+    // forces need the volumes too
+    let energy = request.force || request.energy;
+    let own = EvaluationRequest { energy, force: request.force, tangent: exact };
+    let work = 6 + 20 * usize::from(exact.is_some());
+    workers.for_each(&mut buffer.spans, faces.nodes.len() * work, |i, span| {
+        let loaded = LoadedFaces { faces: &faces, displacement, pressure: S::from_f64(of_span(i)) };
+        // the energy is the volume, for now
         if recovering.contains(span.body) {
+            let volume = EvaluationRequest { energy, force: false, tangent: None };
+            evaluate_span(&loaded, &volume, &workers, span);
             span.force.clear();
-            span.drop_tangent();
-            return;
-        }
-        let pressure = S::from_f64(of_span(i));
-        if request.force {
-            span.clear_force();
-            let (row, force) = (span.rows.start, &mut span.force[..]);
-            let batch = Forces { faces, displacement, pressure, force, row };
-            workers.dispatch(Batches(elements.clone(), batch));
-        }
-        if exact {
-            span.clear_tangent();
-            workers.dispatch(Batches(elements, Tangents { faces, displacement, pressure, span }));
         } else {
-            span.drop_tangent();
+            evaluate_span(&loaded, &own, &workers, span);
         }
     });
-    if request.force || request.energy {
+    if energy {
         swept.0.clear();
         swept.0.extend(pressures.iter().map(|&p| [p, 0.0]));
         for (span, &source) in buffer.spans.iter_mut().zip(&faces.source_of_span) {
@@ -285,74 +273,45 @@ fn evaluate<S: Scalar>(
     buffer.time = start.elapsed();
 }
 
-impl<S: Scalar> PressureFaces<S> {
+/// Faces under one pressure (Pa).
+struct LoadedFaces<'a, S> {
+    faces: &'a PressureFaces<S>,
+    displacement: &'a [[S; 4]],
+    pressure: S,
+}
+
+impl<S: Scalar> LoadedFaces<'_, S> {
     /// Rest edges, displacements and signs of the triangles from `first` on.
     #[inline(always)]
-    fn shape<L: Lanes<Scalar = S>>(
-        &self,
-        displacement: &[[S; 4]],
-        first: usize,
-    ) -> ([[L; 3]; 2], [[L; 3]; 3], L) {
+    fn shape<L: Lanes<Scalar = S>>(&self, first: usize) -> ([[L; 3]; 2], [[L; 3]; 3], L) {
         let mut edges = [[L::ZERO; 3]; 2];
         for a in 0..2 {
             for x in 0..3 {
-                edges[a][x] = L::load(&self.edges[3 * a + x][first..]);
+                edges[a][x] = L::load(&self.faces.edges[3 * a + x][first..]);
             }
         }
-        let mut u = [[L::ZERO; 3]; 3];
-        for a in 0..3 {
-            u[a] = L::load_rows(displacement, &self.nodes[first..], a);
-        }
-        (edges, u, L::load(&self.sign[first..]))
+        let u = load_vertices(self.displacement, &self.faces.nodes[first..]);
+        (edges, u, L::load(&self.faces.sign[first..]))
     }
 }
 
-struct Volumes<'a, S> {
-    faces: &'a PressureFaces<S>,
-    displacement: &'a [[S; 4]],
-    sums: [f64; MAX_LANES],
-}
-
-impl<S: Scalar> Batch<S> for Volumes<'_, S> {
+impl<S: Scalar> LawColumns<S> for LoadedFaces<'_, S> {
+    /// Adds the volumes.
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let (edges, u, sign) = self.faces.shape::<L>(self.displacement, first);
-        (sign * swept_volume(&edges, &u)).accumulate(&mut self.sums);
+    fn add_energy<L: Lanes<Scalar = S>>(&self, first: usize, sums: &mut [f64; MAX_LANES]) {
+        let (edges, u, sign) = self.shape::<L>(first);
+        (sign * swept_volume(&edges, &u)).accumulate(sums);
     }
-}
-
-struct Forces<'a, S> {
-    faces: &'a PressureFaces<S>,
-    displacement: &'a [[S; 4]],
-    pressure: S,
-    force: &'a mut [[S; 4]],
-    /// Vertex row of the first entry of `force`.
-    row: usize,
-}
-
-impl<S: Scalar> Batch<S> for Forces<'_, S> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let (edges, u, sign) = self.faces.shape::<L>(self.displacement, first);
+    fn add_forces<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut [[S; 4]], row: usize) {
+        let (edges, u, sign) = self.shape::<L>(first);
         let f = force(&edges, &u, sign * L::splat(self.pressure));
-        for a in 0..3 {
-            L::add_rows(f, self.force, self.row, &self.faces.nodes[first..], a);
-        }
+        add_vertices([f; 3], to, row, &self.faces.nodes[first..]);
     }
-}
-
-struct Tangents<'a, S> {
-    faces: &'a PressureFaces<S>,
-    displacement: &'a [[S; 4]],
-    pressure: S,
-    span: &'a mut Span<S>,
-}
-
-impl<S: Scalar> Batch<S> for Tangents<'_, S> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let (edges, u, sign) = self.faces.shape::<L>(self.displacement, first);
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>) {
+        let (edges, u, sign) = self.shape::<L>(first);
         let t = tangent(&edges, &u, sign * L::splat(self.pressure));
-        add_tangent(&t, self.span, &self.faces.nodes, &self.faces.blocks, first);
+        add_tangent(&t, to.span, &self.faces.nodes, &self.faces.blocks, first);
     }
 }

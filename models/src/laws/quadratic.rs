@@ -34,18 +34,20 @@
 //! Squared lengths must be normal numbers when multiplied: in `f32` edges longer than 1e-9 m.
 
 use bevy_ecs::prelude::*;
+use bytemuck::TransparentWrapper;
 use sinew_engine::element::{EdgeBlock, EdgeShapes, EdgeVertices, RestEdges};
-use sinew_engine::lanes::{Batch, Batches, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, LawBuffer, LawInfo, Span, TangentKind};
+use sinew_engine::lanes::{Lanes, MAX_LANES};
+use sinew_engine::law::{LawInfo, RecoveringBodies, TangentKind};
 use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
-use sinew_engine::schedule::{ElementLaw, activate_law};
-use sinew_engine::workers::Workers;
+use sinew_engine::schedule::Evaluation;
 
+use crate::element::matrix::{add_identity, add_outer, part_of_tension, symmetrise};
 use crate::element::spring::{tensile_energy, tensile_tension};
 use crate::element::tetrahedron::{CORE, Element, TetrahedronTangent, assemble};
+use crate::frame::columns::{self, LawColumns, TangentSum, add_vertices, work};
 use crate::frame::tetrahedra::TetrahedronLaw;
-use crate::laws::pooled::{TensileStiffness, add_edge_tangent, add_identity, add_outer, sum};
-use crate::laws::{Elements, InRecovery, LawRow, mark, partition};
+use crate::laws::pooled::{TensileStiffness, add_edge_tangent};
+use crate::laws::{Elements, InRecovery, LawRow, activate_elements, mark};
 
 /// How far an edge is stretched.
 #[derive(Clone, Copy, Debug)]
@@ -94,72 +96,106 @@ impl<R: Real> Stretch<R> {
 /// the edge is `x_plus - x_minus`.
 const ENDS: [[usize; 2]; 6] = [[1, 0], [2, 0], [3, 0], [1, 2], [1, 3], [2, 3]];
 
-/// Tetrahedron of quadratic springs, the 21 constants taken from shape vectors and moduli.
-///
-/// `compression` plays no part.
-pub mod tetrahedron {
-    use super::*;
+/// Edges of a tetrahedron.
+#[inline(always)]
+fn stretches<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [Stretch<R>; 6] {
+    // columns of Dm from the rows of its inverse
+    let six = R::from_f64(6.0) * e.volume;
+    let [d1, d2, d3] = e.gradients;
+    let rest = [scale(cross(d2, d3), six), scale(cross(d3, d1), six), scale(cross(d1, d2), six)];
+    let w = [sub(u[1], u[0]), sub(u[2], u[0]), sub(u[3], u[0])];
+    [
+        Stretch::new(rest[0], w[0]),
+        Stretch::new(rest[1], w[1]),
+        Stretch::new(rest[2], w[2]),
+        Stretch::new(sub(rest[0], rest[1]), sub(w[0], w[1])),
+        Stretch::new(sub(rest[0], rest[2]), sub(w[0], w[2])),
+        Stretch::new(sub(rest[1], rest[2]), sub(w[1], w[2])),
+    ]
+}
 
-    /// Edges of a tetrahedron.
-    #[inline(always)]
-    fn stretches<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [Stretch<R>; 6] {
-        // columns of Dm from the rows of its inverse
-        let six = R::from_f64(6.0) * e.volume;
-        let [d1, d2, d3] = e.gradients;
-        let rest =
-            [scale(cross(d2, d3), six), scale(cross(d3, d1), six), scale(cross(d1, d2), six)];
-        let w = [sub(u[1], u[0]), sub(u[2], u[0]), sub(u[3], u[0])];
-        [
-            Stretch::new(rest[0], w[0]),
-            Stretch::new(rest[1], w[1]),
-            Stretch::new(rest[2], w[2]),
-            Stretch::new(sub(rest[0], rest[1]), sub(w[0], w[1])),
-            Stretch::new(sub(rest[0], rest[2]), sub(w[0], w[2])),
-            Stretch::new(sub(rest[1], rest[2]), sub(w[1], w[2])),
-        ]
-    }
-
-    /// `s = B change` through the strain that the changes amount to: with `g` the change of the Gram
-    /// matrix of the edges at vertex 0 and `d` that of the shape vectors, `D S D^T = lambda (tr E) d +
-    /// mu d g d`.
-    #[inline(always)]
-    fn tensions<R: Real>(e: &Element<R>, edges: &[Stretch<R>; 6]) -> [R; 6] {
-        let half = R::from_f64(0.5);
-        let [d1, d2, d3] = e.gradients;
-        let (d12, d13, d23) = (dot(d1, d2), dot(d1, d3), dot(d2, d3));
-        let d = [[dot(d1, d1), d12, d13], [d12, dot(d2, d2), d23], [d13, d23, dot(d3, d3)]];
-        let (c0, c1, c2) = (edges[0].change, edges[1].change, edges[2].change);
-        let g12 = half * (c0 + c1 - edges[3].change);
-        let g13 = half * (c0 + c2 - edges[4].change);
-        let g23 = half * (c1 + c2 - edges[5].change);
-        let g = [[c0, g12, g13], [g12, c1, g23], [g13, g23, c2]];
-        let trace = half * dot([d[0][0], d[1][1], d[2][2]], [c0, c1, c2])
-            + dot([d12, d13, d23], [g12, g13, g23]);
-        // times half the volume, which every tension has in front
-        let half_volume = half * e.volume;
-        let (pressure, mu) = (e.lambda * trace * half_volume, e.mu * half_volume);
-        let mut dg = [[R::ZERO; 3]; 3];
-        for i in 0..3 {
-            for j in 0..3 {
-                dg[i][j] = dot(d[i], g[j]);
-            }
+/// `s = B change` through the strain that the changes amount to: with `g` the change of the Gram
+/// matrix of the edges at vertex 0 and `d` that of the shape vectors, `D S D^T = lambda (tr E) d +
+/// mu d g d`.
+#[inline(always)]
+fn tensions<R: Real>(e: &Element<R>, edges: &[Stretch<R>; 6]) -> [R; 6] {
+    let half = R::from_f64(0.5);
+    let [d1, d2, d3] = e.gradients;
+    let (d12, d13, d23) = (dot(d1, d2), dot(d1, d3), dot(d2, d3));
+    let d = [[dot(d1, d1), d12, d13], [d12, dot(d2, d2), d23], [d13, d23, dot(d3, d3)]];
+    let (c0, c1, c2) = (edges[0].change, edges[1].change, edges[2].change);
+    let g12 = half * (c0 + c1 - edges[3].change);
+    let g13 = half * (c0 + c2 - edges[4].change);
+    let g23 = half * (c1 + c2 - edges[5].change);
+    let g = [[c0, g12, g13], [g12, c1, g23], [g13, g23, c2]];
+    let trace = half * dot([d[0][0], d[1][1], d[2][2]], [c0, c1, c2])
+        + dot([d12, d13, d23], [g12, g13, g23]);
+    // times half the volume, which every tension has in front
+    let half_volume = half * e.volume;
+    let (pressure, mu) = (e.lambda * trace * half_volume, e.mu * half_volume);
+    let mut dg = [[R::ZERO; 3]; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            dg[i][j] = dot(d[i], g[j]);
         }
-        let (t11, t22, t33) = (
-            pressure.mul_add(d[0][0], mu * dot(dg[0], d[0])),
-            pressure.mul_add(d[1][1], mu * dot(dg[1], d[1])),
-            pressure.mul_add(d[2][2], mu * dot(dg[2], d[2])),
-        );
-        let (t12, t13, t23) = (
-            pressure.mul_add(d12, mu * dot(dg[0], d[1])),
-            pressure.mul_add(d13, mu * dot(dg[0], d[2])),
-            pressure.mul_add(d23, mu * dot(dg[1], d[2])),
-        );
-        [t11 + t12 + t13, t12 + t22 + t23, t13 + t23 + t33, -t12, -t13, -t23]
     }
+    let (t11, t22, t33) = (
+        pressure.mul_add(d[0][0], mu * dot(dg[0], d[0])),
+        pressure.mul_add(d[1][1], mu * dot(dg[1], d[1])),
+        pressure.mul_add(d[2][2], mu * dot(dg[2], d[2])),
+    );
+    let (t12, t13, t23) = (
+        pressure.mul_add(d12, mu * dot(dg[0], d[1])),
+        pressure.mul_add(d13, mu * dot(dg[0], d[2])),
+        pressure.mul_add(d23, mu * dot(dg[1], d[2])),
+    );
+    [t11 + t12 + t13, t12 + t22 + t23, t13 + t23 + t33, -t12, -t13, -t23]
+}
 
-    /// Energy, J.
+/// `B`, N/m^3: edges ij and kl meet with `V/4 (lambda G_ij G_kl + mu (G_ik G_jl + G_il G_jk))`.
+#[inline(always)]
+fn matrix<R: Real>(e: &Element<R>) -> [[R; 6]; 6] {
+    let mut shape = [[R::ZERO; 3]; 4];
+    for a in 0..3 {
+        shape[a + 1] = e.gradients[a];
+        shape[0] = sub(shape[0], e.gradients[a]);
+    }
+    let mut g = [[R::ZERO; 4]; 4];
+    for i in 0..4 {
+        for j in i..4 {
+            g[i][j] = dot(shape[i], shape[j]);
+            g[j][i] = g[i][j];
+        }
+    }
+    let quarter = R::from_f64(0.25) * e.volume;
+    let (lambda, mu) = (e.lambda * quarter, e.mu * quarter);
+    let mut b = [[R::ZERO; 6]; 6];
+    for e in 0..6 {
+        for f in e..6 {
+            let ([i, j], [k, l]) = (ENDS[e], ENDS[f]);
+            let shear = g[i][k].mul_add(g[j][l], g[i][l] * g[j][k]);
+            b[e][f] = (lambda * g[i][j]).mul_add(g[k][l], mu * shear);
+            b[f][e] = b[e][f];
+        }
+    }
+    b
+}
+
+/// Tetrahedral quadratic springs, one tetrahedron at a time, the 21 constants taken from shape vectors and
+/// moduli; also the mark of its tetrahedra. `compression` plays no part.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct QuadraticSprings;
+
+/// Row of its tetrahedra in the table of laws.
+pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<QuadraticSprings>();
+
+impl TetrahedronLaw for QuadraticSprings {
+    const NAME: &'static str = "quadratic springs";
+    type Mark = Self;
+    const FOLDS_VOLUME: bool = false;
+    const STRESS_PROJECTION: bool = false;
     #[inline(always)]
-    pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
+    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
         let edges = stretches(e, u);
         let s = tensions(e, &edges);
         let mut twice = R::ZERO;
@@ -168,10 +204,8 @@ pub mod tetrahedron {
         }
         R::from_f64(0.5) * twice
     }
-
-    /// Forces on the four vertices, N.
     #[inline(always)]
-    pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [[R; 3]; 4] {
+    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
         let edges = stretches(e, u);
         let s = tensions(e, &edges);
         let mut f = [[R::ZERO; 3]; 4];
@@ -186,25 +220,12 @@ pub mod tetrahedron {
         for x in 0..3 {
             f[0][x] = -(f[1][x] + f[2][x] + f[3][x]);
         }
-        f
+        Some(f)
     }
-
-    /// Where an edge is in compression: there the exact tangent may be indefinite, and the projected
-    /// one differs from it.
-    #[inline(always)]
-    pub fn is_compressed<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {
-        let s = tensions(e, &stretches(e, u));
-        let mut least = R::ZERO;
-        for tension in s {
-            least = least.min(tension);
-        }
-        R::less(least, R::ZERO)
-    }
-
     /// Tangent `+d2W/du2`, N/m, or a semidefinite stand-in: `GaussNewton` is the first part of `K`
     /// alone, `Projected` leaves out the tensions of edges in compression.
     #[inline(always)]
-    pub fn tangent<R: Real>(
+    fn tangent<R: Real>(
         e: &Element<R>,
         u: &[[R; 3]; 4],
         kind: TangentKind,
@@ -216,11 +237,7 @@ pub mod tetrahedron {
         let mut geometric = [[R::ZERO; 9]; 6];
         for i in 0..6 {
             z[i] = scale(edges[i].edge, edges[i].slope);
-            let tension = match kind {
-                TangentKind::Exact => s[i],
-                TangentKind::GaussNewton => R::ZERO,
-                TangentKind::Projected => s[i].max(R::ZERO),
-            };
+            let tension = part_of_tension(kind, s[i]);
             edges[i].add_geometric(&mut geometric[i], edges[i].slope * tension);
         }
         // products of vertex a = 1, 2, 3 with every edge: sum of B z over the edges at a
@@ -257,79 +274,21 @@ pub mod tetrahedron {
                 }
             }
             if a == c {
-                for (k, l) in [(1, 3), (2, 6), (5, 7)] {
-                    let mean = R::from_f64(0.5) * (block[k] + block[l]);
-                    (block[k], block[l]) = (mean, mean);
-                }
+                symmetrise(block);
             }
         }
         assemble(&core)
     }
-
-    /// `B`, N/m^3: edges ij and kl meet with `V/4 (lambda G_ij G_kl + mu (G_ik G_jl + G_il G_jk))`.
-    #[inline(always)]
-    fn matrix<R: Real>(e: &Element<R>) -> [[R; 6]; 6] {
-        let mut shape = [[R::ZERO; 3]; 4];
-        for a in 0..3 {
-            shape[a + 1] = e.gradients[a];
-            shape[0] = sub(shape[0], e.gradients[a]);
-        }
-        let mut g = [[R::ZERO; 4]; 4];
-        for i in 0..4 {
-            for j in i..4 {
-                g[i][j] = dot(shape[i], shape[j]);
-                g[j][i] = g[i][j];
-            }
-        }
-        let quarter = R::from_f64(0.25) * e.volume;
-        let (lambda, mu) = (e.lambda * quarter, e.mu * quarter);
-        let mut b = [[R::ZERO; 6]; 6];
-        for e in 0..6 {
-            for f in e..6 {
-                let ([i, j], [k, l]) = (ENDS[e], ENDS[f]);
-                let shear = g[i][k].mul_add(g[j][l], g[i][l] * g[j][k]);
-                b[e][f] = (lambda * g[i][j]).mul_add(g[k][l], mu * shear);
-                b[f][e] = b[e][f];
-            }
-        }
-        b
-    }
-}
-
-/// Tetrahedral quadratic springs, one tetrahedron at a time; also the mark of its tetrahedra.
-#[derive(Component, Clone, Copy, Debug, Default)]
-pub struct QuadraticSprings;
-
-/// Row of its tetrahedra in the table of laws.
-pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<QuadraticSprings>();
-
-impl TetrahedronLaw for QuadraticSprings {
-    const NAME: &'static str = "quadratic springs";
-    type Mark = Self;
-    const FOLDS_VOLUME: bool = false;
-    const STRESS_PROJECTION: bool = false;
-    fn contributes(_: TangentKind) -> bool {
-        true
-    }
-    #[inline(always)]
-    fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-        tetrahedron::energy(e, u)
-    }
-    #[inline(always)]
-    fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
-        Some(tetrahedron::forces(e, u))
-    }
-    #[inline(always)]
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R> {
-        tetrahedron::tangent(e, u, kind)
-    }
+    /// Where an edge is in compression: there the exact tangent may be indefinite, and the projected
+    /// one differs from it.
     #[inline(always)]
     fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {
-        tetrahedron::is_compressed(e, u)
+        let s = tensions(e, &stretches(e, u));
+        let mut least = R::ZERO;
+        for tension in s {
+            least = least.min(tension);
+        }
+        R::less(least, R::ZERO)
     }
 }
 
@@ -347,71 +306,36 @@ pub static EDGE_SPRINGS: LawRow = LawRow::of_systems(
 // on bodies that never recover, or beside a solid that does
 .in_recovery(InRecovery::Unchanged);
 
-/// Query data of [`EdgeColumns`].
+/// Query data of springs on edges.
 type EdgeData<S> =
     (&'static EdgeVertices, &'static EdgeBlock, RestEdges<S>, &'static TensileStiffness<S>);
 
 fn activate_mass_spring<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    let law = ElementLaw::<S, EdgeData<S>> {
-        info: row.info,
+    activate_elements::<EdgeVertices, S, EdgeData<S>>(
+        world,
+        row,
         place,
-        mark: Some(row.mark::<S>(world)),
-        partition: partition::<EdgeVertices, S>,
-        evaluate: |with, u, (nodes, block, rest, stiffness), buffer| {
+        |with, u, (nodes, block, rest, stiffness), buffer| {
             let columns = EdgeColumns {
                 shapes: EdgeShapes::new(u, nodes, rest),
-                block: bytemuck::TransparentWrapper::peel_slice(block),
-                stiffness: bytemuck::TransparentWrapper::peel_slice(stiffness),
+                block: EdgeBlock::peel_slice(block),
+                stiffness: TensileStiffness::peel_slice(stiffness),
             };
-            evaluate_edge_columns(&columns, with.request, with.workers, buffer);
+            let work = stiffness.len() * work(with.request, [3, 4, 10]);
+            // on bodies that never recover, or beside a solid that does
+            let with = Evaluation { recovering: &RecoveringBodies::default(), ..with };
+            columns::evaluate(&columns, with, work, buffer);
         },
-    };
-    activate_law(world, law);
+    );
 }
 
 /// Columns of the edges of mass-spring bodies, as slices.
-#[derive(Clone, Copy, Debug)]
-pub struct EdgeColumns<'a, S> {
-    /// Displacements, vertex rows and rest vectors.
-    pub shapes: EdgeShapes<'a, S>,
+struct EdgeColumns<'a, S> {
+    shapes: EdgeShapes<'a, S>,
     /// Tangent blocks.
-    pub block: &'a [u32],
+    block: &'a [u32],
     /// Tensile stiffnesses `k` (N/m^3); the spring constant is `2 L^2 k`.
-    pub stiffness: &'a [S],
-}
-
-/// What the system of [`MassSpring`] does with the columns of its edges: energy, force and tangent of
-/// every range into its private arrays, as far as they are asked for.
-pub fn evaluate_edge_columns<S: Scalar>(
-    columns: &EdgeColumns<S>,
-    request: &EvaluationRequest,
-    workers: &Workers,
-    buffer: &mut LawBuffer<S>,
-) {
-    let work_ns = 3 * usize::from(request.energy)
-        + 4 * usize::from(request.force)
-        + 10 * usize::from(request.tangent.is_some());
-    workers.for_each(&mut buffer.spans, columns.stiffness.len() * work_ns, |_, span| {
-        let elements = span.elements.clone();
-        if request.energy {
-            let batch = EdgeEnergy { columns, sums: [0.0; MAX_LANES] };
-            span.energy = sum(workers.dispatch(Batches(elements.clone(), batch)).sums);
-        }
-        if request.force {
-            span.clear_force();
-            let batch = EdgeForce { columns, force: &mut span.force, row: span.rows.start };
-            workers.dispatch(Batches(elements.clone(), batch));
-        }
-        match request.tangent {
-            Some(kind) => {
-                span.clear_tangent();
-                let batch = EdgeTangent { columns, span, kind, clamped: [0.0; MAX_LANES] };
-                let clamped = workers.dispatch(Batches(elements, batch)).clamped;
-                span.clamped = sum(clamped) as u64;
-            }
-            None => span.drop_tangent(),
-        }
-    });
+    stiffness: &'a [S],
 }
 
 impl<S: Scalar> EdgeColumns<'_, S> {
@@ -422,57 +346,30 @@ impl<S: Scalar> EdgeColumns<'_, S> {
     }
 }
 
-struct EdgeEnergy<'a, 'b, S> {
-    columns: &'a EdgeColumns<'b, S>,
-    sums: [f64; MAX_LANES],
-}
-
-impl<S: Scalar> Batch<S> for EdgeEnergy<'_, '_, S> {
+impl<S: Scalar> LawColumns<S> for EdgeColumns<'_, S> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let (k, stretch) = self.columns.stretch::<L>(first);
-        tensile_energy(k, stretch.change).accumulate(&mut self.sums);
+    fn add_energy<L: Lanes<Scalar = S>>(&self, first: usize, sums: &mut [f64; MAX_LANES]) {
+        let (k, stretch) = self.stretch::<L>(first);
+        tensile_energy(k, stretch.change).accumulate(sums);
     }
-}
-
-struct EdgeForce<'a, 'b, S> {
-    columns: &'a EdgeColumns<'b, S>,
-    force: &'a mut [[S; 4]],
-    /// Vertex row of the first entry of `force`.
-    row: usize,
-}
-
-impl<S: Scalar> Batch<S> for EdgeForce<'_, '_, S> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let (k, stretch) = self.columns.stretch::<L>(first);
+    fn add_forces<L: Lanes<Scalar = S>>(&self, first: usize, force: &mut [[S; 4]], row: usize) {
+        let (k, stretch) = self.stretch::<L>(first);
         let f = scale(stretch.edge, stretch.slope * tensile_tension(k, stretch.change));
-        let nodes = &self.columns.shapes.nodes[first..];
-        L::add_rows([-f[0], -f[1], -f[2]], self.force, self.row, nodes, 0);
-        L::add_rows(f, self.force, self.row, nodes, 1);
+        add_vertices([[-f[0], -f[1], -f[2]], f], force, row, &self.shapes.nodes[first..]);
     }
-}
-
-struct EdgeTangent<'a, 'b, S> {
-    columns: &'a EdgeColumns<'b, S>,
-    span: &'a mut Span<S>,
-    kind: TangentKind,
-    clamped: [f64; MAX_LANES],
-}
-
-impl<S: Scalar> Batch<S> for EdgeTangent<'_, '_, S> {
     #[inline(always)]
-    fn batch<L: Lanes<Scalar = S>>(&mut self, first: usize) {
-        let (k, stretch) = self.columns.stretch::<L>(first);
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, first: usize, to: &mut TangentSum<S>) {
+        let (k, stretch) = self.stretch::<L>(first);
         let mut tension = tensile_tension(k, stretch.change);
         // identified constants may be negative
         let mut along = k;
-        match self.kind {
+        match to.kind {
             TangentKind::Exact => {}
             TangentKind::GaussNewton => (tension, along) = (L::ZERO, k.max(L::ZERO)),
             TangentKind::Projected => {
                 let negative = L::either(L::less(tension, L::ZERO), L::less(k, L::ZERO));
-                L::select(negative, L::ONE, L::ZERO).accumulate(&mut self.clamped);
+                to.count_clamped::<L>(negative);
                 (tension, along) = (tension.max(L::ZERO), k.max(L::ZERO));
             }
         }
@@ -480,6 +377,6 @@ impl<S: Scalar> Batch<S> for EdgeTangent<'_, '_, S> {
         let mut m = [L::ZERO; 9];
         add_outer(&mut m, scale(z, L::from_f64(0.5) * along), z);
         stretch.add_geometric(&mut m, stretch.slope * tension);
-        add_edge_tangent(m, self.span, self.columns.shapes.nodes, self.columns.block, first);
+        add_edge_tangent(m, to.span, self.shapes.nodes, self.block, first);
     }
 }

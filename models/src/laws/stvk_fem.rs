@@ -16,6 +16,7 @@ use sinew_engine::element::displacement_gradient;
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, dot, mat_vec};
 
+use crate::element::matrix::{add_identity, column, deformation, rows, symmetrise};
 use crate::element::tetrahedron::{CORE, Element, TetrahedronTangent, assemble, nodal_forces};
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::laws::LawRow;
@@ -23,15 +24,12 @@ use crate::laws::LawRow;
 /// `F` and `E`, row-major.
 #[inline(always)]
 fn kinematics<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> ([R; 9], [R; 9]) {
-    let mut f = displacement_gradient(&e.gradients, u);
-    for i in 0..3 {
-        f[4 * i] += R::ONE;
-    }
+    let f = deformation(&displacement_gradient(&e.gradients, u));
     let half = R::from_f64(0.5);
     let mut strain = [R::ZERO; 9];
     for i in 0..3 {
         for j in 0..3 {
-            let c = dot([f[i], f[3 + i], f[6 + i]], [f[j], f[3 + j], f[6 + j]]);
+            let c = dot(column(&f, i), column(&f, j));
             let identity = if i == j { R::ONE } else { R::ZERO };
             strain[3 * i + j] = half * (c - identity);
         }
@@ -48,102 +46,8 @@ fn stress<R: Real>(e: &Element<R>, strain: &[R; 9]) -> [R; 9] {
     for k in 0..9 {
         s[k] = two_mu * strain[k];
     }
-    for i in 0..3 {
-        s[4 * i] += pressure;
-    }
+    add_identity(&mut s, pressure);
     s
-}
-
-/// Energy, J.
-#[inline(always)]
-pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-    let (_, strain) = kinematics(e, u);
-    let trace = strain[0] + strain[4] + strain[8];
-    let mut squares = R::ZERO;
-    for x in strain {
-        squares = x.mul_add(x, squares);
-    }
-    e.volume * (R::from_f64(0.5) * e.lambda * trace).mul_add(trace, e.mu * squares)
-}
-
-/// Forces on the four vertices, N.
-#[inline(always)]
-pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [[R; 3]; 4] {
-    let (f, strain) = kinematics(e, u);
-    let s = stress(e, &strain);
-    let mut p = [R::ZERO; 9];
-    for i in 0..3 {
-        for j in 0..3 {
-            let column = [s[j], s[3 + j], s[6 + j]];
-            p[3 * i + j] = dot([f[3 * i], f[3 * i + 1], f[3 * i + 2]], column);
-        }
-    }
-    nodal_forces(e, &p)
-}
-
-/// Tangent, N/m: `+d2W/du2`, or for `GaussNewton` its first part.
-#[inline(always)]
-pub fn tangent<R: Real>(
-    e: &Element<R>,
-    u: &[[R; 3]; 4],
-    kind: TangentKind,
-) -> TetrahedronTangent<R> {
-    let (f, strain) = kinematics(e, u);
-    let s = stress(e, &strain);
-    let (lambda, mu, o) = (e.lambda, e.mu, R::ZERO);
-    let axial = lambda + mu + mu;
-    let moduli = [
-        [axial, lambda, lambda, o, o, o],
-        [lambda, axial, lambda, o, o, o],
-        [lambda, lambda, axial, o, o, o],
-        [o, o, o, mu, o, o],
-        [o, o, o, o, mu, o],
-        [o, o, o, o, o, mu],
-    ];
-    // rows xx, yy, zz and twice yz, xz, xy; a column per axis of the vertex
-    let mut b = [[[o; 3]; 6]; 3];
-    let mut cb = [[[o; 3]; 6]; 3];
-    for a in 0..3 {
-        let d = e.gradients[a];
-        for x in 0..3 {
-            let row = [f[3 * x], f[3 * x + 1], f[3 * x + 2]];
-            for k in 0..3 {
-                b[a][k][x] = row[k] * d[k];
-                let (i, j) = [(1, 2), (0, 2), (0, 1)][k];
-                b[a][3 + k][x] = row[i] * d[j] + row[j] * d[i];
-            }
-            for i in 0..6 {
-                for j in 0..6 {
-                    cb[a][i][x] = moduli[i][j].mul_add(b[a][j][x], cb[a][i][x]);
-                }
-            }
-        }
-    }
-    let mut core = [[o; 9]; 6];
-    for (block, [p, q]) in core.iter_mut().zip(CORE) {
-        for i in 0..3 {
-            for j in 0..3 {
-                let mut sum = o;
-                for k in 0..6 {
-                    sum = b[p][k][i].mul_add(cb[q][k][j], sum);
-                }
-                block[3 * i + j] = e.volume * sum;
-            }
-        }
-        if kind != TangentKind::GaussNewton {
-            let geometric = e.volume * dot(e.gradients[p], mat_vec(&s, e.gradients[q]));
-            for i in 0..3 {
-                block[4 * i] += geometric;
-            }
-        }
-        if p == q {
-            for (k, l) in [(1, 3), (2, 6), (5, 7)] {
-                let mean = R::from_f64(0.5) * (block[k] + block[l]);
-                (block[k], block[l]) = (mean, mean);
-            }
-        }
-    }
-    assemble(&core)
 }
 
 /// St Venant-Kirchhoff elasticity by the textbook; also the mark of its tetrahedra. `Projected` tangents
@@ -159,23 +63,85 @@ impl TetrahedronLaw for StVKFem {
     const WIDE: bool = false;
     const NAME: &'static str = "St Venant-Kirchhoff by finite elements";
     type Mark = Self;
-    fn contributes(_: TangentKind) -> bool {
-        true
-    }
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-        energy(e, u)
+        let (_, strain) = kinematics(e, u);
+        let trace = strain[0] + strain[4] + strain[8];
+        let mut squares = R::ZERO;
+        for x in strain {
+            squares = x.mul_add(x, squares);
+        }
+        e.volume * (R::from_f64(0.5) * e.lambda * trace).mul_add(trace, e.mu * squares)
     }
     #[inline(always)]
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
-        Some(forces(e, u))
+        let (f, strain) = kinematics(e, u);
+        let s = stress(e, &strain);
+        let mut p = [R::ZERO; 9];
+        for i in 0..3 {
+            for j in 0..3 {
+                p[3 * i + j] = dot(rows(&f)[i], column(&s, j));
+            }
+        }
+        Some(nodal_forces(e, &p))
     }
+    /// `+d2W/du2`, or for `GaussNewton` its first part.
     #[inline(always)]
     fn tangent<R: Real>(
         e: &Element<R>,
         u: &[[R; 3]; 4],
         kind: TangentKind,
     ) -> TetrahedronTangent<R> {
-        tangent(e, u, kind)
+        let (f, strain) = kinematics(e, u);
+        let s = stress(e, &strain);
+        let (lambda, mu, o) = (e.lambda, e.mu, R::ZERO);
+        let axial = lambda + mu + mu;
+        let moduli = [
+            [axial, lambda, lambda, o, o, o],
+            [lambda, axial, lambda, o, o, o],
+            [lambda, lambda, axial, o, o, o],
+            [o, o, o, mu, o, o],
+            [o, o, o, o, mu, o],
+            [o, o, o, o, o, mu],
+        ];
+        // rows xx, yy, zz and twice yz, xz, xy; a column per axis of the vertex
+        let mut b = [[[o; 3]; 6]; 3];
+        let mut cb = [[[o; 3]; 6]; 3];
+        for a in 0..3 {
+            let d = e.gradients[a];
+            for x in 0..3 {
+                let row = rows(&f)[x];
+                for k in 0..3 {
+                    b[a][k][x] = row[k] * d[k];
+                    let (i, j) = [(1, 2), (0, 2), (0, 1)][k];
+                    b[a][3 + k][x] = row[i] * d[j] + row[j] * d[i];
+                }
+                for i in 0..6 {
+                    for j in 0..6 {
+                        cb[a][i][x] = moduli[i][j].mul_add(b[a][j][x], cb[a][i][x]);
+                    }
+                }
+            }
+        }
+        let mut core = [[o; 9]; 6];
+        for (block, [p, q]) in core.iter_mut().zip(CORE) {
+            for i in 0..3 {
+                for j in 0..3 {
+                    let mut sum = o;
+                    for k in 0..6 {
+                        sum = b[p][k][i].mul_add(cb[q][k][j], sum);
+                    }
+                    block[3 * i + j] = e.volume * sum;
+                }
+            }
+            if kind != TangentKind::GaussNewton {
+                let geometric = e.volume * dot(e.gradients[p], mat_vec(&s, e.gradients[q]));
+                add_identity(block, geometric);
+            }
+            if p == q {
+                symmetrise(block);
+            }
+        }
+        assemble(&core)
     }
 }

@@ -11,6 +11,29 @@ use super::LawRow;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
 use crate::frame::tetrahedra::TetrahedronLaw;
 
+/// Tangents and products of the compression term, with or without the elastic part.
+macro_rules! tangents {
+    (elastic: $elastic:literal) => {
+        #[inline(always)]
+        fn tangent<R: Real>(
+            e: &Element<R>,
+            u: &[[R; 3]; 4],
+            kind: TangentKind,
+        ) -> TetrahedronTangent<R> {
+            tetrahedron::tangent_parts(e, u, $elastic, kind != TangentKind::GaussNewton)
+        }
+        #[inline(always)]
+        fn product<R: Real>(
+            e: &Element<R>,
+            u: &[[R; 3]; 4],
+            v: &[[R; 3]; 4],
+            kind: TangentKind,
+        ) -> [[R; 3]; 4] {
+            tetrahedron::product_parts(e, u, v, $elastic, kind != TangentKind::GaussNewton)
+        }
+    };
+}
+
 /// Fused evaluation: St Venant-Kirchhoff plus compression term, all in one pass; also the mark of its
 /// tetrahedra.
 #[derive(Component, Clone, Copy, Debug, Default)]
@@ -19,9 +42,6 @@ pub struct FusedStVK;
 impl TetrahedronLaw for FusedStVK {
     const NAME: &'static str = "fused St Venant-Kirchhoff";
     type Mark = Self;
-    fn contributes(_: TangentKind) -> bool {
-        true
-    }
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
         tetrahedron::energy(e, u)
@@ -30,23 +50,7 @@ impl TetrahedronLaw for FusedStVK {
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
         Some(tetrahedron::forces(e, u))
     }
-    #[inline(always)]
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R> {
-        tetrahedron::tangent_parts(e, u, true, kind != TangentKind::GaussNewton)
-    }
-    #[inline(always)]
-    fn product<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        v: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> [[R; 3]; 4] {
-        tetrahedron::product_parts(e, u, v, true, kind != TangentKind::GaussNewton)
-    }
+    tangents!(elastic: true);
 }
 
 /// The compression term of pooled bodies, an independent law beside their springs.
@@ -70,23 +74,7 @@ impl TetrahedronLaw for Compression {
         // no `then`: a closure would be compiled without the instruction set
         if R::any(acts) { Some(tetrahedron::compression::forces(e, u)) } else { None }
     }
-    #[inline(always)]
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R> {
-        tetrahedron::tangent_parts(e, u, false, kind != TangentKind::GaussNewton)
-    }
-    #[inline(always)]
-    fn product<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        v: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> [[R; 3]; 4] {
-        tetrahedron::product_parts(e, u, v, false, kind != TangentKind::GaussNewton)
-    }
+    tangents!(elastic: false);
 }
 
 /// The projected tangent of pooled bodies: the eigenvalues that are clamped belong to the whole
@@ -108,23 +96,7 @@ impl TetrahedronLaw for PooledProjection {
     fn forces<R: Real>(_: &Element<R>, _: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
         None
     }
-    #[inline(always)]
-    fn tangent<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> TetrahedronTangent<R> {
-        tetrahedron::tangent_parts(e, u, true, kind != TangentKind::GaussNewton)
-    }
-    #[inline(always)]
-    fn product<R: Real>(
-        e: &Element<R>,
-        u: &[[R; 3]; 4],
-        v: &[[R; 3]; 4],
-        kind: TangentKind,
-    ) -> [[R; 3]; 4] {
-        tetrahedron::product_parts(e, u, v, true, kind != TangentKind::GaussNewton)
-    }
+    tangents!(elastic: true);
 }
 
 /// Rows of these laws in the table.

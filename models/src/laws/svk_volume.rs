@@ -23,8 +23,9 @@
 //! ```
 //! use sinew_models::material::YoungPoisson;
 //! use sinew_models::element::precompute::RestTetrahedron;
-//! use sinew_models::laws::svk_volume;
 //! use sinew_models::element::tetrahedron::Element;
+//! use sinew_models::frame::tetrahedra::TetrahedronLaw;
+//! use sinew_models::laws::svk_volume::StVKVolume;
 //!
 //! let material = YoungPoisson { young_modulus: 3e3, poisson_ratio: 0.49, density: 1000.0 };
 //! let corner = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -32,7 +33,7 @@
 //! // vertex 1 pulled out by 10 %: E_xx = 0.105, J - 1 = 0.1
 //! let u = [[0.0; 3], [0.1, 0.0, 0.0], [0.0; 3], [0.0; 3]];
 //! let expected = (e.mu * 0.105 * 0.105 + 0.5 * e.lambda * 0.1 * 0.1) / 6.0;
-//! assert!((svk_volume::energy(&e, &u) - expected).abs() < 1e-12 * expected);
+//! assert!((StVKVolume::energy(&e, &u) - expected).abs() < 1e-12 * expected);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -41,6 +42,7 @@ use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::{Real, cross, dot, mat_vec};
 
+use crate::element::matrix::{add_identity, add_skew, deformation, rows, symmetric};
 use crate::element::projection::{Spectrum, Svd, clamped_blocks, signed_svd};
 use crate::element::tetrahedron::{
     CORE, Element, TetrahedronTangent, assemble, cofactor, elastic_stress, green_strain,
@@ -55,95 +57,13 @@ fn shear_only<R: Real>(e: &Element<R>) -> Element<R> {
     Element { lambda: R::ZERO, ..*e }
 }
 
-/// Energy, J.
-#[inline(always)]
-pub fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-    let g = displacement_gradient(&e.gradients, u);
-    let [xx, yy, zz, yz, xz, xy] = green_strain(&g);
-    let shear = dot([yz, xz, xy], [yz, xz, xy]);
-    let squares = dot([xx, yy, zz], [xx, yy, zz]) + (shear + shear);
-    let m = volume_change(&g);
-    e.volume * (R::from_f64(0.5) * e.lambda * m).mul_add(m, e.mu * squares)
-}
-
-/// Forces on the four vertices, N.
-#[inline(always)]
-pub fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [[R; 3]; 4] {
-    let g = displacement_gradient(&e.gradients, u);
-    let mut p = elastic_stress(&g, &second_piola_kirchhoff(&shear_only(e), &green_strain(&g)));
-    let pressure = e.lambda * volume_change(&g);
-    let cof = cofactor(&g);
-    for k in 0..9 {
-        p[k] = pressure.mul_add(cof[k], p[k]);
-    }
-    nodal_forces(e, &p)
-}
-
-/// Tangent `+d2W/du2` or a stand-in for it, N/m.
-#[inline(always)]
-pub fn tangent<R: Real>(
-    e: &Element<R>,
-    u: &[[R; 3]; 4],
-    kind: TangentKind,
-) -> TetrahedronTangent<R> {
-    if kind == TangentKind::Projected {
-        return assemble(&projected(e, u).1);
-    }
-    let exact = kind == TangentKind::Exact;
-    let g = displacement_gradient(&e.gradients, u);
-    let (one, cof) = (R::ONE, cofactor(&g));
-    let f = [one + g[0], g[1], g[2], g[3], one + g[4], g[5], g[6], g[7], one + g[8]];
-    let [xx, yy, zz, yz, xz, xy] = second_piola_kirchhoff(&shear_only(e), &green_strain(&g));
-    let s = [xx, xy, xz, xy, yy, yz, xz, yz, zz];
-    let (mu, pressure) = (e.mu * e.volume, e.lambda * e.volume * volume_change(&g));
-    // a material with nu < 0 would make the volume part negative
-    let lambda = if exact { e.lambda } else { e.lambda.max(R::ZERO) } * e.volume;
-    let mut fd = [[R::ZERO; 3]; 3];
-    let mut cd = [[R::ZERO; 3]; 3];
-    let mut sd = [[R::ZERO; 3]; 3];
-    for n in 0..3 {
-        fd[n] = mat_vec(&f, e.gradients[n]);
-        cd[n] = mat_vec(&cof, e.gradients[n]);
-        sd[n] = mat_vec(&s, e.gradients[n]);
-    }
-    let rows = [[f[0], f[1], f[2]], [f[3], f[4], f[5]], [f[6], f[7], f[8]]];
-    let mut core = [[R::ZERO; 9]; 6];
-    for (block, [n, m]) in core.iter_mut().zip(CORE) {
-        let (dn, dm) = (e.gradients[n], e.gradients[m]);
-        let along = mu * dot(dn, dm);
-        for i in 0..3 {
-            let (shear, volume) = (mu * fd[m][i], lambda * cd[n][i]);
-            for j in 0..3 {
-                let material = shear.mul_add(fd[n][j], volume * cd[m][j]);
-                block[3 * i + j] = along.mul_add(dot(rows[i], rows[j]), material);
-            }
-        }
-        if exact {
-            let stress = e.volume * dot(dn, sd[m]);
-            for i in 0..3 {
-                block[4 * i] += stress;
-            }
-            let w = mat_vec(&f, cross(dm, dn));
-            let w = [pressure * w[0], pressure * w[1], pressure * w[2]];
-            block[1] -= w[2];
-            block[2] += w[1];
-            block[3] += w[2];
-            block[5] -= w[0];
-            block[6] -= w[1];
-            block[7] += w[0];
-        }
-    }
-    assemble(&core)
-}
-
 /// Whether eigenvalues were clamped, and the blocks of the rest.
 #[inline(always)]
 fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6]) {
     let g = displacement_gradient(&e.gradients, u);
     let (lambda, mu, one) = (e.lambda, e.mu, R::ONE);
     let p = lambda * volume_change(&g);
-    let svd =
-        signed_svd(&[[one + g[0], g[1], g[2]], [g[3], one + g[4], g[5]], [g[6], g[7], one + g[8]]]);
+    let svd = signed_svd(&rows(&deformation(&g)));
     let Svd { s, .. } = svd;
     let c = [s[1] * s[2], s[0] * s[2], s[0] * s[1]];
     let mut spectrum =
@@ -186,16 +106,25 @@ impl TetrahedronLaw for StVKVolume {
     type Mark = Self;
     const WIDE: bool = false;
     const STRESS_PROJECTION: bool = false;
-    fn contributes(_: TangentKind) -> bool {
-        true
-    }
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-        energy(e, u)
+        let g = displacement_gradient(&e.gradients, u);
+        let [xx, yy, zz, yz, xz, xy] = green_strain(&g);
+        let shear = dot([yz, xz, xy], [yz, xz, xy]);
+        let squares = dot([xx, yy, zz], [xx, yy, zz]) + (shear + shear);
+        let m = volume_change(&g);
+        e.volume * (R::from_f64(0.5) * e.lambda * m).mul_add(m, e.mu * squares)
     }
     #[inline(always)]
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
-        Some(forces(e, u))
+        let g = displacement_gradient(&e.gradients, u);
+        let mut p = elastic_stress(&g, &second_piola_kirchhoff(&shear_only(e), &green_strain(&g)));
+        let pressure = e.lambda * volume_change(&g);
+        let cof = cofactor(&g);
+        for k in 0..9 {
+            p[k] = pressure.mul_add(cof[k], p[k]);
+        }
+        Some(nodal_forces(e, &p))
     }
     #[inline(always)]
     fn tangent<R: Real>(
@@ -203,7 +132,43 @@ impl TetrahedronLaw for StVKVolume {
         u: &[[R; 3]; 4],
         kind: TangentKind,
     ) -> TetrahedronTangent<R> {
-        tangent(e, u, kind)
+        if kind == TangentKind::Projected {
+            return assemble(&projected(e, u).1);
+        }
+        let exact = kind == TangentKind::Exact;
+        let g = displacement_gradient(&e.gradients, u);
+        let (f, cof) = (deformation(&g), cofactor(&g));
+        let s = symmetric(second_piola_kirchhoff(&shear_only(e), &green_strain(&g)));
+        let (mu, pressure) = (e.mu * e.volume, e.lambda * e.volume * volume_change(&g));
+        // a material with nu < 0 would make the volume part negative
+        let lambda = if exact { e.lambda } else { e.lambda.max(R::ZERO) } * e.volume;
+        let mut fd = [[R::ZERO; 3]; 3];
+        let mut cd = [[R::ZERO; 3]; 3];
+        let mut sd = [[R::ZERO; 3]; 3];
+        for n in 0..3 {
+            fd[n] = mat_vec(&f, e.gradients[n]);
+            cd[n] = mat_vec(&cof, e.gradients[n]);
+            sd[n] = mat_vec(&s, e.gradients[n]);
+        }
+        let rows = rows(&f);
+        let mut core = [[R::ZERO; 9]; 6];
+        for (block, [n, m]) in core.iter_mut().zip(CORE) {
+            let (dn, dm) = (e.gradients[n], e.gradients[m]);
+            let along = mu * dot(dn, dm);
+            for i in 0..3 {
+                let (shear, volume) = (mu * fd[m][i], lambda * cd[n][i]);
+                for j in 0..3 {
+                    let material = shear.mul_add(fd[n][j], volume * cd[m][j]);
+                    block[3 * i + j] = along.mul_add(dot(rows[i], rows[j]), material);
+                }
+            }
+            if exact {
+                add_identity(block, e.volume * dot(dn, sd[m]));
+                let w = mat_vec(&f, cross(dm, dn));
+                add_skew(block, [pressure * w[0], pressure * w[1], pressure * w[2]]);
+            }
+        }
+        assemble(&core)
     }
     #[inline(always)]
     fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {

@@ -1,0 +1,253 @@
+//! Elements whose energy is a sum over Gauss points, one point per lane: a point deforms as a tetrahedron
+//! (triangle) whose first vertex stays in place ([`sinew_engine::isoparametric`]). With `f_j` (`K_ij`) the forces
+//! (tangent blocks) on its vertices that move,
+//!
+//! ```text
+//! f_a = sum_q sum_j dN_a/dxi_j f_j        K_ab = sum_q sum_ij dN_a/dxi_i K_ij dN_b/dxi_j
+//! ```
+
+use bevy_ecs::prelude::*;
+use sinew_engine::isoparametric::{Derivatives, load_points, rows_of};
+use sinew_engine::lanes::{Lanes, MAX_LANES};
+use sinew_engine::law::{Span, TangentKind};
+use sinew_engine::scalar::{Real, Scalar};
+
+use std::marker::PhantomData;
+
+use super::columns::{LawColumns, TangentSum};
+use crate::element::matrix::symmetrise;
+
+/// Law `L` at the Gauss points of elements of `V` vertices; also the mark of such elements.
+#[derive(Component, Debug)]
+pub struct AtPoints<L: Send + Sync + 'static, const V: usize>(PhantomData<fn() -> L>);
+
+impl<L: Send + Sync + 'static, const V: usize> Clone for AtPoints<L, V> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<L: Send + Sync + 'static, const V: usize> Copy for AtPoints<L, V> {}
+
+impl<L: Send + Sync + 'static, const V: usize> Default for AtPoints<L, V> {
+    fn default() -> Self {
+        Self(PhantomData)
+    }
+}
+
+/// Elements of `V` vertices, as many Gauss points and `P` pairs of vertices, in `D` local coordinates.
+pub(crate) struct GaussElements<'a, S: Scalar, const V: usize, const D: usize, const P: usize> {
+    /// Displacement of every vertex row (m).
+    pub displacement: &'a [[S; 4]],
+    /// Vertex rows.
+    pub nodes: &'a [[u32; V]],
+    /// Tangent blocks of the pairs.
+    pub blocks: &'a [[u32; P]],
+    /// Derivatives of the shape functions.
+    pub derivatives: Derivatives<S, V, D>,
+}
+
+impl<S: Scalar, const V: usize, const D: usize, const P: usize> GaussElements<'_, S, V, D, P> {
+    /// Displacements (m) of the vertices of an element.
+    #[inline(always)]
+    pub fn displacements(&self, element: usize) -> [[S; 3]; V] {
+        rows_of(self.displacement, &self.nodes[element])
+    }
+}
+
+/// What a law makes of such elements. Mark implementations `#[inline(always)]`.
+pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: usize>:
+    Sync
+{
+    /// As [`Kernel::WIDE`](sinew_engine::lanes::Kernel::WIDE).
+    const WIDE: bool;
+    /// What stands for some points, with their displacements.
+    type Points<L: Lanes<Scalar = S>>;
+    /// All elements.
+    fn elements(&self) -> &GaussElements<'_, S, V, D, P>;
+    /// The points from `first` on of an element whose vertices have the displacements `u` (m).
+    fn points<L: Lanes<Scalar = S>>(
+        &self,
+        element: usize,
+        u: &[[S; 3]; V],
+        first: usize,
+    ) -> Self::Points<L>;
+    /// Energy (J).
+    fn energy<L: Lanes<Scalar = S>>(points: &Self::Points<L>) -> L;
+    /// Forces (N) on the vertices that move, `None` when there are none in any lane.
+    fn forces<L: Lanes<Scalar = S>>(points: &Self::Points<L>) -> Option<[[L; 3]; D]>;
+    /// Tangent (N/m) of these vertices.
+    fn tangent<L: Lanes<Scalar = S>>(
+        points: &Self::Points<L>,
+        kind: TangentKind,
+    ) -> [[[L; 9]; D]; D];
+    /// Where the projected tangent differs from the exact one; nowhere among the points that only fill the
+    /// register.
+    fn is_clamped<L: Lanes<Scalar = S>>(points: &Self::Points<L>) -> L::Mask;
+}
+
+/// The passes over a [`GaussLaw`].
+pub(crate) struct GaussColumns<'a, C, const V: usize, const D: usize, const P: usize>(pub &'a C);
+
+impl<S: Scalar, C, const V: usize, const D: usize, const P: usize> LawColumns<S>
+    for GaussColumns<'_, C, V, D, P>
+where
+    C: GaussLaw<S, V, D, P>,
+{
+    const WIDE: bool = C::WIDE;
+    const LANES_ARE_POINTS: bool = true;
+
+    #[inline(always)]
+    fn add_energy<L: Lanes<Scalar = S>>(&self, i: usize, sums: &mut [f64; MAX_LANES]) {
+        let u = self.0.elements().displacements(i);
+        for first in (0..V).step_by(L::COUNT) {
+            C::energy(&self.0.points::<L>(i, &u, first)).accumulate(sums);
+        }
+    }
+
+    #[inline(always)]
+    fn add_forces<L: Lanes<Scalar = S>>(&self, i: usize, force: &mut [[S; 4]], row: usize) {
+        let elements = self.0.elements();
+        let u = elements.displacements(i);
+        let mut sum = [[L::ZERO; 3]; V];
+        for first in (0..V).step_by(L::COUNT) {
+            let Some(f) = C::forces(&self.0.points::<L>(i, &u, first)) else { continue };
+            for a in 0..V {
+                for j in 0..D {
+                    let d: L = load_points(&elements.derivatives.0[a][j], first);
+                    for x in 0..3 {
+                        sum[a][x] = d.mul_add(f[j][x], sum[a][x]);
+                    }
+                }
+            }
+        }
+        for a in 0..V {
+            let to = &mut force[elements.nodes[i][a] as usize - row];
+            for x in 0..3 {
+                to[x] += total(sum[a][x]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_tangent<L: Lanes<Scalar = S>>(&self, i: usize, to: &mut TangentSum<S>) {
+        let elements = self.0.elements();
+        let u = elements.displacements(i);
+        let mut sum = Blocks::<L, V, P>::ZERO;
+        let mut any = false;
+        for first in (0..V).step_by(L::COUNT) {
+            let points = self.0.points::<L>(i, &u, first);
+            if to.kind == TangentKind::Projected {
+                any |= L::any(C::is_clamped(&points));
+            }
+            sum.add(&C::tangent(&points, to.kind), &elements.derivatives, first);
+        }
+        to.clamped[0] += f64::from(u8::from(any));
+        sum.write(to.span, &elements.nodes[i], &elements.blocks[i]);
+    }
+}
+
+/// Sum of the lanes, in their order.
+#[inline(always)]
+fn total<L: Lanes>(lanes: L) -> L::Scalar {
+    let mut values = [L::Scalar::ZERO; MAX_LANES];
+    lanes.store(&mut values);
+    let mut sum = values[0];
+    for value in &values[1..L::COUNT] {
+        sum += *value;
+    }
+    sum
+}
+
+#[inline(always)]
+fn summed<L: Lanes, S: Scalar>(block: &[L; 9]) -> [S; 9] {
+    let mut result = [S::ZERO; 9];
+    for k in 0..9 {
+        result[k] = S::from_f64(total(block[k]).to_f64());
+    }
+    result
+}
+
+/// Upper half of the `V` x `V` blocks of an element, one Gauss point per lane until they are summed.
+pub(crate) struct Blocks<L, const V: usize, const P: usize> {
+    diagonal: [[L; 9]; V],
+    off: [[L; 9]; P],
+}
+
+impl<L: Lanes, const V: usize, const P: usize> Blocks<L, V, P> {
+    pub(crate) const ZERO: Self = Self { diagonal: [[L::ZERO; 9]; V], off: [[L::ZERO; 9]; P] };
+
+    /// Adds what the tangents of some points give.
+    #[inline(always)]
+    pub(crate) fn add<const D: usize>(
+        &mut self,
+        inner: &[[[L; 9]; D]; D],
+        derivatives: &Derivatives<L::Scalar, V, D>,
+        first: usize,
+    ) {
+        let mut d = [[L::ZERO; D]; V];
+        for a in 0..V {
+            for j in 0..D {
+                d[a][j] = load_points(&derivatives.0[a][j], first);
+            }
+        }
+        for b in 0..V {
+            // what moving vertex b does to the vertices of the point that move
+            let mut column = [[L::ZERO; 9]; D];
+            for i in 0..D {
+                for j in 0..D {
+                    for k in 0..9 {
+                        column[i][k] = d[b][j].mul_add(inner[i][j][k], column[i][k]);
+                    }
+                }
+            }
+            for a in 0..=b {
+                let own =
+                    if a == b { &mut self.diagonal[a] } else { &mut self.off[place::<V>(a, b)] };
+                for i in 0..D {
+                    for k in 0..9 {
+                        own[k] = d[a][i].mul_add(column[i][k], own[k]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Sums the points and adds the blocks to a range.
+    #[inline(always)]
+    pub(crate) fn write<S: Scalar>(&self, span: &mut Span<S>, nodes: &[u32; V], blocks: &[u32; P]) {
+        for a in 0..V {
+            let mut block = summed(&self.diagonal[a]);
+            symmetrise(&mut block);
+            span.add_diagonal(nodes[a], &block);
+        }
+        for a in 0..V {
+            for b in a + 1..V {
+                let pair = place::<V>(a, b);
+                span.add_off_diagonal(blocks[pair], nodes[a], nodes[b], &summed(&self.off[pair]));
+            }
+        }
+    }
+}
+
+/// Place of the pair of local vertices `a < b` in the list of all pairs of `V` vertices.
+#[inline(always)]
+fn place<const V: usize>(a: usize, b: usize) -> usize {
+    a * (2 * V - 1 - a) / 2 + b - a - 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sinew_engine::isoparametric::{HEXAHEDRON_PAIRS, QUAD_PAIRS};
+
+    #[test]
+    fn places_count_the_pairs() {
+        for (i, [a, b]) in HEXAHEDRON_PAIRS.into_iter().enumerate() {
+            assert_eq!(place::<8>(a, b), i);
+        }
+        for (i, [a, b]) in QUAD_PAIRS.into_iter().enumerate() {
+            assert_eq!(place::<4>(a, b), i);
+        }
+    }
+}
