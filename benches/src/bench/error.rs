@@ -2,6 +2,8 @@
 
 use crate::peers::PeerError;
 use sinew::engine::mesh::MeshError;
+use sinew::engine::step::StepError;
+use sinew::engine::workers::WorkersError;
 use sinew::models::body::BodyError;
 use sinew::models::element::membrane::RestTriangleError;
 use sinew::models::element::precompute::RestTetrahedronError;
@@ -83,4 +85,16 @@ pub enum BenchError {
     /// A chart cannot be drawn.
     #[error("chart: {0}")]
     Chart(String),
+}
+
+impl From<StepError> for BenchError {
+    fn from(error: StepError) -> Self {
+        SimulationError::from(error).into()
+    }
+}
+
+impl From<WorkersError> for BenchError {
+    fn from(error: WorkersError) -> Self {
+        SimulationError::from(error).into()
+    }
 }

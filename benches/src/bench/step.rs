@@ -18,6 +18,7 @@ use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use sinew::simulation::SimulationError;
 use sinew::solvers::settings::{LinearPrecision, Preconditioner};
+use sinew_tune::table_of;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -495,14 +496,12 @@ impl StepReport {
              residual 1e-3",
             EXTENT.x, EXTENT.y, EXTENT.z
         );
-        let mut steps = Table::new(
-            "steps",
-            title,
-            &[
-                "tets", "integrator", "solver", "state", "precision", "threads", "ms",
-                "quartiles", "least", "of plain", "CG its", "residual", "projections", "substeps",
-                "error %",
-            ],
+        let steps = table_of!("steps", title; for r in &self.rows;
+            "tets" => r.tetrahedra, "integrator" => &r.integrator, "solver" => &r.solver,
+            "state" => &r.state, "precision" => &r.precision, "threads" => r.threads,
+            "ms" => r.ms.median, "quartiles" => quartiles(&r.ms), "least" => r.ms.minimum,
+            "of plain" => r.ratio_to_plain, "CG its" => r.cg_iterations, "residual" => r.residual,
+            "projections" => r.projections, "substeps" => r.substeps, "error %" => r.error_percent,
         )
         .note(
             "of plain: over forces and exact tangent plus one linear solve, of the swinging beam with \
@@ -514,40 +513,10 @@ impl StepReport {
             "times are means over {EXPLICIT_STEPS} explicit steps, one estimate of the stable step included, \
              over {IMPLICIT_STEPS} implicit ones from the swinging state, and of one from the squeezed state."
         ));
-        for r in &self.rows {
-            steps.row(vec![
-                r.tetrahedra.into(),
-                (&r.integrator).into(),
-                (&r.solver).into(),
-                (&r.state).into(),
-                (&r.precision).into(),
-                r.threads.into(),
-                r.ms.median.into(),
-                quartiles(&r.ms),
-                r.ms.minimum.into(),
-                r.ratio_to_plain.into(),
-                r.cg_iterations.into(),
-                r.residual.into(),
-                r.projections.into(),
-                r.substeps.into(),
-                r.error_percent.into(),
-            ]);
-        }
-        let mut builds = Table::new(
-            "builds",
-            "From a Gmsh file to a body (f64, one thread)",
-            &["tets", "read s", "check s", "build s", "total s", "least s"],
+        let builds = table_of!("builds", "From a Gmsh file to a body (f64, one thread)"; for r in &self.builds;
+            "tets" => r.tetrahedra, "read s" => r.read_s.median, "check s" => r.check_s.median,
+            "build s" => r.build_s.median, "total s" => r.total_s.median, "least s" => r.total_s.minimum,
         );
-        for r in &self.builds {
-            builds.row(vec![
-                r.tetrahedra.into(),
-                r.read_s.median.into(),
-                r.check_s.median.into(),
-                r.build_s.median.into(),
-                r.total_s.median.into(),
-                r.total_s.minimum.into(),
-            ]);
-        }
         vec![steps, builds]
     }
 }
