@@ -7,7 +7,6 @@ use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
-use sinew::simulation::SimulationError;
 use sinew_tune::measures::displacement_error;
 use std::path::Path;
 
@@ -402,7 +401,7 @@ impl Case {
 impl Outcome {
     fn step(&mut self, simulation: &mut Simulation) -> Result<(), BenchError> {
         let start = std::time::Instant::now();
-        simulation.step().map_err(SimulationError::from)?;
+        simulation.step()?;
         self.seconds += start.elapsed().as_secs_f64();
         self.steps += 1;
         let report = simulation.report();

@@ -1,6 +1,5 @@
 //! Why a bench cannot be carried out.
 
-use crate::peers::PeerError;
 use sinew::engine::mesh::MeshError;
 use sinew::engine::step::StepError;
 use sinew::engine::workers::WorkersError;
@@ -43,9 +42,9 @@ pub enum BenchError {
     /// A scene cannot be run.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// A comparison with other engines.
-    #[error(transparent)]
-    Peer(#[from] PeerError),
+    /// Another engine's process or its answer.
+    #[error("{0}")]
+    Rival(String),
     /// Springs that cannot be found or tested.
     #[error(transparent)]
     Fit(#[from] FitError),

@@ -8,7 +8,6 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::report::Fallbacks;
 use sinew::prelude::*;
-use sinew::simulation::SimulationError;
 use sinew_tune::table_of;
 use std::time::Instant;
 
@@ -173,7 +172,7 @@ fn swing(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<Swing, BenchErr
     for half in 0..2 {
         for _ in 0..steps {
             let clock = Instant::now();
-            simulation.step().map_err(SimulationError::from)?;
+            simulation.step()?;
             swing.milliseconds += 1e3 * clock.elapsed().as_secs_f64();
             let report = simulation.report();
             swing.solves += u64::from(report.newton_iterations);
@@ -201,7 +200,7 @@ fn spin(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<[f64; 2], BenchE
     simulation.set_dt(dt);
     simulation.set_solver(settings(integrator));
     for _ in 0..(0.1 / dt).round() as usize {
-        simulation.step().map_err(SimulationError::from)?;
+        simulation.step()?;
     }
     let report = simulation.report();
     let now = report.kinetic_energy + report.elastic_energy;

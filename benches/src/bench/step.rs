@@ -5,7 +5,9 @@ use super::error::BenchError;
 use super::kernels::quartiles;
 use super::stats::{Rounds, Spread, interleave};
 use super::table::Table;
-use crate::beam::{EXTENT, MATERIAL, as_in_a_step, beam, bend, bent, cells_for, request};
+use crate::beam::{
+    EXTENT, MATERIAL, as_in_a_step, beam, bend, bent, cells_for, lend, request, take_back,
+};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::engine::lanes::InstructionSet;
@@ -16,7 +18,6 @@ use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
-use sinew::simulation::SimulationError;
 use sinew::solvers::settings::{LinearPrecision, Preconditioner};
 use sinew_tune::table_of;
 use std::collections::BTreeMap;
@@ -133,13 +134,13 @@ impl Start {
         simulation.set_dt(DT);
         simulation.set_state(body, u, &vec![DVec3::ZERO; u.len()])?;
         for _ in 0..steps {
-            simulation.step().map_err(SimulationError::from)?;
+            simulation.step()?;
         }
         let (u, v) = (simulation.displacements(body), simulation.velocities(body));
         let mut after = |settings: SolverSettings| -> Result<Vec<DVec3>, BenchError> {
             simulation.set_solver(settings);
             simulation.set_state(body, &u, &v)?;
-            simulation.step().map_err(SimulationError::from)?;
+            simulation.step()?;
             Ok(simulation.displacements(body))
         };
         let implicit = after(SolverSettings {
@@ -232,7 +233,7 @@ fn size_rows(
     ];
     let mut pools: BTreeMap<usize, Option<Workers>> = BTreeMap::new();
     for &n in &options.threads {
-        pools.insert(n, Some(Workers::new(n).map_err(SimulationError::from)?));
+        pools.insert(n, Some(Workers::new(n)?));
     }
     let mut subjects = Vec::new();
     let mut variants = Vec::new();
@@ -291,7 +292,7 @@ fn size_rows(
     variants.extend(portable);
     let samples = interleave(&mut variants, options.rounds, |variant| {
         let subject = &mut subjects[variant.subject];
-        let pool = pools.get_mut(&variant.threads);
+        let pool = pools.entry(variant.threads).or_default();
         variant.measure(subject, &starts[variant.start], mesh, pool)
     })?;
 
@@ -305,8 +306,7 @@ fn size_rows(
         })
         .collect();
     for (variant, samples) in variants.into_iter().zip(samples) {
-        let Some(spread) = Spread::of(&samples) else { continue };
-        let spread = Spread::of(&samples[1..]).unwrap_or(spread);
+        let Some(spread) = Spread::warm(&samples) else { continue };
         let key = variant.key();
         let plain = plain.iter().find(|(k, _)| *k == key).map(|(_, seconds)| *seconds);
         let implicit = !variant.settings.integrator.is_explicit();
@@ -333,27 +333,24 @@ impl Variant {
         subject: &mut Subject,
         start: &Start,
         mesh: &Mesh,
-        pool: Option<&mut Option<Workers>>,
+        pool: &mut Option<Workers>,
     ) -> Result<f64, BenchError> {
         let Subject { simulation: s, body } = subject;
-        let mut lent = None;
-        if let Some(slot) = pool {
-            if let Some(workers) = slot.take() {
-                let workers = workers.with_instruction_set(self.instructions);
-                s.world_mut().insert_resource(workers.map_err(SimulationError::from)?);
-            }
-            lent = Some(slot);
-        }
+        *pool = match pool.take() {
+            Some(workers) => Some(workers.with_instruction_set(self.instructions)?),
+            None => None,
+        };
+        lend(s.world_mut(), pool);
         let implicit = !self.settings.integrator.is_explicit();
         let swinging = start.name == "swinging";
         s.set_solver(self.settings.clone());
         // the subject was last used with other settings
         s.set_state(*body, &start.u, &start.v)?;
-        s.step().map_err(SimulationError::from)?;
+        s.step()?;
         s.set_state(*body, &start.u, &start.v)?;
         if self.settings.integrator == Integrator::Auto {
             // it starts with a safe step
-            s.step().map_err(SimulationError::from)?;
+            s.step()?;
         }
         if self.settings.integrator == Integrator::Safe && swinging {
             request(s, false, true, Some(TangentKind::Exact));
@@ -373,7 +370,7 @@ impl Variant {
         let mut seconds = 0.0;
         for step in 0..steps {
             let clock = Instant::now();
-            s.step().map_err(SimulationError::from)?;
+            s.step()?;
             seconds += clock.elapsed().as_secs_f64();
             if step == 0 && self.row.is_none() {
                 self.row = Some(self.first_row(s, *body, start, mesh));
@@ -383,11 +380,7 @@ impl Variant {
         let times = s.world().resource::<SystemTimes>();
         let solve = times.entries.iter().find(|e| e.name == "linear solves");
         self.solves.extend(solve.map(|e| e.seconds / steps));
-        if let Some(slot) = lent {
-            let world = s.world_mut();
-            *slot = world.remove_resource::<Workers>();
-            world.insert_resource(Workers::serial());
-        }
+        take_back(s.world_mut(), pool);
         Ok(seconds / steps)
     }
 
@@ -410,7 +403,6 @@ impl Variant {
             a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
         };
         let report = s.report();
-        let zero = 0.0;
         StepRow {
             tetrahedra: mesh.tetrahedra.len(),
             integrator: self.settings.integrator.name().to_string(),
@@ -418,13 +410,7 @@ impl Variant {
             state: start.name.to_string(),
             precision: s.precision().name().to_string(),
             threads: self.threads,
-            ms: Spread {
-                samples: 0,
-                minimum: zero,
-                lower_quartile: zero,
-                median: zero,
-                upper_quartile: zero,
-            },
+            ms: Spread::default(),
             ratio_to_plain: None,
             cg_iterations: report.cg_iterations,
             residual: report.cg_residual,
