@@ -5,10 +5,12 @@ use glam::DVec3;
 use sinew::engine::law::{EvaluationRequest, TangentKind};
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::engine::scalar::Scalar;
 use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::workers::Workers;
 use sinew::models::axes::description::AxesDescription;
 use sinew::models::body::Evaluation;
+use sinew::models::body::sheet::MembraneDescription;
 use sinew::prelude::*;
 use sinew::simulation::SimulationError;
 
@@ -77,6 +79,19 @@ pub fn bent(
     Ok((simulation, body))
 }
 
+/// A body that is a membrane alone.
+pub fn sheet<'a>(
+    name: &'a str,
+    mesh: &'a Mesh,
+    membrane: MembraneDescription<'a>,
+) -> BodyDescription<'a> {
+    let material = membrane.material;
+    BodyDescription {
+        membrane: Some(membrane),
+        ..BodyDescription::from_parts(name, &mesh.points, &[], material)
+    }
+}
+
 /// Displacements (m) of a bar bent into an arc of 0.5 rad.
 pub fn bend(mesh: &Mesh) -> Vec<DVec3> {
     let radius = EXTENT.x / 0.5;
@@ -111,6 +126,24 @@ pub fn as_in_a_step<R: Send>(
     let workers = simulation.world().resource::<Workers>().clone();
     let world = simulation.world_mut();
     workers.enter(|| f(world))
+}
+
+/// Gives a world another pool of threads.
+pub fn lend(world: &mut World, pool: &mut Option<Workers>) {
+    if let Some(pool) = pool.take() {
+        world.insert_resource(pool);
+    }
+}
+
+/// Takes the pool back; one thread is left.
+pub fn take_back(world: &mut World, pool: &mut Option<Workers>) {
+    *pool = world.remove_resource::<Workers>();
+    world.insert_resource(Workers::serial());
+}
+
+/// The precision of a number type.
+pub fn precision_of<S: Scalar>() -> Precision {
+    if S::NAME == "f32" { Precision::F32 } else { Precision::F64 }
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ pub mod bench;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod peers;
+pub mod report;
 pub mod reproduce;
 pub mod resection;
 pub mod stability;

@@ -16,13 +16,10 @@ mod mujoco;
 mod rapier;
 mod sinew_rows;
 
+use crate::bench::error::BenchError;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use sinew::engine::mesh::MeshError;
-use sinew::engine::step::StepError;
-use sinew::models::body::BodyError;
 use sinew::prelude::*;
-use sinew::simulation::SimulationError;
 
 pub use beam::Beam;
 
@@ -109,40 +106,6 @@ pub struct PeerReport {
     pub aims: Vec<PeerAim>,
 }
 
-/// Why a run or a rival failed.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum PeerError {
-    /// Mesh.
-    #[error(transparent)]
-    Mesh(#[from] MeshError),
-    /// Sinew's own run.
-    #[error(transparent)]
-    Simulation(#[from] SimulationError),
-    /// Sinew's body.
-    #[error(transparent)]
-    Body(#[from] BodyError),
-    /// A step of Sinew.
-    #[error(transparent)]
-    Step(#[from] StepError),
-    /// Newton stopped before it had converged.
-    #[error(
-        "the truth of {scene} did not converge: Newton step {step:e} of the body after {iterations} \
-         iterations"
-    )]
-    Truth {
-        /// Scene.
-        scene: String,
-        /// Last Newton step over body size.
-        step: f64,
-        /// Newton iterations.
-        iterations: u32,
-    },
-    /// A rival's process or its answer.
-    #[error("{0}")]
-    Rival(String),
-}
-
 /// A beam with its truth.
 struct Case {
     beam: Beam,
@@ -151,7 +114,7 @@ struct Case {
 }
 
 impl Case {
-    fn new(beam: Beam) -> Result<Self, PeerError> {
+    fn new(beam: Beam) -> Result<Self, BenchError> {
         let truth = sinew_rows::equilibrium(&beam, Model::StVK)?;
         Ok(Self { beam, truth })
     }
@@ -227,13 +190,13 @@ fn say(note: &mut String, text: impl AsRef<str>) {
 /// One engine in one setting: timed in turns with the others, then settled.
 trait Rival {
     /// Times undamped steps (ms each) from the case's start.
-    fn time(&mut self, case: &Case, steps: usize) -> Result<Vec<f64>, PeerError>;
+    fn time(&mut self, case: &Case, steps: usize) -> Result<Vec<f64>, BenchError>;
     /// Seconds of one evaluation of the elastic forces, where it can be told.
-    fn force(&mut self, case: &Case) -> Result<Option<f64>, PeerError>;
+    fn force(&mut self, case: &Case) -> Result<Option<f64>, BenchError>;
     /// Settles and returns the displacements (m).
-    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, PeerError>;
+    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, BenchError>;
     /// What its settled state should be, where that is not the case's truth.
-    fn truth(&self, _: &Case) -> Result<Option<Vec<DVec3>>, PeerError> {
+    fn truth(&self, _: &Case) -> Result<Option<Vec<DVec3>>, BenchError> {
         Ok(None)
     }
     /// Row without figures.
@@ -311,7 +274,7 @@ fn compete(case: &Case, rivals: &mut [Box<dyn Rival + '_>], quick: bool, report:
 ///
 /// # Errors
 /// When a mesh cannot be made or Sinew's own truth does not converge.
-pub fn run(options: &PeerOptions) -> Result<PeerReport, PeerError> {
+pub fn run(options: &PeerOptions) -> Result<PeerReport, BenchError> {
     let mut report = PeerReport::default();
     let mujoco_cells: &[[usize; 3]] =
         if options.quick { &[[16, 4, 4]] } else { &[[16, 4, 4], [24, 6, 6], [52, 13, 13]] };
@@ -361,7 +324,7 @@ const NOT_COMPARED: [&str; 2] = [
 ];
 
 #[cfg(feature = "rapier")]
-fn run_rapier(options: &PeerOptions, report: &mut PeerReport) -> Result<(), PeerError> {
+fn run_rapier(options: &PeerOptions, report: &mut PeerReport) -> Result<(), BenchError> {
     let cells: &[[usize; 3]] =
         if options.quick { &[[8, 2, 2]] } else { &[[8, 2, 2], [16, 4, 4], [24, 6, 6]] };
     for &cells in cells {

@@ -10,6 +10,7 @@
 use crate::machine::{Load, MachineNotes, Watch};
 use crate::measures::{displacement_error, front, quantile};
 use crate::table::{Table, three_digits};
+use crate::table_of;
 use glam::DVec3;
 use serde::Serialize;
 use sinew::models::body::Evaluation;
@@ -636,50 +637,18 @@ impl Advice {
     /// All runs, fastest first; the recommended one is marked.
     pub fn table(&self) -> Table {
         let frame = if self.horizon_s > 0.0 { "frame ms" } else { "total ms" };
-        let mut table = Table::new(
-            "advice",
-            format!("Settings tried on {}", self.scene),
-            &[
-                "integrator",
-                "step",
-                "tol",
-                "newton tol",
-                "precision",
-                "evaluation",
-                "model",
-                "threads",
-                frame,
-                "p95 ms",
-                "s per s",
-                "error %",
-                "front",
-                "note",
-            ],
-        );
         let mut order: Vec<usize> = (0..self.rows.len()).collect();
         order.sort_by(|&a, &b| self.rows[a].frame_ms.total_cmp(&self.rows[b].frame_ms));
-        for i in order {
-            let r = &self.rows[i];
-            if i == self.best {
-                table.marked.push(table.rows.len());
-            }
-            table.row(vec![
-                (&r.integrator).into(),
-                (&r.step).into(),
-                r.linear_tolerance.into(),
-                r.newton_tolerance.into(),
-                (&r.precision).into(),
-                (&r.evaluation).into(),
-                (&r.model).into(),
-                r.threads.into(),
-                r.frame_ms.into(),
-                r.frame_p95_ms.into(),
-                r.cost.into(),
-                r.error_percent.into(),
-                r.pareto.into(),
-                (&r.note).into(),
-            ]);
-        }
+        let title = format!("Settings tried on {}", self.scene);
+        let rows = order.iter().map(|&i| &self.rows[i]);
+        let mut table = table_of!("advice", title; for r in rows;
+            "integrator" => &r.integrator, "step" => &r.step, "tol" => r.linear_tolerance,
+            "newton tol" => r.newton_tolerance, "precision" => &r.precision,
+            "evaluation" => &r.evaluation, "model" => &r.model, "threads" => r.threads,
+            frame => r.frame_ms, "p95 ms" => r.frame_p95_ms, "s per s" => r.cost,
+            "error %" => r.error_percent, "front" => r.pareto, "note" => &r.note,
+        );
+        table.marked.extend(order.iter().position(|&i| i == self.best));
         table
     }
 

@@ -15,52 +15,25 @@ pub enum Cell {
     Missing,
 }
 
-impl From<&str> for Cell {
-    fn from(text: &str) -> Self {
-        Self::Text(text.to_string())
-    }
+macro_rules! cells {
+    ($($from:ty: |$x:ident| $cell:expr;)+) => {
+        $(impl From<$from> for Cell {
+            fn from($x: $from) -> Self {
+                $cell
+            }
+        })+
+    };
 }
 
-impl From<&String> for Cell {
-    fn from(text: &String) -> Self {
-        Self::Text(text.clone())
-    }
-}
-
-impl From<String> for Cell {
-    fn from(text: String) -> Self {
-        Self::Text(text)
-    }
-}
-
-impl From<f64> for Cell {
-    fn from(x: f64) -> Self {
-        Self::Number(x)
-    }
-}
-
-impl From<usize> for Cell {
-    fn from(n: usize) -> Self {
-        Self::Count(n as u64)
-    }
-}
-
-impl From<u64> for Cell {
-    fn from(n: u64) -> Self {
-        Self::Count(n)
-    }
-}
-
-impl From<u32> for Cell {
-    fn from(n: u32) -> Self {
-        Self::Count(n.into())
-    }
-}
-
-impl From<bool> for Cell {
-    fn from(yes: bool) -> Self {
-        Self::Text(if yes { "yes" } else { "" }.to_string())
-    }
+cells! {
+    &str: |text| Self::Text(text.to_string());
+    &String: |text| Self::Text(text.clone());
+    String: |text| Self::Text(text);
+    f64: |x| Self::Number(x);
+    usize: |n| Self::Count(n as u64);
+    u64: |n| Self::Count(n);
+    u32: |n| Self::Count(n.into());
+    bool: |yes| Self::Text(if yes { "yes" } else { "" }.to_string());
 }
 
 impl<T: Into<Cell>> From<Option<T>> for Cell {
@@ -112,6 +85,31 @@ pub fn three_digits(x: f64) -> String {
         let digits = 2 - size.log10().floor() as i32;
         format!("{x:.*}", digits.max(0) as usize)
     }
+}
+
+/// A [`Table`] with one row for each item of an iterator. The heading of a column stands before its cell; what every
+/// row needs first may stand after `where`.
+///
+/// ```
+/// use sinew_tune::table_of;
+///
+/// let table = table_of!("squares", "Squares"; for n in [2_usize, 3];
+///     where { let square = n * n; }
+///     "n" => n, "square" => square, "root" => (n as f64).sqrt(),
+/// );
+/// assert_eq!((table.columns[1].as_str(), table.rows.len()), ("square", 2));
+/// ```
+#[macro_export]
+macro_rules! table_of {
+    ($name:expr, $title:expr; for $row:pat in $rows:expr;
+     $(where { $($first:tt)* })? $($heading:expr => $cell:expr),+ $(,)?) => {{
+        let mut table = $crate::table::Table::new($name, $title, &[$($heading),+]);
+        for $row in $rows {
+            $($($first)*)?
+            table.row(vec![$($crate::table::Cell::from($cell)),+]);
+        }
+        table
+    }};
 }
 
 /// A table with a heading.

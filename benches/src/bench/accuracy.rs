@@ -9,6 +9,7 @@ use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use sinew_demos::summary::{evaluation_name, model_name};
 use sinew_tune::measures::{displacement_error, front};
+use sinew_tune::table_of;
 
 /// What is measured.
 #[derive(Clone, Debug)]
@@ -346,6 +347,11 @@ impl Point {
         }
     }
 
+    /// Its case and the size of its mesh.
+    pub fn mesh(&self) -> (&str, usize) {
+        (&self.case, self.tetrahedra)
+    }
+
     /// How it was computed, in a few words.
     pub fn method(&self) -> String {
         let mut words = vec![self.integrator.clone()];
@@ -364,73 +370,39 @@ impl Point {
 impl AccuracyReport {
     /// Tables: the fronts, the converged solutions, all points.
     pub fn tables(&self) -> Vec<Table> {
-        const COLUMNS: [&str; 15] = [
-            "case",
-            "tets",
-            "method",
-            "model",
-            "evaluation",
-            "precision",
-            "threads",
-            "cost s",
-            "least s",
-            "error %",
-            "refined error %",
-            "steps",
-            "CG its",
-            "front",
-            "note",
-        ];
-        let row = |p: &Point| {
-            let front = match (p.pareto, p.pareto_refined) {
-                (true, true) => "mesh, refined",
-                (true, false) => "mesh",
-                (false, true) => "refined",
-                (false, false) => "",
-            };
-            vec![
-                (&p.case).into(),
-                p.tetrahedra.into(),
-                p.method().into(),
-                (&p.model).into(),
-                (&p.evaluation).into(),
-                (&p.precision).into(),
-                p.threads.into(),
-                p.cost.map(|c| c.median).into(),
-                p.cost.map(|c| c.minimum).into(),
-                p.error_percent.into(),
-                p.refined_error_percent.into(),
-                p.steps.into(),
-                p.cg_iterations.into(),
-                front.into(),
-                p.note.trim_end_matches("; ").into(),
-            ]
+        let table = |name, title: &str, keep: fn(&Point) -> bool| {
+            table_of!(name, title; for p in self.points.iter().filter(|p| keep(p));
+                "case" => &p.case, "tets" => p.tetrahedra, "method" => p.method(), "model" => &p.model,
+                "evaluation" => &p.evaluation, "precision" => &p.precision, "threads" => p.threads,
+                "cost s" => p.cost.map(|c| c.median), "least s" => p.cost.map(|c| c.minimum),
+                "error %" => p.error_percent, "refined error %" => p.refined_error_percent,
+                "steps" => p.steps, "CG its" => p.cg_iterations,
+                "front" => match (p.pareto, p.pareto_refined) {
+                    (true, true) => "mesh, refined",
+                    (true, false) => "mesh",
+                    (false, true) => "refined",
+                    (false, false) => "",
+                },
+                "note" => p.note.trim_end_matches("; "),
+            )
         };
-        let mut fronts = Table::new(
-            "pareto",
-            "Pareto fronts: no point is both faster and nearer by 1 %",
-            &COLUMNS,
-        )
-        .note(
-            "cost: wall time per simulated second of a motion, or to the answer of an \
+        let title = "Pareto fronts: no point is both faster and nearer by 1 %";
+        let fronts = table("pareto", title, |p| p.pareto || p.pareto_refined)
+            .note(
+                "cost: wall time per simulated second of a motion, or to the answer of an \
                  equilibrium; median and least of interleaved repeats, set-up not included.",
-        )
-        .note(
-            "error: largest distance of a vertex from where the converged solution of the same \
+            )
+            .note(
+                "error: largest distance of a vertex from where the converged solution of the same \
                  mesh (svk_comp) has it, at any time of comparison, over the largest displacement. \
                  refined error: the same against the converged solution on the refined mesh.",
-        );
-        let mut points = Table::new("points", "Speed against error: all points", &COLUMNS);
-        for p in &self.points {
-            points.row(row(p));
-            if p.pareto || p.pareto_refined {
-                fronts.row(row(p));
-            }
-        }
-        let mut truths = Table::new(
-            "truths",
-            "Converged solutions",
-            &["case", "tets", "own error %", "mesh error %", "took s", "what happens"],
+            );
+        let points = table("points", "Speed against error: all points", |_| true);
+        let case = |t: &TruthRow| self.cases.iter().find(|c| c.case == t.case);
+        let truths = table_of!("truths", "Converged solutions"; for t in &self.truths;
+            "case" => &t.case, "tets" => t.tetrahedra, "own error %" => t.own_error_percent,
+            "mesh error %" => t.mesh_error_percent, "took s" => t.seconds,
+            "what happens" => case(t).map(|c| c.description.clone()),
         )
         .note(
             "own error: equilibria are solved once more to a relative residual of 1e-10, and that \
@@ -438,18 +410,6 @@ impl AccuracyReport {
              third of the difference is stated. mesh error: distance from the converged solution of \
              the refined mesh, which has the most tetrahedra of its case.",
         );
-        for t in &self.truths {
-            let description =
-                self.cases.iter().find(|c| c.case == t.case).map(|c| c.description.clone());
-            truths.row(vec![
-                (&t.case).into(),
-                t.tetrahedra.into(),
-                t.own_error_percent.into(),
-                t.mesh_error_percent.into(),
-                t.seconds.into(),
-                description.into(),
-            ]);
-        }
         vec![fronts, truths, points]
     }
 }

@@ -3,8 +3,9 @@
 use super::accuracy::AccuracyReport;
 use super::kernels::KernelReport;
 use super::step::{StepReport, StepRow};
-use super::table::{Cell, Table};
+use super::table::Table;
 use serde::{Deserialize, Serialize};
+use sinew_tune::table_of;
 
 /// One aim.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -189,19 +190,11 @@ pub fn accuracy(report: &AccuracyReport) -> Vec<Aim> {
 
 /// For people.
 pub fn table(aims: &[Aim]) -> Table {
-    let mut table =
-        Table::new("aims", "Aims of the project", &["what", "aim", "found", "unit", ""])
-            .note("at most the aim counts as met; medians of this run.");
-    for aim in aims {
-        table.row(vec![
-            (&aim.what).into(),
-            aim.limit.into(),
-            aim.found.into(),
-            (&aim.unit).into(),
-            Cell::from(if aim.met { "met" } else { "missed" }),
-        ]);
-    }
-    table
+    table_of!("aims", "Aims of the project"; for aim in aims;
+        "what" => &aim.what, "aim" => aim.limit, "found" => aim.found, "unit" => &aim.unit,
+        "" => if aim.met { "met" } else { "missed" },
+    )
+    .note("at most the aim counts as met; medians of this run.")
 }
 
 #[cfg(test)]

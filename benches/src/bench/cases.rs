@@ -7,7 +7,6 @@ use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
-use sinew::simulation::SimulationError;
 use sinew_tune::measures::displacement_error;
 use std::path::Path;
 
@@ -51,6 +50,20 @@ pub enum Kind {
 
 const EARTH: DVec3 = DVec3::new(0.0, 0.0, -9.81);
 
+/// A mesh of the demos, checked.
+///
+/// # Errors
+/// When it cannot be read or is damaged.
+pub fn demo_mesh(file: &str) -> Result<Mesh, BenchError> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../demos/meshes").join(file);
+    let checked = check(&Mesh::read(&path)?, &CheckOptions::default());
+    let checked = checked.map_err(|e| BenchError::Request {
+        what: format!("{}: {e}", path.display()),
+        remedy: "restore the file".into(),
+    })?;
+    Ok(checked.mesh)
+}
+
 /// All cases; quick ones are coarser.
 ///
 /// # Errors
@@ -82,13 +95,6 @@ pub fn cases(quick: bool) -> Result<Vec<Case>, BenchError> {
             kind: Kind::Equilibrium,
         })
     };
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../demos/meshes/liver.msh");
-    let liver = check(&Mesh::read(&path)?, &CheckOptions::default())
-        .map_err(|e| BenchError::Request {
-            what: format!("{}: {e}", path.display()),
-            remedy: "restore the file".into(),
-        })?
-        .mesh;
     let cantilever = Case {
         name: "cantilever",
         description: "beam 0.2 x 0.05 x 0.05 m, E 300 kPa, nu 0.45, clamped at x = 0, under its weight",
@@ -149,7 +155,7 @@ pub fn cases(quick: bool) -> Result<Vec<Case>, BenchError> {
             gravity: EARTH,
             held: "ligament",
             moved: Some(("tool", Motion::Translate(DVec3::new(0.045, -0.03, 0.045)))),
-            meshes: ladder(liver, measured),
+            meshes: ladder(demo_mesh("liver.msh")?, measured),
             measured: 1,
             truth_load_steps: 5,
             kind: Kind::Equilibrium,
@@ -395,7 +401,7 @@ impl Case {
 impl Outcome {
     fn step(&mut self, simulation: &mut Simulation) -> Result<(), BenchError> {
         let start = std::time::Instant::now();
-        simulation.step().map_err(SimulationError::from)?;
+        simulation.step()?;
         self.seconds += start.elapsed().as_secs_f64();
         self.steps += 1;
         let report = simulation.report();

@@ -1,7 +1,8 @@
 //! Why a bench cannot be carried out.
 
-use crate::peers::PeerError;
 use sinew::engine::mesh::MeshError;
+use sinew::engine::step::StepError;
+use sinew::engine::workers::WorkersError;
 use sinew::models::body::BodyError;
 use sinew::models::element::membrane::RestTriangleError;
 use sinew::models::element::precompute::RestTetrahedronError;
@@ -41,9 +42,9 @@ pub enum BenchError {
     /// A scene cannot be run.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// A comparison with other engines.
-    #[error(transparent)]
-    Peer(#[from] PeerError),
+    /// Another engine's process or its answer.
+    #[error("{0}")]
+    Rival(String),
     /// Springs that cannot be found or tested.
     #[error(transparent)]
     Fit(#[from] FitError),
@@ -83,4 +84,16 @@ pub enum BenchError {
     /// A chart cannot be drawn.
     #[error("chart: {0}")]
     Chart(String),
+}
+
+impl From<StepError> for BenchError {
+    fn from(error: StepError) -> Self {
+        SimulationError::from(error).into()
+    }
+}
+
+impl From<WorkersError> for BenchError {
+    fn from(error: WorkersError) -> Self {
+        SimulationError::from(error).into()
+    }
 }

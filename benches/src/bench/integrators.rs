@@ -1,14 +1,14 @@
 //! Integrators beside each other: work against error on a swinging beam, and what is left of a fast spin.
 
 use super::error::BenchError;
-use super::table::{Cell, Table};
+use super::table::Table;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::report::Fallbacks;
 use sinew::prelude::*;
-use sinew::simulation::SimulationError;
+use sinew_tune::table_of;
 use std::time::Instant;
 
 /// What was measured.
@@ -172,7 +172,7 @@ fn swing(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<Swing, BenchErr
     for half in 0..2 {
         for _ in 0..steps {
             let clock = Instant::now();
-            simulation.step().map_err(SimulationError::from)?;
+            simulation.step()?;
             swing.milliseconds += 1e3 * clock.elapsed().as_secs_f64();
             let report = simulation.report();
             swing.solves += u64::from(report.newton_iterations);
@@ -200,7 +200,7 @@ fn spin(mesh: &Mesh, integrator: Integrator, dt: f64) -> Result<[f64; 2], BenchE
     simulation.set_dt(dt);
     simulation.set_solver(settings(integrator));
     for _ in 0..(0.1 / dt).round() as usize {
-        simulation.step().map_err(SimulationError::from)?;
+        simulation.step()?;
     }
     let report = simulation.report();
     let now = report.kinetic_energy + report.elastic_energy;
@@ -268,20 +268,15 @@ pub fn run(quick: bool, tell: &mut impl FnMut(&str)) -> Result<IntegratorReport,
     Ok(IntegratorReport { swings, spins })
 }
 
-fn cell(pair: Option<[f64; 2]>, i: usize) -> Cell {
-    pair.map_or(Cell::Missing, |p| p[i].into())
-}
-
 impl IntegratorReport {
     /// For people.
     pub fn tables(&self) -> Vec<Table> {
-        let mut swings = Table::new(
-            "integrators-swing",
-            "Integrators: work against error",
-            &[
-                "integrator", "dt ms", "error % at 0.2 s", "at 0.4 s", "elsewhere % at 0.2 s",
-                "at 0.4 s", "linear systems", "safe steps", "wall ms",
-            ],
+        let at = |pair: Option<[f64; 2]>, i: usize, factor: f64| pair.map(|p| factor * p[i]);
+        let swings = table_of!("integrators-swing", "Integrators: work against error"; for r in &self.swings;
+            "integrator" => &r.integrator, "dt ms" => 1e3 * r.dt,
+            "error % at 0.2 s" => 100.0 * r.errors[0], "at 0.4 s" => 100.0 * r.errors[1],
+            "elsewhere % at 0.2 s" => at(r.elsewhere, 0, 100.0), "at 0.4 s" => at(r.elsewhere, 1, 100.0),
+            "linear systems" => r.solves, "safe steps" => r.fallbacks, "wall ms" => r.milliseconds,
         )
         .note(
             "A beam of 144 tetrahedra (30 kPa, nu 0.4), held at one end, falls for 0.4 s. Largest error \
@@ -289,47 +284,17 @@ impl IntegratorReport {
              program with direct solves on a beam of the same kind. safe steps: those that BDF2 \
              left to implicit Euler, linearised to the safe step, its first one included.",
         );
-        for r in &self.swings {
-            swings.row(vec![
-                (&r.integrator).into(),
-                (1e3 * r.dt).into(),
-                (100.0 * r.errors[0]).into(),
-                (100.0 * r.errors[1]).into(),
-                cell(r.elsewhere.map(|e| e.map(|e| 100.0 * e)), 0),
-                cell(r.elsewhere.map(|e| e.map(|e| 100.0 * e)), 1),
-                r.solves.into(),
-                r.fallbacks.into(),
-                r.milliseconds.into(),
-            ]);
-        }
-        let mut spins = Table::new(
-            "integrators-spin",
-            "Integrators: what is left of a fast spin",
-            &[
-                "integrator",
-                "dt ms",
-                "angular momentum %",
-                "change of energy %",
-                "elsewhere %",
-                "energy %",
-                "failure",
-            ],
+        let title = "Integrators: what is left of a fast spin";
+        let spins = table_of!("integrators-spin", title; for r in &self.spins;
+            "integrator" => &r.integrator, "dt ms" => 1e3 * r.dt,
+            "angular momentum %" => r.angular_percent, "change of energy %" => r.energy_percent,
+            "elsewhere %" => at(r.elsewhere, 0, 1.0), "energy %" => at(r.elsewhere, 1, 1.0),
+            "failure" => r.failure.clone(),
         )
         .note(
             "A free cube of 162 tetrahedra (100 kPa, nu 0.3) spins at 100 rad/s for 0.1 s: angular \
              momentum kept and change of energy; elsewhere as above.",
         );
-        for r in &self.spins {
-            spins.row(vec![
-                (&r.integrator).into(),
-                (1e3 * r.dt).into(),
-                r.angular_percent.into(),
-                r.energy_percent.into(),
-                cell(r.elsewhere, 0),
-                cell(r.elsewhere, 1),
-                r.failure.clone().into(),
-            ]);
-        }
         vec![swings, spins]
     }
 }

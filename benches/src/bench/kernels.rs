@@ -8,7 +8,10 @@ use super::membranes::{self, MembraneRow};
 use super::roofline::Limits;
 use super::stats::{Rounds, Spread, interleave};
 use super::table::{Cell, Table};
-use crate::beam::{MATERIAL, as_in_a_step, beam, bend, bent, cells_for, evaluate, request};
+use crate::beam::{
+    MATERIAL, as_in_a_step, beam, bend, bent, cells_for, evaluate, lend, precision_of, request,
+    take_back,
+};
 use bevy_ecs::prelude::World;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -41,7 +44,7 @@ use sinew::models::laws::stvk_fem::StVKFem;
 use sinew::models::laws::svk::FusedStVK;
 use sinew::models::material::LameParameters;
 use sinew::prelude::*;
-use sinew::simulation::SimulationError;
+use sinew_tune::table_of;
 use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::mem::size_of;
@@ -59,7 +62,7 @@ pub struct KernelOptions {
 }
 
 /// One kernel at one size.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct KernelRow {
     /// Law or data structure.
     pub kernel: String,
@@ -118,8 +121,9 @@ pub struct KernelReport {
     pub membranes: Vec<MembraneRow>,
 }
 
+/// What a kernel computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Quantity {
+pub(crate) enum Quantity {
     Energy,
     Force,
     Tangent(TangentKind),
@@ -174,30 +178,33 @@ struct Variant {
     repetitions: usize,
 }
 
+/// What is timed.
+const SUBJECTS: [(Evaluation, Model); 12] = [
+    (Evaluation::Fused, Model::StVK),
+    (Evaluation::Fused, Model::CompressibleStVK),
+    (Evaluation::Pooled, Model::StVK),
+    (Evaluation::Pooled, Model::CompressibleStVK),
+    (Evaluation::Fused, Model::QuadraticSprings),
+    (Evaluation::Fused, Model::MassSpring),
+    (Evaluation::Fused, Model::Linear),
+    (Evaluation::Fused, Model::WarpedStiffness),
+    (Evaluation::Fused, Model::Corotational),
+    (Evaluation::Fused, Model::StVKFem),
+    (Evaluation::Fused, Model::NeoHookean),
+    (Evaluation::Fused, Model::Axes),
+];
+
 fn size_rows(
     mesh: &Mesh,
     options: &KernelOptions,
     limits: &[Limits],
     rows: &mut Vec<KernelRow>,
 ) -> Result<(), BenchError> {
-    let mut subjects: Vec<Box<dyn Subject>> = Vec::new();
-    for (evaluation, model) in [
-        (Evaluation::Fused, Model::StVK),
-        (Evaluation::Fused, Model::CompressibleStVK),
-        (Evaluation::Pooled, Model::StVK),
-        (Evaluation::Pooled, Model::CompressibleStVK),
-        (Evaluation::Fused, Model::QuadraticSprings),
-        (Evaluation::Fused, Model::MassSpring),
-        (Evaluation::Fused, Model::Linear),
-        (Evaluation::Fused, Model::WarpedStiffness),
-        (Evaluation::Fused, Model::Corotational),
-        (Evaluation::Fused, Model::StVKFem),
-        (Evaluation::Fused, Model::NeoHookean),
-        (Evaluation::Fused, Model::Axes),
-    ] {
+    let mut subjects: Vec<Subject> = Vec::new();
+    for (evaluation, model) in SUBJECTS {
         let reference = Reference::of(mesh, &bend(mesh), model)?;
-        subjects.push(Box::new(Body::<f64>::new(mesh, evaluation, model, &reference)?));
-        subjects.push(Box::new(Body::<f32>::new(mesh, evaluation, model, &reference)?));
+        subjects.push(Subject::new::<f64>(mesh, evaluation, model, &reference)?);
+        subjects.push(Subject::new::<f32>(mesh, evaluation, model, &reference)?);
     }
     let best = InstructionSet::best();
     let narrower = InstructionSet::ALL.into_iter().filter(|s| *s != best && s.is_available());
@@ -209,14 +216,13 @@ fn size_rows(
         .collect();
     let mut pools = Vec::new();
     for &(n, set) in &settings {
-        let workers = Workers::new(n).and_then(|w| w.with_instruction_set(set));
-        pools.push(((n, set), Some(workers.map_err(SimulationError::from)?)));
+        pools.push(((n, set), Some(Workers::new(n)?.with_instruction_set(set)?)));
     }
 
     let mut variants = Vec::new();
     for (i, subject) in subjects.iter_mut().enumerate() {
         for quantity in subject.quantities() {
-            let repetitions = subject.repetitions(quantity);
+            let repetitions = repetitions(&mut *subject.timed, quantity, 1e-3);
             for &(threads, instructions) in &settings {
                 if instructions == best || subject.has_lanes(quantity) {
                     variants.push(Variant {
@@ -234,9 +240,10 @@ fn size_rows(
     let samples = interleave(&mut variants, options.rounds, |v| {
         let subject = &mut subjects[v.subject];
         let key = (v.threads, v.instructions);
-        let pool = pools.iter_mut().find(|(k, _)| *k == key).map(|(_, pool)| pool);
+        let mut none = None;
+        let pool = pools.iter_mut().find(|(k, _)| *k == key).map_or(&mut none, |(_, pool)| pool);
         let (seconds, parts) = subject.measure(v.quantity, pool, v.repetitions);
-        if subject.evaluation() == Evaluation::Pooled && v.quantity == Quantity::Force {
+        if subject.evaluation == Evaluation::Pooled && v.quantity == Quantity::Force {
             for (name, seconds) in parts {
                 passes.entry((v.subject, v.threads, name)).or_default().push(seconds);
             }
@@ -245,52 +252,35 @@ fn size_rows(
     })?;
 
     let count = mesh.tetrahedra.len();
+    let per_tet = 1e9 / count as f64;
     for (v, samples) in variants.iter().zip(&samples) {
         let subject = &subjects[v.subject];
-        let Some(seconds) = Spread::of(samples) else { continue };
-        // the first figure warms up pages and caches
-        let seconds = Spread::of(&samples[1..]).unwrap_or(seconds);
-        let (kernel, quantity) = subject.names(v.quantity);
+        let Some(seconds) = Spread::warm(samples) else { continue };
         let work = subject.work(v.quantity);
         let median = seconds.median;
         let bound = limits.iter().find(|l| l.threads == v.threads).and_then(|l| {
             let bytes = work.bytes?;
-            let (bound, by) = l.bound(subject.precision(), work.flops.unwrap_or(0.0), bytes, bytes);
+            let (bound, by) = l.bound(subject.precision, work.flops.unwrap_or(0.0), bytes, bytes);
             Some((bound / median, by))
         });
         rows.push(KernelRow {
-            kernel,
-            quantity,
-            model: subject.model().to_string(),
-            tetrahedra: count,
-            precision: subject.precision().to_string(),
             threads: v.threads,
             instructions: v.instructions.name().into(),
-            ns_per_tet: seconds.scaled(1e9 / count as f64),
+            ns_per_tet: seconds.scaled(per_tet),
             gflop_per_s: work.flops.map(|flops| flops / median / 1e9),
             gb_per_s: work.bytes.map(|bytes| bytes / median / 1e9),
             roofline_share: bound.as_ref().map(|b| b.0),
             limit: bound.map(|b| b.1),
-            error: subject.error(v.quantity),
+            ..subject.row(subject.kernel(v.quantity).into(), v.quantity, count)
         });
     }
     for ((subject, threads, name), samples) in passes {
         let Some(seconds) = Spread::of(&samples).filter(|s| s.median > 0.0) else { continue };
-        let subject = &subjects[subject];
         rows.push(KernelRow {
-            kernel: format!("pooled: {name}"),
-            quantity: "force".into(),
-            model: subject.model().into(),
-            tetrahedra: count,
-            precision: subject.precision().into(),
             threads,
             instructions: best.name().into(),
-            ns_per_tet: seconds.scaled(1e9 / count as f64),
-            gflop_per_s: None,
-            gb_per_s: None,
-            roofline_share: None,
-            limit: None,
-            error: subject.error(Quantity::Force),
+            ns_per_tet: seconds.scaled(per_tet),
+            ..subjects[subject].row(format!("pooled: {name}"), Quantity::Force, count)
         });
     }
     Ok(())
@@ -303,94 +293,86 @@ struct Work {
     bytes: Option<f64>,
 }
 
-/// A body, whatever its number type.
-trait Subject {
-    fn quantities(&self) -> Vec<Quantity>;
-    /// Repetitions that take about a millisecond.
-    fn repetitions(&mut self, quantity: Quantity) -> usize;
-    /// Seconds per repetition, and those of every system.
-    fn measure(
-        &mut self,
-        quantity: Quantity,
-        workers: Option<&mut Option<Workers>>,
-        repetitions: usize,
-    ) -> (f64, Vec<(&'static str, f64)>);
-    fn names(&self, quantity: Quantity) -> (String, String);
-    /// Whether its kernel is compiled for several instruction sets and worth a comparison of them.
-    fn has_lanes(&self, quantity: Quantity) -> bool;
-    fn work(&self, quantity: Quantity) -> Work;
-    fn error(&self, quantity: Quantity) -> Option<f64>;
-    fn evaluation(&self) -> Evaluation;
-    fn precision(&self) -> &'static str;
-    fn model(&self) -> &'static str;
+/// A product of a tangent and a vector without a matrix.
+pub(crate) type Free<S> = fn(&mut World, &[[S; 4]], &mut [[S; 4]]);
+
+/// That of a law of tetrahedra, with its exact tangent.
+pub(crate) fn free<L: TetrahedronLaw, S: Scalar>(
+    world: &mut World,
+    x: &[[S; 4]],
+    y: &mut [[S; 4]],
+) {
+    let done = tetrahedra::multiply::<L, S>(world, TangentKind::Exact, x, y);
+    debug_assert!(done.is_ok(), "exact tangents have a product");
 }
 
-struct Body<S: Scalar> {
+/// A body whose kernels are timed.
+pub(crate) struct Timed<S: Scalar> {
     simulation: Simulation,
-    evaluation: Evaluation,
-    model: Model,
+    /// Vertex of every row.
+    order: Vec<u32>,
+    /// The exact tangent of the state, and what it is multiplied with.
     matrix: BlockMatrix<S>,
     spans: ProductSpans<S>,
     x: Vec<[S; 4]>,
     y: Vec<[S; 4]>,
-    errors: [f64; 4],
-    /// Tetrahedra, vertices, edges, triangles.
-    counts: [f64; 4],
+    free: Option<Free<S>>,
 }
 
-impl<S: Scalar> Body<S> {
-    fn new(
-        mesh: &Mesh,
-        evaluation: Evaluation,
-        model: Model,
-        reference: &Reference,
-    ) -> Result<Self, BenchError> {
-        let precision = if S::NAME == "f32" { Precision::F32 } else { Precision::F64 };
-        let (mut simulation, body) = bent(mesh, precision, 1, evaluation, model)?;
-        request(&mut simulation, true, true, Some(TangentKind::Projected));
-        evaluate(&mut simulation);
+/// [`Timed`], whatever its number type.
+pub(crate) trait Timing {
+    /// Seconds of one repetition.
+    fn measure(&mut self, quantity: Quantity, repetitions: usize) -> f64;
+    /// The body's world.
+    fn world(&mut self) -> &mut World;
+}
+
+/// Repetitions of a kernel that take about so many seconds; its second run counts.
+pub(crate) fn repetitions(timed: &mut dyn Timing, quantity: Quantity, seconds: f64) -> usize {
+    timed.measure(quantity, 1);
+    (seconds / timed.measure(quantity, 1).max(1e-6)).ceil().clamp(1.0, 1000.0) as usize
+}
+
+impl<S: Scalar> Timed<S> {
+    /// A body in the state that is set.
+    pub(crate) fn new(mut simulation: Simulation, body: BodyHandle, free: Option<Free<S>>) -> Self {
         let order = simulation.topology().bodies[body.0].vertex_order.clone();
-        let direction = directions(mesh.points.len());
-        let x: Vec<[S; 4]> = order
-            .iter()
-            .map(|&vertex| {
-                let d = direction[vertex as usize];
-                [S::from_f64(d.x), S::from_f64(d.y), S::from_f64(d.z), S::ZERO]
-            })
-            .collect();
-        let mut y = vec![[S::ZERO; 4]; x.len()];
-        let mut spans = ProductSpans::default();
-        let serial = Workers::serial();
-        let mut product_error = |simulation: &Simulation, truth: &[DVec3]| {
-            let matrix = &simulation.world().resource::<Tangent<S>>().matrix;
-            matrix.multiply(simulation.topology(), &serial, &mut spans, &x, &mut y);
-            let by_vertex = order.iter().zip(&y).map(|(&vertex, y)| {
-                (DVec3::from_array([0, 1, 2].map(|k| y[k].to_f64())), truth[vertex as usize])
-            });
-            largest_difference(by_vertex)
+        let direction = directions(order.len());
+        let row = |&vertex: &u32| {
+            let [a, b, c] = direction[vertex as usize].to_array().map(S::from_f64);
+            [a, b, c, S::ZERO]
         };
-        let projected = product_error(&simulation, &reference.projected_product);
+        let x: Vec<[S; 4]> = order.iter().map(row).collect();
+        let y = vec![[S::ZERO; 4]; x.len()];
         request(&mut simulation, true, true, Some(TangentKind::Exact));
         evaluate(&mut simulation);
-        let exact = product_error(&simulation, &reference.product);
         let matrix = simulation.world().resource::<Tangent<S>>().matrix.clone();
-        let energy = simulation.world().resource::<ElasticEnergy>().total;
-        let forces = simulation.elastic_forces(body);
-        let force = largest_difference(forces.into_iter().zip(reference.forces.iter().copied()));
-        let triangles = 2 * mesh.tetrahedra.len() + mesh.surface_triangles().len() / 2;
-        let counts = [mesh.tetrahedra.len(), x.len(), simulation.topology().edges.len(), triangles]
-            .map(|n| n as f64);
-        let energy = (energy - reference.energy).abs() / reference.energy;
-        let errors = [energy, force, exact, projected];
-        Ok(Self { simulation, evaluation, model, matrix, spans, x, y, errors, counts })
+        Self { simulation, order, matrix, spans: ProductSpans::default(), x, y, free }
     }
 
-    fn once(&mut self, quantity: Quantity) {
-        let Self { simulation, matrix, spans, x, y, .. } = self;
-        once(quantity, simulation.world_mut(), matrix, spans, x, y);
+    /// Takes the tangent evaluated last.
+    fn take_tangent(&mut self) {
+        self.matrix = self.simulation.world().resource::<Tangent<S>>().matrix.clone();
     }
 
-    fn prepare(&mut self, quantity: Quantity) {
+    /// Largest difference of the forces evaluated last from true ones.
+    pub(crate) fn force_error(&mut self, body: BodyHandle, truth: &[DVec3]) -> f64 {
+        let forces = self.simulation.elastic_forces(body);
+        largest_difference(forces.into_iter().zip(truth.iter().copied()))
+    }
+
+    /// Largest difference of a product from the true one, by vertex.
+    pub(crate) fn product_error(&mut self, quantity: Quantity, truth: &[DVec3]) -> f64 {
+        self.measure(quantity, 1);
+        let by_vertex = self.order.iter().zip(&self.y).map(|(&vertex, y)| {
+            (DVec3::from_array([0, 1, 2].map(|k| y[k].to_f64())), truth[vertex as usize])
+        });
+        largest_difference(by_vertex)
+    }
+}
+
+impl<S: Scalar> Timing for Timed<S> {
+    fn measure(&mut self, quantity: Quantity, repetitions: usize) -> f64 {
         let tangent = if let Quantity::Tangent(kind) = quantity { Some(kind) } else { None };
         let energy = quantity == Quantity::Energy;
         let force = matches!(quantity, Quantity::Force | Quantity::Gather);
@@ -398,40 +380,81 @@ impl<S: Scalar> Body<S> {
         if quantity == Quantity::Gather {
             evaluate(&mut self.simulation);
         }
-        self.once(quantity);
+        let Self { simulation, matrix, spans, x, y, free, .. } = self;
+        as_in_a_step(simulation, |world| {
+            let start = Instant::now();
+            for _ in 0..repetitions {
+                match quantity {
+                    Quantity::Product => {
+                        let workers = world.resource::<Workers>();
+                        matrix.multiply(world.resource::<Topology>(), workers, spans, x, y);
+                    }
+                    Quantity::MatrixFree => {
+                        y.fill([S::ZERO; 4]);
+                        free.expect("the subject has this quantity")(world, x, y);
+                    }
+                    Quantity::Gather => {
+                        let workers = world.resource::<Workers>();
+                        let buffers = world.resource::<LawBuffers<S>>();
+                        let buffer = buffers.get(FusedStVK::NAME).expect("the body's law");
+                        buffer.add_forces_to(workers, black_box(y));
+                    }
+                    _ => world.run_schedule(ForceSchedule),
+                }
+            }
+            start.elapsed().as_secs_f64() / repetitions as f64
+        })
+    }
+
+    fn world(&mut self) -> &mut World {
+        self.simulation.world_mut()
     }
 }
 
-/// One evaluation.
-fn once<S: Scalar>(
-    quantity: Quantity,
-    world: &mut World,
-    matrix: &BlockMatrix<S>,
-    spans: &mut ProductSpans<S>,
-    x: &[[S; 4]],
-    y: &mut [[S; 4]],
-) {
-    match quantity {
-        Quantity::Product => {
-            let (topology, workers) = (world.resource::<Topology>(), world.resource::<Workers>());
-            matrix.multiply(topology, workers, spans, x, y);
-        }
-        Quantity::MatrixFree => {
-            y.fill([S::ZERO; 4]);
-            let done = tetrahedra::multiply::<FusedStVK, S>(world, TangentKind::Exact, x, y);
-            debug_assert!(done.is_ok(), "exact tangents have a product");
-        }
-        Quantity::Gather => {
-            let workers = world.resource::<Workers>();
-            let buffers = world.resource::<LawBuffers<S>>();
-            let buffer = buffers.get(FusedStVK::NAME).expect("the body follows this law");
-            buffer.add_forces_to(workers, black_box(y));
-        }
-        _ => world.run_schedule(ForceSchedule),
-    }
+/// The beam under one law.
+struct Subject {
+    timed: Box<dyn Timing>,
+    evaluation: Evaluation,
+    model: Model,
+    precision: &'static str,
+    /// Of energy, force, products with exact and projected tangent.
+    errors: [f64; 4],
+    /// Tetrahedra, vertices, edges, triangles.
+    counts: [f64; 4],
 }
 
-impl<S: Scalar> Subject for Body<S> {
+impl Subject {
+    fn new<S: Scalar>(
+        mesh: &Mesh,
+        evaluation: Evaluation,
+        model: Model,
+        reference: &Reference,
+    ) -> Result<Self, BenchError> {
+        let (simulation, body) = bent(mesh, precision_of::<S>(), 1, evaluation, model)?;
+        let mut timed = Timed::<S>::new(simulation, body, Some(free::<FusedStVK, S>));
+        request(&mut timed.simulation, true, true, Some(TangentKind::Projected));
+        evaluate(&mut timed.simulation);
+        timed.take_tangent();
+        let projected = timed.product_error(Quantity::Product, &reference.projected_product);
+        request(&mut timed.simulation, true, true, Some(TangentKind::Exact));
+        evaluate(&mut timed.simulation);
+        timed.take_tangent();
+        let energy = timed.simulation.world().resource::<ElasticEnergy>().total;
+        let energy = (energy - reference.energy).abs() / reference.energy;
+        let force = timed.force_error(body, &reference.forces);
+        let exact = timed.product_error(Quantity::Product, &reference.product);
+        let triangles = 2 * mesh.tetrahedra.len() + mesh.surface_triangles().len() / 2;
+        let edges = timed.simulation.topology().edges.len();
+        Ok(Self {
+            evaluation,
+            model,
+            precision: S::NAME,
+            errors: [energy, force, exact, projected],
+            counts: [mesh.tetrahedra.len(), timed.x.len(), edges, triangles].map(|n| n as f64),
+            timed: Box::new(timed),
+        })
+    }
+
     fn quantities(&self) -> Vec<Quantity> {
         let mut all =
             vec![Quantity::Energy, Quantity::Force, Quantity::Tangent(TangentKind::Exact)];
@@ -447,49 +470,38 @@ impl<S: Scalar> Subject for Body<S> {
         all
     }
 
-    fn repetitions(&mut self, quantity: Quantity) -> usize {
-        self.prepare(quantity);
-        let start = Instant::now();
-        self.once(quantity);
-        (1e-3 / start.elapsed().as_secs_f64().max(1e-6)).ceil().clamp(1.0, 1000.0) as usize
-    }
-
+    /// Seconds per repetition in a pool, and those of every system.
     fn measure(
         &mut self,
         quantity: Quantity,
-        workers: Option<&mut Option<Workers>>,
+        pool: &mut Option<Workers>,
         repetitions: usize,
     ) -> (f64, Vec<(&'static str, f64)>) {
-        let world = self.simulation.world_mut();
-        let mut lent = None;
-        if let Some(slot) = workers {
-            if let Some(pool) = slot.take() {
-                world.insert_resource(pool);
-            }
-            lent = Some(slot);
-        }
-        self.prepare(quantity);
-        self.simulation.world_mut().insert_resource(SystemTimes::default());
-        let Self { simulation, matrix, spans, x, y, .. } = self;
-        let seconds = as_in_a_step(simulation, |world| {
-            let start = Instant::now();
-            for _ in 0..repetitions {
-                once(quantity, world, matrix, spans, x, y);
-            }
-            start.elapsed().as_secs_f64() / repetitions as f64
-        });
-        let world = self.simulation.world_mut();
-        let parts = world.resource::<SystemTimes>().entries.iter();
+        lend(self.timed.world(), pool);
+        self.timed.measure(quantity, 1);
+        self.timed.world().insert_resource(SystemTimes::default());
+        let seconds = self.timed.measure(quantity, repetitions);
+        let parts = self.timed.world().resource::<SystemTimes>().entries.iter();
         let parts = parts.map(|p| (p.name, p.seconds / repetitions as f64)).collect();
-        if let Some(slot) = lent {
-            *slot = world.remove_resource::<Workers>();
-            world.insert_resource(Workers::serial());
-        }
+        take_back(self.timed.world(), pool);
         (seconds, parts)
     }
 
-    fn names(&self, quantity: Quantity) -> (String, String) {
-        let kernel = match (quantity, self.evaluation) {
+    /// A row without times.
+    fn row(&self, kernel: String, quantity: Quantity, tetrahedra: usize) -> KernelRow {
+        KernelRow {
+            kernel,
+            quantity: quantity.name().into(),
+            model: sinew_demos::summary::model_name(self.model).into(),
+            tetrahedra,
+            precision: self.precision.into(),
+            error: self.error(quantity),
+            ..KernelRow::default()
+        }
+    }
+
+    fn kernel(&self, quantity: Quantity) -> &'static str {
+        match (quantity, self.evaluation) {
             (Quantity::Product, _) => "assembled symmetric half",
             (Quantity::MatrixFree, _) => "matrix-free",
             (Quantity::Gather, _) => "private force arrays",
@@ -500,10 +512,10 @@ impl<S: Scalar> Subject for Body<S> {
                 (Model::Axes, None) => "axes (triads)",
                 (_, None) => "mass-spring edges",
             },
-        };
-        (kernel.to_string(), quantity.name().to_string())
+        }
     }
 
+    /// Whether its kernel is compiled for several instruction sets and worth a comparison of them.
     fn has_lanes(&self, quantity: Quantity) -> bool {
         self.evaluation == Evaluation::Fused
             && self.model == Model::CompressibleStVK
@@ -511,6 +523,13 @@ impl<S: Scalar> Subject for Body<S> {
     }
 
     fn work(&self, quantity: Quantity) -> Work {
+        match self.precision {
+            "f32" => self.work_in::<f32>(quantity),
+            _ => self.work_in::<f64>(quantity),
+        }
+    }
+
+    fn work_in<S: Scalar>(&self, quantity: Quantity) -> Work {
         let [tetrahedra, vertices, edges, triangles] = self.counts;
         let fused = ElementFlops::count(self.model == Model::CompressibleStVK);
         let row = size_of::<[S; 4]>() as f64;
@@ -558,28 +577,21 @@ impl<S: Scalar> Subject for Body<S> {
             return Work { flops: None, bytes: Some(read + written) };
         }
         let flops = |per_element: u64| Some(tetrahedra * per_element as f64);
-        match quantity {
-            Quantity::Energy => Work { flops: flops(fused.energy), bytes: Some(read) },
-            Quantity::Force => {
-                Work { flops: flops(fused.forces), bytes: Some(read + vertices * row) }
-            }
-            Quantity::Tangent(TangentKind::Exact) => {
-                Work { flops: flops(fused.tangent), bytes: Some(read + tangent_bytes) }
-            }
-            Quantity::Tangent(_) => Work { flops: None, bytes: Some(read + tangent_bytes) },
-            Quantity::Product => Work {
-                flops: Some(36.0 * edges + 18.0 * vertices),
-                bytes: Some(
-                    (edges + vertices) * block
-                        + edges * size_of::<EdgeVertices>() as f64
-                        + 2.0 * vertices * row,
-                ),
-            },
-            Quantity::MatrixFree => Work { flops: None, bytes: Some(read + 2.0 * vertices * row) },
-            Quantity::Gather => {
-                Work { flops: Some(4.0 * vertices), bytes: Some(3.0 * vertices * row) }
-            }
-        }
+        let (flops, bytes) = match quantity {
+            Quantity::Energy => (flops(fused.energy), read),
+            Quantity::Force => (flops(fused.forces), read + vertices * row),
+            Quantity::Tangent(TangentKind::Exact) => (flops(fused.tangent), read + tangent_bytes),
+            Quantity::Tangent(_) => (None, read + tangent_bytes),
+            Quantity::Product => (
+                Some(36.0 * edges + 18.0 * vertices),
+                (edges + vertices) * block
+                    + edges * size_of::<EdgeVertices>() as f64
+                    + 2.0 * vertices * row,
+            ),
+            Quantity::MatrixFree => (None, read + 2.0 * vertices * row),
+            Quantity::Gather => (Some(4.0 * vertices), 3.0 * vertices * row),
+        };
+        Work { flops, bytes: Some(bytes) }
     }
 
     fn error(&self, quantity: Quantity) -> Option<f64> {
@@ -593,18 +605,6 @@ impl<S: Scalar> Subject for Body<S> {
             Quantity::Tangent(TangentKind::Projected) => projected,
             Quantity::Tangent(TangentKind::GaussNewton) => return None,
         })
-    }
-
-    fn evaluation(&self) -> Evaluation {
-        self.evaluation
-    }
-
-    fn precision(&self) -> &'static str {
-        S::NAME
-    }
-
-    fn model(&self) -> &'static str {
-        sinew_demos::summary::model_name(self.model)
     }
 }
 
@@ -631,7 +631,7 @@ fn element_sums<L: TetrahedronLaw>(
     e: &Element<f64>,
     u: &[[f64; 3]; 4],
     v: &[[f64; 3]; 4],
-) -> (f64, [[f64; 3]; 4], [[f64; 3]; 4], [[f64; 3]; 4]) {
+) -> Sums<4> {
     let product = |kind| L::tangent(e, u, kind).product(v);
     let forces = L::forces(e, u).unwrap_or_default();
     (L::energy(e, u), forces, product(TangentKind::Exact), product(TangentKind::Projected))
@@ -658,88 +658,92 @@ pub(crate) struct Reference {
     projected_product: Vec<DVec3>,
 }
 
+/// Energy, forces, and products with exact and projected tangent, of one element.
+pub(crate) type Sums<const N: usize> = (f64, [[f64; 3]; N], [[f64; 3]; N], [[f64; 3]; N]);
+
 impl Reference {
+    /// Of so many vertices, without elements.
+    pub(crate) fn zero(vertices: usize) -> Self {
+        let zero = vec![DVec3::ZERO; vertices];
+        let (forces, product, projected_product) = (zero.clone(), zero.clone(), zero);
+        Self { energy: 0.0, forces, product, projected_product }
+    }
+
+    /// Adds an element.
+    pub(crate) fn add<const N: usize>(&mut self, nodes: &[u32; N], sums: Sums<N>) {
+        self.energy += sums.0;
+        for (a, &node) in nodes.iter().enumerate() {
+            let node = node as usize;
+            self.forces[node] += DVec3::from_array(sums.1[a]);
+            self.product[node] += DVec3::from_array(sums.2[a]);
+            self.projected_product[node] += DVec3::from_array(sums.3[a]);
+        }
+    }
+
     /// At displacements `u` (m), of [`MATERIAL`].
     pub(crate) fn of(mesh: &Mesh, u: &[DVec3], model: Model) -> Result<Self, BenchError> {
-        let n = mesh.points.len();
         let lame = MATERIAL.lame()?;
-        let v = directions(n);
-        let mut sum = Self {
-            energy: 0.0,
-            forces: vec![DVec3::ZERO; n],
-            product: vec![DVec3::ZERO; n],
-            projected_product: vec![DVec3::ZERO; n],
-        };
+        let v = directions(mesh.points.len());
+        let mut sum = Self::zero(mesh.points.len());
         for nodes in &mesh.tetrahedra {
             let pick = |field: &[DVec3]| nodes.map(|i| field[i as usize].to_array());
             let rest = RestTetrahedron::new(pick(&mesh.points))?;
             let e = Element::<f64>::new(&rest, lame, model == Model::CompressibleStVK);
             let (u, v) = (pick(u), pick(&v));
-            if model == Model::MassSpring {
-                sum.add_edges(&rest, lame, nodes, pick(&mesh.points), [u, v]);
-                continue;
-            }
-            let (energy, forces, exact, projected) = match model {
-                Model::QuadraticSprings => element_sums::<QuadraticSprings>(&e, &u, &v),
-                Model::Linear => element_sums::<Linear>(&e, &u, &v),
-                Model::WarpedStiffness => element_sums::<WarpedStiffness>(&e, &u, &v),
-                Model::Corotational => element_sums::<Corotational>(&e, &u, &v),
-                Model::StVKFem => element_sums::<StVKFem>(&e, &u, &v),
-                Model::NeoHookean => element_sums::<NeoHookean>(&e, &u, &v),
-                Model::Axes => {
-                    let e = isotropic_triad(&rest, lame);
-                    (
-                        e.energy(&u),
-                        e.forces(&u),
-                        e.tangent(&u, TangentKind::Exact).product(&v),
-                        e.tangent(&u, TangentKind::Projected).product(&v),
-                    )
-                }
-                _ => (
-                    tetrahedron::energy(&e, &u),
-                    tetrahedron::forces(&e, &u),
-                    tetrahedron::tangent(&e, &u, TangentKind::Exact).product(&v),
-                    tetrahedron::tangent(&e, &u, TangentKind::Projected).product(&v),
-                ),
-            };
-            sum.energy += energy;
-            for (a, &node) in nodes.iter().enumerate() {
-                let node = node as usize;
-                sum.forces[node] += DVec3::from_array(forces[a]);
-                sum.product[node] += DVec3::from_array(exact[a]);
-                sum.projected_product[node] += DVec3::from_array(projected[a]);
-            }
+            sum.add(
+                nodes,
+                match model {
+                    Model::MassSpring => {
+                        let tensile = SpringConstants::new(&rest, lame).tensile;
+                        let springs = tensile.into_iter().zip(TETRAHEDRON_EDGES);
+                        edge_sums(springs, pick(&mesh.points), [u, v])
+                    }
+                    Model::QuadraticSprings => element_sums::<QuadraticSprings>(&e, &u, &v),
+                    Model::Linear => element_sums::<Linear>(&e, &u, &v),
+                    Model::WarpedStiffness => element_sums::<WarpedStiffness>(&e, &u, &v),
+                    Model::Corotational => element_sums::<Corotational>(&e, &u, &v),
+                    Model::StVKFem => element_sums::<StVKFem>(&e, &u, &v),
+                    Model::NeoHookean => element_sums::<NeoHookean>(&e, &u, &v),
+                    Model::Axes => {
+                        let e = isotropic_triad(&rest, lame);
+                        let product = |kind| e.tangent(&u, kind).product(&v);
+                        let [exact, projected] = [TangentKind::Exact, TangentKind::Projected];
+                        (e.energy(&u), e.forces(&u), product(exact), product(projected))
+                    }
+                    _ => {
+                        let product = |kind| tetrahedron::tangent(&e, &u, kind).product(&v);
+                        let [exact, projected] = [TangentKind::Exact, TangentKind::Projected];
+                        let forces = tetrahedron::forces(&e, &u);
+                        let energy = tetrahedron::energy(&e, &u);
+                        (energy, forces, product(exact), product(projected))
+                    }
+                },
+            );
         }
         Ok(sum)
     }
+}
 
-    /// Tensile springs of one tetrahedron.
-    fn add_edges(
-        &mut self,
-        rest: &RestTetrahedron,
-        lame: LameParameters,
-        nodes: &[u32; 4],
-        points: [[f64; 3]; 4],
-        [u, v]: [[[f64; 3]; 4]; 2],
-    ) {
-        let tensile = SpringConstants::new(rest, lame).tensile;
-        for (k, [a, b]) in tensile.into_iter().zip(TETRAHEDRON_EDGES) {
-            let spring = Spring::new(k, sub(points[a], points[b]), sub(u[a], u[b]));
-            let way = sub(v[a], v[b]);
-            let (a, b) = (nodes[a] as usize, nodes[b] as usize);
-            self.energy += tensile_energy(k, spring.stretch.change);
-            let pull = DVec3::from_array(spring.pull());
-            self.forces[a] -= pull;
-            self.forces[b] += pull;
-            let change = DVec3::from_array(spring.product(way));
-            self.product[a] += change;
-            self.product[b] -= change;
-        }
+/// Tensile springs between the vertices of one element.
+pub(crate) fn edge_sums<const N: usize>(
+    springs: impl Iterator<Item = (f64, [usize; 2])>,
+    points: [[f64; 3]; N],
+    [u, v]: [[[f64; 3]; N]; 2],
+) -> Sums<N> {
+    let (mut energy, mut forces, mut products) = (0.0, [[0.0; 3]; N], [[0.0; 3]; N]);
+    for (k, [a, b]) in springs {
+        let spring = Spring::new(k, sub(points[a], points[b]), sub(u[a], u[b]));
+        energy += tensile_energy(k, spring.stretch.change);
+        let pull = spring.pull();
+        (forces[a], forces[b]) = (sub(forces[a], pull), add(forces[b], pull));
+        let change = spring.product(sub(v[a], v[b]));
+        (products[a], products[b]) = (add(products[a], change), sub(products[b], change));
     }
+    (energy, forces, products, [[0.0; 3]; N])
 }
 
 /// A quadratic spring on an edge, written for reference sums.
-pub(crate) struct Spring {
+struct Spring {
     stiffness: f64,
     stretch: Stretch<f64>,
     /// Tension over length (N/m).
@@ -748,19 +752,19 @@ pub(crate) struct Spring {
 
 impl Spring {
     /// Of stiffness `k` (N/m^3), with rest vector and difference of displacements `a - b` (m).
-    pub(crate) fn new(stiffness: f64, rest: [f64; 3], change: [f64; 3]) -> Self {
+    fn new(stiffness: f64, rest: [f64; 3], change: [f64; 3]) -> Self {
         let stretch = Stretch::new(rest, change);
         let tension = stretch.slope * tensile_tension(stiffness, stretch.change);
         Self { stiffness, stretch, tension }
     }
 
     /// Force (N) on `b`.
-    pub(crate) fn pull(&self) -> [f64; 3] {
+    fn pull(&self) -> [f64; 3] {
         scale(self.stretch.edge, self.tension)
     }
 
     /// Product (N) of the tangent with the difference `way` of directions `a - b`, at `a`.
-    pub(crate) fn product(&self, way: [f64; 3]) -> [f64; 3] {
+    fn product(&self, way: [f64; 3]) -> [f64; 3] {
         let s = &self.stretch;
         let along = dot(s.edge, way);
         let stiff = 0.5 * self.stiffness * s.slope * s.slope - self.tension * s.inverse_square;
@@ -769,8 +773,8 @@ impl Spring {
 }
 
 fn columns_against_arrays<S: Scalar>(mesh: &Mesh, rounds: Rounds) -> Result<ColumnRow, BenchError> {
-    let precision = if S::NAME == "f32" { Precision::F32 } else { Precision::F64 };
-    let (mut simulation, _) = bent(mesh, precision, 1, Evaluation::Fused, Model::CompressibleStVK)?;
+    let (evaluation, model) = (Evaluation::Fused, Model::CompressibleStVK);
+    let (mut simulation, _) = bent(mesh, precision_of::<S>(), 1, evaluation, model)?;
     request(&mut simulation, false, true, None);
     evaluate(&mut simulation);
     let Some(mut arrays) = PlainArrays::<S>::of(&mut simulation) else {
@@ -833,13 +837,16 @@ impl KernelReport {
 
     /// For people.
     pub fn tables(&self) -> Vec<Table> {
-        let mut kernels = Table::new(
-            "kernels",
-            "Kernels: beam 0.2 x 0.05 x 0.05 m bent by 0.5 rad, E 10 kPa, nu 0.45",
-            &[
-                "kernel", "quantity", "model", "tets", "precision", "threads", "instructions",
-                "ns/tet", "quartiles", "least", "GFLOP/s", "GB/s", "roofline %", "limit", "error",
-            ],
+        let title = "Kernels: beam 0.2 x 0.05 x 0.05 m bent by 0.5 rad, E 10 kPa, nu 0.45";
+        let pass = |r: &KernelRow| r.kernel.strip_prefix("pooled: ").map(str::to_string);
+        let kernels = table_of!("kernels", title; for r in self.rows.iter().filter(|r| pass(r).is_none());
+            where { let s = &r.ns_per_tet; }
+            "kernel" => &r.kernel, "quantity" => &r.quantity, "model" => &r.model, "tets" => r.tetrahedra,
+            "precision" => &r.precision, "threads" => r.threads, "instructions" => &r.instructions,
+            "ns/tet" => s.median, "quartiles" => quartiles(s), "least" => s.minimum,
+            "GFLOP/s" => r.gflop_per_s, "GB/s" => r.gb_per_s,
+            "roofline %" => r.roofline_share.map(|x| 100.0 * x), "limit" => r.limit.clone(),
+            "error" => r.error,
         )
         .note(
             "ns/tet: median wall time of the whole evaluation, gather included, per tetrahedron; \
@@ -858,72 +865,19 @@ impl KernelReport {
              the plain f64 sum over elements, over the largest value there (tangents: product with a \
              fixed vector).",
         );
-        let mut passes = Table::new(
-            "passes",
-            "Passes of the pooled force",
-            &[
-                "pass",
-                "tets",
-                "precision",
-                "threads",
-                "instructions",
-                "ns/tet",
-                "quartiles",
-                "least",
-                "error",
-            ],
+        let rows = self.rows.iter().filter_map(|r| Some((pass(r)?, r, &r.ns_per_tet)));
+        let passes = table_of!("passes", "Passes of the pooled force"; for (pass, r, s) in rows;
+            "pass" => pass, "tets" => r.tetrahedra, "precision" => &r.precision, "threads" => r.threads,
+            "instructions" => &r.instructions, "ns/tet" => s.median, "quartiles" => quartiles(s),
+            "least" => s.minimum, "error" => r.error,
         )
         .note("error: that of the force.");
-        for r in &self.rows {
-            let s = &r.ns_per_tet;
-            if let Some(pass) = r.kernel.strip_prefix("pooled: ") {
-                passes.row(vec![
-                    pass.into(),
-                    r.tetrahedra.into(),
-                    (&r.precision).into(),
-                    r.threads.into(),
-                    (&r.instructions).into(),
-                    s.median.into(),
-                    quartiles(s),
-                    s.minimum.into(),
-                    r.error.into(),
-                ]);
-                continue;
-            }
-            kernels.row(vec![
-                (&r.kernel).into(),
-                (&r.quantity).into(),
-                (&r.model).into(),
-                r.tetrahedra.into(),
-                (&r.precision).into(),
-                r.threads.into(),
-                (&r.instructions).into(),
-                s.median.into(),
-                quartiles(s),
-                s.minimum.into(),
-                r.gflop_per_s.into(),
-                r.gb_per_s.into(),
-                r.roofline_share.map(|x| 100.0 * x).into(),
-                r.limit.clone().into(),
-                r.error.into(),
-            ]);
-        }
-        let mut columns = Table::new(
-            "columns",
-            "Entity columns against plain arrays: fused force, svk_comp, one thread",
-            &["tets", "precision", "columns ns/tet", "arrays ns/tet", "ratio", "difference"],
+        let title = "Entity columns against plain arrays: fused force, svk_comp, one thread";
+        let columns = table_of!("columns", title; for r in &self.columns;
+            "tets" => r.tetrahedra, "precision" => &r.precision, "columns ns/tet" => r.columns.median,
+            "arrays ns/tet" => r.arrays.median, "ratio" => r.ratio, "difference" => r.difference,
         )
         .note("ratio: median of the ratios of samples taken in turn; difference of the forces.");
-        for r in &self.columns {
-            columns.row(vec![
-                r.tetrahedra.into(),
-                (&r.precision).into(),
-                r.columns.median.into(),
-                r.arrays.median.into(),
-                r.ratio.into(),
-                r.difference.into(),
-            ]);
-        }
         vec![kernels, passes, columns, membranes::table(&self.membranes)]
     }
 }

@@ -43,16 +43,13 @@ pub enum Part {
 }
 
 impl Part {
+    /// All, in the order of reports.
+    pub const ALL: [Self; 6] =
+        [Self::Kernels, Self::Step, Self::Accuracy, Self::Integrators, Self::Scenes, Self::Peers];
+
     /// Name on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Kernels => "kernels",
-            Self::Step => "step",
-            Self::Accuracy => "accuracy",
-            Self::Integrators => "integrators",
-            Self::Scenes => "scenes",
-            Self::Peers => "peers",
-        }
+        ["kernels", "step", "accuracy", "integrators", "scenes", "peers"][self as usize]
     }
 }
 
@@ -96,34 +93,30 @@ pub fn run(
         (true, true) => quick_sizes.to_vec(),
         (true, false) => vec![5_000, 50_000, 500_000],
     };
+    // of the quick and of the full bench
+    let rounds = |most: [usize; 2], least: [usize; 2], seconds: [f64; 2]| {
+        let i = usize::from(!quick);
+        Rounds { most: most[i], least: least[i], seconds: seconds[i] }
+    };
     for &part in parts {
         let watch = Watch::start();
         match part {
             Part::Kernels => {
                 tell("limits of the machine");
                 report.limits = roofline::probe(&report.machine, &threads);
-                let rounds = match quick {
-                    true => Rounds { most: 8, least: 3, seconds: 0.15 },
-                    false => Rounds { most: 25, least: 4, seconds: 1.0 },
-                };
+                let rounds = rounds([8, 25], [3, 4], [0.15, 1.0]);
                 let (sizes, threads) = (sizes(&[5_000, 50_000]), threads.clone());
                 let kernels = kernels::KernelOptions { sizes, threads, rounds };
                 report.kernels = Some(kernels::run(&kernels, &report.limits, &mut tell)?);
             }
             Part::Step => {
-                let rounds = match quick {
-                    true => Rounds { most: 8, least: 2, seconds: 0.2 },
-                    false => Rounds { most: 12, least: 3, seconds: 0.5 },
-                };
+                let rounds = rounds([8, 12], [2, 3], [0.2, 0.5]);
                 let (sizes, threads) = (sizes(&[5_000]), threads.clone());
                 let step = step::StepOptions { sizes, threads, rounds };
                 report.step = Some(step::run(&step, &mut tell)?);
             }
             Part::Accuracy => {
-                let rounds = match quick {
-                    true => Rounds { most: 3, least: 1, seconds: 0.05 },
-                    false => Rounds { most: 5, least: 1, seconds: 0.5 },
-                };
+                let rounds = rounds([3, 5], [1, 1], [0.05, 0.5]);
                 let only = options.cases.clone();
                 let accuracy = accuracy::AccuracyOptions { quick, rounds, only };
                 report.accuracy = Some(accuracy::run(&accuracy, &mut tell)?);

@@ -1,9 +1,12 @@
 //! Charts as SVG text.
 
 use super::error::BenchError;
+use super::stats::Spread;
+use crate::report::Chart;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;
+use std::ops::Range;
 
 /// Points of one kind.
 pub struct Series {
@@ -15,6 +18,27 @@ pub struct Series {
     pub hollow: bool,
     /// Place in the list of colours.
     pub colour: usize,
+}
+
+impl Series {
+    /// Points that are drawn full, lines thick.
+    pub fn new(name: impl Into<String>, points: Vec<[f64; 2]>, colour: usize) -> Self {
+        Self { name: name.into(), points, hollow: false, colour }
+    }
+
+    /// Drawn hollow, lines thin, or not.
+    #[must_use]
+    pub fn hollow(self, hollow: bool) -> Self {
+        Self { hollow, ..self }
+    }
+
+    fn line(&self) -> ShapeStyle {
+        colour(self.colour).stroke_width(if self.hollow { 1 } else { 2 })
+    }
+
+    fn mark(&self) -> ShapeStyle {
+        if self.hollow { self.line() } else { colour(self.colour).filled() }
+    }
 }
 
 /// One bar.
@@ -29,6 +53,14 @@ pub struct Bar {
     pub aim: Option<f64>,
     /// Place in the list of colours.
     pub colour: usize,
+}
+
+impl Bar {
+    /// From the median and the quartiles of samples.
+    pub fn new(label: String, spread: &Spread, aim: Option<f64>, colour: usize) -> Self {
+        let quartiles = [spread.lower_quartile, spread.upper_quartile];
+        Self { label, value: spread.median, quartiles, aim, colour }
+    }
 }
 
 // distinguishable for most colour-blind readers
@@ -50,23 +82,28 @@ fn colour(i: usize) -> RGBColor {
     COLOURS[i % COLOURS.len()]
 }
 
+fn words(size: i32) -> TextStyle<'static> {
+    (FONT, size).into_font().color(&INK)
+}
+
 fn failed(error: impl std::fmt::Display) -> BenchError {
     BenchError::Chart(error.to_string())
 }
 
 /// Draws into SVG text that scales with the page.
 fn svg(
+    name: &str,
     size: (u32, u32),
     draw: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>) -> Result<(), BenchError>,
-) -> Result<String, BenchError> {
-    let mut text = String::new();
+) -> Result<Chart, BenchError> {
+    let mut svg = String::new();
     {
-        let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
         area.fill(&WHITE).map_err(failed)?;
         draw(&area)?;
         area.present().map_err(failed)?;
     }
-    Ok(text)
+    Ok(Chart { name: name.into(), svg })
 }
 
 /// Label of a tick of the bars' axis.
@@ -75,7 +112,7 @@ fn linear_label(x: f64, logarithmic: bool) -> String {
 }
 
 /// Whole decades around values, at least one.
-fn decades(values: impl Iterator<Item = f64>) -> Option<std::ops::Range<f64>> {
+fn decades(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
     let (mut low, mut high) = (f64::INFINITY, 0.0_f64);
     for x in values.filter(|x| x.is_finite() && *x > 0.0) {
         (low, high) = (low.min(x), high.max(x));
@@ -109,17 +146,112 @@ fn sparse_label(x: &f64) -> String {
 /// Errors (%) below this are rounding; they are drawn on the floor of the chart.
 const FLOOR: f64 = 1e-8;
 
+type Label = fn(&f64) -> String;
+
+/// A chart of points, of lines, or of both.
+struct Plot<'a> {
+    title: &'a str,
+    axes: [&'a str; 2],
+    series: &'a [Series],
+    /// Stairs through the points that nothing beats.
+    fronts: Vec<Vec<(f64, f64)>>,
+    ranges: [Range<f64>; 2],
+    labels: [Label; 2],
+    logarithmic: bool,
+    lines: bool,
+    points: bool,
+}
+
+impl Plot<'_> {
+    fn chart(&self, name: &str) -> Result<Chart, BenchError> {
+        let [xs, ys] = self.ranges.clone();
+        svg(name, (860, 520), |area| {
+            let (area, legend) = area.split_horizontally(630);
+            let mut chart = ChartBuilder::on(&area);
+            chart.caption(self.title, words(17));
+            chart.margin(12).x_label_area_size(46).y_label_area_size(66);
+            if self.logarithmic {
+                let chart = chart.build_cartesian_2d(xs.log_scale(), ys.log_scale());
+                self.fill(chart.map_err(failed)?)?;
+            } else {
+                self.fill(chart.build_cartesian_2d(xs, ys).map_err(failed)?)?;
+            }
+            self.name(&legend)
+        })
+    }
+
+    /// Grid, fronts, lines and points.
+    fn fill<X, Y>(
+        &self,
+        mut chart: ChartContext<'_, SVGBackend<'_>, Cartesian2d<X, Y>>,
+    ) -> Result<(), BenchError>
+    where
+        X: Ranged<ValueType = f64> + ValueFormatter<f64>,
+        Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    {
+        let mut mesh = chart.configure_mesh();
+        mesh.light_line_style(TRANSPARENT).bold_line_style(GRID).axis_style(INK);
+        mesh.x_desc(self.axes[0]).y_desc(self.axes[1]);
+        mesh.label_style(words(13)).axis_desc_style(words(14));
+        mesh.x_label_formatter(&self.labels[0]).y_label_formatter(&self.labels[1]);
+        mesh.draw().map_err(failed)?;
+        for front in &self.fronts {
+            let style = INK.mix(0.45).stroke_width(1);
+            chart.draw_series(LineSeries::new(front.clone(), style)).map_err(failed)?;
+        }
+        for s in self.series {
+            let drawn = |x: &f64| x.is_finite() && (!self.logarithmic || *x > 0.0);
+            let places =
+                || s.points.iter().filter(move |p| p.iter().all(drawn)).map(|p| (p[0], p[1]));
+            if self.lines {
+                chart.draw_series(LineSeries::new(places(), s.line())).map_err(failed)?;
+            }
+            if self.points {
+                let size = if self.lines { 3 } else { 4 };
+                let circles = places().map(|p| Circle::new(p, size, s.mark()));
+                chart.draw_series(circles).map_err(failed)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The legend; series of one name share a place.
+    fn name(&self, legend: &DrawingArea<SVGBackend<'_>, Shift>) -> Result<(), BenchError> {
+        let series = self.series;
+        let first = |i: &usize| series[..*i].iter().all(|s| s.name != series[*i].name);
+        let mut y = 52;
+        let mut entry = |name: &str, line: Option<ShapeStyle>, mark: ShapeStyle| {
+            match line {
+                Some(line) => legend.draw(&PathElement::new(vec![(5, y), (19, y)], line)),
+                None => legend.draw(&Circle::new((12, y), 4, mark)),
+            }
+            .map_err(failed)?;
+            legend.draw(&Text::new(name.to_string(), (24, y - 7), words(13))).map_err(failed)?;
+            y += 21;
+            Ok(())
+        };
+        for s in (0..series.len()).filter(first).map(|i| &series[i]) {
+            entry(&s.name, self.lines.then(|| s.line()), s.mark())?;
+        }
+        if self.fronts.is_empty() {
+            return Ok(());
+        }
+        let style = INK.mix(0.45).stroke_width(1);
+        entry("Pareto front", Some(style), style)
+    }
+}
+
 /// Error (%) over cost (s), both logarithmic, with lines through the points that nothing beats.
 ///
 /// # Errors
 /// When it cannot be drawn.
 pub fn speed_against_error(
+    name: &str,
     title: &str,
-    cost: &str,
-    error: &str,
+    axes: [&str; 2],
     series: &[Series],
     fronts: &[Vec<[f64; 2]>],
-) -> Result<String, BenchError> {
+) -> Result<Chart, BenchError> {
     let all = || series.iter().flat_map(|s| &s.points);
     let errors = decades(all().map(|p| p[1].max(FLOOR)));
     let (Some(xs), Some(ys)) = (decades(all().map(|p| p[0])), errors) else {
@@ -132,64 +264,29 @@ pub fn speed_against_error(
     } else {
         xs
     };
-    svg((860, 520), |area| {
-        let (chart_area, legend) = area.split_horizontally(630);
-        let mut chart = ChartBuilder::on(&chart_area)
-            .caption(title, (FONT, 17).into_font().color(&INK))
-            .margin(12)
-            .x_label_area_size(46)
-            .y_label_area_size(66)
-            .build_cartesian_2d(xs.log_scale(), ys.clone().log_scale())
-            .map_err(failed)?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GRID)
-            .axis_style(INK)
-            .x_desc(cost)
-            .y_desc(error)
-            .x_label_formatter(&sparse_label)
-            .y_label_formatter(&sparse_label)
-            .label_style((FONT, 13).into_font().color(&INK))
-            .axis_desc_style((FONT, 14).into_font().color(&INK))
-            .draw()
-            .map_err(failed)?;
-        for front in fronts {
-            // stairs: between two points of the front only the cheaper one's error is to be had
-            let mut steps: Vec<(f64, f64)> = Vec::new();
-            for &[x, y] in front {
-                if let Some(&(_, before)) = steps.last() {
-                    steps.push((x, before));
-                }
-                steps.push((x, y.max(ys.start)));
-            }
-            let style = INK.mix(0.45).stroke_width(1);
-            chart.draw_series(LineSeries::new(steps, style)).map_err(failed)?;
+    // a NaN stays one
+    let raised = |[x, y]: [f64; 2]| [x, if y < ys.start { ys.start } else { y }];
+    let floored: Vec<Series> = series
+        .iter()
+        .map(|s| {
+            let points = s.points.iter().map(|p| raised(*p)).collect();
+            Series::new(&*s.name, points, s.colour).hollow(s.hollow)
+        })
+        .collect();
+    // between two points of a front only the cheaper one's error is to be had
+    let stairs = |front: &Vec<[f64; 2]>| {
+        let mut steps: Vec<(f64, f64)> = Vec::new();
+        for [x, y] in front.iter().map(|p| raised(*p)) {
+            steps.extend(steps.last().map(|&(_, before)| (x, before)));
+            steps.push((x, y));
         }
-        for s in series {
-            let shape =
-                if s.hollow { colour(s.colour).stroke_width(2) } else { colour(s.colour).filled() };
-            let visible = s.points.iter().filter(|p| p.iter().all(|x| x.is_finite()));
-            let circles = visible.map(|p| Circle::new((p[0], p[1].max(ys.start)), 4, shape));
-            chart.draw_series(circles).map_err(failed)?;
-        }
-        for (i, s) in series.iter().enumerate() {
-            let y = 52 + 21 * i as i32;
-            let shape =
-                if s.hollow { colour(s.colour).stroke_width(2) } else { colour(s.colour).filled() };
-            legend.draw(&Circle::new((12, y), 4, shape)).map_err(failed)?;
-            let style = (FONT, 13).into_font().color(&INK);
-            legend.draw(&Text::new(s.name.clone(), (24, y - 7), style)).map_err(failed)?;
-        }
-        if !fronts.is_empty() {
-            let y = 52 + 21 * series.len() as i32;
-            let line = PathElement::new(vec![(5, y), (19, y)], INK.mix(0.45).stroke_width(1));
-            legend.draw(&line).map_err(failed)?;
-            let style = (FONT, 13).into_font().color(&INK);
-            legend.draw(&Text::new("Pareto front", (24, y - 7), style)).map_err(failed)?;
-        }
-        Ok(())
-    })
+        steps
+    };
+    let (fronts, labels) = (fronts.iter().map(stairs).collect(), [sparse_label as Label; 2]);
+    let (series, ranges) = (&floored[..], [xs, ys.clone()]);
+    let (logarithmic, lines, points) = (true, false, true);
+    let plot = Plot { title, axes, series, fronts, ranges, labels, logarithmic, lines, points };
+    plot.chart(name)
 }
 
 /// Scales of a line chart.
@@ -210,11 +307,12 @@ pub enum Scales {
 /// # Errors
 /// When it cannot be drawn.
 pub fn lines(
+    name: &str,
     title: &str,
     axes: [&str; 2],
     series: &[Series],
     scales: Scales,
-) -> Result<String, BenchError> {
+) -> Result<Chart, BenchError> {
     let logarithmic = scales == Scales::Logarithmic;
     let drawn = |p: &&[f64; 2]| p.iter().all(|x| x.is_finite() && (!logarithmic || *x > 0.0));
     let points = || series.iter().flat_map(|s| &s.points).filter(drawn);
@@ -227,98 +325,30 @@ pub fn lines(
     if points().next().is_none() || bounds.iter().all(|[low, high]| low == high) {
         return Err(BenchError::Chart(format!("{title}: no points")));
     }
-    if logarithmic {
-        let [xs, ys] = bounds.map(|[low, high]| low / 1.2..high * 1.2);
-        // ticks of more than a decade would touch
-        let labels: [Label; 2] = [&xs, &ys]
-            .map(|r| if r.end / r.start < 10.0 { tick_label as Label } else { sparse_label });
-        return svg((860, 520), |area| {
-            let (chart, legend) = area.split_horizontally(630);
-            let chart = framed(&chart, title).build_cartesian_2d(xs.log_scale(), ys.log_scale());
-            draw_lines(chart.map_err(failed)?, axes, series, scales, Some(labels))?;
-            name_lines(&legend, series)
-        });
-    }
     let widths = bounds.map(|[low, high]| high - low);
     // the drawing area is about 550 by 440
     let scale = (widths[0] / 550.0).max(widths[1] / 440.0);
-    let [xs, ys] = std::array::from_fn(|k| {
+    let ranges: [Range<f64>; 2] = std::array::from_fn(|k| {
+        let [low, high] = bounds[k];
+        if logarithmic {
+            return low / 1.2..high * 1.2;
+        }
         let equal = scales == Scales::Equal;
         let least = if equal { scale * [550.0, 440.0][k] } else { widths[k] };
         let width = 1.08 * if least > 0.0 { least } else { widths[1 - k] };
-        let middle = 0.5 * (bounds[k][0] + bounds[k][1]);
+        let middle = 0.5 * (low + high);
         middle - 0.5 * width..middle + 0.5 * width
     });
-    svg((860, 520), |area| {
-        let (chart, legend) = area.split_horizontally(630);
-        let chart = framed(&chart, title).build_cartesian_2d(xs, ys).map_err(failed)?;
-        draw_lines(chart, axes, series, scales, None)?;
-        name_lines(&legend, series)
-    })
-}
-
-type Label = fn(&f64) -> String;
-
-fn framed<'a, 'b>(
-    area: &'a DrawingArea<SVGBackend<'b>, Shift>,
-    title: &str,
-) -> ChartBuilder<'a, 'a, SVGBackend<'b>> {
-    let mut chart = ChartBuilder::on(area);
-    chart.caption(title, (FONT, 17).into_font().color(&INK));
-    chart.margin(12).x_label_area_size(46).y_label_area_size(66);
-    chart
-}
-
-/// Grid, lines, and points; logarithmic axes come with labels of their ticks.
-fn draw_lines<X, Y>(
-    mut chart: ChartContext<'_, SVGBackend<'_>, Cartesian2d<X, Y>>,
-    [x, y]: [&str; 2],
-    series: &[Series],
-    scales: Scales,
-    logarithmic: Option<[Label; 2]>,
-) -> Result<(), BenchError>
-where
-    X: Ranged<ValueType = f64> + ValueFormatter<f64>,
-    Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
-{
-    let mut mesh = chart.configure_mesh();
-    mesh.light_line_style(TRANSPARENT).bold_line_style(GRID).axis_style(INK).x_desc(x).y_desc(y);
-    mesh.label_style((FONT, 13).into_font().color(&INK));
-    mesh.axis_desc_style((FONT, 14).into_font().color(&INK));
-    let [x_label, y_label] = logarithmic.unwrap_or([plain_label; 2]);
-    mesh.x_label_formatter(&x_label).y_label_formatter(&y_label);
-    mesh.draw().map_err(failed)?;
-    for s in series {
-        let style = colour(s.colour).stroke_width(if s.hollow { 1 } else { 2 });
-        let line = || {
-            let drawn = |x: &f64| x.is_finite() && (logarithmic.is_none() || *x > 0.0);
-            s.points.iter().filter(move |p| p.iter().all(drawn)).map(|p| (p[0], p[1]))
-        };
-        if scales != Scales::Scattered {
-            chart.draw_series(LineSeries::new(line(), style)).map_err(failed)?;
-        }
-        if scales == Scales::Scattered || logarithmic.is_some() {
-            let shape = if s.hollow { style } else { colour(s.colour).filled() };
-            chart.draw_series(line().map(|p| Circle::new(p, 3, shape))).map_err(failed)?;
-        }
-    }
-    Ok(())
-}
-
-fn name_lines(
-    legend: &DrawingArea<SVGBackend<'_>, Shift>,
-    series: &[Series],
-) -> Result<(), BenchError> {
-    let first = |i: &usize| series[..*i].iter().all(|s| s.name != series[*i].name);
-    for (place, i) in (0..series.len()).filter(first).enumerate() {
-        let s = &series[i];
-        let style = colour(s.colour).stroke_width(if s.hollow { 1 } else { 2 });
-        let at = 52 + 21 * place as i32;
-        legend.draw(&PathElement::new(vec![(5, at), (19, at)], style)).map_err(failed)?;
-        let words = (FONT, 13).into_font().color(&INK);
-        legend.draw(&Text::new(s.name.clone(), (24, at - 7), words)).map_err(failed)?;
-    }
-    Ok(())
+    let labels: [Label; 2] = [&ranges[0], &ranges[1]].map(|r| match logarithmic {
+        false => plain_label as Label,
+        // ticks of more than a decade would touch
+        true if r.end / r.start < 10.0 => tick_label,
+        true => sparse_label,
+    });
+    let lines = scales != Scales::Scattered;
+    let (points, fronts) = (!lines || logarithmic, Vec::new());
+    let plot = Plot { title, axes, series, fronts, ranges, labels, logarithmic, lines, points };
+    plot.chart(name)
 }
 
 /// Horizontal bars with quartiles; a tick shows what was aimed at. Logarithmic when they differ by
@@ -326,7 +356,7 @@ fn name_lines(
 ///
 /// # Errors
 /// When it cannot be drawn.
-pub fn bars(title: &str, unit: &str, bars: &[Bar]) -> Result<String, BenchError> {
+pub fn bars(name: &str, title: &str, unit: &str, bars: &[Bar]) -> Result<Chart, BenchError> {
     let values = || bars.iter().flat_map(|b| [b.value, b.quartiles[1]].into_iter().chain(b.aim));
     let Some(range) = decades(values()) else {
         return Err(BenchError::Chart(format!("{title}: no bars")));
@@ -353,10 +383,9 @@ pub fn bars(title: &str, unit: &str, bars: &[Bar]) -> Result<String, BenchError>
         let step = step.unwrap_or(largest);
         (0..=(largest / step) as usize).map(|i| i as f64 * step).collect()
     };
-    svg((860, bottom as u32 + 46), |area| {
-        let text = |words: &str, at: (i32, i32), size: i32| {
-            let style = (FONT, size).into_font().color(&INK);
-            area.draw(&Text::new(words.to_string(), at, style)).map_err(failed)
+    svg(name, (860, bottom as u32 + 46), |area| {
+        let text = |what: &str, at: (i32, i32), size: i32| {
+            area.draw(&Text::new(what.to_string(), at, words(size))).map_err(failed)
         };
         text(title, (12, 10), 17)?;
         for &tick in &ticks {
@@ -397,32 +426,29 @@ mod tests {
 
     #[test]
     fn charts_hold_their_points_and_words() {
-        let series = Series {
-            name: "a < b".into(),
-            points: vec![[1e-3, 1.0], [1e-2, 0.1], [f64::NAN, 1.0], [1.0, 0.0]],
-            hollow: false,
-            colour: 0,
-        };
+        let points = vec![[1e-3, 1.0], [1e-2, 0.1], [f64::NAN, 1.0], [1.0, 0.0]];
+        let series = Series::new("a < b", points, 0);
         let front = vec![vec![[1e-3, 1.0], [1e-2, 0.1]]];
-        let text = speed_against_error("title", "cost", "error", &[series], &front).unwrap();
+        let axes = ["cost", "error"];
+        let text = speed_against_error("n", "title", axes, &[series], &front).unwrap().svg;
         assert!(text.starts_with("<svg") && text.contains("a &lt; b") && text.contains("Pareto"));
         // three points and one in the legend; zero lies on the floor, NaN nowhere
         assert_eq!(text.matches("<circle").count(), 4);
         assert!(!text.contains("NaN"));
-        assert!(speed_against_error("t", "c", "e", &[], &[]).is_err());
+        assert!(speed_against_error("n", "t", axes, &[], &[]).is_err());
     }
 
     #[test]
     fn lines_are_drawn_with_their_names() {
-        let line = |points| Series { name: "a & b".into(), points, hollow: false, colour: 2 };
+        let line = |points| Series::new("a & b", points, 2);
         let series = [line(vec![[0.0, 0.0], [1.0, -2.0]])];
-        let text = lines("title", ["x", "y"], &series, Scales::Equal).unwrap();
+        let text = lines("n", "title", ["x", "y"], &series, Scales::Equal).unwrap().svg;
         assert!(text.contains("<polyline") && text.contains("a &amp; b") && !text.contains("NaN"));
         let nothing = [line(vec![[f64::NAN, 1.0]])];
-        assert!(lines("t", ["x", "y"], &nothing, Scales::Linear).is_err());
+        assert!(lines("n", "t", ["x", "y"], &nothing, Scales::Linear).is_err());
         // 0 has no place on logarithmic axes
         let series = [line(vec![[0.0, 1.0], [1.0, 1e-3], [10.0, 1e-2]])];
-        let text = lines("title", ["x", "y"], &series, Scales::Logarithmic).unwrap();
+        let text = lines("n", "title", ["x", "y"], &series, Scales::Logarithmic).unwrap().svg;
         assert_eq!(text.matches("<circle").count(), 2);
     }
 
@@ -435,9 +461,9 @@ mod tests {
             aim,
             colour: 1,
         };
-        let text = bars("title", "ns", &[bar(1.0, None), bar(3.0, Some(2.0))]).unwrap();
+        let text = bars("n", "title", "ns", &[bar(1.0, None), bar(3.0, Some(2.0))]).unwrap().svg;
         assert!(text.matches("<rect").count() >= 3 && text.contains("#C80000"));
-        assert!(bars("t", "ns", &[bar(0.0, None)]).is_err());
+        assert!(bars("n", "t", "ns", &[bar(0.0, None)]).is_err());
     }
 
     #[test]

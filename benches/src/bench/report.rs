@@ -1,6 +1,6 @@
 //! The report of a run: JSON, CSV, SVG, one HTML page, Markdown for the README, text.
 
-use super::accuracy::{AccuracyReport, Point};
+use super::accuracy::{AccuracyReport, CaseRow, Point};
 use super::aims::{self, Aim};
 use super::error::BenchError;
 use super::integrators::IntegratorReport;
@@ -12,8 +12,10 @@ use super::scenes::{self, SceneRow};
 use super::step::StepReport;
 use super::table::{Table, escape};
 use crate::peers::PeerReport;
+use crate::report::{Chart, Files, Page};
 use serde::{Deserialize, Serialize};
 use sinew::engine::lanes::InstructionSet;
+use sinew_tune::table_of;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -60,14 +62,6 @@ pub struct PartLoad {
     pub part: String,
     /// Load.
     pub load: Load,
-}
-
-/// A chart and what it is called.
-pub struct Chart {
-    /// Name of the file.
-    pub name: String,
-    /// SVG text.
-    pub svg: String,
 }
 
 impl Report {
@@ -127,55 +121,33 @@ impl Report {
     }
 
     fn limits_table(&self) -> Table {
-        let mut table = Table::new(
-            "limits",
-            "Limits of the machine, probed in this run",
-            &["threads", "probe", "data KiB/thread", "rate", "unit"],
-        )
-        .note("best of several samples; all threads at once, each with data of its own.");
-        for l in &self.limits {
+        let rates = self.limits.iter().flat_map(|l| {
             let fma = [("multiply-add f64", l.fma_f64), ("multiply-add f32", l.fma_f32)];
-            for (probe, rate) in fma {
-                let cells = vec![l.threads.into(), probe.into(), None::<f64>.into(), rate.into()];
-                table.row([cells, vec!["GFLOP/s".into()]].concat());
-            }
-            for r in &l.read {
-                table.row(vec![
-                    l.threads.into(),
-                    format!("read {}", r.level).into(),
-                    r.kib.into(),
-                    r.gb_per_s.into(),
-                    "GB/s".into(),
-                ]);
-            }
-        }
-        table
+            let fma = fma.map(|(probe, rate)| (l, probe.to_string(), None, rate, "GFLOP/s"));
+            let read = l.read.iter();
+            let read = read
+                .map(move |r| (l, format!("read {}", r.level), Some(r.kib), r.gb_per_s, "GB/s"));
+            fma.into_iter().chain(read)
+        });
+        table_of!("limits", "Limits of the machine, probed in this run";
+            for (l, probe, kib, rate, unit) in rates;
+            "threads" => l.threads, "probe" => probe, "data KiB/thread" => kib, "rate" => rate, "unit" => unit,
+        )
+        .note("best of several samples; all threads at once, each with data of its own.")
     }
 
     fn load_table(&self) -> Table {
         let percent = |x: Option<f64>| x.map(|x| 100.0 * x);
-        let mut table = Table::new(
-            "load",
-            "Load of the machine during this run",
-            &["part", "took s", "others %", "stolen %", "waiting %", "load before", "load after"],
+        table_of!("load", "Load of the machine during this run"; for PartLoad { part, load } in &self.loads;
+            "part" => part, "took s" => load.wall_s, "others %" => percent(load.others),
+            "stolen %" => percent(load.stolen), "waiting %" => percent(load.waiting),
+            "load before" => load.load_before, "load after" => load.load_after,
         )
         .note(
             "others: share of all cores that other processes took; stolen: share that the host of a \
              virtual machine kept; waiting: share of its time that the measuring thread was ready but \
              had no core (wall time above its processor time).",
-        );
-        for PartLoad { part, load } in &self.loads {
-            table.row(vec![
-                part.into(),
-                load.wall_s.into(),
-                percent(load.others).into(),
-                percent(load.stolen).into(),
-                percent(load.waiting).into(),
-                load.load_before.into(),
-                load.load_after.into(),
-            ]);
-        }
-        table
+        )
     }
 
     /// All charts.
@@ -185,76 +157,59 @@ impl Report {
     pub fn charts(&self) -> Result<Vec<Chart>, BenchError> {
         let mut charts = Vec::new();
         if let Some(accuracy) = self.accuracy.as_ref().filter(|a| !a.points.is_empty()) {
-            charts.extend(accuracy_charts(accuracy)?);
-        }
-        if let Some(kernels) = &self.kernels {
-            for precision in ["f64", "f32"] {
-                let bars: Vec<Bar> = kernels
-                    .rows
-                    .iter()
-                    .filter(|r| r.precision == precision && !r.kernel.starts_with("pooled:"))
-                    .filter(|r| r.instructions == InstructionSet::best().name())
-                    .map(|r| {
-                        let what = format!("{} {} force", r.kernel, r.model);
-                        let size = (r.tetrahedra + 500) / 1000;
-                        let aim = self.aims.iter().find(|aim| {
-                            let threads = if r.threads == 1 { "1 thread" } else { "2 threads" };
-                            r.quantity == "force"
-                                && aim.what
-                                    == format!(
-                                        "{what}, {precision}, {}k, {threads}",
-                                        if size == 49 { 50 } else { size }
-                                    )
-                        });
-                        Bar {
-                            label: format!(
-                                "{} {}, {}, {}k, {}T",
-                                r.kernel.replace(", all passes", ""),
-                                r.quantity,
-                                r.model,
-                                size,
-                                r.threads
-                            ),
-                            value: r.ns_per_tet.median,
-                            quartiles: [r.ns_per_tet.lower_quartile, r.ns_per_tet.upper_quartile],
-                            aim: aim.map(|a| a.limit),
-                            colour: usize::from(r.threads > 1),
-                        }
-                    })
-                    .collect();
-                if !bars.is_empty() {
-                    let title = format!("Kernels, {precision}: time per tetrahedron");
-                    let unit = "ns per tetrahedron (median, line: quartiles, red: aim)";
-                    let svg = plot::bars(&title, unit, &bars)?;
-                    charts.push(Chart { name: format!("kernels-{precision}"), svg });
+            charts.push(overview(accuracy)?);
+            for case in &accuracy.cases {
+                for refined in [false, true] {
+                    charts.extend(case_chart(accuracy, case, refined)?);
                 }
             }
         }
-        if let Some(step) = self.step.as_ref().filter(|s| !s.rows.is_empty()) {
-            let bars: Vec<Bar> = step
-                .rows
-                .iter()
-                .map(|r| Bar {
-                    label: format!(
-                        "{}{}, {}, {}k, {} {}T",
-                        r.integrator,
-                        if r.projections > 0 { " (projected)" } else { "" },
-                        if r.solver.is_empty() { "substeps" } else { &r.solver },
-                        (r.tetrahedra + 500) / 1000,
-                        r.precision,
-                        r.threads
-                    ),
-                    value: r.ms.median,
-                    quartiles: [r.ms.lower_quartile, r.ms.upper_quartile],
-                    aim: None,
-                    colour: if r.solver.is_empty() { 2 } else { usize::from(r.threads > 1) },
-                })
-                .collect();
+        for precision in ["f64", "f32"] {
+            let bars = self.kernel_bars(precision);
+            if !bars.is_empty() {
+                let title = format!("Kernels, {precision}: time per tetrahedron");
+                let unit = "ns per tetrahedron (median, line: quartiles, red: aim)";
+                charts.push(plot::bars(&format!("kernels-{precision}"), &title, unit, &bars)?);
+            }
+        }
+        let steps = self.step.iter().flat_map(|s| &s.rows);
+        let bars: Vec<Bar> = steps
+            .map(|r| {
+                let projected = if r.projections > 0 { " (projected)" } else { "" };
+                let solver = if r.solver.is_empty() { "substeps" } else { &r.solver };
+                let size = (r.tetrahedra + 500) / 1000;
+                let label = format!(
+                    "{}{projected}, {solver}, {size}k, {} {}T",
+                    r.integrator, r.precision, r.threads
+                );
+                let colour = if r.solver.is_empty() { 2 } else { usize::from(r.threads > 1) };
+                Bar::new(label, &r.ms, None, colour)
+            })
+            .collect();
+        if !bars.is_empty() {
             let unit = "ms of wall time (median, line: quartiles)";
-            let svg = plot::bars("Steps of 10 ms", unit, &bars)?;
-            charts.push(Chart { name: "steps".into(), svg });
+            charts.push(plot::bars("steps", "Steps of 10 ms", unit, &bars)?);
         }
         Ok(charts)
+    }
+
+    /// Kernels of a precision with the widest instruction set, beside their aims.
+    fn kernel_bars(&self, precision: &str) -> Vec<Bar> {
+        let best = InstructionSet::best().name();
+        let rows = self.kernels.iter().flat_map(|k| &k.rows).filter(|r| {
+            r.precision == precision && !r.kernel.starts_with("pooled:") && r.instructions == best
+        });
+        rows.map(|r| {
+            let size = (r.tetrahedra + 500) / 1000;
+            let about = if size == 49 { 50 } else { size };
+            let threads = if r.threads == 1 { "1 thread" } else { "2 threads" };
+            let what = format!("{} {} force, {precision}, {about}k, {threads}", r.kernel, r.model);
+            let aim = self.aims.iter().find(|aim| r.quantity == "force" && aim.what == what);
+            let kernel = r.kernel.replace(", all passes", "");
+            let label = format!("{kernel} {}, {}, {size}k, {}T", r.quantity, r.model, r.threads);
+            Bar::new(label, &r.ns_per_tet, aim.map(|a| a.limit), usize::from(r.threads > 1))
+        })
+        .collect()
     }
 
     /// The key figures for the README, in Markdown: forces with the widest instruction set, steps with
@@ -267,22 +222,20 @@ impl Report {
             let _ = writeln!(text, "\nThe machine was busy during: {}.", parts.join(", "));
         }
         let threads = |n: usize| if n == 1 { "1 thread".into() } else { format!("{n} threads") };
-        let columns = ["what", "conditions", "median", "unit", "error"];
-        let mut key = Table::new("key", "Key figures", &columns);
         let best = InstructionSet::best().name();
+        let mut rows: Vec<(String, String, Option<f64>, &str, Option<String>)> = Vec::new();
         for row in self.kernels.iter().flat_map(|k| &k.rows) {
             let whole = !row.kernel.starts_with("pooled: ") && row.model == "svk_comp";
             let portable = row.instructions == InstructionSet::Portable.name();
             if whole && row.quantity == "force" && (row.instructions == best || portable) {
                 let threads = threads(row.threads) + if portable { ", portable" } else { "" };
-                let tets = row.tetrahedra;
-                key.row(vec![
-                    format!("{} force", row.kernel.replace(", all passes", "")).into(),
-                    format!("{tets} tets, {}, {threads}", row.precision).into(),
-                    row.ns_per_tet.median.into(),
-                    "ns/tet".into(),
-                    row.error.map(|e| format!("{e:.0e} of the force")).into(),
-                ]);
+                rows.push((
+                    format!("{} force", row.kernel.replace(", all passes", "")),
+                    format!("{} tets, {}, {threads}", row.tetrahedra, row.precision),
+                    Some(row.ns_per_tet.median),
+                    "ns/tet",
+                    row.error.map(|e| format!("{e:.0e} of the force")),
+                ));
             }
         }
         let most = self.step.iter().flat_map(|s| &s.rows).map(|r| r.threads).max();
@@ -291,24 +244,24 @@ impl Report {
             if default && Some(row.threads) == most {
                 let solver = if row.solver.is_empty() { "substeps" } else { &row.solver };
                 let (tets, threads) = (row.tetrahedra, threads(row.threads));
-                key.row(vec![
-                    format!("{} step of 10 ms, {}", row.integrator, row.state).into(),
-                    format!("{tets} tets, {solver}, {}, {threads}", row.precision).into(),
-                    row.ms.median.into(),
-                    "ms".into(),
-                    row.error_percent.map(|e| format!("{e:.1e} % of the converged step")).into(),
-                ]);
+                rows.push((
+                    format!("{} step of 10 ms, {}", row.integrator, row.state),
+                    format!("{tets} tets, {solver}, {}, {threads}", row.precision),
+                    Some(row.ms.median),
+                    "ms",
+                    row.error_percent.map(|e| format!("{e:.1e} % of the converged step")),
+                ));
             }
         }
         for r in self.peers.iter().flat_map(|p| &p.rows) {
             let threads = threads(r.threads);
-            key.row(vec![
-                format!("{} {}, step", r.engine, r.version).into(),
-                format!("{}, {}, {}, {threads}", r.scene, r.setting, r.precision).into(),
-                r.ms_per_step.into(),
-                "ms".into(),
-                r.error_percent.map(|e| format!("{e:.1e} %, static")).into(),
-            ]);
+            rows.push((
+                format!("{} {}, step", r.engine, r.version),
+                format!("{}, {}, {}, {threads}", r.scene, r.setting, r.precision),
+                r.ms_per_step,
+                "ms",
+                r.error_percent.map(|e| format!("{e:.1e} %, static")),
+            ));
         }
         for case in self.accuracy.iter().flat_map(|a| &a.cases) {
             let points = self.accuracy.iter().flat_map(|a| &a.points);
@@ -321,15 +274,18 @@ impl Report {
             for p in good {
                 let method = format!("{}, {}, {}", p.method(), p.model, p.evaluation);
                 let threads = threads(p.threads);
-                key.row(vec![
-                    (&p.case).into(),
-                    format!("{} tets, {method}, {}, {threads}", p.tetrahedra, p.precision).into(),
-                    p.cost.map(|c| 1e3 * c.median).into(),
-                    if case.motion { "ms per simulated s" } else { "ms to the answer" }.into(),
-                    p.error_percent.map(|e| format!("{e:.1e} % on the same mesh")).into(),
-                ]);
+                rows.push((
+                    p.case.clone(),
+                    format!("{} tets, {method}, {}, {threads}", p.tetrahedra, p.precision),
+                    p.cost.map(|c| 1e3 * c.median),
+                    if case.motion { "ms per simulated s" } else { "ms to the answer" },
+                    p.error_percent.map(|e| format!("{e:.1e} % on the same mesh")),
+                ));
             }
         }
+        let key = table_of!("key", "Key figures"; for (what, conditions, median, unit, error) in rows;
+            "what" => what, "conditions" => conditions, "median" => median, "unit" => unit, "error" => error,
+        );
         text.push('\n');
         text + &key.markdown()
     }
@@ -339,69 +295,44 @@ impl Report {
     /// # Errors
     /// When a chart cannot be drawn.
     pub fn html(&self) -> Result<String, BenchError> {
-        let mut body = String::from("<h1>Sinew bench: speed against error</h1>\n");
-        let _ = writeln!(body, "<p class=\"machine\">{}</p>", escape(&self.machine.line()));
+        let heading = "Sinew bench: speed against error";
+        let mut page = Page::new("Sinew bench", heading, &self.machine);
         for warning in &self.warnings {
-            let _ = writeln!(body, "<p class=\"warning\">{}</p>", escape(warning));
+            page.paragraph("warning", warning);
         }
-        let _ = writeln!(
-            body,
+        page.add(format_args!(
             "<p>Made by <code>{}</code>{}. Every figure is a median of repeats in which the variants \
              took turns; quartiles and minima stand beside it. The same data are in \
              <code>report.json</code> and in one CSV file per table.</p>",
             escape(&self.command),
             if self.quick { " (cut-down sizes and repeats)" } else { "" }
-        );
-        let met = self.aims.iter().filter(|a| a.met).count();
+        ));
         let tables = self.tables();
-        body += "<nav>";
-        for table in &tables {
-            let _ =
-                write!(body, "<a href=\"#{}\">{}</a> ", table.name, escape(short(&table.title)));
-        }
-        body += "</nav>\n";
-        for chart in self.charts()? {
-            let _ = writeln!(
-                body,
-                "<figure id=\"chart-{}\">{}</figure>",
-                chart.name,
-                scalable(&chart.svg)
-            );
-        }
+        let link = |table: &Table| {
+            let short = table.title.split(':').next().unwrap_or(&table.title);
+            format!("<a href=\"#{}\">{}</a> ", table.name, escape(short))
+        };
+        page.add(format_args!("<nav>{}</nav>", tables.iter().map(link).collect::<String>()));
+        self.charts()?.iter().for_each(|chart| page.chart(chart));
         if !self.aims.is_empty() {
-            let _ = writeln!(body, "<p>{met} of {} aims met.</p>", self.aims.len());
+            let met = self.aims.iter().filter(|a| a.met).count();
+            page.paragraph("", &format!("{met} of {} aims met.", self.aims.len()));
         }
-        for table in &tables {
-            if table.rows.len() > LONG {
-                let _ = write!(
-                    body,
-                    "<details><summary>{} ({} rows)</summary>\n{}</details>\n",
-                    escape(&table.title),
-                    table.rows.len(),
-                    table.html()
-                );
-            } else {
-                body += &table.html();
-            }
-        }
-        let _ = write!(
-            body,
+        tables.iter().for_each(|table| page.table(table));
+        page.add(format_args!(
             "<h2>How to reproduce</h2>\n<p><code>cargo run --release -- {}</code> from a checkout, \
-             with nothing else running. For the other engines see <code>sinew-lab bench --help</code>.</p>\n",
+             with nothing else running. For the other engines see <code>sinew-lab bench --help</code>.</p>",
             escape(self.command.trim_start_matches("sinew "))
-        );
-        Ok(page("Sinew bench", &body))
+        ));
+        Ok(page.html())
     }
 
     /// For the terminal.
     pub fn text(&self) -> String {
         let mut text = format!("{}\n\n", self.machine.line());
-        for table in self.tables() {
-            // the points fill screens; the front is what counts
-            if table.name != "points" {
-                text += &table.text();
-                text.push('\n');
-            }
+        // the points fill screens; the front is what counts
+        for table in self.tables().iter().filter(|t| t.name != "points") {
+            let _ = writeln!(text, "{}", table.text());
         }
         for warning in &self.warnings {
             let _ = writeln!(text, "WARNING: {warning}");
@@ -414,41 +345,22 @@ impl Report {
     /// # Errors
     /// When a file cannot be written or a chart not be drawn.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, BenchError> {
-        let error = |path: &Path, reason: String| BenchError::Write { path: path.into(), reason };
-        std::fs::create_dir_all(folder).map_err(|e| error(folder, e.to_string()))?;
-        let json = serde_json::to_string_pretty(self)
-            .map_err(|e| error(&folder.join("report.json"), e.to_string()))?;
-        let mut files = vec![
-            ("report.json".to_string(), (json + "\n").into_bytes()),
-            ("report.html".to_string(), self.html()?.into_bytes()),
-            ("readme.md".to_string(), self.readme().into_bytes()),
-        ];
-        for chart in self.charts()? {
-            files.push((format!("{}.svg", chart.name), chart.svg.into_bytes()));
-        }
-        for table in self.tables() {
-            let name = format!("{}.csv", table.name);
-            let csv = table.csv().map_err(|e| error(&folder.join(&name), e.to_string()))?;
-            files.push((name, csv));
-        }
-        let mut written = Vec::new();
-        for (name, bytes) in files {
-            let path = folder.join(name);
-            std::fs::write(&path, bytes).map_err(|e| error(&path, e.to_string()))?;
-            written.push(path);
-        }
-        Ok(written)
+        let mut files = Files::default();
+        files.json("report.json", self)?;
+        files.add("report.html", self.html()?);
+        files.add("readme.md", self.readme());
+        files.parts(&self.charts()?, &self.tables())?;
+        files.write(folder)
     }
 }
 
 fn peer_tables(report: &PeerReport) -> Vec<Table> {
-    let mut rows = Table::new(
-        "peers",
-        "Other engines beside Sinew: same mesh, material and load",
-        &[
-            "engine", "version", "scene", "tets", "setting", "threads", "precision", "ms/step",
-            "s per s", "force ns/tet", "static error %", "note",
-        ],
+    let title = "Other engines beside Sinew: same mesh, material and load";
+    let mut rows = table_of!("peers", title; for r in &report.rows;
+        "engine" => &r.engine, "version" => &r.version, "scene" => &r.scene, "tets" => r.elements,
+        "setting" => &r.setting, "threads" => r.threads, "precision" => &r.precision,
+        "ms/step" => r.ms_per_step, "s per s" => r.cost_per_simulated_second,
+        "force ns/tet" => r.force_ns_per_element, "static error %" => r.error_percent, "note" => &r.note,
     )
     .note(
         "ms/step: median of undamped steps of the beam let go from half its equilibrium, engines in \
@@ -458,205 +370,105 @@ fn peer_tables(report: &PeerReport) -> Vec<Table> {
     for reason in &report.skipped {
         rows = rows.note(format!("Not run: {reason}"));
     }
-    for r in &report.rows {
-        rows.row(vec![
-            (&r.engine).into(),
-            (&r.version).into(),
-            (&r.scene).into(),
-            r.elements.into(),
-            (&r.setting).into(),
-            r.threads.into(),
-            (&r.precision).into(),
-            r.ms_per_step.into(),
-            r.cost_per_simulated_second.into(),
-            r.force_ns_per_element.into(),
-            r.error_percent.into(),
-            (&r.note).into(),
-        ]);
-    }
-    let mut aims = Table::new("peer-aims", "Aims against other engines", &["aim", "measured", ""]);
-    for aim in &report.aims {
-        let met = if aim.met { "met" } else { "missed" };
-        aims.row(vec![(&aim.aim).into(), (&aim.measured).into(), met.into()]);
-    }
+    let aims = table_of!("peer-aims", "Aims against other engines"; for aim in &report.aims;
+        "aim" => &aim.aim, "measured" => &aim.measured, "" => if aim.met { "met" } else { "missed" },
+    );
     vec![aims, rows]
 }
 
-/// A self-contained page in the style of all reports.
-pub fn page(title: &str, body: &str) -> String {
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width\">\n<title>{}</title>\n\
-         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n",
-        escape(title)
-    )
+/// Cost (s) and error (%) of a point; `refined`: against the refined mesh.
+fn pair(p: &Point, refined: bool) -> [f64; 2] {
+    let error = if refined { p.refined_error_percent } else { p.error_percent };
+    [p.cost.map_or(f64::NAN, |c| c.median), error.unwrap_or(f64::NAN)]
 }
 
-/// Rows above which a table is folded in the page.
-const LONG: usize = 60;
-
-fn short(title: &str) -> &str {
-    title.split(':').next().unwrap_or(title)
+fn usable(pair: &[f64; 2]) -> bool {
+    pair.iter().all(|x| x.is_finite())
 }
 
-/// Width and height become a view box, so that the page decides.
-pub(crate) fn scalable(svg: &str) -> String {
-    match svg.find("<svg") {
-        Some(at) => svg[at..].to_string(),
-        None => svg.to_string(),
-    }
+/// Points that nothing beats, cheapest first.
+fn front<'a>(points: impl Iterator<Item = &'a Point>, refined: bool) -> Vec<[f64; 2]> {
+    let mut front: Vec<[f64; 2]> = points
+        .filter(|p| if refined { p.pareto_refined } else { p.pareto })
+        .map(|p| pair(p, refined))
+        .collect();
+    front.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    front
 }
 
-fn accuracy_charts(report: &AccuracyReport) -> Result<Vec<Chart>, BenchError> {
-    let mut charts = Vec::new();
-    let pair = |p: &Point, refined: bool| {
-        let error = if refined { p.refined_error_percent } else { p.error_percent };
-        [p.cost.map_or(f64::NAN, |c| c.median), error.unwrap_or(f64::NAN)]
+/// Every method on every case.
+fn overview(report: &AccuracyReport) -> Result<Chart, BenchError> {
+    let series = |(i, case): (usize, &CaseRow)| {
+        let name = &case.case;
+        let points = report.points.iter().filter(|p| p.case == *name).map(|p| pair(p, false));
+        let per = if case.motion { " (per simulated s)" } else { "" };
+        let points = points.filter(usable).collect();
+        Series::new(format!("{name}{per}"), points, i).hollow(case.motion)
     };
-    let usable = |pair: &[f64; 2]| pair.iter().all(|x| x.is_finite());
-    let overview: Vec<Series> = report
-        .cases
-        .iter()
-        .enumerate()
-        .map(|(i, case)| Series {
-            name: if case.motion {
-                format!("{} (per simulated s)", case.case)
-            } else {
-                case.case.clone()
-            },
-            points: report
-                .points
-                .iter()
-                .filter(|p| p.case == case.case)
-                .map(|p| pair(p, false))
-                .filter(usable)
-                .collect(),
-            hollow: case.motion,
-            colour: i,
-        })
-        .collect();
-    let mut meshes: Vec<(&str, usize)> =
-        report.points.iter().map(|p| (p.case.as_str(), p.tetrahedra)).collect();
+    let series: Vec<Series> = report.cases.iter().enumerate().map(series).collect();
+    let mut meshes: Vec<(&str, usize)> = report.points.iter().map(Point::mesh).collect();
     meshes.dedup();
-    let overview_fronts: Vec<Vec<[f64; 2]>> = meshes
-        .into_iter()
-        .map(|mesh| {
-            let on_front =
-                report.points.iter().filter(|p| p.pareto && (&*p.case, p.tetrahedra) == mesh);
-            let mut front: Vec<[f64; 2]> = on_front.map(|p| pair(p, false)).collect();
-            front.sort_by(|a, b| a[0].total_cmp(&b[0]));
-            front
-        })
-        .collect();
-    charts.push(Chart {
-        name: "speed-against-error".into(),
-        svg: plot::speed_against_error(
-            "Speed against error: every method on every scene",
-            "wall time (s): to the answer, or per simulated second",
-            "error against the converged solution on the same mesh (%)",
-            &overview,
-            &overview_fronts,
-        )?,
-    });
-    for case in &report.cases {
-        for refined in [false, true] {
-            let points: Vec<&Point> = report
-                .points
-                .iter()
-                .filter(|p| p.case == case.case && usable(&pair(p, refined)))
-                .collect();
-            if points.is_empty() {
-                continue;
-            }
-            let mut series: Vec<Series> = Vec::new();
-            let mut sizes: Vec<usize> = points.iter().map(|p| p.tetrahedra).collect();
-            sizes.dedup();
-            for p in &points {
-                let words = if sizes.len() > 1 {
-                    format!(", {} tets", p.tetrahedra)
-                } else {
-                    String::new()
-                };
-                let name = format!("{} {}{words}", p.integrator, p.precision);
-                let kinds =
-                    ["safe", "newton", "quasi-static", "symplectic-euler", "stormer-verlet"];
-                let kind = kinds.iter().position(|k| *k == p.integrator).unwrap_or(5);
-                let at = series.iter().position(|s| s.name == name).unwrap_or_else(|| {
-                    series.push(Series {
-                        name,
-                        points: Vec::new(),
-                        hollow: p.precision == "f32",
-                        // meshes of one case in different colours
-                        colour: kind + if p.tetrahedra == sizes[0] { 0 } else { 5 },
-                    });
-                    series.len() - 1
-                });
-                series[at].points.push(pair(p, refined));
-            }
-            let on_front = |p: &&&Point| if refined { p.pareto_refined } else { p.pareto };
-            let mut fronts: Vec<Vec<[f64; 2]>> = Vec::new();
-            let groups: Vec<Option<usize>> =
-                if refined { vec![None] } else { sizes.iter().map(|s| Some(*s)).collect() };
-            for size in groups {
-                let mut front: Vec<[f64; 2]> = points
-                    .iter()
-                    .filter(on_front)
-                    .filter(|p| size.is_none_or(|s| p.tetrahedra == s))
-                    .map(|p| pair(p, refined))
-                    .collect();
-                front.sort_by(|a, b| a[0].total_cmp(&b[0]));
-                fronts.push(front);
-            }
-            let (suffix, against) = if refined {
-                (
-                    "-refined",
-                    format!("refined mesh of {} tets", case.refined_tetrahedra.unwrap_or(0)),
-                )
-            } else {
-                ("", "same mesh".to_string())
-            };
-            let cost = if case.motion {
-                "wall time per simulated second (s)"
-            } else {
-                "wall time to the answer (s)"
-            };
-            charts.push(Chart {
-                name: format!("{}{suffix}", case.case.replace(' ', "-")),
-                svg: plot::speed_against_error(
-                    &format!("{}: against the converged solution, {against}", case.case),
-                    cost,
-                    "error (%)",
-                    &series,
-                    &fronts,
-                )?,
-            });
-        }
-    }
-    Ok(charts)
+    let front = |mesh| front(report.points.iter().filter(|p| p.mesh() == mesh), false);
+    let fronts: Vec<_> = meshes.into_iter().map(front).collect();
+    let axes = [
+        "wall time (s): to the answer, or per simulated second",
+        "error against the converged solution on the same mesh (%)",
+    ];
+    let title = "Speed against error: every method on every scene";
+    plot::speed_against_error("speed-against-error", title, axes, &series, &fronts)
 }
 
-const STYLE: &str = "\
-body { margin: 0; background: #fff; color: #222; font: 15px/1.45 system-ui, sans-serif; }
-main { max-width: 1180px; margin: 0 auto; padding: 24px; }
-h1 { font-size: 26px; margin: 0 0 4px; }
-h2 { font-size: 21px; margin: 36px 0 8px; }
-h3 { font-size: 17px; margin: 28px 0 6px; }
-p { margin: 6px 0; max-width: 90ch; }
-.machine, .note { color: #444; font-size: 13px; }
-.warning { background: #fff3d6; border-left: 4px solid #d98e00; padding: 6px 10px; }
-code { background: #f2f2f2; padding: 1px 4px; border-radius: 3px; }
-nav { margin: 12px 0; font-size: 14px; }
-nav a { margin-right: 12px; color: #0059a8; }
-figure { margin: 18px 0; }
-figure svg { max-width: 100%; height: auto; border: 1px solid #e2e2e2; }
-.scroll { overflow-x: auto; }
-table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
-th, td { padding: 3px 9px; border-bottom: 1px solid #e4e4e4; text-align: right; white-space: nowrap; }
-th { background: #f4f4f4; position: sticky; top: 0; }
-.words { text-align: left; }
-tr.marked td { background: #e8f4e8; font-weight: 600; }
-summary { cursor: pointer; font-weight: 600; margin: 18px 0 4px; }
-";
+/// Every method on one case, against the same or the refined mesh; none without points.
+fn case_chart(
+    report: &AccuracyReport,
+    case: &CaseRow,
+    refined: bool,
+) -> Result<Option<Chart>, BenchError> {
+    let own = report.points.iter().filter(|p| p.case == case.case);
+    let points: Vec<&Point> = own.filter(|p| usable(&pair(p, refined))).collect();
+    let mut sizes: Vec<usize> = points.iter().map(|p| p.tetrahedra).collect();
+    sizes.dedup();
+    let Some(&first) = sizes.first() else { return Ok(None) };
+    let mut series: Vec<Series> = Vec::new();
+    for p in &points {
+        let size = match sizes.len() {
+            1 => String::new(),
+            _ => format!(", {} tets", p.tetrahedra),
+        };
+        let name = format!("{} {}{size}", p.integrator, p.precision);
+        let at = series.iter().position(|s| s.name == name).unwrap_or_else(|| {
+            let kinds = ["safe", "newton", "quasi-static", "symplectic-euler", "stormer-verlet"];
+            let kind = kinds.iter().position(|k| *k == p.integrator).unwrap_or(5);
+            // meshes of one case in different colours
+            let colour = kind + if p.tetrahedra == first { 0 } else { 5 };
+            series.push(Series::new(name, Vec::new(), colour).hollow(p.precision == "f32"));
+            series.len() - 1
+        });
+        series[at].points.push(pair(p, refined));
+    }
+    let of = |size: Option<usize>| {
+        let own = points.iter().copied().filter(|p| size.is_none_or(|s| p.tetrahedra == s));
+        front(own, refined)
+    };
+    let fronts: Vec<_> = match refined {
+        true => vec![of(None)],
+        false => sizes.iter().map(|s| of(Some(*s))).collect(),
+    };
+    let (suffix, against) = match refined {
+        true => {
+            let tets = case.refined_tetrahedra.unwrap_or(0);
+            ("-refined", format!("refined mesh of {tets} tets"))
+        }
+        false => ("", "same mesh".to_string()),
+    };
+    let cost = match case.motion {
+        true => "wall time per simulated second (s)",
+        false => "wall time to the answer (s)",
+    };
+    let name = format!("{}{suffix}", case.case.replace(' ', "-"));
+    let title = format!("{}: against the converged solution, {against}", case.case);
+    plot::speed_against_error(&name, &title, [cost, "error (%)"], &series, &fronts).map(Some)
+}
 
 #[cfg(test)]
 mod tests {

@@ -7,6 +7,7 @@ use sinew_demos::build::BuildOptions;
 use sinew_demos::run::{RunOptions, Silent, run as run_scene};
 use sinew_demos::scene::LoadedScene;
 use sinew_demos::scene_folder;
+use sinew_tune::table_of;
 
 /// One scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -105,40 +106,17 @@ pub fn run(
 
 /// For people.
 pub fn table(rows: &[SceneRow]) -> Table {
-    let mut table = Table::new(
-        "scenes",
-        "Demo scenes as they are",
-        &[
-            "scene", "tets", "integrator", "dt s", "steps", "precision", "threads", "ms/step",
-            "p99 ms", "real time x", "CG its/step", "residual", "linearisation %", "fallbacks",
-            "inverted", "failure",
-        ],
+    table_of!("scenes", "Demo scenes as they are"; for r in rows;
+        "scene" => &r.scene, "tets" => r.tetrahedra, "integrator" => &r.integrator, "dt s" => r.dt,
+        "steps" => r.steps, "precision" => &r.precision, "threads" => r.threads, "ms/step" => r.median_ms,
+        "p99 ms" => r.p99_ms, "real time x" => r.real_time_factor, "CG its/step" => r.cg_iterations,
+        "residual" => r.residual, "linearisation %" => r.linearisation_percent,
+        "fallbacks" => r.fallbacks, "inverted" => r.inverted, "failure" => r.failure.clone(),
     )
     .note(
         "real time x: simulated over wall time of the steps. residual: worst relative residual of a \
          linear system. linearisation: mean distance of the energy decrease from what the linearised \
          step predicted. fallbacks: projected tangents, gradient steps, shortened, halted or capped \
          steps, unconverged Newton iterations.",
-    );
-    for r in rows {
-        table.row(vec![
-            (&r.scene).into(),
-            r.tetrahedra.into(),
-            (&r.integrator).into(),
-            r.dt.into(),
-            r.steps.into(),
-            (&r.precision).into(),
-            r.threads.into(),
-            r.median_ms.into(),
-            r.p99_ms.into(),
-            r.real_time_factor.into(),
-            r.cg_iterations.into(),
-            r.residual.into(),
-            r.linearisation_percent.into(),
-            r.fallbacks.into(),
-            r.inverted.into(),
-            r.failure.clone().into(),
-        ]);
-    }
-    table
+    )
 }

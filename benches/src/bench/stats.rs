@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use sinew_tune::measures::quantile;
 
 /// Order statistics of repeated measurements; unit of the samples.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
     /// Number of samples.
     pub samples: usize,
@@ -35,6 +35,12 @@ impl Spread {
             median: quantile(&sorted, 0.5),
             upper_quartile: quantile(&sorted, 0.75),
         })
+    }
+
+    /// Without the first sample, which warms up pages and caches, unless it is the only one.
+    pub fn warm(samples: &[f64]) -> Option<Self> {
+        let all = Self::of(samples)?;
+        Some(Self::of(&samples[1..]).unwrap_or(all))
     }
 
     /// The same in another unit.

@@ -5,7 +5,9 @@ use super::error::BenchError;
 use super::kernels::quartiles;
 use super::stats::{Rounds, Spread, interleave};
 use super::table::Table;
-use crate::beam::{EXTENT, MATERIAL, as_in_a_step, beam, bend, bent, cells_for, request};
+use crate::beam::{
+    EXTENT, MATERIAL, as_in_a_step, beam, bend, bent, cells_for, lend, request, take_back,
+};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::engine::lanes::InstructionSet;
@@ -16,8 +18,8 @@ use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
-use sinew::simulation::SimulationError;
 use sinew::solvers::settings::{LinearPrecision, Preconditioner};
+use sinew_tune::table_of;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -132,13 +134,13 @@ impl Start {
         simulation.set_dt(DT);
         simulation.set_state(body, u, &vec![DVec3::ZERO; u.len()])?;
         for _ in 0..steps {
-            simulation.step().map_err(SimulationError::from)?;
+            simulation.step()?;
         }
         let (u, v) = (simulation.displacements(body), simulation.velocities(body));
         let mut after = |settings: SolverSettings| -> Result<Vec<DVec3>, BenchError> {
             simulation.set_solver(settings);
             simulation.set_state(body, &u, &v)?;
-            simulation.step().map_err(SimulationError::from)?;
+            simulation.step()?;
             Ok(simulation.displacements(body))
         };
         let implicit = after(SolverSettings {
@@ -231,7 +233,7 @@ fn size_rows(
     ];
     let mut pools: BTreeMap<usize, Option<Workers>> = BTreeMap::new();
     for &n in &options.threads {
-        pools.insert(n, Some(Workers::new(n).map_err(SimulationError::from)?));
+        pools.insert(n, Some(Workers::new(n)?));
     }
     let mut subjects = Vec::new();
     let mut variants = Vec::new();
@@ -290,7 +292,7 @@ fn size_rows(
     variants.extend(portable);
     let samples = interleave(&mut variants, options.rounds, |variant| {
         let subject = &mut subjects[variant.subject];
-        let pool = pools.get_mut(&variant.threads);
+        let pool = pools.entry(variant.threads).or_default();
         variant.measure(subject, &starts[variant.start], mesh, pool)
     })?;
 
@@ -304,8 +306,7 @@ fn size_rows(
         })
         .collect();
     for (variant, samples) in variants.into_iter().zip(samples) {
-        let Some(spread) = Spread::of(&samples) else { continue };
-        let spread = Spread::of(&samples[1..]).unwrap_or(spread);
+        let Some(spread) = Spread::warm(&samples) else { continue };
         let key = variant.key();
         let plain = plain.iter().find(|(k, _)| *k == key).map(|(_, seconds)| *seconds);
         let implicit = !variant.settings.integrator.is_explicit();
@@ -332,27 +333,24 @@ impl Variant {
         subject: &mut Subject,
         start: &Start,
         mesh: &Mesh,
-        pool: Option<&mut Option<Workers>>,
+        pool: &mut Option<Workers>,
     ) -> Result<f64, BenchError> {
         let Subject { simulation: s, body } = subject;
-        let mut lent = None;
-        if let Some(slot) = pool {
-            if let Some(workers) = slot.take() {
-                let workers = workers.with_instruction_set(self.instructions);
-                s.world_mut().insert_resource(workers.map_err(SimulationError::from)?);
-            }
-            lent = Some(slot);
-        }
+        *pool = match pool.take() {
+            Some(workers) => Some(workers.with_instruction_set(self.instructions)?),
+            None => None,
+        };
+        lend(s.world_mut(), pool);
         let implicit = !self.settings.integrator.is_explicit();
         let swinging = start.name == "swinging";
         s.set_solver(self.settings.clone());
         // the subject was last used with other settings
         s.set_state(*body, &start.u, &start.v)?;
-        s.step().map_err(SimulationError::from)?;
+        s.step()?;
         s.set_state(*body, &start.u, &start.v)?;
         if self.settings.integrator == Integrator::Auto {
             // it starts with a safe step
-            s.step().map_err(SimulationError::from)?;
+            s.step()?;
         }
         if self.settings.integrator == Integrator::Safe && swinging {
             request(s, false, true, Some(TangentKind::Exact));
@@ -372,7 +370,7 @@ impl Variant {
         let mut seconds = 0.0;
         for step in 0..steps {
             let clock = Instant::now();
-            s.step().map_err(SimulationError::from)?;
+            s.step()?;
             seconds += clock.elapsed().as_secs_f64();
             if step == 0 && self.row.is_none() {
                 self.row = Some(self.first_row(s, *body, start, mesh));
@@ -382,11 +380,7 @@ impl Variant {
         let times = s.world().resource::<SystemTimes>();
         let solve = times.entries.iter().find(|e| e.name == "linear solves");
         self.solves.extend(solve.map(|e| e.seconds / steps));
-        if let Some(slot) = lent {
-            let world = s.world_mut();
-            *slot = world.remove_resource::<Workers>();
-            world.insert_resource(Workers::serial());
-        }
+        take_back(s.world_mut(), pool);
         Ok(seconds / steps)
     }
 
@@ -409,7 +403,6 @@ impl Variant {
             a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
         };
         let report = s.report();
-        let zero = 0.0;
         StepRow {
             tetrahedra: mesh.tetrahedra.len(),
             integrator: self.settings.integrator.name().to_string(),
@@ -417,13 +410,7 @@ impl Variant {
             state: start.name.to_string(),
             precision: s.precision().name().to_string(),
             threads: self.threads,
-            ms: Spread {
-                samples: 0,
-                minimum: zero,
-                lower_quartile: zero,
-                median: zero,
-                upper_quartile: zero,
-            },
+            ms: Spread::default(),
             ratio_to_plain: None,
             cg_iterations: report.cg_iterations,
             residual: report.cg_residual,
@@ -495,14 +482,12 @@ impl StepReport {
              residual 1e-3",
             EXTENT.x, EXTENT.y, EXTENT.z
         );
-        let mut steps = Table::new(
-            "steps",
-            title,
-            &[
-                "tets", "integrator", "solver", "state", "precision", "threads", "ms",
-                "quartiles", "least", "of plain", "CG its", "residual", "projections", "substeps",
-                "error %",
-            ],
+        let steps = table_of!("steps", title; for r in &self.rows;
+            "tets" => r.tetrahedra, "integrator" => &r.integrator, "solver" => &r.solver,
+            "state" => &r.state, "precision" => &r.precision, "threads" => r.threads,
+            "ms" => r.ms.median, "quartiles" => quartiles(&r.ms), "least" => r.ms.minimum,
+            "of plain" => r.ratio_to_plain, "CG its" => r.cg_iterations, "residual" => r.residual,
+            "projections" => r.projections, "substeps" => r.substeps, "error %" => r.error_percent,
         )
         .note(
             "of plain: over forces and exact tangent plus one linear solve, of the swinging beam with \
@@ -514,40 +499,10 @@ impl StepReport {
             "times are means over {EXPLICIT_STEPS} explicit steps, one estimate of the stable step included, \
              over {IMPLICIT_STEPS} implicit ones from the swinging state, and of one from the squeezed state."
         ));
-        for r in &self.rows {
-            steps.row(vec![
-                r.tetrahedra.into(),
-                (&r.integrator).into(),
-                (&r.solver).into(),
-                (&r.state).into(),
-                (&r.precision).into(),
-                r.threads.into(),
-                r.ms.median.into(),
-                quartiles(&r.ms),
-                r.ms.minimum.into(),
-                r.ratio_to_plain.into(),
-                r.cg_iterations.into(),
-                r.residual.into(),
-                r.projections.into(),
-                r.substeps.into(),
-                r.error_percent.into(),
-            ]);
-        }
-        let mut builds = Table::new(
-            "builds",
-            "From a Gmsh file to a body (f64, one thread)",
-            &["tets", "read s", "check s", "build s", "total s", "least s"],
+        let builds = table_of!("builds", "From a Gmsh file to a body (f64, one thread)"; for r in &self.builds;
+            "tets" => r.tetrahedra, "read s" => r.read_s.median, "check s" => r.check_s.median,
+            "build s" => r.build_s.median, "total s" => r.total_s.median, "least s" => r.total_s.minimum,
         );
-        for r in &self.builds {
-            builds.row(vec![
-                r.tetrahedra.into(),
-                r.read_s.median.into(),
-                r.check_s.median.into(),
-                r.build_s.median.into(),
-                r.total_s.median.into(),
-                r.total_s.minimum.into(),
-            ]);
-        }
         vec![steps, builds]
     }
 }

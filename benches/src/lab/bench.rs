@@ -90,28 +90,17 @@ pub struct StabilityArguments {
 
 /// What to measure, its name, and how.
 fn measured(command: &BenchCommand) -> Option<(Vec<Part>, &'static str, &BenchArguments)> {
-    Some(match command {
-        BenchCommand::Kernels(a) => (vec![Part::Kernels], "kernels", a),
-        BenchCommand::Step(a) => (vec![Part::Step], "step", a),
-        BenchCommand::Accuracy(a) => (vec![Part::Accuracy], "accuracy", a),
-        BenchCommand::Integrators(a) => (vec![Part::Integrators], "integrators", a),
-        BenchCommand::Scenes(a) => (vec![Part::Scenes], "scenes", a),
-        BenchCommand::Peers(a) => (vec![Part::Peers], "peers", a),
-        BenchCommand::All(a) => {
-            let all = [
-                Part::Kernels,
-                Part::Step,
-                Part::Accuracy,
-                Part::Integrators,
-                Part::Scenes,
-                Part::Peers,
-            ];
-            (all.to_vec(), "all", a)
-        }
-        #[cfg(feature = "gpu")]
-        BenchCommand::Gpu(_) => return None,
-        BenchCommand::Resection(_) | BenchCommand::Stability(_) => return None,
-    })
+    let (part, arguments) = match command {
+        BenchCommand::Kernels(a) => (Part::Kernels, a),
+        BenchCommand::Step(a) => (Part::Step, a),
+        BenchCommand::Accuracy(a) => (Part::Accuracy, a),
+        BenchCommand::Integrators(a) => (Part::Integrators, a),
+        BenchCommand::Scenes(a) => (Part::Scenes, a),
+        BenchCommand::Peers(a) => (Part::Peers, a),
+        BenchCommand::All(a) => return Some((Part::ALL.to_vec(), "all", a)),
+        _ => return None,
+    };
+    Some((vec![part], part.name(), arguments))
 }
 
 /// The command that makes such a report.

@@ -1,7 +1,7 @@
 //! `sinew-lab reproduce`.
 
 use clap::{Args, Subcommand};
-use sinew_benches::reproduce::{PaperBOptions, paper_a, paper_b, paper_c};
+use sinew_benches::reproduce::{Options, PAPER_A, PAPER_B, PAPER_C};
 use sinew_cli::{Outcome, print};
 use std::path::PathBuf;
 
@@ -38,17 +38,15 @@ pub struct PaperBArguments {
 
 /// Figures that differ from the paper are a result, not a failure.
 pub fn reproduce(command: &ReproduceCommand) -> Outcome {
-    let tell = |what: &str| eprintln!("{what}");
-    let (paper, out) = match command {
-        ReproduceCommand::PaperA(arguments) => (paper_a(&arguments.only, tell)?, &arguments.out),
-        ReproduceCommand::PaperB(PaperBArguments { common, meshes }) => {
-            let options = PaperBOptions { meshes: meshes.clone(), quick: false };
-            (paper_b(&common.only, &options, tell)?, &common.out)
-        }
-        ReproduceCommand::PaperC(arguments) => (paper_c(&arguments.only, tell)?, &arguments.out),
+    let (source, common, meshes) = match command {
+        ReproduceCommand::PaperA(common) => (&PAPER_A, common, &None),
+        ReproduceCommand::PaperB(PaperBArguments { common, meshes }) => (&PAPER_B, common, meshes),
+        ReproduceCommand::PaperC(common) => (&PAPER_C, common, &None),
     };
+    let options = Options { meshes: meshes.clone(), quick: false };
+    let paper = source.make(&common.only, &options, |what| eprintln!("{what}"))?;
     print(format_args!("{}", paper.text()))?;
-    if let Some(folder) = out {
+    if let Some(folder) = &common.out {
         let files = paper.write(folder)?;
         eprintln!("{} files written to {}", files.len(), folder.display());
     }

@@ -1,6 +1,7 @@
 //! MuJoCo flex, in a Python process that answers one JSON line per request.
 
-use super::{Case, DAMPING, PeerError, PeerRow, Rival};
+use super::{Case, DAMPING, PeerRow, Rival};
+use crate::bench::error::BenchError;
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::json;
@@ -32,8 +33,8 @@ pub(super) struct Reply {
 }
 
 /// Reads an answer; the script's own complaint becomes the error.
-pub(super) fn parse(line: &str) -> Result<Reply, PeerError> {
-    let fail = |text: String| Err(PeerError::Rival(format!("MuJoCo flex: {text}")));
+pub(super) fn parse(line: &str) -> Result<Reply, BenchError> {
+    let fail = |text: String| Err(BenchError::Rival(format!("MuJoCo flex: {text}")));
     match serde_json::from_str::<Reply>(line) {
         Ok(Reply { error: Some(error), .. }) => fail(error),
         Ok(reply) => Ok(reply),
@@ -42,9 +43,9 @@ pub(super) fn parse(line: &str) -> Result<Reply, PeerError> {
 }
 
 /// Displacements (m) from a flat list, three per vertex.
-pub(super) fn to_vectors(flat: &[f64], expected: usize) -> Result<Vec<DVec3>, PeerError> {
+pub(super) fn to_vectors(flat: &[f64], expected: usize) -> Result<Vec<DVec3>, BenchError> {
     if flat.len() != 3 * expected {
-        return Err(PeerError::Rival(format!(
+        return Err(BenchError::Rival(format!(
             "MuJoCo flex: {} numbers for {expected} vertices; its mesh is not ours",
             flat.len()
         )));
@@ -61,9 +62,9 @@ struct Process {
 }
 
 impl Process {
-    fn ask(&mut self, request: &serde_json::Value) -> Result<Reply, PeerError> {
+    fn ask(&mut self, request: &serde_json::Value) -> Result<Reply, BenchError> {
         let gone = |error: &dyn std::fmt::Display| {
-            PeerError::Rival(format!("MuJoCo flex: its process ended ({error})"))
+            BenchError::Rival(format!("MuJoCo flex: its process ended ({error})"))
         };
         let input = self.input.as_mut().ok_or_else(|| gone(&"closed"))?;
         writeln!(input, "{request}").and_then(|()| input.flush()).map_err(|e| gone(&e))?;
@@ -75,9 +76,10 @@ impl Process {
         }
     }
 
-    fn write(&self, name: &str, content: &impl serde::Serialize) -> Result<PathBuf, PeerError> {
+    fn write(&self, name: &str, content: &impl serde::Serialize) -> Result<PathBuf, BenchError> {
         let path = self.folder.join(name);
-        let fail = |e: &dyn std::fmt::Display| PeerError::Rival(format!("{}: {e}", path.display()));
+        let fail =
+            |e: &dyn std::fmt::Display| BenchError::Rival(format!("{}: {e}", path.display()));
         let text = serde_json::to_string(content).map_err(|e| fail(&e))?;
         std::fs::write(&path, text).map_err(|e| fail(&e))?;
         Ok(path)
@@ -142,7 +144,7 @@ impl MuJoCo {
         &mut self,
         case: &Case,
         steps: &[f64],
-    ) -> Result<Vec<Box<dyn Rival>>, PeerError> {
+    ) -> Result<Vec<Box<dyn Rival>>, BenchError> {
         let process = self.process.borrow_mut();
         let mesh = process.write("mesh.json", &case.beam.file())?;
         let flat = |u: &[DVec3]| u.iter().flat_map(|x| x.to_array()).collect::<Vec<f64>>();
@@ -158,7 +160,7 @@ impl MuJoCo {
         }))?;
         let (nodes, elements) = (case.beam.mesh.points.len(), case.beam.mesh.tetrahedra.len());
         if (loaded.nodes, loaded.elements) != (nodes, elements) {
-            return Err(PeerError::Rival(format!(
+            return Err(BenchError::Rival(format!(
                 "MuJoCo flex: {} vertices and {} tetrahedra of {nodes} and {elements}",
                 loaded.nodes, loaded.elements
             )));
@@ -200,7 +202,7 @@ struct Run {
 }
 
 impl Run {
-    fn ask(&mut self, request: serde_json::Value) -> Result<Reply, PeerError> {
+    fn ask(&mut self, request: serde_json::Value) -> Result<Reply, BenchError> {
         let reply = self.process.borrow_mut().ask(&request)?;
         for warning in &reply.warnings {
             // the first sentence says what; numbers in the rest differ from run to run
@@ -214,7 +216,7 @@ impl Run {
 }
 
 impl Rival for Run {
-    fn time(&mut self, _: &Case, steps: usize) -> Result<Vec<f64>, PeerError> {
+    fn time(&mut self, _: &Case, steps: usize) -> Result<Vec<f64>, BenchError> {
         let request = json!({
             "op": "time", "h": self.h, "steps": steps, "start": self.start,
             "iterations": self.iterations,
@@ -222,7 +224,7 @@ impl Rival for Run {
         Ok(self.ask(request)?.milliseconds)
     }
 
-    fn force(&mut self, case: &Case) -> Result<Option<f64>, PeerError> {
+    fn force(&mut self, case: &Case) -> Result<Option<f64>, BenchError> {
         if !self.measure_force {
             return Ok(None);
         }
@@ -235,7 +237,7 @@ impl Rival for Run {
         Ok(Some(reply.passive_seconds))
     }
 
-    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, PeerError> {
+    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, BenchError> {
         let (steps, warm) = case.settling(self.h);
         let start = warm.then(|| self.truth.clone());
         let request = json!({

@@ -1,6 +1,7 @@
 //! Rapier's soft bodies: corotational tetrahedra, by its finite-element solver and by constraints.
 
-use super::{Case, DAMPING, PeerError, PeerRow, Rival};
+use super::{Case, DAMPING, PeerRow, Rival};
+use crate::bench::error::BenchError;
 use glam::DVec3;
 use rapier3d::prelude::*;
 use std::time::Instant;
@@ -72,7 +73,7 @@ impl Run {
 }
 
 impl Rival for Run {
-    fn time(&mut self, case: &Case, steps: usize) -> Result<Vec<f64>, PeerError> {
+    fn time(&mut self, case: &Case, steps: usize) -> Result<Vec<f64>, BenchError> {
         let (mut world, _) = self.world(case, &case.start(), 0.0);
         // the first step builds its matrix pattern
         world.step();
@@ -85,12 +86,12 @@ impl Rival for Run {
             .collect())
     }
 
-    fn force(&mut self, _: &Case) -> Result<Option<f64>, PeerError> {
+    fn force(&mut self, _: &Case) -> Result<Option<f64>, BenchError> {
         // not reachable on its own
         Ok(None)
     }
 
-    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, PeerError> {
+    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, BenchError> {
         let rest = vec![DVec3::ZERO; case.truth.len()];
         let (mut world, handle) = self.world(case, &rest, DAMPING);
         for _ in 0..case.settling(STEP).0 {
@@ -103,7 +104,7 @@ impl Rival for Run {
         if u.iter().all(|u| u.is_finite()) {
             Ok(u)
         } else {
-            Err(PeerError::Rival("Rapier: the state is not finite".into()))
+            Err(BenchError::Rival("Rapier: the state is not finite".into()))
         }
     }
 

@@ -1,6 +1,7 @@
 //! Sinew's own rows.
 
-use super::{Beam, Case, DAMPING, PeerError, PeerRow, Rival};
+use super::{Beam, Case, DAMPING, PeerRow, Rival};
+use crate::bench::error::BenchError;
 use glam::DVec3;
 use sinew::engine::law::EvaluationRequest;
 use sinew::engine::schedule::ForceSchedule;
@@ -13,7 +14,7 @@ fn simulation(
     model: Model,
     precision: Precision,
     threads: usize,
-) -> Result<(Simulation, BodyHandle), PeerError> {
+) -> Result<(Simulation, BodyHandle), BenchError> {
     let mut simulation =
         Simulation::new(SimulationOptions { precision, threads, ..Default::default() })?;
     let description =
@@ -29,7 +30,7 @@ fn simulation(
 ///
 /// # Errors
 /// When Newton stops before it has converged.
-pub(super) fn equilibrium(beam: &Beam, model: Model) -> Result<Vec<DVec3>, PeerError> {
+pub(super) fn equilibrium(beam: &Beam, model: Model) -> Result<Vec<DVec3>, BenchError> {
     let (mut simulation, body) = simulation(beam, model, Precision::F64, 0)?;
     simulation.set_solver(SolverSettings {
         integrator: Integrator::QuasiStatic,
@@ -40,10 +41,10 @@ pub(super) fn equilibrium(beam: &Beam, model: Model) -> Result<Vec<DVec3>, PeerE
     simulation.step()?;
     let report = simulation.report();
     if report.unconverged || report.cg_caps > 0 {
-        return Err(PeerError::Truth {
-            scene: beam.name.clone(),
-            step: report.newton_step,
-            iterations: report.newton_iterations,
+        let (step, iterations) = (report.newton_step, report.newton_iterations);
+        return Err(BenchError::NoTruth {
+            case: beam.name.clone(),
+            reason: format!("Newton step {step:e} of the body after {iterations} iterations"),
         });
     }
     Ok(simulation.displacements(body))
@@ -92,7 +93,7 @@ pub(super) fn rivals(threads: usize, steps: &[f64], all: bool) -> Vec<Box<dyn Ri
 }
 
 impl Run {
-    fn world(&mut self, case: &Case) -> Result<&mut (Simulation, BodyHandle), PeerError> {
+    fn world(&mut self, case: &Case) -> Result<&mut (Simulation, BodyHandle), BenchError> {
         if self.world.is_none() {
             self.world = Some(simulation(&case.beam, self.model, self.precision, self.threads)?);
         }
@@ -100,7 +101,7 @@ impl Run {
     }
 
     /// Sets the state at rest in `u` and the solver with this damping.
-    fn prepare(&mut self, case: &Case, u: &[DVec3], mass_damping: f64) -> Result<(), PeerError> {
+    fn prepare(&mut self, case: &Case, u: &[DVec3], mass_damping: f64) -> Result<(), BenchError> {
         let settings = SolverSettings { mass_damping, ..self.settings.clone() };
         let h = self.h.unwrap_or(1.0);
         let (simulation, body) = self.world(case)?;
@@ -112,7 +113,7 @@ impl Run {
 }
 
 impl Rival for Run {
-    fn time(&mut self, case: &Case, steps: usize) -> Result<Vec<f64>, PeerError> {
+    fn time(&mut self, case: &Case, steps: usize) -> Result<Vec<f64>, BenchError> {
         let rest = vec![DVec3::ZERO; case.truth.len()];
         let start = if self.h.is_some() { case.start() } else { rest };
         self.prepare(case, &start, 0.0)?;
@@ -126,7 +127,7 @@ impl Rival for Run {
         Ok(times)
     }
 
-    fn force(&mut self, case: &Case) -> Result<Option<f64>, PeerError> {
+    fn force(&mut self, case: &Case) -> Result<Option<f64>, BenchError> {
         let (simulation, _) = self.world(case)?;
         let world = simulation.world_mut();
         world.insert_resource(EvaluationRequest { energy: false, force: true, tangent: None });
@@ -138,7 +139,7 @@ impl Rival for Run {
         Ok(super::median(times.collect()))
     }
 
-    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, PeerError> {
+    fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, BenchError> {
         let rest = vec![DVec3::ZERO; case.truth.len()];
         let (steps, warm) = self.h.map_or((1, false), |h| case.settling(h));
         let damping = if self.h.is_some() { DAMPING } else { 0.0 };
@@ -150,7 +151,7 @@ impl Rival for Run {
         Ok(simulation.displacements(*body))
     }
 
-    fn truth(&self, case: &Case) -> Result<Option<Vec<DVec3>>, PeerError> {
+    fn truth(&self, case: &Case) -> Result<Option<Vec<DVec3>>, BenchError> {
         (self.model != Model::StVK).then(|| equilibrium(&case.beam, self.model)).transpose()
     }
 

@@ -1,14 +1,14 @@
 //! Bourguignon & Cani 2000, table 1: seconds of computing per second of motion.
 
-use super::paper_c::world;
-use super::{Figure, Finding};
+use super::frame::world;
 use crate::bench::error::BenchError;
-use crate::bench::table::Table;
+use crate::report::{Figure, Finding};
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::step::StepError;
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::axes::description::{AxesDescription, AxisForm};
 use sinew::prelude::*;
+use sinew_tune::table_of;
 use std::time::Instant;
 
 const SIDE: f64 = 0.1;
@@ -21,43 +21,33 @@ const STEPS: usize = 100;
 /// Times each is run; the fastest counts.
 const RUNS: usize = 3;
 
-/// A row of the table: what it is, whether of hexahedra, form of the axes, and the paper's time (s).
+/// A row of the table.
 struct Line {
     name: &'static str,
     hexahedra: bool,
     axes: Option<AxisForm>,
+    /// Time (s) in the paper.
     printed: Option<f64>,
 }
 
+const fn line(
+    name: &'static str,
+    hexahedra: bool,
+    axes: Option<AxisForm>,
+    printed: Option<f64>,
+) -> Line {
+    Line { name, hexahedra, axes, printed }
+}
+
 const LINES: [Line; 7] = [
-    Line { name: "mass-spring", hexahedra: false, axes: None, printed: Some(0.129) },
-    Line { name: "mass-spring", hexahedra: true, axes: None, printed: Some(0.117) },
-    Line {
-        name: "axes, printed",
-        hexahedra: false,
-        axes: Some(AxisForm::Printed),
-        printed: Some(1.867),
-    },
-    Line {
-        name: "axes, with energy",
-        hexahedra: false,
-        axes: Some(AxisForm::EnergyConsistent),
-        printed: Some(1.867),
-    },
-    Line {
-        name: "axes, with energy",
-        hexahedra: true,
-        axes: Some(AxisForm::EnergyConsistent),
-        printed: Some(0.427),
-    },
+    line("mass-spring", false, None, Some(0.129)),
+    line("mass-spring", true, None, Some(0.117)),
+    line("axes, printed", false, Some(AxisForm::Printed), Some(1.867)),
+    line("axes, with energy", false, Some(AxisForm::EnergyConsistent), Some(1.867)),
+    line("axes, with energy", true, Some(AxisForm::EnergyConsistent), Some(0.427)),
     // without the resultant of the springs of volume, which push hexahedra about until explicit steps give up
-    Line {
-        name: "axes, printed but balanced",
-        hexahedra: true,
-        axes: Some(AxisForm::PrintedBalanced),
-        printed: Some(0.427),
-    },
-    Line { name: "St Venant-Kirchhoff", hexahedra: false, axes: None, printed: None },
+    line("axes, printed but balanced", true, Some(AxisForm::PrintedBalanced), Some(0.427)),
+    line("St Venant-Kirchhoff", false, None, None),
 ];
 
 /// Seconds of computing per second of motion, and explicit substeps per step.
@@ -79,7 +69,8 @@ fn time(line: &Line, integrator: Integrator, steps: usize) -> Result<(f64, f64),
         (None, None) => Model::CompressibleStVK,
     };
     let solver = SolverSettings { integrator, mass_damping: 2.0, ..SolverSettings::default() };
-    let (mut simulation, body) = world(&mesh, MATERIAL, model, axes, solver)?;
+    let description = BodyDescription::new("block", &mesh, MATERIAL);
+    let (mut simulation, body) = world(&BodyDescription { model, axes, ..description }, solver)?;
     simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
     simulation.set_dt(STEP);
     let mut table = Constraint::hold("table", simulation.group_rows(body, &mesh, "z0")?);
@@ -100,25 +91,6 @@ fn time(line: &Line, integrator: Integrator, steps: usize) -> Result<(f64, f64),
 }
 
 pub(super) fn figure() -> Result<Figure, BenchError> {
-    let mut table = Table::new(
-        "d-time",
-        "Seconds of computing per second of motion, one thread",
-        &[
-            "model",
-            "mesh",
-            "masses",
-            "elements",
-            "paper s",
-            "explicit s",
-            "substeps",
-            "per substep of 0.01 s: s",
-            "implicit s",
-        ],
-    )
-    .note(
-        "explicit: Störmer-Verlet with the substeps that stability asks for; per substep: what it would take \
-         with one evaluation a step, as in the paper; implicit: the default integrator.",
-    );
     let mut measured = Vec::new();
     for line in &LINES {
         let (mut explicit, mut implicit, mut substeps) = (f64::INFINITY, f64::INFINITY, 0.0);
@@ -127,57 +99,44 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
             (explicit, substeps) = (explicit.min(seconds), count);
             implicit = implicit.min(time(line, Integrator::Auto, STEPS)?.0);
         }
-        let each = explicit / substeps.max(1.0);
-        measured.push((explicit, each, implicit));
-        let (mesh, elements): (&str, usize) =
-            if line.hexahedra { ("hexahedra", 125) } else { ("tetrahedra", 750) };
-        table.row(vec![
-            line.name.into(),
-            mesh.into(),
-            216_usize.into(),
-            elements.into(),
-            line.printed.into(),
-            explicit.into(),
-            substeps.into(),
-            each.into(),
-            implicit.into(),
-        ]);
+        measured.push((explicit, explicit / substeps.max(1.0), implicit, substeps));
     }
+    let title = "Seconds of computing per second of motion, one thread";
+    let rows = LINES.iter().zip(&measured);
+    let table = table_of!("d-time", title; for (line, (explicit, each, implicit, substeps)) in rows;
+        "model" => line.name, "mesh" => if line.hexahedra { "hexahedra" } else { "tetrahedra" },
+        "masses" => 216_usize, "elements" => if line.hexahedra { 125_usize } else { 750 },
+        "paper s" => line.printed, "explicit s" => *explicit, "substeps" => *substeps,
+        "per substep of 0.01 s: s" => *each, "implicit s" => *implicit,
+    )
+    .note(
+        "explicit: Störmer-Verlet with the substeps that stability asks for; per substep: what it would take \
+         with one evaluation a step, as in the paper; implicit: the default integrator.",
+    );
     let each = |i: usize| measured.get(i).map_or(f64::NAN, |m| m.1);
     let slowest = measured.iter().map(|m| m.2).fold(0.0, f64::max);
     let findings = vec![
-        Finding {
-            agrees: each(2) > each(0) && each(4) > each(1),
-            text: format!(
+        Finding::of(each(2) > each(0) && each(4) > each(1)).says(format!(
                 "axes cost more than plain springs: {:.1} times as much on tetrahedra in the printed form, {:.1} times \
                  with an energy, {:.1} and {:.1} times on hexahedra; 14.5 and 3.6 times in the paper",
                 each(2) / each(0),
                 each(3) / each(0),
                 each(5) / each(1),
                 each(4) / each(1)
-            ),
-        },
-        Finding {
-            agrees: each(5) < each(2),
-            text: format!(
+            )),
+        Finding::of(each(5) < each(2)).says(format!(
                 "hexahedra are the cheaper mesh for axes: {:.2} of the time of tetrahedra in the printed form, with one \
                  set of axes in each (0.23 in the paper); {:.2} with an energy, where each hexahedron has axes at \
                  eight Gauss points",
                 each(5) / each(2),
                 each(4) / each(3)
-            ),
-        },
-        Finding {
-            agrees: slowest < 1.0,
-            text: format!(
+            )),
+        Finding::of(slowest < 1.0).says(format!(
                 "all run in real time, which in the paper the tetrahedra with axes did not: {slowest:.3} s per second \
                  at most with the default integrator"
-            ),
-        },
+            )),
     ];
     Ok(Figure {
-        letter: 'd',
-        title: "Time",
         setting: format!(
             "A cube on a table under gravity, step {STEP} s as in the paper (SGI O2, R5000 at 300 MHz, Störmer's \
              method without adaptive step); 216 masses and 750 tetrahedra or 125 hexahedra (222 and 804, 216 and \
@@ -186,8 +145,7 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
         ),
         findings,
         tables: vec![table],
-        numbers: Vec::new(),
-        charts: Vec::new(),
+        ..Figure::default()
     })
 }
 

@@ -1,14 +1,13 @@
 //! Delingette 2008, figure 2, left: one tetrahedron, a vertex moved towards the opposite face.
 
-use super::{Figure, Finding};
 use crate::bench::error::BenchError;
 use crate::bench::plot::{Scales, Series, lines};
-use crate::bench::report::Chart;
-use crate::bench::table::Table;
+use crate::report::{Figure, Finding};
 use sinew::engine::scalar::dot;
 use sinew::models::element::precompute::RestTetrahedron;
 use sinew::models::element::tetrahedron::{Element, forces};
 use sinew::prelude::YoungPoisson;
+use sinew_tune::table_of;
 
 const RATIOS: [f64; 4] = [0.0, 0.3, 0.45, 0.49];
 
@@ -64,111 +63,100 @@ fn largest(values: impl Iterator<Item = f64>) -> f64 {
     values.fold(0.0, |m, x| if x.is_nan() { f64::NAN } else { x.abs().max(m) })
 }
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
-    let curves = RATIOS.map(curve).into_iter().collect::<Result<Vec<Curve>, _>>()?;
-    let mut numbers = Table::new(
-        "a-force",
-        "Force against altitude ratio",
-        &["nu", "altitude ratio", "svk N", "compression term N", "sum N"],
-    );
-    let mut key = Table::new(
-        "a-key",
-        "Resistance of one tetrahedron (regular, edge 1 m, E = 1 Pa)",
-        &[
-            "nu",
-            "svk peak at compression %",
-            "peak N",
-            "svk at 0 N",
-            "sum at 0 N",
-            "least slope of the sum N per m",
-        ],
-    );
-    let height = (2.0f64 / 3.0).sqrt();
-    let (mut peaks, mut flats, mut slopes) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut fourths, mut backs) = (Vec::new(), Vec::new());
-    for c in &curves {
-        for &[s, svk, term] in &c.points {
-            numbers.row(vec![c.nu.into(), s.into(), svk.into(), term.into(), (svk + term).into()]);
-        }
+/// What a curve says about the resistance of the tetrahedron.
+struct Resistance {
+    nu: f64,
+    /// Altitude ratio, force of St Venant-Kirchhoff, of the term, where the first is largest under compression.
+    peak: [f64; 3],
+    /// The same in the flat state.
+    flat: [f64; 3],
+    /// Least slope (N/m) of the sum, past the flat state too, and over `(lambda + 2 mu) A / h`.
+    slope: [f64; 2],
+    /// Largest fourth difference of the sum over its largest value: a cubic has none.
+    fourth: f64,
+    /// What points back to the flat state from either side, over the unit of the curve.
+    back: f64,
+}
+
+impl Resistance {
+    fn of(c: &Curve) -> Self {
+        let missing = [f64::NAN; 3];
         let pressed = c.points.iter().filter(|p| (0.0..=1.0).contains(&p[0]));
-        let peak = pressed.max_by(|a, b| a[1].total_cmp(&b[1])).copied().unwrap_or([f64::NAN; 3]);
-        let sum: Vec<f64> = c.points.iter().map(|p| p[1] + p[2]).collect();
-        let pressed: Vec<f64> =
-            c.points.iter().zip(&sum).filter(|(p, _)| p[0] <= 1.0).map(|(_, f)| *f).collect();
+        let peak = pressed.max_by(|a, b| a[1].total_cmp(&b[1])).copied().unwrap_or(missing);
+        let pressed = c.points.iter().filter(|p| p[0] <= 1.0);
+        let sums: Vec<f64> = pressed.map(|p| p[1] + p[2]).collect();
         // the force outward grows as the altitude shrinks
+        let height = (2.0f64 / 3.0).sqrt();
         let step = 0.01 * height;
-        let slope = pressed.windows(2).map(|w| (w[0] - w[1]) / step).fold(f64::INFINITY, f64::min);
-        // a cubic has no fourth differences
+        let slope = sums.windows(2).map(|w| (w[0] - w[1]) / step).fold(f64::INFINITY, f64::min);
         let differences =
-            pressed.windows(5).map(|w| w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]);
-        fourths.push(largest(differences) / largest(pressed.iter().copied()));
-        let at = |s: f64| {
-            c.points.iter().find(|p| (p[0] - s).abs() < 1e-9).copied().unwrap_or([f64::NAN; 3])
-        };
-        let flat = at(0.0);
-        // what points back to the flat state from either side
-        backs.push(at(-0.05)[1].max(-at(0.05)[1]) / c.unit);
-        peaks.push(100.0 * (1.0 - peak[0]));
-        flats.push(flat[1] / peak[1]);
-        slopes.push(slope / (c.unit / height));
-        key.row(vec![
-            c.nu.into(),
-            (100.0 * (1.0 - peak[0])).into(),
-            peak[1].into(),
-            flat[1].into(),
-            (flat[1] + flat[2]).into(),
-            slope.into(),
-        ]);
+            sums.windows(5).map(|w| w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]);
+        let at =
+            |s: f64| c.points.iter().find(|p| (p[0] - s).abs() < 1e-9).copied().unwrap_or(missing);
+        Self {
+            nu: c.nu,
+            peak,
+            flat: at(0.0),
+            slope: [slope, slope / (c.unit / height)],
+            fourth: largest(differences) / largest(sums.iter().copied()),
+            back: at(-0.05)[1].max(-at(0.05)[1]) / c.unit,
+        }
     }
-    let least = slopes.iter().copied().fold(f64::INFINITY, f64::min);
-    let peak = peaks.iter().sum::<f64>() / peaks.len() as f64;
-    let spread = largest(peaks.iter().map(|p| p - peak));
-    let minimum = backs.iter().all(|b| *b > 0.0);
-    let fourth = largest(fourths.into_iter());
-    let findings = vec![
-        Finding {
-            agrees: peak > 0.0
-                && peak < 100.0
-                && spread < 1.0
-                && largest(flats.into_iter()) < 1e-12,
-            text: format!(
-                "St Venant-Kirchhoff gives way under compression: for every nu its force is largest at {peak:.0} % \
-                 and falls to nothing when the tetrahedron is flat"
-            ),
-        },
-        Finding {
-            agrees: least > 0.0,
-            text: format!(
-                "with the added term the force grows all the way, past the flat state too: the least slope \
-                 is {least:.3} of (lambda + 2 mu) A / h"
-            ),
-        },
-        Finding {
-            agrees: fourth < 1e-12,
-            text: format!(
-                "the sum is a cubic of the altitude under compression, as the extension side is: fourth \
-                 differences are {fourth:.0e} of the force"
-            ),
-        },
-        Finding {
-            agrees: minimum,
-            text: if minimum {
-                "the flat state of St Venant-Kirchhoff is a minimum of energy along the altitude"
-                    .into()
-            } else {
+
+    /// Compression (%) of the largest force.
+    fn peak_percent(&self) -> f64 {
+        100.0 * (1.0 - self.peak[0])
+    }
+}
+
+fn findings(all: &[Resistance]) -> Vec<Finding> {
+    let least = all.iter().map(|r| r.slope[1]).fold(f64::INFINITY, f64::min);
+    let peak = all.iter().map(Resistance::peak_percent).sum::<f64>() / all.len() as f64;
+    let spread = largest(all.iter().map(|r| r.peak_percent() - peak));
+    let flat = largest(all.iter().map(|r| r.flat[1] / r.peak[1]));
+    let fourth = largest(all.iter().map(|r| r.fourth));
+    let minimum = all.iter().all(|r| r.back > 0.0);
+    vec![
+        Finding::of(peak > 0.0 && peak < 100.0 && spread < 1.0 && flat < 1e-12).says(format!(
+            "St Venant-Kirchhoff gives way under compression: for every nu its force is largest at {peak:.0} % \
+             and falls to nothing when the tetrahedron is flat"
+        )),
+        Finding::of(least > 0.0).says(format!(
+            "with the added term the force grows all the way, past the flat state too: the least slope \
+             is {least:.3} of (lambda + 2 mu) A / h"
+        )),
+        Finding::of(fourth < 1e-12).says(format!(
+            "the sum is a cubic of the altitude under compression, as the extension side is: fourth \
+             differences are {fourth:.0e} of the force"
+        )),
+        Finding::of(minimum).says(match minimum {
+            true => "the flat state of St Venant-Kirchhoff is a minimum of energy along the altitude",
+            false => {
                 "the paper calls the flat state of St Venant-Kirchhoff a minimum of energy; along the \
                  altitude it is a maximum here, force pushes away from it on both sides"
-                    .into()
-            },
-        },
-    ];
-    let series = |name: String, c: &Curve, colour, pick: fn(&[f64; 3]) -> f64| Series {
-        name,
-        points: c.points.iter().map(|p| [100.0 * (1.0 - p[0]), pick(p) / c.unit]).collect(),
-        hollow: false,
-        colour,
+            }
+        }),
+    ]
+}
+
+pub(super) fn figure() -> Result<Figure, BenchError> {
+    let curves = RATIOS.map(curve).into_iter().collect::<Result<Vec<Curve>, _>>()?;
+    let all: Vec<Resistance> = curves.iter().map(Resistance::of).collect();
+    let points = curves.iter().flat_map(|c| c.points.iter().map(|p| (c.nu, *p)));
+    let numbers = table_of!("a-force", "Force against altitude ratio"; for (nu, [s, svk, term]) in points;
+        "nu" => nu, "altitude ratio" => s, "svk N" => svk, "compression term N" => term,
+        "sum N" => svk + term,
+    );
+    let title = "Resistance of one tetrahedron (regular, edge 1 m, E = 1 Pa)";
+    let key = table_of!("a-key", title; for r in &all;
+        "nu" => r.nu, "svk peak at compression %" => r.peak_percent(), "peak N" => r.peak[1],
+        "svk at 0 N" => r.flat[1], "sum at 0 N" => r.flat[1] + r.flat[2],
+        "least slope of the sum N per m" => r.slope[0],
+    );
+    let series = |name: String, c: &Curve, colour, pick: fn(&[f64; 3]) -> f64| {
+        let points = c.points.iter().map(|p| [100.0 * (1.0 - p[0]), pick(p) / c.unit]).collect();
+        Series::new(name, points, colour)
     };
-    let axes = ["compression (%), below 0 extension", "force over (lambda + 2 mu) A"];
     let one = &curves[1];
     let parts = [
         series("St Venant-Kirchhoff".into(), one, 0, |p| p[1]),
@@ -179,17 +167,16 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
     for (i, c) in curves.iter().enumerate() {
         sums.push(series(format!("svk_comp, nu {}", c.nu), c, i, |p| p[1] + p[2]));
     }
-    let chart = |name: &str, title: &str, series: &[Series]| -> Result<Chart, BenchError> {
-        Ok(Chart { name: name.into(), svg: lines(title, axes, series, Scales::Linear)? })
+    let chart = |name: &str, title: &str, series: &[Series]| {
+        let axes = ["compression (%), below 0 extension", "force over (lambda + 2 mu) A"];
+        lines(name, title, axes, series, Scales::Linear)
     };
     Ok(Figure {
-        letter: 'a',
-        title: "One tetrahedron under compression (Fig. 2, left)",
         setting: "A regular tetrahedron, one vertex moved along its altitude, the others held. The paper \
                   does not print shape and material; force over (lambda + 2 mu) A does not depend on the \
                   shape."
             .into(),
-        findings,
+        findings: findings(&all),
         tables: vec![key],
         numbers: vec![numbers],
         charts: vec![

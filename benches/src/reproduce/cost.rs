@@ -1,31 +1,24 @@
 //! Delingette 2008, figure 3, top: time of force and matrix-vector product of the formulations, for
 //! membranes and tetrahedra.
 
-use super::{Figure, Finding};
-use crate::beam::{as_in_a_step, beam, bend, bent, cells_for, request};
+use crate::beam::{beam, bend, bent, cells_for, precision_of};
 use crate::bench::error::BenchError;
-use crate::bench::kernels::{Reference, directions, largest_difference, quartiles};
+use crate::bench::kernels::{Free, Reference, Timed, Timing, free, quartiles, repetitions};
 use crate::bench::membranes::{self, QUANTITIES, sheet};
 use crate::bench::plot::{Bar, bars};
-use crate::bench::report::Chart;
 use crate::bench::stats::{Rounds, Spread, interleave};
 use crate::bench::table::Table;
+use crate::report::{Chart, Figure, Finding};
 use glam::DVec3;
-use sinew::engine::law::TangentKind;
-use sinew::engine::matrix::{BlockMatrix, ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::scalar::Scalar;
-use sinew::engine::schedule::ForceSchedule;
-use sinew::engine::topology::Topology;
-use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
 use sinew::models::body::sheet::MembraneModel;
-use sinew::models::frame::tetrahedra;
 use sinew::models::laws::corotational::Corotational;
 use sinew::models::laws::quadratic::QuadraticSprings;
 use sinew::models::laws::svk::FusedStVK;
 use sinew::prelude::*;
-use std::time::Instant;
+use sinew_tune::table_of;
 
 /// Places in [`QUANTITIES`].
 const FORCE: usize = 0;
@@ -75,11 +68,11 @@ struct Subject {
     law: &'static str,
     precision: &'static str,
     elements: usize,
-    quantities: Vec<usize>,
+    /// How many of [`QUANTITIES`] it can compute.
+    quantities: usize,
     /// Errors of force and product.
     errors: [f64; 2],
-    /// Seconds of one repetition of a quantity.
-    measure: Box<dyn FnMut(usize, usize) -> f64>,
+    timed: Box<dyn Timing>,
     /// Samples by quantity, turn by turn.
     samples: [Vec<f64>; QUANTITIES.len()],
 }
@@ -91,37 +84,40 @@ impl Subject {
         model: MembraneModel,
         evaluation: Evaluation,
     ) -> Result<Self, BenchError> {
-        let mut subject = membranes::Subject::<S>::new(mesh, model, evaluation)?;
-        Ok(Self {
-            element: "triangle",
-            law,
-            precision: S::NAME,
-            elements: mesh.triangles.len(),
-            quantities: subject.quantities(),
-            errors: subject.errors,
-            measure: Box::new(move |quantity, repetitions| subject.measure(quantity, repetitions)),
-            samples: Default::default(),
-        })
+        let (element, precision, elements) = ("triangle", S::NAME, mesh.triangles.len());
+        let own = membranes::Subject::new::<S>(mesh, model, evaluation)?;
+        let membranes::Subject { timed, quantities, errors, .. } = own;
+        let samples = Default::default();
+        Ok(Self { element, law, precision, elements, quantities, errors, timed, samples })
     }
 
+    /// The beam under one law.
     fn solid<S: Scalar>(
         mesh: &Mesh,
         law: &'static str,
         model: Model,
         u: &[DVec3],
     ) -> Result<Self, BenchError> {
-        let mut solid = Solid::<S>::new(mesh, model, u)?;
-        let free = model != Model::MassSpring;
-        Ok(Self {
-            element: "tetrahedron",
-            law,
-            precision: S::NAME,
-            elements: mesh.tetrahedra.len(),
-            quantities: (0..QUANTITIES.len() - usize::from(!free)).collect(),
-            errors: solid.errors,
-            measure: Box::new(move |quantity, repetitions| solid.measure(quantity, repetitions)),
-            samples: Default::default(),
-        })
+        let (element, precision, elements) = ("tetrahedron", S::NAME, mesh.tetrahedra.len());
+        let (mut simulation, body) = bent(mesh, precision_of::<S>(), 1, Evaluation::Fused, model)?;
+        simulation.set_state(body, u, &vec![DVec3::ZERO; u.len()])?;
+        let product: Option<Free<S>> = match model {
+            Model::MassSpring => None,
+            Model::QuadraticSprings => Some(free::<QuadraticSprings, S>),
+            Model::Corotational => Some(free::<Corotational, S>),
+            _ => Some(free::<FusedStVK, S>),
+        };
+        let quantities = QUANTITIES.len() - usize::from(product.is_none());
+        let mut timed = Timed::new(simulation, body, product);
+        let reference = Reference::of(mesh, u, model)?;
+        let mut errors = [timed.force_error(body, &reference.forces), 0.0];
+        for (_, product) in &QUANTITIES[ASSEMBLED..quantities] {
+            let error = timed.product_error(*product, &reference.product);
+            // a NaN must not hide
+            errors[1] = if error.is_nan() { error } else { errors[1].max(error) };
+        }
+        let (timed, samples) = (Box::new(timed), Default::default());
+        Ok(Self { element, law, precision, elements, quantities, errors, timed, samples })
     }
 
     /// Nanoseconds per element.
@@ -139,87 +135,6 @@ impl Subject {
             .map(|turn| time(self, turn) / time(other, turn))
             .collect();
         Spread::of(&ratios)
-    }
-}
-
-/// A beam under one law.
-struct Solid<S: Scalar> {
-    simulation: Simulation,
-    model: Model,
-    matrix: BlockMatrix<S>,
-    spans: ProductSpans<S>,
-    x: Vec<[S; 4]>,
-    y: Vec<[S; 4]>,
-    errors: [f64; 2],
-}
-
-impl<S: Scalar> Solid<S> {
-    fn new(mesh: &Mesh, model: Model, u: &[DVec3]) -> Result<Self, BenchError> {
-        let precision = if S::NAME == "f32" { Precision::F32 } else { Precision::F64 };
-        let (mut simulation, body) = bent(mesh, precision, 1, Evaluation::Fused, model)?;
-        simulation.set_state(body, u, &vec![DVec3::ZERO; u.len()])?;
-        request(&mut simulation, false, true, Some(TangentKind::Exact));
-        simulation.world_mut().run_schedule(ForceSchedule);
-        let reference = Reference::of(mesh, u, model)?;
-        let order = simulation.topology().bodies[body.0].vertex_order.clone();
-        let direction = directions(u.len());
-        let row = |&vertex: &u32| {
-            let [a, b, c] = direction[vertex as usize].to_array().map(S::from_f64);
-            [a, b, c, S::ZERO]
-        };
-        let x: Vec<[S; 4]> = order.iter().map(row).collect();
-        let y = vec![[S::ZERO; 4]; x.len()];
-        let matrix = simulation.world().resource::<Tangent<S>>().matrix.clone();
-        let forces = simulation.elastic_forces(body);
-        let force = largest_difference(forces.into_iter().zip(reference.forces.iter().copied()));
-        let spans = ProductSpans::default();
-        let mut solid = Self { simulation, model, matrix, spans, x, y, errors: [force, 0.0] };
-        for quantity in [ASSEMBLED, FREE] {
-            if quantity == ASSEMBLED || model != Model::MassSpring {
-                solid.measure(quantity, 1);
-                let found = order.iter().zip(&solid.y).map(|(&vertex, y)| {
-                    let y = DVec3::from_array([0, 1, 2].map(|k| y[k].to_f64()));
-                    (y, reference.product[vertex as usize])
-                });
-                let error = largest_difference(found);
-                // a NaN must not hide
-                let worst = &mut solid.errors[1];
-                *worst = if error.is_nan() { error } else { worst.max(error) };
-            }
-        }
-        Ok(solid)
-    }
-
-    /// Seconds of one repetition.
-    fn measure(&mut self, quantity: usize, repetitions: usize) -> f64 {
-        let kind = TangentKind::Exact;
-        let tangent = (quantity == TANGENT).then_some(kind);
-        request(&mut self.simulation, false, quantity == FORCE, tangent);
-        let Self { simulation, model, matrix, spans, x, y, .. } = self;
-        as_in_a_step(simulation, |world| {
-            let start = Instant::now();
-            for _ in 0..repetitions {
-                if quantity == ASSEMBLED {
-                    let workers = world.resource::<Workers>();
-                    matrix.multiply(world.resource::<Topology>(), workers, spans, x, y);
-                } else if quantity == FREE {
-                    y.fill([S::ZERO; 4]);
-                    let done = match model {
-                        Model::QuadraticSprings => {
-                            tetrahedra::multiply::<QuadraticSprings, S>(world, kind, x, y)
-                        }
-                        Model::Corotational => {
-                            tetrahedra::multiply::<Corotational, S>(world, kind, x, y)
-                        }
-                        _ => tetrahedra::multiply::<FusedStVK, S>(world, kind, x, y),
-                    };
-                    debug_assert!(done.is_ok(), "exact tangents have a product");
-                } else {
-                    world.run_schedule(ForceSchedule);
-                }
-            }
-            start.elapsed().as_secs_f64() / repetitions as f64
-        })
     }
 }
 
@@ -246,16 +161,15 @@ fn measure(elements: usize, turns: usize) -> Result<(Vec<Subject>, f64), BenchEr
     }
     let mut variants = Vec::new();
     for (i, subject) in subjects.iter_mut().enumerate() {
-        for quantity in subject.quantities.clone() {
-            // about half a millisecond; the first call warms up pages and caches
-            (subject.measure)(quantity, 1);
-            let once = (subject.measure)(quantity, 1);
-            variants.push((i, quantity, (5e-4 / once.max(1e-6)).ceil() as usize));
+        for quantity in 0..subject.quantities {
+            let count = repetitions(&mut *subject.timed, QUANTITIES[quantity].1, 5e-4);
+            variants.push((i, quantity, count));
         }
     }
     let rounds = Rounds { most: turns, least: turns, seconds: f64::INFINITY };
     let samples = interleave(&mut variants, rounds, |&mut (subject, quantity, repetitions)| {
-        Ok::<f64, BenchError>((subjects[subject].measure)(quantity, repetitions))
+        let timed = &mut subjects[subject].timed;
+        Ok::<f64, BenchError>(timed.measure(QUANTITIES[quantity].1, repetitions))
     })?;
     for (&(subject, quantity, _), samples) in variants.iter().zip(samples) {
         subjects[subject].samples[quantity] = samples;
@@ -270,8 +184,6 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
     let (subjects, largest_ratio) = measure(ELEMENTS, TURNS)?;
     let count = |element| subjects.iter().find(|s| s.element == element).map_or(0, |s| s.elements);
     Ok(Figure {
-        letter: 'c',
-        title: "Time of force and matrix-vector product (Fig. 3, top)",
         setting: format!(
             "An uneven sheet of {} triangles, bent and stretched, and a beam of {} tetrahedra, bent by half a \
              radian; crushed: every tetrahedron compressed, J at most {largest_ratio:.2}. Fused evaluation, one \
@@ -340,108 +252,71 @@ fn findings(subjects: &[Subject]) -> Vec<Finding> {
         }
         let ratio = both.unwrap_or(force);
         let agrees = if limit { ratio <= paper } else { (ratio / paper - 1.0).abs() <= SAME };
-        findings.push(Finding { agrees, text });
+        findings.push(Finding::of(agrees).says(text));
     }
     let roots = [("triangle", "TRQS", "TRBS"), ("tetrahedron", "TQS", "TBS")].map(|(e, a, b)| {
         ratio(subjects, [e, a, b, "f64"], &[FORCE]).map_or(f64::NAN, |s| s.median)
     });
     let faster = roots.iter().all(|r| *r > 1.0);
-    findings.push(Finding {
-        agrees: faster,
-        text: format!(
+    findings.push(Finding::of(faster).says(format!(
             "biquadratic springs, which need no square root, are {} than quadratic ones: force takes {:.2} \
              (triangles) and {:.2} times as long with these (tetrahedra)",
             if faster { "faster" } else { "not both faster" },
             roots[0],
             roots[1]
-        ),
-    });
+        )));
     findings
 }
 
 fn tables(subjects: &[Subject]) -> Vec<Table> {
-    let mut ratios = Table::new(
-        "c-ratios",
-        "Ratios of times per element, one thread (medians, quartiles of the turns)",
-        &[
-            "element",
-            "law",
-            "over",
-            "paper",
-            "force f64",
-            "quartiles",
-            "product f64",
-            "both f64",
-            "force f32",
-            "product f32",
-        ],
-    )
-    .note(
-        "product: exact tangent times vector without a matrix, which edge springs and pooled ones have not; \
-         both: force and product together.",
-    );
     let laws = RATIOS.map(|(e, law, base, paper, _)| (e, law, base, Some(paper)));
     let unprinted = [
         ("triangle", "corotational", "mass-spring", None),
         ("triangle", "corotational", "TRBS", None),
         ("tetrahedron", "TBS", "mass-spring", None),
     ];
-    for (element, law, base, paper) in laws.into_iter().chain(unprinted) {
-        let of = |precision, quantities: &[usize]| {
-            ratio(subjects, [element, law, base, precision], quantities)
-        };
-        let median = |precision, quantities: &[usize]| of(precision, quantities).map(|s| s.median);
-        ratios.row(vec![
-            element.into(),
-            law.into(),
-            base.into(),
-            paper.into(),
-            median("f64", &[FORCE]).into(),
-            of("f64", &[FORCE]).as_ref().map_or("-".into(), quartiles),
-            median("f64", &[FREE]).into(),
-            median("f64", &[FORCE, FREE]).into(),
-            median("f32", &[FORCE]).into(),
-            median("f32", &[FREE]).into(),
-        ]);
-    }
+    let title = "Ratios of times per element, one thread (medians, quartiles of the turns)";
+    let rows = laws.into_iter().chain(unprinted);
+    let ratios = table_of!("c-ratios", title; for (element, law, base, paper) in rows;
+        where {
+            let of = |precision, quantities: &[usize]| {
+                ratio(subjects, [element, law, base, precision], quantities)
+            };
+            let median = |precision, quantities: &[usize]| of(precision, quantities).map(|s| s.median);
+        }
+        "element" => element, "law" => law, "over" => base, "paper" => paper,
+        "force f64" => median("f64", &[FORCE]),
+        "quartiles" => of("f64", &[FORCE]).as_ref().map_or("-".into(), quartiles),
+        "product f64" => median("f64", &[FREE]), "both f64" => median("f64", &[FORCE, FREE]),
+        "force f32" => median("f32", &[FORCE]), "product f32" => median("f32", &[FREE]),
+    )
+    .note(
+        "product: exact tangent times vector without a matrix, which edge springs and pooled ones have not; \
+         both: force and product together.",
+    );
     let mut tables = vec![ratios];
     for (name, element, title) in [
         ("c-membranes", "triangle", "Membranes, ns per triangle (medians)"),
         ("c-solids", "tetrahedron", "Solids, ns per tetrahedron (medians)"),
     ] {
-        let mut table = Table::new(
-            name,
-            title,
-            &[
-                "law", "precision", "force", "quartiles", "product without matrix", "quartiles",
-                "product, assembled", "assembly", "error of force", "error of product",
-            ],
+        let own = || subjects.iter().filter(|s| s.element == element);
+        let mut table = table_of!(name, title; for s in own();
+            where {
+                let median = |quantity| s.time(quantity).map(|t| t.median);
+                let spread = |quantity| s.time(quantity).as_ref().map_or("-".into(), quartiles);
+            }
+            "law" => s.law, "precision" => s.precision, "force" => median(FORCE),
+            "quartiles" => spread(FORCE), "product without matrix" => median(FREE),
+            "quartiles" => spread(FREE), "product, assembled" => median(ASSEMBLED),
+            "assembly" => median(TANGENT), "error of force" => s.errors[0],
+            "error of product" => s.errors[1],
         )
         .note(
             "errors: largest difference from a plain f64 sum over elements, over the largest value.",
         );
-        let own = || subjects.iter().filter(|s| s.element == element);
-        let mut assembled: Vec<f64> = Vec::new();
-        for s in own() {
-            let time = |quantity| s.time(quantity);
-            let median = |quantity| time(quantity).map(|t| t.median);
-            let spread = |quantity| time(quantity).as_ref().map_or("-".into(), quartiles);
-            if s.precision == "f64" {
-                assembled.extend(median(ASSEMBLED));
-            }
-            table.row(vec![
-                s.law.into(),
-                s.precision.into(),
-                median(FORCE).into(),
-                spread(FORCE),
-                median(FREE).into(),
-                spread(FREE),
-                median(ASSEMBLED).into(),
-                median(TANGENT).into(),
-                s.errors[0].into(),
-                s.errors[1].into(),
-            ]);
-        }
+        let wide = own().filter(|s| s.precision == "f64");
+        let mut assembled: Vec<f64> =
+            wide.filter_map(|s| Some(s.time(ASSEMBLED)?.median)).collect();
         assembled.sort_by(f64::total_cmp);
         if let [least, .., most] = assembled[..] {
             table = table.note(format!(
@@ -456,38 +331,15 @@ fn tables(subjects: &[Subject]) -> Vec<Table> {
 
 /// Everything, for files.
 fn numbers(subjects: &[Subject]) -> Table {
-    let mut table = Table::new(
-        "c-numbers",
-        "Times per element",
-        &[
-            "element",
-            "law",
-            "precision",
-            "quantity",
-            "least ns",
-            "lower quartile ns",
-            "median ns",
-            "upper quartile ns",
-            "error",
-        ],
-    );
-    for s in subjects {
-        for &quantity in &s.quantities {
-            let Some(time) = s.time(quantity) else { continue };
-            table.row(vec![
-                s.element.into(),
-                s.law.into(),
-                s.precision.into(),
-                QUANTITIES[quantity].into(),
-                time.minimum.into(),
-                time.lower_quartile.into(),
-                time.median.into(),
-                time.upper_quartile.into(),
-                s.errors[usize::from(quantity != FORCE)].into(),
-            ]);
-        }
-    }
-    table
+    let all = subjects.iter().flat_map(|s| (0..s.quantities).map(move |quantity| (s, quantity)));
+    table_of!("c-numbers", "Times per element"; for (s, quantity) in all;
+        where { let Some(time) = s.time(quantity) else { continue }; }
+        "element" => s.element, "law" => s.law, "precision" => s.precision,
+        "quantity" => QUANTITIES[quantity].0, "least ns" => time.minimum,
+        "lower quartile ns" => time.lower_quartile, "median ns" => time.median,
+        "upper quartile ns" => time.upper_quartile,
+        "error" => s.errors[usize::from(quantity != FORCE)],
+    )
 }
 
 /// Times in f64, with those that the paper's ratios would give.
@@ -499,13 +351,6 @@ fn chart(
 ) -> Result<Chart, BenchError> {
     let mut rows = Vec::new();
     let own = || subjects.iter().filter(|s| s.element == element && s.precision == "f64");
-    let bar = |label, time: Spread, aim, colour| Bar {
-        label,
-        value: time.median,
-        quartiles: [time.lower_quartile, time.upper_quartile],
-        aim,
-        colour,
-    };
     for (colour, (quantity, what)) in
         [(FORCE, "force"), (FREE, "product without matrix")].into_iter().enumerate()
     {
@@ -516,15 +361,14 @@ fn chart(
                 let base = find(subjects, element, r.2, "f64")?.time(quantity)?;
                 Some(r.3 * base.median)
             });
-            rows.push(bar(format!("{}: {what}", s.law), time, aim, colour));
+            rows.push(Bar::new(format!("{}: {what}", s.law), &time, aim, colour));
         }
     }
     // the same for every law
     if let Some(time) = own().next().and_then(|s| s.time(ASSEMBLED)) {
-        rows.push(bar("any law: product, assembled".into(), time, None, 2));
+        rows.push(Bar::new("any law: product, assembled".into(), &time, None, 2));
     }
-    let svg = bars(title, &format!("ns per {element}, one thread"), &rows)?;
-    Ok(Chart { name: name.into(), svg })
+    bars(name, title, &format!("ns per {element}, one thread"), &rows)
 }
 
 #[cfg(test)]

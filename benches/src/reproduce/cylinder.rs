@@ -1,15 +1,14 @@
 //! Delingette 2008, figure 2, right: a soft cylinder clamped at one end bends under its weight.
 
-use super::{Figure, Finding};
+use super::frame::{clamp, world};
 use crate::bench::error::BenchError;
 use crate::bench::plot::{Scales, Series, lines};
-use crate::bench::report::Chart;
-use crate::bench::table::Table;
+use crate::report::{Figure, Finding};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::cylinder_tets;
 use sinew::prelude::*;
-use sinew::simulation::SimulationError;
+use sinew_tune::table_of;
 
 const RADIUS: f64 = 0.005;
 const LENGTH: f64 = 0.1;
@@ -40,25 +39,19 @@ struct Rest {
 }
 
 fn settle(mesh: &Mesh, model: Model, young_modulus: f64) -> Result<Rest, BenchError> {
-    let options = SimulationOptions { threads: 1, ..Default::default() };
-    let mut simulation = Simulation::new(options)?;
     let material = YoungPoisson { young_modulus, poisson_ratio: 0.35, density: 1000.0 };
     let description = BodyDescription::new("cylinder", mesh, material);
-    let body = simulation.add_body(&BodyDescription { model, ..description })?;
-    let rows = simulation.group_rows(body, mesh, "x0")?;
-    simulation.add_constraint(Constraint::hold("clamp", rows));
+    let integrator = Integrator::Safe;
+    let solver = SolverSettings { integrator, mass_damping: DAMPING, ..Default::default() };
+    let (mut simulation, body) = world(&BodyDescription { model, ..description }, solver)?;
+    clamp(&mut simulation, body, mesh, "x0")?;
     simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
     simulation.set_dt(DT);
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::Safe,
-        mass_damping: DAMPING,
-        ..Default::default()
-    });
     let scale = simulation.masses(body).iter().sum::<f64>() * 9.81 * LENGTH;
     let mut steps = 0;
     let mut kinetic = f64::INFINITY;
     while steps < MOST_STEPS && (kinetic > 1e-12 || steps < 50) {
-        simulation.step().map_err(SimulationError::from)?;
+        simulation.step()?;
         kinetic = simulation.report().kinetic_energy / scale;
         steps += 1;
     }
@@ -95,55 +88,40 @@ fn findings(rests: &[Rest]) -> Vec<Finding> {
     let mut findings = Vec::new();
     if let (Some(svk), Some(comp)) = (softest(Model::StVK), softest(Model::CompressibleStVK)) {
         let e = svk.young_modulus / 1e3;
-        findings.push(Finding {
-            agrees: svk.crushed > 0,
-            text: format!(
-                "with St Venant-Kirchhoff alone tetrahedra collapse: at E = {e} kPa {} of {} end below \
+        findings.push(Finding::of(svk.crushed > 0).says(format!(
+            "with St Venant-Kirchhoff alone tetrahedra collapse: at E = {e} kPa {} of {} end below \
                  a tenth of their volume, {} of them inverted",
-                svk.crushed, svk.tetrahedra, svk.inverted
-            ),
-        });
+            svk.crushed, svk.tetrahedra, svk.inverted
+        )));
         let worst =
             of(Model::CompressibleStVK).map(|r| r.smallest_ratio).fold(f64::INFINITY, f64::min);
-        findings.push(Finding {
-            agrees: of(Model::CompressibleStVK).all(|r| r.crushed == 0),
-            text: format!(
-                "with the compression term none does: the smallest volume ratio is {worst:.2}"
-            ),
-        });
-        findings.push(Finding {
-            agrees: comp.drop > 0.5,
-            text: format!(
-                "the compressible cylinder bends a lot: its tip falls {:.2} of its length",
-                comp.drop
-            ),
-        });
+        findings.push(Finding::of(of(Model::CompressibleStVK).all(|r| r.crushed == 0)).says(
+            format!("with the compression term none does: the smallest volume ratio is {worst:.2}"),
+        ));
+        findings.push(Finding::of(comp.drop > 0.5).says(format!(
+            "the compressible cylinder bends a lot: its tip falls {:.2} of its length",
+            comp.drop
+        )));
     }
     if let (Some(comp), Some(corotational)) =
         (softest(Model::CompressibleStVK), softest(Model::Corotational))
     {
-        findings.push(Finding {
-            agrees: corotational.drop > MUCH * comp.drop,
-            text: format!(
+        findings.push(Finding::of(corotational.drop > MUCH * comp.drop).says(format!(
                 "a corotational cylinder with the same moduli bends much more: its tip falls {:.3} of its length \
                  beside {:.3}, at E = {} kPa",
                 corotational.drop,
                 comp.drop,
                 comp.young_modulus / 1e3
-            ),
-        });
+            )));
     }
     let stiffest: Vec<f64> =
         rests.iter().filter(|r| r.young_modulus == YOUNG_MODULI[0]).map(|r| r.drop).collect();
     if let [svk, comp, ..] = stiffest[..] {
-        findings.push(Finding {
-            agrees: (svk / comp - 1.0).abs() < 0.01,
-            text: format!(
+        findings.push(Finding::of((svk / comp - 1.0).abs() < 0.01).says(format!(
                 "where strains are small the term changes little: at E = {} kPa the tip falls {svk:.4} of the \
                  length without it and {comp:.4} with it",
                 YOUNG_MODULI[0] / 1e3
-            ),
-        });
+            )));
     }
     findings
 }
@@ -156,51 +134,26 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
             rests.push(settle(&mesh, model, young_modulus)?);
         }
     }
-    let mut table = Table::new(
-        "b-cylinder",
-        "Cylinder at rest under its weight",
-        &[
-            "E Pa",
-            "model",
-            "fall of the tip / L",
-            "inverted",
-            "below a tenth of their volume",
-            "smallest J",
-            "steps",
-            "kinetic / m g L",
-        ],
+    let table = table_of!("b-cylinder", "Cylinder at rest under its weight"; for r in &rests;
+        "E Pa" => r.young_modulus, "model" => r.model.name(), "fall of the tip / L" => r.drop,
+        "inverted" => r.inverted, "below a tenth of their volume" => r.crushed,
+        "smallest J" => r.smallest_ratio, "steps" => r.steps, "kinetic / m g L" => r.kinetic,
     );
-    for r in &rests {
-        table.row(vec![
-            r.young_modulus.into(),
-            r.model.name().into(),
-            r.drop.into(),
-            r.inverted.into(),
-            r.crushed.into(),
-            r.smallest_ratio.into(),
-            r.steps.into(),
-            r.kinetic.into(),
-        ]);
-    }
     let of = |model: Model| rests.iter().filter(move |r| r.model == model);
     // thin lines over thick ones: where they lie on each other both are seen
     let mut series = Vec::new();
     for (colour, model) in
         [Model::CompressibleStVK, Model::Corotational, Model::StVK].into_iter().enumerate()
     {
-        series.extend(of(model).map(|r| Series {
-            name: r.model.name().into(),
-            points: r.axis.clone(),
-            hollow: model != Model::CompressibleStVK,
-            colour,
+        series.extend(of(model).map(|r| {
+            Series::new(r.model.name(), r.axis.clone(), colour)
+                .hollow(model != Model::CompressibleStVK)
         }));
     }
     let moduli = YOUNG_MODULI.map(|e| format!("{}", e / 1e3)).join(", ");
     let title = format!("Axis of the cylinder at rest, E from right to left {moduli} kPa");
-    let svg = lines(&title, ["x / L", "z / L"], &series, Scales::Equal)?;
+    let chart = lines("b-cylinder", &title, ["x / L", "z / L"], &series, Scales::Equal)?;
     Ok(Figure {
-        letter: 'b',
-        title: "A slender cylinder under its weight (Fig. 2, right)",
         setting: format!(
             "Radius {} mm, length {} mm, {} tetrahedra, 1000 kg/m^3, nu = 0.35, clamped at x = 0; steps of \
              {DT} s by the safe step, damped to rest. The paper prints E = 1 and nu = 0.35 but no sizes, so the \
@@ -211,8 +164,8 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
         ),
         findings: findings(&rests),
         tables: vec![table],
-        numbers: Vec::new(),
-        charts: vec![Chart { name: "b-cylinder".into(), svg }],
+        charts: vec![chart],
+        ..Figure::default()
     })
 }
 

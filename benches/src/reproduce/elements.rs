@@ -1,11 +1,11 @@
 //! Natsupakpong & Cavusoglu 2010, tables 1 and 3: soft tissue, cylinders and cubes in tension, springs
 //! against finite elements.
 
-use super::lumped::{Meshes, Ours, alike, error_row, error_table, printed_name, rows_alike};
-use super::{Figure, Finding};
+use super::Means;
+use super::lumped::{Meshes, Ours, Row, alike, error_table, printed_name, rows_alike};
 use crate::bench::error::BenchError;
-use crate::bench::table::Table;
-use sinew_identify::ElementMethod::{self, Block, Frobenius, TwoNorm};
+use crate::report::{Figure, Finding};
+use sinew_identify::ElementMethod::{Block, Frobenius, TwoNorm};
 
 /// Mesh, name in the paper, printed errors (rms, max) of the 2-norm and the Frobenius norm, printed nodes
 /// and elements.
@@ -29,21 +29,6 @@ const TABLE_3: [(&str, &str, [f64; 2], [f64; 2]); 2] = [
 const STRETCH_1: f64 = 0.1;
 const STRETCH_3: f64 = 0.3;
 
-struct Row {
-    mesh: &'static str,
-    object: &'static str,
-    method: ElementMethod,
-    printed: Option<[f64; 2]>,
-    counts: [usize; 2],
-    ours: Ours,
-}
-
-impl Row {
-    fn name(&self) -> String {
-        format!("{} {}", self.object, printed_name(self.method))
-    }
-}
-
 fn measure(
     meshes: &Meshes,
     wanted: &[(&'static str, &'static str, [f64; 2], [f64; 2])],
@@ -58,18 +43,10 @@ fn measure(
         for (method, printed) in [(TwoNorm, Some(two)), (Frobenius, Some(frobenius)), (Block, None)]
         {
             let ours = Ours::measure(&specimen, method, specimen.rig.axis, stretch)?;
-            rows.push(Row { mesh, object, method, printed, counts: specimen.counts, ours });
+            rows.push(Row { mesh, what: object, method, printed, counts: specimen.counts, ours });
         }
     }
     Ok((rows, missing))
-}
-
-fn table(name: &'static str, title: &str, rows: &[Row]) -> Table {
-    let mut table = error_table(name, title, ["object", "fit"]);
-    for r in rows {
-        table.row(error_row(r.object, r.method, r.printed, &r.ours, r.counts));
-    }
-    table
 }
 
 fn findings(first: &[Row], third: &[Row]) -> Vec<Finding> {
@@ -78,18 +55,17 @@ fn findings(first: &[Row], third: &[Row]) -> Vec<Finding> {
         rows.iter().find(|r| r.mesh == mesh && r.method == method).and_then(|r| r.ours.traction)
     };
     if let Some(cube) = of(first, "cube_hex", Frobenius) {
-        findings.push(Finding {
-            agrees: (cube.rms_percent - 14.98).abs() < 0.005,
-            text: format!(
+        findings.push(Finding::of((cube.rms_percent - 14.98).abs() < 0.005).says(format!(
                 "table 1, cube of hexahedra with the F-norm and consistent traction: 14.98 / 25.19 printed, \
                  {:.2} / {:.2} here; the mesh is the same for certain only here",
                 cube.rms_percent, cube.max_percent
-            ),
-        });
+            )));
     }
     let named = |rows: &[Row]| -> Vec<(String, bool)> {
         let printed = rows.iter().filter_map(|r| Some((r, r.printed?)));
-        printed.map(|(r, p)| (r.name(), r.ours.alike(p))).collect()
+        printed
+            .map(|(r, p)| (format!("{} {}", r.what, printed_name(r.method)), r.ours.alike(p)))
+            .collect()
     };
     findings.push(rows_alike(
         "table 1",
@@ -114,12 +90,8 @@ fn findings(first: &[Row], third: &[Row]) -> Vec<Finding> {
         orders.into_iter(),
         "order them as printed",
     ));
-    findings.push(Finding {
-        agrees: TABLE_3.iter().all(|t| TABLE_1.iter().any(|o| o.0 == t.0 && o.3 == t.3)),
-        text: "table 3 prints at 30 % the F-norm errors of table 1 at 10 % digit for digit: both models of \
-               the paper were linear, whose relative errors know no stretch"
-            .into(),
-    });
+    findings.push(Finding::of(TABLE_3.iter().all(|t| TABLE_1.iter().any(|o| o.0 == t.0 && o.3 == t.3))).says("table 3 prints at 30 % the F-norm errors of table 1 at 10 % digit for digit: both models of \
+               the paper were linear, whose relative errors know no stretch"));
     let same = first.iter().all(|a| {
         third.iter().filter(|b| (a.mesh, a.method) == (b.mesh, b.method)).all(|b| {
             match (a.ours.traction, b.ours.traction) {
@@ -128,10 +100,9 @@ fn findings(first: &[Row], third: &[Row]) -> Vec<Finding> {
             }
         })
     });
-    findings.push(Finding {
-        agrees: same,
-        text: "our linear springs have the same relative errors at 10 and 30 %".into(),
-    });
+    findings.push(
+        Finding::of(same).says("our linear springs have the same relative errors at 10 and 30 %"),
+    );
     for (mesh, object, two, _) in TABLE_3 {
         let rest = third.iter().find(|r| r.mesh == mesh && r.method == TwoNorm);
         if let Some((linear, rest)) =
@@ -140,27 +111,23 @@ fn findings(first: &[Row], third: &[Row]) -> Vec<Finding> {
             let words = rest.map_or("no equilibrium".to_string(), |e| {
                 format!("{:.2} / {:.2}", e.rms_percent, e.max_percent)
             });
-            findings.push(Finding {
-                agrees: alike(linear.rms_percent, two[0]),
-                text: format!(
+            findings.push(Finding::of(alike(linear.rms_percent, two[0])).says(format!(
                     "table 3, {object} with the 2-norm: {:.2} / {:.2} printed, {:.2} / {:.2} here with linear \
                      springs, {words} with rest lengths against linear finite elements",
                     two[0], two[1], linear.rms_percent, linear.max_percent
-                ),
-            });
+                )));
         }
     }
     findings
 }
 
-/// `quick`: the cube of hexahedra only, for tests.
-pub(super) fn figure(meshes: &Meshes, quick: bool) -> Result<Figure, BenchError> {
-    let keep = |mesh: &str| !quick || mesh == "cube_hex";
-    let wanted: Vec<_> = TABLE_1
-        .iter()
-        .filter(|t| keep(t.0))
-        .map(|&(mesh, object, two, frobenius, _)| (mesh, object, two, frobenius))
-        .collect();
+/// Quick: the cube of hexahedra only, for tests.
+pub(super) fn figure(means: &Means) -> Result<Figure, BenchError> {
+    let meshes = &means.meshes;
+    let keep = |mesh: &str| !means.quick || mesh == "cube_hex";
+    let own = TABLE_1.iter().filter(|t| keep(t.0));
+    let wanted: Vec<_> =
+        own.clone().map(|&(mesh, object, two, f, _)| (mesh, object, two, f)).collect();
     let (first, missing) = measure(meshes, &wanted, STRETCH_1)?;
     let wanted: Vec<_> = TABLE_3.iter().copied().filter(|t| keep(t.0)).collect();
     let (third, _) = measure(meshes, &wanted, STRETCH_3)?;
@@ -172,19 +139,14 @@ pub(super) fn figure(meshes: &Meshes, quick: bool) -> Result<Figure, BenchError>
     if !missing.is_empty() {
         setting += &format!(" Left out for want of a mesh file: {}.", missing.join(", "));
     }
+    let table = |name, title, rows: &[Row]| error_table(name, title, ["object", "fit"], rows);
     let mut one = table("a-table-1", "Table 1: errors in tension at 10 %", &first);
-    for (_, object, _, _, [nodes, elements]) in TABLE_1.iter().filter(|t| keep(t.0)) {
+    for (_, object, _, _, [nodes, elements]) in own {
         one.notes.push(format!("printed mesh of {object}: {nodes} nodes, {elements} elements"));
     }
-    Ok(Figure {
-        letter: 'a',
-        title: "Objects in tension (tables 1 and 3)",
-        setting,
-        findings: findings(&first, &third),
-        tables: vec![one, table("a-table-3", "Table 3: the cube at 30 %", &third)],
-        numbers: Vec::new(),
-        charts: Vec::new(),
-    })
+    let three = table("a-table-3", "Table 3: the cube at 30 %", &third);
+    let findings = findings(&first, &third);
+    Ok(Figure { setting, findings, tables: vec![one, three], ..Figure::default() })
 }
 
 #[cfg(test)]
@@ -193,7 +155,7 @@ mod tests {
 
     #[test]
     fn the_cube_is_the_printed_one_and_wrong_numbers_differ() {
-        let figure = figure(&Meshes::new(None), true).unwrap();
+        let figure = figure(&Means { meshes: Meshes::new(None), quick: true }).unwrap();
         let cube = &figure.findings[0];
         assert!(cube.agrees && cube.text.contains("14.98 / 25.58 here"), "{cube:?}");
         assert_eq!((figure.tables[0].rows.len(), figure.tables[1].rows.len()), (3, 3));

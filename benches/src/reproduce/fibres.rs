@@ -1,17 +1,16 @@
 //! Bourguignon & Cani 2000, figures 1, 5 and 6: a block hangs from its top and is pulled down; fibres decide
 //! where it goes. And what the authors left open: how stiff it is in directions between the axes.
 
-use super::paper_c::{equilibrium, settle, world};
-use super::{Figure, Finding};
+use super::frame::{clamp, equilibrium, settle, world};
 use crate::bench::error::BenchError;
 use crate::bench::plot::{Scales, Series, lines};
-use crate::bench::report::Chart;
-use crate::bench::table::Table;
+use crate::report::{Figure, Finding};
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::models::axes::field::{FibreError, helicoidal, hemicircular, random};
 use sinew::prelude::*;
+use sinew_tune::table_of;
 use std::borrow::Cow;
 use std::f64::consts::FRAC_PI_4;
 
@@ -130,9 +129,10 @@ fn pulled(
     axes: Option<AxesDescription>,
     case: &str,
 ) -> Result<Shape, BenchError> {
-    let (mut simulation, body) = world(mesh, MATERIAL, model, axes, equilibrium())?;
-    let top = simulation.group_rows(body, mesh, "z1")?;
-    simulation.add_constraint(Constraint::hold("top", top));
+    let description = BodyDescription::new("block", mesh, MATERIAL);
+    let description = BodyDescription { model, axes, ..description };
+    let (mut simulation, body) = world(&description, equilibrium())?;
+    clamp(&mut simulation, body, mesh, "z1")?;
     // the bottom is a regular grid on every mesh: traction goes to its vertices by their share of the area
     let (mut forces, cell) = (Vec::new(), SIZE / DVec3::from(cells.map(|n| n as f64)));
     let bottom: Vec<u32> =
@@ -237,24 +237,19 @@ impl Measured {
         };
         let most = |shapes: &[Shape]| shapes.iter().map(Shape::drift).fold(0.0, f64::max);
         let (axes, springs) = (most(self.of(Field::None)), most(&self.springs[1..]));
-        let mut findings = vec![Finding {
-            agrees: axes < 0.01 && springs > 2.0 * axes,
-            text: format!(
+        let mut findings = vec![Finding::of(axes < 0.01 && springs > 2.0 * axes).says(format!(
                 "axes without fibres hardly leave the vertical on irregular meshes: sideways motion is at most \
                  {:.2} % of the elongation; that of plain springs on the same meshes {:.2} %",
                 100.0 * axes,
                 100.0 * springs
-            ),
-        }];
+            ))];
         let plain = Field::None;
         let [level, others] = [
             mean(Field::Horizontal, Shape::stretch),
             mean(Field::Diagonal, Shape::stretch).max(mean(Field::Helicoidal, Shape::stretch)),
         ];
         let across = mean(Field::Horizontal, |s| s.width[1]);
-        findings.push(Finding {
-            agrees: level > others && across < 1.0,
-            text: format!(
+        findings.push(Finding::of(level > others && across < 1.0).says(format!(
                 "horizontal fibres leave the block to become thinner and longer: its elongation is {:.1} mm, beside \
                  {:.1} mm at most with diagonal and helicoidal ones and {:.1} mm without; its width across them is \
                  {:.1} % of that at rest, along them {:.1} %",
@@ -263,48 +258,33 @@ impl Measured {
                 1e3 * mean(plain, Shape::stretch),
                 100.0 * across,
                 100.0 * mean(Field::Horizontal, |s| s.width[0]),
-            ),
-        });
+            )));
         let diagonal = mean(Field::Diagonal, Shape::drift);
-        findings.push(Finding {
-            agrees: diagonal > 0.2,
-            text: format!(
+        findings.push(Finding::of(diagonal > 0.2).says(format!(
                 "diagonal fibres bend the block to one side: sideways motion of {:.0} % of the elongation",
                 100.0 * diagonal
-            ),
-        });
+            )));
         let hemi = mean(Field::Hemicircular, |s| s.bottom.x / s.stretch());
-        findings.push(Finding {
-            agrees: hemi.abs() > 0.02,
-            text: format!(
+        findings.push(Finding::of(hemi.abs() > 0.02).says(format!(
                 "hemicircular fibres bend it to and fro: what is left of it at the bottom is {:.1} % of the \
                  elongation",
                 100.0 * hemi
-            ),
-        });
+            )));
         let (twist, plain_twist) =
             (mean(Field::Helicoidal, |s| s.twist.abs()), mean(plain, |s| s.twist.abs()));
-        findings.push(Finding {
-            agrees: twist > 1.0 && plain_twist < 0.1 * twist,
-            text: format!(
+        findings.push(Finding::of(twist > 1.0 && plain_twist < 0.1 * twist).says(format!(
                 "helicoidal fibres twist it: the bottom turns by {twist:.1} degrees ({plain_twist:.2} without fibres)"
-            ),
-        });
+            )));
         let chance = most(self.of(Field::Random));
-        findings.push(Finding {
-            agrees: chance < 0.1,
-            text: format!(
+        findings.push(Finding::of(chance < 0.1).says(format!(
                 "random fibres leave it isotropic: sideways motion of {:.1} % of the elongation at most; every element \
                  has one direction, and chance does not cancel out over {} cells",
                 100.0 * chance,
                 CELLS.iter().product::<usize>()
-            ),
-        });
+            )));
         for (field, fine) in &self.fine {
             let [coarse, fine] = [parting(self.of(*field)), parting(fine)];
-            findings.push(Finding {
-                agrees: fine < SAME && fine < coarse,
-                text: format!(
+            findings.push(Finding::of(fine < SAME && fine < coarse).says(format!(
                     "{}: the bottom goes to the same place on meshes of tetrahedra and hexahedra, within {:.1} % of \
                      the elongation with {} cells and {:.1} % with {} ({:.0} % allowed for these)",
                     if *field == Field::None {
@@ -317,8 +297,7 @@ impl Measured {
                     100.0 * fine,
                     FINE.iter().product::<usize>(),
                     100.0 * SAME
-                ),
-            });
+                )));
         }
         findings
     }
@@ -326,67 +305,47 @@ impl Measured {
 
 pub(super) fn figure() -> Result<Figure, BenchError> {
     let measured = measure()?;
-    let columns = [
-        "body",
-        "fibres",
-        "mesh",
-        "elongation mm",
-        "sideways x mm",
-        "sideways y mm",
-        "twist degrees",
-        "width x %",
-        "width y %",
-    ];
-    let mut table = Table::new("a-pulled", "The block pulled down", &columns)
-        .note("sideways: mean of the bottom; width: of the middle, over that at rest.");
-    let mut row = |body: &str, fibres: &str, mesh: &String, s: &Shape| {
-        table.row(vec![
-            body.into(),
-            fibres.into(),
-            mesh.into(),
-            (1e3 * s.stretch()).into(),
-            (1e3 * s.bottom.x).into(),
-            (1e3 * s.bottom.y).into(),
-            s.twist.into(),
-            (100.0 * s.width[0]).into(),
-            (100.0 * s.width[1]).into(),
-        ]);
+    let rows = |fields: &[(Field, Vec<Shape>)], names: &[String]| -> Vec<_> {
+        let on = |(field, shapes): &(Field, Vec<Shape>)| {
+            let row = |(name, s): (&String, &Shape)| ("axes", field.name(), name.clone(), *s);
+            names.iter().zip(shapes).map(row).collect::<Vec<_>>()
+        };
+        fields.iter().flat_map(on).collect()
     };
-    for (field, shapes) in &measured.fields {
-        for (name, shape) in measured.names.iter().zip(shapes) {
-            row("axes", field.name(), name, shape);
-        }
-    }
-    for (field, shapes) in &measured.fine {
-        for (name, shape) in measured.fine_names.iter().zip(shapes) {
-            row("axes", field.name(), name, shape);
-        }
-    }
-    for (name, shape) in measured.names.iter().zip(&measured.springs) {
-        row("springs", "", name, shape);
-    }
+    let mut all = rows(&measured.fields, &measured.names);
+    all.extend(rows(&measured.fine, &measured.fine_names));
+    let springs = measured.names.iter().zip(&measured.springs);
+    all.extend(springs.map(|(name, s)| ("springs", "", name.clone(), *s)));
+    let table = table_of!("a-pulled", "The block pulled down"; for (body, fibres, mesh, s) in all;
+        "body" => body, "fibres" => fibres, "mesh" => mesh, "elongation mm" => 1e3 * s.stretch(),
+        "sideways x mm" => 1e3 * s.bottom.x, "sideways y mm" => 1e3 * s.bottom.y,
+        "twist degrees" => s.twist, "width x %" => 100.0 * s.width[0], "width y %" => 100.0 * s.width[1],
+    )
+    .note("sideways: mean of the bottom; width: of the middle, over that at rest.");
     let mut series: Vec<Series> = measured
         .fields
         .iter()
         .enumerate()
-        .map(|(colour, (field, shapes))| Series {
-            name: field.name().into(),
-            points: shapes.iter().map(|s| [1e3 * s.bottom.x, 1e3 * s.bottom.z]).collect(),
-            hollow: false,
-            colour,
+        .map(|(colour, (field, shapes))| {
+            Series::new(
+                field.name(),
+                shapes.iter().map(|s| [1e3 * s.bottom.x, 1e3 * s.bottom.z]).collect(),
+                colour,
+            )
         })
         .collect();
-    series.push(Series {
-        name: "plain springs".into(),
-        points: measured.springs.iter().map(|s| [1e3 * s.bottom.x, 1e3 * s.bottom.z]).collect(),
-        hollow: true,
-        colour: Field::ALL.len(),
-    });
+    series.push(
+        Series::new(
+            "plain springs",
+            measured.springs.iter().map(|s| [1e3 * s.bottom.x, 1e3 * s.bottom.z]).collect(),
+            Field::ALL.len(),
+        )
+        .hollow(true),
+    );
     let title = "Where the bottom goes, on four meshes";
-    let svg = lines(title, ["sideways (mm)", "down (mm)"], &series, Scales::Scattered)?;
+    let chart =
+        lines("a-pulled", title, ["sideways (mm)", "down (mm)"], &series, Scales::Scattered)?;
     Ok(Figure {
-        letter: 'a',
-        title: "A block pulled down, by the course of its fibres",
         setting: format!(
             "A block of {} x {} x {} m hangs from its top; a traction of {TRACTION} Pa pulls at its bottom; converged \
              equilibria without gravity. Axes alone: those of an isotropic material (E = {} Pa, nu = {}) along x, y, z \
@@ -402,8 +361,8 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
         ),
         findings: measured.findings(),
         tables: vec![table],
-        numbers: Vec::new(),
-        charts: vec![Chart { name: "a-pulled".into(), svg }],
+        charts: vec![chart],
+        ..Figure::default()
     })
 }
 
@@ -435,7 +394,9 @@ fn pulled_cube(angle: f64) -> Result<f64, BenchError> {
     let mut axes = AxesDescription::isotropic(MATERIAL.lame()?);
     let directions = Cow::Owned(vec![DVec3::new(angle.sin(), 0.0, angle.cos())]);
     axes.families.push(AxisFamily { directions, ..AxisFamily::new("fibre", &[], FIBRE) });
-    let (mut simulation, body) = world(&mesh, MATERIAL, Model::Axes, Some(axes), equilibrium())?;
+    let (axes, description) = (Some(axes), BodyDescription::new("block", &mesh, MATERIAL));
+    let description = BodyDescription { model: Model::Axes, axes, ..description };
+    let (mut simulation, body) = world(&description, equilibrium())?;
     let mut hold = |vertices: &[u32], axes: u8| -> Result<(), BenchError> {
         let rows = simulation.rows(body, "held", vertices)?;
         let mut constraint = Constraint::hold("held", rows);
@@ -463,21 +424,18 @@ fn pulled_cube(angle: f64) -> Result<f64, BenchError> {
 
 /// Stiffness between the axes.
 pub(super) fn between() -> Result<Figure, BenchError> {
-    let mut table = Table::new(
-        "b-between",
-        "Young's modulus in a direction at an angle to the fibres",
-        &["angle degrees", "engine Pa", "closed form Pa", "off by %"],
-    );
-    let (mut worst, mut points) = (0.0_f64, [Vec::new(), Vec::new()]);
+    let mut rows = Vec::new();
     for angle in ANGLES {
         let (found, exact) = (pulled_cube(angle.to_radians())?, closed_form(angle.to_radians())?);
-        let off = 100.0 * (found / exact - 1.0);
-        worst = worst.max(off.abs());
-        points[0].push([angle, found]);
-        points[1].push([angle, exact]);
-        table.row(vec![angle.into(), found.into(), exact.into(), off.into()]);
+        rows.push((angle, found, exact, 100.0 * (found / exact - 1.0)));
     }
-    let [found, exact] = points;
+    let title = "Young's modulus in a direction at an angle to the fibres";
+    let table = table_of!("b-between", title; for &(angle, found, exact, off) in &rows;
+        "angle degrees" => angle, "engine Pa" => found, "closed form Pa" => exact, "off by %" => off,
+    );
+    let worst = rows.iter().fold(0.0, |worst: f64, r| worst.max(r.3.abs()));
+    let found = rows.iter().map(|r| [r.0, r.1]).collect();
+    let exact: Vec<[f64; 2]> = rows.iter().map(|r| [r.0, r.2]).collect();
     let modulus = |i: usize| exact.get(i).map_or(f64::NAN, |p| p[1]);
     let text = format!(
         "what the paper leaves open, stiffness in directions between the axes, follows from the moduli: the \
@@ -487,15 +445,13 @@ pub(super) fn between() -> Result<Figure, BenchError> {
         modulus(3) / 1e3,
         modulus(6) / 1e3
     );
-    let findings = vec![Finding { agrees: worst < 0.1, text }];
+    let findings = vec![Finding::of(worst < 0.1).says(text)];
     let series = [("engine", found, false, 0), ("closed form", exact, true, 1)]
-        .map(|(name, points, hollow, colour)| Series { name: name.into(), points, hollow, colour });
+        .map(|(name, points, hollow, colour)| Series::new(name, points, colour).hollow(hollow));
     let title = "Young's modulus between the axes";
     let names = ["angle to the fibres (degrees)", "Young's modulus (Pa)"];
-    let svg = lines(title, names, &series, Scales::Linear)?;
+    let chart = lines("b-between", title, names, &series, Scales::Linear)?;
     Ok(Figure {
-        letter: 'b',
-        title: "Stiffness in directions between the axes",
         setting: format!(
             "One hexahedron of isotropic axes (E = {} Pa, nu = {}) and fibres of {FIBRE} Pa, pulled by a strain of \
              about 1e-5 at an angle to the fibres, its sides free.",
@@ -503,8 +459,8 @@ pub(super) fn between() -> Result<Figure, BenchError> {
         ),
         findings,
         tables: vec![table],
-        numbers: Vec::new(),
-        charts: vec![Chart { name: "b-between".into(), svg }],
+        charts: vec![chart],
+        ..Figure::default()
     })
 }
 

@@ -1,13 +1,13 @@
 //! Natsupakpong & Cavusoglu 2010, table 2: time to find the constants of one element.
 
 use super::lumped::{MATERIAL, SECTION, printed_name};
-use super::{Figure, Finding};
 use crate::bench::error::BenchError;
 use crate::bench::stats::Spread;
-use crate::bench::table::Table;
+use crate::report::{Figure, Finding};
 use sinew_identify::ElementMethod::{self, Block, Frobenius, TwoNorm};
 use sinew_identify::{ElementGeometry, ElementKind, fit_element};
 use sinew_tune::fit::FitError;
+use sinew_tune::table_of;
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -106,25 +106,22 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (method, aim) in [(Frobenius, AIMS[0]), (TwoNorm, AIMS[1])] {
         let Some(r) = hexahedron(method) else { continue };
-        findings.push(Finding {
-            agrees: r.mean < aim,
-            text: format!(
-                "a hexahedron takes {:.3} ms with the {} (aim {} ms; {} s printed)",
-                1e3 * r.mean,
-                printed_name(method),
-                1e3 * aim,
-                r.printed.unwrap_or(f64::NAN)
-            ),
-        });
+        findings.push(Finding::of(r.mean < aim).says(format!(
+            "a hexahedron takes {:.3} ms with the {} (aim {} ms; {} s printed)",
+            1e3 * r.mean,
+            printed_name(method),
+            1e3 * aim,
+            r.printed.unwrap_or(f64::NAN)
+        )));
     }
     let of = |kind, method| {
         rows.iter().find(|r| r.kind == kind && r.method == method).map_or(f64::NAN, |r| r.mean)
     };
     let slower = TABLE_2.iter().all(|t| of(t.0, TwoNorm) > of(t.0, Frobenius));
-    findings.push(Finding {
-        agrees: slower,
-        text: "the 2-norm takes longer than the F-norm for every kind of element".into(),
-    });
+    findings.push(
+        Finding::of(slower)
+            .says("the 2-norm takes longer than the F-norm for every kind of element"),
+    );
     findings
 }
 
@@ -132,35 +129,14 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
 pub(super) fn figure(quick: bool) -> Result<Figure, BenchError> {
     let count = if quick { 3 } else { ELEMENTS };
     let rows = measure(count)?;
-    let mut table = Table::new(
-        "b-table-2",
-        "Table 2: time for the constants of one element",
-        &[
-            "element",
-            "springs",
-            "fit",
-            "printed s",
-            "mean ms",
-            "median ms",
-            "slowest quarter ms",
-            "times faster",
-        ],
+    let title = "Table 2: time for the constants of one element";
+    let table = table_of!("b-table-2", title; for r in &rows;
+        "element" => r.kind.to_string(), "springs" => r.springs, "fit" => printed_name(r.method),
+        "printed s" => r.printed, "mean ms" => 1e3 * r.mean, "median ms" => 1e3 * r.spread.median,
+        "slowest quarter ms" => 1e3 * r.spread.upper_quartile,
+        "times faster" => r.printed.map(|p| p / r.mean),
     );
-    for r in &rows {
-        table.row(vec![
-            r.kind.to_string().into(),
-            r.springs.into(),
-            printed_name(r.method).into(),
-            r.printed.into(),
-            (1e3 * r.mean).into(),
-            (1e3 * r.spread.median).into(),
-            (1e3 * r.spread.upper_quartile).into(),
-            r.printed.map(|p| p / r.mean).into(),
-        ]);
-    }
     Ok(Figure {
-        letter: 'b',
-        title: "Time to find spring constants (table 2)",
         setting: format!(
             "{count} random elements of each kind (regular ones of 1 cm, every node moved by up to {MOVE} of the \
              side along each axis), one thread, stiffness matrix included; the least of three turns counts. The \
@@ -169,8 +145,7 @@ pub(super) fn figure(quick: bool) -> Result<Figure, BenchError> {
         ),
         findings: findings(&rows),
         tables: vec![table],
-        numbers: Vec::new(),
-        charts: Vec::new(),
+        ..Figure::default()
     })
 }
 

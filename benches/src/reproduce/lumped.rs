@@ -1,9 +1,10 @@
 //! What the tables of Natsupakpong & Cavusoglu 2010 share: meshes, material, methods, and how a printed
 //! number is held against ours.
 
-use super::Finding;
+use super::Options;
 use crate::bench::error::BenchError;
 use crate::bench::table::{Cell, Table};
+use crate::report::Finding;
 use glam::{DVec2, DVec3};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{
@@ -17,6 +18,7 @@ use sinew_identify::virtual_test::{Loading, SpringOptions};
 use sinew_identify::{ElementMethod, LinearMaterial, Plane, Section};
 use sinew_tune::fit::assess::{against, reference};
 use sinew_tune::fit::rig::{Grips, Reading, Rig};
+use sinew_tune::table_of;
 use std::path::{Path, PathBuf};
 
 /// Paper B's material: 10 kPa, 0.3.
@@ -43,6 +45,27 @@ pub(super) struct Specimen {
 }
 
 impl Meshes {
+    /// Where [`Options`] say, or where they are looked for.
+    pub fn find(options: &Options) -> Result<Self, BenchError> {
+        let file = "b_cube_hex.msh";
+        if options.quick {
+            return Ok(Self::new(None));
+        }
+        if let Some(folder) = &options.meshes {
+            if !folder.join(file).is_file() {
+                let remedy = "name another folder, or none for generated meshes";
+                return Err(BenchError::Request {
+                    what: format!("meshes in {}", folder.display()),
+                    remedy: format!("there is no {file}; {remedy}"),
+                });
+            }
+            return Ok(Self::new(Some(folder)));
+        }
+        let named = std::env::var_os("SINEW_REFERENCE").map(|root| Path::new(&root).join("meshes"));
+        let folder = named.unwrap_or_else(|| PathBuf::from("../shared/meshes"));
+        Ok(Self::new(folder.join(file).is_file().then_some(&*folder)))
+    }
+
     /// From a folder of files `b_*.msh`; without one, or where a file is missing, generated.
     pub fn new(folder: Option<&Path>) -> Self {
         Self { folder: folder.map(Path::to_path_buf) }
@@ -198,42 +221,28 @@ pub(super) fn pair([rms, max]: [f64; 2]) -> Cell {
     format!("{rms:.2} / {max:.2}").into()
 }
 
-/// Table of errors against those printed; `what` heads the columns of element and method.
-pub(super) fn error_table(name: &'static str, title: &str, what: [&str; 2]) -> Table {
-    let columns = [
-        what[0],
-        what[1],
-        "printed",
-        "linear, traction",
-        "linear, equal forces",
-        "rest lengths, traction",
-        "negative springs",
-        "nodes",
-        "elements",
-    ];
-    Table::new(name, title, &columns)
-        .note("% e_rms / % e_max of the largest displacement of linear finite elements")
+/// A mesh and a method of a table of the paper, measured.
+pub(super) struct Row {
+    pub mesh: &'static str,
+    /// Element or object.
+    pub what: &'static str,
+    pub method: ElementMethod,
+    /// Errors (rms, max).
+    pub printed: Option<[f64; 2]>,
+    pub counts: [usize; 2],
+    pub ours: Ours,
 }
 
-/// Row of [`error_table`].
-pub(super) fn error_row(
-    element: &str,
-    method: ElementMethod,
-    printed: Option<[f64; 2]>,
-    ours: &Ours,
-    counts: [usize; 2],
-) -> Vec<Cell> {
-    vec![
-        element.into(),
-        printed_name(method).into(),
-        printed.map_or(Cell::Missing, pair),
-        percents(ours.traction),
-        percents(ours.equal),
-        percents(ours.rest_length),
-        ours.negative.into(),
-        counts[0].into(),
-        counts[1].into(),
-    ]
+/// Table of errors against those printed; `what` heads the columns of element or object and of method.
+pub(super) fn error_table(name: &'static str, title: &str, what: [&str; 2], rows: &[Row]) -> Table {
+    table_of!(name, title; for r in rows;
+        what[0] => r.what, what[1] => printed_name(r.method), "printed" => r.printed.map(pair),
+        "linear, traction" => percents(r.ours.traction),
+        "linear, equal forces" => percents(r.ours.equal),
+        "rest lengths, traction" => percents(r.ours.rest_length),
+        "negative springs" => r.ours.negative, "nodes" => r.counts[0], "elements" => r.counts[1],
+    )
+    .note("% e_rms / % e_max of the largest displacement of linear finite elements")
 }
 
 /// Names of methods in the paper.
@@ -258,8 +267,9 @@ pub(super) fn rows_alike(
     let all: Vec<(String, bool)> = rows.collect();
     let bad: Vec<&str> = all.iter().filter(|r| !r.1).map(|r| r.0.as_str()).collect();
     let tail = if bad.is_empty() { String::new() } else { format!("; not: {}", bad.join(", ")) };
-    Finding {
-        agrees: bad.is_empty(),
-        text: format!("{table}: {} of {} rows {what}{tail}", all.len() - bad.len(), all.len()),
-    }
+    Finding::of(bad.is_empty()).says(format!(
+        "{table}: {} of {} rows {what}{tail}",
+        all.len() - bad.len(),
+        all.len()
+    ))
 }

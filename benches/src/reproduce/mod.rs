@@ -9,9 +9,8 @@ mod cylinder;
 mod elements;
 mod fibres;
 mod fit_cost;
+mod frame;
 mod lumped;
-mod paper_b;
-mod paper_c;
 mod resection;
 mod shear;
 mod specimen;
@@ -21,56 +20,135 @@ mod validity;
 mod ventricle;
 mod volume;
 
-pub use paper_b::{PaperBOptions, paper_b};
-pub use paper_c::paper_c;
-
 use crate::bench::error::BenchError;
 use crate::bench::machine::MachineNotes;
-use crate::bench::report::{Chart, page, scalable};
-use crate::bench::table::{Table, escape};
-use serde::Serialize;
+use crate::bench::table::escape;
+use crate::report::{Figure, Files, Finding, Page};
+use lumped::Meshes;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// A statement of the paper held against the numbers of this run.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Finding {
-    /// Whether they agree.
-    pub agrees: bool,
-    /// The statement and the numbers.
-    pub text: String,
+/// How figures are made.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Folder with files `b_*.msh` for Natsupakpong & Cavusoglu 2010; else `meshes` in the folder
+    /// `SINEW_REFERENCE`, else `../shared/meshes`; where there is none, meshes are generated.
+    pub meshes: Option<PathBuf>,
+    /// Few rows, for tests.
+    pub quick: bool,
 }
 
-/// A figure or table of the paper, made again.
-pub struct Figure {
-    /// Its letter on the command line.
-    pub letter: char,
-    /// What it shows.
-    pub title: &'static str,
-    /// How it was made: sizes and settings that the paper does not print.
-    pub setting: String,
-    /// What agrees with the paper and what does not.
-    pub findings: Vec<Finding>,
-    /// What people read.
-    pub tables: Vec<Table>,
-    /// All numbers, for files only.
-    pub numbers: Vec<Table>,
-    /// Charts.
-    pub charts: Vec<Chart>,
+/// What a figure is made with.
+struct Means {
+    meshes: Meshes,
+    quick: bool,
 }
 
-/// A paper made again.
-pub struct Paper {
+type Make = fn(&Means) -> Result<Figure, BenchError>;
+
+/// A paper that can be made again.
+pub struct Source {
     /// Its name on the command line and in files.
     pub name: &'static str,
     /// Authors, year, title.
     pub reference: &'static str,
     /// Authors and year.
     pub short: &'static str,
+    /// Letter of the figure that its picture belongs to.
+    picture: char,
+    /// Titles of its figures, which have the letters a, b, ..., and what makes them.
+    figures: &'static [(&'static str, Make)],
+}
+
+/// Delingette 2008.
+pub static PAPER_A: Source = Source {
+    name: "paper-a",
+    reference: "Delingette 2008, Biquadratic and Quadratic Springs for Modeling St Venant Kirchhoff Materials",
+    short: "Delingette 2008",
+    picture: 'b',
+    figures: &[
+        ("One tetrahedron under compression (Fig. 2, left)", |_| compression::figure()),
+        ("A slender cylinder under its weight (Fig. 2, right)", |_| cylinder::figure()),
+        ("Time of force and matrix-vector product (Fig. 3, top)", |_| cost::figure()),
+        ("Quadratic springs and other laws against strain", |_| validity::figure()),
+        ("A membrane on regular and irregular tessellations", |_| tessellation::figure()),
+        ("Resection of a liver in real time (Fig. 3, bottom)", |_| resection::figure()),
+    ],
+};
+
+/// Natsupakpong & Cavusoglu 2010.
+pub static PAPER_B: Source = Source {
+    name: "paper-b",
+    reference: "Natsupakpong & Cavusoglu 2010, Determination of elasticity parameters in lumped \
+                element (mass-spring) models of deformable objects",
+    short: "Natsupakpong & Cavusoglu 2010",
+    picture: 'a',
+    figures: &[
+        ("Objects in tension (tables 1 and 3)", elements::figure),
+        ("Time to find spring constants (table 2)", |means| fit_cost::figure(means.quick)),
+        ("The tensile specimen (tables 4 and 5)", specimen::figure),
+        ("One square of springs (figure 9)", |_| square::figure()),
+        ("Squares and cubes in shear (table 6)", shear::figure),
+        ("The ventricle floor (section 6)", |means| ventricle::figure(means.quick)),
+    ],
+};
+
+/// Bourguignon & Cani 2000.
+pub static PAPER_C: Source = Source {
+    name: "paper-c",
+    reference: "Bourguignon & Cani 2000, Controlling Anisotropy in Mass-Spring Systems",
+    short: "Bourguignon & Cani 2000",
+    picture: 'a',
+    figures: &[
+        ("A block pulled down, by the course of its fibres", |_| fibres::figure()),
+        ("Stiffness in directions between the axes", |_| fibres::between()),
+        ("Volume on a table, and a cantilever", |_| volume::figure()),
+        ("Time", |_| axis_cost::figure()),
+    ],
+};
+
+impl Source {
+    /// Makes the figures with the letters given, all with none; `tell` hears what is going on.
+    ///
+    /// # Errors
+    /// When a letter is unknown, a mesh cannot be used, a simulation or test not be run or a chart not be
+    /// drawn.
+    pub fn make(
+        &'static self,
+        only: &[char],
+        options: &Options,
+        mut tell: impl FnMut(&str),
+    ) -> Result<Paper, BenchError> {
+        let letters: Vec<char> = ('a'..).take(self.figures.len()).collect();
+        if let Some(letter) = only.iter().find(|c| !letters.contains(c)) {
+            let known: Vec<String> = letters.iter().map(char::to_string).collect();
+            return Err(BenchError::Request {
+                what: format!("figure {letter}"),
+                remedy: format!("choose of {}", known.join(", ")),
+            });
+        }
+        let means = Means { meshes: Meshes::find(options)?, quick: options.quick };
+        let wanted = |letter: char| only.is_empty() || only.contains(&letter);
+        let mut figures = Vec::new();
+        for (letter, (title, make)) in letters.into_iter().zip(self.figures) {
+            if wanted(letter) {
+                tell(&format!("{letter}: {title}"));
+                figures.push((letter, *title, make(&means)?));
+            }
+        }
+        let pictures = pictures(self.name, wanted(self.picture) && !options.quick, &mut tell)?;
+        Ok(Paper { source: self, machine: MachineNotes::now(), figures, pictures })
+    }
+}
+
+/// A paper made again.
+pub struct Paper {
+    /// Which.
+    pub source: &'static Source,
     /// Where it ran.
     pub machine: MachineNotes,
-    /// The figures, in order.
-    pub figures: Vec<Figure>,
+    /// Letters, titles and figures, in order.
+    pub figures: Vec<(char, &'static str, Figure)>,
     /// Models side by side (feature `render`): name and PNG file.
     pub pictures: Vec<(String, Vec<u8>)>,
 }
@@ -98,10 +176,11 @@ fn pictures(
         };
         let name = format!("{paper}-models");
         return match drawn {
-            Ok(image) => match image.png(Packing::Small) {
-                Ok(png) => Ok(vec![(name, png)]),
-                Err(e) => Err(BenchError::Chart(e.to_string())),
-            },
+            Ok(image) => {
+                let png =
+                    image.png(Packing::Small).map_err(|e| BenchError::Chart(e.to_string()))?;
+                Ok(vec![(name, png)])
+            }
             Err(RenderJobError::Render(RenderError::Adapter(reason))) => {
                 tell(&format!("no picture: {reason}"));
                 Ok(Vec::new())
@@ -113,75 +192,25 @@ fn pictures(
     Ok(Vec::new())
 }
 
-const PAPER_A: &str = "Delingette 2008, Biquadratic and Quadratic Springs for Modeling St Venant \
-                     Kirchhoff Materials";
-
-/// Makes the figures of Delingette 2008 with the letters given, all with none; `tell` hears what is going
-/// on.
-///
-/// # Errors
-/// When a letter is unknown, a simulation cannot be run or a chart not be drawn.
-pub fn paper_a(only: &[char], mut tell: impl FnMut(&str)) -> Result<Paper, BenchError> {
-    if let Some(letter) = only.iter().find(|c| !('a'..='f').contains(*c)) {
-        return Err(BenchError::Request {
-            what: format!("figure {letter}"),
-            remedy: "choose of a, b, c, d, e, f".into(),
-        });
-    }
-    let wanted = |letter: char| only.is_empty() || only.contains(&letter);
-    let mut figures = Vec::new();
-    if wanted('a') {
-        tell("a: one tetrahedron under compression");
-        figures.push(compression::figure()?);
-    }
-    if wanted('b') {
-        tell("b: a slender cylinder under its weight");
-        figures.push(cylinder::figure()?);
-    }
-    if wanted('c') {
-        tell("c: time of force and matrix-vector product");
-        figures.push(cost::figure()?);
-    }
-    if wanted('d') {
-        tell("d: laws against strain");
-        figures.push(validity::figure()?);
-    }
-    if wanted('e') {
-        tell("e: regular and irregular membranes");
-        figures.push(tessellation::figure()?);
-    }
-    if wanted('f') {
-        tell("f: resection of a liver-like organ");
-        figures.push(resection::figure()?);
-    }
-    let (reference, short) = (PAPER_A, "Delingette 2008");
-    let pictures = pictures("paper-a", wanted('b'), &mut tell)?;
-    Ok(Paper { name: "paper-a", reference, short, machine: MachineNotes::now(), figures, pictures })
-}
-
-impl Figure {
-    /// Findings in sentences.
-    fn paragraph(&self) -> String {
-        let sentence = |f: &Finding| {
-            format!("{}: {}.", if f.agrees { "Agrees" } else { "Does not agree" }, f.text)
-        };
-        let sentences: Vec<String> = self.findings.iter().map(sentence).collect();
-        sentences.join(" ")
-    }
+/// Findings in sentences.
+fn paragraph(findings: &[Finding]) -> String {
+    let word = |f: &Finding| if f.agrees { "Agrees" } else { "Does not agree" };
+    let sentences: Vec<String> =
+        findings.iter().map(|f| format!("{}: {}.", word(f), f.text)).collect();
+    sentences.join(" ")
 }
 
 impl Paper {
     /// Whether every statement agrees with the numbers.
     pub fn agrees(&self) -> bool {
-        self.figures.iter().all(|f| f.findings.iter().all(|f| f.agrees))
+        self.figures.iter().all(|(_, _, figure)| figure.findings.iter().all(|f| f.agrees))
     }
 
     /// For the terminal.
     pub fn text(&self) -> String {
-        let mut text = format!("{}\n{}\n", self.reference, self.machine.line());
-        for figure in &self.figures {
-            let _ = writeln!(text, "\n({}) {}", figure.letter, figure.title);
-            let _ = writeln!(text, "{}\n", figure.setting);
+        let mut text = format!("{}\n{}\n", self.source.reference, self.machine.line());
+        for (letter, title, figure) in &self.figures {
+            let _ = writeln!(text, "\n({letter}) {title}\n{}\n", figure.setting);
             for finding in &figure.findings {
                 let word = if finding.agrees { "agrees  " } else { "DIFFERS " };
                 let _ = writeln!(text, "  {word} {}", finding.text);
@@ -195,13 +224,13 @@ impl Paper {
 
     /// In Markdown, with the charts as files beside it.
     pub fn markdown(&self) -> String {
-        let mut text = format!("# {}\n\n{}\n", self.reference, self.machine.line());
+        let mut text = format!("# {}\n\n{}\n", self.source.reference, self.machine.line());
         for (name, _) in &self.pictures {
             let _ = writeln!(text, "\n![{name}]({name}.png)");
         }
-        for figure in &self.figures {
-            let _ = writeln!(text, "\n## ({}) {}\n", figure.letter, figure.title);
-            let _ = writeln!(text, "{}\n\n{}", figure.setting, figure.paragraph());
+        for (letter, title, figure) in &self.figures {
+            let _ = writeln!(text, "\n## ({letter}) {title}\n");
+            let _ = writeln!(text, "{}\n\n{}", figure.setting, paragraph(&figure.findings));
             for chart in &figure.charts {
                 let _ = writeln!(text, "\n![{0}]({0}.svg)", chart.name);
             }
@@ -214,28 +243,23 @@ impl Paper {
 
     /// One self-contained page.
     pub fn html(&self) -> String {
-        let mut body = format!("<h1>{}</h1>\n", escape(self.reference));
-        let _ = writeln!(body, "<p class=\"machine\">{}</p>", escape(&self.machine.line()));
+        let title = format!("{} made again", self.source.short);
+        let mut page = Page::new(title, self.source.reference, &self.machine);
         #[cfg(feature = "render")]
         for (name, png) in &self.pictures {
             let data = sinew_render::page::data_url("image/png", png);
-            let _ = writeln!(
-                body,
+            page.add(format_args!(
                 "<figure><img src=\"{data}\" alt=\"{name}\" style=\"max-width:100%\"></figure>"
-            );
+            ));
         }
-        for figure in &self.figures {
-            let _ = writeln!(body, "<h2>({}) {}</h2>", figure.letter, escape(figure.title));
-            let _ = writeln!(body, "<p class=\"note\">{}</p>", escape(&figure.setting));
-            let _ = writeln!(body, "<p>{}</p>", escape(&figure.paragraph()));
-            for chart in &figure.charts {
-                let _ = writeln!(body, "<figure>{}</figure>", scalable(&chart.svg));
-            }
-            for table in &figure.tables {
-                body += &table.html();
-            }
+        for (letter, title, figure) in &self.figures {
+            page.add(format_args!("<h2>({letter}) {}</h2>", escape(title)));
+            page.paragraph("note", &figure.setting);
+            page.paragraph("", &paragraph(&figure.findings));
+            figure.charts.iter().for_each(|chart| page.chart(chart));
+            figure.tables.iter().for_each(|table| page.table(table));
         }
-        page(&format!("{} made again", self.short), &body)
+        page.html()
     }
 
     /// Writes page, Markdown, findings (JSON), one CSV per table, one SVG per chart and the pictures into a folder,
@@ -244,39 +268,56 @@ impl Paper {
     /// # Errors
     /// When a file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, BenchError> {
-        let error = |path: &Path, reason: String| BenchError::Write { path: path.into(), reason };
-        std::fs::create_dir_all(folder).map_err(|e| error(folder, e.to_string()))?;
-        let findings: Vec<_> = self.figures.iter().map(|f| (f.letter, &f.findings)).collect();
+        let name = self.source.name;
+        let findings: Vec<_> = self.figures.iter().map(|(l, _, f)| (l, &f.findings)).collect();
         let json = serde_json::json!({
             "schema": "sinew-reproduce/1",
-            "paper": self.reference,
+            "paper": self.source.reference,
             "machine": self.machine,
             "findings": findings,
         });
-        let mut files = vec![
-            (format!("{}.html", self.name), self.html().into_bytes()),
-            (format!("{}.md", self.name), self.markdown().into_bytes()),
-            (format!("{}.json", self.name), format!("{json:#}\n").into_bytes()),
-        ];
-        for figure in &self.figures {
-            for chart in &figure.charts {
-                files.push((format!("{}.svg", chart.name), chart.svg.clone().into_bytes()));
-            }
-            for table in figure.tables.iter().chain(&figure.numbers) {
-                let name = format!("{}.csv", table.name);
-                let csv = table.csv().map_err(|e| error(&folder.join(&name), e.to_string()))?;
-                files.push((name, csv));
-            }
+        let mut files = Files::default();
+        files.add(format!("{name}.html"), self.html());
+        files.add(format!("{name}.md"), self.markdown());
+        files.json(format!("{name}.json"), &json)?;
+        for (_, _, figure) in &self.figures {
+            files.parts(&figure.charts, figure.tables.iter().chain(&figure.numbers))?;
         }
         for (name, png) in &self.pictures {
-            files.push((format!("{name}.png"), png.clone()));
+            files.add(format!("{name}.png"), png.clone());
         }
-        let mut written = Vec::new();
-        for (name, bytes) in files {
-            let path = folder.join(name);
-            std::fs::write(&path, bytes).map_err(|e| error(&path, e.to_string()))?;
-            written.push(path);
-        }
-        Ok(written)
+        files.write(folder)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(source: &'static Source, letter: char, options: &Options) -> String {
+        source.make(&[letter], options, |_| {}).err().unwrap().to_string()
+    }
+
+    #[test]
+    fn wrong_letters_and_folders_are_named() {
+        let options = Options::default();
+        let unknown = error(&PAPER_B, 'g', &options);
+        assert!(unknown.contains("figure g"), "{unknown}");
+        let unknown = error(&PAPER_C, 'x', &options);
+        assert!(unknown.contains("figure x") && unknown.contains("a, b, c, d"), "{unknown}");
+        let meshes = Some(PathBuf::from("nowhere"));
+        let folder = error(&PAPER_B, 'a', &Options { meshes, quick: false });
+        assert!(folder.contains("nowhere") && folder.contains("b_cube_hex.msh"), "{folder}");
+    }
+
+    #[test]
+    fn all_figures_in_their_quick_form() {
+        let options = Options { meshes: None, quick: true };
+        let paper = PAPER_B.make(&[], &options, |_| {}).unwrap();
+        let letters: String = paper.figures.iter().map(|f| f.0).collect();
+        assert_eq!(letters, "abcdef");
+        let (text, html) = (paper.text(), paper.html());
+        assert!(text.contains("Table 6") && html.contains("Natsupakpong &amp; Cavusoglu"));
+        assert!(!text.contains("NaN"), "{text}");
     }
 }

@@ -1,14 +1,14 @@
 //! Delingette 2008, figure 3, bottom: interactive resection of a liver.
 
-use super::{Figure, Finding};
+use crate::bench::cases::demo_mesh;
 use crate::bench::error::BenchError;
 use crate::bench::plot::{Scales, Series, lines};
-use crate::bench::report::Chart;
 use crate::bench::table::Table;
+use crate::report::{Figure, Finding};
 use crate::resection::{FRAME, Frame, Organ, Run, at_random, cut};
 use sinew::models::resection::Region;
 use sinew::prelude::*;
-use std::path::Path;
+use sinew_tune::table_of;
 
 /// Frames while single tetrahedra are taken out.
 const FRAMES: usize = 300;
@@ -17,18 +17,6 @@ const STROKES: usize = 14;
 const STROKE: usize = 20;
 /// Radius (m) of the tool.
 const TOOL: f64 = 0.01;
-/// The mesh of the demos, checked.
-fn liver() -> Result<Mesh, BenchError> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../demos/meshes/liver.msh");
-    let checked = check(&Mesh::read(&path)?, &CheckOptions::default());
-    Ok(checked
-        .map_err(|e| BenchError::Request {
-            what: format!("{}: {e}", path.display()),
-            remedy: "restore the file".into(),
-        })?
-        .mesh)
-}
-
 /// Where the tool is at the start of a frame: to and fro across the organ, a stroke lower every time.
 fn tool(frame: usize) -> DVec3 {
     let (stroke, part) = (frame / STROKE, (frame % STROKE) as f64 / STROKE as f64);
@@ -43,7 +31,7 @@ struct Case {
 }
 
 fn measure(frames: [usize; 2]) -> Result<Vec<Case>, BenchError> {
-    let mesh = liver()?;
+    let mesh = demo_mesh("liver.msh")?;
     let held = mesh.groups.iter().find(|g| g.name == "ligament");
     let held = held.map(|g| g.vertices.clone()).unwrap_or_default();
     // stiffer than the preset, so that it keeps its shape while it hangs
@@ -67,26 +55,23 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
         times.sort_by(f64::total_cmp);
         let share = 100.0 / times.len() as f64;
         let points = times.iter().enumerate().map(|(i, t)| [*t, share * (i + 1) as f64]).collect();
-        Series { name: format!("{}: {name}", case.name), points, hollow, colour }
+        Series::new(format!("{}: {name}", case.name), points, colour).hollow(hollow)
     };
     let mut curves = Vec::new();
     for (i, case) in cases.iter().enumerate() {
         curves.push(series("frame", case, i, false, |f| f.removal_ms + f.step_ms));
         curves.push(series("removal alone", case, i, true, |f| f.removal_ms));
     }
-    curves.push(Series {
-        name: "frame at 60 Hz".into(),
-        points: vec![[1e3 * FRAME, 0.0], [1e3 * FRAME, 100.0]],
-        hollow: true,
-        colour: 7,
-    });
+    curves.push(
+        Series::new("frame at 60 Hz", vec![[1e3 * FRAME, 0.0], [1e3 * FRAME, 100.0]], 7)
+            .hollow(true),
+    );
     let axes = ["time (ms)", "frames that take no longer (%)"];
-    let svg = lines("Liver resection: frame times", axes, &curves, Scales::Linear)?;
+    let chart =
+        lines("f-resection", "Liver resection: frame times", axes, &curves, Scales::Linear)?;
     let (tables, numbers) = tables(&cases);
     let tets = cases.first().map_or(0, |c| c.run.tetrahedra);
     Ok(Figure {
-        letter: 'f',
-        title: "Resection of a liver in real time (Fig. 3, bottom)",
         setting: format!(
             "A liver-like organ of {tets} tetrahedra (the paper: 5015) that hangs from its ligament, compressible \
              biquadratic springs, 20 kPa; a safe implicit step of 1/60 s a frame, f64, one thread. Lobe cut off: a \
@@ -97,7 +82,7 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
         findings: findings(&cases),
         tables,
         numbers,
-        charts: vec![Chart { name: "f-resection".into(), svg }],
+        charts: vec![chart],
     })
 }
 
@@ -105,9 +90,7 @@ fn findings(cases: &[Case]) -> Vec<Finding> {
     let mut findings = Vec::new();
     for Case { name, run } in cases {
         let removed: usize = run.frames.iter().map(|f| f.removed).sum();
-        findings.push(Finding {
-            agrees: run.frame.late <= 0.01,
-            text: format!(
+        findings.push(Finding::of(run.frame.late <= 0.01).says(format!(
                 "resection runs in real time ({name}, {removed} of {} tetrahedra): a frame takes {:.1} ms \
                  (median), {:.1} ms at 99 %, {:.1} ms at most; {:.1} % take more than {:.1} ms",
                 run.tetrahedra,
@@ -116,87 +99,48 @@ fn findings(cases: &[Case]) -> Vec<Finding> {
                 run.frame.max,
                 100.0 * run.frame.late,
                 1e3 * FRAME
-            ),
-        });
+            )));
     }
     let worst = cases.iter().map(|c| c.run.residual).fold(0.0, f64::max);
     let tolerance = SolverSettings::default().linear_tolerance;
     let difference = cases.iter().map(|c| c.run.difference).fold(0.0, f64::max);
-    findings.push(Finding {
-        agrees: worst <= tolerance && difference < 1e-9,
-        text: format!(
+    findings.push(Finding::of(worst <= tolerance && difference < 1e-9).says(format!(
             "stiffnesses are updated at every removal, and the step is solved for real: in the end they are \
              off those of a body built afresh by {difference:.0e}, and no linear residual is above {worst:.1e} (asked for: {tolerance:.0e})"
-        ),
-    });
+        )));
     findings
 }
 
 /// For people, and all numbers.
 fn tables(cases: &[Case]) -> (Vec<Table>, Vec<Table>) {
-    let mut people = Table::new(
-        "f-resection",
-        "Frame times while tetrahedra are removed, ms",
-        &["case", "what", "median", "95 %", "99 %", "longest", "above 16.7 ms %"],
+    let parts = cases.iter().flat_map(|Case { name, run }| {
+        let parts = [("frame", &run.frame), ("removal", &run.removal), ("step", &run.step)];
+        parts.map(|(what, times)| (*name, what, times))
+    });
+    let title = "Frame times while tetrahedra are removed, ms";
+    let people = table_of!("f-resection", title; for (name, what, times) in parts;
+        "case" => name, "what" => what, "median" => times.median, "95 %" => times.p95,
+        "99 %" => times.p99, "longest" => times.max, "above 16.7 ms %" => 100.0 * times.late,
     );
-    let mut solver = Table::new(
-        "f-solver",
-        "What was cut and solved",
-        &[
-            "case",
-            "frames",
-            "removed",
-            "pieces",
-            "iterations a frame",
-            "projections",
-            "median residual",
-            "worst residual",
-            "off a fresh build",
-        ],
+    let solver = table_of!("f-solver", "What was cut and solved"; for Case { name, run } in cases;
+        where {
+            let mut residuals: Vec<f64> = run.frames.iter().map(|f| f.residual).collect();
+            residuals.sort_by(f64::total_cmp);
+        }
+        "case" => *name, "frames" => run.frames.len(),
+        "removed" => run.frames.iter().map(|f| f.removed).sum::<usize>(), "pieces" => run.pieces,
+        "iterations a frame" => run.iterations, "projections" => run.projections,
+        "median residual" => residuals.get(residuals.len() / 2).copied(),
+        "worst residual" => run.residual, "off a fresh build" => run.difference,
     )
     .note("residual: of the linear system, over that of the start vector.");
-    let mut numbers = Table::new(
-        "f-frames",
-        "Frames",
-        &["case", "frame", "removed", "removal ms", "step ms", "residual"],
+    let frames = cases.iter().flat_map(|case| {
+        case.run.frames.iter().enumerate().map(|(i, frame)| (case.name, i, frame))
+    });
+    let numbers = table_of!("f-frames", "Frames"; for (name, i, f) in frames;
+        "case" => name, "frame" => i, "removed" => f.removed, "removal ms" => f.removal_ms,
+        "step ms" => f.step_ms, "residual" => f.residual,
     );
-    for Case { name, run } in cases {
-        for (what, times) in [("frame", &run.frame), ("removal", &run.removal), ("step", &run.step)]
-        {
-            people.row(vec![
-                (*name).into(),
-                what.into(),
-                times.median.into(),
-                times.p95.into(),
-                times.p99.into(),
-                times.max.into(),
-                (100.0 * times.late).into(),
-            ]);
-        }
-        let mut residuals: Vec<f64> = run.frames.iter().map(|f| f.residual).collect();
-        residuals.sort_by(f64::total_cmp);
-        solver.row(vec![
-            (*name).into(),
-            run.frames.len().into(),
-            run.frames.iter().map(|f| f.removed).sum::<usize>().into(),
-            run.pieces.into(),
-            run.iterations.into(),
-            run.projections.into(),
-            residuals.get(residuals.len() / 2).copied().into(),
-            run.residual.into(),
-            run.difference.into(),
-        ]);
-        for (i, f) in run.frames.iter().enumerate() {
-            numbers.row(vec![
-                (*name).into(),
-                i.into(),
-                f.removed.into(),
-                f.removal_ms.into(),
-                f.step_ms.into(),
-                f.residual.into(),
-            ]);
-        }
-    }
     (vec![people, solver], vec![numbers])
 }
 

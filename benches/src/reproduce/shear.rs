@@ -1,8 +1,9 @@
 //! Natsupakpong & Cavusoglu 2010, table 6: squares and cubes in shear.
 
-use super::lumped::{Meshes, Ours, error_row, error_table, printed_name, rows_alike};
-use super::{Figure, Finding};
+use super::Means;
+use super::lumped::{Meshes, Ours, Row, error_table, printed_name, rows_alike};
 use crate::bench::error::BenchError;
+use crate::report::{Figure, Finding};
 use sinew_identify::ElementMethod::{self, Baudet, Frobenius, Lloyd, TwoNorm, VanGelder};
 
 /// Mesh, element, method, printed errors (rms, max).
@@ -22,14 +23,6 @@ const TABLE_6: [(&str, &str, ElementMethod, [f64; 2]); 10] = [
 /// Displacement over height.
 const SHEAR: f64 = 0.1;
 
-struct Row {
-    element: &'static str,
-    method: ElementMethod,
-    printed: [f64; 2],
-    counts: [usize; 2],
-    ours: Ours,
-}
-
 fn measure(meshes: &Meshes, quick: bool) -> Result<Vec<Row>, BenchError> {
     let mut rows = Vec::new();
     for (mesh, element, method, printed) in TABLE_6 {
@@ -38,61 +31,49 @@ fn measure(meshes: &Meshes, quick: bool) -> Result<Vec<Row>, BenchError> {
         }
         let Some(specimen) = meshes.get(mesh)? else { continue };
         let ours = Ours::measure(&specimen, method, specimen.rig.across(), SHEAR)?;
-        rows.push(Row { element, method, printed, counts: specimen.counts, ours });
+        let (printed, counts) = (Some(printed), specimen.counts);
+        rows.push(Row { mesh, what: element, method, printed, counts, ours });
     }
     Ok(rows)
 }
 
 fn findings(rows: &[Row]) -> Vec<Finding> {
-    let named = rows.iter().map(|r| {
-        let ours = r.ours.nearer(r.printed).map_or(f64::NAN, |e| e.rms_percent);
-        let name = format!(
-            "{} {} ({ours:.2} here, {:.2} printed)",
-            r.element,
-            printed_name(r.method),
-            r.printed[0]
-        );
-        (name, r.ours.alike(r.printed))
+    let named = rows.iter().filter_map(|r| {
+        let printed = r.printed?;
+        let ours = r.ours.nearer(printed).map_or(f64::NAN, |e| e.rms_percent);
+        let method = printed_name(r.method);
+        let name = format!("{} {method} ({ours:.2} here, {:.2} printed)", r.what, printed[0]);
+        Some((name, r.ours.alike(printed)))
     });
     let mut findings =
         vec![rows_alike("table 6", named, "are within a factor 1.5 of the printed e_rms")];
     let of = |method| {
-        let row = rows.iter().find(|r| r.element == "tri" && r.method == method);
+        let row = rows.iter().find(|r| r.what == "tri" && r.method == method);
         row.and_then(|r| r.ours.traction).map(|e| e.rms_percent)
     };
     if let (Some(gelder), Some(lloyd), Some(two)) = (of(VanGelder), of(Lloyd), of(TwoNorm)) {
-        findings.push(Finding {
-            agrees: gelder > lloyd && gelder > two,
-            text: format!(
+        findings.push(Finding::of(gelder > lloyd && gelder > two).says(format!(
                 "Van Gelder's triangles are the worst in shear: {gelder:.2} % here (17.25 printed), Lloyd {lloyd:.2} \
                  (5.04), 2-norm {two:.2} (3.68)"
-            ),
-        });
+            )));
     }
     findings
 }
 
-/// `quick`: the squares only, for tests.
-pub(super) fn figure(meshes: &Meshes, quick: bool) -> Result<Figure, BenchError> {
-    let rows = measure(meshes, quick)?;
+/// Quick: the squares only, for tests.
+pub(super) fn figure(means: &Means) -> Result<Figure, BenchError> {
+    let rows = measure(&means.meshes, means.quick)?;
     let title = "Table 6: errors in shear";
-    let mut table = error_table("e-table-6", title, ["element", "method"]);
-    for r in &rows {
-        table.row(error_row(r.element, r.method, Some(r.printed), &r.ours, r.counts));
-    }
     Ok(Figure {
-        letter: 'e',
-        title: "Squares and cubes in shear (table 6)",
         setting: format!(
             "Side 2 cm, one side held, the opposite one pushed along itself and free to tilt, until finite \
              elements move by 10 % of the side. {}. The paper mentions torsion without a table; `sinew fit` \
              has that test.",
-            meshes.source()
+            means.meshes.source()
         ),
         findings: findings(&rows),
-        tables: vec![table],
-        numbers: Vec::new(),
-        charts: Vec::new(),
+        tables: vec![error_table("e-table-6", title, ["element", "method"], &rows)],
+        ..Figure::default()
     })
 }
 
@@ -106,7 +87,7 @@ mod tests {
         assert_eq!(rows.len(), 6);
         // the square of 100 quadrilaterals is the printed mesh: its 2-norm row comes out, Baudet's does not
         let of = |method| {
-            rows.iter().find(|r| r.element == "quad" && r.method == method).map(|r| r.ours).unwrap()
+            rows.iter().find(|r| r.what == "quad" && r.method == method).map(|r| r.ours).unwrap()
         };
         assert!(of(TwoNorm).alike([3.82, 11.28]), "{:?}", of(TwoNorm));
         assert!((of(Baudet).traction.unwrap().rms_percent - 0.17).abs() < 0.005);

@@ -1,10 +1,11 @@
 //! Natsupakpong & Cavusoglu 2010, tables 4 and 5: the tensile specimen measured as in a testing machine,
 //! and the errors of several methods in tension.
 
+use super::Means;
 use super::lumped::{MATERIAL, Meshes, Ours, Specimen, pair, percents, printed_name, rows_alike};
-use super::{Figure, Finding};
 use crate::bench::error::BenchError;
-use crate::bench::table::{Cell, Table};
+use crate::bench::table::Cell;
+use crate::report::{Figure, Finding};
 use sinew_identify::ElementMethod::{self, Baudet, Frobenius, Lloyd, TwoNorm, VanGelder};
 use sinew_identify::baselines::baudet_tension_correction;
 use sinew_identify::virtual_test::Loading;
@@ -12,6 +13,7 @@ use sinew_identify::virtual_test::facets::nodes_at;
 use sinew_identify::virtual_test::gauge::{MeasuredModuli, tensile_moduli};
 use sinew_tune::fit::assess::against;
 use sinew_tune::fit::rig::Reading;
+use sinew_tune::table_of;
 
 /// Width of the straight part, which is 2 widths long, and thickness of the solid one (m).
 const WIDTH: f64 = 0.01;
@@ -184,13 +186,10 @@ fn findings(four: &[Fourth], five: &[Fifth]) -> Vec<Finding> {
         .filter_map(|r| r.measured.as_ref())
         .map(|m| (m.fem.youngs_modulus / MATERIAL.youngs_modulus - 1.0).abs())
         .fold(0.0, f64::max);
-    findings.push(Finding {
-        agrees: worst < 0.05,
-        text: format!(
-            "the machine is sound: finite elements measure the modulus that went in within {:.1} %",
-            100.0 * worst
-        ),
-    });
+    findings.push(Finding::of(worst < 0.05).says(format!(
+        "the machine is sound: finite elements measure the modulus that went in within {:.1} %",
+        100.0 * worst
+    )));
     let rows = four.iter().map(|r| {
         let name = match r.springs() {
             Some(m) => format!(
@@ -213,13 +212,10 @@ fn findings(four: &[Fourth], five: &[Fifth]) -> Vec<Finding> {
     ));
     let ratios: Vec<f64> = four.iter().filter_map(|r| Some(r.springs()?.poissons_ratio)).collect();
     let off = ratios.iter().filter(|nu| (*nu - MATERIAL.poissons_ratio).abs() > 0.02).count();
-    findings.push(Finding {
-        agrees: off > 0,
-        text: format!(
+    findings.push(Finding::of(off > 0).says(format!(
             "Poisson's ratio cannot be set: {off} of {} bodies of springs are more than 0.02 away from 0.3",
             ratios.len()
-        ),
-    });
+        )));
     let rows = five.iter().map(|r| {
         let printed = r.printed.1;
         let name = match r.ours.nearer(printed) {
@@ -240,96 +236,58 @@ fn findings(four: &[Fourth], five: &[Fifth]) -> Vec<Finding> {
         row.and_then(|r| r.measured.as_ref()).map(|m| m.springs.youngs_modulus)
     };
     if let Some(e) = by("tri", VanGelder) {
-        findings.push(Finding {
-            agrees: (e / 15010.80 - 1.0).abs() < SAME[0],
-            text: format!(
+        findings.push(Finding::of((e / 15010.80 - 1.0).abs() < SAME[0]).says(format!(
                 "Van Gelder's triangles are half as stiff again as asked: {e:.0} Pa here, 15011 printed, 10000 \
                  asked; recalled is E A / L^2 for each triangle, and the paper may have read it otherwise"
-            ),
-        });
+            )));
     }
     for r in five.iter().filter(|r| r.method == Baudet) {
         if let Some(m) = r.corrected {
-            findings.push(Finding {
-                agrees: (m.youngs_modulus / MATERIAL.youngs_modulus - 1.0).abs() < 1e-6
-                    && (m.poissons_ratio - MATERIAL.poissons_ratio).abs() < 1e-6,
-                text: format!(
+            findings.push(Finding::of((m.youngs_modulus / MATERIAL.youngs_modulus - 1.0).abs() < 1e-6
+                    && (m.poissons_ratio - MATERIAL.poissons_ratio).abs() < 1e-6).says(format!(
                     "Baudet's {} with lateral forces, on rollers, have the moduli that went in: {:.1} Pa, {:.4}",
                     r.element, m.youngs_modulus, m.poissons_ratio
-                ),
-            });
+                )));
         }
     }
     findings
 }
 
-/// `quick`: triangles only, for tests.
-pub(super) fn figure(meshes: &Meshes, quick: bool) -> Result<Figure, BenchError> {
-    let keep = |mesh: &str| !quick || mesh.ends_with("tri");
-    let four = fourth(meshes, &keep)?;
-    let five = fifth(meshes, &keep)?;
-    let mut table_4 = Table::new(
-        "c-table-4",
-        "Table 4: moduli of the specimen (Pa, ratio)",
-        &["element", "fit", "printed", "here", "finite elements", "negative", "nodes", "elements"],
+/// Quick: triangles only, for tests.
+pub(super) fn figure(means: &Means) -> Result<Figure, BenchError> {
+    let keep = |mesh: &str| !means.quick || mesh.ends_with("tri");
+    let four = fourth(&means.meshes, &keep)?;
+    let five = fifth(&means.meshes, &keep)?;
+    let title = "Table 4: moduli of the specimen (Pa, ratio)";
+    let table_4 = table_of!("c-table-4", title; for r in &four;
+        where { let m = r.measured.as_ref(); }
+        "element" => r.element, "fit" => printed_name(r.method), "printed" => printed_moduli(r.printed),
+        "here" => moduli(r.springs()), "finite elements" => moduli(m.map(|m| m.fem)),
+        "negative" => m.map(|m| m.negative), "nodes" => r.counts[0], "elements" => r.counts[1],
     )
     .note("strain: least squares over the nodes of the straight part; printed meshes: 125/192, 329/266, 538/1500, 1396/843");
-    for r in &four {
-        let m = r.measured.as_ref();
-        table_4.row(vec![
-            r.element.into(),
-            printed_name(r.method).into(),
-            printed_moduli(r.printed),
-            moduli(r.springs()),
-            moduli(m.map(|m| m.fem)),
-            m.map(|m| m.negative).into(),
-            r.counts[0].into(),
-            r.counts[1].into(),
-        ]);
-    }
-    let mut table_5 = Table::new(
-        "c-table-5",
-        "Table 5: tension, against other methods",
-        &[
-            "element",
-            "method",
-            "moduli printed",
-            "here",
-            "errors printed",
-            "traction",
-            "equal forces",
-            "rest lengths",
-        ],
+    let title = "Table 5: tension, against other methods";
+    let table_5 = table_of!("c-table-5", title; for r in &five;
+        "element" => r.element, "method" => printed_name(r.method),
+        "moduli printed" => printed_moduli(r.printed.0),
+        "here" => moduli(r.measured.as_ref().map(|m| m.springs)), "errors printed" => pair(r.printed.1),
+        "traction" => percents(r.ours.traction), "equal forces" => percents(r.ours.equal),
+        "rest lengths" => percents(r.ours.rest_length),
     )
     .note(
         "errors: % e_rms / % e_max; Baudet's formula needs rectangles, which the specimen of quadrilaterals does \
          not have, so his quadrilaterals are measured on the square; the formulas of Van Gelder, Lloyd and Baudet \
          are recalled, their original texts were not read",
     );
-    for r in &five {
-        table_5.row(vec![
-            r.element.into(),
-            printed_name(r.method).into(),
-            printed_moduli(r.printed.0),
-            moduli(r.measured.as_ref().map(|m| m.springs)),
-            pair(r.printed.1),
-            percents(r.ours.traction),
-            percents(r.ours.equal),
-            percents(r.ours.rest_length),
-        ]);
-    }
     Ok(Figure {
-        letter: 'c',
-        title: "The tensile specimen (tables 4 and 5)",
         setting: format!(
             "Straight part of 1 x 2 cm (1 cm thick in space), grips of 3 cm, 16 cm long; one end held, traction on \
              the other; linear springs unless said. {}.",
-            meshes.source()
+            means.meshes.source()
         ),
         findings: findings(&four, &five),
         tables: vec![table_4, table_5],
-        numbers: Vec::new(),
-        charts: Vec::new(),
+        ..Figure::default()
     })
 }
 
@@ -339,7 +297,7 @@ mod tests {
 
     #[test]
     fn the_specimen_of_triangles() {
-        let figure = figure(&Meshes::new(None), true).unwrap();
+        let figure = figure(&Means { meshes: Meshes::new(None), quick: true }).unwrap();
         assert!(figure.findings[0].agrees, "{:?}", figure.findings[0]);
         assert_eq!((figure.tables[0].rows.len(), figure.tables[1].rows.len()), (2, 3));
         let stiff = figure.findings.iter().find(|f| f.text.contains("Van Gelder's")).unwrap();

@@ -2,11 +2,10 @@
 //! went in.
 
 use super::lumped::{SECTION, printed_name};
-use super::{Figure, Finding};
 use crate::bench::error::BenchError;
 use crate::bench::plot::{Scales, Series, lines};
-use crate::bench::report::Chart;
 use crate::bench::table::{Cell, Table};
+use crate::report::{Chart, Figure, Finding};
 use glam::DVec2;
 use sinew::engine::mesh::generate::quad_grid;
 use sinew_identify::ElementMethod::{self, Baudet, Block, Frobenius, TwoNorm};
@@ -15,6 +14,7 @@ use sinew_identify::mesh::fit_elements;
 use sinew_tune::fit::FitError;
 use sinew_tune::fit::assess::{against, reference};
 use sinew_tune::fit::rig::{Grips, Rig};
+use sinew_tune::table_of;
 
 const SIDE: f64 = 0.02;
 const METHODS: [ElementMethod; 4] = [Frobenius, TwoNorm, Block, Baudet];
@@ -85,21 +85,15 @@ fn findings(points: &[Point]) -> Vec<Finding> {
             }
         }
     }
-    let mut findings = vec![Finding {
-        agrees: worst < 1e-6,
-        text: format!(
+    let mut findings = vec![Finding::of(worst < 1e-6).says(format!(
             "E_out follows E_in in proportion from 1 Pa to 10 kPa, at every ratio (off by {worst:.1e} at most)"
-        ),
-    }];
+        ))];
     for method in METHODS {
         let Some([low, high]) = range(points, method) else { continue };
-        findings.push(Finding {
-            agrees: high - low < 0.5,
-            text: format!(
+        findings.push(Finding::of(high - low < 0.5).says(format!(
                 "nu_out does not follow nu_in with {}: while nu_in goes from 0 to 0.5 it goes from {low:.3} to {high:.3}",
                 printed_name(method)
-            ),
-        });
+            )));
     }
     findings
 }
@@ -126,48 +120,25 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
         }
         table.row(row);
     }
-    let mut numbers = Table::new(
-        "d-square-numbers",
-        "One square",
-        &["method", "E_in Pa", "nu_in", "E_out Pa", "nu_out"],
+    let numbers = table_of!("d-square-numbers", "One square"; for p in &points;
+        "method" => p.method.name(), "E_in Pa" => p.put_in[0], "nu_in" => p.put_in[1],
+        "E_out Pa" => p.out.map(|o| o[0]), "nu_out" => p.out.map(|o| o[1]),
     );
-    for p in &points {
-        numbers.row(vec![
-            p.method.name().into(),
-            p.put_in[0].into(),
-            p.put_in[1].into(),
-            p.out.map(|o| o[0]).into(),
-            p.out.map(|o| o[1]).into(),
-        ]);
-    }
-    let curve = |which: usize| -> Vec<Series> {
-        let series = METHODS.into_iter().enumerate().map(|(colour, method)| Series {
-            name: printed_name(method).to_string(),
-            points: of(&points, method, 1.0)
-                .iter()
-                .filter_map(|p| Some([p.put_in[1], p.out?[which]]))
-                .collect(),
-            hollow: false,
-            colour,
-        });
-        let asked = Series {
-            name: "put in".to_string(),
-            points: (0..=RATIOS)
-                .map(|i| 0.5 * i as f64 / RATIOS as f64)
-                .map(|nu| [nu, if which == 0 { 1.0 } else { nu }])
-                .collect(),
-            hollow: true,
-            colour: METHODS.len(),
+    let chart = |name: &str, title: &str, axis: &str, which: usize| -> Result<Chart, BenchError> {
+        let own = |(colour, method): (usize, ElementMethod)| {
+            let own = of(&points, method, 1.0).into_iter();
+            let places = own.filter_map(|p| Some([p.put_in[1], p.out?[which]])).collect();
+            Series::new(printed_name(method), places, colour)
         };
-        series.chain([asked]).collect()
-    };
-    let chart = |name: &str, title, axis, which| -> Result<Chart, BenchError> {
-        let svg = lines(title, ["nu_in", axis], &curve(which), Scales::Linear)?;
-        Ok(Chart { name: name.into(), svg })
+        let mut series: Vec<Series> = METHODS.into_iter().enumerate().map(own).collect();
+        let asked = (0..=RATIOS)
+            .map(|i| 0.5 * i as f64 / RATIOS as f64)
+            .map(|nu| [nu, if which == 0 { 1.0 } else { nu }])
+            .collect();
+        series.push(Series::new("put in", asked, METHODS.len()).hollow(true));
+        lines(name, title, ["nu_in", axis], &series, Scales::Linear)
     };
     Ok(Figure {
-        letter: 'd',
-        title: "One square of springs (figure 9)",
         setting: "A quadrilateral of 2 x 2 cm in plane stress, one side on rollers, traction on the other; linear \
                   springs."
             .into(),

@@ -1,11 +1,11 @@
 //! Delingette 2008: membranes of springs behave the same on regular and irregular
 //! tessellations. A square sheet is stretched and sheared on both and held against a fine solution.
 
-use super::{Figure, Finding};
+use super::frame::{self, Stride, clamp, equilibrium, world};
+use crate::beam::sheet as sheet_body;
 use crate::bench::error::BenchError;
 use crate::bench::plot::{Scales, Series, lines};
-use crate::bench::report::Chart;
-use crate::bench::table::Table;
+use crate::report::{Chart, Figure, Finding};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use sinew::engine::mesh::Mesh;
@@ -13,6 +13,7 @@ use sinew::engine::mesh::generate::{jitter_interior, triangle_grid};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
+use sinew_tune::table_of;
 
 /// Side (m) and thickness (m) of the sheet.
 const SIDE: f64 = 0.1;
@@ -99,26 +100,10 @@ struct State {
 /// Equilibria at [`Mode::strains`], each reached from the one before, without motion out of the plane;
 /// `None` from where there is none.
 fn path(mesh: &Mesh, model: MembraneModel, mode: Mode) -> Result<Vec<Option<State>>, BenchError> {
-    let options = SimulationOptions { threads: 1, ..SimulationOptions::default() };
-    let mut simulation = Simulation::new(options)?;
-    simulation.set_gravity(DVec3::ZERO);
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::QuasiStatic,
-        linear_tolerance: 1e-6,
-        newton_tolerance: 1e-9,
-        max_newton_iterations: 100,
-        ..SolverSettings::default()
-    });
-    let membrane = MembraneDescription {
-        model,
-        ..MembraneDescription::new(&mesh.triangles, THICKNESS, MATERIAL)
-    };
-    let body = simulation.add_body(&BodyDescription {
-        membrane: Some(membrane),
-        ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
-    })?;
-    let fixed = simulation.group_rows(body, mesh, "x0")?;
-    simulation.add_constraint(Constraint::hold("fixed", fixed));
+    let membrane = MembraneDescription::new(&mesh.triangles, THICKNESS, MATERIAL);
+    let membrane = MembraneDescription { model, ..membrane };
+    let (mut simulation, body) = world(&sheet_body("sheet", mesh, membrane), equilibrium())?;
+    clamp(&mut simulation, body, mesh, "x0")?;
     let free: Vec<u32> = (0..mesh.points.len() as u32)
         .filter(|&v| (1e-9..SIDE - 1e-9).contains(&mesh.points[v as usize].x))
         .collect();
@@ -126,33 +111,17 @@ fn path(mesh: &Mesh, model: MembraneModel, mode: Mode) -> Result<Vec<Option<Stat
     flat.axes = FixedAxes(1 << 2);
     simulation.add_constraint(flat);
     let rows = simulation.group_rows(body, mesh, "x1")?;
-
-    let mut states: Vec<Option<State>> = Vec::new();
-    let mut before = 0.0;
-    for strain in mode.strains() {
-        let parts = ((strain - before) / STRIDE - 1e-9).ceil().max(1.0) as u32;
-        let step = mode.direction() * ((strain - before) / f64::from(parts) * SIDE);
-        let mut found = states.last().is_none_or(Option::is_some);
-        for _ in 0..parts {
-            if found {
-                let motion = Motion::Translate(step);
-                let moved = Constraint::moving("moved", rows.clone(), motion, Curve::Constant);
-                let moved = simulation.add_constraint(moved);
-                found = simulation.step().is_ok() && !simulation.report().unconverged;
-                simulation.world_mut().despawn(moved);
-            }
-        }
-        let mut state = || {
-            simulation.evaluate();
-            let forces = simulation.elastic_forces(body);
-            let moved = mesh.points.iter().zip(&forces).filter(|(x, _)| x.x > SIDE - 1e-9);
-            let reaction = -moved.map(|(_, f)| f.dot(mode.direction())).sum::<f64>();
-            State { reaction, displacements: simulation.displacements(body) }
-        };
-        states.push(found.then(&mut state));
-        before = strain;
-    }
-    Ok(states)
+    let motion = |s: Stride| {
+        Motion::Translate(mode.direction() * ((s.strain - s.before) / f64::from(s.parts) * SIDE))
+    };
+    let state = |simulation: &mut Simulation| {
+        simulation.evaluate();
+        let forces = simulation.elastic_forces(body);
+        let moved = mesh.points.iter().zip(&forces).filter(|(x, _)| x.x > SIDE - 1e-9);
+        let reaction = -moved.map(|(_, f)| f.dot(mode.direction())).sum::<f64>();
+        State { reaction, displacements: simulation.displacements(body) }
+    };
+    Ok(frame::path(&mut simulation, &rows, &mode.strains(), STRIDE, motion, state))
 }
 
 /// Displacement at `x` of a regular sheet of `n` cells a side.
@@ -279,9 +248,7 @@ fn findings(rows: &[Row], sizes: &Sizes) -> Vec<Finding> {
         };
         let converges = (0..2).all(|k| last[k] < 0.5 * first[k]);
         let alike = (0.5..2.0).contains(&(centre[1] / centre[0]));
-        findings.push(Finding {
-            agrees: converges && alike,
-            text: format!(
+        findings.push(Finding::of(converges && alike).says(format!(
                 "biquadratic springs in {} of {:.0} % come to the same solution on both tessellations: the \
                  displacement error falls from {:.2} % (regular) and {:.2} % (irregular) with {coarse} cells a \
                  side to {:.2} % and {:.2} % with {finest}",
@@ -291,8 +258,7 @@ fn findings(rows: &[Row], sizes: &Sizes) -> Vec<Finding> {
                 first[1],
                 last[0],
                 last[1]
-            ),
-        });
+            )));
     }
     let worst = |law| {
         let partings = Mode::ALL.iter().flat_map(|&mode| {
@@ -302,20 +268,14 @@ fn findings(rows: &[Row], sizes: &Sizes) -> Vec<Finding> {
     };
     let [trbs, trqs, springs] = LAWS.map(worst);
     for (name, parting) in [("biquadratic", trbs), ("quadratic", trqs)] {
-        findings.push(Finding {
-            agrees: parting < SAME,
-            text: format!(
+        findings.push(Finding::of(parting < SAME).says(format!(
                 "the force on the moved edge is the same on both tessellations for {name} springs: with {middle} \
                  cells a side it differs by {parting:.2} % at worst, {SAME} % allowed"
-            ),
-        });
+            )));
     }
-    findings.push(Finding {
-        agrees: springs > SAME,
-        text: format!(
+    findings.push(Finding::of(springs > SAME).says(format!(
             "edge springs alone do not behave alike: their force differs by {springs:.1} % between the tessellations"
-        ),
-    });
+        )));
     findings
 }
 
@@ -326,68 +286,28 @@ fn percent(strain: f64) -> String {
 pub(super) fn figure() -> Result<Figure, BenchError> {
     let rows = measure(&SIZES)?;
     let middle = SIZES.compared[SIZES.compared.len() / 2];
-    let mut people = Table::new(
-        "e-tessellation",
-        format!("Sheets of {middle} cells a side against the fine solution, %"),
-        &[
-            "mode",
-            "strain",
-            "law",
-            "force error, regular",
-            "irregular",
-            "displacement error, regular",
-            "irregular",
-            "force differs by",
-        ],
+    let numbers = table_of!("e-tessellation-numbers", "Regular and irregular sheets"; for r in &rows;
+        "mode" => r.mode.name(), "strain" => r.strain, "law" => r.law.name(),
+        "tessellation" => tessellation(r.irregular), "cells a side" => r.cells, "force N" => r.reaction,
+        "force error %" => r.errors.map(|e| e[0]), "displacement error %" => r.errors.map(|e| e[1]),
+    );
+    let title = format!("Sheets of {middle} cells a side against the fine solution, %");
+    let all = Mode::ALL.iter().flat_map(|&mode| mode.strains().map(|strain| (mode, strain)));
+    let all = all.flat_map(|(mode, strain)| LAWS.map(|law| (mode, strain, law)));
+    let people = table_of!("e-tessellation", title; for (mode, strain, law) in all;
+        where {
+            let Some(both) = pair(&rows, mode, strain, law, middle) else { continue };
+            let [regular, irregular] = both.map(|r| r.errors);
+        }
+        "mode" => mode.name(), "strain" => percent(strain), "law" => law.name(),
+        "force error, regular" => regular.map(|e| e[0]), "irregular" => irregular.map(|e| e[0]),
+        "displacement error, regular" => regular.map(|e| e[1]), "irregular" => irregular.map(|e| e[1]),
+        "force differs by" => parting(both),
     )
     .note(
         "errors: against biquadratic springs (St Venant-Kirchhoff) on the fine sheet, so those of TRQS and \
          mass_spring contain the difference of the laws; force differs by: between the two tessellations.",
     );
-    let mut numbers = Table::new(
-        "e-tessellation-numbers",
-        "Regular and irregular sheets",
-        &[
-            "mode",
-            "strain",
-            "law",
-            "tessellation",
-            "cells a side",
-            "force N",
-            "force error %",
-            "displacement error %",
-        ],
-    );
-    for r in &rows {
-        numbers.row(vec![
-            r.mode.name().into(),
-            r.strain.into(),
-            r.law.name().into(),
-            tessellation(r.irregular).into(),
-            r.cells.into(),
-            r.reaction.into(),
-            r.errors.map(|e| e[0]).into(),
-            r.errors.map(|e| e[1]).into(),
-        ]);
-    }
-    for mode in Mode::ALL {
-        for strain in mode.strains() {
-            for law in LAWS {
-                let Some(both) = pair(&rows, mode, strain, law, middle) else { continue };
-                let [regular, irregular] = both.map(|r| r.errors);
-                people.row(vec![
-                    mode.name().into(),
-                    percent(strain).into(),
-                    law.name().into(),
-                    regular.map(|e| e[0]).into(),
-                    irregular.map(|e| e[0]).into(),
-                    regular.map(|e| e[1]).into(),
-                    irregular.map(|e| e[1]).into(),
-                    parting(both).into(),
-                ]);
-            }
-        }
-    }
     let fine = rows.iter().filter(|r| r.cells == SIZES.fine[1]);
     let fine = fine
         .filter_map(|r| r.errors)
@@ -401,22 +321,22 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
                         && r.strain == mode.strains()[1]
                         && r.cells != SIZES.fine[1]
                 });
-                series.push(Series {
-                    name: format!("{}, {}", law.name(), tessellation(irregular)),
-                    points: own.filter_map(|r| Some([r.cells as f64, r.errors?[1]])).collect(),
-                    hollow: irregular,
-                    colour,
-                });
+                series.push(
+                    Series::new(
+                        format!("{}, {}", law.name(), tessellation(irregular)),
+                        own.filter_map(|r| Some([r.cells as f64, r.errors?[1]])).collect(),
+                        colour,
+                    )
+                    .hollow(irregular),
+                );
             }
         }
         let title = format!("A sheet in {} of {}", mode.name(), percent(mode.strains()[1]));
         let axes = ["cells a side", "displacement error (%)"];
         let name = format!("e-{}", mode.name());
-        Ok(Chart { name, svg: lines(&title, axes, &series, Scales::Logarithmic)? })
+        lines(&name, &title, axes, &series, Scales::Logarithmic)
     });
     Ok(Figure {
-        letter: 'e',
-        title: "A membrane on regular and irregular tessellations",
         setting: format!(
             "A square sheet of {SIDE} m, 10 kPa, nu = 0.3, one edge held, the opposite one moved away (stretch) or \
              along itself (shear), in its plane; converged equilibria. Regular: all diagonals alike; irregular: \

@@ -2,17 +2,17 @@
 //! are moved, against those of the reference law on the same mesh (Delingette 2008, section 2.4 and
 //! discussion: quadratic springs below about 10 % strain).
 
-use super::{Figure, Finding};
+use super::frame::{self, Stride, clamp, equilibrium, world};
 use crate::bench::error::BenchError;
 use crate::bench::plot::{Scales, Series, lines};
-use crate::bench::report::Chart;
 use crate::bench::table::{Cell, Table};
+use crate::report::{Chart, Figure, Finding};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::prelude::*;
-use sinew::simulation::SimulationError;
+use sinew_tune::table_of;
 
 /// Strains at which laws are compared.
 const STRAINS: [f64; 7] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5];
@@ -151,48 +151,22 @@ fn path(
 ) -> Result<Vec<Option<State>>, BenchError> {
     let (size, cells) = mode.specimen();
     let mesh = jitter_interior(&box_tets(size, cells)?, 0.15, 1)?;
-    let mut simulation =
-        Simulation::new(SimulationOptions { threads: 1, ..SimulationOptions::default() })?;
-    simulation.set_gravity(DVec3::ZERO);
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::QuasiStatic,
-        linear_tolerance: 1e-6,
-        newton_tolerance: 1e-9,
-        max_newton_iterations: 200,
-        ..SolverSettings::default()
-    });
     let description = BodyDescription { model, ..BodyDescription::new("bar", &mesh, material) };
-    let body = simulation.add_body(&description).map_err(SimulationError::from)?;
-    let fixed = simulation.group_rows(body, &mesh, "x0")?;
-    simulation.add_constraint(Constraint::hold("fixed", fixed));
+    let solver = SolverSettings { max_newton_iterations: 200, ..equilibrium() };
+    let (mut simulation, body) = world(&description, solver)?;
+    clamp(&mut simulation, body, &mesh, "x0")?;
     let moved = end(&mesh, size);
     let rows = simulation.rows(body, "moved", &moved)?;
-
-    let mut states: Vec<Option<State>> = Vec::new();
-    let mut before = 0.0;
-    for &strain in strains {
-        let parts = ((strain - before) / STRIDE - 1e-9).ceil().max(1.0) as u32;
-        let mut found = states.last().is_none_or(Option::is_some);
-        for part in 1..=parts {
-            if !found {
-                break;
-            }
-            let from = before + (strain - before) * f64::from(part - 1) / f64::from(parts);
-            let to = before + (strain - before) * f64::from(part) / f64::from(parts);
-            let change = |&v: &u32| {
-                let x = mesh.points[v as usize];
-                mode.displacement(size, x, to) - at(mode, size, x, from)
-            };
-            let motion = Motion::TranslateEach(moved.iter().map(change).collect());
-            let constraint = Constraint::moving("moved", rows.clone(), motion, Curve::Constant);
-            let constraint = simulation.add_constraint(constraint);
-            found = simulation.step().is_ok() && !simulation.report().unconverged;
-            simulation.world_mut().despawn(constraint);
-        }
-        states.push(found.then(|| state(&mut simulation, body, &mesh, mode, size, &moved)));
-        before = strain;
-    }
-    Ok(states)
+    let motion = |s: Stride| {
+        let way = |part| s.before + (s.strain - s.before) * f64::from(part) / f64::from(s.parts);
+        let change = |&v: &u32| {
+            let x = mesh.points[v as usize];
+            mode.displacement(size, x, way(s.part)) - at(mode, size, x, way(s.part - 1))
+        };
+        Motion::TranslateEach(moved.iter().map(change).collect())
+    };
+    let state = |simulation: &mut Simulation| state(simulation, body, &mesh, mode, size, &moved);
+    Ok(frame::path(&mut simulation, &rows, strains, STRIDE, motion, state))
 }
 
 /// [`Mode::displacement`], zero without strain.
@@ -261,36 +235,24 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
         "* St Venant-Kirchhoff itself has inverted elements or no equilibrium there: another branch. \
          -: no equilibrium found.",
     );
-    let numbers = ["nu", "mode", "model", "strain", "reaction error %", "displacement error %"];
-    let mut all = Table::new("d-validity-numbers", title, &numbers);
+    let all = table_of!("d-validity-numbers", title; for r in &rows;
+        "nu" => r.poisson_ratio, "mode" => r.mode.name(), "model" => r.model.name(), "strain" => r.strain,
+        "reaction error %" => r.errors.map(|e| e[0]), "displacement error %" => r.errors.map(|e| e[1]),
+    );
     for path in rows.chunks(STRAINS.len()) {
-        let mut cells: Vec<Cell> = vec![
-            path[0].poisson_ratio.into(),
-            path[0].mode.name().into(),
-            path[0].model.name().into(),
-        ];
-        for row in path {
+        let r = &path[0];
+        let mut cells: Vec<Cell> =
+            vec![r.poisson_ratio.into(), r.mode.name().into(), r.model.name().into()];
+        cells.extend(path.iter().map(|row| {
             let star = if row.collapsed { "*" } else { "" };
-            let text = row.errors.map_or(String::new(), |[reaction, displacement]| {
+            let text = row.errors.map_or("-".to_string(), |[reaction, displacement]| {
                 format!("{} / {}", short(reaction), short(displacement))
             });
-            let text = if text.is_empty() { "-".to_string() } else { text };
-            cells.push(format!("{text}{star}").into());
-            all.row(vec![
-                row.poisson_ratio.into(),
-                row.mode.name().into(),
-                row.model.name().into(),
-                row.strain.into(),
-                row.errors.map(|e| e[0]).into(),
-                row.errors.map(|e| e[1]).into(),
-            ]);
-        }
+            Cell::from(format!("{text}{star}"))
+        }));
         people.row(cells);
     }
-    let svg = chart(&rows)?;
     Ok(Figure {
-        letter: 'd',
-        title: "Quadratic springs and other laws against strain",
         setting: "A bar of 0.2 x 0.1 x 0.1 m (shear: a slab of 0.05 x 0.2 x 0.2 m), 768 irregular tetrahedra, \
                   both ends prescribed, 10 kPa; converged equilibria, each strain reached from the one \
                   before. Strain: end displacement over length, gamma in shear, that of the outer fibre in \
@@ -300,7 +262,7 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
         findings: findings(&rows),
         tables: vec![people],
         numbers: vec![all],
-        charts: vec![Chart { name: "d-validity".into(), svg }],
+        charts: vec![chart(&rows)?],
     })
 }
 
@@ -343,58 +305,43 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
     let [force, displacement] = worst(rows, Model::QuadraticSprings, SMALL);
     let first = error(Model::QuadraticSprings, Mode::Tension, STRAINS[0])[0];
     let mut findings = vec![
-        Finding {
-            agrees: displacement < SAME,
-            text: format!(
+        Finding::of(displacement < SAME).says(format!(
                 "quadratic springs may stand in for biquadratic ones up to about {percent} % strain, as far \
                  as displacements go: they are {displacement:.1} % off at worst, {SAME} % allowed"
-            ),
-        },
-        Finding {
-            agrees: force < SAME,
-            text: format!(
+            )),
+        Finding::of(force < SAME).says(format!(
                 "the same as far as forces go: they are {force:.0} % off at worst; the two measure strain \
                  differently, which already makes {first:.1} % in tension of {:.0} %",
                 100.0 * STRAINS[0]
-            ),
-        },
+            )),
     ];
     let [force, displacement] = worst(rows, Model::CompressibleStVK, SMALL);
-    findings.push(Finding {
-        agrees: force < 1.0,
-        text: format!(
-            "the compression term leaves small strains alone: forces are {force:.2} %, displacements \
+    findings.push(Finding::of(force < 1.0).says(format!(
+        "the compression term leaves small strains alone: forces are {force:.2} %, displacements \
              {displacement:.2} % off at worst up to {percent} %"
-        ),
-    });
+    )));
     let pull = |model| error(model, Mode::Tension, SMALL)[0];
     let [tqs, corotational, linear] =
         [Model::QuadraticSprings, Model::Corotational, Model::Linear].map(pull);
-    findings.push(Finding {
-        agrees: (tqs / corotational - 1.0).abs() < 0.25,
-        text: format!(
+    findings.push(Finding::of((tqs / corotational - 1.0).abs() < 0.25).says(format!(
             "quadratic springs are like other laws of engineering strain: in tension of {percent} % their force \
              is {tqs:.0} % off, corotational {corotational:.0} %, linear {linear:.0} %"
-        ),
-    });
+        )));
     let least = |model: Model| {
         let small = rows.iter().filter(|r| r.model == model && r.strain == STRAINS[0]);
         small.filter_map(|r| r.errors).map(|e| e[0]).fold(f64::INFINITY, f64::min)
     };
     let springs = least(Model::MassSpring);
-    findings.push(Finding {
-        agrees: springs > 10.0,
-        text: format!(
+    findings.push(Finding::of(springs > 10.0).says(format!(
             "tensile springs alone are no such material at any strain: their force is {springs:.0} % off \
              or more at {:.0} %, in every mode",
             100.0 * STRAINS[0]
-        ),
-    });
+        )));
     findings
 }
 
 /// Errors of reaction in tension and bending.
-fn chart(rows: &[Row]) -> Result<String, BenchError> {
+fn chart(rows: &[Row]) -> Result<Chart, BenchError> {
     let mut series = Vec::new();
     for (colour, model) in MODELS.into_iter().enumerate().skip(1) {
         for mode in [Mode::Tension, Mode::Bending] {
@@ -403,15 +350,18 @@ fn chart(rows: &[Row]) -> Result<String, BenchError> {
                     && r.poisson_ratio == POISSON_RATIOS[0]
                     && !r.collapsed
             });
-            series.push(Series {
-                name: format!("{}, {}", model.name(), mode.name()),
-                points: own.filter_map(|r| Some([100.0 * r.strain, r.errors?[0]])).collect(),
-                hollow: mode == Mode::Bending,
-                colour: colour - 1,
-            });
+            series.push(
+                Series::new(
+                    format!("{}, {}", model.name(), mode.name()),
+                    own.filter_map(|r| Some([100.0 * r.strain, r.errors?[0]])).collect(),
+                    colour - 1,
+                )
+                .hollow(mode == Mode::Bending),
+            );
         }
     }
     lines(
+        "d-validity",
         "Error of the reaction against St Venant-Kirchhoff, nu = 0.3",
         ["strain (%)", "error (%)"],
         &series,

@@ -1,11 +1,11 @@
 //! Natsupakpong & Cavusoglu 2010, section 6: the floor of the third ventricle, 558 masses and 1607
 //! springs, stepped by implicit Euler while a balloon pushes through it.
 
-use super::{Figure, Finding};
+use super::frame::{clamp, world};
+use crate::beam::sheet;
 use crate::bench::error::BenchError;
 use crate::bench::plot::{Scales, Series, lines};
-use crate::bench::report::Chart;
-use crate::bench::table::Table;
+use crate::report::{Figure, Finding};
 use glam::{DVec2, DVec3};
 use sinew::engine::load::Pressure;
 use sinew::engine::mesh::{Group, Mesh};
@@ -14,6 +14,7 @@ use sinew::models::resection::{Region, Removal, RemovalError};
 use sinew::prelude::*;
 use sinew_identify::ElementMethod;
 use sinew_tune::measures::quantile;
+use sinew_tune::table_of;
 use std::time::Instant;
 
 /// Radius (m), thickness (m) and material of the floor; none is printed.
@@ -107,26 +108,16 @@ struct Floor {
 }
 
 fn build(mesh: &Mesh, dt: f64) -> Result<Floor, BenchError> {
-    let options = SimulationOptions { threads: 1, ..SimulationOptions::default() };
-    let mut simulation = Simulation::new(options)?;
-    simulation.set_gravity(DVec3::ZERO);
-    simulation.set_dt(dt);
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::Safe,
-        mass_damping: 2.0,
-        ..SolverSettings::default()
-    });
+    let integrator = Integrator::Safe;
+    let solver = SolverSettings { integrator, mass_damping: 2.0, ..SolverSettings::default() };
     let membrane = MembraneDescription {
         model: MembraneModel::MassSpring,
         springs: Some(ElementMethod::Frobenius),
         ..MembraneDescription::new(&mesh.triangles, THICKNESS, MATERIAL)
     };
-    let body = simulation.add_body(&BodyDescription {
-        membrane: Some(membrane),
-        ..BodyDescription::from_parts("floor", &mesh.points, &[], MATERIAL)
-    })?;
-    let rim = simulation.group_rows(body, mesh, "rim")?;
-    simulation.add_constraint(Constraint::hold("rim", rim));
+    let (mut simulation, body) = world(&sheet("floor", mesh, membrane), solver)?;
+    simulation.set_dt(dt);
+    clamp(&mut simulation, body, mesh, "rim")?;
     let mut balloon = Vec::new();
     let mut inner = 0.0;
     for (outer, from) in TOUCH {
@@ -159,7 +150,7 @@ fn build(mesh: &Mesh, dt: f64) -> Result<Floor, BenchError> {
 fn pushed(mesh: &Mesh, dt: f64) -> Result<Vec<DVec3>, BenchError> {
     let mut floor = build(mesh, dt)?;
     for _ in 0..(PUSH / dt).round() as usize {
-        floor.simulation.step().map_err(sinew::simulation::SimulationError::from)?;
+        floor.simulation.step()?;
     }
     Ok(floor.simulation.displacements(floor.body))
 }
@@ -203,7 +194,7 @@ fn run(mesh: &Mesh) -> Result<Run, BenchError> {
         let clock = Instant::now();
         let removal = Removal::new(Region::Strain { above: TEAR });
         let removed = simulation.remove_elements(body, &removal).map_err(request)?;
-        simulation.step().map_err(sinew::simulation::SimulationError::from)?;
+        simulation.step()?;
         let seconds = clock.elapsed().as_secs_f64();
         let time = simulation.time();
         let count = removed.triangles.len();
@@ -253,26 +244,18 @@ pub(super) fn figure(quick: bool) -> Result<Figure, BenchError> {
     let residual = run.frames.iter().map(|f| f.residual).fold(0.0, f64::max);
     let gone: usize = run.frames.iter().map(|f| f.removed).sum();
     let findings = vec![
-        Finding {
-            agrees: (mesh.points.len(), springs, mesh.triangles.len()) == (558, 1607, 1050),
-            text: format!(
+        Finding::of((mesh.points.len(), springs, mesh.triangles.len()) == (558, 1607, 1050)).says(format!(
                 "the floor has {} masses, {springs} springs and {} faces (558, 1607, 1050 printed)",
                 mesh.points.len(),
                 mesh.triangles.len()
-            ),
-        },
-        Finding {
-            agrees: slow > PRINTED_RATE,
-            text: format!(
+            )),
+        Finding::of(slow > PRINTED_RATE).says(format!(
                 "interactive: {median:.0} frames per second in the median, {slow:.0} for 95 % of them, {worst:.0} at \
                  worst, {:.0} times the 30 printed for the whole trainer (which had also 9145 nodes of the \
                  surrounding ventricles to move and draw)",
                 median / PRINTED_RATE
-            ),
-        },
-        Finding {
-            agrees: run.finite && run.through.is_some(),
-            text: match (run.torn, run.through) {
+            )),
+        Finding::of(run.finite && run.through.is_some()).says(match (run.torn, run.through) {
                 (Some(torn), Some(through)) => format!(
                     "the balloon pushes through: first tear at {torn:.2} s, through at {through:.2} s, {gone} \
                      triangles gone, the rest stays finite"
@@ -280,19 +263,9 @@ pub(super) fn figure(quick: bool) -> Result<Figure, BenchError> {
                 _ => {
                     format!("the balloon does not come through in {LAST} s ({gone} triangles gone)")
                 }
-            },
-        },
+            }),
     ];
-    let mut table =
-        Table::new("f-ventricle", "Ventricle floor", &["quantity", "value"]).note(format!(
-            "times with removal of torn triangles, one thread{}",
-            if cfg!(debug_assertions) {
-                "; NO RELEASE BUILD, so the rates mean little"
-            } else {
-                ""
-            }
-        ));
-    let rows: [(&str, f64); 8] = [
+    let mut rows = vec![
         ("frames per second, median", median),
         ("frames per second, 95 % of frames", slow),
         ("frames per second, worst frame", worst),
@@ -302,34 +275,28 @@ pub(super) fn figure(quick: bool) -> Result<Figure, BenchError> {
         ("largest height, mm", 1e3 * run.frames.iter().map(|f| f.height).fold(0.0, f64::max)),
         ("triangles torn", gone as f64),
     ];
-    for (name, value) in rows {
-        table.row(vec![name.into(), value.into()]);
-    }
-    if let Some(check) = check {
-        let name = "fine run against one of half its step, %";
-        table.row(vec![name.into(), check.into()]);
-    }
-    let mut numbers = Table::new(
-        "f-ventricle-frames",
-        "Frames",
-        &["time s", "wall time ms", "triangles removed", "height mm", "residual"],
+    rows.extend(check.map(|check| ("fine run against one of half its step, %", check)));
+    let build =
+        if cfg!(debug_assertions) { "; NO RELEASE BUILD, so the rates mean little" } else { "" };
+    let table = table_of!("f-ventricle", "Ventricle floor"; for (name, value) in rows;
+        "quantity" => name, "value" => value,
+    )
+    .note(format!("times with removal of torn triangles, one thread{build}"));
+    let numbers = table_of!("f-ventricle-frames", "Frames"; for f in &run.frames;
+        "time s" => f.time, "wall time ms" => 1e3 * f.seconds, "triangles removed" => f.removed,
+        "height mm" => 1e3 * f.height, "residual" => f.residual,
     );
-    for f in &run.frames {
-        numbers.row(vec![
-            f.time.into(),
-            (1e3 * f.seconds).into(),
-            f.removed.into(),
-            (1e3 * f.height).into(),
-            f.residual.into(),
-        ]);
-    }
     let heights = run.frames.iter().map(|f| [f.time, 1e3 * f.height]).collect();
-    let series = [Series { name: "floor".into(), points: heights, hollow: false, colour: 0 }];
+    let series = [Series::new("floor", heights, 0)];
     let axes = ["time (s)", "largest height (mm)"];
-    let svg = lines("The ventricle floor under the balloon", axes, &series, Scales::Linear)?;
+    let chart = lines(
+        "f-ventricle",
+        "The ventricle floor under the balloon",
+        axes,
+        &series,
+        Scales::Linear,
+    )?;
     Ok(Figure {
-        letter: 'f',
-        title: "The ventricle floor (section 6)",
         setting: format!(
             "Disc of {RADIUS} m radius, {THICKNESS} m thick, {} Pa, nu {} (none of them printed), springs by the \
              F-norm, rim held, safe implicit Euler of {STEP} s. The balloon is a follower pressure on a patch that \
@@ -344,7 +311,7 @@ pub(super) fn figure(quick: bool) -> Result<Figure, BenchError> {
         findings,
         tables: vec![table],
         numbers: vec![numbers],
-        charts: vec![Chart { name: "f-ventricle".into(), svg }],
+        charts: vec![chart],
     })
 }
 

@@ -1,16 +1,15 @@
 //! Bourguignon & Cani 2000, figures 3 and 5: what keeps the volume of a body on a table, and what a
 //! cantilever needs.
 
-use super::paper_c::{equilibrium, settle, world};
-use super::{Figure, Finding};
+use super::frame::{clamp, equilibrium, settle, world};
 use crate::bench::error::BenchError;
 use crate::bench::plot::{Scales, Series, lines};
-use crate::bench::report::Chart;
-use crate::bench::table::Table;
+use crate::report::{Figure, Finding};
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::axes::description::{AxesDescription, AxisForm};
 use sinew::prelude::*;
+use sinew_tune::table_of;
 
 /// Side of the cube (m) and cells along it: the numbers of masses and tetrahedra of the paper's table 1.
 const SIDE: f64 = 0.1;
@@ -74,7 +73,8 @@ fn tetrahedra() -> Result<Mesh, BenchError> {
 fn on_table(body: Body, mesh: &Mesh, steps: usize) -> Result<(Vec<f64>, usize), BenchError> {
     let (model, axes) = body.axes()?;
     let solver = SolverSettings { mass_damping: DAMPING, ..SolverSettings::default() };
-    let (mut simulation, handle) = world(mesh, MATERIAL, model, axes, solver)?;
+    let description = BodyDescription::new("block", mesh, MATERIAL);
+    let (mut simulation, handle) = world(&BodyDescription { model, axes, ..description }, solver)?;
     simulation.set_gravity(GRAVITY);
     simulation.set_dt(STEP);
     let floor = simulation.group_rows(handle, mesh, "z0")?;
@@ -102,9 +102,10 @@ const STIFF: YoungPoisson =
 /// Sag (m) of the tip of a cantilever under its weight.
 fn cantilever(model: Model, axes: Option<AxesDescription>) -> Result<f64, BenchError> {
     let mesh = irregular_box_tets(DVec3::new(LENGTH, THICKNESS, THICKNESS), [12, 3, 3], 0.15, 0)?;
-    let (mut simulation, body) = world(&mesh, STIFF, model, axes, equilibrium())?;
-    let rows = simulation.group_rows(body, &mesh, "x0")?;
-    simulation.add_constraint(Constraint::hold("clamp", rows));
+    let description = BodyDescription::new("block", &mesh, STIFF);
+    let description = BodyDescription { model, axes, ..description };
+    let (mut simulation, body) = world(&description, equilibrium())?;
+    clamp(&mut simulation, body, &mesh, "x0")?;
     for part in 1..=4 {
         simulation.set_gravity(GRAVITY * (f64::from(part) / 4.0));
         settle(&mut simulation, 1, "cantilever")?;
@@ -121,122 +122,116 @@ fn largest(ratios: &[f64]) -> f64 {
     ratios.iter().map(|r| (r - 1.0).abs()).fold(0.0, f64::max)
 }
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
-    let steps = (SECONDS / STEP).round() as usize;
-    let mut table = Table::new(
-        "c-volume",
-        "Volume on a table under gravity",
-        &["body", "mesh", "largest change %", "at the end %", "halted steps"],
-    );
-    let mut row = |body: Body, mesh: &str, (ratios, halted): &(Vec<f64>, usize)| {
-        let (change, last) = (largest(ratios), ratios.last().map(|r| 100.0 * (r - 1.0)));
-        table.row(vec![
-            body.name().into(),
-            mesh.into(),
-            (100.0 * change).into(),
-            last.into(),
-            (*halted).into(),
-        ]);
-        change
+/// A body on the table.
+struct OnTable {
+    body: Body,
+    mesh: &'static str,
+    ratios: Vec<f64>,
+    halted: usize,
+}
+
+impl OnTable {
+    /// Largest change of volume (%).
+    fn change(&self) -> f64 {
+        100.0 * largest(&self.ratios)
+    }
+}
+
+/// All bodies on a mesh.
+fn on_tables(mesh: &Mesh, name: &'static str, steps: usize) -> Result<Vec<OnTable>, BenchError> {
+    let one = |body| {
+        let (ratios, halted) = on_table(body, mesh, steps)?;
+        Ok(OnTable { body, mesh: name, ratios, halted })
     };
-    let mesh = tetrahedra()?;
-    let (mut series, mut changes) = (Vec::new(), Vec::new());
-    for (colour, body) in Body::ALL.into_iter().enumerate() {
-        let run = on_table(body, &mesh, steps)?;
-        changes.push(row(body, "tetrahedra", &run));
-        let points = run.0.iter().enumerate().map(|(i, r)| [STEP * i as f64, 100.0 * r]).collect();
-        series.push(Series { name: body.name().into(), points, hollow: false, colour });
-    }
-    let mesh = box_hexahedra(DVec3::splat(SIDE), CELLS)?;
-    let (mut in_hexahedra, mut halted) = (Vec::new(), 0);
-    for body in Body::ALL {
-        let run = on_table(body, &mesh, steps)?;
-        in_hexahedra.push(row(body, "hexahedra", &run));
-        halted += if body == Body::Printed { run.1 } else { 0 };
-    }
-    let [without, springs, printed, balanced, exact] =
-        [0, 1, 2, 3, 4].map(|i| changes.get(i).copied().unwrap_or(f64::NAN));
-    let mut findings = vec![Finding {
-        agrees: without > springs && springs > printed,
-        text: format!(
-            "without springs of volume axes lose most ({:.2} %), plain springs less ({:.2} %), with printed springs \
-             of volume least ({:.2} %); springs on the edges of tetrahedra that are fitted to a material are \
-             stiffer than it, so that little moves them; the paper does not print its constants",
-            100.0 * without,
-            100.0 * springs,
-            100.0 * printed
-        ),
-    }];
-    let [radial, exact_there] = [3, 4].map(|i| in_hexahedra.get(i).copied().unwrap_or(f64::NAN));
+    Body::ALL.into_iter().map(one).collect()
+}
+
+fn findings_on_table(tetrahedra: &[OnTable], hexahedra: &[OnTable], steps: usize) -> Vec<Finding> {
+    let of = |runs: &[OnTable], body: Body| {
+        runs.iter().find(|r| r.body == body).map_or(f64::NAN, OnTable::change)
+    };
+    let [without, springs, printed, balanced, exact] = Body::ALL.map(|body| of(tetrahedra, body));
+    let [radial, exact_there] = [Body::Balanced, Body::True].map(|body| of(hexahedra, body));
+    let mut findings = vec![Finding::of(without > springs && springs > printed).says(format!(
+        "without springs of volume axes lose most ({without:.2} %), plain springs less ({springs:.2} %), with printed \
+         springs of volume least ({printed:.2} %); springs on the edges of tetrahedra that are fitted to a material are \
+         stiffer than it, so that little moves them; the paper does not print its constants"
+    ))];
+    let allowed = 100.0 * PRINTED;
     for (name, change) in [
         ("printed springs of volume", printed),
         ("printed springs of volume, balanced, in hexahedra", radial),
         ("(J-1)^2", exact),
         ("(J-1)^2 in hexahedra", exact_there),
     ] {
-        findings.push(Finding {
-            agrees: change < PRINTED,
-            text: format!(
-                "with {name} the volume changes by {:.2} % at most, {:.1} % in the paper{}",
-                100.0 * change,
-                100.0 * PRINTED,
-                if change < PRINTED || !name.starts_with("printed") {
-                    ""
-                } else {
-                    "; radii are no measure of volume"
-                }
-            ),
-        });
+        let radii = change >= allowed && name.starts_with("printed");
+        let remark = if radii { "; radii are no measure of volume" } else { "" };
+        findings.push(Finding::of(change < allowed).says(format!(
+            "with {name} the volume changes by {change:.2} % at most, {allowed:.1} % in the paper{remark}"
+        )));
     }
-    findings.push(Finding {
-        agrees: halted == 0,
-        text: format!(
-            "as printed, the springs of volume of hexahedra push them about and have no energy: the implicit \
-             integrator halted the body in {halted} of {steps} steps, so that its volume says nothing"
-        ),
-    });
-    findings.push(Finding {
-        agrees: (balanced / printed - 1.0).abs() < 0.5,
-        text: format!(
-            "taking the mean force out of the printed springs, which then have an energy, changes little: {:.2} % \
-             beside {:.2} %",
-            100.0 * balanced,
-            100.0 * printed
-        ),
-    });
-    let axes = AxesDescription::isotropic(STIFF.lame()?);
-    let [material, axial, edges] = [
-        cantilever(Model::StVK, None)?,
-        cantilever(Model::Axes, Some(axes))?,
-        cantilever(Model::MassSpring, None)?,
-    ];
-    let mut sags =
-        Table::new("c-cantilever", "Sag of a cantilever", &["body", "sag mm", "over StVK"]);
-    for (name, sag) in [("StVK", material), ("axes", axial), ("mass-spring", edges)] {
-        sags.row(vec![name.into(), (1e3 * sag).into(), (sag / material).into()]);
-    }
-    findings.push(Finding {
-        agrees: (axial / material - 1.0).abs() < 0.05,
-        text: format!(
+    let halted = hexahedra.iter().find(|r| r.body == Body::Printed).map_or(0, |r| r.halted);
+    findings.push(Finding::of(halted == 0).says(format!(
+        "as printed, the springs of volume of hexahedra push them about and have no energy: the implicit \
+         integrator halted the body in {halted} of {steps} steps, so that its volume says nothing"
+    )));
+    findings.push(Finding::of((balanced / printed - 1.0).abs() < 0.5).says(format!(
+        "taking the mean force out of the printed springs, which then have an energy, changes little: \
+         {balanced:.2} % beside {printed:.2} %"
+    )));
+    findings
+}
+
+fn findings_on_sags([material, axes, edges]: [f64; 3]) -> [Finding; 2] {
+    [
+        Finding::of((axes / material - 1.0).abs() < 0.05).says(format!(
             "axes bear a cantilever: its tip sags by {:.1} mm, that of the material by {:.1} mm",
-            1e3 * axial,
+            1e3 * axes,
             1e3 * material
-        ),
-    });
-    findings.push(Finding {
-        agrees: edges > 2.0 * material,
-        text: format!(
+        )),
+        Finding::of(edges > 2.0 * material).says(format!(
             "plain springs do not bear it as the material does: their tip sags by {:.1} mm, {:.1} times as far; \
              those here are fitted to the material, the paper does not print its constants",
             1e3 * edges,
             edges / material
-        ),
-    });
-    let title = "Volume on a table";
-    let svg = lines(title, ["time (s)", "volume (% of that at rest)"], &series, Scales::Linear)?;
+        )),
+    ]
+}
+
+pub(super) fn figure() -> Result<Figure, BenchError> {
+    let steps = (SECONDS / STEP).round() as usize;
+    let in_tetrahedra = on_tables(&tetrahedra()?, "tetrahedra", steps)?;
+    let cube = box_hexahedra(DVec3::splat(SIDE), CELLS)?;
+    let in_hexahedra = on_tables(&cube, "hexahedra", steps)?;
+    let title = "Volume on a table under gravity";
+    let table = table_of!("c-volume", title; for r in in_tetrahedra.iter().chain(&in_hexahedra);
+        "body" => r.body.name(), "mesh" => r.mesh, "largest change %" => r.change(),
+        "at the end %" => r.ratios.last().map(|r| 100.0 * (r - 1.0)), "halted steps" => r.halted,
+    );
+    let series: Vec<Series> = in_tetrahedra
+        .iter()
+        .enumerate()
+        .map(|(colour, run)| {
+            let ratios = run.ratios.iter().enumerate();
+            let points = ratios.map(|(i, r)| [STEP * i as f64, 100.0 * r]).collect();
+            Series::new(run.body.name(), points, colour)
+        })
+        .collect();
+    let axes = AxesDescription::isotropic(STIFF.lame()?);
+    let sags = [
+        cantilever(Model::StVK, None)?,
+        cantilever(Model::Axes, Some(axes))?,
+        cantilever(Model::MassSpring, None)?,
+    ];
+    let names = ["StVK", "axes", "mass-spring"].into_iter();
+    let cantilevers = table_of!("c-cantilever", "Sag of a cantilever"; for (name, sag) in names.zip(sags);
+        "body" => name, "sag mm" => 1e3 * sag, "over StVK" => sag / sags[0],
+    );
+    let mut findings = findings_on_table(&in_tetrahedra, &in_hexahedra, steps);
+    findings.extend(findings_on_sags(sags));
+    let axes = ["time (s)", "volume (% of that at rest)"];
+    let chart = lines("c-volume", "Volume on a table", axes, &series, Scales::Linear)?;
     Ok(Figure {
-        letter: 'c',
-        title: "Volume on a table, and a cantilever",
         setting: format!(
             "A cube of {SIDE} m in 750 irregular tetrahedra (804 in the paper) or 125 hexahedra (as there) is let go under gravity on a table \
              without friction; E = {} Pa, nu = {}, step {STEP} s, damping {DAMPING} 1/s, default integrator. Axes \
@@ -248,9 +243,9 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
             STIFF.poisson_ratio
         ),
         findings,
-        tables: vec![table, sags],
-        numbers: Vec::new(),
-        charts: vec![Chart { name: "c-volume".into(), svg }],
+        tables: vec![table, cantilevers],
+        charts: vec![chart],
+        ..Figure::default()
     })
 }
 

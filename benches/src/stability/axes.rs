@@ -1,7 +1,7 @@
 //! Group 10: axes, the stiffest a hundred times as stiff as the others, with and without a material beside
 //! them; steps beyond the limit of explicit integrators; momenta of an element by itself.
 
-use super::runner::{Case, Outcome, Problem, Random, Run, Scope, Setting, tissue};
+use super::runner::{Cases, GRAVITY, Outcome, Problem, Random, Run, Scope, Setting, tissue};
 use super::spin::momenta;
 use super::{Check, Part};
 use glam::DVec3;
@@ -32,35 +32,22 @@ const CELLS: [usize; 3] = [6, 3, 3];
 /// Moduli (Pa) of the soft axes and of angles, and of the stiff one beside the former.
 const SOFT: f64 = 1e4;
 const CONTRAST: f64 = 100.0;
-const GRAVITY: DVec3 = DVec3::new(0.0, 0.0, -9.81);
 
-pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+pub(super) fn cases() -> Result<Cases, MeshError> {
     let mesh = Arc::new(jitter_interior(&box_tets(SIZE, CELLS)?, 0.15, 10)?);
-    let mut cases = Vec::new();
+    let mut cases = Cases::default();
     for (part, base) in [(BESIDE, true), (ALONE, false)] {
-        for slanted in [false, true] {
+        for (name, slanted) in [("straight", false), ("slanted", true)] {
             for dt in [1e-3, 1.0 / 60.0, 0.1] {
-                let mesh = Arc::clone(&mesh);
-                let name = if slanted { "slanted" } else { "straight" };
-                cases.push(Case {
-                    part,
-                    name: format!("{name}, h {dt:.4}"),
-                    quick: slanted && dt > 0.01,
-                    scope: Scope::Integrators,
-                    run: Box::new(move |setting| hang(setting, &mesh, base, slanted, dt)),
-                });
+                let (name, quick) = (format!("{name}, h {dt:.4}"), slanted && dt > 0.01);
+                let run = move |s: &Setting, mesh: &Mesh| hang(s, mesh, base, slanted, dt);
+                cases.within(Scope::Integrators, part, name, quick, &mesh, run);
             }
         }
     }
     for dt in [1e-5, 1e-4, 3e-4, 1e-3, 3e-3] {
-        let mesh = Arc::clone(&mesh);
-        cases.push(Case {
-            part: EXPLICIT,
-            name: format!("h {dt}"),
-            quick: dt >= 1e-3,
-            scope: Scope::Explicit,
-            run: Box::new(move |setting| limit(setting, &mesh, dt)),
-        });
+        let run = move |s: &Setting, mesh: &Mesh| limit(s, mesh, dt);
+        cases.within(Scope::Explicit, EXPLICIT, format!("h {dt}"), dt >= 1e-3, &mesh, run);
     }
     let points = [[0.0, 0.0, 0.0], [0.03, 0.002, 0.0], [0.005, 0.02, 0.001], [0.01, 0.004, 0.015]];
     let element = Arc::new(Mesh {
@@ -74,14 +61,8 @@ pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
         ("balanced volume springs, angles as printed", AxisForm::PrintedBalanced, Scope::Shown),
         ("as printed", AxisForm::Printed, Scope::Shown),
     ] {
-        let mesh = Arc::clone(&element);
-        cases.push(Case {
-            part: ISOLATED,
-            name: name.into(),
-            quick: true,
-            scope,
-            run: Box::new(move |setting| isolated(setting, &mesh, form)),
-        });
+        let run = move |s: &Setting, mesh: &Mesh| isolated(s, mesh, form);
+        cases.within(scope, ISOLATED, name.into(), true, &element, run);
     }
     Ok(cases)
 }
@@ -126,7 +107,7 @@ fn hang(setting: &Setting, mesh: &Mesh, base: bool, slanted: bool, dt: f64) -> O
     run.simulation.set_gravity(GRAVITY);
     run.open_books();
     run.seconds(dt, 1.0)?;
-    let weight = run.simulation.masses(run.body).iter().sum::<f64>() * GRAVITY.length();
+    let weight = run.mass() * GRAVITY.length();
     let (scale, inverted) = (run.largest + weight * SIZE.x, run.figures.most_inverted);
     let checks = base.then(|| Check::none("most inverted in a step", inverted));
     Ok(run.finish(scale, checks))
@@ -154,7 +135,7 @@ fn limit(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
     run.simulation.set_gravity(GRAVITY);
     run.open_books();
     run.seconds(dt, 300.0 * dt.min(1e-3))?;
-    let weight = run.simulation.masses(run.body).iter().sum::<f64>() * GRAVITY.length();
+    let weight = run.mass() * GRAVITY.length();
     let scale = run.largest + weight * SIZE.x;
     let checks = [
         Check::holds("refused beyond the limit, taken below", right),
@@ -196,7 +177,7 @@ fn isolated(setting: &Setting, mesh: &Mesh, form: AxisForm) -> Outcome {
         linear = linear.max(now.linear.distance(start.linear) / start.size);
         angular = angular.max(now.angular.distance(start.angular) / size);
     }
-    let limit = if setting.precision == Precision::F64 { 1e-10 } else { 1e-4 };
+    let limit = setting.pick(1e-10, 1e-4);
     let checks = [
         Check::at_most("drift of momentum", linear, limit),
         Check::at_most("drift of angular momentum", angular, limit),

@@ -1,8 +1,7 @@
 //! Group 1: cantilevers over a grid of steps and materials, and explicit steps beyond their limit.
 
-use super::Check;
-use super::Part;
-use super::runner::{Case, Outcome, Problem, Run, Scope, Setting, tissue};
+use super::runner::{Cases, GRAVITY, Outcome, Problem, Run, Scope, Setting, tissue};
+use super::{Check, Part};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
@@ -22,33 +21,22 @@ const LIMITS: Part = Part {
 const LENGTH: f64 = 0.3;
 const STEPS: u64 = 30;
 
-pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+pub(super) fn cases() -> Result<Cases, MeshError> {
     let size = DVec3::new(LENGTH, 0.075, 0.075);
     let mesh = Arc::new(jitter_interior(&box_tets(size, [12, 3, 3])?, 0.15, 1)?);
-    let mut cases = Vec::new();
+    let mut cases = Cases::default();
     for dt in [1e-4, 1e-3, 1e-2, 1.0 / 30.0, 0.1] {
         for young in [1e3, 1e4, 1e5, 1e6, 1e7] {
             for nu in [0.0, 0.3, 0.45, 0.49, 0.499] {
                 let quick = [1e-4, 1e-2, 0.1].contains(&dt)
                     && [1e3, 1e5, 1e7].contains(&young)
                     && [0.0, 0.45, 0.499].contains(&nu);
-                let of = Arc::clone(&mesh);
-                cases.push(Case {
-                    part: GRID,
-                    name: format!("h {dt:.4} E {young:.0e} nu {nu}"),
-                    quick,
-                    scope: Scope::Every,
-                    run: Box::new(move |setting| swing(setting, &of, young, nu, dt)),
-                });
+                let name = format!("h {dt:.4} E {young:.0e} nu {nu}");
+                cases.add(GRID, name, quick, &mesh, move |s, mesh| swing(s, mesh, young, nu, dt));
                 if dt == 0.1 && [1e3, 1e7].contains(&young) && [0.0, 0.499].contains(&nu) {
-                    let of = Arc::clone(&mesh);
-                    cases.push(Case {
-                        part: LIMITS,
-                        name: format!("E {young:.0e} nu {nu}"),
-                        quick: young == 1e3,
-                        scope: Scope::Explicit,
-                        run: Box::new(move |setting| limit(setting, &of, young, nu)),
-                    });
+                    let (name, quick) = (format!("E {young:.0e} nu {nu}"), young == 1e3);
+                    let run = move |s: &Setting, mesh: &Mesh| limit(s, mesh, young, nu);
+                    cases.within(Scope::Explicit, LIMITS, name, quick, &mesh, run);
                 }
             }
         }
@@ -58,7 +46,7 @@ pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
 
 fn hanging<'a>(setting: &Setting, mesh: &'a Mesh, young: f64, nu: f64) -> Result<Run<'a>, Problem> {
     let mut run = Run::new(setting, mesh, tissue(young, nu))?;
-    run.simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
+    run.simulation.set_gravity(GRAVITY);
     run.clamp("x0")?;
     Ok(run)
 }
@@ -66,7 +54,7 @@ fn hanging<'a>(setting: &Setting, mesh: &'a Mesh, young: f64, nu: f64) -> Result
 fn swing(setting: &Setting, mesh: &Mesh, young: f64, nu: f64, dt: f64) -> Outcome {
     let mut run = hanging(setting, mesh, young, nu)?;
     run.simulation.set_dt(dt);
-    let mass: f64 = run.simulation.masses(run.body).iter().sum();
+    let mass = run.mass();
     run.steps(STEPS)?;
     // the compression term gives way above a nominal stress of 2 (lambda + mu)
     let lame = tissue(young, nu).lame()?;
@@ -80,7 +68,7 @@ fn swing(setting: &Setting, mesh: &Mesh, young: f64, nu: f64, dt: f64) -> Outcom
 /// Steps from a tenth to ten thousand times the limit, with one substep allowed.
 fn limit(setting: &Setting, mesh: &Mesh, young: f64, nu: f64) -> Outcome {
     let mut run = hanging(setting, mesh, young, nu)?;
-    let mass: f64 = run.simulation.masses(run.body).iter().sum();
+    let mass = run.mass();
     run.simulation.set_dt(1e-6);
     run.step()?;
     let stable = run.simulation.stable_step();

@@ -1,6 +1,6 @@
 //! Group 3: free cubes that start flat, folded, mirrored, collapsed or at random.
 
-use super::runner::{Case, DAMPING, Outcome, Random, Run, Scope, Setting, nearest, tissue};
+use super::runner::{Cases, Outcome, Random, Run, Setting, nearest};
 use super::{Check, Part};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
@@ -26,24 +26,22 @@ const EQUAL: Part = Part {
 const CELL: f64 = 0.02;
 const STEPS: u64 = 180;
 
-pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
-    let mut cases = Vec::new();
+pub(super) fn cases() -> Result<Cases, MeshError> {
+    let mut cases = Cases::default();
     for cells in [3, 5] {
         let size = cells as f64 * CELL;
         let mesh = Arc::new(jitter_interior(&box_tets(DVec3::splat(size), [cells; 3])?, 0.15, 3)?);
         for (part, name, start) in starts(&mesh.points, size) {
             let start = Arc::new(start);
+            let first_seed = name.ends_with('0') || part != DISORDERED;
             for nu in [0.3, 0.45] {
                 for dt in [1.0 / 60.0, 0.1] {
-                    let (mesh, start) = (Arc::clone(&mesh), Arc::clone(&start));
-                    let first_seed = name.ends_with('0') || part != DISORDERED;
-                    cases.push(Case {
-                        part,
-                        name: format!("{name} {cells}^3 nu {nu} h {dt:.4}"),
-                        quick: cells == 3 && dt < 0.1 && first_seed,
-                        scope: Scope::Every,
-                        run: Box::new(move |setting| recover(setting, part, &mesh, &start, nu, dt)),
-                    });
+                    let start = Arc::clone(&start);
+                    let name = format!("{name} {cells}^3 nu {nu} h {dt:.4}");
+                    let quick = cells == 3 && dt < 0.1 && first_seed;
+                    let run =
+                        move |s: &Setting, mesh: &Mesh| recover(s, part, mesh, &start, nu, dt);
+                    cases.add(part, name, quick, &mesh, run);
                 }
             }
         }
@@ -94,11 +92,10 @@ fn recover(
     nu: f64,
     dt: f64,
 ) -> Outcome {
-    let mut run = Run::new(setting, mesh, tissue(1e4, nu))?;
-    run.solver(|s| s.mass_damping = DAMPING);
+    let mut run = Run::damped(setting, mesh, nu)?;
     run.simulation.set_dt(dt);
     let u: Vec<DVec3> = start.iter().zip(&mesh.points).map(|(y, x)| *y - *x).collect();
-    run.place(&u, &vec![DVec3::ZERO; u.len()])?;
+    run.place_still(&u)?;
     let energy = run.energy();
     run.steps(STEPS)?;
     let tets = mesh.tetrahedra.len() as f64;

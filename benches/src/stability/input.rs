@@ -1,7 +1,7 @@
 //! Group 11: bad input gives a typed error that names the entity before the first step, and leaves the
 //! state as it was; extreme but valid input gives bounded results.
 
-use super::runner::{Case, Outcome, Problem, Run, Scope, Setting, tissue};
+use super::runner::{Cases, GRAVITY, Outcome, Problem, Run, Scope, Setting, tissue};
 use super::{Check, Figures, Part};
 use glam::DVec3;
 use sinew::engine::mesh::check::{FindingCode, Severity};
@@ -24,7 +24,7 @@ const EXTREME: Part = Part {
 };
 const SIZE: DVec3 = DVec3::new(0.2, 0.05, 0.05);
 
-pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+pub(super) fn cases() -> Result<Cases, MeshError> {
     let mesh = Arc::new(jitter_interior(&box_tets(SIZE, [6, 2, 2])?, 0.15, 11)?);
     type Body = fn(&Setting, &Mesh) -> Outcome;
     let table: [(Part, &str, Body); 14] = [
@@ -43,46 +43,39 @@ pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
         (EXTREME, "1e6 and 1e9 m from the origin", far),
         (EXTREME, "gravity of 1e6 m/s^2", heavy),
     ];
-    let case = |(part, name, body): (Part, &str, Body)| {
-        let mesh = Arc::clone(&mesh);
-        Case {
-            part,
-            name: name.into(),
-            quick: true,
-            scope: Scope::Once,
-            run: Box::new(move |setting| body(setting, &mesh)),
-        }
-    };
-    Ok(table.into_iter().map(case).collect())
+    let mut cases = Cases::default();
+    for (part, name, body) in table {
+        cases.within(Scope::Once, part, name.into(), true, &mesh, body);
+    }
+    Ok(cases)
 }
 
 /// A sound body in motion, to which bad things are done.
 fn sound<'a>(setting: &Setting, mesh: &'a Mesh) -> Result<Run<'a>, Problem> {
     let mut run = Run::new(setting, mesh, tissue(2e4, 0.4))?;
-    run.simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
+    run.simulation.set_gravity(GRAVITY);
     run.clamp("x0")?;
     run.steps(3)?;
     Ok(run)
 }
 
 /// Checks of one kind of bad input.
+#[derive(Default)]
 struct Refusals {
     checks: Vec<Check>,
 }
 
 impl Refusals {
-    fn new() -> Self {
-        Self { checks: Vec::new() }
+    /// What must be so.
+    fn holds(&mut self, what: &'static str, holds: bool) {
+        self.checks.push(Check::holds(what, holds));
     }
 
     /// The error must be of the right kind, its message hold these words, and the state be untouched.
     fn note(&mut self, right: bool, message: &str, words: &[&str], intact: bool) {
-        self.checks.push(Check::holds("typed error", right));
-        self.checks.push(Check::holds(
-            "names entity and remedy",
-            words.iter().all(|word| message.contains(word)),
-        ));
-        self.checks.push(Check::holds("state intact", intact));
+        self.holds("typed error", right);
+        self.holds("names entity and remedy", words.iter().all(|word| message.contains(word)));
+        self.holds("state intact", intact);
     }
 
     /// A bad body added to a running world, which must go on.
@@ -142,7 +135,7 @@ impl Refusals {
 const NOT_FINITE: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 
 fn rest_positions(setting: &Setting, mesh: &Mesh) -> Outcome {
-    let mut refusals = Refusals::new();
+    let mut refusals = Refusals::default();
     for bad in NOT_FINITE {
         for axis in 0..3 {
             let mut spoilt = mesh.clone();
@@ -155,14 +148,14 @@ fn rest_positions(setting: &Setting, mesh: &Mesh) -> Outcome {
                 let finding = e.report.finding(FindingCode::NonFiniteCoordinate);
                 finding.is_some_and(|f| f.entity.contains("vertex 3"))
             });
-            refusals.checks.push(Check::holds("mesh check names the vertex", named));
+            refusals.holds("mesh check names the vertex", named);
         }
     }
     refusals.outcome()
 }
 
 fn states(setting: &Setting, mesh: &Mesh) -> Outcome {
-    let mut refusals = Refusals::new();
+    let mut refusals = Refusals::default();
     for bad in NOT_FINITE {
         for velocity in [false, true] {
             let mut run = sound(setting, mesh)?;
@@ -191,7 +184,7 @@ fn materials(
     spoil: fn(&mut YoungPoisson, f64),
     words: &[&str],
 ) -> Outcome {
-    let mut refusals = Refusals::new();
+    let mut refusals = Refusals::default();
     for &value in bad {
         let mut material = tissue(1e4, 0.3);
         spoil(&mut material, value);
@@ -217,7 +210,7 @@ fn densities(setting: &Setting, mesh: &Mesh) -> Outcome {
 }
 
 fn steps(setting: &Setting, mesh: &Mesh) -> Outcome {
-    let mut refusals = Refusals::new();
+    let mut refusals = Refusals::default();
     for dt in [0.0, -0.01].into_iter().chain(NOT_FINITE) {
         let kind = |e: &StepError| matches!(e, StepError::InvalidStep { .. });
         refusals.step(setting, mesh, |s| s.set_dt(dt), kind, &["step length dt", "positive"])?;
@@ -226,7 +219,7 @@ fn steps(setting: &Setting, mesh: &Mesh) -> Outcome {
 }
 
 fn gravities(setting: &Setting, mesh: &Mesh) -> Outcome {
-    let mut refusals = Refusals::new();
+    let mut refusals = Refusals::default();
     for bad in NOT_FINITE {
         for axis in DVec3::AXES {
             let gravity = DVec3::select(axis.cmpgt(DVec3::ZERO), DVec3::splat(bad), DVec3::ZERO);
@@ -239,7 +232,7 @@ fn gravities(setting: &Setting, mesh: &Mesh) -> Outcome {
 }
 
 fn flat_by_index(setting: &Setting, mesh: &Mesh) -> Outcome {
-    let mut refusals = Refusals::new();
+    let mut refusals = Refusals::default();
     let [a, b, c, d] = mesh.tetrahedra[17];
     let mut same_place = mesh.clone();
     same_place.points[b as usize] = same_place.points[a as usize];
@@ -263,27 +256,27 @@ fn leaf(height: f64) -> Mesh {
 }
 
 fn flat(setting: &Setting, mesh: &Mesh) -> Outcome {
-    let mut refusals = Refusals::new();
+    let mut refusals = Refusals::default();
     for height in [0.0, 1e-13] {
         let kind = |e: &BodyError| matches!(e, BodyError::Tetrahedron { tetrahedron: 0, .. });
         let words = ["tetrahedron 0", "flat"];
         refusals.body(setting, mesh, &leaf(height), tissue(1e4, 0.3), kind, &words)?;
         let error = check(&leaf(height), &CheckOptions::default()).err();
         let named = error.is_some_and(|e| e.report.finding(FindingCode::ZeroVolume).is_some());
-        refusals.checks.push(Check::holds("mesh check calls it flat", named));
+        refusals.holds("mesh check calls it flat", named);
     }
     // a sliver above the limit is a body, with a warning
     let report = check(&leaf(1e-7), &CheckOptions::default())?.report;
     let finding = report.finding(FindingCode::Sliver);
     let warned = finding.is_some_and(|f| f.severity == Severity::Warning);
-    refusals.checks.push(Check::holds("mesh check warns of a sliver", warned));
+    refusals.holds("mesh check warns of a sliver", warned);
     let sliver = leaf(1e-7);
     Run::new(setting, &sliver, tissue(1e4, 0.3))?;
     refusals.outcome()
 }
 
 fn inverted(setting: &Setting, mesh: &Mesh) -> Outcome {
-    let mut refusals = Refusals::new();
+    let mut refusals = Refusals::default();
     let mut spoilt = mesh.clone();
     spoilt.tetrahedra[17].swap(0, 1);
     let kind = |e: &BodyError| matches!(e, BodyError::Tetrahedron { tetrahedron: 17, .. });
@@ -292,16 +285,16 @@ fn inverted(setting: &Setting, mesh: &Mesh) -> Outcome {
     let checked = check(&spoilt, &CheckOptions::default())?;
     let reported =
         checked.report.finding(FindingCode::InvertedWinding).is_some_and(|f| f.count == 1);
-    refusals.checks.push(Check::holds("mesh check reports it", reported));
+    refusals.holds("mesh check reports it", reported);
     let volume = checked.mesh.signed_volume(checked.mesh.tetrahedra[17]);
-    refusals.checks.push(Check::holds("mesh check mends it", volume.is_some_and(|v| v > 0.0)));
+    refusals.holds("mesh check mends it", volume.is_some_and(|v| v > 0.0));
     let strict = CheckOptions { strict: true, ..CheckOptions::default() };
-    refusals.checks.push(Check::holds("an error in strict mode", check(&spoilt, &strict).is_err()));
+    refusals.holds("an error in strict mode", check(&spoilt, &strict).is_err());
     refusals.outcome()
 }
 
 fn duplicates(_: &Setting, mesh: &Mesh) -> Outcome {
-    let mut refusals = Refusals::new();
+    let mut refusals = Refusals::default();
     let mut twice = mesh.clone();
     twice.tetrahedra.push(mesh.tetrahedra[5]);
     // a third tetrahedron on a face that has two already
@@ -321,7 +314,7 @@ fn duplicates(_: &Setting, mesh: &Mesh) -> Outcome {
         let named = report.finding(code).is_some_and(|f| {
             f.severity >= Severity::Warning && f.count >= 1 && !f.entity.is_empty()
         });
-        refusals.checks.push(Check::holds("mesh check names and counts them", named));
+        refusals.holds("mesh check names and counts them", named);
     }
     refusals.outcome()
 }
@@ -339,24 +332,24 @@ fn interior_face(mesh: &Mesh) -> Option<[u32; 3]> {
 }
 
 fn unused(setting: &Setting, mesh: &Mesh) -> Outcome {
-    let mut refusals = Refusals::new();
+    let mut refusals = Refusals::default();
     let mut more = mesh.clone();
     more.points.extend([DVec3::ONE, DVec3::ZERO]);
     let report = check(&more, &CheckOptions::default())?.report;
     let counted = report.finding(FindingCode::UnusedVertices).is_some_and(|f| f.count == 2);
-    refusals.checks.push(Check::holds("mesh check counts them", counted));
+    refusals.holds("mesh check counts them", counted);
     let mut run = sound(setting, &more)?;
     let without = sound(setting, mesh)?.simulation.displacements(run.body);
     let with = run.simulation.displacements(run.body);
     let same = with[..without.len()] == without[..];
-    refusals.checks.push(Check::holds("the body moves as without them", same));
+    refusals.holds("the body moves as without them", same);
     let still = with[without.len()..].iter().all(|u| *u == DVec3::ZERO);
-    refusals.checks.push(Check::holds("they stay", still));
+    refusals.holds("they stay", still);
     let error = run.simulation.rows(run.body, "pin", &[more.points.len() as u32 - 1]).err();
     let message = error.map_or(String::new(), |e| e.to_string());
     let words = ["`pin`", "`body`"];
     let named = words.iter().all(|word| message.contains(word));
-    refusals.checks.push(Check::holds("cannot be held, with an error", named));
+    refusals.holds("cannot be held, with an error", named);
     run.step()?;
     refusals.outcome()
 }
@@ -367,7 +360,7 @@ fn far(setting: &Setting, mesh: &Mesh) -> Outcome {
         moved.points.iter_mut().for_each(|x| *x += DVec3::new(offset, -offset, offset));
         let mut run = Run::new(&Setting { precision, ..*setting }, &moved, tissue(2e4, 0.4))?;
         run.solver(|s| s.linear_tolerance = if precision == Precision::F64 { 1e-10 } else { 1e-6 });
-        run.simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
+        run.simulation.set_gravity(GRAVITY);
         run.clamp("x0")?;
         run.steps(20)?;
         Ok(run.simulation.displacements(run.body))
@@ -386,7 +379,7 @@ fn far(setting: &Setting, mesh: &Mesh) -> Outcome {
 fn heavy(setting: &Setting, mesh: &Mesh) -> Outcome {
     let mut run = sound(setting, mesh)?;
     run.simulation.set_gravity(DVec3::new(0.0, 0.0, -1e6));
-    let mass: f64 = run.simulation.masses(run.body).iter().sum();
+    let mass = run.mass();
     run.open_books();
     run.steps(50)?;
     let reported = run.figures.most_inverted as f64;

@@ -1,8 +1,9 @@
 //! Group 9: a sheet whose edges are brought together until it wrinkles, sheets collapsed to a point or a
 //! line, a sphere blown up to many times its size.
 
-use super::runner::{Case, Outcome, Problem, Random, Run, Scope, Setting, tissue};
+use super::runner::{Cases, Outcome, Problem, Random, Run, Scope, Setting, tissue};
 use super::{Check, Part};
+use crate::beam;
 use glam::{DVec2, DVec3};
 use sinew::engine::load::Pressure;
 use sinew::engine::mesh::generate::{sphere_triangles, triangle_grid};
@@ -30,43 +31,30 @@ const SIZE: f64 = 0.2;
 const THICKNESS: f64 = 0.001;
 const RADIUS: f64 = 0.1;
 
-pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+pub(super) fn cases() -> Result<Cases, MeshError> {
     let sheet = Arc::new(triangle_grid(DVec2::splat(SIZE), [10; 2])?);
     let sphere = Arc::new(sphere_triangles(RADIUS, 8)?);
-    let mut cases = Vec::new();
+    let mut cases = Cases::default();
     for model in [MembraneModel::Biquadratic, MembraneModel::CompressibleBiquadratic] {
+        let own = model.name();
         for dt in [1.0 / 60.0, 0.1] {
             for fraction in [0.1, 0.3, 0.6] {
-                let mesh = Arc::clone(&sheet);
-                cases.push(Case {
-                    part: WRINKLED,
-                    name: format!("{} {:.0} % h {dt:.4}", model.name(), 100.0 * fraction),
-                    quick: dt < 0.1 && fraction == 0.6,
-                    scope: Scope::Integrators,
-                    run: Box::new(move |setting| wrinkle(setting, &mesh, model, fraction, dt)),
-                });
+                let name = format!("{own} {:.0} % h {dt:.4}", 100.0 * fraction);
+                let quick = dt < 0.1 && fraction == 0.6;
+                let run = move |s: &Setting, mesh: &Mesh| wrinkle(s, mesh, model, fraction, dt);
+                cases.within(Scope::Integrators, WRINKLED, name, quick, &sheet, run);
             }
             for (name, line) in [("point", false), ("line", true)] {
-                let mesh = Arc::clone(&sheet);
-                cases.push(Case {
-                    part: COLLAPSED,
-                    name: format!("{} {name} h {dt:.4}", model.name()),
-                    quick: dt < 0.1 && model == MembraneModel::Biquadratic,
-                    scope: Scope::Integrators,
-                    run: Box::new(move |setting| collapse(setting, &mesh, model, line, dt)),
-                });
+                let name = format!("{own} {name} h {dt:.4}");
+                let quick = dt < 0.1 && model == MembraneModel::Biquadratic;
+                let run = move |s: &Setting, mesh: &Mesh| collapse(s, mesh, model, line, dt);
+                cases.within(Scope::Integrators, COLLAPSED, name, quick, &sheet, run);
             }
         }
     }
     for stretch in [1.2, 2.0, 4.0] {
-        let mesh = Arc::clone(&sphere);
-        cases.push(Case {
-            part: INFLATED,
-            name: format!("stretch {stretch}"),
-            quick: true,
-            scope: Scope::Once,
-            run: Box::new(move |setting| inflate(setting, &mesh, stretch)),
-        });
+        let run = move |s: &Setting, mesh: &Mesh| inflate(s, mesh, stretch);
+        cases.within(Scope::Once, INFLATED, format!("stretch {stretch}"), true, &sphere, run);
     }
     Ok(cases)
 }
@@ -74,10 +62,7 @@ pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
 fn sheet<'a>(setting: &Setting, mesh: &'a Mesh, model: MembraneModel) -> Result<Run<'a>, Problem> {
     let material = tissue(1e4, 0.3);
     let membrane = MembraneDescription::new(&mesh.triangles, THICKNESS, material);
-    let body = BodyDescription {
-        membrane: Some(MembraneDescription { model, ..membrane }),
-        ..BodyDescription::from_parts("sheet", &mesh.points, &[], material)
-    };
+    let body = beam::sheet("sheet", mesh, MembraneDescription { model, ..membrane });
     Run::of(setting, mesh, &body)
 }
 
@@ -85,8 +70,7 @@ fn sheet<'a>(setting: &Setting, mesh: &'a Mesh, model: MembraneModel) -> Result<
 fn start(run: &mut Run, mut u: Vec<DVec3>, noise: f64) -> Result<(), Problem> {
     let mut random = Random(0x5678_9abc_def1_2345);
     u.iter_mut().for_each(|u| *u += 2.0 * noise * (random.vector() - DVec3::splat(0.5)));
-    let still = vec![DVec3::ZERO; u.len()];
-    run.place(&u, &still)
+    run.place_still(&u)
 }
 
 /// Two opposite edges are brought together in half a second and held for another.
@@ -134,7 +118,7 @@ fn inflate(setting: &Setting, mesh: &Mesh, stretch: f64) -> Outcome {
     run.solver(|s| {
         s.integrator = Integrator::QuasiStatic;
         s.linear_tolerance = 1e-6;
-        s.newton_tolerance = if setting.precision == Precision::F64 { 1e-9 } else { 1e-6 };
+        s.newton_tolerance = setting.pick(1e-9, 1e-6);
     });
     run.simulation.set_dt(0.125);
     // vertices on the axes may move along them only: the sphere cannot move rigidly, but grow

@@ -274,14 +274,11 @@ impl SuiteOptions {
             columns.extend(models.map(|model| Column { model, ..default }));
             return columns;
         }
-        let integrators = match self.integrators.is_empty() {
-            true => vec![default.integrator],
-            false => self.integrators.clone(),
-        };
-        let models = match self.models.is_empty() {
-            true => vec![default.model],
-            false => self.models.clone(),
-        };
+        fn or<T: Copy>(named: &[T], default: T) -> Vec<T> {
+            if named.is_empty() { vec![default] } else { named.to_vec() }
+        }
+        let integrators = or(&self.integrators, default.integrator);
+        let models = or(&self.models, default.model);
         let pairs = integrators
             .iter()
             .flat_map(|&integrator| models.iter().map(move |&model| with(integrator, model)));
@@ -408,7 +405,7 @@ fn all_cases() -> Result<Vec<Case>, MeshError> {
         input::cases,
         overload::cases,
     ] {
-        cases.extend(build()?);
+        cases.extend(build()?.0);
     }
     Ok(cases)
 }

@@ -1,8 +1,6 @@
 //! Groups 6 and 7: bars twisted, stretched, teleported, and held and let go at every step.
 
-use super::runner::{
-    Case, DAMPING, Outcome, Problem, Random, Run, Scope, Setting, bend, nearest, tissue,
-};
+use super::runner::{Cases, Outcome, Random, Run, Setting, bend, nearest};
 use super::{Check, Part};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
@@ -30,49 +28,31 @@ const SIZE: DVec3 = DVec3::new(0.2, 0.04, 0.04);
 /// Steps (s) and for how long (s): the step changes on the way, two seconds together.
 const CHANGES: [(f64, f64); 4] = [(1.0 / 60.0, 0.7), (0.1, 0.6), (0.001, 0.1), (1.0 / 60.0, 0.6)];
 
-pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+pub(super) fn cases() -> Result<Cases, MeshError> {
     let mesh = Arc::new(jitter_interior(&box_tets(SIZE, [10, 2, 2])?, 0.15, 6)?);
-    let mut cases = Vec::new();
+    let mut cases = Cases::default();
     for nu in [0.3, 0.45] {
         let motions = [
             ("twist", Motion::Rotate { centre: 0.5 * SIZE, axis: DVec3::X, angle: 4.0 * TAU }),
             ("stretch", Motion::Translate(DVec3::X * 4.0 * SIZE.x)),
         ];
         for (name, motion) in motions {
-            let mesh = Arc::clone(&mesh);
-            cases.push(Case {
-                part: DRIVEN,
-                name: format!("{name} nu {nu}"),
-                quick: nu == 0.3,
-                scope: Scope::Every,
-                run: Box::new(move |setting| drive(setting, &mesh, &motion, nu)),
-            });
+            let (name, quick) = (format!("{name} nu {nu}"), nu == 0.3);
+            cases.add(DRIVEN, name, quick, &mesh, move |s, mesh| drive(s, mesh, &motion, nu));
         }
         for dt in [1.0 / 60.0, 0.1] {
-            let of = Arc::clone(&mesh);
-            cases.push(Case {
-                part: TELEPORT,
-                name: format!("one body length, nu {nu} h {dt:.4}"),
-                quick: nu == 0.3 && dt < 0.1,
-                scope: Scope::Every,
-                run: Box::new(move |setting| teleport(setting, &of, nu, dt)),
-            });
-            let of = Arc::clone(&mesh);
-            cases.push(Case {
-                part: TOGGLED,
-                name: format!("100 steps, nu {nu} h {dt:.4}"),
-                quick: nu == 0.3 && dt < 0.1,
-                scope: Scope::Every,
-                run: Box::new(move |setting| toggle(setting, &of, nu, dt)),
-            });
+            let quick = nu == 0.3 && dt < 0.1;
+            let name = format!("one body length, nu {nu} h {dt:.4}");
+            cases.add(TELEPORT, name, quick, &mesh, move |s, mesh| teleport(s, mesh, nu, dt));
+            let name = format!("100 steps, nu {nu} h {dt:.4}");
+            cases.add(TOGGLED, name, quick, &mesh, move |s, mesh| toggle(s, mesh, nu, dt));
         }
     }
     Ok(cases)
 }
 
 fn drive(setting: &Setting, mesh: &Mesh, motion: &Motion, nu: f64) -> Outcome {
-    let mut run = Run::new(setting, mesh, tissue(1e4, nu))?;
-    run.solver(|s| s.mass_damping = DAMPING);
+    let mut run = Run::damped(setting, mesh, nu)?;
     let held = run.clamp("x0")?;
     let rows = run.side("x1")?;
     let moving = Constraint::moving("x1", rows, motion.clone(), Curve::ramp(0.0, 2.0));
@@ -80,7 +60,7 @@ fn drive(setting: &Setting, mesh: &Mesh, motion: &Motion, nu: f64) -> Outcome {
     for (dt, seconds) in CHANGES {
         run.seconds(dt, seconds)?;
     }
-    let inverted = held_steps(&mut run)?;
+    let inverted = run.held_steps()?;
     for entity in [held, moving] {
         run.simulation.world_mut().despawn(entity);
     }
@@ -95,19 +75,8 @@ fn drive(setting: &Setting, mesh: &Mesh, motion: &Motion, nu: f64) -> Outcome {
     Ok(run.finish(scale, checks))
 }
 
-/// Ten steps on; most elements inverted after one of them.
-fn held_steps(run: &mut Run) -> Result<u64, Problem> {
-    let mut inverted = 0;
-    for _ in 0..10 {
-        run.step()?;
-        inverted = inverted.max(run.inverted());
-    }
-    Ok(inverted)
-}
-
 fn teleport(setting: &Setting, mesh: &Mesh, nu: f64, dt: f64) -> Outcome {
-    let mut run = Run::new(setting, mesh, tissue(1e4, nu))?;
-    run.solver(|s| s.mass_damping = DAMPING);
+    let mut run = Run::damped(setting, mesh, nu)?;
     run.clamp("x0")?;
     run.simulation.set_dt(dt);
     run.step()?;
@@ -117,7 +86,7 @@ fn teleport(setting: &Setting, mesh: &Mesh, nu: f64, dt: f64) -> Outcome {
     let jump = Constraint::moving("tip", rows, motion, Curve::Constant);
     let jump = run.simulation.add_constraint(jump);
     run.steps(10)?;
-    let inverted = held_steps(&mut run)?;
+    let inverted = run.held_steps()?;
     run.simulation.world_mut().despawn(jump);
     let scale = run.open_books();
     run.seconds(dt, 2.0)?;
@@ -129,13 +98,12 @@ fn teleport(setting: &Setting, mesh: &Mesh, nu: f64, dt: f64) -> Outcome {
 }
 
 fn toggle(setting: &Setting, mesh: &Mesh, nu: f64, dt: f64) -> Outcome {
-    let mut run = Run::new(setting, mesh, tissue(1e4, nu))?;
-    run.solver(|s| s.mass_damping = DAMPING);
+    let mut run = Run::damped(setting, mesh, nu)?;
     run.clamp("x0")?;
     run.simulation.set_dt(dt);
     // bent by a half turn
     let u = bend(mesh, 2.0 * SIZE.x / TAU);
-    run.place(&u, &vec![DVec3::ZERO; u.len()])?;
+    run.place_still(&u)?;
     let scale = run.energy();
     let mut random = Random(0x4567_89ab_cdef_1234);
     let vertices = mesh.points.len() as u32;

@@ -1,8 +1,7 @@
 //! Group 2: a cube crushed between its faces and let go.
 
-use super::Check;
-use super::Part;
-use super::runner::{Case, DAMPING, Outcome, Run, Scope, Setting, tissue};
+use super::runner::{Cases, Outcome, Run, Setting};
+use super::{Check, Part};
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
@@ -16,20 +15,16 @@ const PART: Part = Part {
 };
 const CELL: f64 = 0.02;
 
-pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+pub(super) fn cases() -> Result<Cases, MeshError> {
     let mesh = Arc::new(jitter_interior(&box_tets(DVec3::splat(4.0 * CELL), [4, 4, 4])?, 0.15, 2)?);
-    let mut cases = Vec::new();
+    let mut cases = Cases::default();
     for squeeze in [0.5, 0.8, 0.95] {
         for nu in [0.3, 0.45, 0.49] {
             for dt in [1.0 / 60.0, 0.1] {
-                let mesh = Arc::clone(&mesh);
-                cases.push(Case {
-                    part: PART,
-                    name: format!("{:.0} % nu {nu} h {dt:.4}", 100.0 * squeeze),
-                    quick: nu != 0.49 && squeeze != 0.8,
-                    scope: Scope::Every,
-                    run: Box::new(move |setting| crush(setting, &mesh, squeeze, nu, dt)),
-                });
+                let name = format!("{:.0} % nu {nu} h {dt:.4}", 100.0 * squeeze);
+                let quick = nu != 0.49 && squeeze != 0.8;
+                let run = move |s: &Setting, mesh: &Mesh| crush(s, mesh, squeeze, nu, dt);
+                cases.add(PART, name, quick, &mesh, run);
             }
         }
     }
@@ -37,8 +32,7 @@ pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
 }
 
 fn crush(setting: &Setting, mesh: &Mesh, squeeze: f64, nu: f64, dt: f64) -> Outcome {
-    let mut run = Run::new(setting, mesh, tissue(1e4, nu))?;
-    run.solver(|s| s.mass_damping = DAMPING);
+    let mut run = Run::damped(setting, mesh, nu)?;
     run.simulation.set_dt(dt);
     let ramp = (0.5 / dt).round() as u64;
     for (side, way) in [("x0", 2.0 * CELL), ("x1", -2.0 * CELL)] {
@@ -49,11 +43,7 @@ fn crush(setting: &Setting, mesh: &Mesh, squeeze: f64, nu: f64, dt: f64) -> Outc
         run.simulation.add_constraint(constraint);
     }
     run.steps(ramp)?;
-    let mut held = 0;
-    for _ in 0..10 {
-        run.step()?;
-        held = held.max(run.inverted());
-    }
+    let held = run.held_steps()?;
     let scale = run.open_books();
     run.steps((1.5 / dt).round() as u64)?;
     let mut checks = run.recovered().to_vec();

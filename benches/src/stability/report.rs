@@ -2,8 +2,9 @@
 
 use super::{Check, Column, Row, Status, Suite};
 use crate::bench::error::BenchError;
-use crate::bench::report::page;
 use crate::bench::table::{Cell, Table, escape, three_digits};
+use crate::report::{Files, Page};
+use sinew_tune::table_of;
 use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -29,6 +30,44 @@ impl Row {
             Some(known) => format!("known: {}", known.reason),
             None => self.note.clone(),
         }
+    }
+
+    /// The column in words, nothing where none matters.
+    fn with(&self) -> String {
+        self.column.map_or(String::new(), Column::name)
+    }
+
+    /// How it ended, in a word.
+    fn result(&self) -> &'static str {
+        match (self.status, self.required) {
+            (Status::Pass, _) if self.known.is_some() => "ok here",
+            (Status::Pass, _) => "ok",
+            (_, true) if self.excused() => "known",
+            (_, true) => "FAIL",
+            _ => "misses",
+        }
+    }
+
+    /// What it misses, and why.
+    fn missed(&self) -> String {
+        let missed = self.checks.iter().filter(|c| !c.pass).map(|c| {
+            format!("{}: {} against {}", c.what, three_digits(c.measured), three_digits(c.limit))
+        });
+        let remark = Some(self.remark()).filter(|remark| !remark.is_empty());
+        missed.chain(remark).collect::<Vec<_>>().join("; ")
+    }
+
+    /// Group, subgroup, case and column on a line.
+    fn line(&self) -> String {
+        let with = self.column.map_or(String::new(), |c| format!(" [{}]", c.name()));
+        format!("  {} {}: {}{with}", self.part.group, self.part.name, self.case)
+    }
+}
+
+impl Check {
+    /// The limit with its sign.
+    fn bound(&self) -> String {
+        format!("{} {}", if self.at_most { "<=" } else { ">=" }, three_digits(self.limit))
     }
 }
 
@@ -110,121 +149,53 @@ impl Suite {
 
     /// What the subgroups must meet.
     pub fn criteria_table(&self) -> Table {
-        let mut table =
-            Table::new("criteria", "Criteria", &["", "hard case", "criterion"]).note(format!(
-                "every simulated case: finite positions and velocities after every step; total energy \
-                 at most its start plus outside work, to {} of the energy scale for auto and safe and 5 % \
-                 for the others; where it must pass, the first case of each subgroup gives the same bits \
-                 again and with two threads.",
-                if self.precision == "f32" { "1e-5" } else { "1e-6" }
-            ));
-        for part in self.parts() {
-            let group = u64::from(part.group);
-            table.row(vec![group.into(), part.name.into(), part.criterion.into()]);
-        }
-        table
+        let parts = self.parts();
+        table_of!("criteria", "Criteria"; for part in parts;
+            "" => u64::from(part.group), "hard case" => part.name, "criterion" => part.criterion,
+        )
+        .note(format!(
+            "every simulated case: finite positions and velocities after every step; total energy \
+             at most its start plus outside work, to {} of the energy scale for auto and safe and 5 % \
+             for the others; where it must pass, the first case of each subgroup gives the same bits \
+             again and with two threads.",
+            if self.precision == "f32" { "1e-5" } else { "1e-6" }
+        ))
     }
 
     /// Required cases that failed.
     pub fn failure_table(&self) -> Table {
-        let mut table = Table::new(
-            "failures",
-            "Required cases that fail",
-            &["", "case", "with", "criterion", "measured", "limit", "remark"],
-        );
-        for row in self.failures() {
-            let missed: Vec<&Check> = row.checks.iter().filter(|c| !c.pass).collect();
-            let with = row.column.map_or(String::new(), Column::name);
-            let head = |what: &str| -> Vec<Cell> {
-                let case = format!("{}: {}", row.part.name, row.case);
-                let group = u64::from(row.part.group);
-                vec![group.into(), case.into(), with.clone().into(), what.into()]
-            };
-            let note = || Cell::from(row.remark());
-            for c in &missed {
-                let limit =
-                    format!("{} {}", if c.at_most { "<=" } else { ">=" }, three_digits(c.limit));
-                let tail = vec![c.measured.into(), limit.into(), note()];
-                table.row([head(c.what), tail].concat());
-            }
-            if missed.is_empty() {
-                table.row([head("runs"), vec![Cell::Missing, Cell::Missing, note()]].concat());
-            }
-        }
-        table
+        let missed = self.failures().flat_map(|row| {
+            let missed: Vec<Option<&Check>> =
+                row.checks.iter().filter(|c| !c.pass).map(Some).collect();
+            let missed = if missed.is_empty() { vec![None] } else { missed };
+            missed.into_iter().map(move |check| (row, check))
+        });
+        table_of!("failures", "Required cases that fail"; for (row, check) in missed;
+            "" => u64::from(row.part.group), "case" => format!("{}: {}", row.part.name, row.case),
+            "with" => row.with(), "criterion" => check.map_or("runs", |c| c.what),
+            "measured" => check.map(|c| c.measured), "limit" => check.map(Check::bound),
+            "remark" => row.remark(),
+        )
     }
 
     /// Every case.
     pub fn row_table(&self) -> Table {
-        let mut table = Table::new(
-            "cases",
-            "All cases",
-            &[
-                "",
-                "hard case",
-                "case",
-                "with",
-                "result",
-                "energy rise",
-                "most inverted",
-                "at end",
-                "edge error",
-                "steps",
-                "solves/step",
-                "projected",
-                "capped",
-                "fallbacks",
-                "unconverged",
-                "recovering",
-                "substeps",
-                "s",
-                "missed",
-            ],
-        );
-        for row in &self.rows {
-            let f = &row.figures;
-            let simulated = f.steps > 0;
-            let count = |n: u64| simulated.then_some(n);
-            let missed = row.checks.iter().filter(|c| !c.pass).map(|c| {
-                format!(
-                    "{}: {} against {}",
-                    c.what,
-                    three_digits(c.measured),
-                    three_digits(c.limit)
-                )
-            });
-            let remark = Some(row.remark()).filter(|remark| !remark.is_empty());
-            let missed: Vec<String> = missed.chain(remark).collect();
-            let result = match (row.status, row.required) {
-                (Status::Pass, _) if row.known.is_some() => "ok here",
-                (Status::Pass, _) => "ok",
-                (_, true) if row.excused() => "known",
-                (_, true) => "FAIL",
-                _ => "misses",
-            };
-            table.row(vec![
-                u64::from(row.part.group).into(),
-                row.part.name.into(),
-                (&row.case).into(),
-                row.column.map_or(String::new(), Column::name).into(),
-                result.into(),
-                f.energy_excess.into(),
-                count(f.most_inverted).into(),
-                count(f.inverted).into(),
-                f.edge_error.into(),
-                count(f.steps).into(),
-                simulated.then(|| f.solves as f64 / f.steps as f64).into(),
-                count(f.projected).into(),
-                count(f.capped).into(),
-                count(f.fallbacks).into(),
-                count(f.unconverged).into(),
-                count(f.recovering).into(),
-                count(f.substeps).into(),
-                row.seconds.into(),
-                missed.join("; ").into(),
-            ]);
-        }
-        table
+        table_of!("cases", "All cases"; for row in &self.rows;
+            where {
+                let f = &row.figures;
+                let simulated = f.steps > 0;
+                let count = |n: u64| simulated.then_some(n);
+            }
+            "" => u64::from(row.part.group), "hard case" => row.part.name, "case" => &row.case,
+            "with" => row.with(), "result" => row.result(), "energy rise" => f.energy_excess,
+            "most inverted" => count(f.most_inverted), "at end" => count(f.inverted),
+            "edge error" => f.edge_error, "steps" => count(f.steps),
+            "solves/step" => simulated.then(|| f.solves as f64 / f.steps as f64),
+            "projected" => count(f.projected), "capped" => count(f.capped),
+            "fallbacks" => count(f.fallbacks), "unconverged" => count(f.unconverged),
+            "recovering" => count(f.recovering), "substeps" => count(f.substeps),
+            "s" => row.seconds, "missed" => row.missed(),
+        )
     }
 
     /// How many cases ran and how they ended.
@@ -251,32 +222,20 @@ impl Suite {
 
     /// One page with everything in it.
     pub fn html(&self) -> String {
-        let mut body = String::from("<h1>Sinew: the hard cases</h1>\n");
-        let _ = writeln!(body, "<p class=\"machine\">{}</p>", escape(&self.machine.line()));
-        let _ = writeln!(body, "<p>{}.</p>", escape(&self.summary()));
-        let _ = writeln!(
-            body,
-            "<p>Made by <code>{}</code>{}.</p>",
-            escape(&self.command),
-            if self.quick { " (a selection of the cases)" } else { "" }
-        );
-        body += &self.pass_table().html();
-        if self.failures().next().is_some() {
-            body += &self.failure_table().html();
+        let mut page = Page::new("Sinew hard cases", "Sinew: the hard cases", &self.machine);
+        page.paragraph("", &format!("{}.", self.summary()));
+        let selection = if self.quick { " (a selection of the cases)" } else { "" };
+        let command = escape(&self.command);
+        page.add(format_args!("<p>Made by <code>{command}</code>{selection}.</p>"));
+        page.table(&self.pass_table());
+        for table in [self.failure_table(), self.comparison_table()] {
+            if !table.rows.is_empty() {
+                page.table(&table);
+            }
         }
-        let comparison = self.comparison_table();
-        if !comparison.rows.is_empty() {
-            body += &comparison.html();
-        }
-        body += &self.criteria_table().html();
-        let rows = self.row_table();
-        let _ = write!(
-            body,
-            "<details><summary>All cases ({})</summary>\n{}</details>\n",
-            rows.rows.len(),
-            rows.html()
-        );
-        page("Sinew hard cases", &body)
+        page.table(&self.criteria_table());
+        page.table(&self.row_table());
+        page.html()
     }
 
     /// Writes the page: into `stability.html` of a folder, or into a file that ends in `.html`.
@@ -286,12 +245,10 @@ impl Suite {
     pub fn write_html(&self, path: &Path) -> Result<PathBuf, BenchError> {
         let is_page = path.extension().is_some_and(|e| e == "html" || e == "htm");
         let file = if is_page { path.to_path_buf() } else { path.join("stability.html") };
-        let error =
-            |e: std::io::Error| BenchError::Write { path: file.clone(), reason: e.to_string() };
-        if let Some(folder) = file.parent() {
-            std::fs::create_dir_all(folder).map_err(error)?;
-        }
-        std::fs::write(&file, self.html()).map_err(error)?;
+        let folder = file.parent().unwrap_or(Path::new(""));
+        let mut files = Files::default();
+        files.add(file.file_name().unwrap_or_default().to_string_lossy(), self.html());
+        files.write(folder)?;
         Ok(file)
     }
 }
@@ -307,12 +264,10 @@ impl fmt::Display for Suite {
             writeln!(f, "Required cases that fail")?;
         }
         for row in self.failures() {
-            let with = row.column.map_or(String::new(), |c| format!(" [{}]", c.name()));
-            writeln!(f, "  {} {}: {}{with}", row.part.group, row.part.name, row.case)?;
+            writeln!(f, "{}", row.line())?;
             for c in row.checks.iter().filter(|c| !c.pass) {
-                let sign = if c.at_most { "<=" } else { ">=" };
-                let [is, limit] = [c.measured, c.limit].map(three_digits);
-                writeln!(f, "      {}: {is}, must be {sign} {limit}", c.what)?;
+                let (is, bound) = (three_digits(c.measured), c.bound());
+                writeln!(f, "      {}: {is}, must be {bound}", c.what)?;
             }
             let remark = row.remark();
             if !remark.is_empty() {
@@ -323,8 +278,7 @@ impl fmt::Display for Suite {
             if i == 0 {
                 writeln!(f, "Known misses that pass here")?;
             }
-            let with = row.column.map_or(String::new(), |c| format!(" [{}]", c.name()));
-            writeln!(f, "  {} {}: {}{with}", row.part.group, row.part.name, row.case)?;
+            writeln!(f, "{}", row.line())?;
         }
         writeln!(f, "{}", self.summary())
     }
@@ -334,26 +288,21 @@ impl fmt::Display for Suite {
 fn wrapped(text: &str) -> String {
     let mut wrapped = String::new();
     for line in text.lines() {
-        let indent = " ".repeat(line.len() - line.trim_start().len());
         if line.chars().count() <= 110 {
-            wrapped += line;
-            wrapped.push('\n');
+            wrapped += &format!("{line}\n");
             continue;
         }
+        let indent = " ".repeat(line.len() - line.trim_start().len());
         let mut now = indent.clone();
         for word in line.split_whitespace() {
             if now.chars().count() + 1 + word.chars().count() > 110 {
-                wrapped += &now;
-                wrapped.push('\n');
+                wrapped += &format!("{now}\n");
                 now.clone_from(&indent);
             }
-            if now.len() > indent.len() {
-                now.push(' ');
-            }
+            now += if now.len() > indent.len() { " " } else { "" };
             now += word;
         }
-        wrapped += &now;
-        wrapped.push('\n');
+        wrapped += &format!("{now}\n");
     }
     wrapped
 }

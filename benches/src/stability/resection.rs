@@ -1,7 +1,9 @@
 //! Group 8: elements removed from loaded bars, until what is left hangs on an edge, on a vertex or on
 //! nothing.
 
-use super::runner::{Case, Fall, Outcome, Problem, Random, Run, Scope, Setting, nearest, tissue};
+use super::runner::{
+    Cases, Fall, GRAVITY, Outcome, Problem, Random, Run, Setting, nearest, tissue,
+};
 use super::{Check, Part};
 use glam::DVec3;
 use sinew::engine::mesh::generate::box_tets;
@@ -27,42 +29,27 @@ const LOOSE: Part = Part {
 };
 const BAR: DVec3 = DVec3::new(0.25, 0.1, 0.1);
 
-pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+pub(super) fn cases() -> Result<Cases, MeshError> {
     let bar = Arc::new(box_tets(BAR, [10, 4, 4])?);
     let short = Arc::new(box_tets(DVec3::new(0.15, 0.1, 0.1), [3, 2, 2])?);
     let coarse = Arc::new(box_tets(BAR, [5, 2, 2])?);
-    let mut cases = Vec::new();
+    let mut cases = Cases::default();
     let policies = [("masses kept", MassPolicy::Keep), ("masses summed", MassPolicy::Recompute)];
     for dt in [1.0 / 60.0, 0.1] {
         for (masses, policy) in policies {
+            let quick = dt < 0.1 && policy == MassPolicy::Recompute;
             for (name, times) in [("30 % at once", 1), ("100 one by one", 100)] {
-                let of = Arc::clone(&bar);
-                cases.push(Case {
-                    part: REMOVED,
-                    name: format!("{name}, {masses} h {dt:.4}"),
-                    quick: dt < 0.1 && policy == MassPolicy::Recompute,
-                    scope: Scope::Every,
-                    run: Box::new(move |setting| remove(setting, &of, policy, times, dt)),
-                });
+                let name = format!("{name}, {masses} h {dt:.4}");
+                let run = move |s: &Setting, mesh: &Mesh| remove(s, mesh, policy, times, dt);
+                cases.add(REMOVED, name, quick, &bar, run);
             }
             for (name, shared) in [("edge", 2), ("vertex", 1), ("nothing", 0)] {
-                let of = Arc::clone(&short);
-                cases.push(Case {
-                    part: HANGING,
-                    name: format!("{name}, {masses} h {dt:.4}"),
-                    quick: dt < 0.1 && policy == MassPolicy::Recompute,
-                    scope: Scope::Every,
-                    run: Box::new(move |setting| hang(setting, &of, policy, shared, dt)),
-                });
+                let name = format!("{name}, {masses} h {dt:.4}");
+                let run = move |s: &Setting, mesh: &Mesh| hang(s, mesh, policy, shared, dt);
+                cases.add(HANGING, name, quick, &short, run);
             }
-            let of = Arc::clone(&coarse);
-            cases.push(Case {
-                part: LOOSE,
-                name: format!("{masses} h {dt:.4}"),
-                quick: dt < 0.1,
-                scope: Scope::Every,
-                run: Box::new(move |setting| orphan(setting, &of, policy, dt)),
-            });
+            let (name, quick) = (format!("{masses} h {dt:.4}"), dt < 0.1);
+            cases.add(LOOSE, name, quick, &coarse, move |s, mesh| orphan(s, mesh, policy, dt));
         }
     }
     Ok(cases)
@@ -70,7 +57,7 @@ pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
 
 fn loaded<'a>(setting: &Setting, mesh: &'a Mesh, dt: f64) -> Result<Run<'a>, Problem> {
     let mut run = Run::new(setting, mesh, tissue(1e4, 0.45))?;
-    run.simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
+    run.simulation.set_gravity(GRAVITY);
     run.simulation.set_dt(dt);
     run.clamp("x0")?;
     Ok(run)
@@ -78,15 +65,14 @@ fn loaded<'a>(setting: &Setting, mesh: &'a Mesh, dt: f64) -> Result<Run<'a>, Pro
 
 /// Energy scale (J): the weight of the whole bar times its length.
 fn weight(run: &mut Run) -> f64 {
-    let mass: f64 = run.simulation.masses(run.body).iter().sum();
-    mass * 9.81 * BAR.x
+    run.mass() * 9.81 * BAR.x
 }
 
 /// Difference from a body built anew; masses count where they were summed again.
 fn fresh(run: &mut Run, setting: &Setting, policy: MassPolicy) -> Result<Check, Problem> {
     let difference = run.simulation.verify_against_fresh(run.body)?;
     let mass = if policy == MassPolicy::Recompute { difference.mass } else { 0.0 };
-    let limit = if setting.precision == Precision::F64 { 1e-12 } else { 2e-5 };
+    let limit = setting.pick(1e-12, 2e-5);
     Ok(Check::at_most("difference from a fresh build", difference.largest().max(mass), limit))
 }
 
@@ -142,7 +128,6 @@ fn hang(setting: &Setting, mesh: &Mesh, policy: MassPolicy, shared: usize, dt: f
 
 /// All elements round a corner go.
 fn orphan(setting: &Setting, mesh: &Mesh, policy: MassPolicy, dt: f64) -> Outcome {
-    let gravity = DVec3::new(0.0, 0.0, -9.81);
     let mut run = loaded(setting, mesh, dt)?;
     let scale = weight(&mut run);
     let vertex = nearest(&mesh.points, BAR);
@@ -159,12 +144,12 @@ fn orphan(setting: &Setting, mesh: &Mesh, policy: MassPolicy, dt: f64) -> Outcom
     for _ in 0..30 {
         run.step()?;
         if policy == MassPolicy::Keep {
-            fall.step(rule, run.simulation.report(), dt, gravity);
+            fall.step(rule, run.simulation.report(), dt, GRAVITY);
         }
         let way = run.simulation.displacements(run.body)[vertex];
         off = off.max(way.distance(fall.x) / fall.x.length().max(BAR.x));
     }
-    let limit = if setting.precision == Precision::F64 { 1e-9 } else { 1e-5 };
+    let limit = setting.pick(1e-9, 1e-5);
     let checks = [
         Check::holds("the vertex is reported", report.orphans == [vertex as u32]),
         Check::at_most("vertex off its course, relative", off, limit),

@@ -7,6 +7,7 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::report::{Fallbacks, StepReport};
 use sinew::models::resection::{Removal, RemovalReport};
 use sinew::prelude::*;
+use std::sync::Arc;
 
 /// Why a case could not be run to its end.
 pub(super) type Problem = Box<dyn std::error::Error + Send + Sync>;
@@ -25,9 +26,14 @@ pub(super) struct Setting {
 impl Setting {
     /// A limit that single precision may miss by a factor of ten.
     pub fn loose(&self, limit: f64) -> f64 {
+        self.pick(limit, 10.0 * limit)
+    }
+
+    /// The limit of the precision.
+    pub fn pick(&self, double: f64, single: f64) -> f64 {
         match self.precision {
-            Precision::F64 => limit,
-            Precision::F32 => 10.0 * limit,
+            Precision::F64 => double,
+            Precision::F32 => single,
         }
     }
 
@@ -63,13 +69,49 @@ pub(super) struct Case {
     pub run: Box<dyn Fn(&Setting) -> Outcome + Send + Sync>,
 }
 
+/// Cases of a group.
+#[derive(Default)]
+pub(super) struct Cases(pub Vec<Case>);
+
+impl Cases {
+    /// A case that concerns all columns, on a mesh.
+    pub fn add(
+        &mut self,
+        part: Part,
+        name: String,
+        quick: bool,
+        mesh: &Arc<Mesh>,
+        run: impl Fn(&Setting, &Mesh) -> Outcome + Send + Sync + 'static,
+    ) {
+        self.within(Scope::Every, part, name, quick, mesh, run);
+    }
+
+    /// A case that concerns some columns.
+    pub fn within(
+        &mut self,
+        scope: Scope,
+        part: Part,
+        name: String,
+        quick: bool,
+        mesh: &Arc<Mesh>,
+        run: impl Fn(&Setting, &Mesh) -> Outcome + Send + Sync + 'static,
+    ) {
+        let mesh = Arc::clone(mesh);
+        let run = Box::new(move |setting: &Setting| run(setting, &mesh));
+        self.0.push(Case { part, name, quick, scope, run });
+    }
+}
+
+/// Gravity (m/s^2) on the cases that have weight.
+pub(super) const GRAVITY: DVec3 = DVec3::new(0.0, 0.0, -9.81);
+
 /// Soft tissue of water's density.
 pub(super) fn tissue(young_modulus: f64, poisson_ratio: f64) -> YoungPoisson {
     YoungPoisson { young_modulus, poisson_ratio, density: 1000.0 }
 }
 
 /// Damping (1/s) proportional to mass where rest is to be reached.
-pub(super) const DAMPING: f64 = 3.5;
+const DAMPING: f64 = 3.5;
 
 /// Explicit integrators refuse steps that need more: with stiffness 1e6 : 1 a case would take minutes.
 const MAX_SUBSTEPS: u32 = 10_000;
@@ -132,6 +174,13 @@ impl<'a> Run<'a> {
         Ok(run)
     }
 
+    /// The same of soft tissue that is damped on its way to rest.
+    pub fn damped(setting: &Setting, mesh: &'a Mesh, poisson_ratio: f64) -> Result<Self, Problem> {
+        let mut run = Self::new(setting, mesh, tissue(1e4, poisson_ratio))?;
+        run.solver(|s| s.mass_damping = DAMPING);
+        Ok(run)
+    }
+
     /// Sets the solver: defaults with the integrator of the column, then changes.
     pub fn solver(&mut self, change: impl FnOnce(&mut SolverSettings)) {
         let Column { integrator, recovery, .. } = self.setting.column;
@@ -158,6 +207,16 @@ impl<'a> Run<'a> {
         self.simulation.set_state(self.body, displacements, velocities)?;
         self.open_books();
         Ok(())
+    }
+
+    /// The same without motion.
+    pub fn place_still(&mut self, displacements: &[DVec3]) -> Result<(), Problem> {
+        self.place(displacements, &vec![DVec3::ZERO; displacements.len()])
+    }
+
+    /// Mass (kg) of the body.
+    pub fn mass(&mut self) -> f64 {
+        self.simulation.masses(self.body).iter().sum()
     }
 
     /// Kinetic plus elastic energy (J) now.
@@ -222,6 +281,16 @@ impl<'a> Run<'a> {
     pub fn seconds(&mut self, dt: f64, seconds: f64) -> Result<(), Problem> {
         self.simulation.set_dt(dt);
         self.steps((seconds / dt).round() as u64)
+    }
+
+    /// Ten steps; most elements inverted after one of them.
+    pub fn held_steps(&mut self) -> Result<u64, Problem> {
+        let mut inverted = 0;
+        for _ in 0..10 {
+            self.step()?;
+            inverted = inverted.max(self.inverted());
+        }
+        Ok(inverted)
     }
 
     /// Inverted elements after the last step.

@@ -1,7 +1,7 @@
 //! Group 4: bad shapes, masses apart by a million, bodies of a micrometre and of a kilometre, far from
 //! the origin.
 
-use super::runner::{Case, Outcome, Problem, Run, Scope, Setting, bend, nearest, tissue};
+use super::runner::{Cases, GRAVITY, Outcome, Problem, Run, Scope, Setting, bend, nearest, tissue};
 use super::{Check, Column, Figures, Part};
 use glam::DVec3;
 use sinew::engine::columns::single_table;
@@ -35,7 +35,7 @@ const FAR: Part = Part {
 const SIZE: DVec3 = DVec3::new(0.2, 0.05, 0.05);
 const CELL: f64 = 0.025;
 
-pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+pub(super) fn cases() -> Result<Cases, MeshError> {
     let bar = box_tets(SIZE, [8, 2, 2])?;
     let plates = thin_layer(&bar, 2, 0.001 * CELL);
     let needles = thin_layer(&plates, 1, 0.001 * CELL);
@@ -49,24 +49,18 @@ pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
         ("vertex 1e6 heavier", bar.clone(), 1e4, 1e6),
         ("nu 0.4999", bar.clone(), 1e4, 1.0),
     ];
-    let mut cases = Vec::new();
+    let mut cases = Cases::default();
+    let both = [1.0 / 60.0, 0.1];
     for (name, mesh, young, heavy) in shapes {
         let mesh = Arc::new(mesh);
         let ratios = if name.starts_with("nu") { vec![0.4999] } else { vec![0.3, 0.45] };
-        for nu in ratios {
-            for dt in [1.0 / 60.0, 0.1] {
-                let mesh = Arc::clone(&mesh);
-                cases.push(Case {
-                    part: SHAPES,
-                    name: format!("{name}, nu {nu} h {dt:.4}"),
-                    quick: nu != 0.45 && dt < 0.1,
-                    scope: Scope::Every,
-                    run: Box::new(move |setting| {
-                        let body = BodyDescription::new("body", &mesh, tissue(young, nu));
-                        hang(setting, &mesh, &body, dt, heavy)
-                    }),
-                });
-            }
+        for (nu, dt) in ratios.into_iter().flat_map(|nu| both.map(|dt| (nu, dt))) {
+            let name = format!("{name}, nu {nu} h {dt:.4}");
+            let run = move |s: &Setting, mesh: &Mesh| {
+                let body = BodyDescription::new("body", mesh, tissue(young, nu));
+                hang(s, mesh, &body, dt, heavy)
+            };
+            cases.add(SHAPES, name, nu != 0.45 && dt < 0.1, &mesh, run);
         }
     }
     let rough = Arc::new(jitter_interior(&bar, 0.15, 4)?);
@@ -76,44 +70,23 @@ pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
             if x < 2.0 * SIZE.x { held } else { free }
         };
         let young: Arc<Vec<f64>> = Arc::new(rough.tetrahedra.iter().map(young).collect());
-        for nu in [0.3, 0.45] {
-            for dt in [1.0 / 60.0, 0.1] {
-                let (mesh, young) = (Arc::clone(&rough), Arc::clone(&young));
-                cases.push(Case {
-                    part: CONTRAST,
-                    name: format!("{name}, nu {nu} h {dt:.4}"),
-                    quick: nu != 0.45 && dt < 0.1,
-                    scope: Scope::Every,
-                    run: Box::new(move |setting| {
-                        let body = BodyDescription {
-                            young_modulus: Some(&young),
-                            ..BodyDescription::new("body", &mesh, tissue(1e4, nu))
-                        };
-                        hang(setting, &mesh, &body, dt, 1.0)
-                    }),
-                });
-            }
+        for (nu, dt) in [0.3, 0.45].into_iter().flat_map(|nu| both.map(|dt| (nu, dt))) {
+            let (name, young) = (format!("{name}, nu {nu} h {dt:.4}"), Arc::clone(&young));
+            let run = move |s: &Setting, mesh: &Mesh| {
+                let young_modulus = Some(&young[..]);
+                let body = BodyDescription::new("body", mesh, tissue(1e4, nu));
+                hang(s, mesh, &BodyDescription { young_modulus, ..body }, dt, 1.0)
+            };
+            cases.add(CONTRAST, name, nu != 0.45 && dt < 0.1, &rough, run);
         }
     }
     for nu in [0.3, 0.45] {
-        let mesh = Arc::clone(&rough);
-        cases.push(Case {
-            part: SIMILAR,
-            name: format!("nu {nu}"),
-            quick: nu == 0.3,
-            scope: Scope::Every,
-            run: Box::new(move |setting| similar(setting, &mesh, nu)),
-        });
+        let name = format!("nu {nu}");
+        cases.add(SIMILAR, name, nu == 0.3, &rough, move |s, mesh| similar(s, mesh, nu));
     }
     for offset in [1.0, 100.0, 1e4] {
-        let mesh = Arc::clone(&rough);
-        cases.push(Case {
-            part: FAR,
-            name: format!("{offset} m"),
-            quick: true,
-            scope: Scope::Once,
-            run: Box::new(move |setting| far(setting.column, &mesh, offset)),
-        });
+        let run = move |s: &Setting, mesh: &Mesh| far(s.column, mesh, offset);
+        cases.within(Scope::Once, FAR, format!("{offset} m"), true, &rough, run);
     }
     Ok(cases)
 }
@@ -162,10 +135,9 @@ fn hang(setting: &Setting, mesh: &Mesh, body: &BodyDescription, dt: f64, heavy: 
     run.clamp("x0")?;
     run.simulation.set_dt(dt);
     let vertex = nearest(&mesh.points, 0.5 * SIZE) as u32;
-    let mass: f64 = run.simulation.masses(run.body).iter().sum();
-    let mut scale = mass * 9.81 * SIZE.x;
+    let mut scale = run.mass() * 9.81 * SIZE.x;
     if heavy == 1.0 {
-        run.simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
+        run.simulation.set_gravity(GRAVITY);
     } else {
         // its weight would crush the bar, so the bar swings about it from a bend instead
         let row = run.simulation.rows(run.body, "heavy", &[vertex])?[0] as usize;
@@ -174,7 +146,7 @@ fn hang(setting: &Setting, mesh: &Mesh, body: &BodyDescription, dt: f64, heavy: 
             Precision::F32 => scale_mass::<f32>(&mut run.simulation, row, heavy),
         }
         let u = bend(mesh, SIZE.x / 0.5);
-        run.place(&u, &vec![DVec3::ZERO; u.len()])?;
+        run.place_still(&u)?;
         scale = run.energy();
     }
     let mut inverted = 0;
@@ -214,7 +186,7 @@ fn similar(setting: &Setting, mesh: &Mesh, nu: f64) -> Outcome {
         run.simulation.set_gravity(DVec3::new(0.0, 1.0, -9.81) / scale);
         run.clamp("x0")?;
         run.steps(20)?;
-        let mass: f64 = run.simulation.masses(run.body).iter().sum();
+        let mass = run.mass();
         let field = run.simulation.displacements(run.body).iter().map(|u| *u / length).collect();
         let (figures, checks) = run.finish(mass * 9.81 / scale * length, None);
         Ok((figures, checks, field))
@@ -223,7 +195,7 @@ fn similar(setting: &Setting, mesh: &Mesh, nu: f64) -> Outcome {
     for length in [1e-6, 1e3] {
         let (_, others, field) = run(length)?;
         let error = field.iter().zip(&expected).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
-        let limit = if setting.precision == Precision::F64 { 1e-9 } else { 1e-4 };
+        let limit = setting.pick(1e-9, 1e-4);
         checks.extend(others);
         checks.push(Check::at_most("difference over size", error, limit));
     }
@@ -245,7 +217,7 @@ fn far(column: Column, mesh: &Mesh, offset: f64) -> Outcome {
         let force = |precision| -> Result<Vec<DVec3>, Problem> {
             let setting = Setting { column, precision, threads: 1 };
             let mut run = Run::new(&setting, &moved, tissue(1e4, 0.4))?;
-            run.place(&u, &vec![DVec3::ZERO; u.len()])?;
+            run.place_still(&u)?;
             Ok(run.simulation.elastic_forces(run.body))
         };
         let (wide, narrow) = (force(Precision::F64)?, force(Precision::F32)?);

@@ -1,12 +1,11 @@
 //! Group 5: momentum of spinning and flying bodies.
 
-use super::runner::{Case, Fall, Outcome, Run, Scope, Setting, tissue};
+use super::runner::{Cases, Fall, GRAVITY, Outcome, Problem, Run, Setting, tissue};
 use super::{Check, Part};
 use crate::bench::integrators::spin_elsewhere;
 use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
-use sinew::prelude::*;
 use std::sync::Arc;
 
 const SPIN: Part = Part {
@@ -23,26 +22,14 @@ const STEPS: [f64; 4] = [1e-4, 1e-3, 1e-2, 1.0 / 60.0];
 /// The bar (m) for which the angular momentum that implicit Euler keeps was measured by another program.
 const SIZE: DVec3 = DVec3::new(0.2, 0.05, 0.05);
 
-pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
+pub(super) fn cases() -> Result<Cases, MeshError> {
     let mesh = Arc::new(jitter_interior(&box_tets(SIZE, [8, 2, 2])?, 0.15, 5)?);
-    let mut cases = Vec::new();
+    let mut cases = Cases::default();
     for (place, dt) in STEPS.into_iter().enumerate() {
-        let of = Arc::clone(&mesh);
-        cases.push(Case {
-            part: SPIN,
-            name: format!("h {dt:.4}"),
-            quick: true,
-            scope: Scope::Every,
-            run: Box::new(move |setting| spin(setting, &of, place)),
-        });
-        let of = Arc::clone(&mesh);
-        cases.push(Case {
-            part: FLIGHT,
-            name: format!("(1, 2, 3) rad/s, h {dt:.4}"),
-            quick: true,
-            scope: Scope::Every,
-            run: Box::new(move |setting| fly(setting, &of, dt)),
-        });
+        let name = format!("h {dt:.4}");
+        cases.add(SPIN, name, true, &mesh, move |s, mesh| spin(s, mesh, place));
+        let name = format!("(1, 2, 3) rad/s, h {dt:.4}");
+        cases.add(FLIGHT, name, true, &mesh, move |s, mesh| fly(s, mesh, dt));
     }
     Ok(cases)
 }
@@ -71,7 +58,7 @@ pub(super) fn momenta(run: &mut Run) -> Momenta {
 }
 
 /// Turns about the centre of mass (rad/s) and flies (m/s).
-fn launch(run: &mut Run, turn: DVec3, flight: DVec3) -> Result<Momenta, super::runner::Problem> {
+fn launch(run: &mut Run, turn: DVec3, flight: DVec3) -> Result<Momenta, Problem> {
     let centre = momenta(run).centre;
     let v: Vec<DVec3> = run.mesh.points.iter().map(|x| flight + turn.cross(*x - centre)).collect();
     run.place(&vec![DVec3::ZERO; v.len()], &v)?;
@@ -90,15 +77,13 @@ fn spin(setting: &Setting, mesh: &Mesh, place: usize) -> Outcome {
         drift = drift.max(momenta(&mut run).linear.length() / start.size);
     }
     let kept = momenta(&mut run).angular.z / start.angular.z;
-    let double = setting.precision == Precision::F64;
-    let mut checks =
-        vec![Check::at_most("drift of momentum", drift, if double { 1e-10 } else { 1e-5 })];
+    let mut checks = vec![Check::at_most("drift of momentum", drift, setting.pick(1e-10, 1e-5))];
     let facts = setting.column.integrator.facts();
     // percent kept, from another program; steps that may fall back are not compared
     let falls_back = facts.multistep && !facts.converges;
     let expected = spin_elsewhere(setting.column.integrator, place).filter(|_| !falls_back);
     if facts.explicit {
-        let limit = if double { 1e-12 } else { 1e-5 };
+        let limit = setting.pick(1e-12, 1e-5);
         checks.push(Check::at_most("angular momentum lost", (1.0 - kept).abs(), limit));
     } else if let Some([expected, _]) = expected {
         let off = (100.0 * kept - expected).abs();
@@ -112,8 +97,7 @@ fn spin(setting: &Setting, mesh: &Mesh, place: usize) -> Outcome {
 
 fn fly(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
     let mut run = Run::new(setting, mesh, tissue(1e5, 0.3))?;
-    let gravity = DVec3::new(0.0, 0.0, -9.81);
-    run.simulation.set_gravity(gravity);
+    run.simulation.set_gravity(GRAVITY);
     let turn = DVec3::new(1.0, 2.0, 3.0);
     let start = launch(&mut run, turn, DVec3::new(0.3, -0.2, 0.5))?;
     let scale = run.energy() + start.mass * 9.81 * SIZE.x;
@@ -122,13 +106,13 @@ fn fly(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
     let (mut off_course, mut off_speed) = (0.0_f64, 0.0_f64);
     for _ in 0..((0.1 / dt).round() as u64).min(100) {
         run.step()?;
-        fall.step(setting.column.integrator, run.simulation.report(), dt, gravity);
+        fall.step(setting.column.integrator, run.simulation.report(), dt, GRAVITY);
         let now = momenta(&mut run);
         off_course = off_course.max(now.centre.distance(fall.x) / SIZE.x);
         let drift = now.linear.distance(start.mass * fall.v) / start.size;
         off_speed = off_speed.max(drift);
     }
-    let limit = if setting.precision == Precision::F64 { 1e-10 } else { 1e-5 };
+    let limit = setting.pick(1e-10, 1e-5);
     let checks = [
         Check::at_most("centre of mass off its course over size", off_course, limit),
         Check::at_most("momentum off its value", off_speed, limit),

@@ -1,7 +1,8 @@
 //! The report of `sinew fit` on a terminal.
 
 use super::FittedBody;
-use crate::table::{Table, three_digits};
+use crate::table::three_digits;
+use crate::table_of;
 use sinew_identify::{Plane, mesh::Residuals};
 use std::fmt;
 
@@ -82,10 +83,11 @@ impl fmt::Display for FittedBody {
                 writeln!(f, "               G {} Pa ({off:+.1} %)", three_digits(shear))?;
             }
         }
-        let mut table = Table::new(
-            "fit-tests",
-            "Springs against finite elements of the same mesh",
-            &["test", "e_rms %", "e_max %", "positive", "fit for use"],
+        let title = "Springs against finite elements of the same mesh";
+        let table = table_of!("fit-tests", title; for t in &a.tests;
+            "test" => &t.test, "e_rms %" => t.rms_percent, "e_max %" => t.max_percent,
+            "positive" => if t.definite { "yes" } else { "no" },
+            "fit for use" => if t.fit { "yes" } else { "NO" },
         )
         .note(format!(
             "along {}, {} nodes held, {} loaded{}; in percent of the largest displacement of finite elements",
@@ -94,15 +96,6 @@ impl fmt::Display for FittedBody {
             a.gripped[1],
             if a.equal_forces { " with equal forces (no flat end)" } else { "" }
         ));
-        for t in &a.tests {
-            table.row(vec![
-                t.test.as_str().into(),
-                t.rms_percent.into(),
-                t.max_percent.into(),
-                if t.definite { "yes" } else { "no" }.into(),
-                if t.fit { "yes" } else { "NO" }.into(),
-            ]);
-        }
         writeln!(f, "\n{}", table.text())?;
         let mut lines = a.verdict.iter();
         if let Some(first) = lines.next() {

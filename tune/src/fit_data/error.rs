@@ -124,3 +124,10 @@ pub enum FitError {
     #[error(transparent)]
     Simulation(#[from] SimulationError),
 }
+
+impl FitError {
+    /// An option that cannot be used.
+    pub(super) fn option(option: String, found: String, remedy: String) -> Self {
+        Self::Option { option, found, remedy }
+    }
+}

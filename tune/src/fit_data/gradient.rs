@@ -167,9 +167,9 @@ impl Forward {
     ) -> Result<DMatrix<f64>, FitError> {
         let mut jacobian = DMatrix::zeros(observed.len(), parameters.len());
         for (column, parameter) in parameters.iter().enumerate() {
-            let room = match parameter.constant {
-                Constant::Young | Constant::Axis => values[column],
-                Constant::Poisson => (MAX_POISSON_RATIO - values[column]).min(values[column] + 1.0),
+            let room = match parameter.constant.is_modulus() {
+                true => values[column],
+                false => (MAX_POISSON_RATIO - values[column]).min(values[column] + 1.0),
             };
             let h = DIFFERENCE * room;
             let mut ends = Vec::with_capacity(2);

@@ -81,27 +81,23 @@ pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitE
     let mut warnings = scene.warnings.clone();
     warnings.extend(verdict::of_scene(loaded, &scene, &parameters));
 
-    let mut values: Vec<f64> = parameters.iter().map(|p| p.start).collect();
+    let values: Vec<f64> = parameters.iter().map(|p| p.start).collect();
     let mut forward = Forward::new(scene, materials, observed);
     forward.solve(&parameters, &values)?;
     let reference = forward.predictions(observed);
-    let start_residual = residuals(observed, &reference);
     let (jacobian, gradient) = forward.jacobian(&parameters, &values, observed)?;
     let scaled = scaled_jacobian(&jacobian, &parameters, &values, observed);
     let measured: Vec<f64> = observed.iter().map(|o| o.value).collect();
     let size = size(observed, &reference).max(size(observed, &measured));
-    let active: Vec<usize> = (0..parameters.len())
-        .filter(|&i| scaled.column(i).norm() > verdict::LEAST_INFLUENCE * size)
-        .collect();
-    let insensitive: Vec<usize> = (0..parameters.len()).filter(|i| !active.contains(i)).collect();
+    let (active, insensitive): (Vec<usize>, Vec<usize>) = (0..parameters.len())
+        .partition(|&i| scaled.column(i).norm() > verdict::LEAST_INFLUENCE * size);
     warnings.extend(verdict::insensitive(loaded, &parameters, &insensitive, &observations));
 
-    let chosen: Vec<Parameter> = active.iter().map(|&i| parameters[i].clone()).collect();
-    if observed.len() < chosen.len() {
-        let (observations, parameters) = (observed.len(), chosen.len());
+    if observed.len() < active.len() {
+        let (observations, parameters) = (observed.len(), active.len());
         return Err(FitError::TooFew { observations, parameters });
     }
-    let mut report = FitReport {
+    let report = FitReport {
         schema: SCHEMA,
         scene: loaded.file.display().to_string(),
         elements,
@@ -110,8 +106,8 @@ pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitE
         data: Vec::new(),
         given_sigma: observations.has_sigma,
         observations: observed.len(),
-        degrees_of_freedom: observed.len() - chosen.len(),
-        objective: [start_residual.iter().map(|r| r * r).sum(), 0.0],
+        degrees_of_freedom: observed.len() - active.len(),
+        objective: [squares(observed, &reference), 0.0],
         singular_values: Vec::new(),
         condition: None,
         gradient,
@@ -125,15 +121,41 @@ pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitE
         failure: None,
         warnings,
     };
-    let mut standard = vec![None; parameters.len()];
-    if chosen.is_empty() {
-        report.failure =
+    let standard = vec![None; parameters.len()];
+    let mut fit = Fit { loaded, observations, parameters, active, values, standard, report };
+    if fit.active.is_empty() {
+        fit.report.failure =
             Some("the data say nothing about any of the parameters, see the warnings".into());
     } else {
+        forward = fit.minimise(forward, request.check_gradient)?;
+    }
+    let mut report = fit.finish(&forward);
+    report.seconds = clock.elapsed().as_secs_f64();
+    Ok(report)
+}
+
+/// A fit on its way.
+struct Fit<'a> {
+    loaded: &'a LoadedScene,
+    observations: Observations,
+    parameters: Vec<Parameter>,
+    /// Those that the data say something about.
+    active: Vec<usize>,
+    values: Vec<f64>,
+    standard: Vec<Option<f64>>,
+    report: FitReport,
+}
+
+impl Fit<'_> {
+    /// Finds the active parameters, and what the derivatives there say about them.
+    fn minimise(&mut self, forward: Forward, check: bool) -> Result<Forward, FitError> {
+        let (report, observed) = (&mut self.report, &self.observations.list);
+        let chosen: Vec<Parameter> =
+            self.active.iter().map(|&i| self.parameters[i].clone()).collect();
         let outcome = least_squares::minimise(forward, &chosen, observed)?;
-        forward = outcome.forward;
-        for (&i, value) in active.iter().zip(&outcome.values) {
-            values[i] = *value;
+        let mut forward = outcome.forward;
+        for (&i, value) in self.active.iter().zip(&outcome.values) {
+            self.values[i] = *value;
         }
         report.iterations = outcome.iterations;
         report.converged = outcome.converged;
@@ -149,49 +171,45 @@ pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitE
         report.gradient = gradient;
         let scaled = scaled_jacobian(&jacobian, &chosen, &outcome.values, observed);
         let directions = Directions::of(&scaled);
-        let predictions = forward.predictions(observed);
-        let squares: f64 = residuals(observed, &predictions).iter().map(|r| r * r).sum();
-        let variance = match (observations.has_sigma, report.degrees_of_freedom) {
+        let squares = squares(observed, &forward.predictions(observed));
+        let variance = match (self.observations.has_sigma, report.degrees_of_freedom) {
             (true, _) => Some(1.0),
             (false, 0) => None,
             (false, freedom) => Some(squares / freedom as f64),
         };
         if let Some(variance) = variance {
             let (covariance, determined) = (directions.covariance(), directions.determined());
-            for (k, (&i, p)) in active.iter().zip(&chosen).enumerate() {
-                let error = p.scale(values[i]) * (variance * covariance[(k, k)]).sqrt();
-                standard[i] = determined[k].then_some(error);
+            for (k, (&i, p)) in self.active.iter().zip(&chosen).enumerate() {
+                let error = p.scale(self.values[i]) * (variance * covariance[(k, k)]).sqrt();
+                self.standard[i] = determined[k].then_some(error);
             }
             report.correlation = determined.iter().all(|&d| d).then(|| correlations(&covariance));
         }
         report.condition = Some(directions.condition()).filter(|c| c.is_finite());
-        let found = verdict::of_fit(
-            loaded,
-            &chosen,
-            &outcome.values,
-            &active.iter().map(|&i| standard[i]).collect::<Vec<_>>(),
-            &directions,
-            &observations,
-        );
+        let errors: Vec<Option<f64>> = self.active.iter().map(|&i| self.standard[i]).collect();
+        let (values, observations) = (&outcome.values, &self.observations);
+        let found =
+            verdict::of_fit(self.loaded, &chosen, values, &errors, &directions, observations);
         report.warnings.extend(found);
         report.singular_values = directions.singular_values;
-        if request.check_gradient && gradient != Gradient::Differences {
+        if check && gradient != Gradient::Differences {
             let before = forward.work.forward_solves;
-            let differences = forward.differences(&chosen, &outcome.values, observed)?;
+            let differences = forward.differences(&chosen, values, observed)?;
             let forward_solves = forward.work.forward_solves - before;
             let worst = worst_difference(&jacobian, &differences);
             report.gradient_check = Some(GradientCheck { worst, forward_solves });
         }
+        Ok(forward)
     }
-    let predictions = forward.predictions(observed);
-    let residual = residuals(observed, &predictions);
-    report.objective[1] = residual.iter().map(|r| r * r).sum();
-    report.data = misfits(&observations, &predictions);
-    let freedom = (!observations.has_sigma).then_some(report.degrees_of_freedom);
-    report.parameters = parameters
-        .iter()
-        .enumerate()
-        .map(|(i, p)| ParameterFit {
+
+    /// The report, but for the time.
+    fn finish(self, forward: &Forward) -> FitReport {
+        let Self { loaded, observations, parameters, active, values, standard, mut report } = self;
+        let predictions = forward.predictions(&observations.list);
+        report.objective[1] = squares(&observations.list, &predictions);
+        report.data = misfits(&observations, &predictions);
+        let freedom = (!observations.has_sigma).then_some(report.degrees_of_freedom);
+        let fitted = |(i, p): (usize, &Parameter)| ParameterFit {
             name: p.name.clone(),
             constant: p.constant,
             body: loaded.scene.bodies[p.body].name.clone(),
@@ -202,11 +220,11 @@ pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitE
             fitted: active.contains(&i),
             standard_error: standard[i],
             confidence_95: standard[i].map(|error| interval(p, values[i], error, freedom)),
-        })
-        .collect();
-    report.work = forward.work;
-    report.seconds = clock.elapsed().as_secs_f64();
-    Ok(report)
+        };
+        report.parameters = parameters.iter().enumerate().map(fitted).collect();
+        report.work = forward.work;
+        report
+    }
 }
 
 /// Correlation matrix of a covariance.
@@ -234,19 +252,20 @@ fn misfits(observations: &Observations, predictions: &[f64]) -> Vec<Misfit> {
 /// 95 % confidence interval.
 fn interval(p: &Parameter, value: f64, error: f64, freedom: Option<usize>) -> [f64; 2] {
     let half = half_width(freedom) * error;
-    match p.constant {
-        parameter::Constant::Young | parameter::Constant::Axis => {
-            [value * (-half / value).exp(), value * (half / value).exp()]
-        }
-        parameter::Constant::Poisson => {
-            [(value - half).max(p.bounds[0]), (value + half).min(p.bounds[1])]
-        }
+    match p.constant.is_modulus() {
+        true => [value * (-half / value).exp(), value * (half / value).exp()],
+        false => [(value - half).max(p.bounds[0]), (value + half).min(p.bounds[1])],
     }
 }
 
 /// Differences over their scales.
 fn residuals(observed: &[Observation], predictions: &[f64]) -> Vec<f64> {
     observed.iter().zip(predictions).map(|(o, p)| (p - o.value) / o.scale).collect()
+}
+
+/// Sum of their squares.
+fn squares(observed: &[Observation], predictions: &[f64]) -> f64 {
+    residuals(observed, predictions).iter().map(|r| r * r).sum()
 }
 
 /// Euclidean norm of predictions or observations over their scales.

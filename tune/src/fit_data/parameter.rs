@@ -39,20 +39,19 @@ impl Constant {
         }
     }
 
+    /// Whether it is a modulus, which is positive and fitted in its logarithm.
+    pub fn is_modulus(self) -> bool {
+        self != Self::Poisson
+    }
+
     /// SI unit.
     pub fn unit(self) -> &'static str {
-        match self {
-            Self::Young | Self::Axis => "Pa",
-            Self::Poisson => "-",
-        }
+        if self.is_modulus() { "Pa" } else { "-" }
     }
 
     /// Range that the engine accepts.
     fn range(self) -> [f64; 2] {
-        match self {
-            Self::Young | Self::Axis => [0.0, f64::INFINITY],
-            Self::Poisson => [-0.99, MAX_POISSON_RATIO],
-        }
+        if self.is_modulus() { [0.0, f64::INFINITY] } else { [-0.99, MAX_POISSON_RATIO] }
     }
 }
 
@@ -88,10 +87,7 @@ impl Parameter {
         } else {
             low + (high - low) * logistic(x + self.offset(low, high))
         };
-        match self.constant {
-            Constant::Young | Constant::Axis => moved.exp(),
-            Constant::Poisson => moved,
-        }
+        if self.constant.is_modulus() { moved.exp() } else { moved }
     }
 
     /// Derivative of [`Parameter::value`].
@@ -103,18 +99,12 @@ impl Parameter {
             let share = logistic(unknown - 1.0 + self.offset(low, high));
             (high - low) * share * (1.0 - share)
         };
-        match self.constant {
-            Constant::Young | Constant::Axis => moved * self.value(unknown),
-            Constant::Poisson => moved,
-        }
+        if self.constant.is_modulus() { moved * self.value(unknown) } else { moved }
     }
 
     /// A change by which its influence is judged: a modulus by itself, a ratio by 1/2.
     pub fn scale(&self, value: f64) -> f64 {
-        match self.constant {
-            Constant::Young | Constant::Axis => value,
-            Constant::Poisson => 0.5,
-        }
+        if self.constant.is_modulus() { value } else { 0.5 }
     }
 
     /// Whether a value is so near to a bound that the bound decides it.
@@ -125,10 +115,7 @@ impl Parameter {
     }
 
     fn scaled(&self, value: f64) -> f64 {
-        match self.constant {
-            Constant::Young | Constant::Axis => value.ln(),
-            Constant::Poisson => value,
-        }
+        if self.constant.is_modulus() { value.ln() } else { value }
     }
 
     fn ends(&self) -> [f64; 2] {
@@ -224,22 +211,20 @@ pub fn parse(
                     && p.elements.iter().any(|e| parameter.elements.binary_search(e).is_ok())
             };
             if let Some(other) = all.iter().find(same) {
-                return Err(FitError::Option {
-                    option: format!("--fit {text}"),
-                    found: format!("it shares elements with `{}`", other.name),
-                    remedy: "fit every element at most once".into(),
-                });
+                let found = format!("it shares elements with `{}`", other.name);
+                let remedy = "fit every element at most once".into();
+                return Err(FitError::option(format!("--fit {text}"), found, remedy));
             }
             all.push(parameter);
         }
     }
     if all.is_empty() {
-        return Err(FitError::Option {
-            option: "--fit".into(),
-            found: "no parameter is given".into(),
-            remedy: "give --fit young, --fit poisson, --fit young:REGION or --fit axis:FAMILY"
-                .into(),
-        });
+        let remedy = "give --fit young, --fit poisson, --fit young:REGION or --fit axis:FAMILY";
+        return Err(FitError::option(
+            "--fit".into(),
+            "no parameter is given".into(),
+            remedy.into(),
+        ));
     }
     for text in bounds {
         set_bounds(text, &mut all)?;
@@ -252,11 +237,7 @@ fn parse_one(
     scene: &BuiltScene,
     materials: &[ElementMaterials],
 ) -> Result<Vec<Parameter>, FitError> {
-    let fault = |found: String, remedy: String| FitError::Option {
-        option: format!("--fit {text}"),
-        found,
-        remedy,
-    };
+    let fault = |found, remedy| FitError::option(format!("--fit {text}"), found, remedy);
     let (head, region) = match text.split_once(':') {
         Some((head, region)) => (head, Some(region)),
         None => (text, None),
@@ -292,10 +273,8 @@ fn parse_one(
         let known = || families.iter().map(|(name, _)| name.as_str());
         let Some(name) = region else {
             let found = "it names no family of fibres".to_string();
-            return Err(fault(
-                found,
-                format!("write axis:FAMILY; {}", hint("family", "", known())),
-            ));
+            let remedy = format!("write axis:FAMILY; {}", hint("family", "", known()));
+            return Err(fault(found, remedy));
         };
         let Some(family) = known().position(|known| known == name) else {
             let found = format!("body `{}` has no fibres `{name}`", of.name);
@@ -308,16 +287,8 @@ fn parse_one(
         }
         let (name, elements) = (text.to_string(), solids(of).collect());
         let (varies, bounds) = (false, constant.range());
-        return Ok(vec![Parameter {
-            name,
-            constant,
-            body,
-            family,
-            elements,
-            start,
-            varies,
-            bounds,
-        }]);
+        let axis = Parameter { name, constant, body, family, elements, start, varies, bounds };
+        return Ok(vec![axis]);
     }
     let regions = match region {
         None => vec![(text.to_string(), solids(of).collect())],
@@ -392,11 +363,7 @@ fn elements_of(
 const MOST_REGIONS: usize = 64;
 
 fn set_bounds(text: &str, parameters: &mut [Parameter]) -> Result<(), FitError> {
-    let fault = |found: String, remedy: String| FitError::Option {
-        option: format!("--bounds {text}"),
-        found,
-        remedy,
-    };
+    let fault = |found, remedy| FitError::option(format!("--bounds {text}"), found, remedy);
     let form = || "write PARAMETER=LOW..HIGH, such as young=1e3..1e5".to_string();
     let (name, range) =
         text.rsplit_once('=').ok_or_else(|| fault("there is no `=`".into(), form()))?;
@@ -410,15 +377,14 @@ fn set_bounds(text: &str, parameters: &mut [Parameter]) -> Result<(), FitError> 
     for p in parameters.iter_mut().filter(|p| p.name == name || p.name.starts_with(&family)) {
         found = true;
         let [least, most] = p.constant.range();
-        let inside = match p.constant {
-            Constant::Young | Constant::Axis => low > least && high < most,
-            Constant::Poisson => low >= least && high <= most,
+        let (inside, remedy) = match p.constant.is_modulus() {
+            true => (low > least && high < most, "give 0 < LOW < HIGH (Pa)".into()),
+            false => {
+                let remedy = format!("give {least} <= LOW < HIGH <= {most}");
+                (low >= least && high <= most, remedy)
+            }
         };
         if !(low < high && inside) {
-            let remedy = match p.constant {
-                Constant::Young | Constant::Axis => "give 0 < LOW < HIGH (Pa)".into(),
-                Constant::Poisson => format!("give {least} <= LOW < HIGH <= {most}"),
-            };
             return Err(fault(format!("{low}..{high} is out of range"), remedy));
         }
         if !(low < p.start && p.start < high) {

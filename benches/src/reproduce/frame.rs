@@ -1,0 +1,102 @@
+//! What the scenes of the figures share: a body in a world of its own, settings of equilibria, and ways to them.
+
+use crate::bench::error::BenchError;
+use glam::DVec3;
+use sinew::engine::mesh::Mesh;
+use sinew::prelude::*;
+
+/// A body in a world of its own, without gravity, on one thread.
+pub(super) fn world(
+    body: &BodyDescription,
+    solver: SolverSettings,
+) -> Result<(Simulation, BodyHandle), BenchError> {
+    let options = SimulationOptions { threads: 1, ..SimulationOptions::default() };
+    let mut simulation = Simulation::new(options)?;
+    let body = simulation.add_body(body)?;
+    simulation.set_gravity(DVec3::ZERO);
+    simulation.set_solver(solver);
+    Ok((simulation, body))
+}
+
+/// Holds a side of the mesh for good, along all axes.
+pub(super) fn clamp(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    mesh: &Mesh,
+    side: &str,
+) -> Result<(), BenchError> {
+    let rows = simulation.group_rows(body, mesh, side)?;
+    simulation.add_constraint(Constraint::hold(side, rows));
+    Ok(())
+}
+
+/// Settings for an equilibrium.
+pub(super) fn equilibrium() -> SolverSettings {
+    SolverSettings {
+        integrator: Integrator::QuasiStatic,
+        linear_tolerance: 1e-6,
+        newton_tolerance: 1e-9,
+        max_newton_iterations: 100,
+        ..SolverSettings::default()
+    }
+}
+
+/// Finds the equilibrium, loads applied by curves that end at `parts` steps of 1 s.
+///
+/// # Errors
+/// When there is none.
+pub(super) fn settle(
+    simulation: &mut Simulation,
+    parts: u32,
+    case: &str,
+) -> Result<(), BenchError> {
+    simulation.set_dt(1.0);
+    let none = |reason: String| BenchError::NoTruth { case: case.to_string(), reason };
+    for _ in 0..parts {
+        simulation.step().map_err(|e| none(e.to_string()))?;
+        if simulation.report().unconverged {
+            return Err(none("Newton's method did not converge".into()));
+        }
+    }
+    Ok(())
+}
+
+/// A part of the way from one strain to the next.
+pub(super) struct Stride {
+    pub before: f64,
+    pub strain: f64,
+    /// Number of the part, from 1, and how many there are.
+    pub part: u32,
+    pub parts: u32,
+}
+
+/// Equilibria at growing strains, each reached from the one before in parts of at most `stride` by motions of
+/// some vertex rows; `None` from where there is none.
+pub(super) fn path<T>(
+    simulation: &mut Simulation,
+    rows: &[u32],
+    strains: &[f64],
+    stride: f64,
+    motion: impl Fn(Stride) -> Motion,
+    state: impl Fn(&mut Simulation) -> T,
+) -> Vec<Option<T>> {
+    let mut states: Vec<Option<T>> = Vec::new();
+    let mut before = 0.0;
+    for &strain in strains {
+        let parts = ((strain - before) / stride - 1e-9).ceil().max(1.0) as u32;
+        let mut found = states.last().is_none_or(Option::is_some);
+        for part in 1..=parts {
+            if !found {
+                break;
+            }
+            let motion = motion(Stride { before, strain, part, parts });
+            let moved = Constraint::moving("moved", rows.to_vec(), motion, Curve::Constant);
+            let moved = simulation.add_constraint(moved);
+            found = simulation.step().is_ok() && !simulation.report().unconverged;
+            simulation.world_mut().despawn(moved);
+        }
+        states.push(found.then(|| state(simulation)));
+        before = strain;
+    }
+    states
+}
