@@ -45,7 +45,7 @@ impl<S: Scalar> Case<S> {
         );
         let bend = |x: DVec3| DVec3::new(0.0, 0.0, 2.0 * x.x * x.x) + 0.05 * x.y * DVec3::X;
         let u: Vec<DVec3> = mesh.points.iter().map(|x| bend(*x)).collect();
-        simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        simulation.displace(body, &u);
         simulation.world_mut().insert_resource(EvaluationRequest {
             energy: false,
             force: true,
