@@ -162,12 +162,11 @@ fn dampers_creep() {
             let total: DVec3 = forces.iter().map(|f| f.1).sum();
             assert!((total.x / (stress * 4e-4) - 1.0).abs() < 1e-12);
             simulation.add_load(Load { name: "pull".into(), forces, curve: Curve::Constant });
-            simulation.set_solver(SolverSettings {
-                integrator: Integrator::TrBdf2,
-                newton_tolerance: 1e-10,
-                linear_tolerance: 1e-10,
-                ..SolverSettings::default()
-            });
+            simulation.set_solver(solver!(
+                Integrator::TrBdf2,
+                newton_tolerance = 1e-10,
+                linear_tolerance = 1e-10
+            ));
             simulation.set_dt(0.01);
             let (mut dissipated, mut expected) = (0.0, 0.0);
             for step in 1..=40 {

@@ -443,11 +443,7 @@ fn a_million_metres_from_the_origin() {
                 Evaluation::Fused,
             );
             clamp(&mut simulation, body, &mesh, "x0");
-            simulation.set_solver(SolverSettings {
-                integrator,
-                linear_tolerance: 1e-10,
-                ..Default::default()
-            });
+            simulation.set_solver(solver!(integrator, linear_tolerance = 1e-10));
             simulation.steps(20);
             simulation.displacements(body)
         };

@@ -27,11 +27,7 @@ fn side_by_side(threads: usize, precision: Precision) -> u64 {
         clamp(&mut simulation, body, &mesh, "x0");
     }
     simulation.set_dt(0.01);
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::Safe,
-        stiffness_damping: 1e-3,
-        ..Default::default()
-    });
+    simulation.set_solver(solver!(Integrator::Safe, stiffness_damping = 1e-3));
     simulation.steps(4);
     simulation.set_material(BodyHandle(2), soft(3e4, 0.3)).unwrap();
     simulation.steps(3);
@@ -62,13 +58,12 @@ fn damping_takes_energy_out_of_every_model() {
             simulation.displace(body, &bend);
             simulation.set_gravity(DVec3::ZERO);
             simulation.set_dt(2e-3);
-            simulation.set_solver(SolverSettings {
-                integrator: Integrator::Newton,
+            simulation.set_solver(solver!(
+                Integrator::Newton,
                 mass_damping,
                 stiffness_damping,
-                linear_tolerance: 1e-8,
-                ..Default::default()
-            });
+                linear_tolerance = 1e-8
+            ));
             let mut before = simulation.evaluate();
             for step in 0..20 {
                 simulation.step().unwrap();
@@ -128,11 +123,7 @@ fn statics_agree_at_small_loads() {
         clamp(&mut simulation, body, &mesh, "x0");
         simulation.set_gravity(DVec3::new(0.0, 0.0, -0.1));
         simulation.set_dt(1.0);
-        simulation.set_solver(SolverSettings {
-            integrator: Integrator::QuasiStatic,
-            linear_tolerance: 1e-10,
-            ..Default::default()
-        });
+        simulation.set_solver(solver!(Integrator::QuasiStatic, linear_tolerance = 1e-10));
         simulation.step().unwrap();
         let report = simulation.report();
         assert!(!report.unconverged, "{model:?}");

@@ -411,12 +411,7 @@ fn recovery_works_round_removed_elements() {
         let (mut s, body) = plain(&mesh, soft(1e4, 0.4), Model::CompressibleStVK, evaluation);
         s.set_gravity(DVec3::ZERO);
         s.set_dt(1.0 / 60.0);
-        s.set_solver(SolverSettings {
-            integrator: Integrator::Safe,
-            mass_damping: 3.5,
-            recovery: true,
-            ..Default::default()
-        });
+        s.set_solver(solver!(Integrator::Safe, mass_damping = 3.5, recovery = true));
         let chosen = pick(s.remaining_tetrahedra(body), 12, 5);
         let report = remove(&mut s, body, Region::Tetrahedra(chosen), MassPolicy::Recompute);
         assert!(!report.compacted);

@@ -80,11 +80,7 @@ fn substeps_see_loads_and_motion_like_steps() {
     for integrator in EXPLICIT {
         let run = |steps: u32, explicit_safety: f64| {
             let (mut simulation, body) = beam(&mesh, Precision::F64, integrator);
-            simulation.set_solver(SolverSettings {
-                integrator,
-                explicit_safety,
-                ..Default::default()
-            });
+            simulation.set_solver(solver!(integrator, explicit_safety));
             clamp(&mut simulation, body, &mesh, "x0");
             let rows = simulation.rows(body, "side", &group(&mesh, "z1")).unwrap();
             let forces = rows.iter().map(|&r| (r, DVec3::new(0.0, 0.0, 0.005))).collect();
@@ -315,11 +311,10 @@ fn the_stability_limit_is_where_it_is_said_to_be() {
     let truth = converged_limit(&mut simulation);
     assert!((0.97..1.01).contains(&(limit / truth)), "{limit} {truth}");
     simulation.set_dt(1.02 * truth);
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::StormerVerlet,
-        explicit_safety: 1.0,
-        max_substeps: 1,
-        ..Default::default()
-    });
+    simulation.set_solver(solver!(
+        Integrator::StormerVerlet,
+        explicit_safety = 1.0,
+        max_substeps = 1
+    ));
     assert!(simulation.step().is_err());
 }

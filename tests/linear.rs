@@ -337,12 +337,7 @@ fn equilibria_are_exact_when_asked_for() {
             Evaluation::Fused,
         );
         clamp(&mut simulation, body, &mesh, "x0");
-        simulation.set_solver(SolverSettings {
-            integrator: Integrator::QuasiStatic,
-            linear_tolerance,
-            linear_precision,
-            ..Default::default()
-        });
+        simulation.set_solver(solver!(Integrator::QuasiStatic, linear_tolerance, linear_precision));
         simulation.step().unwrap();
         assert!(!simulation.report().unconverged);
         assert_eq!(simulation.report().precision_fallbacks, 0);

@@ -121,12 +121,11 @@ fn two_materials_in_series() {
     let pull = Motion::Translate(DVec3::new(0.04, 0.0, 0.0));
     let end = drive(&mut simulation, body, &mesh, "x1", pull, Curve::Constant);
     simulation.set_dt(1.0);
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::QuasiStatic,
-        newton_tolerance: 1e-12,
-        linear_tolerance: 1e-10,
-        ..Default::default()
-    });
+    simulation.set_solver(solver!(
+        Integrator::QuasiStatic,
+        newton_tolerance = 1e-12,
+        linear_tolerance = 1e-10
+    ));
     simulation.step().unwrap();
     // stretches with equal stress: bisection
     let stress = |e: f64, s: f64| e * (s * s * s - s) / 2.0;

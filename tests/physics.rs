@@ -16,12 +16,7 @@ const BOTH: [Evaluation; 2] = [Evaluation::Fused, Evaluation::Pooled];
 
 /// Linear systems solved to rounding, so that what is left is the integrator's.
 fn exact(integrator: Integrator) -> SolverSettings {
-    SolverSettings {
-        integrator,
-        linear_tolerance: 1e-13,
-        newton_tolerance: 1e-12,
-        ..Default::default()
-    }
+    solver!(integrator, linear_tolerance = 1e-13, newton_tolerance = 1e-12)
 }
 
 fn sum(values: impl Iterator<Item = DVec3>) -> DVec3 {
@@ -765,12 +760,7 @@ fn energy_books_close_for_moving_clamps() {
         let (mut simulation, body) = fused(&mesh, soft(1e5, 0.3));
         simulation.set_gravity(DVec3::ZERO);
         simulation.set_dt(1e-3);
-        simulation.set_solver(SolverSettings {
-            integrator,
-            stiffness_damping,
-            linear_tolerance: 1e-8,
-            ..Default::default()
-        });
+        simulation.set_solver(solver!(integrator, stiffness_damping, linear_tolerance = 1e-8));
         let rows = simulation.group_rows(body, &mesh, "x0").unwrap();
         let motion = Motion::Translate(DVec3::X);
         let mut clamp = Constraint::moving("clamp", rows, motion, Curve::ramp(0.0, 1.0));
@@ -811,11 +801,7 @@ fn single_precision_equilibrium_converges() {
     let (mut simulation, body) =
         alone(options, &BodyDescription::new("beam", &mesh, soft(1e5, 0.3)));
     clamp(&mut simulation, body, &mesh, "x0");
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::QuasiStatic,
-        linear_tolerance: 1e-5,
-        ..Default::default()
-    });
+    simulation.set_solver(solver!(Integrator::QuasiStatic, linear_tolerance = 1e-5));
     simulation.step().unwrap();
     let report = simulation.report();
     assert!(!report.unconverged && report.newton_iterations < 30, "{report:?}");

@@ -109,13 +109,12 @@ fn hold_axes(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) {
 }
 
 fn quasi_static() -> SolverSettings {
-    SolverSettings {
-        integrator: Integrator::QuasiStatic,
-        linear_tolerance: 1e-6,
-        newton_tolerance: 1e-9,
-        max_newton_iterations: 100,
-        ..Default::default()
-    }
+    solver!(
+        Integrator::QuasiStatic,
+        linear_tolerance = 1e-6,
+        newton_tolerance = 1e-9,
+        max_newton_iterations = 100
+    )
 }
 
 #[test]

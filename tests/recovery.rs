@@ -48,12 +48,7 @@ fn recover(
         simulate(options, mesh, soft(1e4, nu), Model::CompressibleStVK, evaluation);
     simulation.set_gravity(DVec3::ZERO);
     simulation.set_dt(1.0 / 60.0);
-    simulation.set_solver(SolverSettings {
-        integrator,
-        mass_damping: 3.5,
-        recovery: true,
-        ..Default::default()
-    });
+    simulation.set_solver(solver!(integrator, mass_damping = 3.5, recovery = true));
     let u: Vec<_> = start.iter().zip(&mesh.points).map(|(x, r)| *x - *r).collect();
     simulation.displace(body, &u);
     let energy = simulation.evaluate();

@@ -275,14 +275,13 @@ fn converged_implicit_steps() {
             simulation.add_constraint(Constraint::hold("pins", rows));
             simulation.set_gravity(gravity);
             simulation.set_dt(number(&case["h"]));
-            simulation.set_solver(SolverSettings {
-                integrator: Integrator::Newton,
-                linear_tolerance: 1e-10,
-                newton_tolerance: 1e-12,
-                mass_damping: number(&case["alpha"]),
-                stiffness_damping: number(&case["beta"]),
-                ..Default::default()
-            });
+            simulation.set_solver(solver!(
+                Integrator::Newton,
+                linear_tolerance = 1e-10,
+                newton_tolerance = 1e-12,
+                mass_damping = number(&case["alpha"]),
+                stiffness_damping = number(&case["beta"])
+            ));
             simulation.step().unwrap();
             assert!(!simulation.report().unconverged, "{name}: {:?}", simulation.report());
             let x: Vec<DVec3> =

@@ -129,6 +129,14 @@ pub fn options(precision: Precision, threads: usize) -> SimulationOptions {
     SimulationOptions { precision, threads, ..Default::default() }
 }
 
+/// Settings of a solver: the integrator, and what else is not as by default.
+macro_rules! solver {
+    ($integrator:expr $(, $field:ident $(= $value:expr)?)*) => {
+        SolverSettings { integrator: $integrator, $($field $(: $value)?,)* ..Default::default() }
+    };
+}
+pub(crate) use solver;
+
 /// What tests do with a simulation again and again.
 pub trait Shortcuts {
     /// Steps, all of which must succeed.
