@@ -142,9 +142,7 @@ fn direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
 }
 
 // The first direction of a sequence.
-@compute @workgroup_size(256)
-fn first_direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n || atomicLoad(&cg.phase) != ITERATING || cg.fresh == 0u { return; }
+fn first_direction_at(i: u32) {
+    if atomicLoad(&cg.phase) != ITERATING || cg.fresh == 0u { return; }
     store_row(P, i, load_row(Q, i) + prolong(i));
 }

@@ -14,9 +14,27 @@ const STATE: &str = include_str!("state.wgsl");
 const TENSORS: &str = include_str!("tensors.wgsl");
 const ELEMENTS: &str = include_str!("elements.wgsl");
 
+/// The files one after another, and for every function `NAME_at(i: u32)` in them the entry point `NAME` that calls it
+/// with a thread for every vertex row.
 fn module(name: &'static str, files: &[&str]) -> Source {
-    Source { name, text: files.concat() }
+    let mut text = files.concat();
+    for line in files.iter().flat_map(|file| file.lines()) {
+        let kernel = line.strip_prefix("fn ").and_then(|line| line.strip_suffix("_at(i: u32) {"));
+        if let Some(kernel) = kernel {
+            text += &ENTRY.replace("KERNEL", kernel);
+        }
+    }
+    Source { name, text }
 }
+
+/// An entry point over vertex rows.
+const ENTRY: &str = "
+@compute @workgroup_size(256)
+fn KERNEL(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i < step.n { KERNEL_at(i); }
+}
+";
 
 /// Passes over vertex rows, products, conjugate gradients.
 pub(crate) fn solver() -> Source {
