@@ -20,7 +20,7 @@ var<workgroup> force: array<vec4f, 256>;
 var<workgroup> turn: array<vec4f, 256>;
 
 // Sum of the residual over aggregates, sixteen a workgroup with as many lanes each.
-fn restrict_residual(act: bool, group: u32, local: u32) {
+fn restrict_if(act: bool, group: u32, local: u32) {
     let lane = local % LANES;
     let aggregate = group * LANES + local / LANES;
     let own = act && aggregate < coarse.aggregates;
@@ -52,26 +52,11 @@ fn restrict_residual(act: bool, group: u32, local: u32) {
     }
 }
 
-@compute @workgroup_size(256)
-fn restrict_start(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    restrict_residual(true, group.x, local);
-}
-
-@compute @workgroup_size(256)
-fn restrict_iteration(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    restrict_residual(atomicLoad(&cg.phase) == ITERATING, group.x, local);
-}
-
-@compute @workgroup_size(256)
-fn restrict_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    restrict_residual(atomicLoad(&cg.phase) == CLAIMED, group.x, local);
-}
-
 var<workgroup> lanes: array<f32, 256>;
 
 // Motions from forces, sixteen rows a workgroup with as many lanes each; leaves their part of r.z. The inverse is
 // symmetric: neighbouring threads read neighbouring numbers of one of its rows as their columns.
-fn move_aggregates(act: bool, group: u32, local: u32) {
+fn move_if(act: bool, group: u32, local: u32) {
     let lane = local / LANES;
     let row = group * LANES + local % LANES;
     let unknowns = 6u * coarse.aggregates;
@@ -103,21 +88,6 @@ fn move_aggregates(act: bool, group: u32, local: u32) {
         }
         partials[step.matrix_groups + step.groups + group] = vec4f(sum, 0.0, 0.0, 0.0);
     }
-}
-
-@compute @workgroup_size(256)
-fn move_start(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    move_aggregates(true, group.x, local);
-}
-
-@compute @workgroup_size(256)
-fn move_iteration(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    move_aggregates(atomicLoad(&cg.phase) == ITERATING, group.x, local);
-}
-
-@compute @workgroup_size(256)
-fn move_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    move_aggregates(atomicLoad(&cg.phase) == CLAIMED, group.x, local);
 }
 
 // Motion of a vertex with its aggregate, held unknowns left out.

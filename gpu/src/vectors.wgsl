@@ -1,5 +1,5 @@
-// Passes over vertex rows: the parts of the safe step between evaluations and solves. Of a function NAME_at(i: u32), here
-// and in other files, the kernel NAME is made, with a thread for every vertex row.
+// Passes over vertex rows: the parts of the safe step between evaluations and solves. Kernels are made of functions
+// NAME_at, here and in other files, as sources.rs says.
 // Twin of `sinew_solvers::implicit`; sums leave one entry per workgroup in `sums`, in f32 by a fixed tree, and
 // the host adds these up in f64.
 
