@@ -1,59 +1,19 @@
 //! Bodies with axes: beside and instead of a material, in every way of evaluation; mesh independence,
 //! conservation, active fibres, removal, recovery.
 
+use crate::common::rich_axes::rich;
 use crate::common::*;
 use glam::DVec3;
 use proptest::prelude::*;
 use sinew::engine::law::{ElasticEnergy, RecoveringBodies};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, jitter_interior};
-use sinew::engine::vertex::FixedAxes;
-use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
-use sinew::models::axes::field;
+use sinew::models::axes::description::{AxesDescription, AxisFamily, AxisForm};
 use sinew::models::axes::muscle::MuscleSettings;
 use sinew::models::body::Evaluation;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use sinew::simulation::SimulationError;
-
-fn options(precision: Precision, threads: usize) -> SimulationOptions {
-    SimulationOptions { precision, threads, ..Default::default() }
-}
-
-/// Four families that are not orthogonal, two of them active, five angles: triads, fibres and a term of
-/// volume, some elements without a share.
-fn rich(mesh: &Mesh) -> AxesDescription<'static> {
-    let n = mesh.tetrahedra.len() + mesh.hexahedra.len();
-    let fields: Vec<_> = (0..4).map(|i| field::random(mesh, i).directions).collect();
-    let family = |name, i: usize, modulus| AxisFamily::new(name, &fields[i], modulus);
-    let muscle = MuscleSettings {
-        peak_stress: 4e3,
-        optimal_stretch: 1.05,
-        stiffening: 0.5,
-        shortening: 0.1,
-        ..MuscleSettings::default()
-    };
-    let share: Vec<f64> = (0..n).map(|i| (i % 3) as f64 * 0.5).collect();
-    let angle = |families, modulus| AxisAngle { families, modulus };
-    AxesDescription {
-        families: vec![
-            family("a", 0, 3e3),
-            family("b", 1, 8e3),
-            AxisFamily { muscle: Some(muscle.clone()), ..family("c", 2, 2e3) },
-            AxisFamily { muscle: Some(muscle), share: Some(share.into()), ..family("d", 3, 1e3) },
-        ],
-        angles: vec![
-            angle([0, 1], 1e3),
-            angle([2, 0], 2e3),
-            angle([1, 2], 5e2),
-            angle([1, 3], 7e2),
-            angle([3, 0], 9e2),
-        ],
-        volume_modulus: 6e3,
-        form: AxisForm::EnergyConsistent,
-    }
-    .into_owned()
-}
 
 fn build(
     mesh: &Mesh,
@@ -61,11 +21,10 @@ fn build(
     axes: Option<AxesDescription>,
     options: SimulationOptions,
 ) -> (Simulation, BodyHandle) {
-    let mut simulation = Simulation::new(options).unwrap();
     let material = soft(5e3, 0.4);
     let description =
         BodyDescription { model, evaluation, axes, ..BodyDescription::new("body", mesh, material) };
-    let body = simulation.add_body(&description).unwrap();
+    let (mut simulation, body) = alone(options, &description);
     simulation.set_gravity(DVec3::ZERO);
     (simulation, body)
 }
@@ -86,8 +45,7 @@ fn at_random(
     if active {
         activate(&mut simulation, body);
     }
-    let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 3e-3).collect();
-    simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    disturb(&mut simulation, body, 3e-3, 9);
     let energy = simulation.evaluate();
     (energy, simulation.elastic_forces(body))
 }
@@ -123,8 +81,7 @@ fn isotropic_axes_stand_in_for_the_material() {
     let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
     let small = |kind, axes| {
         let (mut simulation, body) = build(&mesh, kind, axes, options(Precision::F64, 1));
-        let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 1e-9).collect();
-        simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        disturb(&mut simulation, body, 1e-9, 9);
         simulation.evaluate();
         simulation.elastic_forces(body)
     };
@@ -154,7 +111,7 @@ fn threads_change_nothing() {
         simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
         simulation.set_activation(body, "c", 0.5).unwrap();
         simulation.set_dt(0.01);
-        (0..3).for_each(|_| simulation.step().unwrap());
+        simulation.steps(3);
         simulation.state_hash()
     };
     assert_eq!(run(1), run(2));
@@ -176,21 +133,16 @@ fn dampers_creep() {
                 AxesDescription { form, families: vec![family], ..AxesDescription::default() };
             // next to no inertia
             let material = YoungPoisson { density: 1e-3, ..soft(young, 0.0) };
-            let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
-            let body = simulation
-                .add_body(&BodyDescription {
-                    model: Model::Linear,
-                    axes: Some(axes),
-                    ..BodyDescription::new("bar", mesh, material)
-                })
-                .unwrap();
+            let description = BodyDescription {
+                model: Model::Linear,
+                axes: Some(axes),
+                ..BodyDescription::new("bar", mesh, material)
+            };
+            let (mut simulation, body) = alone(options(Precision::F64, 1), &description);
             let young = young + fibres;
             simulation.set_gravity(DVec3::ZERO);
             for (side, axis) in [("x0", 1), ("y0", 2), ("z0", 4)] {
-                let rows = simulation.rows(body, side, &group(mesh, side)).unwrap();
-                let mut hold = Constraint::hold(side, rows);
-                hold.axes = FixedAxes(axis);
-                simulation.add_constraint(hold);
+                guide(&mut simulation, body, mesh, side, axis);
             }
             // nodal forces of a constant traction
             let end = group(mesh, "x1");
@@ -210,12 +162,11 @@ fn dampers_creep() {
             let total: DVec3 = forces.iter().map(|f| f.1).sum();
             assert!((total.x / (stress * 4e-4) - 1.0).abs() < 1e-12);
             simulation.add_load(Load { name: "pull".into(), forces, curve: Curve::Constant });
-            simulation.set_solver(SolverSettings {
-                integrator: Integrator::TrBdf2,
-                newton_tolerance: 1e-10,
-                linear_tolerance: 1e-10,
-                ..SolverSettings::default()
-            });
+            simulation.set_solver(solver!(
+                Integrator::TrBdf2,
+                newton_tolerance = 1e-10,
+                linear_tolerance = 1e-10
+            ));
             simulation.set_dt(0.01);
             let (mut dissipated, mut expected) = (0.0, 0.0);
             for step in 1..=40 {
@@ -251,7 +202,7 @@ fn dampers_take_energy_and_no_momentum() {
     let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
     let run = |axes: AxesDescription, integrator| {
         let (mut simulation, body) = build(&mesh, FUSED, Some(axes), options(Precision::F64, 1));
-        simulation.set_solver(SolverSettings { integrator, ..SolverSettings::default() });
+        simulation.integrate_by(integrator);
         let n = mesh.points.len();
         let u: Vec<_> = random_field(n, 9).iter().map(|r| *r * 5e-4).collect();
         simulation.set_state(body, &u, &vec![DVec3::X; n]).unwrap();
@@ -289,7 +240,7 @@ fn explicit_integrators_refuse_dampers() {
     let axes = Some(viscous(rich(&mesh)));
     let (mut simulation, _) = build(&mesh, FUSED, axes, options(Precision::F64, 1));
     let integrator = Integrator::SymplecticEuler;
-    simulation.set_solver(SolverSettings { integrator, ..SolverSettings::default() });
+    simulation.integrate_by(integrator);
     let error = simulation.step().unwrap_err().to_string();
     assert!(error.contains("dampers along axes") && error.contains("\"safe\""), "{error}");
 }
@@ -304,7 +255,7 @@ fn printed_hexahedra_agree_near_rest() {
         let axes = AxesDescription { form, ..AxesDescription::isotropic(lame) };
         let (mut simulation, body) = build(&mesh, ALONE, Some(axes), options(Precision::F64, 1));
         let u: Vec<_> = mesh.points.iter().map(|x| *x * gradient).collect();
-        simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        simulation.displace(body, &u);
         simulation.evaluate()
     };
     for form in [AxisForm::Printed, AxisForm::PrintedBalanced] {
@@ -323,10 +274,7 @@ fn free_bodies_keep_their_momenta() {
         let (mut simulation, body) =
             build(&mesh, kind, Some(rich(&mesh)), options(Precision::F64, 1));
         activate(&mut simulation, body);
-        simulation.set_solver(SolverSettings {
-            integrator: Integrator::StormerVerlet,
-            ..Default::default()
-        });
+        simulation.integrate_by(Integrator::StormerVerlet);
         simulation.set_dt(1e-3);
         let n = mesh.points.len();
         let u: Vec<_> = random_field(n, 9).iter().map(|r| *r * 1e-3).collect();
@@ -356,16 +304,13 @@ fn tip_curve(mesh: &Mesh, angle: f64, modulus: f64, poisson_ratio: f64) -> Vec<D
         families: vec![AxisFamily::new("fibres", &direction, modulus)],
         ..AxesDescription::default()
     };
-    let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
-    let body = simulation
-        .add_body(&BodyDescription {
-            axes: Some(axes),
-            ..BodyDescription::new("body", mesh, soft(5e3, poisson_ratio))
-        })
-        .unwrap();
+    let description = BodyDescription {
+        axes: Some(axes),
+        ..BodyDescription::new("body", mesh, soft(5e3, poisson_ratio))
+    };
+    let (mut simulation, body) = alone(options(Precision::F64, 1), &description);
     clamp(&mut simulation, body, mesh, "x0");
-    simulation
-        .set_solver(SolverSettings { integrator: Integrator::QuasiStatic, ..Default::default() });
+    simulation.integrate_by(Integrator::QuasiStatic);
     let tip = group(mesh, "x1");
     [2.0, 4.0, 6.0]
         .map(|g| {
@@ -428,10 +373,8 @@ fn isometric_force() {
     let (mesh, axes) = bar_with_muscle(muscle);
     let (mut simulation, body) = build(&mesh, FUSED, Some(axes), options(Precision::F64, 1));
     clamp(&mut simulation, body, &mesh, "x0");
-    let rows = simulation.rows(body, "x1", &group(&mesh, "x1")).unwrap();
-    let held = simulation.add_constraint(Constraint::hold("end", rows));
-    simulation
-        .set_solver(SolverSettings { integrator: Integrator::QuasiStatic, ..Default::default() });
+    let held = clamp(&mut simulation, body, &mesh, "x1");
+    simulation.integrate_by(Integrator::QuasiStatic);
     for activation in [0.25, 1.0, 0.5, 0.0] {
         simulation.set_activation(body, "muscle", activation).unwrap();
         simulation.step().unwrap();
@@ -452,13 +395,10 @@ fn contraction_is_paid_for() {
     let error = simulation.set_activation(body, "muscle", 0.5).unwrap_err();
     assert!(error.to_string().contains("curve"), "{error}");
     clamp(&mut simulation, body, &mesh, "x0");
-    simulation
-        .set_solver(SolverSettings { integrator: Integrator::StormerVerlet, ..Default::default() });
+    simulation.integrate_by(Integrator::StormerVerlet);
     simulation.set_dt(1e-3);
     let volume = simulation.volume(body);
-    for _ in 0..100 {
-        simulation.step().unwrap();
-    }
+    simulation.steps(100);
     let report = simulation.report();
     let energy = report.kinetic_energy + report.elastic_energy;
     let work = simulation.activation_work().total;
@@ -475,21 +415,16 @@ fn contraction_is_paid_for() {
 fn volume_is_kept() {
     let mesh = jittered_box([0.1, 0.02, 0.02], [10, 2, 2]);
     let stretched = |lambda: f64| {
-        let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
         let axes = AxesDescription { volume_modulus: lambda, ..AxesDescription::default() };
         let axes = (lambda > 0.0).then_some(axes);
         let description =
             BodyDescription { axes, ..BodyDescription::new("bar", &mesh, soft(5e3, 0.0)) };
-        let body = simulation.add_body(&description).unwrap();
+        let (mut simulation, body) = alone(options(Precision::F64, 1), &description);
         simulation.set_gravity(DVec3::ZERO);
-        simulation.set_solver(SolverSettings {
-            integrator: Integrator::QuasiStatic,
-            ..Default::default()
-        });
+        simulation.integrate_by(Integrator::QuasiStatic);
         clamp(&mut simulation, body, &mesh, "x0");
-        let rows = simulation.rows(body, "x1", &group(&mesh, "x1")).unwrap();
         let motion = Motion::Translate(DVec3::new(0.01, 0.0, 0.0));
-        simulation.add_constraint(Constraint::moving("pull", rows, motion, Curve::Constant));
+        drive(&mut simulation, body, &mesh, "x1", motion, Curve::Constant);
         simulation.step().unwrap();
         simulation.volume(body) / 4e-5 - 1.0
     };
@@ -501,8 +436,7 @@ fn volume_is_kept() {
 fn recovery_silences_axes_beside_a_material() {
     let mesh = jittered_box([0.06, 0.04, 0.04], [3, 2, 2]);
     let (mut simulation, body) = build(&mesh, FUSED, Some(rich(&mesh)), options(Precision::F64, 1));
-    let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 3e-3).collect();
-    simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    disturb(&mut simulation, body, 3e-3, 9);
     simulation.world_mut().insert_resource(RecoveringBodies(vec![true]));
     simulation.evaluate();
     let energy = simulation.world().resource::<ElasticEnergy>();
@@ -540,8 +474,7 @@ fn printed_forms_push_and_turn_free_bodies() {
 /// Energy and forces of axes alone at the displacements of [`at_random`].
 fn at_random_passive(mesh: &Mesh, axes: AxesDescription) -> (f64, Vec<DVec3>) {
     let (mut simulation, body) = build(mesh, ALONE, Some(axes), options(Precision::F64, 1));
-    let u: Vec<_> = random_field(mesh.points.len(), 9).iter().map(|r| *r * 3e-3).collect();
-    simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    disturb(&mut simulation, body, 3e-3, 9);
     (simulation.evaluate(), simulation.elastic_forces(body))
 }
 
@@ -562,9 +495,7 @@ fn a_new_modulus_makes_the_body_that_has_it() {
             if !printed {
                 activate(&mut simulation, body);
             }
-            let n = mesh.points.len();
-            let u: Vec<_> = random_field(n, 9).iter().map(|r| *r * 2e-3).collect();
-            simulation.set_state(body, &u, &vec![DVec3::ZERO; n]).unwrap();
+            disturb(&mut simulation, body, 2e-3, 9);
             let before = simulation.evaluate();
             let mut work = 0.0;
             for &(family, modulus) in change {
@@ -641,8 +572,7 @@ proptest! {
         if !printed {
             activate(&mut simulation, body);
         }
-        let u: Vec<_> = random_field(mesh.points.len(), seed).iter().map(|r| *r * 2e-3).collect();
-        simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        disturb(&mut simulation, body, 2e-3, seed);
         for round in 0..3 {
             let left = simulation.remaining_tetrahedra(body);
             let chosen: Vec<u32> = left

@@ -16,17 +16,9 @@ fn mesh() -> Mesh {
 /// A world with a sound body in motion, to which bad things are done.
 fn sound() -> (Simulation, BodyHandle, Mesh) {
     let mesh = mesh();
-    let (mut simulation, body) = simulate(
-        SimulationOptions::default(),
-        &mesh,
-        soft(2e4, 0.4),
-        Model::CompressibleStVK,
-        Evaluation::Fused,
-    );
+    let (mut simulation, body) = fused(&mesh, soft(2e4, 0.4));
     clamp(&mut simulation, body, &mesh, "x0");
-    for _ in 0..3 {
-        simulation.step().unwrap();
-    }
+    simulation.steps(3);
     (simulation, body, mesh)
 }
 
@@ -327,8 +319,7 @@ fn constraints_and_loads() {
     for bad in [f64::NAN, f64::INFINITY, 1e200] {
         for integrator in DYNAMIC {
             let (mut simulation, body, mesh) = sound();
-            let settings = SolverSettings { integrator, ..Default::default() };
-            simulation.set_solver(settings);
+            simulation.integrate_by(integrator);
             let rows = simulation.rows(body, "x1", &group(&mesh, "x1")).unwrap();
             let load = Load {
                 name: "load".into(),
@@ -452,14 +443,8 @@ fn a_million_metres_from_the_origin() {
                 Evaluation::Fused,
             );
             clamp(&mut simulation, body, &mesh, "x0");
-            simulation.set_solver(SolverSettings {
-                integrator,
-                linear_tolerance: 1e-10,
-                ..Default::default()
-            });
-            for _ in 0..20 {
-                simulation.step().unwrap();
-            }
+            simulation.set_solver(solver!(integrator, linear_tolerance = 1e-10));
+            simulation.steps(20);
             simulation.displacements(body)
         };
         let (near, away) = (run(DVec3::ZERO), run(far));
@@ -506,9 +491,7 @@ fn single_precision_beam() {
         let (mut simulation, body) = simulate(options, &mesh, material, model, Evaluation::Fused);
         clamp(&mut simulation, body, &mesh, "x0");
         simulation.set_solver(SolverSettings { linear_tolerance, ..Default::default() });
-        for _ in 0..50 {
-            simulation.step().unwrap();
-        }
+        simulation.steps(50);
         simulation.displacements(body)
     };
     let wide = run(Precision::F64, 1e-5);
@@ -545,7 +528,7 @@ fn single_precision_forces() {
                         Model::CompressibleStVK,
                         evaluation,
                     );
-                    simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+                    simulation.displace(body, &u);
                     simulation.evaluate();
                     simulation.elastic_forces(body)
                 });

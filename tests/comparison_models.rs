@@ -27,18 +27,10 @@ fn side_by_side(threads: usize, precision: Precision) -> u64 {
         clamp(&mut simulation, body, &mesh, "x0");
     }
     simulation.set_dt(0.01);
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::Safe,
-        stiffness_damping: 1e-3,
-        ..Default::default()
-    });
-    for _ in 0..4 {
-        simulation.step().unwrap();
-    }
+    simulation.set_solver(solver!(Integrator::Safe, stiffness_damping = 1e-3));
+    simulation.steps(4);
     simulation.set_material(BodyHandle(2), soft(3e4, 0.3)).unwrap();
-    for _ in 0..3 {
-        simulation.step().unwrap();
-    }
+    simulation.steps(3);
     simulation.state_hash()
 }
 
@@ -56,30 +48,22 @@ fn one_hash_for_any_number_of_threads() {
 #[test]
 fn damping_takes_energy_out_of_every_model() {
     let mesh = beam();
-    let n = mesh.points.len();
     for model in Model::ALL {
         let mut undamped = f64::INFINITY;
         for (mass_damping, stiffness_damping) in [(0.0, 0.0), (4.0, 0.0), (0.0, 2e-3)] {
-            let (mut simulation, body) = simulate(
-                SimulationOptions::default(),
-                &mesh,
-                soft(1e4, 0.4),
-                model,
-                Evaluation::Fused,
-            );
+            let (mut simulation, body) = plain(&mesh, soft(1e4, 0.4), model, Evaluation::Fused);
             clamp(&mut simulation, body, &mesh, "x0");
             let bend: Vec<_> =
                 mesh.points.iter().map(|x| DVec3::new(0.0, 0.0, 1.5 * x.x * x.x)).collect();
-            simulation.set_state(body, &bend, &vec![DVec3::ZERO; n]).unwrap();
+            simulation.displace(body, &bend);
             simulation.set_gravity(DVec3::ZERO);
             simulation.set_dt(2e-3);
-            simulation.set_solver(SolverSettings {
-                integrator: Integrator::Newton,
+            simulation.set_solver(solver!(
+                Integrator::Newton,
                 mass_damping,
                 stiffness_damping,
-                linear_tolerance: 1e-8,
-                ..Default::default()
-            });
+                linear_tolerance = 1e-8
+            ));
             let mut before = simulation.evaluate();
             for step in 0..20 {
                 simulation.step().unwrap();
@@ -105,24 +89,17 @@ fn energy_never_rises_in_the_safe_step() {
     let n = mesh.points.len();
     for model in Model::ALL {
         for size in [0.01, 0.06] {
-            let (mut simulation, body) = simulate(
-                SimulationOptions::default(),
-                &mesh,
-                soft(1e4, 0.4),
-                model,
-                Evaluation::Fused,
-            );
+            let (mut simulation, body) = plain(&mesh, soft(1e4, 0.4), model, Evaluation::Fused);
             let crush = random_field(n, 9);
             let u: Vec<_> = crush
                 .iter()
                 .zip(&mesh.points)
                 .map(|(r, x)| *r * size + DVec3::new(-0.5 * x.x, 0.0, 0.0))
                 .collect();
-            simulation.set_state(body, &u, &vec![DVec3::ZERO; n]).unwrap();
+            simulation.displace(body, &u);
             simulation.set_gravity(DVec3::ZERO);
             simulation.set_dt(1.0 / 60.0);
-            simulation
-                .set_solver(SolverSettings { integrator: Integrator::Safe, ..Default::default() });
+            simulation.integrate_by(Integrator::Safe);
             let start = simulation.evaluate();
             let mut before = start;
             for step in 0..30 {
@@ -142,16 +119,11 @@ fn statics_agree_at_small_loads() {
     let mesh = beam();
     let mut tips = Vec::new();
     for model in NEW.into_iter().chain([Model::StVK]) {
-        let (mut simulation, body) =
-            simulate(SimulationOptions::default(), &mesh, soft(1e6, 0.3), model, Evaluation::Fused);
+        let (mut simulation, body) = plain(&mesh, soft(1e6, 0.3), model, Evaluation::Fused);
         clamp(&mut simulation, body, &mesh, "x0");
         simulation.set_gravity(DVec3::new(0.0, 0.0, -0.1));
         simulation.set_dt(1.0);
-        simulation.set_solver(SolverSettings {
-            integrator: Integrator::QuasiStatic,
-            linear_tolerance: 1e-10,
-            ..Default::default()
-        });
+        simulation.set_solver(solver!(Integrator::QuasiStatic, linear_tolerance = 1e-10));
         simulation.step().unwrap();
         let report = simulation.report();
         assert!(!report.unconverged, "{model:?}");
@@ -180,8 +152,7 @@ fn changed(
     let settle = |simulation: &mut Simulation, body: BodyHandle| {
         simulation.set_state(body, &u, &v).unwrap();
         simulation.set_dt(0.005);
-        simulation
-            .set_solver(SolverSettings { integrator: Integrator::Safe, ..Default::default() });
+        simulation.integrate_by(Integrator::Safe);
     };
     // a body that lived as another material, another body before it
     let mut old = Simulation::new(options).unwrap();
@@ -193,9 +164,7 @@ fn changed(
     let body = old.add_body(&before).unwrap();
     clamp(&mut old, body, mesh, "x0");
     settle(&mut old, body);
-    for _ in 0..3 {
-        old.step().unwrap();
-    }
+    old.steps(3);
     old.set_state(body, &u, &v).unwrap();
     let energy = old.evaluate();
     let change = old.set_material(body, material).unwrap();
@@ -249,8 +218,7 @@ fn explicit_steps_follow_the_material() {
     );
     clamp(&mut simulation, body, &mesh, "x0");
     simulation.set_dt(0.03);
-    simulation
-        .set_solver(SolverSettings { integrator: Integrator::StormerVerlet, ..Default::default() });
+    simulation.integrate_by(Integrator::StormerVerlet);
     simulation.step().unwrap();
     let soft_step = simulation.stable_step();
     let substeps = simulation.report().substeps;
@@ -265,13 +233,8 @@ fn explicit_steps_follow_the_material() {
 #[test]
 fn a_bad_material_changes_nothing() {
     let mesh = beam();
-    let (mut simulation, body) = simulate(
-        SimulationOptions::default(),
-        &mesh,
-        soft(1e4, 0.3),
-        Model::CompressibleStVK,
-        Evaluation::Pooled,
-    );
+    let (mut simulation, body) =
+        plain(&mesh, soft(1e4, 0.3), Model::CompressibleStVK, Evaluation::Pooled);
     clamp(&mut simulation, body, &mesh, "x0");
     simulation.step().unwrap();
     let (hash, energy) = (simulation.state_hash(), simulation.evaluate());

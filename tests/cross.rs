@@ -38,29 +38,6 @@ const KINDS: [(Option<(Model, Evaluation)>, MembraneModel, Evaluation); 10] = [
     (None, MembraneModel::CompressibleBiquadratic, Evaluation::Pooled),
 ];
 
-/// Numbers below `n`, the same every time.
-fn numbers(seed: u64) -> impl FnMut(usize) -> usize {
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-    move |n| {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as usize % n
-    }
-}
-
-/// `count` of some elements.
-fn pick(mut left: Vec<u32>, count: usize, seed: u64) -> Vec<u32> {
-    let mut next = numbers(seed);
-    let count = count.min(left.len());
-    for i in 0..count {
-        let j = i + next(left.len() - i);
-        left.swap(i, j);
-    }
-    left.truncate(count);
-    left
-}
-
 /// A box, and a skin with some triangles of its inside.
 fn skinned(cells: [usize; 3]) -> (Mesh, Vec<[u32; 3]>) {
     let mesh = jittered_box(cells.map(|n| 0.02 * n as f64), cells);
@@ -124,18 +101,8 @@ fn build(
     let faces = simulation.face_rows(body, "air", &skin[..skin.len() / 3]).unwrap();
     let curve = Curve::Constant;
     simulation.add_pressure(Pressure { name: "air".into(), faces, pressure: 20.0, curve });
-    simulation.set_solver(SolverSettings { integrator: Integrator::Safe, ..Default::default() });
+    simulation.integrate_by(Integrator::Safe);
     (simulation, body)
-}
-
-fn options(precision: Precision, threads: usize) -> SimulationOptions {
-    SimulationOptions { precision, threads, ..Default::default() }
-}
-
-fn disturb(simulation: &mut Simulation, body: BodyHandle, size: f64, seed: u64) {
-    let n = simulation.displacements(body).len();
-    let u: Vec<DVec3> = random_field(n, seed).iter().map(|x| size * *x).collect();
-    simulation.set_state(body, &u, &vec![DVec3::ZERO; n]).unwrap();
 }
 
 fn remove(
@@ -203,9 +170,7 @@ fn a_membrane_outlives_its_solid() {
         assert!((mass / (area * 2e-3 * 1000.0) - 1.0).abs() < 1e-12);
         assert!(simulation.verify_against_fresh(body).unwrap().largest() < 1e-12);
         simulation.set_dt(0.005);
-        for _ in 0..5 {
-            simulation.step().unwrap();
-        }
+        simulation.steps(5);
         // then the skin: the sphere round one corner takes both kinds, the rest by its list
         let corner = Region::Sphere { centre: DVec3::splat(0.06), radius: 0.03 };
         let report = remove(&mut simulation, body, corner, MassPolicy::Recompute);
@@ -235,7 +200,7 @@ fn membranes_tear_at_their_limit() {
         // turned, too
         let turn = glam::DQuat::from_rotation_x(1.0) * glam::DQuat::from_rotation_z(0.7);
         let u: Vec<DVec3> = mesh.points.iter().map(|p| turn * (*p + stretched(p)) - *p).collect();
-        simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        simulation.displace(body, &u);
         (simulation, body)
     };
     let strain = [0.5 * (1.3_f64 * 1.3 - 1.0), 0.5 * (0.9_f64 * 0.9 - 1.0)];
@@ -344,19 +309,10 @@ fn a_new_material_brings_nothing_back() {
     }
 }
 
-/// Tetrahedra round the vertices that pass a test.
-fn touching(mesh: &Mesh, test: impl Fn(DVec3) -> bool) -> Region {
-    let touches = |t: &[u32; 4]| t.iter().any(|&v| test(mesh.points[v as usize]));
-    let all = (0..).zip(&mesh.tetrahedra);
-    Region::Tetrahedra(all.filter(|(_, t)| touches(t)).map(|(i, _)| i).collect())
-}
-
 #[test]
 fn loose_vertices_keep_their_mass_in_a_new_material() {
     let mesh = jittered_box([0.08, 0.04, 0.04], [4, 2, 2]);
-    let options = SimulationOptions::default();
-    let (mut s, body) =
-        simulate(options, &mesh, soft(1e4, 0.4), Model::default(), Evaluation::Fused);
+    let (mut s, body) = plain(&mesh, soft(1e4, 0.4), Model::default(), Evaluation::Fused);
     let whole = s.masses(body);
     let corner = touching(&mesh, |p| p.distance(DVec3::new(0.08, 0.04, 0.04)) < 1e-9);
     let report = remove(&mut s, body, corner, MassPolicy::Keep);
@@ -392,21 +348,13 @@ fn loose_vertices_fly_by_the_rule_of_the_integrator() {
         (Integrator::TrBdf2, true),
         (Integrator::ImplicitMidpoint, true),
     ] {
-        let (mut s, body) = simulate(
-            SimulationOptions::default(),
-            &mesh,
-            soft(1e4, 0.4),
-            Model::CompressibleStVK,
-            Evaluation::Fused,
-        );
+        let (mut s, body) = fused(&mesh, soft(1e4, 0.4));
         clamp(&mut s, body, &mesh, "x0");
-        s.set_solver(SolverSettings { integrator, ..Default::default() });
+        s.integrate_by(integrator);
         let h = 1.0 / 60.0;
         s.set_dt(h);
         // on its way already when the vertex comes loose
-        for _ in 0..5 {
-            s.step().unwrap();
-        }
+        s.steps(5);
         let corner = touching(&mesh, |p| p.distance(DVec3::new(0.1, 0.04, 0.04)) < 1e-9);
         let report = remove(&mut s, body, corner, MassPolicy::Keep);
         assert_eq!(report.orphans.len(), 1);
@@ -432,15 +380,9 @@ fn integrators_of_second_order_survive_removals() {
         [Integrator::Auto, Integrator::Bdf2, Integrator::TrBdf2, Integrator::ImplicitMidpoint]
     {
         for mass in [MassPolicy::Keep, MassPolicy::Recompute] {
-            let (mut s, body) = simulate(
-                SimulationOptions::default(),
-                &mesh,
-                soft(1e4, 0.4),
-                Model::CompressibleStVK,
-                Evaluation::Fused,
-            );
+            let (mut s, body) = fused(&mesh, soft(1e4, 0.4));
             clamp(&mut s, body, &mesh, "x0");
-            s.set_solver(SolverSettings { integrator, ..Default::default() });
+            s.integrate_by(integrator);
             s.set_dt(0.01);
             let mut compactions = 0;
             for step in 0..60 {
@@ -466,30 +408,17 @@ fn integrators_of_second_order_survive_removals() {
 fn recovery_works_round_removed_elements() {
     let mesh = jittered_box([0.06, 0.06, 0.06], [3, 3, 3]);
     for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
-        let (mut s, body) = simulate(
-            SimulationOptions::default(),
-            &mesh,
-            soft(1e4, 0.4),
-            Model::CompressibleStVK,
-            evaluation,
-        );
+        let (mut s, body) = plain(&mesh, soft(1e4, 0.4), Model::CompressibleStVK, evaluation);
         s.set_gravity(DVec3::ZERO);
         s.set_dt(1.0 / 60.0);
-        s.set_solver(SolverSettings {
-            integrator: Integrator::Safe,
-            mass_damping: 3.5,
-            recovery: true,
-            ..Default::default()
-        });
+        s.set_solver(solver!(Integrator::Safe, mass_damping = 3.5, recovery = true));
         let chosen = pick(s.remaining_tetrahedra(body), 12, 5);
         let report = remove(&mut s, body, Region::Tetrahedra(chosen), MassPolicy::Recompute);
         assert!(!report.compacted);
         disturb(&mut s, body, 0.03, 8);
         s.step().unwrap();
         assert!(s.volume_report().inverted > 0);
-        for _ in 0..200 {
-            s.step().unwrap();
-        }
+        s.steps(200);
         let energy = s.evaluate();
         assert_eq!(s.volume_report().inverted, 0);
         assert!(energy < 1e-3 * 1e4 * 0.06_f64.powi(3), "{energy}");
@@ -502,13 +431,7 @@ fn pressures_follow_the_surface_that_is_left() {
     let mesh = jittered_box([0.06, 0.06, 0.06], [3, 3, 3]);
     let surface: Vec<[u32; 3]> = mesh.surface_triangles();
     for count in [1, 20, 80] {
-        let (mut s, body) = simulate(
-            SimulationOptions::default(),
-            &mesh,
-            soft(1e4, 0.4),
-            Model::default(),
-            Evaluation::Fused,
-        );
+        let (mut s, body) = plain(&mesh, soft(1e4, 0.4), Model::default(), Evaluation::Fused);
         let faces = s.face_rows(body, "air", &surface).unwrap();
         let curve = Curve::Constant;
         let air = s.add_pressure(Pressure { name: "air".into(), faces, pressure: 50.0, curve });
@@ -546,12 +469,9 @@ fn pressures_follow_the_surface_that_is_left() {
             let wrong = surface.iter().filter(|t| s.face_rows(body, "air", &[**t]).is_err());
             assert!(wrong.count() > 0, "{bad:?}");
         }
-        let rows = s.rows(body, "foot", &group(&mesh, "z0")).unwrap();
-        s.add_constraint(Constraint::hold("foot", rows));
+        clamp(&mut s, body, &mesh, "z0");
         s.set_dt(0.002);
-        for _ in 0..5 {
-            s.step().unwrap();
-        }
+        s.steps(5);
         // the cut surface bears it once it is told to
         let cut: Vec<[u32; 3]> = s.surface(body).unwrap().into_iter().map(|(t, ..)| t).collect();
         let faces = s.face_rows(body, "air", &cut).unwrap();
@@ -567,9 +487,9 @@ fn random_run(cells: [usize; 3], kind: usize, seed: u64, threads: usize) -> u64 
     let (mut simulation, body) = build(&mesh, &skin, kind, options(precision, threads));
     let integrator =
         [Integrator::Safe, Integrator::Auto, Integrator::StormerVerlet][seed as usize % 5 % 3];
-    simulation.set_solver(SolverSettings { integrator, ..Default::default() });
+    simulation.integrate_by(integrator);
     simulation.set_dt(0.004);
-    let mut next = numbers(seed);
+    let mut next = random_numbers(seed);
     loop {
         let (solid, sheet) =
             (simulation.remaining_tetrahedra(body), simulation.remaining_triangles(body));
@@ -585,12 +505,7 @@ fn random_run(cells: [usize; 3], kind: usize, seed: u64, threads: usize) -> u64 
         let report = simulation.report();
         assert!(report.elastic_energy.is_finite() && report.kinetic_energy.is_finite());
         if next(8) == 0 {
-            // forces are compared to 1e-3 of stiffness times reach: 4.5 roundings of that in either precision
-            let rounding =
-                if precision == Precision::F64 { f64::EPSILON } else { f32::EPSILON.into() };
-            let tolerance = 4500.0 * rounding;
-            let difference = simulation.verify_against_fresh(body).unwrap();
-            assert!(difference.largest() <= tolerance, "{kind} {seed}: {difference:?}");
+            assert_as_fresh(&mut simulation, body, &format!("{kind} {seed}"));
         }
     }
     simulation.state_hash()

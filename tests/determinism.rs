@@ -39,10 +39,9 @@ fn hash(mesh: &Mesh, setting: Setting, threads: usize, executor: Executor) -> u6
     let model = Model::CompressibleStVK;
     let (mut simulation, body) = simulate(options, mesh, soft(1e4, 0.4), model, setting.evaluation);
     clamp(&mut simulation, body, mesh, "x0");
-    let rows = simulation.rows(body, "x1", &group(mesh, "x1")).unwrap();
     let centre = DVec3::new(0.3, 0.05, 0.05);
     let turn = Motion::Rotate { centre, axis: DVec3::X, angle: 1.0 };
-    simulation.add_constraint(Constraint::moving("x1", rows, turn, Curve::ramp(0.0, 0.02)));
+    drive(&mut simulation, body, mesh, "x1", turn, Curve::ramp(0.0, 0.02));
     let implicit = setting.integrator != Integrator::StormerVerlet;
     simulation.set_dt(if implicit { 0.01 } else { 2e-3 });
     simulation.set_solver(SolverSettings {
@@ -299,11 +298,11 @@ impl Hashes {
         self.record("recovery", 0.3, &body, &settings, |simulation, body| {
             let flat: Vec<DVec3> =
                 mesh.points.iter().map(|x| DVec3::new(0.0, 0.0, -1.1 * x.z)).collect();
-            simulation.set_state(body, &flat, &vec![DVec3::ZERO; flat.len()]).unwrap();
+            simulation.displace(body, &flat);
         });
         self.record("removal", 0.3, &body, &settings, |simulation, body| {
             let u: Vec<DVec3> = mesh.points.iter().map(|x| DVec3::X * x.x * x.x).collect();
-            simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+            simulation.displace(body, &u);
             let removal = Removal::new(Region::Strain { above: 0.55 });
             simulation.remove_elements(body, &removal).unwrap();
             let left = simulation.remaining(body, ElementKind::Tetrahedron).len();

@@ -1,26 +1,25 @@
 //! Bodies of tetrahedra, hexahedra, triangles and quadrilaterals, mixed and alone: steps, removals, new
 //! materials, springs, recovery.
 
+use crate::common::{Shortcuts, disturb, guide, hold_end, options};
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::load::Pressure;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, jitter_interior, quad_grid};
-use sinew::engine::vertex::FixedAxes;
 use sinew::identify::mesh::{Cells, fit_elements};
 use sinew::identify::{ElementMethod, LinearMaterial, Section};
 use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
 use sinew::models::axes::muscle::MuscleSettings;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
-use sinew::models::resection::{Region, Removal};
+use sinew::models::resection::{Region, Removal, RemovalReport};
 use sinew::prelude::*;
 
 const SOFT: YoungPoisson =
     YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.35, density: 1000.0 };
 
-fn simulation(precision: Precision, threads: usize) -> Simulation {
-    let options = SimulationOptions { precision, threads, ..Default::default() };
-    Simulation::new(options).unwrap()
+fn alone(body: &BodyDescription) -> (Simulation, BodyHandle) {
+    crate::common::alone(options(Precision::F64, 1), body)
 }
 
 /// A bar along x whose first half consists of hexahedra and whose second of tetrahedra, its skin at the top
@@ -76,12 +75,6 @@ impl Mixed {
     }
 }
 
-fn hold(simulation: &mut Simulation, body: BodyHandle, points: &[DVec3]) {
-    let ends: Vec<u32> = (0..).zip(points).filter(|(_, p)| p.x < 1e-9).map(|(v, _)| v).collect();
-    let rows = simulation.rows(body, "end", &ends).unwrap();
-    simulation.add_constraint(Constraint::hold("end", rows));
-}
-
 fn numbers(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed;
     move || {
@@ -90,11 +83,22 @@ fn numbers(seed: u64) -> impl FnMut() -> f64 {
     }
 }
 
-fn disturb(simulation: &mut Simulation, body: BodyHandle, size: f64, seed: u64) {
-    let mut next = numbers(seed);
-    let count = simulation.displacements(body).len();
-    let u: Vec<DVec3> = (0..count).map(|_| size * DVec3::new(next(), next(), next())).collect();
-    simulation.set_state(body, &u, &vec![DVec3::ZERO; count]).unwrap();
+/// Removes about a tenth of the elements of a kind.
+fn remove_some(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    kind: ElementKind,
+    next: &mut impl FnMut() -> f64,
+) -> RemovalReport {
+    let left = simulation.remaining(body, kind);
+    let some: Vec<u32> = left.into_iter().filter(|_| next() > 0.8).collect();
+    let region = match kind {
+        ElementKind::Tetrahedron => Region::Tetrahedra(some),
+        ElementKind::Hexahedron => Region::Hexahedra(some),
+        ElementKind::Triangle => Region::Triangles(some),
+        ElementKind::Quad => Region::Quads(some),
+    };
+    simulation.remove_elements(body, &Removal::new(region)).unwrap()
 }
 
 #[test]
@@ -102,16 +106,11 @@ fn mixed_bars_hang_like_bars_of_one_kind() {
     let Mixed { mesh, .. } = mixed([16, 4, 4]);
     let bricks = box_hexahedra(DVec3::new(0.2, 0.05, 0.05), [16, 4, 4]).unwrap();
     let tip = |mesh: &Mesh| {
-        let mut simulation = simulation(Precision::F64, 1);
-        let body = simulation.add_body(&BodyDescription::new("bar", mesh, SOFT)).unwrap();
-        hold(&mut simulation, body, &mesh.points);
+        let (mut simulation, body) = alone(&BodyDescription::new("bar", mesh, SOFT));
+        hold_end(&mut simulation, body, &mesh.points);
         simulation.set_gravity(DVec3::new(0.0, 0.0, -1.0));
-        let settings =
-            SolverSettings { integrator: Integrator::QuasiStatic, ..SolverSettings::default() };
-        simulation.set_solver(settings);
         simulation.set_dt(1.0);
-        simulation.step().unwrap();
-        assert!(!simulation.report().unconverged);
+        simulation.settle();
         assert_eq!(simulation.volume_report().inverted, 0);
         simulation.displacements(body).iter().map(|u| u.z).fold(0.0, f64::min)
     };
@@ -124,9 +123,9 @@ fn mixed_bars_hang_like_bars_of_one_kind() {
 fn the_same_bits_on_any_number_of_threads() {
     let bar = mixed([16, 4, 4]);
     let run = |precision, threads| {
-        let mut simulation = simulation(precision, threads);
-        let body = simulation.add_body(&bar.description()).unwrap();
-        hold(&mut simulation, body, &bar.mesh.points);
+        let options = options(precision, threads);
+        let (mut simulation, body) = crate::common::alone(options, &bar.description());
+        hold_end(&mut simulation, body, &bar.mesh.points);
         simulation.set_gravity(DVec3::new(0.0, 0.0, -9.81));
         simulation.set_dt(0.01);
         for step in 0..10 {
@@ -159,8 +158,7 @@ fn what_is_left_equals_a_fresh_build() {
         let description = bar.description();
         let membrane = description.membrane.map(|m| MembraneDescription { model: sheet, ..m });
         let description = BodyDescription { model, membrane, ..description };
-        let mut simulation = simulation(Precision::F64, 1);
-        let body = simulation.add_body(&description).unwrap();
+        let (mut simulation, body) = alone(&description);
         simulation.prepare_removals(body).unwrap();
         disturb(&mut simulation, body, 1e-3, 3);
         let mut next = numbers(9);
@@ -169,15 +167,7 @@ fn what_is_left_equals_a_fresh_build() {
         let mut gone = 0.0;
         for round in 0..8 {
             for kind in ElementKind::ALL {
-                let left = simulation.remaining(body, kind);
-                let some: Vec<u32> = left.into_iter().filter(|_| next() > 0.8).collect();
-                let region = match kind {
-                    ElementKind::Tetrahedron => Region::Tetrahedra(some),
-                    ElementKind::Hexahedron => Region::Hexahedra(some),
-                    ElementKind::Triangle => Region::Triangles(some),
-                    ElementKind::Quad => Region::Quads(some),
-                };
-                let report = simulation.remove_elements(body, &Removal::new(region)).unwrap();
+                let report = remove_some(&mut simulation, body, kind, &mut next);
                 compacted += u32::from(report.compacted);
                 gone += report.elastic_energy;
             }
@@ -205,8 +195,7 @@ fn axes_leave_with_their_elements() {
             axes.form = AxisForm::Printed;
             axes.families.iter_mut().for_each(|family| family.muscle = None);
         }
-        let mut simulation = simulation(Precision::F64, 1);
-        let body = simulation.add_body(&description).unwrap();
+        let (mut simulation, body) = alone(&description);
         simulation.set_gravity(DVec3::ZERO);
         simulation.set_dt(1e-3);
         if !printed {
@@ -219,14 +208,7 @@ fn axes_leave_with_their_elements() {
         let mut gone = 0.0;
         for round in 0..6 {
             for kind in [ElementKind::Tetrahedron, ElementKind::Hexahedron] {
-                let left = simulation.remaining(body, kind);
-                let some: Vec<u32> = left.into_iter().filter(|_| next() > 0.8).collect();
-                let region = match kind {
-                    ElementKind::Tetrahedron => Region::Tetrahedra(some),
-                    _ => Region::Hexahedra(some),
-                };
-                let report = simulation.remove_elements(body, &Removal::new(region)).unwrap();
-                gone += report.elastic_energy;
+                gone += remove_some(&mut simulation, body, kind, &mut next).elastic_energy;
             }
             let difference = simulation.verify_against_fresh(body).unwrap();
             let largest = difference.largest();
@@ -241,17 +223,12 @@ fn axes_leave_with_their_elements() {
 fn hexahedra_contract_like_tetrahedra() {
     let contract = |mesh: &Mesh| {
         let bar = Mixed { mesh: mesh.clone(), triangles: Vec::new(), quads: Vec::new() };
-        let mut simulation = simulation(Precision::F64, 1);
-        let body = simulation.add_body(&bar.with_muscle()).unwrap();
-        hold(&mut simulation, body, &mesh.points);
+        let (mut simulation, body) = alone(&bar.with_muscle());
+        hold_end(&mut simulation, body, &mesh.points);
         simulation.set_gravity(DVec3::ZERO);
         simulation.set_activation(body, "muscle", 1.0).unwrap();
-        let settings =
-            SolverSettings { integrator: Integrator::QuasiStatic, ..SolverSettings::default() };
-        simulation.set_solver(settings);
         simulation.set_dt(1.0);
-        simulation.step().unwrap();
-        assert!(!simulation.report().unconverged);
+        simulation.settle();
         simulation.displacements(body).iter().map(|u| u.x).fold(0.0, f64::min)
     };
     let bricks = box_hexahedra(DVec3::new(0.2, 0.05, 0.05), [16, 4, 4]).unwrap();
@@ -266,8 +243,7 @@ fn a_new_material_equals_a_new_body() {
     for model in [Model::CompressibleStVK, Model::Linear, Model::MassSpring] {
         let run = |first: YoungPoisson, second: Option<YoungPoisson>| {
             let description = BodyDescription { material: first, model, ..bar.description() };
-            let mut simulation = simulation(Precision::F64, 1);
-            let body = simulation.add_body(&description).unwrap();
+            let (mut simulation, body) = alone(&description);
             disturb(&mut simulation, body, 1e-3, 5);
             if let Some(second) = second {
                 simulation.set_material(body, second).unwrap();
@@ -296,8 +272,7 @@ fn springs_are_those_identified() {
             springs: Some(method),
             ..BodyDescription::new("bar", &points.mesh, SOFT)
         };
-        let mut simulation = simulation(Precision::F64, 1);
-        let body = simulation.add_body(&description).unwrap();
+        let (mut simulation, body) = alone(&description);
         disturb(&mut simulation, body, 1e-3, 6);
         let u = simulation.displacements(body);
         let mut energy = 0.0;
@@ -320,7 +295,8 @@ fn a_method_that_does_not_fit_is_refused_by_name() {
         springs: Some(ElementMethod::Baudet),
         ..BodyDescription::new("bar", &bar.mesh, SOFT)
     };
-    let error = simulation(Precision::F64, 1).add_body(&description).unwrap_err().to_string();
+    let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
+    let error = simulation.add_body(&description).unwrap_err().to_string();
     assert!(error.contains("tetrahedron 0") && error.contains("baudet"), "{error}");
 }
 
@@ -339,14 +315,11 @@ fn springs_of_a_plate_and_negative_constants_stay_bounded() {
         membrane: Some(sheet),
         ..BodyDescription::from_parts("plate", &mesh.points, &[], SOFT)
     };
-    let mut simulation = simulation(Precision::F64, 1);
-    let body = simulation.add_body(&description).unwrap();
-    hold(&mut simulation, body, &mesh.points);
+    let (mut simulation, body) = alone(&description);
+    hold_end(&mut simulation, body, &mesh.points);
     simulation.set_gravity(DVec3::new(1.0, 0.0, 0.0));
     simulation.set_dt(0.01);
-    for _ in 0..50 {
-        simulation.step().unwrap();
-    }
+    simulation.steps(50);
     let u = simulation.displacements(body);
     assert!(u.iter().all(|u| u.is_finite() && u.length() < 0.2));
 }
@@ -355,8 +328,7 @@ fn springs_of_a_plate_and_negative_constants_stay_bounded() {
 fn crushed_hexahedra_recover() {
     let mesh = box_hexahedra(DVec3::splat(0.1), [4, 4, 4]).unwrap();
     for start in ["flat", "mirrored", "point"] {
-        let mut simulation = simulation(Precision::F64, 1);
-        let body = simulation.add_body(&BodyDescription::new("cube", &mesh, SOFT)).unwrap();
+        let (mut simulation, body) = alone(&BodyDescription::new("cube", &mesh, SOFT));
         let mut next = numbers(2);
         let mut noise = || 1e-6 * DVec3::new(next(), next(), next());
         let u: Vec<DVec3> = mesh
@@ -371,14 +343,11 @@ fn crushed_hexahedra_recover() {
                     }
             })
             .collect();
-        simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        simulation.displace(body, &u);
         simulation.set_gravity(DVec3::ZERO);
         simulation.set_dt(1.0 / 60.0);
-        let settings = SolverSettings { integrator: Integrator::Safe, ..SolverSettings::default() };
-        simulation.set_solver(settings);
-        for _ in 0..300 {
-            simulation.step().unwrap();
-        }
+        simulation.integrate_by(Integrator::Safe);
+        simulation.steps(300);
         assert_eq!(simulation.volume_report().inverted, 0, "{start}");
         assert!(simulation.evaluate() < 1e-3 * SOFT.young_modulus * 1e-3, "{start}");
     }
@@ -387,26 +356,19 @@ fn crushed_hexahedra_recover() {
 #[test]
 fn a_balloon_pressure_pushes_hexahedra() {
     let mesh = box_hexahedra(DVec3::splat(0.1), [3, 3, 3]).unwrap();
-    let mut simulation = simulation(Precision::F64, 1);
-    let body = simulation.add_body(&BodyDescription::new("cube", &mesh, SOFT)).unwrap();
+    let (mut simulation, body) = alone(&BodyDescription::new("cube", &mesh, SOFT));
     // cut along both diagonals, each triangle with half the pressure: every corner gets a quarter
     let both = |[a, b, c, d]: [u32; 4]| [[a, c, b], [a, d, c], [b, d, c], [a, d, b]];
     let inward: Vec<[u32; 3]> = mesh.surface_quads().into_iter().flat_map(both).collect();
     let faces = simulation.face_rows(body, "all round", &inward).unwrap();
     for (group, axes) in [("x0", 1), ("y0", 2), ("z0", 4)] {
-        let rows = simulation.group_rows(body, &mesh, group).unwrap();
-        let mut constraint = Constraint::hold(group, rows);
-        constraint.axes = FixedAxes(axes);
-        simulation.add_constraint(constraint);
+        guide(&mut simulation, body, &mesh, group, axes);
     }
     let curve = Curve::Constant;
     simulation.add_pressure(Pressure { name: "all round".into(), faces, pressure: 250.0, curve });
     simulation.set_gravity(DVec3::ZERO);
-    let settings =
-        SolverSettings { integrator: Integrator::QuasiStatic, ..SolverSettings::default() };
-    simulation.set_solver(settings);
     simulation.set_dt(1.0);
-    simulation.step().unwrap();
+    simulation.settle();
     let ratios = simulation.volume_ratios(body);
     assert_eq!(ratios.len(), 27);
     let mean = ratios.iter().sum::<f64>() / 27.0;

@@ -21,7 +21,7 @@ fn beam(mesh: &Mesh, precision: Precision, integrator: Integrator) -> (Simulatio
     let options = SimulationOptions { precision, ..Default::default() };
     let (mut simulation, body) =
         simulate(options, mesh, soft(3e4, 0.4), Model::CompressibleStVK, Evaluation::Fused);
-    simulation.set_solver(SolverSettings { integrator, ..Default::default() });
+    simulation.integrate_by(integrator);
     (simulation, body)
 }
 
@@ -63,14 +63,13 @@ fn verlet_is_of_second_order_in_a_varying_load() {
 #[test]
 fn verlet_is_of_second_order_in_prescribed_motion() {
     assert_second_order(&errors(|simulation, body, mesh| {
-        let rows = simulation.rows(body, "tip", &group(mesh, "x1")).unwrap();
         let motion = Motion::Rotate {
             centre: DVec3::new(0.2, 0.025, 0.025),
             axis: DVec3::new(1.0, 0.5, 0.0),
             angle: 0.2,
         };
         let curve = Curve::Sine { frequency: 8.0, phase: 0.0 };
-        simulation.add_constraint(Constraint::moving("tip", rows, motion, curve));
+        drive(simulation, body, mesh, "x1", motion, curve);
     }));
 }
 
@@ -81,20 +80,15 @@ fn substeps_see_loads_and_motion_like_steps() {
     for integrator in EXPLICIT {
         let run = |steps: u32, explicit_safety: f64| {
             let (mut simulation, body) = beam(&mesh, Precision::F64, integrator);
-            simulation.set_solver(SolverSettings {
-                integrator,
-                explicit_safety,
-                ..Default::default()
-            });
+            simulation.set_solver(solver!(integrator, explicit_safety));
             clamp(&mut simulation, body, &mesh, "x0");
             let rows = simulation.rows(body, "side", &group(&mesh, "z1")).unwrap();
             let forces = rows.iter().map(|&r| (r, DVec3::new(0.0, 0.0, 0.005))).collect();
             let curve = Curve::Points(vec![[0.0, 0.0], [0.013, 1.0], [0.02, -1.0]]);
             simulation.add_load(Load { name: "side".into(), forces, curve });
-            let rows = simulation.rows(body, "tip", &group(&mesh, "x1")).unwrap();
             let motion = Motion::Translate(DVec3::new(0.01, 0.02, 0.0));
             let curve = Curve::Sine { frequency: 20.0, phase: 0.0 };
-            simulation.add_constraint(Constraint::moving("tip", rows, motion, curve));
+            drive(&mut simulation, body, &mesh, "x1", motion, curve);
             simulation.set_dt(0.032 / f64::from(steps));
             let (mut substeps, mut work) = (0, 0.0);
             for _ in 0..steps {
@@ -128,9 +122,7 @@ fn single_precision_keeps_slow_motion_at_large_displacements() {
         simulation.set_state(body, &vec![start; n], &vec![speed; n]).unwrap();
         // way per step: 1e-7 m, the last digit of 2 m is 2.4e-7 m
         simulation.set_dt(1e-4);
-        for _ in 0..2000 {
-            simulation.step().unwrap();
-        }
+        simulation.steps(2000);
         let expected = start + speed * 0.2;
         for u in simulation.displacements(body) {
             let error = (u - expected).abs().max_element();
@@ -147,14 +139,10 @@ fn column<S: Component + Copy>(simulation: &mut Simulation) -> Vec<S> {
 /// A swinging beam after some steps.
 fn in_motion(integrator: Integrator, evaluation: Evaluation) -> (Simulation, BodyHandle) {
     let mesh = jittered_box([0.2, 0.05, 0.05], [6, 2, 2]);
-    let options = SimulationOptions::default();
-    let (mut simulation, body) =
-        simulate(options, &mesh, soft(3e4, 0.4), Model::CompressibleStVK, evaluation);
-    simulation.set_solver(SolverSettings { integrator, ..Default::default() });
+    let (mut simulation, body) = plain(&mesh, soft(3e4, 0.4), Model::CompressibleStVK, evaluation);
+    simulation.integrate_by(integrator);
     clamp(&mut simulation, body, &mesh, "x0");
-    for _ in 0..5 {
-        simulation.step().unwrap();
-    }
+    simulation.steps(5);
     (simulation, body)
 }
 
@@ -294,10 +282,9 @@ fn the_stability_limit_follows_the_deformation() {
         let (mut simulation, body) = beam(&mesh, Precision::F64, Integrator::StormerVerlet);
         clamp(&mut simulation, body, &mesh, "x0");
         if way != 0.0 {
-            let rows = simulation.rows(body, "x1", &group(&mesh, "x1")).unwrap();
             let motion = Motion::Translate(DVec3::X * way);
             let curve = Curve::ramp(0.0, 0.2);
-            simulation.add_constraint(Constraint::moving("x1", rows, motion, curve));
+            drive(&mut simulation, body, &mesh, "x1", motion, curve);
         }
         for step in 0..25 {
             let truth = (step > 0).then(|| converged_limit(&mut simulation));
@@ -324,11 +311,10 @@ fn the_stability_limit_is_where_it_is_said_to_be() {
     let truth = converged_limit(&mut simulation);
     assert!((0.97..1.01).contains(&(limit / truth)), "{limit} {truth}");
     simulation.set_dt(1.02 * truth);
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::StormerVerlet,
-        explicit_safety: 1.0,
-        max_substeps: 1,
-        ..Default::default()
-    });
+    simulation.set_solver(solver!(
+        Integrator::StormerVerlet,
+        explicit_safety = 1.0,
+        max_substeps = 1
+    ));
     assert!(simulation.step().is_err());
 }

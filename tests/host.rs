@@ -156,7 +156,7 @@ fn beam(options: SimulationOptions, integrator: Integrator, motion: Motion) -> H
     let mesh = mesh();
     let model = Model::CompressibleStVK;
     let (mut simulation, body) = simulate(options, &mesh, soft(2e4, 0.4), model, Evaluation::Fused);
-    simulation.set_solver(SolverSettings { integrator, ..Default::default() });
+    simulation.integrate_by(integrator);
     clamp(&mut simulation, body, &mesh, "x0");
     let rows = simulation.rows(body, "tool", &group(&mesh, "x1")).unwrap();
     let tool = Constraint::moving("tool", rows, motion, Curve::ramp(0.0, 0.15));

@@ -45,7 +45,7 @@ impl<S: Scalar> Case<S> {
         );
         let bend = |x: DVec3| DVec3::new(0.0, 0.0, 2.0 * x.x * x.x) + 0.05 * x.y * DVec3::X;
         let u: Vec<DVec3> = mesh.points.iter().map(|x| bend(*x)).collect();
-        simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+        simulation.displace(body, &u);
         simulation.world_mut().insert_resource(EvaluationRequest {
             energy: false,
             force: true,
@@ -337,12 +337,7 @@ fn equilibria_are_exact_when_asked_for() {
             Evaluation::Fused,
         );
         clamp(&mut simulation, body, &mesh, "x0");
-        simulation.set_solver(SolverSettings {
-            integrator: Integrator::QuasiStatic,
-            linear_tolerance,
-            linear_precision,
-            ..Default::default()
-        });
+        simulation.set_solver(solver!(Integrator::QuasiStatic, linear_tolerance, linear_precision));
         simulation.step().unwrap();
         assert!(!simulation.report().unconverged);
         assert_eq!(simulation.report().precision_fallbacks, 0);

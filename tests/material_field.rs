@@ -22,12 +22,9 @@ fn centroid(mesh: &Mesh, t: [u32; 4]) -> DVec3 {
 }
 
 /// Forces and masses of a displaced body.
-fn forces(mesh: &Mesh, description: &BodyDescription) -> (f64, Vec<DVec3>, Vec<f64>) {
-    let mut simulation = Simulation::new(SimulationOptions::default()).unwrap();
-    let body = simulation.add_body(description).unwrap();
-    let n = mesh.points.len();
-    let u: Vec<_> = random_field(n, 11).iter().map(|r| *r * 2e-3).collect();
-    simulation.set_state(body, &u, &vec![DVec3::ZERO; n]).unwrap();
+fn forces(description: &BodyDescription) -> (f64, Vec<DVec3>, Vec<f64>) {
+    let (mut simulation, body) = alone(SimulationOptions::default(), description);
+    disturb(&mut simulation, body, 2e-3, 11);
     (simulation.evaluate(), simulation.elastic_forces(body), simulation.masses(body))
 }
 
@@ -48,7 +45,7 @@ fn a_constant_field_gives_the_same_bits() {
             material: base,
             ..plain.clone()
         };
-        assert_eq!(forces(&mesh, &plain), forces(&mesh, &field), "{model:?} {evaluation:?}");
+        assert_eq!(forces(&plain), forces(&field), "{model:?} {evaluation:?}");
     }
 }
 
@@ -73,7 +70,7 @@ fn halves_add_up() {
             evaluation,
             ..BodyDescription::new("a", &mesh, soft(1.0, 0.0))
         };
-        let (energy, f, m) = forces(&mesh, &whole);
+        let (energy, f, m) = forces(&whole);
         let mut sums = (0.0, vec![DVec3::ZERO; f.len()], vec![0.0; f.len()]);
         for (side, e, nu, density) in [(true, 1e4, 0.2, 900.0), (false, 9e4, 0.45, 1800.0)] {
             let half: Vec<_> =
@@ -82,7 +79,7 @@ fn halves_add_up() {
             let part = BodyDescription { tetrahedra: &half, material, ..whole.clone() };
             let part =
                 BodyDescription { young_modulus: None, poisson_ratio: None, density: None, ..part };
-            let (energy, f, m) = forces(&mesh, &part);
+            let (energy, f, m) = forces(&part);
             sums.0 += energy;
             sums.1.iter_mut().zip(f).for_each(|(sum, f)| *sum += f);
             sums.2.iter_mut().zip(m).for_each(|(sum, m)| *sum += m);
@@ -114,25 +111,21 @@ fn two_materials_in_series() {
         .iter()
         .map(|&t| if centroid(&mesh, t).x < 0.1 { soft_modulus } else { stiff })
         .collect();
-    let mut simulation = Simulation::new(SimulationOptions::default()).unwrap();
-    let body = simulation
-        .add_body(&BodyDescription {
-            young_modulus: Some(&e),
-            ..BodyDescription::new("bar", &mesh, soft(1.0, 0.0))
-        })
-        .unwrap();
+    let description = BodyDescription {
+        young_modulus: Some(&e),
+        ..BodyDescription::new("bar", &mesh, soft(1.0, 0.0))
+    };
+    let (mut simulation, body) = alone(SimulationOptions::default(), &description);
     simulation.set_gravity(DVec3::ZERO);
     clamp(&mut simulation, body, &mesh, "x0");
-    let rows = simulation.rows(body, "x1", &group(&mesh, "x1")).unwrap();
     let pull = Motion::Translate(DVec3::new(0.04, 0.0, 0.0));
-    let end = simulation.add_constraint(Constraint::moving("x1", rows, pull, Curve::Constant));
+    let end = drive(&mut simulation, body, &mesh, "x1", pull, Curve::Constant);
     simulation.set_dt(1.0);
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::QuasiStatic,
-        newton_tolerance: 1e-12,
-        linear_tolerance: 1e-10,
-        ..Default::default()
-    });
+    simulation.set_solver(solver!(
+        Integrator::QuasiStatic,
+        newton_tolerance = 1e-12,
+        linear_tolerance = 1e-10
+    ));
     simulation.step().unwrap();
     // stretches with equal stress: bisection
     let stress = |e: f64, s: f64| e * (s * s * s - s) / 2.0;

@@ -14,19 +14,9 @@ use sinew::prelude::*;
 const MODELS: [Model; 2] = [Model::StVK, Model::CompressibleStVK];
 const BOTH: [Evaluation; 2] = [Evaluation::Fused, Evaluation::Pooled];
 
-fn fused(mesh: &Mesh, material: YoungPoisson) -> (Simulation, BodyHandle) {
-    let options = SimulationOptions::default();
-    simulate(options, mesh, material, Model::CompressibleStVK, Evaluation::Fused)
-}
-
 /// Linear systems solved to rounding, so that what is left is the integrator's.
 fn exact(integrator: Integrator) -> SolverSettings {
-    SolverSettings {
-        integrator,
-        linear_tolerance: 1e-13,
-        newton_tolerance: 1e-12,
-        ..Default::default()
-    }
+    solver!(integrator, linear_tolerance = 1e-13, newton_tolerance = 1e-12)
 }
 
 fn sum(values: impl Iterator<Item = DVec3>) -> DVec3 {
@@ -55,13 +45,8 @@ fn elastic_forces_have_no_resultant() {
     for model in MODELS {
         for evaluation in BOTH {
             for amplitude in [1e-6, 1e-2, 0.3] {
-                let options = SimulationOptions::default();
-                let (mut simulation, body) =
-                    simulate(options, &mesh, soft(1e4, 0.45), model, evaluation);
-                let n = mesh.points.len();
-                let u: Vec<_> =
-                    random_field(n, 3).iter().map(|r| *r * (amplitude * cell)).collect();
-                simulation.set_state(body, &u, &vec![DVec3::ZERO; n]).unwrap();
+                let (mut simulation, body) = plain(&mesh, soft(1e4, 0.45), model, evaluation);
+                disturb(&mut simulation, body, amplitude * cell, 3);
                 simulation.evaluate();
                 let f = simulation.elastic_forces(body);
                 let x = positions(&mut simulation, body, &mesh);
@@ -89,21 +74,26 @@ const FLIGHT: [Integrator; 8] = [
     Integrator::StormerVerlet,
 ];
 
-/// A trembling, spinning body without loads.
+/// Makes a body tremble and spin without loads.
+fn let_fly(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) {
+    let n = mesh.points.len();
+    let start: Vec<_> = random_field(n, 5)
+        .iter()
+        .zip(&mesh.points)
+        .map(|(r, x)| *r * 0.05 + DVec3::Z.cross(*x) * 3.0 + DVec3::new(0.5, -0.2, 0.3))
+        .collect();
+    let u: Vec<_> = random_field(n, 6).iter().map(|r| *r * 2e-3).collect();
+    simulation.set_state(body, &u, &start).unwrap();
+    simulation.set_gravity(DVec3::ZERO);
+}
+
 #[test]
 fn free_flight_keeps_momentum() {
     let mesh = jittered_box([0.2, 0.1, 0.1], [6, 3, 3]);
     let n = mesh.points.len();
     for integrator in FLIGHT {
         let (mut simulation, body) = fused(&mesh, soft(1e4, 0.4));
-        let start: Vec<_> = random_field(n, 5)
-            .iter()
-            .zip(&mesh.points)
-            .map(|(r, x)| *r * 0.05 + DVec3::Z.cross(*x) * 3.0 + DVec3::new(0.5, -0.2, 0.3))
-            .collect();
-        let u: Vec<_> = random_field(n, 6).iter().map(|r| *r * 2e-3).collect();
-        simulation.set_state(body, &u, &start).unwrap();
-        simulation.set_gravity(DVec3::ZERO);
+        let_fly(&mut simulation, body, &mesh);
         simulation.set_solver(exact(integrator));
         let before = momentum(&mut simulation, body);
         let x0 = centre(&mut simulation, body, &mesh);
@@ -135,20 +125,10 @@ fn free_flight_keeps_momentum() {
 #[test]
 fn free_flight_with_default_tolerance() {
     let mesh = jittered_box([0.2, 0.1, 0.1], [6, 3, 3]);
-    let n = mesh.points.len();
     let (mut simulation, body) = fused(&mesh, soft(1e4, 0.4));
-    let start: Vec<_> = random_field(n, 5)
-        .iter()
-        .zip(&mesh.points)
-        .map(|(r, x)| *r * 0.05 + DVec3::Z.cross(*x) * 3.0 + DVec3::new(0.5, -0.2, 0.3))
-        .collect();
-    let u: Vec<_> = random_field(n, 6).iter().map(|r| *r * 2e-3).collect();
-    simulation.set_state(body, &u, &start).unwrap();
-    simulation.set_gravity(DVec3::ZERO);
+    let_fly(&mut simulation, body, &mesh);
     let before = momentum(&mut simulation, body);
-    for _ in 0..50 {
-        simulation.step().unwrap();
-    }
+    simulation.steps(50);
     let error = momentum(&mut simulation, body).distance(before) / before.length();
     assert!(error < 1e-12, "{error:e}");
 }
@@ -203,17 +183,14 @@ fn verlet_keeps_angular_momentum() {
     simulation.set_state(body, &vec![DVec3::ZERO; v.len()], &v).unwrap();
     simulation.set_gravity(DVec3::ZERO);
     simulation.set_dt(1e-4);
-    simulation
-        .set_solver(SolverSettings { integrator: Integrator::StormerVerlet, ..Default::default() });
+    simulation.integrate_by(Integrator::StormerVerlet);
     let angular = |s: &mut Simulation| {
         let (m, v) = (s.masses(body), s.velocities(body));
         let x = positions(s, body, &mesh);
         sum((0..m.len()).map(|i| x[i].cross(v[i]) * m[i]))
     };
     let before = angular(&mut simulation);
-    for _ in 0..1000 {
-        simulation.step().unwrap();
-    }
+    simulation.steps(1000);
     let error = angular(&mut simulation).distance(before) / before.length();
     assert!(error < 1e-12, "{error:e}");
     let u = max_length(&simulation.displacements(body));
@@ -299,8 +276,7 @@ fn energy_never_rises_with_safe() {
             let forces = tip.iter().map(|&r| (r, DVec3::new(0.0, 0.1, 0.2))).collect();
             simulation.add_load(Load { name: "tip".into(), forces, curve: Curve::Constant });
             simulation.set_dt(dt);
-            simulation
-                .set_solver(SolverSettings { integrator: Integrator::Safe, ..Default::default() });
+            simulation.integrate_by(Integrator::Safe);
 
             let held = group(&mesh, "x0");
             let masses = simulation.masses(body);
@@ -380,7 +356,7 @@ fn constraint_work_includes_the_weight_of_what_is_held() {
         let lift = Motion::Translate(DVec3::Z);
         simulation.add_constraint(Constraint::moving("all", rows, lift, Curve::ramp(0.0, 1.0)));
         simulation.set_dt(0.1);
-        simulation.set_solver(SolverSettings { integrator, ..Default::default() });
+        simulation.integrate_by(integrator);
         let mass: f64 = simulation.masses(body).iter().sum();
         let (mut load, mut constraint) = (0.0, 0.0);
         for _ in 0..10 {
@@ -410,10 +386,8 @@ fn fused_equals_pooled() {
     let u: Vec<_> = random_field(n, 21).iter().map(|r| *r * (0.3 * 0.2 / 6.0)).collect();
     for model in MODELS {
         let [mut a, mut b] = BOTH.map(|evaluation| {
-            let options = SimulationOptions::default();
-            let (mut simulation, body) =
-                simulate(options, &mesh, soft(1e4, 0.45), model, evaluation);
-            simulation.set_state(body, &u, &vec![DVec3::ZERO; n]).unwrap();
+            let (mut simulation, body) = plain(&mesh, soft(1e4, 0.45), model, evaluation);
+            simulation.displace(body, &u);
             simulation
         });
         let (wa, wb) = (a.evaluate(), b.evaluate());
@@ -455,9 +429,7 @@ fn quasi_static_is_where_damped_motion_ends() {
         let (mut simulation, body, _) = sagging(&mesh, settings);
         simulation.set_dt(0.02);
         // 3 s: the slowest mode has died away by more than 1e-10
-        for _ in 0..150 {
-            simulation.step().unwrap();
-        }
+        simulation.steps(150);
         let u = simulation.displacements(body);
         let error = max_distance(&u, &expected) / max_length(&expected);
         assert!(error < 1e-8, "{integrator:?}: {error:e}");
@@ -565,8 +537,7 @@ fn constraints_begin_and_end() {
         assert!(heights[4] < 0.0 && heights[12] < heights[8], "it goes on falling");
 
         // despawning the entity releases too
-        let rows = simulation.rows(body, "x1", &group(&mesh, "x1")).unwrap();
-        let entity = simulation.add_constraint(Constraint::hold("again", rows));
+        let entity = clamp(&mut simulation, body, &mesh, "x1");
         simulation.step().unwrap();
         let held = simulation.displacements(body)[tip];
         simulation.step().unwrap();
@@ -694,9 +665,7 @@ fn the_users_numbering_does_not_matter() {
                 simulation.add_constraint(Constraint::hold("x0", rows));
                 simulation.set_dt(dt);
                 simulation.set_solver(exact(integrator));
-                for _ in 0..20 {
-                    simulation.step().unwrap();
-                }
+                simulation.steps(20);
                 (simulation.displacements(body), simulation.volume_ratios(body))
             };
             let held = group(&mesh, "x0");
@@ -723,10 +692,7 @@ fn small_steps_feel_small_forces() {
     let mesh = jittered_box([0.1, 0.1, 0.1], [2, 2, 2]);
     for dt in [1e-2, 1e-3, 1e-4] {
         let (mut simulation, body) = fused(&mesh, soft(1e5, 0.3));
-        let rows = simulation.group_rows(body, &mesh, "x0").unwrap();
-        let mut guide = Constraint::hold("guide", rows);
-        guide.axes = sinew::engine::vertex::FixedAxes(1);
-        simulation.add_constraint(guide);
+        guide(&mut simulation, body, &mesh, "x0", 1);
         simulation.set_dt(dt);
         let steps = 200;
         for _ in 0..steps {
@@ -754,7 +720,7 @@ fn a_crushed_body_does_not_stop_its_neighbour() {
                 .unwrap();
             let u: Vec<_> =
                 mesh.points.iter().zip(random_field(n, 9)).map(|(x, r)| r * 0.1 - *x).collect();
-            simulation.set_state(crushed, &u, &vec![DVec3::ZERO; n]).unwrap();
+            simulation.displace(crushed, &u);
         }
         let mut safeguards = 0;
         for _ in 0..20 {
@@ -776,9 +742,8 @@ fn the_later_constraint_wins() {
     let mesh = jittered_box([0.1, 0.1, 0.1], [2, 2, 2]);
     let (mut simulation, body) = fused(&mesh, soft(1e4, 0.3));
     for way in [0.001, 0.003, 0.002] {
-        let rows = simulation.group_rows(body, &mesh, "x0").unwrap();
         let motion = Motion::Translate(DVec3::Y * way);
-        simulation.add_constraint(Constraint::moving("push", rows, motion, Curve::Constant));
+        drive(&mut simulation, body, &mesh, "x0", motion, Curve::Constant);
     }
     simulation.step().unwrap();
     let vertex = mesh.group("x0").unwrap().vertices[0];
@@ -795,12 +760,7 @@ fn energy_books_close_for_moving_clamps() {
         let (mut simulation, body) = fused(&mesh, soft(1e5, 0.3));
         simulation.set_gravity(DVec3::ZERO);
         simulation.set_dt(1e-3);
-        simulation.set_solver(SolverSettings {
-            integrator,
-            stiffness_damping,
-            linear_tolerance: 1e-8,
-            ..Default::default()
-        });
+        simulation.set_solver(solver!(integrator, stiffness_damping, linear_tolerance = 1e-8));
         let rows = simulation.group_rows(body, &mesh, "x0").unwrap();
         let motion = Motion::Translate(DVec3::X);
         let mut clamp = Constraint::moving("clamp", rows, motion, Curve::ramp(0.0, 1.0));
@@ -838,15 +798,10 @@ fn energy_books_close_for_moving_clamps() {
 fn single_precision_equilibrium_converges() {
     let mesh = jittered_box([0.2, 0.05, 0.05], [8, 2, 2]);
     let options = SimulationOptions { precision: Precision::F32, ..Default::default() };
-    let mut simulation = Simulation::new(options).unwrap();
-    let body = simulation.add_body(&BodyDescription::new("beam", &mesh, soft(1e5, 0.3))).unwrap();
-    let rows = simulation.group_rows(body, &mesh, "x0").unwrap();
-    simulation.add_constraint(Constraint::hold("clamp", rows));
-    simulation.set_solver(SolverSettings {
-        integrator: Integrator::QuasiStatic,
-        linear_tolerance: 1e-5,
-        ..Default::default()
-    });
+    let (mut simulation, body) =
+        alone(options, &BodyDescription::new("beam", &mesh, soft(1e5, 0.3)));
+    clamp(&mut simulation, body, &mesh, "x0");
+    simulation.set_solver(solver!(Integrator::QuasiStatic, linear_tolerance = 1e-5));
     simulation.step().unwrap();
     let report = simulation.report();
     assert!(!report.unconverged && report.newton_iterations < 30, "{report:?}");
@@ -857,12 +812,8 @@ fn single_precision_equilibrium_converges() {
 fn equilibrium_needs_every_rigid_motion_held() {
     let mesh = jittered_box([0.1, 0.1, 0.1], [2, 2, 2]);
     let (mut simulation, body) = fused(&mesh, soft(1e4, 0.3));
-    let rows = simulation.group_rows(body, &mesh, "z0").unwrap();
-    let mut floor = Constraint::hold("floor", rows);
-    floor.axes = sinew::engine::vertex::FixedAxes(4);
-    simulation.add_constraint(floor);
-    simulation
-        .set_solver(SolverSettings { integrator: Integrator::QuasiStatic, ..Default::default() });
+    guide(&mut simulation, body, &mesh, "z0", 4);
+    simulation.integrate_by(Integrator::QuasiStatic);
     let error = simulation.step().unwrap_err().to_string();
     assert!(error.contains("3 of the 6 rigid motions"), "{error}");
 }
@@ -875,10 +826,9 @@ fn equilibria_are_sought_in_parts_where_one_go_inverts_elements() {
     let (mut simulation, body) = fused(&mesh, soft(1e4, 0.3));
     simulation.set_gravity(DVec3::ZERO);
     clamp(&mut simulation, body, &mesh, "x0");
-    let rows = simulation.group_rows(body, &mesh, "x1").unwrap();
     let centre = DVec3::new(0.3, 0.0375, 0.0375);
     let turn = Motion::Rotate { centre, axis: DVec3::X, angle: std::f64::consts::PI };
-    simulation.add_constraint(Constraint::moving("x1", rows, turn, Curve::ramp(0.0, 0.01)));
+    drive(&mut simulation, body, &mesh, "x1", turn, Curve::ramp(0.0, 0.01));
     simulation.set_dt(0.01);
     simulation.set_solver(exact(Integrator::QuasiStatic));
     simulation.step().unwrap();

@@ -1,16 +1,12 @@
 //! Follower pressure and membranes through whole steps: forces are derivatives of the potential, energy
 //! is booked, spheres and discs inflate as they should, solids share the mechanism.
 
-use crate::common::{group, max_distance, max_length, random_field, soft};
-use sinew::engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
+use crate::common::*;
+use sinew::engine::law::{ElasticEnergy, TangentKind};
 use sinew::engine::load::{Pressure, SweptVolumes};
-use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::mesh::generate::{box_tets, disc_triangles, sphere_triangles, triangle_grid};
-use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::step::StepError;
-use sinew::engine::topology::Topology;
 use sinew::engine::vertex::FixedAxes;
-use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::element::membrane::plane_stress;
@@ -25,7 +21,6 @@ fn sheet(
     material: YoungPoisson,
     model: MembraneModel,
 ) -> (Simulation, BodyHandle) {
-    let mut simulation = Simulation::new(options).expect("threads");
     let membrane = MembraneDescription {
         model,
         ..MembraneDescription::new(&mesh.triangles, thickness, material)
@@ -34,7 +29,7 @@ fn sheet(
         membrane: Some(membrane),
         ..BodyDescription::from_parts("sheet", &mesh.points, &[], material)
     };
-    let body = simulation.add_body(&body).expect("body");
+    let (mut simulation, body) = alone(options, &body);
     simulation.set_gravity(DVec3::ZERO);
     (simulation, body)
 }
@@ -57,25 +52,11 @@ fn evaluate(
     u: &[DVec3],
     v: &[DVec3],
 ) -> (f64, f64, Vec<DVec3>, Vec<DVec3>) {
-    let still = vec![DVec3::ZERO; u.len()];
-    simulation.set_state(body, u, &still).unwrap();
-    let order = simulation.topology().bodies[body.0].vertex_order.clone();
-    let world = simulation.world_mut();
-    let tangent = Some(TangentKind::Exact);
-    world.insert_resource(EvaluationRequest { energy: true, force: true, tangent });
-    world.run_schedule(ForceSchedule);
-    let energy = world.resource::<ElasticEnergy>().clone();
-    let rows: Vec<[f64; 4]> =
-        order.iter().map(|&i| [v[i as usize].x, v[i as usize].y, v[i as usize].z, 0.0]).collect();
-    let mut product = vec![[0.0; 4]; rows.len()];
-    let (topology, workers) = (world.resource::<Topology>(), world.resource::<Workers>());
-    let matrix = &world.resource::<Tangent<f64>>().matrix;
-    matrix.multiply(topology, workers, &mut ProductSpans::default(), &rows, &mut product);
-    let mut kv = vec![DVec3::ZERO; u.len()];
-    for (p, &i) in product.iter().zip(&order) {
-        kv[i as usize] = DVec3::new(p[0], p[1], p[2]);
-    }
-    (energy.total, energy.load, simulation.elastic_forces(body), kv)
+    simulation.displace(body, u);
+    let product = tangent_product(simulation, body, TangentKind::Exact, v);
+    simulation.evaluate();
+    let energy = simulation.world().resource::<ElasticEnergy>().clone();
+    (energy.total, energy.load, simulation.elastic_forces(body), product)
 }
 
 #[test]
@@ -121,20 +102,19 @@ fn hold_axes(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) {
             .collect();
         assert_eq!(on.len(), 2);
         let rows = simulation.rows(body, "axis", &on).unwrap();
-        let mut hold = Constraint::hold(format!("axis {k}"), rows);
+        let mut hold = Constraint::hold("axis", rows);
         hold.axes = FixedAxes(7 & !(1 << k));
         simulation.add_constraint(hold);
     }
 }
 
 fn quasi_static() -> SolverSettings {
-    SolverSettings {
-        integrator: Integrator::QuasiStatic,
-        linear_tolerance: 1e-6,
-        newton_tolerance: 1e-9,
-        max_newton_iterations: 100,
-        ..Default::default()
-    }
+    solver!(
+        Integrator::QuasiStatic,
+        linear_tolerance = 1e-6,
+        newton_tolerance = 1e-9,
+        max_newton_iterations = 100
+    )
 }
 
 #[test]
@@ -188,8 +168,7 @@ fn pressure_work_is_booked_apart_and_energy_is_kept() {
             soft(1e5, 0.3),
             MembraneModel::default(),
         );
-        let rows = s.rows(body, "rim", &group(&mesh, "rim")).unwrap();
-        s.add_constraint(Constraint::hold("rim", rows));
+        clamp(&mut s, body, &mesh, "rim");
         inflate(&mut s, body, &mesh.triangles, 100.0, Curve::ramp(0.0, 0.05));
         s.set_solver(settings(integrator));
         s.set_dt(dt);
@@ -226,14 +205,10 @@ fn pressure_all_round_a_solid_has_the_closed_form() {
     for evaluation in [Evaluation::Fused, Evaluation::Pooled] {
         let material = soft(young, nu);
         let options = SimulationOptions::default();
-        let (mut s, body) =
-            crate::common::simulate(options, &mesh, material, Model::StVK, evaluation);
+        let (mut s, body) = simulate(options, &mesh, material, Model::StVK, evaluation);
         s.set_gravity(DVec3::ZERO);
         for (k, side) in ["x0", "y0", "z0"].into_iter().enumerate() {
-            let rows = s.rows(body, side, &group(&mesh, side)).unwrap();
-            let mut hold = Constraint::hold(side, rows);
-            hold.axes = FixedAxes(1 << k);
-            s.add_constraint(hold);
+            guide(&mut s, body, &mesh, side, 1 << k);
         }
         // into the body
         let inward: Vec<[u32; 3]> =

@@ -48,14 +48,9 @@ fn recover(
         simulate(options, mesh, soft(1e4, nu), Model::CompressibleStVK, evaluation);
     simulation.set_gravity(DVec3::ZERO);
     simulation.set_dt(1.0 / 60.0);
-    simulation.set_solver(SolverSettings {
-        integrator,
-        mass_damping: 3.5,
-        recovery: true,
-        ..Default::default()
-    });
+    simulation.set_solver(solver!(integrator, mass_damping = 3.5, recovery = true));
     let u: Vec<_> = start.iter().zip(&mesh.points).map(|(x, r)| *x - *r).collect();
-    simulation.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    simulation.displace(body, &u);
     let energy = simulation.evaluate();
     let (mut steps, mut highest, mut added) = (0, 0.0_f64, 0.0);
     for _ in 0..180 {
@@ -195,7 +190,7 @@ fn every_material_gives_way_to_the_corotational_energy() {
         let name = format!("{model:?} {evaluation:?}");
         let mut body = body(model, evaluation);
         let own = forces(&mut body, false);
-        body.0.set_solver(SolverSettings { integrator: Integrator::Safe, ..Default::default() });
+        body.0.integrate_by(Integrator::Safe);
         body.0.step().unwrap();
         let without = matches!(model, Model::MassSpring | Model::Axes);
         assert_eq!(body.0.report().recovering, u32::from(!without), "{name}");

@@ -5,11 +5,9 @@ use crate::common::*;
 use glam::DVec3;
 use sinew::engine::columns::single_table;
 use sinew::engine::element::{EdgeVertices, TetrahedronIndex, TetrahedronVertices};
-use sinew::engine::law::{EvaluationRequest, TangentKind};
-use sinew::engine::matrix::{ProductSpans, Tangent};
-use sinew::engine::schedule::ForceSchedule;
+use sinew::engine::law::TangentKind;
+use sinew::engine::matrix::Tangent;
 use sinew::engine::vertex::{FixedAxes, Mass, RestPosition};
-use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
 use sinew::models::laws::pooled::{
     AngularStiffnesses, TensileStiffness, TriangleVertices, VolumetricStiffnesses,
@@ -26,34 +24,6 @@ fn material(case: &serde_json::Value) -> YoungPoisson {
         poisson_ratio: number(&case["nu"]),
         density: number(&case["rho"]),
     }
-}
-
-/// `K dx` of the tangent of the given kind at the current state, in the user's order.
-fn tangent_product(
-    simulation: &mut Simulation,
-    body: BodyHandle,
-    kind: TangentKind,
-    dx: &[DVec3],
-) -> Vec<DVec3> {
-    let rows = simulation.topology().bodies[body.0].clone();
-    let world = simulation.world_mut();
-    world.insert_resource(EvaluationRequest { energy: false, force: false, tangent: Some(kind) });
-    world.run_schedule(ForceSchedule);
-    let x: Vec<[f64; 4]> =
-        rows.vertex_order.iter().map(|&v| dx[v as usize]).map(|d| [d.x, d.y, d.z, 0.0]).collect();
-    let mut y = vec![[0.0; 4]; x.len()];
-    world.resource::<Tangent<f64>>().matrix.multiply(
-        world.resource(),
-        world.resource::<Workers>(),
-        &mut ProductSpans::default(),
-        &x,
-        &mut y,
-    );
-    let mut result = vec![DVec3::ZERO; dx.len()];
-    for (row, &vertex) in rows.vertex_order.iter().enumerate() {
-        result[vertex as usize] = DVec3::new(y[row][0], y[row][1], y[row][2]);
-    }
-    result
 }
 
 #[test]
@@ -305,14 +275,13 @@ fn converged_implicit_steps() {
             simulation.add_constraint(Constraint::hold("pins", rows));
             simulation.set_gravity(gravity);
             simulation.set_dt(number(&case["h"]));
-            simulation.set_solver(SolverSettings {
-                integrator: Integrator::Newton,
-                linear_tolerance: 1e-10,
-                newton_tolerance: 1e-12,
-                mass_damping: number(&case["alpha"]),
-                stiffness_damping: number(&case["beta"]),
-                ..Default::default()
-            });
+            simulation.set_solver(solver!(
+                Integrator::Newton,
+                linear_tolerance = 1e-10,
+                newton_tolerance = 1e-12,
+                mass_damping = number(&case["alpha"]),
+                stiffness_damping = number(&case["beta"])
+            ));
             simulation.step().unwrap();
             assert!(!simulation.report().unconverged, "{name}: {:?}", simulation.report());
             let x: Vec<DVec3> =

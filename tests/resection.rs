@@ -1,5 +1,6 @@
 //! Removal of elements: what is left equals a fresh build, stays bounded, and runs repeat.
 
+use crate::common::*;
 use glam::DVec3;
 use proptest::prelude::*;
 use sinew::engine::mesh::Mesh;
@@ -23,10 +24,6 @@ const BODIES: [(Model, Evaluation); 6] = [
     (Model::MassSpring, Evaluation::Fused),
 ];
 
-fn options(precision: Precision, threads: usize) -> SimulationOptions {
-    SimulationOptions { precision, threads, ..Default::default() }
-}
-
 fn build(
     mesh: &Mesh,
     (model, evaluation): (Model, Evaluation),
@@ -36,7 +33,7 @@ fn build(
     let description =
         BodyDescription { model, evaluation, ..BodyDescription::new("body", mesh, MATERIAL) };
     let body = simulation.add_body(&description).unwrap();
-    simulation.set_solver(SolverSettings { integrator: Integrator::Safe, ..Default::default() });
+    simulation.integrate_by(Integrator::Safe);
     (simulation, body)
 }
 
@@ -54,39 +51,6 @@ fn list(tetrahedra: &[u32]) -> Removal {
     Removal::new(Region::Tetrahedra(tetrahedra.to_vec()))
 }
 
-/// Numbers below `n`, the same every time.
-fn numbers(seed: u64) -> impl FnMut(usize) -> usize {
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-    move |n| {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as usize % n
-    }
-}
-
-/// `count` of the tetrahedra that are left.
-fn pick(simulation: &Simulation, body: BodyHandle, count: usize, seed: u64) -> Vec<u32> {
-    let mut left = simulation.remaining_tetrahedra(body);
-    let mut next = numbers(seed);
-    let count = count.min(left.len());
-    for i in 0..count {
-        let j = i + next(left.len() - i);
-        left.swap(i, j);
-    }
-    left.truncate(count);
-    left
-}
-
-/// Displacements at random.
-fn disturb(simulation: &mut Simulation, body: BodyHandle, size: f64, seed: u64) {
-    let n = simulation.displacements(body).len();
-    let mut next = numbers(seed);
-    let mut entry = || size * (next(2001) as f64 / 1000.0 - 1.0);
-    let u: Vec<DVec3> = (0..n).map(|_| DVec3::new(entry(), entry(), entry())).collect();
-    simulation.set_state(body, &u, &vec![DVec3::ZERO; n]).unwrap();
-}
-
 #[test]
 fn what_is_left_equals_a_fresh_build() {
     let mesh = rough(0.02, [6, 3, 3]);
@@ -95,7 +59,8 @@ fn what_is_left_equals_a_fresh_build() {
             let (mut simulation, body) = build(&mesh, kind, options(precision, 2));
             let mut compactions = 0;
             for (batch, count) in [1, 1, 30, 1, 60, 1, 100].into_iter().enumerate() {
-                let chosen = pick(&simulation, body, count, batch as u64 + 7 * i as u64);
+                let chosen =
+                    pick(simulation.remaining_tetrahedra(body), count, batch as u64 + 7 * i as u64);
                 let before = simulation.evaluate();
                 let report = simulation.remove_elements(body, &list(&chosen)).unwrap();
                 let after = simulation.evaluate();
@@ -128,7 +93,7 @@ fn reports_add_up() {
     let (mut gone, mut removed) = (0.0, 0);
     let mut orphans = Vec::new();
     while removed < n {
-        let chosen = pick(&simulation, body, 7, removed as u64);
+        let chosen = pick(simulation.remaining_tetrahedra(body), 7, removed as u64);
         let report = simulation.remove_elements(body, &list(&chosen)).unwrap();
         let mut sorted = chosen.clone();
         sorted.sort_unstable();
@@ -209,13 +174,12 @@ fn wrong_requests_change_nothing() {
 fn regions_choose_by_the_present_shape() {
     let mesh = bar(0.02, [5, 2, 2]);
     let (mut simulation, body) = build(&mesh, BODIES[0], options(Precision::F64, 1));
-    let n = mesh.points.len();
     // stretched by 1.2 along x beyond the middle, moved aside altogether
     let shift = DVec3::new(0.0, 1.0, 0.0);
     let stretch = |x: f64| if x > 0.05 { 0.2 * (x - 0.05) } else { 0.0 };
     let u: Vec<DVec3> =
         mesh.points.iter().map(|p| shift + DVec3::new(stretch(p.x), 0.0, 0.0)).collect();
-    simulation.set_state(body, &u, &vec![DVec3::ZERO; n]).unwrap();
+    simulation.displace(body, &u);
     let barycentre = |t: &[u32; 4]| {
         t.iter().map(|&v| mesh.points[v as usize] + u[v as usize]).sum::<DVec3>() / 4.0
     };
@@ -249,7 +213,7 @@ fn regions_choose_by_the_present_shape() {
     // uniaxial strain e: s_x = (lambda + 2 mu) e, s_y = lambda e, both pushed forward, so the
     // difference of the Cauchy stresses is (1.2^2 s_x - s_y) / 1.2
     let u: Vec<DVec3> = mesh.points.iter().map(|p| DVec3::new(0.2 * p.x, 0.0, 0.0)).collect();
-    simulation.set_state(body, &u, &vec![DVec3::ZERO; n]).unwrap();
+    simulation.displace(body, &u);
     let lame = MATERIAL.lame().unwrap();
     let mises = 0.22 * (1.44 * (lame.lambda + 2.0 * lame.mu) - lame.lambda) / 1.2;
     let limit = |above| Removal::new(Region::Stress { above });
@@ -285,8 +249,7 @@ fn an_isolated_vertex_falls_freely() {
     let mesh = bar(0.05, [5, 2, 2]);
     for (precision, tolerance) in [(Precision::F64, 1e-9), (Precision::F32, 1e-5)] {
         let (mut simulation, body) = build(&mesh, BODIES[0], options(precision, 1));
-        let ends = simulation.rows(body, "end", &vertices(&mesh, |p| p.x < 1e-9)).unwrap();
-        simulation.add_constraint(Constraint::hold("end", ends));
+        hold_end(&mut simulation, body, &mesh.points);
         let corner = DVec3::new(0.25, 0.1, 0.1);
         let region = touching(&mesh, |p| p.distance(corner) < 1e-9);
         let keep = Removal { region, mass: MassPolicy::Keep };
@@ -307,17 +270,6 @@ fn an_isolated_vertex_falls_freely() {
         let report = simulation.report();
         assert!(report.kinetic_energy.is_finite());
     }
-}
-
-/// Tetrahedra round some vertices.
-fn touching(mesh: &Mesh, test: impl Fn(DVec3) -> bool) -> Region {
-    let touches = |t: &[u32; 4]| t.iter().any(|&v| test(mesh.points[v as usize]));
-    let all = (0..).zip(&mesh.tetrahedra);
-    Region::Tetrahedra(all.filter(|(_, t)| touches(t)).map(|(i, _)| i).collect())
-}
-
-fn vertices(mesh: &Mesh, test: impl Fn(DVec3) -> bool) -> Vec<u32> {
-    (0..).zip(&mesh.points).filter(|(_, p)| test(**p)).map(|(i, _)| i).collect()
 }
 
 /// Nothing holds the body: it and the vertex that it lost fall by the closed form, as one.
@@ -351,7 +303,7 @@ fn vertices_without_mass_stay_where_they_are() {
     let mesh = bar(0.05, [5, 2, 2]);
     for integrator in [Integrator::Safe, Integrator::Newton, Integrator::StormerVerlet] {
         let (mut simulation, body) = build(&mesh, BODIES[0], options(Precision::F64, 1));
-        simulation.set_solver(SolverSettings { integrator, ..Default::default() });
+        simulation.integrate_by(integrator);
         let far = touching(&mesh, |p| p.x > 0.249 && p.y > 0.099);
         simulation.set_dt(0.005);
         simulation.step().unwrap();
@@ -367,9 +319,7 @@ fn vertices_without_mass_stay_where_they_are() {
         let curve = Curve::ramp(0.0, 1.0);
         simulation.add_constraint(Constraint::moving("tool", rows, motion, curve));
         let before = simulation.displacements(body);
-        for _ in 0..10 {
-            simulation.step().unwrap();
-        }
+        simulation.steps(10);
         let after = simulation.displacements(body);
         assert_eq!(after[loaded as usize], before[loaded as usize], "{integrator:?}");
         let way = after[moved as usize] - before[moved as usize];
@@ -383,8 +333,7 @@ fn a_piece_cut_off_falls_freely() {
     let mesh = bar(0.05, [6, 2, 2]);
     for kind in [BODIES[0], BODIES[1]] {
         let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 2));
-        let ends = simulation.rows(body, "end", &vertices(&mesh, |p| p.x < 1e-9)).unwrap();
-        simulation.add_constraint(Constraint::hold("end", ends));
+        hold_end(&mut simulation, body, &mesh.points);
         let cut = Region::Tetrahedra(
             (0..)
                 .zip(&mesh.tetrahedra)
@@ -400,7 +349,7 @@ fn a_piece_cut_off_falls_freely() {
         assert_eq!(report.tetrahedra.len(), 6 * 4);
         let masses = simulation.masses(body);
         let fallen: Vec<usize> =
-            vertices(&mesh, |p| p.x > 0.19).into_iter().map(|v| v as usize).collect();
+            vertices(&mesh.points, |p| p.x > 0.19).into_iter().map(|v| v as usize).collect();
         let total: f64 = fallen.iter().map(|&v| masses[v]).sum();
         let h = 0.01;
         simulation.set_dt(h);
@@ -413,13 +362,12 @@ fn a_piece_cut_off_falls_freely() {
             assert!((centre.z / expected - 1.0).abs() < 0.05, "{step}: {centre} {expected}");
         }
         let u = simulation.displacements(body);
-        let held = vertices(&mesh, |p| p.x < 0.14);
+        let held = vertices(&mesh.points, |p| p.x < 0.14);
         assert!(held.iter().all(|&v| u[v as usize].length() < 0.1));
         assert!(simulation.verify_against_fresh(body).unwrap().largest() < 1e-12);
 
         // without inertia the loose half has no equilibrium
-        let settings = SolverSettings { integrator: Integrator::QuasiStatic, ..Default::default() };
-        simulation.set_solver(settings);
+        simulation.integrate_by(Integrator::QuasiStatic);
         let error = simulation.step().unwrap_err().to_string();
         assert!(error.contains("rigid motions of the piece"), "{error}");
     }
@@ -430,10 +378,8 @@ fn a_piece_cut_off_falls_freely() {
 fn equilibria_ignore_vertices_without_elements() {
     let mesh = bar(0.05, [5, 2, 2]);
     let (mut simulation, body) = build(&mesh, BODIES[0], options(Precision::F64, 1));
-    let rows = simulation.rows(body, "end", &vertices(&mesh, |p| p.x < 1e-9)).unwrap();
-    simulation.add_constraint(Constraint::hold("end", rows));
-    let settings = SolverSettings { integrator: Integrator::QuasiStatic, ..Default::default() };
-    simulation.set_solver(settings.clone());
+    hold_end(&mut simulation, body, &mesh.points);
+    simulation.integrate_by(Integrator::QuasiStatic);
     for (mass, y) in [(MassPolicy::Keep, 0.1), (MassPolicy::Recompute, 0.0)] {
         let region = touching(&mesh, |p| p.x > 0.249 && (p.y - y).abs() < 0.001);
         let removal = Removal { region, mass };
@@ -453,14 +399,11 @@ fn thirty_per_cent_at_once_stay_bounded() {
             let mut hashes = Vec::new();
             for threads in [1, 2] {
                 let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, threads));
-                let rows = simulation.rows(body, "end", &vertices(&mesh, |p| p.x < 1e-9)).unwrap();
-                simulation.add_constraint(Constraint::hold("end", rows));
+                hold_end(&mut simulation, body, &mesh.points);
                 simulation.set_dt(1.0 / 60.0);
-                for _ in 0..20 {
-                    simulation.step().unwrap();
-                }
+                simulation.steps(20);
                 let count = mesh.tetrahedra.len() * 3 / 10;
-                let chosen = pick(&simulation, body, count, 5);
+                let chosen = pick(simulation.remaining_tetrahedra(body), count, 5);
                 let removal = Removal { mass, ..list(&chosen) };
                 simulation.remove_elements(body, &removal).unwrap();
                 stays_bounded(&mut simulation, 60);
@@ -498,12 +441,9 @@ fn elements_hanging_by_little_stay_bounded() {
         for mass in [MassPolicy::Keep, MassPolicy::Recompute] {
             for kind in [BODIES[0], BODIES[1]] {
                 let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 1));
-                let rows = simulation.rows(body, "end", &vertices(&mesh, |p| p.x < 1e-9)).unwrap();
-                simulation.add_constraint(Constraint::hold("end", rows));
+                hold_end(&mut simulation, body, &mesh.points);
                 simulation.set_dt(1.0 / 60.0);
-                for _ in 0..10 {
-                    simulation.step().unwrap();
-                }
+                simulation.steps(10);
                 let gone = (0..).zip(&mesh.tetrahedra).filter(|(i, t)| !base(t) && *i != hanging);
                 let gone: Vec<u32> = gone.map(|(i, _)| i as u32).collect();
                 let removal = Removal { mass, ..list(&gone) };
@@ -522,11 +462,10 @@ fn a_hundred_single_removals_stay_bounded() {
     let mesh = bar(0.025, [10, 4, 4]);
     for kind in [BODIES[0], BODIES[1]] {
         let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 2));
-        let rows = simulation.rows(body, "end", &vertices(&mesh, |p| p.x < 1e-9)).unwrap();
-        simulation.add_constraint(Constraint::hold("end", rows));
+        hold_end(&mut simulation, body, &mesh.points);
         simulation.set_dt(1.0 / 60.0);
         for removal in 0..100 {
-            let chosen = pick(&simulation, body, 1, removal);
+            let chosen = pick(simulation.remaining_tetrahedra(body), 1, removal);
             simulation.remove_elements(body, &list(&chosen)).unwrap();
             stays_bounded(&mut simulation, 1);
         }
@@ -543,16 +482,11 @@ fn explicit_steps_notice_a_removal() {
         let mut results = Vec::new();
         for forget in [false, true] {
             let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 1));
-            let settings =
-                SolverSettings { integrator: Integrator::StormerVerlet, ..Default::default() };
-            simulation.set_solver(settings);
-            let rows = simulation.rows(body, "end", &vertices(&mesh, |p| p.x < 1e-9)).unwrap();
-            simulation.add_constraint(Constraint::hold("end", rows));
+            simulation.integrate_by(Integrator::StormerVerlet);
+            hold_end(&mut simulation, body, &mesh.points);
             simulation.set_dt(0.01);
-            for _ in 0..5 {
-                simulation.step().unwrap();
-            }
-            let chosen = pick(&simulation, body, 4, 1);
+            simulation.steps(5);
+            let chosen = pick(simulation.remaining_tetrahedra(body), 4, 1);
             let keep = Removal { mass: MassPolicy::Keep, ..list(&chosen) };
             simulation.remove_elements(body, &keep).unwrap();
             if forget {
@@ -562,8 +496,8 @@ fn explicit_steps_notice_a_removal() {
             simulation.step().unwrap();
             results.push(simulation.displacements(body));
         }
-        let size = crate::common::max_length(&results[0]);
-        assert!(crate::common::max_distance(&results[0], &results[1]) < 1e-12 * size, "{kind:?}");
+        let size = max_length(&results[0]);
+        assert!(max_distance(&results[0], &results[1]) < 1e-12 * size, "{kind:?}");
     }
 }
 
@@ -574,7 +508,7 @@ fn fused_and_pooled_agree_after_removals() {
     for kind in [BODIES[0], BODIES[1]] {
         let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 1));
         for batch in 0..20 {
-            let chosen = pick(&simulation, body, 8, batch);
+            let chosen = pick(simulation.remaining_tetrahedra(body), 8, batch);
             simulation.remove_elements(body, &list(&chosen)).unwrap();
         }
         disturb(&mut simulation, body, 0.003, 1);
@@ -583,7 +517,7 @@ fn fused_and_pooled_agree_after_removals() {
     }
     let (a, b) = (&results[0], &results[1]);
     assert!((a.0 / b.0 - 1.0).abs() < 1e-12);
-    assert!(crate::common::max_distance(&a.1, &b.1) < 1e-12 * crate::common::max_length(&a.1));
+    assert!(max_distance(&a.1, &b.1) < 1e-12 * max_length(&a.1));
 }
 
 /// One body of the random runs, and what it ended with.
@@ -593,16 +527,15 @@ fn random_run(cells: [usize; 3], kind: usize, seed: u64, threads: usize) -> (u64
     let (mut simulation, body) = build(&mesh, BODIES[kind], options(precision, threads));
     let integrator =
         if seed.is_multiple_of(5) { Integrator::StormerVerlet } else { Integrator::Safe };
-    simulation.set_solver(SolverSettings { integrator, ..Default::default() });
+    simulation.integrate_by(integrator);
     simulation.set_dt(if seed.is_multiple_of(2) { 1.0 / 60.0 } else { 0.004 });
-    let rows = simulation.rows(body, "end", &vertices(&mesh, |p| p.x < 1e-9)).unwrap();
-    simulation.add_constraint(Constraint::hold("end", rows));
-    let mut next = numbers(seed);
+    hold_end(&mut simulation, body, &mesh.points);
+    let mut next = random_numbers(seed);
     let size = 0.02 * cells[0] as f64;
     let mut removals = 0;
     while !simulation.remaining_tetrahedra(body).is_empty() {
         let count = if next(3) == 0 { 1 + next(6) } else { 1 };
-        let chosen = pick(&simulation, body, count, seed + removals as u64);
+        let chosen = pick(simulation.remaining_tetrahedra(body), count, seed + removals as u64);
         let mass = if next(2) == 0 { MassPolicy::Keep } else { MassPolicy::Recompute };
         removals += chosen.len();
         simulation.remove_elements(body, &Removal { mass, ..list(&chosen) }).unwrap();
@@ -610,16 +543,11 @@ fn random_run(cells: [usize; 3], kind: usize, seed: u64, threads: usize) -> (u64
         let report = simulation.report();
         assert!(report.elastic_energy.is_finite() && report.kinetic_energy.is_finite());
         if next(8) == 0 {
-            // forces are compared to 1e-3 of stiffness times reach: 4.5 roundings of that in either precision
-            let rounding =
-                if precision == Precision::F64 { f64::EPSILON } else { f32::EPSILON.into() };
-            let tolerance = 4500.0 * rounding;
-            let difference = simulation.verify_against_fresh(body).unwrap();
-            assert!(difference.largest() <= tolerance, "{kind} {seed}: {difference:?}");
+            assert_as_fresh(&mut simulation, body, &format!("{kind} {seed}"));
         }
         // nothing flies further than falling takes it
         let fall = 0.5 * 9.81 * (simulation.time() + 1.0 / 60.0).powi(2);
-        let reach = crate::common::max_length(&simulation.displacements(body));
+        let reach = max_length(&simulation.displacements(body));
         assert!(reach < fall + 2.0 * size, "reach {reach} m after {} s", simulation.time());
     }
     (simulation.state_hash(), removals)

@@ -71,12 +71,11 @@ fn run(mesh: &Mesh, integrator: Integrator, precision: Precision, units: Units) 
     simulation.set_gravity(DVec3::new(0.0, 1.0, -9.81) * acceleration);
     let explicit = matches!(integrator, Integrator::SymplecticEuler | Integrator::StormerVerlet);
     simulation.set_dt(0.01 * time);
-    simulation.set_solver(SolverSettings {
+    simulation.set_solver(solver!(
         integrator,
-        mass_damping: 2.0 / time,
-        stiffness_damping: if explicit { 0.0 } else { 1e-3 * time },
-        ..Default::default()
-    });
+        mass_damping = 2.0 / time,
+        stiffness_damping = if explicit { 0.0 } else { 1e-3 * time }
+    ));
     let (mut decisions, mut cg_iterations) = (Vec::new(), Vec::new());
     for _ in 0..10 {
         simulation.step().unwrap();

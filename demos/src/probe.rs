@@ -48,95 +48,66 @@ use Evaluate::{Scalar, Vector};
 
 /// Everything that probes can record.
 pub static PROBES: [Probe; 10] = [
-    Probe {
-        key: "mean_displacement",
-        column: "mean_displacement",
-        unit: "m",
-        needs: Needs::Body,
-        evaluate: Vector(|now, of| of.mean(&now.simulation.displacements(of.body.handle))),
-    },
-    Probe {
-        key: "max_displacement",
-        column: "max_displacement",
-        unit: "m",
-        needs: Needs::Body,
-        evaluate: Scalar(|now, of| {
-            let u = now.simulation.displacements(of.body.handle);
-            of.probe.vertices.iter().map(|&i| u[i as usize].length()).fold(0.0, f64::max)
-        }),
-    },
-    Probe {
-        key: "mean_velocity",
-        column: "mean_velocity",
-        unit: "m/s",
-        needs: Needs::Body,
-        evaluate: Vector(|now, of| of.mean(&now.simulation.velocities(of.body.handle))),
-    },
+    vector("mean_displacement", "m", Needs::Body, |now, of| {
+        of.mean(&now.simulation.displacements(of.body.handle))
+    }),
+    scalar("max_displacement", "m", Needs::Body, |now, of| {
+        let u = now.simulation.displacements(of.body.handle);
+        of.probe.vertices.iter().map(|&i| u[i as usize].length()).fold(0.0, f64::max)
+    }),
+    vector("mean_velocity", "m/s", Needs::Body, |now, of| {
+        of.mean(&now.simulation.velocities(of.body.handle))
+    }),
     // on the body; zero while the constraint does not act
-    Probe {
-        key: "reaction",
-        column: "reaction",
-        unit: "N",
-        needs: Needs::Constraint,
-        evaluate: Vector(|now, of| {
-            let time = now.simulation.time();
-            let acting = of.constraint.filter(|c| time > 0.0 && c.acts(time));
-            acting.map_or(DVec3::ZERO, |c| {
-                // reactions are read from the forces of the state as it is
-                now.elastic_energy();
-                now.simulation.reaction(c.entity)
-            })
-        }),
-    },
-    Probe {
-        key: "elastic_energy",
-        column: "elastic_energy",
-        unit: "J",
-        needs: Needs::Scene,
-        evaluate: Scalar(|now, _| now.elastic_energy()),
-    },
-    Probe {
-        key: "kinetic_energy",
-        column: "kinetic_energy",
-        unit: "J",
-        needs: Needs::Scene,
-        evaluate: Scalar(|now, _| now.kinetic_energy),
-    },
+    vector("reaction", "N", Needs::Constraint, |now, of| {
+        let time = now.simulation.time();
+        let acting = of.constraint.filter(|c| time > 0.0 && c.acts(time));
+        acting.map_or(DVec3::ZERO, |c| {
+            // reactions are read from the forces of the state as it is
+            now.elastic_energy();
+            now.simulation.reaction(c.entity)
+        })
+    }),
+    scalar("elastic_energy", "J", Needs::Scene, |now, _| now.elastic_energy()),
+    scalar("kinetic_energy", "J", Needs::Scene, |now, _| now.kinetic_energy),
     // smallest volume ratio
     Probe {
-        key: "min_j",
         column: "min_J",
-        unit: "-",
-        needs: Needs::Body,
-        evaluate: Scalar(|now, of| smallest(now.simulation.volume_ratios(of.body.handle))),
+        ..scalar("min_j", "-", Needs::Body, |now, of| {
+            smallest(now.simulation.volume_ratios(of.body.handle))
+        })
     },
     // smallest area ratio of the membrane
-    Probe {
-        key: "min_area_ratio",
-        column: "min_area_ratio",
-        unit: "-",
-        needs: Needs::Body,
-        evaluate: Scalar(|now, of| smallest(now.simulation.area_ratios(of.body.handle))),
-    },
+    scalar("min_area_ratio", "-", Needs::Body, |now, of| {
+        smallest(now.simulation.area_ratios(of.body.handle))
+    }),
     // of the elements that are left
-    Probe {
-        key: "volume",
-        column: "volume",
-        unit: "m^3",
-        needs: Needs::Body,
-        evaluate: Scalar(|now, of| of.body.volume(now.simulation)),
-    },
+    scalar("volume", "m^3", Needs::Body, |now, of| of.body.volume(now.simulation)),
     // between the faces of a group and their rim: what a cavity holds
-    Probe {
-        key: "enclosed_volume",
-        column: "enclosed_volume",
-        unit: "m^3",
-        needs: Needs::Faces,
-        evaluate: Scalar(|now, of| {
-            enclosed_volume(&of.body.deformed(now.simulation), &of.probe.faces).abs()
-        }),
-    },
+    scalar("enclosed_volume", "m^3", Needs::Faces, |now, of| {
+        enclosed_volume(&of.body.deformed(now.simulation), &of.probe.faces).abs()
+    }),
 ];
+
+/// A number whose column has the name of its word.
+const fn scalar(
+    key: &'static str,
+    unit: &'static str,
+    needs: Needs,
+    evaluate: fn(&mut Sampler, &Subject) -> f64,
+) -> Probe {
+    Probe { key, column: key, unit, needs, evaluate: Scalar(evaluate) }
+}
+
+/// A vector, likewise.
+const fn vector(
+    key: &'static str,
+    unit: &'static str,
+    needs: Needs,
+    evaluate: fn(&mut Sampler, &Subject) -> DVec3,
+) -> Probe {
+    Probe { key, column: key, unit, needs, evaluate: Vector(evaluate) }
+}
 
 fn smallest(ratios: Vec<f64>) -> f64 {
     ratios.into_iter().fold(f64::INFINITY, f64::min)

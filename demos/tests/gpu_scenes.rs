@@ -1,6 +1,7 @@
 //! Scenes on a graphics processor against the same scenes on the processor. On a machine without an adapter
 //! they are skipped with a message.
 
+use crate::common::says;
 use glam::DVec3;
 use sinew::gpu::{GpuBackend, GpuError, GpuOptions};
 use sinew::models::axes::description::AxisForm;
@@ -80,29 +81,30 @@ fn differences(name: &str, mut loaded: LoadedScene, steps: u64) -> Option<[f64; 
 }
 
 /// The device is within `bound` of `f64`, or no worse than twice what `f32` costs on the processor.
-fn check(name: &str, steps: u64, bound: f64) {
-    check_scene(name, scene(name), steps, bound);
-}
-
-fn check_scene(name: &str, loaded: LoadedScene, steps: u64, bound: f64) {
+fn check(name: &str, loaded: LoadedScene, steps: u64, bound: f64) {
     if let Some([gpu, single]) = differences(name, loaded, steps) {
         assert!(gpu < bound.max(2.0 * single), "{name}: {gpu:.1e}, CPU in f32 {single:.1e}");
     }
 }
 
-#[test]
-fn cantilever() {
-    check("cantilever", 30, 1e-4);
+macro_rules! scenes {
+    ($($test:ident: $name:literal, $steps:literal steps, $bound:literal;)+) => {$(
+        #[test]
+        fn $test() {
+            check($name, scene($name), $steps, $bound);
+        }
+    )+};
 }
 
-#[test]
-fn liver() {
-    check("liver", 40, 1e-5);
-}
-
-#[test]
-fn crush() {
-    check("crush", 110, 1e-5);
+scenes! {
+    cantilever: "cantilever", 30 steps, 1e-4;
+    liver: "liver", 40 steps, 1e-5;
+    crush: "crush", 110 steps, 1e-5;
+    bar_of_hexahedra_beside_one_of_springs_and_a_hammock: "elements", 30 steps, 1e-4;
+    fibre_bar: "fibre_bar", 20 steps, 1e-4;
+    muscle_bar: "muscle_bar", 30 steps, 1e-4;
+    ventricle: "ventricle", 20 steps, 1e-4;
+    membrane_drum: "membrane_drum", 20 steps, 1e-4;
 }
 
 #[test]
@@ -111,32 +113,7 @@ fn crush_with_pooled_springs() {
     for body in &mut loaded.scene.bodies {
         body.evaluation = Evaluation::Pooled;
     }
-    check_scene("crush, pooled", loaded, 110, 1e-5);
-}
-
-#[test]
-fn bar_of_hexahedra_beside_one_of_springs_and_a_hammock() {
-    check("elements", 30, 1e-4);
-}
-
-#[test]
-fn fibre_bar() {
-    check("fibre_bar", 20, 1e-4);
-}
-
-#[test]
-fn muscle_bar() {
-    check("muscle_bar", 30, 1e-4);
-}
-
-#[test]
-fn ventricle() {
-    check("ventricle", 20, 1e-4);
-}
-
-#[test]
-fn membrane_drum() {
-    check("membrane_drum", 20, 1e-4);
+    check("crush, pooled", loaded, 110, 1e-5);
 }
 
 #[test]
@@ -171,8 +148,6 @@ fn what_the_device_does_not_have_is_refused_before_the_first_step() {
     for (name, loaded, words) in scenes {
         let options = BuildOptions { backend: Some(Backend::Gpu), ..BuildOptions::default() };
         let error = build(&loaded, &options).err().map(RunError::from).unwrap().to_string();
-        for word in words {
-            assert!(error.contains(word), "{name}: {error}");
-        }
+        says(&format!("{name}: {error}"), &words);
     }
 }

@@ -1,6 +1,7 @@
 //! Scene files and what runs them. In one binary: each would link, and in part compile, everything below for itself.
 
 mod bad_scenes;
+mod common;
 #[cfg(feature = "gpu")]
 mod gpu_scenes;
 mod material_fields;

@@ -476,42 +476,15 @@ mod x86 {
         };
     }
 
-    /// Arithmetic from the intrinsics of one register type.
+    /// A register type with its operators.
     macro_rules! register {
-        ($name:ident, $raw:ident, $s:ident, $n:literal, $set1:ident, $load:ident, $store:ident, $add:ident, $sub:ident,
-         $mul:ident, $div:ident) => {
+        ($name:ident, $raw:ident, $add:ident, $sub:ident, $mul:ident, $div:ident) => {
             #[derive(Clone, Copy, Debug)]
             #[repr(transparent)]
             struct $name($raw);
 
-            impl Add for $name {
-                type Output = Self;
-                #[inline(always)]
-                fn add(self, b: Self) -> Self {
-                    Self(vector!($add(self.0, b.0)))
-                }
-            }
-            impl Sub for $name {
-                type Output = Self;
-                #[inline(always)]
-                fn sub(self, b: Self) -> Self {
-                    Self(vector!($sub(self.0, b.0)))
-                }
-            }
-            impl Mul for $name {
-                type Output = Self;
-                #[inline(always)]
-                fn mul(self, b: Self) -> Self {
-                    Self(vector!($mul(self.0, b.0)))
-                }
-            }
-            impl Div for $name {
-                type Output = Self;
-                #[inline(always)]
-                fn div(self, b: Self) -> Self {
-                    Self(vector!($div(self.0, b.0)))
-                }
-            }
+            register!(operators $name: Add add $add, Sub sub $sub, Mul mul $mul, Div div $div);
+            register!(assign $name: AddAssign add_assign +, SubAssign sub_assign -, MulAssign mul_assign *);
             impl Neg for $name {
                 type Output = Self;
                 #[inline(always)]
@@ -519,179 +492,122 @@ mod x86 {
                     Self::from_f64(-0.0) - self
                 }
             }
-            impl AddAssign for $name {
-                #[inline(always)]
-                fn add_assign(&mut self, b: Self) {
-                    *self = *self + b;
-                }
-            }
-            impl SubAssign for $name {
-                #[inline(always)]
-                fn sub_assign(&mut self, b: Self) {
-                    *self = *self - b;
-                }
-            }
-            impl MulAssign for $name {
-                #[inline(always)]
-                fn mul_assign(&mut self, b: Self) {
-                    *self = *self * b;
-                }
-            }
-
-            impl $name {
-                #[inline(always)]
-                fn splat_lanes(x: $s) -> Self {
-                    Self(vector!($set1(x)))
-                }
-                #[inline(always)]
-                fn load_lanes(from: &[$s]) -> Self {
-                    let from: &[$s; $n] = from[..$n].try_into().expect("length was cut");
-                    Self(vector!($load(from.as_ptr())))
-                }
-                #[inline(always)]
-                fn store_lanes(self, to: &mut [$s]) {
-                    let to: &mut [$s; $n] = (&mut to[..$n]).try_into().expect("length was cut");
-                    vector!($store(to.as_mut_ptr(), self.0));
-                }
-            }
         };
+        (operators $name:ident: $($operator:ident $f:ident $intrinsic:ident),*) => {$(
+            impl $operator for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn $f(self, b: Self) -> Self {
+                    Self(vector!($intrinsic(self.0, b.0)))
+                }
+            }
+        )*};
+        (assign $name:ident: $($operator:ident $f:ident $sign:tt),*) => {$(
+            impl $operator for $name {
+                #[inline(always)]
+                fn $f(&mut self, b: Self) {
+                    *self = *self $sign b;
+                }
+            }
+        )*};
     }
-    register!(
-        F64x8,
-        __m512d,
-        f64,
-        8,
-        _mm512_set1_pd,
-        _mm512_loadu_pd,
-        _mm512_storeu_pd,
-        _mm512_add_pd,
-        _mm512_sub_pd,
-        _mm512_mul_pd,
-        _mm512_div_pd
-    );
-    register!(
-        F32x16,
-        __m512,
-        f32,
-        16,
-        _mm512_set1_ps,
-        _mm512_loadu_ps,
-        _mm512_storeu_ps,
-        _mm512_add_ps,
-        _mm512_sub_ps,
-        _mm512_mul_ps,
-        _mm512_div_ps
-    );
-    register!(
-        F64x4,
-        __m256d,
-        f64,
-        4,
-        _mm256_set1_pd,
-        _mm256_loadu_pd,
-        _mm256_storeu_pd,
-        _mm256_add_pd,
-        _mm256_sub_pd,
-        _mm256_mul_pd,
-        _mm256_div_pd
-    );
-    register!(
-        F32x8,
-        __m256,
-        f32,
-        8,
-        _mm256_set1_ps,
-        _mm256_loadu_ps,
-        _mm256_storeu_ps,
-        _mm256_add_ps,
-        _mm256_sub_ps,
-        _mm256_mul_ps,
-        _mm256_div_ps
-    );
+    register!(F64x8, __m512d, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_div_pd);
+    register!(F32x16, __m512, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_div_ps);
+    register!(F64x4, __m256d, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd);
+    register!(F32x8, __m256, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps);
 
-    /// [`Real`] from the intrinsics; comparisons differ between the two widths.
+    /// What is the same in every [`Real`].
     macro_rules! real {
-        ($name:ident, $s:ident, $n:literal, $fma:ident, $sqrt:ident, $min:ident, $max:ident, $mask:ty,
-         less($x:ident, $y:ident) = $less:expr,
-         select($m:ident, $yes:ident, $no:ident) = $select:expr,
-         any($c:ident) = $any:expr,
-         both($a:ident, $b:ident) = $both:expr,
-         either($d:ident, $e:ident) = $either:expr
-         $(, $more:item)*) => {
-            impl Real for $name {
-                $($more)*
-                type Mask = $mask;
-                const ZERO: Self = {
-                    // SAFETY: a register is plain bits of the same size.
-                    unsafe { transmute::<[$s; $n], Self>([0.0; $n]) }
-                };
-                const ONE: Self = {
-                    // SAFETY: as above.
-                    unsafe { transmute::<[$s; $n], Self>([1.0; $n]) }
-                };
-                #[inline(always)]
-                fn from_f64(x: f64) -> Self {
-                    Self::splat_lanes(x as $s)
-                }
-                #[inline(always)]
-                fn mul_add(self, b: Self, c: Self) -> Self {
-                    Self(vector!($fma(self.0, b.0, c.0)))
-                }
-                #[inline(always)]
-                fn sqrt(self) -> Self {
-                    Self(vector!($sqrt(self.0)))
-                }
-                #[inline(always)]
-                fn abs(self) -> Self {
-                    self.max(-self)
-                }
-                #[inline(always)]
-                fn max(self, other: Self) -> Self {
-                    Self(vector!($max(self.0, other.0)))
-                }
-                #[inline(always)]
-                fn min(self, other: Self) -> Self {
-                    Self(vector!($min(self.0, other.0)))
-                }
-                #[inline(always)]
-                fn less(self, other: Self) -> $mask {
-                    let ($x, $y) = (self.0, other.0);
-                    vector!($less)
-                }
-                #[inline(always)]
-                fn select($m: $mask, yes: Self, no: Self) -> Self {
-                    let ($yes, $no) = (yes.0, no.0);
-                    Self(vector!($select))
-                }
-                #[inline(always)]
-                fn any($c: $mask) -> bool {
-                    $any
-                }
-                #[inline(always)]
-                fn both($a: $mask, $b: $mask) -> $mask {
-                    $both
-                }
-                #[inline(always)]
-                fn either($d: $mask, $e: $mask) -> $mask {
-                    $either
-                }
+        ($s:ident, $n:literal, $fma:ident, $sqrt:ident, $min:ident, $max:ident) => {
+            const ZERO: Self = {
+                // SAFETY: a register is plain bits of the same size.
+                unsafe { transmute::<[$s; $n], Self>([0.0; $n]) }
+            };
+            const ONE: Self = {
+                // SAFETY: as above.
+                unsafe { transmute::<[$s; $n], Self>([1.0; $n]) }
+            };
+            #[inline(always)]
+            fn from_f64(x: f64) -> Self {
+                Self::splat(x as $s)
+            }
+            #[inline(always)]
+            fn mul_add(self, b: Self, c: Self) -> Self {
+                Self(vector!($fma(self.0, b.0, c.0)))
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                Self(vector!($sqrt(self.0)))
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                self.max(-self)
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                Self(vector!($max(self.0, other.0)))
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                Self(vector!($min(self.0, other.0)))
             }
         };
     }
-    real!(
-        F64x8,
-        f64,
-        8,
-        _mm512_fmadd_pd,
-        _mm512_sqrt_pd,
-        _mm512_min_pd,
-        _mm512_max_pd,
-        u8,
-        less(x, y) = _mm512_cmp_pd_mask::<_CMP_LT_OQ>(x, y),
-        select(m, yes, no) = _mm512_mask_blend_pd(m, no, yes),
-        any(c) = c != 0,
-        both(a, b) = a & b,
-        either(d, e) = d | e,
+
+    /// Comparisons whose masks are the bits of a number, as AVX-512 has them, or, where `$any` looks at the
+    /// signs of the lanes, registers.
+    macro_rules! comparisons {
+        (bits $mask:ty, $compare:ident, $blend:ident) => {
+            type Mask = $mask;
+            #[inline(always)]
+            fn less(self, other: Self) -> $mask {
+                vector!($compare::<_CMP_LT_OQ>(self.0, other.0))
+            }
+            #[inline(always)]
+            fn select(mask: $mask, yes: Self, no: Self) -> Self {
+                Self(vector!($blend(mask, no.0, yes.0)))
+            }
+            #[inline(always)]
+            fn any(mask: $mask) -> bool {
+                mask != 0
+            }
+            #[inline(always)]
+            fn both(a: $mask, b: $mask) -> $mask {
+                a & b
+            }
+            #[inline(always)]
+            fn either(a: $mask, b: $mask) -> $mask {
+                a | b
+            }
+        };
+        (lanes $compare:ident, $blend:ident, $any:ident, $and:ident, $or:ident) => {
+            type Mask = Self;
+            #[inline(always)]
+            fn less(self, other: Self) -> Self {
+                Self(vector!($compare::<_CMP_LT_OQ>(self.0, other.0)))
+            }
+            #[inline(always)]
+            fn select(mask: Self, yes: Self, no: Self) -> Self {
+                Self(vector!($blend(no.0, yes.0, mask.0)))
+            }
+            #[inline(always)]
+            fn any(mask: Self) -> bool {
+                vector!($any(mask.0)) != 0
+            }
+            #[inline(always)]
+            fn both(a: Self, b: Self) -> Self {
+                Self(vector!($and(a.0, b.0)))
+            }
+            #[inline(always)]
+            fn either(a: Self, b: Self) -> Self {
+                Self(vector!($or(a.0, b.0)))
+            }
+        };
+    }
+
+    impl Real for F64x8 {
+        real!(f64, 8, _mm512_fmadd_pd, _mm512_sqrt_pd, _mm512_min_pd, _mm512_max_pd);
+        comparisons!(bits u8, _mm512_cmp_pd_mask, _mm512_mask_blend_pd);
         #[inline(always)]
         fn recip(self) -> Self {
             // 14 bits, then the geometric series to its fourth term
@@ -699,7 +615,7 @@ mod x86 {
             let e = (-self).mul_add(y, Self::ONE);
             let y = y.mul_add(e, y);
             y.mul_add(e * e, y)
-        },
+        }
         #[inline(always)]
         fn recip_sqrt(self) -> Self {
             // 14 bits, then the binomial series to its fourth term
@@ -708,63 +624,52 @@ mod x86 {
             let series = e.mul_add(Self::from_f64(0.3125), Self::from_f64(0.375));
             (y * e).mul_add(e.mul_add(series, Self::from_f64(0.5)), y)
         }
-    );
-    real!(
-        F32x16,
-        f32,
-        16,
-        _mm512_fmadd_ps,
-        _mm512_sqrt_ps,
-        _mm512_min_ps,
-        _mm512_max_ps,
-        u16,
-        less(x, y) = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(x, y),
-        select(m, yes, no) = _mm512_mask_blend_ps(m, no, yes),
-        any(c) = c != 0,
-        both(a, b) = a & b,
-        either(d, e) = d | e,
+    }
+    impl Real for F32x16 {
+        real!(f32, 16, _mm512_fmadd_ps, _mm512_sqrt_ps, _mm512_min_ps, _mm512_max_ps);
+        comparisons!(bits u16, _mm512_cmp_ps_mask, _mm512_mask_blend_ps);
         #[inline(always)]
         fn recip(self) -> Self {
             let y = Self(vector!(_mm512_rcp14_ps(self.0)));
             y.mul_add((-self).mul_add(y, Self::ONE), y)
-        },
+        }
         #[inline(always)]
         fn recip_sqrt(self) -> Self {
             let y = Self(vector!(_mm512_rsqrt14_ps(self.0)));
             let e = (-(self * y)).mul_add(y, Self::ONE);
             (y * e).mul_add(e.mul_add(Self::from_f64(0.375), Self::from_f64(0.5)), y)
         }
-    );
-    real!(
-        F64x4,
-        f64,
-        4,
-        _mm256_fmadd_pd,
-        _mm256_sqrt_pd,
-        _mm256_min_pd,
-        _mm256_max_pd,
-        F64x4,
-        less(x, y) = F64x4(_mm256_cmp_pd::<_CMP_LT_OQ>(x, y)),
-        select(m, yes, no) = _mm256_blendv_pd(no, yes, m.0),
-        any(c) = vector!(_mm256_movemask_pd(c.0)) != 0,
-        both(a, b) = F64x4(vector!(_mm256_and_pd(a.0, b.0))),
-        either(d, e) = F64x4(vector!(_mm256_or_pd(d.0, e.0)))
-    );
-    real!(
-        F32x8,
-        f32,
-        8,
-        _mm256_fmadd_ps,
-        _mm256_sqrt_ps,
-        _mm256_min_ps,
-        _mm256_max_ps,
-        F32x8,
-        less(x, y) = F32x8(_mm256_cmp_ps::<_CMP_LT_OQ>(x, y)),
-        select(m, yes, no) = _mm256_blendv_ps(no, yes, m.0),
-        any(c) = vector!(_mm256_movemask_ps(c.0)) != 0,
-        both(a, b) = F32x8(vector!(_mm256_and_ps(a.0, b.0))),
-        either(d, e) = F32x8(vector!(_mm256_or_ps(d.0, e.0)))
-    );
+    }
+    impl Real for F64x4 {
+        real!(f64, 4, _mm256_fmadd_pd, _mm256_sqrt_pd, _mm256_min_pd, _mm256_max_pd);
+        comparisons!(lanes _mm256_cmp_pd, _mm256_blendv_pd, _mm256_movemask_pd, _mm256_and_pd, _mm256_or_pd);
+    }
+    impl Real for F32x8 {
+        real!(f32, 8, _mm256_fmadd_ps, _mm256_sqrt_ps, _mm256_min_ps, _mm256_max_ps);
+        comparisons!(lanes _mm256_cmp_ps, _mm256_blendv_ps, _mm256_movemask_ps, _mm256_and_ps, _mm256_or_ps);
+    }
+
+    /// The first part of [`Lanes`]: one number per lane.
+    macro_rules! numbers {
+        ($s:ident, $n:literal, $set1:ident, $load:ident, $store:ident) => {
+            type Scalar = $s;
+            const COUNT: usize = $n;
+            #[inline(always)]
+            fn splat(x: $s) -> Self {
+                Self(vector!($set1(x)))
+            }
+            #[inline(always)]
+            fn load(from: &[$s]) -> Self {
+                let from: &[$s; $n] = from[..$n].try_into().expect("length was cut");
+                Self(vector!($load(from.as_ptr())))
+            }
+            #[inline(always)]
+            fn store(self, to: &mut [$s]) {
+                let to: &mut [$s; $n] = (&mut to[..$n]).try_into().expect("length was cut");
+                vector!($store(to.as_mut_ptr(), self.0));
+            }
+        };
+    }
 
     /// Row `of[lane][local]`.
     #[inline(always)]
@@ -784,20 +689,7 @@ mod x86 {
     }
 
     impl Lanes for F64x8 {
-        type Scalar = f64;
-        const COUNT: usize = 8;
-        #[inline(always)]
-        fn splat(x: f64) -> Self {
-            Self::splat_lanes(x)
-        }
-        #[inline(always)]
-        fn load(from: &[f64]) -> Self {
-            Self::load_lanes(from)
-        }
-        #[inline(always)]
-        fn store(self, to: &mut [f64]) {
-            self.store_lanes(to);
-        }
+        numbers!(f64, 8, _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd);
         #[inline(always)]
         fn load_rows<const M: usize>(
             rows: &[[f64; 4]],
@@ -924,20 +816,7 @@ mod x86 {
     }
 
     impl Lanes for F32x16 {
-        type Scalar = f32;
-        const COUNT: usize = 16;
-        #[inline(always)]
-        fn splat(x: f32) -> Self {
-            Self::splat_lanes(x)
-        }
-        #[inline(always)]
-        fn load(from: &[f32]) -> Self {
-            Self::load_lanes(from)
-        }
-        #[inline(always)]
-        fn store(self, to: &mut [f32]) {
-            self.store_lanes(to);
-        }
+        numbers!(f32, 16, _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps);
         #[inline(always)]
         fn load_rows<const M: usize>(
             rows: &[[f32; 4]],
@@ -1070,20 +949,7 @@ mod x86 {
     }
 
     impl Lanes for F64x4 {
-        type Scalar = f64;
-        const COUNT: usize = 4;
-        #[inline(always)]
-        fn splat(x: f64) -> Self {
-            Self::splat_lanes(x)
-        }
-        #[inline(always)]
-        fn load(from: &[f64]) -> Self {
-            Self::load_lanes(from)
-        }
-        #[inline(always)]
-        fn store(self, to: &mut [f64]) {
-            self.store_lanes(to);
-        }
+        numbers!(f64, 4, _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd);
         #[inline(always)]
         fn load_rows<const M: usize>(
             rows: &[[f64; 4]],
@@ -1133,20 +999,7 @@ mod x86 {
     }
 
     impl Lanes for F32x8 {
-        type Scalar = f32;
-        const COUNT: usize = 8;
-        #[inline(always)]
-        fn splat(x: f32) -> Self {
-            Self::splat_lanes(x)
-        }
-        #[inline(always)]
-        fn load(from: &[f32]) -> Self {
-            Self::load_lanes(from)
-        }
-        #[inline(always)]
-        fn store(self, to: &mut [f32]) {
-            self.store_lanes(to);
-        }
+        numbers!(f32, 8, _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps);
         #[inline(always)]
         fn load_rows<const M: usize>(
             rows: &[[f32; 4]],

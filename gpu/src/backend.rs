@@ -372,7 +372,7 @@ impl GpuBackend {
             widen(&mut u[rows.clone()], &output.u);
             widen(&mut v[rows], &output.v);
             let mut recorder = self.context.record();
-            recorder.pass(Phase::Rows, |pass| resident.body.each_row(&self.context, pass, kernel));
+            recorder.pass(Phase::Rows, |pass| resident.body.each_row(pass, kernel));
             recorder.submit();
             if read_back {
                 resident.state = [output.u, output.v];
@@ -604,31 +604,17 @@ pub(crate) fn add_angular(report: &mut StepReport, centre: DVec3) {
 
 /// Adds the figures of one body to those of the step.
 pub(crate) fn add(sum: &mut StepReport, own: &StepReport) {
-    sum.newton_iterations = sum.newton_iterations.max(own.newton_iterations);
-    sum.cg_iterations += own.cg_iterations;
-    sum.cg_caps += own.cg_caps;
-    sum.cg_residual = sum.cg_residual.max(own.cg_residual);
-    sum.newton_step = sum.newton_step.max(own.newton_step);
+    macro_rules! sums {
+        ($($figure:ident)*) => { $(sum.$figure += own.$figure;)* };
+    }
+    macro_rules! largest {
+        ($($figure:ident)*) => { $(sum.$figure = sum.$figure.max(own.$figure);)* };
+    }
+    sums! { cg_iterations cg_caps preconditioner_refreshes preconditioner_breakdowns projections backtracks }
+    sums! { gradient_fallbacks line_search_failures energy_caps evaluations recovering recovery_energy }
+    sums! { elastic_energy kinetic_energy load_work constraint_work dissipation damping_dissipation }
+    largest! { newton_iterations cg_residual newton_step linearisation_error substeps refinements }
     sum.preconditioner = own.preconditioner;
-    sum.preconditioner_refreshes += own.preconditioner_refreshes;
-    sum.preconditioner_breakdowns += own.preconditioner_breakdowns;
-    sum.projections += own.projections;
-    sum.backtracks += own.backtracks;
-    sum.gradient_fallbacks += own.gradient_fallbacks;
-    sum.line_search_failures += own.line_search_failures;
-    sum.energy_caps += own.energy_caps;
-    sum.linearisation_error = sum.linearisation_error.max(own.linearisation_error);
-    sum.elastic_energy += own.elastic_energy;
-    sum.kinetic_energy += own.kinetic_energy;
-    sum.load_work += own.load_work;
-    sum.constraint_work += own.constraint_work;
-    sum.dissipation += own.dissipation;
-    sum.damping_dissipation += own.damping_dissipation;
-    sum.evaluations += own.evaluations;
-    sum.substeps = sum.substeps.max(own.substeps);
-    sum.refinements = sum.refinements.max(own.refinements);
-    sum.recovering += own.recovering;
-    sum.recovery_energy += own.recovery_energy;
     for k in 0..3 {
         sum.momentum[k] += own.momentum[k];
         sum.angular_momentum[k] += own.angular_momentum[k];

@@ -5,7 +5,7 @@ use sinew_adapter::wgpu;
 use sinew_engine::law::TangentKind;
 
 use crate::coarse::{Coarse, CoarseBuffers, CoarseParts, CoarsePlan};
-use crate::context::{Context, GROUP, Pending, Recorder, groups_for};
+use crate::context::{Context, GROUP, Pass, Pending, Recorder, groups_for};
 use crate::elements::Elements;
 use crate::error::GpuError;
 use crate::laws::{DeviceLaw, ElementColumns};
@@ -230,50 +230,38 @@ impl DeviceBody {
         recorder.read(&self.cg, 0, size_of::<CgState>() as u64)
     }
 
+    fn run(&self, pass: &mut Pass<'_>, entry: &'static str, groups: [u32; 2]) {
+        pass.run(&pass.context.vector_kernel(entry), &[&self.solver], groups);
+    }
+
     /// A kernel with one thread per vertex row.
-    pub fn each_row(
-        &self,
-        context: &Context,
-        pass: &mut wgpu::ComputePass<'_>,
-        entry: &'static str,
-    ) {
-        pass.set_pipeline(&context.vector_kernel(entry));
-        pass.set_bind_group(0, &self.solver, &[]);
-        let [x, y] = groups_for(u64::from(self.n));
-        pass.dispatch_workgroups(x, y, 1);
+    pub fn each_row(&self, pass: &mut Pass<'_>, entry: &'static str) {
+        self.run(pass, entry, groups_for(u64::from(self.n)));
     }
 
     /// A kernel that sums over rows.
-    pub fn summing(
-        &self,
-        context: &Context,
-        pass: &mut wgpu::ComputePass<'_>,
-        entry: &'static str,
-    ) {
-        pass.set_pipeline(&context.vector_kernel(entry));
-        pass.set_bind_group(0, &self.solver, &[]);
-        pass.dispatch_workgroups(self.groups, 1, 1);
+    pub fn summing(&self, pass: &mut Pass<'_>, entry: &'static str) {
+        self.run(pass, entry, [self.groups, 1]);
     }
 
     /// A kernel of one workgroup.
-    pub fn single(&self, context: &Context, pass: &mut wgpu::ComputePass<'_>, entry: &'static str) {
-        pass.set_pipeline(&context.vector_kernel(entry));
-        pass.set_bind_group(0, &self.solver, &[]);
-        pass.dispatch_workgroups(1, 1, 1);
+    pub fn single(&self, pass: &mut Pass<'_>, entry: &'static str) {
+        self.run(pass, entry, [1, 1]);
     }
 
     /// A product with the system or the damping matrix.
-    pub fn product(
-        &self,
-        context: &Context,
-        pass: &mut wgpu::ComputePass<'_>,
-        entry: &'static str,
-        damping: bool,
-    ) {
+    pub fn product(&self, pass: &mut Pass<'_>, entry: &'static str, damping: bool) {
         if let Some(matrix) = &self.matrix {
-            pass.set_bind_group(0, &self.solver, &[]);
-            matrix.pattern.product(context, entry, damping, pass);
+            matrix.pattern.product(&self.solver, entry, damping, pass);
         }
+    }
+
+    /// Begins to record with the state at the start of a step as the point of evaluation.
+    pub fn look_back<'c>(&self, context: &'c Context, step: StepUniform) -> Recorder<'c> {
+        self.set(context, step);
+        let mut recorder = context.record();
+        recorder.pass(Phase::Rows, |pass| self.each_row(pass, "look_back"));
+        recorder
     }
 
     /// Bytes that a force pass moves at least: constants, indices, slots written and read, lists, rows.
@@ -289,44 +277,35 @@ impl DeviceBody {
     }
 
     /// Energies at the point of evaluation.
-    pub fn energies(&self, context: &Context, recorder: &mut Recorder<'_>) {
+    pub fn energies(&self, recorder: &mut Recorder<'_>) {
         recorder.pass(Phase::Forces, |pass| {
-            self.elements.energies(context, self.recovering, &self.row_bind, pass);
+            self.elements.energies(self.recovering, &self.row_bind, pass);
         });
     }
 
     /// Volume ratios at the point of evaluation, in place of the energies.
-    pub fn volumes(&self, context: &Context, recorder: &mut Recorder<'_>) {
-        recorder.pass(Phase::Rows, |pass| {
-            self.elements.volumes(context, &self.row_bind, pass);
-        });
+    pub fn volumes(&self, recorder: &mut Recorder<'_>) {
+        recorder.pass(Phase::Rows, |pass| self.elements.volumes(&self.row_bind, pass));
     }
 
     /// Forces at the point of evaluation.
-    pub fn forces(&self, context: &Context, recorder: &mut Recorder<'_>) {
+    pub fn forces(&self, recorder: &mut Recorder<'_>) {
         recorder.pass(Phase::Forces, |pass| {
-            self.elements.forces(context, self.recovering, &self.row_bind, self.n, pass);
+            self.elements.forces(self.recovering, &self.row_bind, pass);
         });
     }
 
     /// Tangent at the point of evaluation, of the kind in the uniform.
-    pub fn tangent(
-        &self,
-        context: &Context,
-        recorder: &mut Recorder<'_>,
-        kind: TangentKind,
-        damping: bool,
-    ) {
+    pub fn tangent(&self, recorder: &mut Recorder<'_>, kind: TangentKind, damping: bool) {
         recorder.pass(Phase::Tangent, |pass| {
-            let what = (kind, damping);
-            self.elements.tangent(context, self.recovering, &self.row_bind, what, pass);
+            self.elements.tangent(self.recovering, &self.row_bind, (kind, damping), pass);
         });
     }
 
     /// Tangent to system.
-    pub fn shift(&self, context: &Context, recorder: &mut Recorder<'_>) {
+    pub fn shift(&self, recorder: &mut Recorder<'_>) {
         if let Some(matrix) = &self.matrix {
-            recorder.pass(Phase::Tangent, |pass| shift(context, &matrix.shifts, pass));
+            recorder.pass(Phase::Tangent, |pass| shift(&matrix.shifts, pass));
         }
     }
 }

@@ -107,10 +107,8 @@ fn direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
 
 // The true residual of what the recurrence calls converged; else nothing. Runs after each batch of iterations,
 // with the product of STEP in between.
-@compute @workgroup_size(256)
-fn verify_begin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n || atomicLoad(&cg.phase) != CLAIMED { return; }
+fn verify_begin_at(i: u32) {
+    if atomicLoad(&cg.phase) != CLAIMED { return; }
     store_row(P, i, load_row(STEP, i));
 }
 
@@ -148,9 +146,6 @@ fn verify_end(@builtin(local_invocation_index) local: u32) {
 }
 
 // Inverse diagonal blocks times the right-hand side: a descent direction whatever the matrix.
-@compute @workgroup_size(256)
-fn preconditioned_gradient(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn preconditioned_gradient_at(i: u32) {
     store_row(STEP, i, precondition(i, load_row(RHS, i)));
 }

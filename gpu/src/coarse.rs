@@ -15,7 +15,7 @@ use glam::DVec3;
 use sinew_adapter::wgpu;
 use sinew_solvers::coarse::Aggregates;
 
-use crate::context::{Context, Recorder, groups_for};
+use crate::context::{Context, Pass, Recorder, groups_for};
 use crate::elements::compressed;
 use crate::matrix::Pattern;
 use crate::report::Phase;
@@ -171,72 +171,47 @@ impl Coarse {
     }
 
     /// The inverse of the coarse matrix of the system at hand.
-    pub fn refresh(&self, context: &Context, recorder: &mut Recorder<'_>) {
+    pub fn refresh(&self, recorder: &mut Recorder<'_>) {
         recorder.encoder.clear_buffer(&self.inverse, 0, None);
-        let galerkin = context.pipeline(
-            "galerkin",
-            crate::sources::galerkin,
-            "galerkin",
-            &[&context.layouts.galerkin],
-        );
-        let kernel = |entry| {
-            let layouts = [&context.layouts.inverse];
-            context.pipeline("inverse", crate::sources::inverse, entry, &layouts)
-        };
         recorder.pass(Phase::Preconditioner, |pass| {
-            let mut run =
-                |kernel: &wgpu::ComputePipeline, bind: &wgpu::BindGroup, [x, y]: [u32; 2]| {
-                    pass.set_pipeline(kernel);
-                    pass.set_bind_group(0, bind, &[]);
-                    pass.dispatch_workgroups(x, y, 1);
-                };
+            let context = pass.context;
+            let layouts = [&context.layouts.galerkin];
+            let source = crate::sources::galerkin;
+            let galerkin = context.pipeline("galerkin", source, "galerkin", &layouts);
+            let kernel = |entry| {
+                let layouts = [&context.layouts.inverse];
+                context.pipeline("inverse", crate::sources::inverse, entry, &layouts)
+            };
             let numbers = groups_for(36 * u64::from(self.blocks));
             for part in &self.galerkin {
-                run(&galerkin, part, numbers);
+                pass.run(&galerkin, &[part], numbers);
             }
-            run(&kernel("scatter"), &self.pivots[0], numbers);
+            pass.run(&kernel("scatter"), &[&self.pivots[0]], numbers);
             let [invert, panels, eliminate] =
                 ["invert_pivot", "take_panels", "eliminate"].map(kernel);
             let tiles = self.stride / PIVOT;
+            let panel = groups_for(u64::from(PIVOT) * u64::from(self.stride));
             for pivot in &self.pivots {
-                run(&invert, pivot, [1, 1]);
-                run(&panels, pivot, groups_for(u64::from(PIVOT) * u64::from(self.stride)));
-                run(&eliminate, pivot, [tiles, tiles]);
+                pass.run(&invert, &[pivot], [1, 1]);
+                pass.run(&panels, &[pivot], panel);
+                pass.run(&eliminate, &[pivot], [tiles, tiles]);
             }
             let all = groups_for(u64::from(self.stride) * u64::from(self.stride));
-            run(&kernel("finish"), &self.pivots[0], all);
+            pass.run(&kernel("finish"), &[&self.pivots[0]], all);
         });
     }
 
     /// Forces on aggregates and their motions, by kernels of [`START`] and so on.
-    pub fn apply(
-        &self,
-        context: &Context,
-        [_, restrict, motions]: [&'static str; 3],
-        pass: &mut wgpu::ComputePass<'_>,
-    ) {
-        pass.set_bind_group(0, &self.solver, &[]);
-        pass.set_pipeline(&Self::kernel(context, restrict));
-        pass.dispatch_workgroups(self.aggregates.div_ceil(LANES), 1, 1);
-        pass.set_pipeline(&Self::kernel(context, motions));
-        pass.dispatch_workgroups(self.groups, 1, 1);
+    pub fn apply(&self, [_, restrict, motions]: [&'static str; 3], pass: &mut Pass<'_>) {
+        self.dispatch(restrict, [self.aggregates.div_ceil(LANES), 1], pass);
+        self.dispatch(motions, [self.groups, 1], pass);
     }
 
-    /// A kernel over rows.
-    pub fn dispatch(
-        &self,
-        context: &Context,
-        entry: &'static str,
-        [x, y]: [u32; 2],
-        pass: &mut wgpu::ComputePass<'_>,
-    ) {
-        pass.set_bind_group(0, &self.solver, &[]);
-        pass.set_pipeline(&Self::kernel(context, entry));
-        pass.dispatch_workgroups(x, y, 1);
-    }
-
-    fn kernel(context: &Context, entry: &'static str) -> wgpu::ComputePipeline {
-        context.pipeline("coarse", crate::sources::coarse, entry, &[&context.layouts.coarse])
+    /// Runs a kernel over so many workgroups.
+    pub fn dispatch(&self, entry: &'static str, groups: [u32; 2], pass: &mut Pass<'_>) {
+        let layouts = [&pass.context.layouts.coarse];
+        let kernel = pass.context.pipeline("coarse", crate::sources::coarse, entry, &layouts);
+        pass.run(&kernel, &[&self.solver], groups);
     }
 }
 

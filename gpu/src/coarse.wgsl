@@ -20,7 +20,7 @@ var<workgroup> force: array<vec4f, 256>;
 var<workgroup> turn: array<vec4f, 256>;
 
 // Sum of the residual over aggregates, sixteen a workgroup with as many lanes each.
-fn restrict_residual(act: bool, group: u32, local: u32) {
+fn restrict_if(act: bool, group: u32, local: u32) {
     let lane = local % LANES;
     let aggregate = group * LANES + local / LANES;
     let own = act && aggregate < coarse.aggregates;
@@ -52,26 +52,11 @@ fn restrict_residual(act: bool, group: u32, local: u32) {
     }
 }
 
-@compute @workgroup_size(256)
-fn restrict_start(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    restrict_residual(true, group.x, local);
-}
-
-@compute @workgroup_size(256)
-fn restrict_iteration(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    restrict_residual(atomicLoad(&cg.phase) == ITERATING, group.x, local);
-}
-
-@compute @workgroup_size(256)
-fn restrict_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    restrict_residual(atomicLoad(&cg.phase) == CLAIMED, group.x, local);
-}
-
 var<workgroup> lanes: array<f32, 256>;
 
 // Motions from forces, sixteen rows a workgroup with as many lanes each; leaves their part of r.z. The inverse is
 // symmetric: neighbouring threads read neighbouring numbers of one of its rows as their columns.
-fn move_aggregates(act: bool, group: u32, local: u32) {
+fn move_if(act: bool, group: u32, local: u32) {
     let lane = local / LANES;
     let row = group * LANES + local % LANES;
     let unknowns = 6u * coarse.aggregates;
@@ -105,21 +90,6 @@ fn move_aggregates(act: bool, group: u32, local: u32) {
     }
 }
 
-@compute @workgroup_size(256)
-fn move_start(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    move_aggregates(true, group.x, local);
-}
-
-@compute @workgroup_size(256)
-fn move_iteration(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    move_aggregates(atomicLoad(&cg.phase) == ITERATING, group.x, local);
-}
-
-@compute @workgroup_size(256)
-fn move_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    move_aggregates(atomicLoad(&cg.phase) == CLAIMED, group.x, local);
-}
-
 // Motion of a vertex with its aggregate, held unknowns left out.
 fn prolong(i: u32) -> vec4f {
     let arm = arms[i];
@@ -142,9 +112,7 @@ fn direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
 }
 
 // The first direction of a sequence.
-@compute @workgroup_size(256)
-fn first_direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n || atomicLoad(&cg.phase) != ITERATING || cg.fresh == 0u { return; }
+fn first_direction_at(i: u32) {
+    if atomicLoad(&cg.phase) != ITERATING || cg.fresh == 0u { return; }
     store_row(P, i, load_row(Q, i) + prolong(i));
 }

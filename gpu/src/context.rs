@@ -347,14 +347,14 @@ pub(crate) struct Recorder<'a> {
 
 impl Recorder<'_> {
     /// Records a compute pass of a phase.
-    pub fn pass(&mut self, phase: Phase, dispatch: impl FnOnce(&mut wgpu::ComputePass<'_>)) {
+    pub fn pass(&mut self, phase: Phase, dispatch: impl FnOnce(&mut Pass<'_>)) {
         let timer = self.context.timer.as_ref().and_then(|timer| {
             let mut phases = lock(&timer.phases);
             let place = phases.len() as u32;
             phases.push(phase);
             (place < MAX_PASSES).then_some((timer, place))
         });
-        let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+        let inner = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some(phase.name()),
             timestamp_writes: timer.map(|(timer, place)| wgpu::ComputePassTimestampWrites {
                 query_set: &timer.queries,
@@ -362,7 +362,7 @@ impl Recorder<'_> {
                 end_of_pass_write_index: Some(2 * place + 1),
             }),
         });
-        dispatch(&mut pass);
+        dispatch(&mut Pass { context: self.context, inner });
     }
 
     /// Asks for part of a buffer as it is at this point.
@@ -381,6 +381,28 @@ impl Recorder<'_> {
     pub fn submit(self) {
         self.context.gpu.queue.submit([self.encoder.finish()]);
         self.context.submissions.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// A compute pass being recorded.
+pub(crate) struct Pass<'a> {
+    pub context: &'a Context,
+    inner: wgpu::ComputePass<'a>,
+}
+
+impl Pass<'_> {
+    /// Runs a kernel with these bind groups, in the order of their numbers, over so many workgroups.
+    pub fn run(
+        &mut self,
+        kernel: &wgpu::ComputePipeline,
+        groups: &[&wgpu::BindGroup],
+        [x, y]: [u32; 2],
+    ) {
+        self.inner.set_pipeline(kernel);
+        for (number, group) in (0..).zip(groups) {
+            self.inner.set_bind_group(number, *group, &[]);
+        }
+        self.inner.dispatch_workgroups(x, y, 1);
     }
 }
 

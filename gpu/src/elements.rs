@@ -7,7 +7,7 @@ use sinew_adapter::wgpu;
 use sinew_engine::law::TangentKind;
 use std::ops::Range;
 
-use crate::context::{Context, GROUP, groups_for};
+use crate::context::{Context, GROUP, Pass, groups_for};
 use crate::laws::{DeviceLaw, ElementColumns, ElementKind};
 use crate::matrix::{Pattern, TRANSPOSED};
 
@@ -266,41 +266,25 @@ impl Elements {
 
     /// Energies at the point of evaluation into the sums. Here and below laws of a recovering body give way to
     /// the corotational energy.
-    pub fn energies(
-        &self,
-        context: &Context,
-        recovering: bool,
-        rows: &wgpu::BindGroup,
-        pass: &mut wgpu::ComputePass<'_>,
-    ) {
-        pass.set_bind_group(0, rows, &[]);
+    pub fn energies(&self, recovering: bool, rows: &wgpu::BindGroup, pass: &mut Pass<'_>) {
         for chunk in &self.chunks {
-            let pipeline = match chunk.law.now(recovering).filter(|law| law.row.forces) {
-                Some(law) => kernel(context, law, "energies"),
-                None => silence(context, "no_energies"),
+            let kernel = match chunk.law.now(recovering).filter(|law| law.row.forces) {
+                Some(law) => kernel(pass.context, law, "energies"),
+                None => silence(pass.context, "no_energies"),
             };
-            pass.set_pipeline(&pipeline);
-            pass.set_bind_group(1, &chunk.bind, &[]);
-            pass.dispatch_workgroups(chunk.energy_groups, 1, 1);
+            pass.run(&kernel, &[rows, &chunk.bind], [chunk.energy_groups, 1]);
         }
     }
 
     /// Smallest volume ratio and inverted elements at the point of evaluation, into the places of the energies.
-    pub fn volumes(
-        &self,
-        context: &Context,
-        rows: &wgpu::BindGroup,
-        pass: &mut wgpu::ComputePass<'_>,
-    ) {
-        pass.set_bind_group(0, rows, &[]);
+    pub fn volumes(&self, rows: &wgpu::BindGroup, pass: &mut Pass<'_>) {
         for chunk in &self.chunks {
-            pass.set_pipeline(&if chunk.law.volumes {
-                kernel(context, &chunk.law, "volumes")
+            let kernel = if chunk.law.volumes {
+                kernel(pass.context, &chunk.law, "volumes")
             } else {
-                silence(context, "no_volumes")
-            });
-            pass.set_bind_group(1, &chunk.bind, &[]);
-            pass.dispatch_workgroups(chunk.energy_groups, 1, 1);
+                silence(pass.context, "no_volumes")
+            };
+            pass.run(&kernel, &[rows, &chunk.bind], [chunk.energy_groups, 1]);
         }
     }
 
@@ -311,53 +295,50 @@ impl Elements {
     }
 
     /// Forces at the point of evaluation.
-    pub fn forces(
-        &self,
-        context: &Context,
-        recovering: bool,
-        rows: &wgpu::BindGroup,
-        n: u32,
-        pass: &mut wgpu::ComputePass<'_>,
-    ) {
-        let gather = |entry| gather(context, entry);
-        let [x, y] = groups_for(u64::from(n));
+    pub fn forces(&self, recovering: bool, rows: &wgpu::BindGroup, pass: &mut Pass<'_>) {
         let mut first = true;
-        pass.set_bind_group(0, rows, &[]);
         for chunk in &self.chunks {
             let Some(law) = chunk.law.now(recovering).filter(|law| law.row.forces) else {
                 continue;
             };
-            chunk.run(context, law, "forces", pass);
-            pass.set_pipeline(&gather(if first { "gather_forces" } else { "add_forces" }));
-            pass.set_bind_group(1, &chunk.gather, &[]);
-            pass.dispatch_workgroups(x, y, 1);
+            chunk.run(law, "forces", rows, pass);
+            self.gather(chunk, if first { "gather_forces" } else { "add_forces" }, rows, pass);
             first = false;
         }
         if let Some(chunk) = self.chunks.first().filter(|_| first) {
-            pass.set_pipeline(&gather("no_forces"));
-            pass.set_bind_group(1, &chunk.gather, &[]);
-            pass.dispatch_workgroups(x, y, 1);
+            self.gather(chunk, "no_forces", rows, pass);
         }
+    }
+
+    /// Slots of a chunk to vertex rows.
+    fn gather(
+        &self,
+        chunk: &Chunk,
+        entry: &'static str,
+        rows: &wgpu::BindGroup,
+        pass: &mut Pass<'_>,
+    ) {
+        let layouts = [&pass.context.layouts.rows, &pass.context.layouts.gather];
+        let kernel = pass.context.pipeline("gather", crate::sources::gather, entry, &layouts);
+        pass.run(&kernel, &[rows, &chunk.gather], groups_for(u64::from(self.rows)));
     }
 
     /// Tangent at the point of evaluation, of the kind in the uniform, into the values of the parts, or into
     /// those of the damping.
     pub fn tangent(
         &self,
-        context: &Context,
         recovering: bool,
         rows: &wgpu::BindGroup,
         (kind, damping): (TangentKind, bool),
-        pass: &mut wgpu::ComputePass<'_>,
+        pass: &mut Pass<'_>,
     ) {
-        let assemble = |chunk: &Chunk, entry, pass: &mut wgpu::ComputePass<'_>| {
-            let layouts = [&context.layouts.assemble];
-            let kernel = context.pipeline("assemble", crate::sources::assemble, entry, &layouts);
-            pass.set_pipeline(&kernel);
+        let assemble = |chunk: &Chunk, entry, pass: &mut Pass<'_>| {
+            let layouts = [&pass.context.layouts.assemble];
+            let source = crate::sources::assemble;
+            let kernel = pass.context.pipeline("assemble", source, entry, &layouts);
             for (values, damping_values, entries) in &chunk.assemble {
-                pass.set_bind_group(0, if damping { damping_values } else { values }, &[]);
-                let [x, y] = groups_for(9 * u64::from(*entries));
-                pass.dispatch_workgroups(x, y, 1);
+                let values = if damping { damping_values } else { values };
+                pass.run(&kernel, &[values], groups_for(9 * u64::from(*entries)));
             }
         };
         let (mut first, mut first_load) = (true, true);
@@ -367,17 +348,13 @@ impl Elements {
                 law.row.is_damper && damping || elastic && law.has_tangent(kind)
             };
             let Some(law) = chunk.law.now(recovering).filter(takes_part) else { continue };
-            pass.set_bind_group(0, rows, &[]);
             if law.is_load() {
-                chunk.run(context, law, "row_sums", pass);
+                chunk.run(law, "row_sums", rows, pass);
                 let entry = if first_load { "gather_row_sums" } else { "add_row_sums" };
-                pass.set_pipeline(&gather(context, entry));
-                pass.set_bind_group(1, &chunk.gather, &[]);
-                let [x, y] = groups_for(u64::from(self.rows));
-                pass.dispatch_workgroups(x, y, 1);
+                self.gather(chunk, entry, rows, pass);
                 first_load = false;
             }
-            chunk.run(context, law, "tangents", pass);
+            chunk.run(law, "tangents", rows, pass);
             assemble(chunk, if first { "gather_blocks" } else { "add_blocks" }, pass);
             first = false;
         }
@@ -385,11 +362,6 @@ impl Elements {
             assemble(chunk, "no_blocks", pass);
         }
     }
-}
-
-fn gather(context: &Context, entry: &'static str) -> wgpu::ComputePipeline {
-    let layouts = [&context.layouts.rows, &context.layouts.gather];
-    context.pipeline("gather", crate::sources::gather, entry, &layouts)
 }
 
 fn kernel(context: &Context, law: &DeviceLaw, entry: &'static str) -> wgpu::ComputePipeline {
@@ -411,18 +383,15 @@ impl Chunk {
         }
     }
 
-    /// A pass over the elements by a law; rows are bound.
+    /// A pass over the elements by a law.
     fn run(
         &self,
-        context: &Context,
         law: &DeviceLaw,
         entry: &'static str,
-        pass: &mut wgpu::ComputePass<'_>,
+        rows: &wgpu::BindGroup,
+        pass: &mut Pass<'_>,
     ) {
-        pass.set_pipeline(&kernel(context, law, entry));
-        pass.set_bind_group(1, &self.bind, &[]);
-        let [x, y] = self.threads;
-        pass.dispatch_workgroups(x, y, 1);
+        pass.run(&kernel(pass.context, law, entry), &[rows, &self.bind], self.threads);
     }
 }
 

@@ -85,8 +85,8 @@ impl ExplicitStep<'_> {
         self.write_place(within, if varies { 0.0 } else { 1.0 }, &mut varying);
         body.set(context, first);
         let mut recorder = context.record();
-        recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "explicit_begin"));
-        body.forces(context, &mut recorder);
+        recorder.pass(Phase::Rows, |pass| body.each_row(pass, "explicit_begin"));
+        body.forces(&mut recorder);
         recorder.submit();
         report.evaluations += 1 + substeps;
         let mut done = 0;
@@ -100,17 +100,17 @@ impl ExplicitStep<'_> {
             body.set(context, if done == 0 { first } else { middle });
             let mut recorder = context.record();
             for _ in 0..count {
-                recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "kick_and_drift"));
-                body.forces(context, &mut recorder);
+                recorder.pass(Phase::Rows, |pass| body.each_row(pass, "kick_and_drift"));
+                body.forces(&mut recorder);
                 if !varies {
-                    recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "close_books"));
+                    recorder.pass(Phase::Rows, |pass| body.each_row(pass, "close_books"));
                 }
             }
             recorder.submit();
             if varies {
                 self.write_load(within, part, &mut varying);
                 let mut recorder = context.record();
-                recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "close_books"));
+                recorder.pass(Phase::Rows, |pass| body.each_row(pass, "close_books"));
                 recorder.submit();
             }
             done += count;
@@ -119,12 +119,12 @@ impl ExplicitStep<'_> {
         let mut recorder = context.record();
         recorder.pass(Phase::Rows, |pass| {
             if verlet {
-                body.each_row(context, pass, "kick_and_drift");
+                body.each_row(pass, "kick_and_drift");
             }
-            body.summing(context, pass, "measure_explicit");
+            body.summing(pass, "measure_explicit");
         });
         let sums = body.read_sums(&mut recorder, 3);
-        body.energies(context, &mut recorder);
+        body.energies(&mut recorder);
         let energies = body.read_energies(&mut recorder);
         let u = body.read_rows(&mut recorder, Slot::Y);
         let v = body.read_rows(&mut recorder, Slot::Step);

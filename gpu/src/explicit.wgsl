@@ -4,10 +4,7 @@
 
 const LOW: u32 = Q;
 
-@compute @workgroup_size(256)
-fn explicit_begin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn explicit_begin_at(i: u32) {
     let free = free_axes(vertices[i].held);
     store_row(Y, i, load_row(U, i));
     store_row(STEP, i, free * load_row(V, i));
@@ -17,10 +14,7 @@ fn explicit_begin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) 
     store_row(MOVED, i, vec4f(0.0));
 }
 
-@compute @workgroup_size(256)
-fn forget_low(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn forget_low_at(i: u32) {
     store_row(LOW, i, vec4f(0.0));
 }
 
@@ -35,18 +29,12 @@ fn book(i: u32, way: vec3f, held_way: vec3f) {
 }
 
 // End of a substep: its second half in the books.
-@compute @workgroup_size(256)
-fn close_books(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn close_books_at(i: u32) {
     book(i, load_row(MOVED, i).xyz, load_row(RHS, i).xyz);
 }
 
 // v <- keep v + kick (f / m), u <- u + drift v without loss; held unknowns to their place.
-@compute @workgroup_size(256)
-fn kick_and_drift(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn kick_and_drift_at(i: u32) {
     let is_free = free_axes(vertices[i].held) > vec4f(0.5);
     let m = vertices[i].mass;
     let weight = select(0.0, 1.0 / m, m > 0.0);
@@ -95,10 +83,7 @@ fn measure_explicit(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     write_sums(group.x, local, a, b, c);
 }
 
-@compute @workgroup_size(256)
-fn accept_explicit(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn accept_explicit_at(i: u32) {
     store_row(U, i, load_row(Y, i));
     store_row(V, i, load_row(STEP, i));
     store_row(LOW, i, load_row(Z, i));

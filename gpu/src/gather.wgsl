@@ -18,41 +18,26 @@ fn sum_of_slots(i: u32, before: vec4f) -> vec4f {
 }
 
 // The first chunk of a pass overwrites,
-@compute @workgroup_size(256)
-fn gather_forces(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= chunk.rows { return; }
+fn gather_forces_at(i: u32) {
     rows[FORCE * step.n + i] = sum_of_slots(i, vec4f(0.0));
 }
 
 // the others add,
-@compute @workgroup_size(256)
-fn add_forces(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= chunk.rows { return; }
+fn add_forces_at(i: u32) {
     rows[FORCE * step.n + i] = sum_of_slots(i, rows[FORCE * step.n + i]);
 }
 
 // and where no law acts there is nothing.
-@compute @workgroup_size(256)
-fn no_forces(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= chunk.rows { return; }
+fn no_forces_at(i: u32) {
     rows[FORCE * step.n + i] = vec4f(0.0);
 }
 
 // Sums of the blocks of rows, likewise: the first chunk overwrites,
-@compute @workgroup_size(256)
-fn gather_row_sums(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= chunk.rows { return; }
+fn gather_row_sums_at(i: u32) {
     rows[ROW_SUM * step.n + i] = sum_of_slots(i, vec4f(0.0));
 }
 
 // the others add.
-@compute @workgroup_size(256)
-fn add_row_sums(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= chunk.rows { return; }
+fn add_row_sums_at(i: u32) {
     rows[ROW_SUM * step.n + i] = sum_of_slots(i, rows[ROW_SUM * step.n + i]);
 }

@@ -10,7 +10,7 @@
 use bytemuck::{Pod, Zeroable};
 use sinew_adapter::wgpu;
 
-use crate::context::{Context, GROUP, groups_for};
+use crate::context::{Context, GROUP, Pass, groups_for};
 use crate::elements::{block_source, compressed};
 use crate::laws::ElementKind;
 
@@ -173,33 +173,27 @@ impl Pattern {
         self.parts.iter().map(bind).collect()
     }
 
-    /// Product with the system, or with the damping matrix; the solver's bind group is set.
+    /// Product with the system, or with the damping matrix.
     pub fn product(
         &self,
-        context: &Context,
+        solver: &wgpu::BindGroup,
         entry: &'static str,
         damping: bool,
-        pass: &mut wgpu::ComputePass<'_>,
+        pass: &mut Pass<'_>,
     ) {
-        pass.set_pipeline(&context.matrix_kernel(entry));
+        let kernel = pass.context.matrix_kernel(entry);
         for part in &self.parts {
-            pass.set_bind_group(1, if damping { &part.damping_bind } else { &part.system }, &[]);
-            pass.dispatch_workgroups(part.groups, 1, 1);
+            let values = if damping { &part.damping_bind } else { &part.system };
+            pass.run(&kernel, &[solver, values], [part.groups, 1]);
         }
     }
 }
 
 /// Tangent to system, with the inverse diagonal blocks.
-pub(crate) fn shift(
-    context: &Context,
-    shifts: &[(wgpu::BindGroup, u32)],
-    pass: &mut wgpu::ComputePass<'_>,
-) {
-    let layouts = [&context.layouts.shift];
-    pass.set_pipeline(&context.pipeline("shift", crate::sources::shift, "shift", &layouts));
+pub(crate) fn shift(shifts: &[(wgpu::BindGroup, u32)], pass: &mut Pass<'_>) {
+    let layouts = [&pass.context.layouts.shift];
+    let kernel = pass.context.pipeline("shift", crate::sources::shift, "shift", &layouts);
     for (bind, count) in shifts {
-        pass.set_bind_group(0, bind, &[]);
-        let [x, y] = groups_for(u64::from(*count));
-        pass.dispatch_workgroups(x, y, 1);
+        pass.run(&kernel, &[bind], groups_for(u64::from(*count)));
     }
 }

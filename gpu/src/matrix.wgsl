@@ -63,7 +63,7 @@ fn multiply(act: bool, is_system: bool, group: u32, local: u32) -> f32 {
 
 // The fine level of two: Chebyshev polynomial of the matrix with inverse diagonal blocks, from z = D^-1 r in Z to Q,
 // which is free between an iteration's update and the next product; sums r.z.
-fn smooth_residual(act: bool, group: u32, local: u32) {
+fn smooth_if(act: bool, group: u32, local: u32) {
     var sum = 0.0;
     let count = select(0u, part.count, act);
     for (var row = group * GROUP + local; row < count; row += part.groups * GROUP) {
@@ -78,21 +78,6 @@ fn smooth_residual(act: bool, group: u32, local: u32) {
     if local == 0u && act {
         partials[part.partial + group] = all;
     }
-}
-
-@compute @workgroup_size(256)
-fn smooth_start(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    smooth_residual(true, group.x, local);
-}
-
-@compute @workgroup_size(256)
-fn smooth_iteration(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    smooth_residual(atomicLoad(&cg.phase) == ITERATING, group.x, local);
-}
-
-@compute @workgroup_size(256)
-fn smooth_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    smooth_residual(atomicLoad(&cg.phase) == CLAIMED, group.x, local);
 }
 
 // Product with a tangent alone.

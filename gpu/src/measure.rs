@@ -53,11 +53,9 @@ impl GpuBackend {
         let mut result = DeviceEvaluation::default();
         for resident in &self.bodies {
             let (context, body) = (&self.context, &resident.body);
-            body.set(context, StepUniform::default());
-            let mut recorder = context.record();
-            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
-            body.energies(context, &mut recorder);
-            body.forces(context, &mut recorder);
+            let mut recorder = body.look_back(context, StepUniform::default());
+            body.energies(&mut recorder);
+            body.forces(&mut recorder);
             let energies = body.read_energies(&mut recorder);
             let forces = body.read_rows(&mut recorder, Slot::Force);
             recorder.submit();
@@ -81,10 +79,8 @@ impl GpuBackend {
         let mut result = Vec::with_capacity(self.bodies.len());
         for resident in &self.bodies {
             let (context, body) = (&self.context, &resident.body);
-            body.set(context, StepUniform::default());
-            let mut recorder = context.record();
-            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
-            body.volumes(context, &mut recorder);
+            let mut recorder = body.look_back(context, StepUniform::default());
+            body.volumes(&mut recorder);
             let found = body.read_energies(&mut recorder);
             recorder.submit();
             let elements = body.elements.solid_elements();
@@ -118,11 +114,11 @@ impl GpuBackend {
             let rows = result.len()..result.len() + body.n as usize;
             body.write_rows(context, Slot::P, &direction[rows]);
             let mut recorder = context.record();
-            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
-            body.tangent(context, &mut recorder, kind, false);
+            recorder.pass(Phase::Rows, |pass| body.each_row(pass, "look_back"));
+            body.tangent(&mut recorder, kind, false);
             recorder.pass(Phase::Solve, |pass| {
-                body.product(context, pass, "product_plain", false);
-                body.each_row(context, pass, "complete_product");
+                body.product(pass, "product_plain", false);
+                body.each_row(pass, "complete_product");
             });
             let product = body.read_rows(&mut recorder, Slot::Q);
             recorder.submit();
@@ -147,11 +143,9 @@ impl GpuBackend {
         let mut timing = ForceTiming { passes: repeats, ..ForceTiming::default() };
         for resident in &self.bodies {
             let body = &resident.body;
-            body.set(context, StepUniform::default());
             // pipelines compiled, displacements in place
-            let mut recorder = context.record();
-            recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
-            body.forces(context, &mut recorder);
+            let mut recorder = body.look_back(context, StepUniform::default());
+            body.forces(&mut recorder);
             let ready = body.read_sums(&mut recorder, 1);
             recorder.submit();
             ready.wait::<[f32; 4]>(context)?;
@@ -159,7 +153,7 @@ impl GpuBackend {
             let start = Instant::now();
             let mut recorder = context.record();
             for _ in 0..repeats {
-                body.forces(context, &mut recorder);
+                body.forces(&mut recorder);
             }
             let done = body.read_sums(&mut recorder, 1);
             recorder.submit();

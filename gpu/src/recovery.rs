@@ -9,7 +9,6 @@ use sinew_solvers::recovery::{ENTER, LEAVE_RATIO, LEAVE_STRAIN};
 use crate::body::{DeviceBody, StepUniform, total};
 use crate::context::Context;
 use crate::error::GpuError;
-use crate::report::Phase;
 
 /// What the decision for a body needs; its rows only.
 pub(crate) struct Decision<'a> {
@@ -85,10 +84,8 @@ impl Decision<'_> {
 
 /// Elastic energy (J) at the start of the step.
 pub(crate) fn elastic_energy(context: &Context, body: &DeviceBody) -> Result<f64, GpuError> {
-    body.set(context, StepUniform::default());
-    let mut recorder = context.record();
-    recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
-    body.energies(context, &mut recorder);
+    let mut recorder = body.look_back(context, StepUniform::default());
+    body.energies(&mut recorder);
     let energies = body.read_energies(&mut recorder);
     recorder.submit();
     Ok(total(&energies.wait::<[f32; 4]>(context)?, 1, 0, 0))

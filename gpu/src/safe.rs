@@ -5,14 +5,13 @@
 //! state, where it is asked for, once. A smooth step waits for the device three times: for conjugate gradients, for
 //! the line search, for the end.
 
-use sinew_adapter::wgpu::ComputePass;
 use sinew_engine::law::TangentKind;
 use sinew_engine::report::StepReport;
 use sinew_solvers::settings::{Preconditioner, SolverSettings};
 
 use crate::body::{CgState, DeviceBody, Slot, StepUniform, kind_number, total};
 use crate::coarse::{self, Coarse, Kept};
-use crate::context::{Context, Pending, Recorder, groups_for};
+use crate::context::{Context, Pass, Pending, Recorder, groups_for};
 use crate::elements::Energies;
 use crate::error::GpuError;
 use crate::report::{GpuReport, Phase};
@@ -160,20 +159,20 @@ impl<'s> Progress<'_, 's> {
 
     /// The tangent of the damping, and the energies before held vertices move, if any do.
     fn begin(&mut self) -> Option<Pending> {
-        let SafeStep { context, body, .. } = *self.step;
+        let SafeStep { body, .. } = *self.step;
         if !self.input.moves && !self.step.damped() {
             return None;
         }
         self.uniform.kind = kind_number(TangentKind::GaussNewton);
         let mut recorder = self.record();
-        recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "look_back"));
+        recorder.pass(Phase::Rows, |pass| body.each_row(pass, "look_back"));
         let before = self.input.moves.then(|| {
-            body.energies(context, &mut recorder);
+            body.energies(&mut recorder);
             self.report.evaluations += 1;
             body.read_energies(&mut recorder)
         });
         if self.step.damped() {
-            body.tangent(context, &mut recorder, TangentKind::GaussNewton, true);
+            body.tangent(&mut recorder, TangentKind::GaussNewton, true);
             self.report.evaluations += 1;
         }
         recorder.submit();
@@ -182,22 +181,22 @@ impl<'s> Progress<'_, 's> {
 
     /// Energies, residual and tangent with held vertices moved, and the first linear solve.
     fn linearise(&mut self, before: Option<Pending>) -> Result<(Start, Solve), GpuError> {
-        let SafeStep { context, body, .. } = *self.step;
+        let SafeStep { body, .. } = *self.step;
         let kind = if self.input.inverted { TangentKind::Projected } else { TangentKind::Exact };
         self.uniform.kind = kind_number(kind);
         let mut recorder = self.record();
         recorder.pass(Phase::Rows, |pass| {
-            body.each_row(context, pass, "begin");
+            body.each_row(pass, "begin");
             self.step.multiply_damping(pass);
         });
-        body.energies(context, &mut recorder);
+        body.energies(&mut recorder);
         let energies = body.read_energies(&mut recorder);
-        body.forces(context, &mut recorder);
-        recorder.pass(Phase::Rows, |pass| body.summing(context, pass, "measure_start"));
+        body.forces(&mut recorder);
+        recorder.pass(Phase::Rows, |pass| body.summing(pass, "measure_start"));
         let sums = body.read_sums(&mut recorder, 2);
         self.report.evaluations += 1;
-        body.tangent(context, &mut recorder, kind, false);
-        body.shift(context, &mut recorder);
+        body.tangent(&mut recorder, kind, false);
+        body.shift(&mut recorder);
         recorder.submit();
         let solved = self.solve()?;
         let start = self.open_books(before, energies, sums)?;
@@ -268,7 +267,7 @@ impl<'s> Progress<'_, 's> {
         let SafeStep { context, body, .. } = *self.step;
         let mut recorder = context.record();
         recorder.pass(Phase::Rows, |pass| {
-            body.each_row(context, pass, "preconditioned_gradient");
+            body.each_row(pass, "preconditioned_gradient");
         });
         recorder.submit();
         let input = BodyInput { free_pieces: Vec::new(), ..self.input.clone() };
@@ -277,17 +276,17 @@ impl<'s> Progress<'_, 's> {
 
     /// Solves again with the projected tangent.
     fn solve_projected(&mut self) -> Result<Solve, GpuError> {
-        let SafeStep { context, body, .. } = *self.step;
+        let SafeStep { body, .. } = *self.step;
         self.uniform.kind = kind_number(TangentKind::Projected);
         self.uniform.warm = 0;
         let mut recorder = self.record();
         // the trial moved the point of evaluation
         recorder.pass(Phase::Rows, |pass| {
-            body.each_row(context, pass, "begin");
+            body.each_row(pass, "begin");
             self.step.multiply_damping(pass);
         });
-        body.tangent(context, &mut recorder, TangentKind::Projected, false);
-        body.shift(context, &mut recorder);
+        body.tangent(&mut recorder, TangentKind::Projected, false);
+        body.shift(&mut recorder);
         recorder.submit();
         self.report.evaluations += 1;
         self.report.projections += 1;
@@ -341,13 +340,13 @@ impl<'s> Progress<'_, 's> {
         let input = self.input;
         let mut recorder = self.record();
         recorder.pass(Phase::Rows, |pass| {
-            body.each_row(context, pass, "advance");
+            body.each_row(pass, "advance");
             self.step.multiply_direction(pass);
-            body.summing(context, pass, "measure_end");
+            body.summing(pass, "measure_end");
         });
         let sums = body.read_sums(&mut recorder, 3);
         if input.volumes {
-            body.volumes(context, &mut recorder);
+            body.volumes(&mut recorder);
         }
         let volumes = input.volumes.then(|| body.read_energies(&mut recorder));
         let u = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Y));
@@ -403,8 +402,8 @@ impl<'s> Progress<'_, 's> {
         self.uniform.scale = factor as f32;
         let mut recorder = self.record();
         recorder.pass(Phase::Rows, |pass| {
-            body.each_row(context, pass, "cap_velocity");
-            body.summing(context, pass, "measure_end");
+            body.each_row(pass, "cap_velocity");
+            body.summing(pass, "measure_end");
         });
         let sums = body.read_sums(&mut recorder, 3);
         let velocities = self.input.read_back.then(|| body.read_rows(&mut recorder, Slot::Step));
@@ -468,18 +467,18 @@ impl SafeStep<'_> {
     }
 
     /// Damping matrix times the way from the offset.
-    fn multiply_damping(&self, pass: &mut ComputePass<'_>) {
+    fn multiply_damping(&self, pass: &mut Pass<'_>) {
         if self.damped() {
-            self.body.each_row(self.context, pass, "moved_to_direction");
+            self.body.each_row(pass, "moved_to_direction");
             self.multiply_direction(pass);
         }
     }
 
     /// Damping matrix times the direction.
-    fn multiply_direction(&self, pass: &mut ComputePass<'_>) {
+    fn multiply_direction(&self, pass: &mut Pass<'_>) {
         if self.damped() {
-            self.body.product(self.context, pass, "product_plain", true);
-            self.body.each_row(self.context, pass, "product_to_damped");
+            self.body.product(pass, "product_plain", true);
+            self.body.each_row(pass, "product_to_damped");
         }
     }
 
@@ -501,7 +500,7 @@ impl SafeStep<'_> {
                 report.preconditioner = self.preconditioner.name();
                 let factors = [uniform.inertia, uniform.mass_damping, uniform.stiffness_damping];
                 if !kept.as_ref().is_some_and(|kept| kept.serves(factors)) {
-                    coarse.refresh(context, &mut recorder);
+                    coarse.refresh(&mut recorder);
                     let matrix = self.body.matrix.as_ref().map_or(0, |m| m.pattern.bytes());
                     *kept = Some(Kept::new(factors, coarse.cost(matrix)));
                     report.preconditioner_refreshes += 1;
@@ -563,45 +562,45 @@ impl SafeStep<'_> {
         let mut batch =
             if expected == 0 { FIRST_BATCH } else { expected + expected / 8 + 4 }.min(MAX_BATCH);
         let rows = groups_for(u64::from(body.n));
-        recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "right_hand_side"));
+        recorder.pass(Phase::Rows, |pass| body.each_row(pass, "right_hand_side"));
         recorder.pass(Phase::Solve, |pass| {
-            body.product(context, pass, "product_alone", false);
-            body.summing(context, pass, "start_residual");
+            body.product(pass, "product_alone", false);
+            body.summing(pass, "start_residual");
             if let Some(coarse) = coarse {
-                body.product(context, pass, coarse::START[0], false);
-                coarse.apply(context, coarse::START, pass);
+                body.product(pass, coarse::START[0], false);
+                coarse.apply(coarse::START, pass);
             }
-            body.single(context, pass, "start_end");
+            body.single(pass, "start_end");
             if let Some(coarse) = coarse {
-                coarse.dispatch(context, "first_direction", rows, pass);
+                coarse.dispatch("first_direction", rows, pass);
             }
         });
         loop {
             recorder.pass(Phase::Solve, |pass| {
                 for _ in 0..batch {
-                    self.matrix_single(pass, "note");
-                    body.product(context, pass, "product", false);
-                    body.summing(context, pass, "improve");
+                    body.single(pass, "note");
+                    body.product(pass, "product", false);
+                    body.summing(pass, "improve");
                     match coarse {
                         Some(coarse) => {
-                            body.product(context, pass, coarse::ITERATION[0], false);
-                            coarse.apply(context, coarse::ITERATION, pass);
-                            coarse.dispatch(context, "direction", [body.groups, 1], pass);
+                            body.product(pass, coarse::ITERATION[0], false);
+                            coarse.apply(coarse::ITERATION, pass);
+                            coarse.dispatch("direction", [body.groups, 1], pass);
                         }
-                        None => body.summing(context, pass, "direction"),
+                        None => body.summing(pass, "direction"),
                     }
                 }
-                self.matrix_single(pass, "note");
-                body.each_row(context, pass, "verify_begin");
-                body.product(context, pass, "product_verify", false);
-                body.summing(context, pass, "verify_residual");
+                body.single(pass, "note");
+                body.each_row(pass, "verify_begin");
+                body.product(pass, "product_verify", false);
+                body.summing(pass, "verify_residual");
                 if let Some(coarse) = coarse {
-                    body.product(context, pass, coarse::VERIFY[0], false);
-                    coarse.apply(context, coarse::VERIFY, pass);
+                    body.product(pass, coarse::VERIFY[0], false);
+                    coarse.apply(coarse::VERIFY, pass);
                 }
-                body.single(context, pass, "verify_end");
+                body.single(pass, "verify_end");
                 if let Some(coarse) = coarse {
-                    coarse.dispatch(context, "first_direction", rows, pass);
+                    coarse.dispatch("first_direction", rows, pass);
                 }
             });
             let pending = body.read_cg(&mut recorder);
@@ -613,10 +612,6 @@ impl SafeStep<'_> {
             batch = FIRST_BATCH;
             recorder = context.record();
         }
-    }
-
-    fn matrix_single(&self, pass: &mut ComputePass<'_>, entry: &'static str) {
-        self.body.single(self.context, pass, entry);
     }
 
     /// Balances the momentum of free pieces, measures the step found and evaluates at its end.
@@ -632,8 +627,8 @@ impl SafeStep<'_> {
             body.set(context, *uniform);
             let mut recorder = context.record();
             recorder.pass(Phase::Rows, |pass| {
-                body.summing(context, pass, "missing_momentum");
-                body.summing(context, pass, "correct_momentum");
+                body.summing(pass, "missing_momentum");
+                body.summing(pass, "correct_momentum");
             });
             recorder.submit();
         }
@@ -642,14 +637,14 @@ impl SafeStep<'_> {
         let mut recorder = context.record();
         recorder.pass(Phase::Rows, |pass| {
             if self.damped() {
-                body.each_row(context, pass, "step_to_direction");
-                body.product(context, pass, "product_plain", true);
+                body.each_row(pass, "step_to_direction");
+                body.product(pass, "product_plain", true);
             }
-            body.summing(context, pass, "measure_search");
-            body.each_row(context, pass, "trial");
+            body.summing(pass, "measure_search");
+            body.each_row(pass, "trial");
         });
         let sums = body.read_sums(&mut recorder, 2);
-        body.energies(context, &mut recorder);
+        body.energies(&mut recorder);
         let energies = body.read_energies(&mut recorder);
         recorder.submit();
         let sums = sums.wait::<[f32; 4]>(context)?;
@@ -671,8 +666,8 @@ impl SafeStep<'_> {
         uniform.t = t as f32;
         body.set(context, *uniform);
         let mut recorder = context.record();
-        recorder.pass(Phase::Rows, |pass| body.each_row(context, pass, "trial"));
-        body.energies(context, &mut recorder);
+        recorder.pass(Phase::Rows, |pass| body.each_row(pass, "trial"));
+        body.energies(&mut recorder);
         let energies = body.read_energies(&mut recorder);
         recorder.submit();
         Ok(body.elements.sum_energies(&energies.wait::<[f32; 4]>(context)?))

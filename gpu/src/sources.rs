@@ -14,9 +14,52 @@ const STATE: &str = include_str!("state.wgsl");
 const TENSORS: &str = include_str!("tensors.wgsl");
 const ELEMENTS: &str = include_str!("elements.wgsl");
 
+/// The files one after another, and the entry points that are made of functions in them.
 fn module(name: &'static str, files: &[&str]) -> Source {
-    Source { name, text: files.concat() }
+    let mut text = files.concat();
+    for line in files.iter().flat_map(|file| file.lines()) {
+        for (ending, entries) in ENTRIES {
+            let kernel = line.strip_prefix("fn ").and_then(|line| line.strip_suffix(ending));
+            if let Some(kernel) = kernel {
+                text += &entries.replace("KERNEL", kernel);
+            }
+        }
+    }
+    Source { name, text }
 }
+
+/// Endings of functions, and entry points that call them. `NAME_at` serves a vertex row, and `NAME` calls it with a
+/// thread for each; `NAME_if` does something when it is to act, and is called at the start of conjugate gradients, in
+/// an iteration and for the true residual.
+const ENTRIES: [(&str, &str); 2] = [
+    (
+        "_at(i: u32) {",
+        "
+@compute @workgroup_size(256)
+fn KERNEL(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let i = flat_index(group, groups, local);
+    if i < step.n { KERNEL_at(i); }
+}
+",
+    ),
+    (
+        "_if(act: bool, group: u32, local: u32) {",
+        "
+@compute @workgroup_size(256)
+fn KERNEL_start(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    KERNEL_if(true, group.x, local);
+}
+@compute @workgroup_size(256)
+fn KERNEL_iteration(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    KERNEL_if(atomicLoad(&cg.phase) == ITERATING, group.x, local);
+}
+@compute @workgroup_size(256)
+fn KERNEL_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    KERNEL_if(atomicLoad(&cg.phase) == CLAIMED, group.x, local);
+}
+",
+    ),
+];
 
 /// Passes over vertex rows, products, conjugate gradients.
 pub(crate) fn solver() -> Source {

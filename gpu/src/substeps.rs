@@ -86,8 +86,7 @@ impl GpuBackend {
             let context = &self.context;
             if !resident.carries_low {
                 let mut recorder = context.record();
-                recorder
-                    .pass(Phase::Rows, |pass| resident.body.each_row(context, pass, "forget_low"));
+                recorder.pass(Phase::Rows, |pass| resident.body.each_row(pass, "forget_low"));
                 recorder.submit();
             }
             let elastic = elastic_energy(context, &resident.body).map_err(refused)?;

@@ -1,4 +1,5 @@
-// Passes over vertex rows: the parts of the safe step between evaluations and solves.
+// Passes over vertex rows: the parts of the safe step between evaluations and solves. Kernels are made of functions
+// NAME_at, here and in other files, as sources.rs says.
 // Twin of `sinew_solvers::implicit`; sums leave one entry per workgroup in `sums`, in f32 by a fixed tree, and
 // the host adds these up in f64.
 
@@ -19,10 +20,7 @@ fn row_sum_product(i: u32, x: vec3f) -> vec3f {
 }
 
 // Old state with the held unknowns where they have to go; implicit Euler's drift.
-@compute @workgroup_size(256)
-fn begin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn begin_at(i: u32) {
     let free = free_axes(vertices[i].held);
     let u = load_row(U, i);
     let y = select(load_row(TARGET, i), u, free > vec4f(0.5));
@@ -34,39 +32,24 @@ fn begin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
 }
 
 // Old state as the point of evaluation.
-@compute @workgroup_size(256)
-fn look_back(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn look_back_at(i: u32) {
     store_row(Y, i, load_row(U, i));
 }
 
-@compute @workgroup_size(256)
-fn moved_to_direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn moved_to_direction_at(i: u32) {
     store_row(P, i, load_row(MOVED, i));
 }
 
-@compute @workgroup_size(256)
-fn step_to_direction(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn step_to_direction_at(i: u32) {
     store_row(P, i, load_row(STEP, i));
 }
 
-@compute @workgroup_size(256)
-fn product_to_damped(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn product_to_damped_at(i: u32) {
     store_row(DAMPED, i, load_row(Q, i));
 }
 
 // -dP/dd on the free unknowns, and the start vector of the linear system: where inertia would lead, or 0.
-@compute @workgroup_size(256)
-fn right_hand_side(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn right_hand_side_at(i: u32) {
     let free = free_axes(vertices[i].held);
     let d = load_row(MOVED, i);
     let away = load_row(DRIFT, i) - d;
@@ -140,10 +123,7 @@ fn measure_search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) 
 }
 
 // Displacements at the fraction `t` of the Newton step.
-@compute @workgroup_size(256)
-fn trial(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn trial_at(i: u32) {
     let free = free_axes(vertices[i].held);
     let moved = load_row(MOVED, i) + step.t * load_row(STEP, i);
     let y = select(load_row(TARGET, i), load_row(U, i) + moved, free > vec4f(0.5));
@@ -151,10 +131,7 @@ fn trial(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
 }
 
 // The way to there, and the velocity at the end of the step.
-@compute @workgroup_size(256)
-fn advance(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn advance_at(i: u32) {
     let moved = load_row(MOVED, i) + step.t * load_row(STEP, i);
     store_row(MOVED, i, moved);
     store_row(P, i, moved);
@@ -213,19 +190,13 @@ fn measure_end(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
 }
 
 // The energy cap: free velocities scaled.
-@compute @workgroup_size(256)
-fn cap_velocity(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn cap_velocity_at(i: u32) {
     let v = load_row(STEP, i);
     store_row(STEP, i, select(v, step.scale * v, free_axes(vertices[i].held) > vec4f(0.5)));
 }
 
 // The new state becomes the old one.
-@compute @workgroup_size(256)
-fn accept(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn accept_at(i: u32) {
     store_row(U, i, load_row(Y, i));
     store_row(V, i, load_row(STEP, i));
 }
@@ -261,9 +232,6 @@ fn correct_momentum(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
 }
 
 // Adds it to the product with a tangent alone.
-@compute @workgroup_size(256)
-fn complete_product(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = flat_index(group, groups, local);
-    if i >= step.n { return; }
+fn complete_product_at(i: u32) {
     store_row(Q, i, load_row(Q, i) + vec4f(row_sum_product(i, load_row(P, i).xyz), 0.0));
 }

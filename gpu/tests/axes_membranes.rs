@@ -1,64 +1,26 @@
 //! Axes, membranes and follower pressure on the device against the processor in `f64`.
 
 use crate::common::compare::{Comparison, compare, compare_in, compare_on};
-use crate::common::{
-    MATERIAL, Run, STATES, State, beam, bricks, close, device, half_bricks, relative, run_both, say,
-};
+use crate::common::rich_axes::rich;
+use crate::common::*;
 use glam::{DVec2, DVec3};
 use sinew::engine::load::Pressure;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{quad_grid, triangle_grid};
-use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
-use sinew::models::axes::field;
+use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::models::axes::muscle::{MuscleSettings, activate_at};
 use sinew::models::body::Evaluation;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
-use sinew::solvers::settings::Preconditioner;
 use sinew_gpu::{GpuOptions, GpuReport};
-
-/// Four families that are not orthogonal, two of them active, five angles: triads, fibres and a term of volume,
-/// some elements without a share.
-fn rich(mesh: &Mesh) -> AxesDescription<'static> {
-    let n = mesh.tetrahedra.len() + mesh.hexahedra.len();
-    let fields: Vec<_> = (0..4).map(|i| field::random(mesh, i).directions).collect();
-    let family = |name, i: usize, modulus| AxisFamily::new(name, &fields[i], modulus);
-    let muscle = MuscleSettings {
-        peak_stress: 4e3,
-        optimal_stretch: 1.05,
-        stiffening: 0.5,
-        shortening: 0.1,
-        ..MuscleSettings::default()
-    };
-    let share: Vec<f64> = (0..n).map(|i| (i % 3) as f64 * 0.5).collect();
-    let angle = |families, modulus| AxisAngle { families, modulus };
-    AxesDescription {
-        families: vec![
-            family("a", 0, 3e3),
-            family("b", 1, 8e3),
-            AxisFamily { muscle: Some(muscle.clone()), ..family("c", 2, 2e3) },
-            AxisFamily { muscle: Some(muscle), share: Some(share.into()), ..family("d", 3, 1e3) },
-        ],
-        angles: vec![
-            angle([0, 1], 1e3),
-            angle([2, 0], 2e3),
-            angle([1, 2], 5e2),
-            angle([1, 3], 7e2),
-            angle([3, 0], 9e2),
-        ],
-        volume_modulus: 6e3,
-        form: AxisForm::EnergyConsistent,
-    }
-    .into_owned()
-}
 
 fn with_axes<'a>(
     mesh: &'a Mesh,
     model: Model,
     axes: AxesDescription<'static>,
 ) -> BodyDescription<'a> {
-    BodyDescription { model, axes: Some(axes), ..BodyDescription::new("beam", mesh, MATERIAL) }
+    BodyDescription { axes: Some(axes), ..of(mesh, model) }
 }
 
 #[test]
@@ -234,33 +196,13 @@ fn follower_pressure() {
     });
 }
 
-fn settings() -> SolverSettings {
-    SolverSettings {
-        integrator: Integrator::Safe,
-        preconditioner: Preconditioner::BlockJacobi,
-        linear_tolerance: 1e-5,
-        ..SolverSettings::default()
-    }
-}
-
-fn hold(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, group: &str) {
-    let rows = simulation.group_rows(body, mesh, group).unwrap();
-    simulation.add_constraint(Constraint::hold(group, rows));
-}
-
 /// The runs end alike, and books agree all along.
-fn agree([cpu, gpu]: &[Run; 2], bound: f64, what: &str) {
+fn agree(runs: &[Run; 2], bound: f64, what: &str) {
+    let [cpu, gpu] = runs;
     let u = relative(&gpu.u, &cpu.u);
     say(&format!("{what}: displacement {u:.1e}"));
     assert!(u < bound, "{what}: {u:.1e}");
-    for (a, b) in gpu.reports.iter().zip(&cpu.reports) {
-        let scale = b.elastic_energy.abs() + b.kinetic_energy + b.load_work.abs();
-        close(a.elastic_energy, b.elastic_energy, scale, 1e-3, "elastic energy");
-        close(a.kinetic_energy, b.kinetic_energy, scale, 1e-3, "kinetic energy");
-        close(a.load_work, b.load_work, scale, 1e-3, "work of loads");
-        close(a.dissipation, b.dissipation, scale, 1e-3, "dissipation");
-        close(a.damping_dissipation, b.damping_dissipation, scale, 1e-3, "damping");
-    }
+    books_agree(runs);
 }
 
 #[test]
@@ -311,8 +253,7 @@ fn pressure_inflates_and_is_booked_as_work_of_loads() {
     let description = BodyDescription::new("beam", &mesh, MATERIAL);
     let Some(runs) = run_both(&description, 20, &settings(), scene) else { return };
     agree(&runs, 1e-4, "pressure");
-    let work: f64 = runs[1].reports.iter().map(|r| r.load_work).sum();
-    assert!(work > 0.0);
+    assert!(runs[1].sum(|r| r.load_work) > 0.0);
 }
 
 #[test]
@@ -369,22 +310,15 @@ fn removed_elements_take_their_axes_and_faces_along() {
         membrane: Some(MembraneDescription::new(&skin, 1e-3, MATERIAL)),
         ..with_axes(&mesh, Model::CompressibleStVK, axes.into_owned())
     };
-    let near = |x: DVec3| (x.x - 0.1).abs() < 0.03 && x.z > 0.03;
-    let middle =
-        |t: &[u32]| t.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / t.len() as f64;
     let scene = |s: &mut Simulation, body: BodyHandle| {
         hold(s, body, &mesh, "x0");
         let faces = s.face_rows(body, "air", &skin).unwrap();
         let curve = Curve::ramp(0.0, 0.2);
         s.add_pressure(Pressure { name: "air".into(), faces, pressure: 100.0, curve });
         (0..3).for_each(|_| s.step().unwrap());
-        let notch = (0..).zip(&mesh.tetrahedra).filter(|(_, t)| near(middle(&t[..])));
-        let notch = notch.map(|(i, _)| i).collect::<Vec<u32>>();
-        assert!(notch.len() > 10);
-        s.remove_elements(body, &Removal::new(Region::Tetrahedra(notch))).unwrap();
-        let torn = (0..).zip(&skin).filter(|(_, t)| near(middle(&t[..])));
-        let torn = torn.map(|(i, _)| i).collect::<Vec<u32>>();
-        s.remove_elements(body, &Removal::new(Region::Triangles(torn))).unwrap();
+        cut_notch(s, body, &mesh);
+        let torn = Region::Triangles(in_notch(&mesh, &skin));
+        s.remove_elements(body, &Removal::new(torn)).unwrap();
     };
     let Some(runs) = run_both(&description, 10, &settings(), scene) else { return };
     agree(&runs, 1e-4, "notched");
@@ -394,8 +328,7 @@ fn removed_elements_take_their_axes_and_faces_along() {
 fn explicit_substeps_refuse_pressures_and_dampers_by_name() {
     let mesh = beam([3, 2, 2]);
     let skin = mesh.surface_triangles();
-    let Some(backend) = device(&GpuOptions::default()) else { return };
-    let mut simulation = Simulation::with_gpu(SimulationOptions::default(), backend).unwrap();
+    let Some(mut simulation) = on_device(&GpuOptions::default()) else { return };
     let body = simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
     simulation.set_solver(SolverSettings { integrator: Integrator::StormerVerlet, ..settings() });
     simulation.step().unwrap();
@@ -413,12 +346,7 @@ fn explicit_substeps_refuse_pressures_and_dampers_by_name() {
 fn a_crushed_body_with_axes_recovers() {
     let mesh = beam([6, 3, 3]);
     let description = with_axes(&mesh, Model::CompressibleStVK, rich(&mesh));
-    let scene = |s: &mut Simulation, _: BodyHandle| s.set_gravity(DVec3::ZERO);
-    let crush = |s: &mut Simulation, body: BodyHandle| {
-        scene(s, body);
-        let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.03 * crate::common::noise(i)).collect();
-        s.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
-    };
+    let crush = |s: &mut Simulation, body: BodyHandle| scramble(s, body, &mesh);
     let settings = SolverSettings { mass_damping: 5.0, linear_tolerance: 1e-4, ..settings() };
     let Some([cpu, gpu]) = run_both(&description, 120, &settings, crush) else { return };
     for run in [&cpu, &gpu] {

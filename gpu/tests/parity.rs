@@ -1,9 +1,9 @@
 //! Every law on the device against the same law on the processor in `f64`, in several states: forces,
 //! energy, products with the three tangents.
 
-use crate::common::compare::{compare, compare_on, posed};
+use crate::common::compare::{compare_on, posed};
 use crate::common::{
-    MATERIAL, STATES, beam, bricks, device, displacements, displacements_of, half_bricks,
+    STATES, beam, bricks, device, displacements, displacements_of, half_bricks, of,
 };
 use glam::DVec3;
 use sinew::engine::law::TangentKind;
@@ -14,59 +14,55 @@ use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 use sinew_gpu::GpuOptions;
 
-fn of(mesh: &Mesh, model: Model) -> BodyDescription<'_> {
-    BodyDescription { model, ..BodyDescription::new("beam", mesh, MATERIAL) }
+fn pooled(mesh: &Mesh, model: Model) -> BodyDescription<'_> {
+    BodyDescription { evaluation: Evaluation::Pooled, ..of(mesh, model) }
 }
 
-#[test]
-fn fused_stvk() {
-    compare(|mesh| of(mesh, Model::StVK), "svk");
+const CELLS: [usize; 3] = [8, 4, 3];
+
+fn tetrahedra() -> Mesh {
+    beam([10, 4, 5])
 }
 
-#[test]
-fn fused_stvk_with_compression() {
-    compare(|mesh| of(mesh, Model::CompressibleStVK), "svk_comp");
+fn hexahedra() -> Mesh {
+    bricks(CELLS)
 }
 
-#[test]
-fn svk_of_textbooks() {
-    compare(|mesh| of(mesh, Model::StVKFem), "svk_fem");
+fn mixed() -> Mesh {
+    half_bricks(CELLS)
 }
 
-#[test]
-fn quadratic_springs() {
-    compare(|mesh| of(mesh, Model::QuadraticSprings), "tqs");
+/// Tests of bodies: for each its mesh, how the law is evaluated, the law and its name in the log.
+macro_rules! parity {
+    ($($name:ident: $($mesh:ident $evaluation:ident $model:ident $law:literal),+;)+) => {$(
+        #[test]
+        fn $name() {
+            $(compare_on(&$mesh(), |mesh| $evaluation(mesh, Model::$model), $law);)+
+        }
+    )+};
 }
 
-#[test]
-fn mass_spring() {
-    compare(|mesh| of(mesh, Model::MassSpring), "mass_spring");
-}
-
-#[test]
-fn linear() {
-    compare(|mesh| of(mesh, Model::Linear), "linear");
-}
-
-#[test]
-fn warped_stiffness() {
-    compare(|mesh| of(mesh, Model::WarpedStiffness), "corotational_warped");
-}
-
-#[test]
-fn corotational() {
-    compare(|mesh| of(mesh, Model::Corotational), "corotational");
-}
-
-#[test]
-fn neo_hookean() {
-    compare(|mesh| of(mesh, Model::NeoHookean), "neo_hookean");
-}
-
-#[test]
-fn svk_volume() {
-    compare(|mesh| of(mesh, Model::StVKVolume), "svk_volume");
-    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::StVKVolume), "hexahedra svk_volume");
+// hexahedra have no pooled form: theirs is the fused one
+parity! {
+    fused_stvk: tetrahedra of StVK "svk";
+    fused_stvk_with_compression: tetrahedra of CompressibleStVK "svk_comp";
+    svk_of_textbooks: tetrahedra of StVKFem "svk_fem";
+    quadratic_springs: tetrahedra of QuadraticSprings "tqs";
+    mass_spring: tetrahedra of MassSpring "mass_spring";
+    linear: tetrahedra of Linear "linear";
+    warped_stiffness: tetrahedra of WarpedStiffness "corotational_warped";
+    corotational: tetrahedra of Corotational "corotational";
+    neo_hookean: tetrahedra of NeoHookean "neo_hookean";
+    svk_volume: tetrahedra of StVKVolume "svk_volume", hexahedra of StVKVolume "hexahedra svk_volume";
+    pooled_springs: tetrahedra pooled StVK "pooled svk";
+    pooled_springs_with_compression: tetrahedra pooled CompressibleStVK "pooled svk_comp";
+    hexahedra_stvk: hexahedra of StVK "hexahedra svk", hexahedra of StVKFem "hexahedra svk_fem";
+    hexahedra_stvk_with_compression: hexahedra of CompressibleStVK "hexahedra svk_comp";
+    hexahedra_linear: hexahedra of Linear "hexahedra linear";
+    hexahedra_corotational: hexahedra of Corotational "hexahedra corotational";
+    hexahedra_neo_hookean: hexahedra of NeoHookean "hexahedra neo_hookean";
+    hexahedra_beside_tetrahedra: mixed of CompressibleStVK "mixed svk_comp", mixed pooled CompressibleStVK "mixed pooled";
+    springs_on_edges_of_hexahedra: hexahedra of MassSpring "hexahedra mass_spring";
 }
 
 /// Every law has a twin but those named here, with their reason.
@@ -80,58 +76,9 @@ fn every_row_of_the_table_has_a_twin() {
     }
 }
 
-fn pooled(mesh: &Mesh, model: Model) -> BodyDescription<'_> {
-    BodyDescription { evaluation: Evaluation::Pooled, ..of(mesh, model) }
-}
-
-#[test]
-fn pooled_springs() {
-    compare(|mesh| pooled(mesh, Model::StVK), "pooled svk");
-}
-
-#[test]
-fn pooled_springs_with_compression() {
-    compare(|mesh| pooled(mesh, Model::CompressibleStVK), "pooled svk_comp");
-}
-
-const CELLS: [usize; 3] = [8, 4, 3];
-
-#[test]
-fn hexahedra_stvk() {
-    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::StVK), "hexahedra svk");
-    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::StVKFem), "hexahedra svk_fem");
-}
-
-#[test]
-fn hexahedra_stvk_with_compression() {
-    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::CompressibleStVK), "hexahedra svk_comp");
-}
-
-#[test]
-fn hexahedra_linear() {
-    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::Linear), "hexahedra linear");
-}
-
-#[test]
-fn hexahedra_corotational() {
-    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::Corotational), "hexahedra corotational");
-}
-
-#[test]
-fn hexahedra_neo_hookean() {
-    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::NeoHookean), "hexahedra neo_hookean");
-}
-
-#[test]
-fn hexahedra_beside_tetrahedra() {
-    compare_on(&half_bricks(CELLS), |mesh| of(mesh, Model::CompressibleStVK), "mixed svk_comp");
-    // hexahedra have no pooled form: theirs is the fused one
-    compare_on(&half_bricks(CELLS), |mesh| pooled(mesh, Model::CompressibleStVK), "mixed pooled");
-}
-
 #[test]
 fn volume_ratios_of_all_elements() {
-    let (tets, hexes, mixed) = (beam([10, 4, 5]), bricks(CELLS), half_bricks(CELLS));
+    let (tets, hexes, mixed) = (tetrahedra(), hexahedra(), mixed());
     let cases = [
         of(&tets, Model::CompressibleStVK),
         pooled(&tets, Model::CompressibleStVK),
@@ -166,11 +113,6 @@ fn volume_ratios_of_all_elements() {
 }
 
 #[test]
-fn springs_on_edges_of_hexahedra() {
-    compare_on(&bricks(CELLS), |mesh| of(mesh, Model::MassSpring), "hexahedra mass_spring");
-}
-
-#[test]
 fn worlds_are_not_taken_for_each_other() {
     let Some(mut backend) = device(&GpuOptions::default()) else { return };
     let mesh = beam([4, 2, 2]);
@@ -184,14 +126,14 @@ fn worlds_are_not_taken_for_each_other() {
 
 #[test]
 fn repeats_bit_for_bit_and_does_not_depend_on_how_buffers_are_cut() {
-    let mesh = beam([10, 4, 5]);
+    let mesh = tetrahedra();
     // of 1200 tetrahedra 6 chunks, and 8 parts of the matrix
     repeats(&mesh, &of(&mesh, Model::CompressibleStVK), 128 << 10);
     repeats(&mesh, &pooled(&mesh, Model::CompressibleStVK), 128 << 10);
-    let mesh = half_bricks(CELLS);
+    let mesh = mixed();
     repeats(&mesh, &of(&mesh, Model::CompressibleStVK), 64 << 10);
     // 50 hexahedra, then 46
-    let mesh = bricks(CELLS);
+    let mesh = hexahedra();
     repeats(&mesh, &of(&mesh, Model::CompressibleStVK), 64 << 10);
 }
 

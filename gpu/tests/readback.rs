@@ -1,12 +1,11 @@
 //! The state comes down after every step, or when somebody asks: the bits are the same.
 
-use crate::common::{MATERIAL, beam, device, noise, say};
+use crate::common::{MATERIAL, beam, cut_notch, device, displace, hold, noise, of, say, scramble};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::vertex::Position;
 use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::models::axes::muscle::{ActivationWork, MuscleSettings};
-use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use sinew::simulation::Readback;
 use sinew_gpu::{GpuOptions, GpuReport};
@@ -57,15 +56,6 @@ fn run(
     Some((run, device))
 }
 
-fn of(mesh: &Mesh, model: Model) -> BodyDescription<'_> {
-    BodyDescription { model, ..BodyDescription::new("beam", mesh, MATERIAL) }
-}
-
-fn hold(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, group: &str) {
-    let rows = simulation.group_rows(body, mesh, group).unwrap();
-    simulation.add_constraint(Constraint::hold(group, rows));
-}
-
 #[test]
 fn same_bits_however_the_state_is_read() {
     let mesh = beam([8, 3, 3]);
@@ -90,14 +80,7 @@ fn same_bits_however_the_state_is_read() {
             let u = s.displacements(body);
             s.set_state(body, &u, &v).unwrap();
         }
-        6 => {
-            let near = |x: DVec3| (x.x - 0.1).abs() < 0.03 && x.z > 0.03;
-            let notch = (0..).zip(&mesh.tetrahedra).filter(|(_, t)| {
-                near(t.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / 4.0)
-            });
-            let notch = notch.map(|(i, _)| i).collect::<Vec<u32>>();
-            s.remove_elements(body, &Removal::new(Region::Tetrahedra(notch))).unwrap();
-        }
+        6 => cut_notch(s, body, mesh),
         8 => {
             s.set_material(body, YoungPoisson { young_modulus: 2e4, ..MATERIAL }).unwrap();
         }
@@ -106,9 +89,7 @@ fn same_bits_however_the_state_is_read() {
     // inside out and back
     let scrambled = |s: &mut Simulation, body: BodyHandle, mesh: &Mesh, step: usize| {
         if step == 0 {
-            s.set_gravity(DVec3::ZERO);
-            let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.03 * noise(i)).collect();
-            s.set_state(body, &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+            scramble(s, body, mesh);
         }
     };
     let along = [DVec3::X];
@@ -169,7 +150,7 @@ fn volume_ratios_are_those_of_the_processor() {
         ..SolverSettings::default()
     });
     let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.02 * noise(i)).collect();
-    simulation.set_state(bodies[1], &u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    displace(&mut simulation, bodies[1], &u);
     simulation.step().unwrap();
     let report = simulation.volume_report().clone();
     for body in bodies {

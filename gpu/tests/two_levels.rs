@@ -1,11 +1,10 @@
 //! The two-level preconditioner on the device: iterations against the processor's, and bodies that are not one whole.
 
-use crate::common::{MATERIAL, beam, device, relative, say};
+use crate::common::{MATERIAL, beam, guide, hold, on_device, relative, say, simulations};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::report::StepReport;
-use sinew::engine::vertex::FixedAxes;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use sinew::simulation::Backend;
@@ -15,20 +14,6 @@ use sinew_gpu::GpuOptions;
 fn settings(preconditioner: Preconditioner, linear_tolerance: f64) -> SolverSettings {
     let integrator = Integrator::Safe;
     SolverSettings { integrator, preconditioner, linear_tolerance, ..SolverSettings::default() }
-}
-
-/// On the processor, and on the device if there is one.
-fn simulations(options: &GpuOptions) -> Option<[Simulation; 2]> {
-    let backend = device(options)?;
-    let options = SimulationOptions::default();
-    Some([Simulation::new(options).unwrap(), Simulation::with_gpu(options, backend).unwrap()])
-}
-
-fn clamp(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, group: &str, axes: u8) {
-    let rows = simulation.group_rows(body, mesh, group).unwrap();
-    let mut hold = Constraint::hold(group, rows);
-    hold.axes = FixedAxes(axes);
-    simulation.add_constraint(hold);
 }
 
 fn steps(simulation: &mut Simulation, count: usize) -> Vec<StepReport> {
@@ -53,7 +38,7 @@ fn iterations_are_near_those_of_the_processor() {
         for mut simulation in both {
             let body = simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
             simulation.set_solver(settings(kind, 1e-3));
-            clamp(&mut simulation, body, &mesh, "x0", 7);
+            hold(&mut simulation, body, &mesh, "x0");
             let reports = steps(&mut simulation, 4);
             let two = kind == Preconditioner::Auto;
             assert_eq!(reports[3].preconditioner, if two { "multigrid" } else { "block-jacobi" });
@@ -96,11 +81,11 @@ fn pieces_held_axes_and_bodies_below_an_aggregate() {
     let mesh = beam([10, 3, 3]);
     let pieces = two_boxes();
     let still = |_: &mut Simulation, _: BodyHandle, _: &Mesh| {};
-    let clamped = |s: &mut Simulation, body: BodyHandle, mesh: &Mesh| clamp(s, body, mesh, "x0", 7);
+    let clamped = |s: &mut Simulation, body: BodyHandle, mesh: &Mesh| hold(s, body, mesh, "x0");
     // on a floor, and one end along y: unknowns of an aggregate that only some axes resist
     let partly = |s: &mut Simulation, body: BodyHandle, mesh: &Mesh| {
-        clamp(s, body, mesh, "z0", 4);
-        clamp(s, body, mesh, "x0", 2);
+        guide(s, body, mesh, "z0", 4);
+        guide(s, body, mesh, "x0", 2);
     };
     // every vertex held: nothing to solve for
     let all = |s: &mut Simulation, body: BodyHandle, mesh: &Mesh| {
@@ -120,8 +105,7 @@ fn pieces_held_axes_and_bodies_below_an_aggregate() {
     ];
     for (name, mesh, scene) in scenes {
         let Some([cpu, gpu]) = simulations(&GpuOptions::default()) else { return };
-        let Some(backend) = device(&GpuOptions::default()) else { return };
-        let jacobi = Simulation::with_gpu(SimulationOptions::default(), backend).unwrap();
+        let Some(jacobi) = on_device(&GpuOptions::default()) else { return };
         let kinds =
             [Preconditioner::Multigrid, Preconditioner::Multigrid, Preconditioner::BlockJacobi];
         let mut kinds = kinds.into_iter();
@@ -168,7 +152,7 @@ fn removal_time_step_and_binding_limit() {
         let [cpu, gpu] = both.map(|mut simulation| {
             let body = simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
             simulation.set_solver(settings(Preconditioner::Multigrid, 1e-5));
-            clamp(&mut simulation, body, &mesh, "x0", 7);
+            hold(&mut simulation, body, &mesh, "x0");
             let mut reports = steps(&mut simulation, 3);
             // cut in two: what falls off is a piece of its own
             let near = |x: DVec3| (x.x - 0.1).abs() < 0.02;
@@ -198,11 +182,10 @@ fn removal_time_step_and_binding_limit() {
 fn repeats_bit_for_bit() {
     let mesh = beam([12, 4, 4]);
     let hashes = [(), ()].map(|()| {
-        let backend = device(&GpuOptions::default())?;
-        let mut simulation = Simulation::with_gpu(SimulationOptions::default(), backend).unwrap();
+        let mut simulation = on_device(&GpuOptions::default())?;
         let body = simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
         simulation.set_solver(settings(Preconditioner::Multigrid, 1e-3));
-        clamp(&mut simulation, body, &mesh, "x0", 7);
+        hold(&mut simulation, body, &mesh, "x0");
         steps(&mut simulation, 5);
         Some(simulation.state_hash())
     });

@@ -1,11 +1,19 @@
 //! Reference vectors and small builders shared by the tests.
 
+pub mod rich_axes;
+
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
 use serde_json::Value;
+use sinew::engine::law::{EvaluationRequest, TangentKind};
+use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
+use sinew::engine::schedule::ForceSchedule;
+use sinew::engine::vertex::FixedAxes;
+use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
+use sinew::models::resection::Region;
 use sinew::prelude::*;
 
 /// A reference file: from `SINEW_REFERENCE` (a folder with `reference/`),
@@ -65,15 +73,12 @@ pub fn simulation(
     model: Model,
     evaluation: Evaluation,
 ) -> (Simulation, BodyHandle) {
-    let mut simulation = Simulation::new(options).expect("threads");
-    let body = simulation
-        .add_body(&BodyDescription {
-            model,
-            evaluation,
-            ..BodyDescription::from_parts("body", points, tetrahedra, material)
-        })
-        .expect("body");
-    (simulation, body)
+    let body = BodyDescription {
+        model,
+        evaluation,
+        ..BodyDescription::from_parts("body", points, tetrahedra, material)
+    };
+    alone(options, &body)
 }
 
 /// A box of tetrahedra with one corner at the origin, its interior vertices moved at random.
@@ -98,6 +103,79 @@ pub fn simulate(
     simulation(options, &mesh.points, &mesh.tetrahedra, material, model, evaluation)
 }
 
+/// A simulation with one body, and nothing beside it.
+pub fn alone(options: SimulationOptions, body: &BodyDescription) -> (Simulation, BodyHandle) {
+    let mut simulation = Simulation::new(options).unwrap();
+    let body = simulation.add_body(body).unwrap();
+    (simulation, body)
+}
+
+/// A body of a mesh with the default options.
+pub fn plain(
+    mesh: &Mesh,
+    material: YoungPoisson,
+    model: Model,
+    evaluation: Evaluation,
+) -> (Simulation, BodyHandle) {
+    simulate(SimulationOptions::default(), mesh, material, model, evaluation)
+}
+
+/// The same with the default model.
+pub fn fused(mesh: &Mesh, material: YoungPoisson) -> (Simulation, BodyHandle) {
+    plain(mesh, material, Model::CompressibleStVK, Evaluation::Fused)
+}
+
+pub fn options(precision: Precision, threads: usize) -> SimulationOptions {
+    SimulationOptions { precision, threads, ..Default::default() }
+}
+
+/// Settings of a solver: the integrator, and what else is not as by default.
+macro_rules! solver {
+    ($integrator:expr $(, $field:ident $(= $value:expr)?)*) => {
+        SolverSettings { integrator: $integrator, $($field $(: $value)?,)* ..Default::default() }
+    };
+}
+pub(crate) use solver;
+
+/// What tests do with a simulation again and again.
+pub trait Shortcuts {
+    /// Steps, all of which must succeed.
+    fn steps(&mut self, count: usize);
+    /// Makes all settings of the solver the default ones but for the integrator.
+    fn integrate_by(&mut self, integrator: Integrator);
+    /// Displaces a body (m), at rest.
+    fn displace(&mut self, body: BodyHandle, u: &[DVec3]);
+    /// Finds the equilibrium under the loads at the end of a step.
+    fn settle(&mut self);
+}
+
+impl Shortcuts for Simulation {
+    fn steps(&mut self, count: usize) {
+        (0..count).for_each(|_| self.step().unwrap());
+    }
+
+    fn integrate_by(&mut self, integrator: Integrator) {
+        self.set_solver(SolverSettings { integrator, ..Default::default() });
+    }
+
+    fn displace(&mut self, body: BodyHandle, u: &[DVec3]) {
+        self.set_state(body, u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    }
+
+    fn settle(&mut self) {
+        self.integrate_by(Integrator::QuasiStatic);
+        self.step().unwrap();
+        assert!(!self.report().unconverged);
+    }
+}
+
+/// Displaces the vertices of a body at random, along every axis by `size` (m) at most.
+pub fn disturb(simulation: &mut Simulation, body: BodyHandle, size: f64, seed: u64) {
+    let n = simulation.displacements(body).len();
+    let u: Vec<_> = random_field(n, seed).iter().map(|r| *r * size).collect();
+    simulation.displace(body, &u);
+}
+
 /// Vertices of a named group.
 pub fn group(mesh: &Mesh, name: &str) -> Vec<u32> {
     mesh.group(name).expect("the generators name their sides").vertices.clone()
@@ -105,8 +183,114 @@ pub fn group(mesh: &Mesh, name: &str) -> Vec<u32> {
 
 /// Holds a named side of a body for good.
 pub fn clamp(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, side: &str) -> Entity {
-    let rows = simulation.rows(body, side, &group(mesh, side)).expect("vertices exist");
-    simulation.add_constraint(Constraint::hold(side, rows))
+    guide(simulation, body, mesh, side, FixedAxes::ALL.0)
+}
+
+/// Holds a named side of a body along some axes for good.
+pub fn guide(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    mesh: &Mesh,
+    side: &str,
+    axes: u8,
+) -> Entity {
+    let rows = simulation.group_rows(body, mesh, side).expect("vertices exist");
+    let mut hold = Constraint::hold(side, rows);
+    hold.axes = FixedAxes(axes);
+    simulation.add_constraint(hold)
+}
+
+/// Moves a named side of a body.
+pub fn drive(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    mesh: &Mesh,
+    side: &str,
+    motion: Motion,
+    curve: Curve,
+) -> Entity {
+    let rows = simulation.group_rows(body, mesh, side).expect("vertices exist");
+    simulation.add_constraint(Constraint::moving(side, rows, motion, curve))
+}
+
+/// Vertices whose rest positions pass a test.
+pub fn vertices(points: &[DVec3], test: impl Fn(DVec3) -> bool) -> Vec<u32> {
+    (0..).zip(points).filter(|(_, p)| test(**p)).map(|(i, _)| i).collect()
+}
+
+/// Holds the vertices of a body at x = 0 for good.
+pub fn hold_end(simulation: &mut Simulation, body: BodyHandle, points: &[DVec3]) {
+    let rows = simulation.rows(body, "end", &vertices(points, |p| p.x < 1e-9)).unwrap();
+    simulation.add_constraint(Constraint::hold("end", rows));
+}
+
+/// Tetrahedra round the vertices that pass a test.
+pub fn touching(mesh: &Mesh, test: impl Fn(DVec3) -> bool) -> Region {
+    let touches = |t: &[u32; 4]| t.iter().any(|&v| test(mesh.points[v as usize]));
+    let all = (0..).zip(&mesh.tetrahedra);
+    Region::Tetrahedra(all.filter(|(_, t)| touches(t)).map(|(i, _)| i).collect())
+}
+
+/// Numbers below `n`, the same every time.
+pub fn random_numbers(seed: u64) -> impl FnMut(usize) -> usize {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    move |n| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as usize % n
+    }
+}
+
+/// `count` of some elements.
+pub fn pick(mut left: Vec<u32>, count: usize, seed: u64) -> Vec<u32> {
+    let mut next = random_numbers(seed);
+    let count = count.min(left.len());
+    for i in 0..count {
+        let j = i + next(left.len() - i);
+        left.swap(i, j);
+    }
+    left.truncate(count);
+    left
+}
+
+/// `K dx` of the tangent of the given kind at the current state, in the user's order.
+pub fn tangent_product(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    kind: TangentKind,
+    dx: &[DVec3],
+) -> Vec<DVec3> {
+    let rows = simulation.topology().bodies[body.0].clone();
+    let world = simulation.world_mut();
+    world.insert_resource(EvaluationRequest { energy: false, force: false, tangent: Some(kind) });
+    world.run_schedule(ForceSchedule);
+    let x: Vec<[f64; 4]> =
+        rows.vertex_order.iter().map(|&v| dx[v as usize]).map(|d| [d.x, d.y, d.z, 0.0]).collect();
+    let mut y = vec![[0.0; 4]; x.len()];
+    world.resource::<Tangent<f64>>().matrix.multiply(
+        world.resource(),
+        world.resource::<Workers>(),
+        &mut ProductSpans::default(),
+        &x,
+        &mut y,
+    );
+    let mut result = vec![DVec3::ZERO; dx.len()];
+    for (row, &vertex) in rows.vertex_order.iter().enumerate() {
+        result[vertex as usize] = DVec3::new(y[row][0], y[row][1], y[row][2]);
+    }
+    result
+}
+
+/// After a removal the state is that of a body newly built, as far as rounding allows.
+pub fn assert_as_fresh(simulation: &mut Simulation, body: BodyHandle, what: &str) {
+    // forces are compared to 1e-3 of stiffness times reach: 4.5 roundings of that in either precision
+    let rounding = match simulation.precision() {
+        Precision::F64 => f64::EPSILON,
+        Precision::F32 => f32::EPSILON.into(),
+    };
+    let difference = simulation.verify_against_fresh(body).unwrap();
+    assert!(difference.largest() <= 4500.0 * rounding, "{what}: {difference:?}");
 }
 
 /// The same field of numbers between -1 and 1 every time (splitmix64).

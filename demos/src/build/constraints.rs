@@ -38,9 +38,7 @@ fn constraint(
     let curve = factor(key, entry.curve.as_ref(), mode)?;
     let [from, until] = window(key, entry, mode)?;
     let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
-    let rows = built.simulation.rows(handle, &name, &vertices).map_err(|source| {
-        SceneError::Simulation { place: key.place(), source: Box::new(source) }
-    })?;
+    let rows = built.simulation.rows(handle, &name, &vertices).map_err(|e| key.simulation(e))?;
     let mut constraint = Constraint::moving(name.clone(), rows, motion, curve);
     (constraint.axes, constraint.from, constraint.until) = (axes, from, until);
     let entity = built.simulation.add_constraint(constraint);

@@ -19,9 +19,8 @@ pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), Sc
         let force = key.at("force").finite(entry.force)?;
         let curve = factor(&key, entry.curve.as_ref(), built.plan.mode)?;
         let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
-        let rows = built.simulation.rows(handle, &name, &vertices).map_err(|source| {
-            SceneError::Simulation { place: key.place(), source: Box::new(source) }
-        })?;
+        let rows =
+            built.simulation.rows(handle, &name, &vertices).map_err(|e| key.simulation(e))?;
         let share = force / rows.len() as f64;
         let forces = rows.iter().map(|&row| (row, share)).collect();
         built.simulation.add_load(Load { name: name.clone(), forces, curve });
@@ -56,9 +55,8 @@ pub(super) fn add_pressures(
             ));
         }
         let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
-        let faces = built.simulation.face_rows(handle, &name, &triangles).map_err(|source| {
-            SceneError::Simulation { place: on.place(), source: Box::new(source) }
-        })?;
+        let faces =
+            built.simulation.face_rows(handle, &name, &triangles).map_err(|e| on.simulation(e))?;
         let pressure = entry.pressure * share;
         built.simulation.add_pressure(Pressure { name: name.clone(), faces, pressure, curve });
         let (triangles, pressure) = (triangles.len(), entry.pressure);

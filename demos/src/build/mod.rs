@@ -103,7 +103,7 @@ fn of_simulation(loaded: &LoadedScene, source: SimulationError) -> SceneError {
         SimulationError::Workers(_) => "threads",
         _ => "backend",
     };
-    SceneError::Simulation { place: loaded.place(key), source: Box::new(source) }
+    loaded.key(key).simulation(source)
 }
 
 /// Names are given and unique among entries of their kind; those of loads also among constraints.

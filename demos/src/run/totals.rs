@@ -58,11 +58,17 @@ impl Totals {
 
     fn add(&mut self, report: &StepReport) {
         let s = &mut self.solver;
-        s.cg_iterations += u64::from(report.cg_iterations);
+        macro_rules! sums {
+            ($($figure:ident)*) => { $(s.$figure += u64::from(report.$figure);)* };
+        }
+        sums! { cg_iterations newton_iterations evaluations cg_caps preconditioner_refreshes }
+        sums! { preconditioner_breakdowns precision_fallbacks gradient_fallbacks projections }
+        sums! { backtracks line_search_failures energy_caps recovering }
+        sums! { load_partings second_order_steps substeps refinements }
+        s.clamped_elements += report.clamped_elements;
+        s.unconverged_steps += u64::from(report.unconverged);
         s.cg_iterations_max = s.cg_iterations_max.max(report.cg_iterations);
-        s.newton_iterations += u64::from(report.newton_iterations);
         s.newton_iterations_max = s.newton_iterations_max.max(report.newton_iterations);
-        s.evaluations += u64::from(report.evaluations);
         s.worst_residual = s.worst_residual.max(report.cg_residual);
         s.worst_newton_step = s.worst_newton_step.max(report.newton_step);
         // a running mean: the time of this step is booked already
@@ -70,30 +76,14 @@ impl Totals {
         let error = report.linearisation_error;
         s.linearisation_error_mean += (error - s.linearisation_error_mean) / done;
         s.linearisation_error_max = s.linearisation_error_max.max(error);
-        s.cg_caps += u64::from(report.cg_caps);
         if s.preconditioner != report.preconditioner && !report.preconditioner.is_empty() {
             report.preconditioner.clone_into(&mut s.preconditioner);
         }
-        s.preconditioner_refreshes += u64::from(report.preconditioner_refreshes);
-        s.preconditioner_breakdowns += u64::from(report.preconditioner_breakdowns);
-        s.precision_fallbacks += u64::from(report.precision_fallbacks);
-        s.gradient_fallbacks += u64::from(report.gradient_fallbacks);
-        s.projections += u64::from(report.projections);
-        s.clamped_elements += report.clamped_elements;
-        s.backtracks += u64::from(report.backtracks);
-        s.line_search_failures += u64::from(report.line_search_failures);
-        s.energy_caps += u64::from(report.energy_caps);
-        s.unconverged_steps += u64::from(report.unconverged);
-        s.recovering += u64::from(report.recovering);
-        s.load_partings += u64::from(report.load_partings);
-        s.second_order_steps += u64::from(report.second_order_steps);
         let f = &report.fallbacks;
         let reasons = [f.start, f.indefinite, f.shortened, f.energy, f.inverted, f.waiting];
         for (sum, count) in s.fallbacks.iter_mut().zip(reasons) {
             *sum += u64::from(count);
         }
-        s.substeps += u64::from(report.substeps);
-        s.refinements += u64::from(report.refinements);
         if report.stable_step > 0.0 {
             let smallest = s.stable_step.unwrap_or(f64::INFINITY).min(report.stable_step);
             s.stable_step = Some(smallest);

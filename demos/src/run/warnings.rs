@@ -26,130 +26,71 @@ pub(super) fn run_warnings(run: &RunFacts) -> Vec<warning::Warning> {
     .collect()
 }
 
-static RULES: [Rule; 14] = [
-    Rule {
-        level: Warning,
-        code: "run.inverted",
-        subject: "elements",
-        count: |run| run.totals.volume.inverted_max,
-        message: |run, n| {
-            let at_the_end = run.totals.volume.inverted_final;
-            format!("up to {n} elements were turned inside out, {at_the_end} at the end")
-        },
-        remedy: "use model = \"svk_comp\", smaller steps or a finer mesh where it happens",
-    },
-    Rule {
-        level: Warning,
-        code: "run.cg.cap",
-        subject: "solver",
-        count: |run| run.totals.solver.cg_caps,
-        message: |_, n| format!("{n} linear solves stopped at the iteration cap"),
-        remedy: "raise solver.max_linear_iterations or linear_tolerance",
-    },
-    Rule {
-        level: Warning,
-        code: "run.gpu.stalled",
-        subject: "gpu",
-        count: |run| run.totals.gpu.as_ref().map_or(0, |gpu| gpu.stalled),
-        message: |run, n| {
-            let worst = run.totals.solver.worst_residual;
-            format!(
-                "{n} linear solves could not be brought to the tolerance in f32; worst residual {worst:.1e}"
-            )
-        },
-        remedy: "raise solver.linear_tolerance, or use backend = \"cpu\"",
-    },
-    Rule {
-        level: Warning,
-        code: "run.newton.unconverged",
-        subject: "solver",
-        count: |run| if run.is_dynamic() { run.totals.solver.unconverged_steps } else { 0 },
-        message: |run, n| format!("Newton did not converge in {n} of {} steps", run.steps()),
-        remedy: "use a smaller dt, a smaller linear_tolerance or more max_newton_iterations",
-    },
-    Rule {
-        level: Warning,
-        code: "run.gradient",
-        subject: "solver",
-        count: |run| run.totals.solver.gradient_fallbacks,
-        message: |_, n| format!("{n} linear solves fell back to a gradient step"),
-        remedy: "use a smaller dt; elements are far out of shape",
-    },
-    Rule {
-        level: Warning,
-        code: "run.line-search",
-        subject: "solver",
-        count: |run| run.totals.solver.line_search_failures,
-        message: |_, n| {
-            format!("in {n} steps a body was halted where it was, no lower energy was found")
-        },
-        remedy: "use a smaller dt or a smaller linear_tolerance",
-    },
-    Rule {
-        level: Warning,
-        code: "run.energy.cap",
-        subject: "solver",
-        count: |run| run.totals.solver.energy_caps,
-        message: |_, n| format!("in {n} steps a body was slowed down to keep its energy bounded"),
-        remedy: "the motion is damped there; use a smaller dt where it matters",
-    },
-    Rule {
-        level: Note,
-        code: "run.backtrack",
-        subject: "solver",
-        count: |run| if run.integrator().converges() { 0 } else { run.totals.solver.backtracks },
-        message: |_, n| format!("{n} steps were shortened by the line search"),
-        remedy: "the motion is damped there; use a smaller dt where it matters",
-    },
-    Rule {
-        level: Note,
-        code: "run.not-robust",
-        subject: "solver",
-        count: |run| run.integrator().facts().caution.is_some().into(),
-        message: |run, _| run.integrator().facts().caution.unwrap_or_default().into(),
-        remedy: "compare with integrator = \"tr-bdf2\", or leave the integrator out",
-    },
-    Rule {
-        level: Note,
-        code: "run.recovery",
-        subject: "solver",
-        count: |run| run.totals.solver.recovering,
-        message: |_, n| format!("in {n} steps a body moved by the corotational energy"),
-        remedy: "nothing to do; its own law is back when it is in shape again",
-    },
-    Rule {
-        level: Note,
-        code: "run.load-parts",
-        subject: "solver",
-        count: |run| run.totals.solver.load_partings,
-        message: |_, n| format!("loads were applied in parts, {n} halvings"),
-        remedy: "nothing to do; a larger load_steps may save the failed attempts",
-    },
-    Rule {
-        level: Note,
-        code: "run.refinement",
-        subject: "solver",
-        count: |run| run.totals.solver.refinements,
-        message: |_, n| format!("substeps were halved {n} times because the energy grew"),
-        remedy: "nothing to do; a smaller explicit_safety avoids the repetition",
-    },
-    Rule {
-        level: Note,
-        code: "run.projection",
-        subject: "solver",
-        count: |run| run.totals.solver.projections,
-        message: |_, n| format!("{n} steps or iterations used the projected tangent"),
-        remedy: "nothing to do; a sign of strong compression, inverted elements or large steps",
-    },
-    Rule {
-        level: Warning,
-        code: "run.energy.gain",
-        subject: "energy",
-        count: |run| (energy_gain(run) > allowed_gain(run)).into(),
-        message: |run, _| format!("{:.2e} J more at the end than was put in", energy_gain(run)),
-        remedy: "use a smaller dt or integrator = \"safe\"",
-    },
-];
+/// Rows of level, code and subject; how often it happened; what is said of that; what to do.
+macro_rules! rules {
+    ($($level:ident $code:literal $subject:literal: |$run:ident| $count:expr;
+       |$n:ident| $($message:expr),+; $remedy:literal;)*) => {
+        static RULES: &[Rule] = &[$(Rule {
+            level: $level,
+            code: $code,
+            subject: $subject,
+            count: |$run| $count,
+            message: |$run, $n| {
+                let _ = ($run, $n);
+                format!($($message),+)
+            },
+            remedy: $remedy,
+        }),*];
+    };
+}
+
+rules! {
+    Warning "run.inverted" "elements": |run| run.totals.volume.inverted_max;
+        |n| "up to {n} elements were turned inside out, {} at the end", run.totals.volume.inverted_final;
+        "use model = \"svk_comp\", smaller steps or a finer mesh where it happens";
+    Warning "run.cg.cap" "solver": |run| run.totals.solver.cg_caps;
+        |n| "{n} linear solves stopped at the iteration cap";
+        "raise solver.max_linear_iterations or linear_tolerance";
+    Warning "run.gpu.stalled" "gpu": |run| run.totals.gpu.as_ref().map_or(0, |gpu| gpu.stalled);
+        |n| "{n} linear solves could not be brought to the tolerance in f32; worst residual {:.1e}",
+            run.totals.solver.worst_residual;
+        "raise solver.linear_tolerance, or use backend = \"cpu\"";
+    Warning "run.newton.unconverged" "solver":
+        |run| if run.is_dynamic() { run.totals.solver.unconverged_steps } else { 0 };
+        |n| "Newton did not converge in {n} of {} steps", run.steps();
+        "use a smaller dt, a smaller linear_tolerance or more max_newton_iterations";
+    Warning "run.gradient" "solver": |run| run.totals.solver.gradient_fallbacks;
+        |n| "{n} linear solves fell back to a gradient step";
+        "use a smaller dt; elements are far out of shape";
+    Warning "run.line-search" "solver": |run| run.totals.solver.line_search_failures;
+        |n| "in {n} steps a body was halted where it was, no lower energy was found";
+        "use a smaller dt or a smaller linear_tolerance";
+    Warning "run.energy.cap" "solver": |run| run.totals.solver.energy_caps;
+        |n| "in {n} steps a body was slowed down to keep its energy bounded";
+        "the motion is damped there; use a smaller dt where it matters";
+    Note "run.backtrack" "solver":
+        |run| if run.integrator().converges() { 0 } else { run.totals.solver.backtracks };
+        |n| "{n} steps were shortened by the line search";
+        "the motion is damped there; use a smaller dt where it matters";
+    Note "run.not-robust" "solver": |run| run.integrator().facts().caution.is_some().into();
+        |n| "{}", run.integrator().facts().caution.unwrap_or_default();
+        "compare with integrator = \"tr-bdf2\", or leave the integrator out";
+    Note "run.recovery" "solver": |run| run.totals.solver.recovering;
+        |n| "in {n} steps a body moved by the corotational energy";
+        "nothing to do; its own law is back when it is in shape again";
+    Note "run.load-parts" "solver": |run| run.totals.solver.load_partings;
+        |n| "loads were applied in parts, {n} halvings";
+        "nothing to do; a larger load_steps may save the failed attempts";
+    Note "run.refinement" "solver": |run| run.totals.solver.refinements;
+        |n| "substeps were halved {n} times because the energy grew";
+        "nothing to do; a smaller explicit_safety avoids the repetition";
+    Note "run.projection" "solver": |run| run.totals.solver.projections;
+        |n| "{n} steps or iterations used the projected tangent";
+        "nothing to do; a sign of strong compression, inverted elements or large steps";
+    Warning "run.energy.gain" "energy": |run| (energy_gain(run) > allowed_gain(run)).into();
+        |n| "{:.2e} J more at the end than was put in", energy_gain(run);
+        "use a smaller dt or integrator = \"safe\"";
+}
 
 /// Energy (J) from nowhere.
 fn energy_gain(run: &RunFacts) -> f64 {

@@ -4,6 +4,7 @@ use super::document::Scene;
 use crate::error::{Place, SceneError, hint};
 use glam::DVec3;
 use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::simulation::SimulationError;
 use std::cmp::Reverse;
 use std::collections::HashMap;
 use std::fmt::{self, Display};
@@ -232,6 +233,11 @@ impl Key<'_> {
 
     pub fn missing(&self, what: impl Into<String>, remedy: impl Into<String>) -> SceneError {
         SceneError::Missing { place: self.place(), what: what.into(), remedy: remedy.into() }
+    }
+
+    /// What the engine refuses.
+    pub fn simulation(&self, source: SimulationError) -> SceneError {
+        SceneError::Simulation { place: self.place(), source: Box::new(source) }
     }
 
     /// A name that is not among those that exist.

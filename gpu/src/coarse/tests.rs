@@ -124,7 +124,7 @@ fn the_inverse_is_that_of_the_galerkin_matrix() {
     };
     let coarse = Coarse::new(&context, plan, &pattern, &buffers);
     let mut recorder = context.record();
-    coarse.refresh(&context, &mut recorder);
+    coarse.refresh(&mut recorder);
     let stride = coarse.stride as usize;
     let found = recorder.read(&coarse.inverse, 0, 4 * (stride * stride) as u64);
     recorder.submit();

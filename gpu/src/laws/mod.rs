@@ -9,9 +9,13 @@ pub mod pooled;
 pub mod pressure;
 pub mod solid;
 
+use bevy_ecs::component::ComponentId;
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::{QueryBuilder, ReadOnlyQueryData};
+use sinew_engine::isoparametric::HexahedronRest;
 use sinew_engine::law::TangentKind;
 use sinew_engine::scalar::Scalar;
+use sinew_engine::vertex::BodyId;
 use sinew_models::laws::pooled::{EDGE_CHANGES, SPRING_FORCES};
 use sinew_models::laws::{InRecovery, LawRow, LawTable, precision};
 
@@ -67,8 +71,77 @@ impl ElementKind {
     }
 }
 
-/// Finds the elements of a body (by index and first row) that follow a law.
-type Find = fn(&mut World, &LawRow, usize, u32) -> ElementColumns;
+/// Finds the elements of a body that follow a law.
+type Find = fn(Search<'_>) -> ElementColumns;
+
+/// Elements that are looked for.
+struct Search<'w> {
+    world: &'w mut World,
+    /// The component that marks them.
+    mark: ComponentId,
+    /// Index of their body.
+    body: usize,
+    /// Its first row.
+    first_row: u32,
+}
+
+impl Search<'_> {
+    /// What was found; `add` appends the constants of an element and returns its vertex rows.
+    fn columns<D: ReadOnlyQueryData, const N: usize>(
+        self,
+        add: impl Fn(D::Item<'_, '_>, &mut Vec<f32>) -> [u32; N],
+    ) -> ElementColumns {
+        let mut columns = ElementColumns::default();
+        let mut query = QueryBuilder::<(D, &BodyId)>::new(self.world);
+        let mut query = query.with_id(self.mark).build();
+        for (element, of) in query.iter(self.world) {
+            if of.0 as usize == self.body {
+                let nodes = add(element, &mut columns.data);
+                columns.nodes.extend(nodes.map(|row| row - self.first_row));
+            }
+        }
+        columns
+    }
+}
+
+/// Appends rows of constants, in `f64` so that products are rounded once.
+fn push<const R: usize>(data: &mut Vec<f32>, rows: [[f64; 4]; R]) {
+    data.extend(rows.as_flattened().iter().map(|x| *x as f32));
+}
+
+/// A vector and a number.
+fn row([x, y, z]: [f64; 3], number: f64) -> [f64; 4] {
+    [x, y, z, number]
+}
+
+/// The three numbers of columns in a tuple.
+macro_rules! three {
+    ($columns:expr) => {
+        [$columns.0.0.to_f64(), $columns.1.0.to_f64(), $columns.2.0.to_f64()]
+    };
+}
+use three;
+
+/// Gradients (1/m) of the local coordinates at the points of a hexahedron, with the shares (m^3) of the points.
+fn points<S: Scalar>(rest: &HexahedronRest<S>) -> impl Iterator<Item = ([[f64; 3]; 3], f64)> {
+    (0..8).map(|q| {
+        let d = |i: usize, x: usize| rest.gradients[3 * i + x][q].to_f64();
+        let d = std::array::from_fn(|i| std::array::from_fn(|x| d(i, x)));
+        (d, rest.volume[q].to_f64())
+    })
+}
+
+/// Twelve constants of elements or points with nothing but the modulus of the compression term, that at place `at`;
+/// none where no element has it.
+fn compression_alone(mut columns: ElementColumns, at: usize) -> ElementColumns {
+    if columns.data.chunks_exact(12).all(|constants| constants[at] == 0.0) {
+        return ElementColumns::default();
+    }
+    for constants in columns.data.chunks_exact_mut(12) {
+        (constants[3], constants[7]) = (0.0, 0.0);
+    }
+    columns
+}
 
 /// A law with a twin on the device. A body has a set of elements for each of its laws; what sets give is added
 /// up in the order of the laws.
@@ -87,6 +160,16 @@ pub struct DeviceLaw {
 }
 
 impl DeviceLaw {
+    /// A law whose set measures no volumes.
+    const fn new(
+        row: &'static LawRow,
+        kind: ElementKind,
+        find: [Find; 2],
+        files: &'static [&'static str],
+    ) -> Self {
+        Self { row, kind, volumes: false, find, files }
+    }
+
     /// Name of the law.
     pub fn name(&self) -> &'static str {
         self.row.info.name
@@ -157,7 +240,10 @@ pub fn columns<S: Scalar>(
 ) -> Vec<(DeviceLaw, ElementColumns)> {
     let mut found: Vec<_> = all()
         .filter(|law| wanted(law))
-        .map(|law| (*law, law.find[precision::<S>()](world, law.row, body, first_row)))
+        .map(|law| {
+            let mark = law.row.mark::<S>(world);
+            (*law, law.find[precision::<S>()](Search { world, mark, body, first_row }))
+        })
         .filter(|(_, columns)| !columns.nodes.is_empty())
         .collect();
     if wanted(&pressure::LAW) {

@@ -15,13 +15,12 @@ const FACE: ElementKind =
     ElementKind { vertices: 3, constants: 8, threads: 1, files: &[TRIANGLES] };
 
 /// The law. Its faces are found by `columns`, a set for each pressure.
-pub static LAW: DeviceLaw = DeviceLaw {
-    row: &ROW,
-    kind: FACE,
-    volumes: false,
-    find: [|_, _, _, _| ElementColumns::default(); 2],
-    files: &[include_str!("pressure.wgsl")],
-};
+pub static LAW: DeviceLaw = DeviceLaw::new(
+    &ROW,
+    FACE,
+    [|_| ElementColumns::default(); 2],
+    &[include_str!("pressure.wgsl")],
+);
 
 /// Faces in a body, pressure by pressure.
 pub(super) fn columns(

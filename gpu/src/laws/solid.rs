@@ -1,10 +1,7 @@
 //! Laws of tetrahedra, and the same at the Gauss points of hexahedra: a row each.
 
-use bevy_ecs::prelude::*;
-use bevy_ecs::query::QueryBuilder;
 use sinew_engine::isoparametric::{HexahedronRest, HexahedronVertices};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::vertex::BodyId;
 use sinew_models::frame::tetrahedra::{
     CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronData,
 };
@@ -14,7 +11,7 @@ use sinew_models::laws::{
 
 use super::{
     DEFORMATION, DeviceLaw, ElementColumns, ElementKind, FOUR_VERTICES, PROJECTION, STRESS,
-    STRETCH, TETRAHEDRA, VOLUMES,
+    STRETCH, Search, TETRAHEDRA, VOLUMES, compression_alone, points, push, row, three,
 };
 
 /// Four vertices; D_1 (1/m) and lambda V (J), D_2 and mu V, D_3 and kappa V.
@@ -94,90 +91,48 @@ pub(super) static LAWS: &[DeviceLaw] = &[
 
 const fn tetrahedra(law: &'static LawRow, files: &'static [&'static str]) -> DeviceLaw {
     let find = [tetrahedron_columns::<f64>, tetrahedron_columns::<f32>];
-    DeviceLaw { row: law, kind: TETRAHEDRON, volumes: true, find, files }
+    DeviceLaw { volumes: true, ..DeviceLaw::new(law, TETRAHEDRON, find, files) }
 }
 
 const fn hexahedra(law: &'static LawRow, files: &'static [&'static str]) -> DeviceLaw {
     let find = [hexahedron_columns::<f64>, hexahedron_columns::<f32>];
-    DeviceLaw { row: law, kind: HEXAHEDRON, volumes: true, find, files }
+    DeviceLaw { volumes: true, ..DeviceLaw::new(law, HEXAHEDRON, find, files) }
 }
 
-fn tetrahedron_columns<S: Scalar>(
-    world: &mut World,
-    law: &LawRow,
-    body: usize,
-    first_row: u32,
-) -> ElementColumns {
-    let mut columns = ElementColumns::default();
-    let mark = law.mark::<S>(world);
-    let mut query = QueryBuilder::<(TetrahedronData<S>, &BodyId)>::new(world);
-    let mut query = query.with_id(mark).build();
-    for ((nodes, _, (d1, d2, d3), volume, lambda, mu, compression), of) in query.iter(world) {
-        if of.0 as usize != body {
-            continue;
-        }
-        let d = [d1.0.0, d1.1.0, d1.2.0, d2.0.0, d2.1.0, d2.2.0, d3.0.0, d3.1.0, d3.2.0];
-        columns.nodes.extend(nodes.0.map(|row| row - first_row));
-        push_tetrahedron(&mut columns.data, d, volume.0, [lambda.0, mu.0, compression.0]);
-    }
-    columns
+/// Constants of a [`TETRAHEDRON`] from its shape vectors (1/m), moduli (Pa) and volume (m^3).
+fn rows(d: [[f64; 3]; 3], moduli: [f64; 3], volume: f64) -> [[f64; 4]; 3] {
+    std::array::from_fn(|i| row(d[i], moduli[i] * volume))
 }
 
-/// Appends the constants of a [`TETRAHEDRON`] from its shape vectors (1/m), volume (m^3) and moduli (Pa).
-fn push_tetrahedron<S: Scalar>(data: &mut Vec<f32>, d: [S; 9], volume: S, moduli: [S; 3]) {
-    for (d, modulus) in d.chunks_exact(3).zip(moduli) {
-        data.extend(d.iter().map(|x| x.to_f64() as f32));
-        // in f64, rounded once
-        data.push((modulus.to_f64() * volume.to_f64()) as f32);
-    }
+fn tetrahedron_columns<S: Scalar>(search: Search<'_>) -> ElementColumns {
+    search.columns::<TetrahedronData<S>, 4>(
+        |(nodes, _, d, volume, lambda, mu, compression), data| {
+            let moduli = [lambda.0, mu.0, compression.0].map(S::to_f64);
+            let d = [three!(d.0), three!(d.1), three!(d.2)];
+            push(data, rows(d, moduli, volume.0.to_f64()));
+            nodes.0
+        },
+    )
 }
 
-/// Tetrahedra of a pooled body with nothing but the modulus of the compression term; none where no element
-/// has it.
-fn compression<S: Scalar>(
-    world: &mut World,
-    law: &LawRow,
-    body: usize,
-    first_row: u32,
-) -> ElementColumns {
-    let mut columns = tetrahedron_columns::<S>(world, law, body, first_row);
-    if columns.data.chunks_exact(12).all(|constants| constants[11] == 0.0) {
-        return ElementColumns::default();
-    }
-    for constants in columns.data.chunks_exact_mut(12) {
-        (constants[3], constants[7]) = (0.0, 0.0);
-    }
-    columns
+/// Tetrahedra of a pooled body with the compression term.
+fn compression<S: Scalar>(search: Search<'_>) -> ElementColumns {
+    compression_alone(tetrahedron_columns::<S>(search), 11)
 }
 
-fn hexahedron_columns<S: Scalar>(
-    world: &mut World,
-    law: &LawRow,
-    body: usize,
-    first_row: u32,
-) -> ElementColumns {
+fn hexahedron_columns<S: Scalar>(search: Search<'_>) -> ElementColumns {
     type Data<S> = (
         &'static HexahedronVertices,
         &'static HexahedronRest<S>,
         &'static FirstLameParameter<S>,
         &'static ShearModulus<S>,
         &'static CompressionModulus<S>,
-        &'static BodyId,
     );
-    let mut columns = ElementColumns::default();
-    let mark = law.mark::<S>(world);
-    let mut query = QueryBuilder::<Data<S>>::new(world);
-    let mut query = query.with_id(mark).build();
-    for (nodes, rest, lambda, mu, compression, of) in query.iter(world) {
-        if of.0 as usize != body {
-            continue;
+    search.columns::<Data<S>, 8>(|(nodes, rest, lambda, mu, compression), data| {
+        let moduli = [lambda.0, mu.0, compression.0].map(S::to_f64);
+        for (d, volume) in points(rest) {
+            push(data, rows(d, moduli, volume));
         }
-        columns.nodes.extend(nodes.0.map(|row| row - first_row));
-        for q in 0..8 {
-            let d = std::array::from_fn(|k| rest.gradients[k][q]);
-            let moduli = [lambda.0, mu.0, compression.0];
-            push_tetrahedron(&mut columns.data, d, rest.volume[q], moduli);
-        }
-    }
-    columns
+        nodes.0
+    })
 }

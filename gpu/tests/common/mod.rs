@@ -1,12 +1,17 @@
 //! A device for tests, and bodies in states that matter.
 
 pub mod compare;
+#[path = "../../../tests/common/rich_axes.rs"]
+pub mod rich_axes;
 
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
 use sinew::engine::report::StepReport;
+use sinew::engine::vertex::FixedAxes;
+use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
+use sinew::solvers::settings::Preconditioner;
 use sinew_gpu::{GpuBackend, GpuError, GpuOptions};
 
 /// A device, or `None` with a message where there is no adapter.
@@ -19,6 +24,18 @@ pub fn device(options: &GpuOptions) -> Option<GpuBackend> {
         }
         Err(error) => panic!("{error}"),
     }
+}
+
+/// A simulation on the device, or `None` where there is no adapter.
+pub fn on_device(options: &GpuOptions) -> Option<Simulation> {
+    let backend = device(options)?;
+    Some(Simulation::with_gpu(SimulationOptions::default(), backend).unwrap())
+}
+
+/// On the processor, and on the device if there is one.
+pub fn simulations(options: &GpuOptions) -> Option<[Simulation; 2]> {
+    let gpu = on_device(options)?;
+    Some([Simulation::new(SimulationOptions::default()).unwrap(), gpu])
 }
 
 /// For whoever reads the log.
@@ -54,6 +71,11 @@ pub fn half_bricks(cells: [usize; 3]) -> Mesh {
 /// 10 kPa, nearly incompressible.
 pub const MATERIAL: YoungPoisson =
     YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.45, density: 1000.0 };
+
+/// A beam made of it.
+pub fn of(mesh: &Mesh, model: Model) -> BodyDescription<'_> {
+    BodyDescription { model, ..BodyDescription::new("beam", mesh, MATERIAL) }
+}
 
 /// A state: name and displacement (m) of a rest position (m), with noise of its own in [-1, 1]^3.
 pub type State = (&'static str, fn(DVec3, DVec3) -> DVec3);
@@ -109,11 +131,7 @@ pub fn run_both(
     settings: &SolverSettings,
     scene: impl Fn(&mut Simulation, BodyHandle),
 ) -> Option<[Run; 2]> {
-    let backend = device(&GpuOptions::default())?;
-    let options = SimulationOptions::default();
-    let simulations =
-        [Simulation::new(options).unwrap(), Simulation::with_gpu(options, backend).unwrap()];
-    Some(simulations.map(|mut simulation| {
+    Some(simulations(&GpuOptions::default())?.map(|mut simulation| {
         let body = simulation.add_body(description).unwrap();
         simulation.set_solver(settings.clone());
         scene(&mut simulation, body);
@@ -133,6 +151,82 @@ pub struct Run {
     pub u: Vec<DVec3>,
     pub v: Vec<DVec3>,
     pub reports: Vec<StepReport>,
+}
+
+impl Run {
+    /// A sum over the reports of all steps.
+    pub fn sum<T: std::iter::Sum>(&self, pick: impl Fn(&StepReport) -> T) -> T {
+        self.reports.iter().map(pick).sum()
+    }
+}
+
+/// Both ended at the same places with the same velocities.
+pub fn end_alike([cpu, gpu]: &[Run; 2], what: &str) {
+    let (u, v) = (relative(&gpu.u, &cpu.u), relative(&gpu.v, &cpu.v));
+    say(&format!("{what}: displacement {u:.1e} velocity {v:.1e}"));
+    assert!(u < 1e-4 && v < 1e-3, "{what}: {u:.1e} {v:.1e}");
+}
+
+/// The energy books of both agree all along.
+pub fn books_agree([cpu, gpu]: &[Run; 2]) {
+    for (a, b) in gpu.reports.iter().zip(&cpu.reports) {
+        let scale = b.elastic_energy.abs() + b.kinetic_energy + b.load_work.abs();
+        close(a.elastic_energy, b.elastic_energy, scale, 1e-3, "elastic energy");
+        close(a.kinetic_energy, b.kinetic_energy, scale, 1e-3, "kinetic energy");
+        close(a.load_work, b.load_work, scale, 1e-3, "work of loads");
+        close(a.dissipation, b.dissipation, scale, 1e-3, "dissipation");
+        close(a.damping_dissipation, b.damping_dissipation, scale, 1e-3, "damping");
+    }
+}
+
+/// Settings in which both do the same.
+pub fn settings() -> SolverSettings {
+    SolverSettings {
+        integrator: Integrator::Safe,
+        preconditioner: Preconditioner::BlockJacobi,
+        linear_tolerance: 1e-5,
+        ..SolverSettings::default()
+    }
+}
+
+/// Holds a group of vertices.
+pub fn hold(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, group: &str) {
+    guide(simulation, body, mesh, group, FixedAxes::ALL.0);
+}
+
+/// Holds a group of vertices along some axes.
+pub fn guide(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, group: &str, axes: u8) {
+    let rows = simulation.group_rows(body, mesh, group).unwrap();
+    let mut hold = Constraint::hold(group, rows);
+    hold.axes = FixedAxes(axes);
+    simulation.add_constraint(hold);
+}
+
+/// Displaces a body (m), at rest.
+pub fn displace(simulation: &mut Simulation, body: BodyHandle, u: &[DVec3]) {
+    simulation.set_state(body, u, &vec![DVec3::ZERO; u.len()]).unwrap();
+}
+
+/// Turns elements of a body inside out, without gravity.
+pub fn scramble(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) {
+    simulation.set_gravity(DVec3::ZERO);
+    let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.03 * noise(i)).collect();
+    displace(simulation, body, &u);
+}
+
+/// Which cells have their middle in a notch at the top of a beam.
+pub fn in_notch<const N: usize>(mesh: &Mesh, cells: &[[u32; N]]) -> Vec<u32> {
+    let middle =
+        |cell: &[u32; N]| cell.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / N as f64;
+    let inside = |x: DVec3| (x.x - 0.1).abs() < 0.03 && x.z > 0.03;
+    (0..).zip(cells).filter(|(_, cell)| inside(middle(cell))).map(|(i, _)| i).collect()
+}
+
+/// Cuts the notch into a beam of tetrahedra.
+pub fn cut_notch(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) {
+    let notch = in_notch(mesh, &mesh.tetrahedra);
+    assert!(notch.len() > 10);
+    simulation.remove_elements(body, &Removal::new(Region::Tetrahedra(notch))).unwrap();
 }
 
 pub fn close(a: f64, b: f64, scale: f64, bound: f64, what: &str) {

@@ -1,0 +1,41 @@
+//! Axes of every kind, for these tests and those of the device.
+
+use sinew::engine::mesh::Mesh;
+use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
+use sinew::models::axes::field;
+use sinew::models::axes::muscle::MuscleSettings;
+
+/// Four families that are not orthogonal, two of them active, five angles: triads, fibres and a term of
+/// volume, some elements without a share.
+pub fn rich(mesh: &Mesh) -> AxesDescription<'static> {
+    let n = mesh.tetrahedra.len() + mesh.hexahedra.len();
+    let fields: Vec<_> = (0..4).map(|i| field::random(mesh, i).directions).collect();
+    let family = |name, i: usize, modulus| AxisFamily::new(name, &fields[i], modulus);
+    let muscle = MuscleSettings {
+        peak_stress: 4e3,
+        optimal_stretch: 1.05,
+        stiffening: 0.5,
+        shortening: 0.1,
+        ..MuscleSettings::default()
+    };
+    let share: Vec<f64> = (0..n).map(|i| (i % 3) as f64 * 0.5).collect();
+    let angle = |families, modulus| AxisAngle { families, modulus };
+    AxesDescription {
+        families: vec![
+            family("a", 0, 3e3),
+            family("b", 1, 8e3),
+            AxisFamily { muscle: Some(muscle.clone()), ..family("c", 2, 2e3) },
+            AxisFamily { muscle: Some(muscle), share: Some(share.into()), ..family("d", 3, 1e3) },
+        ],
+        angles: vec![
+            angle([0, 1], 1e3),
+            angle([2, 0], 2e3),
+            angle([1, 2], 5e2),
+            angle([1, 3], 7e2),
+            angle([3, 0], 9e2),
+        ],
+        volume_modulus: 6e3,
+        form: AxisForm::EnergyConsistent,
+    }
+    .into_owned()
+}
