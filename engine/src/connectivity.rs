@@ -4,7 +4,7 @@
 use crate::element::TETRAHEDRON_FACES;
 pub use crate::element_kind::{ByKind, ElementKind};
 use crate::isoparametric::HEXAHEDRON_FACES;
-use crate::layout::{Cells, UNUSED, starts};
+use crate::layout::{BodyElements, Cells, UNUSED, starts};
 use crate::topology::{BodyRows, pieces, root};
 
 /// Elements of one kind round vertices, edges or triangles, in ascending order.
@@ -54,14 +54,8 @@ fn counted(count: usize, round: &ByKind<Incidence>) -> Vec<u32> {
 /// Connectivity of a body whose elements are removed.
 #[derive(Clone, Debug, Default)]
 pub struct Connectivity {
-    /// Vertex rows of the tetrahedra.
-    pub tetrahedra: Vec<[u32; 4]>,
-    /// Vertex rows of the membrane triangles, ascending.
-    pub membrane: Vec<[u32; 3]>,
-    /// Vertex rows of the hexahedra.
-    pub hexahedra: Vec<[u32; 8]>,
-    /// Vertex rows of the membrane quadrilaterals.
-    pub quads: Vec<[u32; 4]>,
+    /// Elements of the whole body.
+    pub ordered: BodyElements,
     /// Edges, triangles and faces of the whole body.
     pub cells: Cells,
     /// Elements round every vertex.
@@ -183,10 +177,7 @@ impl Connectivity {
             triangle_count,
             face_count,
             parent: (0..n as u32).collect(),
-            tetrahedra: body.tetrahedra.clone(),
-            membrane: body.membrane.clone(),
-            hexahedra: body.hexahedra.clone(),
-            quads: body.quads.clone(),
+            ordered: body.ordered.clone(),
             cells,
             round_vertex,
             round_edge,
@@ -199,25 +190,13 @@ impl Connectivity {
     /// Vertex rows of an element.
     #[inline]
     pub fn vertices(&self, kind: ElementKind, element: u32) -> &[u32] {
-        let i = element as usize;
-        match kind {
-            ElementKind::Tetrahedron => &self.tetrahedra[i],
-            ElementKind::Triangle => &self.membrane[i],
-            ElementKind::Hexahedron => &self.hexahedra[i],
-            ElementKind::Quad => &self.quads[i],
-        }
+        self.ordered.nodes(kind, element)
     }
 
     /// Edges of an element, in the order of its local pairs.
     #[inline]
     pub fn edges(&self, kind: ElementKind, element: u32) -> &[u32] {
-        let i = element as usize;
-        match kind {
-            ElementKind::Tetrahedron => &self.cells.tetrahedron_edges[i],
-            ElementKind::Triangle => &self.cells.membrane_edges[i],
-            ElementKind::Hexahedron => &self.cells.hexahedron_edges[i],
-            ElementKind::Quad => &self.cells.quad_edges[i],
-        }
+        self.cells.edges_of(kind, element)
     }
 
     /// Number of elements, removed ones included.
@@ -276,7 +255,7 @@ impl Connectivity {
             let t = self.left(ElementKind::Tetrahedron, round).next().unwrap_or(0);
             let faces = &self.cells.tetrahedron_triangles[t as usize];
             let face = faces.iter().position(|&f| f == triangle).unwrap_or(0);
-            let vertices = self.tetrahedra[t as usize];
+            let vertices = self.ordered.tetrahedra[t as usize];
             (TETRAHEDRON_FACES[face].map(|v| vertices[v]), ElementKind::Tetrahedron, t)
         });
         let quads = self.open_faces.items.iter().flat_map(|&face| {
@@ -284,7 +263,7 @@ impl Connectivity {
             let h = self.left(ElementKind::Hexahedron, round).next().unwrap_or(0);
             let faces = &self.cells.hexahedron_faces[h as usize];
             let local = faces.iter().position(|&f| f == face).unwrap_or(0);
-            let mut q = HEXAHEDRON_FACES[local].map(|v| self.hexahedra[h as usize][v]);
+            let mut q = HEXAHEDRON_FACES[local].map(|v| self.ordered.hexahedra[h as usize][v]);
             let lowest = (0..4).min_by_key(|&i| q[i]).unwrap_or(0);
             q.rotate_left(lowest);
             let brick = move |triangle| (triangle, ElementKind::Hexahedron, h);
@@ -469,7 +448,7 @@ mod tests {
             quads: &quads,
         };
         let layout = BodyLayout::of(mesh.points.len(), &lists);
-        BodyRows::new(String::new(), &layout, 1.0)
+        BodyRows::new(String::new(), layout.ordered, 1.0)
     }
 
     /// Everything that is kept up to date equals what follows from the elements that are left, and

@@ -30,41 +30,161 @@ pub const TETRAHEDRON_EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], 
 /// Local vertices of the four faces of a tetrahedron; face `i` lies opposite vertex `i`, outward.
 pub const TETRAHEDRON_FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
-/// Vertex rows of an edge, lower first.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct EdgeVertices(pub [u32; 2]);
-
-/// Off-diagonal block of the tangent that an edge owns (index into the edge graph).
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct EdgeBlock(pub u32);
-
-/// Component `AXIS` (0, 1, 2) of the rest vector X_a - X_b of an edge (m), a the lower row.
-///
-/// One column per number, so that kernels load the same entry of neighbouring edges at once.
-#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct RestEdge<S: Scalar, const AXIS: usize>(pub S);
-
-/// All three columns of [`RestEdge`]: query data.
-pub type RestEdges<S> = (&'static RestEdge<S, 0>, &'static RestEdge<S, 1>, &'static RestEdge<S, 2>);
-
-/// The components of [`RestEdges`].
-pub type RestEdgeBundle<S> = (RestEdge<S, 0>, RestEdge<S, 1>, RestEdge<S, 2>);
-
-/// The components of [`RestEdges`] from the rest vector (m).
-pub fn rest_edge_bundle<S: Scalar>(rest: [f64; 3]) -> RestEdgeBundle<S> {
-    let [x, y, z] = rest.map(S::from_f64);
-    (RestEdge(x), RestEdge(y), RestEdge(z))
+/// Columns of vertex rows, edge rows or tangent blocks.
+macro_rules! row_columns {
+    ($($(#[$doc:meta])* $name:ident($rows:ty),)+) => {$(
+        $(#[$doc])*
+        #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+        #[component(summary_tick)]
+        #[repr(transparent)]
+        pub struct $name(pub $rows);
+    )+};
+}
+/// Columns that say which element of the user's mesh a row is.
+macro_rules! index_columns {
+    ($($(#[$doc:meta])* $name:ident,)+) => {$(
+        $(#[$doc])*
+        #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(transparent)]
+        pub struct $name(pub u32);
+    )+};
+}
+/// Columns of one number each, so that kernels load the same number of neighbouring elements at once.
+#[macro_export]
+#[doc(hidden)]
+macro_rules! number_columns {
+    ($($(#[$doc:meta])* $name:ident $(<$($index:ident),+>)?,)+) => {$(
+        $(#[$doc])*
+        #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+        #[component(summary_tick)]
+        #[repr(transparent)]
+        pub struct $name<S: Scalar $($(, const $index: usize)+)?>(pub S);
+    )+};
+}
+/// The three columns of a vector as query data, slices and components, how the components are made, and the
+/// slices as plain numbers.
+#[macro_export]
+#[doc(hidden)]
+macro_rules! vector_columns {
+    ($column:ident $(<$of:ident>)?: $data:ident, $slices:ident, $bundle:ident, $make:ident, $peel:ident) => {
+        #[doc = concat!("The three columns of [`", stringify!($column), "`]: query data.")]
+        pub type $data<S $(, const $of: usize)?> = (
+            &'static $column<S $(, $of)?, 0>,
+            &'static $column<S $(, $of)?, 1>,
+            &'static $column<S $(, $of)?, 2>,
+        );
+        #[doc = concat!("Slices of [`", stringify!($data), "`], as a contiguous query gives them.")]
+        pub type $slices<'a, S $(, const $of: usize)?> = (
+            &'a [$column<S $(, $of)?, 0>],
+            &'a [$column<S $(, $of)?, 1>],
+            &'a [$column<S $(, $of)?, 2>],
+        );
+        #[doc = concat!("The components of [`", stringify!($data), "`].")]
+        pub type $bundle<S $(, const $of: usize)?> =
+            ($column<S $(, $of)?, 0>, $column<S $(, $of)?, 1>, $column<S $(, $of)?, 2>);
+        #[doc = concat!("The components of [`", stringify!($data), "`] from a vector.")]
+        pub fn $make<S: Scalar $(, const $of: usize)?>(vector: [f64; 3]) -> $bundle<S $(, $of)?> {
+            let [x, y, z] = vector.map(S::from_f64);
+            ($column(x), $column(y), $column(z))
+        }
+        #[doc = concat!("The numbers of [`", stringify!($slices), "`].")]
+        pub fn $peel<S: Scalar $(, const $of: usize)?>(
+            (x, y, z): $slices<'_, S $(, $of)?>,
+        ) -> [&[S]; 3] {
+            [$column::peel_slice(x), $column::peel_slice(y), $column::peel_slice(z)]
+        }
+    };
 }
 
-/// Slices of the columns of [`RestEdges`], as a contiguous query gives them.
-pub type RestEdgeColumns<'a, S> =
-    (&'a [RestEdge<S, 0>], &'a [RestEdge<S, 1>], &'a [RestEdge<S, 2>]);
+pub(crate) use {index_columns, row_columns};
+
+/// Vectors of the elements from `first` on, from their entries as columns.
+#[inline(always)]
+pub fn load_vectors<L: Lanes, const N: usize, const M: usize>(
+    columns: &[&[L::Scalar]; M],
+    first: usize,
+) -> [[L; 3]; N] {
+    let mut vectors = [[L::ZERO; 3]; N];
+    for a in 0..N {
+        for x in 0..3 {
+            vectors[a][x] = L::load(&columns[3 * a + x][first..]);
+        }
+    }
+    vectors
+}
+
+/// Displacements (m) of the vertices of the elements from `first` on.
+#[inline(always)]
+pub fn load_displacements<L: Lanes, const N: usize>(
+    displacement: &[[L::Scalar; 4]],
+    nodes: &[[u32; N]],
+    first: usize,
+) -> [[L; 3]; N] {
+    let nodes = &nodes[first..];
+    let mut u = [[L::ZERO; 3]; N];
+    for a in 0..N {
+        u[a] = L::load_rows(displacement, nodes, a);
+    }
+    u
+}
+
+row_columns! {
+    /// Vertex rows of an edge, lower first.
+    EdgeVertices([u32; 2]),
+    /// Off-diagonal block of the tangent that an edge owns (index into the edge graph).
+    EdgeBlock(u32),
+    /// Edge-table rows of a triangle, edge `i` opposite vertex `i`.
+    TriangleEdges([u32; 3]),
+    /// Vertex rows of a tetrahedron, positively oriented.
+    TetrahedronVertices([u32; 4]),
+    /// Tangent blocks (edge-graph indices) of the six edges of a tetrahedron.
+    TetrahedronBlocks([u32; 6]),
+    /// Edge-table rows of the six edges of a tetrahedron (pooled evaluation only).
+    TetrahedronEdges([u32; 6]),
+    /// Vertex rows of a membrane triangle, ascending.
+    MembraneVertices([u32; 3]),
+    /// Tangent blocks (edge-graph indices) of a membrane triangle, block `i` opposite vertex `i`.
+    MembraneBlocks([u32; 3]),
+    /// Vertex rows of the tetrahedron that axes lie in (not a tetrahedron by itself), in its local order.
+    AxisVertices([u32; 4]),
+    /// Tangent blocks (edge-graph indices) of the tetrahedron that axes lie in.
+    AxisBlocks([u32; 6]),
+}
+
+index_columns! {
+    /// Index of the tetrahedron in the mesh that the user gave.
+    TetrahedronIndex,
+    /// Index of the membrane triangle in the list that the user gave.
+    MembraneIndex,
+    /// Index, in the mesh that the user gave, of the tetrahedron that axes lie in.
+    AxisTetrahedron,
+}
+
+number_columns! {
+    /// Component `AXIS` (0, 1, 2) of the rest vector X_a - X_b of an edge (m), a the lower row.
+    RestEdge<AXIS>,
+    /// Component `AXIS` (0, 1, 2) of the shape vector `D_VERTEX` (1/m) of a tetrahedron, `VERTEX` 1, 2 or
+    /// 3: the gradient of that vertex's barycentric coordinate. D_0 = -(D_1 + D_2 + D_3).
+    ShapeGradient<VERTEX, AXIS>,
+    /// Component `AXIS` (0, 1, 2) of the rest edge `X_VERTEX - X_0` (m) of a membrane triangle, `VERTEX` 1 or
+    /// 2.
+    MembraneEdge<VERTEX, AXIS>,
+    /// Rest area (m^2).
+    RestArea,
+    /// Rest volume (m^3).
+    RestVolume,
+}
+
+vector_columns!(RestEdge: RestEdges, RestEdgeColumns, RestEdgeBundle, rest_edge_bundle, rest_edge_numbers);
+vector_columns!(
+    ShapeGradient<VERTEX>:
+    ShapeVector, ShapeVectorColumns, ShapeVectorBundle, shape_vector_bundle, shape_vector_numbers
+);
+vector_columns!(
+    MembraneEdge<VERTEX>:
+    MembraneVector, MembraneVectorColumns, MembraneVectorBundle, membrane_vector_bundle,
+    membrane_vector_numbers
+);
 
 /// Deformation of many edges: vertex displacements and the columns that turn them into edge vectors.
 #[derive(Clone, Copy, Debug)]
@@ -82,20 +202,20 @@ impl<'a, S: Scalar> EdgeShapes<'a, S> {
     pub fn new(
         displacement: &'a [Displacement<S>],
         nodes: &'a [EdgeVertices],
-        (x, y, z): RestEdgeColumns<'a, S>,
+        rest: RestEdgeColumns<'a, S>,
     ) -> Self {
         Self {
             displacement: Displacement::peel_slice(displacement),
             nodes: EdgeVertices::peel_slice(nodes),
-            rest: [RestEdge::peel_slice(x), RestEdge::peel_slice(y), RestEdge::peel_slice(z)],
+            rest: rest_edge_numbers(rest),
         }
     }
 
     /// Rest vectors of the edges from `first` on.
     #[inline(always)]
     pub fn rest<L: Lanes<Scalar = S>>(&self, first: usize) -> [L; 3] {
-        let [x, y, z] = self.rest;
-        [L::load(&x[first..]), L::load(&y[first..]), L::load(&z[first..])]
+        let [rest] = load_vectors(&self.rest, first);
+        rest
     }
 
     /// Displacements `u_a - u_b` of the lower row against the higher one.
@@ -116,86 +236,29 @@ pub struct EdgeChange<S: Scalar>(pub S);
 #[repr(transparent)]
 pub struct EdgeTension<S: Scalar>(pub S);
 
-/// Edge-table rows of a triangle, edge `i` opposite vertex `i`.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct TriangleEdges(pub [u32; 3]);
-
-/// Vertex rows of a tetrahedron, positively oriented.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct TetrahedronVertices(pub [u32; 4]);
-
-/// Tangent blocks (edge-graph indices) of the six edges of a tetrahedron.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct TetrahedronBlocks(pub [u32; 6]);
-
-/// Edge-table rows of the six edges of a tetrahedron (pooled evaluation only).
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct TetrahedronEdges(pub [u32; 6]);
-
-/// Index of the tetrahedron in the mesh that the user gave.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(transparent)]
-pub struct TetrahedronIndex(pub u32);
-
-/// Component `AXIS` (0, 1, 2) of the shape vector `D_VERTEX` (1/m) of a tetrahedron, `VERTEX` 1, 2 or
-/// 3: the gradient of that vertex's barycentric coordinate. D_0 = -(D_1 + D_2 + D_3).
-///
-/// One column per number, so that kernels load the same entry of neighbouring tetrahedra at once.
-#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct ShapeGradient<S: Scalar, const VERTEX: usize, const AXIS: usize>(pub S);
-
 /// All nine columns of [`ShapeGradient`]: query data.
-pub type ShapeGradients<S> = (
-    (
-        &'static ShapeGradient<S, 1, 0>,
-        &'static ShapeGradient<S, 1, 1>,
-        &'static ShapeGradient<S, 1, 2>,
-    ),
-    (
-        &'static ShapeGradient<S, 2, 0>,
-        &'static ShapeGradient<S, 2, 1>,
-        &'static ShapeGradient<S, 2, 2>,
-    ),
-    (
-        &'static ShapeGradient<S, 3, 0>,
-        &'static ShapeGradient<S, 3, 1>,
-        &'static ShapeGradient<S, 3, 2>,
-    ),
-);
+pub type ShapeGradients<S> = (ShapeVector<S, 1>, ShapeVector<S, 2>, ShapeVector<S, 3>);
 
 /// The components of [`ShapeGradients`].
-pub type ShapeGradientBundle<S> = (
-    (ShapeGradient<S, 1, 0>, ShapeGradient<S, 1, 1>, ShapeGradient<S, 1, 2>),
-    (ShapeGradient<S, 2, 0>, ShapeGradient<S, 2, 1>, ShapeGradient<S, 2, 2>),
-    (ShapeGradient<S, 3, 0>, ShapeGradient<S, 3, 1>, ShapeGradient<S, 3, 2>),
-);
+pub type ShapeGradientBundle<S> =
+    (ShapeVectorBundle<S, 1>, ShapeVectorBundle<S, 2>, ShapeVectorBundle<S, 3>);
 
 /// The components of [`ShapeGradients`] from the shape vectors D_1, D_2, D_3 (1/m).
-pub fn shape_gradient_bundle<S: Scalar>(d: [[f64; 3]; 3]) -> ShapeGradientBundle<S> {
-    let [[a, b, c], [d, e, f], [g, h, i]] = d.map(|row| row.map(S::from_f64));
-    (
-        (ShapeGradient(a), ShapeGradient(b), ShapeGradient(c)),
-        (ShapeGradient(d), ShapeGradient(e), ShapeGradient(f)),
-        (ShapeGradient(g), ShapeGradient(h), ShapeGradient(i)),
-    )
+pub fn shape_gradient_bundle<S: Scalar>([a, b, c]: [[f64; 3]; 3]) -> ShapeGradientBundle<S> {
+    (shape_vector_bundle(a), shape_vector_bundle(b), shape_vector_bundle(c))
 }
 
 /// Slices of the columns of [`ShapeGradients`], as a contiguous query gives them.
-pub type ShapeGradientColumns<'a, S> = (
-    (&'a [ShapeGradient<S, 1, 0>], &'a [ShapeGradient<S, 1, 1>], &'a [ShapeGradient<S, 1, 2>]),
-    (&'a [ShapeGradient<S, 2, 0>], &'a [ShapeGradient<S, 2, 1>], &'a [ShapeGradient<S, 2, 2>]),
-    (&'a [ShapeGradient<S, 3, 0>], &'a [ShapeGradient<S, 3, 1>], &'a [ShapeGradient<S, 3, 2>]),
-);
+pub type ShapeGradientColumns<'a, S> =
+    (ShapeVectorColumns<'a, S, 1>, ShapeVectorColumns<'a, S, 2>, ShapeVectorColumns<'a, S, 3>);
+
+/// The numbers of [`ShapeGradientColumns`].
+pub fn shape_gradient_numbers<S: Scalar>((d1, d2, d3): ShapeGradientColumns<'_, S>) -> [&[S]; 9] {
+    let [a, b, c] = shape_vector_numbers(d1);
+    let [d, e, f] = shape_vector_numbers(d2);
+    let [g, h, i] = shape_vector_numbers(d3);
+    [a, b, c, d, e, f, g, h, i]
+}
 
 /// Deformation of many tetrahedra: vertex displacements and the columns that turn them into
 /// displacement gradients.
@@ -214,117 +277,43 @@ impl<'a, S: Scalar> TetrahedronShapes<'a, S> {
     pub fn new(
         displacement: &'a [Displacement<S>],
         nodes: &'a [TetrahedronVertices],
-        (d1, d2, d3): ShapeGradientColumns<'a, S>,
+        gradients: ShapeGradientColumns<'a, S>,
     ) -> Self {
         Self {
             displacement: Displacement::peel_slice(displacement),
             nodes: TetrahedronVertices::peel_slice(nodes),
-            gradients: [
-                ShapeGradient::peel_slice(d1.0),
-                ShapeGradient::peel_slice(d1.1),
-                ShapeGradient::peel_slice(d1.2),
-                ShapeGradient::peel_slice(d2.0),
-                ShapeGradient::peel_slice(d2.1),
-                ShapeGradient::peel_slice(d2.2),
-                ShapeGradient::peel_slice(d3.0),
-                ShapeGradient::peel_slice(d3.1),
-                ShapeGradient::peel_slice(d3.2),
-            ],
+            gradients: shape_gradient_numbers(gradients),
         }
     }
 
     /// Shape vectors of the tetrahedra from `first` on.
     #[inline(always)]
     pub fn gradients<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 3] {
-        let mut d = [[L::ZERO; 3]; 3];
-        for a in 0..3 {
-            for x in 0..3 {
-                d[a][x] = L::load(&self.gradients[3 * a + x][first..]);
-            }
-        }
-        d
+        load_vectors(&self.gradients, first)
     }
 
     /// Displacements of the vertices of the tetrahedra from `first` on.
     #[inline(always)]
     pub fn displacements<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 4] {
-        let nodes = &self.nodes[first..];
-        let mut u = [[L::ZERO; 3]; 4];
-        for a in 0..4 {
-            u[a] = L::load_rows(self.displacement, nodes, a);
-        }
-        u
+        load_displacements(self.displacement, self.nodes, first)
     }
 }
 
-/// Vertex rows of a membrane triangle, ascending.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct MembraneVertices(pub [u32; 3]);
-
-/// Tangent blocks (edge-graph indices) of a membrane triangle, block `i` opposite vertex `i`.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct MembraneBlocks(pub [u32; 3]);
-
-/// Index of the membrane triangle in the list that the user gave.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(transparent)]
-pub struct MembraneIndex(pub u32);
-
-/// Component `AXIS` (0, 1, 2) of the rest edge `X_VERTEX - X_0` (m) of a membrane triangle, `VERTEX` 1 or
-/// 2.
-#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct MembraneEdge<S: Scalar, const VERTEX: usize, const AXIS: usize>(pub S);
-
-/// Rest area (m^2).
-#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct RestArea<S: Scalar>(pub S);
-
 /// Rest shape of membrane triangles, six columns of [`MembraneEdge`] and [`RestArea`]: query data.
-pub type MembraneRest<S> = (
-    (
-        &'static MembraneEdge<S, 1, 0>,
-        &'static MembraneEdge<S, 1, 1>,
-        &'static MembraneEdge<S, 1, 2>,
-    ),
-    (
-        &'static MembraneEdge<S, 2, 0>,
-        &'static MembraneEdge<S, 2, 1>,
-        &'static MembraneEdge<S, 2, 2>,
-    ),
-    &'static RestArea<S>,
-);
+pub type MembraneRest<S> = (MembraneVector<S, 1>, MembraneVector<S, 2>, &'static RestArea<S>);
 
 /// The components of [`MembraneRest`].
-pub type MembraneRestBundle<S> = (
-    (MembraneEdge<S, 1, 0>, MembraneEdge<S, 1, 1>, MembraneEdge<S, 1, 2>),
-    (MembraneEdge<S, 2, 0>, MembraneEdge<S, 2, 1>, MembraneEdge<S, 2, 2>),
-    RestArea<S>,
-);
+pub type MembraneRestBundle<S> =
+    (MembraneVectorBundle<S, 1>, MembraneVectorBundle<S, 2>, RestArea<S>);
 
 /// The components of [`MembraneRest`] from the rest edges (m) and the rest area (m^2).
-pub fn membrane_rest_bundle<S: Scalar>(edges: [[f64; 3]; 2], area: f64) -> MembraneRestBundle<S> {
-    let [[a, b, c], [d, e, f]] = edges.map(|edge| edge.map(S::from_f64));
-    (
-        (MembraneEdge(a), MembraneEdge(b), MembraneEdge(c)),
-        (MembraneEdge(d), MembraneEdge(e), MembraneEdge(f)),
-        RestArea(S::from_f64(area)),
-    )
+pub fn membrane_rest_bundle<S: Scalar>([a, b]: [[f64; 3]; 2], area: f64) -> MembraneRestBundle<S> {
+    (membrane_vector_bundle(a), membrane_vector_bundle(b), RestArea(S::from_f64(area)))
 }
 
 /// Slices of the columns of [`MembraneRest`], as a contiguous query gives them.
-pub type MembraneRestColumns<'a, S> = (
-    (&'a [MembraneEdge<S, 1, 0>], &'a [MembraneEdge<S, 1, 1>], &'a [MembraneEdge<S, 1, 2>]),
-    (&'a [MembraneEdge<S, 2, 0>], &'a [MembraneEdge<S, 2, 1>], &'a [MembraneEdge<S, 2, 2>]),
-    &'a [RestArea<S>],
-);
+pub type MembraneRestColumns<'a, S> =
+    (MembraneVectorColumns<'a, S, 1>, MembraneVectorColumns<'a, S, 2>, &'a [RestArea<S>]);
 
 /// Deformation of many triangles: vertex displacements and the columns of their rest shapes.
 #[derive(Clone, Copy, Debug)]
@@ -344,19 +333,14 @@ impl<'a, S: Scalar> MembraneShapes<'a, S> {
     pub fn new(
         displacement: &'a [Displacement<S>],
         nodes: &'a [MembraneVertices],
-        (a, b, area): MembraneRestColumns<'a, S>,
+        (first, second, area): MembraneRestColumns<'a, S>,
     ) -> Self {
+        let [a, b, c] = membrane_vector_numbers(first);
+        let [d, e, f] = membrane_vector_numbers(second);
         Self {
             displacement: Displacement::peel_slice(displacement),
             nodes: MembraneVertices::peel_slice(nodes),
-            edges: [
-                MembraneEdge::peel_slice(a.0),
-                MembraneEdge::peel_slice(a.1),
-                MembraneEdge::peel_slice(a.2),
-                MembraneEdge::peel_slice(b.0),
-                MembraneEdge::peel_slice(b.1),
-                MembraneEdge::peel_slice(b.2),
-            ],
+            edges: [a, b, c, d, e, f],
             area: RestArea::peel_slice(area),
         }
     }
@@ -364,24 +348,13 @@ impl<'a, S: Scalar> MembraneShapes<'a, S> {
     /// Rest edges of the triangles from `first` on.
     #[inline(always)]
     pub fn edges<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 2] {
-        let mut edges = [[L::ZERO; 3]; 2];
-        for a in 0..2 {
-            for x in 0..3 {
-                edges[a][x] = L::load(&self.edges[3 * a + x][first..]);
-            }
-        }
-        edges
+        load_vectors(&self.edges, first)
     }
 
     /// Displacements of the vertices of the triangles from `first` on.
     #[inline(always)]
     pub fn displacements<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 3] {
-        let nodes = &self.nodes[first..];
-        let mut u = [[L::ZERO; 3]; 3];
-        for a in 0..3 {
-            u[a] = L::load_rows(self.displacement, nodes, a);
-        }
-        u
+        load_displacements(self.displacement, self.nodes, first)
     }
 }
 
@@ -393,29 +366,6 @@ pub fn area_ratio<S: Real>(edges: &[[S; 3]; 2], area: S, u: &[[S; 3]; 3]) -> S {
     let normal = cross(a, b);
     dot(normal, normal).sqrt() / (area + area)
 }
-
-/// Rest volume (m^3).
-#[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct RestVolume<S: Scalar>(pub S);
-
-/// Vertex rows of the tetrahedron that axes lie in (not a tetrahedron by itself), in its local order.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct AxisVertices(pub [u32; 4]);
-
-/// Tangent blocks (edge-graph indices) of the tetrahedron that axes lie in.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct AxisBlocks(pub [u32; 6]);
-
-/// Index, in the mesh that the user gave, of the tetrahedron that axes lie in.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(transparent)]
-pub struct AxisTetrahedron(pub u32);
 
 /// `G = sum_a u_a (x) D_a`, row-major.
 #[inline(always)]

@@ -22,6 +22,7 @@
     reason = "the derive macros of bytemuck repeat the bound on S"
 )]
 
+use crate::element::{index_columns, row_columns};
 use crate::lanes::{Lanes, MAX_LANES};
 use crate::scalar::{Real, Scalar, cross, dot, scale, sub};
 use bevy_ecs::prelude::Component;
@@ -186,22 +187,29 @@ pub fn load_weights<L: Lanes, const N: usize>(of: &[L::Scalar; N], first: usize)
     L::load(&padded)
 }
 
-/// Vertex rows of a hexahedron.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct HexahedronVertices(pub [u32; 8]);
+row_columns! {
+    /// Vertex rows of a hexahedron.
+    HexahedronVertices([u32; 8]),
+    /// Tangent blocks (edge-graph indices) of a hexahedron in the order of [`HEXAHEDRON_PAIRS`].
+    HexahedronBlocks([u32; 28]),
+    /// Vertex rows of the hexahedron in which an axis lies.
+    AxisHexahedronVertices([u32; 8]),
+    /// Tangent blocks of that hexahedron, in the order of its pairs.
+    AxisHexahedronBlocks([u32; 28]),
+    /// Vertex rows of a membrane quadrilateral, counter-clockwise.
+    QuadVertices([u32; 4]),
+    /// Tangent blocks (edge-graph indices) of a membrane quadrilateral in the order of [`QUAD_PAIRS`].
+    QuadBlocks([u32; 6]),
+}
 
-/// Tangent blocks (edge-graph indices) of a hexahedron in the order of [`HEXAHEDRON_PAIRS`].
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct HexahedronBlocks(pub [u32; 28]);
-
-/// Index of the hexahedron in the mesh that the user gave.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(transparent)]
-pub struct HexahedronIndex(pub u32);
+index_columns! {
+    /// Index of the hexahedron in the mesh that the user gave.
+    HexahedronIndex,
+    /// Index of that hexahedron in the mesh that the user gave.
+    AxisHexahedron,
+    /// Index of the membrane quadrilateral in the list that the user gave.
+    QuadIndex,
+}
 
 /// Rest shape of a hexahedron at its Gauss points.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
@@ -351,40 +359,6 @@ pub fn hexahedron_differences<L: Lanes>(
     }
     result
 }
-
-/// Vertex rows of the hexahedron in which an axis lies.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct AxisHexahedronVertices(pub [u32; 8]);
-
-/// Tangent blocks of that hexahedron, in the order of its pairs.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct AxisHexahedronBlocks(pub [u32; 28]);
-
-/// Index of that hexahedron in the mesh that the user gave.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(transparent)]
-pub struct AxisHexahedron(pub u32);
-
-/// Vertex rows of a membrane quadrilateral, counter-clockwise.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct QuadVertices(pub [u32; 4]);
-
-/// Tangent blocks (edge-graph indices) of a membrane quadrilateral in the order of [`QUAD_PAIRS`].
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
-#[repr(transparent)]
-pub struct QuadBlocks(pub [u32; 6]);
-
-/// Index of the membrane quadrilateral in the list that the user gave.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(transparent)]
-pub struct QuadIndex(pub u32);
 
 /// Rest shape of a membrane quadrilateral at its Gauss points.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]

@@ -8,6 +8,7 @@
 use crate::element::{TETRAHEDRON_EDGES, TETRAHEDRON_FACES};
 use crate::element_kind::ElementKind;
 use crate::isoparametric::{HEXAHEDRON_FACES, HEXAHEDRON_PAIRS, QUAD_PAIRS};
+use std::ops::Deref;
 
 /// Row that stands for "not part of the body".
 pub const UNUSED: u32 = u32::MAX;
@@ -38,9 +39,9 @@ impl ElementLists<'_> {
     }
 }
 
-/// A body's mesh in engine order.
+/// Vertices and elements of a body in engine order.
 #[derive(Clone, Debug, Default)]
-pub struct BodyLayout {
+pub struct BodyElements {
     /// Vertex row -> index in the user's mesh.
     pub vertex_order: Vec<u32>,
     /// Index in the user's mesh -> vertex row, [`UNUSED`] for vertices without an element.
@@ -50,6 +51,11 @@ pub struct BodyLayout {
     pub tetrahedra: Vec<[u32; 4]>,
     /// Tetrahedron row -> index in the user's mesh.
     pub tetrahedron_order: Vec<u32>,
+    /// Vertex rows of the membrane triangles, ascending. They are no faces by themselves: an edge or a
+    /// face that a membrane shares with a tetrahedron is there once.
+    pub membrane: Vec<[u32; 3]>,
+    /// Membrane triangle row -> index in the user's list.
+    pub membrane_order: Vec<u32>,
     /// Vertex rows of the hexahedra, in the user's local order.
     pub hexahedra: Vec<[u32; 8]>,
     /// Hexahedron row -> index in the user's mesh.
@@ -58,30 +64,89 @@ pub struct BodyLayout {
     pub quads: Vec<[u32; 4]>,
     /// Quadrilateral row -> index in the user's list.
     pub quad_order: Vec<u32>,
-    /// Vertex rows of the edges, lower first, sorted: all pairs of vertices that share an element,
-    /// diagonals of quadrilaterals and hexahedra included.
-    pub edges: Vec<[u32; 2]>,
-    /// Edge rows of the tetrahedra in local edge order.
-    pub tetrahedron_edges: Vec<[u32; 6]>,
-    /// Vertex rows of the triangles, ascending, sorted.
-    pub triangles: Vec<[u32; 3]>,
-    /// Edge rows of the triangles, edge `i` opposite vertex `i`.
-    pub triangle_edges: Vec<[u32; 3]>,
-    /// Triangle rows of the tetrahedra; face `i` lies opposite vertex `i`.
-    pub tetrahedron_triangles: Vec<[u32; 4]>,
-    /// Vertex rows of the membrane triangles, ascending. They are no faces by themselves: an edge or a
-    /// face that a membrane shares with a tetrahedron is there once.
-    pub membrane: Vec<[u32; 3]>,
-    /// Membrane triangle row -> index in the user's list.
-    pub membrane_order: Vec<u32>,
-    /// Edge rows of the membrane triangles, edge `i` opposite vertex `i`.
-    pub membrane_edges: Vec<[u32; 3]>,
-    /// Row of every membrane triangle in `triangles`.
-    pub membrane_triangles: Vec<u32>,
-    /// Edge rows of the hexahedra in the order of [`HEXAHEDRON_PAIRS`].
-    pub hexahedron_edges: Vec<[u32; 28]>,
-    /// Edge rows of the membrane quadrilaterals in the order of [`QUAD_PAIRS`].
-    pub quad_edges: Vec<[u32; 6]>,
+}
+
+impl BodyElements {
+    /// Orders a mesh of `vertex_count` vertices with valid, distinct indices.
+    pub fn new(vertex_count: usize, elements: &ElementLists) -> Self {
+        let vertex_order = reverse_cuthill_mckee(vertex_count, elements);
+        let mut row_of_vertex = vec![UNUSED; vertex_count];
+        for (row, &v) in vertex_order.iter().enumerate() {
+            row_of_vertex[v as usize] = row as u32;
+        }
+        let (tetrahedron_order, tetrahedra) = ordered(elements.tetrahedra, &row_of_vertex);
+        let (membrane_order, membrane) = ordered(elements.membrane, &row_of_vertex);
+        let (hexahedron_order, hexahedra) = ordered(elements.hexahedra, &row_of_vertex);
+        let (quad_order, quads) = ordered(elements.quads, &row_of_vertex);
+        Self {
+            vertex_order,
+            row_of_vertex,
+            tetrahedra: tetrahedra.into_iter().map(lowest_first).collect(),
+            tetrahedron_order,
+            membrane: membrane.into_iter().map(|[a, b, c]| sorted3(a, b, c)).collect(),
+            membrane_order,
+            hexahedra,
+            hexahedron_order,
+            quads,
+            quad_order,
+        }
+    }
+
+    /// The elements by vertex rows.
+    pub fn elements(&self) -> ElementLists<'_> {
+        ElementLists {
+            tetrahedra: &self.tetrahedra,
+            hexahedra: &self.hexahedra,
+            membrane: &self.membrane,
+            quads: &self.quads,
+        }
+    }
+
+    /// Element row -> index in the user's mesh or list.
+    pub fn order(&self, kind: ElementKind) -> &[u32] {
+        match kind {
+            ElementKind::Tetrahedron => &self.tetrahedron_order,
+            ElementKind::Triangle => &self.membrane_order,
+            ElementKind::Hexahedron => &self.hexahedron_order,
+            ElementKind::Quad => &self.quad_order,
+        }
+    }
+
+    /// Index in the user's mesh or list -> element row.
+    pub fn rows_of(&self, kind: ElementKind) -> Vec<u32> {
+        let order = self.order(kind);
+        let mut rows = vec![0; order.len()];
+        (0..).zip(order).for_each(|(row, &index)| rows[index as usize] = row);
+        rows
+    }
+
+    /// Vertex rows of an element.
+    #[inline]
+    pub fn nodes(&self, kind: ElementKind, element: u32) -> &[u32] {
+        let i = element as usize;
+        match kind {
+            ElementKind::Tetrahedron => &self.tetrahedra[i],
+            ElementKind::Triangle => &self.membrane[i],
+            ElementKind::Hexahedron => &self.hexahedra[i],
+            ElementKind::Quad => &self.quads[i],
+        }
+    }
+}
+
+/// A body's mesh in engine order, with the edges and faces of its elements.
+#[derive(Clone, Debug, Default)]
+pub struct BodyLayout {
+    /// Vertices and elements.
+    pub ordered: BodyElements,
+    /// Edges, triangles and faces.
+    pub cells: Cells,
+}
+
+impl Deref for BodyLayout {
+    type Target = BodyElements;
+    fn deref(&self) -> &BodyElements {
+        &self.ordered
+    }
 }
 
 impl BodyLayout {
@@ -103,79 +168,9 @@ impl BodyLayout {
 
     /// Orders a mesh of any elements; all share vertices and edges where they share indices.
     pub fn of(vertex_count: usize, elements: &ElementLists) -> Self {
-        let vertex_order = reverse_cuthill_mckee(vertex_count, elements);
-        let mut row_of_vertex = vec![UNUSED; vertex_count];
-        for (row, &v) in vertex_order.iter().enumerate() {
-            row_of_vertex[v as usize] = row as u32;
-        }
-        let (order, tetrahedra) = ordered(elements.tetrahedra, &row_of_vertex);
-        let tetrahedra: Vec<[u32; 4]> = tetrahedra.into_iter().map(lowest_first).collect();
-        let (membrane_order, membrane) = ordered(elements.membrane, &row_of_vertex);
-        let membrane: Vec<[u32; 3]> =
-            membrane.into_iter().map(|[a, b, c]| sorted3(a, b, c)).collect();
-        let (hexahedron_order, hexahedra) = ordered(elements.hexahedra, &row_of_vertex);
-        let (quad_order, quads) = ordered(elements.quads, &row_of_vertex);
-        let rows = ElementLists {
-            tetrahedra: &tetrahedra,
-            hexahedra: &hexahedra,
-            membrane: &membrane,
-            quads: &quads,
-        };
-        let Cells {
-            edges,
-            tetrahedron_edges,
-            triangles,
-            triangle_edges,
-            tetrahedron_triangles,
-            membrane_edges,
-            membrane_triangles,
-            hexahedron_edges,
-            quad_edges,
-            ..
-        } = Cells::new(vertex_order.len(), &rows);
-        Self {
-            vertex_order,
-            row_of_vertex,
-            tetrahedra,
-            tetrahedron_order: order,
-            edges,
-            tetrahedron_edges,
-            triangles,
-            triangle_edges,
-            tetrahedron_triangles,
-            membrane,
-            membrane_order,
-            membrane_edges,
-            membrane_triangles,
-            hexahedra,
-            hexahedron_order,
-            hexahedron_edges,
-            quads,
-            quad_order,
-            quad_edges,
-        }
-    }
-}
-
-impl BodyLayout {
-    /// Its elements by vertex rows.
-    pub fn elements(&self) -> ElementLists<'_> {
-        ElementLists {
-            tetrahedra: &self.tetrahedra,
-            hexahedra: &self.hexahedra,
-            membrane: &self.membrane,
-            quads: &self.quads,
-        }
-    }
-
-    /// Element row -> index in the user's mesh or list.
-    pub fn order(&self, kind: ElementKind) -> &[u32] {
-        match kind {
-            ElementKind::Tetrahedron => &self.tetrahedron_order,
-            ElementKind::Triangle => &self.membrane_order,
-            ElementKind::Hexahedron => &self.hexahedron_order,
-            ElementKind::Quad => &self.quad_order,
-        }
+        let ordered = BodyElements::new(vertex_count, elements);
+        let cells = Cells::new(ordered.vertex_order.len(), &ordered.elements());
+        Self { ordered, cells }
     }
 }
 
@@ -198,23 +193,24 @@ fn ordered<const N: usize>(
 /// Edges, triangles and quadrilateral faces of the elements of a body.
 #[derive(Clone, Debug, Default)]
 pub struct Cells {
-    /// As [`BodyLayout::edges`].
+    /// Vertex rows of the edges, lower first, sorted: all pairs of vertices that share an element,
+    /// diagonals of quadrilaterals and hexahedra included.
     pub edges: Vec<[u32; 2]>,
-    /// As [`BodyLayout::tetrahedron_edges`].
+    /// Edge rows of the tetrahedra in local edge order.
     pub tetrahedron_edges: Vec<[u32; 6]>,
-    /// As [`BodyLayout::triangles`].
+    /// Vertex rows of the triangles, ascending, sorted.
     pub triangles: Vec<[u32; 3]>,
-    /// As [`BodyLayout::triangle_edges`].
+    /// Edge rows of the triangles, edge `i` opposite vertex `i`.
     pub triangle_edges: Vec<[u32; 3]>,
-    /// As [`BodyLayout::tetrahedron_triangles`].
+    /// Triangle rows of the tetrahedra; face `i` lies opposite vertex `i`.
     pub tetrahedron_triangles: Vec<[u32; 4]>,
-    /// As [`BodyLayout::membrane_edges`].
+    /// Edge rows of the membrane triangles, edge `i` opposite vertex `i`.
     pub membrane_edges: Vec<[u32; 3]>,
-    /// As [`BodyLayout::membrane_triangles`].
+    /// Row of every membrane triangle in `triangles`.
     pub membrane_triangles: Vec<u32>,
-    /// As [`BodyLayout::hexahedron_edges`].
+    /// Edge rows of the hexahedra in the order of [`HEXAHEDRON_PAIRS`].
     pub hexahedron_edges: Vec<[u32; 28]>,
-    /// As [`BodyLayout::quad_edges`].
+    /// Edge rows of the membrane quadrilaterals in the order of [`QUAD_PAIRS`].
     pub quad_edges: Vec<[u32; 6]>,
     /// Vertex rows of the faces of hexahedra, ascending, sorted.
     pub faces: Vec<[u32; 4]>,
@@ -260,37 +256,45 @@ impl Cells {
             let (from, to) = (triangle_start[key[0] as usize], triangle_start[key[0] as usize + 1]);
             from + triangles[from as usize..to as usize].binary_search(&key).unwrap_or(0) as u32
         };
-        let tetrahedron_edges = tetrahedra
-            .iter()
-            .map(|t| TETRAHEDRON_EDGES.map(|[a, b]| edge_row(t[a], t[b])))
-            .collect();
-        let tetrahedron_triangles = tetrahedra
-            .iter()
-            .map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| triangle_row(t[a], t[b], t[c])))
-            .collect();
         let opposite =
             |t: &[u32; 3]| [edge_row(t[1], t[2]), edge_row(t[2], t[0]), edge_row(t[0], t[1])];
-        let triangle_edges = triangles.iter().map(opposite).collect();
-        let membrane_edges = membrane.iter().map(opposite).collect();
-        let membrane_triangles = membrane.iter().map(|&[a, b, c]| triangle_row(a, b, c)).collect();
-        let hexahedron_edges =
-            hexahedra.iter().map(|h| HEXAHEDRON_PAIRS.map(|[a, b]| edge_row(h[a], h[b]))).collect();
-        let quad_edges =
-            quads.iter().map(|q| QUAD_PAIRS.map(|[a, b]| edge_row(q[a], q[b]))).collect();
         let face_row = |face: [u32; 4]| faces.binary_search(&face).unwrap_or(0) as u32;
-        let hexahedron_faces = hexahedra.iter().map(|h| face_rows(h).map(face_row)).collect();
         Self {
+            tetrahedron_edges: tetrahedra
+                .iter()
+                .map(|t| TETRAHEDRON_EDGES.map(|[a, b]| edge_row(t[a], t[b])))
+                .collect(),
+            triangle_edges: triangles.iter().map(opposite).collect(),
+            tetrahedron_triangles: tetrahedra
+                .iter()
+                .map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| triangle_row(t[a], t[b], t[c])))
+                .collect(),
+            membrane_edges: membrane.iter().map(opposite).collect(),
+            membrane_triangles: membrane.iter().map(|&[a, b, c]| triangle_row(a, b, c)).collect(),
+            hexahedron_edges: hexahedra
+                .iter()
+                .map(|h| HEXAHEDRON_PAIRS.map(|[a, b]| edge_row(h[a], h[b])))
+                .collect(),
+            quad_edges: quads
+                .iter()
+                .map(|q| QUAD_PAIRS.map(|[a, b]| edge_row(q[a], q[b])))
+                .collect(),
+            hexahedron_faces: hexahedra.iter().map(|h| face_rows(h).map(face_row)).collect(),
             edges,
-            tetrahedron_edges,
             triangles,
-            triangle_edges,
-            tetrahedron_triangles,
-            membrane_edges,
-            membrane_triangles,
-            hexahedron_edges,
-            quad_edges,
             faces,
-            hexahedron_faces,
+        }
+    }
+
+    /// Edges of an element, in the order of its local pairs.
+    #[inline]
+    pub fn edges_of(&self, kind: ElementKind, element: u32) -> &[u32] {
+        let i = element as usize;
+        match kind {
+            ElementKind::Tetrahedron => &self.tetrahedron_edges[i],
+            ElementKind::Triangle => &self.membrane_edges[i],
+            ElementKind::Hexahedron => &self.hexahedron_edges[i],
+            ElementKind::Quad => &self.quad_edges[i],
         }
     }
 }
@@ -412,26 +416,26 @@ mod tests {
         let layout = BodyLayout::new(6, &[[0, 1, 2, 3], [1, 2, 3, 5]]);
         assert_eq!(layout.vertex_order.len(), 5);
         assert_eq!(layout.row_of_vertex[4], UNUSED);
-        assert_eq!(layout.edges.len(), 9);
-        assert_eq!(layout.triangles.len(), 7);
-        for (t, edges) in layout.tetrahedra.iter().zip(&layout.tetrahedron_edges) {
+        assert_eq!(layout.cells.edges.len(), 9);
+        assert_eq!(layout.cells.triangles.len(), 7);
+        for (t, edges) in layout.tetrahedra.iter().zip(&layout.cells.tetrahedron_edges) {
             for (local, &e) in edges.iter().enumerate() {
                 let [a, b] = TETRAHEDRON_EDGES[local];
-                assert_eq!(layout.edges[e as usize], sorted2(t[a], t[b]));
+                assert_eq!(layout.cells.edges[e as usize], sorted2(t[a], t[b]));
             }
         }
-        for (t, faces) in layout.tetrahedra.iter().zip(&layout.tetrahedron_triangles) {
+        for (t, faces) in layout.tetrahedra.iter().zip(&layout.cells.tetrahedron_triangles) {
             for (local, &f) in faces.iter().enumerate() {
                 let [a, b, c] = TETRAHEDRON_FACES[local];
-                assert_eq!(layout.triangles[f as usize], sorted3(t[a], t[b], t[c]));
+                assert_eq!(layout.cells.triangles[f as usize], sorted3(t[a], t[b], t[c]));
             }
         }
         for t in &layout.tetrahedra {
             assert!(t[0] < t[1] && t[1] < t[2].min(t[3]));
         }
-        for (t, edges) in layout.triangles.iter().zip(&layout.triangle_edges) {
-            assert_eq!(layout.edges[edges[0] as usize], sorted2(t[1], t[2]));
-            assert_eq!(layout.edges[edges[1] as usize], sorted2(t[2], t[0]));
+        for (t, edges) in layout.cells.triangles.iter().zip(&layout.cells.triangle_edges) {
+            assert_eq!(layout.cells.edges[edges[0] as usize], sorted2(t[1], t[2]));
+            assert_eq!(layout.cells.edges[edges[1] as usize], sorted2(t[2], t[0]));
         }
     }
 
@@ -440,19 +444,22 @@ mod tests {
         // a triangle on a face of the tetrahedron, and one that hangs on an edge of it
         let layout = BodyLayout::with_membrane(6, &[[0, 1, 2, 3]], &[[5, 2, 1], [2, 1, 0]]);
         assert_eq!(layout.vertex_order.len(), 5);
-        assert_eq!((layout.edges.len(), layout.triangles.len()), (8, 5));
+        assert_eq!((layout.cells.edges.len(), layout.cells.triangles.len()), (8, 5));
         for (i, t) in layout.membrane.iter().enumerate() {
             assert!(t[0] < t[1] && t[1] < t[2]);
-            assert_eq!(layout.triangles[layout.membrane_triangles[i] as usize], *t);
-            let edges = layout.membrane_edges[i];
-            assert_eq!(layout.edges[edges[0] as usize], [t[1], t[2]]);
-            assert_eq!(layout.edges[edges[1] as usize], [t[0], t[2]]);
+            assert_eq!(layout.cells.triangles[layout.cells.membrane_triangles[i] as usize], *t);
+            let edges = layout.cells.membrane_edges[i];
+            assert_eq!(layout.cells.edges[edges[0] as usize], [t[1], t[2]]);
+            assert_eq!(layout.cells.edges[edges[1] as usize], [t[0], t[2]]);
         }
         let mut order = layout.membrane_order.clone();
         order.sort_unstable();
         assert_eq!(order, [0, 1]);
         let alone = BodyLayout::with_membrane(3, &[], &[[2, 0, 1]]);
-        assert_eq!((alone.edges.len(), alone.triangles.len(), alone.tetrahedra.len()), (3, 1, 0));
+        assert_eq!(
+            (alone.cells.edges.len(), alone.cells.triangles.len(), alone.tetrahedra.len()),
+            (3, 1, 0)
+        );
     }
 
     #[test]
@@ -487,7 +494,7 @@ mod tests {
         seen.sort_unstable();
         seen.dedup();
         assert_eq!(seen.len(), layout.vertex_order.len());
-        let width = layout.edges.iter().map(|e| e[1] - e[0]).max().unwrap();
+        let width = layout.cells.edges.iter().map(|e| e[1] - e[0]).max().unwrap();
         assert!(width <= 8, "bandwidth {width}");
     }
 }

@@ -4,13 +4,12 @@
 use crate::element::{
     AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges,
 };
-use crate::element_kind::ElementKind;
 use crate::isoparametric::{AxisHexahedronVertices, HexahedronVertices, QuadVertices};
-use crate::layout::{BodyLayout, ElementLists, starts};
+use crate::layout::{BodyElements, starts};
 use crate::vertex::RestPosition;
 use bevy_ecs::archetype::ArchetypeId;
 use bevy_ecs::prelude::{Resource, World};
-use std::ops::Range;
+use std::ops::{Deref, Range};
 
 /// Rows of one body.
 #[derive(Clone, Debug)]
@@ -21,26 +20,8 @@ pub struct BodyRows {
     pub vertices: Range<u32>,
     /// Indices into [`Topology::edges`].
     pub blocks: Range<u32>,
-    /// Vertex row (relative to `vertices.start`) -> index in the user's mesh.
-    pub vertex_order: Vec<u32>,
-    /// Index in the user's mesh -> row relative to `vertices.start`, or [`crate::layout::UNUSED`].
-    pub row_of_vertex: Vec<u32>,
-    /// Tetrahedra in engine order: vertex rows relative to `vertices.start`.
-    pub tetrahedra: Vec<[u32; 4]>,
-    /// Tetrahedron in engine order -> index in the user's mesh.
-    pub tetrahedron_order: Vec<u32>,
-    /// Membrane triangles in engine order: vertex rows relative to `vertices.start`, ascending.
-    pub membrane: Vec<[u32; 3]>,
-    /// Membrane triangle in engine order -> index in the user's list.
-    pub membrane_order: Vec<u32>,
-    /// Hexahedra in engine order: vertex rows relative to `vertices.start`, in the user's local order.
-    pub hexahedra: Vec<[u32; 8]>,
-    /// Hexahedron in engine order -> index in the user's mesh.
-    pub hexahedron_order: Vec<u32>,
-    /// Membrane quadrilaterals in engine order, likewise.
-    pub quads: Vec<[u32; 4]>,
-    /// Membrane quadrilateral in engine order -> index in the user's list.
-    pub quad_order: Vec<u32>,
+    /// Vertices and elements; rows are relative to `vertices.start`.
+    pub ordered: BodyElements,
     /// Longest side of the rest bounding box (m).
     pub size: f64,
     /// Connected piece of each vertex row (relative to `vertices.start`), counted from 0; filled by
@@ -51,48 +32,18 @@ pub struct BodyRows {
     pub splits: u64,
 }
 
+impl Deref for BodyRows {
+    type Target = BodyElements;
+    fn deref(&self) -> &BodyElements {
+        &self.ordered
+    }
+}
+
 impl BodyRows {
-    /// Rows of a body of a layout that is longest `size` (m), for [`Topology::push`], which fills the
-    /// ranges in.
-    pub fn new(name: String, layout: &BodyLayout, size: f64) -> Self {
-        Self {
-            name,
-            vertices: 0..0,
-            blocks: 0..0,
-            vertex_order: layout.vertex_order.clone(),
-            row_of_vertex: layout.row_of_vertex.clone(),
-            tetrahedra: layout.tetrahedra.clone(),
-            tetrahedron_order: layout.tetrahedron_order.clone(),
-            membrane: layout.membrane.clone(),
-            membrane_order: layout.membrane_order.clone(),
-            hexahedra: layout.hexahedra.clone(),
-            hexahedron_order: layout.hexahedron_order.clone(),
-            quads: layout.quads.clone(),
-            quad_order: layout.quad_order.clone(),
-            size,
-            piece: Vec::new(),
-            splits: 0,
-        }
-    }
-
-    /// Element in engine order -> index in the user's mesh or list.
-    pub fn order(&self, kind: ElementKind) -> &[u32] {
-        match kind {
-            ElementKind::Tetrahedron => &self.tetrahedron_order,
-            ElementKind::Triangle => &self.membrane_order,
-            ElementKind::Hexahedron => &self.hexahedron_order,
-            ElementKind::Quad => &self.quad_order,
-        }
-    }
-
-    /// Its elements by vertex rows relative to `vertices.start`.
-    pub fn elements(&self) -> ElementLists<'_> {
-        ElementLists {
-            tetrahedra: &self.tetrahedra,
-            hexahedra: &self.hexahedra,
-            membrane: &self.membrane,
-            quads: &self.quads,
-        }
+    /// Rows of a body that is longest `size` (m), for [`Topology::push`], which fills the ranges in.
+    pub fn new(name: String, ordered: BodyElements, size: f64) -> Self {
+        let (vertices, blocks) = (0..0, 0..0);
+        Self { name, vertices, blocks, ordered, size, piece: Vec::new(), splits: 0 }
     }
 
     /// Number of connected pieces.
@@ -176,10 +127,7 @@ impl Topology {
 
     /// Index of the edge between two vertex rows, `None` when the edge graph has none.
     pub fn find_edge(&self, a: u32, b: u32) -> Option<usize> {
-        let key = [a.min(b), a.max(b)];
-        let of = self.edge_start[key[0] as usize] as usize
-            ..self.edge_start[key[0] as usize + 1] as usize;
-        Some(of.start + self.edges[of].binary_search(&key).ok()?)
+        self.block(a, b).map(|block| block as usize)
     }
 
     /// Body of a given name.

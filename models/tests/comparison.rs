@@ -8,6 +8,7 @@ use proptest::prelude::*;
 use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronShapes};
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{EvaluationRequest, LawBuffer};
+use sinew_engine::layout::BodyElements;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::workers::Workers;
@@ -427,24 +428,16 @@ fn check_registers<L: TetrahedronLaw, S: Scalar>(count: usize, seed: usize, size
     let blocks: Vec<[u32; 6]> =
         nodes.iter().map(|t| TETRAHEDRON_EDGES.map(|[a, b]| block(t[a], t[b]))).collect();
     let mut topology = Topology::default();
-    let body = BodyRows {
-        name: String::new(),
-        vertices: 0..0,
-        blocks: 0..0,
-        vertex_order: (0..u.len() as u32).collect(),
-        row_of_vertex: (0..u.len() as u32).collect(),
-        tetrahedra: nodes.clone(),
-        tetrahedron_order: Vec::new(),
-        membrane: Vec::new(),
-        membrane_order: Vec::new(),
-        hexahedra: Vec::new(),
-        hexahedron_order: Vec::new(),
-        quads: Vec::new(),
-        quad_order: Vec::new(),
-        size: 1.0,
-        piece: Vec::new(),
-        splits: 0,
-    };
+    let body = BodyRows::new(
+        String::new(),
+        BodyElements {
+            vertex_order: (0..u.len() as u32).collect(),
+            row_of_vertex: (0..u.len() as u32).collect(),
+            tetrahedra: nodes.clone(),
+            ..BodyElements::default()
+        },
+        1.0,
+    );
     topology.push(body, &edges);
     let column = |f: &dyn Fn(&Element<S>) -> S| elements.iter().map(f).collect::<Vec<S>>();
     let gradients: [Vec<S>; 9] = std::array::from_fn(|i| column(&|e| e.gradients[i / 3][i % 3]));

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronShapes};
 use sinew_engine::lanes::{InstructionSet, Kernel, Lanes, MAX_LANES, dispatch_on};
 use sinew_engine::law::{EvaluationRequest, LawBuffer};
+use sinew_engine::layout::BodyElements;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::workers::Workers;
@@ -103,24 +104,16 @@ impl Strip {
         };
         let mut topology = Topology::default();
         topology.push(
-            BodyRows {
-                name: String::new(),
-                vertices: 0..0,
-                blocks: 0..0,
-                vertex_order: (0..u.len() as u32).collect(),
-                row_of_vertex: (0..u.len() as u32).collect(),
-                tetrahedra: self.nodes.clone(),
-                tetrahedron_order: Vec::new(),
-                membrane: Vec::new(),
-                membrane_order: Vec::new(),
-                hexahedra: Vec::new(),
-                hexahedron_order: Vec::new(),
-                quads: Vec::new(),
-                quad_order: Vec::new(),
-                size: 1.0,
-                piece: Vec::new(),
-                splits: 0,
-            },
+            BodyRows::new(
+                String::new(),
+                BodyElements {
+                    vertex_order: (0..u.len() as u32).collect(),
+                    row_of_vertex: (0..u.len() as u32).collect(),
+                    tetrahedra: self.nodes.clone(),
+                    ..BodyElements::default()
+                },
+                1.0,
+            ),
             &edges,
         );
         let mut buffer = LawBuffer::<S>::default();

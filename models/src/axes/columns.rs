@@ -10,23 +10,18 @@
 
 use bevy_ecs::prelude::*;
 use bytemuck::TransparentWrapper;
-use sinew_engine::element::{AxisBlocks, AxisVertices, ShapeGradientColumns, ShapeGradients};
+use sinew_engine::element::{
+    AxisBlocks, AxisVertices, ShapeGradientColumns, ShapeGradients, load_displacements,
+    load_vectors, shape_gradient_numbers,
+};
 use sinew_engine::lanes::Lanes;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::Displacement;
+use sinew_engine::{number_columns, vector_columns};
 
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
 
-macro_rules! columns {
-    ($($(#[$doc:meta])* $name:ident $(<$($index:ident),+>)?),+ $(,)?) => {$(
-        $(#[$doc])*
-        #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-        #[component(summary_tick)]
-        #[repr(transparent)]
-        pub struct $name<S: Scalar $($(, const $index: usize)+)?>(pub S);
-    )+};
-}
-columns! {
+number_columns! {
     /// Component `X` (0, 1, 2) of the unit vector of axis `AXIS` (0, 1, 2) at rest.
     AxisDirection<AXIS, X>,
     /// Axial modulus of axis `AXIS` times rest volume (J).
@@ -61,28 +56,15 @@ pub struct MuscleIndex(pub u32);
 /// Index of fibres without a muscle.
 pub const NO_MUSCLE: u32 = u32::MAX;
 
-/// The three components of axis `A`: query data.
-pub type Direction<S, const A: usize> = (
-    &'static AxisDirection<S, A, 0>,
-    &'static AxisDirection<S, A, 1>,
-    &'static AxisDirection<S, A, 2>,
+vector_columns!(
+    AxisDirection<AXIS>: Direction, DirectionColumns, DirectionBundle, direction_bundle, direction_numbers
 );
-/// Slices of [`Direction`].
-pub type DirectionColumns<'a, S, const A: usize> =
-    (&'a [AxisDirection<S, A, 0>], &'a [AxisDirection<S, A, 1>], &'a [AxisDirection<S, A, 2>]);
-/// The components of [`Direction`].
-pub type DirectionBundle<S, const A: usize> =
-    (AxisDirection<S, A, 0>, AxisDirection<S, A, 1>, AxisDirection<S, A, 2>);
-
-/// The components of [`Direction`] from a unit vector.
-pub(crate) fn direction_bundle<S: Scalar, const A: usize>(a: [f64; 3]) -> DirectionBundle<S, A> {
-    let [x, y, z] = a.map(S::from_f64);
-    (AxisDirection(x), AxisDirection(y), AxisDirection(z))
-}
-
-fn peel<'a, S: Scalar, const A: usize>((x, y, z): DirectionColumns<'a, S, A>) -> [&'a [S]; 3] {
-    [AxisDirection::peel_slice(x), AxisDirection::peel_slice(y), AxisDirection::peel_slice(z)]
-}
+vector_columns!(
+    AxialStiffness: AxialStiffnesses, AxialColumns, AxialBundle, axial_bundle, axial_numbers
+);
+vector_columns!(
+    AxisAngleStiffness: AngleStiffnesses, AngleColumns, AngleBundle, angle_bundle, angle_numbers
+);
 
 /// Columns of one table of axes as slices.
 pub trait AxisColumns<S: Scalar>: Copy + Send + Sync {
@@ -100,12 +82,7 @@ pub trait AxisColumns<S: Scalar>: Copy + Send + Sync {
     /// Displacements of the vertices of the elements from `first` on.
     #[inline(always)]
     fn displacements<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 4] {
-        let nodes = &self.nodes()[first..];
-        let mut u = [[L::ZERO; 3]; 4];
-        for a in 0..4 {
-            u[a] = L::load_rows(self.displacement(), nodes, a);
-        }
-        u
+        load_displacements(self.displacement(), self.nodes(), first)
     }
 }
 
@@ -148,35 +125,10 @@ macro_rules! shared {
     };
 }
 
-fn gradient_columns<'a, S: Scalar>((a, b, c): ShapeGradientColumns<'a, S>) -> [&'a [S]; 9] {
-    use sinew_engine::element::ShapeGradient as D;
-    [
-        D::peel_slice(a.0),
-        D::peel_slice(a.1),
-        D::peel_slice(a.2),
-        D::peel_slice(b.0),
-        D::peel_slice(b.1),
-        D::peel_slice(b.2),
-        D::peel_slice(c.0),
-        D::peel_slice(c.1),
-        D::peel_slice(c.2),
-    ]
-}
-
-#[inline(always)]
-fn load_matrix<L: Lanes>(columns: &[&[L::Scalar]; 9], first: usize) -> [[L; 3]; 3] {
-    let mut m = [[L::ZERO; 3]; 3];
-    for a in 0..3 {
-        for x in 0..3 {
-            m[a][x] = L::load(&columns[3 * a + x][first..]);
-        }
-    }
-    m
-}
-
 #[inline(always)]
 fn load_vector<L: Lanes>(columns: &[&[L::Scalar]; 3], first: usize) -> [L; 3] {
-    [L::load(&columns[0][first..]), L::load(&columns[1][first..]), L::load(&columns[2][first..])]
+    let [vector] = load_vectors(columns, first);
+    vector
 }
 
 /// Columns of the table of triads.
@@ -195,12 +147,8 @@ pub type TriadData<S> = (
     (&'static AxisVertices, &'static AxisBlocks),
     ShapeGradients<S>,
     (Direction<S, 0>, Direction<S, 1>, Direction<S, 2>),
-    (&'static AxialStiffness<S, 0>, &'static AxialStiffness<S, 1>, &'static AxialStiffness<S, 2>),
-    (
-        &'static AxisAngleStiffness<S, 0>,
-        &'static AxisAngleStiffness<S, 1>,
-        &'static AxisAngleStiffness<S, 2>,
-    ),
+    AxialStiffnesses<S>,
+    AngleStiffnesses<S>,
     &'static VolumeStiffness<S>,
 );
 
@@ -209,12 +157,8 @@ pub type TriadSlices<'a, S> = (
     (&'a [AxisVertices], &'a [AxisBlocks]),
     ShapeGradientColumns<'a, S>,
     (DirectionColumns<'a, S, 0>, DirectionColumns<'a, S, 1>, DirectionColumns<'a, S, 2>),
-    (&'a [AxialStiffness<S, 0>], &'a [AxialStiffness<S, 1>], &'a [AxialStiffness<S, 2>]),
-    (
-        &'a [AxisAngleStiffness<S, 0>],
-        &'a [AxisAngleStiffness<S, 1>],
-        &'a [AxisAngleStiffness<S, 2>],
-    ),
+    AxialColumns<'a, S>,
+    AngleColumns<'a, S>,
     &'a [VolumeStiffness<S>],
 );
 
@@ -224,21 +168,15 @@ impl<'a, S: Scalar> TriadColumns<'a, S> {
         displacement: &'a [Displacement<S>],
         ((nodes, blocks), gradients, axes, axial, angular, volumetric): TriadSlices<'a, S>,
     ) -> Self {
-        let ([a, b, c], [d, e, f], [g, h, i]) = (peel(axes.0), peel(axes.1), peel(axes.2));
+        let [a, b, c] = direction_numbers(axes.0);
+        let [d, e, f] = direction_numbers(axes.1);
+        let [g, h, i] = direction_numbers(axes.2);
         Self {
             shared: Shared::new(displacement, nodes, blocks),
-            gradients: gradient_columns(gradients),
+            gradients: shape_gradient_numbers(gradients),
             axes: [a, b, c, d, e, f, g, h, i],
-            axial: [
-                AxialStiffness::peel_slice(axial.0),
-                AxialStiffness::peel_slice(axial.1),
-                AxialStiffness::peel_slice(axial.2),
-            ],
-            angular: [
-                AxisAngleStiffness::peel_slice(angular.0),
-                AxisAngleStiffness::peel_slice(angular.1),
-                AxisAngleStiffness::peel_slice(angular.2),
-            ],
+            axial: axial_numbers(axial),
+            angular: angle_numbers(angular),
             volumetric: VolumeStiffness::peel_slice(volumetric),
         }
     }
@@ -250,8 +188,8 @@ impl<S: Scalar> AxisColumns<S> for TriadColumns<'_, S> {
     #[inline(always)]
     fn element<L: Lanes<Scalar = S>>(&self, first: usize) -> Triad<L> {
         Triad {
-            gradients: load_matrix(&self.gradients, first),
-            axes: load_matrix(&self.axes, first),
+            gradients: load_vectors(&self.gradients, first),
+            axes: load_vectors(&self.axes, first),
             axial: load_vector(&self.axial, first),
             angular: load_vector(&self.angular, first),
             volumetric: L::load(&self.volumetric[first..]),
@@ -314,7 +252,7 @@ impl<'a, S: Scalar> FibreColumns<'a, S> {
                 FibreShape::peel_slice(shape.1),
                 FibreShape::peel_slice(shape.2),
             ],
-            axis: peel(axis),
+            axis: direction_numbers(axis),
             stiffness: AxialStiffness::peel_slice(stiffness),
             shortening: FibreShortening::peel_slice(shortening),
             active: FibreActive::peel_slice(active),
@@ -369,7 +307,7 @@ impl<'a, S: Scalar> VolumeColumns<'a, S> {
     ) -> Self {
         Self {
             shared: Shared::new(displacement, nodes, blocks),
-            gradients: gradient_columns(gradients),
+            gradients: shape_gradient_numbers(gradients),
             volumetric: VolumeStiffness::peel_slice(volumetric),
         }
     }
@@ -381,7 +319,7 @@ impl<S: Scalar> AxisColumns<S> for VolumeColumns<'_, S> {
     #[inline(always)]
     fn element<L: Lanes<Scalar = S>>(&self, first: usize) -> VolumeTerm<L> {
         VolumeTerm {
-            gradients: load_matrix(&self.gradients, first),
+            gradients: load_vectors(&self.gradients, first),
             volumetric: L::load(&self.volumetric[first..]),
         }
     }

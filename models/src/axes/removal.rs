@@ -11,59 +11,58 @@ use super::damper::AxialDamper;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
 use super::hexahedra::energy_at_points;
 use super::printed_system::PrintedAxes;
+use crate::resection::state::in_f64;
 
-/// Number in a column of an entity; 0 where it has no such column.
-macro_rules! number {
-    ($entity:expr, $column:ty) => {
-        $entity.get::<$column>().map_or(0.0, |x| x.0.to_f64())
+/// Numbers in columns of an entity; 0 where it has no such column.
+macro_rules! numbers {
+    ($entity:expr, $($column:ty),+) => {
+        [$($entity.get::<$column>().map_or(0.0, |x| x.0.to_f64())),+]
     };
 }
 
-/// Directions and moduli of an axis entity in `f64`; its gradients play no part.
+fn direction<S: Scalar, const A: usize>(e: &EntityRef) -> [f64; 3] {
+    numbers!(e, AxisDirection<S, A, 0>, AxisDirection<S, A, 1>, AxisDirection<S, A, 2>)
+}
+
+fn gradient<S: Scalar, const V: usize>(e: &EntityRef) -> [f64; 3] {
+    numbers!(e, ShapeGradient<S, V, 0>, ShapeGradient<S, V, 1>, ShapeGradient<S, V, 2>)
+}
+
+/// Directions and moduli of an axis entity in `f64`, and its gradients in tetrahedra.
 fn triad<S: Scalar>(e: &EntityRef) -> Triad<f64> {
+    let [volumetric] = numbers!(e, VolumeStiffness<S>);
     Triad {
-        gradients: [[0.0; 3]; 3],
-        axes: [
-            [
-                number!(e, AxisDirection<S, 0, 0>),
-                number!(e, AxisDirection<S, 0, 1>),
-                number!(e, AxisDirection<S, 0, 2>),
-            ],
-            [
-                number!(e, AxisDirection<S, 1, 0>),
-                number!(e, AxisDirection<S, 1, 1>),
-                number!(e, AxisDirection<S, 1, 2>),
-            ],
-            [
-                number!(e, AxisDirection<S, 2, 0>),
-                number!(e, AxisDirection<S, 2, 1>),
-                number!(e, AxisDirection<S, 2, 2>),
-            ],
-        ],
-        axial: [
-            number!(e, AxialStiffness<S, 0>),
-            number!(e, AxialStiffness<S, 1>),
-            number!(e, AxialStiffness<S, 2>),
-        ],
-        angular: [
-            number!(e, AxisAngleStiffness<S, 0>),
-            number!(e, AxisAngleStiffness<S, 1>),
-            number!(e, AxisAngleStiffness<S, 2>),
-        ],
-        volumetric: number!(e, VolumeStiffness<S>),
+        gradients: [gradient::<S, 1>(e), gradient::<S, 2>(e), gradient::<S, 3>(e)],
+        axes: [direction::<S, 0>(e), direction::<S, 1>(e), direction::<S, 2>(e)],
+        axial: numbers!(e, AxialStiffness<S, 0>, AxialStiffness<S, 1>, AxialStiffness<S, 2>),
+        angular: numbers!(
+            e,
+            AxisAngleStiffness<S, 0>,
+            AxisAngleStiffness<S, 1>,
+            AxisAngleStiffness<S, 2>
+        ),
+        volumetric,
     }
 }
 
-/// The same of a fibre, without its shape.
+/// The same of a fibre, and its shape in tetrahedra.
 fn fibre<S: Scalar>(e: &EntityRef) -> Fibre<f64> {
+    let [stiffness, shortening, active, offset, inverse_width] = numbers!(
+        e,
+        AxialStiffness<S, 0>,
+        FibreShortening<S>,
+        FibreActive<S>,
+        FibreOffset<S>,
+        FibreInverseWidth<S>
+    );
     Fibre {
-        shape: [0.0; 3],
-        axis: triad::<S>(e).axes[0],
-        stiffness: number!(e, AxialStiffness<S, 0>),
-        shortening: number!(e, FibreShortening<S>),
-        active: number!(e, FibreActive<S>),
-        offset: number!(e, FibreOffset<S>),
-        inverse_width: number!(e, FibreInverseWidth<S>),
+        shape: numbers!(e, FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>),
+        axis: direction::<S, 0>(e),
+        stiffness,
+        shortening,
+        active,
+        offset,
+        inverse_width,
     }
 }
 
@@ -77,35 +76,13 @@ pub(crate) fn energy<S: Scalar>(world: &World, entity: Entity, u: &[[f64; 3]; 4]
         return printed.energy(u);
     }
     if e.contains::<FibreShape<S, 1>>() {
-        let shape = [
-            number!(e, FibreShape<S, 1>),
-            number!(e, FibreShape<S, 2>),
-            number!(e, FibreShape<S, 3>),
-        ];
-        return Fibre { shape, ..fibre::<S>(&e) }.energy(u);
+        return fibre::<S>(&e).energy(u);
     }
-    let gradients = [
-        [
-            number!(e, ShapeGradient<S, 1, 0>),
-            number!(e, ShapeGradient<S, 1, 1>),
-            number!(e, ShapeGradient<S, 1, 2>),
-        ],
-        [
-            number!(e, ShapeGradient<S, 2, 0>),
-            number!(e, ShapeGradient<S, 2, 1>),
-            number!(e, ShapeGradient<S, 2, 2>),
-        ],
-        [
-            number!(e, ShapeGradient<S, 3, 0>),
-            number!(e, ShapeGradient<S, 3, 1>),
-            number!(e, ShapeGradient<S, 3, 2>),
-        ],
-    ];
-    let volumetric = number!(e, VolumeStiffness<S>);
+    let own = triad::<S>(&e);
     if !e.contains::<AxisAngleStiffness<S, 0>>() {
-        return VolumeTerm { gradients, volumetric }.energy(u);
+        return VolumeTerm { gradients: own.gradients, volumetric: own.volumetric }.energy(u);
     }
-    Triad { gradients, ..triad::<S>(&e) }.energy(u)
+    own.energy(u)
 }
 
 /// Energy (J) of the axes of an entity at displacements (m) of their hexahedron.
@@ -120,10 +97,7 @@ pub(crate) fn hexahedron_energy<S: Scalar>(
     }
     // dampers have none
     let Some(rest) = e.get::<HexahedronRest<S>>() else { return 0.0 };
-    let rest = HexahedronRest {
-        gradients: rest.gradients.map(|row| row.map(|x| x.to_f64())),
-        volume: rest.volume.map(|x| x.to_f64()),
-    };
+    let rest = in_f64(rest);
     if e.contains::<FibreActive<S>>() {
         let own = fibre::<S>(&e);
         return energy_at_points(&rest, u, |d, share| Fibre {
@@ -143,35 +117,14 @@ pub(crate) fn hexahedron_energy<S: Scalar>(
     })
 }
 
-/// Takes shape and moduli from the axes of an entity; directions stay unit vectors.
-pub(crate) fn clear<S: Scalar>(world: &mut World, entity: Entity) {
-    let mut e = world.entity_mut(entity);
-    macro_rules! zero {
-        ($($column:ty),+ $(,)?) => {$(
-            if let Some(mut x) = e.get_mut::<$column>() {
-                x.0 = S::ZERO;
-            }
-        )+};
-    }
+/// Takes from an entity the moduli that are no columns of numbers.
+pub(crate) fn clear(axes: &mut EntityWorldMut) {
     macro_rules! clear {
         ($($component:ty),+) => {$(
-            if let Some(mut x) = e.get_mut::<$component>() {
+            if let Some(mut x) = axes.get_mut::<$component>() {
                 x.clear();
             }
         )+};
     }
     clear![PrintedAxes<4>, PrintedAxes<8>, AxialDamper<4>, AxialDamper<8>, AxisSource];
-    if let Some(mut rest) = e.get_mut::<HexahedronRest<S>>() {
-        *rest = HexahedronRest { gradients: [[S::ZERO; 8]; 9], volume: [S::ZERO; 8] };
-    }
-    zero![
-        ShapeGradient<S, 1, 0>, ShapeGradient<S, 1, 1>, ShapeGradient<S, 1, 2>,
-        ShapeGradient<S, 2, 0>, ShapeGradient<S, 2, 1>, ShapeGradient<S, 2, 2>,
-        ShapeGradient<S, 3, 0>, ShapeGradient<S, 3, 1>, ShapeGradient<S, 3, 2>,
-        FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>,
-        AxialStiffness<S, 0>, AxialStiffness<S, 1>, AxialStiffness<S, 2>,
-        AxisAngleStiffness<S, 0>, AxisAngleStiffness<S, 1>, AxisAngleStiffness<S, 2>,
-        VolumeStiffness<S>, FibreShortening<S>, FibreActive<S>, PassiveStiffness<S>,
-        PeakTension<S>,
-    ];
 }

@@ -1,5 +1,6 @@
 //! From a description of axes to entities.
 
+use bevy_ecs::bundle::NoBundleEffect;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::element::{
@@ -7,9 +8,7 @@ use sinew_engine::element::{
 };
 use sinew_engine::isoparametric::{
     AxisHexahedron, AxisHexahedronBlocks, AxisHexahedronVertices, Derivatives, HexahedronRest,
-    RestHexahedron,
 };
-use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
 
@@ -20,8 +19,8 @@ use super::description::{AxesDescription, AxisFamily, AxisGroup};
 use super::hexahedra;
 use super::muscle::{self, Muscle, Muscles};
 use super::systems;
-use crate::element::precompute::RestTetrahedron;
-use crate::laws;
+use crate::body::SolidPart;
+use crate::laws::{self, LawRow};
 
 /// Rows and blocks of a tetrahedron, and where it comes from.
 pub(super) type Place = (AxisVertices, AxisBlocks, AxisTetrahedron, BodyId);
@@ -32,8 +31,8 @@ type HexahedronPlace<S> = (HexahedronRows, HexahedronRest<S>);
 /// Directions and moduli of a triad.
 type TriadMade<S> = (
     (DirectionBundle<S, 0>, DirectionBundle<S, 1>, DirectionBundle<S, 2>),
-    (AxialStiffness<S, 0>, AxialStiffness<S, 1>, AxialStiffness<S, 2>),
-    (AxisAngleStiffness<S, 0>, AxisAngleStiffness<S, 1>, AxisAngleStiffness<S, 2>),
+    AxialBundle<S>,
+    AngleBundle<S>,
     VolumeStiffness<S>,
     AxisSource,
 );
@@ -51,60 +50,40 @@ type FibreMade<S> = (
 );
 type FibreShapes<S> = (FibreShape<S, 1>, FibreShape<S, 2>, FibreShape<S, 3>);
 
-/// Where the rows of a body begin.
-#[derive(Clone, Copy)]
-pub(crate) struct Offsets {
-    pub vertex: u32,
-    pub block: u32,
-    pub body: BodyId,
-}
-
-/// Rest shapes of the solid elements of a body, in the order of its layout.
-#[derive(Clone, Copy)]
-pub(crate) struct RestShapes<'a> {
-    pub tetrahedra: &'a [RestTetrahedron],
-    pub hexahedra: &'a [RestHexahedron],
-}
-
 /// Of a tetrahedron of the layout.
-pub(super) fn tetrahedron_place(layout: &BodyLayout, row: usize, at: Offsets) -> Place {
+pub(super) fn tetrahedron_place(part: &SolidPart, row: usize) -> Place {
+    let SolidPart { layout, at, .. } = part;
     (
-        AxisVertices(layout.tetrahedra[row].map(|v| v + at.vertex)),
-        AxisBlocks(layout.tetrahedron_edges[row].map(|b| b + at.block)),
+        AxisVertices(at.vertices(&layout.tetrahedra[row])),
+        AxisBlocks(at.blocks(&layout.cells.tetrahedron_edges[row])),
         AxisTetrahedron(layout.tetrahedron_order[row]),
         at.body,
     )
 }
 
 /// Of a hexahedron of the layout.
-pub(super) fn hexahedron_rows(layout: &BodyLayout, row: usize, at: Offsets) -> HexahedronRows {
+pub(super) fn hexahedron_rows(part: &SolidPart, row: usize) -> HexahedronRows {
+    let SolidPart { layout, at, .. } = part;
     (
-        AxisHexahedronVertices(layout.hexahedra[row].map(|v| v + at.vertex)),
-        AxisHexahedronBlocks(layout.hexahedron_edges[row].map(|b| b + at.block)),
+        AxisHexahedronVertices(at.vertices(&layout.hexahedra[row])),
+        AxisHexahedronBlocks(at.blocks(&layout.cells.hexahedron_edges[row])),
         AxisHexahedron(layout.hexahedron_order[row]),
         at.body,
     )
 }
 
 /// Spawns the axes of a body, element by element in the order of the layout.
-pub(crate) fn spawn_axes<S: Scalar>(
-    world: &mut World,
-    axes: &AxesDescription,
-    layout: &BodyLayout,
-    rest: RestShapes,
-    at: Offsets,
-) {
-    let body = at.body.0 as usize;
+pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, part: &SolidPart) {
     let groups = axes.pack();
-    let muscles = spawn_muscles::<S>(world, axes, body);
+    let muscles = spawn_muscles::<S>(world, axes, part.at.body.0 as usize);
     let mut triads: Vec<(Place, ShapeGradientBundle<S>, TriadMade<S>)> = Vec::new();
     let mut fibres: Vec<(Place, FibreShapes<S>, FibreMade<S>)> = Vec::new();
     let mut volumes: Vec<(Place, ShapeGradientBundle<S>, VolumeStiffness<S>, VolumeAlone)> =
         Vec::new();
     let mut dampers: Vec<(Place, AxialDamper<4>)> = Vec::new();
-    for (row, &original) in layout.tetrahedron_order.iter().enumerate() {
-        let place = tetrahedron_place(layout, row, at);
-        let (shape, t) = (&rest.tetrahedra[row], original as usize);
+    for (row, &original) in part.layout.tetrahedron_order.iter().enumerate() {
+        let place = tetrahedron_place(part, row);
+        let (shape, t) = (&part.rest.tetrahedra[row], original as usize);
         for (axis, viscosity) in viscous(axes, t, shape.volume) {
             let shape = shape.gradients.map(|d| DVec3::from_array(d).dot(axis));
             dampers.push((place, AxialDamper { axis: axis.to_array(), shape, viscosity }));
@@ -131,47 +110,46 @@ pub(crate) fn spawn_axes<S: Scalar>(
             }
         }
     }
-    if !triads.is_empty() {
-        world.spawn_batch(triads);
-        laws::activate::<S>(world, &systems::TRIADS);
+    spawn_rows::<S, _>(world, triads, &systems::TRIADS);
+    spawn_rows::<S, _>(world, fibres, &systems::FIBRES);
+    spawn_rows::<S, _>(world, volumes, &systems::VOLUMES);
+    spawn_rows::<S, _>(world, dampers, &damper::IN_TETRAHEDRA);
+    spawn_in_hexahedra::<S>(world, axes, (&groups, &muscles), part);
+}
+
+/// Spawns entities, if there are any, and puts their law into the schedule.
+pub(super) fn spawn_rows<S: Scalar, B: Bundle<Effect: NoBundleEffect>>(
+    world: &mut World,
+    rows: Vec<B>,
+    law: &'static LawRow,
+) {
+    if !rows.is_empty() {
+        world.spawn_batch(rows);
+        laws::activate::<S>(world, law);
     }
-    if !fibres.is_empty() {
-        world.spawn_batch(fibres);
-        laws::activate::<S>(world, &systems::FIBRES);
-    }
-    if !volumes.is_empty() {
-        world.spawn_batch(volumes);
-        laws::activate::<S>(world, &systems::VOLUMES);
-    }
-    if !dampers.is_empty() {
-        world.spawn_batch(dampers);
-        laws::activate::<S>(world, &damper::IN_TETRAHEDRA);
-    }
-    spawn_in_hexahedra::<S>(world, axes, (&groups, &muscles), layout, rest.hexahedra, at);
 }
 
 fn spawn_in_hexahedra<S: Scalar>(
     world: &mut World,
     axes: &AxesDescription,
     (groups, muscles): (&[AxisGroup], &[u32]),
-    layout: &BodyLayout,
-    rest: &[RestHexahedron],
-    at: Offsets,
+    part: &SolidPart,
 ) {
     let mut triads: Vec<(HexahedronPlace<S>, TriadMade<S>)> = Vec::new();
     let mut fibres: Vec<(HexahedronPlace<S>, FibreMade<S>)> = Vec::new();
     let mut volumes: Vec<(HexahedronPlace<S>, VolumeStiffness<S>, VolumeAlone)> = Vec::new();
     let mut dampers: Vec<(HexahedronRows, AxialDamper<8>)> = Vec::new();
     let derivatives = Derivatives::<f64, 8, 3>::hexahedron();
-    for (row, &original) in layout.hexahedron_order.iter().enumerate() {
-        let rows = hexahedron_rows(layout, row, at);
-        let place = (rows, hexahedra::shares(&rest[row]).component::<S>());
-        let volume = rest[row].total_volume();
+    for (row, &original) in part.layout.hexahedron_order.iter().enumerate() {
+        let rows = hexahedron_rows(part, row);
+        let rest = &part.rest.hexahedra[row];
+        let place = (rows, hexahedra::shares(rest).component::<S>());
+        let volume = rest.total_volume();
         // directions of hexahedra follow those of tetrahedra
-        let e = layout.tetrahedra.len() + original as usize;
+        let e = part.layout.tetrahedra.len() + original as usize;
         for q in 0..8 {
-            for (axis, viscosity) in viscous(axes, e, rest[row].volume[q]) {
-                let shape = hexahedra::shape_of(&derivatives, &rest[row], q, axis);
+            for (axis, viscosity) in viscous(axes, e, rest.volume[q]) {
+                let shape = hexahedra::shape_of(&derivatives, rest, q, axis);
                 dampers.push((rows, AxialDamper { axis: axis.to_array(), shape, viscosity }));
             }
         }
@@ -191,22 +169,10 @@ fn spawn_in_hexahedra<S: Scalar>(
             }
         }
     }
-    if !triads.is_empty() {
-        world.spawn_batch(triads);
-        laws::activate::<S>(world, &hexahedra::TRIADS);
-    }
-    if !fibres.is_empty() {
-        world.spawn_batch(fibres);
-        laws::activate::<S>(world, &hexahedra::FIBRES);
-    }
-    if !volumes.is_empty() {
-        world.spawn_batch(volumes);
-        laws::activate::<S>(world, &hexahedra::VOLUMES);
-    }
-    if !dampers.is_empty() {
-        world.spawn_batch(dampers);
-        laws::activate::<S>(world, &damper::IN_HEXAHEDRA);
-    }
+    spawn_rows::<S, _>(world, triads, &hexahedra::TRIADS);
+    spawn_rows::<S, _>(world, fibres, &hexahedra::FIBRES);
+    spawn_rows::<S, _>(world, volumes, &hexahedra::VOLUMES);
+    spawn_rows::<S, _>(world, dampers, &damper::IN_HEXAHEDRA);
 }
 
 /// Axes and viscosities times `v` (m^3, of an element or of a part of it) of the viscous families in an
@@ -233,14 +199,14 @@ fn triad<S: Scalar>(
     let [a, b, c] = triad_directions(families, element);
     let weight = share.map(|share| v * share);
     let modulus = axial.map(|f| f.map_or(0.0, |f| axes.families[f].modulus));
-    let y = [0, 1, 2].map(|i| S::from_f64(modulus[i] * weight[i]));
+    let y = [0, 1, 2].map(|i| modulus[i] * weight[i]);
     // an angle is as present as the less present of its axes
     let g = super::element::AXIS_PAIRS.map(|[i, j]| share[i].min(share[j]));
-    let g = [0, 1, 2].map(|k| S::from_f64(v * angles[k] * g[k]));
+    let g = [0, 1, 2].map(|k| v * angles[k] * g[k]);
     Some((
         (direction_bundle(a), direction_bundle(b), direction_bundle(c)),
-        (AxialStiffness(y[0]), AxialStiffness(y[1]), AxialStiffness(y[2])),
-        (AxisAngleStiffness(g[0]), AxisAngleStiffness(g[1]), AxisAngleStiffness(g[2])),
+        axial_bundle(y),
+        angle_bundle(g),
         VolumeStiffness(S::from_f64(v * volume)),
         AxisSource::new(*axial, weight),
     ))

@@ -2,8 +2,6 @@
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
-use sinew_engine::isoparametric::RestHexahedron;
-use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 
 use super::attachment::{self, Attachment};
@@ -13,8 +11,8 @@ use super::description::{AxesDescription, AxesError, AxisFamily, AxisForm, AxisG
 use super::element::AXIS_PAIRS;
 use super::printed::VolumeForm;
 use super::printed_system::{self, Printed, PrintedAxes, PrintedElement, PrintedModuli};
-use super::spawn::{Offsets, RestShapes, hexahedron_rows, tetrahedron_place, unit};
-use crate::laws;
+use super::spawn::{hexahedron_rows, spawn_rows, tetrahedron_place, unit};
+use crate::body::SolidPart;
 
 /// Checks that every axis in a hexahedron meets two of its faces. In tetrahedra that have a volume it does.
 ///
@@ -42,46 +40,33 @@ pub(crate) fn check_chords(
 pub(crate) fn spawn_printed<S: Scalar>(
     world: &mut World,
     axes: &AxesDescription,
-    layout: &BodyLayout,
-    (rest_of, rest): (&dyn Fn(u32) -> DVec3, RestShapes),
-    at: Offsets,
+    part: &SolidPart,
 ) {
     let groups = axes.pack();
+    let SolidPart { layout, rest_of, rest, .. } = part;
     let (mut springs, mut dampers) = (Vec::new(), Vec::new());
     for (row, &original) in layout.tetrahedron_order.iter().enumerate() {
-        let place = tetrahedron_place(layout, row, at);
+        let place = tetrahedron_place(part, row);
         let points = layout.tetrahedra[row].map(rest_of);
         let made = Made::new(axes, &groups, original as usize, points, rest.tetrahedra[row].volume);
         springs.extend(made.springs.into_iter().map(|springs| (place, springs)));
         dampers.extend(made.dampers.into_iter().map(|damper| (place, damper)));
     }
-    if !springs.is_empty() {
-        world.spawn_batch(springs);
-        laws::activate::<S>(world, &printed_system::IN_TETRAHEDRA);
-    }
-    if !dampers.is_empty() {
-        world.spawn_batch(dampers);
-        laws::activate::<S>(world, &damper::IN_TETRAHEDRA);
-    }
+    spawn_rows::<S, _>(world, springs, &printed_system::IN_TETRAHEDRA);
+    spawn_rows::<S, _>(world, dampers, &damper::IN_TETRAHEDRA);
     let (mut springs, mut dampers) = (Vec::new(), Vec::new());
     for (row, &original) in layout.hexahedron_order.iter().enumerate() {
-        let rows = hexahedron_rows(layout, row, at);
+        let place = hexahedron_rows(part, row);
         let points = layout.hexahedra[row].map(rest_of);
         // directions of hexahedra follow those of tetrahedra
         let element = layout.tetrahedra.len() + original as usize;
-        let volume = RestHexahedron::total_volume(&rest.hexahedra[row]);
+        let volume = rest.hexahedra[row].total_volume();
         let made = Made::new(axes, &groups, element, points, volume);
-        springs.extend(made.springs.into_iter().map(|springs| (rows, springs)));
-        dampers.extend(made.dampers.into_iter().map(|damper| (rows, damper)));
+        springs.extend(made.springs.into_iter().map(|springs| (place, springs)));
+        dampers.extend(made.dampers.into_iter().map(|damper| (place, damper)));
     }
-    if !springs.is_empty() {
-        world.spawn_batch(springs);
-        laws::activate::<S>(world, &printed_system::IN_HEXAHEDRA);
-    }
-    if !dampers.is_empty() {
-        world.spawn_batch(dampers);
-        laws::activate::<S>(world, &damper::IN_HEXAHEDRA);
-    }
+    spawn_rows::<S, _>(world, springs, &printed_system::IN_HEXAHEDRA);
+    spawn_rows::<S, _>(world, dampers, &damper::IN_HEXAHEDRA);
 }
 
 /// What the axes of an element of `N` vertices become.

@@ -1,34 +1,29 @@
-//! Another material for a body that exists: every number derived from it is computed again, in the
-//! order of [`spawn_body`](crate::body::spawn_body), so that body and a new one agree to the last bit.
+//! Another material for a body that exists: every number derived from it is computed again, as
+//! [`spawn_body`](crate::body::spawn_body) computes it, so that body and a new one agree to the last bit.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::compiled_here;
-use sinew_engine::connectivity::Connectivity;
-use sinew_engine::element::{
-    EdgeBlock, EdgeVertices, MembraneBlocks, MembraneVertices, RestVolume, TETRAHEDRON_FACES,
-    TetrahedronBlocks, TetrahedronIndex, TetrahedronVertices,
-};
-use sinew_engine::isoparametric::{
-    HexahedronIndex, HexahedronVertices, QuadVertices, RestHexahedron, RestQuad,
-};
-use sinew_engine::layout::UNUSED;
+use sinew_engine::connectivity::ElementKind;
+use sinew_engine::element::{EdgeVertices, RestVolume, TetrahedronIndex};
+use sinew_engine::isoparametric::HexahedronIndex;
+use sinew_engine::layout::{Cells, UNUSED};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::topology::{BodyRows, Topology};
+use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{BodyId, Mass, RestPosition};
-use std::collections::HashMap;
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use crate::body::lumped::{self, Sources};
-use crate::body::sheet::MembraneModel;
-use crate::body::{Evaluation, Model, SoftBody, moduli_bundle};
-use crate::element::membrane::{self, RestTriangle};
-use crate::element::precompute::{ADJACENT_PAIRS, RestTetrahedron, SpringConstants};
+use crate::body::lumped::ElementSprings;
+use crate::body::matter::{Chosen, Items, Matter, chosen};
+use crate::body::spawn::{moduli_bundle, volumetric_bundle};
+use crate::body::{Model, SoftBody};
 use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::laws::pooled::{
     AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness,
 };
 use crate::laws::quadratic::MassSpring;
+use crate::material::LameParameters;
 use crate::material::field::{FieldError, MaterialArrays, MaterialField};
 use crate::resection::Resection;
 
@@ -67,189 +62,122 @@ fn change<S: Scalar>(
     let Some((entity, mut soft)) = found.map(|(entity, soft)| (entity, soft.clone())) else {
         return Ok(());
     };
-    soft.material = field.material;
-    soft.arrays = MaterialArrays::of(field);
-    let own = |id: &BodyId| id.0 as usize == body;
-    let rest: Vec<DVec3> = world.query::<&RestPosition>().iter(world).map(|x| x.0).collect();
-    if !soft.springs.is_empty() {
-        let rest_of = |row: u32| rest[(rows.vertices.start + row) as usize];
-        let material = |at: usize| match at.checked_sub(rows.tetrahedra.len()) {
-            None => field.at(rows.tetrahedron_order[at] as usize),
-            Some(h) => field.at(rows.tetrahedra.len() + rows.hexahedron_order[h] as usize),
-        };
-        let is_spring = soft.model == Model::MassSpring;
-        let sources = Sources {
-            elements: rows.elements(),
-            rest_of: &rest_of,
-            solid: is_spring.then_some((&material as _, soft.spring_method)),
-            sheet: soft.membrane.filter(|m| m.model == MembraneModel::MassSpring),
-        };
-        let springs = sources.springs(|kind, at| rows.order(kind)[at] as usize)?;
-        soft.springs = Arc::new(springs);
+    let first = rows.vertices.start;
+    let mut rest = world.query::<&RestPosition>();
+    let rest: Vec<DVec3> =
+        rest.iter(world).skip(first as usize).take(rows.vertices.len()).map(|x| x.0).collect();
+    let rest_of = |row: u32| rest[row as usize];
+    let matter = Matter { field: *field, ..soft.matter(&rows.ordered, &rest_of) };
+    let springs = if soft.springs.is_empty() {
+        soft.springs.clone()
+    } else {
+        Arc::new(matter.element_springs()?)
+    };
+    let resection = world.get_resource::<Resection>().and_then(|r| r.connectivity(body));
+    let left = chosen(&rows, |kind, e| resection.is_none_or(|r| r.is_present(kind, e)));
+    let masses = matter.masses(Items::All(rest.len()), &left);
+    set_moduli::<S>(world, body, soft.model, (&lame, rows.tetrahedra.len()));
+    if matter.is_pooled() || !springs.is_empty() {
+        set_springs::<S>(world, body, (&matter, &springs), (&left, &lame));
     }
-    world.entity_mut(entity).insert(soft.clone());
-    let springs = world.query::<(&EdgeBlock, &BodyId)>().iter(world).any(|(_, id)| own(id));
-
-    let mut mass = vec![0.0; rows.vertices.len()];
-    let mut tensile = vec![0.0; if springs { rows.blocks.len() } else { 0 }];
-    let place = |block: u32| (block - rows.blocks.start) as usize;
-    let mut angular: HashMap<[u32; 3], [f64; 3]> = HashMap::new();
-    let mut tetrahedra = world.query::<(
-        &TetrahedronVertices,
-        &TetrahedronBlocks,
-        &TetrahedronIndex,
-        (&BodyId, &RestVolume<S>),
-        (&mut FirstLameParameter<S>, &mut ShearModulus<S>, &mut CompressionModulus<S>),
-        Option<(
-            &mut VolumetricStiffness<S, 0>,
-            &mut VolumetricStiffness<S, 1>,
-            &mut VolumetricStiffness<S, 2>,
-        )>,
-    )>();
-    for (nodes, blocks, index, (id, volume), moduli, volumetric) in tetrahedra.iter_mut(world) {
-        // removed ones have no volume
-        if !own(id) || volume.0 == S::ZERO {
-            continue;
-        }
-        let lame = lame[index.0 as usize];
-        let (mut first, mut shear, mut compression) = moduli;
-        (*first, *shear, *compression) = moduli_bundle::<S>(lame, soft.model);
-        let points = nodes.0.map(|v| rest[v as usize].to_array());
-        // it had a volume when the body was made
-        let Ok(shape) = RestTetrahedron::new(points) else { continue };
-        let density = field.at(index.0 as usize).density;
-        for v in nodes.0 {
-            mass[(v - rows.vertices.start) as usize] += density * shape.volume / 4.0;
-        }
-        let pooled = soft.evaluation == Evaluation::Pooled;
-        if !pooled {
-            continue;
-        }
-        let constants = SpringConstants::new(&shape, lame);
-        for (k, block) in constants.tensile.iter().zip(blocks.0) {
-            tensile[place(block)] += k;
-        }
-        let Some((mut d0, mut d1, mut d2)) = volumetric else { continue };
-        let [c0, c1, c2] = constants.volumetric.map(S::from_f64);
-        (d0.0, d1.0, d2.0) = (c0, c1, c2);
-        for (c, [apex, j, k]) in constants.angular.iter().zip(ADJACENT_PAIRS) {
-            let face = (0..4).find(|v| ![apex, j, k].contains(v)).unwrap_or(0);
-            let mut corners = TETRAHEDRON_FACES[face].map(|v| nodes.0[v]);
-            corners.sort_unstable();
-            let m = corners.iter().position(|&v| v == nodes.0[apex]).unwrap_or(0);
-            angular.entry(corners).or_default()[m] += c;
-        }
-    }
-    let mut hexahedra = world.query::<(
-        &HexahedronVertices,
-        &HexahedronIndex,
-        (&BodyId, &RestVolume<S>),
-        (&mut FirstLameParameter<S>, &mut ShearModulus<S>, &mut CompressionModulus<S>),
-    )>();
-    for (nodes, index, (id, volume), moduli) in hexahedra.iter_mut(world) {
-        if !own(id) || volume.0 == S::ZERO {
-            continue;
-        }
-        let at = rows.tetrahedra.len() + index.0 as usize;
-        let (mut first, mut shear, mut compression) = moduli;
-        (*first, *shear, *compression) = moduli_bundle::<S>(lame[at], soft.model);
-        let points = nodes.0.map(|v| rest[v as usize].to_array());
-        let Ok(shape) = RestHexahedron::new(points) else { continue };
-        let density = field.at(at).density;
-        for (v, volume) in nodes.0.into_iter().zip(shape.vertex_volumes()) {
-            mass[(v - rows.vertices.start) as usize] += density * volume;
-        }
-    }
-    if let Some(settings) = soft.membrane {
-        let (moduli, surface_density) = settings.surface();
-        let mut triangles = world.query::<(&MembraneVertices, &MembraneBlocks, &BodyId)>();
-        for (nodes, blocks, _) in triangles.iter(world).filter(|(_, _, id)| own(id)) {
-            let points = nodes.0.map(|v| rest[v as usize].to_array());
-            // removed ones have no area
-            let Ok(shape) = RestTriangle::new(points) else { continue };
-            for v in nodes.0 {
-                mass[(v - rows.vertices.start) as usize] += surface_density * shape.area / 3.0;
-            }
-            if !settings.is_pooled() {
-                continue;
-            }
-            let constants = membrane::SpringConstants::new(&shape, moduli);
-            for (k, block) in constants.tensile.iter().zip(blocks.0) {
-                tensile[place(block)] += k;
-            }
-            let sum = angular.entry(nodes.0).or_default();
-            for m in 0..3 {
-                sum[m] += constants.angular[m];
-            }
-        }
-        let mut quads = world.query::<(&QuadVertices, &BodyId)>();
-        for (nodes, _) in quads.iter(world).filter(|(_, id)| own(id)) {
-            let points = nodes.0.map(|v| rest[v as usize].to_array());
-            // removed ones have no area
-            let Ok(shape) = RestQuad::new(points) else { continue };
-            for (v, area) in nodes.0.into_iter().zip(shape.vertex_areas()) {
-                mass[(v - rows.vertices.start) as usize] += surface_density * area;
-            }
-        }
-    }
-    if !soft.springs.is_empty() {
-        set_edge_springs::<S>(world, &soft, &rows, &rest);
-    }
-    let mut edges = world
-        .query_filtered::<(&EdgeBlock, &BodyId, &mut TensileStiffness<S>), Without<MassSpring>>();
-    for (block, id, mut k) in edges.iter_mut(world) {
-        if own(id) {
-            k.0 = S::from_f64(tensile[place(block.0)]);
-        }
-    }
-    let mut triangles = world.query::<(
-        &TriangleVertices,
-        &BodyId,
-        &mut AngularStiffness<S, 0>,
-        &mut AngularStiffness<S, 1>,
-        &mut AngularStiffness<S, 2>,
-    )>();
-    for (corners, id, mut c0, mut c1, mut c2) in triangles.iter_mut(world) {
-        if own(id)
-            && let Some(c) = angular.get(&corners.0)
-        {
-            (c0.0, c1.0, c2.0) = (S::from_f64(c[0]), S::from_f64(c[1]), S::from_f64(c[2]));
-        }
-    }
-    let mut masses = world.query::<(&BodyId, &mut Mass<S>)>();
-    let own_masses = masses.iter_mut(world).filter(|(id, _)| own(id));
-    for (((_, mut m), new), &piece) in own_masses.zip(mass).zip(&rows.piece) {
+    let mut query = world.query::<(&BodyId, &mut Mass<S>)>();
+    let own = query.iter_mut(world).filter(|(id, _)| id.0 as usize == body);
+    for (((_, mut m), new), &piece) in own.zip(masses).zip(&rows.piece) {
         if piece != UNUSED {
             m.0 = S::from_f64(new);
         }
     }
+    soft.material = field.material;
+    soft.arrays = MaterialArrays::of(field);
+    soft.springs = springs;
+    world.entity_mut(entity).insert(soft);
     Ok(())
 }
 
-/// Sums the constants of the edges of a body that are springs by themselves over the elements left.
-fn set_edge_springs<S: Scalar>(
+/// Writes the moduli of the elements that are left; `lame` are the Lamé parameters (Pa) of all, hexahedra from
+/// place `first` on.
+fn set_moduli<S: Scalar>(
     world: &mut World,
-    soft: &SoftBody,
-    rows: &BodyRows,
-    rest: &[DVec3],
+    body: usize,
+    model: Model,
+    (lame, first): (&[LameParameters], usize),
 ) {
-    let resection = world.get_resource::<Resection>();
-    let connectivity = match resection.and_then(|r| r.connectivity(soft.index)) {
-        Some(connectivity) => connectivity.clone(),
-        None => Connectivity::new(rows),
+    let mut query = world.query::<(
+        (&BodyId, &RestVolume<S>, AnyOf<(&TetrahedronIndex, &HexahedronIndex)>),
+        (&mut FirstLameParameter<S>, &mut ShearModulus<S>, &mut CompressionModulus<S>),
+    )>();
+    for ((id, volume, (t, h)), (mut lambda, mut mu, mut compression)) in query.iter_mut(world) {
+        // removed ones have no volume
+        if id.0 as usize == body && volume.0 != S::ZERO {
+            let index = t.map_or(first, |t| t.0 as usize) + h.map_or(0, |h| h.0 as usize);
+            (*lambda, *mu, *compression) = moduli_bundle::<S>(lame[index], model);
+        }
+    }
+}
+
+/// Writes the constants of all springs, summed over the elements `left`.
+fn set_springs<S: Scalar>(
+    world: &mut World,
+    body: usize,
+    (matter, springs): (&Matter, &ElementSprings),
+    (left, lame): (&Chosen, &[LameParameters]),
+) {
+    let resection = world.remove_resource::<Resection>();
+    let cells = match resection.as_ref().and_then(|r| r.connectivity(body)) {
+        Some(connectivity) => Cow::Borrowed(&connectivity.cells),
+        None => {
+            let ordered = matter.ordered;
+            Cow::Owned(Cells::new(ordered.vertex_order.len(), &ordered.elements()))
+        }
     };
-    let mut edges = world
-        .query_filtered::<(&EdgeVertices, &BodyId, &mut TensileStiffness<S>), With<MassSpring>>();
-    for (nodes, id, mut k) in edges.iter_mut(world) {
-        if id.0 as usize != soft.index {
-            continue;
+    let (edges, triangles) = (Items::All(cells.edges.len()), Items::All(cells.triangles.len()));
+    let of_left = |&t: &u32| lame[matter.place(ElementKind::Tetrahedron, t)];
+    let of_left: Vec<_> = left[ElementKind::Tetrahedron].iter().map(of_left).collect();
+    let alone = matter.edge_springs(springs, &cells, edges, left);
+    let pooled = matter.pooled_springs(&cells, [edges, triangles], left, &of_left);
+    let first = world.resource::<Topology>().bodies[body].vertices.start;
+    let own = |id: &BodyId| id.0 as usize == body;
+
+    let mut query =
+        world.query::<(&EdgeVertices, &BodyId, &mut TensileStiffness<S>, Has<MassSpring>)>();
+    for (nodes, id, mut k, is_alone) in query.iter_mut(world) {
+        if own(id)
+            && let Ok(edge) = cells.edges.binary_search(&nodes.0.map(|v| v - first))
+        {
+            k.0 = S::from_f64(if is_alone { alone[edge] } else { pooled.tensile[edge] });
         }
-        let [a, b] = nodes.0;
-        let local = [a - rows.vertices.start, b - rows.vertices.start];
-        if let Ok(edge) = connectivity.cells.edges.binary_search(&local) {
-            let sum = soft.springs.at_edge(&connectivity, edge as u32);
-            let way = rest[a as usize] - rest[b as usize];
-            k.0 = S::from_f64(lumped::tensile_stiffness(sum, way.to_array()));
+    }
+    let mut query = world.query::<(
+        &TriangleVertices,
+        &BodyId,
+        (&mut AngularStiffness<S, 0>, &mut AngularStiffness<S, 1>, &mut AngularStiffness<S, 2>),
+    )>();
+    for (corners, id, (mut c0, mut c1, mut c2)) in query.iter_mut(world) {
+        if own(id)
+            && let Ok(triangle) = cells.triangles.binary_search(&corners.0.map(|v| v - first))
+            && let Some(c) = pooled.angular[triangle]
+        {
+            [c0.0, c1.0, c2.0] = c.map(S::from_f64);
         }
+    }
+    let rows = matter.ordered.rows_of(ElementKind::Tetrahedron);
+    let mut query = world.query::<(
+        (&TetrahedronIndex, &BodyId, &RestVolume<S>),
+        (
+            &mut VolumetricStiffness<S, 0>,
+            &mut VolumetricStiffness<S, 1>,
+            &mut VolumetricStiffness<S, 2>,
+        ),
+    )>();
+    for ((index, id, volume), (mut d0, mut d1, mut d2)) in query.iter_mut(world) {
+        // removed ones have no volume
+        if own(id) && volume.0 != S::ZERO {
+            let index = index.0 as usize;
+            let rest = matter.tetrahedron(rows[index]);
+            (*d0, *d1, *d2) = volumetric_bundle::<S>(&rest, lame[index]);
+        }
+    }
+    if let Some(resection) = resection {
+        world.insert_resource(resection);
     }
 }

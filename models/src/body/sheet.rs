@@ -12,14 +12,12 @@ use sinew_engine::isoparametric::{
 use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::report_areas;
-use sinew_engine::vertex::BodyId;
 use sinew_identify::ElementMethod;
 use thiserror::Error;
 
 use crate::body::Evaluation;
-use crate::element::membrane::{
-    RestTriangle, RestTriangleError, SpringConstants, plane_strain, plane_stress,
-};
+use crate::body::spawn::Offsets;
+use crate::element::membrane::{RestTriangle, RestTriangleError, plane_strain, plane_stress};
 use crate::frame::quads::Quadrilateral;
 use crate::frame::triangles::{
     MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
@@ -375,62 +373,9 @@ impl Sheet {
         Ok(Self { rest, quads, settings: description.settings() })
     }
 
-    /// Adds a third of the mass (kg) of each triangle, and the row sums of the mass matrix of each
-    /// quadrilateral, to the vertices.
-    pub(crate) fn add_mass(&self, layout: &BodyLayout, mass: &mut [f64]) {
-        let (_, surface_density) = self.settings.surface();
-        for (t, rest) in layout.membrane.iter().zip(&self.rest) {
-            for &v in t {
-                mass[v as usize] += surface_density * rest.area / 3.0;
-            }
-        }
-        for (q, rest) in layout.quads.iter().zip(&self.quads) {
-            for (&v, area) in q.iter().zip(rest.vertex_areas()) {
-                mass[v as usize] += surface_density * area;
-            }
-        }
-    }
-
-    /// Whether its springs are those of the pooled systems.
-    pub(crate) fn is_pooled(&self) -> bool {
-        self.settings.is_pooled()
-    }
-
-    /// Its settings, if it consists of springs on edges alone.
-    pub(crate) fn mass_spring(&self) -> Option<MembraneSettings> {
-        Some(self.settings).filter(|s| s.model == MembraneModel::MassSpring)
-    }
-
-    /// Adds the constants (N/m^3) of its springs: per edge, and per triangle of the layout.
-    pub(crate) fn add_springs(
-        &self,
-        layout: &BodyLayout,
-        tensile: &mut [f64],
-        angular: &mut [[f64; 3]],
-    ) {
-        let (moduli, _) = self.settings.surface();
-        for (i, rest) in self.rest.iter().enumerate() {
-            let constants = SpringConstants::new(rest, moduli);
-            for (k, &e) in constants.tensile.iter().zip(&layout.membrane_edges[i]) {
-                tensile[e as usize] += k;
-            }
-            let own = &mut angular[layout.membrane_triangles[i] as usize];
-            for m in 0..3 {
-                own[m] += constants.angular[m];
-            }
-        }
-    }
-
     /// Spawns an entity per triangle and quadrilateral and puts the laws that they need into the force
     /// schedule.
-    pub(crate) fn spawn<S: Scalar>(
-        &self,
-        world: &mut World,
-        layout: &BodyLayout,
-        v0: u32,
-        block0: u32,
-        id: BodyId,
-    ) {
+    pub(crate) fn spawn<S: Scalar>(&self, world: &mut World, layout: &BodyLayout, at: Offsets) {
         let LameParameters { lambda, mu } = self.settings.surface().0;
         let moduli = (
             MembraneFirstModulus(S::from_f64(lambda)),
@@ -440,15 +385,15 @@ impl Sheet {
         let triangles = layout
             .membrane
             .iter()
-            .zip(&layout.membrane_edges)
+            .zip(&layout.cells.membrane_edges)
             .zip(&layout.membrane_order)
             .zip(&self.rest)
             .map(|(((t, e), &original), rest)| {
                 (
-                    MembraneVertices(t.map(|v| v + v0)),
-                    MembraneBlocks(e.map(|b| b + block0)),
+                    MembraneVertices(at.vertices(t)),
+                    MembraneBlocks(at.blocks(e)),
                     MembraneIndex(original),
-                    id,
+                    at.body,
                     membrane_rest_bundle::<S>(rest.edges, rest.area),
                     moduli,
                 )
@@ -456,15 +401,15 @@ impl Sheet {
         let quads = layout
             .quads
             .iter()
-            .zip(&layout.quad_edges)
+            .zip(&layout.cells.quad_edges)
             .zip(&layout.quad_order)
             .zip(&self.quads)
             .map(|(((q, e), &original), rest)| {
                 (
-                    QuadVertices(q.map(|v| v + v0)),
-                    QuadBlocks(e.map(|b| b + block0)),
+                    QuadVertices(at.vertices(q)),
+                    QuadBlocks(at.blocks(e)),
                     QuadIndex(original),
-                    id,
+                    at.body,
                     rest.component::<S>(),
                     moduli,
                 )
@@ -491,7 +436,7 @@ impl Sheet {
         }
         match self.settings.model {
             MembraneModel::Biquadratic | MembraneModel::CompressibleBiquadratic => {
-                if self.is_pooled() {
+                if self.settings.is_pooled() {
                     spawn_as!(triangles, PooledMembrane, {
                         laws::activate::<S>(world, &membranes::PROJECTION);
                         if self.settings.compression() > 0.0 {

@@ -67,33 +67,19 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
     topology.unused_edges.clear();
     topology.revision += 1;
 
-    for mut blocks in world.query::<&mut TetrahedronBlocks>().iter_mut(world) {
-        blocks.0 = blocks.0.map(|b| block[b as usize]);
+    macro_rules! renumber {
+        ($places:ident: $($column:ty),+) => {$(
+            for mut items in world.query::<&mut $column>().iter_mut(world) {
+                items.0 = items.0.map(|item| $places[item as usize]);
+            }
+        )+};
     }
-    for mut blocks in world.query::<&mut MembraneBlocks>().iter_mut(world) {
-        blocks.0 = blocks.0.map(|b| block[b as usize]);
-    }
-    for mut blocks in world.query::<&mut HexahedronBlocks>().iter_mut(world) {
-        blocks.0 = blocks.0.map(|b| block[b as usize]);
-    }
-    for mut blocks in world.query::<&mut AxisHexahedronBlocks>().iter_mut(world) {
-        blocks.0 = blocks.0.map(|b| block[b as usize]);
-    }
-    for mut blocks in world.query::<&mut QuadBlocks>().iter_mut(world) {
-        blocks.0 = blocks.0.map(|b| block[b as usize]);
-    }
-    for mut blocks in world.query::<&mut AxisBlocks>().iter_mut(world) {
-        blocks.0 = blocks.0.map(|b| block[b as usize]);
-    }
+    renumber!(block: TetrahedronBlocks, MembraneBlocks, HexahedronBlocks, QuadBlocks);
+    renumber!(block: AxisBlocks, AxisHexahedronBlocks);
     for mut own in world.query::<&mut EdgeBlock>().iter_mut(world) {
         own.0 = block[own.0 as usize];
     }
-    for mut edges in world.query::<&mut TetrahedronEdges>().iter_mut(world) {
-        edges.0 = edges.0.map(|e| row_of_edge[e as usize]);
-    }
-    for mut edges in world.query::<&mut TriangleEdges>().iter_mut(world) {
-        edges.0 = edges.0.map(|e| row_of_edge[e as usize]);
-    }
+    renumber!(row_of_edge: TetrahedronEdges, TriangleEdges);
     partition_laws::<S>(world);
     let tables = ElementTables::of(world);
     world.insert_resource(tables);
@@ -118,48 +104,38 @@ fn find_tables(world: &mut World, resection: &Resection) -> Vec<Table> {
     let first: Vec<u32> = topology.bodies.iter().map(|b| b.vertices.start).collect();
     let bodies = |id: &BodyId| resection.bodies.get(id.0 as usize).and_then(Option::as_ref);
     let mut tables = Vec::new();
-    macro_rules! elements {
-        ($index:ty, $kind:expr) => {
-            let mut query = world.query::<(Entity, &$index, &BodyId)>();
-            for (entities, index, id) in query.contiguous_iter(world).expect("stored in tables") {
-                let keep = index.iter().zip(id).map(|(index, id)| {
-                    bodies(id).is_none_or(|own| {
-                        let element = own.element_of[$kind][index.0 as usize];
-                        own.connectivity.is_present($kind, element)
-                    })
+    macro_rules! tables {
+        ($column:ty, |$own:ident, $item:ident, $first:ident| $is_left:expr) => {
+            let mut query = world.query::<(Entity, &$column, &BodyId)>();
+            for (entities, items, id) in query.contiguous_iter(world).expect("stored in tables") {
+                let keep = items.iter().zip(id).map(|($item, id)| {
+                    let $first = first[id.0 as usize];
+                    bodies(id).is_none_or(|$own| $is_left)
                 });
                 tables.push(Table { entities: entities.to_vec(), keep: keep.collect() });
             }
         };
+        ($column:ty, $kind:expr) => {
+            tables!($column, |own, index, _first| {
+                let element = own.element_of[$kind][index.0 as usize];
+                own.connectivity.is_present($kind, element)
+            });
+        };
     }
-    elements!(TetrahedronIndex, ElementKind::Tetrahedron);
-    elements!(MembraneIndex, ElementKind::Triangle);
-    elements!(HexahedronIndex, ElementKind::Hexahedron);
-    elements!(QuadIndex, ElementKind::Quad);
-    let mut query = world.query::<(Entity, &EdgeVertices, &BodyId)>();
-    for (entities, edges, id) in query.contiguous_iter(world).expect("stored in tables") {
-        let keep = edges.iter().zip(id).map(|(edge, id)| {
-            let local = edge.0.map(|v| v - first[id.0 as usize]);
-            bodies(id).is_none_or(|own| {
-                let found = own.connectivity.cells.edges.binary_search(&local);
-                found.is_ok_and(|edge| own.connectivity.uses_edge(edge as u32))
-            })
-        });
-        tables.push(Table { entities: entities.to_vec(), keep: keep.collect() });
-    }
-    let mut query = world.query::<(Entity, &TriangleVertices, &BodyId)>();
-    for (entities, triangles, id) in query.contiguous_iter(world).expect("stored in tables") {
-        let keep = triangles.iter().zip(id).map(|(triangle, id)| {
-            let local = triangle.0.map(|v| v - first[id.0 as usize]);
-            bodies(id).is_none_or(|own| {
-                let found = own.connectivity.cells.triangles.binary_search(&local);
-                found.is_ok_and(|triangle| own.connectivity.uses_triangle(triangle as u32))
-            })
-        });
-        tables.push(Table { entities: entities.to_vec(), keep: keep.collect() });
-    }
-    elements!(AxisTetrahedron, ElementKind::Tetrahedron);
-    elements!(AxisHexahedron, ElementKind::Hexahedron);
+    tables!(TetrahedronIndex, ElementKind::Tetrahedron);
+    tables!(MembraneIndex, ElementKind::Triangle);
+    tables!(HexahedronIndex, ElementKind::Hexahedron);
+    tables!(QuadIndex, ElementKind::Quad);
+    tables!(EdgeVertices, |own, edge, first| {
+        let edge = own.edge(edge.0.map(|v| v - first));
+        edge.is_some_and(|edge| own.connectivity.uses_edge(edge as u32))
+    });
+    tables!(TriangleVertices, |own, triangle, first| {
+        let triangle = own.triangle(triangle.0.map(|v| v - first));
+        triangle.is_some_and(|triangle| own.connectivity.uses_triangle(triangle as u32))
+    });
+    tables!(AxisTetrahedron, ElementKind::Tetrahedron);
+    tables!(AxisHexahedron, ElementKind::Hexahedron);
     tables.retain(|table| !table.entities.is_empty());
     tables
 }

@@ -1,27 +1,21 @@
 //! Holds a body that lost elements against one that is built anew from what is left.
 
 use super::Resection;
+use super::columns::{AtRemoval, Order, Quantity, quantities};
+use crate::axes::columns::{AxisAngleStiffness, FibreActive, VolumeAlone};
 use crate::axes::muscle::{Muscles, copy_activations};
 use crate::body::{BodyDescription, BodyError, SoftBody, spawn_body};
-use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
-use crate::frame::triangles::{
-    MembraneCompressionModulus, MembraneFirstModulus, MembraneShearModulus,
-};
-use crate::laws::pooled::{
-    AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness,
-};
-use crate::laws::pressure;
+use crate::laws::pooled::TriangleVertices;
 use crate::laws::quadratic::MassSpring;
+use crate::laws::{ElementRows, pressure};
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::QueryFilter;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::compiled_here;
 use sinew_engine::connectivity::ElementKind;
-use sinew_engine::element::{
-    EdgeVertices, MembraneRest, MembraneVertices, RestEdges, RestVolume, ShapeGradients,
-    TETRAHEDRON_EDGES, TetrahedronVertices,
-};
-use sinew_engine::isoparametric::{HexahedronRest, HexahedronVertices, QuadRest, QuadVertices};
+use sinew_engine::element::{AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices};
+use sinew_engine::isoparametric::{AxisHexahedronVertices, HexahedronVertices, QuadVertices};
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, RecoveringBodies, TangentKind};
 use sinew_engine::load::{LoadTime, Pressure};
 use sinew_engine::matrix::Tangent;
@@ -41,6 +35,8 @@ pub struct FreshDifference {
     pub mass: f64,
     /// Everything else by name: columns, energy, forces, and the three tangents.
     pub others: Vec<(&'static str, f64)>,
+    /// Where the largest of the others is: quantity, element, and what old and new body hold.
+    pub place: String,
 }
 
 impl FreshDifference {
@@ -50,10 +46,15 @@ impl FreshDifference {
     }
 }
 
-/// Values of elements, keyed by the user's indices of their vertices.
-type Values = BTreeMap<Vec<u32>, Vec<f64>>;
+/// What has the values: its kind, the user's indices of its vertices in ascending order, and how many of the
+/// same kind and vertices came before.
+type Key = (&'static str, Vec<u32>, usize);
+/// Values of a quantity.
+type Values = BTreeMap<Key, Vec<f64>>;
+/// Values of all quantities.
+type Snapshot = BTreeMap<&'static str, Values>;
 
-/// Compares everything that a body holds (masses, rest shapes, moduli, pooled constants) and gives at
+/// Compares everything that a body holds (masses, rest shapes, moduli, pooled constants, axes) and gives at
 /// the present state (energy, forces, tangents) with a body built anew from the elements left, under the
 /// same pressures. For tests and doubts: it builds that body.
 ///
@@ -68,32 +69,11 @@ pub fn compare_with_fresh<S: Scalar>(
 
 fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference, BodyError> {
     let rows = world.resource::<Topology>().bodies[body].clone();
-    let resection = world.get_resource::<Resection>();
-    let connectivity = resection.and_then(|r| r.connectivity(body));
-    let mut mesh = Mesh { points: vec![DVec3::ZERO; rows.row_of_vertex.len()], ..Mesh::default() };
-    let user = |v: u32| rows.vertex_order[v as usize];
-    let left = |kind, e| connectivity.is_none_or(|c| c.is_present(kind, e));
-    let mut index = Vec::new();
-    for (t, &original) in (0..).zip(&rows.tetrahedron_order) {
-        if left(ElementKind::Tetrahedron, t) {
-            mesh.tetrahedra.push(rows.tetrahedra[t as usize].map(user));
-            index.push(original as usize);
-        }
-    }
-    let mut hexahedra = Vec::new();
-    for (h, &original) in (0..).zip(&rows.hexahedron_order) {
-        if left(ElementKind::Hexahedron, h) {
-            hexahedra.push(rows.hexahedra[h as usize].map(user));
-            index.push(rows.tetrahedra.len() + original as usize);
-        }
-    }
-    for t in 0..rows.membrane.len() as u32 {
-        if left(ElementKind::Triangle, t) {
-            mesh.triangles.push(rows.membrane[t as usize].map(user));
-        }
-    }
-    let quads = (0..rows.quads.len() as u32).filter(|&q| left(ElementKind::Quad, q));
-    let quads: Vec<_> = quads.map(|q| rows.quads[q as usize].map(user)).collect();
+    let Some(soft) = world.query::<&SoftBody>().iter(world).find(|b| b.index == body).cloned()
+    else {
+        return Ok(FreshDifference::default());
+    };
+    let (mut mesh, index) = what_is_left(world, body, &rows);
     let mut vertices = world.query::<(&RestPosition, &Displacement<S>)>();
     let mut displacement = vec![Displacement::<S>::default(); rows.row_of_vertex.len()];
     if let Some((rest, u)) = single_table(vertices.contiguous_iter(world)) {
@@ -102,97 +82,143 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
             displacement[v as usize] = u[row];
         }
     }
-    let Some(soft) = world.query::<&SoftBody>().iter(world).find(|b| b.index == body).cloned()
-    else {
-        return Ok(FreshDifference::default());
-    };
     let mut fresh = World::new();
     install_engine::<S>(&mut fresh, Executor::SingleThreaded);
-    let elements = [&mesh.tetrahedra.len(), &mesh.triangles.len(), &hexahedra.len(), &quads.len()];
-    if elements.iter().any(|&&count| count > 0) {
-        let field = soft.field();
-        let pick = |array: Option<&[f64]>| -> Option<Vec<f64>> {
-            array.map(|values| index.iter().map(|&t| values[t]).collect())
-        };
-        let (young, poisson, density) =
-            (pick(field.young_modulus), pick(field.poisson_ratio), pick(field.density));
-        let membrane = soft.membrane.as_ref().map(|m| m.of(&mesh.triangles, &quads));
-        let description = BodyDescription {
-            young_modulus: young.as_deref(),
-            poisson_ratio: poisson.as_deref(),
-            density: density.as_deref(),
-            model: soft.model,
-            evaluation: soft.evaluation,
-            membrane,
-            hexahedra: &hexahedra,
-            springs: soft.spring_method,
-            axes: match &soft.axes {
-                Some(axes) if !index.is_empty() => Some(axes.description.of_elements(&index)),
-                _ => None,
-            },
-            ..BodyDescription::new("fresh", &mesh, soft.material)
-        };
-        spawn_body(&mut fresh, &description)?;
-        if let Some(muscles) = world.get_resource::<Muscles>() {
-            let own = muscles.iter().filter(|m| m.body == body);
-            let activations: Vec<_> = own.map(|m| (m.family.clone(), m.activation())).collect();
-            copy_activations::<S>(&mut fresh, &activations);
-        }
-        let new = fresh.resource::<Topology>().bodies[0].clone();
-        let row = |row: u32| new.row(user(row - rows.vertices.start)).unwrap_or(0);
-        let mut pressures: Vec<(Entity, Pressure)> = world
-            .query::<(Entity, &Pressure)>()
-            .iter(world)
-            .filter(|(_, p)| p.faces.iter().all(|face| rows.vertices.contains(&face[0])))
-            .map(|(entity, p)| {
-                (
-                    entity,
-                    Pressure { faces: p.faces.iter().map(|f| f.map(row)).collect(), ..p.clone() },
-                )
-            })
-            .collect();
-        pressures.sort_unstable_by_key(|(entity, _)| *entity);
-        if !pressures.is_empty() {
-            fresh.spawn_batch(pressures.into_iter().map(|(_, p)| p).collect::<Vec<_>>());
-            pressure::activate::<S>(&mut fresh);
-            let time = world.get_resource::<LoadTime>().map_or(0.0, |time| time.0);
-            fresh.insert_resource(LoadTime(time));
-        }
-        let order = fresh.resource::<Topology>().bodies[0].vertex_order.clone();
-        let mut vertices = fresh.query::<&mut Displacement<S>>();
-        if let Some(mut u) = single_table(vertices.contiguous_iter_mut(&mut fresh)) {
-            for (u, v) in u.iter_mut().zip(order) {
-                *u = displacement[v as usize];
-            }
-        }
+    if !(index.is_empty() && mesh.triangles.is_empty() && mesh.quads.is_empty()) {
+        spawn_again(&mut fresh, &soft, &mesh, &index)?;
+        copy_state(world, &mut fresh, body, &displacement);
     }
     let recovers = world.get_resource::<RecoveringBodies>().is_some_and(|r| r.contains(body));
     fresh.insert_resource(RecoveringBodies(vec![recovers]));
-    let old = snapshot::<S>(world, body);
-    let new = snapshot::<S>(&mut fresh, 0);
-    // forces of a body that is turned but hardly strained are small differences of large numbers
+    let (old, new) = (snapshot::<S>(world, body), snapshot::<S>(&mut fresh, 0));
+    Ok(difference(&old, &new, spread(&displacement)))
+}
+
+/// The elements left, by the user's vertices, and the user's indices of the solid ones, hexahedra counted
+/// after tetrahedra.
+fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, Vec<usize>) {
+    let resection = world.get_resource::<Resection>();
+    let connectivity = resection.and_then(|r| r.connectivity(body));
+    let left = |kind: ElementKind| {
+        let is_left = move |e: &usize| connectivity.is_none_or(|c| c.is_present(kind, *e as u32));
+        (0..rows.order(kind).len()).filter(is_left)
+    };
+    let user = |v: u32| rows.vertex_order[v as usize];
+    let (tetrahedra, hexahedra) = (left(ElementKind::Tetrahedron), left(ElementKind::Hexahedron));
+    let first = rows.tetrahedra.len();
+    let index = tetrahedra.clone().map(|t| rows.tetrahedron_order[t] as usize);
+    let index =
+        index.chain(hexahedra.clone().map(|h| first + rows.hexahedron_order[h] as usize)).collect();
+    let mesh = Mesh {
+        points: vec![DVec3::ZERO; rows.row_of_vertex.len()],
+        tetrahedra: tetrahedra.map(|t| rows.tetrahedra[t].map(user)).collect(),
+        hexahedra: hexahedra.map(|h| rows.hexahedra[h].map(user)).collect(),
+        triangles: left(ElementKind::Triangle).map(|t| rows.membrane[t].map(user)).collect(),
+        quads: left(ElementKind::Quad).map(|q| rows.quads[q].map(user)).collect(),
+        ..Mesh::default()
+    };
+    (mesh, index)
+}
+
+/// Spawns a body of a mesh that is like `soft`; `index` are the places of its solid elements in the arrays of
+/// that.
+fn spawn_again(
+    fresh: &mut World,
+    soft: &SoftBody,
+    mesh: &Mesh,
+    index: &[usize],
+) -> Result<Entity, BodyError> {
+    let field = soft.field();
+    let pick = |array: Option<&[f64]>| -> Option<Vec<f64>> {
+        array.map(|values| index.iter().map(|&t| values[t]).collect())
+    };
+    let (young, poisson, density) =
+        (pick(field.young_modulus), pick(field.poisson_ratio), pick(field.density));
+    let axes = soft.axes.as_ref().filter(|_| !index.is_empty());
+    let description = BodyDescription {
+        young_modulus: young.as_deref(),
+        poisson_ratio: poisson.as_deref(),
+        density: density.as_deref(),
+        model: soft.model,
+        evaluation: soft.evaluation,
+        membrane: soft.membrane.as_ref().map(|m| m.of(&mesh.triangles, &mesh.quads)),
+        springs: soft.spring_method,
+        axes: axes.map(|axes| axes.description.of_elements(index)),
+        ..BodyDescription::new("fresh", mesh, soft.material)
+    };
+    spawn_body(fresh, &description)
+}
+
+/// Gives the new body displacements (m, by the user's vertices), activations and pressures of the old one.
+fn copy_state<S: Scalar>(
+    world: &mut World,
+    fresh: &mut World,
+    body: usize,
+    displacement: &[Displacement<S>],
+) {
+    if let Some(muscles) = world.get_resource::<Muscles>() {
+        let own = muscles.iter().filter(|m| m.body == body);
+        let activations: Vec<_> = own.map(|m| (m.family.clone(), m.activation())).collect();
+        copy_activations::<S>(fresh, &activations);
+    }
+    let new = fresh.resource::<Topology>().bodies[0].clone();
+    let mut pressures = world.query::<(Entity, &Pressure)>();
+    let rows = &world.resource::<Topology>().bodies[body];
+    let row =
+        |row: u32| new.row(rows.vertex_order[(row - rows.vertices.start) as usize]).unwrap_or(0);
+    let own = |p: &Pressure| p.faces.iter().all(|face| rows.vertices.contains(&face[0]));
+    let moved = |p: &Pressure| {
+        let faces = p.faces.iter().map(|face| face.map(row)).collect();
+        Pressure { faces, ..p.clone() }
+    };
+    let pressures = pressures.iter(world).filter(|(_, p)| own(p));
+    let mut pressures: Vec<_> = pressures.map(|(entity, p)| (entity, moved(p))).collect();
+    pressures.sort_unstable_by_key(|(entity, _)| *entity);
+    if !pressures.is_empty() {
+        fresh.spawn_batch(pressures.into_iter().map(|(_, p)| p).collect::<Vec<_>>());
+        pressure::activate::<S>(fresh);
+        let time = world.get_resource::<LoadTime>().map_or(0.0, |time| time.0);
+        fresh.insert_resource(LoadTime(time));
+    }
+    let mut vertices = fresh.query::<&mut Displacement<S>>();
+    if let Some(mut u) = single_table(vertices.contiguous_iter_mut(fresh)) {
+        for (u, &v) in u.iter_mut().zip(&new.vertex_order) {
+            *u = displacement[v as usize];
+        }
+    }
+}
+
+/// Part of stiffness times displacement to which forces and energies are compared at least.
+const ROUNDED: f64 = 1e-3;
+
+/// Differences of all quantities; displacements have the extent `reach` (m).
+fn difference(old: &Snapshot, new: &Snapshot, reach: f64) -> FreshDifference {
     let none = Values::new();
+    // forces of a body that is turned but hardly strained are small differences of large numbers
     let stiffness = size(old.get("exact tangent").unwrap_or(&none));
-    let reach = spread(&displacement);
     let mut difference = FreshDifference::default();
-    for (name, old) in &old {
+    let mut largest = 0.0;
+    for name in old.keys().chain(new.keys().filter(|name| !old.contains_key(*name))) {
+        let [a, b] = [old, new].map(|values| values.get(name).unwrap_or(&none));
         let least = match *name {
             "force" => ROUNDED * stiffness * reach,
             "energy" => ROUNDED * stiffness * reach * reach,
             _ => 0.0,
         };
-        let x = largest_difference(old, new.get(name).unwrap_or(&none), least);
+        let (x, key) = largest_difference(a, b, least);
         if *name == "mass" {
             difference.mass = x;
-        } else {
-            difference.others.push((name, x));
+            continue;
+        }
+        difference.others.push((name, x));
+        if let Some(key @ (kind, vertices, _)) = key.filter(|_| x > largest || x.is_nan()) {
+            largest = x;
+            let [old, new] = [a, b].map(|values| values.get(key));
+            difference.place = format!("{name} of {kind} {vertices:?}: {old:?}, new {new:?}");
         }
     }
-    Ok(difference)
+    difference
 }
-
-/// Part of stiffness times displacement to which forces and energies are compared at least.
-const ROUNDED: f64 = 1e-3;
 
 /// Largest extent (m) of displacements along an axis.
 fn spread<S: Scalar>(u: &[Displacement<S>]) -> f64 {
@@ -207,48 +233,47 @@ fn size(values: &Values) -> f64 {
     values.values().flatten().fold(0.0_f64, |m, x| m.max(x.abs()))
 }
 
-/// Over the largest value of either, or `least`. What one has and the other has not counts as zero there.
-fn largest_difference(a: &Values, b: &Values, least: f64) -> f64 {
-    let mut largest = 0.0_f64;
+/// Over the largest value of either, or `least`, and where it is. What one has and the other has not counts
+/// as zero there.
+fn largest_difference<'a>(a: &'a Values, b: &'a Values, least: f64) -> (f64, Option<&'a Key>) {
+    let (mut largest, mut place) = (0.0_f64, None);
     for (key, x) in a.iter().chain(b) {
         let other = |v: &Values, i: usize| v.get(key).map_or(0.0, |v| v[i]);
         for i in 0..x.len() {
             let difference = (other(a, i) - other(b, i)).abs();
             // what is not a number must not pass
-            largest = if difference <= largest { largest } else { difference };
+            if difference > largest || difference.is_nan() {
+                (largest, place) = (difference, Some(key));
+            }
         }
     }
     let size = size(a).max(size(b)).max(least);
-    if size > 0.0 { largest / size } else { largest }
+    (if size > 0.0 { largest / size } else { largest }, place)
 }
 
 /// The blocks of the world's tangent that belong to a body, by the user's vertices.
-fn tangent_blocks<S: Scalar>(world: &World, rows: &BodyRows, add: &mut dyn FnMut(&[u32], &[f64])) {
+fn tangent_blocks<S: Scalar>(world: &World, rows: &BodyRows) -> Values {
     let user = |row: u32| rows.vertex_order[(row - rows.vertices.start) as usize];
     let (topology, tangent) = (world.resource::<Topology>(), world.resource::<Tangent<S>>());
-    let mut block = |a: u32, b: u32, m: &[S; 9]| {
+    let block = |a: u32, b: u32, m: &[S; 9]| {
         let (a, b) = (user(a), user(b));
         let m = m.map(|x| x.to_f64());
         let t = if a <= b { m } else { [0, 3, 6, 1, 4, 7, 2, 5, 8].map(|i| m[i]) };
-        add(&[a.min(b), a.max(b)], &t);
+        (("vertices", vec![a.min(b), a.max(b)], 0), t.to_vec())
     };
-    for row in rows.vertices.clone() {
-        block(row, row, &tangent.matrix.diagonal[row as usize]);
-    }
-    for edge in rows.blocks.clone() {
+    let matrix = &tangent.matrix;
+    let diagonal = rows.vertices.clone().map(|v| block(v, v, &matrix.diagonal[v as usize]));
+    let others = rows.blocks.clone().map(|edge| {
         let [a, b] = topology.edges[edge as usize];
-        block(a, b, &tangent.matrix.off_diagonal[edge as usize]);
-    }
+        block(a, b, &matrix.off_diagonal[edge as usize])
+    });
+    diagonal.chain(others).collect()
 }
 
 /// Everything that a body holds and gives.
-fn snapshot<S: Scalar>(world: &mut World, body: usize) -> BTreeMap<&'static str, Values> {
-    let mut all: BTreeMap<&'static str, Values> = BTreeMap::new();
+fn snapshot<S: Scalar>(world: &mut World, body: usize) -> Snapshot {
+    let mut all = Snapshot::new();
     let Some(rows) = world.resource::<Topology>().bodies.get(body).cloned() else { return all };
-    let user = |row: u32| rows.vertex_order[(row - rows.vertices.start) as usize];
-    let mut add = |name, key: &[u32], values: &[f64]| {
-        all.entry(name).or_default().insert(key.to_vec(), values.to_vec());
-    };
     let kinds = [
         (TangentKind::Exact, "exact tangent"),
         (TangentKind::GaussNewton, "Gauss-Newton tangent"),
@@ -257,179 +282,116 @@ fn snapshot<S: Scalar>(world: &mut World, body: usize) -> BTreeMap<&'static str,
     for (kind, name) in kinds {
         world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: Some(kind) });
         world.run_schedule(ForceSchedule);
-        tangent_blocks::<S>(world, &rows, &mut |key, block| add(name, key, block));
+        all.insert(name, tangent_blocks::<S>(world, &rows));
     }
     if has_dampers(world) {
         evaluate_dampers::<S>(world);
-        tangent_blocks::<S>(world, &rows, &mut |key, block| add("damping", key, block));
+        all.insert("damping", tangent_blocks::<S>(world, &rows));
     }
     let energy = world.resource::<ElasticEnergy>().by_body[body];
-    add("energy", &[], &[energy]);
+    all.insert("energy", Values::from([(("body", Vec::new(), 0), vec![energy])]));
     let mut vertices = world.query::<(&Mass<S>, &ElasticForce<S>)>();
     if let Some((mass, force)) = single_table(vertices.contiguous_iter(world)) {
-        for row in rows.vertices.clone() {
-            add("mass", &[user(row)], &[mass[row as usize].0.to_f64()]);
-            let force = force[row as usize].0.map(|x| x.to_f64());
-            add("force", &[user(row)], &force[..3]);
-        }
+        let own = (rows.vertices.start as usize..).zip(&rows.vertex_order);
+        let own = own.map(|(row, &v)| (row, ("vertex", vec![v], 0)));
+        let masses = own.clone().map(|(row, key)| (key, vec![mass[row].0.to_f64()]));
+        all.insert("mass", masses.collect());
+        let forces = own.map(|(row, key)| (key, force[row].0[..3].iter().map(|x| x.to_f64())));
+        all.insert("force", forces.map(|(key, force)| (key, force.collect())).collect());
     }
-    let mut tetrahedra = world.query::<(
-        &BodyId,
-        &TetrahedronVertices,
-        ShapeGradients<S>,
-        &RestVolume<S>,
-        (&FirstLameParameter<S>, &ShearModulus<S>, &CompressionModulus<S>),
-    )>();
-    for (id, nodes, (d1, d2, d3), volume, (lambda, mu, compression)) in tetrahedra.iter(world) {
-        if id.0 as usize != body {
-            continue;
-        }
-        let nodes = nodes.0.map(user);
-        let mut key = nodes;
-        key.sort_unstable();
-        let d = [[d1.0.0, d1.1.0, d1.2.0], [d2.0.0, d2.1.0, d2.2.0], [d3.0.0, d3.1.0, d3.2.0]]
-            .map(|d| d.map(|x| x.to_f64()));
-        let mut by_vertex = Vec::new();
-        for v in key {
-            let local = nodes.iter().position(|&n| n == v).unwrap_or(0);
-            by_vertex.extend((0..3).map(|x| match local {
-                0 => -(d[0][x] + d[1][x] + d[2][x]),
-                a => d[a - 1][x],
-            }));
-        }
-        add("shape vectors", &key, &by_vertex);
-        add("volume", &key, &[volume.0.to_f64()]);
-        let moduli = [lambda.0.to_f64(), mu.0.to_f64(), compression.0.to_f64()];
-        add("moduli", &key, &moduli);
-    }
-    let mut membrane = world.query::<(
-        &BodyId,
-        &MembraneVertices,
-        MembraneRest<S>,
-        &MembraneFirstModulus<S>,
-        &MembraneShearModulus<S>,
-        &MembraneCompressionModulus<S>,
-    )>();
-    for (id, nodes, (a, b, area), lambda, mu, compression) in membrane.iter(world) {
-        // removed ones are drawn together into one vertex
-        if id.0 as usize != body || nodes.0[0] == nodes.0[1] {
-            continue;
-        }
-        // rest vectors of its edges by the user's order of vertices
-        let nodes = nodes.0.map(user);
-        let mut key = nodes;
-        key.sort_unstable();
-        let e = [[S::ZERO; 3], [a.0.0, a.1.0, a.2.0], [b.0.0, b.1.0, b.2.0]];
-        let at = |v: u32| e[nodes.iter().position(|&n| n == v).unwrap_or(0)].map(|x| x.to_f64());
-        let points = key.map(at);
-        let sides = [1, 2].map(|i| [0, 1, 2].map(|k| points[i][k] - points[0][k]));
-        add("membrane edges", &key, sides.as_flattened());
-        add("area", &key, &[area.0.to_f64()]);
-        let moduli = [lambda.0, mu.0, compression.0].map(|x| x.to_f64());
-        add("membrane moduli", &key, &moduli);
-    }
-    let mut hexahedra = world.query::<(
-        &BodyId,
-        &HexahedronVertices,
-        &HexahedronRest<S>,
-        &RestVolume<S>,
-        (&FirstLameParameter<S>, &ShearModulus<S>, &CompressionModulus<S>),
-    )>();
-    for (id, nodes, rest, volume, (lambda, mu, compression)) in hexahedra.iter(world) {
-        // removed ones have no volume
-        if id.0 as usize != body || volume.0 == S::ZERO {
-            continue;
-        }
-        let mut key = nodes.0.map(user);
-        key.sort_unstable();
-        let gradients = rest.gradients.as_flattened().iter().map(|x| x.to_f64());
-        add("hexahedron gradients", &key, &gradients.collect::<Vec<_>>());
-        add("hexahedron volumes", &key, &rest.volume.map(|x| x.to_f64()));
-        let moduli = [volume.0, lambda.0, mu.0, compression.0].map(|x| x.to_f64());
-        add("hexahedron moduli", &key, &moduli);
-    }
-    let mut quads = world.query::<(
-        &BodyId,
-        &QuadVertices,
-        &QuadRest<S>,
-        &MembraneFirstModulus<S>,
-        &MembraneShearModulus<S>,
-        &MembraneCompressionModulus<S>,
-    )>();
-    for (id, nodes, rest, lambda, mu, compression) in quads.iter(world) {
-        // removed ones are drawn together into one vertex
-        if id.0 as usize != body || nodes.0[0] == nodes.0[1] {
-            continue;
-        }
-        let mut key = nodes.0.map(user);
-        key.sort_unstable();
-        let edges = rest.edges.as_flattened().iter().map(|x| x.to_f64());
-        add("quadrilateral edges", &key, &edges.collect::<Vec<_>>());
-        add("quadrilateral areas", &key, &rest.half_area.map(|x| x.to_f64()));
-        let moduli = [lambda.0, mu.0, compression.0].map(|x| x.to_f64());
-        add("quadrilateral moduli", &key, &moduli);
-    }
-    let mut volumetric = world.query::<(
-        &BodyId,
-        &TetrahedronVertices,
-        &VolumetricStiffness<S, 0>,
-        &VolumetricStiffness<S, 1>,
-        &VolumetricStiffness<S, 2>,
-    )>();
-    for (id, nodes, a, b, c) in volumetric.iter(world) {
-        if id.0 as usize != body {
-            continue;
-        }
-        let nodes = nodes.0.map(user);
-        let mut key = nodes;
-        key.sort_unstable();
-        // a pair of opposite edges is named by the partner of the lowest vertex
-        let mut pairs: Vec<(u32, f64)> = [a.0, b.0, c.0]
-            .iter()
-            .zip(TETRAHEDRON_EDGES)
-            .map(|(d, [_, partner])| {
-                let own = [nodes[0], nodes[partner]];
-                let rest: Vec<u32> = nodes.iter().copied().filter(|n| !own.contains(n)).collect();
-                let name = match own.iter().position(|&n| n == key[0]) {
-                    Some(at) => own[1 - at],
-                    None => rest.into_iter().find(|&n| n != key[0]).unwrap_or(0),
-                };
-                (name, d.to_f64())
-            })
-            .collect();
-        pairs.sort_unstable_by_key(|p| p.0);
-        add("volumetric stiffness", &key, &pairs.iter().map(|p| p.1).collect::<Vec<_>>());
-    }
-    let mut edges =
-        world
-            .query::<(&BodyId, &EdgeVertices, RestEdges<S>, &TensileStiffness<S>, Has<MassSpring>)>(
-            );
-    for (id, edge, (x, y, z), k, alone) in edges.iter(world) {
-        // an edge without elements keeps its rest vector
-        if id.0 as usize == body && k.0 != S::ZERO {
-            let [a, b] = edge.0.map(user);
-            let sign = if a < b { 1.0 } else { -1.0 };
-            let rest = [x.0, y.0, z.0].map(|x| sign * x.to_f64());
-            add("rest edges", &[a.min(b), a.max(b)], &rest);
-            let name = if alone { "mass-spring stiffness" } else { "tensile stiffness" };
-            add(name, &[a.min(b), a.max(b)], &[k.0.to_f64()]);
-        }
-    }
-    let mut triangles = world.query::<(
-        &BodyId,
-        &TriangleVertices,
-        &AngularStiffness<S, 0>,
-        &AngularStiffness<S, 1>,
-        &AngularStiffness<S, 2>,
-    )>();
-    for (id, nodes, a, b, c) in triangles.iter(world) {
-        if id.0 as usize == body {
-            let mut values: Vec<(u32, f64)> =
-                nodes.0.map(user).into_iter().zip([a.0, b.0, c.0].map(|x| x.to_f64())).collect();
-            values.sort_unstable_by_key(|v| v.0);
-            let key: Vec<u32> = values.iter().map(|v| v.0).collect();
-            add("angular stiffness", &key, &values.iter().map(|v| v.1).collect::<Vec<_>>());
-        }
-    }
+    let of = Elements { rows: &rows, id: BodyId(body as u32), quantities: quantities::<S>() };
+    of.add::<EdgeVertices, With<MassSpring>>(world, "spring", &mut all);
+    of.add::<EdgeVertices, Without<MassSpring>>(world, "edge", &mut all);
+    of.add::<TriangleVertices, ()>(world, "triangle", &mut all);
+    of.add::<TetrahedronVertices, ()>(world, "tetrahedron", &mut all);
+    of.add::<HexahedronVertices, ()>(world, "hexahedron", &mut all);
+    of.add::<MembraneVertices, ()>(world, "membrane triangle", &mut all);
+    of.add::<QuadVertices, ()>(world, "membrane quadrilateral", &mut all);
+    of.add_axes::<AxisVertices, S>(world, &mut all);
+    of.add_axes::<AxisHexahedronVertices, S>(world, &mut all);
     all
+}
+
+/// Elements of a body whose quantities are added to a snapshot.
+struct Elements<'a> {
+    rows: &'a BodyRows,
+    id: BodyId,
+    quantities: Vec<Quantity>,
+}
+
+impl Elements<'_> {
+    fn add_axes<C: ElementRows, S: Scalar>(&self, world: &mut World, all: &mut Snapshot) {
+        self.add::<C, With<AxisAngleStiffness<S, 0>>>(world, "axes in", all);
+        self.add::<C, With<FibreActive<S>>>(world, "fibre in", all);
+        self.add::<C, With<VolumeAlone>>(world, "volume of", all);
+    }
+
+    /// Adds those of one table; `kind` is its name. An element without any number that a removal would clear
+    /// is gone.
+    fn add<C: ElementRows, F: QueryFilter>(
+        &self,
+        world: &mut World,
+        kind: &'static str,
+        all: &mut Snapshot,
+    ) {
+        let first = self.rows.vertices.start;
+        let mut elements = world.query_filtered::<(EntityRef, &BodyId, &C), F>();
+        for (entity, _, nodes) in elements.iter(world).filter(|(_, id, _)| **id == self.id) {
+            let nodes = nodes.vertex_rows().iter();
+            let nodes: Vec<u32> =
+                nodes.map(|row| self.rows.vertex_order[(row - first) as usize]).collect();
+            let mut key = (kind, nodes.clone(), 0);
+            key.1.sort_unstable();
+            let held = self.quantities.iter().map(|quantity| {
+                let mut numbers = Vec::new();
+                (quantity.read)(entity, &mut numbers);
+                (quantity, numbers)
+            });
+            let held: Vec<_> = held.filter(|(_, numbers)| !numbers.is_empty()).collect();
+            let mut cleared = held.iter().filter(|(q, _)| q.at_removal == AtRemoval::Cleared);
+            if cleared.all(|(_, numbers)| numbers.iter().all(|&x| x == 0.0)) {
+                continue;
+            }
+            for (quantity, numbers) in held {
+                let values = all.entry(quantity.name).or_default();
+                key.2 = 0;
+                while values.contains_key(&key) {
+                    key.2 += 1;
+                }
+                values.insert(key.clone(), arranged(quantity.order, &nodes, &key.1, &numbers));
+            }
+        }
+    }
+}
+
+/// Numbers of an element with the vertices `nodes` as they would be with the vertices `key`, the same in
+/// ascending order.
+fn arranged(order: Order, nodes: &[u32], key: &[u32], numbers: &[f64]) -> Vec<f64> {
+    let place = |v: &u32| nodes.iter().position(|n| n == v).unwrap_or(0);
+    // of vertices after the first
+    let size = numbers.len() / (nodes.len() - 1);
+    let entry = |a: usize, x: usize| numbers[(a - 1) * size + x];
+    let vectors = |first: &dyn Fn(usize) -> f64| -> Vec<f64> {
+        let vector = |v| (0..size).map(move |x| (place(v), x));
+        let entries = key.iter().flat_map(vector);
+        entries.map(|(a, x)| if a == 0 { first(x) } else { entry(a, x) }).collect()
+    };
+    match order {
+        Order::Fixed => numbers.to_vec(),
+        Order::Vertices => key.iter().map(|v| numbers[place(v)]).collect(),
+        Order::Gradients => vectors(&|x| -(1..nodes.len()).map(|a| entry(a, x)).sum::<f64>()),
+        Order::Edges => {
+            let points = vectors(&|_| 0.0);
+            (size..points.len()).map(|i| points[i] - points[i % size]).collect()
+        }
+        // named by the partner of the lowest vertex; number i is that of edge 0, i + 1 and the opposite one
+        Order::OppositeEdges => {
+            let pairs = key[1..].iter().map(|v| match (place(&key[0]), place(v)) {
+                (0, b) => b - 1,
+                (a, 0) => a - 1,
+                (a, b) => 5 - a - b,
+            });
+            pairs.map(|i| numbers[i]).collect()
+        }
+    }
 }

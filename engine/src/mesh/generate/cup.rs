@@ -1,7 +1,7 @@
 //! A cup: half of a thick-walled ellipsoid, the simplest shape of a ventricle.
 
-use super::sheets::{core_disc, core_disc_counts};
-use super::{cells, fits, length, name_sides};
+use super::name_sides;
+use super::solids::core_layers;
 use crate::mesh::Mesh;
 use crate::mesh::error::MeshError;
 use glam::DVec3;
@@ -39,19 +39,10 @@ pub fn cup_hexahedra(
 ) -> Result<Mesh, MeshError> {
     const NAME: &str = "cup_hexahedra";
     let [radius, depth] = inner;
-    length(NAME, "radius", radius)?;
-    length(NAME, "depth", depth)?;
-    length(NAME, "wall", wall)?;
-    cells(NAME, "core", core)?;
-    cells(NAME, "rings", rings)?;
-    cells(NAME, "layers", layers)?;
-    let [n_points, n_quads] = core_disc_counts(core, rings);
-    let n_points =
-        n_points.and_then(|n| layers.checked_add(1).and_then(|layers| n.checked_mul(layers)));
-    fits(NAME, "vertices", n_points)?;
-    fits(NAME, "hexahedra", n_quads.and_then(|n| n.checked_mul(layers)))?;
-
-    let (disc, quads) = core_disc(1.0, core, rings);
+    let lengths = [("radius", radius), ("depth", depth), ("wall", wall)];
+    // counter-clockwise from above, which is inside: the outer layer lies below
+    let (disc, hexahedra) =
+        core_layers(NAME, &lengths, 1.0, [core, rings, layers], |layer| [layer + 1, layer])?;
     let rim = disc.len() - 4 * core;
     let mut points = Vec::with_capacity(disc.len() * (layers + 1));
     for layer in 0..=layers {
@@ -63,15 +54,6 @@ pub fn cup_hexahedra(
             let down = if i < rim { cos * (depth + out) } else { 0.0 };
             DVec3::new(round.x, round.y, -down)
         }));
-    }
-    let mut hexahedra = Vec::with_capacity(quads.len() * layers);
-    for layer in 0..layers {
-        for quad in &quads {
-            // counter-clockwise from above, which is inside: the outer layer lies below
-            let [a, b, c, d] = quad.map(|v| v + ((layer + 1) * disc.len()) as u32);
-            let [e, f, g, h] = quad.map(|v| v + (layer * disc.len()) as u32);
-            hexahedra.push([a, b, c, d, e, f, g, h]);
-        }
     }
     let source = format!(
         "{NAME} radius {radius} m, depth {depth} m, wall {wall} m, core {core} x {core}, {rings} rings, {layers} layers"

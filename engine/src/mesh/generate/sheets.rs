@@ -123,6 +123,17 @@ pub(super) fn disc(radius: f64, rings: usize) -> (Vec<DVec2>, Vec<[u32; 3]>) {
     (disc, triangles)
 }
 
+/// A mesh of cells with the vertices of a disc, the last `rim` of which lie on its rim.
+fn flat(disc: &[DVec2], rim: usize, cells: Mesh) -> Mesh {
+    let vertices = (disc.len() - rim) as u32..disc.len() as u32;
+    let vertices = vertices.collect();
+    let rim = Group { name: "rim".to_owned(), dimension: 1, vertices, ..Group::default() };
+    let points = disc.iter().map(|p| p.extend(0.0)).collect();
+    let mut mesh = Mesh { points, ..cells };
+    mesh.groups = vec![rim, whole(&mesh)];
+    mesh
+}
+
 /// A disc of triangles in the plane z = 0 around the origin, its normal along z.
 ///
 /// `radius` in metres; `rings` rings around the centre, `6 rings^2` triangles. Groups `rim` (vertices) and
@@ -137,17 +148,8 @@ pub fn disc_triangles(radius: f64, rings: usize) -> Result<Mesh, MeshError> {
     cells(NAME, "rings", rings)?;
     fits(NAME, "triangles", product(&[6, rings, rings]))?;
     let (disc, triangles) = disc(radius, rings);
-    let rim = (disc.len() - 6 * rings) as u32..disc.len() as u32;
-    let rim =
-        Group { name: "rim".to_owned(), dimension: 1, vertices: rim.collect(), ..Group::default() };
-    let mut mesh = Mesh {
-        source: format!("{NAME} radius {radius} m, {rings} rings"),
-        points: disc.into_iter().map(|p| p.extend(0.0)).collect(),
-        triangles,
-        ..Mesh::default()
-    };
-    mesh.groups = vec![rim, whole(&mesh)];
-    Ok(mesh)
+    let source = format!("{NAME} radius {radius} m, {rings} rings");
+    Ok(flat(&disc, 6 * rings, Mesh { source, triangles, ..Mesh::default() }))
 }
 
 /// Numbers of vertices and quadrilaterals of a disc with a square core.
@@ -240,17 +242,8 @@ pub fn disc_quads(radius: f64, core: usize, rings: usize) -> Result<Mesh, MeshEr
     fits(NAME, "vertices", n_points)?;
     fits(NAME, "quadrilaterals", n_quads)?;
     let (disc, quads) = core_disc(radius, core, rings);
-    let rim = (disc.len() - 4 * core) as u32..disc.len() as u32;
-    let rim =
-        Group { name: "rim".to_owned(), dimension: 1, vertices: rim.collect(), ..Group::default() };
-    let mut mesh = Mesh {
-        source: format!("{NAME} radius {radius} m, core {core} x {core}, {rings} rings"),
-        points: disc.into_iter().map(|p| p.extend(0.0)).collect(),
-        quads,
-        ..Mesh::default()
-    };
-    mesh.groups = vec![rim, whole(&mesh)];
-    Ok(mesh)
+    let source = format!("{NAME} radius {radius} m, core {core} x {core}, {rings} rings");
+    Ok(flat(&disc, 4 * core, Mesh { source, quads, ..Mesh::default() }))
 }
 
 /// A sphere of triangles around the origin, its normals outward.

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::mesh::error::MeshError;
 use crate::mesh::{Mesh, sorted};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
 /// A box with one corner at the origin, each of its cells cut into six tetrahedra.
@@ -137,11 +137,7 @@ pub fn cylinder_tets(
     let per_layer = n_points / (layers + 1);
 
     let (disc, triangles) = disc(radius, rings);
-    let mut points = Vec::with_capacity(n_points);
-    for layer in 0..=layers {
-        let x = part(layer, layers, height);
-        points.extend(disc.iter().map(|p| DVec3::new(x, p.x, p.y)));
-    }
+    let points = layer_points(&disc, layers, height);
     let mut tetrahedra = Vec::with_capacity(n_tets);
     for layer in 0..layers {
         let bottom = (layer * per_layer) as u32;
@@ -163,6 +159,47 @@ pub fn cylinder_tets(
     let mut mesh = Mesh { source, points, tetrahedra, ..Mesh::default() };
     name_cylinder_sides(&mut mesh, height);
     Ok(mesh)
+}
+
+/// Vertices of `layers` layers of a disc along x.
+fn layer_points(disc: &[DVec2], layers: usize, height: f64) -> Vec<DVec3> {
+    let layer = |layer| {
+        let x = part(layer, layers, height);
+        disc.iter().map(move |p| DVec3::new(x, p.x, p.y))
+    };
+    (0..=layers).flat_map(layer).collect()
+}
+
+/// Checks `lengths` (m) and numbers of cells; vertices of a disc of radius `radius` with a square core, and the
+/// hexahedra between its copies. `between` gives the copies below and above a layer.
+pub(super) fn core_layers(
+    name: &'static str,
+    lengths: &[(&'static str, f64)],
+    radius: f64,
+    [core, rings, layers]: [usize; 3],
+    between: impl Fn(usize) -> [usize; 2],
+) -> Result<(Vec<DVec2>, Vec<[u32; 8]>), MeshError> {
+    for &(parameter, value) in lengths {
+        length(name, parameter, value)?;
+    }
+    for (parameter, value) in [("core", core), ("rings", rings), ("layers", layers)] {
+        cells(name, parameter, value)?;
+    }
+    let [n_points, n_quads] = core_disc_counts(core, rings);
+    let n_points =
+        n_points.and_then(|n| layers.checked_add(1).and_then(|layers| n.checked_mul(layers)));
+    fits(name, "vertices", n_points)?;
+    fits(name, "hexahedra", n_quads.and_then(|n| n.checked_mul(layers)))?;
+    let (disc, quads) = core_disc(radius, core, rings);
+    let mut hexahedra = Vec::with_capacity(quads.len() * layers);
+    for copies in (0..layers).map(between) {
+        for quad in &quads {
+            let [low, high] = copies.map(|copy| quad.map(|v| v + (copy * disc.len()) as u32));
+            let ([a, b, c, d], [e, f, g, h]) = (low, high);
+            hexahedra.push([a, b, c, d, e, f, g, h]);
+        }
+    }
+    Ok((disc, hexahedra))
 }
 
 fn name_cylinder_sides(mesh: &mut Mesh, height: f64) {
@@ -203,31 +240,10 @@ pub fn cylinder_hexahedra(
     layers: usize,
 ) -> Result<Mesh, MeshError> {
     const NAME: &str = "cylinder_hexahedra";
-    length(NAME, "radius", radius)?;
-    length(NAME, "length", height)?;
-    cells(NAME, "core", core)?;
-    cells(NAME, "rings", rings)?;
-    cells(NAME, "layers", layers)?;
-    let [n_points, n_quads] = core_disc_counts(core, rings);
-    let n_points =
-        n_points.and_then(|n| layers.checked_add(1).and_then(|layers| n.checked_mul(layers)));
-    fits(NAME, "vertices", n_points)?;
-    fits(NAME, "hexahedra", n_quads.and_then(|n| n.checked_mul(layers)))?;
-
-    let (disc, quads) = core_disc(radius, core, rings);
-    let mut points = Vec::with_capacity(disc.len() * (layers + 1));
-    for layer in 0..=layers {
-        let x = part(layer, layers, height);
-        points.extend(disc.iter().map(|p| DVec3::new(x, p.x, p.y)));
-    }
-    let mut hexahedra = Vec::with_capacity(quads.len() * layers);
-    for layer in 0..layers {
-        for quad in &quads {
-            let [a, b, c, d] = quad.map(|v| v + (layer * disc.len()) as u32);
-            let [e, f, g, h] = [a, b, c, d].map(|v| v + disc.len() as u32);
-            hexahedra.push([a, b, c, d, e, f, g, h]);
-        }
-    }
+    let lengths = [("radius", radius), ("length", height)];
+    let (disc, hexahedra) =
+        core_layers(NAME, &lengths, radius, [core, rings, layers], |layer| [layer, layer + 1])?;
+    let points = layer_points(&disc, layers, height);
     let source = format!(
         "{NAME} radius {radius} m, length {height} m, core {core} x {core}, {rings} rings, {layers} layers"
     );

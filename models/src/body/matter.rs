@@ -1,0 +1,266 @@
+//! The numbers of a body that follow from its elements, their rest shapes and what they are made of: masses and
+//! constants of springs. [`spawn_body`](super::spawn_body), [`set_material`](super::change::set_material) and
+//! removals compute them here, in one order of sums, so that they agree to the last bit.
+
+use glam::DVec3;
+use sinew_engine::connectivity::{ByKind, ElementKind};
+use sinew_engine::element::TETRAHEDRON_FACES;
+use sinew_engine::isoparametric::{RestHexahedron, RestQuad};
+use sinew_engine::layout::{BodyElements, Cells};
+use sinew_engine::scalar::sub;
+use sinew_identify::ElementMethod;
+
+use super::lumped::{self, ElementSprings};
+use super::sheet::{MembraneModel, MembraneSettings};
+use super::{Evaluation, Model};
+use crate::element::membrane::{self, RestTriangle};
+use crate::element::precompute::{ADJACENT_PAIRS, RestTetrahedron, SpringConstants};
+use crate::material::field::MaterialField;
+use crate::material::{LameParameters, YoungPoisson};
+
+/// A body as its numbers see it.
+#[derive(Clone, Copy)]
+pub(crate) struct Matter<'a> {
+    /// Its vertices and elements.
+    pub ordered: &'a BodyElements,
+    /// Rest position (m) of a vertex row.
+    pub rest_of: &'a dyn Fn(u32) -> DVec3,
+    /// Material of its solid elements.
+    pub field: MaterialField<'a>,
+    /// Energy of its solid elements.
+    pub model: Model,
+    /// Evaluation of its solid elements.
+    pub evaluation: Evaluation,
+    /// How the constants of its springs are found.
+    pub spring_method: Option<ElementMethod>,
+    /// Its membrane.
+    pub membrane: Option<MembraneSettings>,
+}
+
+/// Items of a body, each of which gets a sum.
+#[derive(Clone, Copy)]
+pub(crate) enum Items<'a> {
+    /// So many, that is all.
+    All(usize),
+    /// Those listed, ascending.
+    Only(&'a [u32]),
+}
+
+impl Items<'_> {
+    fn count(self) -> usize {
+        match self {
+            Self::All(count) => count,
+            Self::Only(list) => list.len(),
+        }
+    }
+
+    fn place(self, item: u32) -> Option<usize> {
+        match self {
+            Self::All(_) => Some(item as usize),
+            Self::Only(list) => list.binary_search(&item).ok(),
+        }
+    }
+
+    fn item(self, place: usize) -> u32 {
+        match self {
+            Self::All(_) => place as u32,
+            Self::Only(list) => list[place],
+        }
+    }
+}
+
+/// Elements of every kind, each list ascending.
+pub(crate) type Chosen = ByKind<Vec<u32>>;
+
+/// Elements of a body for which `is_left` says yes.
+pub(crate) fn chosen(ordered: &BodyElements, is_left: impl Fn(ElementKind, u32) -> bool) -> Chosen {
+    ByKind(
+        ElementKind::ALL.map(|kind| {
+            (0..ordered.order(kind).len() as u32).filter(|&e| is_left(kind, e)).collect()
+        }),
+    )
+}
+
+/// The rest shape of an element: it was found usable when the body was built.
+macro_rules! rest_shapes {
+    ($($name:ident, $list:ident, $shape:ident;)+) => {$(
+        pub fn $name(&self, element: u32) -> $shape {
+            let nodes = self.ordered.$list[element as usize];
+            let points = nodes.map(|v| (self.rest_of)(v).to_array());
+            $shape::new(points).expect("the body was built with it")
+        }
+    )+};
+}
+
+impl Matter<'_> {
+    rest_shapes! {
+        tetrahedron, tetrahedra, RestTetrahedron;
+        hexahedron, hexahedra, RestHexahedron;
+        triangle, membrane, RestTriangle;
+        quad, quads, RestQuad;
+    }
+
+    /// Place of a solid element in the arrays of the material: hexahedra follow tetrahedra.
+    pub fn place(&self, kind: ElementKind, element: u32) -> usize {
+        let user = self.ordered.order(kind)[element as usize] as usize;
+        let hexahedron = kind == ElementKind::Hexahedron;
+        user + if hexahedron { self.ordered.tetrahedra.len() } else { 0 }
+    }
+
+    /// Material of a solid element.
+    pub fn material(&self, kind: ElementKind, element: u32) -> YoungPoisson {
+        self.field.at(self.place(kind, element))
+    }
+
+    /// Its membrane, if the springs of that are those of the pooled systems.
+    fn pooled_sheet(&self) -> Option<MembraneSettings> {
+        self.membrane.filter(MembraneSettings::is_pooled)
+    }
+
+    /// Whether it has springs that are pooled.
+    pub fn is_pooled(&self) -> bool {
+        self.evaluation == Evaluation::Pooled || self.pooled_sheet().is_some()
+    }
+
+    /// Its membrane, if it consists of springs on edges alone.
+    pub fn mass_spring_sheet(&self) -> Option<MembraneSettings> {
+        self.membrane.filter(|m| m.model == MembraneModel::MassSpring)
+    }
+
+    /// Masses (kg) of vertices, summed over elements: a quarter or third of each simplex, and the row sums of
+    /// the mass matrix of others.
+    pub fn masses(&self, vertices: Items, elements: &Chosen) -> Vec<f64> {
+        let mut mass = vec![0.0; vertices.count()];
+        let mut add = |nodes: &[u32], shares: &[f64]| {
+            for (&v, share) in nodes.iter().zip(shares) {
+                if let Some(at) = vertices.place(v) {
+                    mass[at] += share;
+                }
+            }
+        };
+        let density = |kind, e| self.material(kind, e).density;
+        for &t in &elements[ElementKind::Tetrahedron] {
+            let share = density(ElementKind::Tetrahedron, t) * self.tetrahedron(t).volume / 4.0;
+            add(&self.ordered.tetrahedra[t as usize], &[share; 4]);
+        }
+        for &h in &elements[ElementKind::Hexahedron] {
+            let density = density(ElementKind::Hexahedron, h);
+            let shares = self.hexahedron(h).vertex_volumes().map(|volume| density * volume);
+            add(&self.ordered.hexahedra[h as usize], &shares);
+        }
+        let Some(sheet) = self.membrane else { return mass };
+        let (_, density) = sheet.surface();
+        for &t in &elements[ElementKind::Triangle] {
+            let share = density * self.triangle(t).area / 3.0;
+            add(&self.ordered.membrane[t as usize], &[share; 3]);
+        }
+        for &q in &elements[ElementKind::Quad] {
+            let shares = self.quad(q).vertex_areas().map(|area| density * area);
+            add(&self.ordered.quads[q as usize], &shares);
+        }
+        mass
+    }
+
+    /// Constants (N/m^3) of edges that are springs by themselves, summed over elements; 0 where there is none.
+    pub fn edge_springs(
+        &self,
+        springs: &ElementSprings,
+        cells: &Cells,
+        edges: Items,
+        elements: &Chosen,
+    ) -> Vec<f64> {
+        let mut sums = vec![0.0; edges.count()];
+        if springs.is_empty() {
+            return sums;
+        }
+        for kind in ElementKind::ALL {
+            for &e in &elements[kind] {
+                for (&edge, k) in cells.edges_of(kind, e).iter().zip(springs.of(kind, e)) {
+                    if let Some(at) = edges.place(edge) {
+                        sums[at] += k;
+                    }
+                }
+            }
+        }
+        for (at, sum) in sums.iter_mut().enumerate() {
+            let [a, b] = cells.edges[edges.item(at) as usize].map(|v| (self.rest_of)(v).to_array());
+            *sum = lumped::tensile_stiffness(*sum, sub(a, b));
+        }
+        sums
+    }
+
+    /// Constants of the springs of pooled elements, summed over elements; `lame` are the Lamé parameters (Pa) of
+    /// their tetrahedra.
+    pub fn pooled_springs<'c>(
+        &self,
+        cells: &'c Cells,
+        [edges, triangles]: [Items<'c>; 2],
+        elements: &Chosen,
+        lame: &[LameParameters],
+    ) -> PooledSprings<'c> {
+        let tensile = vec![0.0; edges.count()];
+        let angular = vec![None; triangles.count()];
+        let mut sums = PooledSprings { cells, edges, triangles, tensile, angular };
+        if self.evaluation == Evaluation::Pooled {
+            for (&t, &lame) in elements[ElementKind::Tetrahedron].iter().zip(lame) {
+                let constants = SpringConstants::new(&self.tetrahedron(t), lame);
+                sums.add_tetrahedron(t as usize, self.ordered.tetrahedra[t as usize], &constants);
+            }
+        }
+        if let Some((moduli, _)) = self.pooled_sheet().map(|sheet| sheet.surface()) {
+            for &t in &elements[ElementKind::Triangle] {
+                let constants = membrane::SpringConstants::new(&self.triangle(t), moduli);
+                sums.add_triangle(t as usize, &constants);
+            }
+        }
+        sums
+    }
+}
+
+/// Constants (N/m^3) of the springs of pooled elements.
+pub(crate) struct PooledSprings<'a> {
+    cells: &'a Cells,
+    edges: Items<'a>,
+    triangles: Items<'a>,
+    /// Tensile springs of the edges; 0 where there is none.
+    pub tensile: Vec<f64>,
+    /// Angular springs of the triangles, `None` where there is none.
+    pub angular: Vec<Option<[f64; 3]>>,
+}
+
+impl PooledSprings<'_> {
+    fn add_tensile(&mut self, edges: &[u32], constants: &[f64]) {
+        for (&edge, k) in edges.iter().zip(constants) {
+            if let Some(at) = self.edges.place(edge) {
+                self.tensile[at] += k;
+            }
+        }
+    }
+
+    fn add_tetrahedron(&mut self, t: usize, nodes: [u32; 4], constants: &SpringConstants) {
+        let cells = self.cells;
+        self.add_tensile(&cells.tetrahedron_edges[t], &constants.tensile);
+        for (c, [apex, j, k]) in constants.angular.iter().zip(ADJACENT_PAIRS) {
+            // the face through the pair lies opposite the one vertex that it does not use
+            let face = (0..4).find(|v| ![apex, j, k].contains(v)).unwrap_or(0);
+            debug_assert!(TETRAHEDRON_FACES[face].contains(&apex));
+            let triangle = cells.tetrahedron_triangles[t][face];
+            if let Some(at) = self.triangles.place(triangle) {
+                let corners = cells.triangles[triangle as usize];
+                let m = corners.iter().position(|&v| v == nodes[apex]).unwrap_or(0);
+                self.angular[at].get_or_insert_default()[m] += c;
+            }
+        }
+    }
+
+    fn add_triangle(&mut self, t: usize, constants: &membrane::SpringConstants) {
+        let cells = self.cells;
+        self.add_tensile(&cells.membrane_edges[t], &constants.tensile);
+        if let Some(at) = self.triangles.place(cells.membrane_triangles[t]) {
+            let own = self.angular[at].get_or_insert_default();
+            for m in 0..3 {
+                own[m] += constants.angular[m];
+            }
+        }
+    }
+}

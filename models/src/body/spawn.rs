@@ -1,0 +1,543 @@
+//! From a description to entities.
+
+use bevy_ecs::bundle::NoBundleEffect;
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use sinew_engine::connectivity::ElementKind;
+use sinew_engine::element::{
+    EdgeBlock, EdgeChange, EdgeTension, EdgeVertices, RestVolume, ShapeGradientBundle,
+    TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TetrahedronVertices, TriangleEdges,
+    rest_edge_bundle, shape_gradient_bundle,
+};
+use sinew_engine::isoparametric::{
+    HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronIndex, HexahedronRest, HexahedronVertices,
+    RestHexahedron,
+};
+use sinew_engine::law::{BodiesWithoutRecovery, partition_laws};
+use sinew_engine::layout::{BodyLayout, ElementLists};
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::{BodyRows, ElementTables, Topology};
+use sinew_engine::vertex::{
+    BodyId, Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, Position,
+    PrescribedDisplacement, RestPosition, Velocity, VertexIndex,
+};
+use std::sync::Arc;
+
+use super::matter::{Items, Matter, PooledSprings, chosen};
+use super::sheet::{MembraneDescription, Sheet};
+use super::{BodyDescription, BodyError, Evaluation, Model, SoftBody};
+use crate::axes::description::{AxesError, AxisForm, BodyAxes};
+use crate::axes::spawn::spawn_axes;
+use crate::axes::spawn_printed::{check_chords, spawn_printed};
+use crate::axes::systems::AxesOnly;
+use crate::element::precompute::{RestTetrahedron, SpringConstants};
+use crate::frame::hexahedra::Hexahedral;
+use crate::frame::tetrahedra::{
+    CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw,
+};
+use crate::laws::pooled::{
+    self, AngularStiffness, TensileStiffness, TensileTension, TriangleVertices, VolumetricStiffness,
+};
+use crate::laws::quadratic::{self, MassSpring};
+use crate::laws::{self, Elements, LawError, LawRow, LawTable, svk};
+use crate::material::LameParameters;
+use crate::material::field::MaterialArrays;
+use crate::resection;
+
+pub(super) fn spawn<S: Scalar>(
+    world: &mut World,
+    body: &BodyDescription,
+) -> Result<Entity, BodyError> {
+    let name = || body.name.to_string();
+    let of_membrane = |source| BodyError::Membrane { body: name(), source };
+    let (membrane, user_lame) = check(world, body)?;
+    let lists = ElementLists {
+        tetrahedra: body.tetrahedra,
+        hexahedra: body.hexahedra,
+        membrane: membrane.map_or(&[][..], |m| m.triangles),
+        quads: membrane.map_or(&[][..], |m| m.quads),
+    };
+    let layout = BodyLayout::of(body.points.len(), &lists);
+    let rest_of = |row: u32| body.points[layout.vertex_order[row as usize] as usize];
+    let rest = RestShapes::new(body.name, &layout, &rest_of)?;
+    let sheet = match &membrane {
+        Some(m) => Some(Sheet::new(m, &layout, rest_of).map_err(of_membrane)?),
+        None => None,
+    };
+    let (model, evaluation, spring_method) = (body.model, body.evaluation, body.springs);
+    let field = body.material_field();
+    let membrane = membrane.map(|m| m.settings());
+    let ordered = &layout.ordered;
+    let matter =
+        Matter { ordered, rest_of: &rest_of, field, model, evaluation, spring_method, membrane };
+    let springs =
+        matter.element_springs().map_err(|source| BodyError::Springs { body: name(), source })?;
+
+    // from here on nothing can fail
+    let all = chosen(ordered, |_, _| true);
+    let lame: [Vec<LameParameters>; 2] = [ElementKind::Tetrahedron, ElementKind::Hexahedron]
+        .map(|kind| all[kind].iter().map(|&e| user_lame[matter.place(kind, e)]).collect());
+    let masses = matter.masses(Items::All(layout.vertex_order.len()), &all);
+    let edges = Items::All(layout.cells.edges.len());
+    let triangles = Items::All(layout.cells.triangles.len());
+    let mass_spring = matter.edge_springs(&springs, &layout.cells, edges, &all);
+    let pooled = matter.pooled_springs(&layout.cells, [edges, triangles], &all, &lame[0]);
+    let at = add_rows(world, body.name, &layout, &rest_of);
+    let part = SolidPart { layout: &layout, rest_of: &rest_of, rest: &rest, lame, model, at };
+    part.spawn_vertices::<S>(world, &masses);
+    part.spawn_edges::<S>(world, &mass_spring);
+    let edge_rows = part.spawn_pooled_springs::<S>(world, &pooled);
+    if matches!(model, Model::MassSpring | Model::Axes) {
+        world.resource_mut::<BodiesWithoutRecovery>().insert(at.body.0 as usize);
+    }
+    let law = model.law().map(|row| laws::in_table(world, row).1);
+    part.spawn::<S>(world, law, evaluation, &edge_rows);
+    if let Some(sheet) = &sheet {
+        sheet.spawn::<S>(world, &layout, at);
+    }
+    match &body.axes {
+        Some(axes) if axes.form == AxisForm::EnergyConsistent => {
+            spawn_axes::<S>(world, axes, &part);
+        }
+        Some(axes) => spawn_printed::<S>(world, axes, &part),
+        None => {}
+    }
+    partition_laws::<S>(world);
+    resection::install::<S>(world);
+    let tables = ElementTables::of(world);
+    world.insert_resource(tables);
+    let axes = body.axes.as_ref().map(|axes| BodyAxes {
+        description: axes.clone().into_owned(),
+        repaired: axes.count_repairs(),
+    });
+    let soft = SoftBody {
+        index: at.body.0 as usize,
+        material: body.material,
+        arrays: MaterialArrays::of(&field),
+        model,
+        law,
+        evaluation,
+        spring_method,
+        springs: Arc::new(springs),
+        membrane,
+        axes,
+    };
+    Ok(world.spawn(soft).id())
+}
+
+/// Checks all that does not need the points in order; the membrane, if there is any, and the Lamé parameters
+/// (Pa) of the solid elements in the user's order.
+fn check<'a>(
+    world: &mut World,
+    body: &BodyDescription<'a>,
+) -> Result<(Option<MembraneDescription<'a>>, Vec<LameParameters>), BodyError> {
+    let name = || body.name.to_string();
+    if world.get_resource_or_init::<Topology>().body(body.name).is_some() {
+        return Err(BodyError::Duplicate { body: name() });
+    }
+    if let Some(spawned) = world.get_resource::<ElementTables>()
+        && *spawned != ElementTables::of(world)
+    {
+        return Err(BodyError::LayoutChanged { body: name() });
+    }
+    if !body.model.supports(body.evaluation) {
+        return Err(BodyError::Evaluation { body: name(), model: body.model });
+    }
+    let membrane = body.membrane.filter(|m| !m.triangles.is_empty() || !m.quads.is_empty());
+    let solid = !body.tetrahedra.is_empty() || !body.hexahedra.is_empty();
+    let mut lame = Vec::new();
+    if solid {
+        lame = body
+            .material_field()
+            .lame(body.tetrahedra.len(), body.hexahedra.len())
+            .map_err(|source| BodyError::Material { body: name(), source })?;
+    } else if membrane.is_none() {
+        return Err(BodyError::Empty { body: name() });
+    }
+    check_indices(body)?;
+    if let Model::Own(law) = body.model {
+        let of_law = |source| BodyError::Law { body: name(), source };
+        if law.elements != Elements::Tetrahedra {
+            return Err(of_law(LawError::NotOfTetrahedra(law.info.name)));
+        }
+        world.get_resource_or_init::<LawTable>().add(law).map_err(of_law)?;
+    }
+    if !body.hexahedra.is_empty() && !body.model.serves_hexahedra() {
+        return Err(BodyError::HexahedronModel { body: name(), model: body.model });
+    }
+    if let Some(m) = &membrane {
+        m.validate(body.points.len())
+            .map_err(|source| BodyError::Membrane { body: name(), source })?;
+    }
+    check_axes(body, solid).map_err(|source| BodyError::Axes { body: name(), source })?;
+    Ok((membrane, lame))
+}
+
+fn check_indices(body: &BodyDescription) -> Result<(), BodyError> {
+    let (name, count) = (|| body.name.to_string(), body.points.len());
+    for (tetrahedron, &vertices) in body.tetrahedra.iter().enumerate() {
+        let distinct = (0..4).all(|i| (0..i).all(|j| vertices[i] != vertices[j]));
+        if !distinct || vertices.iter().any(|&v| v as usize >= count) {
+            return Err(BodyError::Index { body: name(), tetrahedron, vertices, count });
+        }
+    }
+    for (hexahedron, &vertices) in body.hexahedra.iter().enumerate() {
+        let distinct = HEXAHEDRON_PAIRS.iter().all(|&[a, b]| vertices[a] != vertices[b]);
+        if !distinct || vertices.iter().any(|&v| v as usize >= count) {
+            return Err(BodyError::HexahedronIndex { body: name(), hexahedron, vertices, count });
+        }
+    }
+    Ok(())
+}
+
+fn check_axes(body: &BodyDescription, solid: bool) -> Result<(), AxesError> {
+    let tetrahedra = body.tetrahedra.len();
+    match &body.axes {
+        Some(axes) => {
+            axes.validate(tetrahedra, body.hexahedra.len())?;
+            if axes.form != AxisForm::EnergyConsistent {
+                check_chords(axes, tetrahedra, body.hexahedra, body.points)?;
+            }
+            Ok(())
+        }
+        None if body.model == Model::Axes && solid => Err(AxesError::Missing),
+        None => Ok(()),
+    }
+}
+
+/// Appends the rows of a body to the topology; where they begin.
+fn add_rows(
+    world: &mut World,
+    name: &str,
+    layout: &BodyLayout,
+    rest_of: &dyn Fn(u32) -> DVec3,
+) -> Offsets {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for row in 0..layout.vertex_order.len() as u32 {
+        low = low.min(rest_of(row));
+        high = high.max(rest_of(row));
+    }
+    let mut topology = world.resource_mut::<Topology>();
+    let index = topology.bodies.len();
+    let size = (high - low).max_element();
+    let rows = BodyRows::new(name.to_string(), layout.ordered.clone(), size);
+    topology.push(rows, &layout.cells.edges);
+    let rows = &topology.bodies[index];
+    let (vertex, block) = (rows.vertices.start, rows.blocks.start);
+    Offsets { vertex, block, body: BodyId(index as u32) }
+}
+
+/// Where the rows of a body begin.
+#[derive(Clone, Copy)]
+pub(crate) struct Offsets {
+    pub vertex: u32,
+    pub block: u32,
+    pub body: BodyId,
+}
+
+impl Offsets {
+    /// Rows of vertices of a body in the world.
+    pub fn vertices<const N: usize>(&self, local: &[u32; N]) -> [u32; N] {
+        local.map(|v| v + self.vertex)
+    }
+
+    /// Blocks of edges of a body in the tangent of the world.
+    pub fn blocks<const N: usize>(&self, local: &[u32; N]) -> [u32; N] {
+        local.map(|b| b + self.block)
+    }
+}
+
+/// Rest shapes of the solid elements of a body, in the order of its layout.
+pub(crate) struct RestShapes {
+    pub tetrahedra: Vec<RestTetrahedron>,
+    pub hexahedra: Vec<RestHexahedron>,
+}
+
+impl RestShapes {
+    fn new(
+        name: &str,
+        layout: &BodyLayout,
+        rest_of: &dyn Fn(u32) -> DVec3,
+    ) -> Result<Self, BodyError> {
+        let tetrahedra = layout.tetrahedra.iter().zip(&layout.tetrahedron_order);
+        let tetrahedra = tetrahedra.map(|(t, &original)| {
+            let tetrahedron = original as usize;
+            RestTetrahedron::new(t.map(|row| rest_of(row).to_array())).map_err(|source| {
+                BodyError::Tetrahedron { body: name.to_string(), tetrahedron, source }
+            })
+        });
+        let hexahedra = layout.hexahedra.iter().zip(&layout.hexahedron_order);
+        let hexahedra = hexahedra.map(|(h, &original)| {
+            let hexahedron = original as usize;
+            RestHexahedron::new(h.map(|row| rest_of(row).to_array())).map_err(|source| {
+                BodyError::Hexahedron { body: name.to_string(), hexahedron, source }
+            })
+        });
+        let tetrahedra = tetrahedra.collect::<Result<_, _>>()?;
+        Ok(Self { tetrahedra, hexahedra: hexahedra.collect::<Result<_, _>>()? })
+    }
+}
+
+/// A body on its way into the world, with what its solid elements are made of.
+pub struct SolidPart<'a> {
+    pub(crate) layout: &'a BodyLayout,
+    /// Rest position (m) of a vertex row.
+    pub(crate) rest_of: &'a dyn Fn(u32) -> DVec3,
+    pub(crate) rest: &'a RestShapes,
+    /// Lamé parameters of tetrahedra and of hexahedra.
+    lame: [Vec<LameParameters>; 2],
+    model: Model,
+    pub(crate) at: Offsets,
+}
+
+/// Components of a tetrahedron, without the mark of its law.
+type TetrahedronBundle<S> = (
+    TetrahedronVertices,
+    TetrahedronBlocks,
+    TetrahedronIndex,
+    BodyId,
+    ShapeGradientBundle<S>,
+    RestVolume<S>,
+    Moduli<S>,
+);
+
+/// Components of a hexahedron, likewise.
+type HexahedronBundle<S> = (
+    HexahedronVertices,
+    HexahedronBlocks,
+    HexahedronIndex,
+    BodyId,
+    HexahedronRest<S>,
+    RestVolume<S>,
+    Moduli<S>,
+);
+
+impl SolidPart<'_> {
+    fn spawn_vertices<S: Scalar>(&self, world: &mut World, masses: &[f64]) {
+        let order = self.layout.vertex_order.iter().zip(masses);
+        let vertices = (0..).zip(order).map(|(row, (&original, &mass))| {
+            let x = (self.rest_of)(row);
+            (
+                RestPosition(x),
+                Position(x),
+                Displacement::<S>::default(),
+                Velocity::<S>::default(),
+                ElasticForce::<S>::default(),
+                ExternalForce::<S>::default(),
+                PrescribedDisplacement::<S>::default(),
+                Mass(S::from_f64(mass)),
+                FixedAxes::NONE,
+                VertexIndex(original),
+                self.at.body,
+            )
+        });
+        world.spawn_batch(vertices.collect::<Vec<_>>());
+    }
+
+    fn tetrahedra<S: Scalar>(&self) -> impl Iterator<Item = TetrahedronBundle<S>> {
+        let Self { layout, model, at, .. } = self;
+        let elements = layout.tetrahedra.iter().zip(&layout.cells.tetrahedron_edges);
+        let numbers = self.rest.tetrahedra.iter().zip(&self.lame[0]);
+        let elements = elements.zip(&layout.tetrahedron_order).zip(numbers);
+        elements.map(move |(((t, e), &original), (rest, &lame))| {
+            let d = [rest.gradients[1], rest.gradients[2], rest.gradients[3]];
+            (
+                TetrahedronVertices(at.vertices(t)),
+                TetrahedronBlocks(at.blocks(e)),
+                TetrahedronIndex(original),
+                at.body,
+                shape_gradient_bundle::<S>(d),
+                RestVolume(S::from_f64(rest.volume)),
+                moduli_bundle::<S>(lame, *model),
+            )
+        })
+    }
+
+    fn hexahedra<S: Scalar>(&self) -> impl Iterator<Item = HexahedronBundle<S>> {
+        let Self { layout, model, at, .. } = self;
+        let elements = layout.hexahedra.iter().zip(&layout.cells.hexahedron_edges);
+        let numbers = self.rest.hexahedra.iter().zip(&self.lame[1]);
+        let elements = elements.zip(&layout.hexahedron_order).zip(numbers);
+        elements.map(move |(((h, e), &original), (rest, &lame))| {
+            (
+                HexahedronVertices(at.vertices(h)),
+                HexahedronBlocks(at.blocks(e)),
+                HexahedronIndex(original),
+                at.body,
+                rest.component::<S>(),
+                RestVolume(S::from_f64(rest.total_volume())),
+                moduli_bundle::<S>(lame, *model),
+            )
+        })
+    }
+
+    /// Spawns the elements with the mark of their law.
+    fn spawn<S: Scalar>(
+        &self,
+        world: &mut World,
+        law: Option<&'static LawRow>,
+        evaluation: Evaluation,
+        edge_rows: &[u32],
+    ) {
+        if !self.rest.tetrahedra.is_empty() {
+            match law {
+                Some(_) if evaluation == Evaluation::Pooled => {
+                    self.spawn_pooled::<S>(world, edge_rows);
+                }
+                Some(law) => law.spawn::<S>(world, self),
+                None if self.model == Model::MassSpring => {
+                    spawn_tetrahedra::<MassSpring, S>(world, self);
+                }
+                None => spawn_tetrahedra::<AxesOnly, S>(world, self),
+            }
+        }
+        if !self.rest.hexahedra.is_empty() {
+            match law {
+                Some(LawRow { hexahedra: Some(law), .. }) => {
+                    laws::in_table(world, law).1.spawn::<S>(world, self);
+                }
+                // refused before
+                Some(_) => {}
+                None if self.model == Model::MassSpring => {
+                    self.spawn_marked_hexahedra::<MassSpring, S>(world);
+                }
+                None => self.spawn_marked_hexahedra::<AxesOnly, S>(world),
+            }
+        }
+    }
+
+    fn spawn_marked_hexahedra<M: Component + Default, S: Scalar>(&self, world: &mut World) {
+        let marked = self.hexahedra::<S>().map(|h| (h, M::default()));
+        world.spawn_batch(marked.collect::<Vec<_>>());
+    }
+
+    /// Spawns pooled tetrahedra; `edge_rows` are the edge-table rows of the edges of the layout.
+    fn spawn_pooled<S: Scalar>(&self, world: &mut World, edge_rows: &[u32]) {
+        let constants = self.rest.tetrahedra.iter().zip(&self.lame[0]);
+        let constants = constants.map(|(rest, &lame)| volumetric_bundle::<S>(rest, lame));
+        let edges = &self.layout.cells.tetrahedron_edges;
+        let elements = self.tetrahedra::<S>().zip(edges).zip(constants);
+        let elements = elements.map(|((tetrahedron, e), constants)| {
+            (tetrahedron, TetrahedronEdges(e.map(|e| edge_rows[e as usize])), constants)
+        });
+        world.spawn_batch(elements.collect::<Vec<_>>());
+        laws::activate::<S>(world, &svk::PROJECTION);
+        if self.model.has_compression() {
+            laws::activate::<S>(world, &svk::COMPRESSION);
+        }
+    }
+
+    /// Spawns the edges that are springs by themselves, if there are any.
+    fn spawn_edges<S: Scalar>(&self, world: &mut World, tensile: &[f64]) {
+        let edges: Vec<_> = self.edges::<S>(tensile).map(|edge| (edge, MassSpring)).collect();
+        if !edges.is_empty() {
+            world.spawn_batch(edges);
+            laws::activate::<S>(world, &quadratic::EDGE_SPRINGS);
+        }
+    }
+
+    /// Spawns the edges and triangles of pooled elements, if there are any; edge-table rows of the
+    /// edges of the layout.
+    fn spawn_pooled_springs<S: Scalar>(
+        &self,
+        world: &mut World,
+        springs: &PooledSprings,
+    ) -> Vec<u32> {
+        let mut edges = world.query::<&EdgeChange<S>>();
+        let mut next = edges.iter(world).len() as u32;
+        let mut rows = Vec::with_capacity(springs.tensile.len());
+        for &k in &springs.tensile {
+            rows.push(next);
+            next += u32::from(k != 0.0);
+        }
+        let edges = self.edges::<S>(&springs.tensile).map(|edge| {
+            let change = EdgeChange::<S>::default();
+            (edge, change, EdgeTension::<S>::default(), TensileTension::<S>::default())
+        });
+        let edges: Vec<_> = edges.collect();
+        if edges.is_empty() {
+            return rows;
+        }
+        world.spawn_batch(edges);
+        let cells = &self.layout.cells;
+        let triangles = cells.triangles.iter().zip(&cells.triangle_edges).zip(&springs.angular);
+        let triangles = triangles.filter_map(|((t, e), c)| {
+            let [a, b, c] = (*c)?.map(S::from_f64);
+            Some((
+                TriangleVertices(self.at.vertices(t)),
+                TriangleEdges(e.map(|e| rows[e as usize])),
+                self.at.body,
+                AngularStiffness::<S, 0>(a),
+                AngularStiffness::<S, 1>(b),
+                AngularStiffness::<S, 2>(c),
+            ))
+        });
+        world.spawn_batch(triangles.collect::<Vec<_>>());
+        for row in pooled::SPRINGS {
+            laws::activate::<S>(world, row);
+        }
+        rows
+    }
+
+    /// Components of the edges that have a spring.
+    fn edges<S: Scalar>(
+        &self,
+        tensile: &[f64],
+    ) -> impl Iterator<Item = impl Bundle<Effect: NoBundleEffect>> {
+        let edges = (0..).zip(self.layout.cells.edges.iter().zip(tensile));
+        edges.filter(|(_, (_, k))| **k != 0.0).map(|(i, (edge, &k))| {
+            let [a, b] = edge.map(self.rest_of);
+            (
+                EdgeVertices(self.at.vertices(edge)),
+                EdgeBlock(i + self.at.block),
+                self.at.body,
+                rest_edge_bundle::<S>((a - b).to_array()),
+                TensileStiffness(S::from_f64(k)),
+            )
+        })
+    }
+}
+
+/// Spawns the tetrahedra of a body with the mark `M` of their law.
+pub(crate) fn spawn_tetrahedra<M: Component + Default, S: Scalar>(
+    world: &mut World,
+    part: &SolidPart,
+) {
+    let marked = part.tetrahedra::<S>().map(|t| (t, M::default()));
+    world.spawn_batch(marked.collect::<Vec<_>>());
+}
+
+/// Spawns the hexahedra of a body with the mark of law `L`.
+pub(crate) fn spawn_hexahedra<L: TetrahedronLaw, S: Scalar>(world: &mut World, part: &SolidPart) {
+    part.spawn_marked_hexahedra::<Hexahedral<L>, S>(world);
+}
+
+/// Columns of the moduli of a solid element.
+type Moduli<S> = (FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>);
+
+/// Moduli of a solid element.
+pub(super) fn moduli_bundle<S: Scalar>(lame: LameParameters, model: Model) -> Moduli<S> {
+    let compression = if model.has_compression() { lame.lambda + lame.mu } else { 0.0 };
+    let lame = match model {
+        Model::Axes => LameParameters { lambda: 0.0, mu: 0.0 },
+        _ => lame,
+    };
+    (
+        FirstLameParameter(S::from_f64(lame.lambda)),
+        ShearModulus(S::from_f64(lame.mu)),
+        CompressionModulus(S::from_f64(compression)),
+    )
+}
+
+/// Columns of the volumetric springs of a pooled tetrahedron.
+type Volumetric<S> =
+    (VolumetricStiffness<S, 0>, VolumetricStiffness<S, 1>, VolumetricStiffness<S, 2>);
+
+/// Volumetric springs of a pooled tetrahedron.
+pub(super) fn volumetric_bundle<S: Scalar>(
+    rest: &RestTetrahedron,
+    lame: LameParameters,
+) -> Volumetric<S> {
+    let [a, b, c] = SpringConstants::new(rest, lame).volumetric.map(S::from_f64);
+    (VolumetricStiffness(a), VolumetricStiffness(b), VolumetricStiffness(c))
+}

@@ -1,0 +1,67 @@
+//! Removals that a schedule carries out.
+
+use bevy_ecs::prelude::*;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::schedule::{StepSchedule, StepSystems};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::{Removal, RemovalError, RemovalReport, remove_batch};
+
+/// Asks for a removal in [`StepSystems::Edit`] of the next step; the entity is despawned then.
+/// Requests are carried out in the order in which they were made.
+#[derive(Component, Clone, Debug)]
+pub struct RemovalRequest {
+    /// Index into [`Topology::bodies`].
+    pub body: usize,
+    /// What to remove.
+    pub removal: Removal,
+    sequence: u64,
+}
+
+/// Requests made so far.
+static REQUESTS: AtomicU64 = AtomicU64::new(0);
+
+impl RemovalRequest {
+    /// Asks for a removal from the body at an index of [`Topology::bodies`].
+    pub fn new(body: usize, removal: Removal) -> Self {
+        Self { body, removal, sequence: REQUESTS.fetch_add(1, Ordering::Relaxed) }
+    }
+}
+
+/// What came of the [`RemovalRequest`]s of the last step, with the index of the body: a report for every
+/// batch, after the errors of its requests. A request that fails changes nothing and does not stop the
+/// step; an element of a list that an earlier request of the batch takes counts as removed.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct RemovalLog(pub Vec<(usize, Result<RemovalReport, RemovalError>)>);
+
+/// Puts the system that carries out [`RemovalRequest`]s into the step, once.
+pub(crate) fn install<S: Scalar>(world: &mut World) {
+    if world.contains_resource::<RemovalLog>() {
+        return;
+    }
+    world.init_resource::<RemovalLog>();
+    if let Some(mut schedules) = world.get_resource_mut::<Schedules>() {
+        let requests = apply_removal_requests::<S>.in_set(StepSystems::Edit);
+        schedules.entry(StepSchedule).add_systems(requests);
+    }
+}
+
+fn apply_removal_requests<S: Scalar>(world: &mut World) {
+    world.resource_mut::<RemovalLog>().0.clear();
+    let mut query = world.query::<(Entity, &RemovalRequest)>();
+    let mut requests: Vec<_> = query.iter(world).map(|(e, r)| (e, r.clone())).collect();
+    requests.sort_unstable_by_key(|(_, request)| request.sequence);
+    let mut requests = requests.into_iter().peekable();
+    while let Some((entity, RemovalRequest { body, removal, .. })) = requests.next() {
+        world.despawn(entity);
+        let mut regions = vec![removal.region];
+        let same = |r: &RemovalRequest| r.body == body && r.removal.mass == removal.mass;
+        while let Some((entity, next)) = requests.next_if(|(_, request)| same(request)) {
+            world.despawn(entity);
+            regions.push(next.removal.region);
+        }
+        let results = remove_batch::<S>(world, body, &regions, removal.mass);
+        let log = &mut world.resource_mut::<RemovalLog>().0;
+        log.extend(results.into_iter().map(|result| (body, result)));
+    }
+}

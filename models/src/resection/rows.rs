@@ -1,0 +1,104 @@
+//! In which rows of the tables the elements of a body stand.
+
+use bevy_ecs::prelude::*;
+use sinew_engine::connectivity::{ByKind, ElementKind};
+use sinew_engine::element::{AxisTetrahedron, EdgeVertices, MembraneIndex, TetrahedronIndex};
+use sinew_engine::isoparametric::{AxisHexahedron, HexahedronIndex, QuadIndex};
+use sinew_engine::topology::Topology;
+use sinew_engine::vertex::BodyId;
+
+use super::{BodyResection, Resection};
+use crate::laws::pooled::TriangleVertices;
+use crate::laws::quadratic::MassSpring;
+
+#[derive(Debug, Default)]
+pub(super) struct Entities {
+    pub elements: ByKind<Vec<Entity>>,
+    /// Edges of pooled springs, and those that are springs by themselves.
+    pub edges: [Vec<Entity>; 2],
+    pub triangles: Vec<Entity>,
+    /// Axes of all kinds, with the tetrahedron or hexahedron that they lie in, ascending.
+    axes: ByKind<Vec<(u32, Entity)>>,
+}
+
+impl Entities {
+    /// Axes in an element.
+    pub fn axes(&self, kind: ElementKind, element: u32) -> impl Iterator<Item = Entity> {
+        let axes = &self.axes[kind];
+        let first = axes.partition_point(|(e, _)| *e < element);
+        axes[first..].iter().take_while(move |(e, _)| *e == element).map(|(_, entity)| *entity)
+    }
+}
+
+impl BodyResection {
+    /// Edge between two vertices of the body.
+    pub(super) fn edge(&self, vertices: [u32; 2]) -> Option<usize> {
+        self.connectivity.cells.edges.binary_search(&vertices).ok()
+    }
+
+    /// Triangle between three vertices of the body.
+    pub(super) fn triangle(&self, vertices: [u32; 3]) -> Option<usize> {
+        self.connectivity.cells.triangles.binary_search(&vertices).ok()
+    }
+}
+
+impl Resection {
+    /// Finds the entities in whose rows the elements of the prepared bodies stand.
+    pub(super) fn find_rows(&mut self, world: &mut World) {
+        let topology = world.resource::<Topology>();
+        let first: Vec<u32> = topology.bodies.iter().map(|b| b.vertices.start).collect();
+        for own in self.bodies.iter_mut().flatten() {
+            let cells = &own.connectivity.cells;
+            let none = |count: usize| vec![Entity::PLACEHOLDER; count];
+            own.rows = Entities {
+                elements: ByKind(ElementKind::ALL.map(|kind| none(own.element_of[kind].len()))),
+                edges: [none(cells.edges.len()), none(cells.edges.len())],
+                triangles: none(cells.triangles.len()),
+                axes: ByKind::default(),
+            };
+        }
+        macro_rules! find {
+            ($data:ty, |$own:ident, $entity:ident, $item:ident, $first:ident| $put:expr) => {
+                let mut items = world.query::<(Entity, &BodyId, $data)>();
+                for ($entity, id, $item) in items.iter(world) {
+                    let $first = first[id.0 as usize];
+                    if let Some($own) = &mut self.bodies[id.0 as usize] {
+                        $put;
+                    }
+                }
+            };
+        }
+        macro_rules! find_elements {
+            ($index:ty, $axes:ty, $kind:expr) => {
+                find_elements!($index, $kind);
+                find!(&$axes, |own, entity, index, _first| {
+                    let element = own.element_of[$kind][index.0 as usize];
+                    own.rows.axes[$kind].push((element, entity));
+                });
+            };
+            ($index:ty, $kind:expr) => {
+                find!(&$index, |own, entity, index, _first| {
+                    let element = own.element_of[$kind][index.0 as usize];
+                    own.rows.elements[$kind][element as usize] = entity;
+                });
+            };
+        }
+        find_elements!(TetrahedronIndex, AxisTetrahedron, ElementKind::Tetrahedron);
+        find_elements!(MembraneIndex, ElementKind::Triangle);
+        find_elements!(HexahedronIndex, AxisHexahedron, ElementKind::Hexahedron);
+        find_elements!(QuadIndex, ElementKind::Quad);
+        for own in self.bodies.iter_mut().flatten() {
+            own.rows.axes.0.iter_mut().for_each(|axes| axes.sort_unstable());
+        }
+        find!((&EdgeVertices, Has<MassSpring>), |own, entity, edge, first| {
+            if let Some(at) = own.edge(edge.0.0.map(|v| v - first)) {
+                own.rows.edges[usize::from(edge.1)][at] = entity;
+            }
+        });
+        find!(&TriangleVertices, |own, entity, triangle, first| {
+            if let Some(at) = own.triangle(triangle.0.map(|v| v - first)) {
+                own.rows.triangles[at] = entity;
+            }
+        });
+    }
+}

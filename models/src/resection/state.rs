@@ -1,0 +1,246 @@
+//! The state of elements that are left, in `f64`: what regions ask for and what leaves with removed ones.
+
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use sinew_engine::columns::single_table;
+use sinew_engine::connectivity::ElementKind;
+use sinew_engine::element::{RestVolume, ShapeGradients};
+use sinew_engine::isoparametric::HexahedronRest;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::Topology;
+use sinew_engine::vertex::{Displacement, RestPosition};
+
+use super::{BodyResection, Chosen, IN_SUMS, RemovalReport};
+use crate::axes;
+use crate::body::SoftBody;
+use crate::body::matter::Matter;
+use crate::body::sheet::MembraneModel;
+use crate::element::membrane;
+use crate::element::tetrahedron::Element;
+use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
+use crate::frame::{hexahedra, quads};
+use crate::material::LameParameters;
+
+/// Rest positions and displacements (m) of all vertices of a world, as one body numbers them.
+pub(super) struct Vertices<'a, S: Scalar> {
+    rest: &'a [RestPosition],
+    displacement: &'a [Displacement<S>],
+}
+
+pub(super) type VertexQuery<S> = QueryState<(&'static RestPosition, &'static Displacement<S>)>;
+
+impl<'a, S: Scalar> Vertices<'a, S> {
+    /// Nothing is copied.
+    pub fn of(query: &'a mut VertexQuery<S>, world: &'a World, body: usize) -> Self {
+        let rows = world.resource::<Topology>().bodies[body].vertices.clone();
+        let rows = rows.start as usize..rows.end as usize;
+        match single_table(query.contiguous_iter(world)) {
+            Some((rest, u)) => Self { rest: &rest[rows.clone()], displacement: &u[rows] },
+            None => Self { rest: &[], displacement: &[] },
+        }
+    }
+
+    pub fn rest(&self, vertex: u32) -> DVec3 {
+        self.rest[vertex as usize].0
+    }
+
+    fn displacement(&self, vertex: u32) -> DVec3 {
+        let [x, y, z, _] = self.displacement[vertex as usize].0.map(|x| x.to_f64());
+        DVec3::new(x, y, z)
+    }
+
+    pub fn barycentre(&self, vertices: &[u32]) -> DVec3 {
+        let sum: DVec3 = vertices.iter().map(|&v| self.rest(v) + self.displacement(v)).sum();
+        sum / vertices.len() as f64
+    }
+
+    fn displacements<const N: usize>(&self, vertices: [u32; N]) -> [[f64; 3]; N] {
+        vertices.map(|v| self.displacement(v).to_array())
+    }
+}
+
+/// Columns of the moduli of solid elements.
+pub(super) type ModuliData<S> =
+    (&'static FirstLameParameter<S>, &'static ShearModulus<S>, &'static CompressionModulus<S>);
+type TetrahedronData<S> = (ShapeGradients<S>, &'static RestVolume<S>, ModuliData<S>);
+type HexahedronData<S> = (&'static HexahedronRest<S>, ModuliData<S>);
+
+/// A simplex that stands for an element or one of its Gauss points, with the displacements (m) of its vertices.
+pub(super) enum Point<'a> {
+    /// Of a solid element.
+    Solid(&'a Element<f64>, &'a [[f64; 3]; 4]),
+    /// Of a membrane; its moduli are so many times those of the element.
+    Sheet(&'a membrane::Element<f64>, &'a [[f64; 3]; 3], f64),
+}
+
+/// Queries for the state of elements.
+pub(super) struct Queries<S: Scalar> {
+    vertices: VertexQuery<S>,
+    tetrahedra: QueryState<TetrahedronData<S>>,
+    hexahedra: QueryState<HexahedronData<S>>,
+}
+
+impl<S: Scalar> Queries<S> {
+    pub fn new(world: &mut World) -> Self {
+        Self { vertices: world.query(), tetrahedra: world.query(), hexahedra: world.query() }
+    }
+}
+
+/// Elements of a body that have a row.
+pub(super) struct State<'a, S: Scalar> {
+    own: &'a BodyResection,
+    world: &'a World,
+    soft: &'a SoftBody,
+    pub vertices: Vertices<'a, S>,
+    tetrahedra: &'a QueryState<TetrahedronData<S>>,
+    hexahedra: &'a QueryState<HexahedronData<S>>,
+}
+
+impl<'a, S: Scalar> State<'a, S> {
+    pub fn new(
+        own: &'a BodyResection,
+        world: &'a World,
+        soft: &'a SoftBody,
+        queries: &'a mut Queries<S>,
+    ) -> Self {
+        let Queries { vertices, tetrahedra, hexahedra } = queries;
+        let vertices = Vertices::of(vertices, world, soft.index);
+        Self { own, world, soft, vertices, tetrahedra, hexahedra }
+    }
+
+    /// Does something with all points of an element.
+    pub fn visit(&self, kind: ElementKind, element: u32, mut with: impl FnMut(Point)) {
+        let (e, elements) = (element as usize, &self.own.connectivity.ordered);
+        let entity = self.own.rows.elements[kind][e];
+        let rest_of = |v| self.vertices.rest(v);
+        let matter = self.soft.matter(elements, &rest_of);
+        let has_row = "an element that is left has a row";
+        match kind {
+            ElementKind::Tetrahedron => {
+                let columns = self.tetrahedra.get_manual(self.world, entity).expect(has_row);
+                let u = self.vertices.displacements(elements.tetrahedra[e]);
+                with(Point::Solid(&tetrahedron(columns), &u));
+            }
+            ElementKind::Hexahedron => {
+                let (rest, moduli) = self.hexahedra.get_manual(self.world, entity).expect(has_row);
+                let u = self.vertices.displacements(elements.hexahedra[e]);
+                for (e, u) in hexahedra::tetrahedra(&in_f64(rest), numbers(moduli), &u) {
+                    with(Point::Solid(&e, &u));
+                }
+            }
+            ElementKind::Triangle => {
+                let u = self.vertices.displacements(elements.membrane[e]);
+                if let Some(e) = triangle(&matter, element) {
+                    with(Point::Sheet(&e, &u, 1.0));
+                }
+            }
+            ElementKind::Quad => {
+                let Some(settings) = &self.soft.membrane else { return };
+                let LameParameters { lambda, mu } = settings.surface().0;
+                let moduli = [lambda, mu, settings.compression()];
+                let rest = matter.quad(element).component();
+                let u = self.vertices.displacements(elements.quads[e]);
+                for (e, u) in quads::triangles(&rest, moduli, &u) {
+                    with(Point::Sheet(&e, &u, 2.0));
+                }
+            }
+        }
+    }
+
+    /// Books elastic energy and volume of elements that go.
+    pub fn book(&self, chosen: &Chosen, report: &mut RemovalReport) {
+        let Self { own, soft, vertices, .. } = self;
+        for kind in ElementKind::ALL.into_iter().filter(|&kind| soft.springs.has(kind)) {
+            for &e in &chosen[kind] {
+                let nodes = own.connectivity.vertices(kind, e);
+                let vertex = |v: usize| {
+                    let [u] = vertices.displacements([nodes[v]]);
+                    (vertices.rest(nodes[v]).to_array(), u)
+                };
+                report.elastic_energy += soft.springs.energy(kind, e, vertex);
+            }
+        }
+        for kind in IN_SUMS {
+            let law = match kind {
+                ElementKind::Hexahedron => soft.law.and_then(|law| law.hexahedra),
+                _ => soft.law,
+            };
+            let law = law.and_then(|row| row.energy);
+            for &e in &chosen[kind] {
+                let (mut energy, mut volume) = (0.0, 0.0);
+                self.visit(kind, e, |point| match point {
+                    Point::Solid(e, u) => {
+                        energy += law.map_or(0.0, |energy| energy(e, u));
+                        volume += e.volume;
+                    }
+                    Point::Sheet(e, u, _) => {
+                        energy += soft.membrane.map_or(0.0, |m| membrane_energy(m.model, e, u));
+                    }
+                });
+                report.elastic_energy += energy;
+                report.volume += volume;
+                for axes in own.rows.axes(kind, e) {
+                    report.elastic_energy += self.axes_energy(kind, e, axes);
+                }
+            }
+        }
+    }
+
+    fn axes_energy(&self, kind: ElementKind, e: u32, axes: Entity) -> f64 {
+        let elements = &self.own.connectivity.ordered;
+        if kind == ElementKind::Tetrahedron {
+            let u = self.vertices.displacements(elements.tetrahedra[e as usize]);
+            return axes::removal::energy::<S>(self.world, axes, &u);
+        }
+        let u = self.vertices.displacements(elements.hexahedra[e as usize]);
+        axes::removal::hexahedron_energy::<S>(self.world, axes, &u)
+    }
+}
+
+/// A membrane triangle; the membrane of a body is of one material.
+fn triangle(matter: &Matter, t: u32) -> Option<membrane::Element<f64>> {
+    let settings = matter.membrane?;
+    let compression = settings.compression() > 0.0;
+    Some(membrane::Element::new(&matter.triangle(t), settings.surface().0, compression))
+}
+
+/// Moduli lambda, mu and that of the compression term.
+pub(super) fn numbers<S: Scalar>(
+    (lambda, mu, compression): (&FirstLameParameter<S>, &ShearModulus<S>, &CompressionModulus<S>),
+) -> [f64; 3] {
+    [lambda.0, mu.0, compression.0].map(|x| x.to_f64())
+}
+
+/// Rest shape of a hexahedron in `f64`.
+pub(crate) fn in_f64<S: Scalar>(rest: &HexahedronRest<S>) -> HexahedronRest<f64> {
+    HexahedronRest {
+        gradients: rest.gradients.map(|row| row.map(|x| x.to_f64())),
+        volume: rest.volume.map(|x| x.to_f64()),
+    }
+}
+
+/// A tetrahedron from its columns.
+fn tetrahedron<S: Scalar>(
+    ((d1, d2, d3), volume, moduli): <TetrahedronData<S> as bevy_ecs::query::QueryData>::Item<
+        '_,
+        '_,
+    >,
+) -> Element<f64> {
+    let rows = [[d1.0.0, d1.1.0, d1.2.0], [d2.0.0, d2.1.0, d2.2.0], [d3.0.0, d3.1.0, d3.2.0]];
+    let [lambda, mu, compression] = numbers(moduli);
+    let gradients = rows.map(|d| d.map(|x| x.to_f64()));
+    Element { gradients, volume: volume.0.to_f64(), lambda, mu, compression }
+}
+
+/// Energy (J) of a membrane triangle by its own law; springs on edges are booked beside it.
+fn membrane_energy(model: MembraneModel, e: &membrane::Element<f64>, u: &[[f64; 3]; 3]) -> f64 {
+    match model {
+        MembraneModel::Biquadratic | MembraneModel::CompressibleBiquadratic => {
+            membrane::biquadratic::energy(e, u)
+        }
+        MembraneModel::Quadratic => membrane::quadratic::energy(e, u),
+        MembraneModel::Linear => membrane::linear::energy(e, u),
+        MembraneModel::Corotational => membrane::corotational::energy(e, u),
+        MembraneModel::MassSpring => 0.0,
+    }
+}

@@ -1,0 +1,141 @@
+//! Sums over the elements round what removals touched, formed again in the order in which a new body forms them.
+
+use bevy_ecs::prelude::*;
+use sinew_engine::columns::single_table;
+use sinew_engine::connectivity::{ByKind, ElementKind, Incidence, Touched};
+use sinew_engine::load::Pressure;
+use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::Topology;
+use sinew_engine::vertex::{Mass, Velocity};
+
+use super::state::{ModuliData, Vertices, numbers};
+use super::{BodyResection, Chosen, RemovalReport};
+use crate::body::SoftBody;
+use crate::body::matter::Items;
+use crate::laws::pooled::{AngularStiffness, TensileStiffness};
+use crate::material::LameParameters;
+
+impl BodyResection {
+    /// Elements of every kind that are left round some items.
+    fn round(&self, items: &[u32], round: &ByKind<Incidence>) -> Chosen {
+        ByKind(ElementKind::ALL.map(|kind| {
+            let of = |&item: &u32| self.connectivity.left(kind, round[kind].of(item));
+            let mut elements: Vec<u32> = items.iter().flat_map(of).collect();
+            elements.sort_unstable();
+            elements.dedup();
+            elements
+        }))
+    }
+
+    /// Sums the constants of the springs at the touched edges and triangles again.
+    pub(super) fn sum_constants<S: Scalar>(
+        &self,
+        world: &mut World,
+        soft: &SoftBody,
+        touched: &Touched,
+    ) {
+        let mut query = world.query();
+        let mut moduli = world.query::<ModuliData<S>>();
+        let vertices = Vertices::<S>::of(&mut query, world, soft.index);
+        let rest_of = |v| vertices.rest(v);
+        let cells = &self.connectivity.cells;
+        let matter = soft.matter(&self.connectivity.ordered, &rest_of);
+        if soft.springs.is_empty() && !matter.is_pooled() {
+            return;
+        }
+        // whoever shares a triangle with a removed element shares its edges
+        let round = self.round(&touched.edges, &self.connectivity.round_edge);
+        let lame = |&t: &u32| {
+            let entity = self.rows.elements[ElementKind::Tetrahedron][t as usize];
+            let columns = moduli.get(world, entity).expect("a tetrahedron that is left has a row");
+            let [lambda, mu, _] = numbers(columns);
+            LameParameters { lambda, mu }
+        };
+        let lame: Vec<_> = round[ElementKind::Tetrahedron].iter().map(lame).collect();
+        let (edges, triangles) = (Items::Only(&touched.edges), Items::Only(&touched.triangles));
+        let alone = matter.edge_springs(&soft.springs, cells, edges, &round);
+        let pooled = matter.pooled_springs(cells, [edges, triangles], &round, &lame);
+
+        let mut query = world.query::<&mut TensileStiffness<S>>();
+        for (entities, sums) in self.rows.edges.iter().zip([&pooled.tensile, &alone]) {
+            for (&edge, &sum) in touched.edges.iter().zip(sums) {
+                if let Ok(mut k) = query.get_mut(world, entities[edge as usize]) {
+                    k.0 = S::from_f64(sum);
+                }
+            }
+        }
+        let mut query = world.query::<(
+            &mut AngularStiffness<S, 0>,
+            &mut AngularStiffness<S, 1>,
+            &mut AngularStiffness<S, 2>,
+        )>();
+        for (&triangle, sum) in touched.triangles.iter().zip(&pooled.angular) {
+            let columns = query.get_mut(world, self.rows.triangles[triangle as usize]);
+            if let Ok((mut a, mut b, mut c)) = columns {
+                [a.0, b.0, c.0] = sum.unwrap_or_default().map(S::from_f64);
+            }
+        }
+    }
+
+    /// Sums the masses of the touched vertices again, and books what went.
+    pub(super) fn sum_masses<S: Scalar>(
+        &self,
+        world: &mut World,
+        soft: &SoftBody,
+        touched: &Touched,
+        report: &mut RemovalReport,
+    ) {
+        let connectivity = &self.connectivity;
+        let mut query = world.query();
+        let vertices = Vertices::<S>::of(&mut query, world, soft.index);
+        let rest_of = |v| vertices.rest(v);
+        let round = self.round(&touched.vertices, &connectivity.round_vertex);
+        let matter = soft.matter(&connectivity.ordered, &rest_of);
+        let sums = matter.masses(Items::Only(&touched.vertices), &round);
+        let v0 = world.resource::<Topology>().bodies[soft.index].vertices.start;
+        let mut query = world.query::<(&mut Mass<S>, &mut Velocity<S>)>();
+        let Some((mut mass, mut velocity)) = single_table(query.contiguous_iter_mut(world)) else {
+            return;
+        };
+        let (mass, velocity) = (mass.bypass_change_detection(), velocity.bypass_change_detection());
+        for (&v, sum) in touched.vertices.iter().zip(sums) {
+            let row = (v + v0) as usize;
+            let before = mass[row].0.to_f64();
+            mass[row].0 = S::from_f64(sum);
+            let gone = before - mass[row].0.to_f64();
+            let speed = (0..3).map(|k| velocity[row].0[k].to_f64().powi(2)).sum::<f64>();
+            report.mass += gone;
+            report.kinetic_energy += 0.5 * gone * speed;
+            if !connectivity.uses_vertex(v) {
+                velocity[row] = Velocity::default();
+            }
+        }
+    }
+
+    /// Takes the faces that no element has any more out of the pressures; how many there were.
+    pub(super) fn drop_pressures(&self, world: &mut World, body: usize) -> usize {
+        let rows = world.resource::<Topology>().bodies[body].vertices.clone();
+        let is_gone = |face: &[u32; 3]| {
+            if !rows.contains(&face[0]) {
+                return false;
+            }
+            let mut local = face.map(|v| v - rows.start);
+            local.sort_unstable();
+            let [a, b, c] = local;
+            match self.triangle(local) {
+                Some(at) => !self.connectivity.uses_triangle(at as u32),
+                // between edges of the body, but no face of it
+                None => [[a, b], [b, c], [a, c]].into_iter().any(|edge| {
+                    !self.edge(edge).is_some_and(|at| self.connectivity.uses_edge(at as u32))
+                }),
+            }
+        };
+        let mut dropped = 0;
+        for mut pressure in world.query::<&mut Pressure>().iter_mut(world) {
+            let before = pressure.faces.len();
+            pressure.bypass_change_detection().faces.retain(|face| !is_gone(face));
+            dropped += before - pressure.faces.len();
+        }
+        dropped
+    }
+}
