@@ -3,7 +3,7 @@
 //! Whatever the load, a run stays finite, its books balance, and it ends at rest or fails by name. Recovery
 //! from inversion, which is for bodies that were crushed and are let go, must not make anything worse.
 
-use super::runner::{Case, Outcome, Problem, Run, Scope, Setting, tissue};
+use super::runner::{Cases, Outcome, Problem, Run, Scope, Setting, tissue};
 use super::{Check, Column, Part};
 use glam::{DVec2, DVec3};
 use sinew::engine::load::Pressure;
@@ -99,18 +99,14 @@ fn overloads() -> Vec<Overload> {
     loads
 }
 
-pub(super) fn cases() -> Result<Vec<Case>, MeshError> {
-    let mut cases = Vec::new();
+pub(super) fn cases() -> Result<Cases, MeshError> {
+    let mut cases = Cases::default();
     let mut add = |subject: &Subject, load: Overload, clamped: bool, quick: bool| {
         let of = subject.clone();
         let support = if clamped { "clamped" } else { "free" };
-        cases.push(Case {
-            part: OVERLOAD,
-            name: format!("{} {} {support}", subject.name, load.name()),
-            quick,
-            scope: Scope::Integrators,
-            run: Box::new(move |setting| overload(setting, &of, load, clamped)),
-        });
+        let name = format!("{} {} {support}", subject.name, load.name());
+        let run = move |setting: &Setting, _: &Mesh| overload(setting, &of, load, clamped);
+        cases.within(Scope::Integrators, OVERLOAD, name, quick, &subject.mesh, run);
     };
     for subject in subjects()? {
         for load in overloads() {
@@ -255,7 +251,7 @@ fn go(run: &mut Run) -> Result<End, Problem> {
         work += report.load_work.abs() + report.constraint_work.abs();
         gained += report.load_work;
     }
-    let mass: f64 = run.simulation.masses(run.body).iter().sum();
+    let mass = run.mass();
     let report = run.simulation.report();
     let drift = DVec3::from_array(report.momentum).length_squared() / (2.0 * mass);
     Ok(End {
