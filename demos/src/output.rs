@@ -13,13 +13,14 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Columns of every CSV file, before those of the probes.
-pub const COMMON_COLUMNS: [&str; 12] = [
+pub const COMMON_COLUMNS: [&str; 13] = [
     "step",
     "time_s",
     "elastic_energy_J",
     "kinetic_energy_J",
     "load_work_J",
     "constraint_work_J",
+    "recovery_J",
     "dissipated_J",
     "smallest_J",
     "inverted",

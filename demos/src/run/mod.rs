@@ -102,6 +102,7 @@ pub fn run(
         }
     }
     run.observer.finish();
+    failure = failure.or_else(|| untrue(&run.built, &run.totals));
 
     let Run { built, mut totals, writer, probes, .. } = run;
     let clock = Instant::now();
@@ -130,6 +131,36 @@ pub fn run(
         std::fs::write(path, text + "\n").map_err(error)?;
     }
     Ok(summary)
+}
+
+/// Part of the steps above which a run whose bodies were halted counts as failed, and how many there must be.
+const HALTED: (f64, u64) = (0.25, 5);
+/// Energy from nowhere, over all that was put in, above which a run counts as failed.
+const GAIN: f64 = 0.1;
+
+/// Why a run that came to its end is not to be trusted, if so.
+fn untrue(built: &BuiltScene, totals: &Totals) -> Option<String> {
+    let (steps, halted) = (totals.step_times.len() as f64, totals.solver.halted_steps);
+    if halted >= HALTED.1 && halted as f64 > HALTED.0 * steps {
+        return Some(format!(
+            "in {halted} of {steps} steps a body was halted because no state of lower energy was found, so it \
+             hardly moved; loads, motions or units are far beyond what the material holds: make them smaller, \
+             or use a smaller dt"
+        ));
+    }
+    if !built.plan.settings.integrator.facts().dynamic {
+        return None;
+    }
+    let gain = -totals.dissipated();
+    let put_in = totals.energy.put_in();
+    // false for NaN
+    let within = gain <= GAIN * put_in;
+    (!within).then(|| {
+        format!(
+            "the bodies end with {gain:.2e} J more than the {put_in:.2e} J that loads and motions put in; use a \
+             smaller dt or integrator = \"safe\""
+        )
+    })
 }
 
 impl Run<'_> {
@@ -211,6 +242,7 @@ impl Run<'_> {
                 e.kinetic,
                 e.load_work,
                 e.constraint_work,
+                e.recovery,
                 totals.dissipated(),
                 if step == 0 { 1.0 } else { volume.smallest_ratio },
                 volume.inverted as f64,

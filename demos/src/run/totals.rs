@@ -65,6 +65,9 @@ impl Totals {
         sums! { preconditioner_breakdowns precision_fallbacks gradient_fallbacks projections }
         sums! { backtracks line_search_failures energy_caps recovering }
         sums! { load_partings second_order_steps substeps refinements }
+        sums! { recoveries_refused recoveries_given_up }
+        s.recovering_final = report.recovering;
+        s.halted_steps += u64::from(report.line_search_failures + report.gradient_fallbacks > 0);
         s.clamped_elements += report.clamped_elements;
         s.unconverged_steps += u64::from(report.unconverged);
         s.cg_iterations_max = s.cg_iterations_max.max(report.cg_iterations);
@@ -90,7 +93,8 @@ impl Totals {
         }
         let e = &mut self.energy;
         e.load_work += report.load_work;
-        e.initial += report.recovery_energy;
+        e.recovery += report.recovery_energy;
+        e.recovery_turnover += report.recovery_energy.abs();
         e.constraint_work += report.constraint_work;
         e.damping += report.damping_dissipation;
         e.elastic = report.elastic_energy;
@@ -125,7 +129,7 @@ impl Totals {
     /// Energy (J) that damping and the integrator took out.
     pub fn dissipated(&self) -> f64 {
         let e = &self.energy;
-        e.initial + e.load_work + e.constraint_work + e.activation_work
+        e.initial + e.recovery + e.load_work + e.constraint_work + e.activation_work
             - e.removed
             - e.elastic
             - e.kinetic

@@ -76,8 +76,22 @@ rules! {
         |n| "{}", run.integrator().facts().caution.unwrap_or_default();
         "compare with integrator = \"tr-bdf2\", or leave the integrator out";
     Note "run.recovery" "solver": |run| run.totals.solver.recovering;
-        |n| "in {n} steps a body moved by the corotational energy";
-        "nothing to do; its own law is back when it is in shape again";
+        |n| "in {n} steps a body moved by the corotational energy, without pressure";
+        "such steps are no motion of the material; its own law is back when it is in shape again";
+    Warning "run.recovery.unfinished" "solver": |run| run.totals.solver.recovering_final.into();
+        |n| "{n} bodies were still in recovery at the end: the last state is not that of their material";
+        "run longer, or remove the load or constraint that crushes them";
+    Warning "run.recovery.given-up" "solver": |run| run.totals.solver.recoveries_given_up;
+        |n| "{n} recoveries from inversion came to rest out of shape and were given up";
+        "a constraint holds the body crushed; it recovers when that changes";
+    Warning "run.recovery.refused" "solver": |run| run.totals.solver.recoveries_refused;
+        |n| "in {n} steps a body with many inverted elements did not recover, since its loads crush it";
+        "make loads or pressures smaller, or the material stiffer";
+    Warning "run.recovery.energy" "energy":
+        |run| (run.totals.energy.recovery_turnover > LARGE_SWAP * run.totals.energy.elastic_max).into();
+        |n| "recovery changed the elastic energy by {:.2e} J by changing laws",
+            run.totals.energy.recovery_turnover;
+        "compare with recovery = false; the motion meanwhile is not that of the material";
     Note "run.load-parts" "solver": |run| run.totals.solver.load_partings;
         |n| "loads were applied in parts, {n} halvings";
         "nothing to do; a larger load_steps may save the failed attempts";
@@ -92,6 +106,9 @@ rules! {
         "use a smaller dt or integrator = \"safe\"";
 }
 
+/// Energy that recovery turns over, over the largest elastic energy, above which it is told.
+const LARGE_SWAP: f64 = 0.01;
+
 /// Energy (J) from nowhere.
 fn energy_gain(run: &RunFacts) -> f64 {
     -run.totals.energy.dissipated.unwrap_or(0.0)
@@ -100,7 +117,6 @@ fn energy_gain(run: &RunFacts) -> f64 {
 /// Energy (J) that rounding, or the budget of the integrator, may add.
 fn allowed_gain(run: &RunFacts) -> f64 {
     let (e, integrator) = (&run.totals.energy, run.integrator());
-    let work = e.load_work.abs() + e.constraint_work.abs() + e.activation_work.abs();
     // what runs on the device is f32 whatever the columns hold
     let single = run.built.simulation.backend() == Backend::Gpu
         || run.built.simulation.precision() == Precision::F32;
@@ -109,5 +125,5 @@ fn allowed_gain(run: &RunFacts) -> f64 {
         false => 1e-6,
         true => 1e-3,
     };
-    share * (e.initial + work + e.elastic_max)
+    share * e.put_in()
 }

@@ -484,6 +484,14 @@ pub struct SolverSummary {
     pub fallbacks: [u64; 6],
     /// Bodies' steps in recovery from inversion.
     pub recovering: u64,
+    /// Bodies in recovery at the end.
+    pub recovering_final: u32,
+    /// Bodies' steps with many inverted elements but without recovery, since loads crush them.
+    pub recoveries_refused: u64,
+    /// Recoveries that were given up.
+    pub recoveries_given_up: u64,
+    /// Steps in which a body was halted or fell back to a gradient.
+    pub halted_steps: u64,
     /// Times a part of the loads of an equilibrium was halved.
     pub load_partings: u64,
     /// Explicit substeps.
@@ -497,8 +505,12 @@ pub struct SolverSummary {
 /// Energies of a run (J).
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct EnergySummary {
-    /// Elastic plus kinetic energy at the start, and what recovery from inversion added by changing laws.
+    /// Elastic plus kinetic energy at the start.
     pub initial: f64,
+    /// What recovery from inversion added by changing laws and changing back.
+    pub recovery: f64,
+    /// Its magnitudes summed.
+    pub recovery_turnover: f64,
     /// Work of gravity and loads.
     pub load_work: f64,
     /// Energy put in by moving constraints: an upper bound of their work.
@@ -511,7 +523,7 @@ pub struct EnergySummary {
     pub elastic: f64,
     /// Kinetic energy at the end.
     pub kinetic: f64,
-    /// `initial + load_work + constraint_work + activation_work - removed - elastic - kinetic`: taken out by damping and
+    /// `initial + recovery + load_work + constraint_work + activation_work - removed - elastic - kinetic`: taken out by damping and
     /// by the integrator; `None` for a series of equilibria.
     pub dissipated: Option<f64>,
     /// The part of it that damping took; the rest is the integrator's.
@@ -520,6 +532,14 @@ pub struct EnergySummary {
     pub elastic_max: f64,
     /// Largest kinetic energy.
     pub kinetic_max: f64,
+}
+
+impl EnergySummary {
+    /// Energy (J) that was there or put in, magnitudes summed, or the most that was stored.
+    pub fn put_in(&self) -> f64 {
+        let work = self.load_work.abs() + self.constraint_work.abs() + self.activation_work.abs();
+        self.initial.abs() + work + self.recovery_turnover + self.elastic_max
+    }
 }
 
 /// Volume ratios J of a run.

@@ -289,12 +289,13 @@ impl RunSummary {
             value => format!(" {sign} {} {name}", short(value)),
         };
         format!(
-            "{} initial + {} loads + {} constraints{}{} = {} elastic + {} kinetic + {} damped + {} \
+            "{} initial + {} loads + {} constraints{}{}{} = {} elastic + {} kinetic + {} damped + {} \
              by the integrator",
             short(e.initial),
             short(e.load_work),
             short(e.constraint_work),
             unless_zero("+", e.activation_work, "muscles"),
+            unless_zero("+", e.recovery, "recovery"),
             unless_zero("-", e.removed, "removed"),
             short(e.elastic),
             short(e.kinetic),
