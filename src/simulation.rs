@@ -636,6 +636,15 @@ impl Simulation {
         world.resource::<ElasticEnergy>().elastic()
     }
 
+    /// Whether the constraints of the first step hold every body against all motions that deform no element, as
+    /// an equilibrium needs: rigid motions of its pieces, and those of parts about hinges.
+    ///
+    /// # Errors
+    /// When a body can move so.
+    pub fn check_support(&mut self) -> Result<(), StepError> {
+        by_precision!(self.precision, check_support(self.world_mut()))
+    }
+
     /// Force (N) that a constraint exerts on the body at the current state: what is needed at its
     /// held unknowns to balance elastic and external forces. Inertia and damping of the held vertices
     /// are left out, and unknowns that two constraints hold count in both. Call
@@ -782,6 +791,13 @@ fn area_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Vec<
         }
     }
     result
+}
+
+fn check_support<S: Scalar>(world: &mut World) -> Result<(), StepError> {
+    world.run_system_cached(sinew_engine::load::apply_constraints::<S>).expect("engine resources");
+    let mut node = sinew_solvers::state::NodeState::<S>::default();
+    node.read(world);
+    sinew_solvers::support::check_support(world, &node)
 }
 
 fn reaction<S: Scalar>(simulation: &mut Simulation, constraint: Entity) -> DVec3 {

@@ -57,6 +57,17 @@ pub(super) fn add_pressures(
         let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
         let faces =
             built.simulation.face_rows(handle, &name, &triangles).map_err(|e| on.simulation(e))?;
+        let young = built.bodies[body].material.young_modulus;
+        let solid = built.bodies[body].membrane.is_none();
+        if solid && entry.pressure.abs() > young {
+            built.warnings.push(Warning::new(
+                "scene.pressure.range",
+                Level::Warning,
+                format!("pressure `{}`", entry.name),
+                format!("{} Pa is more than Young's modulus, {young} Pa", entry.pressure),
+                "check its unit; such a pressure crushes or bursts the body",
+            ));
+        }
         let pressure = entry.pressure * share;
         built.simulation.add_pressure(Pressure { name: name.clone(), faces, pressure, curve });
         let (triangles, pressure) = (triangles.len(), entry.pressure);

@@ -67,6 +67,9 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     probes::add(loaded, &mut built)?;
     if built.plan.settings.integrator == Integrator::QuasiStatic {
         constraints::check_all_held(loaded, &built)?;
+        built.simulation.check_support().map_err(|error| {
+            loaded.key("mode").value(error.to_string(), "a static scene needs every body held")
+        })?;
     }
     let checked = built.simulation.check_backend();
     checked.map_err(|source| of_simulation(loaded, source))?;

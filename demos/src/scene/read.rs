@@ -12,6 +12,9 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// Largest number that a scene may hold, in whatever SI unit.
+const MOST: f64 = 1e12;
+
 /// Keys of a document and where they stand.
 #[derive(Clone, Debug, Default)]
 struct KeySpans {
@@ -253,11 +256,19 @@ impl Key<'_> {
 
     /// Up to three finite numbers.
     pub fn finite<const N: usize>(&self, values: [f64; N]) -> Result<DVec3, SceneError> {
-        if values.iter().all(|x| x.is_finite()) {
+        let at_most = |limit: f64| values.iter().all(|x| x.abs() <= limit);
+        if at_most(MOST) {
             let at = |i: usize| values.get(i).copied().unwrap_or(0.0);
             Ok(DVec3::new(at(0), at(1), at(2)))
         } else {
-            Err(self.value(format!("{values:?} is not finite"), "give finite numbers"))
+            let (found, remedy) = match at_most(f64::MAX) {
+                true => (
+                    format!("{values:?} is beyond {MOST:e}, the most of anything in SI units"),
+                    "check the units: metres, seconds, kilograms, newtons, pascals",
+                ),
+                false => (format!("{values:?} is not finite"), "give finite numbers"),
+            };
+            Err(self.value(found, remedy))
         }
     }
 
@@ -270,7 +281,8 @@ impl Key<'_> {
 
     /// A positive number, of what in which unit.
     pub fn positive(&self, value: f64, what: &str, unit: &str) -> Result<f64, SceneError> {
-        if value > 0.0 && value.is_finite() {
+        self.finite([value])?;
+        if value > 0.0 {
             return Ok(value);
         }
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };

@@ -95,6 +95,21 @@ pub enum MaterialError {
         /// What was given, kg/m^3.
         value: f64,
     },
+    /// A modulus or density that no matter has, in whatever system of units.
+    #[error(
+        "{quantity} is {value:e}: no matter has it in any system of units, and numbers derived from it overflow \
+         or vanish; it must be between {least:e} and {most:e}"
+    )]
+    BeyondAll {
+        /// Which parameter.
+        quantity: &'static str,
+        /// What was given.
+        value: f64,
+        /// The least that is accepted.
+        least: f64,
+        /// The most.
+        most: f64,
+    },
     /// No preset has this name.
     #[error("no tissue preset is called '{name}'; {hint}")]
     UnknownPreset {
@@ -117,6 +132,11 @@ pub struct MaterialFinding {
     /// What to do about it.
     pub remedy: &'static str,
 }
+
+/// Young's moduli that are accepted: from a foam in GPa to diamond in uPa.
+const YOUNG_RANGE: [f64; 2] = [1e-9, 1e18];
+/// Densities that are accepted: from gas in t/mm^3 to lead in ug/m^3.
+const DENSITY_RANGE: [f64; 2] = [1e-15, 1e15];
 
 impl YoungPoisson {
     /// Checks the ranges in which the formulas of this crate hold.
@@ -150,6 +170,14 @@ impl YoungPoisson {
         }
         if self.density <= 0.0 {
             return Err(MaterialError::Density { value: self.density });
+        }
+        for (quantity, value, [least, most]) in [
+            ("Young's modulus", self.young_modulus, YOUNG_RANGE),
+            ("density", self.density, DENSITY_RANGE),
+        ] {
+            if !(least..=most).contains(&value) {
+                return Err(MaterialError::BeyondAll { quantity, value, least, most });
+            }
         }
         Ok(())
     }
