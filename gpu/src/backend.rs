@@ -19,8 +19,9 @@ use sinew_engine::step::{
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_models::axes::description::AxisForm;
 use sinew_models::body::SoftBody;
+use sinew_solvers::recovery::{BodyState, Shape, load_measures, mark_of_hold};
 use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
-use sinew_solvers::state::{NodeState, Rows, read_rest, write_state};
+use sinew_solvers::state::{NodeState, Rows, read_rest, write_displacement, write_state};
 use std::ops::Range;
 use std::time::Instant;
 
@@ -30,7 +31,7 @@ use crate::context::Context;
 use crate::error::GpuError;
 use crate::laws;
 use crate::readback::Readback;
-use crate::recovery::Decision;
+use crate::recovery::{Decision, Refusal};
 use crate::report::{GpuReport, Phase};
 use crate::safe::{BodyInput, BodyOutput, SafeStep};
 use crate::substeps::Limit;
@@ -74,8 +75,8 @@ pub(crate) struct Resident {
     pub(crate) iterations: u32,
     /// State of the preconditioner.
     pub(crate) kept: Option<Kept>,
-    /// Energy (J) when recovery from inversion began.
-    pub(crate) recovery: Option<f64>,
+    /// How it moves.
+    pub(crate) recovery: BodyState,
     /// The device carries along what displacements of the last explicit step could not hold.
     pub(crate) carries_low: bool,
 }
@@ -286,6 +287,20 @@ impl GpuBackend {
         let volumes_here = self.readback.volumes;
         let read_back = !(self.readback.on_demand && volumes_here);
         device.state_read = read_back;
+        let shapes: Vec<Shape> = rows
+            .iter()
+            .enumerate()
+            .map(|(i, rows)| Shape::of(&volumes, i, mark_of_hold(&node, rows.clone())))
+            .collect();
+        let mut loads = vec![0.0; rows.len()];
+        let may_begin = |(shape, body): (&Shape, &Resident)| {
+            body.recovery == BodyState::Own && shape.is_out_of_shape()
+        };
+        if settings.recovery && shapes.iter().zip(&self.bodies).any(may_begin) {
+            // by the laws of the host, which has the columns: they are up to date where elements are inverted
+            loads = load_measures(world, &node, &self.rest);
+            write_displacement(world, &node.u);
+        }
         let mut outputs: Vec<BodyOutput> = Vec::with_capacity(rows.len());
         for (i, rows) in rows.iter().enumerate() {
             let inverted = volumes.inverted_by_body.get(i).is_some_and(|&count| count > 0);
@@ -297,25 +312,31 @@ impl GpuBackend {
             let moves = resident.tell(&self.context, &node, rows.clone(), body, behind);
             let mut own = StepReport::default();
             // nothing that is decided needs it while the columns are behind
-            let other = if behind {
-                0.0
-            } else {
-                let free = node.kinetic_energy(rows.clone(), &node.v)[0];
-                free - node.load_potential(rows.clone(), &node.u)
+            let [kinetic, load_potential] = match behind {
+                true => [0.0; 2],
+                false => [
+                    node.kinetic_energy(rows.clone(), &node.v)[0],
+                    node.load_potential(rows.clone(), &node.u),
+                ],
             };
             let decision = Decision {
                 index: i,
                 topology,
-                volumes: &volumes,
+                shape: shapes[i],
                 u: &resident.state[0],
                 rest: &self.rest[rows.clone()],
-                other,
+                kinetic,
+                load_potential,
+                load: loads[i],
             };
             let (context, device_body) = (&self.context, &mut resident.body);
             let on = settings.recovery && !world.resource::<BodiesWithoutRecovery>().contains(i);
             let recovers = decision
                 .take(on, context, device_body, &mut resident.recovery, &mut own)
-                .map_err(refused)?;
+                .map_err(|refusal| match refusal {
+                    Refusal::Device(error) => refused(error),
+                    Refusal::Unending(error) => error.of_body(world, i),
+                })?;
             let input = BodyInput {
                 inverted: inverted || recovers,
                 moves,
@@ -450,7 +471,7 @@ impl GpuBackend {
                 load: Vec::new(),
                 iterations: 0,
                 kept: None,
-                recovery: None,
+                recovery: BodyState::Own,
                 carries_low: false,
             });
             device.uploads += 1;
@@ -612,6 +633,7 @@ pub(crate) fn add(sum: &mut StepReport, own: &StepReport) {
     }
     sums! { cg_iterations cg_caps preconditioner_refreshes preconditioner_breakdowns projections backtracks }
     sums! { gradient_fallbacks line_search_failures energy_caps evaluations recovering recovery_energy }
+    sums! { recoveries_refused recoveries_given_up }
     sums! { elastic_energy kinetic_energy load_work constraint_work dissipation damping_dissipation }
     largest! { newton_iterations cg_residual newton_step linearisation_error substeps refinements }
     sum.preconditioner = own.preconditioner;

@@ -136,7 +136,7 @@ impl GpuBackend {
         inside_out
             || self.bodies.iter().zip(rows).zip(&topology.bodies).any(|((resident, rows), body)| {
                 let loaded = &resident.body.elements.loaded_rows;
-                resident.recovery.is_some()
+                resident.recovery.recovers()
                     || resident.vertices != vertex_constants(node, rows.clone(), body, loaded)
             })
     }

@@ -2,69 +2,76 @@
 //! corotational energy takes the place of the body's own in every pass over its elements.
 
 use glam::DVec3;
-use sinew_engine::report::{StepReport, VolumeReport};
+use sinew_engine::report::StepReport;
 use sinew_engine::topology::{BodyRows, Topology};
-use sinew_solvers::recovery::{ENTER, LEAVE_RATIO, LEAVE_STRAIN};
+use sinew_solvers::recovery::{BodyState, Plan, RecoveryUnending, Shape, SwapEnergies, is_crushed};
 
-use crate::body::{DeviceBody, StepUniform, total};
+use crate::body::{DeviceBody, StepUniform};
 use crate::context::Context;
+use crate::elements::Energies;
 use crate::error::GpuError;
 
 /// What the decision for a body needs; its rows only.
 pub(crate) struct Decision<'a> {
     pub index: usize,
     pub topology: &'a Topology,
-    pub volumes: &'a VolumeReport,
+    pub shape: Shape,
     /// Displacements (m), and rest positions (m).
     pub u: &'a [[f32; 4]],
     pub rest: &'a [DVec3],
-    /// Kinetic energy of the free unknowns less the potential of the loads (J).
-    pub other: f64,
+    /// Kinetic energy of the free unknowns, and work of the dead loads along the displacements (J).
+    pub kinetic: f64,
+    pub load_potential: f64,
+    /// Loads over what the material can hold, for a body that may begin.
+    pub load: f64,
 }
 
 impl Decision<'_> {
-    /// Decides whether the body recovers in the step to come. `start` is its energy (J) when recovery began.
-    /// Says whether it was or is in recovery: the step then begins with the projected tangent.
+    /// Decides whether the body recovers in the step to come. Says whether it was or is in recovery: the step
+    /// then begins with the projected tangent.
     pub fn take(
         &self,
         on: bool,
         context: &Context,
         body: &mut DeviceBody,
-        start: &mut Option<f64>,
+        state: &mut BodyState,
         report: &mut StepReport,
-    ) -> Result<bool, GpuError> {
-        let was = start.is_some();
-        let volumes = self.volumes;
-        let of = |counts: &[u64]| counts.get(self.index).copied().unwrap_or(0) as f64;
-        let mut is = on
-            && if was {
-                let smallest = volumes.smallest_by_body.get(self.index);
-                smallest.is_some_and(|&j| j <= LEAVE_RATIO) || self.largest_strain() > LEAVE_STRAIN
-            } else {
-                of(&volumes.inverted_by_body) > ENTER * of(&volumes.elements_by_body)
-            };
-        if is != was && on {
-            let mut energy = |recovering| {
+    ) -> Result<bool, Refusal> {
+        if !on {
+            *state = BodyState::Own;
+            body.recovering = false;
+            return Ok(false);
+        }
+        let was = state.recovers();
+        let mut plan = state.plan(&self.shape, || self.largest_strain());
+        if was || plan == Plan::Begin {
+            let mut energies = |recovering| {
                 body.recovering = recovering;
-                elastic_energy(context, body)
+                report.evaluations += 1;
+                elastic_energies(context, body)
             };
-            let (before, after) = (energy(was)?, energy(is)?);
-            report.evaluations += 2;
-            if is {
-                *start = Some(self.other + before);
-            } else if start.is_some_and(|start| self.other + after > start) {
-                is = true;
+            let before = energies(was)?;
+            if plan == Plan::Begin && is_crushed(self.load, before.total()) {
+                plan = Plan::Stay;
+                report.recoveries_refused += 1;
             }
-            if is != was {
-                report.recovery_energy += after - before;
+            if state.rests(self.kinetic, before.total()) && plan == Plan::Stay {
+                plan = Plan::GiveUp;
+            }
+            if plan != Plan::Stay {
+                let after = energies(plan == Plan::Begin)?;
+                let other = self.kinetic - self.load_potential;
+                let (old, new) = (before.total(), after.total());
+                let swap = SwapEnergies { old, new, other };
+                if state.follow(plan, &self.shape, swap)? {
+                    report.recovery_energy += after.elastic - before.elastic;
+                    report.recoveries_given_up += u32::from(plan == Plan::GiveUp);
+                }
             }
         }
-        if !is {
-            *start = None;
-        }
-        body.recovering = is;
-        report.recovering += u32::from(is);
-        Ok(was || is)
+        body.recovering = state.recovers();
+        report.recovering += u32::from(state.recovers());
+        Ok(was || state.recovers())
     }
 
     /// Largest relative change of length of the edges.
@@ -82,11 +89,33 @@ impl Decision<'_> {
     }
 }
 
-/// Elastic energy (J) at the start of the step.
+/// Elastic energy (J), with the potential of loads that are laws, at the start of the step.
 pub(crate) fn elastic_energy(context: &Context, body: &DeviceBody) -> Result<f64, GpuError> {
+    Ok(elastic_energies(context, body)?.total())
+}
+
+fn elastic_energies(context: &Context, body: &DeviceBody) -> Result<Energies, GpuError> {
     let mut recorder = body.look_back(context, StepUniform::default());
     body.energies(&mut recorder);
     let energies = body.read_energies(&mut recorder);
     recorder.submit();
-    Ok(total(&energies.wait::<[f32; 4]>(context)?, 1, 0, 0))
+    Ok(body.elements.sum_energies(&energies.wait::<[f32; 4]>(context)?))
+}
+
+/// Why a decision could not be taken.
+pub(crate) enum Refusal {
+    Device(GpuError),
+    Unending(RecoveryUnending),
+}
+
+impl From<GpuError> for Refusal {
+    fn from(error: GpuError) -> Self {
+        Self::Device(error)
+    }
+}
+
+impl From<RecoveryUnending> for Refusal {
+    fn from(error: RecoveryUnending) -> Self {
+        Self::Unending(error)
+    }
 }

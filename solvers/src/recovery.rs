@@ -105,6 +105,24 @@ pub struct SwapEnergies {
     pub other: f64,
 }
 
+impl Shape {
+    /// Of body number `body`, which is held so.
+    pub fn of(volumes: &VolumeReport, body: usize, hold: Option<u64>) -> Self {
+        let count = |counts: &[u64]| counts.get(body).copied().unwrap_or(0);
+        Self {
+            elements: count(&volumes.elements_by_body),
+            inverted: count(&volumes.inverted_by_body),
+            smallest_ratio: volumes.smallest_by_body.get(body).copied().unwrap_or(f64::INFINITY),
+            hold,
+        }
+    }
+
+    /// Whether more elements are inverted than a body gets rid of by itself.
+    pub fn is_out_of_shape(&self) -> bool {
+        self.inverted as f64 > ENTER * self.elements as f64
+    }
+}
+
 impl BodyState {
     /// Whether it recovers.
     pub fn recovers(self) -> bool {
@@ -127,10 +145,7 @@ impl BodyState {
                 false => Plan::Stay,
             };
         }
-        match shape.inverted as f64 > ENTER * shape.elements as f64 {
-            true => Plan::Begin,
-            false => Plan::Stay,
-        }
+        if shape.is_out_of_shape() { Plan::Begin } else { Plan::Stay }
     }
 
     /// Whether a recovering body came to rest; `energy` (J) is that of the law that stands in.
@@ -238,7 +253,9 @@ impl Recovery {
         }
         world.insert_resource(old.clone());
         world.run_system_cached(measure_volume_ratios::<S>).expect("engine resources");
-        let shapes: Vec<Shape> = (0..count).map(|i| shape(world, node, i)).collect();
+        let (volumes, topology) = (world.resource::<VolumeReport>(), world.resource::<Topology>());
+        let hold = |i| mark_of_hold(node, rows_of(topology, i));
+        let shapes: Vec<Shape> = (0..count).map(|i| Shape::of(volumes, i, hold(i))).collect();
         let topology = world.resource::<Topology>();
         let without = world.resource::<BodiesWithoutRecovery>();
         let plan = |(i, state): (usize, &mut BodyState)| {
@@ -318,16 +335,6 @@ impl Recovery {
 /// or its energy (J) by its own law, potential of follower loads included, is below that of the rest shape, 0.
 pub fn is_crushed(load: f64, energy: f64) -> bool {
     load > OVERLOAD || energy < 0.0
-}
-
-fn shape<S: Scalar>(world: &World, node: &NodeState<S>, body: usize) -> Shape {
-    let volumes = world.resource::<VolumeReport>();
-    Shape {
-        elements: volumes.elements_by_body[body],
-        inverted: volumes.inverted_by_body[body],
-        smallest_ratio: volumes.smallest_by_body[body],
-        hold: mark_of_hold(node, rows_of(world.resource(), body)),
-    }
 }
 
 /// Vertex rows of a body.
