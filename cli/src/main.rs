@@ -14,7 +14,6 @@ use clap::{Args, Parser, Subcommand};
 use fit::{FitArguments, fit};
 use progress::Progress;
 use sinew::engine::lanes::InstructionSet;
-use sinew::engine::mesh::Mesh;
 use sinew::engine::schedule::Executor;
 use sinew::models::body::Evaluation;
 use sinew::prelude::{Integrator, Model};
@@ -22,7 +21,7 @@ use sinew::simulation::{Backend, Precision};
 use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print};
 use sinew_demos::build::{BuildOptions, generate};
 use sinew_demos::check::check_file;
-use sinew_demos::mesh_tool::{MeshInfo, convert, write};
+use sinew_demos::mesh_tool::{MeshInfo, convert, read, write};
 use sinew_demos::run::{Observer, RunOptions, Silent, run};
 use sinew_demos::scene::{
     BackendName, BoxShape, CylinderShape, ExecutorName, Generate, LoadedScene, SheetCells,
@@ -32,6 +31,8 @@ use sinew_demos::validate::{ValidateOptions, validate};
 use sinew_tune::advise::Choice;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 macro_rules! say {
     ($($argument:tt)*) => { print(format_args!($($argument)*))? };
@@ -302,6 +303,7 @@ fn run_scene(arguments: RunArguments) -> Outcome {
         },
         out: arguments.out,
         json: arguments.json.filter(|_| !print_json),
+        interrupt: Some(interrupt()?),
     };
     let mut progress = Progress::default();
     let observer: &mut dyn Observer = if arguments.quiet { &mut Silent } else { &mut progress };
@@ -315,6 +317,18 @@ fn run_scene(arguments: RunArguments) -> Outcome {
         eprintln!("error: {}: {failure}", arguments.scene.display());
     }
     Ok(summary.completed)
+}
+
+/// Set when the user or the system asks the command to end. A second time it ends at once.
+fn interrupt() -> Result<Arc<AtomicBool>, ctrlc::Error> {
+    let asked = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&asked);
+    ctrlc::set_handler(move || {
+        if told.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    })?;
+    Ok(asked)
 }
 
 fn validate_cases(arguments: ValidateArguments) -> Outcome {
@@ -353,7 +367,7 @@ fn check_scene_or_mesh(arguments: &CheckArguments) -> Outcome {
 fn mesh(command: MeshCommand) -> Outcome {
     match command {
         MeshCommand::Info { file, json } => {
-            let info = MeshInfo::of(&Mesh::read(&file)?);
+            let info = MeshInfo::of(&read(&file)?);
             if json {
                 sayln!("{}", serde_json::to_string_pretty(&info)?);
             } else {

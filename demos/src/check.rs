@@ -120,6 +120,7 @@ fn check_scene(path: &Path, summary: &mut CheckSummary) -> Result<(), SceneError
 
 fn check_mesh(path: &Path, summary: &mut CheckSummary) -> Result<(), MeshError> {
     let mesh = Mesh::read(path)?;
+    mesh.fits_into_memory()?;
     let report = match check(&mesh, &CheckOptions::default()) {
         Ok(checked) => checked.report,
         Err(error) => *error.report,

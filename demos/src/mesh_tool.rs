@@ -1,5 +1,6 @@
 //! `sinew mesh`: what is in a mesh file, from one format to another, and simple shapes.
 
+use glam::DVec3;
 use serde::Serialize;
 use sinew::engine::mesh::io::{VtuData, write_gmsh, write_vtk, write_vtu};
 use sinew::engine::mesh::{Mesh, MeshError};
@@ -19,6 +20,25 @@ pub enum ConvertError {
         /// Path of the file.
         path: PathBuf,
     },
+    /// There is nothing in it.
+    #[error("{path}: the file holds no vertices; export the mesh again")]
+    Empty {
+        /// Path of the file.
+        path: PathBuf,
+    },
+    /// A coordinate is not finite, or beyond what volumes can be computed of.
+    #[error(
+        "{path}: vertex {vertex} (counted from 0) lies at {at:?} m: coordinates must be finite and at most \
+         {MOST:e} m; export the mesh again, or check its scale"
+    )]
+    Coordinate {
+        /// Path of the file.
+        path: PathBuf,
+        /// Which vertex.
+        vertex: usize,
+        /// Where it is said to be (m).
+        at: [f64; 3],
+    },
     /// The scale is not usable.
     #[error("scale is {scale}; give a positive factor (0.001 for a mesh in millimetres)")]
     Scale {
@@ -26,6 +46,9 @@ pub enum ConvertError {
         scale: f64,
     },
 }
+
+/// Largest coordinate (m) of a mesh: its volume is still a number.
+const MOST: f64 = 1e50;
 
 /// What is in a mesh.
 #[derive(Clone, Debug, Serialize)]
@@ -182,6 +205,30 @@ impl fmt::Display for MeshInfo {
     }
 }
 
+/// Reads a mesh that has vertices, all of them somewhere.
+///
+/// # Errors
+/// When the file cannot be read, is empty, or has a coordinate that is not finite.
+pub fn read(path: &Path) -> Result<Mesh, ConvertError> {
+    let mesh = Mesh::read(path)?;
+    check_points(path, &mesh)?;
+    Ok(mesh)
+}
+
+fn check_points(path: &Path, mesh: &Mesh) -> Result<(), ConvertError> {
+    if mesh.points.is_empty() {
+        return Err(ConvertError::Empty { path: path.into() });
+    }
+    let usable = |p: &DVec3| p.to_array().iter().all(|x| x.abs() <= MOST);
+    match mesh.points.iter().position(|p| !usable(p)) {
+        None => Ok(()),
+        Some(vertex) => {
+            let at = mesh.points[vertex].to_array();
+            Err(ConvertError::Coordinate { path: path.into(), vertex, at })
+        }
+    }
+}
+
 /// Writes a mesh in the format of the extension: `.msh` (Gmsh), `.vtk` or `.vtu`.
 ///
 /// # Errors
@@ -204,9 +251,10 @@ pub fn convert(from: &Path, to: &Path, scale: f64) -> Result<MeshInfo, ConvertEr
     if !(scale > 0.0 && scale.is_finite()) {
         return Err(ConvertError::Scale { scale });
     }
-    let mut mesh = Mesh::read(from)?;
+    let mut mesh = read(from)?;
     if scale != 1.0 {
         mesh.points.iter_mut().for_each(|p| *p *= scale);
+        check_points(from, &mesh)?;
     }
     write(to, &mesh)?;
     Ok(MeshInfo::of(&mesh))

@@ -83,6 +83,10 @@ fn joined_cell_data(built: &BuiltScene) -> Vec<CellData> {
             let length = array.hexahedra.len() + body.mesh.hexahedra.len();
             array.hexahedra.extend(data.iter().flat_map(|data| &data.hexahedra));
             array.hexahedra.resize(length, f64::NAN);
+            // membranes have no data of their own
+            let sheets = (body.membrane_triangles().len(), body.membrane_quads().len());
+            array.triangles.resize(array.triangles.len() + sheets.0, f64::NAN);
+            array.quads.resize(array.quads.len() + sheets.1, f64::NAN);
         }
     }
     joined
@@ -112,7 +116,7 @@ fn write_error(path: &Path) -> impl Fn(std::io::Error) -> RunError + '_ {
 }
 
 impl Writer {
-    /// Makes the folder and starts the CSV file.
+    /// Makes the folder, takes away what an earlier run of the scene left in it, and starts the CSV file.
     ///
     /// # Errors
     /// When the folder cannot be made or written to.
@@ -123,21 +127,13 @@ impl Writer {
             .chars()
             .map(|c| if c.is_alphanumeric() || c == '-' || c == '_' { c } else { '_' })
             .collect();
+        remove_old(folder, &stem)?;
         let csv_path = folder.join(format!("{stem}.csv"));
         let file = std::fs::File::create(&csv_path).map_err(write_error(&csv_path))?;
         let mut csv = std::io::BufWriter::new(file);
         let columns = COMMON_COLUMNS.iter().map(|c| (*c).to_string());
         let header: Vec<String> =
-            columns
-                .chain(probe::columns(&built.probes))
-                .map(|c| {
-                    if c.contains([',', '"']) {
-                        format!("\"{}\"", c.replace('"', "\"\""))
-                    } else {
-                        c
-                    }
-                })
-                .collect();
+            columns.chain(probe::columns(&built.probes)).map(|c| header_cell(&c)).collect();
         writeln!(csv, "{}", header.join(",")).map_err(write_error(&csv_path))?;
         let (mut points, mut tetrahedra, mut hexahedra) = (Vec::new(), Vec::new(), Vec::new());
         let (mut triangles, mut quads, mut start) = (Vec::new(), Vec::new(), Vec::new());
@@ -178,7 +174,8 @@ impl Writer {
         for value in values {
             write!(self.csv, ",{}", Cell(*value)).map_err(write_error(path))?;
         }
-        writeln!(self.csv).map_err(write_error(path))
+        // whole rows only, should the run be cut short
+        writeln!(self.csv).and_then(|()| self.csv.flush()).map_err(write_error(path))
     }
 
     /// Writes the current state as a frame.
@@ -229,12 +226,15 @@ impl Writer {
             .map(|data| CellData {
                 tetrahedra: picked(&data.tetrahedra, &left[ElementKind::Tetrahedron]),
                 hexahedra: picked(&data.hexahedra, &left[ElementKind::Hexahedron]),
+                triangles: picked(&data.triangles, &left[ElementKind::Triangle]),
+                quads: picked(&data.quads, &left[ElementKind::Quad]),
                 ..data.clone()
             })
             .collect();
         let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
+        let partial = self.folder.join("frames/unfinished");
         write_vtu(
-            &self.folder.join(&name),
+            &partial,
             &VtuData {
                 points: &points,
                 tetrahedra: &tetrahedra,
@@ -249,23 +249,67 @@ impl Writer {
                 ..VtuData::default()
             },
         )?;
+        let path = self.folder.join(&name);
+        std::fs::rename(&partial, &path).map_err(write_error(&path))?;
         self.frames.push((time, name));
-        Ok(())
+        // the index is written again and again, so that a run that is killed has one
+        let often = self.frames.len() < 1000 || self.frames.len().is_multiple_of(100);
+        if often { self.index().map(|_| ()) } else { Ok(()) }
     }
 
-    /// Writes the index of the frames and closes the CSV file; returns what was written.
+    /// Writes the index of the frames.
+    fn index(&self) -> Result<PathBuf, RunError> {
+        let index = self.folder.join(format!("{}.pvd", self.stem));
+        let partial = self.folder.join("frames/unfinished");
+        write_pvd(&partial, &self.frames)?;
+        std::fs::rename(&partial, &index).map_err(write_error(&index))?;
+        Ok(index)
+    }
+
+    /// Writes the index of the last frames; returns what was written.
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn finish(mut self) -> Result<Vec<String>, RunError> {
-        self.csv.flush().map_err(write_error(&self.csv_path))?;
-        let index = self.folder.join(format!("{}.pvd", self.stem));
-        write_pvd(&index, &self.frames)?;
+    pub fn finish(self) -> Result<Vec<String>, RunError> {
+        let index = self.index()?;
         Ok(vec![
             format!("{} (open in ParaView; {} frames)", index.display(), self.frames.len()),
             format!("{} (energies and probes)", self.csv_path.display()),
         ])
     }
+}
+
+/// Takes away what an earlier run left under the same name, which this one would be mixed up with.
+fn remove_old(folder: &Path, stem: &str) -> Result<(), RunError> {
+    let mut old = vec![folder.join("summary.json"), folder.join(format!("{stem}.pvd"))];
+    let frames = folder.join("frames");
+    for entry in std::fs::read_dir(&frames).map_err(write_error(&frames))? {
+        let path = entry.map_err(write_error(&frames))?.path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let number = name.strip_prefix(stem).and_then(|rest| rest.strip_prefix('_'));
+        let number = number.and_then(|rest| rest.strip_suffix(".vtu"));
+        if number.is_some_and(|n| n.len() >= 5 && n.bytes().all(|b| b.is_ascii_digit())) {
+            old.push(path);
+        }
+    }
+    for path in old {
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(write_error(&path)(error));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// A cell of the header: quoted where its text asks for it, and no formula for a spreadsheet.
+fn header_cell(text: &str) -> String {
+    let text = match text.starts_with(['=', '+', '-', '@']) {
+        true => format!("'{text}"),
+        false => text.to_string(),
+    };
+    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
 }
 
 fn picked<T: Copy>(from: &[T], which: &[usize]) -> Vec<T> {

@@ -50,7 +50,7 @@ fn run_whole(name: &str, steps: Option<u64>) -> (RunSummary, Table) {
     let scene = LoadedScene::read(&shipped_scene(name)).unwrap();
     let out = folder(name);
     let build = BuildOptions { steps, threads: Some(2), ..BuildOptions::default() };
-    let options = RunOptions { build, out: Some(out.clone()), json: None };
+    let options = RunOptions { build, out: Some(out.clone()), ..RunOptions::default() };
     let summary = run(&scene, &options, &mut Silent).unwrap();
     assert!(summary.completed, "{summary}");
     // every energy comes from somewhere
@@ -305,7 +305,8 @@ fn files_can_be_read_back() {
     let scene = LoadedScene::read(&shipped_scene("cantilever")).unwrap();
     let build = BuildOptions { steps: Some(9), ..BuildOptions::default() };
     let json = out.join("own.json");
-    let options = RunOptions { build, out: Some(out.clone()), json: Some(json.clone()) };
+    let options =
+        RunOptions { build, out: Some(out.clone()), json: Some(json.clone()), interrupt: None };
     run(&scene, &options, &mut Silent).unwrap();
     assert_eq!((table.rows.len(), summary.timing.step.count), (10, 9));
     let value: serde_json::Value =

@@ -14,6 +14,7 @@ pub mod law;
 pub mod layout;
 pub mod load;
 pub mod matrix;
+pub mod memory;
 pub mod mesh;
 pub mod precision;
 pub mod report;

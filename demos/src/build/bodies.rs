@@ -29,6 +29,8 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
     let material = material(&key.at("material"), entry)?;
     let mesh = meshes::placed(key, body)?;
     let mesh_key = meshes::source(key, body);
+    mesh.fits_into_memory()
+        .map_err(|source| SceneError::Mesh { place: mesh_key.place(), source: Box::new(source) })?;
     let mut checked = check(&mesh, &CheckOptions::default())
         .map_err(|source| SceneError::Check { place: mesh_key.place(), source })?;
     let membrane = match &body.membrane {

@@ -131,6 +131,11 @@ fn check_names(loaded: &LoadedScene) -> Result<(), SceneError> {
             if name.trim().is_empty() {
                 return Err(key.value("the name is empty", "give it a name"));
             }
+            if name.chars().any(char::is_control) {
+                let found =
+                    format!("the name {name:?} holds a line break or another control character");
+                return Err(key.value(found, "use printable characters"));
+            }
             let taken = match kind {
                 _ if !seen.insert(name) => Some(kind),
                 "load" if constraints.contains(name) => Some("constraint"),

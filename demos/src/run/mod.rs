@@ -13,6 +13,8 @@ use crate::summary::RunSummary;
 use facts::RunFacts;
 use sinew::engine::report::SystemTimes;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use totals::Totals;
 use warnings::run_warnings;
@@ -26,6 +28,8 @@ pub struct RunOptions {
     pub out: Option<PathBuf>,
     /// File for the JSON summary.
     pub json: Option<PathBuf>,
+    /// Ends the run after the step at hand once it is set, with all files complete.
+    pub interrupt: Option<Arc<AtomicBool>>,
 }
 
 /// Is told how a run gets on.
@@ -96,7 +100,12 @@ pub fn run(
     run.observer.start(&loaded.scene.name, steps);
     let mut failure = None;
     for done in 1..=steps {
-        failure = run.step(done)?;
+        let interrupted = options.interrupt.as_ref().is_some_and(|i| i.load(Ordering::Relaxed));
+        failure = run.step(done, interrupted || done == steps)?;
+        if interrupted && done < steps {
+            let message = || format!("interrupted after step {done} of {steps}");
+            failure = failure.or_else(|| Some(message()));
+        }
         if failure.is_some() {
             break;
         }
@@ -164,9 +173,9 @@ fn untrue(built: &BuiltScene, totals: &Totals) -> Option<String> {
 }
 
 impl Run<'_> {
-    /// Carries out step `done` (counted from 1) with its removals, probes and frame; why it failed, if it
-    /// did.
-    fn step(&mut self, done: u64) -> Result<Option<String>, RunError> {
+    /// Carries out step `done` (counted from 1) with its removals, probes and frame, whether it is the `last`;
+    /// why it failed, if it did.
+    fn step(&mut self, done: u64, last: bool) -> Result<Option<String>, RunError> {
         let BuiltScene { simulation, plan, resections, .. } = &mut self.built;
         if plan.mode == Mode::Static {
             simulation.set_gravity(plan.gravity * (done as f64 / plan.steps as f64));
@@ -193,7 +202,7 @@ impl Run<'_> {
             )
         });
         let time = simulation.time();
-        let last = done == plan.steps || failure.is_some();
+        let last = last || failure.is_some();
         let (probe_every, frame_every) = (plan.probe_every, plan.frame_every);
         if last || done.is_multiple_of(probe_every) {
             self.record(done)?;

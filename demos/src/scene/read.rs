@@ -3,11 +3,13 @@
 use super::document::Scene;
 use crate::error::{Place, SceneError, hint};
 use glam::DVec3;
+use sinew::engine::memory::read_file;
 use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::simulation::SimulationError;
 use std::cmp::Reverse;
 use std::collections::HashMap;
 use std::fmt::{self, Display};
+use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -124,7 +126,10 @@ impl LoadedScene {
     /// When it cannot be read, is not TOML, has an unknown key or a value of the wrong type; the
     /// values themselves are checked by [`crate::build::build`].
     pub fn read(path: &Path) -> Result<Self, SceneError> {
-        let text = std::fs::read_to_string(path)
+        let utf8 =
+            |error: std::string::FromUtf8Error| io::Error::new(io::ErrorKind::InvalidData, error);
+        let text = read_file(path)
+            .and_then(|bytes| String::from_utf8(bytes).map_err(utf8))
             .map_err(|source| SceneError::Io { path: path.into(), source })?;
         Self::parse(&text, path)
     }
@@ -138,7 +143,7 @@ impl LoadedScene {
         let keys = KeySpans::new(text);
         match toml::from_str(text) {
             Ok(scene) => {
-                let files = Files(Arc::new(|path| std::fs::read(path)));
+                let files = Files(Arc::new(read_file));
                 Ok(Self { scene, file: file.into(), keys, files })
             }
             Err(error) => Err(parse_error(text, file, &keys, &error)),

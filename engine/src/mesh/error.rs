@@ -1,5 +1,6 @@
 //! What can go wrong while a mesh is read, written or generated.
 
+use crate::memory::TooLarge;
 use std::fmt;
 
 /// Where in a file a reader stopped.
@@ -166,6 +167,9 @@ pub enum MeshError {
         /// The largest number that works.
         limit: u64,
     },
+    /// It needs more memory than there is.
+    #[error(transparent)]
+    TooLarge(#[from] TooLarge),
     /// A parameter of a generator lies outside its range.
     #[error("{generator}: {parameter} = {value} is not valid; {remedy}")]
     InvalidParameter {

@@ -34,6 +34,7 @@ pub mod io;
 mod split;
 mod surface;
 
+use crate::memory;
 use glam::{DQuat, DVec3};
 use std::path::Path;
 
@@ -144,7 +145,22 @@ impl Mesh {
     ///
     /// Every [`MeshError`] that has a file: absent, of unknown format, incomplete or wrong.
     pub fn read(path: &Path) -> Result<Mesh, MeshError> {
-        io::read_with(path, &|path| std::fs::read(path))
+        io::read_with(path, &memory::read_file)
+    }
+
+    /// Refuses a mesh whose body would need more memory than there is.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError::TooLarge`] with the estimate.
+    pub fn fits_into_memory(&self) -> Result<(), MeshError> {
+        let counts = [self.tetrahedra.len(), self.hexahedra.len()];
+        let sheets =
+            if self.is_solid() { [0; 2] } else { [self.triangles.len(), self.quads.len()] };
+        let what =
+            format!("{} ({} cells)", self.source, counts.iter().chain(&sheets).sum::<usize>());
+        let [t, h] = counts;
+        Ok(memory::fits(&what, || memory::of_body([t, h, sheets[0], sheets[1]]))?)
     }
 
     /// Reads a mesh as [`Mesh::read`] does, from files that `open` gives in place of the file system: an

@@ -11,6 +11,7 @@ use glam::DVec3;
 use sinew_engine::by_precision;
 use sinew_engine::isoparametric::RestShapeError;
 use sinew_engine::layout::BodyElements;
+use sinew_engine::memory;
 use sinew_engine::mesh::Mesh;
 use sinew_engine::precision::Precision;
 use sinew_identify::ElementMethod;
@@ -109,6 +110,9 @@ impl<'a> BodyDescription<'a> {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BodyError {
+    /// It needs more memory than there is.
+    #[error(transparent)]
+    TooLarge(#[from] memory::TooLarge),
     /// Material out of range, or a field of another length than the mesh.
     #[error("body `{body}`: {source}")]
     Material {
@@ -307,6 +311,10 @@ impl SoftBody {
 /// # Errors
 /// When material or mesh cannot be used, or the world has no [`Precision`]; nothing is spawned then.
 pub fn spawn_body(world: &mut World, body: &BodyDescription) -> Result<Entity, BodyError> {
+    let (triangles, quads) =
+        body.membrane.as_ref().map_or((0, 0), |m| (m.triangles.len(), m.quads.len()));
+    let counts = [body.tetrahedra.len(), body.hexahedra.len(), triangles, quads];
+    memory::fits(&format!("body `{}`", body.name), || memory::of_body(counts))?;
     match world.get_resource::<Precision>() {
         Some(&precision) => by_precision!(precision, spawn(world, body)),
         None => Err(BodyError::NoPrecision { body: body.name.to_string() }),

@@ -16,6 +16,7 @@ pub use specimen::{specimen_hexahedra, specimen_quads, specimen_tets, specimen_t
 
 use super::error::MeshError;
 use super::{Group, Mesh};
+use crate::memory;
 use glam::DVec3;
 
 fn length(generator: &'static str, parameter: &'static str, value: f64) -> Result<(), MeshError> {
@@ -37,7 +38,11 @@ fn cells(generator: &'static str, parameter: &'static str, value: usize) -> Resu
 /// Refuses meshes whose vertices or cells 32-bit indices cannot count.
 fn fits(generator: &str, what: &'static str, count: Option<usize>) -> Result<usize, MeshError> {
     match count.filter(|&count| count < u32::MAX as usize) {
-        Some(count) => Ok(count),
+        Some(count) => {
+            // with its edges and faces while it is made
+            memory::fits(&format!("{generator} with {count} {what}"), || 260 * count as u64)?;
+            Ok(count)
+        }
         None => Err(MeshError::TooMany {
             file: generator.to_owned(),
             what,
