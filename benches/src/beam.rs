@@ -59,6 +59,19 @@ pub fn bent(
     model: Model,
 ) -> Result<(Simulation, BodyHandle), SimulationError> {
     let options = SimulationOptions { precision, threads, ..Default::default() };
+    bent_with(options, mesh, evaluation, model)
+}
+
+/// [`bent`] with any options.
+///
+/// # Errors
+/// As there.
+pub fn bent_with(
+    options: SimulationOptions,
+    mesh: &Mesh,
+    evaluation: Evaluation,
+    model: Model,
+) -> Result<(Simulation, BodyHandle), SimulationError> {
     let mut simulation = Simulation::new(options)?;
     let material = MATERIAL;
     let axes = match model {

@@ -6,7 +6,8 @@ use super::kernels::quartiles;
 use super::stats::{Rounds, Spread, interleave};
 use super::table::Table;
 use crate::beam::{
-    EXTENT, MATERIAL, as_in_a_step, beam, bend, bent, cells_for, lend, request, take_back,
+    EXTENT, MATERIAL, as_in_a_step, beam, bend, bent, bent_with, cells_for, lend, request,
+    take_back,
 };
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -14,7 +15,7 @@ use sinew::engine::lanes::InstructionSet;
 use sinew::engine::law::TangentKind;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::report::SystemTimes;
-use sinew::engine::schedule::ForceSchedule;
+use sinew::engine::schedule::{Executor, ForceSchedule};
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
@@ -275,6 +276,26 @@ fn size_rows(
                 let settings = SolverSettings { integrator, ..Default::default() };
                 add(subject, threads, 0, "", &settings);
             }
+        }
+    }
+    let threads = &options.threads;
+    // independent laws one after another, each on all threads, or side by side
+    for executor in [Executor::SingleThreaded, Executor::MultiThreaded] {
+        let options = SimulationOptions { executor, ..Default::default() };
+        let model = Model::CompressibleStVK;
+        let (mut simulation, body) = bent_with(options, mesh, Evaluation::Pooled, model)?;
+        simulation.set_dt(DT);
+        let subject = subjects.len();
+        subjects.push(Subject { simulation, body });
+        let (name, settings) = &solvers(Precision::F64, true)[0];
+        for &threads in threads {
+            add(
+                subject,
+                threads,
+                0,
+                &format!("{name} pooled, executor {}", executor.name()),
+                settings,
+            );
         }
     }
     // what the same bits on every machine cost
