@@ -11,6 +11,7 @@ mod explicit;
 mod host;
 mod linear;
 mod material_field;
+mod overload;
 mod physics;
 mod pressure;
 mod recovery;

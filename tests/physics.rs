@@ -289,7 +289,8 @@ fn energy_never_rises_with_safe() {
             for step in 0..60 {
                 simulation.step().unwrap();
                 let r = simulation.report();
-                work += r.load_work + r.constraint_work;
+                // what a change of laws adds is booked by itself: held vertices keep the body out of shape
+                work += r.load_work + r.constraint_work + r.recovery_energy;
                 let total = r.elastic_energy + r.kinetic_energy - work;
                 let scale = start + r.elastic_energy + r.kinetic_energy;
                 let rise = (total - highest) / scale;

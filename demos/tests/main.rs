@@ -9,3 +9,4 @@ mod material_fields;
 mod pictures;
 mod scenes;
 mod tools;
+mod truth;

@@ -58,6 +58,30 @@ impl Curve {
         }
     }
 
+    /// Largest change within a window of `dt` (s), between `from` and `until` (s).
+    ///
+    /// ```
+    /// # use sinew_engine::load::Curve;
+    /// assert_eq!(Curve::ramp(1.0, 3.0).largest_change(0.5, 0.0, 9.0), 0.25);
+    /// assert_eq!(Curve::ramp(1.0, 1.1).largest_change(0.5, 0.0, 9.0), 1.0);
+    /// ```
+    pub fn largest_change(&self, dt: f64, from: f64, until: f64) -> f64 {
+        let change = |t: f64| (self.value((t + dt).min(until)) - self.value(t)).abs();
+        match self {
+            Self::Constant => 0.0,
+            // pieces are straight: the largest change begins or ends at a point
+            Self::Points(points) => points
+                .iter()
+                .flat_map(|p| [p[0], p[0] - dt])
+                .map(|t| change(t.max(from).min(until)))
+                .fold(0.0, f64::max),
+            Self::Sine { frequency, .. } => {
+                let quarter = (frequency * dt).abs().min(0.5) * std::f64::consts::PI;
+                2.0 * libm::sin(quarter)
+            }
+        }
+    }
+
     /// What is wrong with it, if anything.
     fn problem(&self) -> Option<&'static str> {
         match self {

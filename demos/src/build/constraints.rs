@@ -7,7 +7,7 @@ use super::select::{select, which_body};
 use crate::error::SceneError;
 use crate::scene::{ConstraintEntry, Key, LoadedScene, Mode, MotionEntry};
 use crate::warning::{Level, Warning};
-use sinew::engine::load::{Constraint, Motion};
+use sinew::engine::load::{Constraint, Curve, Motion};
 use sinew::engine::vertex::FixedAxes;
 
 /// Adds the constraints of a scene.
@@ -39,12 +39,72 @@ fn constraint(
     let [from, until] = window(key, entry, mode)?;
     let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
     let rows = built.simulation.rows(handle, &name, &vertices).map_err(|e| key.simulation(e))?;
+    warn_of_jumps(&name, entry, (&motion, &curve), from, until, body, built);
     let mut constraint = Constraint::moving(name.clone(), rows, motion, curve);
     (constraint.axes, constraint.from, constraint.until) = (axes, from, until);
     let entity = built.simulation.add_constraint(constraint);
     let own = BuiltConstraint { name, body, entity, vertices, axes, from, until, motion: words };
     warn_about(&own, entry, built);
     Ok(own)
+}
+
+/// Part of the longest side of a body, or of a radian, that a motion may go in a step without a word.
+const LONG_WAY: f64 = 0.1;
+/// Part of a period that a step may take.
+const COARSE: f64 = 0.25;
+
+/// Motions that are meant to be smooth but happen within a step.
+fn warn_of_jumps(
+    name: &str,
+    entry: &ConstraintEntry,
+    (motion, curve): (&Motion, &Curve),
+    from: f64,
+    until: f64,
+    body: usize,
+    built: &mut BuiltScene,
+) {
+    if built.plan.mode != Mode::Dynamic || entry.curve.is_none() {
+        return;
+    }
+    let way = match motion {
+        Motion::Translate(d) => {
+            let extent =
+                built.bodies[body].mesh.bounds().map_or(1.0, |(a, b)| (b - a).max_element());
+            d.length() / extent
+        }
+        Motion::Rotate { angle, .. } => angle.abs(),
+        _ => return,
+    };
+    let dt = built.plan.dt;
+    let mut warn = |message: String, remedy: &str| {
+        let subject = format!("constraint `{name}`");
+        let code = "scene.motion.jump";
+        built.warnings.push(Warning::new(code, Level::Warning, &subject, message, remedy));
+    };
+    if let Curve::Sine { frequency, .. } = curve
+        && (frequency * dt).abs() > COARSE
+    {
+        warn(
+            format!(
+                "its sine has {:.3} periods in a step of {dt} s: what is computed is another motion",
+                frequency * dt
+            ),
+            "use a smaller dt or frequency",
+        );
+        return;
+    }
+    // where it begins to act the motion begins with the factor that the curve has by then
+    let begins = if from > 0.0 { curve.value(from).abs() } else { 0.0 };
+    let change = curve.largest_change(dt, from.max(0.0), until).max(begins);
+    if change * way > LONG_WAY {
+        warn(
+            format!(
+                "{:.0} % of its motion happens within one step of {dt} s",
+                100.0 * change.min(1.0)
+            ),
+            "make the curve slower, begin the curve where `from` is, or use a smaller dt",
+        );
+    }
 }
 
 /// A motion, and the same in words.
