@@ -77,7 +77,7 @@ pub struct StabilityArguments {
     /// Without recovery from inversion.
     #[arg(long)]
     no_recovery: bool,
-    /// Only this group, 1 to 11; may be given several times.
+    /// Only this group, 1 to 12; may be given several times.
     #[arg(long = "group", value_name = "N")]
     groups: Vec<u8>,
     /// File for the JSON form; `-` prints it instead of the tables.
