@@ -1,5 +1,6 @@
 //! Mesh files and the mesh check. In one binary: each would link, and in part compile, everything below for itself.
 
+mod common;
 mod malformed;
 mod mesh_check;
 mod mesh_check_mixed;

@@ -1,10 +1,9 @@
 //! One test per finding of the mesh check, each at three scales.
 
+use crate::common::{self, report};
 use glam::{DQuat, DVec2, DVec3};
 use sinew_engine::mesh::generate::{box_tets, sphere_tets, triangle_grid};
-use sinew_engine::mesh::{
-    CheckOptions, CheckReport, FindingCode as Code, Mesh, Severity, SkippedCells, check,
-};
+use sinew_engine::mesh::{CheckOptions, FindingCode as Code, Mesh, Severity, SkippedCells, check};
 
 fn cube() -> Mesh {
     box_tets(DVec3::ONE, [2, 2, 2]).unwrap()
@@ -14,35 +13,9 @@ fn single(points: Vec<DVec3>) -> Mesh {
     Mesh { points, tetrahedra: vec![[0, 1, 2, 3]], ..Mesh::default() }
 }
 
-fn report(mesh: &Mesh, options: &CheckOptions) -> CheckReport {
-    match check(mesh, options) {
-        Ok(checked) => {
-            assert!(!checked.report.has_errors());
-            checked.report
-        }
-        Err(error) => {
-            assert!(error.report.has_errors());
-            for finding in error.report.errors() {
-                assert!(error.to_string().contains(&finding.to_string()));
-            }
-            *error.report
-        }
-    }
-}
-
 /// The mesh must have this finding, and beside it none but `others`, at every scale.
 fn expect(mesh: &Mesh, code: Code, severity: Severity, count: usize, others: &[Code]) {
-    for scale in [1e-6, 1.0, 1e3] {
-        let mesh = mesh.transformed(scale, DQuat::IDENTITY, DVec3::ZERO);
-        let options = CheckOptions { expected_size: None, ..CheckOptions::default() };
-        let report = report(&mesh, &options);
-        let finding = report.finding(code).unwrap_or_else(|| panic!("{code} at {scale}: {report}"));
-        assert_eq!((finding.severity, finding.count), (severity, count), "{finding}");
-        assert!(!finding.remedy.is_empty() && !finding.message.is_empty());
-        for other in &report.findings {
-            assert!(other.code == code || others.contains(&other.code), "{scale}: {report}");
-        }
-    }
+    common::expect(mesh, (DQuat::IDENTITY, DVec3::ZERO), code, (severity, count), others);
 }
 
 #[test]

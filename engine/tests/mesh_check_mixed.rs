@@ -1,8 +1,9 @@
 //! Findings of the mesh check about hexahedra, quadrilaterals and mixed meshes, each at three scales.
 
+use crate::common::{self, report};
 use glam::{DQuat, DVec2, DVec3};
 use sinew_engine::mesh::generate::{box_hexahedra, cylinder_hexahedra, disc_quads, quad_grid};
-use sinew_engine::mesh::{CheckOptions, CheckReport, FindingCode as Code, Mesh, Severity, check};
+use sinew_engine::mesh::{CheckOptions, FindingCode as Code, Mesh, Severity, check};
 
 fn block() -> Mesh {
     box_hexahedra(DVec3::ONE, [2, 2, 2]).unwrap()
@@ -22,30 +23,10 @@ fn brick(size: DVec3) -> Mesh {
     mesh
 }
 
-fn report(mesh: &Mesh, options: &CheckOptions) -> CheckReport {
-    match check(mesh, options) {
-        Ok(checked) => checked.report,
-        Err(error) => *error.report,
-    }
-}
-
 /// The mesh must have this finding, and beside it none but `others`, at every scale and place.
 fn expect(mesh: &Mesh, code: Code, severity: Severity, count: usize, others: &[Code]) -> String {
-    let turn = DQuat::from_rotation_y(0.7);
-    let mut text = String::new();
-    for scale in [1e-6, 1.0, 1e3] {
-        let mesh = mesh.transformed(scale, turn, DVec3::new(3.0 * scale, 0.0, -scale));
-        let options = CheckOptions { expected_size: None, ..CheckOptions::default() };
-        let report = report(&mesh, &options);
-        let finding = report.finding(code).unwrap_or_else(|| panic!("{code} at {scale}: {report}"));
-        assert_eq!((finding.severity, finding.count), (severity, count), "{finding}");
-        assert!(!finding.remedy.is_empty() && !finding.message.is_empty());
-        for other in &report.findings {
-            assert!(other.code == code || others.contains(&other.code), "{scale}: {report}");
-        }
-        text = finding.to_string();
-    }
-    text
+    let motion = (DQuat::from_rotation_y(0.7), DVec3::new(3.0, 0.0, -1.0));
+    common::expect(mesh, motion, code, (severity, count), others)
 }
 
 #[test]

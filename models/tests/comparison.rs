@@ -2,19 +2,17 @@
 
 use crate::common;
 
-use common::{max_abs, max_difference, symmetric_eigen};
+use common::{Columns, max_abs, max_difference, strip_of, symmetric_eigen};
 use glam::{DMat3, DQuat, DVec3};
 use proptest::prelude::*;
-use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronShapes};
+use sinew_engine::element::TETRAHEDRON_EDGES;
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{EvaluationRequest, LawBuffer};
-use sinew_engine::layout::BodyElements;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::workers::Workers;
 use sinew_models::element::precompute::RestTetrahedron;
 use sinew_models::element::tetrahedron::{self, Element, TangentKind};
-use sinew_models::frame::tetrahedra::{TetrahedronColumns, TetrahedronLaw, evaluate_columns};
+use sinew_models::frame::tetrahedra::{TetrahedronLaw, evaluate_columns};
 use sinew_models::laws::corotational::{self, Corotational, Polar, WarpedStiffness};
 use sinew_models::laws::linear::Linear;
 use sinew_models::laws::neo_hookean::NeoHookean;
@@ -387,78 +385,38 @@ fn energies_of_plain_states() {
 /// A strip of tetrahedra over registers against the same functions one element at a time.
 fn check_registers<L: TetrahedronLaw, S: Scalar>(count: usize, seed: usize, size: f64) {
     let noise = |k: usize| (((k * 37 + seed * 11) % 97) as f64) / 48.5 - 1.0;
-    let points: Vec<[f64; 3]> = (0..count + 3)
+    let points: Vec<DVec3> = (0..count + 3)
         .map(|i| {
             let t = i as f64 * 1.9;
             let n = |k| 0.1 * noise(3 * i + k);
-            [t.cos() + n(0), t.sin() + n(1), 0.4 * i as f64 + n(2)]
+            DVec3::new(t.cos() + n(0), t.sin() + n(1), 0.4 * i as f64 + n(2))
         })
         .collect();
-    let (mut nodes, mut elements) = (Vec::new(), Vec::new());
     let lame = LameParameters { lambda: 1.4, mu: 0.6 };
-    for i in 0..count as u32 {
-        let mut t = [i, i + 1, i + 2, i + 3];
-        let corner = |t: [u32; 4]| RestTetrahedron::new(t.map(|v| points[v as usize]));
-        let rest = corner(t).or_else(|_| {
-            t.swap(2, 3);
-            corner(t)
-        });
-        nodes.push(t);
-        elements.push(Element::<S>::new(&rest.unwrap(), lame, false));
-    }
+    let nodes = strip_of(&points);
+    let rest = |t: &[u32; 4]| RestTetrahedron::new(t.map(|v| points[v as usize].to_array()));
+    let element = |t| Element::<S>::new(&rest(t).unwrap(), lame, false);
+    let elements: Vec<_> = nodes.iter().map(element).collect();
     // turned, and stretched or mirrored along z, so that rotations are far from the identity
     let turn = DQuat::from_scaled_axis(DVec3::new(0.7, -1.1, 0.4));
     let stretch = if seed.is_multiple_of(2) { 1.2 } else { -0.4 };
     let u: Vec<[S; 4]> = (0..count + 3)
         .map(|i| {
-            let x = DVec3::from_array(points[i]);
+            let x = points[i];
             let n = |k| size * noise(5 * i + k);
             let moved = turn * (x * DVec3::new(1.0, 0.9, stretch)) + DVec3::new(n(0), n(1), n(2));
             let [a, b, c] = (moved - x).to_array();
             [a, b, c, 0.0].map(S::from_f64)
         })
         .collect();
-    let mut edges: Vec<[u32; 2]> = nodes
-        .iter()
-        .flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| [t[a].min(t[b]), t[a].max(t[b])]))
-        .collect();
-    edges.sort_unstable();
-    edges.dedup();
-    let block = |a: u32, b: u32| edges.binary_search(&[a.min(b), a.max(b)]).unwrap() as u32;
-    let blocks: Vec<[u32; 6]> =
-        nodes.iter().map(|t| TETRAHEDRON_EDGES.map(|[a, b]| block(t[a], t[b]))).collect();
-    let mut topology = Topology::default();
-    let body = BodyRows::new(
-        String::new(),
-        BodyElements {
-            vertex_order: (0..u.len() as u32).collect(),
-            row_of_vertex: (0..u.len() as u32).collect(),
-            tetrahedra: nodes.clone(),
-            ..BodyElements::default()
-        },
-        1.0,
-    );
-    topology.push(body, &edges);
-    let column = |f: &dyn Fn(&Element<S>) -> S| elements.iter().map(f).collect::<Vec<S>>();
-    let gradients: [Vec<S>; 9] = std::array::from_fn(|i| column(&|e| e.gradients[i / 3][i % 3]));
-    let columns = TetrahedronColumns {
-        shapes: TetrahedronShapes {
-            displacement: &u,
-            nodes: &nodes,
-            gradients: std::array::from_fn(|i| &gradients[i][..]),
-        },
-        blocks: &blocks,
-        volume: &column(&|e| e.volume),
-        lambda: &column(&|e| e.lambda),
-        mu: &column(&|e| e.mu),
-        compression: &column(&|e| e.compression),
-    };
+    let columns = Columns::new(&elements, nodes, u);
+    let Columns { displacement: u, nodes, blocks, topology, .. } = &columns;
     for kind in [TangentKind::Exact, TangentKind::GaussNewton, TangentKind::Projected] {
         // one by one
         let mut energy = 0.0;
         let mut force = vec![[0.0; 3]; u.len()];
         let mut diagonal = vec![[0.0; 9]; u.len()];
-        let mut off = vec![[0.0; 9]; edges.len()];
+        let mut off = vec![[0.0; 9]; topology.edges.len()];
         let (mut scale, mut clamped) = (0.0_f64, 0);
         for (i, e) in elements.iter().enumerate() {
             let local = nodes[i].map(|v| u[v as usize]).map(|u| [u[0], u[1], u[2]]);
@@ -488,10 +446,10 @@ fn check_registers<L: TetrahedronLaw, S: Scalar>(count: usize, seed: usize, size
         }
         for set in InstructionSet::ALL.into_iter().filter(|set| set.is_available()) {
             let mut buffer = LawBuffer::<S>::default();
-            buffer.partition(nodes.len(), &topology, |i| &nodes[i]);
+            buffer.partition(nodes.len(), topology, |i| &nodes[i]);
             let workers = Workers::serial().with_instruction_set(set).unwrap();
             let request = EvaluationRequest { energy: true, force: true, tangent: Some(kind) };
-            evaluate_columns::<L, S>(&columns, &request, &workers, &mut buffer);
+            evaluate_columns::<L, S>(&columns.slices(), &request, &workers, &mut buffer);
             let [span] = &buffer.spans[..] else { panic!("a small body is one range") };
             let tolerance = 4000.0 * S::EPSILON.to_f64() * scale;
             let name = format!("{} {} {} {kind:?} {count}", L::NAME, set.name(), S::NAME);

@@ -1,17 +1,17 @@
 //! Kernels over registers of elements against the same functions one element at a time: every
 //! instruction set of this machine, both number types, 1 to 33 elements, also degenerate ones.
 
+use crate::common::{self, Columns, Motion};
+
 use proptest::prelude::*;
-use sinew_engine::element::{TETRAHEDRON_EDGES, TetrahedronShapes};
+use sinew_engine::element::TETRAHEDRON_EDGES;
 use sinew_engine::lanes::{InstructionSet, Kernel, Lanes, MAX_LANES, dispatch_on};
 use sinew_engine::law::{EvaluationRequest, LawBuffer};
-use sinew_engine::layout::BodyElements;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::workers::Workers;
 use sinew_models::element::precompute::RestTetrahedron;
 use sinew_models::element::tetrahedron::{self, Element, TangentKind};
-use sinew_models::frame::tetrahedra::{TetrahedronColumns, evaluate_columns};
+use sinew_models::frame::tetrahedra::evaluate_columns;
 use sinew_models::laws::svk::FusedStVK;
 use sinew_models::material::YoungPoisson;
 
@@ -24,69 +24,17 @@ struct Strip {
     compression: bool,
 }
 
-/// How far vertices move, in units of the size of an element.
-#[derive(Clone, Copy, Debug)]
-enum Motion {
-    Random(f64),
-    /// All onto one point.
-    Collapsed,
-    /// Turned inside out.
-    Mirrored,
-    Rest,
-}
-
 fn strip(count: usize, noise: &[f64], motion: Motion, compression: bool) -> Strip {
-    let mut at = 0;
-    let mut next = || {
-        at += 1;
-        noise[at % noise.len()]
+    let (points, nodes, moved) = common::strip(count, noise, motion);
+    let shape = |t: &[u32; 4]| {
+        RestTetrahedron::new(t.map(|v| points[v as usize].to_array())).expect("it has a volume")
     };
-    // points on a helix, so that four in a row span a volume
-    let points: Vec<[f64; 3]> = (0..count + 3)
-        .map(|i| {
-            let t = i as f64 * 1.9;
-            [t.cos() + 0.2 * next(), t.sin() + 0.2 * next(), 0.4 * i as f64 + 0.1 * next()]
-        })
-        .collect();
-    let mut nodes = Vec::new();
-    let mut rest = Vec::new();
-    for i in 0..count as u32 {
-        let mut t = [i, i + 1, i + 2, i + 3];
-        let corner = |t: [u32; 4]| RestTetrahedron::new(t.map(|v| points[v as usize]));
-        let shape = corner(t).or_else(|_| {
-            t.swap(2, 3);
-            corner(t)
-        });
-        nodes.push(t);
-        rest.push(shape.expect("a volume in one of both orders"));
-    }
-    let displacement = points
-        .iter()
-        .map(|p| {
-            let [x, y, z] = match motion {
-                Motion::Random(size) => [size * next(), size * next(), size * next()],
-                Motion::Collapsed => [-p[0], -p[1], -p[2]],
-                Motion::Mirrored => [0.0, 0.0, -2.0 * p[2]],
-                Motion::Rest => [0.0; 3],
-            };
-            [x, y, z, 0.0]
-        })
-        .collect();
+    let rest = nodes.iter().map(shape).collect();
+    let displacement = moved.iter().map(|u| [u.x, u.y, u.z, 0.0]).collect();
     Strip { nodes, rest, displacement, compression }
 }
 
 impl Strip {
-    fn edges(&self) -> Vec<[u32; 2]> {
-        let mut edges: Vec<[u32; 2]> = self
-            .nodes
-            .iter()
-            .flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| [t[a].min(t[b]), t[a].max(t[b])]))
-            .collect();
-        edges.sort_unstable();
-        edges.dedup();
-        edges
-    }
-
     /// Energy, forces, diagonal and off-diagonal blocks, clamped elements; from the kernels with an
     /// instruction set, or one by one without.
     fn evaluate<S: Scalar>(&self, kind: TangentKind, set: Option<InstructionSet>) -> Sums {
@@ -95,47 +43,13 @@ impl Strip {
         let elements: Vec<Element<S>> =
             self.rest.iter().map(|r| Element::new(r, lame, self.compression)).collect();
         let u: Vec<[S; 4]> = self.displacement.iter().map(|u| u.map(S::from_f64)).collect();
-        let edges = self.edges();
-        let block = |a: u32, b: u32| edges.binary_search(&[a.min(b), a.max(b)]).unwrap() as u32;
-        let blocks: Vec<[u32; 6]> =
-            self.nodes.iter().map(|t| TETRAHEDRON_EDGES.map(|[a, b]| block(t[a], t[b]))).collect();
-        let Some(set) = set else {
-            return self.one_by_one(&elements, &u, &blocks, kind, edges.len());
-        };
-        let mut topology = Topology::default();
-        topology.push(
-            BodyRows::new(
-                String::new(),
-                BodyElements {
-                    vertex_order: (0..u.len() as u32).collect(),
-                    row_of_vertex: (0..u.len() as u32).collect(),
-                    tetrahedra: self.nodes.clone(),
-                    ..BodyElements::default()
-                },
-                1.0,
-            ),
-            &edges,
-        );
+        let columns = Columns::new(&elements, self.nodes.clone(), u);
+        let Some(set) = set else { return self.one_by_one(&elements, &columns, kind) };
         let mut buffer = LawBuffer::<S>::default();
-        buffer.partition(self.nodes.len(), &topology, |i| &self.nodes[i]);
-        let column = |f: &dyn Fn(&Element<S>) -> S| elements.iter().map(f).collect::<Vec<S>>();
-        let gradients: [Vec<S>; 9] =
-            std::array::from_fn(|i| column(&|e| e.gradients[i / 3][i % 3]));
-        let columns = TetrahedronColumns {
-            shapes: TetrahedronShapes {
-                displacement: &u,
-                nodes: &self.nodes,
-                gradients: std::array::from_fn(|i| &gradients[i][..]),
-            },
-            blocks: &blocks,
-            volume: &column(&|e| e.volume),
-            lambda: &column(&|e| e.lambda),
-            mu: &column(&|e| e.mu),
-            compression: &column(&|e| e.compression),
-        };
+        buffer.partition(self.nodes.len(), &columns.topology, |i| &self.nodes[i]);
         let workers = Workers::serial().with_instruction_set(set).unwrap();
         let request = EvaluationRequest { energy: true, force: true, tangent: Some(kind) };
-        evaluate_columns::<FusedStVK, S>(&columns, &request, &workers, &mut buffer);
+        evaluate_columns::<FusedStVK, S>(&columns.slices(), &request, &workers, &mut buffer);
         let [span] = &buffer.spans[..] else { panic!("a small body is one range") };
         Sums {
             energy: span.energy,
@@ -149,16 +63,14 @@ impl Strip {
     fn one_by_one<S: Scalar>(
         &self,
         elements: &[Element<S>],
-        u: &[[S; 4]],
-        blocks: &[[u32; 6]],
+        Columns { displacement: u, blocks, topology, .. }: &Columns<S>,
         kind: TangentKind,
-        edges: usize,
     ) -> Sums {
         let mut sums = Sums {
             energy: 0.0,
             force: vec![[0.0; 4]; u.len()],
             diagonal: vec![[0.0; 9]; u.len()],
-            off: vec![[0.0; 9]; edges],
+            off: vec![[0.0; 9]; topology.edges.len()],
             clamped: 0,
         };
         for (i, e) in elements.iter().enumerate() {

@@ -5,9 +5,8 @@ use crate::common;
 
 use std::path::PathBuf;
 
-use common::{Worst, max_abs, max_difference, symmetric_eigen};
+use common::{Worst, config, max_abs, max_difference, symmetric_eigen};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use serde_json::Value;
 use sinew_engine::scalar::{Real, add, cross, dot, scale, sub};
 use sinew_models::element::membrane::{
@@ -202,15 +201,6 @@ impl Sheet {
     fn k_unit(&self) -> f64 {
         self.stiffness() * self.size * self.size / self.rest.area
     }
-}
-
-fn config() -> ProptestConfig {
-    let mut config = ProptestConfig { failure_persistence: None, ..ProptestConfig::default() };
-    if config.rng_seed == RngSeed::Random {
-        config.rng_seed = RngSeed::Fixed(2008);
-    }
-    config.max_global_rejects = 100_000;
-    config
 }
 
 fn vector() -> impl Strategy<Value = [f64; 3]> {

@@ -72,19 +72,18 @@ fn material(young_modulus: f64, poisson_ratio: f64) -> YoungPoisson {
     YoungPoisson { young_modulus, poisson_ratio, density: 1000.0 }
 }
 
+/// A membrane of 1 cm.
+fn sheet(
+    triangles: &[[u32; 3]],
+    (model, evaluation): (MembraneModel, Evaluation),
+    material: YoungPoisson,
+) -> MembraneDescription<'_> {
+    MembraneDescription { model, evaluation, ..MembraneDescription::new(triangles, 0.01, material) }
+}
+
 /// A world with one body, displaced by `moved` (user's order).
 fn world<S: Scalar>(body: &BodyDescription, moved: &[DVec3], set: InstructionSet) -> World {
-    let mut world = World::new();
-    install::<S>(&mut world, Executor::SingleThreaded);
-    world.insert_resource(Workers::new(1).unwrap().with_instruction_set(set).unwrap());
-    spawn_body(&mut world, body).unwrap();
-    let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
-    let mut query = world.query::<&mut Displacement<S>>();
-    for (mut u, v) in query.iter_mut(&mut world).zip(order) {
-        let [x, y, z] = moved[v as usize].to_array().map(S::from_f64);
-        u.0 = [x, y, z, S::ZERO];
-    }
-    world
+    common::world::<S>(body, moved, Workers::new(1).unwrap().with_instruction_set(set).unwrap())
 }
 
 /// Energy, forces, masses and dense tangent in the user's order.
@@ -288,11 +287,7 @@ fn pooled_and_fused_agree_and_projections_are_semidefinite() {
         for kind in KINDS {
             let mut results = Vec::new();
             for evaluation in [FUSED, POOLED] {
-                let membrane = MembraneDescription {
-                    model,
-                    evaluation,
-                    ..MembraneDescription::new(&triangles, 0.01, material(8e4, 0.3))
-                };
+                let membrane = sheet(&triangles, (model, evaluation), material(8e4, 0.3));
                 let body = BodyDescription {
                     membrane: Some(membrane),
                     ..BodyDescription::from_parts("sheet", &points, &[], material(1.0, 0.3))
@@ -318,11 +313,7 @@ fn projected_tangents_of_entities_are_semidefinite() {
     let points = [DVec3::ZERO, DVec3::X, DVec3::new(0.2, 0.9, 0.1)];
     let moved = [DVec3::ZERO, DVec3::new(-0.4, 0.1, 0.2), DVec3::new(0.1, -0.5, 0.3)];
     for (model, evaluation) in MEMBRANES {
-        let membrane = MembraneDescription {
-            model,
-            evaluation,
-            ..MembraneDescription::new(&[[0, 1, 2]], 0.01, material(100.0, 0.3))
-        };
+        let membrane = sheet(&[[0, 1, 2]], (model, evaluation), material(100.0, 0.3));
         let body = BodyDescription {
             membrane: Some(membrane),
             ..BodyDescription::from_parts("one", &points, &[], material(1.0, 0.3))
@@ -346,11 +337,7 @@ fn projected_tangents_of_entities_are_semidefinite() {
 fn products_without_assembly() {
     let (points, _, triangles, moved) = skinned_box();
     for (model, evaluation) in MEMBRANES.into_iter().filter(|(_, e)| *e == FUSED) {
-        let membrane = MembraneDescription {
-            model,
-            evaluation,
-            ..MembraneDescription::new(&triangles, 0.01, material(8e4, 0.3))
-        };
+        let membrane = sheet(&triangles, (model, evaluation), material(8e4, 0.3));
         let body = BodyDescription {
             membrane: Some(membrane),
             ..BodyDescription::from_parts("sheet", &points, &[], material(1.0, 0.3))
@@ -391,11 +378,7 @@ fn single_precision_follows() {
     let (points, tetrahedra, triangles, moved) = skinned_box();
     let n = points.len();
     for (model, evaluation) in MEMBRANES {
-        let membrane = MembraneDescription {
-            model,
-            evaluation,
-            ..MembraneDescription::new(&triangles, 0.01, material(8e4, 0.3))
-        };
+        let membrane = sheet(&triangles, (model, evaluation), material(8e4, 0.3));
         let body = BodyDescription {
             membrane: Some(membrane),
             evaluation: POOLED,

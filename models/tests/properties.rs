@@ -6,9 +6,8 @@ use crate::common;
 
 use std::f64::consts::TAU;
 
-use common::{max_abs, max_difference, symmetric_eigen};
+use common::{config, max_abs, max_difference, symmetric_eigen};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use sinew_engine::scalar::{Scalar, add, cross, dot, mat_vec, scale, sub};
 use sinew_models::element::precompute::{
     ADJACENT_EDGES, EDGES, OPPOSITE_EDGES, RestTetrahedron, SpringConstants,
@@ -18,16 +17,6 @@ use sinew_models::element::tetrahedron::{self, Element, TangentKind, compression
 use sinew_models::material::{LameParameters, YoungPoisson};
 
 type Nodes = [[f64; 3]; 4];
-
-/// The same cases in every run unless `PROPTEST_RNG_SEED` asks for others.
-fn config() -> ProptestConfig {
-    let mut config = ProptestConfig { failure_persistence: None, ..ProptestConfig::default() };
-    if config.rng_seed == RngSeed::Random {
-        config.rng_seed = RngSeed::Fixed(2008);
-    }
-    config.max_global_rejects = 100_000;
-    config
-}
 
 #[derive(Clone, Debug)]
 struct Body {

@@ -4,7 +4,7 @@
 use crate::common;
 
 use bevy_ecs::prelude::*;
-use common::{max_abs, max_difference, symmetric_eigen};
+use common::{Motion, max_abs, max_difference, strip, symmetric_eigen};
 use glam::DVec3;
 use proptest::prelude::*;
 use sinew_engine::columns::single_table;
@@ -42,51 +42,6 @@ fn material() -> YoungPoisson {
     YoungPoisson { young_modulus: 1.0, poisson_ratio: 0.4, density: 1.0 }
 }
 
-/// How far vertices move, in units of the size of an element.
-#[derive(Clone, Copy, Debug)]
-enum Motion {
-    Random(f64),
-    /// All onto one point.
-    Collapsed,
-    /// Turned inside out.
-    Mirrored,
-    Rest,
-}
-
-/// A strip of tetrahedra, neighbours sharing three vertices, and displacements.
-fn strip(count: usize, noise: &[f64], motion: Motion) -> (Vec<DVec3>, Vec<[u32; 4]>, Vec<DVec3>) {
-    let mut at = 0;
-    let mut next = || {
-        at += 1;
-        noise[at % noise.len()]
-    };
-    let points: Vec<DVec3> = (0..count + 3)
-        .map(|i| {
-            let t = i as f64 * 1.9;
-            let (x, y) = (t.cos() + 0.2 * next(), t.sin() + 0.2 * next());
-            DVec3::new(x, y, 0.4 * i as f64 + 0.1 * next())
-        })
-        .collect();
-    let tetrahedra = (0..count as u32)
-        .map(|i| {
-            let t = [i, i + 1, i + 2, i + 3];
-            let p = t.map(|v| points[v as usize]);
-            let positive = (p[1] - p[0]).cross(p[2] - p[0]).dot(p[3] - p[0]) > 0.0;
-            if positive { t } else { [t[0], t[1], t[3], t[2]] }
-        })
-        .collect();
-    let moved = points
-        .iter()
-        .map(|p| match motion {
-            Motion::Random(size) => size * DVec3::new(next(), next(), next()),
-            Motion::Collapsed => -*p,
-            Motion::Mirrored => DVec3::new(0.0, 0.0, -2.0 * p.z),
-            Motion::Rest => DVec3::ZERO,
-        })
-        .collect();
-    (points, tetrahedra, moved)
-}
-
 /// A body of the common material.
 fn body<'a>(
     name: &'a str,
@@ -110,17 +65,7 @@ fn world<S: Scalar>(
     (model, evaluation): (Model, Evaluation),
     workers: Workers,
 ) -> World {
-    let mut world = World::new();
-    install::<S>(&mut world, Executor::SingleThreaded);
-    world.insert_resource(workers);
-    spawn_body(&mut world, &body("b", points, tetrahedra, model, evaluation)).unwrap();
-    let order = world.resource::<Topology>().bodies[0].vertex_order.clone();
-    let mut query = world.query::<&mut Displacement<S>>();
-    for (mut u, v) in query.iter_mut(&mut world).zip(order) {
-        let [x, y, z] = moved[v as usize].to_array().map(S::from_f64);
-        u.0 = [x, y, z, S::ZERO];
-    }
-    world
+    common::world::<S>(&body("b", points, tetrahedra, model, evaluation), moved, workers)
 }
 
 /// Energy, forces, diagonal blocks, off-diagonal blocks, clamped elements, by vertex row.

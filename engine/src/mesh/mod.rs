@@ -287,10 +287,10 @@ impl Mesh {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    fn unit_tet() -> Mesh {
+    pub(crate) fn unit_tet() -> Mesh {
         Mesh {
             points: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z],
             tetrahedra: vec![[0, 1, 2, 3]],

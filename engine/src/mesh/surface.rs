@@ -180,14 +180,7 @@ mod tests {
     use super::*;
     use crate::mesh::cell::mirrored_hexahedron;
     use crate::mesh::generate::{box_hexahedra, box_tets, cup_hexahedra};
-
-    fn unit_tet() -> Mesh {
-        Mesh {
-            points: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z],
-            tetrahedra: vec![[0, 1, 2, 3]],
-            ..Mesh::default()
-        }
-    }
+    use crate::mesh::tests::unit_tet;
 
     /// Has the right sign only if all faces turn outward.
     fn surface_volume(mesh: &Mesh) -> f64 {
