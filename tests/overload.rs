@@ -90,7 +90,7 @@ fn a_body_held_out_of_shape_gets_its_own_law_back() {
         simulation.world_mut().despawn(entity);
     }
     for _ in 0..400 {
-        ends = step(&mut simulation);
+        step(&mut simulation);
     }
     assert!(simulation.volume_report().inverted == 0, "not let go");
     assert!((put_in - taken_out - last).abs() < 1e-9 * turnover, "{put_in} {taken_out} {last}");
