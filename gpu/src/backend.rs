@@ -244,6 +244,25 @@ impl GpuBackend {
         Ok(())
     }
 
+    /// Loads on every body over what its material can hold, where one may begin to recover. By the laws of the
+    /// host, whose columns are up to date where elements are inverted.
+    fn loads_of_beginners<S: Scalar>(
+        &self,
+        world: &mut World,
+        node: &NodeState<S>,
+        shapes: &[Shape],
+    ) -> Vec<f64> {
+        let may_begin = |(shape, body): (&Shape, &Resident)| {
+            body.recovery == BodyState::Own && shape.is_out_of_shape()
+        };
+        if !shapes.iter().zip(&self.bodies).any(may_begin) {
+            return vec![0.0; shapes.len()];
+        }
+        let loads = load_measures(world, node, &self.rest);
+        write_displacement(world, &node.u);
+        loads
+    }
+
     fn step<S: Scalar>(
         &mut self,
         world: &mut World,
@@ -292,15 +311,10 @@ impl GpuBackend {
             .enumerate()
             .map(|(i, rows)| Shape::of(&volumes, i, mark_of_hold(&node, rows.clone())))
             .collect();
-        let mut loads = vec![0.0; rows.len()];
-        let may_begin = |(shape, body): (&Shape, &Resident)| {
-            body.recovery == BodyState::Own && shape.is_out_of_shape()
+        let loads = match settings.recovery {
+            true => self.loads_of_beginners(world, &node, &shapes),
+            false => vec![0.0; rows.len()],
         };
-        if settings.recovery && shapes.iter().zip(&self.bodies).any(may_begin) {
-            // by the laws of the host, which has the columns: they are up to date where elements are inverted
-            loads = load_measures(world, &node, &self.rest);
-            write_displacement(world, &node.u);
-        }
         let mut outputs: Vec<BodyOutput> = Vec::with_capacity(rows.len());
         for (i, rows) in rows.iter().enumerate() {
             let inverted = volumes.inverted_by_body.get(i).is_some_and(|&count| count > 0);
