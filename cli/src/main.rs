@@ -107,7 +107,7 @@ struct RunArguments {
     #[arg(long, value_parser = choice::<Integrator>)]
     integrator: Option<Integrator>,
     /// Step (s) of a dynamic scene.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     dt: Option<f64>,
     /// Parts in which a static scene applies its loads.
     #[arg(long, value_name = "N")]

@@ -321,7 +321,10 @@ struct Cell(f64);
 
 impl std::fmt::Display for Cell {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        if self.0 == self.0.trunc() && self.0.abs() < 1e9 {
+        // nothing to tell, such as volume ratios of a membrane
+        if !self.0.is_finite() {
+            Ok(())
+        } else if self.0 == self.0.trunc() && self.0.abs() < 1e9 {
             write!(f, "{}", self.0)
         } else {
             write!(f, "{:.8e}", self.0)

@@ -538,7 +538,7 @@ impl EnergySummary {
     /// Energy (J) that was there or put in, magnitudes summed, or the most that was stored.
     pub fn put_in(&self) -> f64 {
         let work = self.load_work.abs() + self.constraint_work.abs() + self.activation_work.abs();
-        self.initial.abs() + work + self.recovery_turnover + self.elastic_max
+        self.initial.abs() + work + self.recovery_turnover + self.elastic_max + self.kinetic_max
     }
 }
 

@@ -89,6 +89,10 @@ impl MuscleSettings {
             if points.is_empty() || !ordered || !finite {
                 return Err(MuscleError { quantity: "curve", value: f64::NAN, range });
             }
+            if let Some(p) = points.iter().find(|p| !(0.0..=1.0).contains(&p[1])) {
+                let range = "between 0 and 1, as an activation";
+                return Err(MuscleError { quantity: "curve", value: p[1], range });
+            }
         }
         Ok(())
     }
