@@ -24,7 +24,7 @@ struct Entry {
     words: &'static str,
 }
 
-const ENTRIES: [Entry; 11] = [
+const ENTRIES: [Entry; 12] = [
     Entry {
         scene: "liver",
         at: 2.0,
@@ -102,6 +102,13 @@ const ENTRIES: [Entry; 11] = [
         quantity: Quantity::Strain,
         camera: "25,16",
         words: "A ventricle with helical fibres at the peak of its beat.",
+    },
+    Entry {
+        scene: "side_by_side",
+        at: 0.4,
+        quantity: Quantity::Displacement,
+        camera: "30,14",
+        words: "A block of gel pulled to the side; four kinds of springs are systems that run side by side.",
     },
 ];
 
