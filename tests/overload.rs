@@ -29,7 +29,7 @@ fn pressed(precision: Precision, pressure: f64) -> (Simulation, BodyHandle) {
 #[test]
 fn crushed_bodies_keep_their_own_law() {
     for precision in [Precision::F64, Precision::F32] {
-        for pressure in [5e4, 1e6] {
+        for pressure in [1e5, 1e6] {
             let run = |recovery: bool| {
                 let (mut simulation, body) = pressed(precision, pressure);
                 simulation.set_solver(SolverSettings { recovery, ..Default::default() });
@@ -55,13 +55,15 @@ fn crushed_bodies_keep_their_own_law() {
 #[test]
 fn a_body_held_out_of_shape_gets_its_own_law_back() {
     let mesh = jittered_box([0.2, 0.04, 0.04], [5, 2, 2]);
-    let (mut simulation, body) = fused(&mesh, soft(2e4, 0.4));
+    let material = soft(2e4, 0.4);
+    let one = options(Precision::F64, 1);
+    let (mut simulation, body) = simulate(one, &mesh, material, Model::StVK, Evaluation::Fused);
     simulation.set_gravity(DVec3::ZERO);
     simulation.set_dt(0.01);
     simulation.set_solver(SolverSettings { mass_damping: 7.0, ..Default::default() });
     let held = clamp(&mut simulation, body, &mesh, "x0");
     let rows = simulation.rows(body, "x1", &group(&mesh, "x1")).unwrap();
-    let motion = Motion::Translate(DVec3::new(-0.25, 0.0, 0.0));
+    let motion = Motion::Translate(DVec3::new(-0.198, 0.0, 0.0));
     let pushed = Constraint::moving("push", rows, motion, Curve::ramp(0.0, 0.3));
     let pushed = simulation.add_constraint(pushed);
     let (mut recovering, mut given_up, mut put_in, mut taken_out) = (0, 0, 0.0, 0.0);

@@ -286,9 +286,8 @@ impl Key<'_> {
 
     /// A positive number, of what in which unit.
     pub fn positive(&self, value: f64, what: &str, unit: &str) -> Result<f64, SceneError> {
-        self.finite([value])?;
         if value > 0.0 {
-            return Ok(value);
+            return self.finite([value]).map(|_| value);
         }
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         Err(self.value(format!("{what} is {value}{unit}"), "make it positive and finite"))
