@@ -216,12 +216,15 @@ fn sudden_motions_are_told() {
 #[test]
 fn names_cannot_break_files_or_terminals() {
     let named = |name: &str| {
-        scene(LIVER, "") + &format!("[[probe]]\nname = {name}\nselect = {{ group = \"x1\" }}\n")
+        scene(LIVER, "")
+            + &format!(
+                "[[probe]]\nname = {name}\nselect = {{ group = \"x1\" }}\nrecord = [\"mean_displacement\"]\n"
+            )
     };
     says(&refusal(&named("\"a\\nb\"")), &["line 13", "control character"]);
     says(&refusal(&named("\"\\u001b]0;pwn\\u0007\"")), &["line 13", "control character"]);
     let out = folder("names");
-    let text = named("\"=HYPERLINK(1)\"") + "record = [\"mean_displacement\"]\n";
+    let text = named("\"=HYPERLINK(1)\"");
     assert!(run_into(&text, &out).completed);
     let csv = std::fs::read_to_string(out.join("t.csv")).unwrap();
     says(csv.lines().next().unwrap(), &[",'=HYPERLINK(1)"]);
