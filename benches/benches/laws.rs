@@ -1,5 +1,5 @@
 //! Energies and forces: the fused law, the pooled springs, quadratic springs, plain springs on edges
-//! (per tetrahedron too), and entity columns against plain arrays.
+//! (per tetrahedron too), and entity columns against plain arrays (in turns: `sinew-lab bench kernels`).
 #![allow(clippy::print_stdout, reason = "ratios and times per system are part of the result")]
 #![allow(missing_docs, reason = "criterion's macros make public items")]
 
@@ -91,27 +91,6 @@ fn columns_against_arrays<S: Scalar>(
     group.bench_function("entity columns", |b| b.iter(|| evaluate(&mut simulation)));
     group.bench_function("plain arrays", |b| b.iter(|| black_box(black_box(&mut raw).forces())[0]));
     group.finish();
-
-    // alternating, so that what else the machine does meets both alike
-    let repetitions = (4_000_000 / count).max(21);
-    let mut times = [Vec::new(), Vec::new()];
-    for _ in 0..repetitions {
-        let start = Instant::now();
-        evaluate(&mut simulation);
-        times[0].push(start.elapsed());
-        let start = Instant::now();
-        black_box(black_box(&mut raw).forces());
-        times[1].push(start.elapsed());
-    }
-    let [entities, arrays] = times.map(|mut t| {
-        t.sort_unstable();
-        t[t.len() / 2].as_secs_f64() * 1e9 / count as f64
-    });
-    println!(
-        "fused force {size} {}: columns {entities:.2} ns/tet, arrays {arrays:.2} ns/tet, ratio {:.3}",
-        precision.name(),
-        entities / arrays
-    );
 }
 
 /// Springs of hexahedra against springs of tetrahedra, per spring, and the laws of hexahedra.

@@ -141,6 +141,12 @@ pub fn as_in_a_step<R: Send>(
     workers.enter(|| f(world))
 }
 
+/// Largest distance of two fields over the largest length in the second.
+pub fn relative_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
+    let far = a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    far / b.iter().map(|b| b.length()).fold(0.0, f64::max)
+}
+
 /// Gives a world another pool of threads.
 pub fn lend(world: &mut World, pool: &mut Option<Workers>) {
     if let Some(pool) = pool.take() {

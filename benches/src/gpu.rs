@@ -1,7 +1,7 @@
 //! Graphics processor beside processor: force passes and implicit steps, time and error of both. `sinew-lab bench
 //! gpu`.
 
-use crate::beam::{MATERIAL, beam, bend, cells_for, evaluate, request};
+use crate::beam::{MATERIAL, beam, bend, cells_for, evaluate, relative_distance, request};
 use glam::DVec3;
 use serde::Serialize;
 use sinew::gpu::{GpuBackend, GpuOptions, GpuReport};
@@ -198,7 +198,7 @@ fn measure(size: usize, steps: usize) -> Result<Size, Box<dyn Error>> {
             name,
             force_ns,
             force_device_ns,
-            force_error: distance(&forces, true_forces),
+            force_error: relative_distance(&forces, true_forces),
             step_ms: median(&mut times).unwrap_or(f64::NAN),
             step_device_ms: median(&mut device_times),
             bytes_down,
@@ -206,17 +206,11 @@ fn measure(size: usize, steps: usize) -> Result<Size, Box<dyn Error>> {
             refreshes,
             iterations: f64::from(iterations) / steps as f64,
             residual,
-            step_error: distance(&u, true_u),
+            step_error: relative_distance(&u, true_u),
         });
     }
     let vertices = mesh.points.len();
     Ok(Size { tetrahedra, vertices, force_bytes, bandwidth, setup_ms, rows })
-}
-
-/// Largest distance over the largest length of the second.
-fn distance(a: &[DVec3], b: &[DVec3]) -> f64 {
-    let largest = b.iter().map(|b| b.length()).fold(0.0, f64::max);
-    a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / largest
 }
 
 fn median(samples: &mut [f64]) -> Option<f64> {

@@ -50,9 +50,9 @@ use std::hint::black_box;
 use std::mem::size_of;
 use std::time::Instant;
 
-/// What is measured.
+/// Sizes, threads and turns of kernels and steps.
 #[derive(Clone, Debug)]
-pub struct KernelOptions {
+pub struct SizeOptions {
     /// Sizes of the beam (tetrahedra, about).
     pub sizes: Vec<usize>,
     /// Numbers of threads.
@@ -152,7 +152,7 @@ impl Quantity {
 /// # Errors
 /// When a beam cannot be built.
 pub fn run(
-    options: &KernelOptions,
+    options: &SizeOptions,
     limits: &[Limits],
     mut tell: impl FnMut(&str),
 ) -> Result<KernelReport, BenchError> {
@@ -196,7 +196,7 @@ const SUBJECTS: [(Evaluation, Model); 12] = [
 
 fn size_rows(
     mesh: &Mesh,
-    options: &KernelOptions,
+    options: &SizeOptions,
     limits: &[Limits],
     rows: &mut Vec<KernelRow>,
 ) -> Result<(), BenchError> {

@@ -106,13 +106,13 @@ pub fn run(
                 report.limits = roofline::probe(&report.machine, &threads);
                 let rounds = rounds([8, 25], [3, 4], [0.15, 1.0]);
                 let (sizes, threads) = (sizes(&[5_000, 50_000]), threads.clone());
-                let kernels = kernels::KernelOptions { sizes, threads, rounds };
+                let kernels = kernels::SizeOptions { sizes, threads, rounds };
                 report.kernels = Some(kernels::run(&kernels, &report.limits, &mut tell)?);
             }
             Part::Step => {
                 let rounds = rounds([8, 12], [2, 3], [0.2, 0.5]);
                 let (sizes, threads) = (sizes(&[5_000]), threads.clone());
-                let step = step::StepOptions { sizes, threads, rounds };
+                let step = kernels::SizeOptions { sizes, threads, rounds };
                 report.step = Some(step::run(&step, &mut tell)?);
             }
             Part::Accuracy => {

@@ -145,16 +145,16 @@ fn read_rate(threads: usize, bytes: usize) -> f64 {
 /// Accumulators for the probes of reading.
 const LANES_READ: usize = 64;
 
-macro_rules! fma_loop {
-    ($t:ty, $lanes:expr, $k:expr) => {{
-        let mut x = [0.5 as $t; $lanes];
-        let (a, b) = (black_box(0.999 as $t), black_box(0.001 as $t));
+macro_rules! multiply_add {
+    ($t:ty, $lanes:expr, $k:expr, |$x:ident, $a:ident, $b:ident| $next:expr) => {{
+        let mut lanes = [0.5 as $t; $lanes];
+        let ($a, $b) = (black_box(0.999 as $t), black_box(0.001 as $t));
         for _ in 0..$k * 64 {
-            for x in &mut x {
-                *x = x.mul_add(a, b);
+            for $x in &mut lanes {
+                *$x = $next;
             }
         }
-        black_box(&x);
+        black_box(&lanes);
         ($k * 64 * $lanes * 2) as f64
     }};
 }
@@ -181,11 +181,11 @@ mod dispatch {
         ($features:literal, $bytes:literal, $f64:ident, $f32:ident, $sum:ident) => {
             #[target_feature(enable = $features)]
             fn $f64(k: usize) -> f64 {
-                fma_loop!(f64, { 12 * $bytes / 8 }, k)
+                multiply_add!(f64, { 12 * $bytes / 8 }, k, |x, a, b| x.mul_add(a, b))
             }
             #[target_feature(enable = $features)]
             fn $f32(k: usize) -> f64 {
-                fma_loop!(f32, { 12 * $bytes / 4 }, k)
+                multiply_add!(f32, { 12 * $bytes / 4 }, k, |x, a, b| x.mul_add(a, b))
             }
             #[target_feature(enable = $features)]
             fn $sum(data: &[f64]) -> f64 {
@@ -241,23 +241,13 @@ use dispatch::{fma_f32, fma_f64, sum};
 
 /// Multiplications and additions of the instruction set that every such processor has; fused where
 /// that is so (`mul_add` would call a library function elsewhere).
-macro_rules! multiply_add {
-    ($name:ident, $t:ty, $lanes:expr) => {
-        fn $name(k: usize) -> f64 {
-            let mut x = [0.5 as $t; $lanes];
-            let (a, b) = (black_box(0.999 as $t), black_box(0.001 as $t));
-            for _ in 0..k * 64 {
-                for x in &mut x {
-                    *x = *x * a + b;
-                }
-            }
-            black_box(&x);
-            (k * 64 * $lanes * 2) as f64
-        }
-    };
+fn multiply_add_f64(k: usize) -> f64 {
+    multiply_add!(f64, 24, k, |x, a, b| *x * a + b)
 }
-multiply_add!(multiply_add_f64, f64, 24);
-multiply_add!(multiply_add_f32, f32, 48);
+
+fn multiply_add_f32(k: usize) -> f64 {
+    multiply_add!(f32, 48, k, |x, a, b| *x * a + b)
+}
 
 #[cfg(test)]
 mod tests {

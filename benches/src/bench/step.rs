@@ -2,7 +2,7 @@
 //! from the converged one.
 
 use super::error::BenchError;
-use super::kernels::quartiles;
+use super::kernels::{SizeOptions, quartiles};
 use super::stats::{Rounds, Spread, interleave};
 use super::table::Table;
 use crate::beam::{
@@ -23,17 +23,6 @@ use sinew::solvers::settings::{LinearPrecision, Preconditioner};
 use sinew_tune::table_of;
 use std::collections::BTreeMap;
 use std::time::Instant;
-
-/// What is measured.
-#[derive(Clone, Debug)]
-pub struct StepOptions {
-    /// Sizes of the beam (tetrahedra, about).
-    pub sizes: Vec<usize>,
-    /// Numbers of threads.
-    pub threads: Vec<usize>,
-    /// Turns of every variant.
-    pub rounds: Rounds,
-}
 
 /// One kind of step at one size.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -101,7 +90,7 @@ const IMPLICIT_STEPS: u32 = 5;
 ///
 /// # Errors
 /// When a beam cannot be built or stepped, or its file not be written.
-pub fn run(options: &StepOptions, mut tell: impl FnMut(&str)) -> Result<StepReport, BenchError> {
+pub fn run(options: &SizeOptions, mut tell: impl FnMut(&str)) -> Result<StepReport, BenchError> {
     let mut report = StepReport::default();
     for &size in &options.sizes {
         let mesh = beam(cells_for(size))?;
@@ -222,7 +211,7 @@ const LARGE: usize = 200_000;
 
 fn size_rows(
     mesh: &Mesh,
-    options: &StepOptions,
+    options: &SizeOptions,
     rows: &mut Vec<StepRow>,
 ) -> Result<(), BenchError> {
     // squeezed to three fifths of its length: the exact tangent is indefinite there

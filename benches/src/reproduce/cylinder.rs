@@ -90,7 +90,7 @@ fn findings(rests: &[Rest]) -> Vec<Finding> {
         let e = svk.young_modulus / 1e3;
         findings.push(Finding::of(svk.crushed > 0).says(format!(
             "with St Venant-Kirchhoff alone tetrahedra collapse: at E = {e} kPa {} of {} end below \
-                 a tenth of their volume, {} of them inverted",
+             a tenth of their volume, {} of them inverted",
             svk.crushed, svk.tetrahedra, svk.inverted
         )));
         let worst =

@@ -91,7 +91,7 @@ fn findings(first: &[Row], third: &[Row]) -> Vec<Finding> {
         "order them as printed",
     ));
     findings.push(Finding::of(TABLE_3.iter().all(|t| TABLE_1.iter().any(|o| o.0 == t.0 && o.3 == t.3))).says("table 3 prints at 30 % the F-norm errors of table 1 at 10 % digit for digit: both models of \
-               the paper were linear, whose relative errors know no stretch"));
+                                                                                                              the paper were linear, whose relative errors know no stretch"));
     let same = first.iter().all(|a| {
         third.iter().filter(|b| (a.mesh, a.method) == (b.mesh, b.method)).all(|b| {
             match (a.ours.traction, b.ours.traction) {

@@ -318,7 +318,7 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
     let [force, displacement] = worst(rows, Model::CompressibleStVK, SMALL);
     findings.push(Finding::of(force < 1.0).says(format!(
         "the compression term leaves small strains alone: forces are {force:.2} %, displacements \
-             {displacement:.2} % off at worst up to {percent} %"
+         {displacement:.2} % off at worst up to {percent} %"
     )));
     let pull = |model| error(model, Mode::Tension, SMALL)[0];
     let [tqs, corotational, linear] =

@@ -2,7 +2,7 @@
 //! springs, stepped by implicit Euler while a balloon pushes through it.
 
 use super::frame::{clamp, world};
-use crate::beam::sheet;
+use crate::beam::{relative_distance, sheet};
 use crate::bench::error::BenchError;
 use crate::bench::plot::{Scales, Series, lines};
 use crate::report::{Figure, Finding};
@@ -155,12 +155,6 @@ fn pushed(mesh: &Mesh, dt: f64) -> Result<Vec<DVec3>, BenchError> {
     Ok(floor.simulation.displacements(floor.body))
 }
 
-/// Largest distance over largest displacement.
-fn distance(a: &[DVec3], b: &[DVec3]) -> f64 {
-    let far = a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
-    far / b.iter().map(|b| b.length()).fold(0.0, f64::max)
-}
-
 /// One frame.
 struct Frame {
     time: f64,
@@ -235,11 +229,11 @@ pub(super) fn figure(quick: bool) -> Result<Figure, BenchError> {
     let springs = edges(&mesh);
     let run = run(&mesh)?;
     let fine = pushed(&mesh, STEP / FINE as f64)?;
-    let error = 100.0 * distance(&pushed(&mesh, STEP)?, &fine);
+    let error = 100.0 * relative_distance(&pushed(&mesh, STEP)?, &fine);
     let check = (!quick)
         .then(|| pushed(&mesh, STEP / (2 * FINE) as f64))
         .transpose()?
-        .map(|finer| 100.0 * distance(&fine, &finer));
+        .map(|finer| 100.0 * relative_distance(&fine, &finer));
     let [median, slow, worst] = rates(&run.frames);
     let residual = run.frames.iter().map(|f| f.residual).fold(0.0, f64::max);
     let gone: usize = run.frames.iter().map(|f| f.removed).sum();
@@ -348,7 +342,8 @@ mod tests {
     fn smaller_steps_come_closer() {
         let mesh = floor();
         let fine = pushed(&mesh, STEP / 8.0).unwrap();
-        let errors = [1.0, 4.0].map(|n| distance(&pushed(&mesh, STEP / n).unwrap(), &fine));
+        let errors =
+            [1.0, 4.0].map(|n| relative_distance(&pushed(&mesh, STEP / n).unwrap(), &fine));
         assert!(errors[1] < 0.6 * errors[0], "{errors:?}");
     }
 }

@@ -149,32 +149,24 @@ pub fn assess(
     for test in Test::ALL.into_iter().filter(|t| t.serves(rig.dimension)) {
         let loading = rig.loading(test, stress);
         let fem = reference(rig, material, &loading)?;
-        let outcome = match against(rig, springs, &loading, &fem, None) {
-            Ok(Against { errors, definite, displacements }) => {
-                if test == Test::Shear {
-                    let ratio = rig.drift(&fem) / rig.drift(&displacements);
-                    shear = ratio.is_finite().then_some(ratio);
-                }
-                let (rms, max) = (errors.rms_percent, errors.max_percent);
-                TestOutcome {
-                    test: test.name().to_string(),
-                    rms_percent: Some(rms),
-                    max_percent: Some(max),
-                    definite,
-                    fit: definite && rms <= limits::RMS_PERCENT && max <= limits::MAX_PERCENT,
-                    failure: None,
-                }
-            }
-            Err(error) => TestOutcome {
-                test: test.name().to_string(),
-                rms_percent: None,
-                max_percent: None,
-                definite: false,
-                fit: false,
-                failure: Some(error.to_string()),
-            },
-        };
-        tests.push(outcome);
+        let answer = against(rig, springs, &loading, &fem, None);
+        if let (Test::Shear, Ok(own)) = (test, &answer) {
+            let ratio = rig.drift(&fem) / rig.drift(&own.displacements);
+            shear = ratio.is_finite().then_some(ratio);
+        }
+        let errors = answer.as_ref().ok().map(|own| own.errors);
+        let definite = answer.as_ref().is_ok_and(|own| own.definite);
+        let within = errors.is_some_and(|e| {
+            e.rms_percent <= limits::RMS_PERCENT && e.max_percent <= limits::MAX_PERCENT
+        });
+        tests.push(TestOutcome {
+            test: test.name().to_string(),
+            rms_percent: errors.map(|e| e.rms_percent),
+            max_percent: errors.map(|e| e.max_percent),
+            definite,
+            fit: definite && within,
+            failure: answer.err().map(|error| error.to_string()),
+        });
     }
     let measured = moduli(rig, material, springs, shear)?;
     let (fit, verdict) = judge(rig, material, springs, &tests, measured.as_ref());

@@ -17,7 +17,7 @@
 
 use super::{BodySpring, ElementConstants, FitError, FittedBody, SCHEMA};
 use sinew_identify::mesh::{FitReport, Residuals};
-use sinew_identify::{ElementMethod, Plane};
+use sinew_identify::{ElementKind, ElementMethod, Plane};
 use std::path::Path;
 use std::str::FromStr;
 
@@ -212,12 +212,8 @@ fn from_csv(bytes: &[u8]) -> Result<FittedBody, String> {
                 }
             }
             kind @ ("triangle" | "quad" | "tetrahedron" | "hexahedron") => {
-                let list = match kind {
-                    "triangle" => &mut lists.triangles,
-                    "quad" => &mut lists.quads,
-                    "tetrahedron" => &mut lists.tetrahedra,
-                    _ => &mut lists.hexahedra,
-                };
+                let place = lists.kinds().iter().position(|(name, _)| *name == kind).unwrap_or(0);
+                let list = lists.list(ElementKind::ALL[place]);
                 let (element, pair) = (index(1)? as usize, index(2)? as usize);
                 if element == list.len() && pair == 0 {
                     list.push(Vec::new());

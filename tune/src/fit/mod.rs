@@ -15,7 +15,9 @@ use sinew::engine::mesh::{CheckError, CheckOptions, Mesh, MeshError, check};
 use sinew_identify::mass::MassLumping;
 use sinew_identify::mesh::{FitReport, fit_each, mesh_masses};
 use sinew_identify::virtual_test::VirtualTestError;
-use sinew_identify::{ElementError, ElementMethod, IdentifyError, LinearMaterial, Plane, Section};
+use sinew_identify::{
+    ElementError, ElementKind, ElementMethod, IdentifyError, LinearMaterial, Plane, Section,
+};
 use std::path::PathBuf;
 
 /// Version of the files that [`file`](mod@file) reads and writes.
@@ -129,6 +131,16 @@ pub struct ElementConstants {
 }
 
 impl ElementConstants {
+    /// The list of a kind.
+    fn list(&mut self, kind: ElementKind) -> &mut Vec<Vec<f64>> {
+        match kind {
+            ElementKind::Triangle => &mut self.triangles,
+            ElementKind::Quad => &mut self.quads,
+            ElementKind::Tetrahedron => &mut self.tetrahedra,
+            ElementKind::Hexahedron => &mut self.hexahedra,
+        }
+    }
+
     /// Lists by the name of their kind in files.
     pub fn kinds(&self) -> [(&'static str, &Vec<Vec<f64>>); 4] {
         [
@@ -224,15 +236,8 @@ pub fn fit_mesh(mesh: &Mesh, request: &FitRequest) -> Result<FittedBody, FitErro
     let at = |v: u32| DVec3::from(rig.points[v as usize]);
     let length = |[a, b]: [u32; 2]| at(a).distance(at(b));
     let mut lists = ElementConstants::default();
-    let kinds = [cells.triangles.len(), cells.quads.len(), cells.tetrahedra.len()];
     for element in 0..cells.len() {
-        let [t, q, s] = kinds;
-        let list = match element {
-            e if e < t => &mut lists.triangles,
-            e if e < t + q => &mut lists.quads,
-            e if e < t + q + s => &mut lists.tetrahedra,
-            _ => &mut lists.hexahedra,
-        };
+        let list = lists.list(cells.element(element).0);
         list.push(fits.of(element).constants.clone());
     }
     let assessment = assess(&rig, &material, &springs)?;

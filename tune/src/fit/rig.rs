@@ -111,18 +111,9 @@ pub struct Rig {
     hexahedra: Vec<[u32; 8]>,
 }
 
-/// The elements of a mesh over the nodes that they use; no ends yet.
-struct Parts {
-    points: Vec<[f64; 3]>,
-    nodes: Vec<u32>,
-    triangles: Vec<[u32; 3]>,
-    quads: Vec<[u32; 4]>,
-    tetrahedra: Vec<[u32; 4]>,
-    hexahedra: Vec<[u32; 8]>,
-}
-
-impl Parts {
-    fn new(mesh: &Mesh) -> Self {
+impl Rig {
+    /// The elements of a mesh over the nodes that they use; no ends yet.
+    fn without_ends(mesh: &Mesh, section: Section) -> Self {
         let solid = mesh.is_solid();
         let plane = |n: usize| if solid { 0 } else { n };
         let triangles = &mesh.triangles[..plane(mesh.triangles.len())];
@@ -140,6 +131,12 @@ impl Parts {
         }
         Self {
             points: nodes.iter().map(|&v| mesh.points[v as usize].to_array()).collect(),
+            section,
+            axis: 0,
+            held: Vec::new(),
+            loaded: Vec::new(),
+            dimension: 3,
+            facets: Vec::new(),
             triangles: moved(triangles, &place),
             quads: moved(quads, &place),
             tetrahedra: moved(&mesh.tetrahedra, &place),
@@ -147,16 +144,15 @@ impl Parts {
             nodes,
         }
     }
-}
 
-impl Rig {
     /// Puts a checked mesh into the machine.
     ///
     /// # Errors
     /// [`FitError`] when a group is missing or its nodes are not usable, when both ends share nodes, or
     /// when a mesh of plane elements is not flat.
     pub fn new(mesh: &Mesh, section: Section, grips: &Grips) -> Result<Self, FitError> {
-        let Parts { points, nodes, triangles, quads, tetrahedra, hexahedra } = Parts::new(mesh);
+        let mut rig = Self::without_ends(mesh, section);
+        let (points, nodes) = (&rig.points, &rig.nodes);
         if points.is_empty() {
             return Err(IdentifyError::NoElements.into());
         }
@@ -170,10 +166,8 @@ impl Rig {
             let found: Vec<usize> =
                 group.vertices.iter().filter_map(|v| nodes.binary_search(v).ok()).collect();
             if found.is_empty() {
-                return Err(FitError::EmptyGroup {
-                    mesh: mesh.source.clone(),
-                    group: name.clone(),
-                });
+                let (mesh, group) = (mesh.source.clone(), name.clone());
+                return Err(FitError::EmptyGroup { mesh, group });
             }
             Ok(Some(found))
         };
@@ -183,7 +177,7 @@ impl Rig {
         };
         let span = match (&held, &loaded) {
             (Some(held), Some(loaded)) => (mean(loaded) - mean(held)).abs(),
-            _ => extent(&points),
+            _ => extent(points),
         };
         let longest = if span.x >= span.y && span.x >= span.z {
             0
@@ -193,28 +187,15 @@ impl Rig {
             2
         };
         let axis = grips.axis.unwrap_or(longest);
-        if axis == 2 && tetrahedra.is_empty() && hexahedra.is_empty() {
+        if axis == 2 && rig.tetrahedra.is_empty() && rig.hexahedra.is_empty() {
             return Err(FitError::Axis { mesh: mesh.source.clone() });
         }
-        let held = held.unwrap_or_else(|| end(&points, axis, false));
-        let loaded = loaded.unwrap_or_else(|| end(&points, axis, true));
+        let held = held.unwrap_or_else(|| end(points, axis, false));
+        let loaded = loaded.unwrap_or_else(|| end(points, axis, true));
         if let Some(&node) = held.iter().find(|n| loaded.contains(n)) {
             return Err(FitError::SharedNode { mesh: mesh.source.clone(), node: nodes[node] });
         }
-        let mut rig = Self {
-            points,
-            nodes,
-            section,
-            axis,
-            held,
-            loaded,
-            dimension: 3,
-            facets: Vec::new(),
-            triangles,
-            quads,
-            tetrahedra,
-            hexahedra,
-        };
+        (rig.axis, rig.held, rig.loaded) = (axis, held, loaded);
         rig.dimension = dimension(&rig.points, &rig.cells())?;
         let along: Vec<f64> = rig.loaded.iter().map(|&n| rig.points[n][axis]).collect();
         let low = along.iter().copied().fold(f64::INFINITY, f64::min);
