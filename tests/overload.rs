@@ -20,7 +20,8 @@ fn pressed(precision: Precision, pressure: f64) -> (Simulation, BodyHandle) {
     simulation.set_gravity(DVec3::ZERO);
     simulation.set_dt(0.01);
     clamp(&mut simulation, body, &mesh, "x0");
-    let faces = simulation.face_rows(body, "air", &mesh.surface_triangles()).unwrap();
+    let inward: Vec<_> = mesh.surface_triangles().iter().map(|&[a, b, c]| [a, c, b]).collect();
+    let faces = simulation.face_rows(body, "air", &inward).unwrap();
     let curve = Curve::Constant;
     simulation.add_pressure(Pressure { name: "air".into(), faces, pressure, curve });
     (simulation, body)

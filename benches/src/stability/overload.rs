@@ -212,8 +212,7 @@ fn start<'a>(
     }
     match load {
         Overload::Pressure(pressure, ramp) => {
-            let on = match cavity {
-                // the cavity lies outside the wall
+            let mut on: Vec<[u32; 3]> = match cavity {
                 Some(cavity) => {
                     let cut = |&q: &u32| {
                         let [a, b, c, d] = mesh.quads[q as usize];
@@ -224,6 +223,8 @@ fn start<'a>(
                 None if subject.membrane => mesh.triangles.clone(),
                 None => mesh.surface_triangles(),
             };
+            // faces of solids are turned outward, and pressure pushes inward
+            on.iter_mut().for_each(|t| t.swap(1, 2));
             let faces = run.simulation.face_rows(run.body, "air", &on)?;
             let curve = if ramp > 0.0 { Curve::ramp(0.0, ramp) } else { Curve::Constant };
             // a thin sheet holds what its thickness would of a solid
