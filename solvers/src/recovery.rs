@@ -130,16 +130,17 @@ impl BodyState {
     }
 
     /// What the shape asks for; counts steps. `strain` is the largest relative change of length of an edge.
-    pub fn plan(&mut self, shape: &Shape, strain: impl FnOnce() -> f64) -> Plan {
+    pub fn plan(&mut self, shape: &Shape, strain: impl Fn() -> f64) -> Plan {
+        let in_shape = || shape.smallest_ratio > LEAVE_RATIO && strain() <= LEAVE_STRAIN;
         if let Self::GivenUp(hold) = *self {
-            if shape.inverted > 0 && shape.hold == Some(hold) {
+            if shape.hold == Some(hold) && !in_shape() {
                 return Plan::Stay;
             }
             *self = Self::Own;
         }
         if let Self::Recovers { steps, .. } = self {
             *steps += 1;
-            return match shape.smallest_ratio > LEAVE_RATIO && strain() <= LEAVE_STRAIN {
+            return match in_shape() {
                 true => Plan::Leave,
                 false if *steps > PATIENCE => Plan::GiveUp,
                 false => Plan::Stay,
