@@ -226,8 +226,7 @@ fn ascending(t: [u32; 3], topology: &Topology) -> Option<([u32; 3], [u32; 3], bo
 }
 
 fn evaluate<S: Scalar>(
-    request: Res<EvaluationRequest>,
-    workers: Res<Workers>,
+    (request, workers): (Res<EvaluationRequest>, Res<Workers>),
     time: Res<LoadTime>,
     faces: Res<PressureFaces<S>>,
     mut swept: ResMut<SweptVolumes>,
