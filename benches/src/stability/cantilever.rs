@@ -19,7 +19,9 @@ const LIMITS: Part = Part {
     criterion: "beyond it a typed error, state intact, or substeps; never garbage",
 };
 const LENGTH: f64 = 0.3;
+/// Least number of steps, and least time (s): the softest beams are in full fall by then.
 const STEPS: u64 = 30;
+const SECONDS: f64 = 0.3;
 
 pub(super) fn cases() -> Result<Cases, MeshError> {
     let size = DVec3::new(LENGTH, 0.075, 0.075);
@@ -28,9 +30,12 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
     for dt in [1e-4, 1e-3, 1e-2, 1.0 / 30.0, 0.1] {
         for young in [1e3, 1e4, 1e5, 1e6, 1e7] {
             for nu in [0.0, 0.3, 0.45, 0.49, 0.499] {
-                let quick = [1e-4, 1e-2, 0.1].contains(&dt)
-                    && [1e3, 1e5, 1e7].contains(&young)
-                    && [0.0, 0.45, 0.499].contains(&nu);
+                let few = [1e3, 1e5, 1e7].contains(&young) && [0.0, 0.45, 0.499].contains(&nu);
+                let quick = if dt == 1e-4 {
+                    (young, nu) == (1e3, 0.45)
+                } else {
+                    few && [1e-2, 0.1].contains(&dt)
+                };
                 let name = format!("h {dt:.4} E {young:.0e} nu {nu}");
                 cases.add(GRID, name, quick, &mesh, move |s, mesh| swing(s, mesh, young, nu, dt));
                 if dt == 0.1 && [1e3, 1e7].contains(&young) && [0.0, 0.499].contains(&nu) {
@@ -55,7 +60,7 @@ fn swing(setting: &Setting, mesh: &Mesh, young: f64, nu: f64, dt: f64) -> Outcom
     let mut run = hanging(setting, mesh, young, nu)?;
     run.simulation.set_dt(dt);
     let mass = run.mass();
-    run.steps(STEPS)?;
+    run.steps(STEPS.max((SECONDS / dt).round() as u64))?;
     // the compression term gives way above a nominal stress of 2 (lambda + mu)
     let lame = tissue(young, nu).lame()?;
     let loaded = 1000.0 * 9.81 * LENGTH;
