@@ -89,7 +89,7 @@ pub static PAPER_B: Source = Source {
         ("The tensile specimen (tables 4 and 5)", specimen::figure),
         ("One square of springs (figure 9)", |_| square::figure()),
         ("Squares and cubes in shear (table 6)", shear::figure),
-        ("The ventricle floor (section 6)", |means| ventricle::figure(means.quick)),
+        ("The ventricle floor (section 3.5)", |means| ventricle::figure(means.quick)),
     ],
 };
 
