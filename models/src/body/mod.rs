@@ -261,10 +261,10 @@ pub enum BodyError {
     },
 }
 
-/// A body in the world; `index` points into [`Topology::bodies`].
+/// A body in the world; `index` points into [`Topology::bodies`](sinew_engine::topology::Topology::bodies).
 #[derive(Component, Clone, Debug)]
 pub struct SoftBody {
-    /// Index into [`Topology::bodies`].
+    /// Index into [`Topology::bodies`](sinew_engine::topology::Topology::bodies).
     pub index: usize,
     /// Material.
     pub material: YoungPoisson,

@@ -12,14 +12,14 @@
 //! flies freely if it has mass left, and stays where it is if not ([`MassPolicy`]).
 //!
 //! A follower pressure goes on acting on a face for as long as an element of either kind has it; faces
-//! that none has any more leave their [`Pressure`] for good. The surface that a cut lays open carries no
+//! that none has any more leave their [`Pressure`](sinew_engine::load::Pressure) for good. The surface that a cut lays open carries no
 //! pressure until it is given one.
 //!
 //! Removing elements is an action from outside: their elastic energy (and the kinetic energy of the
 //! removed mass) leaves the scene, see [`RemovalReport`].
 //!
 //! [`remove_elements`] acts at once. In a schedule, spawn a [`RemovalRequest`]: it is carried out in
-//! [`StepSystems::Edit`], with the others of the same body and [`MassPolicy`] that were made in a row as one
+//! [`StepSystems::Edit`](sinew_engine::schedule::StepSystems::Edit), with the others of the same body and [`MassPolicy`] that were made in a row as one
 //! batch, and [`RemovalLog`] tells what came of it.
 
 use bevy_ecs::prelude::*;

@@ -11,7 +11,7 @@ use super::{Removal, RemovalError, RemovalReport, remove_batch};
 /// Requests are carried out in the order in which they were made.
 #[derive(Component, Clone, Debug)]
 pub struct RemovalRequest {
-    /// Index into [`Topology::bodies`].
+    /// Index into [`Topology::bodies`](sinew_engine::topology::Topology::bodies).
     pub body: usize,
     /// What to remove.
     pub removal: Removal,
@@ -22,7 +22,7 @@ pub struct RemovalRequest {
 static REQUESTS: AtomicU64 = AtomicU64::new(0);
 
 impl RemovalRequest {
-    /// Asks for a removal from the body at an index of [`Topology::bodies`].
+    /// Asks for a removal from the body at an index of [`Topology::bodies`](sinew_engine::topology::Topology::bodies).
     pub fn new(body: usize, removal: Removal) -> Self {
         Self { body, removal, sequence: REQUESTS.fetch_add(1, Ordering::Relaxed) }
     }
