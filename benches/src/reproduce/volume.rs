@@ -187,7 +187,7 @@ fn finding_of_sweep(swept: &Swept) -> Finding {
         .map(|(nu, change)| format!("{change:.2} at {nu}"))
         .collect();
     Finding::of(swept.changes.iter().all(|change| *change < allowed)).says(format!(
-        "{} in {} change their volume by less than {allowed:.1} %, as in the paper, which prints no constants: \
+        "{} in {} change their volume by less than {allowed:.1} %, as in the paper, which prints no constants: in \
          %, over Poisson's ratio {}",
         swept.body.name(),
         swept.mesh,
