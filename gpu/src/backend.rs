@@ -19,7 +19,7 @@ use sinew_engine::step::{
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_models::axes::description::AxisForm;
 use sinew_models::body::SoftBody;
-use sinew_solvers::recovery::{BodyState, Shape, load_measures, mark_of_hold};
+use sinew_solvers::recovery::{BodyState, Shape, load_measures};
 use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
 use sinew_solvers::state::{NodeState, Rows, read_rest, write_displacement, write_state};
 use std::ops::Range;
@@ -309,7 +309,10 @@ impl GpuBackend {
         let shapes: Vec<Shape> = rows
             .iter()
             .enumerate()
-            .map(|(i, rows)| Shape::of(&volumes, i, mark_of_hold(&node, rows.clone())))
+            .map(|(i, rows)| {
+                let state = self.bodies[i].recovery;
+                Shape::of(&volumes, i, state.hold(&node, rows.clone()))
+            })
             .collect();
         let loads = match settings.recovery {
             true => self.loads_of_beginners(world, &node, &shapes),

@@ -37,12 +37,12 @@ impl Decision<'_> {
         state: &mut BodyState,
         report: &mut StepReport,
     ) -> Result<bool, Refusal> {
+        let was = state.recovers();
         if !on {
             *state = BodyState::Own;
             body.recovering = false;
-            return Ok(false);
+            return Ok(was);
         }
-        let was = state.recovers();
         let mut plan = state.plan(&self.shape, || self.largest_strain());
         if was || plan == Plan::Begin {
             let mut energies = |recovering| {

@@ -89,7 +89,7 @@ pub struct Shape {
     pub inverted: u64,
     /// Smallest volume ratio.
     pub smallest_ratio: f64,
-    /// Mark of what holds the body ([`mark_of_hold`]); none while that moves.
+    /// Mark of what holds the body ([`BodyState::hold`]); none while that moves.
     pub hold: Option<u64>,
 }
 
@@ -127,6 +127,12 @@ impl BodyState {
     /// Whether it recovers.
     pub fn recovers(self) -> bool {
         matches!(self, Self::Recovers { .. })
+    }
+
+    /// A mark of which axes of its rows are held; `None` while what holds them moves, and for a body that moves
+    /// by its own law, which nobody asks.
+    pub fn hold<S: Scalar>(self, node: &NodeState<S>, rows: Range<usize>) -> Option<u64> {
+        if self == Self::Own { None } else { mark_of_hold(node, rows) }
     }
 
     /// What the shape asks for; counts steps. `strain` is the largest relative change of length of an edge.
@@ -255,9 +261,10 @@ impl Recovery {
         world.insert_resource(old.clone());
         world.run_system_cached(measure_volume_ratios::<S>).expect("engine resources");
         let (volumes, topology) = (world.resource::<VolumeReport>(), world.resource::<Topology>());
-        let hold = |i| mark_of_hold(node, rows_of(topology, i));
-        let shapes: Vec<Shape> = (0..count).map(|i| Shape::of(volumes, i, hold(i))).collect();
-        let topology = world.resource::<Topology>();
+        let shape = |(i, state): (usize, &BodyState)| {
+            Shape::of(volumes, i, state.hold(node, rows_of(topology, i)))
+        };
+        let shapes: Vec<Shape> = self.bodies.iter().enumerate().map(shape).collect();
         let without = world.resource::<BodiesWithoutRecovery>();
         let plan = |(i, state): (usize, &mut BodyState)| {
             let strain = || largest_strain(topology, node, rest, i);
@@ -345,7 +352,7 @@ pub(crate) fn rows_of(topology: &Topology, body: usize) -> Range<usize> {
 }
 
 /// A mark of which axes of some rows are held; `None` while what holds them moves.
-pub fn mark_of_hold<S: Scalar>(node: &NodeState<S>, rows: Range<usize>) -> Option<u64> {
+fn mark_of_hold<S: Scalar>(node: &NodeState<S>, rows: Range<usize>) -> Option<u64> {
     let mut mark = 0_u64;
     for row in rows {
         if node.held_axes(row).any(|k| node.prescribed[row][k] != node.u[row][k]) {
