@@ -521,8 +521,11 @@ impl Simulation {
         {
             self.fetch();
         }
-        let world = &mut self.world;
-        run_step(world)
+        let result = run_step(&mut self.world);
+        // the engine keeps systems and columns by taking components out and putting them back: without this,
+        // notes of the removals pile up for the rest of the run, as there is no app that drops them each frame
+        self.world.clear_trackers();
+        result
     }
 
     /// Largest stable explicit step (s) at the current state, from the largest eigenvalue by Lanczos

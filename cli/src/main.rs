@@ -291,6 +291,15 @@ fn run_scene(arguments: RunArguments) -> Outcome {
         threads: None,
     };
     replaced.apply(&mut scene);
+    let options = [
+        ("dt", "--dt", arguments.dt.is_some()),
+        ("load_steps", "--load-steps", arguments.load_steps.is_some()),
+        ("threads", "--threads", arguments.threads.is_some()),
+        ("solver.integrator", "--integrator", arguments.integrator.is_some()),
+        ("solver.linear_tolerance", "--linear-tolerance", arguments.linear_tolerance.is_some()),
+        ("solver.newton_tolerance", "--newton-tolerance", arguments.newton_tolerance.is_some()),
+    ];
+    options.into_iter().filter(|o| o.2).for_each(|(key, option, _)| scene.replaced_by(key, option));
     let print_json = arguments.json.as_deref().is_some_and(|path| path.as_os_str() == "-");
     let options = RunOptions {
         build: BuildOptions {

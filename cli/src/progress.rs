@@ -11,6 +11,13 @@ pub struct Progress {
 }
 
 impl Observer for Progress {
+    fn built(&mut self, scene: &mut BuiltScene) {
+        // the report comes too late for this one
+        for warning in scene.warnings.iter().filter(|w| w.code == "scene.steps.many") {
+            eprintln!("warning: {}; {}", warning.message, warning.remedy);
+        }
+    }
+
     fn start(&mut self, name: &str, steps: u64) {
         let bar = ProgressBar::new(steps);
         let template = "{prefix} [{bar:30}] {pos}/{len} steps, {msg}, {per_sec}, {eta} left";

@@ -107,6 +107,8 @@ pub struct Writer {
     quads: Vec<[u32; 4]>,
     /// Cell data of the mesh files; NaN for bodies without it.
     cell_data: Vec<CellData>,
+    /// Smallest altitude of a cell at rest (m).
+    smallest: f64,
     /// First cell of every kind of each body, among those of its kind.
     start: Vec<ByKind<usize>>,
 }
@@ -147,6 +149,8 @@ impl Writer {
             quads.extend(b.membrane_quads().iter().map(|q| q.map(|v| v + first)));
         }
         let cell_data = joined_cell_data(built);
+        let smallest = built.bodies.iter().map(|b| b.report.statistics.smallest_altitude);
+        let smallest = smallest.fold(f64::INFINITY, f64::min);
         let (folder, frames) = (folder.to_path_buf(), Vec::new());
         Ok(Self {
             folder,
@@ -160,6 +164,7 @@ impl Writer {
             triangles,
             quads,
             cell_data,
+            smallest,
             start,
         })
     }
@@ -245,7 +250,8 @@ impl Writer {
                 point_scalars: &[("held", &held)],
                 cell_scalars: &[("J", &j), ("body", &of_body), ("index", &index)],
                 cell_data: &cell_data,
-                single_precision: true,
+                single_precision: fit_in_f32(&points, self.smallest)
+                    && fit_in_f32(&v, f64::INFINITY),
                 ..VtuData::default()
             },
         )?;
@@ -277,6 +283,12 @@ impl Writer {
             format!("{} (energies and probes)", self.csv_path.display()),
         ])
     }
+}
+
+/// Whether `f32` rounds vectors by at most a thousandth of a length and does not overflow.
+fn fit_in_f32(vectors: &[DVec3], length: f64) -> bool {
+    let most = (1e-3 * length / f64::from(f32::EPSILON)).min(f64::from(f32::MAX));
+    vectors.iter().all(|x| x.abs().max_element() <= most)
 }
 
 /// Takes away what an earlier run left under the same name, which this one would be mixed up with.

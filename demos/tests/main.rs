@@ -2,6 +2,7 @@
 
 mod bad_scenes;
 mod common;
+mod fuzz;
 #[cfg(feature = "gpu")]
 mod gpu_scenes;
 mod material_fields;

@@ -64,15 +64,16 @@ fn fibres_and_a_membrane_in_one_body_are_written() {
 
 #[test]
 fn numbers_beyond_all_units_are_refused() {
-    says(&refusal(&scene(LIVER, "gravity = [0.0, 0.0, -1e100]")), &["line 4", "gravity", "1e12"]);
+    says(&refusal(&scene(LIVER, "gravity = [0.0, 0.0, -1e100]")), &["line 4", "gravity", "1e18"]);
     let of = |e: &str, rho: &str| {
         format!("material = {{ young_modulus = {e}, poisson_ratio = 0.4, density = {rho} }}")
     };
-    says(&refusal(&scene(&of("1e300", "1e3"), "")), &["line 8", "Young's modulus is 1e300"]);
+    says(&refusal(&scene(&of("1e300", "1e3"), "")), &["line 8", "young_modulus`: 1e300 is beyond"]);
     says(&refusal(&scene(&of("1e4", "1e-30"), "")), &["line 8", "density is 1e-30"]);
     let pressed = scene(LIVER, "").to_string()
         + "[[pressure]]\nname = \"p\"\non = { surface = true }\npressure = 1e30\n";
-    says(&refusal(&pressed), &["line 15", "1e12"]);
+    says(&refusal(&pressed), &["line 15, `pressure[0].pressure`", "1e30 is beyond"]);
+    says(&refusal(&pressed.replace("1e30", "1e15")), &["line 15", "1e12"]);
 }
 
 /// Bodies under loads that no line search can follow are not called done.
@@ -229,4 +230,73 @@ fn names_cannot_break_files_or_terminals() {
     let csv = std::fs::read_to_string(out.join("t.csv")).unwrap();
     says(csv.lines().next().unwrap(), &[",'=HYPERLINK(1)"]);
     std::fs::remove_dir_all(out).unwrap();
+}
+
+/// Wrong numbers are told at their key, before the first step, and never by another remedy.
+#[test]
+fn what_no_scene_can_hold_is_refused_at_its_key() {
+    let fibres = format!(
+        "{LIVER}\n[[body.fibres]]\nname = \"f\"\nmodulus = 1e300\ndirection = [1.0, 0.0, 0.0]"
+    );
+    says(&refusal(&scene(&fibres, "")), &["line 11, `body[0].fibres[0].modulus`", "1e300"]);
+    let step = scene(LIVER, "").replace("dt = 0.01", "dt = 1e-300");
+    says(&refusal(&step), &["line 2, `dt`: dt = 1e-300 s makes 3.000e299 steps"]);
+    let threads = scene(LIVER, "threads = 9223372036854775807");
+    says(&refusal(&threads), &["line 4, `threads`"]);
+    let stiff = scene("material = { preset = \"liver\", young_modulus = 1e-150 }", "");
+    says(&refusal(&stiff), &["line 8, `body[0].material.young_modulus`"]);
+}
+
+/// An option in place of a key is what an error names.
+#[test]
+fn errors_name_the_option_that_was_given() {
+    let mut scene = loaded(&scene(LIVER, ""));
+    scene.scene.dt = Some(f64::NAN);
+    scene.replaced_by("dt", "--dt");
+    let error = build(&scene, &BuildOptions::default()).map(|_| ()).unwrap_err().to_string();
+    assert!(error.starts_with("truth.toml, `--dt`: dt is NaN s"), "{error}");
+}
+
+#[test]
+fn runs_of_hours_are_told() {
+    let told = |dt: &str| {
+        let text = scene(LIVER, "").replace("dt = 0.01", dt);
+        let built = build(&loaded(&text), &BuildOptions::default()).unwrap();
+        built.warnings.iter().any(|w| w.code == "scene.steps.many")
+    };
+    assert!(told("dt = 3e-10") && !told("dt = 1e-4"));
+}
+
+/// Far from the origin 32 bits would fold the body; near it they are enough.
+#[test]
+fn frames_keep_the_shape() {
+    let out = folder("far");
+    for (far, kind) in [("1e7", "Float64"), ("0.0", "Float32")] {
+        let body = format!("{LIVER}\ntranslate = [{far}, 0.0, 0.0]");
+        run_into(&scene(&body, "gravity = [0.0, 0.0, 0.0]"), &out);
+        let frame = out.join("frames/t_00000.vtu");
+        let bytes = std::fs::read(&frame).unwrap();
+        says(&String::from_utf8_lossy(&bytes), &[&format!("type=\"{kind}\" Name=\"Points\"")]);
+        let points = Mesh::read(&frame).unwrap().points;
+        let across = points.iter().map(|p| p.x).fold(f64::NEG_INFINITY, f64::max) - points[0].x;
+        assert!((across - 0.1).abs() < 1e-6, "{across}");
+    }
+    std::fs::remove_dir_all(out).unwrap();
+}
+
+/// A file that is no mesh is not quoted: a scene from elsewhere may name any file.
+#[test]
+fn what_is_no_mesh_is_not_shown() {
+    let text = scene(LIVER, "");
+    let text = text.replace(
+        "generate = { box = { size = [0.1, 0.1, 0.1], cells = [2, 2, 2] } }",
+        "mesh = \"secrets\"",
+    );
+    let scene = loaded(&text).with_files(|_: &Path| Ok(b"root:x:secret".to_vec()));
+    let error = build(&scene, &BuildOptions::default()).map(|_| ()).unwrap_err().to_string();
+    says(&error, &["line 7", "secrets: unknown mesh format"]);
+    assert!(!error.contains("root"), "{error}");
+    let open = format!("<VTKFile type=\"UnstructuredGrid\">\n<{}", "a".repeat(5000));
+    let error = Mesh::from_bytes("a.vtu", open.as_bytes()).unwrap_err().to_string();
+    assert!(error.len() < 400, "{}", error.len());
 }

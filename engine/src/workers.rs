@@ -80,15 +80,21 @@ impl Workers {
         if threads == 1 {
             return Ok(Self { pool: None, threads, instruction_set });
         }
-        if threads > MAX_THREADS {
-            return Err(WorkersError::TooMany { threads });
-        }
+        Self::check_count(threads)?;
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .start_handler(move |thread| pin(thread, threads))
             .build()
             .map_err(|source| WorkersError::Refused { threads, source })?;
         Ok(Self { pool: Some(Arc::new(pool)), threads, instruction_set })
+    }
+
+    /// Refuses a number of threads of no use.
+    ///
+    /// # Errors
+    /// When it is more than 512.
+    pub fn check_count(threads: usize) -> Result<(), WorkersError> {
+        if threads > MAX_THREADS { Err(WorkersError::TooMany { threads }) } else { Ok(()) }
     }
 
     /// The same threads with another instruction set. Results depend on it in the last digits; with

@@ -143,10 +143,13 @@ fn non_manifold_face_and_edge() {
 #[test]
 fn unused_vertices_and_components() {
     let mut mesh = cube();
-    mesh.points.push(DVec3::splat(f64::NAN));
+    mesh.points.push(DVec3::splat(2.0));
     expect(&mesh, Code::UnusedVertices, Severity::Info, 1, &[]);
     let checked = check(&mesh, &CheckOptions::default()).unwrap();
     assert_eq!(checked.used_vertices, (0..27).collect::<Vec<u32>>());
+    mesh.points[27] = DVec3::splat(f64::NAN);
+    let others = [Code::UnusedVertices];
+    expect(&mesh, Code::NonFiniteCoordinate, Severity::Error, 1, &others);
 
     let (mut two, other) = (cube(), cube());
     two.points.extend(other.points.iter().map(|&p| p + DVec3::splat(5.0)));

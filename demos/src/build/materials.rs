@@ -9,9 +9,14 @@ use sinew::models::material::{MaterialError, YoungPoisson, preset};
 /// Key of the value that is wrong.
 fn material_key(error: &MaterialError) -> &'static str {
     match error {
-        MaterialError::NonFinite { quantity, .. } if quantity.starts_with('Y') => "young_modulus",
+        MaterialError::NonFinite { quantity, .. } | MaterialError::BeyondAll { quantity, .. } => {
+            match &quantity[..1] {
+                "Y" => "young_modulus",
+                "d" => "density",
+                _ => "poisson_ratio",
+            }
+        }
         MaterialError::YoungModulus { .. } => "young_modulus",
-        MaterialError::NonFinite { quantity, .. } if quantity.starts_with('d') => "density",
         MaterialError::Density { .. } => "density",
         MaterialError::UnknownPreset { .. } => "preset",
         _ => "poisson_ratio",

@@ -28,7 +28,9 @@ pub use scene::{BuildOptions, BuiltScene, Plan};
 
 use crate::error::SceneError;
 use crate::scene::LoadedScene;
-use sinew::engine::workers::WorkersError;
+use crate::warning::{Level, Warning};
+use sinew::engine::connectivity::ElementKind;
+use sinew::engine::workers::{Workers, WorkersError};
 use sinew::simulation::{Readback, Simulation, SimulationError, SimulationOptions};
 use sinew::solvers::settings::Integrator;
 use std::collections::HashSet;
@@ -73,7 +75,31 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     }
     let checked = built.simulation.check_backend();
     checked.map_err(|source| of_simulation(loaded, source))?;
+    warn_of_long_runs(&mut built);
     Ok(built)
+}
+
+/// Tells what a run takes at least, where that is long.
+fn warn_of_long_runs(built: &mut BuiltScene) {
+    const LONG: f64 = 3600.0;
+    // (s), explicit steps on a machine of 2026; implicit ones take several times that
+    const PER_STEP: f64 = 3e-6;
+    const PER_ELEMENT: f64 = 2e-8;
+    let elements = built
+        .bodies
+        .iter()
+        .flat_map(|b| ElementKind::ALL.map(|kind| b.element_count(kind)))
+        .sum::<usize>();
+    let seconds = built.plan.steps as f64 * (PER_STEP + PER_ELEMENT * elements as f64);
+    if seconds > LONG {
+        built.warnings.push(Warning::new(
+            "scene.steps.many",
+            Level::Warning,
+            "scene",
+            format!("{} steps take hours: {:.1} at the very least", built.plan.steps, seconds / 3600.0),
+            "give longer or fewer steps (dt, duration, load_steps, --steps); files are whole when it is interrupted",
+        ));
+    }
 }
 
 /// A simulation without bodies.
@@ -83,6 +109,8 @@ fn empty_simulation(
     plan: &Plan,
 ) -> Result<Simulation, SceneError> {
     let scene = &loaded.scene;
+    // whatever this run uses: a check runs on one thread
+    Workers::check_count(scene.threads).map_err(|e| of_simulation(loaded, e.into()))?;
     let mut simulation = Simulation::new(SimulationOptions {
         precision: options.precision.unwrap_or(scene.precision.into()),
         backend: options.backend.unwrap_or(scene.backend.into()),

@@ -72,7 +72,7 @@ fn dynamic_steps(loaded: &LoadedScene) -> Result<(f64, u64), SceneError> {
         return Err(loaded.key("dt").value(found, "give a shorter step"));
     }
     if steps > 1e9 {
-        let found = format!("dt = {dt} s makes {steps:.3e} steps in {duration} s");
+        let found = format!("dt = {dt:e} s makes {steps:.3e} steps in {duration:e} s");
         return Err(loaded.key("dt").value(found, "give a longer step (at most 1e9 steps)"));
     }
     Ok((dt, steps as u64))

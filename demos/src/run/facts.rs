@@ -5,8 +5,8 @@ use crate::build::{BuiltBody, BuiltScene};
 use crate::scene::{LoadedScene, Mode};
 use crate::summary::{
     AxesSummary, BodySummary, ConstraintSummary, LoadSummary, Machine, MembraneSummary,
-    PressureSummary, RunSummary, SCHEMA, SceneSummary, Settings, Stage, StepTiming, SystemSummary,
-    Timing, Versions, Warning,
+    PressureSummary, RunSummary, SCHEMA, SceneSummary, Settings, Stage, SystemSummary, Timing,
+    Versions, Warning,
 };
 use sinew::engine::report::SystemTimes;
 use sinew::engine::schedule::Executor;
@@ -34,8 +34,8 @@ pub(super) struct RunFacts<'a> {
 
 impl RunFacts<'_> {
     /// Number of steps carried out.
-    pub fn steps(&self) -> usize {
-        self.totals.step_times.len()
+    pub fn steps(&self) -> u64 {
+        self.totals.step_times.count()
     }
 
     pub fn integrator(&self) -> Integrator {
@@ -127,7 +127,7 @@ impl RunFacts<'_> {
 
     fn timing(&mut self) -> Timing {
         let steps = self.steps().max(1) as f64;
-        let stepping: f64 = self.totals.step_times.iter().sum();
+        let stepping = self.totals.step_times.total();
         let total = self.start.elapsed().as_secs_f64();
         let simulated = if self.is_dynamic() { self.built.simulation.time() } else { 0.0 };
         let stage = |name, seconds: f64, every_step: bool| Stage {
@@ -157,7 +157,7 @@ impl RunFacts<'_> {
             simulated_s: simulated,
             real_time_factor: (self.is_dynamic() && stepping > 0.0).then(|| simulated / stepping),
             systems: systems.collect(),
-            step: StepTiming::of(std::mem::take(&mut self.totals.step_times)),
+            step: self.totals.step_times.timing(),
             stages,
         }
     }

@@ -149,7 +149,7 @@ const GAIN: f64 = 0.1;
 
 /// Why a run that came to its end is not to be trusted, if so.
 fn untrue(built: &BuiltScene, totals: &Totals) -> Option<String> {
-    let (steps, halted) = (totals.step_times.len() as f64, totals.solver.halted_steps);
+    let (steps, halted) = (totals.step_times.count() as f64, totals.solver.halted_steps);
     if halted >= HALTED.1 && halted as f64 > HALTED.0 * steps {
         return Some(format!(
             "in {halted} of {steps} steps a body was halted because no state of lower energy was found, so it \
@@ -257,7 +257,7 @@ impl Run<'_> {
                 volume.inverted as f64,
                 f64::from(report.newton_iterations),
                 f64::from(report.cg_iterations),
-                totals.step_times.last().map_or(0.0, |s| s * 1e3),
+                1e3 * totals.step_times.last(),
             ];
             row.extend_from_slice(&self.probes);
             writer.row(step, &row)?;

@@ -1,15 +1,15 @@
 //! Sums over the steps of a run.
 
 use crate::build::BuiltScene;
-use crate::summary::{EnergySummary, GpuSummary, SolverSummary, VolumeSummary};
+use crate::summary::{EnergySummary, GpuSummary, SolverSummary, StepTimes, VolumeSummary};
 use sinew::engine::report::StepReport;
 use sinew::simulation::Simulation;
 
 /// Sums over the steps.
 #[derive(Default)]
 pub(super) struct Totals {
-    /// Host times (s) of all steps.
-    pub step_times: Vec<f64>,
+    /// Host times of all steps.
+    pub step_times: StepTimes,
     pub solver: SolverSummary,
     pub energy: EnergySummary,
     pub volume: VolumeSummary,
@@ -42,7 +42,7 @@ impl Totals {
 
     /// Adds a step that took `seconds` of host time.
     pub fn add_step(&mut self, simulation: &Simulation, seconds: f64) {
-        self.step_times.push(seconds);
+        self.step_times.add(seconds);
         self.add(simulation.report());
         self.add_gpu(simulation);
         self.energy.activation_work = simulation.activation_work().total;
@@ -75,7 +75,7 @@ impl Totals {
         s.worst_residual = s.worst_residual.max(report.cg_residual);
         s.worst_newton_step = s.worst_newton_step.max(report.newton_step);
         // a running mean: the time of this step is booked already
-        let done = self.step_times.len().max(1) as f64;
+        let done = self.step_times.count().max(1) as f64;
         let error = report.linearisation_error;
         s.linearisation_error_mean += (error - s.linearisation_error_mean) / done;
         s.linearisation_error_max = s.linearisation_error_max.max(error);

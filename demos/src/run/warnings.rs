@@ -61,7 +61,7 @@ rules! {
         "use a smaller dt, a smaller linear_tolerance or more max_newton_iterations";
     Warning "run.gradient" "solver": |run| run.totals.solver.gradient_fallbacks;
         |n| "{n} linear solves fell back to a gradient step";
-        "use a smaller dt; elements are far out of shape";
+        "elements are far out of shape: use a smaller dt, or precision = \"f64\" where the mesh has slivers";
     Warning "run.line-search" "solver": |run| run.totals.solver.line_search_failures;
         |n| "in {n} steps a body was halted where it was, no lower energy was found";
         "use a smaller dt or a smaller linear_tolerance";

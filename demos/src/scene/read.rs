@@ -2,6 +2,7 @@
 
 use super::document::Scene;
 use crate::error::{Place, SceneError, hint};
+use crate::text::short;
 use glam::DVec3;
 use sinew::engine::memory::read_file;
 use sinew::engine::mesh::{Mesh, MeshError};
@@ -17,10 +18,15 @@ use std::sync::Arc;
 /// Largest number that a scene may hold, in whatever SI unit.
 const MOST: f64 = 1e12;
 
+/// Largest number of any key, moduli among them; most keys have closer limits.
+const BEYOND: f64 = 1e18;
+
 /// Keys of a document and where they stand.
 #[derive(Clone, Debug, Default)]
 struct KeySpans {
     spans: HashMap<String, KeySpan>,
+    /// The first number beyond [`BEYOND`], as it is written.
+    beyond: Option<(String, String)>,
 }
 
 #[derive(Clone, Debug)]
@@ -44,19 +50,29 @@ impl KeySpans {
             let name = key.get_ref();
             let path = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
             self.insert(text, &path, key.span(), value.span());
-            match value.get_ref() {
-                toml::de::DeValue::Table(inner) => self.table(text, &path, inner),
-                toml::de::DeValue::Array(entries) => {
-                    for (i, entry) in entries.iter().enumerate() {
-                        let path = format!("{path}[{i}]");
-                        self.insert(text, &path, entry.span(), entry.span());
-                        if let toml::de::DeValue::Table(inner) = entry.get_ref() {
-                            self.table(text, &path, inner);
-                        }
-                    }
+            self.value(text, &path, value.get_ref());
+        }
+    }
+
+    fn value(&mut self, text: &str, path: &str, value: &toml::de::DeValue<'_>) {
+        use toml::de::DeValue;
+        match value {
+            DeValue::Table(inner) => self.table(text, path, inner),
+            DeValue::Array(entries) => {
+                for (i, entry) in entries.iter().enumerate() {
+                    let path = format!("{path}[{i}]");
+                    self.insert(text, &path, entry.span(), entry.span());
+                    self.value(text, &path, entry.get_ref());
                 }
-                _ => {}
             }
+            DeValue::Float(number) => {
+                // what is not finite is refused by its key
+                let size = number.as_str().parse().map_or(0.0, f64::abs);
+                if size > BEYOND && size.is_finite() && self.beyond.is_none() {
+                    self.beyond = Some((path.to_string(), number.as_str().to_string()));
+                }
+            }
+            _ => {}
         }
     }
 
@@ -107,6 +123,8 @@ pub struct LoadedScene {
     pub file: PathBuf,
     keys: KeySpans,
     files: Files,
+    /// Keys that options of the command replaced, with these.
+    options: Vec<(&'static str, &'static str)>,
 }
 
 /// How files that a scene names are read.
@@ -144,7 +162,14 @@ impl LoadedScene {
         match toml::from_str(text) {
             Ok(scene) => {
                 let files = Files(Arc::new(read_file));
-                Ok(Self { scene, file: file.into(), keys, files })
+                let loaded = Self { scene, file: file.into(), keys, files, options: Vec::new() };
+                match &loaded.keys.beyond {
+                    Some((key, value)) => Err(loaded.key(key).value(
+                        format!("{value} is beyond {BEYOND:e}, the most of any number in a scene"),
+                        "check the units: metres, seconds, kilograms, newtons, pascals",
+                    )),
+                    None => Ok(loaded),
+                }
             }
             Err(error) => Err(parse_error(text, file, &keys, &error)),
         }
@@ -193,9 +218,17 @@ impl LoadedScene {
         Mesh::read_with(&self.resolve(path), &*self.files.0)
     }
 
+    /// Says that a value does not come from the file: errors about the key then name the option.
+    pub fn replaced_by(&mut self, key: &'static str, option: &'static str) {
+        self.options.push((key, option));
+    }
+
     /// Place of a key.
     pub fn place(&self, key: impl Into<String>) -> Box<Place> {
         let key = key.into();
+        if let Some((_, option)) = self.options.iter().find(|(own, _)| *own == key) {
+            return Box::new(Place { file: self.file.clone(), line: None, key: (*option).into() });
+        }
         Box::new(Place { file: self.file.clone(), line: self.keys.line(&key), key })
     }
 
@@ -290,7 +323,7 @@ impl Key<'_> {
             return self.finite([value]).map(|_| value);
         }
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-        Err(self.value(format!("{what} is {value}{unit}"), "make it positive and finite"))
+        Err(self.value(format!("{what} is {}{unit}", short(value)), "make it positive and finite"))
     }
 
     /// Refuses anything but exactly one of several keys below this one.

@@ -44,14 +44,13 @@ pub enum MeshError {
     },
     /// Neither extension nor content tells the file format.
     #[error(
-        "{file}: unknown mesh format, the file starts with `{start}`; \
+        "{file}: unknown mesh format by its extension and its first characters; \
          use Gmsh (.msh), VTK (.vtk, .vtu), TetGen (.node and .ele), .obj or .stl"
     )]
     UnknownFormat {
+        // nothing of its content, which may be a file that the author of a scene must not see
         /// Name of the file.
         file: String,
-        /// First characters of the file.
-        start: String,
     },
     /// The file is sound as far as known, but uses a feature that no reader here understands.
     #[error("{file}, {place}: {feature} is not supported; {remedy}")]
@@ -198,14 +197,19 @@ pub enum MeshError {
 
 /// A piece of a file as text for a message, at most 40 characters.
 pub(crate) fn shown(bytes: &[u8]) -> String {
-    let cut = &bytes[..bytes.len().min(200)];
+    shown_up_to(40, bytes)
+}
+
+/// Likewise, with so many characters.
+pub(crate) fn shown_up_to(most: usize, bytes: &[u8]) -> String {
+    let cut = &bytes[..bytes.len().min(5 * most)];
     let text: String = String::from_utf8_lossy(cut)
         .chars()
-        .take(41)
+        .take(most + 1)
         .map(|c| if c.is_control() { '.' } else { c })
         .collect();
-    if text.chars().count() > 40 || bytes.len() > 200 {
-        let mut short: String = text.chars().take(40).collect();
+    if text.chars().count() > most || bytes.len() > 5 * most {
+        let mut short: String = text.chars().take(most).collect();
         short.push_str("...");
         short
     } else {

@@ -153,7 +153,10 @@ impl Table<'_> {
     fn number(&self, column: &str) -> Result<Option<f64>, FitError> {
         let Some(text) = self.text(column) else { return Ok(None) };
         match text.parse::<f64>() {
-            Ok(value) if value.is_finite() => Ok(Some(value)),
+            Ok(value) if value.abs() <= 1e12 => Ok(Some(value)),
+            Ok(value) if value.is_finite() => {
+                Err(self.cell(column, format!("{text} is beyond 1e12"), "check the unit, SI"))
+            }
             _ => Err(self.cell(column, format!("`{text}` is no number"), "give a finite number")),
         }
     }

@@ -409,8 +409,8 @@ pub fn check(mesh: &Mesh, options: &CheckOptions) -> Result<CheckedMesh, CheckEr
     statistics.used_vertices = used_vertices.len();
 
     let mut tally = Tally::default();
-    for &v in &used_vertices {
-        let point = mesh.points[v as usize];
+    // unused ones as well: frames and other meshes would carry them on
+    for (v, point) in (0..).zip(&mesh.points) {
         if !point.is_finite() {
             tally.add(|| format!("{} at {point}", vertex_name(v, &mesh)));
         }

@@ -259,7 +259,7 @@ impl<'a> Reader<'a> {
             let name = fields.next().unwrap_or(b"").trim_ascii();
             let name = name.strip_prefix(b"\"").unwrap_or(name);
             let name = name.strip_suffix(b"\"").unwrap_or(name);
-            self.names.insert((dimension, tag), String::from_utf8_lossy(name).into_owned());
+            self.names.insert((dimension, tag), super::scan::name(name));
             // A name without cells is a group too, an empty one.
             self.group(dimension, tag);
         }
@@ -524,7 +524,7 @@ impl<'a> Reader<'a> {
         let integer = |i: usize| tags[2].get(i).copied().unwrap_or(b"");
         let components = self.cursor.count(integer(1), "the number of components")?;
         let count = self.cursor.count(integer(2), "the number of values")?;
-        let name = String::from_utf8_lossy(tags[0].first().copied().unwrap_or(b"")).into_owned();
+        let name = super::scan::name(tags[0].first().copied().unwrap_or(b""));
         let name = name.trim().trim_matches('"').to_owned();
         let names = match components {
             1 => vec![name],

@@ -21,7 +21,7 @@ pub use vtk::{encode_vtk, read_vtk, write_vtk};
 pub use vtu::{VtuData, encode_vtu, read_vtu, write_pvd, write_vtu};
 
 use super::Mesh;
-use super::error::{MeshError, shown};
+use super::error::MeshError;
 use std::borrow::Cow;
 use std::io::ErrorKind;
 use std::path::Path;
@@ -87,7 +87,7 @@ pub(super) fn from_bytes(path: &Path, data: &[u8]) -> Result<Mesh, MeshError> {
             "stl" => read_stl(data, &name),
             _ if starts("solid") || stl::is_binary(data) => read_stl(data, &name),
             _ if starts("v ") => read_obj(data, &name),
-            _ => Err(MeshError::UnknownFormat { file: name.into_owned(), start: shown(start) }),
+            _ => Err(MeshError::UnknownFormat { file: name.into_owned() }),
         }
     }
 }

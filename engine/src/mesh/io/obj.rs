@@ -52,7 +52,7 @@ pub fn read_obj(data: &[u8], source: &str) -> Result<Mesh, MeshError> {
                 groups.clear();
                 // More names at once than any program writes would let memory grow with their product.
                 for name in fields.take(16) {
-                    let name = String::from_utf8_lossy(name).into_owned();
+                    let name = super::scan::name(name);
                     let slot = *names.entry(name.clone()).or_insert_with(|| builder.group(name, 2));
                     if !groups.contains(&slot) {
                         groups.push(slot);

@@ -177,6 +177,11 @@ impl<'a> Cursor<'a> {
     }
 }
 
+/// A name that a file gives. It reaches terminals and tables, so it has no control characters.
+pub(crate) fn name(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).replace(char::is_control, " ")
+}
+
 /// The words of a line.
 pub(crate) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())

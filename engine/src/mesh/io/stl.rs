@@ -92,7 +92,7 @@ impl Reader<'_> {
                 b"solid" => {
                     open = true;
                     let name = line.strip_prefix(b"solid").unwrap_or(b"").trim_ascii();
-                    let name = String::from_utf8_lossy(name).into_owned();
+                    let name = super::scan::name(name);
                     let builder = &mut self.builder;
                     group = (!name.is_empty()).then(|| {
                         *names.entry(name.clone()).or_insert_with(|| builder.group(name, 2))

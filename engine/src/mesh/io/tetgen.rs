@@ -112,7 +112,7 @@ fn vertices(
                 return Err(MeshError::UnknownVertex {
                     file: cursor.file.to_owned(),
                     place: cursor.place(),
-                    cell: format!("{} {}", kind.name, super::shown(field(fields, 0))),
+                    cell: format!("{} {}", kind.name, crate::mesh::error::shown(field(fields, 0))),
                     vertex,
                 });
             }

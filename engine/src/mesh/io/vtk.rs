@@ -377,7 +377,7 @@ fn decode_name(word: &[u8]) -> String {
         bytes.push(code.unwrap_or(byte));
         rest = if code.is_some() { &after[2..] } else { after };
     }
-    String::from_utf8_lossy(&bytes).into_owned()
+    super::scan::name(&bytes)
 }
 
 fn hex(digit: u8) -> Option<u8> {

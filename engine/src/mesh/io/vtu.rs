@@ -10,7 +10,7 @@ pub use write::{VtuData, encode_vtu, write_pvd, write_vtu};
 use super::grid::{self, Assembly, Located, Number, Piece, group_name, push_array};
 use super::scan::{Cursor, line_at, parse, words};
 use crate::mesh::Mesh;
-use crate::mesh::error::{MeshError, Place, shown};
+use crate::mesh::error::{MeshError, Place, shown, shown_up_to};
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 use std::cell::Cell;
@@ -153,7 +153,7 @@ impl<'a> Reader<'a> {
                         &format!("an XML attribute ({error})"),
                     )
                 })?;
-                return Ok(Some(value.into_owned()));
+                return Ok(Some(value.replace(char::is_control, " ")));
             }
         }
         Ok(None)
@@ -181,6 +181,8 @@ impl<'a> Reader<'a> {
             match event {
                 Err(error) => {
                     let place = self.line(before);
+                    // it may repeat a tag without an end, that is the rest of the file
+                    let error = shown_up_to(120, error.to_string().as_bytes());
                     return Err(self.invalid(
                         place,
                         &self.head[before.min(self.head.len())..],
