@@ -16,6 +16,7 @@ use progress::Progress;
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::schedule::Executor;
 use sinew::models::body::Evaluation;
+use sinew::models::material::YoungPoisson;
 use sinew::prelude::{Integrator, Model};
 use sinew::simulation::{Backend, Precision};
 use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print};
@@ -27,6 +28,7 @@ use sinew_demos::scene::{
     BackendName, BoxShape, CylinderShape, ExecutorName, Generate, LoadedScene, SheetCells,
     SheetShape, SolidCells, SphereShape,
 };
+use sinew_demos::springs::SpringTable;
 use sinew_demos::validate::{ValidateOptions, validate};
 use sinew_tune::advise::Choice;
 use std::path::PathBuf;
@@ -185,6 +187,27 @@ enum MeshCommand {
         /// Factor on all coordinates (0.001 for a mesh in millimetres).
         #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
         scale: f64,
+    },
+    /// The springs of tetrahedra or triangles that are St Venant-Kirchhoff elasticity: 21 of a tetrahedron, 6 of
+    /// a triangle (Delingette 2008).
+    Springs {
+        /// Mesh file.
+        file: PathBuf,
+        /// Young's modulus (Pa).
+        #[arg(long, allow_negative_numbers = true)]
+        young: f64,
+        /// Poisson's ratio.
+        #[arg(long, allow_negative_numbers = true)]
+        poisson: f64,
+        /// Thickness (m) of triangles, in plane stress.
+        #[arg(long, allow_negative_numbers = true)]
+        thickness: Option<f64>,
+        /// Which cell, counted from 0; may be given several times.
+        #[arg(long, default_values_t = [0])]
+        cell: Vec<usize>,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
     },
     /// A simple shape; lengths in metres.
     Generate {
@@ -387,6 +410,16 @@ fn mesh(command: MeshCommand) -> Outcome {
             let info = convert(&from, &to, scale)?;
             say!("{info}");
             sayln!("written to {}", to.display());
+        }
+        MeshCommand::Springs { file, young, poisson, thickness, cell, json } => {
+            let material =
+                YoungPoisson { young_modulus: young, poisson_ratio: poisson, density: 1000.0 };
+            let table = SpringTable::of(&read(&file)?, material, thickness, &cell)?;
+            if json {
+                sayln!("{}", serde_json::to_string_pretty(&table)?);
+            } else {
+                say!("{table}");
+            }
         }
         MeshCommand::Generate { shape } => {
             let (shape, out) = match shape {

@@ -300,3 +300,28 @@ fn what_is_no_mesh_is_not_shown() {
     let error = Mesh::from_bytes("a.vtu", open.as_bytes()).unwrap_err().to_string();
     assert!(error.len() < 400, "{}", error.len());
 }
+
+/// The ratio of a material of two dimensions may come near 1 (Delingette 2008, section 2.3), that of a solid may not.
+#[test]
+fn sheets_may_have_a_ratio_near_one() {
+    let sheet = |nu: &str, plane: &str| {
+        scene(
+            &format!(
+                "material = {{ young_modulus = 1e5, poisson_ratio = {nu}, density = 1000.0 }}\n\
+                 membrane = {{ thickness = 0.001, plane = \"{plane}\" }}"
+            ),
+            "",
+        )
+        .replace(
+            "box = { size = [0.1, 0.1, 0.1], cells = [2, 2, 2] }",
+            "sheet = { size = [0.1, 0.1], cells = [2, 2] }",
+        )
+    };
+    let built = build(&loaded(&sheet("0.95", "stress")), &BuildOptions::default()).unwrap();
+    assert!(!built.warnings.iter().any(|w| w.code.starts_with("material.poisson")));
+    let place = "line 8, `body[0].material.poisson_ratio`";
+    says(&refusal(&sheet("1.0", "stress")), &[place, "at most 0.9999"]);
+    says(&refusal(&sheet("0.6", "strain")), &["below 0.5"]);
+    let solid = "material = { young_modulus = 1e5, poisson_ratio = 0.6, density = 1000.0 }";
+    says(&refusal(&scene(solid, "")), &[place, "below 0.5"]);
+}

@@ -7,6 +7,7 @@ mod compression;
 mod cost;
 mod cylinder;
 mod elements;
+mod equivalence;
 mod fibres;
 mod fit_cost;
 mod frame;
@@ -73,6 +74,7 @@ pub static PAPER_A: Source = Source {
         ("Quadratic springs and other laws against strain", |_| validity::figure()),
         ("A membrane on regular and irregular tessellations", |_| tessellation::figure()),
         ("Resection of a liver in real time (Fig. 3, bottom)", |_| resection::figure()),
+        ("The springs are the material (sections 2.3, 2.4, 3)", |_| equivalence::figure()),
     ],
 };
 

@@ -12,7 +12,7 @@ use glam::DVec3;
 use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::{CheckOptions, CheckReport, CheckedMesh, FindingCode, Mesh, check};
 use sinew::models::body::BodyDescription;
-use sinew::models::body::sheet::MembraneSettings;
+use sinew::models::body::sheet::{MembraneSettings, PlaneState};
 use sinew::models::material::YoungPoisson;
 
 /// Adds the bodies of a scene.
@@ -26,8 +26,9 @@ pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), Sc
 
 fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, SceneError> {
     let entry = &body.material;
-    let material = material(&key.at("material"), entry)?;
     let mesh = meshes::placed(key, body)?;
+    let thin = body.membrane.as_ref().filter(|m| !mesh.is_solid() && m.plane == PlaneState::Stress);
+    let material = material(&key.at("material"), entry, thin.is_some())?;
     let mesh_key = meshes::source(key, body);
     mesh.fits_into_memory()
         .map_err(|source| SceneError::Mesh { place: mesh_key.place(), source: Box::new(source) })?;
@@ -47,7 +48,7 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
     if let Some(membrane) = &membrane {
         count_membrane_vertices(&mut checked, membrane);
     }
-    warn_of_findings(&body.name, &checked.report, material, &mut built.warnings);
+    warn_of_findings(&body.name, &checked.report, material, thin.is_some(), &mut built.warnings);
     let field = |quantity: &str, name: &Option<String>| {
         let key = key.at("material").at(format!("{quantity}_field"));
         cell_data(&key, name.as_ref(), &checked.mesh)
@@ -129,6 +130,7 @@ fn warn_of_findings(
     body: &str,
     report: &CheckReport,
     material: YoungPoisson,
+    thin: bool,
     warnings: &mut Vec<Warning>,
 ) {
     let subject = format!("body `{body}`");
@@ -150,6 +152,8 @@ fn warn_of_findings(
         material
             .findings()
             .into_iter()
+            // sheets in plane stress do not lock
+            .filter(|f| !(thin && f.code == "material.poisson.locking"))
             .map(|f| Warning::new(f.code, Level::Warning, &subject, f.message, f.remedy)),
     );
 }
@@ -162,7 +166,7 @@ fn membrane(
     base: YoungPoisson,
 ) -> Result<BuiltMembrane, SceneError> {
     let material = match &entry.material {
-        Some(own) => material(&key.at("material"), own)?,
+        Some(own) => material(&key.at("material"), own, entry.plane == PlaneState::Stress)?,
         None => base,
     };
     key.at("thickness").positive(entry.thickness, "the thickness", "m")?;

@@ -23,8 +23,12 @@ fn material_key(error: &MaterialError) -> &'static str {
     }
 }
 
-/// The material of an entry.
-pub(super) fn material(key: &Key, entry: &Material) -> Result<YoungPoisson, SceneError> {
+/// The material of an entry, of a thin sheet or of a solid.
+pub(super) fn material(
+    key: &Key,
+    entry: &Material,
+    thin: bool,
+) -> Result<YoungPoisson, SceneError> {
     let error = |name: &str, source| SceneError::Material { place: key.at(name).place(), source };
     let base = match &entry.preset {
         Some(name) => Some(preset(name).map_err(|source| error("preset", source))?.material),
@@ -41,7 +45,8 @@ pub(super) fn material(key: &Key, entry: &Material) -> Result<YoungPoisson, Scen
         poisson_ratio: pick("poisson_ratio", entry.poisson_ratio, |m| m.poisson_ratio)?,
         density: pick("density", entry.density, |m| m.density)?,
     };
-    material.validate().map_err(|source| error(material_key(&source), source))?;
+    let valid = if thin { material.validate_sheet() } else { material.validate() };
+    valid.map_err(|source| error(material_key(&source), source))?;
     Ok(material)
 }
 

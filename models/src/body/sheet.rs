@@ -309,7 +309,10 @@ pub(crate) struct Sheet {
 impl MembraneDescription<'_> {
     /// Checks all that does not need the points in order.
     pub(crate) fn validate(&self, count: usize) -> Result<(), MembraneError> {
-        self.material.validate()?;
+        match self.plane {
+            PlaneState::Stress => self.material.validate_sheet()?,
+            PlaneState::Strain => self.material.validate()?,
+        }
         if !(self.thickness > 0.0 && self.thickness.is_finite()) {
             return Err(MembraneError::Thickness { value: self.thickness });
         }

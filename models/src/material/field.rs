@@ -152,6 +152,11 @@ impl MaterialField<'_> {
                 return Err(FieldError::Length { quantity, found, expected: count });
             }
         }
+        if count == 0 {
+            // a body of sheets alone, which check their own material
+            let sheet = self.material.validate_sheet();
+            return sheet.map(|()| Vec::new()).map_err(|e| FieldError::Material(Box::new(e)));
+        }
         // a constant that no element uses must be right all the same: it is what reports show
         let whole =
             self.material.lame().map_err(|source| FieldError::Material(Box::new(source)))?;

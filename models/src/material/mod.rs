@@ -20,6 +20,9 @@ use thiserror::Error;
 /// Largest Poisson's ratio accepted; `lambda` is then about 1700 Young's moduli.
 pub const MAX_POISSON_RATIO: f64 = 0.4999;
 
+/// Largest accepted Poisson's ratio of a sheet in plane stress.
+pub const MAX_SHEET_POISSON_RATIO: f64 = 0.9999;
+
 /// Elastic constants and density of an isotropic solid, as the user states them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -77,6 +80,15 @@ pub enum MaterialError {
          use 0.45 to 0.49 for nearly incompressible tissue"
     )]
     PoissonRatioTooHigh {
+        /// What was given.
+        value: f64,
+    },
+    /// Poisson's ratio of a sheet is too near to 1.
+    #[error(
+        "Poisson's ratio of the sheet is {value}: it must be at most {MAX_SHEET_POISSON_RATIO}, since the moduli \
+         in its plane grow without bound towards 1"
+    )]
+    SheetPoissonRatioTooHigh {
         /// What was given.
         value: f64,
     },
@@ -139,12 +151,47 @@ const YOUNG_RANGE: [f64; 2] = [1e-9, 1e18];
 const DENSITY_RANGE: [f64; 2] = [1e-15, 1e15];
 
 impl YoungPoisson {
-    /// Checks the ranges in which the formulas of this crate hold.
+    /// Checks the ranges in which the formulas of this crate hold, for solids and plane strain.
     ///
     /// # Errors
     ///
     /// The first parameter out of range, with its value and a remedy.
     pub fn validate(&self) -> Result<(), MaterialError> {
+        self.validate_but_for_upper_ratio()?;
+        let nu = self.poisson_ratio;
+        if nu >= 0.5 {
+            return Err(MaterialError::PoissonRatioTooHigh { value: nu });
+        }
+        if nu > MAX_POISSON_RATIO {
+            return Err(MaterialError::NearlyIncompressible { value: nu });
+        }
+        Ok(())
+    }
+
+    /// The same for a sheet in plane stress. As the ratio of a material of two dimensions (Delingette 2008,
+    /// section 2.3) it may come near 1; that of a solid cut into a sheet is below 1/2.
+    ///
+    /// # Errors
+    ///
+    /// As [`validate`](Self::validate), but with [`MAX_SHEET_POISSON_RATIO`] as the limit.
+    ///
+    /// ```
+    /// use sinew_models::material::YoungPoisson;
+    /// let skin = YoungPoisson { young_modulus: 1e5, poisson_ratio: 0.9, density: 1000.0 };
+    /// assert!(skin.validate().is_err() && skin.validate_sheet().is_ok());
+    /// assert!(YoungPoisson { poisson_ratio: 1.0, ..skin }.validate_sheet().is_err());
+    /// ```
+    pub fn validate_sheet(&self) -> Result<(), MaterialError> {
+        self.validate_but_for_upper_ratio()?;
+        match self.poisson_ratio {
+            value if value > MAX_SHEET_POISSON_RATIO => {
+                Err(MaterialError::SheetPoissonRatioTooHigh { value })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn validate_but_for_upper_ratio(&self) -> Result<(), MaterialError> {
         let named = [
             ("Young's modulus", self.young_modulus),
             ("Poisson's ratio", self.poisson_ratio),
@@ -161,12 +208,6 @@ impl YoungPoisson {
         let nu = self.poisson_ratio;
         if nu <= -1.0 {
             return Err(MaterialError::PoissonRatioTooLow { value: nu });
-        }
-        if nu >= 0.5 {
-            return Err(MaterialError::PoissonRatioTooHigh { value: nu });
-        }
-        if nu > MAX_POISSON_RATIO {
-            return Err(MaterialError::NearlyIncompressible { value: nu });
         }
         if self.density <= 0.0 {
             return Err(MaterialError::Density { value: self.density });
