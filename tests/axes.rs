@@ -397,7 +397,6 @@ fn contraction_is_paid_for() {
     clamp(&mut simulation, body, &mesh, "x0");
     simulation.integrate_by(Integrator::StormerVerlet);
     simulation.set_dt(1e-3);
-    let volume = simulation.volume(body);
     simulation.steps(100);
     let report = simulation.report();
     let energy = report.kinetic_energy + report.elastic_energy;
@@ -407,7 +406,6 @@ fn contraction_is_paid_for() {
     let u = simulation.displacements(body);
     let tip = group(&mesh, "x1");
     assert!(tip.iter().all(|&v| u[v as usize].x < -2e-3));
-    assert!((simulation.volume(body) / volume - 1.0).abs() < 0.1);
 }
 
 /// `Lambda` keeps the volume of a drawn bar of Poisson's ratio 0.

@@ -103,8 +103,6 @@ fn remove_some(
 
 #[test]
 fn mixed_bars_hang_like_bars_of_one_kind() {
-    let Mixed { mesh, .. } = mixed([16, 4, 4]);
-    let bricks = box_hexahedra(DVec3::new(0.2, 0.05, 0.05), [16, 4, 4]).unwrap();
     let tip = |mesh: &Mesh| {
         let (mut simulation, body) = alone(&BodyDescription::new("bar", mesh, SOFT));
         hold_end(&mut simulation, body, &mesh.points);
@@ -114,9 +112,12 @@ fn mixed_bars_hang_like_bars_of_one_kind() {
         assert_eq!(simulation.volume_report().inverted, 0);
         simulation.displacements(body).iter().map(|u| u.z).fold(0.0, f64::min)
     };
-    let (a, b) = (tip(&mesh), tip(&bricks));
-    // tetrahedra in the free half are stiffer
-    assert!(a < -0.005 && (a / b - 1.0).abs() < 0.1, "{a} {b}");
+    // tetrahedra in the free half are stiffer, by an error of the second order in the size of the cells
+    let missing = [[8, 2, 2], [16, 4, 4]].map(|cells| {
+        let bricks = box_hexahedra(DVec3::new(0.2, 0.05, 0.05), cells).unwrap();
+        1.0 - tip(&mixed(cells).mesh) / tip(&bricks)
+    });
+    assert!(missing[1] > 0.0 && missing[1] < 0.5 * missing[0], "{missing:?}");
 }
 
 #[test]
@@ -319,9 +320,19 @@ fn springs_of_a_plate_and_negative_constants_stay_bounded() {
     hold_end(&mut simulation, body, &mesh.points);
     simulation.set_gravity(DVec3::new(1.0, 0.0, 0.0));
     simulation.set_dt(0.01);
-    simulation.steps(50);
+    // rest is no minimum with such springs, so the plate moves away from it; what is stored never passes what the
+    // load gave
+    let mut work = 0.0;
+    for _ in 0..50 {
+        simulation.step().unwrap();
+        let report = simulation.report();
+        work += report.load_work;
+        let stored = report.elastic_energy + report.kinetic_energy;
+        let size = report.elastic_energy.abs() + report.kinetic_energy;
+        assert!(stored <= work + 1e-9 * size, "{stored} of {work}");
+    }
     let u = simulation.displacements(body);
-    assert!(u.iter().all(|u| u.is_finite() && u.length() < 0.2));
+    assert!(simulation.report().elastic_energy < 0.0 && u.iter().all(|u| u.is_finite()));
 }
 
 #[test]

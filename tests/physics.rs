@@ -842,3 +842,20 @@ fn equilibria_are_sought_in_parts_where_one_go_inverts_elements() {
     assert!(max_distance(&again, &simulation.displacements(body)) < 1e-9);
     assert_eq!(simulation.report().load_parts, 1);
 }
+
+/// Systems that the engine keeps are taken out of the world and put back: what notes that must not grow with the
+/// number of steps.
+#[test]
+fn the_world_does_not_grow_with_the_steps() {
+    let mesh = jittered_box([1.0; 3], [1; 3]);
+    let (mut simulation, _) =
+        simulate(options(Precision::F64, 1), &mesh, soft(1e4, 0.3), Model::StVK, Evaluation::Fused);
+    simulation.set_dt(1e-3);
+    let mut notes = |steps| {
+        simulation.steps(steps);
+        let world = simulation.world_mut();
+        let removed = world.removed_components().iter().map(|(_, m)| m.len()).sum::<usize>();
+        (removed, world.entities().len())
+    };
+    assert_eq!(notes(10), notes(90));
+}

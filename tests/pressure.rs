@@ -158,9 +158,11 @@ fn pressure_work_is_booked_apart_and_energy_is_kept() {
     let mesh = disc_triangles(0.1, 6).unwrap();
     let settings = |integrator| SolverSettings { integrator, ..Default::default() };
     let mut ends = Vec::new();
-    for (integrator, dt, steps) in
-        [(Integrator::StormerVerlet, 2e-3, 50), (Integrator::Newton, 2.5e-4, 400)]
-    {
+    for (integrator, dt, steps) in [
+        (Integrator::StormerVerlet, 2e-3, 50),
+        (Integrator::Newton, 5e-4, 200),
+        (Integrator::Newton, 2.5e-4, 400),
+    ] {
         let (mut s, body) = sheet(
             SimulationOptions::default(),
             &mesh,
@@ -194,8 +196,9 @@ fn pressure_work_is_booked_apart_and_energy_is_kept() {
         assert!((direct - s.report().elastic_energy).abs() < 1e-9 * direct);
         ends.push(s.displacements(body)[0].z);
     }
-    assert!(ends[0] > 0.01);
-    assert!((ends[0] - ends[1]).abs() < 0.3 * ends[0], "{ends:?}");
+    // implicit Euler is of the first order: its limit is the undamped motion
+    let limit = 2.0 * ends[2] - ends[1];
+    assert!(ends[0] > 0.01 && (limit / ends[0] - 1.0).abs() < 0.05, "{ends:?}");
 }
 
 #[test]

@@ -341,3 +341,43 @@ fn what_is_missing_or_wrong_is_named() {
     simulation.step().unwrap();
     assert_eq!(simulation.time(), 0.01);
 }
+
+/// Systems of one stage really run at the same time under the executor that promises it: two of them wait for each
+/// other, which they can only where neither has to end before the other begins.
+#[test]
+fn independent_systems_run_at_the_same_time() {
+    use std::sync::mpsc::{Receiver, Sender, channel};
+    use std::sync::{Arc, Mutex};
+    use std::time::Duration;
+    if std::thread::available_parallelism().map_or(1, usize::from) < 2 {
+        eprintln!("skipped: one core only");
+        return;
+    }
+    let met = |executor| {
+        let mut simulation = scene(&[FUSED, POOLED], executor);
+        let counted = Arc::new(Mutex::new(0));
+        let (to_second, from_first) = channel();
+        let (to_first, from_second) = channel();
+        let wait = |send: Sender<()>, receive: Receiver<()>, counted: Arc<Mutex<u32>>| {
+            let (send, receive) = (Mutex::new(send), Mutex::new(receive));
+            move || {
+                let _ = send.lock().unwrap().send(());
+                let patience = Duration::from_millis(200);
+                let met = receive.lock().unwrap().recv_timeout(patience).is_ok();
+                *counted.lock().unwrap() += u32::from(met);
+            }
+        };
+        let first = wait(to_second, from_second, Arc::clone(&counted));
+        let second = wait(to_first, from_first, Arc::clone(&counted));
+        let mut schedules = simulation.world_mut().resource_mut::<Schedules>();
+        schedules.entry(ForceSchedule).add_systems((
+            first.in_set(ForceSystems::Evaluate),
+            second.in_set(ForceSystems::Evaluate),
+        ));
+        simulation.evaluate();
+        *counted.lock().unwrap()
+    };
+    assert_eq!(met(Executor::MultiThreaded), 2);
+    // one after another, only the later one finds that the other was there
+    assert_eq!(met(Executor::SingleThreaded), 1);
+}

@@ -19,7 +19,8 @@ const FLIGHT: Part = Part {
     criterion: "linear momentum and centre of mass as the scheme's closed form, to 1e-10",
 };
 const STEPS: [f64; 4] = [1e-4, 1e-3, 1e-2, 1.0 / 60.0];
-/// The bar (m) for which the angular momentum that implicit Euler keeps was measured by another program.
+/// The bar (m) for which the angular momentum that integrators keep was measured by a reference program, written apart
+/// from this one in Python with direct solves ([`spin_elsewhere`] has its table).
 const SIZE: DVec3 = DVec3::new(0.2, 0.05, 0.05);
 
 pub(super) fn cases() -> Result<Cases, MeshError> {
