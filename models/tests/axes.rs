@@ -121,6 +121,26 @@ fn check_springs<const N: usize>(
     };
     let printed = springs.forces(&x, AngularForm::Printed);
     compare(worst, "angular forces, printed", printed.as_flattened(), &angular["forces_printed"]);
+    // oblique rest angles: section 2.2 of Bourguignon & Cani 2000 once more, `-k (cos - cos_0)` times the other
+    // axis on the ends of either
+    let cosine = [0.3, -0.5, 0.1];
+    let chord = |i: usize| {
+        let points = spread[i].iter().zip(&x).map(|(w, x)| *w * DVec3::from_array(*x));
+        points.sum::<DVec3>().normalize()
+    };
+    let mut oblique = [DVec3::ZERO; N];
+    for (p, [i, j]) in AXIS_PAIRS.into_iter().enumerate() {
+        let (a, b) = (chord(i), chord(j));
+        let size = -springs.printed[p] * (a.dot(b) - cosine[p]);
+        for (vertex, f) in oblique.iter_mut().enumerate() {
+            *f += size * (spread[i][vertex] * b + spread[j][vertex] * a);
+        }
+    }
+    let found = AngularSprings { cosine, ..springs }.forces(&x, AngularForm::Printed);
+    let expected: Vec<f64> = oblique.iter().flat_map(|f| f.to_array()).collect();
+    let off = max_difference(found.as_flattened(), &expected);
+    let size = expected.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    worst.note("oblique angular forces, printed", off, size, name);
     let centre = (0..3).map(|k| x.iter().map(|x| x[k]).sum::<f64>() / N as f64);
     let centre = DVec3::from_slice(&centre.collect::<Vec<_>>());
     let torque = |f: &[[f64; 3]; N]| {
