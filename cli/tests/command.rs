@@ -173,3 +173,102 @@ fn render_writes_a_page_and_refuses_what_it_cannot_draw() {
     check(&adapter, 1, "", "graphics adapter");
     check(&["render"], 2, "", "Usage");
 }
+
+/// A run that takes long, its folder, and its first rows on the way.
+#[cfg(unix)]
+fn under_way(name: &str) -> (std::process::Child, PathBuf) {
+    let (scene, out) = (file(&format!("{name}.toml")), file(name));
+    let _ = std::fs::remove_dir_all(&out);
+    let text = "name = \"long\"\ndt = 0.001\nduration = 1000.0\n[output]\nevery = 5\n[[body]]\nname = \"b\"\n\
+                generate = { box = { size = [0.1, 0.1, 0.1], cells = [2, 2, 2] } }\n\
+                material = { preset = \"liver\" }\n[[constraint]]\nname = \"c\"\nselect = { group = \"x0\" }\n";
+    std::fs::write(&scene, text).unwrap();
+    let child = Command::new(env!("CARGO_BIN_EXE_sinew"))
+        .args(["run", "--quiet", "--out"])
+        .args([&out, &scene])
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let rows = || std::fs::read_to_string(out.join("long.csv")).unwrap_or_default();
+    for _ in 0..600 {
+        if rows().lines().count() > 20 {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    assert!(rows().lines().count() > 20, "no rows after 12 s");
+    (child, out)
+}
+
+#[cfg(unix)]
+fn kill(child: &mut std::process::Child, signal: &str) -> Option<i32> {
+    let killed = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    child.wait().unwrap().code()
+}
+
+/// Every frame that the index names is there and can be read, and every row is whole.
+#[cfg(unix)]
+fn is_whole(out: &Path) -> usize {
+    let index = std::fs::read_to_string(out.join("long.pvd")).unwrap();
+    assert!(index.trim_end().ends_with("</VTKFile>"), "{index}");
+    let names: Vec<&str> =
+        index.split("file=\"").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
+    for name in &names {
+        sinew::engine::mesh::Mesh::read(&out.join(name)).unwrap();
+    }
+    let rows = std::fs::read_to_string(out.join("long.csv")).unwrap();
+    let columns = |row: &str| row.split(',').count();
+    let first = columns(rows.lines().next().unwrap());
+    assert!(rows.ends_with('\n') && rows.lines().all(|row| columns(row) == first));
+    names.len()
+}
+
+#[cfg(unix)]
+#[test]
+fn signals_leave_whole_files_and_a_summary() {
+    for signal in ["-TERM", "-INT", "-HUP"] {
+        let (mut child, out) = under_way("signal");
+        assert_eq!(kill(&mut child, signal), Some(1), "{signal}");
+        assert!(is_whole(&out) > 3);
+        let summary = std::fs::read_to_string(out.join("summary.json")).unwrap();
+        assert!(
+            summary.contains("interrupted after step") && summary.contains("\"completed\": false")
+        );
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_killed_run_leaves_what_the_next_one_understands() {
+    let (mut child, out) = under_way("killed");
+    assert_eq!(kill(&mut child, "-KILL"), None);
+    assert!(is_whole(&out) > 3 && !out.join("summary.json").exists());
+    let frames = || std::fs::read_dir(out.join("frames")).unwrap().count();
+    let before = frames();
+    let [scene, folder] = [file("killed.toml"), out.clone()].map(|p| p.display().to_string());
+    check(&["run", "--steps", "2", "--out", &folder, &scene], 0, "that was cut short", "");
+    assert!(frames() < before && is_whole(&out) == frames());
+    check(&["run", "--steps", "2", "--out", &folder, &scene], 0, "of an earlier run were", "");
+}
+
+/// As on a full disk: the rows find no more room, what is there is whole, and the summary says so.
+#[cfg(unix)]
+#[test]
+fn a_run_without_room_ends_by_name() {
+    let (mut child, out) = under_way("full");
+    kill(&mut child, "-KILL");
+    let limited =
+        "trap '' XFSZ; ulimit -f 32; exec \"$0\" run --quiet --steps 2000 --out \"$1\" \"$2\"";
+    let output = Command::new("bash")
+        .args(["-c", limited, env!("CARGO_BIN_EXE_sinew")])
+        .args([&out, &file("full.toml")])
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("interrupted in step") && told.contains("has room"), "{told}");
+    assert!(is_whole(&out) > 3 && !out.join("frames/unfinished").exists());
+    let summary = std::fs::read_to_string(out.join("summary.json")).unwrap();
+    assert!(summary.contains("interrupted in step") && summary.contains("\"completed\": false"));
+}

@@ -4,10 +4,11 @@
 use crate::build::{BuiltBody, BuiltScene};
 use crate::error::RunError;
 use crate::probe;
+use crate::warning::{Level, Warning};
 use glam::DVec3;
 use sinew::engine::connectivity::{ByKind, ElementKind};
-use sinew::engine::mesh::CellData;
 use sinew::engine::mesh::io::{VtuData, write_pvd, write_vtu};
+use sinew::engine::mesh::{CellData, MeshError};
 use sinew::models::axes::field::to_cell_data;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -97,8 +98,10 @@ pub struct Writer {
     folder: PathBuf,
     stem: String,
     frames: Vec<(f64, String)>,
-    csv: std::io::BufWriter<std::fs::File>,
+    csv: std::fs::File,
     csv_path: PathBuf,
+    /// Length of its whole rows (bytes).
+    csv_length: u64,
     points: Vec<DVec3>,
     tetrahedra: Vec<[u32; 4]>,
     hexahedra: Vec<[u32; 8]>,
@@ -118,25 +121,24 @@ fn write_error(path: &Path) -> impl Fn(std::io::Error) -> RunError + '_ {
 }
 
 impl Writer {
-    /// Makes the folder, takes away what an earlier run of the scene left in it, and starts the CSV file.
+    /// Makes the folder, takes away what an earlier run of the scene left in it, which becomes a note of the scene, and
+    /// starts the CSV file.
     ///
     /// # Errors
     /// When the folder cannot be made or written to.
-    pub fn new(folder: &Path, name: &str, built: &BuiltScene) -> Result<Self, RunError> {
+    pub fn new(folder: &Path, name: &str, built: &mut BuiltScene) -> Result<Self, RunError> {
         let frames = folder.join("frames");
         std::fs::create_dir_all(&frames).map_err(write_error(&frames))?;
         let stem: String = name
             .chars()
             .map(|c| if c.is_alphanumeric() || c == '-' || c == '_' { c } else { '_' })
             .collect();
-        remove_old(folder, &stem)?;
+        built.warnings.extend(remove_old(folder, &stem)?);
         let csv_path = folder.join(format!("{stem}.csv"));
-        let file = std::fs::File::create(&csv_path).map_err(write_error(&csv_path))?;
-        let mut csv = std::io::BufWriter::new(file);
+        let csv = std::fs::File::create(&csv_path).map_err(write_error(&csv_path))?;
         let columns = COMMON_COLUMNS.iter().map(|c| (*c).to_string());
         let header: Vec<String> =
             columns.chain(probe::columns(&built.probes)).map(|c| header_cell(&c)).collect();
-        writeln!(csv, "{}", header.join(",")).map_err(write_error(&csv_path))?;
         let (mut points, mut tetrahedra, mut hexahedra) = (Vec::new(), Vec::new(), Vec::new());
         let (mut triangles, mut quads, mut start) = (Vec::new(), Vec::new(), Vec::new());
         for b in &built.bodies {
@@ -152,12 +154,13 @@ impl Writer {
         let smallest = built.bodies.iter().map(|b| b.report.statistics.smallest_altitude);
         let smallest = smallest.fold(f64::INFINITY, f64::min);
         let (folder, frames) = (folder.to_path_buf(), Vec::new());
-        Ok(Self {
+        let mut writer = Self {
             folder,
             stem,
             frames,
             csv,
             csv_path,
+            csv_length: 0,
             points,
             tetrahedra,
             hexahedra,
@@ -166,7 +169,21 @@ impl Writer {
             cell_data,
             smallest,
             start,
-        })
+        };
+        writer.line(&header.join(","))?;
+        Ok(writer)
+    }
+
+    /// Adds a line to the CSV file, whole or not at all.
+    fn line(&mut self, text: &str) -> Result<(), RunError> {
+        let line = format!("{text}\n");
+        self.csv.write_all(line.as_bytes()).map_err(|source| {
+            // best effort: the disk may be full, and the error is told anyway
+            let _ = self.csv.set_len(self.csv_length);
+            write_error(&self.csv_path)(source)
+        })?;
+        self.csv_length += line.len() as u64;
+        Ok(())
     }
 
     /// Adds a row to the CSV file.
@@ -174,13 +191,8 @@ impl Writer {
     /// # Errors
     /// When it cannot be written.
     pub fn row(&mut self, step: u64, values: &[f64]) -> Result<(), RunError> {
-        let path = &self.csv_path;
-        write!(self.csv, "{step}").map_err(write_error(path))?;
-        for value in values {
-            write!(self.csv, ",{}", Cell(*value)).map_err(write_error(path))?;
-        }
-        // whole rows only, should the run be cut short
-        writeln!(self.csv).and_then(|()| self.csv.flush()).map_err(write_error(path))
+        let cells = values.iter().map(|value| Cell(*value).to_string());
+        self.line(&std::iter::once(step.to_string()).chain(cells).collect::<Vec<_>>().join(","))
     }
 
     /// Writes the current state as a frame.
@@ -237,26 +249,20 @@ impl Writer {
             })
             .collect();
         let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
-        let partial = self.folder.join("frames/unfinished");
-        write_vtu(
-            &partial,
-            &VtuData {
-                points: &points,
-                tetrahedra: &tetrahedra,
-                hexahedra: &hexahedra,
-                triangles: &triangles,
-                quads: &quads,
-                point_vectors: &[("displacement", &u), ("velocity", &v)],
-                point_scalars: &[("held", &held)],
-                cell_scalars: &[("J", &j), ("body", &of_body), ("index", &index)],
-                cell_data: &cell_data,
-                single_precision: fit_in_f32(&points, self.smallest)
-                    && fit_in_f32(&v, f64::INFINITY),
-                ..VtuData::default()
-            },
-        )?;
-        let path = self.folder.join(&name);
-        std::fs::rename(&partial, &path).map_err(write_error(&path))?;
+        let data = VtuData {
+            points: &points,
+            tetrahedra: &tetrahedra,
+            hexahedra: &hexahedra,
+            triangles: &triangles,
+            quads: &quads,
+            point_vectors: &[("displacement", &u), ("velocity", &v)],
+            point_scalars: &[("held", &held)],
+            cell_scalars: &[("J", &j), ("body", &of_body), ("index", &index)],
+            cell_data: &cell_data,
+            single_precision: fit_in_f32(&points, self.smallest) && fit_in_f32(&v, f64::INFINITY),
+            ..VtuData::default()
+        };
+        self.appear(&name, |path| write_vtu(path, &data))?;
         self.frames.push((time, name));
         // the index is written again and again, so that a run that is killed has one
         let often = self.frames.len() < 1000 || self.frames.len().is_multiple_of(100);
@@ -265,11 +271,19 @@ impl Writer {
 
     /// Writes the index of the frames.
     fn index(&self) -> Result<PathBuf, RunError> {
-        let index = self.folder.join(format!("{}.pvd", self.stem));
-        let partial = self.folder.join("frames/unfinished");
-        write_pvd(&partial, &self.frames)?;
-        std::fs::rename(&partial, &index).map_err(write_error(&index))?;
-        Ok(index)
+        self.appear(&format!("{}.pvd", self.stem), |path| write_pvd(path, &self.frames))
+    }
+
+    /// Writes a file of the folder under another name and renames it, so that it is whole or not there.
+    fn appear(
+        &self,
+        name: &str,
+        write: impl FnOnce(&Path) -> Result<(), MeshError>,
+    ) -> Result<PathBuf, RunError> {
+        let (partial, path) = (self.folder.join("frames/unfinished"), self.folder.join(name));
+        write(&partial).inspect_err(|_| drop(std::fs::remove_file(&partial)))?;
+        std::fs::rename(&partial, &path).map_err(write_error(&path))?;
+        Ok(path)
     }
 
     /// Writes the index of the last frames; returns what was written.
@@ -291,10 +305,18 @@ fn fit_in_f32(vectors: &[DVec3], length: f64) -> bool {
     vectors.iter().all(|x| x.abs().max_element() <= most)
 }
 
-/// Takes away what an earlier run left under the same name, which this one would be mixed up with.
-fn remove_old(folder: &Path, stem: &str) -> Result<(), RunError> {
-    let mut old = vec![folder.join("summary.json"), folder.join(format!("{stem}.pvd"))];
+/// Takes away what an earlier run left under the same name, which this one would be mixed up with, and says so.
+fn remove_old(folder: &Path, stem: &str) -> Result<Option<Warning>, RunError> {
     let frames = folder.join("frames");
+    let [summary, index, rows, unfinished] = [
+        folder.join("summary.json"),
+        folder.join(format!("{stem}.pvd")),
+        folder.join(format!("{stem}.csv")),
+        frames.join("unfinished"),
+    ];
+    // a run that was killed has rows but no summary
+    let cut_short = rows.exists() && !summary.exists();
+    let mut old = vec![summary, index, rows, unfinished];
     for entry in std::fs::read_dir(&frames).map_err(write_error(&frames))? {
         let path = entry.map_err(write_error(&frames))?.path();
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
@@ -304,15 +326,24 @@ fn remove_old(folder: &Path, stem: &str) -> Result<(), RunError> {
             old.push(path);
         }
     }
+    let mut count = 0;
     for path in old {
         match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                return Err(write_error(&path)(error));
-            }
-            _ => {}
+            Ok(()) => count += 1,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+            Err(error) => return Err(write_error(&path)(error)),
         }
     }
-    Ok(())
+    let what = if cut_short { "an earlier run that was cut short" } else { "an earlier run" };
+    Ok((count > 0).then(|| {
+        Warning::new(
+            "run.output.replaced",
+            Level::Note,
+            "output",
+            format!("{count} files of {what} were taken away from {}", folder.display()),
+            "nothing to do; give another folder to keep them",
+        )
+    }))
 }
 
 /// A cell of the header: quoted where its text asks for it, and no formula for a spreadsheet.

@@ -85,7 +85,7 @@ pub fn run(
     }
     let mut built = build(loaded, &options.build)?;
     let writer = match &options.out {
-        Some(folder) => Some(Writer::new(folder, &loaded.scene.name, &built)?),
+        Some(folder) => Some(Writer::new(folder, &loaded.scene.name, &mut built)?),
         None => None,
     };
     let totals = Totals::new(&mut built);
@@ -101,7 +101,11 @@ pub fn run(
     let mut failure = None;
     for done in 1..=steps {
         let interrupted = options.interrupt.as_ref().is_some_and(|i| i.load(Ordering::Relaxed));
-        failure = run.step(done, interrupted || done == steps)?;
+        failure = match run.step(done, interrupted || done == steps) {
+            // no room, or the folder is gone: what is there is kept whole
+            Err(error) => Some(format!("interrupted in step {done} of {steps}: {error}")),
+            Ok(failure) => failure,
+        };
         if interrupted && done < steps {
             let message = || format!("interrupted after step {done} of {steps}");
             failure = failure.or_else(|| Some(message()));
@@ -115,8 +119,9 @@ pub fn run(
 
     let Run { built, mut totals, writer, probes, .. } = run;
     let clock = Instant::now();
-    let mut files = match writer {
-        Some(writer) => writer.finish()?,
+    let mut files = match writer.map(Writer::finish) {
+        Some(Err(error)) if failure.is_none() => return Err(error),
+        Some(written) => written.unwrap_or_default(),
         None => Vec::new(),
     };
     totals.frames += clock.elapsed().as_secs_f64();
@@ -137,7 +142,11 @@ pub fn run(
     for path in &targets {
         let error = |source| RunError::Write { path: path.clone(), source };
         let text = serde_json::to_string_pretty(&summary).map_err(|e| error(e.into()))?;
-        std::fs::write(path, text + "\n").map_err(error)?;
+        std::fs::write(path, text + "\n").map_err(|source| {
+            // half a summary would be worse than none
+            let _ = std::fs::remove_file(path);
+            error(source)
+        })?;
     }
     Ok(summary)
 }
