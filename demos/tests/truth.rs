@@ -264,7 +264,7 @@ fn runs_of_hours_are_told() {
         let built = build(&loaded(&text), &BuildOptions::default()).unwrap();
         built.warnings.iter().any(|w| w.code == "scene.steps.many")
     };
-    assert!(told("dt = 3e-10") && !told("dt = 1e-4"));
+    assert!(told("dt = 1e-9") && !told("dt = 1e-4"));
 }
 
 /// Far from the origin 32 bits would fold the body; near it they are enough.

@@ -82,15 +82,15 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
 /// Tells what a run takes at least, where that is long.
 fn warn_of_long_runs(built: &mut BuiltScene) {
     const LONG: f64 = 3600.0;
-    // (s), explicit steps on a machine of 2026; implicit ones take several times that
-    const PER_STEP: f64 = 3e-6;
-    const PER_ELEMENT: f64 = 2e-8;
+    // (s) per step and per element of a step, less than any machine of 2026 needs
+    let explicit = built.plan.settings.integrator.facts().explicit;
+    let [per_step, per_element] = if explicit { [3e-6, 2e-8] } else { [3e-5, 2e-7] };
     let elements = built
         .bodies
         .iter()
         .flat_map(|b| ElementKind::ALL.map(|kind| b.element_count(kind)))
         .sum::<usize>();
-    let seconds = built.plan.steps as f64 * (PER_STEP + PER_ELEMENT * elements as f64);
+    let seconds = built.plan.steps as f64 * (per_step + per_element * elements as f64);
     if seconds > LONG {
         built.warnings.push(Warning::new(
             "scene.steps.many",
