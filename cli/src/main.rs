@@ -21,6 +21,7 @@ use sinew::prelude::{Integrator, Model};
 use sinew::simulation::{Backend, Precision};
 use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print};
 use sinew_demos::build::{BuildOptions, generate};
+use sinew_demos::cell_springs::SpringTable;
 use sinew_demos::check::check_file;
 use sinew_demos::mesh_tool::{MeshInfo, convert, read, write};
 use sinew_demos::run::{Observer, RunOptions, Silent, run};
@@ -28,7 +29,6 @@ use sinew_demos::scene::{
     BackendName, BoxShape, CylinderShape, ExecutorName, Generate, LoadedScene, SheetCells,
     SheetShape, SolidCells, SphereShape,
 };
-use sinew_demos::springs::SpringTable;
 use sinew_demos::validate::{ValidateOptions, validate};
 use sinew_tune::advise::Choice;
 use std::path::PathBuf;

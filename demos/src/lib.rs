@@ -20,6 +20,7 @@
 //! * [`modes`](mod@modes): modes of free vibration.
 
 pub mod build;
+pub mod cell_springs;
 pub mod check;
 pub mod error;
 pub mod mesh_tool;
@@ -30,7 +31,7 @@ pub mod picture;
 pub mod probe;
 pub mod run;
 pub mod scene;
-pub mod springs;
+
 pub mod summary;
 mod text;
 pub mod validate;

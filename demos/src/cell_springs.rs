@@ -110,7 +110,7 @@ impl SpringTable {
     /// ```
     /// use sinew::engine::mesh::generate::box_tets;
     /// use sinew::models::material::YoungPoisson;
-    /// use sinew_demos::springs::SpringTable;
+    /// use sinew_demos::cell_springs::SpringTable;
     /// let mesh = box_tets([1.0, 1.0, 1.0].into(), [1, 1, 1]).unwrap();
     /// let material = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.3, density: 1000.0 };
     /// let table = SpringTable::of(&mesh, material, None, &[0]).unwrap();
