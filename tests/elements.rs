@@ -11,6 +11,8 @@ use sinew::identify::mesh::{Cells, fit_elements};
 use sinew::identify::{ElementMethod, LinearMaterial, Section};
 use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
 use sinew::models::axes::muscle::MuscleSettings;
+use sinew::models::body::MassRule;
+use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::resection::{Region, Removal, RemovalReport};
 use sinew::prelude::*;
@@ -270,7 +272,7 @@ fn springs_are_those_identified() {
         let fitted = fit_elements(&at, &cells, &[material], &Section::default(), method).unwrap();
         let description = BodyDescription {
             model: Model::MassSpring,
-            springs: Some(method),
+            springs: Some(method.into()),
             ..BodyDescription::new("bar", &points.mesh, SOFT)
         };
         let (mut simulation, body) = alone(&description);
@@ -293,7 +295,7 @@ fn a_method_that_does_not_fit_is_refused_by_name() {
     let bar = mixed([4, 2, 2]);
     let description = BodyDescription {
         model: Model::MassSpring,
-        springs: Some(ElementMethod::Baudet),
+        springs: Some(ElementMethod::Baudet.into()),
         ..BodyDescription::new("bar", &bar.mesh, SOFT)
     };
     let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
@@ -309,7 +311,7 @@ fn springs_of_a_plate_and_negative_constants_stay_bounded() {
     let sheet = MembraneDescription {
         quads: &mesh.quads,
         model: MembraneModel::MassSpring,
-        springs: Some(ElementMethod::Frobenius),
+        springs: Some(ElementMethod::Frobenius.into()),
         ..sheet
     };
     let description = BodyDescription {
@@ -393,4 +395,122 @@ fn a_balloon_pressure_pushes_hexahedra() {
     let region = Region::Hexahedra(vec![0]);
     let report = simulation.remove_elements(body, &Removal::new(region)).unwrap();
     assert_eq!(report.pressure_faces, 12);
+}
+
+#[test]
+fn uniform_springs_are_one_for_every_pair() {
+    const CONSTANT: f64 = 7.0;
+    let cube = |hexahedron| {
+        let mesh = box_hexahedra(DVec3::splat(0.1), [5, 5, 5]).unwrap();
+        let springs = Some(SpringRule::Uniform(UniformSprings { constant: CONSTANT, hexahedron }));
+        let description = BodyDescription {
+            model: Model::MassSpring,
+            springs,
+            masses: MassRule::Equal,
+            ..BodyDescription::new("cube", &mesh, SOFT)
+        };
+        let (mut simulation, body) = alone(&description);
+        disturb(&mut simulation, body, 2e-3, 4);
+        let u = simulation.displacements(body);
+        (simulation, body, mesh, u)
+    };
+    // pairs at which vertices of a regular grid are joined, as steps of the grid
+    let count = |diagonals_of_faces: bool, mesh: &Mesh, u: &[DVec3]| {
+        let (mut count, mut energy) = (0, 0.0);
+        for a in 0..mesh.points.len() {
+            for b in 0..a {
+                let rest = mesh.points[a] - mesh.points[b];
+                let steps = (rest / 0.02).abs().round();
+                let apart = steps.element_sum() as u32;
+                if steps.max_element() > 1.0 || (apart == 2 && !diagonals_of_faces) {
+                    continue;
+                }
+                count += 1;
+                let stretch = (rest + u[a] - u[b]).length() - rest.length();
+                energy += 0.5 * CONSTANT * stretch * stretch;
+            }
+        }
+        (count, energy)
+    };
+    for (hexahedron, springs) in
+        [(HexahedronSprings::EdgesAndDiagonals, 1040), (HexahedronSprings::All, 1940)]
+    {
+        let (mut simulation, body, mesh, u) = cube(hexahedron);
+        let (pairs, energy) = count(springs == 1940, &mesh, &u);
+        assert_eq!(pairs, springs);
+        let own = simulation.evaluate();
+        assert!((own - energy).abs() < 1e-12 * energy, "{springs}: {own} beside {energy}");
+        let masses = simulation.masses(body);
+        let each = SOFT.density * 1e-3 / 216.0;
+        assert!(masses.iter().all(|m| (m - each).abs() < 1e-12 * each));
+        // springs go with the last element that has them, and masses with the last of a vertex
+        for removed in [vec![0, 1, 7], vec![30, 31, 62], vec![2, 3, 100]] {
+            let before = simulation.evaluate();
+            let removal = Removal::new(Region::Hexahedra(removed));
+            let report = simulation.remove_elements(body, &removal).unwrap();
+            let after = simulation.evaluate();
+            let gone = report.elastic_energy;
+            assert!(gone > 0.0 && (before - after - gone).abs() < 1e-12 * before, "{gone}");
+            let difference = simulation.verify_against_fresh(body).unwrap();
+            assert!(difference.largest() < 1e-12, "{difference:?}");
+        }
+    }
+    let springs = Some(SpringRule::Uniform(UniformSprings {
+        constant: f64::NAN,
+        hexahedron: HexahedronSprings::All,
+    }));
+    let mesh = box_hexahedra(DVec3::splat(0.1), [1, 1, 1]).unwrap();
+    let description = BodyDescription { springs, ..BodyDescription::new("cube", &mesh, SOFT) };
+    let mut simulation = Simulation::new(options(Precision::F64, 1)).unwrap();
+    let error = simulation.add_body(&description).unwrap_err().to_string();
+    assert!(error.contains("NaN N/m"), "{error}");
+}
+
+#[test]
+fn uniform_springs_of_triangles_quadrilaterals_and_tetrahedra() {
+    let bar = mixed([4, 2, 2]);
+    let uniform = |constant| {
+        let hexahedron = HexahedronSprings::All;
+        Some(SpringRule::Uniform(UniformSprings { constant, hexahedron }))
+    };
+    let sheet = MembraneDescription {
+        quads: &bar.quads,
+        model: MembraneModel::MassSpring,
+        springs: uniform(3.0),
+        ..MembraneDescription::new(&bar.triangles, 1e-3, SOFT)
+    };
+    let description = BodyDescription {
+        model: Model::MassSpring,
+        springs: uniform(5.0),
+        membrane: Some(sheet),
+        ..BodyDescription::new("bar", &bar.mesh, SOFT)
+    };
+    let (mut simulation, body) = alone(&description);
+    disturb(&mut simulation, body, 1e-3, 6);
+    let u = simulation.displacements(body);
+    let pairs = |elements: &mut dyn Iterator<Item = &[u32]>| {
+        let mut pairs: Vec<[u32; 2]> = Vec::new();
+        for nodes in elements {
+            for (i, &a) in nodes.iter().enumerate() {
+                pairs.extend(nodes[..i].iter().map(|&b| [a.min(b), a.max(b)]));
+            }
+        }
+        pairs.sort_unstable();
+        pairs.dedup();
+        pairs
+    };
+    let tetrahedra = bar.mesh.tetrahedra.iter().map(|t| &t[..]);
+    let solid = pairs(&mut tetrahedra.chain(bar.mesh.hexahedra.iter().map(|h| &h[..])));
+    let triangles = bar.triangles.iter().map(|t| &t[..]);
+    let skin = pairs(&mut triangles.chain(bar.quads.iter().map(|q| &q[..])));
+    let mut energy = 0.0;
+    for (constant, pairs) in [(5.0, solid), (3.0, skin)] {
+        for [a, b] in pairs.into_iter().map(|pair| pair.map(|v| v as usize)) {
+            let rest = bar.mesh.points[a] - bar.mesh.points[b];
+            let stretch = (rest + u[a] - u[b]).length() - rest.length();
+            energy += 0.5 * constant * stretch * stretch;
+        }
+    }
+    let own = simulation.evaluate();
+    assert!((own - energy).abs() < 1e-12 * energy, "{own} beside {energy}");
 }

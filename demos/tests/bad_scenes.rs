@@ -2,6 +2,7 @@
 
 use crate::common::says;
 use glam::DVec3;
+use sinew::engine::mesh::CellData;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::models::axes::field::to_cell_data;
 use sinew::models::body::Model;
@@ -287,6 +288,7 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("generate.balloon", format!("{body}generate = {{ balloon = {{ zzz = 1 }} }}")),
         ("generate.cup", format!("{body}generate = {{ cup = {{ zzz = 1 }} }}")),
         ("[[body.fibres]]", format!("{fibres}zzz = 1")),
+        ("azimuth_elevation", format!("{fibres}azimuth_elevation = {{ zzz = 1 }}")),
         ("laplace", format!("{fibres}laplace = {{ zzz = 1 }}")),
         ("circular", format!("{fibres}circular = {{ zzz = 1 }}")),
         ("hemicircular", format!("{fibres}hemicircular = {{ zzz = 1 }}")),
@@ -355,7 +357,38 @@ fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
     let direction = |text: &str| FIBRES.replace("direction = [1.0, 0.0, 0.0]", text);
     let muscle = |text: &str| format!("{FIBRES}\nmuscle = {{ {text} }}");
     // line 14 is `[[body.fibres]]`
-    let cases: [(String, usize, &[&str]); 23] = [
+    let radial =
+        |form: &str| format!("{FIBRES}\n[body.axes]\nform = \"{form}\"\nvolume_viscosity = 2.0");
+    let bricks = with_fibres(&radial("printed"))
+        .replace("cells = [4, 1, 1] }", "cells = [4, 1, 1], elements = \"hexahedra\" }");
+    attempt(&bricks).unwrap();
+    attempt(&bricks.replace("\"safe\"", "\"symplectic-euler\"")).unwrap();
+    let cases: [(String, usize, &[&str]); 32] = [
+        (radial("printed"), 20, &["radial springs of hexahedra"]),
+        (radial("energy_consistent"), 20, &["radial springs", "printed_balanced"]),
+        (radial("printed").replace("2.0", "-2.0"), 20, &["-2 Pa s"]),
+        (direction("azimuth_elevation = {}"), 17, &["not exactly one kind of angles"]),
+        (direction("azimuth_elevation = { data = [\"a\", \"e\"] }"), 17, &["cell data `a`", "VTU"]),
+        (
+            direction("azimuth_elevation = { formula = [\"x\", \"2*w\"] }"),
+            17,
+            &["formula of elevation", "variables"],
+        ),
+        (
+            direction("azimuth_elevation = { formula = [\"0\", \"1/0\"] }"),
+            17,
+            &["element 0", "finite"],
+        ),
+        (
+            direction("azimuth_elevation = { formula = [\"0\", \"0\"], axis = [0, 0, 0] }"),
+            17,
+            &["axis", "not zero"],
+        ),
+        (
+            direction("azimuth_elevation = { formula = [\"0\", \"0\"], zero = [0, 0, 2] }"),
+            17,
+            &["azimuth 0", "not along the axis"],
+        ),
         (direction(""), 14, &["not exactly one kind of direction"]),
         (direction("direction = [1, 0, 0]\nrandom = { seed = 1 }"), 14, &["not exactly one"]),
         (direction("direction = [0.0, 0.0, 0.0]"), 17, &["no length"]),
@@ -406,10 +439,7 @@ fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
     }
     let viscous = with_fibres(&format!("{FIBRES}\nviscosity = 5.0"));
     attempt(&viscous).unwrap();
-    let explicit = viscous.replace("\"safe\"", "\"stormer-verlet\"");
-    let message = attempt(&explicit).unwrap_err().to_string();
-    assert!(message.contains("`body[0].fibres[0].viscosity`"), "{message}");
-    assert!(message.contains("mass_damping") && message.contains("\"safe\""), "{message}");
+    attempt(&viscous.replace("\"safe\"", "\"stormer-verlet\"")).unwrap();
     let at_rest = viscous.replace("dt = 0.01\nduration = 0.1", "mode = \"static\"");
     let message = attempt(&at_rest.replace("\"safe\"", "\"auto\"")).unwrap_err().to_string();
     assert!(message.contains("viscosity") && message.contains("static"), "{message}");
@@ -450,4 +480,76 @@ fn fibre_vectors_of_other_lengths_are_a_warning() {
     );
     let message = build(&wrong.unwrap(), &BuildOptions::default()).err().unwrap().to_string();
     assert!(message.contains("did you mean `fibre`?"), "{message}");
+}
+
+/// Two maps in the file, and the same two as formulas, are directions by the documented convention.
+#[test]
+fn azimuth_and_elevation_are_read_from_the_mesh_file() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("azimuth_elevation");
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut mesh = box_tets(DVec3::new(0.2, 0.04, 0.04), [4, 1, 1]).unwrap();
+    let middle = |t: &[u32; 4]| t.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / 4.0;
+    let centres: Vec<DVec3> = mesh.tetrahedra.iter().map(middle).collect();
+    let map = |name: &str, of: &dyn Fn(&DVec3) -> f64| CellData {
+        name: name.to_string(),
+        integer: false,
+        tetrahedra: centres.iter().map(of).collect(),
+        hexahedra: Vec::new(),
+        triangles: vec![f64::NAN; mesh.triangles.len()],
+        quads: Vec::new(),
+    };
+    let maps = [map("azimuth", &|x| 900.0 * x.x), map("elevation", &|x| 30.0 - 2e3 * x.z)];
+    mesh.cell_data.extend(maps);
+    write(&folder.join("beam.vtu"), &mesh).unwrap();
+    let built = |angles: &str| {
+        let fibres =
+            format!("azimuth_elevation = {{ {angles}, axis = [2, 0, 0], zero = [1, 0, 3] }}");
+        let text = with_fibres(&FIBRES.replace("direction = [1.0, 0.0, 0.0]", &fibres))
+            .replace(
+                "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }",
+                "mesh = \"beam.vtu\"",
+            )
+            .replace("{ group = \"x0\" }", "{ vertices = [0, 1, 2] }")
+            .replace("{ group = \"x1\" }", "{ vertices = [4] }");
+        let scene = LoadedScene::parse(&text, &folder.join("scene.toml")).unwrap();
+        build(&scene, &BuildOptions::default()).map(|built| {
+            let axes = built.bodies[0].axes.clone().unwrap();
+            axes.families[0].directions.to_vec()
+        })
+    };
+    let data = built("data = [\"azimuth\", \"elevation\"]").unwrap();
+    let formula = built("formula = [\"900*x\", \"30 - 2000*z\"]").unwrap();
+    for ((data, formula), x) in data.iter().zip(&formula).zip(&centres) {
+        let (a, e) = ((900.0 * x.x).to_radians(), (30.0 - 2e3 * x.z).to_radians());
+        // the axis is x, azimuth 0 is z, and x cross z is -y
+        let expected = DVec3::new(e.sin(), -e.cos() * a.sin(), e.cos() * a.cos());
+        assert!((*data - expected).length() < 1e-12, "{data} beside {expected}");
+        assert!((*formula - expected).length() < 1e-12, "{formula} beside {expected}");
+    }
+    let message = built("data = [\"azimut\", \"elevation\"]").unwrap_err().to_string();
+    assert!(message.contains("did you mean `azimuth`?"), "{message}");
+    assert!(message.contains("azimuth_elevation.data"), "{message}");
+}
+
+#[test]
+fn uniform_springs_need_their_constant() {
+    let with = |keys: &str| {
+        let body = format!("model = \"mass_spring\"\n{keys}\n\n[[constraint]]");
+        attempt(&GOOD.replacen("[[constraint]]", &body, 1))
+    };
+    let uniform = "element_method = \"uniform\"\nspring_constant = 20.0";
+    with(&format!("{uniform}\nhexahedron_springs = 16\nmasses = \"equal\"")).unwrap();
+    let cases: [(&str, &[&str]); 7] = [
+        ("element_method = \"uniform\"", &["`body[0].spring_constant`", "N/m"]),
+        (&uniform.replace("20.0", "0.0"), &["line 16", "0 N/m", "positive"]),
+        (&uniform.replace("20.0", "inf"), &["line 16", "not finite"]),
+        ("spring_constant = 20.0", &["line 15", "element_method = \"uniform\""]),
+        (&format!("{uniform}\nhexahedron_springs = 12"), &["line 17", "12 springs", "16"]),
+        ("element_method = \"unifrom\"", &["line 15", "`uniform`"]),
+        ("masses = \"equals\"", &["line 15", "`equal`"]),
+    ];
+    for (keys, words) in cases {
+        let message = with(keys).expect_err(keys).to_string();
+        says(&format!("{keys}: {message}"), words);
+    }
 }

@@ -254,6 +254,20 @@ impl<S: Scalar> Span<S> {
     }
 }
 
+/// What is wanted of a law of dampers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum ViscousRequest<S> {
+    /// Its viscous matrix (N s/m, symmetric and positive semidefinite), as the tangent.
+    #[default]
+    Matrix,
+    /// Its forces (N) at these velocities (m/s), one per vertex row.
+    Force(Vec<[S; 4]>),
+    /// For every vertex row a bound (N s/m), as the first component of the force, on the sum of what unit velocities
+    /// of all vertices can make of its force at any displacement. The largest of them over the masses bounds the
+    /// rates (1/s) at which dampers slow vertices down.
+    Bound,
+}
+
 /// Contribution of one law to forces, tangent and energy.
 #[derive(Clone, Debug)]
 pub struct LawBuffer<S> {
@@ -261,11 +275,13 @@ pub struct LawBuffer<S> {
     pub spans: Vec<Span<S>>,
     /// Host time of the law's last evaluation; the gather books it.
     pub time: Duration,
+    /// What is wanted, of laws of dampers.
+    pub viscous: ViscousRequest<S>,
 }
 
 impl<S> Default for LawBuffer<S> {
     fn default() -> Self {
-        Self { spans: Vec::new(), time: Duration::ZERO }
+        Self { spans: Vec::new(), time: Duration::ZERO, viscous: ViscousRequest::Matrix }
     }
 }
 

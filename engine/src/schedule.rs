@@ -4,7 +4,7 @@
 use crate::columns::single_table;
 use crate::law::{
     BodiesWithoutRecovery, DisabledLaws, ElasticEnergy, EvaluationRequest, LawBuffer, LawBuffers,
-    LawId, LawInfo, Partition, RecoveringBodies,
+    LawId, LawInfo, Partition, RecoveringBodies, ViscousRequest,
 };
 use crate::matrix::Tangent;
 use crate::precision::Precision;
@@ -290,8 +290,8 @@ pub fn activate_systems(
     true
 }
 
-/// Puts a law of dampers into [`DampingSchedule`], once. It leaves its viscous matrix (N s/m, symmetric and
-/// positive semidefinite) as the tangent in its buffer.
+/// Puts a law of dampers into [`DampingSchedule`], once. It leaves in its buffer what [`LawBuffer::viscous`] asks
+/// for.
 pub fn activate_dampers<S: Scalar, D>(world: &mut World, law: ElementLaw<S, D>)
 where
     D: ReadOnlyQueryData + ContiguousQueryData + 'static,
@@ -325,6 +325,34 @@ pub fn evaluate_dampers<S: Scalar>(world: &mut World) {
         tangent.clamped = 0;
     });
     world.run_schedule(DampingSchedule);
+}
+
+/// Forces or bounds of all dampers, row by row, as `request` asks, at the current displacement into `sum`, in a
+/// world that [has](has_dampers) some.
+pub fn evaluate_viscous<S: Scalar>(
+    world: &mut World,
+    request: &ViscousRequest<S>,
+    sum: &mut Vec<[S; 4]>,
+) {
+    sum.clear();
+    sum.resize(world.resource::<Topology>().vertex_count(), [S::ZERO; 4]);
+    let ask = |world: &mut World, request: &ViscousRequest<S>| {
+        for slot in world.resource_mut::<LawBuffers<S>>().slots.iter_mut().filter(|s| s.is_damper) {
+            let buffer = slot.buffer.get_mut().unwrap_or_else(PoisonError::into_inner);
+            buffer.viscous.clone_from(request);
+        }
+    };
+    ask(world, request);
+    world.run_schedule(DampingSchedule);
+    let (buffers, workers) = (world.resource::<LawBuffers<S>>(), world.resource::<Workers>());
+    let disabled = world.resource::<DisabledLaws>();
+    for &slot in &buffers.order {
+        let LawInfo { name, .. } = buffers.slots[slot].info;
+        if buffers.slots[slot].is_damper && !disabled.contains(name) {
+            buffers.lock(LawId(slot)).add_forces_to(workers, sum);
+        }
+    }
+    ask(world, &ViscousRequest::Matrix);
 }
 
 /// Something that the force of a law depends on beside the displacements.

@@ -94,19 +94,20 @@ fn check_springs<const N: usize>(
     compare(worst, "damping matrix", &by_matrix, &axial["forces_damping"]);
     let u: Nodes<N> = std::array::from_fn(|a| std::array::from_fn(|k| x[a][k] - rest[a][k]));
     let directions: [[f64; 3]; 3] = rows(&case["axes"]);
-    let mut sum = vec![0.0; 3 * N];
+    let (mut sum, mut by_force) = (vec![0.0; 3 * N], vec![0.0; 3 * N]);
     for (i, axis) in directions.into_iter().enumerate() {
-        let damper = AxialDamper {
-            axis,
-            shape: spread[i].map(|w| w / length[i]),
-            viscosity: springs.damping[i] * length[i] * length[i],
-        };
+        let shape = spread[i].map(|w| w / length[i]);
+        let damper = AxialDamper::new(axis, shape, springs.damping[i] * length[i] * length[i]);
+        for (sum, f) in by_force.iter_mut().zip(damper.forces(&u, &v).as_flattened()) {
+            *sum += f;
+        }
         let matrix = dense(&damper.matrix(&u));
         for (sum, row) in sum.iter_mut().zip(matrix.chunks(3 * N)) {
             *sum -= row.iter().zip(v.as_flattened()).map(|(a, b)| a * b).sum::<f64>();
         }
     }
     compare(worst, "dampers", &sum, &axial["forces_damping"]);
+    compare(worst, "forces of dampers", &by_force, &axial["forces_damping"]);
     for (curvature, key) in [(Curvature::Exact, "hessian"), (Curvature::Definite, "hessian_psd")] {
         compare(worst, "axial tangent", &dense(&springs.tangent(&x, curvature)), &axial[key]);
     }

@@ -164,6 +164,7 @@ fn for_bodies(mut check: impl FnMut(&BodyDescription, &str, bool)) {
     let triad = AxesDescription {
         families: vec![family(0, 3.0), family(1, 0.5), family(2, 0.7)],
         angles: vec![angle([0, 1], 0.3), angle([0, 2], 0.2), angle([1, 2], 0.4)],
+        volume_viscosity: 0.0,
         volume_modulus: 0.6,
         form: AxisForm::EnergyConsistent,
     };

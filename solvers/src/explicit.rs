@@ -4,6 +4,12 @@
 //! substeps as that asks for. If the energy nevertheless grows, the step is undone and repeated with
 //! twice as many, and growth that creeps in over many steps lowers the limit.
 //!
+//! Dampers act with the velocity that is known when the force is evaluated, half a substep behind in
+//! Störmer-Verlet (Bourguignon & Cani 2000, section 5): no linear system is solved. In a mode of frequency
+//! omega and damping rate c that makes `v <- v - h (omega^2 x + c v)`, `x <- x + h v`, stable while
+//! `(omega h)^2 + 2 c h <= 4` (Jury), that is up to `h = 4 / (c + sqrt(c^2 + 4 omega^2))`. For many unknowns
+//! the largest omega and a bound on the largest c are put in, which is on the safe side.
+//!
 //! * One force evaluation per substep: the force of the last one is that of the next step's start,
 //!   as long as nobody touched displacements, constants or bodies in between.
 //! * Loads and prescribed motion act as their curves have them at every substep ([`WithinStep`]).
@@ -17,7 +23,8 @@ use crate::settings::{Integrator, SolverSettings};
 use crate::simd::{Kernel, vectorised};
 use crate::stability::StabilityLimit;
 use crate::state::{
-    NodeState, Rows, book_momentum, dot3, evaluate, read_force, read_rest, write_state,
+    NodeState, Rows, book_momentum, dot3, evaluate, read_force, read_rest, viscous_rate,
+    write_state,
 };
 use bevy_ecs::change_detection::Tick;
 use bevy_ecs::prelude::*;
@@ -26,11 +33,13 @@ use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::compiled_here;
-use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
+use sinew_engine::law::{ElasticEnergy, EvaluationRequest, ViscousRequest};
 use sinew_engine::load::{LoadTime, SweptVolumes};
 use sinew_engine::report::StepReport;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{ActiveLaws, ForceSchedule, law_inputs_unchanged};
+use sinew_engine::schedule::{
+    ActiveLaws, ForceSchedule, evaluate_viscous, has_dampers, law_inputs_unchanged,
+};
 use sinew_engine::step::{StepClock, StepError};
 use sinew_engine::substep::WithinStep;
 use sinew_engine::topology::Topology;
@@ -49,6 +58,9 @@ pub struct ExplicitScratch<S: Scalar> {
     external: Rows<S>,
     /// Elastic force (N) at the start of the step.
     force: Rows<S>,
+    /// Force of the dampers (N) at the present substep, and velocities (m/s) that it is taken at.
+    viscous: Rows<S>,
+    known: ViscousRequest<S>,
     /// What displacements (m) cannot hold of the state: at the start of the step, and now.
     low_start: Rows<S>,
     low: Rows<S>,
@@ -86,6 +98,8 @@ impl<S: Scalar> Default for ExplicitScratch<S> {
             made_of: Default::default(),
             external: Vec::new(),
             force: Vec::new(),
+            viscous: Vec::new(),
+            known: ViscousRequest::Matrix,
             low_start: Vec::new(),
             low: Vec::new(),
             within: WithinStep::default(),
@@ -167,8 +181,15 @@ fn estimate<S: Scalar>(world: &mut World) -> f64 {
     evaluate(world, &node.u, false, true, None);
     read_force(world, &mut force);
     let limit = StabilityLimit::default().get(world, &node, &force, &mut 0);
+    let limit = with_dampers(limit, viscous_rate(world, &node));
     write_state(world, &node.u, &node.v);
     limit
+}
+
+/// The stability limit (s) with dampers of at most the rate `c` (1/s), from that without.
+fn with_dampers(limit: f64, c: f64) -> f64 {
+    // omega = 2 / limit
+    if c > 0.0 { 4.0 / (c + c.hypot(4.0 / limit)) } else { limit }
 }
 
 fn substep<S: Scalar>(
@@ -181,6 +202,7 @@ fn substep<S: Scalar>(
     scratch.within.read(world, &scratch.node.u, &scratch.node.prescribed, &scratch.node.fixed);
     let elastic = recall(world, report, scratch);
     let limit = scratch.limit.get(world, &scratch.node, &scratch.force, &mut report.evaluations);
+    let limit = with_dampers(limit, viscous_rate(world, &scratch.node));
     report.stable_step = limit;
     let needed = (clock.dt / (limit * scratch.caution * settings.explicit_safety)).ceil().max(1.0);
     let mut substeps = if needed <= f64::from(settings.max_substeps) {
@@ -347,6 +369,10 @@ struct Bookkeeping {
     /// Work (J) of the reactions, and of pressures and the varying part of the loads.
     constraint_work: f64,
     load_work: f64,
+    /// Work (J) that dampers took.
+    dissipated: f64,
+    /// Elastic and kinetic energy, and that of held unknowns, at the start of the step (J).
+    before: [f64; 3],
 }
 
 /// One step with a given number of substeps from the remembered start; what the energy grew relative
@@ -364,18 +390,29 @@ fn attempt<S: Scalar>(
     let h = dt / f64::from(substeps);
     let mut swept = scratch.swept.clone();
     let verlet = settings.integrator == Integrator::StormerVerlet;
+    let damped = has_dampers(world);
     let [first, middle, last] = Factors::of(settings, h);
 
     write_state(world, &scratch.node.u, &scratch.node.v);
     scratch.low.clone_from(&scratch.low_start);
     scratch.external.clone_from(&scratch.node.external);
+    scratch.viscous.clear();
     let [kinetic0, held0] = scratch.node.kinetic_energy(0..n, &scratch.node.v);
     let mut state = State::<S>::new(world);
-    let mut books = Bookkeeping::default();
+    let before = [elastic0, kinetic0, held0];
+    let mut books = Bookkeeping { before, ..Bookkeeping::default() };
     scratch.within.load_differences(0.0, &mut books.differences);
+    let half = if verlet { 0.5 * h } else { h };
+    if damped {
+        // before held unknowns lose the velocity that they had
+        books.dissipated += half * damp(&mut state, world, scratch);
+    }
     stop_held(&mut state, world, scratch);
     for i in 1..=substeps {
         let part = f64::from(i) / f64::from(substeps);
+        if damped && i > 1 {
+            books.dissipated += h * damp(&mut state, world, scratch);
+        }
         load(scratch, &books);
         scratch.within.ways(part, &mut books.ways);
         {
@@ -396,8 +433,11 @@ fn attempt<S: Scalar>(
             place_held(&mut books, scratch, u, v, h, i == substeps);
         }
         scratch.within.load_differences(part, &mut books.differences);
-        load(scratch, &books);
         let end = i == substeps;
+        if damped && end && verlet {
+            books.dissipated += half * damp(&mut state, world, scratch);
+        }
+        load(scratch, &books);
         world.insert_resource(EvaluationRequest { energy: end, force: true, tangent: None });
         world.insert_resource(LoadTime(time + part * dt));
         world.run_schedule(ForceSchedule);
@@ -422,6 +462,22 @@ fn attempt<S: Scalar>(
         }
     }
 
+    close_step(&mut state, world, settings, report, scratch, &books)
+}
+
+/// Energies at the end of a step into the report; what the energy grew relative to the energies involved, `None` when
+/// too much or a number is not finite.
+fn close_step<S: Scalar>(
+    state: &mut State<S>,
+    world: &mut World,
+    settings: &SolverSettings,
+    report: &mut StepReport,
+    scratch: &ExplicitScratch<S>,
+    books: &Bookkeeping,
+) -> Option<[f64; 2]> {
+    let (n, dt) = (scratch.node.len(), world.resource::<StepClock>().dt);
+    let verlet = settings.integrator == Integrator::StormerVerlet;
+    let [elastic0, kinetic0, held0] = books.before;
     let elastic = world.resource::<ElasticEnergy>().elastic();
     let (_, mut columns) = state.get_mut(world).expect("engine resources");
     let (u, v, _) = single_table(columns.contiguous_iter_mut()).expect("there are vertices");
@@ -457,7 +513,8 @@ fn attempt<S: Scalar>(
     report.constraint_work = books.constraint_work + held - held0;
     report.load_work = load_work;
     report.dissipation = -grown;
-    report.damping_dissipation = settings.mass_damping * dt * (kinetic0 + kinetic);
+    report.damping_dissipation =
+        settings.mass_damping * dt * (kinetic0 + kinetic) + books.dissipated;
     book_momentum(report, &scratch.rest, &scratch.node.mass, u, v);
     Some([grown, scale])
 }
@@ -543,6 +600,28 @@ impl<S: Scalar> Kernel for Advance<'_, '_, S> {
     }
 }
 
+/// Forces of the dampers at the state of the columns into `scratch.viscous`; the power (W) that they take.
+fn damp<S: Scalar>(
+    state: &mut State<S>,
+    world: &mut World,
+    scratch: &mut ExplicitScratch<S>,
+) -> f64 {
+    let mut velocity = match std::mem::take(&mut scratch.known) {
+        ViscousRequest::Force(rows) => rows,
+        _ => Vec::new(),
+    };
+    velocity.clear();
+    {
+        let (_, mut columns) = state.get_mut(world).expect("engine resources");
+        let (_, v, _) = single_table(columns.contiguous_iter_mut()).expect("there are vertices");
+        velocity.extend_from_slice(Velocity::peel_slice(&v));
+    }
+    scratch.known = ViscousRequest::Force(velocity);
+    evaluate_viscous(world, &scratch.known, &mut scratch.viscous);
+    let ViscousRequest::Force(velocity) = &scratch.known else { return 0.0 };
+    -scratch.viscous.iter().zip(velocity).map(|(f, v)| dot3(f, v)).sum::<f64>()
+}
+
 /// Velocities of held unknowns to zero: those that move get theirs substep by substep.
 fn stop_held<S: Scalar>(state: &mut State<S>, world: &mut World, scratch: &mut ExplicitScratch<S>) {
     let (_, mut columns) = state.get_mut(world).expect("engine resources");
@@ -558,11 +637,17 @@ fn stop_held<S: Scalar>(state: &mut State<S>, world: &mut World, scratch: &mut E
 
 /// External forces of the present substep into `scratch.external`.
 fn load<S: Scalar>(scratch: &mut ExplicitScratch<S>, books: &Bookkeeping) {
+    if !scratch.viscous.is_empty() {
+        let known = scratch.node.external.iter().zip(&scratch.viscous);
+        scratch.external.clear();
+        scratch.external.extend(known.map(|(e, d)| [0, 1, 2, 3].map(|k| e[k] + d[k])));
+    }
     for (&row, difference) in scratch.within.loaded.iter().zip(&books.differences) {
         let (now, end) =
             (&mut scratch.external[row as usize], &scratch.node.external[row as usize]);
         for k in 0..3 {
-            now[k] = end[k] + S::from_f64(difference[k]);
+            let viscous = scratch.viscous.get(row as usize).map_or(S::ZERO, |d| d[k]);
+            now[k] = end[k] + S::from_f64(difference[k]) + viscous;
         }
     }
 }
@@ -629,5 +714,31 @@ fn close_books<S: Scalar>(
     for (i, &row) in scratch.within.loaded.iter().enumerate() {
         let mean = 0.5 * (books.differences_before[i] + books.differences[i]);
         books.load_work += mean.dot(vector(&u[row as usize]) - books.loaded[i]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::with_dampers;
+
+    /// Largest amplitude of a damped oscillator after many substeps of the kick and drift that the limit is for.
+    fn amplitude(omega: f64, c: f64, h: f64) -> f64 {
+        let (mut x, mut v) = (1.0, 0.0);
+        for _ in 0..2000 {
+            v -= h * (omega * omega * x + c * v);
+            x += h * v;
+        }
+        f64::max(x.abs(), v.abs() / omega)
+    }
+
+    #[test]
+    fn the_limit_with_dampers_is_sharp() {
+        for (omega, c) in [(1.0, 0.1), (3.0, 3.0), (2.0, 40.0)] {
+            let limit = with_dampers(2.0 / omega, c);
+            assert!(amplitude(omega, c, 0.99 * limit) < 10.0, "{omega} {c}");
+            assert!(amplitude(omega, c, 1.01 * limit) > 1e6, "{omega} {c}");
+        }
+        assert_eq!(with_dampers(0.25, 0.0), 0.25);
+        assert_eq!(with_dampers(f64::INFINITY, 4.0), 0.5);
     }
 }

@@ -2,7 +2,6 @@
 //! row here, its code, and its line in `Step::run` ([`crate::implicit`]) or in [`crate::explicit`].
 
 use serde::{Deserialize, Serialize};
-use sinew_engine::step::StepError;
 
 /// What is known of an integrator: a row of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -151,21 +150,6 @@ impl Integrator {
     /// Whether it solves a nonlinear system to convergence.
     pub fn converges(self) -> bool {
         self.facts().converges
-    }
-
-    /// Whether it can step a world with dampers.
-    ///
-    /// # Errors
-    /// [`StepError::InvalidSetting`] for explicit integrators.
-    pub fn check_dampers(self) -> Result<(), StepError> {
-        if !self.is_explicit() {
-            return Ok(());
-        }
-        Err(StepError::InvalidSetting(format!(
-            "dampers along axes with integrator = \"{}\": they would need a linear system every substep; use \
-             mass_damping in their place, or integrator = \"safe\"",
-            self.name()
-        )))
     }
 }
 

@@ -25,7 +25,7 @@ use settings::SolverSettings;
 use sinew_engine::compiled_here;
 use sinew_engine::report::{StepReport, SystemTimes};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{StepSchedule, StepSystems, has_dampers};
+use sinew_engine::schedule::{StepSchedule, StepSystems};
 use sinew_engine::step::{IntegratorInstalled, StepFailure};
 use sinew_engine::topology::Topology;
 use sinew_engine::workers::Workers;
@@ -58,9 +58,6 @@ fn integrate<S: Scalar>(world: &mut World) {
     let mut step = || {
         settings.validate().and_then(|()| {
             if settings.integrator.is_explicit() {
-                if has_dampers(world) {
-                    settings.integrator.check_dampers()?;
-                }
                 explicit::explicit_step::<S>(world, &settings, &mut report)
             } else {
                 implicit::implicit_step::<S>(world, &settings, &mut report)

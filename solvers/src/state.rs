@@ -4,10 +4,10 @@
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
-use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
+use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind, ViscousRequest};
 use sinew_engine::report::StepReport;
 use sinew_engine::scalar::Scalar;
-use sinew_engine::schedule::{ForceSchedule, evaluate_dampers, has_dampers};
+use sinew_engine::schedule::{ForceSchedule, evaluate_dampers, evaluate_viscous, has_dampers};
 use sinew_engine::vertex::{
     Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, PrescribedDisplacement,
     RestPosition, Velocity,
@@ -190,6 +190,19 @@ pub fn evaluate<S: Scalar>(
     world.insert_resource(EvaluationRequest { energy, force, tangent });
     world.run_schedule(ForceSchedule);
     if energy { world.resource::<ElasticEnergy>().total } else { 0.0 }
+}
+
+/// The largest rate (1/s) at which dampers slow free unknowns down is at most this, 0 without dampers: the largest
+/// row sum of the viscous matrix over the masses, which no displacement changes.
+pub fn viscous_rate<S: Scalar>(world: &mut World, node: &NodeState<S>) -> f64 {
+    if !has_dampers(world) {
+        return 0.0;
+    }
+    let mut bound = Rows::<S>::default();
+    evaluate_viscous(world, &ViscousRequest::Bound, &mut bound);
+    let free = |row: usize| (0..3).any(|k| node.free(row, k)) && node.mass[row] > S::ZERO;
+    let rate = |row: usize| (bound[row][0] / node.mass[row]).to_f64();
+    (0..node.len()).filter(|&row| free(row)).map(rate).fold(0.0, f64::max)
 }
 
 /// Leaves the viscous matrix (N s/m) of all dampers at the displacements `u` in the world's tangent; false,

@@ -34,6 +34,7 @@ pub fn rich(mesh: &Mesh) -> AxesDescription<'static> {
             angle([1, 3], 7e2),
             angle([3, 0], 9e2),
         ],
+        volume_viscosity: 0.0,
         volume_modulus: 6e3,
         form: AxisForm::EnergyConsistent,
     }

@@ -112,7 +112,7 @@ fn build(mesh: &Mesh, dt: f64) -> Result<Floor, BenchError> {
     let solver = SolverSettings { integrator, mass_damping: 2.0, ..SolverSettings::default() };
     let membrane = MembraneDescription {
         model: MembraneModel::MassSpring,
-        springs: Some(ElementMethod::Frobenius),
+        springs: Some(ElementMethod::Frobenius.into()),
         ..MembraneDescription::new(&mesh.triangles, THICKNESS, MATERIAL)
     };
     let (mut simulation, body) = world(&sheet("floor", mesh, membrane), solver)?;

@@ -79,6 +79,7 @@ fn axes(slanted: bool) -> AxesDescription<'static> {
     AxesDescription {
         families: families.to_vec(),
         angles: angles.to_vec(),
+        volume_viscosity: 0.0,
         volume_modulus: SOFT,
         form: AxisForm::EnergyConsistent,
     }

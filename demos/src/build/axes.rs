@@ -5,8 +5,8 @@ use super::materials::cell_data;
 use super::select::group_vertices;
 use crate::error::SceneError;
 use crate::scene::{
-    Body, CircularEntry, FibreEntry, HelicoidalEntry, HemicircularEntry, Key, LaplaceEntry, Mode,
-    MuscleEntry,
+    AzimuthElevationEntry, Body, CircularEntry, FibreEntry, HelicoidalEntry, HemicircularEntry,
+    Key, LaplaceEntry, Mode, MuscleEntry,
 };
 use crate::warning::{Level, Warning};
 use sinew::engine::mesh::Mesh;
@@ -14,8 +14,8 @@ use sinew::models::axes::description::{
     AxesDescription, AxesError, AxisAngle, AxisFamily, ModulusOf,
 };
 use sinew::models::axes::field::{
-    FibreError, FibreField, Laplace, circular, from_cell_data, from_formula, helicoidal,
-    hemicircular, random,
+    FibreError, FibreField, Laplace, angles_by_formula, circular, from_angles, from_cell_data,
+    from_formula, helicoidal, hemicircular, random,
 };
 use sinew::models::axes::muscle::MuscleSettings;
 use sinew::models::body::Model;
@@ -76,7 +76,9 @@ pub(super) fn axes(
         angles.push(AxisAngle { families: [family(a)?, family(b)?], modulus: angle.modulus });
     }
     let volume_modulus = entry.volume_modulus.unwrap_or(0.0);
-    let description = AxesDescription { families, angles, volume_modulus, form: entry.form };
+    let volume_viscosity = entry.volume_viscosity.unwrap_or(0.0);
+    let form = entry.form;
+    let description = AxesDescription { families, angles, volume_modulus, volume_viscosity, form };
     let checked = description.validate(mesh.tetrahedra.len(), mesh.hexahedra.len());
     checked.map_err(|source| error(wrong_key(key, body, &description, &source), source))?;
     Ok(Some(description))
@@ -103,6 +105,9 @@ fn wrong_key<'a>(key: &Key<'a>, body: &Body, axes: &AxesDescription, error: &Axe
             let at = axes.angles.iter().position(|a| a.families == *families).unwrap_or(0);
             shared.at("angles").entry(at).at("between")
         }
+        AxesError::VolumeViscosity { .. } | AxesError::NoRadialSprings => {
+            shared.at("volume_viscosity")
+        }
         AxesError::Modulus { of: ModulusOf::Volume, .. } => shared.at("volume_modulus"),
         AxesError::Modulus { of: ModulusOf::Family(family), .. } => of(family, "modulus"),
         AxesError::Modulus { of: ModulusOf::Angle { index, .. }, .. } => {
@@ -118,13 +123,14 @@ fn directions(key: &Key, entry: &FibreEntry, mesh: &Mesh) -> Result<FibreField, 
         entry.direction.is_some(),
         entry.data.is_some(),
         entry.formula.is_some(),
+        entry.azimuth_elevation.is_some(),
         entry.laplace.is_some(),
         entry.circular.is_some(),
         entry.hemicircular.is_some(),
         entry.helicoidal.is_some(),
         entry.random.is_some(),
     ];
-    let keys = "`direction`, `data`, `formula`, `laplace`, `circular`, `hemicircular`, \
+    let keys = "`direction`, `data`, `formula`, `azimuth_elevation`, `laplace`, `circular`, `hemicircular`, \
                 `helicoidal` and `random`";
     key.exactly_one(&given, "direction", keys)?;
     let error = |name: &str| {
@@ -151,6 +157,9 @@ fn directions(key: &Key, entry: &FibreEntry, mesh: &Mesh) -> Result<FibreField, 
     if let Some([x, y, z]) = &entry.formula {
         return from_formula(mesh, [x, y, z]).map_err(error("formula"));
     }
+    if let Some(angles) = &entry.azimuth_elevation {
+        return by_angles(&key.at("azimuth_elevation"), angles, mesh);
+    }
     if let Some(rule) = &entry.laplace {
         return by_laplace(&key.at("laplace"), rule, mesh);
     }
@@ -169,6 +178,32 @@ fn directions(key: &Key, entry: &FibreEntry, mesh: &Mesh) -> Result<FibreField, 
         return field.map_err(error("helicoidal"));
     }
     Ok(random(mesh, entry.random.as_ref().map_or(0, |r| r.seed)))
+}
+
+fn by_angles(
+    key: &Key,
+    entry: &AzimuthElevationEntry,
+    mesh: &Mesh,
+) -> Result<FibreField, SceneError> {
+    let error =
+        |source: FibreError| SceneError::Fibres { place: key.place(), source: Box::new(source) };
+    let given = [entry.data.is_some(), entry.formula.is_some()];
+    key.exactly_one(&given, "angles", "`data` and `formula`")?;
+    let axis = key.at("axis").finite(entry.axis.unwrap_or([0.0, 0.0, 1.0]))?;
+    let zero = key.at("zero").finite(entry.zero.unwrap_or([1.0, 0.0, 0.0]))?;
+    let angles = match (&entry.formula, &entry.data) {
+        (Some([azimuth, elevation]), _) => {
+            angles_by_formula(mesh, [azimuth, elevation]).map_err(error)?
+        }
+        (None, names) => {
+            let of = |k: usize| {
+                let values = cell_data(&key.at("data"), names.as_ref().map(|n| &n[k]), mesh);
+                values.map(Option::unwrap_or_default)
+            };
+            [of(0)?, of(1)?]
+        }
+    };
+    from_angles([&angles[0], &angles[1]], axis, zero).map_err(error)
 }
 
 fn by_laplace(key: &Key, rule: &LaplaceEntry, mesh: &Mesh) -> Result<FibreField, SceneError> {

@@ -6,12 +6,13 @@ use super::scene::BuiltScene;
 use super::select::group_cells;
 use super::{axes, meshes};
 use crate::error::SceneError;
-use crate::scene::{Body, Key, LoadedScene, Membrane};
+use crate::scene::{Body, Key, LoadedScene, Membrane, SpringMethod};
 use crate::warning::{Level, Warning};
 use glam::DVec3;
 use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::{CheckOptions, CheckReport, CheckedMesh, FindingCode, Mesh, check};
 use sinew::models::body::BodyDescription;
+use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::models::body::sheet::{MembraneSettings, PlaneState};
 use sinew::models::material::YoungPoisson;
 
@@ -57,6 +58,8 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
     let poisson_ratio = field("poisson_ratio", &entry.poisson_ratio_field)?;
     let density = field("density", &entry.density_field)?;
     let axes = axes::axes(key, body, &checked.mesh, built.plan.mode, &mut built.warnings)?;
+    let springs =
+        springs(key, (body.element_method, body.spring_constant), body.hexahedron_springs)?;
     let description = BodyDescription {
         axes: axes.clone(),
         young_modulus: young_modulus.as_deref(),
@@ -64,7 +67,8 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
         density: density.as_deref(),
         model: body.model,
         evaluation: body.evaluation,
-        springs: body.element_method,
+        springs,
+        masses: body.masses,
         membrane: membrane.as_ref().map(|m| m.settings.of(&m.triangles, &m.quads)),
         ..BodyDescription::new(&body.name, &checked.mesh, material)
     };
@@ -94,8 +98,47 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
         preset: entry.preset.clone(),
         model: body.model,
         evaluation: body.evaluation,
-        element_method: body.element_method,
+        springs,
         axes,
+    })
+}
+
+/// Where the constants of springs come from, by the keys of a body or a membrane.
+fn springs(
+    key: &Key,
+    (method, constant): (Option<SpringMethod>, Option<f64>),
+    of_hexahedron: Option<u32>,
+) -> Result<Option<SpringRule>, SceneError> {
+    let uniform = method == Some(SpringMethod::Uniform);
+    for (name, given) in
+        [("spring_constant", constant.is_some()), ("hexahedron_springs", of_hexahedron.is_some())]
+    {
+        if given && !uniform {
+            let found = format!("`{name}` belongs to element_method = \"uniform\"");
+            return Err(key.at(name).value(found, "set that method, or leave the key out"));
+        }
+    }
+    let hexahedron = match of_hexahedron {
+        None | Some(28) => HexahedronSprings::All,
+        Some(16) => HexahedronSprings::EdgesAndDiagonals,
+        Some(count) => {
+            let remedy = "give 28 (all pairs of vertices) or 16 (edges and diagonals in space)";
+            let key = key.at("hexahedron_springs");
+            return Err(key.value(format!("{count} springs in a hexahedron"), remedy));
+        }
+    };
+    Ok(match method {
+        None => None,
+        Some(SpringMethod::Fitted(method)) => Some(method.into()),
+        Some(SpringMethod::Uniform) => {
+            let key = key.at("spring_constant");
+            let constant = constant.ok_or_else(|| {
+                let remedy = "uniform springs need a constant in N/m, for example 10.0";
+                key.missing("key `spring_constant`", remedy)
+            })?;
+            let constant = key.positive(constant, "the spring constant", "N/m")?;
+            Some(SpringRule::Uniform(UniformSprings { constant, hexahedron }))
+        }
     })
 }
 
@@ -198,7 +241,8 @@ fn membrane(
     };
     let areas = triangles.iter().map(|t| twice(t)).chain(quads.iter().map(|q| twice(q)));
     let area = 0.5 * areas.sum::<f64>();
-    let Membrane { thickness, plane, model, evaluation, element_method: springs, .. } = *entry;
+    let springs = springs(key, (entry.element_method, entry.spring_constant), None)?;
+    let Membrane { thickness, plane, model, evaluation, .. } = *entry;
     let settings = MembraneSettings { thickness, material, plane, model, evaluation, springs };
     Ok(BuiltMembrane { triangles, quads, settings, area })
 }

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::{CheckReport, Mesh};
-use sinew::identify::ElementMethod;
 use sinew::models::axes::description::AxesDescription;
+use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneSettings;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::material::YoungPoisson;
@@ -34,8 +34,8 @@ pub struct BuiltBody {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
-    /// How constants of lumped springs are found, where the scene says so.
-    pub element_method: Option<ElementMethod>,
+    /// Where constants of lumped springs come from, where the scene says so.
+    pub springs: Option<SpringRule>,
     /// Axes.
     pub axes: Option<AxesDescription<'static>>,
 }

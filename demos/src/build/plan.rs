@@ -100,17 +100,18 @@ fn frame_interval(loaded: &LoadedScene, dt: f64) -> Result<u64, SceneError> {
     })
 }
 
-/// Dampers of fibres are for implicit steps in time.
+/// Dampers are for steps in time.
 fn check_dampers(loaded: &LoadedScene, integrator: Integrator) -> Result<(), SceneError> {
     for (b, body) in loaded.scene.bodies.iter().enumerate() {
-        let Some(f) = body.fibres.iter().position(|f| f.viscosity.is_some_and(|v| v != 0.0)) else {
-            continue;
+        let viscous = |v: Option<f64>| v.is_some_and(|v| v != 0.0);
+        let fibres = body.fibres.iter().position(|f| viscous(f.viscosity));
+        let radial = viscous(body.axes.as_ref().and_then(|axes| axes.volume_viscosity));
+        let key = match fibres {
+            Some(f) => format!("body[{b}].fibres[{f}].viscosity"),
+            None if radial => format!("body[{b}].axes.volume_viscosity"),
+            None => continue,
         };
-        let key = format!("body[{b}].fibres[{f}].viscosity");
         refuse_key_of(Mode::Dynamic, loaded, &key, integrator == Integrator::QuasiStatic)?;
-        integrator
-            .check_dampers()
-            .map_err(|source| SceneError::Setting { place: loaded.place(key), source })?;
     }
     Ok(())
 }

@@ -119,7 +119,7 @@ pub fn paper_b(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
         let mut scene = scene.clone();
         if fit.is_some() {
             scene.scene.bodies[0].model = Model::MassSpring;
-            scene.scene.bodies[0].element_method = fit;
+            scene.scene.bodies[0].element_method = fit.map(crate::scene::SpringMethod::Fitted);
         }
         Variant { label: label.into(), scene }
     });

@@ -191,7 +191,7 @@ impl RunFacts<'_> {
             material: body.material,
             model: body.model,
             evaluation: body.evaluation,
-            element_method: body.element_method,
+            element_method: body.springs,
             membrane: body.membrane.as_ref().map(|m| MembraneSummary {
                 triangles: m.triangles.len(),
                 quads: m.quads.len(),

@@ -2,10 +2,12 @@
 
 use super::fibres::{AxesEntry, FibreEntry};
 use super::shape::{Generate, Rotation};
+use serde::de::{Deserializer, Error};
+use serde::ser::Serializer;
 use serde::{Deserialize, Serialize};
 use sinew::identify::ElementMethod;
 use sinew::models::body::sheet::{MembraneModel, PlaneState};
-use sinew::models::body::{Evaluation, Model};
+use sinew::models::body::{Evaluation, MassRule, Model};
 use std::path::PathBuf;
 
 /// A body.
@@ -33,9 +35,16 @@ pub struct Body {
     #[serde(default)]
     pub evaluation: Evaluation,
     /// How spring constants of `"mass_spring"` are found: `"frobenius"`, `"block"`, `"two-norm"`,
-    /// `"nonnegative"`, `"two-norm-nonnegative"`, `"van-gelder"`, `"lloyd"`, `"baudet"` or `"paper-a"`; without,
-    /// `"paper-a"` for tetrahedra and `"frobenius"` for hexahedra.
-    pub element_method: Option<ElementMethod>,
+    /// `"nonnegative"`, `"two-norm-nonnegative"`, `"van-gelder"`, `"lloyd"`, `"baudet"`, `"paper-a"` or `"uniform"`;
+    /// without, `"paper-a"` for tetrahedra and `"frobenius"` for hexahedra.
+    pub element_method: Option<SpringMethod>,
+    /// Constant (N/m) of every spring with `"uniform"`.
+    pub spring_constant: Option<f64>,
+    /// Springs of a hexahedron with `"uniform"`: 28, all pairs (default), or 16, its edges and diagonals in space.
+    pub hexahedron_springs: Option<u32>,
+    /// How the mass is shared out among the vertices: `"volume"` (default) or `"equal"`.
+    #[serde(default)]
+    pub masses: MassRule,
     /// Membrane on or instead of the solid.
     pub membrane: Option<Membrane>,
     /// Families of fibres in the solid.
@@ -43,6 +52,47 @@ pub struct Body {
     pub fibres: Vec<FibreEntry>,
     /// Angles between them, volume and form.
     pub axes: Option<AxesEntry>,
+}
+
+/// How the constants of springs are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SpringMethod {
+    /// From the material.
+    Fitted(ElementMethod),
+    /// The scene gives one for all.
+    Uniform,
+}
+
+impl SpringMethod {
+    const UNIFORM: &'static str = "uniform";
+    const NAMES: [&'static str; ElementMethod::ALL.len() + 1] = {
+        let mut names = [Self::UNIFORM; ElementMethod::ALL.len() + 1];
+        let mut i = 0;
+        while i < ElementMethod::ALL.len() {
+            names[i] = ElementMethod::ALL[i].name();
+            i += 1;
+        }
+        names
+    };
+}
+
+impl Serialize for SpringMethod {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(match self {
+            Self::Fitted(method) => method.name(),
+            Self::Uniform => Self::UNIFORM,
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for SpringMethod {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        if name == Self::UNIFORM {
+            return Ok(Self::Uniform);
+        }
+        name.parse().map(Self::Fitted).map_err(|_| D::Error::unknown_variant(&name, &Self::NAMES))
+    }
 }
 
 /// A membrane: triangles and quadrilaterals of the body's mesh with a thickness.
@@ -61,7 +111,9 @@ pub struct Membrane {
     pub plane: PlaneState,
     /// As [`Body::element_method`], also `"van-gelder-full"`; without, `"paper-a"` for triangles and
     /// `"frobenius"` for quadrilaterals.
-    pub element_method: Option<ElementMethod>,
+    pub element_method: Option<SpringMethod>,
+    /// As [`Body::spring_constant`].
+    pub spring_constant: Option<f64>,
     /// Material; that of the body without it.
     pub material: Option<Material>,
     /// Energy; names are those of [`MembraneModel`].

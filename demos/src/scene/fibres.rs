@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use sinew::models::axes::description::AxisForm;
 
 /// A family of fibres: a direction in every solid element, given by exactly one of `direction`, `data`,
-/// `formula`, `laplace`, `circular`, `hemicircular`, `helicoidal` and `random`. Directions and places are
-/// those of the body in place.
+/// `formula`, `azimuth_elevation`, `laplace`, `circular`, `hemicircular`, `helicoidal` and `random`. Directions and places
+/// are those of the body in place.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FibreEntry {
@@ -22,6 +22,8 @@ pub struct FibreEntry {
     pub data: Option<String>,
     /// Formulas in x, y, z (m) at the barycentres.
     pub formula: Option<[String; 3]>,
+    /// Maps of azimuth and elevation.
+    pub azimuth_elevation: Option<AzimuthElevationEntry>,
     /// Through or round a wall between two groups.
     pub laplace: Option<LaplaceEntry>,
     /// Circles round an axis.
@@ -37,6 +39,20 @@ pub struct FibreEntry {
     pub share_field: Option<String>,
     /// Makes the fibres active.
     pub muscle: Option<MuscleEntry>,
+}
+
+/// Directions from two angles (degrees) in every element, by exactly one of `data` and `formula`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AzimuthElevationEntry {
+    /// Cell data of the mesh file with azimuth and elevation.
+    pub data: Option<[String; 2]>,
+    /// Formulas of azimuth and elevation in x, y, z (m) at the barycentres.
+    pub formula: Option<[String; 2]>,
+    /// Axis towards which the elevation rises, of any length; default z.
+    pub axis: Option<[f64; 3]>,
+    /// Direction of azimuth 0, made perpendicular to the axis; default x.
+    pub zero: Option<[f64; 3]>,
 }
 
 /// Fibres by the Laplace rule: the gradient of a potential between two groups, or a helix round it.
@@ -123,6 +139,8 @@ pub struct AxesEntry {
     pub angles: Vec<AngleEntry>,
     /// Modulus (Pa) of the term against changes of volume; default 0.
     pub volume_modulus: Option<f64>,
+    /// Viscosity (Pa s) of dampers beside the radial springs of hexahedra in the printed forms; default 0.
+    pub volume_viscosity: Option<f64>,
     /// `"energy_consistent"` (default), `"printed"` or `"printed_balanced"`.
     #[serde(default)]
     pub form: AxisForm,

@@ -10,15 +10,15 @@ mod read;
 mod resection;
 mod shape;
 
-pub use body::{Body, Material, Membrane};
+pub use body::{Body, Material, Membrane, SpringMethod};
 pub use conditions::{
     BoxRegion, ConstraintEntry, CurveEntry, Faces, LoadEntry, MotionEntry, PressureEntry,
     RotationAbout, Selection, Sine, SphereRegion,
 };
 pub use document::{BackendName, ExecutorName, Mode, Output, PrecisionName, ProbeEntry, Scene};
 pub use fibres::{
-    AngleEntry, AxesEntry, CircularEntry, FibreEntry, HelicoidalEntry, HemicircularEntry,
-    LaplaceEntry, MuscleEntry, RandomEntry,
+    AngleEntry, AxesEntry, AzimuthElevationEntry, CircularEntry, FibreEntry, HelicoidalEntry,
+    HemicircularEntry, LaplaceEntry, MuscleEntry, RandomEntry,
 };
 pub(crate) use read::Key;
 pub use read::LoadedScene;

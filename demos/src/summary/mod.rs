@@ -7,8 +7,8 @@ pub use crate::warning::{Level, Warning};
 
 use crate::build::ResectionSummary;
 use serde::Serialize;
-use sinew::identify::ElementMethod;
 use sinew::models::axes::description::{AxesDescription, AxisForm};
+use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Model};
 use sinew::models::material::YoungPoisson;
@@ -220,8 +220,8 @@ pub struct BodySummary {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
-    /// How constants of lumped springs are found, where the scene says so.
-    pub element_method: Option<ElementMethod>,
+    /// Where constants of lumped springs come from, where the scene says so.
+    pub element_method: Option<SpringRule>,
     /// Membrane.
     pub membrane: Option<MembraneSummary>,
     /// Axes.
@@ -299,8 +299,8 @@ pub struct MembraneSummary {
     pub model: MembraneModel,
     /// Evaluation.
     pub evaluation: Evaluation,
-    /// How constants of lumped springs are found, where the scene says so.
-    pub element_method: Option<ElementMethod>,
+    /// Where constants of lumped springs come from, where the scene says so.
+    pub element_method: Option<SpringRule>,
 }
 
 /// A pressure of a run.

@@ -3,7 +3,7 @@
 use super::{AxesSummary, BodySummary, MembraneSummary, RunSummary, Warning, evaluation_name};
 use crate::build::ResectionSummary;
 use crate::text::{Block, counted, pressure, seconds, short, write_blocks};
-use sinew::identify::ElementMethod;
+use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Model};
 use std::fmt;
@@ -306,9 +306,13 @@ impl RunSummary {
 }
 
 /// How an energy is evaluated, or for lumped springs how their constants are found.
-fn evaluated(evaluation: Evaluation, springs: Option<ElementMethod>) -> String {
-    let Some(method) = springs else {
-        return format!("{} evaluation", evaluation_name(evaluation));
+fn evaluated(evaluation: Evaluation, springs: Option<SpringRule>) -> String {
+    let method = match springs {
+        None => return format!("{} evaluation", evaluation_name(evaluation)),
+        Some(SpringRule::Uniform(uniform)) => {
+            return format!("springs of {} N/m each", short(uniform.constant));
+        }
+        Some(SpringRule::Fitted(method)) => method,
     };
     let recalled =
         if method.recalled() { " (formula recalled, not read in the original)" } else { "" };

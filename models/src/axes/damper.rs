@@ -8,14 +8,17 @@
 //! serves both forms, with `q_j = (w+_j - w-_j) / L` there. In hexahedra the energy-consistent form has
 //! one damper for every Gauss point.
 //!
+//! The radial dampers of hexahedra (section 4.1) are dampers along the axes from the barycentre to the vertices:
+//! `q = (e_j - 1/8) / R_j`, with the force on vertex j alone in the printed form ([`AxialDamper::spread`]).
+//!
 //! Implicit integrators freeze the matrix where their iteration starts, as they do with stiffness
-//! damping; explicit ones refuse it, because it would need a linear system.
+//! damping. Explicit ones take the force at the velocity that they know, as the paper does.
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::AxisVertices;
 use sinew_engine::isoparametric::AxisHexahedronVertices;
-use sinew_engine::law::LawInfo;
-use sinew_engine::scalar::Scalar;
+use sinew_engine::law::{LawInfo, ViscousRequest};
+use sinew_engine::scalar::{Scalar, dot, scale};
 use sinew_engine::schedule::{ElementLaw, activate_dampers};
 use sinew_engine::vertex::Displacement;
 
@@ -34,27 +37,38 @@ pub struct AxialDamper<const N: usize> {
     pub axis: [f64; 3],
     /// Derivative of the stretched axis by the displacements of the vertices (1/m).
     pub shape: [f64; N],
+    /// What the force on a vertex is of the tension in the axis (1/m): `shape`, but for radial dampers of the printed
+    /// form, whose reaction nobody takes. The matrix has `shape` in its place.
+    pub spread: [f64; N],
     /// Viscosity along the axis times rest volume (J s).
     pub viscosity: f64,
 }
 
 impl<const N: usize> AxialDamper<N> {
+    /// A damper whose force spreads as its shape has it.
+    pub fn new(axis: [f64; 3], shape: [f64; N], viscosity: f64) -> Self {
+        Self { axis, shape, spread: shape, viscosity }
+    }
+
+    /// The stretched axis.
+    fn arm(&self, u: &Nodes<N>) -> [f64; 3] {
+        let change = spread_over(&self.shape, u);
+        [0, 1, 2].map(|k| self.axis[k] + change[k])
+    }
+
     /// Viscous matrix (N s/m) at displacements `u` (m).
     ///
     /// ```
     /// use sinew_models::axes::damper::AxialDamper;
     /// // unit corner, fibre along x: its stretch follows vertices 0 and 1
-    /// let damper = AxialDamper { axis: [1.0, 0.0, 0.0], shape: [-1.0, 1.0, 0.0, 0.0], viscosity: 0.5 };
+    /// let damper = AxialDamper::new([1.0, 0.0, 0.0], [-1.0, 1.0, 0.0, 0.0], 0.5);
     /// let matrix = damper.matrix(&[[0.0; 3]; 4]);
     /// assert_eq!(matrix[0][0][0], 0.5);
     /// assert_eq!(matrix[0][1][0], -0.5);
     /// assert_eq!(matrix[1][1][4], 0.0);
     /// ```
     pub fn matrix(&self, u: &Nodes<N>) -> Blocks<N> {
-        let mut arm = self.axis;
-        for (k, x) in spread_over(&self.shape, u).into_iter().enumerate() {
-            arm[k] += x;
-        }
+        let arm = self.arm(u);
         let square: f64 = arm.iter().map(|x| x * x).sum();
         let mut blocks = [[[0.0; 9]; N]; N];
         // a fibre without length has no direction
@@ -64,6 +78,22 @@ impl<const N: usize> AxialDamper<N> {
             add_spread(&mut blocks, &self.shape, &self.shape, &m);
         }
         blocks
+    }
+
+    /// Forces (N) at displacements `u` (m) and velocities `v` (m/s).
+    pub fn forces(&self, u: &Nodes<N>, v: &Nodes<N>) -> Nodes<N> {
+        let arm = self.arm(u);
+        let square: f64 = arm.iter().map(|x| x * x).sum();
+        // a fibre without length has no direction
+        let by = if square > 0.0 { 1.0 / square } else { 0.0 };
+        let pull = -self.viscosity * by * dot(arm, spread_over(&self.shape, v));
+        self.spread.map(|q| scale(arm, q * pull))
+    }
+
+    /// For every vertex the sum over all of `|df_a/dv_b|` (N s/m), whatever the displacements.
+    pub fn bound(&self) -> [f64; N] {
+        let sum: f64 = self.shape.iter().map(|q| q.abs()).sum();
+        self.spread.map(|q| self.viscosity * q.abs() * sum)
     }
 
     /// Without viscosity, for removed elements.
@@ -99,11 +129,28 @@ fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(
         partition: partition::<V, S>,
         evaluate: |with, u, (sites, blocks, dampers), buffer| {
             let u = Displacement::peel_slice(u);
-            with.workers.for_each(&mut buffer.spans, dampers.len() * 10 * N * N, |_, span| {
-                span.clear_tangent();
+            let (spans, viscous) = (&mut buffer.spans, &buffer.viscous);
+            with.workers.for_each(spans, dampers.len() * 10 * N * N, |_, span| {
+                if *viscous == ViscousRequest::Matrix {
+                    span.clear_tangent();
+                } else {
+                    span.drop_tangent();
+                    span.clear_force();
+                }
                 for i in span.elements.clone() {
-                    let matrix = dampers[i].matrix(&local(u, sites[i].rows()));
-                    add_blocks(span, &sites[i], &blocks[i], &matrix);
+                    let (damper, rows) = (&dampers[i], sites[i].rows());
+                    let forces = match viscous {
+                        ViscousRequest::Matrix => {
+                            let matrix = damper.matrix(&local(u, rows));
+                            add_blocks(span, &sites[i], &blocks[i], &matrix);
+                            continue;
+                        }
+                        ViscousRequest::Force(v) => damper.forces(&local(u, rows), &local(v, rows)),
+                        ViscousRequest::Bound => damper.bound().map(|bound| [bound, 0.0, 0.0]),
+                    };
+                    for (&row, f) in rows.iter().zip(forces) {
+                        span.add_force(row, f.map(S::from_f64));
+                    }
                 }
             });
         },

@@ -36,7 +36,7 @@ pub struct AxisFamily<'a> {
     /// Modulus along the axis (Pa): stress per stretch, over the rest area.
     pub modulus: f64,
     /// Viscosity along the axis (Pa s): stress per rate of stretch ([`damper`](super::damper)), 0 without
-    /// damping. Implicit integrators only.
+    /// damping.
     pub viscosity: f64,
     /// Factor on modulus, viscosity and muscle tension in every solid element, 1 without; where it is 0 the direction
     /// may be anything.
@@ -101,6 +101,9 @@ pub struct AxesDescription<'a> {
     pub angles: Vec<AxisAngle>,
     /// Modulus `Lambda` of the term of volume `Lambda/2 (J-1)^2` (Pa), 0 without it.
     pub volume_modulus: f64,
+    /// Viscosity (Pa s) of the dampers beside the radial springs of hexahedra in the printed forms
+    /// ([`damper`](super::damper)), `9 eta V / sum R^2` (N s/m) each; 0 without them.
+    pub volume_viscosity: f64,
     /// Formulas.
     pub form: AxisForm,
 }
@@ -118,6 +121,7 @@ impl AxesDescription<'_> {
             families: vec![family("x", 0), family("y", 1), family("z", 2)],
             angles: vec![angle([0, 1]), angle([0, 2]), angle([1, 2])],
             volume_modulus: material.lambda,
+            volume_viscosity: 0.0,
             form: AxisForm::EnergyConsistent,
         }
     }
@@ -128,6 +132,7 @@ impl AxesDescription<'_> {
             families: self.families.into_iter().map(AxisFamily::into_owned).collect(),
             angles: self.angles,
             volume_modulus: self.volume_modulus,
+            volume_viscosity: self.volume_viscosity,
             form: self.form,
         }
     }
@@ -165,6 +170,13 @@ impl AxesDescription<'_> {
             false => Err(AxesError::Modulus { of, value }),
         };
         modulus(ModulusOf::Volume, self.volume_modulus)?;
+        let value = self.volume_viscosity;
+        if !(value >= 0.0 && value.is_finite()) {
+            return Err(AxesError::VolumeViscosity { value });
+        }
+        if value > 0.0 && (hexahedra == 0 || self.form == AxisForm::EnergyConsistent) {
+            return Err(AxesError::NoRadialSprings);
+        }
         for (i, family) in self.families.iter().enumerate() {
             let name = || family.name.to_string();
             if self.families[..i].iter().any(|other| other.name == family.name) {
@@ -362,6 +374,18 @@ pub enum AxesError {
         /// The viscosity (Pa s).
         value: f64,
     },
+    /// A viscosity of radial dampers out of range.
+    #[error("the viscosity of volume springs is {value} Pa s; it must be finite and not negative")]
+    VolumeViscosity {
+        /// The viscosity (Pa s).
+        value: f64,
+    },
+    /// Radial dampers without radial springs.
+    #[error(
+        "a viscosity of volume springs is for the radial springs of hexahedra, which the printed forms have; \
+         use hexahedra and the form \"printed\" or \"printed_balanced\", or leave it out"
+    )]
+    NoRadialSprings,
     /// An axis that meets no two faces of a hexahedron.
     #[error(
         "family `{family}`, element {element}: its axis through the middle of the hexahedron meets no two \

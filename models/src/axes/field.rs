@@ -53,8 +53,8 @@ pub enum FibreError {
     /// A formula that cannot be read.
     #[error("formula of {component} `{text}`: {reason}; use x, y and z (m), numbers and functions")]
     Formula {
-        /// `x`, `y` or `z`.
-        component: char,
+        /// `x`, `y` or `z`, or which angle.
+        component: &'static str,
         /// The formula.
         text: String,
         /// What is wrong.
@@ -167,6 +167,64 @@ pub fn to_cell_data(name: &str, directions: &[DVec3], mesh: &Mesh) -> [CellData;
     })
 }
 
+fn parse(component: &'static str, text: &str) -> Result<Formula, FibreError> {
+    let error = |reason| FibreError::Formula { component, text: text.into(), reason };
+    Formula::parse(text).map_err(error)
+}
+
+/// Azimuths and elevations (degrees) by two formulas in `x`, `y` and `z` (m), taken at the barycentres of the
+/// elements, for [`from_angles`].
+///
+/// # Errors
+/// When a formula cannot be read.
+pub fn angles_by_formula(mesh: &Mesh, formulas: [&str; 2]) -> Result<[Vec<f64>; 2], FibreError> {
+    let (azimuth, elevation) = (parse("azimuth", formulas[0])?, parse("elevation", formulas[1])?);
+    let centres = barycentres(mesh)?;
+    let of = |f: &Formula| centres.iter().map(|x| f.at(x.to_array())).collect();
+    Ok([of(&azimuth), of(&elevation)])
+}
+
+/// Directions from maps of azimuth and elevation (degrees), as measured fibres of hearts are given (Bourguignon &
+/// Cani 2000, figure 7): `cos(e) (cos(a) zero + sin(a) axis x zero) + sin(e) axis`, one angle of each for every
+/// solid element. The elevation is taken from the plane across `axis`, towards it; the azimuth in this plane from
+/// the part of `zero` in it, counterclockwise seen against `axis`.
+///
+/// ```
+/// # use sinew_engine::mesh::Mesh;
+/// # use glam::DVec3;
+/// use sinew_models::axes::field::from_angles;
+/// let field = from_angles([&[0.0, 90.0, 0.0], &[0.0, 0.0, 90.0]], DVec3::Z, DVec3::X)?;
+/// for (found, expected) in field.directions.iter().zip([DVec3::X, DVec3::Y, DVec3::Z]) {
+///     assert!((*found - expected).length() < 1e-15);
+/// }
+/// # Ok::<(), sinew_models::axes::field::FibreError>(())
+/// ```
+///
+/// # Errors
+/// When an angle is not finite, `axis` is no direction, or `zero` has no part across it.
+pub fn from_angles(
+    [azimuth, elevation]: [&[f64]; 2],
+    axis: DVec3,
+    zero: DVec3,
+) -> Result<FibreField, FibreError> {
+    let axis = axis_of(axis)?;
+    let across = zero.reject_from_normalized(axis);
+    let zero = across.try_normalize().filter(|_| across.length() > 1e-9 * zero.length());
+    let zero = zero.ok_or(FibreError::Parameter {
+        what: "the direction of azimuth 0",
+        value: across.to_string(),
+        remedy: " and not along the axis",
+    })?;
+    let side = axis.cross(zero);
+    let direction = |(a, e): (&f64, &f64)| {
+        let (sin, cos) = libm::sincos(a.to_radians());
+        let (up, flat) = libm::sincos(e.to_radians());
+        flat * (cos * zero + sin * side) + up * axis
+    };
+    let vectors = azimuth.iter().zip(elevation).map(direction).collect();
+    normalised("azimuth and elevation", vectors, false)
+}
+
 /// Three formulas in `x`, `y` and `z` (m), taken at the barycentres of the elements; any length.
 ///
 /// ```
@@ -186,12 +244,7 @@ pub fn to_cell_data(name: &str, directions: &[DVec3], mesh: &Mesh) -> [CellData;
 /// # Errors
 /// When a formula cannot be read or gives a vector that is zero or not finite.
 pub fn from_formula(mesh: &Mesh, formulas: [&str; 3]) -> Result<FibreField, FibreError> {
-    let parse = |k: usize| {
-        let (component, text) = (['x', 'y', 'z'][k], formulas[k]);
-        let error = |reason| FibreError::Formula { component, text: text.into(), reason };
-        Formula::parse(text).map_err(error)
-    };
-    let parsed = [parse(0)?, parse(1)?, parse(2)?];
+    let parsed = [parse("x", formulas[0])?, parse("y", formulas[1])?, parse("z", formulas[2])?];
     let at = |centre: DVec3| DVec3::from_array(parsed.each_ref().map(|f| f.at(centre.to_array())));
     let vectors = barycentres(mesh)?.into_iter().map(at).collect();
     normalised("formula", vectors, false)

@@ -86,7 +86,7 @@ pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, p
         let (shape, t) = (&part.rest.tetrahedra[row], original as usize);
         for (axis, viscosity) in viscous(axes, t, shape.volume) {
             let shape = shape.gradients.map(|d| DVec3::from_array(d).dot(axis));
-            dampers.push((place, AxialDamper { axis: axis.to_array(), shape, viscosity }));
+            dampers.push((place, AxialDamper::new(axis.to_array(), shape, viscosity)));
         }
         let d = [shape.gradients[1], shape.gradients[2], shape.gradients[3]];
         for group in &groups {
@@ -150,7 +150,7 @@ fn spawn_in_hexahedra<S: Scalar>(
         for q in 0..8 {
             for (axis, viscosity) in viscous(axes, e, rest.volume[q]) {
                 let shape = hexahedra::shape_of(&derivatives, rest, q, axis);
-                dampers.push((rows, AxialDamper { axis: axis.to_array(), shape, viscosity }));
+                dampers.push((rows, AxialDamper::new(axis.to_array(), shape, viscosity)));
             }
         }
         for group in groups {

@@ -69,6 +69,31 @@ pub(crate) fn spawn_printed<S: Scalar>(
     spawn_rows::<S, _>(world, dampers, &damper::IN_HEXAHEDRA);
 }
 
+/// Dampers from the barycentre to the vertices of a hexahedron, of a viscosity times volume of `viscosity` (J s);
+/// tetrahedra have none. As with the springs there, the constant of each is `9 eta V / sum R^2` (N s/m).
+fn radial_dampers<const N: usize>(
+    points: [DVec3; N],
+    viscosity: f64,
+    form: VolumeForm,
+) -> impl Iterator<Item = AxialDamper<N>> {
+    let centre = points.iter().sum::<DVec3>() / N as f64;
+    let squares: f64 = points.iter().map(|x| x.distance_squared(centre)).sum();
+    let count = if N == 8 && viscosity > 0.0 { N } else { 0 };
+    (0..count).map(move |j| {
+        let arm = points[j] - centre;
+        let radius = arm.length();
+        let own = |a: usize| if a == j { 1.0 / radius } else { 0.0 };
+        let share = 1.0 / (N as f64 * radius);
+        let viscosity = 9.0 * viscosity / squares * radius * radius;
+        let shape = std::array::from_fn(|a| own(a) - share);
+        let damper = AxialDamper::new((arm / radius).to_array(), shape, viscosity);
+        match form {
+            VolumeForm::Balanced => damper,
+            VolumeForm::Printed => AxialDamper { spread: std::array::from_fn(own), ..damper },
+        }
+    })
+}
+
 /// What the axes of an element of `N` vertices become.
 struct Made<const N: usize> {
     springs: Vec<(PrintedAxes<N>, AxisSource)>,
@@ -124,8 +149,51 @@ where
             let (axis, ends) = chord(family);
             let viscosity = volume * family.viscosity * family.share(element);
             let shape = ends.spread().map(|w| w / ends.length);
-            (viscosity > 0.0).then_some(AxialDamper { axis: axis.to_array(), shape, viscosity })
+            (viscosity > 0.0).then(|| AxialDamper::new(axis.to_array(), shape, viscosity))
         });
-        Self { springs: springs.collect(), dampers: dampers.collect() }
+        let radial = radial_dampers(points, volume * axes.volume_viscosity, form);
+        Self { springs: springs.collect(), dampers: dampers.chain(radial).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::printed::RadialSprings;
+    use super::*;
+
+    #[test]
+    fn radial_dampers_are_those_of_the_paper() {
+        let corner = |i: usize| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64);
+        // an irregular hexahedron in the order of VTK, moved and moving
+        let points = [0, 1, 3, 2, 4, 5, 7, 6].map(|i| {
+            let x = corner(i);
+            x + 0.1 * DVec3::new(x.y * x.z, 0.5 * x.x, -x.x * x.y)
+        });
+        let u: [[f64; 3]; 8] =
+            std::array::from_fn(|a| [0.02 * a as f64, -0.01, 0.03 * (a % 3) as f64]);
+        let v: [[f64; 3]; 8] = std::array::from_fn(|a| [(a * a % 5) as f64, (a % 2) as f64, -1.0]);
+        let centre = points.iter().sum::<DVec3>() / 8.0;
+        let rest = points.map(|x| x.distance(centre));
+        let viscosity = 0.7;
+        let damping = 9.0 * viscosity / rest.iter().map(|r| r * r).sum::<f64>();
+        let springs = RadialSprings { rest, stiffness: 0.0, damping };
+        let x = std::array::from_fn(|a| (points[a] + DVec3::from_array(u[a])).to_array());
+        for form in [VolumeForm::Printed, VolumeForm::Balanced] {
+            let expected = springs.damping_forces(&x, &v, form);
+            let mut sum = [[0.0; 3]; 8];
+            for damper in radial_dampers(points, viscosity, form) {
+                for (sum, f) in
+                    sum.as_flattened_mut().iter_mut().zip(damper.forces(&u, &v).as_flattened())
+                {
+                    *sum += f;
+                }
+            }
+            let largest = expected.as_flattened().iter().fold(0.0f64, |m, f| m.max(f.abs()));
+            for (a, b) in sum.as_flattened().iter().zip(expected.as_flattened()) {
+                assert!((a - b).abs() < 1e-13 * largest, "{form:?}: {a} beside {b}");
+            }
+        }
+        let tetrahedron = [0, 1, 2, 4].map(corner);
+        assert_eq!(radial_dampers(tetrahedron, viscosity, VolumeForm::Printed).count(), 0);
     }
 }

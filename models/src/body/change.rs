@@ -75,7 +75,8 @@ fn change<S: Scalar>(
     };
     let resection = world.get_resource::<Resection>().and_then(|r| r.connectivity(body));
     let left = chosen(&rows, |kind, e| resection.is_none_or(|r| r.is_present(kind, e)));
-    let masses = matter.masses(Items::All(rest.len()), &left);
+    let mut masses = matter.masses(Items::All(rest.len()), &left);
+    soft.masses.apply(&mut masses);
     set_moduli::<S>(world, body, soft.model, (&lame, rows.tetrahedra.len()));
     if matter.is_pooled() || !springs.is_empty() {
         set_springs::<S>(world, body, (&matter, &springs), (&left, &lame));

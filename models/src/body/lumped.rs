@@ -2,9 +2,9 @@
 //! springs of elements that share a pair are added up ([`crate::laws::quadratic::MassSpring`] is the law on the
 //! sums).
 
+use serde::Serialize;
 use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::isoparametric::{HEXAHEDRON_PAIRS, QUAD_PAIRS};
-use sinew_engine::scalar::sub;
 use sinew_identify::mesh::{Cells, fit_each};
 use sinew_identify::{ElementMethod, IdentifyError, LinearMaterial, Plane, Section};
 
@@ -12,14 +12,86 @@ use crate::body::Model;
 use crate::body::matter::Matter;
 use crate::body::sheet::{MembraneSettings, PlaneState};
 use crate::element::precompute::EDGES;
-use crate::element::spring::tensile_energy;
-use crate::laws::quadratic::Stretch;
 use crate::material::YoungPoisson;
+
+/// Where the constants of lumped springs come from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum SpringRule {
+    /// From the material of each element; springs of elements that share a pair of vertices are added up.
+    Fitted(ElementMethod),
+    /// One constant for all springs.
+    Uniform(UniformSprings),
+}
+
+impl From<ElementMethod> for SpringRule {
+    fn from(method: ElementMethod) -> Self {
+        Self::Fitted(method)
+    }
+}
+
+/// Springs of one stiffness, as in Bourguignon & Cani 2000 (section 1.1 and table 1): a pair of vertices has one
+/// spring, however many elements share it. No modulus of a material has a part in them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct UniformSprings {
+    /// Spring constant (N/m), positive.
+    pub constant: f64,
+    /// Which pairs of a hexahedron are joined; other elements join all of theirs.
+    pub hexahedron: HexahedronSprings,
+}
+
+/// Pairs of vertices of a hexahedron that a spring joins.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub enum HexahedronSprings {
+    /// All 28.
+    #[default]
+    All,
+    /// Its 12 edges and 4 diagonals in space: 16.
+    EdgesAndDiagonals,
+}
+
+/// Edges and diagonals in space of a hexahedron.
+const EDGES_AND_DIAGONALS: [[usize; 2]; 16] = [
+    [0, 1],
+    [1, 2],
+    [2, 3],
+    [0, 3],
+    [4, 5],
+    [5, 6],
+    [6, 7],
+    [4, 7],
+    [0, 4],
+    [1, 5],
+    [2, 6],
+    [3, 7],
+    [0, 6],
+    [1, 7],
+    [2, 4],
+    [3, 5],
+];
+
+impl UniformSprings {
+    /// Whether the constant can be used.
+    pub fn is_valid(&self) -> bool {
+        self.constant > 0.0 && self.constant.is_finite()
+    }
+
+    /// Constants (N/m) of an element in the order of its pairs; 0 where there is no spring.
+    fn constants(&self, kind: ElementKind) -> Vec<f64> {
+        let all = self.hexahedron == HexahedronSprings::All || kind != ElementKind::Hexahedron;
+        let joined = |pair: &[usize; 2]| all || EDGES_AND_DIAGONALS.contains(pair);
+        pairs(kind).iter().map(|p| if joined(p) { self.constant } else { 0.0 }).collect()
+    }
+}
 
 /// Spring constants (N/m) of the elements of a body, in the order of its layout; for each kind empty
 /// unless its elements are springs.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ElementSprings(ByKind<Vec<f64>>);
+pub struct ElementSprings {
+    constants: ByKind<Vec<f64>>,
+    /// Whether elements that share a pair share one spring, by kind.
+    uniform: ByKind<bool>,
+}
 
 impl ElementSprings {
     /// Constants (N/m) of an element in the order of [`Connectivity::edges`], none where its kind has no
@@ -28,36 +100,22 @@ impl ElementSprings {
     /// [`Connectivity::edges`]: sinew_engine::connectivity::Connectivity::edges
     pub fn of(&self, kind: ElementKind, element: u32) -> &[f64] {
         let (i, pairs) = (element as usize, pairs(kind).len());
-        self.0[kind].get(pairs * i..pairs * (i + 1)).unwrap_or(&[])
+        self.constants[kind].get(pairs * i..pairs * (i + 1)).unwrap_or(&[])
     }
 
     /// Whether elements of a kind are springs.
     pub fn has(&self, kind: ElementKind) -> bool {
-        !self.0[kind].is_empty()
+        !self.constants[kind].is_empty()
+    }
+
+    /// Whether elements of a kind share one spring where they share a pair of vertices; else each has its own.
+    pub fn is_uniform(&self, kind: ElementKind) -> bool {
+        self.uniform[kind]
     }
 
     /// Whether there are any springs.
     pub fn is_empty(&self) -> bool {
         ElementKind::ALL.iter().all(|&kind| !self.has(kind))
-    }
-
-    /// Energy (J) of the springs of an element, from the rest positions (m) and displacements (m) of its
-    /// vertices.
-    pub(crate) fn energy(
-        &self,
-        kind: ElementKind,
-        element: u32,
-        vertex: impl Fn(usize) -> ([f64; 3], [f64; 3]),
-    ) -> f64 {
-        let constants = self.of(kind, element).iter().zip(pairs(kind));
-        constants
-            .map(|(&constant, pair)| {
-                let [(a, ua), (b, ub)] = pair.map(&vertex);
-                let rest = sub(a, b);
-                let change = Stretch::new(rest, sub(ua, ub)).change;
-                tensile_energy(tensile_stiffness(constant, rest), change)
-            })
-            .sum()
     }
 }
 
@@ -124,23 +182,32 @@ impl Matter<'_> {
             if !is_spring || cells.is_empty() {
                 continue;
             }
-            let (materials, section, method) = match sheet.filter(|_| of_sheet) {
-                Some(sheet) => (vec![linear(sheet.material)], section(&sheet), sheet.springs),
+            let rule = sheet.filter(|_| of_sheet).map_or(self.spring_rule, |sheet| sheet.springs);
+            if let Some(SpringRule::Uniform(uniform)) = rule {
+                springs.uniform[kind] = true;
+                springs.constants[kind] = uniform.constants(kind).repeat(cells.len());
+                continue;
+            }
+            let (materials, section) = match sheet.filter(|_| of_sheet) {
+                Some(sheet) => (vec![linear(sheet.material)], section(&sheet)),
                 None => {
                     let of = |e| linear(self.material(kind, e as u32));
                     let materials = (0..cells.len()).map(of).collect();
-                    (materials, Section::default(), self.spring_method)
+                    (materials, Section::default())
                 }
             };
-            let method = method.unwrap_or(usual);
-            springs.0[kind] =
+            let method = match rule {
+                Some(SpringRule::Fitted(method)) => method,
+                _ => usual,
+            };
+            springs.constants[kind] =
                 self.constants(&cells, &materials, &section, method).map_err(|(e, source)| {
                     let index = self.ordered.order(kind)[e] as usize;
                     SpringsError { kind, index, method, source: Box::new(source) }
                 })?;
         }
         // they come in lexicographic order
-        springs.0[ElementKind::Triangle].chunks_exact_mut(3).for_each(<[f64]>::reverse);
+        springs.constants[ElementKind::Triangle].chunks_exact_mut(3).for_each(<[f64]>::reverse);
         Ok(springs)
     }
 

@@ -2,21 +2,19 @@
 //! constants of springs. [`spawn_body`](super::spawn_body), [`set_material`](super::change::set_material) and
 //! removals compute them here, in one order of sums, so that they agree to the last bit.
 
-use glam::DVec3;
-use sinew_engine::connectivity::{ByKind, ElementKind};
-use sinew_engine::element::TETRAHEDRON_FACES;
-use sinew_engine::isoparametric::{RestHexahedron, RestQuad};
-use sinew_engine::layout::{BodyElements, Cells};
-use sinew_engine::scalar::sub;
-use sinew_identify::ElementMethod;
-
-use super::lumped::{self, ElementSprings};
+use super::lumped::{self, ElementSprings, SpringRule};
 use super::sheet::{MembraneModel, MembraneSettings};
 use super::{Evaluation, Model};
 use crate::element::membrane::{self, RestTriangle};
 use crate::element::precompute::{ADJACENT_PAIRS, RestTetrahedron, SpringConstants};
 use crate::material::field::MaterialField;
 use crate::material::{LameParameters, YoungPoisson};
+use glam::DVec3;
+use sinew_engine::connectivity::{ByKind, ElementKind};
+use sinew_engine::element::TETRAHEDRON_FACES;
+use sinew_engine::isoparametric::{RestHexahedron, RestQuad};
+use sinew_engine::layout::{BodyElements, Cells};
+use sinew_engine::scalar::sub;
 
 /// A body as its numbers see it.
 #[derive(Clone, Copy)]
@@ -31,8 +29,8 @@ pub(crate) struct Matter<'a> {
     pub model: Model,
     /// Evaluation of its solid elements.
     pub evaluation: Evaluation,
-    /// How the constants of its springs are found.
-    pub spring_method: Option<ElementMethod>,
+    /// Where the constants of its springs come from.
+    pub spring_rule: Option<SpringRule>,
     /// Its membrane.
     pub membrane: Option<MembraneSettings>,
 }
@@ -161,7 +159,8 @@ impl Matter<'_> {
         mass
     }
 
-    /// Constants (N/m^3) of edges that are springs by themselves, summed over elements; 0 where there is none.
+    /// Constants (N/m^3) of edges that are springs by themselves, summed over elements, uniform ones counted once in
+    /// the solid and once in the membrane; 0 where there is none.
     pub fn edge_springs(
         &self,
         springs: &ElementSprings,
@@ -173,14 +172,25 @@ impl Matter<'_> {
         if springs.is_empty() {
             return sums;
         }
+        let mut shared = [Vec::new(), Vec::new()];
         for kind in ElementKind::ALL {
+            let of_sheet = matches!(kind, ElementKind::Triangle | ElementKind::Quad);
+            let shared = &mut shared[usize::from(of_sheet)];
+            if springs.is_uniform(kind) {
+                shared.resize(edges.count(), 0.0);
+            }
             for &e in &elements[kind] {
-                for (&edge, k) in cells.edges_of(kind, e).iter().zip(springs.of(kind, e)) {
-                    if let Some(at) = edges.place(edge) {
-                        sums[at] += k;
+                for (&edge, &k) in cells.edges_of(kind, e).iter().zip(springs.of(kind, e)) {
+                    match edges.place(edge) {
+                        Some(at) if springs.is_uniform(kind) => shared[at] = k.max(shared[at]),
+                        Some(at) => sums[at] += k,
+                        None => {}
                     }
                 }
             }
+        }
+        for shared in shared {
+            sums.iter_mut().zip(shared).for_each(|(sum, k)| *sum += k);
         }
         for (at, sum) in sums.iter_mut().enumerate() {
             let [a, b] = cells.edges[edges.item(at) as usize].map(|v| (self.rest_of)(v).to_array());

@@ -8,17 +8,17 @@ pub(crate) mod spawn;
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use sinew_engine::by_precision;
 use sinew_engine::isoparametric::RestShapeError;
 use sinew_engine::layout::BodyElements;
 use sinew_engine::memory;
 use sinew_engine::mesh::Mesh;
 use sinew_engine::precision::Precision;
-use sinew_identify::ElementMethod;
 use std::sync::Arc;
 
 use crate::axes::description::{AxesDescription, AxesError, BodyAxes};
-use crate::body::lumped::{ElementSprings, SpringsError};
+use crate::body::lumped::{ElementSprings, SpringRule, SpringsError};
 use crate::body::matter::Matter;
 use crate::body::sheet::{MembraneDescription, MembraneError, MembraneSettings};
 use crate::element::precompute::RestTetrahedronError;
@@ -54,9 +54,11 @@ pub struct BodyDescription<'a> {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
-    /// How the constants of [`Model::MassSpring`] are found; without, those of Delingette 2008 for
+    /// Where the constants of [`Model::MassSpring`] come from; without, those of Delingette 2008 for
     /// tetrahedra and the Frobenius fit for hexahedra.
-    pub springs: Option<ElementMethod>,
+    pub springs: Option<SpringRule>,
+    /// How its mass is shared out among its vertices.
+    pub masses: MassRule,
     /// Membrane beside the solid, or instead of it: without solid elements `material`, `model` and
     /// `evaluation` mean nothing.
     pub membrane: Option<MembraneDescription<'a>>,
@@ -90,6 +92,7 @@ impl<'a> BodyDescription<'a> {
             model: Model::default(),
             evaluation: Evaluation::default(),
             springs: None,
+            masses: MassRule::default(),
             membrane: None,
             axes: None,
         }
@@ -102,6 +105,29 @@ impl<'a> BodyDescription<'a> {
             young_modulus: self.young_modulus,
             poisson_ratio: self.poisson_ratio,
             density: self.density,
+        }
+    }
+}
+
+/// How the mass of a body is shared out among its vertices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MassRule {
+    /// Every element gives its mass to its own vertices, by their part of its volume (default).
+    #[default]
+    Volume,
+    /// All vertices have the same (Bourguignon & Cani 2000, section 5); the mass of the body is that of its
+    /// elements. Vertices keep it while they have an element.
+    Equal,
+}
+
+impl MassRule {
+    /// Applies it to masses (kg) that elements have given to their vertices, 0 where a vertex has none.
+    pub(crate) fn apply(self, masses: &mut [f64]) {
+        let used = masses.iter().filter(|m| **m > 0.0).count();
+        if self == Self::Equal && used > 0 {
+            let mean = masses.iter().sum::<f64>() / used as f64;
+            masses.iter_mut().filter(|m| **m > 0.0).for_each(|m| *m = mean);
         }
     }
 }
@@ -120,6 +146,14 @@ pub enum BodyError {
         body: String,
         /// What is wrong.
         source: FieldError,
+    },
+    /// A constant of uniform springs out of range.
+    #[error("body `{body}`: the spring constant is {value} N/m; it must be positive and finite")]
+    SpringConstant {
+        /// Name of the body.
+        body: String,
+        /// The constant (N/m).
+        value: f64,
     },
     /// A tetrahedron without a usable rest shape.
     #[error("body `{body}`, tetrahedron {tetrahedron}: {source}")]
@@ -276,8 +310,10 @@ pub struct SoftBody {
     pub law: Option<&'static LawRow>,
     /// Evaluation.
     pub evaluation: Evaluation,
-    /// How the constants of its springs are found, if it consists of springs.
-    pub spring_method: Option<ElementMethod>,
+    /// Where the constants of its springs come from, if it consists of springs.
+    pub spring_rule: Option<SpringRule>,
+    /// How its mass is shared out among its vertices.
+    pub masses: MassRule,
     /// Constants of the elements that are springs.
     pub springs: Arc<ElementSprings>,
     /// What its membrane is made of.
@@ -298,9 +334,9 @@ impl SoftBody {
         ordered: &'a BodyElements,
         rest_of: &'a dyn Fn(u32) -> DVec3,
     ) -> Matter<'a> {
-        let &Self { model, evaluation, spring_method, membrane, .. } = self;
+        let &Self { model, evaluation, spring_rule, membrane, .. } = self;
         let field = self.field();
-        Matter { ordered, rest_of, field, model, evaluation, spring_method, membrane }
+        Matter { ordered, rest_of, field, model, evaluation, spring_rule, membrane }
     }
 }
 

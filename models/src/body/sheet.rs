@@ -12,10 +12,10 @@ use sinew_engine::isoparametric::{
 use sinew_engine::layout::BodyLayout;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::report_areas;
-use sinew_identify::ElementMethod;
 use thiserror::Error;
 
 use crate::body::Evaluation;
+use crate::body::lumped::SpringRule;
 use crate::body::spawn::Offsets;
 use crate::element::membrane::{RestTriangle, RestTriangleError, plane_strain, plane_stress};
 use crate::frame::quads::Quadrilateral;
@@ -112,7 +112,7 @@ pub struct MembraneSettings {
     /// Evaluation.
     pub evaluation: Evaluation,
     /// As [`MembraneDescription::springs`].
-    pub springs: Option<ElementMethod>,
+    pub springs: Option<SpringRule>,
 }
 
 impl MembraneSettings {
@@ -171,9 +171,9 @@ pub struct MembraneDescription<'a> {
     /// Evaluation. Springs pooled over the mesh are summed with those of tetrahedra where the latter
     /// are pooled too.
     pub evaluation: Evaluation,
-    /// How the constants of [`MembraneModel::MassSpring`] are found; without, those of Delingette 2008 for
+    /// Where the constants of [`MembraneModel::MassSpring`] come from; without, those of Delingette 2008 for
     /// triangles and the Frobenius fit for quadrilaterals.
-    pub springs: Option<ElementMethod>,
+    pub springs: Option<SpringRule>,
 }
 
 impl<'a> MembraneDescription<'a> {

@@ -23,6 +23,7 @@ use sinew_engine::vertex::{
 };
 use std::sync::Arc;
 
+use super::lumped::SpringRule;
 use super::matter::{Items, Matter, PooledSprings, chosen};
 use super::sheet::{MembraneDescription, Sheet};
 use super::{BodyDescription, BodyError, Evaluation, Model, SoftBody};
@@ -64,12 +65,12 @@ pub(super) fn spawn<S: Scalar>(
         Some(m) => Some(Sheet::new(m, &layout, rest_of).map_err(of_membrane)?),
         None => None,
     };
-    let (model, evaluation, spring_method) = (body.model, body.evaluation, body.springs);
+    let (model, evaluation, spring_rule) = (body.model, body.evaluation, body.springs);
     let field = body.material_field();
     let membrane = membrane.map(|m| m.settings());
     let ordered = &layout.ordered;
     let matter =
-        Matter { ordered, rest_of: &rest_of, field, model, evaluation, spring_method, membrane };
+        Matter { ordered, rest_of: &rest_of, field, model, evaluation, spring_rule, membrane };
     let springs =
         matter.element_springs().map_err(|source| BodyError::Springs { body: name(), source })?;
 
@@ -77,7 +78,8 @@ pub(super) fn spawn<S: Scalar>(
     let all = chosen(ordered, |_, _| true);
     let lame: [Vec<LameParameters>; 2] = [ElementKind::Tetrahedron, ElementKind::Hexahedron]
         .map(|kind| all[kind].iter().map(|&e| user_lame[matter.place(kind, e)]).collect());
-    let masses = matter.masses(Items::All(layout.vertex_order.len()), &all);
+    let mut masses = matter.masses(Items::All(layout.vertex_order.len()), &all);
+    body.masses.apply(&mut masses);
     let edges = Items::All(layout.cells.edges.len());
     let triangles = Items::All(layout.cells.triangles.len());
     let mass_spring = matter.edge_springs(&springs, &layout.cells, edges, &all);
@@ -117,7 +119,8 @@ pub(super) fn spawn<S: Scalar>(
         model,
         law,
         evaluation,
-        spring_method,
+        spring_rule,
+        masses: body.masses,
         springs: Arc::new(springs),
         membrane,
         axes,
@@ -168,6 +171,13 @@ fn check<'a>(
     if let Some(m) = &membrane {
         m.validate(body.points.len())
             .map_err(|source| BodyError::Membrane { body: name(), source })?;
+    }
+    for rule in [body.springs, membrane.and_then(|m| m.springs)] {
+        if let Some(SpringRule::Uniform(springs)) = rule
+            && !springs.is_valid()
+        {
+            return Err(BodyError::SpringConstant { body: name(), value: springs.constant });
+        }
     }
     check_axes(body, solid).map_err(|source| BodyError::Axes { body: name(), source })?;
     Ok((membrane, lame))

@@ -224,7 +224,7 @@ impl Resection {
         State::new(own, world, &soft, &mut queries).book(&chosen, &mut report);
         own.clear::<S>(world, &chosen);
         let touched = own.connectivity.remove(&chosen);
-        own.sum_constants::<S>(world, &soft, &touched);
+        own.sum_constants::<S>(world, &soft, &touched, &mut report);
         if mass == MassPolicy::Recompute {
             own.sum_masses::<S>(world, &soft, &touched, &mut report);
         }

@@ -54,7 +54,7 @@ impl<'a, S: Scalar> Vertices<'a, S> {
         sum / vertices.len() as f64
     }
 
-    fn displacements<const N: usize>(&self, vertices: [u32; N]) -> [[f64; 3]; N] {
+    pub fn displacements<const N: usize>(&self, vertices: [u32; N]) -> [[f64; 3]; N] {
         vertices.map(|v| self.displacement(v).to_array())
     }
 }
@@ -147,19 +147,10 @@ impl<'a, S: Scalar> State<'a, S> {
         }
     }
 
-    /// Books elastic energy and volume of elements that go.
+    /// Books elastic energy and volume of elements that go; springs on edges are booked where their constants are
+    /// summed again.
     pub fn book(&self, chosen: &Chosen, report: &mut RemovalReport) {
-        let Self { own, soft, vertices, .. } = self;
-        for kind in ElementKind::ALL.into_iter().filter(|&kind| soft.springs.has(kind)) {
-            for &e in &chosen[kind] {
-                let nodes = own.connectivity.vertices(kind, e);
-                let vertex = |v: usize| {
-                    let [u] = vertices.displacements([nodes[v]]);
-                    (vertices.rest(nodes[v]).to_array(), u)
-                };
-                report.elastic_energy += soft.springs.energy(kind, e, vertex);
-            }
-        }
+        let Self { own, soft, .. } = self;
         for kind in IN_SUMS {
             let law = match kind {
                 ElementKind::Hexahedron => soft.law.and_then(|law| law.hexahedra),

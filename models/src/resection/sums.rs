@@ -4,15 +4,18 @@ use bevy_ecs::prelude::*;
 use sinew_engine::columns::single_table;
 use sinew_engine::connectivity::{ByKind, ElementKind, Incidence, Touched};
 use sinew_engine::load::Pressure;
-use sinew_engine::scalar::Scalar;
+use sinew_engine::scalar::{Scalar, sub};
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Mass, Velocity};
 
 use super::state::{ModuliData, Vertices, numbers};
 use super::{BodyResection, Chosen, RemovalReport};
+use crate::body::MassRule;
 use crate::body::SoftBody;
 use crate::body::matter::Items;
+use crate::element::spring::tensile_energy;
 use crate::laws::pooled::{AngularStiffness, TensileStiffness};
+use crate::laws::quadratic::Stretch;
 use crate::material::LameParameters;
 
 impl BodyResection {
@@ -27,12 +30,14 @@ impl BodyResection {
         }))
     }
 
-    /// Sums the constants of the springs at the touched edges and triangles again.
+    /// Sums the constants of the springs at the touched edges and triangles again, and books the energy of springs
+    /// on edges that went.
     pub(super) fn sum_constants<S: Scalar>(
         &self,
         world: &mut World,
         soft: &SoftBody,
         touched: &Touched,
+        report: &mut RemovalReport,
     ) {
         let mut query = world.query();
         let mut moduli = world.query::<ModuliData<S>>();
@@ -56,7 +61,20 @@ impl BodyResection {
         let alone = matter.edge_springs(&soft.springs, cells, edges, &round);
         let pooled = matter.pooled_springs(cells, [edges, triangles], &round, &lame);
 
+        let stretch = |edge: u32| {
+            let ends = cells.edges[edge as usize];
+            let [a, b] = ends.map(|v| vertices.rest(v).to_array());
+            let [ua, ub] = vertices.displacements(ends);
+            Stretch::new(sub(a, b), sub(ua, ub)).change
+        };
+        // the energy of pooled springs is booked with their elements
+        let changes: Vec<f64> = touched.edges.iter().map(|&edge| stretch(edge)).collect();
         let mut query = world.query::<&mut TensileStiffness<S>>();
+        for (&edge, (&sum, change)) in touched.edges.iter().zip(alone.iter().zip(changes)) {
+            if let Ok(k) = query.get_mut(world, self.rows.edges[1][edge as usize]) {
+                report.elastic_energy += tensile_energy(k.0.to_f64() - sum, change);
+            }
+        }
         for (entities, sums) in self.rows.edges.iter().zip([&pooled.tensile, &alone]) {
             for (&edge, &sum) in touched.edges.iter().zip(sums) {
                 if let Ok(mut k) = query.get_mut(world, entities[edge as usize]) {
@@ -101,7 +119,10 @@ impl BodyResection {
         for (&v, sum) in touched.vertices.iter().zip(sums) {
             let row = (v + v0) as usize;
             let before = mass[row].0.to_f64();
-            mass[row].0 = S::from_f64(sum);
+            // equal masses stay so while a vertex has an element
+            if soft.masses == MassRule::Volume || !connectivity.uses_vertex(v) {
+                mass[row].0 = S::from_f64(sum);
+            }
             let gone = before - mass[row].0.to_f64();
             let speed = (0..3).map(|k| velocity[row].0[k].to_f64().powi(2)).sum::<f64>();
             report.mass += gone;

@@ -142,7 +142,8 @@ fn spawn_again(
         model: soft.model,
         evaluation: soft.evaluation,
         membrane: soft.membrane.as_ref().map(|m| m.of(&mesh.triangles, &mesh.quads)),
-        springs: soft.spring_method,
+        springs: soft.spring_rule,
+        masses: soft.masses,
         axes: axes.map(|axes| axes.description.of_elements(index)),
         ..BodyDescription::new("fresh", mesh, soft.material)
     };

@@ -110,7 +110,7 @@ fn a_simulation_has_the_stated_error() {
         };
         let springs = BodyDescription {
             model: Model::MassSpring,
-            springs: Some(body.method),
+            springs: Some(body.method.into()),
             ..BodyDescription::new("springs", &mesh, material)
         };
         // a strain of 1e-5, where springs with rest lengths are linear
