@@ -160,7 +160,12 @@ struct Plot<'a> {
     logarithmic: bool,
     lines: bool,
     points: bool,
+    /// A few marks on every line, at other places on each: where lines coincide all are seen.
+    marks: bool,
 }
+
+/// Marks on a line at most.
+const MARKS: usize = 12;
 
 impl Plot<'_> {
     fn chart(&self, name: &str) -> Result<Chart, BenchError> {
@@ -199,12 +204,21 @@ impl Plot<'_> {
             let style = INK.mix(0.45).stroke_width(1);
             chart.draw_series(LineSeries::new(front.clone(), style)).map_err(failed)?;
         }
-        for s in self.series {
+        for (i, s) in self.series.iter().enumerate() {
             let drawn = |x: &f64| x.is_finite() && (!self.logarithmic || *x > 0.0);
             let places =
                 || s.points.iter().filter(move |p| p.iter().all(drawn)).map(|p| (p[0], p[1]));
             if self.lines {
                 chart.draw_series(LineSeries::new(places(), s.line())).map_err(failed)?;
+            }
+            if self.marks {
+                let step = s.points.len().div_ceil(MARKS).max(1);
+                let marked = s.points.iter().skip(i * step / self.series.len()).step_by(step);
+                let marked = marked.filter(|p| p.iter().all(drawn)).map(|p| (p[0], p[1]));
+                let size = if s.hollow { 5 } else { 3 };
+                chart
+                    .draw_series(marked.map(|p| Circle::new(p, size, s.mark())))
+                    .map_err(failed)?;
             }
             if self.points {
                 let size = if self.lines { 3 } else { 4 };
@@ -285,7 +299,9 @@ pub fn speed_against_error(
     let (fronts, labels) = (fronts.iter().map(stairs).collect(), [sparse_label as Label; 2]);
     let (series, ranges) = (&floored[..], [xs, ys.clone()]);
     let (logarithmic, lines, points) = (true, false, true);
-    let plot = Plot { title, axes, series, fronts, ranges, labels, logarithmic, lines, points };
+    let marks = false;
+    let plot =
+        Plot { title, axes, series, fronts, ranges, labels, logarithmic, lines, points, marks };
     plot.chart(name)
 }
 
@@ -347,12 +363,14 @@ pub fn lines(
     });
     let lines = scales != Scales::Scattered;
     let (points, fronts) = (!lines || logarithmic, Vec::new());
-    let plot = Plot { title, axes, series, fronts, ranges, labels, logarithmic, lines, points };
+    let marks = scales == Scales::Linear;
+    let plot =
+        Plot { title, axes, series, fronts, ranges, labels, logarithmic, lines, points, marks };
     plot.chart(name)
 }
 
-/// Horizontal bars with quartiles; a tick shows what was aimed at. Logarithmic when they differ by
-/// more than a factor of 30.
+/// Horizontal bars with quartiles; a tick shows what was aimed at. Points on a logarithmic axis when they
+/// differ by more than a factor of 30.
 ///
 /// # Errors
 /// When it cannot be drawn.
@@ -399,9 +417,15 @@ pub fn bars(name: &str, title: &str, unit: &str, bars: &[Bar]) -> Result<Chart, 
             let y = (top + row * i as f64) as i32;
             text(&bar.label, (12, y + 2), 13)?;
             let end = place(bar.value);
-            let corners = [(left as i32, y + 3), (end, y + row as i32 - 4)];
-            area.draw(&Rectangle::new(corners, colour(bar.colour).filled())).map_err(failed)?;
             let middle = y + row as i32 / 2;
+            let full = colour(bar.colour).filled();
+            if logarithmic {
+                // the length of a bar says nothing on an axis without 0
+                area.draw(&Circle::new((end, middle), 5, full)).map_err(failed)?;
+            } else {
+                let corners = [(left as i32, y + 3), (end, y + row as i32 - 4)];
+                area.draw(&Rectangle::new(corners, full)).map_err(failed)?;
+            }
             let whisker: Vec<(i32, i32)> =
                 bar.quartiles.iter().map(|q| (place(*q), middle)).collect();
             area.draw(&PathElement::new(whisker, INK)).map_err(failed)?;
@@ -464,6 +488,24 @@ mod tests {
         let text = bars("n", "title", "ns", &[bar(1.0, None), bar(3.0, Some(2.0))]).unwrap().svg;
         assert!(text.matches("<rect").count() >= 3 && text.contains("#C80000"));
         assert!(bars("n", "t", "ns", &[bar(0.0, None)]).is_err());
+        // of widely different ones the places are drawn, not lengths
+        let text = bars("n", "title", "ns", &[bar(1.0, None), bar(100.0, None)]).unwrap().svg;
+        assert_eq!(text.matches("<circle").count(), 2);
+    }
+
+    #[test]
+    fn lines_that_coincide_are_marked_at_other_places() {
+        let points: Vec<[f64; 2]> =
+            (0..60).map(|i| [f64::from(i), 2.0]).chain([[60.0, 3.0]]).collect();
+        let series = [0, 1].map(|i| Series::new(format!("{i}"), points.clone(), i));
+        let text = lines("n", "t", ["x", "y"], &series, Scales::Linear).unwrap().svg;
+        let places = |colour: &str| -> Vec<String> {
+            let circles = text.lines().filter(|l| l.starts_with("<circle") && l.contains(colour));
+            circles.map(|l| l.split("cx=").nth(1).unwrap()[..6].to_string()).collect()
+        };
+        let [first, second] = ["#0072B2", "#D55E00"].map(places);
+        assert!(first.len() > 5 && second.len() > 5, "{text}");
+        assert!(first.iter().all(|x| !second.contains(x)), "{first:?} {second:?}");
     }
 
     #[test]

@@ -3,6 +3,8 @@
 use crate::bench::error::BenchError;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
+use sinew::models::axes::description::{AxesDescription, AxisForm};
+use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::prelude::*;
 
 /// A body in a world of its own, without gravity, on one thread.
@@ -59,6 +61,37 @@ pub(super) fn settle(
         }
     }
     Ok(())
+}
+
+/// Settings of Bourguignon & Cani 2000, section 5: Störmer's method, with mass damping (1/s) where motion is to stop.
+pub(super) fn stormer(mass_damping: f64) -> SolverSettings {
+    SolverSettings {
+        integrator: Integrator::StormerVerlet,
+        mass_damping,
+        ..SolverSettings::default()
+    }
+}
+
+/// Axes of an isotropic material along x, y and z with dampers (Pa s) along all of them, and in hexahedra of the
+/// printed forms beside the springs of volume.
+pub(super) fn damped_axes(
+    material: YoungPoisson,
+    form: AxisForm,
+    viscosity: f64,
+    mesh: &Mesh,
+) -> Result<AxesDescription<'static>, BenchError> {
+    let mut axes = AxesDescription { form, ..AxesDescription::isotropic(material.lame()?) };
+    axes.families.iter_mut().for_each(|family| family.viscosity = viscosity);
+    if form != AxisForm::EnergyConsistent && !mesh.hexahedra.is_empty() {
+        axes.volume_viscosity = viscosity;
+    }
+    Ok(axes)
+}
+
+/// Plain springs of one constant (N/m), 16 in a hexahedron, as in that paper.
+pub(super) fn uniform(constant: f64) -> Option<SpringRule> {
+    let hexahedron = HexahedronSprings::EdgesAndDiagonals;
+    Some(SpringRule::Uniform(UniformSprings { constant, hexahedron }))
 }
 
 /// A part of the way from one strain to the next.

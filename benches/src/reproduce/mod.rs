@@ -3,9 +3,11 @@
 //! numbers of the run.
 
 mod axis_cost;
+mod between;
 mod compression;
 mod cost;
 mod cylinder;
+mod drawing;
 mod elements;
 mod equivalence;
 mod fibres;
@@ -103,7 +105,7 @@ pub static PAPER_C: Source = Source {
     picture: 'a',
     figures: &[
         ("A block pulled down, by the course of its fibres", |_| fibres::figure()),
-        ("Stiffness in directions between the axes", |_| fibres::between()),
+        ("Stiffness in directions between the axes", |_| between::figure()),
         ("Volume on a table, and a cantilever", |_| volume::figure()),
         ("Time", |_| axis_cost::figure()),
     ],
