@@ -540,9 +540,16 @@ fn bad_axes_are_refused() {
     assert!(with(family).contains("`width` is 0"));
 }
 
-/// A tetrahedron whose one free unknown is pulled by an axis along x with a damper: a linear oscillator. Its displacement
-/// over that at the start, after a time in steps of `dt`, both in units of the time of a radian without damping.
-fn oscillator(form: AxisForm, integrator: Integrator, ratio: f64, dt: f64, time: f64) -> f64 {
+/// A tetrahedron whose one free unknown is pulled by an axis along x with a damper: a linear oscillator. Its
+/// displacement over that at the start, after a time in steps of `dt`, both in units of the time of a radian without
+/// damping; and the substeps and refinements of the last step.
+fn oscillator(
+    form: AxisForm,
+    integrator: Integrator,
+    ratio: f64,
+    dt: f64,
+    time: f64,
+) -> (f64, [u32; 2]) {
     const LENGTH: f64 = 0.05;
     const MODULUS: f64 = 1e4;
     let points = [DVec3::ZERO, DVec3::X * LENGTH, DVec3::Y * LENGTH, DVec3::Z * LENGTH];
@@ -569,7 +576,9 @@ fn oscillator(form: AxisForm, integrator: Integrator, ratio: f64, dt: f64, time:
     for _ in 0..(time / dt).round() as usize {
         simulation.step().unwrap();
     }
-    simulation.displacements(body)[1].x / start
+    let report = simulation.report();
+    let counts = [report.substeps, report.refinements];
+    (simulation.displacements(body)[1].x / start, counts)
 }
 
 /// Displacement of an oscillator of frequency 1 that is let go at 1, after a time.
@@ -588,7 +597,7 @@ fn explicit_dampers_follow_a_damped_oscillator() {
         for integrator in [Integrator::StormerVerlet, Integrator::SymplecticEuler] {
             for ratio in [0.05, 0.5, 3.0] {
                 let error = |dt: f64| {
-                    let found = oscillator(form, integrator, ratio, dt, 3.0);
+                    let found = oscillator(form, integrator, ratio, dt, 3.0).0;
                     (found - damped(ratio, 3.0)).abs()
                 };
                 let errors = [0.02, 0.01, 0.005].map(error);
@@ -600,6 +609,22 @@ fn explicit_dampers_follow_a_damped_oscillator() {
                 );
             }
         }
+    }
+}
+
+/// Long steps are cut by what the damper asks for, far below what the spring does, and follow the closed form.
+#[test]
+fn explicit_steps_are_cut_for_strong_dampers() {
+    let ratio = 20.0;
+    let limit = 4.0 / (2.0 * ratio + f64::hypot(2.0 * ratio, 2.0));
+    for integrator in [Integrator::StormerVerlet, Integrator::SymplecticEuler] {
+        let (x, [substeps, refinements]) =
+            oscillator(AxisForm::Printed, integrator, ratio, 1.0, 10.0);
+        // the bound counts held neighbours, too, which makes it twice as large here
+        let needed = 1.0 / (0.9 * limit);
+        assert!((needed..2.1 * needed).contains(&f64::from(substeps)), "{substeps} {needed}");
+        assert_eq!(refinements, 0);
+        assert!((x - damped(ratio, 10.0)).abs() < 0.01, "{integrator:?}: {x}");
     }
 }
 

@@ -434,12 +434,17 @@ impl Measured {
     fn findings(&self) -> Vec<Finding> {
         let (axes, springs) =
             (most(self.of(Field::None), Shape::drift), most(&self.springs[1..], Shape::drift));
+        let energy = self.energy.iter().find(|(f, _)| *f == Field::None);
+        let energy = energy.map_or(&[][..], |(_, shapes)| &shapes[1..]);
+        let energy = energy.iter().map(Shape::drift).fold(0.0, f64::max);
         let mut findings = vec![Finding::of(axes < 0.01 && springs > 2.0 * axes).says(format!(
             "axes without fibres hardly leave the vertical on irregular meshes: sideways motion is at most \
              {:.2} % of the elongation (1 % allowed); that of plain springs of one stiffness on the same meshes \
-             {:.2} % (at least twice as much)",
+             {:.2} % (at least twice as much), that of axes with an energy {:.2} %: volume springs as printed have \
+             a resultant on irregular elements",
             100.0 * axes,
-            100.0 * springs
+            100.0 * springs,
+            100.0 * energy
         ))];
         findings.extend(self.of_courses());
         findings.extend(self.of_motion());
