@@ -612,6 +612,28 @@ fn explicit_dampers_follow_a_damped_oscillator() {
     }
 }
 
+#[test]
+fn explicit_dampers_give_the_same_bits_on_any_number_of_threads() {
+    // more than one range of elements
+    let mesh = jittered_box([0.2, 0.1, 0.1], [14, 7, 7]);
+    let lame = soft(5e3, 0.4).lame().unwrap();
+    for precision in [Precision::F64, Precision::F32] {
+        let run = |threads| {
+            let mut axes = AxesDescription::isotropic(lame);
+            axes.form = AxisForm::Printed;
+            axes.families.iter_mut().for_each(|family| family.viscosity = 20.0);
+            let (mut simulation, body) =
+                build(&mesh, ALONE, Some(axes), options(precision, threads));
+            simulation.integrate_by(Integrator::StormerVerlet);
+            disturb(&mut simulation, body, 1e-4, 3);
+            simulation.set_dt(1e-3);
+            simulation.steps(3);
+            (simulation.displacements(body), simulation.velocities(body))
+        };
+        assert_eq!(run(1), run(3), "{precision:?}");
+    }
+}
+
 /// Long steps are cut by what the damper asks for, far below what the spring does, and follow the closed form.
 #[test]
 fn explicit_steps_are_cut_for_strong_dampers() {

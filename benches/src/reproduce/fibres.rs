@@ -651,8 +651,8 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
     let [coarse, fine] = [CELLS, FINE].map(|n| n.iter().product::<usize>());
     Ok(Figure {
         setting: format!(
-            "A block of {} x {} x {} m hangs from its top; a traction of {TRACTION} Pa pulls at its bottom from the start, \
-             without gravity. Axes alone, in the printed form: three in every element with the moduli of an isotropic \
+            "A block of {} x {} x {} m hangs from its top; a traction of {TRACTION} Pa pulls at its bottom from the \
+             start, without gravity. Axes alone, in the printed form: three in every element with the moduli of an isotropic \
              material (E = {} Pa, nu = {}), the one along the fibres of {FIBRE} Pa. Equal masses, Störmer's method, \
              steps of {STEP} s cut where stability asks for it, dampers of {VISCOSITY} Pa s along all axes (and beside \
              the radial springs of hexahedra); after {:.1} s mass damping of {BRAKE} 1/s brings the block to rest. Four \

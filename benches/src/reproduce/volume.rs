@@ -28,8 +28,8 @@ const RATIOS: [f64; 5] = [0.40, 0.43, 0.45, 0.47, 0.49];
 fn material(poisson_ratio: f64) -> YoungPoisson {
     YoungPoisson { poisson_ratio, ..MATERIAL }
 }
-/// Gravity (m/s^2), step (s), duration (s), viscosity (Pa s) of the dampers and mass damping (1/s, for plain springs have
-/// no dampers) of the body that drops onto its table.
+/// Gravity (m/s^2), step (s), duration (s), viscosity (Pa s) of the dampers and mass damping (1/s, for plain springs
+/// have no dampers) of the body that drops onto its table.
 const GRAVITY: DVec3 = DVec3::new(0.0, 0.0, -9.81);
 const STEP: f64 = 0.01;
 const SECONDS: f64 = 1.5;
@@ -274,8 +274,8 @@ fn findings_on_table(
 fn findings_on_sags([material, axes, edges, energy]: [f64; 4]) -> [Finding; 2] {
     [
         Finding::of((axes / material - 1.0).abs() < 0.05).says(format!(
-            "axes as printed bear a cantilever: its tip sags by {:.1} mm, that of the material by {:.1} mm (5 % allowed), of axes \
-             with an energy by {:.1} mm",
+            "axes as printed bear a cantilever: its tip sags by {:.1} mm, that of the material by {:.1} mm (5 % \
+             allowed), of axes with an energy by {:.1} mm",
             1e3 * axes,
             1e3 * material,
             1e3 * energy
@@ -342,13 +342,13 @@ pub(super) fn figure() -> Result<Figure, BenchError> {
     let chart = lines("c-volume", "Volume on a table", axes, &series, Scales::Linear)?;
     Ok(Figure {
         setting: format!(
-            "A cube of {SIDE} m in 750 irregular tetrahedra (804 in the paper) or 125 hexahedra (as there) is let go under gravity on a table \
-             without friction; E = {} Pa, nu = {}, step {STEP} s cut where stability asks for it, Störmer's method, \
-             equal masses, mass damping {DAMPING} 1/s. Axes \
-             along x, y, z with the moduli of that material and dampers of {VISCOSITY} Pa s, in the printed form but for \
-             (J-1)^2; springs of volume with constants that agree with its \
-             first Lamé parameter. Plain springs of one constant, E times the size of a cell. The cantilever, at rest \
-             after {SETTLING} steps with mass damping of {BRAKE} 1/s, {LENGTH} x {THICKNESS} x {THICKNESS} m, has E = {} Pa and nu = {}.",
+            "A cube of {SIDE} m in 750 irregular tetrahedra (804 in the paper) or 125 hexahedra (as there) is let go \
+             under gravity on a table without friction; E = {} Pa, nu = {}, step {STEP} s cut where stability asks for \
+             it, Störmer's method, equal masses, mass damping {DAMPING} 1/s. Axes along x, y, z with the moduli of that \
+             material and dampers of {VISCOSITY} Pa s, in the printed form but for (J-1)^2; springs of volume with \
+             constants that agree with its first Lamé parameter. Plain springs of one constant, E times the size of a \
+             cell. The cantilever, at rest after {SETTLING} steps with mass damping of {BRAKE} 1/s, {LENGTH} x \
+             {THICKNESS} x {THICKNESS} m, has E = {} Pa and nu = {}.",
             MATERIAL.young_modulus,
             MATERIAL.poisson_ratio,
             STIFF.young_modulus,
