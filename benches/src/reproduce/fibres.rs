@@ -440,8 +440,8 @@ impl Measured {
         let mut findings = vec![Finding::of(axes < 0.01 && springs > 2.0 * axes).says(format!(
             "axes without fibres hardly leave the vertical on irregular meshes: sideways motion is at most \
              {:.2} % of the elongation (1 % allowed); that of plain springs of one stiffness on the same meshes \
-             {:.2} % (at least twice as much), that of axes with an energy {:.2} %: volume springs as printed have \
-             a resultant on irregular elements",
+             {:.2} % (at least twice as much), that of axes with an energy {:.2} %; as printed, \
+             springs of angles have moments and those of volume resultants on irregular elements",
             100.0 * axes,
             100.0 * springs,
             100.0 * energy
