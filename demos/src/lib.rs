@@ -30,6 +30,7 @@ pub mod picture;
 pub mod probe;
 pub mod run;
 pub mod scene;
+pub mod springs;
 pub mod summary;
 mod text;
 pub mod validate;

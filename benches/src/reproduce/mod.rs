@@ -11,7 +11,10 @@ mod fibres;
 mod fit_cost;
 mod frame;
 mod lumped;
+mod overlay;
+mod relaxed;
 mod resection;
+mod shapes;
 mod shear;
 mod specimen;
 mod square;
@@ -31,8 +34,7 @@ use std::path::{Path, PathBuf};
 /// How figures are made.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Folder with files `b_*.msh` for Natsupakpong & Cavusoglu 2010; else `meshes` in the folder
-    /// `SINEW_REFERENCE`, else `../shared/meshes`; where there is none, meshes are generated.
+    /// Folder with files `b_*.msh` for Natsupakpong & Cavusoglu 2010; without one they are generated.
     pub meshes: Option<PathBuf>,
     /// Few rows, for tests.
     pub quick: bool,
@@ -88,7 +90,7 @@ pub static PAPER_B: Source = Source {
         ("Time to find spring constants (table 2)", |means| fit_cost::figure(means.quick)),
         ("The tensile specimen (tables 4 and 5)", specimen::figure),
         ("One square of springs (figure 9)", |_| square::figure()),
-        ("Squares and cubes in shear (table 6)", shear::figure),
+        ("Squares and cubes in shear (table 6), and solids in torsion", shear::figure),
         ("The ventricle floor (section 3.5)", |means| ventricle::figure(means.quick)),
     ],
 };

@@ -7,13 +7,15 @@ use super::select::group_cells;
 use super::{axes, meshes};
 use crate::error::SceneError;
 use crate::scene::{Body, Key, LoadedScene, Membrane};
+use crate::springs::{Matter, Springs};
 use crate::warning::{Level, Warning};
 use glam::DVec3;
 use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::{CheckOptions, CheckReport, CheckedMesh, FindingCode, Mesh, check};
-use sinew::models::body::BodyDescription;
-use sinew::models::body::sheet::MembraneSettings;
+use sinew::models::body::sheet::{MembraneModel, MembraneSettings};
+use sinew::models::body::{BodyDescription, Model};
 use sinew::models::material::YoungPoisson;
+use std::sync::Arc;
 
 /// Adds the bodies of a scene.
 pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
@@ -56,6 +58,8 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
     let poisson_ratio = field("poisson_ratio", &entry.poisson_ratio_field)?;
     let density = field("density", &entry.density_field)?;
     let axes = axes::axes(key, body, &checked.mesh, built.plan.mode, &mut built.warnings)?;
+    let springs = springs(key, body, &checked.mesh, material, membrane.as_ref())?;
+    let lumping = springs.as_ref().and_then(|s| s.lumping);
     let description = BodyDescription {
         axes: axes.clone(),
         young_modulus: young_modulus.as_deref(),
@@ -64,6 +68,8 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
         model: body.model,
         evaluation: body.evaluation,
         springs: body.element_method,
+        spring_constants: springs.map(|s| Arc::new(s.constants)),
+        mass_lumping: body.masses.or(lumping).unwrap_or_default(),
         membrane: membrane.as_ref().map(|m| m.settings.of(&m.triangles, &m.quads)),
         ..BodyDescription::new(&body.name, &checked.mesh, material)
     };
@@ -96,6 +102,45 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
         element_method: body.element_method,
         axes,
     })
+}
+
+/// Springs that a file gives to the elements of a body.
+fn springs(
+    key: &Key,
+    body: &Body,
+    mesh: &Mesh,
+    material: YoungPoisson,
+    membrane: Option<&BuiltMembrane>,
+) -> Result<Option<Springs>, SceneError> {
+    let Some(path) = &body.springs else { return Ok(None) };
+    let key = key.at("springs");
+    let solid = mesh.is_solid();
+    let of_springs = if solid {
+        body.model == Model::MassSpring
+    } else {
+        membrane.is_some_and(|m| m.settings.model == MembraneModel::MassSpring)
+    };
+    if !of_springs {
+        let of = if solid { "the body" } else { "its membrane" };
+        let remedy = "set model = \"mass_spring\" there, or leave `springs` out";
+        return Err(key.value(format!("{of} does not consist of springs"), remedy));
+    }
+    let method = membrane.and_then(|m| m.settings.springs).filter(|_| !solid);
+    if let Some(method) = method.or(body.element_method) {
+        let found = format!("element_method = \"{method}\" is given as well");
+        return Err(key.value(found, "keep one of them"));
+    }
+    let density = membrane.filter(|_| !solid).map_or(material, |m| m.settings.material).density;
+    let matter = Matter {
+        density: body.material.density_field.is_none().then_some(density),
+        thickness: membrane.map_or(1.0, |m| m.settings.thickness),
+    };
+    let springs = crate::springs::read(&key, path, mesh, &matter)?;
+    match (springs.lumping, body.masses) {
+        (Some(own), Some(asked)) if own != asked => Err(key
+            .value("its masses are shared out otherwise than `masses` says", "leave `masses` out")),
+        _ => Ok(Some(springs)),
+    }
 }
 
 /// Mass (kg) of the solid elements of a mesh with a density (kg/m^3) each.

@@ -4,6 +4,7 @@ use super::fibres::{AxesEntry, FibreEntry};
 use super::shape::{Generate, Rotation};
 use serde::{Deserialize, Serialize};
 use sinew::identify::ElementMethod;
+use sinew::identify::mass::MassLumping;
 use sinew::models::body::sheet::{MembraneModel, PlaneState};
 use sinew::models::body::{Evaluation, Model};
 use std::path::PathBuf;
@@ -36,6 +37,11 @@ pub struct Body {
     /// `"nonnegative"`, `"two-norm-nonnegative"`, `"van-gelder"`, `"lloyd"`, `"baudet"` or `"paper-a"`; without,
     /// `"paper-a"` for tetrahedra and `"frobenius"` for hexahedra.
     pub element_method: Option<ElementMethod>,
+    /// File of springs (JSON, what `sinew fit --out` writes) for `"mass_spring"`, relative to the scene file, in
+    /// place of `element_method`.
+    pub springs: Option<PathBuf>,
+    /// How the mass of an element is shared among its vertices: `"row-sums"` (default) or `"nodal"`.
+    pub masses: Option<MassLumping>,
     /// Membrane on or instead of the solid.
     pub membrane: Option<Membrane>,
     /// Families of fibres in the solid.

@@ -9,16 +9,18 @@ pub(crate) mod spawn;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::by_precision;
+use sinew_engine::connectivity::ElementKind;
 use sinew_engine::isoparametric::RestShapeError;
 use sinew_engine::layout::BodyElements;
 use sinew_engine::memory;
 use sinew_engine::mesh::Mesh;
 use sinew_engine::precision::Precision;
 use sinew_identify::ElementMethod;
+use sinew_identify::mass::MassLumping;
 use std::sync::Arc;
 
 use crate::axes::description::{AxesDescription, AxesError, BodyAxes};
-use crate::body::lumped::{ElementSprings, SpringsError};
+use crate::body::lumped::{ElementSprings, GivenSprings, SpringsError};
 use crate::body::matter::Matter;
 use crate::body::sheet::{MembraneDescription, MembraneError, MembraneSettings};
 use crate::element::precompute::RestTetrahedronError;
@@ -57,6 +59,10 @@ pub struct BodyDescription<'a> {
     /// How the constants of [`Model::MassSpring`] are found; without, those of Delingette 2008 for
     /// tetrahedra and the Frobenius fit for hexahedra.
     pub springs: Option<ElementMethod>,
+    /// Constants of all elements that are springs, in place of those that a fit finds.
+    pub spring_constants: Option<Arc<GivenSprings>>,
+    /// How the mass of an element is shared among its vertices.
+    pub mass_lumping: MassLumping,
     /// Membrane beside the solid, or instead of it: without solid elements `material`, `model` and
     /// `evaluation` mean nothing.
     pub membrane: Option<MembraneDescription<'a>>,
@@ -90,6 +96,8 @@ impl<'a> BodyDescription<'a> {
             model: Model::default(),
             evaluation: Evaluation::default(),
             springs: None,
+            spring_constants: None,
+            mass_lumping: MassLumping::RowSum,
             membrane: None,
             axes: None,
         }
@@ -198,6 +206,19 @@ pub enum BodyError {
         /// What is wrong.
         source: SpringsError,
     },
+    /// An element that is of springs, without a constant among those given.
+    #[error(
+        "body `{body}`: {} {index} (from 0) is of springs, but none are given for it; give constants \
+         for every element, or leave them out", .kind.name()
+    )]
+    MissingSprings {
+        /// Name of the body.
+        body: String,
+        /// Kind of the element.
+        kind: ElementKind,
+        /// Index in the user's mesh.
+        index: usize,
+    },
     /// An energy that cannot be summed the way asked for.
     #[error(
         "body `{body}`: model \"{}\" has no pooled evaluation; leave `evaluation` out or set it to \
@@ -278,6 +299,10 @@ pub struct SoftBody {
     pub evaluation: Evaluation,
     /// How the constants of its springs are found, if it consists of springs.
     pub spring_method: Option<ElementMethod>,
+    /// Constants of its springs, where they were given.
+    pub given: Option<Arc<GivenSprings>>,
+    /// How the mass of an element is shared among its vertices.
+    pub lumping: MassLumping,
     /// Constants of the elements that are springs.
     pub springs: Arc<ElementSprings>,
     /// What its membrane is made of.
@@ -298,9 +323,19 @@ impl SoftBody {
         ordered: &'a BodyElements,
         rest_of: &'a dyn Fn(u32) -> DVec3,
     ) -> Matter<'a> {
-        let &Self { model, evaluation, spring_method, membrane, .. } = self;
-        let field = self.field();
-        Matter { ordered, rest_of, field, model, evaluation, spring_method, membrane }
+        let &Self { model, evaluation, spring_method, lumping, membrane, .. } = self;
+        let (field, given) = (self.field(), self.given.as_deref());
+        Matter {
+            ordered,
+            rest_of,
+            field,
+            model,
+            evaluation,
+            spring_method,
+            given,
+            lumping,
+            membrane,
+        }
     }
 }
 

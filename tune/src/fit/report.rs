@@ -37,8 +37,9 @@ impl fmt::Display for FittedBody {
         let total: f64 = self.masses.iter().sum();
         writeln!(
             f,
-            "  springs      {}, masses sum to {} kg",
+            "  springs      {}, masses ({}) sum to {} kg",
             self.springs.len(),
+            self.mass_lumping,
             three_digits(total)
         )?;
         let residual = |r: &Residuals| {
@@ -63,7 +64,14 @@ impl fmt::Display for FittedBody {
             self.springs.len(),
             three_digits(r.least_constant)
         )?;
-        let Some(a) = &self.assessment else { return Ok(()) };
+        let in_scene =
+            format!("In a scene: model = \"mass_spring\", element_method = \"{}\"", self.method);
+        let Some(a) = &self.assessment else {
+            if let Some(reason) = &self.untested {
+                writeln!(f, "  tests        not possible: {reason}")?;
+            }
+            return writeln!(f, "{in_scene}");
+        };
         if let Some(m) = &a.moduli {
             let e_off = 100.0 * (m.young_modulus / e - 1.0);
             let g = e / (2.0 * (1.0 + nu));
@@ -102,6 +110,6 @@ impl fmt::Display for FittedBody {
             writeln!(f, "{first}")?;
         }
         lines.try_for_each(|line| writeln!(f, "  {line}"))?;
-        writeln!(f, "In a scene: model = \"mass_spring\", element_method = \"{}\"", self.method)
+        writeln!(f, "{in_scene}")
     }
 }
