@@ -190,7 +190,7 @@ impl Reader<'_> {
                 return Err(self.fault(found, other));
             }
             if s.constant.is_nan() || s.constant.abs() > STIFFEST {
-                let found = format!("{of} has the constant {} N/m", s.constant);
+                let found = format!("{of} has the constant {:e} N/m", s.constant);
                 return Err(self.fault(found, "give a finite constant; 1e15 N/m is the most"));
             }
             let distance = points[a as usize].distance(points[b as usize]);

@@ -128,25 +128,34 @@ fn delaunay(points: &[DVec3], dimension: usize) -> Vec<Cell> {
     cells
 }
 
+fn cosine(u: DVec3, v: DVec3) -> f64 {
+    u.dot(v) / (u.length_squared() * v.length_squared()).sqrt()
+}
+
+/// Cosine of the angle inside a tetrahedron between the two faces that lie opposite these corners.
+fn fold(p: &[DVec3], cell: Cell, [k, l]: [usize; 2]) -> f64 {
+    let at = |i: usize| p[cell[i] as usize];
+    let mut ends = (0..4).filter(|i| *i != k && *i != l).map(at);
+    let (Some(a), Some(b)) = (ends.next(), ends.next()) else { return 1.0 };
+    let along = (b - a).normalize_or_zero();
+    let [u, v] = [at(k) - a, at(l) - a].map(|u| u - u.dot(along) * along);
+    cosine(u, v)
+}
+
 /// Smallest and largest angle (degrees) at the corners of a triangle, or between the faces of a tetrahedron.
 pub(super) fn angles(p: &[DVec3], cell: Cell, dimension: usize) -> [f64; 2] {
     let at = |i: usize| p[cell[i] as usize];
     let mut cosines = [1.0_f64, -1.0_f64];
-    let mut add = |u: DVec3, v: DVec3| {
-        let cosine = u.dot(v) / (u.length_squared() * v.length_squared()).sqrt();
+    let mut add = |cosine: f64| {
         cosines = [cosines[0].min(cosine), cosines[1].max(cosine)];
     };
     if dimension == 2 {
         for i in 0..3 {
-            add(at((i + 1) % 3) - at(i), at((i + 2) % 3) - at(i));
+            add(cosine(at((i + 1) % 3) - at(i), at((i + 2) % 3) - at(i)));
         }
     } else {
-        const EDGES: [[usize; 4]; 6] =
-            [[0, 1, 2, 3], [0, 2, 1, 3], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 0, 2], [2, 3, 0, 1]];
-        for [i, j, k, l] in EDGES {
-            let along = (at(j) - at(i)).normalize_or_zero();
-            let [u, v] = [at(k) - at(i), at(l) - at(i)].map(|u| u - u.dot(along) * along);
-            add(u, v);
+        for opposite in [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]] {
+            add(fold(p, cell, opposite));
         }
     }
     [cosines[1], cosines[0]].map(|c| libm::acos(c.clamp(-1.0, 1.0)).to_degrees())
@@ -239,9 +248,12 @@ impl Region<'_> {
             faces.for_each(|f| *count.entry(f).or_default() += 1);
             let before = cells.len();
             cells.retain(|c| {
-                let open = sides(*c, 3).filter(|f| count[f] == 1).count();
-                open != 2
-                    || angles(points, *c, 3)[1] <= FILM
+                let open = sides(*c, 3).enumerate().filter(|(_, f)| count[f] == 1);
+                // side i lies opposite corner i
+                let open: Vec<usize> = open.map(|(i, _)| i).collect();
+                let [k, l] = open[..] else { return true };
+                let cosine = fold(points, *c, [k, l]);
+                libm::acos(cosine.clamp(-1.0, 1.0)).to_degrees() <= FILM
                     || c.iter().any(|&v| !self.on_boundary(points[v as usize], spacing))
             });
             if cells.len() == before {

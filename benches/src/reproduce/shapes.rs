@@ -1,11 +1,12 @@
 //! The bodies of Natsupakpong & Cavusoglu 2010 as meshes of the printed counts. Sizes are printed, but not the outlines
 //! of the soft tissue, here a rectangle, and of the shoulders of the specimen, here parabolas.
 //!
-//! How a mesh was chosen, before any spring was fitted: vertices as printed where the generator can have any number;
-//! fixed points on edges as dense as gives the printed number of triangles (by Euler's formula) or, in space, about as
-//! dense as the mean edge; the least grading, in steps of 0.1, with which the tetrahedra are within 3 % of those
-//! printed; no angle of a triangle below 35 degrees and none between faces of a tetrahedron below 15. Grids: the
-//! numbers of cells nearest to the printed counts whose cells are nearest to squares and cubes.
+//! How a mesh was chosen, from geometry alone: vertices as printed where the generator can have any number; in the
+//! plane as many fixed points on edges as give the printed number of triangles (Euler's formula); in space as many as
+//! give edges of the length that regular tetrahedra of the printed number have (on the specimen a tenth more, since no
+//! grading comes near the print otherwise); the least grading, in steps of 0.1, with which the tetrahedra are within
+//! 4 % of those printed. No angle of a triangle is below 35 degrees and none between faces of a tetrahedron below 15.
+//! Grids: of the numbers of cells within 4 % of the printed counts, those whose cells are nearest to squares and cubes.
 
 use super::relaxed::Region;
 use crate::bench::error::BenchError;
@@ -79,11 +80,11 @@ pub(super) fn mesh(name: &str) -> Result<Mesh, BenchError> {
             "tissue_tri" => (2, plane(TISSUE), &|p| sheet(p, TISSUE), rim(TISSUE, [20, 6]), 0.0),
             "square_tri" => (2, plane(square), &|p| sheet(p, square), rim(square, [8, 8]), 0.0),
             "dogbone_tri" => (2, bone(0.0), &flat_bone, outline(24, 4), 0.0),
-            "cylinder_tet" => (3, barrel, &round, rims(16), 0.2),
-            "cylinder_hole_tet" => (3, barrel, &hollow, rims(14), 0.1),
+            "cylinder_tet" => (3, barrel, &round, rims(12), 0.3),
+            "cylinder_hole_tet" => (3, barrel, &hollow, rims(20), 0.0),
             "cube_tet" => {
                 let cube = DVec3::splat(SIDE);
-                (3, [DVec3::ZERO, cube], &move |p| outside(p, cube), cube_edges(5), 0.0)
+                (3, [DVec3::ZERO, cube], &move |p| outside(p, cube), cube_edges(4), 0.1)
             }
             "dogbone_tet" => (3, bone(WIDTH), &solid_bone, bone_edges(), 0.6),
             _ => return grid(name),
@@ -115,7 +116,7 @@ fn grid(name: &str) -> Result<Mesh, BenchError> {
     Ok(match name {
         "tissue_quad" => jitter_interior(&quad_grid(TISSUE, [34, 12])?, 0.2, 1)?,
         "square_quad" => quad_grid(DVec2::splat(SIDE), [10, 10])?,
-        "cylinder_hex" => cylinder_hexahedra(RADIUS, SIDE, 6, 1, 8)?,
+        "cylinder_hex" => cylinder_hexahedra(RADIUS, SIDE, 4, 3, 8)?,
         "cube_hex" => box_hexahedra(DVec3::splat(SIDE), [8, 8, 8])?,
         "dogbone_quad" => specimen_quads(WIDTH, [53, 5])?,
         _ => specimen_hexahedra(WIDTH, WIDTH, [56, 5, 3])?,

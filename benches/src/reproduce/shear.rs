@@ -113,12 +113,10 @@ pub(super) fn figure(means: &Means) -> Result<Figure, BenchError> {
     )
     .note("% e_rms / % e_max of the largest displacement of linear finite elements; nothing is printed");
     Ok(Figure {
-        setting: format!(
-            "{}. Side 2 cm, one side held, the opposite one pushed along itself and free to tilt, until finite \
-             elements move by 10 % of the side; in torsion one end held, the other twisted about the axis to the same \
-             displacement. The paper speaks of torsion without a number, so nothing is judged there.",
-            means.meshes.source()
-        ),
+        setting: "Side 2 cm, one side held, the opposite one pushed along itself and free to tilt, until finite \
+                  elements move by 10 % of the side; in torsion one end held, the other twisted about the axis to the \
+                  same displacement. The paper speaks of torsion without a number, so nothing is judged there."
+            .into(),
         findings: findings(&rows),
         tables: vec![error_table("e-table-6", title, ["element", "method"], &rows), torsion],
         ..Figure::default()

@@ -303,8 +303,8 @@ fn a_scene_reads_springs_back() {
         body.element_constants = ElementConstants::default();
         let (own, _) = run_scene(&read, &json(&body)).unwrap();
         assert!(near(&fit, &own));
-        // another spring is another body
-        body.springs[3].constant *= 2.0;
+        // the springs of the file are what counts
+        body.springs.iter_mut().for_each(|s| s.constant *= 1.5);
         let (own, _) = run_scene(&read, &json(&body)).unwrap();
         assert!(!near(&fit, &own));
     }
