@@ -12,6 +12,7 @@ use crate::warning::{Level, Warning};
 use glam::DVec3;
 use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::{CheckOptions, CheckReport, CheckedMesh, FindingCode, Mesh, check};
+use sinew::identify::mass::MassLumping;
 use sinew::models::body::sheet::{MembraneModel, MembraneSettings};
 use sinew::models::body::{BodyDescription, Model};
 use sinew::models::material::YoungPoisson;
@@ -87,6 +88,10 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
         .simulation
         .add_body(&description)
         .map_err(|source| SceneError::Body { place: mesh_key.place(), source: Box::new(source) })?;
+    let mass = match description.mass_lumping {
+        MassLumping::RowSum => solid + sheet,
+        MassLumping::NodalQuadrature => built.simulation.masses(handle).iter().sum(),
+    };
     Ok(BuiltBody {
         name: body.name.clone(),
         handle,
@@ -94,7 +99,7 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
         report: checked.report,
         used_vertices: checked.used_vertices,
         material,
-        mass: solid + sheet,
+        mass,
         membrane,
         preset: entry.preset.clone(),
         model: body.model,
