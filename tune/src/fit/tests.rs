@@ -234,9 +234,8 @@ fn springs_without_tests() {
     assert!(text.contains("both held and loaded"), "{text}");
 }
 
-/// Steps a scene of one body, whose springs come from `springs` (JSON) where `key` says so; displacements (m), masses
-/// (kg).
-fn run_scene(key: &str, springs: &str) -> Result<(Vec<DVec3>, Vec<f64>), String> {
+/// A scene of one body, whose springs come from `springs` (JSON) where `key` says so.
+fn scene(key: &str, springs: &str) -> Result<sinew_demos::build::BuiltScene, String> {
     let text = format!(
         "name = \"springs\"\ndt = 0.001\nduration = 0.02\nthreads = 1\n[[body]]\nname = \"body\"\n{key}\n\
          material = {{ young_modulus = 1e4, poisson_ratio = 0.3, density = 1000.0 }}\n\
@@ -248,8 +247,12 @@ fn run_scene(key: &str, springs: &str) -> Result<(Vec<DVec3>, Vec<f64>), String>
         let known = path == std::path::Path::new("a/body.json");
         known.then(|| springs.clone()).ok_or(std::io::ErrorKind::NotFound.into())
     });
-    let built = sinew_demos::build::build(&scene, &Default::default());
-    let mut built = built.map_err(|e| e.to_string())?;
+    sinew_demos::build::build(&scene, &Default::default()).map_err(|e| e.to_string())
+}
+
+/// Displacements (m) after some steps of it, and masses (kg).
+fn run_scene(key: &str, springs: &str) -> Result<(Vec<DVec3>, Vec<f64>), String> {
+    let mut built = scene(key, springs)?;
     let handle = built.bodies[0].handle;
     for _ in 0..20 {
         built.simulation.step().map_err(|e| e.to_string())?;
@@ -307,6 +310,29 @@ fn a_scene_reads_springs_back() {
         body.springs.iter_mut().for_each(|s| s.constant *= 1.5);
         let (own, _) = run_scene(&read, &json(&body)).unwrap();
         assert!(!near(&fit, &own));
+    }
+}
+
+/// After a removal, springs that were given and nodal masses are those of the elements that are left.
+#[test]
+fn springs_from_a_file_are_shared_by_elements() {
+    use sinew::models::resection::{Region, Removal};
+    let nodal = FitRequest {
+        masses: MassLumping::NodalQuadrature,
+        ..request(ElementMethod::Frobenius, 0.3)
+    };
+    let mut body = fit_mesh(&cylinder(), &nodal).unwrap();
+    body.springs.iter_mut().for_each(|s| s.constant *= 1.5);
+    let mut built = scene(&format!("{CYLINDER}\nsprings = \"body.json\""), &json(&body)).unwrap();
+    let handle = built.bodies[0].handle;
+    for removed in [vec![35], vec![14, 20]] {
+        for _ in 0..3 {
+            built.simulation.step().unwrap();
+        }
+        let removal = Removal::new(Region::Hexahedra(removed));
+        built.simulation.remove_elements(handle, &removal).unwrap();
+        let off = built.simulation.verify_against_fresh(handle).unwrap();
+        assert!(off.largest().max(off.mass) < 1e-12, "{off:?}");
     }
 }
 
