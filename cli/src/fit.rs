@@ -2,6 +2,7 @@
 
 use crate::fit_data::{FitDataOptions, fit_data};
 use clap::{Args, ValueEnum};
+use sinew::identify::mass::MassLumping;
 use sinew::identify::{ElementMethod, LinearMaterial, Plane, Section};
 use sinew_cli::{Outcome, print};
 use sinew_tune::fit::rig::Grips;
@@ -14,10 +15,12 @@ Files of --out: springs (pairs of vertices, N/m, rest length m), masses (kg), co
 method, material and residuals.
   FILE.json  schema \"sinew-body/1\": springs [{nodes, constant, rest_length}], masses [one per vertex],
              element_constants {triangles, quads, tetrahedra, hexahedra: lists of 3, 6, 6, 28 constants},
-             method, young_modulus, poisson_ratio, density, plane, thickness, report, assessment
+             mass_lumping, method, young_modulus, poisson_ratio, density, plane, thickness, report,
+             assessment (null where the tests were not possible, untested then says why)
   FILE.csv   record,first,second,value,rest_length: lines spring (vertex, vertex, N/m, m), mass (vertex,
              kg), triangle/quad/tetrahedron/hexahedron (element, pair, N/m), and settings by name
-A scene needs no such file: model = \"mass_spring\" with the same element_method finds the same springs.";
+A scene takes FILE.json by springs = \"FILE.json\" in a [[body]] with model = \"mass_spring\"; it needs none
+where the same element_method finds the same springs.";
 
 #[derive(Args)]
 #[command(after_long_help = FILES)]
@@ -57,6 +60,10 @@ pub struct FitArguments {
     /// Density (kg/m^3), for the masses.
     #[arg(long, value_name = "RHO", default_value_t = 1000.0, allow_negative_numbers = true)]
     density: f64,
+    /// How the mass of an element is shared among its vertices: row-sums of the mass matrix, or nodal
+    /// quadrature.
+    #[arg(long, value_name = "nodal|row-sums", default_value = "row-sums")]
+    masses: MassLumping,
     /// Axis of the virtual tests [default: from held to loaded nodes, or the longest].
     #[arg(long, value_name = "AXIS")]
     load_axis: Option<AxisArgument>,
@@ -111,6 +118,7 @@ pub fn fit(arguments: &FitArguments) -> Outcome {
             thickness: arguments.thickness,
         },
         method: arguments.element_method,
+        masses: arguments.masses,
         grips: Grips {
             axis: arguments.load_axis.map(|axis| axis as usize),
             held: arguments.held.clone(),
@@ -122,6 +130,12 @@ pub fn fit(arguments: &FitArguments) -> Outcome {
         print(format_args!("{}\n", serde_json::to_string_pretty(&body)?))?;
     } else {
         print(format_args!("{body}"))?;
+    }
+    if let Some(reason) = &body.untested {
+        eprintln!(
+            "warning: the springs were found but could not be tested: {reason}; choose ends that hold the body with \
+             --load-axis, --held and --loaded"
+        );
     }
     if let Some(path) = &arguments.out {
         file::write(path, &body)?;

@@ -31,7 +31,7 @@ pub mod picture;
 pub mod probe;
 pub mod run;
 pub mod scene;
-
+pub mod springs;
 pub mod summary;
 mod text;
 pub mod validate;

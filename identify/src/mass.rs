@@ -8,15 +8,37 @@ use crate::material::Section;
 
 /// How the mass of an element is shared among its nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
 pub enum MassLumping {
     /// `m_a = integral of rho N_a`: row sums of the consistent mass matrix. Keeps the mass of every
     /// element.
     #[default]
+    #[serde(rename = "row-sums")]
     RowSum,
     /// `m_a = rho |det J(node a)|` times the weight of nodal quadrature (paper B, equation 2). Off by
     /// up to about a percent of the mass on distorted hexahedra.
+    #[serde(rename = "nodal")]
     NodalQuadrature,
+}
+
+impl std::str::FromStr for MassLumping {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "row-sums" => Ok(Self::RowSum),
+            "nodal" => Ok(Self::NodalQuadrature),
+            _ => Err(format!("`{name}` is neither `nodal` nor `row-sums`")),
+        }
+    }
+}
+
+impl std::fmt::Display for MassLumping {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::RowSum => "row-sums",
+            Self::NodalQuadrature => "nodal",
+        })
+    }
 }
 
 /// Masses (kg) of the nodes of one element of density `density` (kg/m^3).

@@ -14,7 +14,7 @@ pub struct Series {
     pub name: String,
     /// Cost and error, or places of a line.
     pub points: Vec<[f64; 2]>,
-    /// Drawn hollow, lines thin.
+    /// Drawn hollow, lines thin and dashed.
     pub hollow: bool,
     /// Place in the list of colours.
     pub colour: usize,
@@ -204,11 +204,18 @@ impl Plot<'_> {
             let style = INK.mix(0.45).stroke_width(1);
             chart.draw_series(LineSeries::new(front.clone(), style)).map_err(failed)?;
         }
-        for (i, s) in self.series.iter().enumerate() {
+        // dashed ones last, so that of two that coincide both are seen
+        let (dashed, full): (Vec<_>, Vec<_>) =
+            self.series.iter().enumerate().partition(|(_, s)| s.hollow && self.lines);
+        for (i, s) in full.into_iter().chain(dashed) {
             let drawn = |x: &f64| x.is_finite() && (!self.logarithmic || *x > 0.0);
             let places =
                 || s.points.iter().filter(move |p| p.iter().all(drawn)).map(|p| (p[0], p[1]));
-            if self.lines {
+            if self.lines && s.hollow {
+                let places: Vec<(f64, f64)> = places().collect();
+                let dashes = DashedLineSeries::new(places, 6, 4, s.line());
+                chart.draw_series(dashes).map_err(failed)?;
+            } else if self.lines {
                 chart.draw_series(LineSeries::new(places(), s.line())).map_err(failed)?;
             }
             if self.marks {
@@ -234,9 +241,12 @@ impl Plot<'_> {
         let series = self.series;
         let first = |i: &usize| series[..*i].iter().all(|s| s.name != series[*i].name);
         let mut y = 52;
-        let mut entry = |name: &str, line: Option<ShapeStyle>, mark: ShapeStyle| {
+        let mut entry = |name: &str, line: Option<ShapeStyle>, mark: ShapeStyle, dashed: bool| {
+            let dashes = if dashed { &[[5, 10], [14, 19]][..] } else { &[[5, 19]] };
             match line {
-                Some(line) => legend.draw(&PathElement::new(vec![(5, y), (19, y)], line)),
+                Some(line) => dashes.iter().try_for_each(|ends| {
+                    legend.draw(&PathElement::new(ends.map(|x| (x, y)).to_vec(), line))
+                }),
                 None => legend.draw(&Circle::new((12, y), 4, mark)),
             }
             .map_err(failed)?;
@@ -245,13 +255,13 @@ impl Plot<'_> {
             Ok(())
         };
         for s in (0..series.len()).filter(first).map(|i| &series[i]) {
-            entry(&s.name, self.lines.then(|| s.line()), s.mark())?;
+            entry(&s.name, self.lines.then(|| s.line()), s.mark(), s.hollow)?;
         }
         if self.fronts.is_empty() {
             return Ok(());
         }
         let style = INK.mix(0.45).stroke_width(1);
-        entry("Pareto front", Some(style), style)
+        entry("Pareto front", Some(style), style, false)
     }
 }
 

@@ -30,8 +30,8 @@ pub struct ReproduceArguments {
 pub struct PaperBArguments {
     #[command(flatten)]
     common: ReproduceArguments,
-    /// Folder with the meshes b_*.msh [default: meshes in the folder SINEW_REFERENCE, else ../shared/meshes,
-    /// else generated ones].
+    /// Folder with meshes b_*.msh of your own, with the groups `fixed` and `loaded` [default: meshes generated to the
+    /// printed counts].
     #[arg(long, value_name = "DIR")]
     meshes: Option<PathBuf>,
 }

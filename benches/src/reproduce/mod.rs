@@ -14,7 +14,10 @@ mod fibres;
 mod fit_cost;
 mod frame;
 mod lumped;
+mod overlay;
+mod relaxed;
 mod resection;
+mod shapes;
 mod shear;
 mod specimen;
 mod square;
@@ -34,8 +37,7 @@ use std::path::{Path, PathBuf};
 /// How figures are made.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Folder with files `b_*.msh` for Natsupakpong & Cavusoglu 2010; else `meshes` in the folder
-    /// `SINEW_REFERENCE`, else `../shared/meshes`; where there is none, meshes are generated.
+    /// Folder with files `b_*.msh` for Natsupakpong & Cavusoglu 2010; without one they are generated.
     pub meshes: Option<PathBuf>,
     /// Few rows, for tests.
     pub quick: bool,
@@ -92,7 +94,7 @@ pub static PAPER_B: Source = Source {
         ("Time to find spring constants (table 2)", |means| fit_cost::figure(means.quick)),
         ("The tensile specimen (tables 4 and 5)", specimen::figure),
         ("One square of springs (figure 9)", |_| square::figure()),
-        ("Squares and cubes in shear (table 6)", shear::figure),
+        ("Squares and cubes in shear (table 6), and solids in torsion", shear::figure),
         ("The ventricle floor (section 3.5)", |means| ventricle::figure(means.quick)),
     ],
 };
@@ -141,7 +143,8 @@ impl Source {
             }
         }
         let pictures = pictures(self.name, wanted(self.picture) && !options.quick, &mut tell)?;
-        Ok(Paper { source: self, machine: MachineNotes::now(), figures, pictures })
+        let meshes = (self.name == PAPER_B.name).then(|| means.meshes.source());
+        Ok(Paper { source: self, machine: MachineNotes::now(), meshes, figures, pictures })
     }
 }
 
@@ -151,6 +154,8 @@ pub struct Paper {
     pub source: &'static Source,
     /// Where it ran.
     pub machine: MachineNotes,
+    /// Which meshes it ran on, where there is a choice.
+    pub meshes: Option<String>,
     /// Letters, titles and figures, in order.
     pub figures: Vec<(char, &'static str, Figure)>,
     /// Models side by side (feature `render`): name and PNG file.
@@ -212,7 +217,8 @@ impl Paper {
 
     /// For the terminal.
     pub fn text(&self) -> String {
-        let mut text = format!("{}\n{}\n", self.source.reference, self.machine.line());
+        let meshes = self.meshes.iter().map(|m| format!("{m}.\n")).collect::<String>();
+        let mut text = format!("{meshes}{}\n{}\n", self.source.reference, self.machine.line());
         for (letter, title, figure) in &self.figures {
             let _ = writeln!(text, "\n({letter}) {title}\n{}\n", figure.setting);
             for finding in &figure.findings {
@@ -228,7 +234,9 @@ impl Paper {
 
     /// In Markdown, with the charts as files beside it.
     pub fn markdown(&self) -> String {
-        let mut text = format!("# {}\n\n{}\n", self.source.reference, self.machine.line());
+        let meshes = self.meshes.iter().map(|m| format!("{m}.\n\n")).collect::<String>();
+        let (reference, machine) = (self.source.reference, self.machine.line());
+        let mut text = format!("# {reference}\n\n{meshes}{machine}\n");
         for (name, _) in &self.pictures {
             let _ = writeln!(text, "\n![{name}]({name}.png)");
         }
@@ -249,6 +257,7 @@ impl Paper {
     pub fn html(&self) -> String {
         let title = format!("{} made again", self.source.short);
         let mut page = Page::new(title, self.source.reference, &self.machine);
+        self.meshes.iter().for_each(|meshes| page.paragraph("note", &format!("{meshes}.")));
         #[cfg(feature = "render")]
         for (name, png) in &self.pictures {
             let data = sinew_render::page::data_url("image/png", png);
@@ -323,5 +332,6 @@ mod tests {
         let (text, html) = (paper.text(), paper.html());
         assert!(text.contains("Table 6") && html.contains("Natsupakpong &amp; Cavusoglu"));
         assert!(!text.contains("NaN"), "{text}");
+        assert!(text.starts_with("Meshes: generated"), "{text}");
     }
 }

@@ -2,7 +2,11 @@
 //! and the errors of several methods in tension.
 
 use super::Means;
-use super::lumped::{MATERIAL, Meshes, Ours, Specimen, pair, percents, printed_name, rows_alike};
+use super::lumped::{
+    MATERIAL, Meshes, Ours, Specimen, against_print, pair, percents, printed_name, rows_alike,
+};
+use super::overlay;
+use super::shapes::WIDTH;
 use crate::bench::error::BenchError;
 use crate::bench::table::Cell;
 use crate::report::{Figure, Finding};
@@ -15,8 +19,6 @@ use sinew_tune::fit::assess::against;
 use sinew_tune::fit::rig::Reading;
 use sinew_tune::table_of;
 
-/// Width of the straight part, which is 2 widths long, and thickness of the solid one (m).
-const WIDTH: f64 = 0.01;
 const STRETCH: f64 = 0.1;
 
 /// Printed moduli: mesh, element, 2-norm (Pa, ratio), Frobenius norm.
@@ -114,7 +116,7 @@ impl Fourth {
 fn fourth(meshes: &Meshes, keep: &dyn Fn(&str) -> bool) -> Result<Vec<Fourth>, BenchError> {
     let mut rows = Vec::new();
     for (mesh, element, two, frobenius) in TABLE_4.into_iter().filter(|t| keep(t.0)) {
-        let Some(specimen) = meshes.get(mesh)? else { continue };
+        let specimen = meshes.get(mesh)?;
         for (method, printed) in [(TwoNorm, two), (Frobenius, frobenius)] {
             let measured = measured(&specimen, method)?;
             rows.push(Fourth { element, method, printed, measured, counts: specimen.counts });
@@ -136,7 +138,7 @@ struct Fifth {
 fn fifth(meshes: &Meshes, keep: &dyn Fn(&str) -> bool) -> Result<Vec<Fifth>, BenchError> {
     let mut rows = Vec::new();
     for (mesh, element, method, out, errors) in TABLE_5.into_iter().filter(|t| keep(t.0)) {
-        let Some(specimen) = meshes.get(mesh)? else { continue };
+        let specimen = meshes.get(mesh)?;
         let corrected = if method == Baudet { corrected(&specimen)? } else { None };
         rows.push(Fifth {
             element,
@@ -216,21 +218,11 @@ fn findings(four: &[Fourth], five: &[Fifth]) -> Vec<Finding> {
             "Poisson's ratio cannot be set: {off} of {} bodies of springs are more than 0.02 away from 0.3",
             ratios.len()
         )));
-    let rows = five.iter().map(|r| {
-        let printed = r.printed.1;
-        let name = match r.ours.nearer(printed) {
-            Some(e) => format!(
-                "{} {} ({:.2} here, {:.2} printed)",
-                r.element,
-                printed_name(r.method),
-                e.rms_percent,
-                printed[0]
-            ),
-            None => format!("{} {} (no answer)", r.element, printed_name(r.method)),
-        };
-        (name, r.ours.alike(printed))
-    });
-    findings.push(rows_alike("table 5", rows, "are within a factor 1.5 of the printed e_rms"));
+    let rows: Vec<_> = five
+        .iter()
+        .map(|r| (format!("{} {}", r.element, printed_name(r.method)), r.ours, r.printed.1))
+        .collect();
+    findings.extend(against_print("table 5", &rows));
     let by = |element: &str, method| {
         let row = five.iter().find(|r| r.element == element && r.method == method);
         row.and_then(|r| r.measured.as_ref()).map(|m| m.springs.youngs_modulus)
@@ -279,14 +271,16 @@ pub(super) fn figure(means: &Means) -> Result<Figure, BenchError> {
          not have, so his quadrilaterals are measured on the square; the formulas of Van Gelder, Lloyd and Baudet \
          are recalled, their original texts were not read",
     );
+    let shapes: Vec<_> = TABLE_4.iter().filter(|t| keep(t.0)).map(|t| (t.0, t.1)).collect();
+    let title = "The tensile specimen";
+    let chart = overlay::chart(&means.meshes, "c-shapes", title, &shapes, STRETCH)?;
     Ok(Figure {
-        setting: format!(
-            "Straight part of 1 x 2 cm (1 cm thick in space), grips of 3 cm, 16 cm long; one end held, traction on \
-             the other; linear springs unless said. {}.",
-            means.meshes.source()
-        ),
+        setting: "Straight part of 1 x 2 cm (1 cm thick in space), grips of 3 cm, 16 cm long; one end held, the other \
+                  loaded; moduli under a consistent traction; linear springs unless said."
+            .into(),
         findings: findings(&four, &five),
         tables: vec![table_4, table_5],
+        charts: vec![chart],
         ..Figure::default()
     })
 }

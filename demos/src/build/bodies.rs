@@ -7,14 +7,16 @@ use super::select::group_cells;
 use super::{axes, meshes};
 use crate::error::SceneError;
 use crate::scene::{Body, Key, LoadedScene, Membrane, SpringMethod};
+use crate::springs::{Matter, Springs};
 use crate::warning::{Level, Warning};
 use glam::DVec3;
 use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::{CheckOptions, CheckReport, CheckedMesh, FindingCode, Mesh, check};
-use sinew::models::body::BodyDescription;
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
-use sinew::models::body::sheet::{MembraneSettings, PlaneState};
+use sinew::models::body::sheet::{MembraneModel, MembraneSettings, PlaneState};
+use sinew::models::body::{BodyDescription, MassRule, Model};
 use sinew::models::material::YoungPoisson;
+use std::sync::Arc;
 
 /// Adds the bodies of a scene.
 pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
@@ -58,8 +60,10 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
     let poisson_ratio = field("poisson_ratio", &entry.poisson_ratio_field)?;
     let density = field("density", &entry.density_field)?;
     let axes = axes::axes(key, body, &checked.mesh, built.plan.mode, &mut built.warnings)?;
-    let springs =
-        springs(key, (body.element_method, body.spring_constant), body.hexahedron_springs)?;
+    let rule =
+        spring_rule(key, (body.element_method, body.spring_constant), body.hexahedron_springs)?;
+    let springs = springs(key, body, &checked.mesh, material, membrane.as_ref())?;
+    let of_file = springs.as_ref().and_then(|s| s.masses);
     let description = BodyDescription {
         axes: axes.clone(),
         young_modulus: young_modulus.as_deref(),
@@ -67,8 +71,9 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
         density: density.as_deref(),
         model: body.model,
         evaluation: body.evaluation,
-        springs,
-        masses: body.masses,
+        springs: rule,
+        spring_constants: springs.map(|s| Arc::new(s.constants)),
+        masses: body.masses.or(of_file).unwrap_or_default(),
         membrane: membrane.as_ref().map(|m| m.settings.of(&m.triangles, &m.quads)),
         ..BodyDescription::new(&body.name, &checked.mesh, material)
     };
@@ -86,6 +91,10 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
         .simulation
         .add_body(&description)
         .map_err(|source| SceneError::Body { place: mesh_key.place(), source: Box::new(source) })?;
+    let mass = match description.masses {
+        MassRule::Volume | MassRule::Equal => solid + sheet,
+        MassRule::Nodal => built.simulation.masses(handle).iter().sum(),
+    };
     Ok(BuiltBody {
         name: body.name.clone(),
         handle,
@@ -93,18 +102,18 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
         report: checked.report,
         used_vertices: checked.used_vertices,
         material,
-        mass: solid + sheet,
+        mass,
         membrane,
         preset: entry.preset.clone(),
         model: body.model,
         evaluation: body.evaluation,
-        springs,
+        springs: rule,
         axes,
     })
 }
 
 /// Where the constants of springs come from, by the keys of a body or a membrane.
-fn springs(
+fn spring_rule(
     key: &Key,
     (method, constant): (Option<SpringMethod>, Option<f64>),
     of_hexahedron: Option<u32>,
@@ -140,6 +149,44 @@ fn springs(
             Some(SpringRule::Uniform(UniformSprings { constant, hexahedron }))
         }
     })
+}
+
+/// Springs that a file gives to the elements of a body.
+fn springs(
+    key: &Key,
+    body: &Body,
+    mesh: &Mesh,
+    material: YoungPoisson,
+    membrane: Option<&BuiltMembrane>,
+) -> Result<Option<Springs>, SceneError> {
+    let Some(path) = &body.springs else { return Ok(None) };
+    let key = key.at("springs");
+    let solid = mesh.is_solid();
+    let of_springs = if solid {
+        body.model == Model::MassSpring
+    } else {
+        membrane.is_some_and(|m| m.settings.model == MembraneModel::MassSpring)
+    };
+    if !of_springs {
+        let of = if solid { "the body" } else { "its membrane" };
+        let remedy = "set model = \"mass_spring\" there, or leave `springs` out";
+        return Err(key.value(format!("{of} does not consist of springs"), remedy));
+    }
+    let of_sheet = !solid && membrane.is_some_and(|m| m.settings.springs.is_some());
+    if of_sheet || body.element_method.is_some() {
+        return Err(key.value("`element_method` is given as well", "keep one of them"));
+    }
+    let density = membrane.filter(|_| !solid).map_or(material, |m| m.settings.material).density;
+    let matter = Matter {
+        density: body.material.density_field.is_none().then_some(density),
+        thickness: membrane.map_or(1.0, |m| m.settings.thickness),
+    };
+    let springs = crate::springs::read(&key, path, mesh, &matter)?;
+    match (springs.masses, body.masses) {
+        (Some(own), Some(asked)) if own != asked => Err(key
+            .value("its masses are shared out otherwise than `masses` says", "leave `masses` out")),
+        _ => Ok(Some(springs)),
+    }
 }
 
 /// Mass (kg) of the solid elements of a mesh with a density (kg/m^3) each.
@@ -241,7 +288,7 @@ fn membrane(
     };
     let areas = triangles.iter().map(|t| twice(t)).chain(quads.iter().map(|q| twice(q)));
     let area = 0.5 * areas.sum::<f64>();
-    let springs = springs(key, (entry.element_method, entry.spring_constant), None)?;
+    let springs = spring_rule(key, (entry.element_method, entry.spring_constant), None)?;
     let Membrane { thickness, plane, model, evaluation, .. } = *entry;
     let settings = MembraneSettings { thickness, material, plane, model, evaluation, springs };
     Ok(BuiltMembrane { triangles, quads, settings, area })

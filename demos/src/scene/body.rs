@@ -42,9 +42,11 @@ pub struct Body {
     pub spring_constant: Option<f64>,
     /// Springs of a hexahedron with `"uniform"`: 28, all pairs (default), or 16, its edges and diagonals in space.
     pub hexahedron_springs: Option<u32>,
-    /// How the mass is shared out among the vertices: `"volume"` (default) or `"equal"`.
-    #[serde(default)]
-    pub masses: MassRule,
+    /// File of springs (JSON, what `sinew fit --out` writes) for `"mass_spring"`, relative to the scene file, in
+    /// place of `element_method`.
+    pub springs: Option<PathBuf>,
+    /// How the mass is shared out among the vertices: `"volume"` (default), `"nodal"` or `"equal"`.
+    pub masses: Option<MassRule>,
     /// Membrane on or instead of the solid.
     pub membrane: Option<Membrane>,
     /// Families of fibres in the solid.

@@ -223,6 +223,14 @@ impl LoadedScene {
         self.options.push((key, option));
     }
 
+    /// Reads another file named in the scene.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub(crate) fn read_bytes(&self, path: &Path) -> std::io::Result<Vec<u8>> {
+        (self.files.0)(&self.resolve(path))
+    }
+
     /// Place of a key.
     pub fn place(&self, key: impl Into<String>) -> Box<Place> {
         let key = key.into();

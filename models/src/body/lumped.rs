@@ -13,6 +13,7 @@ use crate::body::matter::Matter;
 use crate::body::sheet::{MembraneSettings, PlaneState};
 use crate::element::precompute::EDGES;
 use crate::material::YoungPoisson;
+use std::collections::BTreeMap;
 
 /// Where the constants of lumped springs come from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -119,6 +120,44 @@ impl ElementSprings {
     }
 }
 
+/// Spring constants that were found elsewhere, element by element, in place of those of a fit.
+///
+/// Elements are known by their vertices, so that their order and that of their corners do not matter.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GivenSprings(BTreeMap<(ElementKind, Vec<u32>), Vec<([u32; 2], f64)>>);
+
+impl GivenSprings {
+    /// Gives an element of these vertices of the user's mesh the constants (N/m) of its pairs: first with second,
+    /// first with third, and so on.
+    pub fn add(&mut self, kind: ElementKind, vertices: &[u32], constants: &[f64]) {
+        let pairs = (0..vertices.len()).flat_map(|i| {
+            vertices[i + 1..].iter().map(move |&b| [vertices[i].min(b), vertices[i].max(b)])
+        });
+        let list = pairs.zip(constants.iter().copied()).collect();
+        self.0.insert((kind, ascending(vertices.to_vec())), list);
+    }
+
+    /// Whether an element has constants.
+    pub fn has(&self, kind: ElementKind, vertices: &[u32]) -> bool {
+        self.0.contains_key(&(kind, ascending(vertices.to_vec())))
+    }
+
+    /// Constant (N/m) of a pair of the vertices of an element, 0 where none is given.
+    fn constants(&self, kind: ElementKind, vertices: &[u32]) -> impl Iterator<Item = f64> {
+        let list = self.0.get(&(kind, ascending(vertices.to_vec())));
+        pairs(kind).iter().map(move |pair| {
+            let [a, b] = pair.map(|i| vertices[i]);
+            let own = list.and_then(|l| l.iter().find(|(p, _)| *p == [a.min(b), a.max(b)]));
+            own.map_or(0.0, |(_, constant)| *constant)
+        })
+    }
+}
+
+fn ascending(mut vertices: Vec<u32>) -> Vec<u32> {
+    vertices.sort_unstable();
+    vertices
+}
+
 /// Local vertices of the pairs of an element that are joined.
 fn pairs(kind: ElementKind) -> &'static [[usize; 2]] {
     match kind {
@@ -182,6 +221,14 @@ impl Matter<'_> {
             if !is_spring || cells.is_empty() {
                 continue;
             }
+            if let Some(given) = self.given {
+                let user = |row: &u32| self.ordered.vertex_order[*row as usize];
+                let of = |e: usize| cells.element(e).2.iter().map(user).collect::<Vec<_>>();
+                springs.constants[kind] = (0..cells.len())
+                    .flat_map(|e| given.constants(kind, &of(e)).collect::<Vec<_>>())
+                    .collect();
+                continue;
+            }
             let rule = sheet.filter(|_| of_sheet).map_or(self.spring_rule, |sheet| sheet.springs);
             if let Some(SpringRule::Uniform(uniform)) = rule {
                 springs.uniform[kind] = true;
@@ -206,8 +253,10 @@ impl Matter<'_> {
                     SpringsError { kind, index, method, source: Box::new(source) }
                 })?;
         }
-        // they come in lexicographic order
-        springs.constants[ElementKind::Triangle].chunks_exact_mut(3).for_each(<[f64]>::reverse);
+        if self.given.is_none() {
+            // fits come in lexicographic order
+            springs.constants[ElementKind::Triangle].chunks_exact_mut(3).for_each(<[f64]>::reverse);
+        }
         Ok(springs)
     }
 

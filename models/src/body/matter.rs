@@ -2,7 +2,7 @@
 //! constants of springs. [`spawn_body`](super::spawn_body), [`set_material`](super::change::set_material) and
 //! removals compute them here, in one order of sums, so that they agree to the last bit.
 
-use super::lumped::{self, ElementSprings, SpringRule};
+use super::lumped::{self, ElementSprings, GivenSprings, SpringRule};
 use super::sheet::{MembraneModel, MembraneSettings};
 use super::{Evaluation, Model};
 use crate::element::membrane::{self, RestTriangle};
@@ -15,6 +15,8 @@ use sinew_engine::element::TETRAHEDRON_FACES;
 use sinew_engine::isoparametric::{RestHexahedron, RestQuad};
 use sinew_engine::layout::{BodyElements, Cells};
 use sinew_engine::scalar::sub;
+use sinew_identify::mass::{MassLumping, lumped_masses};
+use sinew_identify::{ElementGeometry, Section};
 
 /// A body as its numbers see it.
 #[derive(Clone, Copy)]
@@ -31,6 +33,10 @@ pub(crate) struct Matter<'a> {
     pub evaluation: Evaluation,
     /// Where the constants of its springs come from.
     pub spring_rule: Option<SpringRule>,
+    /// Constants of its springs, where they are given.
+    pub given: Option<&'a GivenSprings>,
+    /// How the mass of an element is shared out.
+    pub lumping: MassLumping,
     /// Its membrane.
     pub membrane: Option<MembraneSettings>,
 }
@@ -125,8 +131,25 @@ impl Matter<'_> {
         self.membrane.filter(|m| m.model == MembraneModel::MassSpring)
     }
 
+    /// Volumes (m^3) or areas (m^2) of the vertices of a hexahedron or quadrilateral by nodal quadrature
+    /// (Natsupakpong & Cavusoglu 2010, equation 2); `None` for row sums.
+    fn nodal_shares<const N: usize>(&self, nodes: [u32; N]) -> Option<[f64; N]> {
+        if self.lumping == MassLumping::RowSum {
+            return None;
+        }
+        let points = nodes.map(|v| (self.rest_of)(v).to_array());
+        let kind = if N == 8 {
+            sinew_identify::ElementKind::Hexahedron
+        } else {
+            sinew_identify::ElementKind::Quad
+        };
+        let geometry = ElementGeometry::new(kind, &points).ok()?;
+        let shares = lumped_masses(&geometry, 1.0, &Section::default(), self.lumping).ok()?;
+        shares.try_into().ok()
+    }
+
     /// Masses (kg) of vertices, summed over elements: a quarter or third of each simplex, and the row sums of
-    /// the mass matrix of others.
+    /// the mass matrix of others, or what nodal quadrature gives them.
     pub fn masses(&self, vertices: Items, elements: &Chosen) -> Vec<f64> {
         let mut mass = vec![0.0; vertices.count()];
         let mut add = |nodes: &[u32], shares: &[f64]| {
@@ -143,8 +166,10 @@ impl Matter<'_> {
         }
         for &h in &elements[ElementKind::Hexahedron] {
             let density = density(ElementKind::Hexahedron, h);
-            let shares = self.hexahedron(h).vertex_volumes().map(|volume| density * volume);
-            add(&self.ordered.hexahedra[h as usize], &shares);
+            let nodes = self.ordered.hexahedra[h as usize];
+            let volumes = self.nodal_shares(nodes);
+            let volumes = volumes.unwrap_or_else(|| self.hexahedron(h).vertex_volumes());
+            add(&nodes, &volumes.map(|volume| density * volume));
         }
         let Some(sheet) = self.membrane else { return mass };
         let (_, density) = sheet.surface();
@@ -153,8 +178,9 @@ impl Matter<'_> {
             add(&self.ordered.membrane[t as usize], &[share; 3]);
         }
         for &q in &elements[ElementKind::Quad] {
-            let shares = self.quad(q).vertex_areas().map(|area| density * area);
-            add(&self.ordered.quads[q as usize], &shares);
+            let nodes = self.ordered.quads[q as usize];
+            let areas = self.nodal_shares(nodes).unwrap_or_else(|| self.quad(q).vertex_areas());
+            add(&nodes, &areas.map(|area| density * area));
         }
         mass
     }

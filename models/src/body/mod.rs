@@ -10,15 +10,17 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::by_precision;
+use sinew_engine::connectivity::ElementKind;
 use sinew_engine::isoparametric::RestShapeError;
 use sinew_engine::layout::BodyElements;
 use sinew_engine::memory;
 use sinew_engine::mesh::Mesh;
 use sinew_engine::precision::Precision;
+use sinew_identify::mass::MassLumping;
 use std::sync::Arc;
 
 use crate::axes::description::{AxesDescription, AxesError, BodyAxes};
-use crate::body::lumped::{ElementSprings, SpringRule, SpringsError};
+use crate::body::lumped::{ElementSprings, GivenSprings, SpringRule, SpringsError};
 use crate::body::matter::Matter;
 use crate::body::sheet::{MembraneDescription, MembraneError, MembraneSettings};
 use crate::element::precompute::RestTetrahedronError;
@@ -57,6 +59,8 @@ pub struct BodyDescription<'a> {
     /// Where the constants of [`Model::MassSpring`] come from; without, those of Delingette 2008 for
     /// tetrahedra and the Frobenius fit for hexahedra.
     pub springs: Option<SpringRule>,
+    /// Constants of all elements that are springs, in place of those of `springs`.
+    pub spring_constants: Option<Arc<GivenSprings>>,
     /// How its mass is shared out among its vertices.
     pub masses: MassRule,
     /// Membrane beside the solid, or instead of it: without solid elements `material`, `model` and
@@ -92,6 +96,7 @@ impl<'a> BodyDescription<'a> {
             model: Model::default(),
             evaluation: Evaluation::default(),
             springs: None,
+            spring_constants: None,
             masses: MassRule::default(),
             membrane: None,
             axes: None,
@@ -116,12 +121,32 @@ pub enum MassRule {
     /// Every element gives its mass to its own vertices, by their part of its volume (default).
     #[default]
     Volume,
+    /// Hexahedra and quadrilaterals by nodal quadrature (Natsupakpong & Cavusoglu 2010, equation 2), which may be off by
+    /// about a percent of their mass; others as by volume.
+    Nodal,
     /// All vertices have the same (Bourguignon & Cani 2000, section 5); the mass of the body is that of its
     /// elements. Vertices keep it while they have an element.
     Equal,
 }
 
+impl From<MassLumping> for MassRule {
+    fn from(lumping: MassLumping) -> Self {
+        match lumping {
+            MassLumping::RowSum => Self::Volume,
+            MassLumping::NodalQuadrature => Self::Nodal,
+        }
+    }
+}
+
 impl MassRule {
+    /// How an element shares its mass out, before [`MassRule::apply`].
+    fn lumping(self) -> MassLumping {
+        match self {
+            Self::Volume | Self::Equal => MassLumping::RowSum,
+            Self::Nodal => MassLumping::NodalQuadrature,
+        }
+    }
+
     /// Applies it to masses (kg) that elements have given to their vertices, 0 where a vertex has none.
     pub(crate) fn apply(self, masses: &mut [f64]) {
         let used = masses.iter().filter(|m| **m > 0.0).count();
@@ -232,6 +257,19 @@ pub enum BodyError {
         /// What is wrong.
         source: SpringsError,
     },
+    /// An element that is of springs, without a constant among those given.
+    #[error(
+        "body `{body}`: {} {index} (from 0) is of springs, but none are given for it; give constants \
+         for every element, or leave them out", .kind.name()
+    )]
+    MissingSprings {
+        /// Name of the body.
+        body: String,
+        /// Kind of the element.
+        kind: ElementKind,
+        /// Index in the user's mesh.
+        index: usize,
+    },
     /// An energy that cannot be summed the way asked for.
     #[error(
         "body `{body}`: model \"{}\" has no pooled evaluation; leave `evaluation` out or set it to \
@@ -312,6 +350,8 @@ pub struct SoftBody {
     pub evaluation: Evaluation,
     /// Where the constants of its springs come from, if it consists of springs.
     pub spring_rule: Option<SpringRule>,
+    /// Constants of its springs, where they were given.
+    pub given: Option<Arc<GivenSprings>>,
     /// How its mass is shared out among its vertices.
     pub masses: MassRule,
     /// Constants of the elements that are springs.
@@ -334,9 +374,9 @@ impl SoftBody {
         ordered: &'a BodyElements,
         rest_of: &'a dyn Fn(u32) -> DVec3,
     ) -> Matter<'a> {
-        let &Self { model, evaluation, spring_rule, membrane, .. } = self;
-        let field = self.field();
-        Matter { ordered, rest_of, field, model, evaluation, spring_rule, membrane }
+        let &Self { model, evaluation, spring_rule, masses, membrane, .. } = self;
+        let (field, given, lumping) = (self.field(), self.given.as_deref(), masses.lumping());
+        Matter { ordered, rest_of, field, model, evaluation, spring_rule, given, lumping, membrane }
     }
 }
 

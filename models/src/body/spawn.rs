@@ -23,9 +23,9 @@ use sinew_engine::vertex::{
 };
 use std::sync::Arc;
 
-use super::lumped::SpringRule;
+use super::lumped::{GivenSprings, SpringRule};
 use super::matter::{Items, Matter, PooledSprings, chosen};
-use super::sheet::{MembraneDescription, Sheet};
+use super::sheet::{MembraneDescription, MembraneModel, Sheet};
 use super::{BodyDescription, BodyError, Evaluation, Model, SoftBody};
 use crate::axes::description::{AxesError, AxisForm, BodyAxes};
 use crate::axes::spawn::spawn_axes;
@@ -69,8 +69,18 @@ pub(super) fn spawn<S: Scalar>(
     let field = body.material_field();
     let membrane = membrane.map(|m| m.settings());
     let ordered = &layout.ordered;
-    let matter =
-        Matter { ordered, rest_of: &rest_of, field, model, evaluation, spring_rule, membrane };
+    let (given, lumping) = (body.spring_constants.as_deref(), body.masses.lumping());
+    let matter = Matter {
+        ordered,
+        rest_of: &rest_of,
+        field,
+        model,
+        evaluation,
+        spring_rule,
+        given,
+        lumping,
+        membrane,
+    };
     let springs =
         matter.element_springs().map_err(|source| BodyError::Springs { body: name(), source })?;
 
@@ -120,6 +130,7 @@ pub(super) fn spawn<S: Scalar>(
         law,
         evaluation,
         spring_rule,
+        given: body.spring_constants.clone(),
         masses: body.masses,
         springs: Arc::new(springs),
         membrane,
@@ -179,6 +190,7 @@ fn check<'a>(
             return Err(BodyError::SpringConstant { body: name(), value: springs.constant });
         }
     }
+    check_springs(body, membrane.as_ref())?;
     check_axes(body, solid).map_err(|source| BodyError::Axes { body: name(), source })?;
     Ok((membrane, lame))
 }
@@ -198,6 +210,36 @@ fn check_indices(body: &BodyDescription) -> Result<(), BodyError> {
         }
     }
     Ok(())
+}
+
+/// Whether every element of springs has constants, where these are given.
+fn check_springs(
+    body: &BodyDescription,
+    membrane: Option<&MembraneDescription>,
+) -> Result<(), BodyError> {
+    let Some(given) = &body.spring_constants else { return Ok(()) };
+    fn missing<const N: usize>(
+        given: &GivenSprings,
+        kind: ElementKind,
+        list: &[[u32; N]],
+    ) -> Option<(ElementKind, usize)> {
+        list.iter().position(|e| !given.has(kind, e)).map(|index| (kind, index))
+    }
+    let solid = body.model == Model::MassSpring;
+    let solid = solid.then(|| {
+        missing(given, ElementKind::Tetrahedron, body.tetrahedra)
+            .or_else(|| missing(given, ElementKind::Hexahedron, body.hexahedra))
+    });
+    let sheet = membrane.filter(|m| m.model == MembraneModel::MassSpring).map(|m| {
+        missing(given, ElementKind::Triangle, m.triangles)
+            .or_else(|| missing(given, ElementKind::Quad, m.quads))
+    });
+    match solid.flatten().or(sheet.flatten()) {
+        Some((kind, index)) => {
+            Err(BodyError::MissingSprings { body: body.name.to_string(), kind, index })
+        }
+        None => Ok(()),
+    }
 }
 
 fn check_axes(body: &BodyDescription, solid: bool) -> Result<(), AxesError> {

@@ -143,6 +143,7 @@ fn spawn_again(
         evaluation: soft.evaluation,
         membrane: soft.membrane.as_ref().map(|m| m.of(&mesh.triangles, &mesh.quads)),
         springs: soft.spring_rule,
+        spring_constants: soft.given.clone(),
         masses: soft.masses,
         axes: axes.map(|axes| axes.description.of_elements(index)),
         ..BodyDescription::new("fresh", mesh, soft.material)

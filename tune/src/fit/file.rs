@@ -5,7 +5,7 @@
 //!
 //! | record | first | second | value | rest_length |
 //! |---|---|---|---|---|
-//! | `schema`, `mesh`, `method` | | | text | |
+//! | `schema`, `mesh`, `method`, `mass_lumping` | | | text | |
 //! | `plane` (plane bodies only) | | | `stress` or `strain` | |
 //! | `young_modulus` (Pa), `poisson_ratio`, `density` (kg/m^3), `thickness` (m, plane bodies only) | | | number | |
 //! | `frobenius_residual`, `two_norm_residual` (mean, then worst with its element) | `mean` or `worst` | element | number | |
@@ -119,6 +119,7 @@ fn to_csv(body: &FittedBody) -> Result<Vec<u8>, csv::Error> {
     setting("young_modulus", body.young_modulus.to_string())?;
     setting("poisson_ratio", body.poisson_ratio.to_string())?;
     setting("density", body.density.to_string())?;
+    setting("mass_lumping", body.mass_lumping.to_string())?;
     if let Some(plane) = body.plane {
         setting("plane", if plane == Plane::Stress { "stress" } else { "strain" }.to_string())?;
     }
@@ -260,8 +261,10 @@ fn from_csv(bytes: &[u8]) -> Result<FittedBody, String> {
         thickness: settings.get("thickness")?,
         springs,
         masses,
+        mass_lumping: settings.get("mass_lumping")?.unwrap_or_default(),
         element_constants: lists,
         report,
         assessment: None,
+        untested: None,
     })
 }

@@ -15,13 +15,10 @@ use sinew::engine::mesh::{CheckError, CheckOptions, Mesh, MeshError, check};
 use sinew_identify::mass::MassLumping;
 use sinew_identify::mesh::{FitReport, fit_each, mesh_masses};
 use sinew_identify::virtual_test::VirtualTestError;
-use sinew_identify::{
-    ElementError, ElementKind, ElementMethod, IdentifyError, LinearMaterial, Plane, Section,
-};
+use sinew_identify::{ElementError, ElementMethod, IdentifyError, LinearMaterial, Plane, Section};
 use std::path::PathBuf;
 
-/// Version of the files that [`file`](mod@file) reads and writes.
-pub const SCHEMA: &str = "sinew-body/1";
+pub use sinew_demos::springs::{BodySpring, ElementConstants, SCHEMA};
 
 /// Springs that cannot be found, tested or written.
 #[derive(Debug, thiserror::Error)]
@@ -100,56 +97,10 @@ pub struct FitRequest {
     pub section: Section,
     /// How constants are found.
     pub method: ElementMethod,
+    /// How the mass of an element is shared among its vertices.
+    pub masses: MassLumping,
     /// Ends of the virtual tests.
     pub grips: Grips,
-}
-
-/// A spring of a body.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct BodySpring {
-    /// Vertices of the mesh, the lower first.
-    pub nodes: [u32; 2],
-    /// Constant (N/m), summed over the elements round the pair.
-    pub constant: f64,
-    /// Rest length (m).
-    pub rest_length: f64,
-}
-
-/// Constants (N/m) of every element of the mesh, in the order of the file; pairs of local nodes in
-/// lexicographic order.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct ElementConstants {
-    /// 3 for each triangle.
-    pub triangles: Vec<Vec<f64>>,
-    /// 6 for each quadrilateral.
-    pub quads: Vec<Vec<f64>>,
-    /// 6 for each tetrahedron.
-    pub tetrahedra: Vec<Vec<f64>>,
-    /// 28 for each hexahedron.
-    pub hexahedra: Vec<Vec<f64>>,
-}
-
-impl ElementConstants {
-    /// The list of a kind.
-    fn list(&mut self, kind: ElementKind) -> &mut Vec<Vec<f64>> {
-        match kind {
-            ElementKind::Triangle => &mut self.triangles,
-            ElementKind::Quad => &mut self.quads,
-            ElementKind::Tetrahedron => &mut self.tetrahedra,
-            ElementKind::Hexahedron => &mut self.hexahedra,
-        }
-    }
-
-    /// Lists by the name of their kind in files.
-    pub fn kinds(&self) -> [(&'static str, &Vec<Vec<f64>>); 4] {
-        [
-            ("triangle", &self.triangles),
-            ("quad", &self.quads),
-            ("tetrahedron", &self.tetrahedra),
-            ("hexahedron", &self.hexahedra),
-        ]
-    }
 }
 
 /// A body of springs: what `sinew fit` finds and writes.
@@ -175,12 +126,18 @@ pub struct FittedBody {
     pub springs: Vec<BodySpring>,
     /// Masses (kg), one for each vertex of the mesh; 0 for vertices without element.
     pub masses: Vec<f64>,
+    /// How the mass of an element was shared among its vertices.
+    #[serde(default)]
+    pub mass_lumping: MassLumping,
     /// Constants of single elements.
     pub element_constants: ElementConstants,
     /// Residuals and negative constants.
     pub report: FitReport,
-    /// What the virtual tests found; none in files of springs alone (CSV).
+    /// What the virtual tests found; none in files of springs alone (CSV) and where they were not possible.
     pub assessment: Option<Assessment>,
+    /// Why the virtual tests were not possible: finite elements have no answer in them.
+    #[serde(default)]
+    pub untested: Option<String>,
 }
 
 /// Reads and checks a mesh, then finds and tests its springs.
@@ -191,7 +148,8 @@ pub fn fit_file(path: &std::path::Path, request: &FitRequest) -> Result<FittedBo
     fit_mesh(&Mesh::read(path)?, request)
 }
 
-/// Finds and tests the springs of a mesh.
+/// Finds and tests the springs of a mesh. Where the tests are not possible, because the ends do not hold the body or
+/// share vertices, or a sheet is not flat, [`FittedBody::untested`] says why.
 ///
 /// # Errors
 /// [`FitError`], naming the element or the group and what to do.
@@ -201,6 +159,7 @@ pub fn fit_file(path: &std::path::Path, request: &FitRequest) -> Result<FittedBo
 /// use sinew::engine::mesh::generate::quad_grid;
 /// use sinew_tune::fit::rig::Grips;
 /// use sinew_tune::fit::{FitRequest, fit_mesh};
+/// use sinew_identify::mass::MassLumping;
 /// use sinew_identify::{ElementMethod, LinearMaterial, Section};
 ///
 /// let mesh = quad_grid(DVec2::new(0.04, 0.02), [4, 2])?;
@@ -209,6 +168,7 @@ pub fn fit_file(path: &std::path::Path, request: &FitRequest) -> Result<FittedBo
 ///     density: 1000.0,
 ///     section: Section { thickness: 0.01, ..Section::default() },
 ///     method: ElementMethod::Baudet,
+///     masses: MassLumping::RowSum,
 ///     grips: Grips::default(),
 /// };
 /// let body = fit_mesh(&mesh, &request)?;
@@ -225,12 +185,20 @@ pub fn fit_mesh(mesh: &Mesh, request: &FitRequest) -> Result<FittedBody, FitErro
     if !solid {
         request.section.check()?;
     }
-    let rig = Rig::new(&checked, request.section, &request.grips)?;
+    let named = request.grips.held.is_some() || request.grips.loaded.is_some();
+    let (rig, no_rig) = match Rig::new(&checked, request.section, &request.grips) {
+        Ok(rig) => (rig, None),
+        Err(e @ FitError::Test(_)) => (Rig::without_ends(&checked, request.section), Some(e)),
+        Err(e @ FitError::SharedNode { .. }) if !named => {
+            (Rig::without_ends(&checked, request.section), Some(e))
+        }
+        Err(e) => return Err(e),
+    };
     let cells = rig.cells();
     let material = request.material;
     let fits = fit_each(&rig.points, &cells, &[material], &rig.section, request.method)?;
     let springs = fits.pooled(&cells, request.method);
-    let own = mesh_masses(&rig.points, &cells, request.density, &rig.section, MassLumping::RowSum)?;
+    let own = mesh_masses(&rig.points, &cells, request.density, &rig.section, request.masses)?;
     let mut masses = vec![0.0; mesh.points.len()];
     rig.nodes.iter().zip(own).for_each(|(&v, m)| masses[v as usize] = m);
     let at = |v: u32| DVec3::from(rig.points[v as usize]);
@@ -240,7 +208,15 @@ pub fn fit_mesh(mesh: &Mesh, request: &FitRequest) -> Result<FittedBody, FitErro
         let list = lists.list(cells.element(element).0);
         list.push(fits.of(element).constants.clone());
     }
-    let assessment = assess(&rig, &material, &springs)?;
+    let tested = match no_rig {
+        Some(e) => Err(e),
+        None => assess(&rig, &material, &springs),
+    };
+    let (assessment, untested) = match tested {
+        Ok(assessment) => (Some(assessment), None),
+        Err(e @ (FitError::Test(_) | FitError::SharedNode { .. })) => (None, Some(e.to_string())),
+        Err(e) => return Err(e),
+    };
     Ok(FittedBody {
         schema: SCHEMA.to_string(),
         mesh: mesh.source.clone(),
@@ -261,8 +237,10 @@ pub fn fit_mesh(mesh: &Mesh, request: &FitRequest) -> Result<FittedBody, FitErro
             })
             .collect(),
         masses,
+        mass_lumping: request.masses,
         element_constants: lists,
         report: springs.report,
-        assessment: Some(assessment),
+        assessment,
+        untested,
     })
 }

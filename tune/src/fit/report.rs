@@ -1,6 +1,7 @@
 //! The report of `sinew fit` on a terminal.
 
 use super::FittedBody;
+use super::assess::Assessment;
 use crate::table::three_digits;
 use crate::table_of;
 use sinew_identify::{Plane, mesh::Residuals};
@@ -37,8 +38,9 @@ impl fmt::Display for FittedBody {
         let total: f64 = self.masses.iter().sum();
         writeln!(
             f,
-            "  springs      {}, masses sum to {} kg",
+            "  springs      {}, masses ({}) sum to {} kg",
             self.springs.len(),
+            self.mass_lumping,
             three_digits(total)
         )?;
         let residual = |r: &Residuals| {
@@ -63,7 +65,19 @@ impl fmt::Display for FittedBody {
             self.springs.len(),
             three_digits(r.least_constant)
         )?;
-        let Some(a) = &self.assessment else { return Ok(()) };
+        match (&self.assessment, &self.untested) {
+            (Some(assessment), _) => self.tests(assessment, f)?,
+            (None, Some(reason)) => writeln!(f, "  tests        not possible: {reason}")?,
+            (None, None) => {}
+        }
+        writeln!(f, "In a scene: model = \"mass_spring\", element_method = \"{}\"", self.method)
+    }
+}
+
+impl FittedBody {
+    /// What the virtual tests found.
+    fn tests(&self, a: &Assessment, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (e, nu) = (self.young_modulus, self.poisson_ratio);
         if let Some(m) = &a.moduli {
             let e_off = 100.0 * (m.young_modulus / e - 1.0);
             let g = e / (2.0 * (1.0 + nu));
@@ -101,7 +115,6 @@ impl fmt::Display for FittedBody {
         if let Some(first) = lines.next() {
             writeln!(f, "{first}")?;
         }
-        lines.try_for_each(|line| writeln!(f, "  {line}"))?;
-        writeln!(f, "In a scene: model = \"mass_spring\", element_method = \"{}\"", self.method)
+        lines.try_for_each(|line| writeln!(f, "  {line}"))
     }
 }

@@ -113,7 +113,7 @@ pub struct Rig {
 
 impl Rig {
     /// The elements of a mesh over the nodes that they use; no ends yet.
-    fn without_ends(mesh: &Mesh, section: Section) -> Self {
+    pub(super) fn without_ends(mesh: &Mesh, section: Section) -> Self {
         let solid = mesh.is_solid();
         let plane = |n: usize| if solid { 0 } else { n };
         let triangles = &mesh.triangles[..plane(mesh.triangles.len())];

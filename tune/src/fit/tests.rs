@@ -14,6 +14,7 @@ fn request(method: ElementMethod, nu: f64) -> FitRequest {
         density: 1000.0,
         section: Section { plane: Plane::Stress, thickness: 0.01 },
         method,
+        masses: MassLumping::RowSum,
         grips: Grips::default(),
     }
 }
@@ -211,4 +212,187 @@ fn bad_input_is_named() {
     assert!(!text.is_empty());
     let text = fit_file("nowhere.msh".as_ref(), &good).unwrap_err().to_string();
     assert!(text.contains("nowhere.msh"), "{text}");
+}
+
+/// Springs are found where no test is possible, and the file says why there is none.
+#[test]
+fn springs_without_tests() {
+    let good = request(ElementMethod::Frobenius, 0.3);
+    // the ends of an icosahedron are edges, about which it turns
+    let ball = sphere_tets(0.01, 1).unwrap();
+    let body = fit_mesh(&ball, &good).unwrap();
+    let reason = body.untested.clone().unwrap();
+    assert!(reason.contains("singular") && body.assessment.is_none(), "{reason}");
+    assert_eq!(body.springs.len(), 12 + 30);
+    assert!(body.springs.iter().all(|s| s.constant.is_finite()));
+    assert_eq!(saved("untested.json", &body), body);
+    assert!(body.to_string().contains("not possible: ") && body.to_string().contains("In a scene"));
+    // ends that were asked for stay an error
+    let same = Some("surface".to_string());
+    let grips = Grips { axis: None, held: same.clone(), loaded: same };
+    let text = fit_mesh(&ball, &FitRequest { grips, ..good }).unwrap_err().to_string();
+    assert!(text.contains("both held and loaded"), "{text}");
+}
+
+/// A scene of one body, whose springs come from `springs` (JSON) where `key` says so.
+fn scene(key: &str, springs: &str) -> Result<sinew_demos::build::BuiltScene, String> {
+    let text = format!(
+        "name = \"springs\"\ndt = 0.001\nduration = 0.02\nthreads = 1\n[[body]]\nname = \"body\"\n{key}\n\
+         material = {{ young_modulus = 1e4, poisson_ratio = 0.3, density = 1000.0 }}\n\
+         [[constraint]]\nname = \"held\"\nselect = {{ group = \"x0\" }}\n"
+    );
+    let springs = springs.as_bytes().to_vec();
+    let scene = sinew_demos::scene::LoadedScene::parse(&text, "a/springs.toml".as_ref());
+    let scene = scene.map_err(|e| e.to_string())?.with_files(move |path| {
+        let known = path == std::path::Path::new("a/body.json");
+        known.then(|| springs.clone()).ok_or(std::io::ErrorKind::NotFound.into())
+    });
+    sinew_demos::build::build(&scene, &Default::default()).map_err(|e| e.to_string())
+}
+
+/// Displacements (m) after some steps of it, and masses (kg).
+fn run_scene(key: &str, springs: &str) -> Result<(Vec<DVec3>, Vec<f64>), String> {
+    let mut built = scene(key, springs)?;
+    let handle = built.bodies[0].handle;
+    for _ in 0..20 {
+        built.simulation.step().map_err(|e| e.to_string())?;
+    }
+    Ok((built.simulation.displacements(handle), built.simulation.masses(handle)))
+}
+
+const CYLINDER: &str = "model = \"mass_spring\"\n\
+    generate = { cylinder = { radius = 0.01, length = 0.03, rings = 1, layers = 3, elements = \"hexahedra\" } }";
+const SHEET: &str =
+    "generate = { sheet = { size = [0.03, 0.02], cells = [3, 2], elements = \"quads\" } }";
+
+fn cylinder() -> Mesh {
+    sinew::engine::mesh::generate::cylinder_hexahedra(0.01, 0.03, 2, 1, 3).unwrap()
+}
+
+fn json(body: &FittedBody) -> String {
+    serde_json::to_string(body).unwrap()
+}
+
+/// A scene that reads springs is that which finds them, to rounding.
+#[test]
+fn a_scene_reads_springs_back() {
+    let good = request(ElementMethod::Frobenius, 0.3);
+    let near = |a: &[DVec3], b: &[DVec3]| {
+        let largest = a.iter().map(|u| u.length()).fold(0.0, f64::max);
+        assert!(largest > 1e-6);
+        a.iter().zip(b).all(|(a, b)| a.distance(*b) < 1e-9 * largest)
+    };
+    let sheet = quad_grid(DVec2::new(0.03, 0.02), [3, 2]).unwrap();
+    let of_sheet = |keys: &str| {
+        format!("{SHEET}\nmembrane = {{ thickness = 0.01, model = \"mass_spring\"{keys} }}")
+    };
+    for (mesh, fitted, read) in [
+        (
+            cylinder(),
+            format!("{CYLINDER}\nelement_method = \"frobenius\""),
+            format!("{CYLINDER}\nsprings = \"body.json\""),
+        ),
+        (
+            sheet,
+            of_sheet(", element_method = \"frobenius\""),
+            format!("springs = \"body.json\"\n{}", of_sheet("")),
+        ),
+    ] {
+        let mut body = fit_mesh(&mesh, &good).unwrap();
+        let (fit, masses) = run_scene(&fitted, "").unwrap();
+        let (own, own_masses) = run_scene(&read, &json(&body)).unwrap();
+        assert!(near(&fit, &own) && masses == own_masses);
+        // without constants of elements the sums are the same
+        body.element_constants = ElementConstants::default();
+        let (own, _) = run_scene(&read, &json(&body)).unwrap();
+        assert!(near(&fit, &own));
+        // the springs of the file are what counts
+        body.springs.iter_mut().for_each(|s| s.constant *= 1.5);
+        let (own, _) = run_scene(&read, &json(&body)).unwrap();
+        assert!(!near(&fit, &own));
+    }
+}
+
+/// After a removal, springs that were given and nodal masses are those of the elements that are left.
+#[test]
+fn springs_from_a_file_are_shared_by_elements() {
+    use sinew::models::resection::{Region, Removal};
+    let nodal = FitRequest {
+        masses: MassLumping::NodalQuadrature,
+        ..request(ElementMethod::Frobenius, 0.3)
+    };
+    let mut body = fit_mesh(&cylinder(), &nodal).unwrap();
+    body.springs.iter_mut().for_each(|s| s.constant *= 1.5);
+    let mut built = scene(&format!("{CYLINDER}\nsprings = \"body.json\""), &json(&body)).unwrap();
+    let handle = built.bodies[0].handle;
+    for removed in [vec![35], vec![14, 20]] {
+        for _ in 0..3 {
+            built.simulation.step().unwrap();
+        }
+        let removal = Removal::new(Region::Hexahedra(removed));
+        built.simulation.remove_elements(handle, &removal).unwrap();
+        let off = built.simulation.verify_against_fresh(handle).unwrap();
+        assert!(off.largest().max(off.mass) < 1e-12, "{off:?}");
+    }
+}
+
+/// Masses by nodal quadrature come from the fit and from the key of the scene, and are those of the file.
+#[test]
+fn masses_by_nodal_quadrature() {
+    let nodal = FitRequest {
+        masses: MassLumping::NodalQuadrature,
+        ..request(ElementMethod::Frobenius, 0.3)
+    };
+    let body = fit_mesh(&cylinder(), &nodal).unwrap();
+    let rows = fit_mesh(&cylinder(), &request(ElementMethod::Frobenius, 0.3)).unwrap();
+    let off = |a: &[f64], b: &[f64]| {
+        a.iter().zip(b).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max)
+    };
+    assert!(off(&body.masses, &rows.masses) > 0.01);
+    for (key, file) in
+        [("springs = \"body.json\"", json(&body)), ("masses = \"nodal\"", String::new())]
+    {
+        let (_, masses) = run_scene(&format!("{CYLINDER}\n{key}"), &file).unwrap();
+        assert!(off(&masses, &body.masses) < 1e-12, "{key}");
+    }
+    let key = format!("{CYLINDER}\nsprings = \"body.json\"\nmasses = \"row-sums\"");
+    let text = run_scene(&key, &json(&body)).unwrap_err();
+    assert!(text.contains("`masses`"), "{text}");
+    assert!(run_scene(&format!("{CYLINDER}\nmasses = \"half\""), "").unwrap_err().contains("half"));
+}
+
+#[test]
+fn wrong_files_of_springs_are_named() {
+    let good = fit_mesh(&cylinder(), &request(ElementMethod::Frobenius, 0.3)).unwrap();
+    let key = format!("{CYLINDER}\nsprings = \"body.json\"");
+    let refused = |change: &dyn Fn(&mut FittedBody), said: &[&str]| {
+        let mut body = good.clone();
+        change(&mut body);
+        let text = run_scene(&key, &json(&body)).unwrap_err();
+        for said in said.iter().chain(&["a/body.json", "springs.toml, line 9, `body[0].springs`"]) {
+            assert!(text.contains(said), "{said}: {text}");
+        }
+    };
+    refused(&|b| b.schema = "sinew-body/7".into(), &["sinew-body/7", "sinew fit"]);
+    refused(&|b| b.springs[2].nodes = [4, 4], &["spring 2", "another mesh"]);
+    refused(&|b| b.springs[2].nodes[1] = 999, &["spring 2", "999"]);
+    refused(&|b| b.springs[1] = b.springs[0], &["spring 1", "a second time"]);
+    refused(&|b| b.springs[5].constant = 1e30, &["spring 5", "1e30"]);
+    refused(&|b| b.springs[5].rest_length *= 2.0, &["spring 5", "scale"]);
+    refused(&|b| b.masses[7] *= 1.1, &["vertex 7", "density"]);
+    refused(&|b| b.masses.truncate(3), &["3 masses"]);
+    let far = good.springs.len();
+    let [a, b] = [0, cylinder().points.len() as u32 - 1];
+    let rest_length = cylinder().points[0].distance(cylinder().points[b as usize]);
+    let spring = BodySpring { nodes: [a, b], constant: 1.0, rest_length };
+    refused(&|b| b.springs.push(spring), &[&format!("spring {far}"), "share no element"]);
+    for (key, file, said) in [
+        (key.clone(), "{".to_string(), "a/body.json"),
+        (key.replace("body.json", "none.json"), json(&good), "none.json"),
+        (format!("{key}\nelement_method = \"block\""), json(&good), "element_method"),
+        (key.replace("mass_spring", "svk"), json(&good), "does not consist of springs"),
+    ] {
+        let text = run_scene(&key, &file).unwrap_err();
+        assert!(text.contains(said) && text.contains("springs.toml"), "{said}: {text}");
+    }
 }

@@ -1,0 +1,261 @@
+//! The bodies of Natsupakpong & Cavusoglu 2010 as meshes of the printed counts. Sizes are printed, but not the outlines
+//! of the soft tissue, here a rectangle, and of the shoulders of the specimen, here parabolas.
+//!
+//! How a mesh was chosen, from geometry alone: vertices as printed where the generator can have any number; in the
+//! plane as many fixed points on edges as give the printed number of triangles (Euler's formula); in space as many as
+//! give edges of the length that regular tetrahedra of the printed number have (on the specimen a tenth more, since no
+//! grading comes near the print otherwise); the least grading, in steps of 0.1, with which the tetrahedra are within
+//! 4 % of those printed. No angle of a triangle is below 35 degrees and none between faces of a tetrahedron below 15.
+//! Grids: of the numbers of cells within 4 % of the printed counts, those whose cells are nearest to squares and cubes.
+
+use super::relaxed::Region;
+use crate::bench::error::BenchError;
+use glam::{DVec2, DVec3};
+use sinew::engine::mesh::generate::{
+    box_hexahedra, cylinder_hexahedra, jitter_interior, quad_grid, specimen_hexahedra,
+    specimen_quads,
+};
+use sinew::engine::mesh::{Group, Mesh};
+use std::f64::consts::TAU;
+
+/// Width of the straight part of the specimen and thickness of the solid one (m).
+pub(super) const WIDTH: f64 = 0.01;
+/// Radius and length of the cylinder, radius of the empty sphere, side of cube and square (m).
+const RADIUS: f64 = 0.01;
+const SIDE: f64 = 0.02;
+const HOLE: f64 = 0.006;
+/// Soft tissue (m).
+const TISSUE: DVec2 = DVec2::new(0.06, 0.02);
+
+/// Name, printed vertices and elements.
+pub(super) const PRINTED: [(&str, [usize; 2]); 13] = [
+    ("tissue_tri", [210, 366]),
+    ("tissue_quad", [445, 405]),
+    ("square_tri", [101, 168]),
+    ("square_quad", [121, 100]),
+    ("cylinder_tet", [124, 381]),
+    ("cylinder_hex", [675, 496]),
+    ("cylinder_hole_tet", [404, 1559]),
+    ("cube_tet", [170, 592]),
+    ("cube_hex", [729, 512]),
+    ("dogbone_tri", [125, 192]),
+    ("dogbone_quad", [329, 266]),
+    ("dogbone_tet", [538, 1500]),
+    ("dogbone_hex", [1396, 843]),
+];
+
+/// The printed counts of a mesh.
+pub(super) fn printed(name: &str) -> Option<[usize; 2]> {
+    PRINTED.iter().find(|p| p.0 == name).map(|p| p.1)
+}
+
+/// A mesh of [`PRINTED`] by its name, with the groups `x0` and `x1` of its ends.
+///
+/// # Errors
+/// When the name is not there.
+pub(super) fn mesh(name: &str) -> Result<Mesh, BenchError> {
+    let Some([count, _]) = printed(name) else {
+        let names: Vec<&str> = PRINTED.iter().map(|p| p.0).collect();
+        return Err(BenchError::Request {
+            what: format!("a mesh called {name}"),
+            remedy: format!("choose of {}", names.join(", ")),
+        });
+    };
+    let outside = |p: DVec3, size: DVec3| ((p - 0.5 * size).abs() - 0.5 * size).max_element();
+    let sheet =
+        |p: DVec3, size: DVec2| ((p.truncate() - 0.5 * size).abs() - 0.5 * size).max_element();
+    let round = |p: DVec3| {
+        let side = (p.y * p.y + p.z * p.z).sqrt() - RADIUS;
+        side.max(-p.x).max(p.x - SIDE)
+    };
+    let hollow = |p: DVec3| round(p).max(HOLE - p.distance(DVec3::X * (0.5 * SIDE)));
+    let square = DVec2::splat(SIDE);
+    let barrel = [DVec3::new(0.0, -RADIUS, -RADIUS), DVec3::new(SIDE, RADIUS, RADIUS)];
+    let half = DVec2::new(8.0, 1.5) * WIDTH;
+    let bone = |z: f64| [(-half).extend(0.0), half.extend(z)];
+    let solid_bone = |p: DVec3| flat_bone(p).max(-p.z).max(p.z - WIDTH);
+    let plane = |size: DVec2| [DVec3::ZERO, size.extend(0.0)];
+    let (dimension, bounds, distance, fixed, grade): (_, _, &dyn Fn(DVec3) -> f64, _, _) =
+        match name {
+            "tissue_tri" => (2, plane(TISSUE), &|p| sheet(p, TISSUE), rim(TISSUE, [20, 6]), 0.0),
+            "square_tri" => (2, plane(square), &|p| sheet(p, square), rim(square, [8, 8]), 0.0),
+            "dogbone_tri" => (2, bone(0.0), &flat_bone, outline(24, 4), 0.0),
+            "cylinder_tet" => (3, barrel, &round, rims(12), 0.3),
+            "cylinder_hole_tet" => (3, barrel, &hollow, rims(20), 0.0),
+            "cube_tet" => {
+                let cube = DVec3::splat(SIDE);
+                (3, [DVec3::ZERO, cube], &move |p| outside(p, cube), cube_edges(4), 0.1)
+            }
+            "dogbone_tet" => (3, bone(WIDTH), &solid_bone, bone_edges(), 0.6),
+            _ => return grid(name),
+        };
+    let region = Region { dimension, bounds, distance, fixed, grade };
+    let (points, cells) = region.mesh(count);
+    let mut mesh = Mesh { source: format!("{name}, relaxed"), points, ..Mesh::default() };
+    if dimension == 2 {
+        mesh.triangles = cells.into_iter().map(|[a, b, c, _]| [a, b, c]).collect();
+    } else {
+        mesh.tetrahedra = cells;
+    }
+    // points pressed against an end lie in its plane but for rounding
+    for (group, end) in [("x0", bounds[0].x), ("x1", bounds[1].x)] {
+        let mut vertices = Vec::new();
+        for (v, p) in mesh.points.iter_mut().enumerate() {
+            if (p.x - end).abs() < 1e-9 {
+                p.x = end;
+                vertices.push(v as u32);
+            }
+        }
+        mesh.groups.push(Group { name: group.into(), vertices, ..Group::default() });
+    }
+    Ok(mesh)
+}
+
+/// Meshes of squares and bricks.
+fn grid(name: &str) -> Result<Mesh, BenchError> {
+    Ok(match name {
+        "tissue_quad" => jitter_interior(&quad_grid(TISSUE, [34, 12])?, 0.2, 1)?,
+        "square_quad" => quad_grid(DVec2::splat(SIDE), [10, 10])?,
+        "cylinder_hex" => cylinder_hexahedra(RADIUS, SIDE, 4, 3, 8)?,
+        "cube_hex" => box_hexahedra(DVec3::splat(SIDE), [8, 8, 8])?,
+        "dogbone_quad" => specimen_quads(WIDTH, [53, 5])?,
+        _ => specimen_hexahedra(WIDTH, WIDTH, [56, 5, 3])?,
+    })
+}
+
+/// Points round a rectangle, so many edges on its sides.
+fn rim(size: DVec2, [nx, ny]: [usize; 2]) -> Vec<DVec3> {
+    let part = |i: usize, n: usize, length: f64| length * i as f64 / n as f64;
+    let rows =
+        (0..=nx).flat_map(|i| [0.0, size.y].map(|y| DVec3::new(part(i, nx, size.x), y, 0.0)));
+    let ends = (1..ny).flat_map(|j| [0.0, size.x].map(|x| DVec3::new(x, part(j, ny, size.y), 0.0)));
+    rows.chain(ends).collect()
+}
+
+/// Points on the rims of both ends of the cylinder.
+fn rims(n: usize) -> Vec<DVec3> {
+    let place = |x: f64, i: usize| {
+        let (sin, cos) = libm::sincos(TAU * i as f64 / n as f64);
+        DVec3::new(x, RADIUS * cos, RADIUS * sin)
+    };
+    [0.0, SIDE].into_iter().flat_map(|x| (0..n).map(move |i| place(x, i))).collect()
+}
+
+/// Points on the twelve edges of the cube, `n` to an edge.
+fn cube_edges(n: usize) -> Vec<DVec3> {
+    let all = (0..(n + 1).pow(3)).map(|i| [i / (n + 1).pow(2), i / (n + 1) % (n + 1), i % (n + 1)]);
+    let on_edge = |p: &[usize; 3]| p.iter().filter(|&&x| x == 0 || x == n).count() >= 2;
+    all.filter(on_edge).map(|p| DVec3::from_array(p.map(|x| SIDE * x as f64 / n as f64))).collect()
+}
+
+/// Place on the shoulder, from 0 at the straight part to 1 at the grip.
+fn shoulder(x: f64) -> f64 {
+    ((x.abs() / WIDTH - 1.0) / 4.0).clamp(0.0, 1.0)
+}
+
+/// Distance (m) from the outline of the specimen, whose half width is that of
+/// [`specimen_quads`](sinew::engine::mesh::generate::specimen_quads).
+fn flat_bone(p: DVec3) -> f64 {
+    let s = shoulder(p.x);
+    let across = (p.y.abs() - WIDTH * (0.5 + s * s)) / (1.0 + 0.25 * s * s).sqrt();
+    across.max(p.x.abs() - 8.0 * WIDTH)
+}
+
+/// Points on the outline of the specimen: `along` edges of equal length on either side, `across` on either end.
+fn outline(along: usize, across: usize) -> Vec<DVec3> {
+    const FINE: usize = 4000;
+    let on = |x: f64| DVec2::new(x, WIDTH * (0.5 + shoulder(x) * shoulder(x)));
+    let curve: Vec<DVec2> =
+        (0..=FINE).map(|i| on(WIDTH * (16.0 * i as f64 / FINE as f64 - 8.0))).collect();
+    let mut arc = vec![0.0];
+    for pair in curve.windows(2) {
+        arc.push(arc[arc.len() - 1] + pair[0].distance(pair[1]));
+    }
+    let mut points = Vec::new();
+    for i in 0..=along {
+        let wanted = arc[FINE] * i as f64 / along as f64;
+        let DVec2 { x, y } = curve[arc.partition_point(|a| *a < wanted - 1e-9 * WIDTH).min(FINE)];
+        points.extend([y, -y].map(|y| DVec3::new(x, y, 0.0)));
+    }
+    for j in 1..across {
+        let y = WIDTH * (3.0 * j as f64 / across as f64 - 1.5);
+        points.extend([-8.0, 8.0].map(|x| DVec3::new(x * WIDTH, y, 0.0)));
+    }
+    points
+}
+
+/// Points on the edges of the solid specimen.
+fn bone_edges() -> Vec<DVec3> {
+    let flat = outline(32, 6);
+    let mut points: Vec<DVec3> = flat.iter().map(|p| p.with_z(WIDTH)).collect();
+    points.extend(&flat);
+    for x in [-8.0, 8.0] {
+        points.extend([-1.5, 1.5].map(|y| DVec3::new(x, y, 0.5) * WIDTH));
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::relaxed::angles;
+    use super::*;
+    use sinew::engine::mesh::{CheckOptions, check};
+
+    /// Counts, angles, soundness and size are what the module says.
+    #[test]
+    fn meshes_are_near_the_printed_ones_and_sound() {
+        let bone = 2.0 + 2.0 * (4.0 + 4.0 * 2.0 / 3.0) + 2.0 * 9.0;
+        let ball = 4.0 / 3.0 * std::f64::consts::PI * HOLE.powi(3);
+        let cylinder = std::f64::consts::PI * RADIUS * RADIUS * SIDE;
+        let (cube, square) = (SIDE.powi(3), SIDE * SIDE);
+        for (name, [vertices, elements]) in PRINTED {
+            let mesh = mesh(name).unwrap();
+            let cells = mesh.triangles.len() * usize::from(name.ends_with("tri"))
+                + mesh.quads.len() * usize::from(name.ends_with("quad"))
+                + mesh.tetrahedra.len()
+                + mesh.hexahedra.len();
+            let off = |own: usize, printed: usize| (own as f64 / printed as f64 - 1.0).abs();
+            let counts = format!("{name}: {} / {cells}", mesh.points.len());
+            assert!(
+                off(mesh.points.len(), vertices) < 0.04 && off(cells, elements) < 0.04,
+                "{counts}"
+            );
+            let checked = check(&mesh, &CheckOptions { strict: true, ..CheckOptions::default() });
+            assert_eq!(checked.unwrap().report.findings, [], "{name}");
+            for group in ["x0", "x1"] {
+                assert!(mesh.group(group).unwrap().vertices.len() > 3, "{name}");
+            }
+            let sized = [("tissue", TISSUE.x * TISSUE.y, 1e-9), ("square", square, 1e-9)];
+            let thick = [("cylinder_hole", cylinder - ball, 0.05), ("cylinder", cylinder, 0.05)];
+            let more = [("cube", cube, 1e-9), ("dogbone", bone * WIDTH * WIDTH, 0.01)];
+            let all = sized.into_iter().chain(thick).chain(more);
+            let (_, size, allowed) = all.into_iter().find(|s| name.starts_with(s.0)).unwrap();
+            let flat = !mesh.is_solid();
+            let (own, wanted) = if flat {
+                let split = mesh.split_into_simplices();
+                let p = |v: u32| mesh.points[v as usize];
+                let area = |&[a, b, c]: &[u32; 3]| 0.5 * (p(b) - p(a)).cross(p(c) - p(a)).z;
+                (split.triangles.iter().map(area).sum(), size)
+            } else {
+                let thick = if name.starts_with("dogbone") { WIDTH } else { 1.0 };
+                (mesh.total_volume(), size * thick)
+            };
+            assert!((own / wanted - 1.0f64).abs() < allowed, "{name}: {own} {wanted}");
+            let triangles = mesh.triangles.iter().filter(|_| name.ends_with("tri"));
+            for &[a, b, c] in triangles {
+                assert!(angles(&mesh.points, [a, b, c, u32::MAX], 2)[0] > 35.0, "{name}");
+            }
+            for &cell in &mesh.tetrahedra {
+                let [low, high] = angles(&mesh.points, cell, 3);
+                assert!(low > 15.0 && high < 165.0, "{name}: {low} {high}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_same_mesh_comes_again() {
+        assert_eq!(mesh("cylinder_tet").unwrap(), mesh("cylinder_tet").unwrap());
+        let unknown = mesh("cube_pyramid").unwrap_err().to_string();
+        assert!(unknown.contains("cube_pyramid") && unknown.contains("cube_tet"), "{unknown}");
+    }
+}
