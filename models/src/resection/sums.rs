@@ -120,7 +120,7 @@ impl BodyResection {
             let row = (v + v0) as usize;
             let before = mass[row].0.to_f64();
             // equal masses stay so while a vertex has an element
-            if soft.masses == MassRule::Volume || !connectivity.uses_vertex(v) {
+            if soft.masses != MassRule::Equal || !connectivity.uses_vertex(v) {
                 mass[row].0 = S::from_f64(sum);
             }
             let gone = before - mass[row].0.to_f64();

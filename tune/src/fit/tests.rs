@@ -355,7 +355,7 @@ fn masses_by_nodal_quadrature() {
         let (_, masses) = run_scene(&format!("{CYLINDER}\n{key}"), &file).unwrap();
         assert!(off(&masses, &body.masses) < 1e-12, "{key}");
     }
-    let key = format!("{CYLINDER}\nsprings = \"body.json\"\nmasses = \"row-sums\"");
+    let key = format!("{CYLINDER}\nsprings = \"body.json\"\nmasses = \"volume\"");
     let text = run_scene(&key, &json(&body)).unwrap_err();
     assert!(text.contains("`masses`"), "{text}");
     assert!(run_scene(&format!("{CYLINDER}\nmasses = \"half\""), "").unwrap_err().contains("half"));
