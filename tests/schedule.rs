@@ -345,6 +345,7 @@ fn what_is_missing_or_wrong_is_named() {
 /// Systems of one stage really run at the same time under the executor that promises it: two of them wait for each
 /// other, which they can only where neither has to end before the other begins.
 #[test]
+#[allow(clippy::print_stderr, reason = "a skipped test says so")]
 fn independent_systems_run_at_the_same_time() {
     use std::sync::mpsc::{Receiver, Sender, channel};
     use std::sync::{Arc, Mutex};

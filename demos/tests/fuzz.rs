@@ -4,6 +4,12 @@
 //! The seeds are the files of `tests/corpus`. `SINEW_FUZZ_CASES` sets the cases of every test, `SINEW_FUZZ_SEED`
 //! the first of them: a failure prints the seed that makes it again.
 
+#![allow(
+    clippy::print_stderr,
+    clippy::print_stdout,
+    reason = "seeds and counts are for whoever looks into a failure"
+)]
+
 use sinew::engine::mesh::io::read_tetgen;
 use sinew::engine::mesh::{CheckOptions, Mesh, MeshError, check};
 use sinew_demos::build::BuildOptions;
