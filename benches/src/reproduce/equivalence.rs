@@ -92,17 +92,19 @@ impl Kind {
             }
         };
         let at = |v: u32| (mesh.points[v as usize], mesh.points[v as usize] + u[v as usize]);
-        for cell in &mesh.tetrahedra {
-            let own = solid(cell.map(at), lame);
-            energy += own.0;
-            cell.iter().zip(own.1).for_each(|(&v, f)| forces[v as usize] += f);
-        }
-        for cell in
-            &mesh.triangles[..if self == Self::Triangles { mesh.triangles.len() } else { 0 }]
-        {
-            let own = flat(cell.map(at), lame);
-            energy += own.0;
-            cell.iter().zip(own.1).for_each(|(&v, f)| forces[v as usize] += f);
+        let mut add = |cell: &[u32], (own, on): (f64, &[DVec3])| {
+            energy += own;
+            cell.iter().zip(on).for_each(|(&v, f)| forces[v as usize] += *f);
+        };
+        match self {
+            Self::Tetrahedra => mesh.tetrahedra.iter().for_each(|cell| {
+                let (own, on) = solid(cell.map(at), lame);
+                add(cell, (own, &on));
+            }),
+            Self::Triangles => mesh.triangles.iter().for_each(|cell| {
+                let (own, on) = flat(cell.map(at), lame);
+                add(cell, (own, &on));
+            }),
         }
         Ok((energy, forces))
     }

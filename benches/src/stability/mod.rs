@@ -327,8 +327,8 @@ pub enum SuiteError {
 pub struct KnownMiss {
     /// Name of its subgroup.
     pub part: &'static str,
-    /// Part of the names of its cases.
-    pub case: &'static str,
+    /// Names of its cases, whole: a part of a name would excuse cases that pass everywhere.
+    pub cases: &'static [&'static str],
     /// What is missed.
     pub check: &'static str,
     /// Why, and what helps.
@@ -344,49 +344,67 @@ const MANY_MINIMA: &str = "without a term against compression a crushed bar has 
 pub static KNOWN_MISSES: [KnownMiss; 8] = [
     KnownMiss {
         part: "cantilevers",
-        case: "E 1e4 nu 0",
+        cases: &[
+            "h 0.0333 E 1e4 nu 0",
+            "h 0.0333 E 1e4 nu 0.3",
+            "h 0.1000 E 1e4 nu 0",
+            "h 0.1000 E 1e4 nu 0.3",
+        ],
         check: INVERTED,
         reason: "inverts in full swing and recovers; so it does with converged implicit Euler",
     },
     KnownMiss {
         part: "cantilevers",
-        case: "h 0.0333 E 1e3 nu 0.45",
+        cases: &["h 0.0333 E 1e3 nu 0.45"],
         check: INVERTED,
         reason: "inverts in full swing and recovers; the safe step does not",
     },
     KnownMiss {
         part: "slivers, needles, heavy vertex",
-        case: "dihedral 0.01",
+        cases: &["dihedral 0.01 deg, nu 0.3 h 0.1000"],
         check: INVERTED,
         reason: "one thin element turns over in a step of 0.1 s and back",
     },
     KnownMiss {
         part: "slivers, needles, heavy vertex",
-        case: "of aspect 1000, nu",
+        cases: &[
+            "plates of aspect 1000, nu 0.3 h 0.0167",
+            "needles of aspect 1000, nu 0.3 h 0.0167",
+        ],
         check: INVERTED,
         reason: "thin elements turn over in the first swing; so they do with converged Newton and with the \
                  explicit integrators",
     },
     KnownMiss {
         part: "similar bodies, 1e-6 to 1e3 m",
-        case: "nu 0.",
+        cases: &["nu 0.3", "nu 0.45"],
         check: "difference over size",
         reason: "linear systems are solved in f32: what their rounding leaves differs between sizes, and \
                  whether it stays below the limit depends on the instruction set; passes with the safe step",
     },
     KnownMiss {
         part: "constraints on and off",
-        case: "nu 0.45 h 0.1000",
+        cases: &["100 steps, nu 0.45 h 0.1000"],
         check: "edge error at the end",
         reason: "with this step only; passes with the safe step, converged Newton, BDF2 and TR-BDF2",
     },
-    KnownMiss { part: "overload", case: "svk crushed", check: MORE_ENERGY, reason: MANY_MINIMA },
-    KnownMiss { part: "overload", case: "tqs crushed", check: MORE_ENERGY, reason: MANY_MINIMA },
+    KnownMiss {
+        part: "overload",
+        cases: &["svk crushed to 1 % clamped"],
+        check: MORE_ENERGY,
+        reason: MANY_MINIMA,
+    },
+    KnownMiss {
+        part: "overload",
+        cases: &["tqs crushed to 1 % clamped"],
+        check: MORE_ENERGY,
+        reason: MANY_MINIMA,
+    },
 ];
 
 /// The known miss of a case, if it has one.
 fn known_miss(case: &Case) -> Option<&'static KnownMiss> {
-    KNOWN_MISSES.iter().find(|k| k.part == case.part.name && case.name.contains(k.case))
+    KNOWN_MISSES.iter().find(|k| k.part == case.part.name && k.cases.contains(&&*case.name))
 }
 
 /// Every case of every group.
@@ -552,8 +570,10 @@ mod tests {
     fn every_known_miss_is_of_a_case() {
         let cases = all_cases().unwrap();
         for known in &KNOWN_MISSES {
-            let of = |case: &&Case| known_miss(case) == Some(known);
-            assert!(cases.iter().any(|case| of(&case)), "{known:?}");
+            for name in known.cases {
+                let of = |case: &Case| case.name == *name && known_miss(case) == Some(known);
+                assert!(cases.iter().any(of), "{name}: {known:?}");
+            }
         }
     }
 
