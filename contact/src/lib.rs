@@ -1,0 +1,3 @@
+//! Tools that touch bodies, contact between bodies, friction and pulls.
+
+pub mod field;
