@@ -1,12 +1,14 @@
 #![doc = include_str!("../README.md")]
 
 mod axes;
+mod contact;
 pub mod plugin;
 mod resection;
 pub mod simulation;
 
 pub use plugin::SinewPlugins;
 
+pub use sinew_contact as touch;
 pub use sinew_engine as engine;
 #[cfg(feature = "gpu")]
 pub use sinew_gpu as gpu;
@@ -19,6 +21,10 @@ pub mod prelude {
     pub use crate::plugin::SinewPlugins;
     pub use crate::simulation::{BodyHandle, Simulation, SimulationOptions};
     pub use glam::{DQuat, DVec3};
+    pub use sinew_contact::pair::BodyContact;
+    pub use sinew_contact::pull::Pull;
+    pub use sinew_contact::shape::Shape;
+    pub use sinew_contact::tool::{Tool, ToolPose};
     pub use sinew_engine::load::{Constraint, Curve, Load, Motion, Pose};
     pub use sinew_engine::mesh::{CheckOptions, Mesh, check};
     pub use sinew_engine::precision::Precision;

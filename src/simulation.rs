@@ -2,6 +2,7 @@
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
+use sinew_contact::set::ContactSet;
 use sinew_engine::by_precision;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{ShapeGradients, TetrahedronVertices};
@@ -807,6 +808,7 @@ fn reaction<S: Scalar>(simulation: &mut Simulation, constraint: Entity) -> DVec3
     let world = simulation.world_mut();
     let Some(constraint) = world.get::<Constraint>(constraint) else { return DVec3::ZERO };
     let (rows, axes) = (constraint.rows.clone(), constraint.axes);
+    let touched = world.get_resource::<ContactSet>().map_or_else(Vec::new, |c| c.forces().to_vec());
     let mut query =
         world.query::<(&ElasticForce<S>, &ExternalForce<S>, &RestPosition, &FixedAxes)>();
     let Some((elastic, external, _, _)) = single_table(query.contiguous_iter(world)) else {
@@ -814,7 +816,9 @@ fn reaction<S: Scalar>(simulation: &mut Simulation, constraint: Entity) -> DVec3
     };
     let mut sum = DVec3::ZERO;
     for row in rows.into_iter().filter(|&row| (row as usize) < elastic.len()) {
-        let f = elastic[row as usize].get() + external[row as usize].get();
+        let touch = touched.binary_search_by_key(&row, |(row, _)| *row);
+        let touch = touch.map_or(DVec3::ZERO, |i| touched[i].1);
+        let f = elastic[row as usize].get() + external[row as usize].get() + touch;
         for k in 0..3 {
             if axes.holds(k) {
                 sum[k] -= f[k];

@@ -84,6 +84,7 @@ impl<S: Scalar> Case<S> {
             tangent_factor: S::ONE,
             damping: None,
             fixed: &self.fixed,
+            contact: None,
         }
     }
 
@@ -95,7 +96,7 @@ impl<S: Scalar> Case<S> {
     ) -> (Vec<[S; 4]>, CgOutcome) {
         let mut x = vec![[S::ZERO; 4]; self.b.len()];
         let system = self.system(mass_factor);
-        let outcome = solver.solve(&system, &self.rest, 0, &self.b, &mut x, options);
+        let outcome = solver.solve(&system, &self.rest, 0..1, &self.b, &mut x, options);
         (x, outcome)
     }
 
@@ -112,7 +113,7 @@ impl<S: Scalar> Case<S> {
         for &(row, k) in &free {
             let (mut x, mut y) = (vec![[S::ZERO; 4]; n], vec![[S::ZERO; 4]; n]);
             x[row][k] = S::ONE;
-            system.multiply(&mut spans, &mut scratch, 0, &x, &mut y);
+            system.multiply(&mut spans, &mut scratch, 0..1, &x, &mut y);
             matrix.push(free.iter().map(|&(row, k)| y[row][k].to_f64()).collect::<Vec<f64>>());
         }
         let mut x: Vec<f64> = free.iter().map(|&(row, k)| self.b[row][k].to_f64()).collect();
@@ -188,7 +189,7 @@ fn mixed_precision_reaches_tight_tolerances() {
         let (x, outcome) = case.solve(&mut LinearSolver::default(), 1e4, &options);
         assert_eq!(outcome.status, CgStatus::Converged, "{outcome:?}");
         let (mut y, mut scratch) = (vec![[0.0; 4]; x.len()], Vec::new());
-        case.system(1e4).multiply(&mut ProductSpans::default(), &mut scratch, 0, &x, &mut y);
+        case.system(1e4).multiply(&mut ProductSpans::default(), &mut scratch, 0..1, &x, &mut y);
         let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
         let entries = y.iter().flatten().zip(case.b.iter().flatten());
         let residual =

@@ -224,6 +224,7 @@ fn linearised_implicit_steps() {
                     tangent_factor: h * h + h * beta,
                     damping: None,
                     fixed: &fixed,
+                    contact: None,
                 };
                 let mut dv = vec![[0.0; 4]; b.len()];
                 let options = LinearOptions {
@@ -232,7 +233,7 @@ fn linearised_implicit_steps() {
                     ..Default::default()
                 };
                 let mut solver = LinearSolver::default();
-                let outcome = solver.solve(&system, &positions, 0, &b, &mut dv, &options);
+                let outcome = solver.solve(&system, &positions, 0..1, &b, &mut dv, &options);
                 if number(&case[key]["min_eig_A"]) < 0.0 {
                     assert_eq!(outcome.status, CgStatus::Indefinite, "{name} {key}");
                     indefinite += 1;

@@ -61,6 +61,7 @@ fn solve<S: Scalar>(c: &mut Criterion, size: &str, cells: [usize; 3], precision:
             tangent_factor: S::ONE,
             damping: None,
             fixed: &fixed,
+            contact: None,
         };
         let mut x = vec![[S::ZERO; 4]; b.len()];
         for preconditioner in PRECONDITIONERS {
@@ -69,7 +70,7 @@ fn solve<S: Scalar>(c: &mut Criterion, size: &str, cells: [usize; 3], precision:
             // the first solve computes the preconditioner, the others keep it
             for kept in [false, true] {
                 x.fill([S::ZERO; 4]);
-                let outcome = solver.solve(&system, &rest, 0, &b, &mut x, &options);
+                let outcome = solver.solve(&system, &rest, 0..1, &b, &mut x, &options);
                 println!(
                     "cg {size} {} {threads} threads, kept {kept}: {outcome:?}",
                     precision.name()
@@ -79,7 +80,7 @@ fn solve<S: Scalar>(c: &mut Criterion, size: &str, cells: [usize; 3], precision:
             group.bench_function(BenchmarkId::new(name, threads), |bench| {
                 bench.iter(|| {
                     x.fill([S::ZERO; 4]);
-                    solver.solve(&system, &rest, 0, &b, &mut x, &options)
+                    solver.solve(&system, &rest, 0..1, &b, &mut x, &options)
                 });
             });
         }

@@ -22,6 +22,7 @@ pub mod scalar;
 pub mod schedule;
 pub mod step;
 pub mod substep;
+pub mod surface;
 pub mod time;
 pub mod topology;
 pub mod vertex;

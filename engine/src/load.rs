@@ -4,7 +4,7 @@
 
 use crate::columns::single_table;
 use crate::scalar::Scalar;
-use crate::time::{Gravity, StepClock};
+use crate::time::{Gravity, StepClock, StepPart};
 use crate::vertex::{
     Displacement, ExternalForce, FixedAxes, Mass, PrescribedDisplacement, RestPosition,
 };
@@ -83,7 +83,7 @@ impl Curve {
     }
 
     /// What is wrong with it, if anything.
-    fn problem(&self) -> Option<&'static str> {
+    pub fn problem(&self) -> Option<&'static str> {
         match self {
             Self::Constant => None,
             Self::Points(points) if points.is_empty() => Some("its curve has no points"),
@@ -165,7 +165,7 @@ impl Pose {
         Self { translation: DVec3::ZERO, rotation: DQuat::IDENTITY, centre: DVec3::ZERO };
 
     /// Way (m) of a point.
-    fn way(&self, point: DVec3) -> DVec3 {
+    pub fn way(&self, point: DVec3) -> DVec3 {
         let arm = point - self.centre;
         self.rotation * arm - arm + self.translation
     }
@@ -205,17 +205,20 @@ pub struct TargetPath {
     ends: [Pose; 2],
     /// Time (s) at the start of the step, and its length (s).
     span: [f64; 2],
+    /// Pose at the start of the whole step, if it is made in parts.
+    start: Pose,
     /// Number of the step.
     step: u64,
 }
 
 impl TargetPath {
     /// Leads from where the last step ended to the target. A step that failed is made again from its start.
-    fn prepare(&mut self, clock: &StepClock) {
+    fn prepare(&mut self, clock: &StepClock, part: StepPart) {
         if self.step != clock.step {
-            self.ends[0] = self.ends[1];
+            self.start = self.ends[1];
         }
-        self.ends[1] = self.target;
+        self.ends[0] = if part.index == 0 { self.start } else { self.ends[1] };
+        self.ends[1] = self.ends[0].towards(&self.target, part.share_of_rest());
         self.span = [clock.time, clock.dt];
         self.step = clock.step;
     }
@@ -520,7 +523,7 @@ impl SweptVolumes {
 
 /// Writes [`FixedAxes`] and [`PrescribedDisplacement`] for the end of the step.
 pub fn apply_constraints<S: Scalar>(
-    clock: Res<StepClock>,
+    (clock, part): (Res<StepClock>, Option<Res<StepPart>>),
     mut constraints: Query<(Entity, &mut Constraint)>,
     mut vertices: Query<(
         &RestPosition,
@@ -553,7 +556,7 @@ pub fn apply_constraints<S: Scalar>(
                 constraint.rows.iter().map(|&r| displacement[r as usize].get()).collect();
         }
         if let Motion::Follow(path) = &mut constraint.motion {
-            path.prepare(&clock);
+            path.prepare(&clock, part.as_deref().copied().unwrap_or_default());
         }
         let at = constraint.at(t);
         for (i, &row) in constraint.rows.iter().enumerate() {
@@ -627,16 +630,16 @@ mod tests {
     fn a_path_goes_on_from_the_last_step_that_was_made() {
         let mut path = TargetPath { target: DVec3::X.into(), ..Default::default() };
         let mut clock = StepClock { dt: 0.5, ..Default::default() };
-        path.prepare(&clock);
+        path.prepare(&clock, StepPart::default());
         assert_eq!(path.pose(0.25).translation, 0.5 * DVec3::X);
         // that step failed; the next attempt is half as long
         clock.dt = 0.25;
-        path.prepare(&clock);
+        path.prepare(&clock, StepPart::default());
         assert_eq!(path.pose(0.125).translation, 0.5 * DVec3::X);
         assert_eq!(path.pose(0.25).translation, DVec3::X);
         clock = StepClock { dt: 0.25, time: 0.25, step: 1 };
         path.target = (3.0 * DVec3::X).into();
-        path.prepare(&clock);
+        path.prepare(&clock, StepPart::default());
         assert_eq!(path.pose(0.25).translation, DVec3::X);
         assert_eq!(path.pose(0.375).translation, 2.0 * DVec3::X);
     }

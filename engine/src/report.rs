@@ -94,6 +94,84 @@ pub struct StepReport {
     pub angular_momentum: [f64; 3],
     /// Force evaluations of any kind.
     pub evaluations: u32,
+    /// Contact with tools and between bodies.
+    pub contact: ContactFigures,
+}
+
+impl StepReport {
+    /// The report of a step in parts: this is that of the last part, `before` that of all earlier ones.
+    #[must_use]
+    pub fn after(&self, before: &Self) -> Self {
+        let mut all = self.clone();
+        all.newton_iterations += before.newton_iterations;
+        all.cg_iterations += before.cg_iterations;
+        all.cg_caps += before.cg_caps;
+        all.cg_residual = all.cg_residual.max(before.cg_residual);
+        all.preconditioner_refreshes += before.preconditioner_refreshes;
+        all.preconditioner_breakdowns += before.preconditioner_breakdowns;
+        all.precision_fallbacks += before.precision_fallbacks;
+        all.unconverged |= before.unconverged;
+        all.projections += before.projections;
+        all.clamped_elements += before.clamped_elements;
+        all.backtracks += before.backtracks;
+        all.gradient_fallbacks += before.gradient_fallbacks;
+        all.line_search_failures += before.line_search_failures;
+        all.energy_caps += before.energy_caps;
+        all.recovery_energy += before.recovery_energy;
+        all.recoveries_refused += before.recoveries_refused;
+        all.recoveries_given_up += before.recoveries_given_up;
+        all.linearisation_error = all.linearisation_error.max(before.linearisation_error);
+        all.load_work += before.load_work;
+        all.constraint_work += before.constraint_work;
+        all.dissipation += before.dissipation;
+        all.damping_dissipation += before.damping_dissipation;
+        all.evaluations += before.evaluations;
+        all.second_order_steps += before.second_order_steps;
+        all.fallbacks = all.fallbacks.plus(&before.fallbacks);
+        let (own, earlier) = (&mut all.contact, &before.contact);
+        own.inner_iterations += earlier.inner_iterations;
+        own.unconverged += earlier.unconverged;
+        own.substeps = earlier.substeps + 1;
+        own.drawn_in += earlier.drawn_in;
+        own.impacts += earlier.impacts;
+        own.work += earlier.work;
+        own.friction_dissipation += earlier.friction_dissipation;
+        all
+    }
+}
+
+/// What contact did in a step; all 0 in a world without.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct ContactFigures {
+    /// Points in contact at the end of the step, and those of them that stick.
+    pub points: u32,
+    /// See there.
+    pub sticking: u32,
+    /// Iterations of the inner loop of all bodies: linear systems with the contact of the last iterate.
+    pub inner_iterations: u32,
+    /// Inner loops that ended at their cap.
+    pub unconverged: u32,
+    /// Largest penetration (m), and the largest over the mean edge of its surface.
+    pub depth: f64,
+    /// See there.
+    pub depth_over_edge: f64,
+    /// Parts in which the step was made because a tool was fast.
+    pub substeps: u32,
+    /// Tools that did not reach their target, and by how much (m) the worst.
+    pub lagging: u32,
+    /// See there.
+    pub lag: f64,
+    /// Parts of tools that appeared inside of bodies and are drawn in until the bodies have made way.
+    pub drawn_in: u32,
+    /// Bodies that took the safe step because of an impact.
+    pub impacts: u32,
+    /// Energy (J) stored in contacts and pulls at the end of the step. It is no part of the elastic energy.
+    pub energy: f64,
+    /// Energy (J) that moving tools and pulls put into their contacts at the start of the step, with the bodies
+    /// where they were: an upper bound of their work, which the step then dissipates down to.
+    pub work: f64,
+    /// Energy (J) that friction took.
+    pub friction_dissipation: f64,
 }
 
 /// Bodies that took the safe step instead of linearised BDF2, by reason. Integrators that converge BDF2
@@ -112,6 +190,19 @@ pub struct Fallbacks {
     pub inverted: u32,
     /// A step shortly before failed, or elements are inverted.
     pub waiting: u32,
+}
+
+impl Fallbacks {
+    fn plus(&self, other: &Self) -> Self {
+        Self {
+            start: self.start + other.start,
+            indefinite: self.indefinite + other.indefinite,
+            shortened: self.shortened + other.shortened,
+            energy: self.energy + other.energy,
+            inverted: self.inverted + other.inverted,
+            waiting: self.waiting + other.waiting,
+        }
+    }
 }
 
 /// Volume ratios J at the end of the step.

@@ -15,7 +15,7 @@ use crate::precision::Precision;
 use crate::report::{AreaReport, StepReport, SystemTimes, VolumeReport};
 use crate::scalar::{Real, Scalar};
 use crate::schedule::{Executor, StepSchedule, StepSystems, install};
-pub use crate::time::{Gravity, StepClock};
+pub use crate::time::{Gravity, StepClock, StepDivider, StepPart};
 use crate::topology::{ElementTables, Topology};
 use crate::vertex::{BodyId, Displacement, Position, RestPosition, Velocity, VertexIndex};
 use crate::workers::Workers;
@@ -78,6 +78,14 @@ pub enum StepError {
         name: String,
         /// What is wrong.
         problem: &'static str,
+    },
+    /// A tool, contact or pull cannot be used.
+    #[error("tool or contact `{name}`: {problem}; correct it or despawn its entity")]
+    InvalidContact {
+        /// Its name.
+        name: String,
+        /// What is wrong.
+        problem: String,
     },
     /// The integrator gave up.
     #[error("step {step} at t = {time} s failed: {reason}")]
@@ -175,12 +183,57 @@ fn step<S: Scalar>(world: &mut World) -> Result<(), StepError> {
         return Err(StepError::NoIntegrator);
     }
     check_state::<S>(world)?;
+    let parts = match world.get_resource::<StepDivider>().copied() {
+        Some(StepDivider(divide)) => divide(world),
+        None => 1,
+    };
+    if parts > 1 { step_in_parts::<S>(world, clock, parts) } else { run_schedule(world) }
+}
+
+fn run_schedule(world: &mut World) -> Result<(), StepError> {
     world.resource_mut::<StepFailure>().0 = None;
     world.run_schedule(StepSchedule);
     match world.resource_mut::<StepFailure>().0.take() {
         Some(error) => Err(error),
         None => Ok(()),
     }
+}
+
+/// A step in equal parts, whose reports are added up; when one fails, the state is what it was before the first.
+fn step_in_parts<S: Scalar>(
+    world: &mut World,
+    clock: StepClock,
+    parts: u32,
+) -> Result<(), StepError> {
+    let mut query = world.query::<(&Displacement<S>, &Velocity<S>)>();
+    let before = single_table(query.contiguous_iter(world)).map(|(u, v)| (u.to_vec(), v.to_vec()));
+    let mut total = StepReport::default();
+    let mut result = Ok(());
+    for index in 0..parts {
+        world.insert_resource(StepPart { index, count: parts });
+        world.resource_mut::<StepClock>().dt = clock.dt / f64::from(parts);
+        result = run_schedule(world);
+        if result.is_err() {
+            break;
+        }
+        total = world.resource::<StepReport>().after(&total);
+        world.insert_resource(total.clone());
+    }
+    world.remove_resource::<StepPart>();
+    if result.is_ok() {
+        let end = StepClock { time: clock.time + clock.dt, step: clock.step + 1, ..clock };
+        world.insert_resource(end);
+        return result;
+    }
+    world.insert_resource(clock);
+    let mut query = world.query::<(&mut Displacement<S>, &mut Velocity<S>)>();
+    if let (Some((u0, v0)), Some((mut u, mut v))) =
+        (before, single_table(query.contiguous_iter_mut(world)))
+    {
+        u.bypass_change_detection().copy_from_slice(&u0);
+        v.bypass_change_detection().copy_from_slice(&v0);
+    }
+    result
 }
 
 /// One table of the right size, all numbers finite.
@@ -477,9 +530,13 @@ pub fn write_positions<S: Scalar>(
     }
 }
 
-fn advance_clock(failure: Res<StepFailure>, mut clock: ResMut<StepClock>) {
+fn advance_clock(
+    failure: Res<StepFailure>,
+    part: Option<Res<StepPart>>,
+    mut clock: ResMut<StepClock>,
+) {
     if failure.0.is_none() {
-        clock.step += 1;
+        clock.step += u64::from(part.is_none());
         clock.time += clock.dt;
     }
 }

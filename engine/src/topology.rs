@@ -30,6 +30,8 @@ pub struct BodyRows {
     pub piece: Vec<u32>,
     /// Counts up when the body falls into other pieces.
     pub splits: u64,
+    /// Counts up when elements are removed or the material changes: surface and stiffness are others.
+    pub changes: u64,
 }
 
 impl Deref for BodyRows {
@@ -43,7 +45,7 @@ impl BodyRows {
     /// Rows of a body that is longest `size` (m), for [`Topology::push`], which fills the ranges in.
     pub fn new(name: String, ordered: BodyElements, size: f64) -> Self {
         let (vertices, blocks) = (0..0, 0..0);
-        Self { name, vertices, blocks, ordered, size, piece: Vec::new(), splits: 0 }
+        Self { name, vertices, blocks, ordered, size, piece: Vec::new(), splits: 0, changes: 0 }
     }
 
     /// Number of connected pieces.

@@ -15,19 +15,24 @@ use crate::cholesky::IncompleteCholesky;
 use crate::coarse::{CoarseSpace, Motion};
 use crate::settings::Preconditioner;
 use crate::simd::{Kernel, vectorised};
-use crate::system::{Pattern, ShiftedTangent, SystemMatrix, accumulate, add4, scale4, sub4};
+use crate::system::{
+    Pattern, ShiftedTangent, SystemMatrix, accumulate, add4, ranges, scale4, sub4,
+};
 use glam::DVec3;
+use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
+use std::ops::Range;
 
-/// The system of one body, and how it is solved.
+/// The system of some bodies, and how it is solved.
 #[derive(Clone, Copy)]
 pub struct BodySystem<'a, S> {
     /// The matrix of its world.
     pub system: &'a ShiftedTangent<'a, S>,
-    /// Index of the body.
-    pub body: usize,
+    /// The bodies that are solved for together, consecutive ones.
+    pub bodies: &'a Range<usize>,
     /// Pattern of its part of the matrix.
     pub pattern: &'a Pattern,
     /// Rest positions (m) of all rows of the world.
@@ -206,7 +211,7 @@ impl<T: Scalar> ConjugateGradients<T> {
             k.kind == of.preconditioner
                 && k.factors == of.system.factors()
                 && k.held == self.matrix.held
-                && k.splits == of.system.topology.bodies[of.body].splits
+                && k.splits == splits(of.system.topology, of.bodies)
                 && k.excess < k.cost
         })
     }
@@ -222,13 +227,14 @@ impl<T: Scalar> ConjugateGradients<T> {
 
     /// Computes the preconditioner and notes what for; returns the restarts of its factorisation.
     fn refresh<S: Scalar>(&mut self, of: &BodySystem<'_, S>) -> u32 {
-        let BodySystem { system, body, pattern, rest, preconditioner: kind } = *of;
-        let rows = &system.topology.bodies[body];
-        let rest = &rest[rows.vertices.start as usize..rows.vertices.end as usize];
-        if self.kept.as_ref().is_some_and(|k| k.splits != rows.splits) {
+        let BodySystem { system, bodies, pattern, rest, preconditioner: kind } = *of;
+        let splits = splits(system.topology, bodies);
+        let rest = &rest[ranges(system.topology, bodies).0];
+        if self.kept.as_ref().is_some_and(|k| k.splits != splits) {
             self.kept = None;
         }
-        let breakdowns = self.build(system.workers, pattern, rest, &rows.piece, kind);
+        let pieces = pieces(system.topology, bodies);
+        let breakdowns = self.build(system.workers, pattern, rest, &pieces, kind);
         let blocks = (pattern.len() + 2 * pattern.column.len()) as f64;
         let mut refresh = self.cholesky.work();
         let mut iteration = 2.0 * blocks;
@@ -238,7 +244,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         }
         let cost = FACTOR_COST * refresh / iteration;
         let held = self.matrix.held.clone();
-        let (factors, splits) = (system.factors(), rows.splits);
+        let factors = system.factors();
         self.kept = Some(Kept { kind, factors, held, splits, fresh: None, excess: 0.0, cost });
         breakdowns
     }
@@ -340,7 +346,32 @@ impl<T: Scalar> ConjugateGradients<T> {
         workers.for_each(product, usize::MAX, |index, own| {
             vectorised(Multiply { matrix, pattern, update, coarse, motions, beta, index, own });
         });
-        self.product.iter().map(|p| p.curvature).sum()
+        let curvature: f64 = self.product.iter().map(|p| p.curvature).sum();
+        if self.matrix.couplings.is_empty() {
+            return curvature;
+        }
+        curvature + self.multiply_couplings(pattern)
+    }
+
+    /// Adds what contact couples beside the diagonal to `q`; its part of `p . q`.
+    fn multiply_couplings(&mut self, pattern: &Pattern) -> f64 {
+        let of = |row: usize| {
+            let piece = pattern.pieces.partition_point(|piece| piece.rows.end <= row);
+            (piece, row - pattern.pieces[piece].rows.start)
+        };
+        let mut added = Vec::new();
+        let product = &self.product;
+        let p = |row| {
+            let (piece, local) = of(row);
+            product[piece].p[local]
+        };
+        let dot = self.matrix.multiply_couplings(p, |row, y| added.push((row, y)));
+        for (row, y) in added {
+            let (piece, local) = of(row);
+            let q = &mut self.product[piece].q[local];
+            *q = add4(*q, y);
+        }
+        dot
     }
 
     /// `x += alpha p`, `r -= alpha q`, `z = M^-1 r`; returns `r . r` and `r . z`. Without `alpha` only
@@ -373,6 +404,23 @@ impl<T: Scalar> ConjugateGradients<T> {
         }
         (rr, rz)
     }
+}
+
+/// Counts up when one of the bodies falls into other pieces.
+fn splits(topology: &Topology, bodies: &Range<usize>) -> u64 {
+    topology.bodies[bodies.clone()].iter().map(|body| body.splits).sum()
+}
+
+/// Numbers of the connected pieces of the rows of some bodies, which share none.
+fn pieces(topology: &Topology, bodies: &Range<usize>) -> Vec<u32> {
+    let mut first = 0;
+    let mut pieces = Vec::new();
+    for body in &topology.bodies[bodies.clone()] {
+        let number = |&piece: &u32| if piece == UNUSED { UNUSED } else { piece + first };
+        pieces.extend(body.piece.iter().map(number));
+        first += body.piece_count() as u32;
+    }
+    pieces
 }
 
 /// First region of an iteration for one piece.

@@ -25,7 +25,10 @@ pub(crate) struct History<S> {
     pub v_before: Rows<S>,
     /// Its length (s).
     pub dt: f64,
+    /// Of groups of bodies at the place of their first body; those of the others are empty.
     pub bodies: Vec<BodyHistory>,
+    /// Bodies that shared a solve.
+    pub groups: Vec<Range<usize>>,
     revision: u64,
     laws: usize,
     tick: Option<Tick>,
@@ -52,6 +55,22 @@ pub(crate) struct Past {
     pub body: BodyHistory,
 }
 
+impl Past {
+    /// Of bodies that share a solve; unless they did so in the last step, their energies are not known.
+    pub fn of_group(bodies: &[Self], same_groups: bool) -> Self {
+        let wait = bodies.iter().map(|past| past.body.wait).max().unwrap_or(0);
+        let mut body = BodyHistory { wait, ..bodies[0].body };
+        if !same_groups {
+            body.excess = 0.0;
+        }
+        Self {
+            same_state: same_groups && bodies.iter().all(|past| past.same_state),
+            history_holds: bodies.iter().all(|past| past.history_holds),
+            body,
+        }
+    }
+}
+
 impl<S: Scalar> Default for History<S> {
     fn default() -> Self {
         Self {
@@ -63,6 +82,7 @@ impl<S: Scalar> Default for History<S> {
             v_before: Vec::new(),
             dt: 0.0,
             bodies: Vec::new(),
+            groups: Vec::new(),
             revision: 0,
             laws: 0,
             tick: None,

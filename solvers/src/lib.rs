@@ -22,12 +22,14 @@ pub mod system;
 
 use bevy_ecs::prelude::*;
 use settings::SolverSettings;
+use sinew_contact::set::ContactSet;
 use sinew_engine::compiled_here;
 use sinew_engine::report::{StepReport, SystemTimes};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
-use sinew_engine::step::{IntegratorInstalled, StepFailure};
+use sinew_engine::step::{IntegratorInstalled, StepDivider, StepFailure};
 use sinew_engine::topology::Topology;
+use sinew_engine::vertex::{Displacement, RestPosition};
 use sinew_engine::workers::Workers;
 
 /// Installs the integrator; [`SolverSettings`] chooses which.
@@ -38,10 +40,26 @@ pub fn install_solver<S: Scalar>(world: &mut World) {
 fn install<S: Scalar>(world: &mut World) {
     world.init_resource::<SolverSettings>();
     world.init_resource::<IntegratorInstalled>();
+    world.insert_resource(StepDivider(divide::<S>));
     world
         .resource_mut::<Schedules>()
         .entry(StepSchedule)
         .add_systems(integrate::<S>.in_set(StepSystems::Integrate));
+}
+
+/// Parts in which the next step is to be made, so that no tool passes through what it meets.
+fn divide<S: Scalar>(world: &mut World) -> u32 {
+    let explicit =
+        world.get_resource::<SolverSettings>().is_some_and(|s| s.integrator.is_explicit());
+    if explicit || !world.contains_resource::<ContactSet>() {
+        return 1;
+    }
+    world.resource_scope(|world, mut contact: Mut<ContactSet>| {
+        contact.substeps(world, |world| {
+            let mut query = world.query::<(&RestPosition, &Displacement<S>)>();
+            query.iter(world).map(|(x, u)| x.0 + u.get()).collect()
+        })
+    })
 }
 
 /// Vertices below which no region is worth two threads.

@@ -16,6 +16,7 @@ use crate::system::{Pattern, ShiftedTangent};
 use glam::DVec3;
 use sinew_engine::matrix::ProductSpans;
 use sinew_engine::scalar::Scalar;
+use std::ops::Range;
 
 /// How a solve ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +42,8 @@ pub struct LinearOptions {
     pub preconditioner: Preconditioner,
     /// Number type of matrix and iteration.
     pub precision: LinearPrecision,
+    /// Residuals are measured against at least this, whatever the start.
+    pub reference: f64,
 }
 
 impl Default for LinearOptions {
@@ -50,6 +53,7 @@ impl Default for LinearOptions {
             max_iterations: 5_000,
             preconditioner: Preconditioner::default(),
             precision: LinearPrecision::default(),
+            reference: 0.0,
         }
     }
 }
@@ -71,13 +75,16 @@ pub struct CgOutcome {
     pub breakdowns: u32,
     /// The solve had to go on in full precision.
     pub fell_back: bool,
+    /// What residuals were measured against.
+    pub reference: f64,
 }
 
 /// Solves the systems of the bodies of a world, one by one, and keeps what can be used again.
 #[derive(Clone, Debug, Default)]
 pub struct LinearSolver<S> {
     revision: u64,
-    bodies: Vec<BodySolver<S>>,
+    /// Solvers of groups of bodies, those in use at the front.
+    groups: Vec<(Range<usize>, BodySolver<S>)>,
     spans: ProductSpans<S>,
     damped: Rows<S>,
     residual: Rows<S>,
@@ -117,7 +124,7 @@ fn solve_directly<S: Scalar>(
 }
 
 impl<S: Scalar> LinearSolver<S> {
-    /// Solves the rows of one body of `A x = b` from the start vector in `x`; `b` and `x` hold those
+    /// Solves the rows of consecutive bodies of `A x = b` from the start vector in `x`; `b` and `x` hold those
     /// rows only, and their held entries must be zero. `rest` holds the rest positions (m) of all
     /// rows of the world.
     ///
@@ -127,27 +134,31 @@ impl<S: Scalar> LinearSolver<S> {
         &mut self,
         system: &ShiftedTangent<'_, S>,
         rest: &[DVec3],
-        body: usize,
+        bodies: Range<usize>,
         b: &[[S; 4]],
         x: &mut [[S; 4]],
         options: &LinearOptions,
     ) -> CgOutcome {
-        if self.revision != system.topology.revision
-            || self.bodies.len() != system.topology.bodies.len()
-        {
+        if self.revision != system.topology.revision {
             self.revision = system.topology.revision;
-            self.bodies.clear();
-            self.bodies.resize_with(system.topology.bodies.len(), BodySolver::default);
+            self.groups.clear();
         }
-        if self.bodies[body].pattern.is_empty() {
-            self.bodies[body].pattern = Pattern::new(system.topology, body);
-        }
+        let group = match self.groups.iter().position(|(of, _)| *of == bodies) {
+            Some(group) => group,
+            None => {
+                let pattern = Pattern::new(system.topology, bodies.clone());
+                let solver = BodySolver { pattern, ..BodySolver::default() };
+                self.groups.push((bodies.clone(), solver));
+                self.groups.len() - 1
+            }
+        };
         let same_type = size_of::<S>() == size_of::<f32>();
         let solve = Solve {
             solver: self,
             system,
             rest,
-            body,
+            bodies,
+            group,
             b,
             options,
             same_type,
@@ -158,21 +169,33 @@ impl<S: Scalar> LinearSolver<S> {
                 status: CgStatus::Converged,
                 iterations: 0,
                 residual: 0.0,
-                preconditioner: options.preconditioner.resolve(b.len()),
+                preconditioner: resolve(options.preconditioner, system, b.len()),
                 refreshes: 0,
                 breakdowns: 0,
                 fell_back: false,
+                reference: 0.0,
             },
         };
         // on a thread of the pool, regions follow each other without a hand-over
         system.workers.enter(|| solve.run(x))
     }
 
-    /// `residual = b - A x` for the rows of one body.
+    /// `y = A x` for the rows of consecutive bodies; held entries of `x` must be zero.
+    pub fn multiply(
+        &mut self,
+        system: &ShiftedTangent<'_, S>,
+        bodies: Range<usize>,
+        x: &[[S; 4]],
+        y: &mut [[S; 4]],
+    ) {
+        system.multiply(&mut self.spans, &mut self.damped, bodies, x, y);
+    }
+
+    /// `residual = b - A x` for the rows of consecutive bodies.
     fn find_residual(
         &mut self,
         system: &ShiftedTangent<'_, S>,
-        body: usize,
+        bodies: Range<usize>,
         b: &[[S; 4]],
         x: &[[S; 4]],
     ) {
@@ -183,7 +206,7 @@ impl<S: Scalar> LinearSolver<S> {
             return;
         }
         product.resize(x.len(), [S::ZERO; 4]);
-        system.multiply(spans, damped, body, x, product);
+        system.multiply(spans, damped, bodies, x, product);
         for (r, q) in residual.iter_mut().zip(&*product) {
             for k in 0..3 {
                 r[k] -= q[k];
@@ -192,13 +215,29 @@ impl<S: Scalar> LinearSolver<S> {
     }
 }
 
+/// The preconditioner to use for so many vertices: the complete factor knows nothing of what contact couples.
+fn resolve<S: Scalar>(
+    chosen: Preconditioner,
+    system: &ShiftedTangent<'_, S>,
+    vertices: usize,
+) -> Preconditioner {
+    let coupled = system.contact.is_some_and(|contact| !contact.couplings.is_empty());
+    let chosen = match chosen {
+        Preconditioner::Direct if coupled => Preconditioner::Auto,
+        chosen => chosen,
+    };
+    chosen.resolve(vertices)
+}
+
 /// One solve: rounds of conjugate gradients, or of the complete factor, each for a correction of what is
 /// left.
 struct Solve<'a, S: Scalar> {
     solver: &'a mut LinearSolver<S>,
     system: &'a ShiftedTangent<'a, S>,
     rest: &'a [DVec3],
-    body: usize,
+    bodies: Range<usize>,
+    /// Place of their solver.
+    group: usize,
     b: &'a [[S; 4]],
     options: &'a LinearOptions,
     /// The state is in `f32` itself.
@@ -219,11 +258,12 @@ impl<S: Scalar> Solve<'_, S> {
             x.fill([S::ZERO; 4]);
             return self.outcome;
         }
-        self.solver.find_residual(self.system, self.body, self.b, x);
+        self.solver.find_residual(self.system, self.bodies.clone(), self.b, x);
         let mut norm_r = norm(&self.solver.residual);
         // below a few units of rounding of b there is nothing left to solve for
         let floor = 16.0 * S::EPSILON.to_f64() * norm_b / self.options.tolerance;
-        self.reference = norm_r.min(norm_b).max(floor);
+        self.reference = norm_r.min(norm_b).max(floor).max(self.options.reference);
+        self.outcome.reference = self.reference;
         loop {
             if let Some(status) = self.round(x, &mut norm_r) {
                 self.outcome.status = status;
@@ -268,7 +308,7 @@ impl<S: Scalar> Solve<'_, S> {
             let converged = inner.status == InnerStatus::Converged;
             return Some(if converged { CgStatus::Converged } else { CgStatus::Cap });
         }
-        self.solver.find_residual(self.system, self.body, self.b, x);
+        self.solver.find_residual(self.system, self.bodies.clone(), self.b, x);
         *norm_r = norm(&self.solver.residual);
         if *norm_r > STALLED * before && *norm_r > options.tolerance * self.reference {
             if direct {
@@ -282,7 +322,8 @@ impl<S: Scalar> Solve<'_, S> {
 
     /// Solves for the correction of a residual of norm `norm_r`.
     fn correct(&mut self, norm_r: f64) -> Inner {
-        let Self { system, body, rest, .. } = *self;
+        let Self { system, rest, group, .. } = *self;
+        let bodies = self.bodies.clone();
         let preconditioner = self.outcome.preconditioner;
         let mut target = self.options.tolerance * self.reference / norm_r;
         if self.mixed && !self.same_type {
@@ -291,18 +332,19 @@ impl<S: Scalar> Solve<'_, S> {
         }
         let cap = self.options.max_iterations - self.outcome.iterations;
         let limits = Limits { norm: norm_r, target, cap };
-        let LinearSolver { bodies, residual, correction, .. } = &mut *self.solver;
-        let own = &mut bodies[body];
+        let LinearSolver { groups, residual, correction, .. } = &mut *self.solver;
+        let own = &mut groups[group].1;
         correction.resize(residual.len(), [S::ZERO; 4]);
         let single = self.mixed && preconditioner != Preconditioner::Direct;
         if !std::mem::replace(&mut self.assembled[usize::from(single)], true) {
             if single {
-                own.single.matrix.assemble(system, body);
+                own.single.matrix.assemble(system, bodies.clone());
             } else {
-                own.full.matrix.assemble(system, body);
+                own.full.matrix.assemble(system, bodies.clone());
             }
         }
-        let of = BodySystem { system, body, pattern: &own.pattern, rest, preconditioner };
+        let (bodies, pattern) = (&bodies, &own.pattern);
+        let of = BodySystem { system, bodies, pattern, rest, preconditioner };
         let inner = match preconditioner {
             #[cfg(feature = "direct")]
             Preconditioner::Direct => {
@@ -333,11 +375,11 @@ impl<S: Scalar> Solve<'_, S> {
     /// Whether the tangent as it came has no positive curvature along the last direction of the `f32`
     /// iteration: only it may say that it is indefinite.
     fn is_indefinite(&mut self) -> bool {
-        let LinearSolver { bodies, spans, damped, correction, .. } = &mut *self.solver;
-        let own = &bodies[self.body];
+        let LinearSolver { groups, spans, damped, correction, .. } = &mut *self.solver;
+        let own = &groups[self.group].1;
         own.single.direction(&own.pattern, correction);
         let mut product = vec![[S::ZERO; 4]; correction.len()];
-        self.system.multiply(spans, damped, self.body, correction, &mut product);
+        self.system.multiply(spans, damped, self.bodies.clone(), correction, &mut product);
         let curvature: f64 = correction.iter().zip(&product).map(|(p, q)| dot3(p, q)).sum();
         curvature <= 0.0
     }

@@ -118,6 +118,14 @@ pub fn dot3<S: Scalar>(a: &[S; 4], b: &[S; 4]) -> f64 {
     a[0].to_f64() * b[0].to_f64() + a[1].to_f64() * b[1].to_f64() + a[2].to_f64() * b[2].to_f64()
 }
 
+/// Positions (m) of vertex rows at displacements `u`.
+pub fn position<S: Scalar>(rest: &[DVec3], u: &[[S; 4]]) -> impl Fn(u32) -> DVec3 {
+    move |row| {
+        let (x, u) = (rest[row as usize], &u[row as usize]);
+        x + DVec3::new(u[0].to_f64(), u[1].to_f64(), u[2].to_f64())
+    }
+}
+
 /// Momentum (kg m/s) and angular momentum about the origin (kg m^2/s) of displacements `u` and
 /// velocities `v`.
 pub fn book_momentum<S: Scalar>(

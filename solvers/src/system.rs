@@ -8,6 +8,8 @@
 //! loops over four numbers without fused operations, so that every instruction set gives the same bits.
 
 use crate::state::Rows;
+use glam::{DMat3, DVec3};
+use sinew_contact::set::{ContactBlocks, Coupling};
 use sinew_engine::matrix::{BlockMatrix, ProductSpans};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
@@ -36,6 +38,8 @@ pub struct ShiftedTangent<'a, S> {
     pub damping: Option<(&'a BlockMatrix<S>, S)>,
     /// Held unknowns.
     pub fixed: &'a [FixedAxes],
+    /// What contact adds to the rows of the bodies that are solved for.
+    pub contact: Option<&'a ContactBlocks>,
 }
 
 /// A 3x3 block, rows padded by a zero.
@@ -123,11 +127,9 @@ const ROWS_PER_PIECE: usize = 640;
 const MAX_PIECES: usize = 16;
 
 impl Pattern {
-    /// Pattern of a body.
-    pub fn new(topology: &Topology, body: usize) -> Self {
-        let body = &topology.bodies[body];
-        let rows = body.vertices.start as usize..body.vertices.end as usize;
-        let blocks = body.blocks.start as usize..body.blocks.end as usize;
+    /// Pattern of consecutive bodies.
+    pub fn new(topology: &Topology, bodies: Range<usize>) -> Self {
+        let (rows, blocks) = ranges(topology, &bodies);
         let start: Vec<u32> = topology.edge_start[rows.start..=rows.end]
             .iter()
             .map(|s| s - blocks.start as u32)
@@ -184,6 +186,8 @@ pub struct SystemMatrix<T> {
     pub upper: Vec<Block<T>>,
     /// Held unknowns of each row: bits 0, 1, 2.
     pub held: Vec<FixedAxes>,
+    /// What contact couples beside the diagonal, in rows of the matrix.
+    pub couplings: Vec<Coupling>,
     /// Factor that brings the largest diagonal entry of the tangent and inertia to one: no number type
     /// overflows, and `f32` rounds the same in all units of measurement.
     pub factor: f64,
@@ -191,12 +195,17 @@ pub struct SystemMatrix<T> {
 
 const CHUNK: usize = 2048;
 
+/// Vertex rows and edges of consecutive bodies, which follow each other.
+pub(crate) fn ranges(topology: &Topology, bodies: &Range<usize>) -> (Range<usize>, Range<usize>) {
+    let (first, last) = (&topology.bodies[bodies.start], &topology.bodies[bodies.end - 1]);
+    let rows = first.vertices.start as usize..last.vertices.end as usize;
+    (rows, first.blocks.start as usize..last.blocks.end as usize)
+}
+
 impl<T: Scalar> SystemMatrix<T> {
-    /// Adds the matrix up.
-    pub fn assemble<S: Scalar>(&mut self, system: &ShiftedTangent<'_, S>, body: usize) {
-        let body = &system.topology.bodies[body];
-        let rows = body.vertices.start as usize..body.vertices.end as usize;
-        let blocks = body.blocks.start as usize..body.blocks.end as usize;
+    /// Adds the matrix up for consecutive bodies.
+    pub fn assemble<S: Scalar>(&mut self, system: &ShiftedTangent<'_, S>, bodies: Range<usize>) {
+        let (rows, blocks) = ranges(system.topology, &bodies);
         let tangent = &system.tangent.diagonal[rows.clone()];
         let mass_factor = system.mass_factor.to_f64();
         let largest = tangent
@@ -247,6 +256,51 @@ impl<T: Scalar> SystemMatrix<T> {
                 *m = block(&entries);
             }
         });
+        self.add_contact(system.contact, rows);
+    }
+
+    /// Adds the diagonal blocks of contact, and keeps what couples rows.
+    fn add_contact(&mut self, contact: Option<&ContactBlocks>, rows: Range<usize>) {
+        self.couplings.clear();
+        let Some(contact) = contact else { return };
+        for (row, m) in &contact.diagonal {
+            let local = *row as usize - rows.start;
+            let mut entries = entries(m).map(|x| x * self.factor);
+            mask(&mut entries, self.held[local], self.held[local], 0.0);
+            let added = block(&entries);
+            for k in 0..3 {
+                self.diagonal[local][k] = add4(self.diagonal[local][k], added[k]);
+            }
+        }
+        self.couplings.extend(contact.couplings.iter().map(|coupling| {
+            let Coupling { rows: of, weights, block } = *coupling;
+            Coupling {
+                rows: of.map(|row| (row as usize - rows.start) as u32),
+                weights,
+                block: block * self.factor,
+            }
+        }));
+    }
+
+    /// Adds the product of what couples rows; `p` and `q` read and add to a row. Returns its part of `p . q`.
+    pub fn multiply_couplings(
+        &self,
+        p: impl Fn(usize) -> [T; 4],
+        mut q: impl FnMut(usize, [T; 4]),
+    ) -> f64 {
+        let mut dot = 0.0;
+        for coupling in &self.couplings {
+            let x = coupling.rows.map(|row| p(row as usize).map(Scalar::to_f64));
+            for_off_diagonal(coupling, x, |row, y| {
+                let held = self.held[row];
+                let entry = |k: usize| if held.holds(k) { 0.0 } else { y[k] };
+                let own = [entry(0), entry(1), entry(2)];
+                let x = p(row);
+                dot += (0..3).map(|k| x[k].to_f64() * own[k]).sum::<f64>();
+                q(row, [own[0], own[1], own[2], 0.0].map(T::from_f64));
+            });
+        }
+        dot
     }
 
     /// Rows of one piece of the upper half and their transposes: `q = A_piece p`; both vectors hold
@@ -288,34 +342,36 @@ impl<T: Scalar> SystemMatrix<T> {
 }
 
 impl<S: Scalar> ShiftedTangent<'_, S> {
-    /// Vertex rows of a body.
-    fn rows(&self, body: usize) -> Range<usize> {
-        let rows = &self.topology.bodies[body].vertices;
-        rows.start as usize..rows.end as usize
-    }
-
     /// Factors of masses, tangent and damping.
     pub fn factors(&self) -> [f64; 3] {
         let damping = self.damping.map_or(0.0, |(_, factor)| factor.to_f64());
         [self.mass_factor.to_f64(), self.tangent_factor.to_f64(), damping]
     }
 
-    /// `y = A x` for the rows of one body; held entries of `x` must be zero, those of `y` are.
+    /// `y = A x` for the rows of consecutive bodies; held entries of `x` must be zero, those of `y` are.
     pub fn multiply(
         &self,
         spans: &mut ProductSpans<S>,
         scratch: &mut Rows<S>,
-        body: usize,
+        bodies: Range<usize>,
         x: &[[S; 4]],
         y: &mut [[S; 4]],
     ) {
-        let offset = self.rows(body).start;
-        self.tangent.multiply_body(self.topology, self.workers, spans, body, x, y);
-        let damping = self.damping.map(|(matrix, factor)| {
+        let offset = ranges(self.topology, &bodies).0.start;
+        if self.damping.is_some() {
             scratch.resize(x.len(), [S::ZERO; 4]);
-            matrix.multiply_body(self.topology, self.workers, spans, body, x, scratch);
-            (&*scratch, factor)
-        });
+        }
+        for body in bodies {
+            let rows = ranges(self.topology, &(body..body + 1)).0;
+            let rows = rows.start - offset..rows.end - offset;
+            let (x, y) = (&x[rows.clone()], &mut y[rows.clone()]);
+            self.tangent.multiply_body(self.topology, self.workers, spans, body, x, y);
+            if let Some((matrix, _)) = self.damping {
+                let y = &mut scratch[rows];
+                matrix.multiply_body(self.topology, self.workers, spans, body, x, y);
+            }
+        }
+        let damping = self.damping.map(|(_, factor)| (&*scratch, factor));
         self.workers.for_chunks(y, CHUNK, x.len() * 4, |first, rows| {
             for (i, y) in rows.iter_mut().enumerate() {
                 let local = first + i;
@@ -333,16 +389,59 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
                 y[3] = S::ZERO;
             }
         });
+        if let Some(contact) = self.contact {
+            self.multiply_contact(contact, offset, x, y);
+        }
     }
 
-    /// Right-hand side of one body times the inverse diagonal blocks: a descent direction whatever the
+    fn multiply_contact(
+        &self,
+        contact: &ContactBlocks,
+        offset: usize,
+        x: &[[S; 4]],
+        y: &mut [[S; 4]],
+    ) {
+        let mut add = |row: usize, own: DVec3| {
+            for k in (0..3).filter(|&k| !self.fixed[row].holds(k)) {
+                y[row - offset][k] += S::from_f64(own[k]);
+            }
+        };
+        let vector = |x: &[S; 4]| DVec3::new(x[0].to_f64(), x[1].to_f64(), x[2].to_f64());
+        for (row, block) in &contact.diagonal {
+            let row = *row as usize;
+            add(row, *block * vector(&x[row - offset]));
+        }
+        for coupling in &contact.couplings {
+            let own = coupling.rows.map(|row| x[row as usize - offset].map(Scalar::to_f64));
+            for_off_diagonal(coupling, own, |row, y| add(row, DVec3::from_array(y)));
+        }
+    }
+
+    /// Right-hand side of consecutive bodies times the inverse diagonal blocks: a descent direction whatever the
     /// matrix.
-    pub fn preconditioned(&self, body: usize, b: &[[S; 4]], x: &mut [[S; 4]]) {
+    pub fn preconditioned(&self, bodies: Range<usize>, b: &[[S; 4]], x: &mut [[S; 4]]) {
         let mut matrix = SystemMatrix::<S>::default();
-        matrix.assemble(self, body);
+        matrix.assemble(self, bodies);
         for ((m, b), x) in matrix.diagonal.iter().zip(b).zip(x) {
             let inverse = definite_inverse(m).unwrap_or_else(|| diagonal_inverse(m));
             *x = transpose_product(&inverse, *b).map(|x| x * S::from_f64(matrix.factor));
+        }
+    }
+}
+
+/// Entries of a symmetric matrix.
+fn entries(m: &DMat3) -> [f64; 9] {
+    m.to_cols_array()
+}
+
+/// What a coupling adds to `A x` besides its diagonal blocks, row by row: `w_a C (sum_b w_b x_b - w_a x_a)`.
+fn for_off_diagonal(coupling: &Coupling, x: [[f64; 4]; 4], mut add: impl FnMut(usize, [f64; 3])) {
+    let own = |i: usize| coupling.weights[i] * DVec3::new(x[i][0], x[i][1], x[i][2]);
+    let sum = own(0) + own(1) + own(2) + own(3);
+    for (i, row) in coupling.rows.iter().enumerate() {
+        let weight = coupling.weights[i];
+        if weight != 0.0 {
+            add(*row as usize, (weight * (coupling.block * (sum - own(i)))).to_array());
         }
     }
 }

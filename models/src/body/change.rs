@@ -88,6 +88,7 @@ fn change<S: Scalar>(
             m.0 = S::from_f64(new);
         }
     }
+    world.resource_mut::<Topology>().bodies[body].changes += 1;
     soft.material = field.material;
     soft.arrays = MaterialArrays::of(field);
     soft.springs = springs;

@@ -5,6 +5,7 @@ pub mod lumped;
 pub(crate) mod matter;
 pub mod sheet;
 pub(crate) mod spawn;
+mod surface;
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -30,7 +31,9 @@ use crate::material::field::{FieldError, MaterialArrays, MaterialField};
 
 use self::spawn::spawn;
 pub(crate) use self::spawn::{SolidPart, spawn_hexahedra, spawn_tetrahedra};
+use self::surface::read_surface;
 pub use crate::laws::models::{Evaluation, Model};
+use sinew_engine::surface::SurfaceReader;
 
 /// What a body is made of.
 #[derive(Clone, Debug)]
@@ -392,7 +395,10 @@ pub fn spawn_body(world: &mut World, body: &BodyDescription) -> Result<Entity, B
     let counts = [body.tetrahedra.len(), body.hexahedra.len(), triangles, quads];
     memory::fits(&format!("body `{}`", body.name), || memory::of_body(counts))?;
     match world.get_resource::<Precision>() {
-        Some(&precision) => by_precision!(precision, spawn(world, body)),
+        Some(&precision) => {
+            world.insert_resource(SurfaceReader(read_surface));
+            by_precision!(precision, spawn(world, body))
+        }
         None => Err(BodyError::NoPrecision { body: body.name.to_string() }),
     }
 }

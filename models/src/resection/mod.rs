@@ -310,6 +310,7 @@ impl BodyResection {
             }
         }
         let rows = &mut topology.bodies[body];
+        rows.changes += 1;
         for &v in &touched.orphans {
             rows.piece[v as usize] = UNUSED;
         }

@@ -39,6 +39,9 @@ impl<S: Scalar> Step<'_, S> {
                 uncovered = self.residual_at_start();
             }
             self.scratch.use_part(part, &uncovered);
+            if let Some(contact) = &mut self.contact {
+                contact.set_part(part, 0.0);
+            }
             self.scratch.begin();
             self.start_at(&last_equilibrium);
             self.bodies.iter_mut().for_each(BodyStep::reopen);
@@ -96,7 +99,8 @@ impl<S: Scalar> Step<'_, S> {
     /// Whether bodies have inverted elements at the iterate that had none before.
     fn inverts(&mut self) -> bool {
         let now = self.inverted_by_body();
-        self.bodies.iter().zip(now).any(|(body, now)| !body.inverted && now > 0)
+        let inverts = |body: &BodyStep| now[body.bodies.clone()].iter().any(|&count| count > 0);
+        self.bodies.iter().any(|body| !body.inverted && inverts(body))
     }
 
     /// Ends with what the attempt in one go found.

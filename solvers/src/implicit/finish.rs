@@ -2,8 +2,11 @@
 
 use super::linearised_bdf2::WAIT;
 use super::step::{BodyStep, ImplicitScratch, Mode, Step, noise};
+use super::touch::At;
 use crate::history::BodyHistory;
-use crate::state::{book_momentum, dot3, write_state};
+use crate::state::{book_momentum, dot3, position, write_state};
+use sinew_contact::set::Places;
+use sinew_engine::report::ContactFigures;
 use sinew_engine::scalar::Scalar;
 
 /// Part of the energy budget's excess over the energy that is lost every step.
@@ -16,8 +19,13 @@ impl<S: Scalar> Step<'_, S> {
         self.scratch.history.bodies.clear();
         let mut energy_before = 0.0;
         self.scratch.multiply_damping(self.world);
+        let mut put_in = -self.contact_before;
         for index in 0..self.bodies.len() {
             self.set_velocities(index);
+            let begin = self.contact_energy_at_start(index);
+            let stored = self.contact_energy(index, At::Iterate, false);
+            put_in += begin;
+            self.bodies[index].budget += begin;
             let (body, scratch) = (&self.bodies[index], &mut *self.scratch);
             let report = &mut *self.report;
             let rows = body.rows.clone();
@@ -26,7 +34,7 @@ impl<S: Scalar> Step<'_, S> {
                 report.damping_dissipation += self.dt * power;
             }
             let load_potential = scratch.node.load_potential(rows.clone(), &scratch.iterate);
-            let potential = body.elastic - load_potential;
+            let potential = body.elastic + stored - load_potential;
             let [mut kinetic, held] = scratch.node.kinetic_energy(rows.clone(), &scratch.velocity);
             if dynamic && body.mode == Mode::Safe && body.exceeds_budget::<S>(kinetic, potential) {
                 kinetic = scratch.cap_energy(body, kinetic, potential);
@@ -46,11 +54,26 @@ impl<S: Scalar> Step<'_, S> {
                 report.constraint_work = 0.0;
             }
             scratch.history.bodies.push(body.history(kinetic + potential));
+            let others = BodyHistory {
+                wait: scratch.history.bodies.last().map_or(0, |own| own.wait),
+                ..Default::default()
+            };
+            scratch.history.bodies.extend(body.bodies.clone().skip(1).map(|_| others));
+        }
+        let mut contact_change = 0.0;
+        if let Some(contact) = &mut self.contact {
+            let now = position(&self.scratch.rest, &self.scratch.iterate);
+            let start = position(&self.scratch.rest, &self.scratch.node.u);
+            let places = Places { now: &now, start: &start };
+            let impacts = self.report.contact.impacts;
+            let figures = contact.finish(self.world, &places, self.dt);
+            self.report.contact = ContactFigures { impacts, work: put_in, ..figures };
+            contact_change = figures.energy - self.contact_before;
         }
         if dynamic {
             let report = &mut *self.report;
-            let work = report.load_work + report.constraint_work;
-            let now = report.elastic_energy + report.kinetic_energy;
+            let work = report.load_work + report.constraint_work + report.contact.work;
+            let now = report.elastic_energy + report.kinetic_energy + contact_change;
             report.dissipation = energy_before + work - now;
         }
         self.write();

@@ -1,6 +1,7 @@
 //! Armijo backtracking along the Newton step, body by body, with one evaluation for all of them a try.
 
 use super::step::{BodyStep, ImplicitScratch, Mode, Rejected, Step, noise};
+use super::touch::At;
 use crate::state::{dot3, evaluate};
 use bevy_ecs::prelude::World;
 use sinew_engine::law::ElasticEnergy;
@@ -22,6 +23,12 @@ struct LineSearch {
     quadratic: f64,
     slope: f64,
     rounding: f64,
+    /// Predicted decrease (J) below which Newton does not test.
+    least: f64,
+    /// Contact energy (J) at the current iterate.
+    contact: f64,
+    /// The body may be touched: then the linearised step predicts no change.
+    touched: bool,
     /// Differences of energy can be told from rounding.
     resolved: bool,
     /// Fraction of the Newton step that is tried.
@@ -49,7 +56,7 @@ impl LineSearch {
         let t = self.fraction;
         // the solved system has d.A d = -slope
         let predicted = self.slope * (t - 0.5 * t * t);
-        (predicted.abs() > self.rounding).then(|| (change / predicted - 1.0).abs())
+        (!self.touched && predicted.abs() > self.rounding).then(|| (change / predicted - 1.0).abs())
     }
 }
 
@@ -62,6 +69,9 @@ impl<S: Scalar> Step<'_, S> {
             .filter(|&i| !self.bodies[i].done)
             .map(|i| self.scratch.line_search(i, &self.bodies[i]))
             .collect();
+        for search in &mut searches {
+            self.add_contact(search);
+        }
         if searches.is_empty() {
             return;
         }
@@ -89,11 +99,31 @@ impl<S: Scalar> Step<'_, S> {
         }
     }
 
+    /// Contact energy and slope at the iterate, with the limits that the direction was found with.
+    fn add_contact(&mut self, search: &mut LineSearch) {
+        search.touched = self.bodies[search.body].touched;
+        if !search.touched {
+            return;
+        }
+        search.contact = self.contact_energy(search.body, At::Iterate, false);
+        search.rounding += noise::<S>() * search.contact;
+        let (scratch, body) = (&*self.scratch, &self.bodies[search.body]);
+        if let Some(contact) = &self.contact {
+            contact.for_forces(&body.bodies, |row, f| {
+                for k in scratch.node.free_axes(row) {
+                    search.slope -= f[k] * scratch.direction[row][k].to_f64();
+                }
+            });
+        }
+        search.resolved = body.mode != Mode::Converge || -search.slope > search.least;
+    }
+
     /// Moves a body by the fraction tried, gives its step up, or halves the fraction.
     fn judge(&mut self, search: &mut LineSearch) {
-        let energy = self.world.resource::<ElasticEnergy>().by_body[search.body];
+        let energy = self.bodies[search.body].sum(&self.world.resource::<ElasticEnergy>().by_body);
+        let contact = self.contact_energy(search.body, At::Trial, false) - search.contact;
         let body = &mut self.bodies[search.body];
-        let change = search.change(energy - body.elastic);
+        let change = search.change(energy - body.elastic + contact);
         if search.accepts(change) {
             body.elastic = energy;
             search.accepted = true;
@@ -174,6 +204,9 @@ impl<S: Scalar> ImplicitScratch<S> {
             quadratic,
             slope,
             rounding,
+            least,
+            contact: 0.0,
+            touched: false,
             resolved,
             fraction: 1.0,
             accepted: false,

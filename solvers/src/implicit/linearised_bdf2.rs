@@ -6,6 +6,7 @@
 //! length) it starts with a safe step.
 
 use super::step::{Mode, Rejected, Step, Weights, noise};
+use super::touch::At;
 use crate::state::write_displacement;
 use sinew_engine::report::VolumeReport;
 use sinew_engine::scalar::Scalar;
@@ -17,13 +18,17 @@ pub const WAIT: u32 = 2;
 impl<S: Scalar> Step<'_, S> {
     /// A trial step for every body whose past allows one, then safe steps for those that failed.
     pub fn linearised_bdf2(&mut self) -> Result<(), StepError> {
-        for body in &mut self.bodies {
+        for index in 0..self.bodies.len() {
+            let impact = self.is_impact(index);
+            let body = &mut self.bodies[index];
             let past = &body.past;
-            let second_order = past.history_holds && past.body.wait == 0 && !body.inverted;
+            let second_order =
+                past.history_holds && past.body.wait == 0 && !body.inverted && !impact;
+            self.report.contact.impacts += u32::from(impact);
             body.mode = if second_order { Mode::Trial } else { Mode::Safe };
             let fallbacks = &mut self.report.fallbacks;
             fallbacks.start += u32::from(!past.history_holds);
-            fallbacks.waiting += u32::from(past.history_holds && !second_order);
+            fallbacks.waiting += u32::from(past.history_holds && !second_order && !impact);
         }
         self.start_at_predictor(self.dt);
         self.minimise()?;
@@ -35,14 +40,23 @@ impl<S: Scalar> Step<'_, S> {
 
     /// Rejects trial steps that end above the energy budget.
     fn test_energies(&mut self) {
-        let scratch = &mut *self.scratch;
-        for body in self.bodies.iter_mut().filter(|b| b.is_open_trial()) {
+        for index in 0..self.bodies.len() {
+            if !self.bodies[index].is_open_trial() {
+                continue;
+            }
+            let put_in = self.contact_energy_at_start(index);
+            let stored = self.contact_energy(index, At::Iterate, false);
+            let scratch = &mut *self.scratch;
+            let body = &mut self.bodies[index];
             scratch.find_velocities(body);
             let rows = body.rows.clone();
             let kinetic = scratch.node.kinetic_energy(rows.clone(), &scratch.velocity)[0];
-            let potential = body.elastic - scratch.node.load_potential(rows, &scratch.iterate);
-            let allowed =
-                body.budget + body.past.body.excess + noise::<S>() * (kinetic + potential.abs());
+            let potential =
+                body.elastic + stored - scratch.node.load_potential(rows, &scratch.iterate);
+            let allowed = body.budget
+                + put_in
+                + body.past.body.excess
+                + noise::<S>() * (kinetic + potential.abs());
             // false for NaN
             let within = kinetic + potential <= allowed;
             if !within {
@@ -57,8 +71,9 @@ impl<S: Scalar> Step<'_, S> {
             return;
         }
         let after = self.inverted_by_body();
-        for (body, inverted) in self.bodies.iter_mut().zip(after) {
-            if body.is_open_trial() && inverted > 0 {
+        for body in &mut self.bodies {
+            let inverted = after[body.bodies.clone()].iter().any(|&count| count > 0);
+            if body.is_open_trial() && inverted {
                 body.reject(Rejected::Inverted);
             }
         }

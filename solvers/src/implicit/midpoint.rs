@@ -13,8 +13,10 @@ impl<S: Scalar> Step<'_, S> {
         for body in &mut self.bodies {
             (body.mode, body.past.history_holds) = (Mode::Converge, false);
         }
+        self.tools_at(0.5);
         self.start_at_predictor(0.5 * self.dt);
         self.minimise()?;
+        self.tools_at(1.0);
         self.extrapolate_from_middle();
         Ok(())
     }

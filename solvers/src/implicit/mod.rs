@@ -42,16 +42,19 @@ mod midpoint;
 mod newton;
 mod start;
 mod step;
+mod touch;
 mod tr_bdf2;
 
 use crate::integrator::Integrator;
 use crate::settings::SolverSettings;
-use crate::state::{evaluate, read_rest, write_state};
+use crate::state::{evaluate, position, read_rest, write_state};
 use crate::support::check_support;
 use bevy_ecs::prelude::*;
 pub use equilibrium::MAX_PARTINGS;
 pub use finish::BUDGET_DECAY;
+use glam::DVec3;
 pub use linearised_bdf2::WAIT;
+use sinew_contact::set::ContactSet;
 use sinew_engine::law::ElasticEnergy;
 use sinew_engine::load::SweptVolumes;
 use sinew_engine::report::StepReport;
@@ -85,16 +88,52 @@ pub fn implicit_step<S: Scalar>(
         scratch.revision = revision;
         scratch.supported = None;
     }
-    let result = if scratch.node.is_empty() {
-        Ok(())
-    } else {
-        Step::new(world, settings, report, &mut scratch).run()
+    let mut contact = world.remove_resource::<ContactSet>();
+    let mut result = match &mut contact {
+        Some(contact) if !scratch.node.is_empty() => prepare(contact, world, settings, &scratch),
+        _ => Ok(()),
     };
+    if result.is_ok() && !scratch.node.is_empty() {
+        let mut step = Step::new(world, settings, report, &mut scratch);
+        step.contact_before = contact.as_ref().map_or(0.0, ContactSet::stored);
+        step.contact = contact;
+        result = step.run();
+        contact = step.contact;
+    }
+    if let Some(contact) = contact {
+        world.insert_resource(contact);
+    }
     if result.is_err() {
         write_state(world, &scratch.node.u, &scratch.node.v);
     }
     world.insert_resource(scratch);
     result
+}
+
+/// What may touch what in the step to come.
+fn prepare<S: Scalar>(
+    contact: &mut ContactSet,
+    world: &mut World,
+    settings: &SolverSettings,
+    scratch: &ImplicitScratch<S>,
+) -> Result<(), StepError> {
+    let x = position(&scratch.rest, &scratch.node.u);
+    let v = |row: u32| {
+        let v = &scratch.node.v[row as usize];
+        DVec3::new(v[0].to_f64(), v[1].to_f64(), v[2].to_f64())
+    };
+    contact.prepare(world, &scratch.rest, &x, &v, true)?;
+    let iterated = matches!(settings.integrator, Integrator::Newton | Integrator::QuasiStatic);
+    match contact.exact_tool().filter(|_| !iterated) {
+        None => Ok(()),
+        Some(name) => Err(StepError::InvalidContact {
+            name: name.into(),
+            problem: format!(
+                "exact contact is for integrator = \"newton\" and \"quasi-static\", not \"{}\"",
+                settings.integrator.name()
+            ),
+        }),
+    }
 }
 
 impl<S: Scalar> Step<'_, S> {

@@ -5,13 +5,13 @@ use super::start::StartEnergies;
 use super::step::{
     BodyStep, FreePiece, ImplicitScratch, Mode, Rejected, Step, Weights, largest_entry,
 };
-use crate::linear_solver::{CgStatus, LinearOptions};
+use crate::linear_solver::{CgOutcome, CgStatus, LinearOptions};
 use crate::state::{NodeState, dot3, evaluate, read_force};
 use crate::system::ShiftedTangent;
 use bevy_ecs::prelude::World;
 use sinew_engine::law::{ElasticEnergy, TangentKind};
 use sinew_engine::matrix::{BlockMatrix, Tangent};
-use sinew_engine::report::SystemTimes;
+use sinew_engine::report::{StepReport, SystemTimes};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepError, not_finite};
 use std::time::{Duration, Instant};
@@ -35,6 +35,7 @@ impl<S: Scalar> Step<'_, S> {
     fn newton(&mut self, at_first_iterate: impl FnOnce(&mut Self)) -> Result<(), StepError> {
         let newton = self.bodies.iter().any(|b| b.mode == Mode::Converge);
         let mut at_first_iterate = Some(at_first_iterate);
+        let mut multiplier_rounds = 0;
         for _ in 0..if newton { self.settings.max_newton_iterations } else { 1 } {
             let kind = self.linearise()?;
             if let Some(act) = at_first_iterate.take() {
@@ -45,7 +46,10 @@ impl<S: Scalar> Step<'_, S> {
             self.take_converged_steps();
             self.line_search();
             if self.bodies.iter().all(|b| b.done) {
-                break;
+                multiplier_rounds += 1;
+                if !(newton && self.next_multipliers(multiplier_rounds)) {
+                    break;
+                }
             }
         }
         let unconverged = |b: &BodyStep| b.mode == Mode::Converge && !b.converged;
@@ -70,7 +74,8 @@ impl<S: Scalar> Step<'_, S> {
         read_force(self.world, &mut self.scratch.force);
         let energies = &self.world.resource::<ElasticEnergy>().by_body;
         let mut finite = true;
-        for (body, &energy) in self.bodies.iter_mut().zip(energies).filter(|(b, _)| !b.done) {
+        for body in self.bodies.iter_mut().filter(|b| !b.done) {
+            let energy = body.sum(energies);
             body.elastic = energy;
             if body.mode == Mode::Trial && !energy.is_finite() {
                 body.reject(Rejected::Energy);
@@ -146,6 +151,9 @@ impl<S: Scalar> Step<'_, S> {
     /// Solves for one body with the tangent last evaluated; false when the matrix is not positive
     /// definite or gives no descent.
     fn solve_body(&mut self, index: usize, warm_start: bool) -> Result<bool, StepError> {
+        if self.bodies[index].touched {
+            return self.solve_touched(index, warm_start);
+        }
         let body = &self.bodies[index];
         let (rows, weights) = (body.rows.clone(), &body.weights);
         if warm_start {
@@ -161,20 +169,15 @@ impl<S: Scalar> Step<'_, S> {
             max_iterations: self.settings.max_linear_iterations,
             preconditioner: self.settings.preconditioner,
             precision: self.settings.linear_precision,
+            reference: 0.0,
         };
         let system = system_matrix(self.world, weights, node, damping);
-        let outcome = linear.solve(&system, rest, index, b, x, &options);
+        let outcome = linear.solve(&system, rest, body.bodies.clone(), b, x, &options);
         let report = &mut *self.report;
-        report.cg_iterations += outcome.iterations;
-        report.preconditioner = outcome.preconditioner.name();
-        report.preconditioner_refreshes += outcome.refreshes;
-        report.preconditioner_breakdowns += outcome.breakdowns;
-        report.precision_fallbacks += u32::from(outcome.fell_back);
+        report.book(&outcome);
         let descent: f64 = b.iter().zip(&*x).map(|(b, d)| dot3(b, d)).sum();
         match outcome.status {
-            CgStatus::NotFinite => {
-                Err(locate(self.world, &self.scratch.residual, "residual force"))
-            }
+            CgStatus::NotFinite => Err(self.not_finite_residual()),
             CgStatus::Converged | CgStatus::Cap if descent > 0.0 || largest_entry(b) == 0.0 => {
                 report.cg_residual = report.cg_residual.max(outcome.residual);
                 report.cg_caps += u32::from(outcome.status == CgStatus::Cap);
@@ -185,13 +188,18 @@ impl<S: Scalar> Step<'_, S> {
         }
     }
 
+    /// Error naming the first vertex whose residual is not finite.
+    pub fn not_finite_residual(&mut self) -> StepError {
+        locate(self.world, &self.scratch.residual, "residual force")
+    }
+
     /// The residual times the inverse diagonal blocks as the direction of a body.
     fn precondition_gradient(&mut self, index: usize) {
         let body = &self.bodies[index];
         let ImplicitScratch { node, residual, direction, damping, .. } = &mut *self.scratch;
         let system = system_matrix(self.world, &body.weights, node, damping);
         let rows = body.rows.clone();
-        system.preconditioned(index, &residual[rows.clone()], &mut direction[rows]);
+        system.preconditioned(body.bodies.clone(), &residual[rows.clone()], &mut direction[rows]);
         self.report.gradient_fallbacks += 1;
     }
 
@@ -211,8 +219,8 @@ impl<S: Scalar> Step<'_, S> {
     }
 }
 
-/// The system matrix of the step.
-fn system_matrix<'a, S: Scalar>(
+/// The system matrix of the step, without contact.
+pub(super) fn system_matrix<'a, S: Scalar>(
     world: &'a World,
     weights: &Weights,
     node: &'a NodeState<S>,
@@ -227,6 +235,7 @@ fn system_matrix<'a, S: Scalar>(
         tangent_factor: S::ONE,
         damping: (!damping.diagonal.is_empty()).then_some((damping, S::from_f64(weights.rate))),
         fixed: &node.fixed,
+        contact: None,
     }
 }
 
@@ -254,7 +263,7 @@ impl<S: Scalar> ImplicitScratch<S> {
     }
 
     /// Starts the linear solve of a body where inertia alone would take it.
-    fn warm_start(&mut self, body: &BodyStep) {
+    pub(super) fn warm_start(&mut self, body: &BodyStep) {
         for row in body.rows.clone() {
             for k in 0..3 {
                 self.direction[row][k] = if self.node.free(row, k) {
@@ -304,6 +313,21 @@ impl<S: Scalar> ImplicitScratch<S> {
                 self.direction[row][k] += S::from_f64(missing[k] / mass);
             }
         }
+    }
+}
+
+/// Books a linear solve in the report.
+pub(super) trait BookSolve {
+    fn book(&mut self, outcome: &CgOutcome);
+}
+
+impl BookSolve for StepReport {
+    fn book(&mut self, outcome: &CgOutcome) {
+        self.cg_iterations += outcome.iterations;
+        self.preconditioner = outcome.preconditioner.name();
+        self.preconditioner_refreshes += outcome.refreshes;
+        self.preconditioner_breakdowns += outcome.breakdowns;
+        self.precision_fallbacks += u32::from(outcome.fell_back);
     }
 }
 

@@ -15,11 +15,12 @@ pub(super) struct StartEnergies {
 }
 
 impl<S: Scalar> Step<'_, S> {
-    /// Elastic energies of the bodies at displacements `u`, by an evaluation.
+    /// Elastic energies of the groups of bodies at displacements `u`, by an evaluation.
     fn elastic_energies(&mut self, u: impl Fn(&ImplicitScratch<S>) -> &[[S; 4]]) -> Vec<f64> {
         evaluate(self.world, u(self.scratch), true, false, None);
         self.report.evaluations += 1;
-        self.world.resource::<ElasticEnergy>().by_body.clone()
+        let by_body = &self.world.resource::<ElasticEnergy>().by_body;
+        self.bodies.iter().map(|body| body.sum(by_body)).collect()
     }
 
     /// Elastic energies (J) of the bodies at the iterate.

@@ -1,5 +1,6 @@
 //! What one implicit step works with: the world, the work space, and what is known of each body.
 
+use super::touch::TouchScratch;
 use crate::history::{History, Past};
 use crate::linear_solver::LinearSolver;
 use crate::orphan::{Orphan, prescribe_orphans};
@@ -8,6 +9,7 @@ use crate::settings::SolverSettings;
 use crate::state::{NodeState, Rows};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
+use sinew_contact::set::ContactSet;
 use sinew_engine::load::SweptVolumes;
 use sinew_engine::matrix::{BlockMatrix, ProductSpans};
 use sinew_engine::report::{StepReport, VolumeReport};
@@ -24,7 +26,12 @@ pub(super) struct Step<'w, S: Scalar> {
     pub settings: &'w SolverSettings,
     pub report: &'w mut StepReport,
     pub scratch: &'w mut ImplicitScratch<S>,
+    /// Bodies that are solved alone, and groups of those that may touch each other.
     pub bodies: Vec<BodyStep>,
+    /// Tools, contact and pulls, in a world that has any.
+    pub contact: Option<ContactSet>,
+    /// Energy (J) stored in contacts at the end of the last step.
+    pub contact_before: f64,
     pub orphans: Vec<Orphan<S>>,
     /// The elastic energies at the end of the last step still hold.
     pub energies_hold: bool,
@@ -74,14 +81,19 @@ pub struct ImplicitScratch<S: Scalar> {
     pub(super) within: WithinStep,
     /// Rest positions (m), read once per topology.
     pub(super) rest: Vec<DVec3>,
+    pub(super) touch: TouchScratch<S>,
     pub(super) revision: u64,
     /// Held axes that are known to support every body.
     pub(super) supported: Option<Vec<FixedAxes>>,
 }
 
-/// What a step knows of a body.
+/// What a step knows of a body, or of consecutive bodies that share a solve.
 #[derive(Clone, Debug)]
 pub(super) struct BodyStep {
+    /// Which bodies.
+    pub bodies: Range<usize>,
+    /// Something may touch or pull it in this step.
+    pub touched: bool,
     pub rows: Range<usize>,
     pub size: f64,
     /// Pieces without held unknowns: their momentum can be balanced exactly.
@@ -179,6 +191,8 @@ impl<'w, S: Scalar> Step<'w, S> {
             report,
             scratch,
             bodies: Vec::new(),
+            contact: None,
+            contact_before: 0.0,
             orphans: Vec::new(),
             energies_hold: false,
             dt,
@@ -207,18 +221,29 @@ impl<'w, S: Scalar> Step<'w, S> {
         let (unchanged, past) = scratch.history.compare(self.world, &scratch.node, self.dt);
         // the potential of a pressure changes with time
         self.energies_hold = unchanged && !self.world.contains_resource::<SweptVolumes>();
-        let ImplicitScratch { recovery, node, rest, .. } = scratch;
+        let ImplicitScratch { recovery, node, rest, history, .. } = &mut *scratch;
         let on = self.settings.recovery;
         let recovers = recovery.update(self.world, on, node, &past, rest, self.report)?;
         let inverted = &self.world.resource::<VolumeReport>().inverted_by_body;
-        let bodies = self.world.resource::<Topology>().bodies.iter().enumerate().zip(past);
-        self.bodies = bodies
-            .map(|((i, body), past)| {
-                let inverted = inverted.get(i).is_some_and(|&count| count > 0);
-                BodyStep::new(body, &node.fixed, inverted, past)
-            })
-            .collect();
-        for (body, _) in self.bodies.iter_mut().zip(recovers).filter(|(_, recovers)| *recovers) {
+        let topology = self.world.resource::<Topology>();
+        let groups = match &self.contact {
+            Some(contact) => contact.groups(topology.bodies.len()),
+            None => (0..topology.bodies.len()).map(|body| body..body + 1).collect(),
+        };
+        let same_groups = history.groups == groups;
+        self.energies_hold &= same_groups;
+        for group in &groups {
+            let past = Past::of_group(&past[group.clone()], same_groups);
+            let inverted = group.clone().any(|i| inverted.get(i).is_some_and(|&count| count > 0));
+            let touched = self.contact.as_ref().is_some_and(|contact| contact.touches(group));
+            let mut body =
+                BodyStep::new(&topology.bodies[group.clone()], &node.fixed, inverted, past);
+            (body.bodies, body.touched) = (group.clone(), touched);
+            self.bodies.push(body);
+        }
+        history.groups = groups;
+        let recovering = |body: &&mut BodyStep| recovers[body.bodies.clone()].contains(&true);
+        for body in self.bodies.iter_mut().filter(recovering) {
             // other energies than those remembered, and safe steps
             body.past = Past::default();
             body.inverted = true;
@@ -228,12 +253,22 @@ impl<'w, S: Scalar> Step<'w, S> {
 }
 
 impl BodyStep {
-    fn new(body: &BodyRows, fixed: &[FixedAxes], inverted: bool, past: Past) -> Self {
-        let rows = body.vertices.start as usize..body.vertices.end as usize;
+    fn new(bodies: &[BodyRows], fixed: &[FixedAxes], inverted: bool, past: Past) -> Self {
+        let rows = |body: &BodyRows| body.vertices.start as usize..body.vertices.end as usize;
+        let free = |body: &BodyRows| match &free_pieces(body, &fixed[rows(body)])[..] {
+            // of several bodies none is the whole
+            [FreePiece::Whole] if bodies.len() > 1 => {
+                vec![FreePiece::Rows(body.vertices.clone().collect())]
+            }
+            pieces => pieces.to_vec(),
+        };
+        let (first, last) = (&bodies[0], &bodies[bodies.len() - 1]);
         Self {
-            free_pieces: free_pieces(body, &fixed[rows.clone()]),
-            rows,
-            size: body.size,
+            bodies: 0..0,
+            touched: false,
+            free_pieces: bodies.iter().flat_map(free).collect(),
+            rows: rows(first).start..rows(last).end,
+            size: bodies.iter().map(|body| body.size).fold(0.0, f64::max),
             inverted,
             mode: Mode::Safe,
             weights: Weights { rate: 0.0, inertia: 0.0, mass_damping: 0.0 },
@@ -245,6 +280,11 @@ impl BodyStep {
             converged: false,
             rejected: None,
         }
+    }
+
+    /// Sum over its bodies.
+    pub fn sum(&self, by_body: &[f64]) -> f64 {
+        by_body[self.bodies.clone()].iter().sum()
     }
 
     /// Uses the projected tangent from the start.

@@ -24,6 +24,7 @@ impl<S: Scalar> Step<'_, S> {
         for body in &mut self.bodies {
             (body.mode, body.weights) = (Mode::Converge, Weights::new(self.settings, h));
         }
+        self.tools_at(0.0);
         // books of the whole step
         let energies = self.begin_with_energies(false);
         self.freeze_damping(|s| &s.node.u);
@@ -46,6 +47,7 @@ impl<S: Scalar> Step<'_, S> {
             }
         }
         self.freeze_damping(|s| &s.iterate);
+        self.tools_at(GAMMA);
         self.minimise()
     }
 
@@ -54,6 +56,12 @@ impl<S: Scalar> Step<'_, S> {
         evaluate(self.world, &self.scratch.node.u, false, true, None);
         self.report.evaluations += 1;
         read_force(self.world, &mut self.scratch.force);
+        self.scratch.trial.clone_from(&self.scratch.node.u);
+        let mut force = std::mem::take(&mut self.scratch.force);
+        for index in 0..self.bodies.len() {
+            self.add_contact_forces(index, &mut force);
+        }
+        self.scratch.force = force;
         let ImplicitScratch { within, node, .. } = &mut *self.scratch;
         within.read(self.world, &node.u, &node.prescribed, &node.fixed);
         let scratch = &mut *self.scratch;
@@ -102,6 +110,7 @@ impl<S: Scalar> Step<'_, S> {
             }
         }
         self.freeze_damping(|s| &s.iterate);
+        self.tools_at(1.0);
         self.minimise()
     }
 }

@@ -314,6 +314,7 @@ impl Forward {
             tangent_factor: 1.0,
             damping: None,
             fixed: &self.fixed,
+            contact: None,
         };
         let options = LinearOptions {
             tolerance: TOLERANCE,
@@ -327,7 +328,8 @@ impl Forward {
         }
         let mut own = vec![[0.0; 4]; rows.len()];
         let handle = self.scene.bodies[body].handle.0;
-        let outcome = solver.solve(&system, &self.rest, handle, &load_rows, &mut own, &options);
+        let outcome =
+            solver.solve(&system, &self.rest, handle..handle + 1, &load_rows, &mut own, &options);
         self.solver = solver;
         match outcome.status {
             CgStatus::Converged => {}

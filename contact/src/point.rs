@@ -1,0 +1,317 @@
+//! One point of contact: its law, with derivatives.
+//!
+//! Pressure `p = k <-g>` on the rest area `A` of the point, a potential in the signed distance `g`; friction as a
+//! spring with memory whose force is capped at the limit of the last iterate (Coulomb), a potential too within the
+//! step, so that line search and energy cap stay valid (Simo & Laursen 1992 integrate friction alike):
+//!
+//! * normal: `A k <-g>^2 / 2`, force `A p n`, tangent `A k n n^T`. What the curvature of the tool adds is left out: it
+//!   is small beside and negative.
+//! * friction: slip `t = P (e + x - x_tool)` since the point began to stick, `P` the projection on the tangent plane,
+//!   `l = |t|`, `A k l^2 / 2` while `k l` is below the limit `mu p`, else `A (mu p l - (mu p)^2 / (2 k))`.
+
+use crate::pair::beside;
+use crate::shape::Shape;
+use glam::{DMat3, DQuat, DVec3};
+
+/// What makes a point come back in the next step: who touches, which part of it, and which point of the surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Key {
+    /// Index of the body whose surface the point is on.
+    pub body: u32,
+    /// Place of tool, pair or pull in the order of creation.
+    pub owner: u64,
+    /// Part of a tool, direction of a pair.
+    pub part: u32,
+    /// Vertex row, or vertex rows of a face and the number of the point in it.
+    pub point: [u32; 4],
+}
+
+/// What is kept of a point in contact from step to step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Memory {
+    /// Elastic slip (m) in the world.
+    pub slip: DVec3,
+    /// Unit normal, from tool to tissue; zero of points that are near but do not touch.
+    pub normal: DVec3,
+    /// Pressure (Pa).
+    pub pressure: f64,
+    /// Held whatever the pressure, until the jaws open.
+    pub gripped: bool,
+    /// Side (1 or -1) of a membrane on which a point of another surface is, 0 unknown.
+    pub side: f64,
+}
+
+/// A rigid motion: centre and rotation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rigid {
+    pub centre: DVec3,
+    pub rotation: DQuat,
+}
+
+impl Rigid {
+    /// Where a point of the rigid body that is at `x` in this pose is in another one.
+    pub fn carry(&self, x: DVec3, to: &Self) -> DVec3 {
+        to.centre + to.rotation * (self.rotation.inverse() * (x - self.centre))
+    }
+
+    /// A direction likewise.
+    pub fn turn(&self, d: DVec3, to: &Self) -> DVec3 {
+        to.rotation * (self.rotation.inverse() * d)
+    }
+
+    /// On the way to another: evenly.
+    pub fn towards(&self, to: &Self, part: f64) -> Self {
+        if part >= 1.0 {
+            return *to;
+        }
+        Self {
+            centre: self.centre + (to.centre - self.centre) * part,
+            rotation: self.rotation.lerp(to.rotation, part),
+        }
+    }
+}
+
+/// What a point touches.
+#[derive(Clone, Debug)]
+pub(crate) enum Against {
+    /// Part of a tool: index into the parts.
+    Part(usize),
+    /// Faces of a body: range of the list of faces.
+    Faces(std::ops::Range<usize>),
+    /// A hand that draws it: place (m) drawn to at the end and at the start of the step (now it is `carried`),
+    /// damping (N s/m), and that over the time since the start of the step (N/m).
+    Hand { to: DVec3, from: DVec3, damping: f64, rate: f64 },
+}
+
+/// A point that something may touch in this step.
+#[derive(Clone, Debug)]
+pub(crate) struct Point {
+    pub key: Key,
+    pub against: Against,
+    /// Vertex rows; unused ones have weight 0.
+    pub rows: [u32; 3],
+    pub weights: [f64; 3],
+    /// Rest area (m^2); of pulls the share of the patch.
+    pub area: f64,
+    /// Pressure over penetration (Pa/m); of pulls the stiffness (N/m).
+    pub k: f64,
+    /// Coefficient of friction, infinite for a grip.
+    pub mu: f64,
+    pub memory: Memory,
+    /// Place (m) at the start of the step.
+    pub start: DVec3,
+    /// Slip kept, turned with the tool, and the place (m) that the point would have if it went with the tool. Of
+    /// pulls: places (m) drawn to at the start of the step and now.
+    pub slip: DVec3,
+    pub carried: DVec3,
+    /// Limit (Pa) of friction and normal of the last iterate.
+    pub limit: f64,
+    pub normal: DVec3,
+    /// Multiplier (Pa) of exact contact.
+    pub multiplier: Option<f64>,
+    /// A remembered normal is to be kept to, turned with the tool.
+    pub side: Option<DVec3>,
+}
+
+/// A part of a tool in this step.
+#[derive(Clone, Debug)]
+pub(crate) struct PartNow {
+    pub shape: Shape,
+    /// Index into the tools of the step.
+    pub tool: usize,
+    pub start: Rigid,
+    pub end: Rigid,
+    pub now: Rigid,
+    /// How far (m) its surface is drawn in.
+    pub drawn_in: f64,
+}
+
+/// A point as it is at some state.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Active {
+    /// It pushes or holds.
+    pub on: bool,
+    /// Vertex rows that it acts on, and their shares; those of faces on the other side are negative.
+    pub rows: [u32; 4],
+    pub weights: [f64; 4],
+    /// Place (m).
+    pub at: DVec3,
+    /// Normal and friction force (N) on a share of 1.
+    pub push: DVec3,
+    pub rub: DVec3,
+    /// Tangent (N/m), symmetric and positive semi-definite.
+    pub block: DMat3,
+    /// Energy (J).
+    pub energy: f64,
+    /// Signed distance (m).
+    pub gap: f64,
+    /// Unit normal.
+    pub normal: DVec3,
+    /// Pressure (Pa).
+    pub pressure: f64,
+    /// Slip (m) since it began to stick.
+    pub slip: DVec3,
+}
+
+impl Default for Active {
+    fn default() -> Self {
+        Self {
+            on: false,
+            rows: [0; 4],
+            weights: [0.0; 4],
+            at: DVec3::ZERO,
+            push: DVec3::ZERO,
+            rub: DVec3::ZERO,
+            block: DMat3::ZERO,
+            energy: 0.0,
+            gap: f64::INFINITY,
+            normal: DVec3::ZERO,
+            pressure: 0.0,
+            slip: DVec3::ZERO,
+        }
+    }
+}
+
+/// `a b^T`.
+fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+impl Point {
+    /// Place (m) among positions.
+    pub fn at(&self, x: &dyn Fn(u32) -> DVec3) -> DVec3 {
+        let mut at = x(self.rows[0]) * self.weights[0];
+        for i in 1..3 {
+            if self.weights[i] != 0.0 {
+                at += x(self.rows[i]) * self.weights[i];
+            }
+        }
+        at
+    }
+
+    /// The point at positions `x`. With `limits` it takes limit and normal of friction from there, else those of the
+    /// last time, as the energy needs.
+    pub fn evaluate(
+        &mut self,
+        parts: &[PartNow],
+        faces: &[[u32; 3]],
+        x: &dyn Fn(u32) -> DVec3,
+        start: &dyn Fn(u32) -> DVec3,
+        limits: bool,
+    ) -> Active {
+        let at = self.at(x);
+        let [a, b, c] = self.rows;
+        let [u, v, w] = self.weights;
+        let mut active =
+            Active { rows: [a, b, c, a], weights: [u, v, w, 0.0], at, ..Active::default() };
+        let gradient;
+        match &self.against {
+            Against::Hand { rate, .. } => {
+                let (stretch, way) =
+                    (at - self.carried, (at - self.start) - (self.carried - self.slip));
+                let (k, c) = (self.area * self.k, self.area * rate);
+                active.on = true;
+                active.push = -k * stretch;
+                active.rub = -c * way;
+                active.energy = 0.5 * k * stretch.length_squared() + 0.5 * c * way.length_squared();
+                active.block = DMat3::from_diagonal(DVec3::splat(k + c));
+                active.gap = stretch.length();
+                return active;
+            }
+            Against::Part(part) => {
+                let part = &parts[*part];
+                (active.gap, gradient) = part.gap(at, self.side);
+            }
+            Against::Faces(range) => {
+                let side = (self.memory.side != 0.0).then_some(self.memory.side);
+                let Some(near) = beside(at, &faces[range.clone()], x, side) else { return active };
+                (active.gap, gradient) = (near.distance, near.normal);
+                let [d, e, f] = near.face;
+                let [p, q, r] = near.weights;
+                (active.rows, active.weights) = ([a, d, e, f], [1.0, -p, -q, -r]);
+                let way = |row: u32| x(row) - start(row);
+                // what goes with the faces: the slip is the rest of the way
+                self.carried = at - (way(a) - way(d) * p - way(e) * q - way(f) * r);
+            }
+        }
+        let lambda = self.multiplier.unwrap_or(0.0);
+        active.pressure = (lambda - self.k * active.gap).max(0.0);
+        active.normal = gradient.normalize_or_zero();
+        if limits {
+            self.limit = match self.mu {
+                mu if mu.is_infinite() && (active.pressure > 0.0 || self.memory.gripped) => mu,
+                mu if mu > 0.0 && active.pressure > 0.0 => mu * active.pressure,
+                _ => 0.0,
+            };
+            self.normal = active.normal;
+        }
+        if active.pressure > 0.0 {
+            active.on = true;
+            let stiffness = self.area * self.k;
+            active.push = self.area * active.pressure * gradient;
+            active.block = stiffness * outer(gradient, gradient);
+            active.energy =
+                0.5 * self.area / self.k * (active.pressure * active.pressure - lambda * lambda);
+        }
+        if self.limit > 0.0 {
+            active.on = true;
+            let way = self.slip + at - self.carried;
+            let n = self.normal;
+            let tangent =
+                if self.memory.gripped { DMat3::IDENTITY } else { DMat3::IDENTITY - outer(n, n) };
+            let t = tangent * way;
+            let (l, k, limit) = (t.length(), self.k, self.limit);
+            active.slip = t;
+            if k * l <= limit {
+                active.rub = -self.area * k * t;
+                active.energy += 0.5 * self.area * k * l * l;
+                active.block += self.area * k * tangent;
+            } else {
+                active.rub = -self.area * limit / l * t;
+                active.energy += self.area * (limit * l - 0.5 * limit * limit / k);
+                active.block += self.area * limit / l * (tangent - outer(t, t) / (l * l));
+            }
+        }
+        active
+    }
+
+    /// Elastic slip (m) that is left of an evaluation: what the limit holds.
+    pub fn kept_slip(&self, active: &Active) -> DVec3 {
+        let l = active.slip.length();
+        if self.limit <= 0.0 || (active.pressure <= 0.0 && !self.is_held()) {
+            DVec3::ZERO
+        } else if self.k * l <= self.limit {
+            active.slip
+        } else {
+            active.slip * (self.limit / (self.k * l))
+        }
+    }
+
+    /// Whether it is held whatever the pressure.
+    pub fn is_held(&self) -> bool {
+        self.limit.is_infinite()
+    }
+}
+
+impl PartNow {
+    /// Signed distance (m) of a point in the world and its gradient; with a remembered normal, that side is kept to:
+    /// where the nearest surface has become that of the other side, the distance is that to the surface along the
+    /// normal.
+    pub fn gap(&self, at: DVec3, side: Option<DVec3>) -> (f64, DVec3) {
+        let Rigid { centre, rotation } = self.now;
+        let inverse = rotation.inverse();
+        let y = inverse * (at - centre);
+        let (distance, gradient) = self.shape.distance(y);
+        if let Some(side) = side.filter(|_| distance < 0.0) {
+            let along = inverse * side;
+            if gradient.dot(along) < 0.0 {
+                let (way, exit) = self.shape.way_out(y, along);
+                let slope = exit.dot(along);
+                if slope > 0.05 {
+                    return (self.drawn_in - way, rotation * (exit / slope));
+                }
+            }
+        }
+        (distance + self.drawn_in, rotation * gradient)
+    }
+}

@@ -1,0 +1,271 @@
+//! Shapes of tools: signed distance, negative inside, and its gradient, in the frame of the shape.
+
+use crate::field::DistanceField;
+use glam::{DQuat, DVec3};
+use std::sync::Arc;
+
+/// What a tool is made of. Lengths in metres, in the shape's own frame, whose origin is its centre.
+#[derive(Clone, Debug)]
+pub enum Shape {
+    /// A ball.
+    Sphere {
+        /// Radius (m).
+        radius: f64,
+    },
+    /// A rod with round ends along the x axis.
+    Capsule {
+        /// Half the distance between the centres of its ends (m).
+        half_length: f64,
+        /// Radius (m).
+        radius: f64,
+    },
+    /// A box with rounded edges.
+    Box {
+        /// Half sizes (m), rounding included.
+        half: DVec3,
+        /// Radius of its edges (m). Points deeper than that are pushed out through the wrong side, so it should
+        /// be several times the penetration.
+        rounding: f64,
+    },
+    /// All points with `z <= 0`: a table or floor whose normal is the z axis.
+    HalfSpace,
+    /// A closed mesh.
+    Field(Arc<DistanceField>),
+}
+
+impl Shape {
+    /// What is wrong with its sizes, if anything.
+    pub fn problem(&self) -> Option<String> {
+        let positive = |what: &str, x: f64| {
+            (!(x > 0.0 && x.is_finite()))
+                .then(|| format!("its {what} is {x} m: it must be positive and finite"))
+        };
+        match self {
+            Self::Sphere { radius } => positive("radius", *radius),
+            Self::Capsule { half_length, radius } => {
+                positive("radius", *radius).or_else(|| positive("half length", *half_length))
+            }
+            Self::Box { half, rounding } => {
+                let smallest = half.min_element();
+                positive("half size", smallest)
+                    .or_else(|| positive("half size", half.max_element()))
+                    .or_else(|| positive("rounding", *rounding))
+                    .or_else(|| {
+                        (*rounding > smallest).then(|| {
+                            format!(
+                                "its rounding is {rounding} m: it can be at most its smallest half size, \
+                                 {smallest} m"
+                            )
+                        })
+                    })
+            }
+            Self::HalfSpace | Self::Field(_) => None,
+        }
+    }
+
+    /// Signed distance (m) at `y`, negative inside, and its gradient, of length one for all but fields.
+    #[inline]
+    pub fn distance(&self, y: DVec3) -> (f64, DVec3) {
+        let round = |arm: DVec3, radius: f64| {
+            let length = arm.length();
+            // in the very middle any direction is as good
+            let normal = if length > 0.0 { arm / length } else { DVec3::Z };
+            (length - radius, normal)
+        };
+        match self {
+            Self::Sphere { radius } => round(y, *radius),
+            Self::Capsule { half_length, radius } => {
+                let along = y.x.clamp(-half_length, *half_length);
+                round(y - DVec3::new(along, 0.0, 0.0), *radius)
+            }
+            Self::Box { half, rounding } => {
+                let sign = DVec3::new(sign(y.x), sign(y.y), sign(y.z));
+                let q = y.abs() - (*half - DVec3::splat(*rounding));
+                let deepest = q.max_element();
+                if deepest > 0.0 {
+                    let (distance, normal) = round(q.max(DVec3::ZERO), *rounding);
+                    (distance, sign * normal)
+                } else {
+                    let axis = if q.x == deepest {
+                        DVec3::X
+                    } else if q.y == deepest {
+                        DVec3::Y
+                    } else {
+                        DVec3::Z
+                    };
+                    (deepest - rounding, sign * axis)
+                }
+            }
+            Self::HalfSpace => (y.z, DVec3::Z),
+            Self::Field(field) => field.distance(y),
+        }
+    }
+
+    /// Way (m) from a point inside along the unit vector `along` to the surface, and the gradient of the signed
+    /// distance there. The surface is found by steps of the distance, which never pass it.
+    pub fn way_out(&self, from: DVec3, along: DVec3) -> (f64, DVec3) {
+        let mut way = 0.0;
+        let mut gradient = along;
+        let size = self.thickness().min(1e6);
+        for _ in 0..200 {
+            let (distance, now) = self.distance(from + way * along);
+            gradient = now;
+            if distance >= -1e-12 * size {
+                break;
+            }
+            // near the surface the distance along a slanting ray is longer than the way to the surface
+            let slope = now.dot(along);
+            let newton = if slope > 0.1 { -distance / slope } else { -distance };
+            let (beyond, at) = self.distance(from + (way + newton) * along);
+            if beyond.abs() < 1e-12 * size {
+                way += newton;
+                gradient = at;
+                break;
+            }
+            way += if beyond < 0.0 { newton } else { -distance };
+        }
+        (way, gradient)
+    }
+
+    /// Radius (m) of the ball round the centre of the frame that holds it.
+    pub fn reach(&self) -> f64 {
+        match self {
+            Self::Sphere { radius } => *radius,
+            Self::Capsule { half_length, radius } => half_length + radius,
+            Self::Box { half, .. } => half.length(),
+            Self::HalfSpace => f64::INFINITY,
+            Self::Field(field) => {
+                let [low, high] = field.bounds();
+                low.abs().max(high.abs()).length()
+            }
+        }
+    }
+
+    /// Half of its smallest extent (m): what decides how dense the points that it touches have to be, and how far
+    /// it may move at once.
+    pub fn thickness(&self) -> f64 {
+        match self {
+            Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
+            Self::Box { half, .. } => half.min_element(),
+            Self::HalfSpace => f64::INFINITY,
+            Self::Field(field) => {
+                let [low, high] = field.bounds();
+                0.5 * (high - low).min_element()
+            }
+        }
+    }
+
+    /// The axis-parallel box (m) that holds it when it stands at `centre`, turned by `rotation`; infinite for a
+    /// half-space.
+    pub fn bounds(&self, centre: DVec3, rotation: DQuat) -> [DVec3; 2] {
+        let (middle, half) = match self {
+            Self::Sphere { radius } => (DVec3::ZERO, DVec3::splat(*radius)),
+            Self::Capsule { half_length, radius } => {
+                let axis = (rotation * DVec3::X).abs() * *half_length;
+                return [centre - axis - *radius, centre + axis + *radius];
+            }
+            Self::Box { half, .. } => (DVec3::ZERO, *half),
+            Self::HalfSpace => {
+                return [DVec3::splat(f64::NEG_INFINITY), DVec3::splat(f64::INFINITY)];
+            }
+            Self::Field(field) => {
+                let [low, high] = field.bounds();
+                (0.5 * (low + high), 0.5 * (high - low))
+            }
+        };
+        let centre = centre + rotation * middle;
+        if matches!(self, Self::Sphere { .. }) {
+            return [centre - half, centre + half];
+        }
+        let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| (rotation * axis).abs());
+        let half = x * half.x + y * half.y + z * half.z;
+        [centre - half, centre + half]
+    }
+}
+
+/// `1` or `-1`, never `0`.
+fn sign(x: f64) -> f64 {
+    if x < 0.0 { -1.0 } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn shapes() -> Vec<Shape> {
+        vec![
+            Shape::Sphere { radius: 0.7 },
+            Shape::Capsule { half_length: 0.8, radius: 0.4 },
+            Shape::Box { half: DVec3::new(0.9, 0.5, 0.7), rounding: 0.3 },
+            Shape::HalfSpace,
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn gradients_are_derivatives(x in -2.0..2.0, y in -2.0..2.0, z in -2.0..2.0) {
+            for shape in shapes() {
+                let at = DVec3::new(x, y, z);
+                let (distance, gradient) = shape.distance(at);
+                prop_assert!((gradient.length() - 1.0).abs() < 1e-12);
+                // away from where sides meet inside
+                if distance < -0.25 {
+                    continue;
+                }
+                let h = 1e-6;
+                for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+                    let difference =
+                        (shape.distance(at + h * axis).0 - shape.distance(at - h * axis).0) / (2.0 * h);
+                    prop_assert!((difference - gradient.dot(axis)).abs() < 1e-5, "{shape:?} {at}");
+                }
+            }
+        }
+
+        #[test]
+        fn the_way_out_ends_on_the_surface(
+            x in -0.5..0.5, y in -0.3..0.3, z in -0.3..0.3, turn in 0.0..6.2, height in -0.9..0.9,
+        ) {
+            let across = f64::sqrt(1.0 - height * height);
+            let along = DVec3::new(across * libm::cos(turn), across * libm::sin(turn), height);
+            for shape in &shapes()[..3] {
+                let from = DVec3::new(x, y, z);
+                if shape.distance(from).0 < 0.0 {
+                    let (way, gradient) = shape.way_out(from, along);
+                    prop_assert!(shape.distance(from + way * along).0.abs() < 1e-9, "{shape:?} {from}");
+                    prop_assert!(gradient.dot(along) > 0.0);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn bounds_hold_the_shape() {
+        let rotation = DQuat::from_xyzw(0.1, 0.5, -0.3, 0.7).normalize();
+        let centre = DVec3::new(3.0, -1.0, 2.0);
+        for shape in &shapes()[..3] {
+            let [low, high] = shape.bounds(centre, rotation);
+            let mut reached = [false; 2];
+            for i in 0..40_000 {
+                let t = f64::from(i) * 2.399_963;
+                let height = 1.0 - 2.0 * (f64::from(i) + 0.5) / 40_000.0;
+                let across = f64::sqrt(1.0 - height * height);
+                let along = DVec3::new(across * libm::cos(t), across * libm::sin(t), height);
+                let (way, _) = shape.way_out(DVec3::ZERO, along);
+                let at = centre + rotation * (way * along);
+                assert!((at - low).min_element() > -1e-9 && (high - at).min_element() > -1e-9);
+                reached[0] |= (at - low).min_element() < 0.01;
+                reached[1] |= (high - at).min_element() < 0.01;
+            }
+            assert_eq!(reached, [true; 2], "{shape:?}");
+        }
+    }
+
+    #[test]
+    fn shapes_without_size_are_named() {
+        assert!(Shape::Sphere { radius: 0.0 }.problem().unwrap().contains("radius is 0 m"));
+        let problem = Shape::Box { half: DVec3::ONE, rounding: 2.0 }.problem().unwrap();
+        assert!(problem.contains("at most its smallest half size"), "{problem}");
+        assert_eq!(Shape::HalfSpace.problem(), None);
+    }
+}

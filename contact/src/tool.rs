@@ -1,0 +1,472 @@
+//! Tools: rigid shapes that press, drag and grasp bodies, their motion, and what they report.
+
+use crate::shape::Shape;
+use bevy_ecs::prelude::*;
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+use sinew_engine::load::{Curve, rotation};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Where a tool is: its origin and its rotation in the world, and how far its jaws are open.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolPose {
+    /// Place (m) of the tool's origin.
+    pub position: DVec3,
+    /// Rotation of the tool.
+    pub rotation: DQuat,
+    /// Angle (rad) between its jaws, 0 for tools without.
+    pub opening: f64,
+}
+
+impl Default for ToolPose {
+    fn default() -> Self {
+        Self { position: DVec3::ZERO, rotation: DQuat::IDENTITY, opening: 0.0 }
+    }
+}
+
+impl From<DVec3> for ToolPose {
+    fn from(position: DVec3) -> Self {
+        Self { position, ..Self::default() }
+    }
+}
+
+impl ToolPose {
+    /// What is wrong with it, if anything; a rotation of another length than one is made one.
+    fn checked(mut self) -> Result<Self, String> {
+        if !(self.position.is_finite() && self.rotation.is_finite() && self.opening.is_finite()) {
+            return Err(format!("{self:?} has a number that is not finite"));
+        }
+        let length = self.rotation.length();
+        if !length.is_normal() {
+            return Err(format!("{} is no rotation; use DQuat::IDENTITY for none", self.rotation));
+        }
+        if (length - 1.0).abs() > 1e-12 {
+            self.rotation /= length;
+        }
+        Ok(self)
+    }
+
+    /// A pose on the way to another, which is reached evenly; rotations along the shorter arc.
+    pub fn towards(&self, to: &Self, part: f64) -> Self {
+        if part >= 1.0 {
+            return *to;
+        }
+        Self {
+            position: self.position + (to.position - self.position) * part,
+            rotation: self.rotation.lerp(to.rotation, part),
+            opening: self.opening + (to.opening - self.opening) * part,
+        }
+    }
+}
+
+/// A rigid part of a tool.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Its shape.
+    pub shape: Shape,
+    /// Place (m) of the shape's centre in the frame of the tool.
+    pub at: DVec3,
+    /// Rotation of the shape in the frame of the tool.
+    pub rotation: DQuat,
+    /// Share of the opening angle by which it turns about the hinge: 0 for a part that is no jaw, 0.5 and -0.5 for
+    /// two jaws, 1 for a single one.
+    pub jaw: f64,
+}
+
+impl From<Shape> for Part {
+    fn from(shape: Shape) -> Self {
+        Self { shape, at: DVec3::ZERO, rotation: DQuat::IDENTITY, jaw: 0.0 }
+    }
+}
+
+/// The hinge of the jaws, in the frame of the tool.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hinge {
+    /// A point on it (m).
+    pub point: DVec3,
+    /// Its direction, any length.
+    pub axis: DVec3,
+}
+
+impl Default for Hinge {
+    fn default() -> Self {
+        Self { point: DVec3::ZERO, axis: DVec3::Z }
+    }
+}
+
+/// A pose at a time (s) of a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathPoint {
+    /// Time (s).
+    pub time: f64,
+    /// Pose then.
+    pub pose: ToolPose,
+}
+
+/// How a tool moves.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum ToolMotion {
+    /// It stays, or goes where [`Tool::set_target`] says: there at the end of the next step, evenly through the step.
+    #[default]
+    Follow,
+    /// From pose to pose, evenly between their times; it stays at the last one.
+    Path(Vec<PathPoint>),
+    /// A translation (m) from its first pose, scaled by a curve.
+    Translate(DVec3, Curve),
+}
+
+/// Which points of a surface touch a tool.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Points {
+    /// Vertices where the tool is thick beside the edges of the surface, else points on faces (default).
+    #[default]
+    Auto,
+    /// Vertices, each with a third of the rest areas of the faces round it.
+    Vertex,
+    /// The midpoints of `n^2` equal triangles on every face; for 2 the three Gauss points (2/3, 1/6, 1/6).
+    Faces(u32),
+}
+
+/// Most points along an edge.
+pub const MOST_POINTS: u32 = 8;
+
+/// Stiffness of contact: pressure over penetration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stiffness {
+    /// Times Young's modulus of the body there over its mean edge. The default is 50: depth and force then differ
+    /// from those of exact contact by 0.2 to 4 %.
+    Relative(f64),
+    /// In Pa/m.
+    Absolute(f64),
+}
+
+impl Default for Stiffness {
+    fn default() -> Self {
+        Self::Relative(50.0)
+    }
+}
+
+impl Stiffness {
+    /// What is wrong with it, if anything.
+    pub(crate) fn problem(&self) -> Option<String> {
+        let (Self::Relative(x) | Self::Absolute(x)) = *self;
+        (!(x > 0.0 && x.is_finite()))
+            .then(|| format!("its stiffness is {x}: it must be positive and finite"))
+    }
+}
+
+/// A tool: an entity that touches the bodies of its world. Its pose comes from its motion; it never feels forces, it
+/// reports them.
+#[derive(Component, Clone, Debug)]
+#[require(ToolReport)]
+#[component(on_add = crate::set::install)]
+pub struct Tool {
+    /// Name for reports and probes.
+    pub name: String,
+    /// What it is made of.
+    pub parts: Vec<Part>,
+    /// Hinge of its jaws.
+    pub hinge: Hinge,
+    /// Where it stands at first.
+    pub start: ToolPose,
+    /// How it moves.
+    pub motion: ToolMotion,
+    /// Coefficient of friction (Coulomb), 0 for none.
+    pub friction: f64,
+    /// While true, what touches it does not slip, however little it is pressed: jaws that are closed for good.
+    pub grip: bool,
+    /// Which points touch it.
+    pub points: Points,
+    /// Stiffness of contact.
+    pub stiffness: Stiffness,
+    /// No penetration: multipliers are iterated until nothing is left of it. For the integrators `newton` and
+    /// `quasi-static`, and vertices as points.
+    pub exact: bool,
+    /// A point that was pushed out through one side stays on it however deep the tool goes (default). Without, it
+    /// leaves through the nearest side.
+    pub keeps_side: bool,
+    /// Also finds the force that points of the other kind give, as an error bar ([`ToolReport::other_points`]).
+    pub error_bar: bool,
+    /// Triangles of vertex rows that it touches; all surfaces without.
+    pub faces: Option<Vec<[u32; 3]>>,
+    /// Time (s) from which it touches.
+    pub from: f64,
+    /// Time (s) after which it touches no more.
+    pub until: f64,
+    /// Target set by the program.
+    pub(crate) target: Option<ToolPose>,
+    /// The target is a place to appear at, not one to move to.
+    pub(crate) placed: bool,
+    /// Place in the order of creation.
+    pub(crate) sequence: u64,
+}
+
+/// Tools and the like made so far.
+static MADE: AtomicU64 = AtomicU64::new(0);
+
+/// The next place in the order of creation.
+pub(crate) fn next_sequence() -> u64 {
+    MADE.fetch_add(1, Ordering::Relaxed)
+}
+
+/// A tool that cannot be used, or a target that it cannot follow.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ToolError {
+    /// A size, coefficient or time is unusable.
+    #[error("tool `{name}`: {problem}")]
+    Invalid {
+        /// Tool.
+        name: String,
+        /// What is wrong, and with which value.
+        problem: String,
+    },
+    /// There is no such tool.
+    #[error("entity {0} is no tool; use what `add_tool` returned")]
+    NoTool(Entity),
+}
+
+impl Tool {
+    /// A tool of one shape whose centre is at `position` (m), at rest, without friction.
+    pub fn new(name: impl Into<String>, shape: Shape, position: DVec3) -> Self {
+        Self::of_parts(name, vec![shape.into()], position.into())
+    }
+
+    /// A tool of several parts.
+    pub fn of_parts(name: impl Into<String>, parts: Vec<Part>, start: ToolPose) -> Self {
+        Self {
+            name: name.into(),
+            parts,
+            hinge: Hinge::default(),
+            start,
+            motion: ToolMotion::Follow,
+            friction: 0.0,
+            grip: false,
+            points: Points::Auto,
+            stiffness: Stiffness::default(),
+            exact: false,
+            keeps_side: true,
+            error_bar: false,
+            faces: None,
+            from: f64::NEG_INFINITY,
+            until: f64::INFINITY,
+            target: None,
+            placed: false,
+            sequence: next_sequence(),
+        }
+    }
+
+    /// A half-space at rest whose surface goes through `point` (m); `normal`, any length, points out of it.
+    pub fn ground(name: impl Into<String>, point: DVec3, normal: DVec3) -> Self {
+        let rotation = match normal.try_normalize() {
+            Some(normal) => DQuat::from_rotation_arc(DVec3::Z, normal),
+            // refused by `problem`
+            None => DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0),
+        };
+        let start = ToolPose { position: point, rotation, opening: 0.0 };
+        Self::of_parts(name, vec![Shape::HalfSpace.into()], start)
+    }
+
+    /// With a coefficient of friction.
+    #[must_use]
+    pub fn with_friction(mut self, coefficient: f64) -> Self {
+        self.friction = coefficient;
+        self
+    }
+
+    /// Moves the tool: it is there at the end of the next step, evenly through the step, and stays there until
+    /// another target is set. Its speed is the way over the length of the step.
+    ///
+    /// # Errors
+    /// When the pose is not finite or no rotation, or the tool has a motion of its own.
+    pub fn set_target(&mut self, pose: impl Into<ToolPose>) -> Result<(), ToolError> {
+        self.set(pose.into(), false)
+    }
+
+    /// Puts the tool somewhere else at once, without touching anything on the way. Where it then stands inside of a
+    /// body, the body is pushed out slowly.
+    ///
+    /// # Errors
+    /// As [`Tool::set_target`].
+    pub fn place(&mut self, pose: impl Into<ToolPose>) -> Result<(), ToolError> {
+        self.set(pose.into(), true)
+    }
+
+    fn set(&mut self, pose: ToolPose, placed: bool) -> Result<(), ToolError> {
+        let invalid = |name: &String, problem| ToolError::Invalid { name: name.clone(), problem };
+        if self.motion != ToolMotion::Follow {
+            let problem = "it moves by a path or curve of its own and cannot be given targets";
+            return Err(invalid(&self.name, problem.into()));
+        }
+        let pose = pose.checked().map_err(|p| invalid(&self.name, format!("target: {p}")))?;
+        self.target = Some(pose);
+        self.placed |= placed;
+        Ok(())
+    }
+
+    /// Whether it touches at a time (s).
+    pub fn active(&self, t: f64) -> bool {
+        t >= self.from && t <= self.until
+    }
+
+    /// What is wrong with it in a world of `rows` vertices, if anything.
+    pub fn problem(&self, rows: usize) -> Option<String> {
+        if self.parts.is_empty() {
+            return Some("it has no parts".into());
+        }
+        for (i, part) in self.parts.iter().enumerate() {
+            let of = |problem: String| {
+                if self.parts.len() == 1 { problem } else { format!("part {i}: {problem}") }
+            };
+            if let Some(problem) = part.shape.problem() {
+                return Some(of(problem));
+            }
+            if !(part.at.is_finite() && part.jaw.is_finite()) {
+                return Some(of("its place is not finite".into()));
+            }
+            if !((part.rotation.length() - 1.0).abs() < 1e-6) {
+                return Some(of(format!("{} is no rotation of length one", part.rotation)));
+            }
+            if part.jaw != 0.0
+                && !(self.hinge.point.is_finite() && self.hinge.axis.try_normalize().is_some())
+            {
+                return Some("the axis of its hinge has no usable direction".into());
+            }
+        }
+        if let Err(problem) = self.start.checked() {
+            return Some(problem);
+        }
+        if !(self.friction >= 0.0 && self.friction.is_finite()) {
+            return Some(format!(
+                "its friction is {}: the coefficient must be 0 or positive",
+                self.friction
+            ));
+        }
+        if let Points::Faces(n) = self.points
+            && !(2..=MOST_POINTS).contains(&n)
+        {
+            return Some(format!("its points are faces({n}): 2 to {MOST_POINTS} can be had"));
+        }
+        if self.exact && self.points != Points::Vertex {
+            return Some(
+                "exact contact needs points = \"vertex\": points on faces would hold more than the \
+                 surface can move"
+                    .into(),
+            );
+        }
+        if self.exact && self.friction > 0.0 {
+            return Some("exact contact has no friction; leave one of the two out".into());
+        }
+        if self.from.is_nan() || self.until.is_nan() {
+            return Some("its times are not numbers".into());
+        }
+        let faces = self.faces.iter().flatten().flatten();
+        if faces.into_iter().any(|&row| row as usize >= rows) {
+            return Some("it names a vertex row that does not exist".into());
+        }
+        self.stiffness.problem().or_else(|| self.motion_problem())
+    }
+
+    fn motion_problem(&self) -> Option<String> {
+        match &self.motion {
+            ToolMotion::Follow => None,
+            ToolMotion::Path(points) => {
+                if points.is_empty() {
+                    return Some("its path has no poses".into());
+                }
+                if points.windows(2).any(|p| !(p[0].time < p[1].time)) {
+                    return Some("the times of its path do not ascend".into());
+                }
+                points.iter().find_map(|p| {
+                    let finite = p.time.is_finite().then_some(()).ok_or("a time is not finite");
+                    finite.map_err(String::from).and_then(|()| p.pose.checked().map(|_| ())).err()
+                })
+            }
+            ToolMotion::Translate(by, curve) => {
+                let curve = curve.problem().map(String::from);
+                (!by.is_finite()).then(|| "its translation is not finite".into()).or(curve)
+            }
+        }
+    }
+
+    /// Where its motion wants it at a time (s); `now` is where it is.
+    pub fn wanted(&self, t: f64, now: ToolPose) -> ToolPose {
+        match &self.motion {
+            ToolMotion::Follow => self.target.unwrap_or(now),
+            ToolMotion::Path(points) => {
+                let after = points.partition_point(|p| p.time <= t);
+                match (points.get(after.wrapping_sub(1)), points.get(after)) {
+                    (Some(a), Some(b)) => a.pose.towards(&b.pose, (t - a.time) / (b.time - a.time)),
+                    (Some(a), None) | (None, Some(a)) => a.pose,
+                    (None, None) => now,
+                }
+            }
+            ToolMotion::Translate(by, curve) => {
+                let position = self.start.position + *by * curve.value(t);
+                ToolPose { position, ..self.start }
+            }
+        }
+    }
+
+    /// Centre (m) and rotation of a part when the tool stands at `pose`.
+    pub fn part_pose(&self, part: usize, pose: &ToolPose) -> (DVec3, DQuat) {
+        let part = &self.parts[part];
+        let (mut at, mut turn) = (part.at, part.rotation);
+        if part.jaw != 0.0 {
+            let axis = self.hinge.axis.normalize();
+            let jaw = rotation(axis, part.jaw * pose.opening);
+            at = self.hinge.point + jaw * (at - self.hinge.point);
+            turn = jaw * turn;
+        }
+        (pose.position + pose.rotation * at, pose.rotation * turn)
+    }
+}
+
+/// What a tool felt in the last step, at its end.
+#[derive(Component, Clone, Debug, Default, PartialEq)]
+pub struct ToolReport {
+    /// Where the tool was: place (m) of its origin.
+    pub position: DVec3,
+    /// Its rotation.
+    pub rotation: DQuat,
+    /// Its opening (rad).
+    pub opening: f64,
+    /// Velocity (m/s) of its origin.
+    pub velocity: DVec3,
+    /// Angular velocity (rad/s).
+    pub angular_velocity: DVec3,
+    /// Force (N) on the tool, normal and friction.
+    pub force: DVec3,
+    /// Torque (N m) on the tool about its origin.
+    pub torque: DVec3,
+    /// The part of the force that pressure makes (N).
+    pub normal: DVec3,
+    /// The part of the force that friction makes (N).
+    pub friction: DVec3,
+    /// Work (J) done by the tool on bodies since it came, by the force at the end of every step.
+    pub work: f64,
+    /// Energy (J) that friction has taken since it came.
+    pub dissipation: f64,
+    /// Energy (J) stored in its contacts: penetration and sticking.
+    pub energy: f64,
+    /// Area (m^2, at rest) that touches it.
+    pub area: f64,
+    /// Largest penetration (m).
+    pub depth: f64,
+    /// Largest pressure (Pa).
+    pub pressure: f64,
+    /// Centre of pressure (m); its origin while nothing touches it.
+    pub centre: DVec3,
+    /// Points that touch it and stick.
+    pub sticking: u32,
+    /// Points that touch it and slip.
+    pub slipping: u32,
+    /// What it is behind its target (m), because its way was more than the substeps of a step can follow.
+    pub lag: f64,
+    /// How far (m) the surfaces of its shapes are drawn in, because it appeared inside of a body.
+    pub drawn_in: f64,
+    /// Force (N) by points of the other kind at the same state, if [`Tool::error_bar`] asks for it: how far the two
+    /// differ says how far the mesh resolves the contact.
+    pub other_points: Option<DVec3>,
+}

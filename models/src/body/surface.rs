@@ -1,0 +1,65 @@
+//! The surface of a body, for contact.
+
+use super::SoftBody;
+use crate::resection::Resection;
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use sinew_engine::connectivity::{Connectivity, ElementKind};
+use sinew_engine::surface::BodySurface;
+use sinew_engine::topology::Topology;
+use sinew_engine::vertex::RestPosition;
+use std::borrow::Cow;
+
+/// The surface of what is left of body number `body`; empty when there is no such body.
+pub(super) fn read_surface(world: &mut World, body: usize) -> BodySurface {
+    let mut query = world.query::<&SoftBody>();
+    let Some(soft) = query.iter(world).find(|soft| soft.index == body).cloned() else {
+        return BodySurface::default();
+    };
+    let first = world.resource::<Topology>().bodies[body].vertices.start as usize;
+    let mut rest = world.query::<&RestPosition>();
+    let n = world.resource::<Topology>().bodies[body].vertex_order.len();
+    let rest: Vec<DVec3> = rest.iter(world).skip(first).take(n).map(|x| x.0).collect();
+    let rows = &world.resource::<Topology>().bodies[body];
+    let known = world.get_resource::<Resection>().and_then(|r| r.connectivity(body));
+    let connectivity = known.map_or_else(|| Cow::Owned(Connectivity::new(rows)), Cow::Borrowed);
+
+    let rest_of = |row: u32| rest[row as usize];
+    let matter = soft.matter(&rows.ordered, &rest_of);
+    let (mut sum, mut count) = (vec![0.0; n], vec![0.0; n]);
+    for kind in [ElementKind::Tetrahedron, ElementKind::Hexahedron] {
+        for e in connectivity.all_left(kind) {
+            for &v in rows.nodes(kind, e) {
+                sum[v as usize] += matter.material(kind, e).young_modulus;
+                count[v as usize] += 1.0;
+            }
+        }
+    }
+    let triangles: Vec<[u32; 3]> = connectivity.surface().map(|(t, _, _)| t).collect();
+    let mut sheets = Vec::new();
+    for t in connectivity.all_left(ElementKind::Triangle) {
+        sheets.push(rows.membrane[t as usize]);
+    }
+    for q in connectivity.all_left(ElementKind::Quad) {
+        let [a, b, c, d] = rows.quads[q as usize];
+        sheets.extend([[a, b, c], [a, c, d]]);
+    }
+    if let Some(membrane) = soft.membrane {
+        let length = |&[a, b, c]: &[u32; 3]| {
+            let [a, b, c] = [a, b, c].map(rest_of);
+            (a.distance(b) + b.distance(c) + c.distance(a)) / 3.0
+        };
+        let edge = sheets.iter().map(length).sum::<f64>() / sheets.len().max(1) as f64;
+        let young_modulus = membrane.material.young_modulus * membrane.thickness / edge;
+        // a membrane on a solid adds little to what the solid resists with
+        let solid = count.clone();
+        for sheet in &sheets {
+            for &v in sheet.iter().filter(|&&v| solid[v as usize] == 0.0) {
+                sum[v as usize] += young_modulus;
+                count[v as usize] += 1.0;
+            }
+        }
+    }
+    let young_modulus = sum.iter().zip(&count).map(|(e, n)| e / f64::max(*n, 1.0)).collect();
+    BodySurface { triangles, sheets, young_modulus }
+}

@@ -1,0 +1,393 @@
+//! Contact in implicit steps: an inner loop that solves it to the end while the elastic energy is linearised once.
+//! One solve with the contact at the start of a step is not enough: a tool that moves a few edges in a step would be
+//! met by forces several times too high.
+//!
+//! With the quadratic model `m(d) = -r.d + d.A d / 2` of everything else, `m(d) + psi(d)` is minimised, `psi` being the
+//! potential of the contacts: every round takes their forces and tangents at the last iterate, with the limits of
+//! friction there, and steps are halved until that sum decreases with these limits. Line search and energy cap then use
+//! the true potential with the last limits. Since `psi` at the start of the step, with all tools where they end, is in
+//! the budget, kinetic plus potential plus contact energy never rise while tools rest: with the elastic slip `e` kept
+//! from the last step, the capped potential of friction is at most that of the spring, `A k e^2 / 2`, whatever its
+//! limit, so that the budget of a step is at most the energy at the end of the last one.
+
+use super::newton::{BookSolve, system_matrix};
+use super::step::{BodyStep, FreePiece, ImplicitScratch, Mode, Step, largest_entry};
+use crate::linear_solver::{CgStatus, LinearOptions};
+use crate::state::{Rows, dot3, position};
+use glam::{DMat3, DVec3};
+use sinew_contact::set::{ContactSet, Places};
+use sinew_engine::scalar::Scalar;
+use sinew_engine::step::StepError;
+use std::ops::Range;
+
+/// Most rounds of the inner loop, in steps that are linearised once and in those that are iterated.
+const MOST_ROUNDS: [usize; 2] = [6, 8];
+/// What contact forces may be off their linearisation, relative, when the loop ends.
+const ENOUGH: f64 = 1e-3;
+/// Most halvings of a round.
+const MAX_HALVINGS: u32 = 20;
+/// Depth over the mean edge to which points come in one step, from outside, above which the step is an impact:
+/// second order means nothing then.
+const IMPACT: f64 = 0.25;
+/// Most rounds of multipliers, and their change, relative, that is none.
+const MOST_MULTIPLIER_ROUNDS: u32 = 40;
+const SAME_MULTIPLIERS: f64 = 1e-10;
+
+/// Which displacements contact is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum At {
+    /// Those of the iterate.
+    Iterate,
+    /// Those that are tried.
+    Trial,
+}
+
+/// Work space of the inner loop.
+#[derive(Clone, Debug, Default)]
+pub(super) struct TouchScratch<S> {
+    /// `A d` of the step so far, and of the round.
+    product: Rows<S>,
+    round_product: Rows<S>,
+    /// What is left of the forces, and what would be if contact were linear.
+    left: Rows<S>,
+    expected: Rows<S>,
+    /// Step of the round.
+    round: Rows<S>,
+}
+
+impl<S: Scalar> Step<'_, S> {
+    /// Energy (J) of the contacts of a body; 0 where it cannot be touched.
+    pub fn contact_energy(&mut self, index: usize, at: At, limits: bool) -> f64 {
+        let body = &self.bodies[index];
+        let Some(contact) = self.contact.as_mut().filter(|_| body.touched) else { return 0.0 };
+        let scratch = &*self.scratch;
+        let u = match at {
+            At::Iterate => &scratch.iterate,
+            At::Trial => &scratch.trial,
+        };
+        evaluate(contact, &body.bodies, scratch, u, limits)
+    }
+
+    /// Energy (J) of the contacts of a body at the start of the step, held vertices moved, tools at the end of their
+    /// ways, with the last limits of friction.
+    pub fn contact_energy_at_start(&mut self, index: usize) -> f64 {
+        if !self.bodies[index].touched {
+            return 0.0;
+        }
+        self.try_at(index, S::ZERO);
+        self.contact_energy(index, At::Trial, false)
+    }
+
+    /// Trial displacements of a body `ahead` (s) of the start of the step, by the velocities there.
+    fn try_at(&mut self, index: usize, ahead: S) {
+        let scratch = &mut *self.scratch;
+        scratch.trial.resize(scratch.node.len(), [S::ZERO; 4]);
+        for row in self.bodies[index].rows.clone() {
+            for k in 0..3 {
+                scratch.trial[row][k] = if scratch.node.free(row, k) {
+                    scratch.node.u[row][k] + ahead * scratch.node.v[row][k]
+                } else {
+                    scratch.prescribed[row][k]
+                };
+            }
+        }
+    }
+
+    /// Whether inertia alone would carry points of a body deep into what they do not touch yet.
+    pub fn is_impact(&mut self, index: usize) -> bool {
+        if !self.bodies[index].touched {
+            return false;
+        }
+        self.try_at(index, S::from_f64(self.dt));
+        self.contact_energy(index, At::Trial, true);
+        let bodies = &self.bodies[index].bodies;
+        self.contact.as_ref().is_some_and(|contact| contact.impact(bodies) > IMPACT)
+    }
+
+    /// Puts tools where they are when `part` of the step has passed.
+    pub fn tools_at(&mut self, part: f64) {
+        if let Some(contact) = &mut self.contact {
+            contact.set_part(part, part * self.dt);
+        }
+    }
+
+    /// Adds contact forces at the trial displacements to a field.
+    pub fn add_contact_forces(&mut self, index: usize, force: &mut Rows<S>) {
+        self.contact_energy(index, At::Trial, true);
+        if let Some(contact) = self.contact.as_ref().filter(|_| self.bodies[index].touched) {
+            contact.for_forces(&self.bodies[index].bodies, |row, f| add(&mut force[row], f));
+        }
+    }
+
+    /// Moves the multipliers of exact contact; whether there is another round to be made.
+    pub fn next_multipliers(&mut self, round: u32) -> bool {
+        if !self.contact.as_ref().is_some_and(ContactSet::is_exact) {
+            return false;
+        }
+        for index in 0..self.bodies.len() {
+            self.contact_energy(index, At::Iterate, false);
+        }
+        let Some(contact) = &mut self.contact else { return false };
+        if contact.update_multipliers() < SAME_MULTIPLIERS {
+            return false;
+        }
+        if round >= MOST_MULTIPLIER_ROUNDS {
+            contact.count(0, true);
+            return false;
+        }
+        for body in self.bodies.iter_mut().filter(|body| body.touched) {
+            body.reopen();
+        }
+        true
+    }
+
+    /// Solves for the step of a body that may be touched, with the tangent last evaluated; false when the matrix is
+    /// not positive definite or gives no descent.
+    pub fn solve_touched(&mut self, index: usize, warm_start: bool) -> Result<bool, StepError> {
+        let mut contact = self.contact.take().expect("the body is touched");
+        let mut outcome = self.inner_loop(&mut contact, index, warm_start);
+        if warm_start && matches!(outcome, Ok(Some(change)) if change >= 0.0) {
+            outcome = self.inner_loop(&mut contact, index, false);
+        }
+        if matches!(outcome, Ok(Some(_))) {
+            self.balance_touched(&mut contact, index);
+        }
+        self.contact = Some(contact);
+        let still =
+            || largest_entry(&self.scratch.direction[self.bodies[index].rows.clone()]) == 0.0;
+        Ok(outcome?.is_some_and(|change| change < 0.0 || still()))
+    }
+
+    /// Rounds of the inner loop; what the model and the contact energy change in all, `None` when the matrix is not
+    /// positive definite.
+    fn inner_loop(
+        &mut self,
+        contact: &mut ContactSet,
+        index: usize,
+        warm_start: bool,
+    ) -> Result<Option<f64>, StepError> {
+        let body = self.bodies[index].clone();
+        let (rows, bodies) = (body.rows.clone(), body.bodies.clone());
+        let iterated = body.mode == Mode::Converge;
+        if warm_start {
+            self.scratch.warm_start(&body);
+        } else {
+            self.scratch.direction[rows.clone()].fill([S::ZERO; 4]);
+        }
+        let n = self.scratch.node.len();
+        let touch = &mut self.scratch.touch;
+        for field in [
+            &mut touch.product,
+            &mut touch.round_product,
+            &mut touch.left,
+            &mut touch.expected,
+            &mut touch.round,
+        ] {
+            field.resize(n, [S::ZERO; 4]);
+        }
+        self.multiply_direction(&body);
+        let mut options = LinearOptions {
+            tolerance: self.settings.linear_tolerance,
+            max_iterations: self.settings.max_linear_iterations,
+            preconditioner: self.settings.preconditioner,
+            precision: self.settings.linear_precision,
+            reference: 0.0,
+        };
+        let (mut before, mut converged, mut rounds) = (f64::INFINITY, false, 0);
+        for round in 0..MOST_ROUNDS[usize::from(iterated)] {
+            self.scratch.try_direction(&body, S::ZERO);
+            let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, true);
+            let force = contact.force_sum(&bodies);
+            let off = self.scratch.find_left(contact, &body);
+            if round > 0 && (off <= ENOUGH * force || force == 0.0 && before == 0.0) {
+                converged = true;
+                break;
+            }
+            before = force;
+            rounds += 1;
+            let blocks = contact.blocks(&bodies);
+            let ImplicitScratch { linear, rest, node, damping, touch, .. } = &mut *self.scratch;
+            touch.round[rows.clone()].fill([S::ZERO; 4]);
+            let mut system = system_matrix(self.world, &body.weights, node, damping);
+            system.contact = Some(&blocks);
+            let (b, x) = (&touch.left[rows.clone()], &mut touch.round[rows.clone()]);
+            let outcome = linear.solve(&system, rest, bodies.clone(), b, x, &options);
+            options.reference = options.reference.max(outcome.reference);
+            self.report.book(&outcome);
+            match outcome.status {
+                CgStatus::NotFinite => return Err(self.not_finite_residual()),
+                CgStatus::Indefinite => return Ok(None),
+                CgStatus::Cap => self.report.cg_caps += 1,
+                CgStatus::Converged => {}
+            }
+            self.report.cg_residual = self.report.cg_residual.max(outcome.residual);
+            // with and without contact
+            let ImplicitScratch { node, damping, touch, linear, .. } = &mut *self.scratch;
+            let mut system = system_matrix(self.world, &body.weights, node, damping);
+            let x = &touch.round[rows.clone()];
+            linear.multiply(&system, bodies.clone(), x, &mut touch.round_product[rows.clone()]);
+            system.contact = Some(&blocks);
+            linear.multiply(&system, bodies.clone(), x, &mut touch.expected[rows.clone()]);
+            let Some(t) = self.scratch.shorten(contact, &body, energy) else { break };
+            self.scratch.take_round(&body, t);
+        }
+        contact.count(rounds, !converged);
+        // of the whole step, with the last limits
+        let change = self.scratch.model(&body);
+        self.scratch.try_direction(&body, S::ZERO);
+        let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, false);
+        let start = evaluate(contact, &bodies, self.scratch, &self.scratch.iterate, false);
+        Ok(Some(change + energy - start))
+    }
+
+    /// `A d` of the direction.
+    fn multiply_direction(&mut self, body: &BodyStep) {
+        let ImplicitScratch { node, damping, touch, linear, direction, .. } = &mut *self.scratch;
+        let system = system_matrix(self.world, &body.weights, node, damping);
+        let rows = body.rows.clone();
+        let (x, y) = (&direction[rows.clone()], &mut touch.product[rows]);
+        linear.multiply(&system, body.bodies.clone(), x, y);
+    }
+
+    /// Shifts the pieces of a body without held unknowns so that their momentum is balanced with the contact forces
+    /// that they end with: a loose solve leaves a resultant, which would push them about.
+    fn balance_touched(&mut self, contact: &mut ContactSet, index: usize) {
+        let body = self.bodies[index].clone();
+        if body.weights.inertia <= 0.0 {
+            return;
+        }
+        let factor = body.weights.inertia + body.weights.mass_damping;
+        for piece in &body.free_pieces {
+            let rows: Vec<usize> = match piece {
+                FreePiece::Whole => body.rows.clone().collect(),
+                FreePiece::Rows(rows) => rows.iter().map(|&row| row as usize).collect(),
+            };
+            let inside = |row: u32| rows.binary_search(&(row as usize)).is_ok();
+            let node = &self.scratch.node;
+            let mass: f64 = rows.iter().map(|&row| factor * node.mass[row].to_f64()).sum();
+            for _ in 0..4 {
+                self.scratch.try_direction(&body, S::ZERO);
+                evaluate(contact, &body.bodies, self.scratch, &self.scratch.trial, false);
+                let (force, block) = contact.resistance(&body.bodies, &inside);
+                let scratch = &mut *self.scratch;
+                let (mut missing, mut scale) = (force, 0.0);
+                for &row in &rows {
+                    let m = factor * scratch.node.mass[row].to_f64();
+                    for k in 0..3 {
+                        let inertia = m * scratch.direction[row][k].to_f64();
+                        missing[k] += scratch.residual[row][k].to_f64() - inertia;
+                        scale += inertia.abs();
+                    }
+                }
+                if missing.length() <= 1e-13 * scale || !missing.is_finite() {
+                    break;
+                }
+                let shift = (DMat3::from_diagonal(DVec3::splat(mass)) + block).inverse() * missing;
+                for &row in &rows {
+                    add(&mut scratch.direction[row], shift);
+                }
+            }
+        }
+    }
+}
+
+impl<S: Scalar> ImplicitScratch<S> {
+    /// Trial displacements of a body: iterate plus direction plus a part of the round's step.
+    fn try_direction(&mut self, body: &BodyStep, part: S) {
+        self.trial.resize(self.node.len(), [S::ZERO; 4]);
+        for row in body.rows.clone() {
+            for k in 0..3 {
+                self.trial[row][k] = if self.node.free(row, k) {
+                    let step = self.direction[row][k] + part * self.touch.round[row][k];
+                    self.node.u[row][k] + (self.increment[row][k] + step)
+                } else {
+                    self.iterate[row][k]
+                };
+            }
+        }
+    }
+
+    /// Forces that are left at the direction, contact included; by how much (N, sum of magnitudes) they differ from
+    /// what the last round expected.
+    fn find_left(&mut self, contact: &ContactSet, body: &BodyStep) -> f64 {
+        for row in body.rows.clone() {
+            for k in 0..3 {
+                self.touch.left[row][k] = self.residual[row][k] - self.touch.product[row][k];
+            }
+        }
+        contact.for_forces(&body.bodies, |row, f| {
+            for k in self.node.free_axes(row) {
+                self.touch.left[row][k] += S::from_f64(f[k]);
+            }
+        });
+        let off = |row: usize| {
+            (0..3)
+                .map(|k| (self.touch.left[row][k] - self.touch.expected[row][k]).to_f64().abs())
+                .sum::<f64>()
+        };
+        body.rows.clone().map(off).sum()
+    }
+
+    /// What the quadratic model changes by along the direction (J).
+    fn model(&self, body: &BodyStep) -> f64 {
+        let of = |row: usize| {
+            let d = &self.direction[row];
+            0.5 * dot3(d, &self.touch.product[row]) - dot3(d, &self.residual[row])
+        };
+        body.rows.clone().map(of).sum()
+    }
+
+    /// Part of the round's step that lowers model plus contact energy, with the limits that the round began with;
+    /// `None` where none does.
+    fn shorten(&mut self, contact: &mut ContactSet, body: &BodyStep, energy: f64) -> Option<f64> {
+        let (mut linear, mut quadratic) = (0.0, 0.0);
+        for row in body.rows.clone() {
+            let (d, ad) = (&self.touch.round[row], &self.touch.round_product[row]);
+            linear += dot3(d, &self.touch.product[row]) - dot3(d, &self.residual[row]);
+            quadratic += dot3(d, ad);
+        }
+        let mut t = 1.0;
+        for _ in 0..MAX_HALVINGS {
+            self.try_direction(body, S::from_f64(t));
+            let now = evaluate(contact, &body.bodies, self, &self.trial, false);
+            let change = t * linear + 0.5 * t * t * quadratic + (now - energy);
+            let rounding = 1e-12 * (energy.abs() + now.abs()) + 1e-12 * (t * linear).abs();
+            if change <= rounding {
+                return Some(t);
+            }
+            t *= 0.5;
+        }
+        None
+    }
+
+    /// Adds a part of the round's step to the direction, and notes what would be left if contact were linear.
+    fn take_round(&mut self, body: &BodyStep, part: f64) {
+        let t = S::from_f64(part);
+        for row in body.rows.clone() {
+            for k in 0..3 {
+                let touch = &mut self.touch;
+                self.direction[row][k] += t * touch.round[row][k];
+                touch.product[row][k] += t * touch.round_product[row][k];
+                touch.expected[row][k] = touch.left[row][k] - t * touch.expected[row][k];
+            }
+        }
+    }
+}
+
+fn evaluate<S: Scalar>(
+    contact: &mut ContactSet,
+    bodies: &Range<usize>,
+    scratch: &ImplicitScratch<S>,
+    u: &[[S; 4]],
+    limits: bool,
+) -> f64 {
+    let now = position(&scratch.rest, u);
+    let start = position(&scratch.rest, &scratch.node.u);
+    contact.evaluate(bodies, &Places { now: &now, start: &start }, limits)
+}
+
+fn add<S: Scalar>(row: &mut [S; 4], f: DVec3) {
+    for k in 0..3 {
+        row[k] += S::from_f64(f[k]);
+    }
+}
