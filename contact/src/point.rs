@@ -110,10 +110,19 @@ pub(crate) struct Point {
     pub normal: DVec3,
     /// Multiplier (Pa) of exact contact.
     pub multiplier: Option<f64>,
-    /// A remembered normal is to be kept to, turned with the tool.
-    pub side: Option<DVec3>,
+    pub side: Side,
+}
+
+/// On which side of a tool a point is to stay.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Side {
+    /// Remembered normal, turned with the tool; zero without.
+    pub normal: DVec3,
     /// Outward unit normal of a solid at the start of the step; zero where there are two sides.
     pub outward: DVec3,
+    /// The tool is thinner than the edges of the surface: whatever is in it goes straight into the solid, since the
+    /// nearest side may soon be the wrong one.
+    pub straight: bool,
 }
 
 /// A part of a tool in this step.
@@ -177,6 +186,8 @@ impl Default for Active {
 
 /// Cosine between the directions out of a tool and out of a solid above which a point is on the wrong side.
 const BEHIND: f64 = 0.0;
+/// Slope of a surface to a direction below which that does not lead out.
+const GRAZING: f64 = 0.05;
 /// Largest such cosine that is remembered: a tool that is dragged must not be worked under the surface bit by bit.
 const AGAINST: f64 = -0.5;
 
@@ -227,7 +238,7 @@ impl Point {
             }
             Against::Part(part) => {
                 let part = &parts[*part];
-                (active.gap, gradient) = part.gap(at, self.side, self.outward);
+                (active.gap, gradient) = part.gap(at, &self.side);
             }
             Against::Faces(range) => {
                 let side = (self.memory.side != 0.0).then_some(self.memory.side);
@@ -299,11 +310,12 @@ impl Point {
     /// The normal to be remembered: always somewhat against the outward one.
     pub fn kept_normal(&self, active: &Active) -> DVec3 {
         let n = active.normal;
-        let cosine = n.dot(self.outward);
-        if self.outward == DVec3::ZERO || cosine <= AGAINST {
+        let outward = self.side.outward;
+        let cosine = n.dot(outward);
+        if outward == DVec3::ZERO || cosine <= AGAINST {
             return n;
         }
-        (n + (AGAINST - cosine) * self.outward).try_normalize().unwrap_or(-self.outward)
+        (n + (AGAINST - cosine) * outward).try_normalize().unwrap_or(-outward)
     }
 
     /// Whether it is held whatever the pressure.
@@ -313,21 +325,25 @@ impl Point {
 }
 
 impl PartNow {
-    /// Signed distance (m) of a point in the world and its gradient. With a remembered normal, or the outward normal
-    /// of a solid, the side is kept to: where the nearest surface has become that of the other side, the distance is
-    /// that to the surface along the remembered normal, or into the solid.
-    pub fn gap(&self, at: DVec3, side: Option<DVec3>, outward: DVec3) -> (f64, DVec3) {
+    /// Signed distance (m) of a point in the world and its gradient. Where the nearest surface is that of the wrong
+    /// side, the distance is that to the surface along the remembered normal, or into the solid.
+    pub fn gap(&self, at: DVec3, side: &Side) -> (f64, DVec3) {
         let Rigid { centre, rotation } = self.now;
         let inverse = rotation.inverse();
         let y = inverse * (at - centre);
         let (distance, gradient) = self.shape.distance(y);
-        if distance < 0.0 && (side.is_some() || outward != DVec3::ZERO) {
-            let along = inverse * side.unwrap_or(-outward);
-            let behind = gradient.dot(inverse * outward) > BEHIND;
-            if behind || gradient.dot(along) < 0.0 {
+        let direction = match side {
+            Side { straight: true, outward, .. } => -*outward,
+            Side { normal, .. } if *normal != DVec3::ZERO => *normal,
+            Side { outward, .. } => -*outward,
+        };
+        if distance < 0.0 && direction != DVec3::ZERO {
+            let along = inverse * direction;
+            let behind = gradient.dot(inverse * side.outward) > BEHIND;
+            if side.straight || behind || gradient.dot(along) < 0.0 {
                 let (way, exit) = self.shape.way_out(y, along);
                 let slope = exit.dot(along);
-                if slope > 0.05 {
+                if slope > GRAZING {
                     return (self.drawn_in - way, rotation * (exit / slope));
                 }
             }

@@ -2,7 +2,7 @@
 //! reported at the end.
 
 use crate::pair::{BodyContact, BodyContactReport, beside};
-use crate::point::{Active, Against, Key, Memory, PartNow, Point, Rigid};
+use crate::point::{Active, Against, Key, Memory, PartNow, Point, Rigid, Side};
 use crate::pull::{Pull, PullReport};
 use crate::skin::{EMPTY, Skin, face_points, grown, overlap};
 use crate::tool::{MOST_POINTS, Points, Stiffness, Tool, ToolMotion, ToolPose, ToolReport};
@@ -516,7 +516,7 @@ impl ContactSet {
             let own = part.shape.bounds(part.start.centre, part.start.rotation);
             let place = PartNow { now: part.start, drawn_in: 0.0, ..part.clone() };
             skin.near(&own, |i| {
-                let depth = -place.gap(skin.at[i], None, DVec3::ZERO).0;
+                let depth = -place.gap(skin.at[i], &Side::default()).0;
                 if depth > INSIDE * skin.edge {
                     deepest = deepest.max(depth);
                 }
@@ -541,6 +541,7 @@ impl ContactSet {
         let reach = part.shape.bounds(part.end.centre, part.end.rotation);
         let reach = grown(reach, longest);
         let slack = longest + 1e-9 * skin.edge;
+        let thin = part.shape.thickness() < skin.edge;
         let point = |point: [u32; 4], rows, weights, outward, [area, young]: [f64; 2]| {
             let key = Key {
                 body: body as u32,
@@ -564,8 +565,11 @@ impl ContactSet {
                 limit: 0.0,
                 normal: DVec3::ZERO,
                 multiplier: now.tool.exact.then_some(memory.pressure),
-                side: None,
-                outward: if now.tool.keeps_side { outward } else { DVec3::ZERO },
+                side: if now.tool.keeps_side {
+                    Side { normal: DVec3::ZERO, outward, straight: thin && outward != DVec3::ZERO }
+                } else {
+                    Side::default()
+                },
             }
         };
         if let Points::Faces(n) = kind {
@@ -588,7 +592,7 @@ impl ContactSet {
                 for (number, weights) in (0..).zip(&places) {
                     let at =
                         corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
-                    if part.gap(at, None, DVec3::ZERO).0 <= slack + way {
+                    if part.gap(at, &Side::default()).0 <= slack + way {
                         let [a, b, c] = rows;
                         let id = [a, b, c, number];
                         points.push(point(id, rows, *weights, outward, [area, young]));
@@ -597,7 +601,7 @@ impl ContactSet {
             }
         } else {
             skin.near(&reach, |i| {
-                if part.gap(skin.at[i], None, DVec3::ZERO).0 <= slack + skin.way[i] {
+                if part.gap(skin.at[i], &Side::default()).0 <= slack + skin.way[i] {
                     let row = skin.rows[i];
                     let id = [row, u32::MAX, u32::MAX, 0];
                     let numbers = [skin.area[i], skin.young[i]];
@@ -753,8 +757,7 @@ impl ContactSet {
                 limit: 0.0,
                 normal: DVec3::ZERO,
                 multiplier: None,
-                side: None,
-                outward: DVec3::ZERO,
+                side: Side::default(),
             });
         }
         buried
@@ -797,8 +800,7 @@ impl ContactSet {
                     limit: 0.0,
                     normal: DVec3::ZERO,
                     multiplier: None,
-                    side: None,
-                    outward: DVec3::ZERO,
+                    side: Side::default(),
                 });
             }
         }
@@ -817,7 +819,8 @@ impl ContactSet {
                     point.slip = own.start.turn(point.memory.slip, &own.now);
                     point.carried = own.start.carry(point.start, &own.now);
                     let keeps = self.tools[own.tool].tool.keeps_side && point.memory.pressure > 0.0;
-                    point.side = keeps.then(|| own.start.turn(point.memory.normal, &own.now));
+                    let normal = own.start.turn(point.memory.normal, &own.now);
+                    point.side.normal = if keeps { normal } else { DVec3::ZERO };
                 }
                 Against::Hand { to, from, damping, rate } => {
                     point.carried = *from + (*to - *from) * part;
