@@ -664,7 +664,7 @@ impl ContactSet {
                 boxes.push((face, reach));
             }
         }
-        if boxes.is_empty() || !(size > 0.0) {
+        if boxes.is_empty() || size <= 0.0 {
             return 0;
         }
         let cell = |x: DVec3| ((x - common[0]) / size).floor().as_i64vec3().to_array();

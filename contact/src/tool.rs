@@ -339,7 +339,7 @@ impl Tool {
             if !(part.at.is_finite() && part.jaw.is_finite()) {
                 return Some(of("its place is not finite".into()));
             }
-            if !((part.rotation.length() - 1.0).abs() < 1e-6) {
+            if (part.rotation.length() - 1.0).abs() > 1e-6 || part.rotation.is_nan() {
                 return Some(of(format!("{} is no rotation of length one", part.rotation)));
             }
             if part.jaw != 0.0
@@ -389,7 +389,7 @@ impl Tool {
                 if points.is_empty() {
                     return Some("its path has no poses".into());
                 }
-                if points.windows(2).any(|p| !(p[0].time < p[1].time)) {
+                if points.windows(2).any(|p| p[0].time >= p[1].time) {
                     return Some("the times of its path do not ascend".into());
                 }
                 points.iter().find_map(|p| {
