@@ -307,6 +307,8 @@ mod tests {
             rest_skin: skin.clone(),
             fields: vec![field],
             bodies: vec!["body".into()],
+            shapes: Vec::new(),
+            arrow_key: None,
             interval: 1.0,
             frames: (0..4).map(frame).collect(),
         };
