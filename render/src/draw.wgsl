@@ -90,7 +90,7 @@ struct Between {
     return vec4f(shade(albedo, in.place, normal, 0.16), 1.0);
 }
 
-// A plate from behind: clear, denser where it turns away.
+// Glass, and a plate from behind: clear, denser where it turns away.
 @fragment fn glass_fragment(in: Between) -> @location(0) vec4f {
     let normal = normalize(in.normal);
     let turned = 1.0 - abs(dot(normal, normalize(view.eye.xyz - in.place)));
@@ -238,5 +238,5 @@ struct Part {
 
 // Seen through what is before it.
 @fragment fn hidden_fragment(in: Between) -> @location(0) vec4f {
-    return vec4f(shade(in.tint.rgb, in.place, normalize(in.normal), 0.0), 0.55);
+    return vec4f(shade(in.tint.rgb, in.place, normalize(in.normal), 0.0), 0.7);
 }

@@ -121,6 +121,10 @@ fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
         packer.words(skin.body.iter().map(|b| u32::from(*b)));
         packer.words(skin.triangles.iter().flatten().copied());
     }
+    for shape in &recording.shapes {
+        packer.floats(shape.points.iter().chain(&shape.normals).flatten().copied());
+        packer.words(shape.triangles.iter().flatten().copied());
+    }
     let mut before = rest;
     let mut scalars: Vec<Option<Vec<u8>>> = vec![None; recording.fields.len()];
     for frame in &recording.frames {
@@ -139,7 +143,7 @@ fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
     if !middle.is_finite() {
         middle = Vec3::ZERO;
     }
-    for p in recording.extent() {
+    for p in recording.extent().chain(recording.tool_points()) {
         radius = radius.max(p.distance(middle));
     }
     Ok(json!({
@@ -161,9 +165,13 @@ fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
         "skins": skins.iter().map(|s| json!({
             "vertices": s.points.len(), "triangles": s.triangles.len(),
         })).collect::<Vec<_>>(),
+        "shapes": recording.shapes.iter().map(|s| json!({
+            "vertices": s.points.len(), "triangles": s.triangles.len(), "colour": s.colour, "plate": s.plate,
+        })).collect::<Vec<_>>(),
+        "arrowKey": recording.arrow_key.as_ref().map(|key| &key.text),
         "frames": recording.frames.iter().zip(which).map(|(f, skin)| json!({
             "time": f.time, "note": f.note, "skin": skin,
-            "counts": [f.balls.len(), f.rods.len(), f.arrows.len()],
+            "counts": [f.balls.len(), f.rods.len(), f.arrows.len(), f.tools.len()],
         })).collect::<Vec<_>>(),
         "payload": packer.text()?,
     }))
@@ -182,6 +190,10 @@ fn solids(packer: &mut Packer, frame: &Frame) {
         packer.floats(arrow.to);
         packer.floats(arrow.along);
         packer.floats([colour_number(arrow.colour)]);
+    }
+    for placed in &frame.tools {
+        packer.floats([placed.shape as f32]);
+        packer.floats(placed.at.into_iter().chain(placed.turn));
     }
 }
 

@@ -78,7 +78,7 @@ pub(crate) struct Pipelines {
     pub skin: wgpu::RenderPipeline,
     pub ghost: wgpu::RenderPipeline,
     pub solid: wgpu::RenderPipeline,
-    /// What one sees through: plates from behind.
+    /// Tools that one sees through.
     pub glass: wgpu::RenderPipeline,
     /// Solids as far as something is before them.
     pub hidden: wgpu::RenderPipeline,

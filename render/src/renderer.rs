@@ -5,8 +5,8 @@ use crate::colour::{BODY_COLOURS, ColourMap};
 use crate::error::RenderError;
 use crate::image::Image;
 use crate::pipelines::{Pipelines, Targets};
-use crate::rigid::Rigid;
-use crate::scene::{Frame, Recording};
+use crate::rigid::Placed;
+use crate::scene::{Field, Frame, Recording};
 use crate::skin::Skin;
 use crate::solids::{Instance, ball, cone, linear, rod};
 use bytemuck::{Pod, Zeroable};
@@ -31,6 +31,8 @@ pub struct Look {
     pub ghost: bool,
     /// Lines along sharp edges.
     pub edges: bool,
+    /// Tools are of glass, so that they do not hide what they press on.
+    pub glass: bool,
     /// Lowest height (m) along the upward axis: where the ground is.
     pub floor: f32,
     /// Middle of the scene (m).
@@ -48,7 +50,7 @@ impl Look {
             floor = floor.min(p.dot(up));
             (low, high) = (low.min(p), high.max(p));
         }
-        for p in recording.tool_points(true) {
+        for p in recording.tool_points() {
             floor = floor.min(p.dot(up));
         }
         let size = recording.size();
@@ -60,6 +62,7 @@ impl Look {
             ground: true,
             ghost: true,
             edges: false,
+            glass: field.and_then(|i| recording.fields.get(i)).is_some_and(Field::lies_under_tools),
             floor: floor - 0.02 * size,
             middle: 0.5 * (low + high),
             grid: grid.unwrap_or(raw),
@@ -218,7 +221,7 @@ pub struct Renderer {
     uniforms: wgpu::Buffer,
     body: DeviceSkin,
     ghost: DeviceSkin,
-    /// Tools, and plates seen from behind.
+    /// Tools, and those that one sees through.
     tools: [DeviceSkin; 2],
     /// Balls, rods and cones.
     solids: [DeviceSolid; 3],
@@ -412,8 +415,13 @@ impl Renderer {
                 .collect();
             self.ghost.write(&self.gpu, skin, &corners);
         }
-        for (device, behind) in self.tools.iter_mut().zip([false, true]) {
-            let (skin, corners) = tools(recording, frame, camera, behind);
+        for (device, clear) in self.tools.iter_mut().zip([false, true]) {
+            let clear = |placed: &Placed| {
+                let plate = recording.shapes[placed.shape as usize].plate;
+                let behind = placed.local(camera.eye).z < 0.0;
+                clear == if plate { behind } else { look.glass }
+            };
+            let (skin, corners) = tools(recording, frame.tools.iter().filter(|t| clear(t)));
             device.write(&self.gpu, &Arc::new(skin), &corners);
         }
         let ([balls, rods, cones], arrows) = instances(recording, frame, camera, look, size);
@@ -549,19 +557,14 @@ fn uniforms(recording: &Recording, camera: &Camera, look: &Look, size: f32) -> U
     }
 }
 
-/// Surface of the tools of a frame: of those that are seen from outside, or of plates that are seen from behind.
-fn tools(
+/// Surface of some tools of a frame.
+fn tools<'a>(
     recording: &Recording,
-    frame: &Frame,
-    camera: &Camera,
-    behind: bool,
+    chosen: impl Iterator<Item = &'a Placed>,
 ) -> (Skin, Vec<Corner>) {
     let (mut skin, mut corners) = (Skin::default(), Vec::new());
-    for placed in &frame.tools {
-        let shape: &Rigid = &recording.shapes[placed.shape as usize];
-        if behind != (shape.plate && placed.local(camera.eye).z < 0.0) {
-            continue;
-        }
+    for placed in chosen {
+        let shape = &recording.shapes[placed.shape as usize];
         let (first, tint) = (corners.len() as u32, linear(shape.colour));
         corners.extend(shape.points.iter().zip(&shape.normals).map(|(&point, &normal)| Corner {
             place: placed.carry(point).to_array(),

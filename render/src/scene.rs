@@ -22,6 +22,13 @@ pub struct Field {
     pub range: [f32; 2],
 }
 
+impl Field {
+    /// Whether it is largest where tools hide it, as the pressure of contact is.
+    pub fn lies_under_tools(&self) -> bool {
+        self.name == "pressure"
+    }
+}
+
 /// A ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ball {
@@ -170,11 +177,9 @@ impl Recording {
     }
 
     /// Outlines of tools in all frames, as far as they are less than half the size of the bodies outside of the box
-    /// that holds these in all frames: a long shaft, or a tool on its way from far, leaves the picture. Parts of
-    /// half-spaces count with `plates` only.
-    pub fn tool_points(&self, plates: bool) -> Vec<Vec3> {
-        let counts = |shape: &Rigid| plates || !shape.plate;
-        if !self.shapes.iter().any(counts) {
+    /// that holds these in all frames: a long shaft, or a tool on its way from far, leaves the picture.
+    pub fn tool_points(&self) -> Vec<Vec3> {
+        if self.shapes.is_empty() {
             return Vec::new();
         }
         let (low, high) = self
@@ -184,7 +189,6 @@ impl Recording {
         let outlines: Vec<_> = self.shapes.iter().map(Rigid::outline).collect();
         let placed = self.frames.iter().flat_map(|frame| &frame.tools);
         placed
-            .filter(|placed| counts(&self.shapes[placed.shape as usize]))
             .flat_map(|placed| {
                 outlines[placed.shape as usize].iter().map(|point| placed.carry(*point))
             })
@@ -198,7 +202,7 @@ impl Recording {
             let to = Vec3::from_array(arrow.to);
             [to, to - Vec3::from_array(arrow.along)]
         });
-        self.extent().chain(arrows.filter(|p| p.is_finite())).chain(self.tool_points(false))
+        self.extent().chain(arrows.filter(|p| p.is_finite())).chain(self.tool_points())
     }
 
     /// Checks that every index is in range and every list long enough, so that drawing cannot fail on data.

@@ -142,9 +142,9 @@ impl<'a> Recorder<'a> {
             wanted: Vec::new(),
             skin: Arc::default(),
             radius: 0.0,
+            tools: Tools::new(recording.fields.first()),
             recording,
             forces: Vec::new(),
-            tools: Tools::default(),
             pushes: Vec::new(),
             pushed: HashMap::new(),
             seconds: 0.0,
@@ -649,7 +649,7 @@ pub(crate) fn set_ranges(recording: &mut Recording) {
             .filter(|x| x.is_finite())
             .map(|x| if field.map == ColourMap::Diverging { (x - 1.0).abs() } else { x.abs() })
             .collect();
-        if field.name == "pressure" {
+        if field.lies_under_tools() {
             // most of a surface is not touched
             values.retain(|x| *x > 0.0);
         }

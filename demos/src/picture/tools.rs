@@ -5,17 +5,17 @@ use bevy_ecs::prelude::*;
 use glam::{DQuat, DVec3, Vec3};
 use sinew::touch::shape::Shape;
 use sinew::touch::tool::{Tool, ToolPose, ToolReport};
-use sinew_render::colour::Rgb;
+use sinew_render::colour::{ColourMap, Rgb};
 use sinew_render::overlay::with_unit;
 use sinew_render::rigid::{Placed, Rigid};
-use sinew_render::scene::{ArrowKey, Recording};
+use sinew_render::scene::{ArrowKey, Field, Recording};
 use sinew_render::skin::CREASE_ANGLE;
 use std::collections::HashMap;
 
-/// Tools, half-spaces, and the force of tools on bodies.
+/// Tools; half-spaces; and the force of tools on bodies, over the map from violet to yellow and over all else.
 const METAL: Rgb = [150, 156, 165];
 const PLATE: Rgb = [206, 209, 214];
-const FORCE: Rgb = [222, 112, 30];
+const FORCE: [Rgb; 2] = [[222, 112, 30], [28, 86, 196]];
 
 /// Forces below this share of what the largest pressure would be on all of the touching area are the rest of others
 /// that cancel, as of two jaws: they say nothing.
@@ -27,11 +27,19 @@ pub(super) struct Tools {
     shapes: Vec<Rigid>,
     /// Shapes by tool and part.
     known: HashMap<(Entity, usize), u32>,
+    /// Colour of forces.
+    colour: Rgb,
     /// Largest force of a tool so far (N).
     largest: f32,
 }
 
 impl Tools {
+    /// For pictures of a field, plain ones without.
+    pub(super) fn new(field: Option<&Field>) -> Self {
+        let other = field.is_none_or(|f| f.map != ColourMap::Viridis);
+        Self { colour: FORCE[usize::from(other)], ..Self::default() }
+    }
+
     /// Where the tools stand at a time (s), after a step or before the first, and the forces by which they act on bodies.
     /// A tool that does not touch at that time is not shown.
     pub(super) fn record(
@@ -66,7 +74,7 @@ impl Tools {
                 // that of pressure ends at the surface, what friction draws along begins there
                 let ends = report.normal.length() >= report.friction.length();
                 let (at, force) = (report.centre.as_vec3(), -report.force.as_vec3());
-                forces.push(Force { at, force, ends, colour: FORCE });
+                forces.push(Force { at, force, ends, colour: self.colour });
             }
         }
         (placed, forces)
@@ -83,7 +91,7 @@ impl Tools {
         if self.largest > 0.0 {
             let longest = with_unit(f64::from(self.largest), "N");
             let text = format!("force of tools on bodies, largest {longest}");
-            recording.arrow_key = Some(ArrowKey { text, colour: FORCE });
+            recording.arrow_key = Some(ArrowKey { text, colour: self.colour });
         }
     }
 }
@@ -130,7 +138,7 @@ fn plate(recording: &Recording, shape: u32) -> Rigid {
     if low.x > high.x {
         (low, high) = (Vec3::ZERO, Vec3::ZERO);
     }
-    let rim = 0.1 * size;
+    let rim = 0.08 * size;
     let corner = |p: Vec3, by: f32| [p.x + by, p.y + by];
     Rigid::plate(corner(low, -rim), corner(high, rim), 0.012 * size, PLATE)
 }
