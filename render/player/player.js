@@ -155,7 +155,7 @@
   const GROUND_FRAGMENT = COMMON + `
   in vec2 at; out vec4 colour;
   uniform vec3 right, up, forward, gx, gy, centre;
-  uniform float height, grid, there;
+  uniform float height, grid, there, side;
   uniform sampler2D contact;
   float lines(vec2 q, vec2 width) {
     vec2 d = abs(fract(q / grid - 0.5) - 0.5) * grid;
@@ -174,17 +174,17 @@
     float r = length(q) / (1.5 * size);
     float fade = on * exp(-r * r * 1.4);
     c = mix(c, vec3(0.94, 0.945, 0.95), 0.75 * fade) * (1.0 - 0.085 * lines(q, width) * fade);
-    vec2 uv = 0.5 + 0.5 * q / (1.1 * size);
+    vec2 uv = 0.5 + 0.5 * q / (side);
     float inside = step(abs(uv.x - 0.5), 0.5) * step(abs(uv.y - 0.5), 0.5);
     c *= 1.0 - on * inside * 0.62 * texture(contact, uv).r;
     colour = vec4(encode(c), 1.0);
   }`;
   const CONTACT_VERTEX = COMMON + `
-  layout(location = 0) in vec3 place; uniform vec3 gx, gy, centre; uniform float height; out float h;
+  layout(location = 0) in vec3 place; uniform vec3 gx, gy, centre; uniform float height, side; out float h;
   void main() {
     vec3 from = place - centre;
     h = dot(place, upward) - height;
-    gl_Position = vec4(vec2(dot(from, gx), dot(from, gy)) / (1.1 * size), 0.0, 1.0);
+    gl_Position = vec4(vec2(dot(from, gx), dot(from, gy)) / (side), 0.0, 1.0);
   }`;
   const CONTACT_FRAGMENT = COMMON + `
   in float h; out vec4 colour;
@@ -504,6 +504,7 @@
         }
         gl.uniform1f(p.at("size"), run.size);
         gl.uniform1f(p.at("height"), run.floor);
+        gl.uniform1f(p.at("side"), run.shade);
         gl.uniform1f(p.at("grid"), run.grid);
         gl.uniformMatrix4fv(p.at("matrix"), false, matrix);
       };

@@ -143,7 +143,14 @@ fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
     if !middle.is_finite() {
         middle = Vec3::ZERO;
     }
-    for p in recording.extent().chain(recording.tool_points()) {
+    let tools = recording.tool_points();
+    if !tools.is_empty() {
+        let all = recording.extent().chain(tools.iter().copied());
+        let (low, high) =
+            all.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        middle = 0.5 * (low + high);
+    }
+    for p in recording.extent().chain(tools) {
         radius = radius.max(p.distance(middle));
     }
     Ok(json!({
@@ -155,6 +162,7 @@ fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
         "middle": middle.to_array(),
         "radius": radius,
         "floor": look.floor,
+        "shade": look.shade,
         "grid": look.grid,
         "low": quantiser.low.to_array(),
         "step": quantiser.step.to_array(),

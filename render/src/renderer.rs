@@ -37,6 +37,8 @@ pub struct Look {
     pub floor: f32,
     /// Middle of the scene (m).
     pub middle: Vec3,
+    /// Half the side (m) of the square on the ground in which bodies and tools have shades.
+    pub shade: f32,
     /// Distance (m) between grid lines.
     pub grid: f32,
 }
@@ -50,10 +52,12 @@ impl Look {
             floor = floor.min(p.dot(up));
             (low, high) = (low.min(p), high.max(p));
         }
+        let (middle, size) = (0.5 * (low + high), recording.size());
+        let mut shade = 1.1 * size;
         for p in recording.tool_points() {
             floor = floor.min(p.dot(up));
+            shade = shade.max(1.2 * (p - middle).reject_from(up).length());
         }
-        let size = recording.size();
         let raw = 0.16 * size;
         let power = 10f32.powf(raw.log10().floor());
         let grid = [1.0, 2.0, 5.0, 10.0].map(|f| f * power).into_iter().find(|g| *g >= raw);
@@ -64,7 +68,8 @@ impl Look {
             edges: false,
             glass: field.and_then(|i| recording.fields.get(i)).is_some_and(Field::lies_under_tools),
             floor: floor - 0.02 * size,
-            middle: 0.5 * (low + high),
+            middle,
+            shade,
             grid: grid.unwrap_or(raw),
         }
     }
@@ -552,7 +557,7 @@ fn uniforms(recording: &Recording, camera: &Camera, look: &Look, size: f32) -> U
         world_up: with(up, look.floor),
         ground_x: with(x, look.grid),
         ground_y: with(y, 1.5 * size),
-        ground_centre: with(centre, 1.1 * size),
+        ground_centre: with(centre, look.shade),
         flags: [f32::from(u8::from(look.ground)), 0.0, 0.0, 0.0],
     }
 }
