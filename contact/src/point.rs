@@ -10,6 +10,7 @@
 //!   `l = |t|`, `A k l^2 / 2` while `k l` is below the limit `mu p`, else `A (mu p l - (mu p)^2 / (2 k))`.
 
 use crate::pair::beside;
+use crate::set::Limits;
 use crate::shape::Shape;
 use glam::{DMat3, DQuat, DVec3};
 
@@ -189,15 +190,14 @@ impl Point {
         at
     }
 
-    /// The point at positions `x`. With `limits` it takes limit and normal of friction from there, else those of the
-    /// last time, as the energy needs.
+    /// The point at positions `x`. Limit and normal of friction are taken there or kept, as the energy needs.
     pub fn evaluate(
         &mut self,
         parts: &[PartNow],
         faces: &[[u32; 3]],
         x: &dyn Fn(u32) -> DVec3,
         start: &dyn Fn(u32) -> DVec3,
-        limits: bool,
+        limits: Limits,
     ) -> Active {
         let at = self.at(x);
         let [a, b, c] = self.rows;
@@ -237,12 +237,14 @@ impl Point {
         let lambda = self.multiplier.unwrap_or(0.0);
         active.pressure = (lambda - self.k * active.gap).max(0.0);
         active.normal = gradient.normalize_or_zero();
-        if limits {
-            self.limit = match self.mu {
+        if limits != Limits::Keep {
+            let limit = match self.mu {
                 mu if mu.is_infinite() && (active.pressure > 0.0 || self.memory.gripped) => mu,
                 mu if mu > 0.0 && active.pressure > 0.0 => mu * active.pressure,
                 _ => 0.0,
             };
+            let halfway = limits == Limits::Approach && limit.is_finite();
+            self.limit = if halfway { 0.5 * (self.limit + limit) } else { limit };
             self.normal = active.normal;
         }
         if active.pressure > 0.0 {

@@ -38,6 +38,17 @@ pub struct Places<'a> {
     pub start: &'a dyn Fn(u32) -> DVec3,
 }
 
+/// What becomes of the limits of friction in an evaluation. The energy is a potential while they are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Limits {
+    /// They stay those of the last evaluation that changed them.
+    Keep,
+    /// They are taken at the positions of this one.
+    Take,
+    /// They go half of the way there: where sticking and slipping alternate, that ends it.
+    Approach,
+}
+
 /// What contact adds to the matrix of a step: `sum_q B_q^T C_q B_q` with `B_q` the shares of a point.
 #[derive(Clone, Debug, Default)]
 pub struct ContactBlocks {
@@ -758,8 +769,8 @@ impl ContactSet {
     }
 
     /// Energy (J) of the contacts of some bodies at positions `x`; forces and tangents are kept until the next call.
-    /// With `limits` the limits of friction are those of these positions, else those of the last call that had it.
-    pub fn evaluate(&mut self, bodies: &Range<usize>, x: &Places, limits: bool) -> f64 {
+    /// The forces of friction are those with the limits of the last call that did not keep them.
+    pub fn evaluate(&mut self, bodies: &Range<usize>, x: &Places, limits: Limits) -> f64 {
         let range = self.range(bodies);
         let (parts, faces) = (&self.parts, &self.faces);
         let mut sum = 0.0;
@@ -897,7 +908,7 @@ impl ContactSet {
     pub fn finish(&mut self, world: &mut World, x: &Places, dt: f64) -> ContactFigures {
         let bodies = 0..self.first.len().saturating_sub(1);
         self.set_part(1.0, dt);
-        self.evaluate(&bodies, x, false);
+        self.evaluate(&bodies, x, Limits::Keep);
         self.memory.clear();
         for (point, active) in self.points.iter().zip(&self.active) {
             let kept = remember(point, active);
@@ -931,6 +942,23 @@ impl ContactSet {
     /// Energy (J) stored in contacts and pulls at the end of the last step.
     pub fn stored(&self) -> f64 {
         self.stored
+    }
+
+    /// Force (N) on a tool with the elastic slip that is kept for the next step in place of that at its start: no
+    /// force of this step, but what some programs record as such.
+    pub fn force_by_kept_slip(&self, tool: Entity) -> Option<DVec3> {
+        let now = self.tools.iter().find(|now| now.entity == tool)?;
+        let mut force = DVec3::ZERO;
+        for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
+            if matches!(point.against, Against::Part(part) if now.parts.contains(&part)) {
+                let n = point.normal;
+                let before = point.slip - n * n.dot(point.slip);
+                let slip = active.slip - before + point.kept_slip(active);
+                let pull = (point.k * slip.length()).min(point.limit);
+                force -= active.push - point.area * pull * slip.normalize_or_zero();
+            }
+        }
+        Some(force)
     }
 
     /// Forces (N) that contact and pulls exert on vertex rows at the end of the last step, ascending.
@@ -1094,7 +1122,8 @@ impl ContactSet {
                 self.collect(index, part, body, other, &mut points);
                 for mut point in points {
                     point.mu = 0.0;
-                    let active = point.evaluate(&self.parts, &self.faces, x.now, x.start, true);
+                    let active =
+                        point.evaluate(&self.parts, &self.faces, x.now, x.start, Limits::Take);
                     force -= active.push;
                 }
             }

@@ -7,6 +7,7 @@
 mod body;
 mod cells;
 mod compare;
+mod contact;
 mod law;
 mod read;
 mod report;
@@ -166,6 +167,7 @@ fn run(file: &Path, options: &ValidateOptions) -> Vec<ValidationRow> {
             Some("sinew-fem-ref/1") => law::run(&case, options),
             Some("sinew-fem-elements/1") => cells::run(&case, options),
             Some("sinew-fem-modes/1") => vibration::run(&case, options),
+            Some("sinew-contact-ref/1") => contact::run(&case, options),
             None if !root.get("implicit_euler").is_absent() => trajectory::run(&case, options),
             Some(other) => Err(CaseError::NotRun(format!("schema `{other}` is not known"))),
             None => Err(CaseError::NotRun("no `schema` and no `implicit_euler`".into())),

@@ -5,7 +5,7 @@ use super::step::{BodyStep, ImplicitScratch, Mode, Step, noise};
 use super::touch::At;
 use crate::history::BodyHistory;
 use crate::state::{book_momentum, dot3, position, write_state};
-use sinew_contact::set::Places;
+use sinew_contact::set::{Limits, Places};
 use sinew_engine::report::ContactFigures;
 use sinew_engine::scalar::Scalar;
 
@@ -23,7 +23,7 @@ impl<S: Scalar> Step<'_, S> {
         for index in 0..self.bodies.len() {
             self.set_velocities(index);
             let begin = self.contact_energy_at_start(index);
-            let stored = self.contact_energy(index, At::Iterate, false);
+            let stored = self.contact_energy(index, At::Iterate, Limits::Keep);
             put_in += begin;
             self.bodies[index].budget += begin;
             let (body, scratch) = (&self.bodies[index], &mut *self.scratch);

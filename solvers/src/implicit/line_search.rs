@@ -4,6 +4,7 @@ use super::step::{BodyStep, ImplicitScratch, Mode, Rejected, Step, noise};
 use super::touch::At;
 use crate::state::{dot3, evaluate};
 use bevy_ecs::prelude::World;
+use sinew_contact::set::Limits;
 use sinew_engine::law::ElasticEnergy;
 use sinew_engine::scalar::Scalar;
 
@@ -105,7 +106,7 @@ impl<S: Scalar> Step<'_, S> {
         if !search.touched {
             return;
         }
-        search.contact = self.contact_energy(search.body, At::Iterate, false);
+        search.contact = self.contact_energy(search.body, At::Iterate, Limits::Keep);
         search.rounding += noise::<S>() * search.contact;
         let (scratch, body) = (&*self.scratch, &self.bodies[search.body]);
         if let Some(contact) = &self.contact {
@@ -121,7 +122,7 @@ impl<S: Scalar> Step<'_, S> {
     /// Moves a body by the fraction tried, gives its step up, or halves the fraction.
     fn judge(&mut self, search: &mut LineSearch) {
         let energy = self.bodies[search.body].sum(&self.world.resource::<ElasticEnergy>().by_body);
-        let contact = self.contact_energy(search.body, At::Trial, false) - search.contact;
+        let contact = self.contact_energy(search.body, At::Trial, Limits::Keep) - search.contact;
         let body = &mut self.bodies[search.body];
         let change = search.change(energy - body.elastic + contact);
         if search.accepts(change) {

@@ -8,6 +8,7 @@
 use super::step::{Mode, Rejected, Step, Weights, noise};
 use super::touch::At;
 use crate::state::write_displacement;
+use sinew_contact::set::Limits;
 use sinew_engine::report::VolumeReport;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepError, measure_volume_ratios};
@@ -45,7 +46,7 @@ impl<S: Scalar> Step<'_, S> {
                 continue;
             }
             let put_in = self.contact_energy_at_start(index);
-            let stored = self.contact_energy(index, At::Iterate, false);
+            let stored = self.contact_energy(index, At::Iterate, Limits::Keep);
             let scratch = &mut *self.scratch;
             let body = &mut self.bodies[index];
             scratch.find_velocities(body);

@@ -35,8 +35,10 @@ impl<S: Scalar> Step<'_, S> {
     fn newton(&mut self, at_first_iterate: impl FnOnce(&mut Self)) -> Result<(), StepError> {
         let newton = self.bodies.iter().any(|b| b.mode == Mode::Converge);
         let mut at_first_iterate = Some(at_first_iterate);
-        let mut multiplier_rounds = 0;
-        for _ in 0..if newton { self.settings.max_newton_iterations } else { 1 } {
+        let most = if newton { self.settings.max_newton_iterations } else { 1 };
+        let (mut iterations, mut multiplier_rounds) = (0, 0);
+        while iterations < most {
+            iterations += 1;
             let kind = self.linearise()?;
             if let Some(act) = at_first_iterate.take() {
                 act(self);
@@ -50,6 +52,7 @@ impl<S: Scalar> Step<'_, S> {
                 if !(newton && self.next_multipliers(multiplier_rounds)) {
                     break;
                 }
+                iterations = 0;
             }
         }
         let unconverged = |b: &BodyStep| b.mode == Mode::Converge && !b.converged;

@@ -11,11 +11,11 @@
 //! limit, so that the budget of a step is at most the energy at the end of the last one.
 
 use super::newton::{BookSolve, system_matrix};
-use super::step::{BodyStep, FreePiece, ImplicitScratch, Mode, Step, largest_entry};
+use super::step::{BodyStep, FreePiece, ImplicitScratch, Mode, Step, noise};
 use crate::linear_solver::{CgStatus, LinearOptions};
 use crate::state::{Rows, dot3, position};
 use glam::{DMat3, DVec3};
-use sinew_contact::set::{ContactSet, Places};
+use sinew_contact::set::{ContactSet, Limits, Places};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::StepError;
 use std::ops::Range;
@@ -24,6 +24,8 @@ use std::ops::Range;
 const MOST_ROUNDS: [usize; 2] = [6, 8];
 /// What contact forces may be off their linearisation, relative, when the loop ends.
 const ENOUGH: f64 = 1e-3;
+/// Rounds and Newton iterations after which the limits of friction are approached, not taken.
+const APPROACH: (usize, u32) = (3, 4);
 /// Most halvings of a round.
 const MAX_HALVINGS: u32 = 20;
 /// Depth over the mean edge to which points come in one step, from outside, above which the step is an impact:
@@ -57,7 +59,7 @@ pub(super) struct TouchScratch<S> {
 
 impl<S: Scalar> Step<'_, S> {
     /// Energy (J) of the contacts of a body; 0 where it cannot be touched.
-    pub fn contact_energy(&mut self, index: usize, at: At, limits: bool) -> f64 {
+    pub fn contact_energy(&mut self, index: usize, at: At, limits: Limits) -> f64 {
         let body = &self.bodies[index];
         let Some(contact) = self.contact.as_mut().filter(|_| body.touched) else { return 0.0 };
         let scratch = &*self.scratch;
@@ -75,7 +77,7 @@ impl<S: Scalar> Step<'_, S> {
             return 0.0;
         }
         self.try_at(index, S::ZERO);
-        self.contact_energy(index, At::Trial, false)
+        self.contact_energy(index, At::Trial, Limits::Keep)
     }
 
     /// Trial displacements of a body `ahead` (s) of the start of the step, by the velocities there.
@@ -99,7 +101,7 @@ impl<S: Scalar> Step<'_, S> {
             return false;
         }
         self.try_at(index, S::from_f64(self.dt));
-        self.contact_energy(index, At::Trial, true);
+        self.contact_energy(index, At::Trial, Limits::Take);
         let bodies = &self.bodies[index].bodies;
         self.contact.as_ref().is_some_and(|contact| contact.impact(bodies) > IMPACT)
     }
@@ -113,7 +115,7 @@ impl<S: Scalar> Step<'_, S> {
 
     /// Adds contact forces at the trial displacements to a field.
     pub fn add_contact_forces(&mut self, index: usize, force: &mut Rows<S>) {
-        self.contact_energy(index, At::Trial, true);
+        self.contact_energy(index, At::Trial, Limits::Take);
         if let Some(contact) = self.contact.as_ref().filter(|_| self.bodies[index].touched) {
             contact.for_forces(&self.bodies[index].bodies, |row, f| add(&mut force[row], f));
         }
@@ -125,7 +127,7 @@ impl<S: Scalar> Step<'_, S> {
             return false;
         }
         for index in 0..self.bodies.len() {
-            self.contact_energy(index, At::Iterate, false);
+            self.contact_energy(index, At::Iterate, Limits::Keep);
         }
         let Some(contact) = &mut self.contact else { return false };
         if contact.update_multipliers() < SAME_MULTIPLIERS {
@@ -146,26 +148,24 @@ impl<S: Scalar> Step<'_, S> {
     pub fn solve_touched(&mut self, index: usize, warm_start: bool) -> Result<bool, StepError> {
         let mut contact = self.contact.take().expect("the body is touched");
         let mut outcome = self.inner_loop(&mut contact, index, warm_start);
-        if warm_start && matches!(outcome, Ok(Some(change)) if change >= 0.0) {
+        if warm_start && matches!(outcome, Ok(Some(false))) {
             outcome = self.inner_loop(&mut contact, index, false);
         }
         if matches!(outcome, Ok(Some(_))) {
             self.balance_touched(&mut contact, index);
         }
         self.contact = Some(contact);
-        let still =
-            || largest_entry(&self.scratch.direction[self.bodies[index].rows.clone()]) == 0.0;
-        Ok(outcome?.is_some_and(|change| change < 0.0 || still()))
+        Ok(outcome?.unwrap_or(false))
     }
 
-    /// Rounds of the inner loop; what the model and the contact energy change in all, `None` when the matrix is not
-    /// positive definite.
+    /// Rounds of the inner loop; whether model plus contact energy decrease, up to rounding; `None` when the matrix is
+    /// not positive definite.
     fn inner_loop(
         &mut self,
         contact: &mut ContactSet,
         index: usize,
         warm_start: bool,
-    ) -> Result<Option<f64>, StepError> {
+    ) -> Result<Option<bool>, StepError> {
         let body = self.bodies[index].clone();
         let (rows, bodies) = (body.rows.clone(), body.bodies.clone());
         let iterated = body.mode == Mode::Converge;
@@ -196,7 +196,9 @@ impl<S: Scalar> Step<'_, S> {
         let (mut before, mut converged, mut rounds) = (f64::INFINITY, false, 0);
         for round in 0..MOST_ROUNDS[usize::from(iterated)] {
             self.scratch.try_direction(&body, S::ZERO);
-            let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, true);
+            let late = round >= APPROACH.0 || self.report.newton_iterations >= APPROACH.1;
+            let limits = if late { Limits::Approach } else { Limits::Take };
+            let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, limits);
             let force = contact.force_sum(&bodies);
             let off = self.scratch.find_left(contact, &body);
             if round > 0 && (off <= ENOUGH * force || force == 0.0 && before == 0.0) {
@@ -233,11 +235,12 @@ impl<S: Scalar> Step<'_, S> {
         }
         contact.count(rounds, !converged);
         // of the whole step, with the last limits
-        let change = self.scratch.model(&body);
+        let [change, scale] = self.scratch.model(&body);
         self.scratch.try_direction(&body, S::ZERO);
-        let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, false);
-        let start = evaluate(contact, &bodies, self.scratch, &self.scratch.iterate, false);
-        Ok(Some(change + energy - start))
+        let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, Limits::Keep);
+        let start = evaluate(contact, &bodies, self.scratch, &self.scratch.iterate, Limits::Keep);
+        let rounding = noise::<S>() * (scale + energy + start);
+        Ok(Some(change + energy - start <= rounding))
     }
 
     /// `A d` of the direction.
@@ -267,7 +270,7 @@ impl<S: Scalar> Step<'_, S> {
             let mass: f64 = rows.iter().map(|&row| factor * node.mass[row].to_f64()).sum();
             for _ in 0..4 {
                 self.scratch.try_direction(&body, S::ZERO);
-                evaluate(contact, &body.bodies, self.scratch, &self.scratch.trial, false);
+                evaluate(contact, &body.bodies, self.scratch, &self.scratch.trial, Limits::Keep);
                 let (force, block) = contact.resistance(&body.bodies, &inside);
                 let scratch = &mut *self.scratch;
                 let (mut missing, mut scale) = (force, 0.0);
@@ -328,13 +331,17 @@ impl<S: Scalar> ImplicitScratch<S> {
         body.rows.clone().map(off).sum()
     }
 
-    /// What the quadratic model changes by along the direction (J).
-    fn model(&self, body: &BodyStep) -> f64 {
-        let of = |row: usize| {
+    /// What the quadratic model changes by along the direction (J), and the energies that make that up.
+    fn model(&self, body: &BodyStep) -> [f64; 2] {
+        let (mut change, mut scale) = (0.0, 0.0);
+        for row in body.rows.clone() {
             let d = &self.direction[row];
-            0.5 * dot3(d, &self.touch.product[row]) - dot3(d, &self.residual[row])
-        };
-        body.rows.clone().map(of).sum()
+            let (curve, slope) =
+                (0.5 * dot3(d, &self.touch.product[row]), dot3(d, &self.residual[row]));
+            change += curve - slope;
+            scale += curve.abs() + slope.abs();
+        }
+        [change, scale]
     }
 
     /// Part of the round's step that lowers model plus contact energy, with the limits that the round began with;
@@ -349,7 +356,7 @@ impl<S: Scalar> ImplicitScratch<S> {
         let mut t = 1.0;
         for _ in 0..MAX_HALVINGS {
             self.try_direction(body, S::from_f64(t));
-            let now = evaluate(contact, &body.bodies, self, &self.trial, false);
+            let now = evaluate(contact, &body.bodies, self, &self.trial, Limits::Keep);
             let change = t * linear + 0.5 * t * t * quadratic + (now - energy);
             let rounding = 1e-12 * (energy.abs() + now.abs()) + 1e-12 * (t * linear).abs();
             if change <= rounding {
@@ -379,7 +386,7 @@ fn evaluate<S: Scalar>(
     bodies: &Range<usize>,
     scratch: &ImplicitScratch<S>,
     u: &[[S; 4]],
-    limits: bool,
+    limits: Limits,
 ) -> f64 {
     let now = position(&scratch.rest, u);
     let start = position(&scratch.rest, &scratch.node.u);
