@@ -654,7 +654,12 @@ pub(crate) fn set_ranges(recording: &mut Recording) {
             values.retain(|x| *x > 0.0);
         }
         values.sort_unstable_by(f32::total_cmp);
-        let share = if field.name == "displacement" { 1.0 } else { 0.998 };
+        let share = match &*field.name {
+            "displacement" => 1.0,
+            // blows are short
+            "pressure" => 0.99,
+            _ => 0.998,
+        };
         let at = ((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1));
         let mut largest = values.get(at).copied().filter(|x| *x > 0.0).unwrap_or(1.0);
         if recording.falling && field.unit == "m" {
