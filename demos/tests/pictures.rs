@@ -261,6 +261,28 @@ fn tools_are_recorded_with_poses_forces_and_pressure() {
 }
 
 #[test]
+fn what_a_tool_draws_along_has_its_arrow_behind() {
+    let (mut scene, mut ball) = block_and_ball();
+    scene.scene.load_steps = Some(8);
+    ball.grip = true;
+    // down to 5 mm below the top at half of the loads, then up to 5 mm above it
+    let height = [[0.0, 0.0], [0.5, 0.025], [1.0, 0.015]];
+    ball.motion = ToolMotion::Translate(DVec3::NEG_Z, Curve::Points(height.to_vec()));
+    let (recording, forces) = record_tools(&scene, vec![Quantity::None], vec![ball]);
+    let force = forces.last().unwrap();
+    assert!(force.z < 0.0, "the block draws the ball down: {force}");
+    let arrow = recording.frames.last().unwrap().arrows[0];
+    let tail = glam::Vec3::from_array(arrow.to) - glam::Vec3::from_array(arrow.along);
+    assert!(
+        arrow.along[2] > 0.0 && tail.distance(glam::Vec3::new(0.1, 0.1, 0.125)) < 0.045,
+        "{arrow:?}"
+    );
+    // while it presses, the other way round
+    let pressed = recording.frames[4].arrows[0];
+    assert!(pressed.along[2] < 0.0 && (pressed.to[2] - 0.095).abs() < 0.01, "{pressed:?}");
+}
+
+#[test]
 fn tools_that_are_near_are_in_view_and_others_do_not_count() {
     let (scene, ball) = block_and_ball();
     let far = Tool::new("far", Shape::Sphere { radius: 0.04 }, DVec3::new(9.0, 0.0, 0.0));
