@@ -1,6 +1,6 @@
 //! Scenes to recordings and pictures (feature `render`).
 
-use sinew::prelude::{Curve, DVec3, Model, Shape, Tool};
+use sinew::prelude::{Curve, DVec3, Model, Pull, Shape, Tool};
 use sinew::touch::field::DistanceField;
 use sinew::touch::tool::ToolMotion;
 use sinew_demos::build::{BuildOptions, BuiltScene};
@@ -280,6 +280,29 @@ fn what_a_tool_draws_along_has_its_arrow_behind() {
     // while it presses, the other way round
     let pressed = recording.frames[4].arrows[0];
     assert!(pressed.along[2] < 0.0 && (pressed.to[2] - 0.095).abs() < 0.01, "{pressed:?}");
+}
+
+#[test]
+fn a_pull_has_its_arrow_from_the_patch_to_the_hand() {
+    struct WithPull;
+    impl Observer for WithPull {
+        fn built(&mut self, scene: &mut BuiltScene) {
+            let (body, mesh) = (scene.bodies[0].handle, scene.bodies[0].mesh.clone());
+            let top = scene.simulation.group_rows(body, &mesh, "z1").unwrap();
+            let hand = scene.simulation.add_pull(Pull::new("hand", top, 100.0, 0.0));
+            scene.simulation.move_pull(hand, DVec3::X * 0.05);
+        }
+    }
+    let (scene, _) = block_and_ball();
+    let mut observer = WithPull;
+    let mut recorder = Recorder::new(&scene, CaptureOptions::default(), &mut observer);
+    run(&scene, &RunOptions::default(), &mut recorder).unwrap();
+    let (recording, _) = recorder.finish();
+    let [arrow] = recording.frames.last().unwrap().arrows[..] else { panic!("one arrow") };
+    let tail = glam::Vec3::from_array(arrow.to) - glam::Vec3::from_array(arrow.along);
+    assert!(arrow.along[0] > 0.15 * recording.size(), "{arrow:?}");
+    assert!(tail.x > 0.101 && tail.x < 0.15 && (tail.y - 0.1).abs() < 5e-3, "{tail}");
+    assert!((tail.z - 0.1).abs() < 0.02 && recording.arrow_key.is_none(), "{tail}");
 }
 
 #[test]

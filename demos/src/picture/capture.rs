@@ -13,6 +13,7 @@ use sinew::engine::connectivity::ElementKind;
 use sinew::engine::load::{Load, Pressure};
 use sinew::engine::report::SystemTimes;
 use sinew::engine::topology::BodyRows;
+use sinew::touch::pull::{Pull, PullReport};
 use sinew_render::colour::{ColourMap, Rgb};
 use sinew_render::scene::{Arrow, Ball, Frame, Recording, Rod};
 use sinew_render::skin::{CREASE_ANGLE, Facet, Skin};
@@ -485,7 +486,7 @@ impl Now {
     }
 }
 
-/// Reactions of what moves at its middle, and loads.
+/// Reactions of what moves at its middle, loads, and pulls.
 fn forces(scene: &Scene, built: &mut BuiltScene, now: &Now) -> Vec<Force> {
     let BuiltScene { simulation, constraints, .. } = built;
     let mut forces = Vec::new();
@@ -515,6 +516,16 @@ fn forces(scene: &Scene, built: &mut BuiltScene, now: &Now) -> Vec<Force> {
         let at = at / load.forces.len().max(1) as f64;
         let force = force * load.curve.value(now.time);
         forces.push(Force::new(at.as_vec3(), force.as_vec3(), centre.as_vec3(), LOAD));
+    }
+    for (pull, report) in world.query::<(&Pull, &PullReport)>().iter(world) {
+        let (mut at, mut weights) = (DVec3::ZERO, 0.0);
+        for (&row, weight) in pull.rows.iter().zip(&pull.weights) {
+            let Some((body, v)) = now.place(row) else { continue };
+            at += *weight * now.points[body][v as usize];
+            weights += weight;
+        }
+        let (at, force) = ((at / weights).as_vec3(), -report.force.as_vec3());
+        forces.push(Force { at, force, ends: false, colour: MOVED });
     }
     forces
 }
