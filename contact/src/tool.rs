@@ -275,6 +275,20 @@ impl Tool {
         self
     }
 
+    /// With points of a given kind.
+    #[must_use]
+    pub fn with_points(mut self, points: Points) -> Self {
+        self.points = points;
+        self
+    }
+
+    /// Without penetration ([`Tool::exact`]).
+    #[must_use]
+    pub fn exactly(mut self) -> Self {
+        (self.exact, self.points) = (true, Points::Vertex);
+        self
+    }
+
     /// Moves the tool: it is there at the end of the next step, evenly through the step, and stays there until
     /// another target is set. Its speed is the way over the length of the step.
     ///
