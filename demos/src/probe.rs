@@ -105,7 +105,7 @@ pub static PROBES: [Probe; 30] = [
     vector("tool_friction", "N", Needs::Tool, |now, of| of.tool(now).friction),
     // by points of the other kind, with `error_bar`
     vector("tool_other_force", "N", Needs::Tool, |now, of| {
-        of.tool(now).other_points.unwrap_or(DVec3::NAN)
+        of.tool(now).other_points.unwrap_or_default()
     }),
     scalar("tool_work", "J", Needs::Tool, |now, of| of.tool(now).work),
     scalar("tool_dissipation", "J", Needs::Tool, |now, of| of.tool(now).dissipation),

@@ -54,7 +54,7 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
         return Err(loaded.key("").missing("a body", remedy));
     }
     check_names(loaded)?;
-    pulls::check(loaded, options, &plan)?;
+    pulls::check(loaded, options)?;
     let mut built = BuiltScene {
         simulation: empty_simulation(loaded, options, &plan)?,
         bodies: Vec::new(),

@@ -31,6 +31,12 @@ fn probe(key: &Key, entry: &ProbeEntry, built: &BuiltScene) -> Result<BuiltProbe
     )?;
     let tools = built.tools.iter().map(|t| t.name.as_str());
     let tool = about("tool", &entry.tool, Needs::Tool, tools.collect())?;
+    let other = record.iter().any(|own| own.key == "tool_other_force");
+    if let Some(index) = tool.filter(|&index| other && !built.tools[index].error_bar) {
+        let found = format!("\"tool_other_force\" of tool `{}`", built.tools[index].name);
+        let remedy = "that force is not found without `error_bar = true` there";
+        return Err(key.at("record").value(found, remedy));
+    }
     let pulls = built.pulls.iter().map(|p| p.name.as_str());
     let pull = about("pull", &entry.pull, Needs::Pull, pulls.collect())?;
     let contacts = built.contacts.iter().map(|c| c.name.as_str());

@@ -1,7 +1,7 @@
 //! Pulls, and contact of bodies with each other.
 
 use super::curves::{self, factor, window};
-use super::scene::{BuildOptions, BuiltScene, Plan};
+use super::scene::{BuildOptions, BuiltScene};
 use super::select::{select, which_body};
 use super::touch::{BuiltContact, BuiltPull, Way};
 use crate::error::SceneError;
@@ -11,11 +11,7 @@ use sinew::touch::pair::BodyContact;
 use sinew::touch::tool::Stiffness;
 
 /// Whether steps are computed where nothing can be touched: refuses tools, pulls and contacts there.
-pub(super) fn check(
-    loaded: &LoadedScene,
-    options: &BuildOptions,
-    plan: &Plan,
-) -> Result<(), SceneError> {
+pub(super) fn check(loaded: &LoadedScene, options: &BuildOptions) -> Result<(), SceneError> {
     let scene = &loaded.scene;
     let kinds = [
         ("tool", scene.tools.len()),
@@ -23,15 +19,9 @@ pub(super) fn check(
         ("contact", scene.contacts.len()),
     ];
     let Some((kind, _)) = kinds.into_iter().find(|(_, count)| *count > 0) else { return Ok(()) };
-    let integrator = plan.settings.integrator;
     if options.backend.unwrap_or(scene.backend.into()) == Backend::Gpu {
         let found = format!("backend \"gpu\" knows no [[{kind}]]");
         return Err(loaded.key("backend").value(found, "use backend = \"cpu\""));
-    }
-    if integrator.is_explicit() {
-        let found = format!("integrator {} knows no [[{kind}]]", integrator.name());
-        let key = loaded.key("solver.integrator");
-        return Err(key.value(found, "use an implicit one, such as \"auto\" or \"safe\""));
     }
     Ok(())
 }

@@ -67,7 +67,7 @@ impl BuiltScene {
     /// Moves the hands of pulls and opens and closes grips, for the step to come. Whoever steps the simulation of a
     /// scene calls it before every step; tools and constraints move by themselves.
     pub fn drive(&mut self) {
-        touch::drive(&self.tools, &mut self.pulls, &mut self.simulation, self.plan.dt);
+        touch::drive(&self.tools, &mut self.pulls, &mut self.simulation);
     }
 }
 

@@ -89,7 +89,7 @@ fn tool(key: &Key, entry: &ToolEntry, built: &mut BuiltScene) -> Result<BuiltToo
         }
         other => key.value(other.to_string(), "correct it"),
     })?;
-    Ok(BuiltTool { name, entity, words, friction, grip: entry.grip })
+    Ok(BuiltTool { name, entity, words, friction, grip: entry.grip, error_bar: entry.error_bar })
 }
 
 /// What a tool is made of, and the same in words.

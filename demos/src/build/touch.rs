@@ -3,6 +3,7 @@
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
 use sinew::engine::load::Curve;
+use sinew::engine::time::StepClock;
 use sinew::simulation::Simulation;
 use sinew::touch::pull::{Pull, PullReport};
 use sinew::touch::tool::{Tool, ToolReport};
@@ -20,6 +21,8 @@ pub struct BuiltTool {
     pub friction: f64,
     /// Times (s) from which until which it grips.
     pub grip: Option<[f64; 2]>,
+    /// It finds the force by points of the other kind too.
+    pub error_bar: bool,
 }
 
 impl BuiltTool {
@@ -145,14 +148,11 @@ pub struct BuiltContact {
     pub entity: Entity,
 }
 
-/// Moves what the scene moves through the step from `time` to `time + dt` (s): hands of pulls, grips of tools.
-pub(super) fn drive(
-    tools: &[BuiltTool],
-    pulls: &mut [BuiltPull],
-    simulation: &mut Simulation,
-    dt: f64,
-) {
-    let (end, slack) = (simulation.time() + dt, 1e-6 * dt);
+/// Moves what the scene moves through the step to come: hands of pulls, grips of tools.
+pub(super) fn drive(tools: &[BuiltTool], pulls: &mut [BuiltPull], simulation: &mut Simulation) {
+    let StepClock { time, dt, .. } = *simulation.world().resource::<StepClock>();
+    // times are compared to within the rounding of the clock
+    let (end, slack) = (time + dt, 1e-6 * dt);
     for (own, [from, until]) in tools.iter().filter_map(|own| Some((own, own.grip?))) {
         let grips = end + slack >= from && end - slack <= until;
         if let Some(mut tool) = simulation.world_mut().get_mut::<Tool>(own.entity) {

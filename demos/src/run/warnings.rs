@@ -107,6 +107,9 @@ rules! {
     Warning "run.contact.drawn-in" "tools": |run| of_touch(run, |t| t.drawn_in);
         |n| "{n} parts of tools appeared inside of bodies and were drawn in until these made way";
         "let tools start outside of bodies";
+    Warning "run.contact.buried" "contact": |run| of_touch(run, |t| t.buried);
+        |n| "{n} times a point was too deep inside of another body to tell its sides, and was left out";
+        "let bodies start apart, or use a smaller dt";
     Note "run.contact.impact" "contact": |run| of_touch(run, |t| t.impacts);
         |n| "in {n} steps a body took a step of first order because of an impact";
         "nothing to do; a smaller dt resolves impacts better";

@@ -574,8 +574,8 @@ pub struct EnergySummary {
     pub elastic: f64,
     /// Kinetic energy at the end.
     pub kinetic: f64,
-    /// `initial + recovery + load_work + constraint_work + activation_work - removed - elastic - kinetic`, and `contact.work
-    /// - contact.stored` where something touches: taken out by damping, friction and the integrator; `None` for a series
+    /// `initial + recovery + load_work + constraint_work + activation_work - removed - elastic - kinetic`, and
+    /// `contact.work - contact.stored` where something touches: taken out by damping, friction and the integrator; `None` for a series
     /// of equilibria.
     pub dissipated: Option<f64>,
     /// The part of it that damping took; the rest is the integrator's.

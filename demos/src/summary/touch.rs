@@ -41,6 +41,8 @@ pub struct TouchSummary {
     pub lag: f64,
     /// Parts of tools that appeared inside of bodies and were drawn in.
     pub drawn_in: u64,
+    /// Points that were too deep inside of another body to tell its sides, and were left out, summed over steps.
+    pub buried: u64,
     /// Steps of bodies that took the safe step because of an impact.
     pub impacts: u64,
 }
@@ -224,6 +226,7 @@ impl TouchSummary {
         self.lagging += u64::from(now.lagging);
         self.lag = self.lag.max(now.lag);
         self.drawn_in += u64::from(now.drawn_in);
+        self.buried += u64::from(now.buried);
         self.impacts += u64::from(now.impacts);
     }
 
