@@ -574,9 +574,9 @@ pub struct EnergySummary {
     pub elastic: f64,
     /// Kinetic energy at the end.
     pub kinetic: f64,
-    /// `initial + recovery + load_work + constraint_work + activation_work - removed - elastic - kinetic`, and
-    /// `contact.work - contact.stored` where something touches: taken out by damping, friction and the integrator; `None` for a series
-    /// of equilibria.
+    /// `initial + recovery + load_work + constraint_work + activation_work - removed - elastic - kinetic`: taken out by damping,
+    /// friction and the integrator; `None` for a series of equilibria. Where something touches, the work of contact is
+    /// added and what contacts store is taken off.
     pub dissipated: Option<f64>,
     /// The part of it that damping took; the rest is the integrator's.
     pub damping: f64,
