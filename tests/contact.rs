@@ -559,8 +559,9 @@ fn a_body_touches_itself_where_it_is_told_to() {
         if own {
             simulation.add_body_contact(BodyContact::new("self", [0, 0]));
         }
-        for step in 1..=200 {
-            let part = f64::from(step) / 200.0;
+        let mut contact = simulation.report().contact;
+        for step in 1..=250 {
+            let part = f64::from(step.min(200)) / 200.0;
             let pose = Pose {
                 rotation: DQuat::from_rotation_y(-std::f64::consts::PI * part),
                 centre: DVec3::new(0.2, 0.0, 0.005),
@@ -568,12 +569,15 @@ fn a_body_touches_itself_where_it_is_told_to() {
             };
             simulation.set_target(end, pose).unwrap();
             simulation.step().unwrap();
+            let now = simulation.report().contact;
+            contact.points += now.points;
+            contact.depth_over_edge = contact.depth_over_edge.max(now.depth_over_edge);
         }
-        simulation.report().contact
+        contact
     };
     assert_eq!(run(false).points, 0);
     let with = run(true);
-    assert!(with.points > 0 && with.depth_over_edge < 0.2, "{with:?}");
+    assert!(with.points > 100 && with.depth_over_edge < 0.35, "{with:?}");
 }
 
 #[test]

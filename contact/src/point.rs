@@ -192,7 +192,7 @@ const GRAZING: f64 = 0.05;
 const AGAINST: f64 = -0.5;
 
 /// `a b^T`.
-fn outer(a: DVec3, b: DVec3) -> DMat3 {
+pub(crate) fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 

@@ -2,7 +2,7 @@
 //! reported at the end.
 
 use crate::pair::{BodyContact, BodyContactReport, beside};
-use crate::point::{Active, Against, Key, Memory, PartNow, Point, Rigid, Side};
+use crate::point::{Active, Against, Key, Memory, PartNow, Point, Rigid, Side, outer};
 use crate::pull::{Pull, PullReport};
 use crate::skin::{EMPTY, Skin, face_points, grown, overlap};
 use crate::tool::{MOST_POINTS, Points, Stiffness, Tool, ToolMotion, ToolPose, ToolReport};
@@ -881,6 +881,21 @@ impl ContactSet {
             sum += active.energy;
         }
         sum
+    }
+
+    /// Holds the points that touched at the start of the step and no more do, as if they could be pulled: the best guess
+    /// of which will touch at its end. The next evaluation lets them go.
+    pub fn keep_touching(&mut self, bodies: &Range<usize>) {
+        let range = self.range(bodies);
+        for (point, active) in self.points[range.clone()].iter().zip(&mut self.active[range]) {
+            let touched = point.memory.pressure > 0.0 && point.multiplier.is_none();
+            if touched && active.pressure <= 0.0 && active.gap.is_finite() {
+                let stiffness = point.area * point.k;
+                active.on = true;
+                active.push = -stiffness * active.gap * active.normal;
+                active.block += stiffness * outer(active.normal, active.normal);
+            }
+        }
     }
 
     /// Calls `f` with every row of some bodies that is pushed, and the force (N) on it, at the last evaluation.

@@ -11,7 +11,7 @@
 //! limit, so that the budget of a step is at most the energy at the end of the last one.
 
 use super::newton::{BookSolve, system_matrix};
-use super::step::{BodyStep, FreePiece, ImplicitScratch, Mode, Step, noise};
+use super::step::{BodyStep, FreePiece, ImplicitScratch, Mode, Rejected, Step, noise};
 use crate::linear_solver::{CgStatus, LinearOptions};
 use crate::state::{Rows, dot3, position};
 use glam::{DMat3, DVec3};
@@ -195,6 +195,8 @@ impl<S: Scalar> Step<'_, S> {
             precision: self.settings.linear_precision,
             reference: 0.0,
         };
+        // whether the last round was taken whole: only then is what is left that of its linear solve
+        let mut whole = false;
         let (mut before, mut converged, mut rounds) = (f64::INFINITY, false, 0);
         for round in 0..MOST_ROUNDS[usize::from(iterated)] {
             self.scratch.try_direction(&body, S::ZERO);
@@ -202,8 +204,12 @@ impl<S: Scalar> Step<'_, S> {
             let limits = if late { Limits::Approach } else { Limits::Take };
             let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, limits);
             let force = contact.force_sum(&bodies);
+            if round == 0 {
+                contact.keep_touching(&bodies);
+            }
             let off = self.scratch.find_left(contact, &body);
-            if round > 0 && (off <= ENOUGH * force || force == 0.0 && before == 0.0) {
+            let settled = off <= ENOUGH * force || force == 0.0 && before == 0.0;
+            if round > 0 && whole && settled {
                 converged = true;
                 break;
             }
@@ -233,7 +239,14 @@ impl<S: Scalar> Step<'_, S> {
             system.contact = Some(&blocks);
             linear.multiply(&system, bodies.clone(), x, &mut touch.expected[rows.clone()]);
             let Some(t) = self.scratch.shorten(contact, &body, energy) else { break };
+            whole = t == 1.0;
             self.scratch.take_round(&body, t);
+        }
+        if body.mode == Mode::Trial && !converged {
+            // a force that is not found must not count: the safe step is tried instead
+            contact.count(rounds, false);
+            self.bodies[index].reject(Rejected::Shortened);
+            return Ok(Some(true));
         }
         contact.count(rounds, !converged);
         // of the whole step, with the last limits
