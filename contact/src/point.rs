@@ -351,3 +351,144 @@ impl PartNow {
         (distance + self.drawn_in, rotation * gradient)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const FACES: [[u32; 3]; 2] = [[1, 2, 3], [2, 4, 3]];
+
+    fn part(shape: Shape, turn: f64) -> PartNow {
+        let pose = |turn: f64, centre| Rigid {
+            centre,
+            rotation: DQuat::from_xyzw(0.1 * turn, -0.2, 0.3 * turn, 0.9).normalize(),
+        };
+        let (start, end) = (pose(0.5, DVec3::new(0.1, 0.0, 0.2)), pose(turn, DVec3::ZERO));
+        PartNow { shape, tool: 0, start, end, now: end, drawn_in: 0.0 }
+    }
+
+    fn point(against: Against, mu: f64) -> Point {
+        Point {
+            key: Key::default(),
+            against,
+            rows: [0; 3],
+            weights: [1.0, 0.0, 0.0],
+            area: 0.3,
+            k: 7.0,
+            mu,
+            memory: Memory::default(),
+            start: DVec3::ZERO,
+            slip: DVec3::new(0.01, -0.02, 0.015),
+            carried: DVec3::new(0.05, 0.1, -0.1),
+            limit: 0.0,
+            normal: DVec3::ZERO,
+            multiplier: None,
+            side: Side::default(),
+        }
+    }
+
+    /// Compares force and tangent of a point with differences of energy and force on every coordinate of five rows.
+    /// `exact` shapes have no curvature where the test puts them.
+    fn check(point: &mut Point, parts: &[PartNow], places: [DVec3; 5], exact: bool) -> bool {
+        let start = |row: u32| DVec3::splat(0.01 * f64::from(row));
+        let at = |places: [DVec3; 5]| move |row: u32| places[row as usize];
+        let active = point.evaluate(parts, &FACES, &at(places), &start, Limits::Take);
+        if !active.on || active.pressure < 0.05 {
+            return false;
+        }
+        let force_on = |active: &Active, row: u32| {
+            let used =
+                active.rows.iter().zip(active.weights).filter(|(r, w)| **r == row && *w != 0.0);
+            used.map(|(_, w)| w).sum::<f64>() * (active.push + active.rub)
+        };
+        let h = 1e-6;
+        for row in 0..5_u32 {
+            for axis in 0..3 {
+                let mut step = |sign: f64| {
+                    let mut moved = places;
+                    moved[row as usize][axis] += sign * h;
+                    point.evaluate(parts, &FACES, &at(moved), &start, Limits::Keep)
+                };
+                let (more, less) = (step(1.0), step(-1.0));
+                let slope = -(more.energy - less.energy) / (2.0 * h);
+                let force = force_on(&active, row)[axis];
+                assert!((slope - force).abs() < 1e-6, "row {row}: {slope} {force}");
+                if exact {
+                    let own = (force_on(&more, row) - force_on(&less, row)) / (2.0 * h);
+                    let used = active.rows.iter().zip(active.weights);
+                    let share: f64 =
+                        used.filter(|(r, w)| **r == row && **w != 0.0).map(|(_, w)| w).sum();
+                    let tangent = -share * share * active.block.col(axis);
+                    assert!((own - tangent).length() < 1e-5, "row {row}: {own} {tangent}");
+                }
+            }
+        }
+        true
+    }
+
+    #[test]
+    fn forces_and_tangents_are_derivatives() {
+        let shapes = [
+            (Shape::Sphere { radius: 0.8 }, false),
+            (Shape::Capsule { half_length: 0.5, radius: 0.6 }, false),
+            (Shape::Box { half: DVec3::new(0.7, 0.8, 0.9), rounding: 0.4 }, false),
+            (Shape::HalfSpace, true),
+        ];
+        let (mut checked, mut slipped) = (0, 0);
+        let mut seed = 11_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        for _ in 0..400 {
+            for (shape, exact) in &shapes {
+                for mu in [0.0, 0.05, 5.0] {
+                    let parts = [part(shape.clone(), random())];
+                    let mut point = point(Against::Part(0), mu);
+                    let mut places = [DVec3::ZERO; 5];
+                    places[0] = 1.4 * DVec3::new(random(), random(), random());
+                    if check(&mut point, &parts, places, *exact) {
+                        checked += 1;
+                        let x = |_: u32| places[0];
+                        let active = point.evaluate(&parts, &FACES, &x, &x, Limits::Take);
+                        slipped += u32::from(point.k * active.slip.length() > point.limit);
+                    }
+                }
+            }
+        }
+        assert!(checked > 500 && slipped > 50, "{checked} {slipped}");
+    }
+
+    proptest! {
+        #[test]
+        fn forces_between_bodies_are_derivatives(
+            x in 0.1..0.6, y in 0.1..0.3, z in -0.2..-0.02, a in prop::array::uniform3(-0.05..0.05),
+        ) {
+            // behind a face of two that share an edge, away from that edge
+            let places = [
+                DVec3::new(x, y, z),
+                DVec3::ZERO,
+                DVec3::X + DVec3::from_array(a),
+                DVec3::Y,
+                DVec3::new(1.0, 1.0, 0.1),
+            ];
+            let mut point = point(Against::Faces(0..1), 0.0);
+            prop_assume!(x + y < 0.85);
+            prop_assert!(check(&mut point, &[], places, false));
+        }
+    }
+
+    #[test]
+    fn what_friction_keeps_is_below_its_limit_and_what_it_takes_is_positive() {
+        let parts = [part(Shape::HalfSpace, 0.0)];
+        let mut point = point(Against::Part(0), 0.2);
+        let normal = parts[0].now.rotation * DVec3::Z;
+        let at = -0.1 * normal;
+        let active = point.evaluate(&parts, &FACES, &|_| at, &|_| at, Limits::Take);
+        let kept = point.kept_slip(&active);
+        assert!((point.k * kept.length() / (0.2 * active.pressure) - 1.0).abs() < 1e-12);
+        assert!(active.slip.length() > kept.length());
+        assert!((active.pressure - 0.7).abs() < 1e-12);
+    }
+}

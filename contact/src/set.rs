@@ -1153,6 +1153,15 @@ impl ContactSet {
             query.iter(world).map(Entity::to_bits).collect()
         };
         self.states.retain(|sequence, _| live.contains(sequence));
+        // those that are away in this step feel nothing
+        let mut query = world.query::<(Entity, &Tool, &mut ToolReport)>();
+        for (entity, _, mut report) in query.iter_mut(world) {
+            if !self.tools.iter().any(|now| now.entity == entity) && report.energy > 0.0 {
+                let ToolReport { position, rotation, opening, work, dissipation, .. } = *report;
+                let away = ToolReport { position, rotation, opening, ..ToolReport::default() };
+                *report = ToolReport { work, dissipation, ..away };
+            }
+        }
         for index in 0..self.tools.len() {
             let mut report = self.report_tool(index, dt);
             if self.tools[index].tool.error_bar {

@@ -24,8 +24,8 @@ use std::ops::Range;
 const MOST_ROUNDS: [usize; 2] = [6, 8];
 /// What contact forces may be off their linearisation, relative, when the loop ends.
 const ENOUGH: f64 = 1e-3;
-/// Rounds and Newton iterations after which the limits of friction are approached, not taken.
-const APPROACH: (usize, u32) = (3, 4);
+/// Newton iterations after which the limits of friction are approached, not taken.
+const APPROACH: u32 = 4;
 /// Most corrections of the momentum of a piece.
 const MOST_BALANCES: u32 = 10;
 /// Most halvings of a round.
@@ -200,7 +200,7 @@ impl<S: Scalar> Step<'_, S> {
         let (mut before, mut converged, mut rounds) = (f64::INFINITY, false, 0);
         for round in 0..MOST_ROUNDS[usize::from(iterated)] {
             self.scratch.try_direction(&body, S::ZERO);
-            let late = round >= APPROACH.0 || self.report.newton_iterations >= APPROACH.1;
+            let late = iterated && self.report.newton_iterations >= APPROACH;
             let limits = if late { Limits::Approach } else { Limits::Take };
             let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, limits);
             let force = contact.force_sum(&bodies);
