@@ -42,25 +42,38 @@ pub enum Kind {
     Far,
     /// A probe presses by 8 mm at 0.1 m/s and then drags at that speed, with friction 0.3.
     Slow,
+    /// The same without friction.
+    Smooth,
     /// A probe comes at 1 m/s by 15 mm, and goes back as fast, again and again.
     Fast,
     /// A second block like it is pressed on it by 4 mm and dragged, with friction 0.3.
     Bodies,
+    /// The same without friction.
+    SmoothBodies,
     /// A liver is palpated at three times a second by 15 mm.
     Liver,
 }
 
 impl Kind {
-    const BLOCKS: [Self; 4] = [Self::Far, Self::Slow, Self::Fast, Self::Bodies];
+    const BLOCKS: [Self; 6] =
+        [Self::Far, Self::Slow, Self::Smooth, Self::Fast, Self::Bodies, Self::SmoothBodies];
 
     /// Name in tables.
     pub fn name(self) -> &'static str {
-        ["far", "slow", "fast", "two bodies", "liver"][self as usize]
+        ["far", "slow", "slow, smooth", "fast", "two bodies", "two, smooth", "liver"][self as usize]
     }
 
     /// Time of a step with contact over that of one without; of the liver, over the time that it stands for.
     pub fn aim(self) -> f64 {
-        [1.01, 1.5, 3.0, 2.0, 1.0 / 3.0][self as usize]
+        [1.01, 1.5, 1.5, 3.0, 2.0, 2.0, 1.0 / 3.0][self as usize]
+    }
+
+    /// Coefficient of friction.
+    fn friction(self) -> f64 {
+        match self {
+            Self::Slow | Self::Bodies | Self::Liver => 0.3,
+            Self::Far | Self::Smooth | Self::Fast | Self::SmoothBodies => 0.0,
+        }
     }
 
     /// Way (m) of the tool, or of the held side of the second block, after so many steps, from where it begins.
@@ -73,13 +86,13 @@ impl Kind {
         };
         match self {
             Self::Far => DVec3::ZERO,
-            Self::Slow => press(ABOVE + 0.008, 0.1),
+            Self::Slow | Self::Smooth => press(ABOVE + 0.008, 0.1),
             Self::Fast => {
                 let deep = ABOVE + 0.015;
                 let phase = (t / deep) % 2.0;
                 DVec3::NEG_Z * deep * if phase > 1.0 { 2.0 - phase } else { phase }
             }
-            Self::Bodies => press(0.004, 0.05),
+            Self::Bodies | Self::SmoothBodies => press(0.004, 0.05),
             Self::Liver => {
                 DVec3::NEG_Z * 0.0075 * (1.0 - libm::cos(6.0 * std::f64::consts::PI * t))
             }
@@ -133,7 +146,8 @@ impl Scene {
             let at = pick.map_or(middle, |pick| pick.position);
             if touched {
                 let probe = Shape::Sphere { radius: 0.01 };
-                let probe = Tool::new("finger", probe, at + DVec3::Z * 0.01).with_friction(0.3);
+                let probe =
+                    Tool::new("finger", probe, at + DVec3::Z * 0.01).with_friction(kind.friction());
                 contact = Some(simulation.add_tool(probe)?);
             }
             return Ok(Self { simulation, contact, handle, kind, done: 0 });
@@ -144,7 +158,7 @@ impl Scene {
         let body = simulation.add_body(&BodyDescription::new("block", mesh, TISSUE))?;
         let rows = simulation.group_rows(body, mesh, "z0")?;
         simulation.add_constraint(Constraint::hold("floor", rows));
-        if kind == Kind::Bodies {
+        if matches!(kind, Kind::Bodies | Kind::SmoothBodies) {
             let mut upper = mesh.clone();
             // shifted, so that no vertex lies on a vertex
             let shift = DVec3::new(0.003, 0.002, BLOCK.z);
@@ -153,15 +167,15 @@ impl Scene {
             let rows = simulation.group_rows(upper_body, &upper, "z1")?;
             handle = Some(simulation.add_constraint(Constraint::hold("hand", rows)));
             if touched {
-                let pair = BodyContact::new("blocks", [body.0, upper_body.0]).with_friction(0.3);
+                let pair = BodyContact::new("blocks", [body.0, upper_body.0]);
+                let pair = pair.with_friction(kind.friction());
                 contact = Some(simulation.add_body_contact(pair));
             }
         } else if touched {
             let height = if kind == Kind::Far { 1.0 } else { RADIUS + ABOVE };
             let at = DVec3::new(0.4 * BLOCK.x, 0.5 * BLOCK.y, BLOCK.z + height);
-            let friction = if kind == Kind::Slow { 0.3 } else { 0.0 };
             let probe = Tool::new("probe", Shape::Sphere { radius: RADIUS }, at);
-            contact = Some(simulation.add_tool(probe.with_friction(friction))?);
+            contact = Some(simulation.add_tool(probe.with_friction(kind.friction()))?);
         }
         Ok(Self { simulation, contact, handle, kind, done: 0 })
     }
@@ -259,6 +273,8 @@ pub struct Row {
     pub off_newton: f64,
     /// See there.
     pub off_bdf2: f64,
+    /// Converged steps that did not converge: their differences say little.
+    pub unconverged_truths: u32,
 }
 
 /// All rows.
@@ -335,9 +351,9 @@ fn measure(
             let off = |integrator| off(kind, mesh, integrator, &forces);
             errors = Some([off(Integrator::Newton)?, off(Integrator::Bdf2)?]);
         }
-        let [off_newton, off_bdf2] = errors
+        let [(off_newton, first), (off_bdf2, second)] = errors
             .unwrap_or_default()
-            .map(|off| if largest > 0.0 { 100.0 * off / largest } else { 0.0 });
+            .map(|(off, missed)| (if largest > 0.0 { 100.0 * off / largest } else { 0.0 }, missed));
         let [with, without] = times.each_ref().map(|steps| {
             let spreads: Vec<Spread> = steps.iter().filter_map(|t| Spread::of(t)).collect();
             let mean = |pick: fn(&Spread) -> f64| {
@@ -350,7 +366,8 @@ fn measure(
         let ratio = [0, 1].map(|i| with.0[i] / beside[i]);
         rows.push(Row {
             kind,
-            tetrahedra: mesh.tetrahedra.len() * if kind == Kind::Bodies { 2 } else { 1 },
+            tetrahedra: mesh.tetrahedra.len()
+                * if matches!(kind, Kind::Bodies | Kind::SmoothBodies) { 2 } else { 1 },
             threads,
             with_ms: with.0,
             without_ms: without.0,
@@ -362,21 +379,23 @@ fn measure(
             force: largest,
             off_newton,
             off_bdf2,
+            unconverged_truths: first + second,
         });
     }
     Ok(rows)
 }
 
-/// Largest difference (N) of the force of a step from that of a converged one from the same state.
+/// Largest difference (N) of the force of a step from that of a converged one from the same state, and how many of
+/// those did not converge.
 fn off(
     kind: Kind,
     mesh: &Mesh,
     integrator: Integrator,
     forces: &[DVec3],
-) -> Result<f64, Box<dyn Error>> {
-    let mut largest = 0.0_f64;
+) -> Result<(f64, u32), Box<dyn Error>> {
+    let (mut largest, mut missed) = (0.0_f64, 0);
     if kind == Kind::Far {
-        return Ok(largest);
+        return Ok((largest, missed));
     }
     for last in CHECKED {
         let mut scene = Scene::new(kind, mesh, 1, true)?;
@@ -387,9 +406,10 @@ fn off(
         settings.mass_damping = if kind == Kind::Liver { 4.0 } else { 0.0 };
         scene.simulation.set_solver(settings);
         scene.step()?;
+        missed += u32::from(scene.simulation.report().unconverged);
         largest = largest.max(scene.force().distance(forces[last]));
     }
-    Ok(largest)
+    Ok((largest, missed))
 }
 
 impl fmt::Display for Report {
@@ -406,15 +426,15 @@ impl fmt::Display for Report {
         )?;
         writeln!(
             f,
-            "  kind           tets threads  with ms (median)  without (median)  ratio (median)   aim       \
-             slowest  solves  CG with/without  points  off newton  off bdf2"
+            "  kind             tets threads  with ms (median)  without (median)  ratio (median)   aim       \
+             slowest  rounds (capped)  CG with/without  points  off newton  off bdf2"
         )?;
         for r in &self.rows {
             let [with, without] = &r.counts;
             writeln!(
                 f,
-                "  {:<10} {:8} {:7} {:8.3} ({:6.3}) {:8.3} ({:6.3}) {:6.3} ({:6.3}) {:5.2} {:<7} {:8.3} {:7.2} \
-                 {:6.1} / {:6.1} {:7} {:8.2} % {:7.2} %",
+                "  {:<12} {:8} {:7} {:8.3} ({:6.3}) {:8.3} ({:6.3}) {:6.3} ({:6.3}) {:5.2} {:<7} {:8.3} {:7.2} ({:2}) \
+                 {:10.1} / {:6.1} {:7} {:8.2} % {:7.2} %{}",
                 r.kind.name(),
                 r.tetrahedra,
                 r.threads,
@@ -427,12 +447,17 @@ impl fmt::Display for Report {
                 r.aim,
                 if r.met { "met" } else { "MISSED" },
                 r.slowest_ms,
-                with.solves,
+                with.rounds,
+                with.unconverged,
                 with.iterations,
                 without.iterations,
                 with.points,
                 r.off_newton,
                 r.off_bdf2,
+                match r.unconverged_truths {
+                    0 => String::new(),
+                    n => format!(" ({n} not converged)"),
+                },
             )?;
         }
         writeln!(
