@@ -2,6 +2,7 @@
 //! fast, two bodies, and a liver that is palpated at 100 steps a second. Every time has the error of the force.
 
 use crate::bench::cases::demo_mesh;
+use crate::bench::error::BenchError;
 use crate::bench::machine::{Load, MachineNotes, Watch};
 use crate::bench::stats::Spread;
 use glam::DVec3;
@@ -19,6 +20,8 @@ pub struct ContactOptions {
     pub sizes: Vec<usize>,
     /// Times that every run is made.
     pub repeats: usize,
+    /// Kinds by name; all when empty.
+    pub kinds: Vec<String>,
 }
 
 /// Length of a step (s), steps of a run, and those after which the force is held against converged steps.
@@ -55,8 +58,16 @@ pub enum Kind {
 }
 
 impl Kind {
-    const BLOCKS: [Self; 6] =
-        [Self::Far, Self::Slow, Self::Smooth, Self::Fast, Self::Bodies, Self::SmoothBodies];
+    /// All, in the order of reports.
+    pub const ALL: [Self; 7] = [
+        Self::Far,
+        Self::Slow,
+        Self::Smooth,
+        Self::Fast,
+        Self::Bodies,
+        Self::SmoothBodies,
+        Self::Liver,
+    ];
 
     /// Name in tables.
     pub fn name(self) -> &'static str {
@@ -295,24 +306,32 @@ pub struct Report {
 /// Measures.
 ///
 /// # Errors
-/// When a mesh or body cannot be made or a step fails.
+/// When there is no such kind, a mesh or body cannot be made or a step fails.
 pub fn run(options: &ContactOptions, tell: impl Fn(&str)) -> Result<Report, Box<dyn Error>> {
     let watch = Watch::start();
     let machine = MachineNotes::now();
     let threads: &[usize] = if machine.cores > 1 { &[1, 2] } else { &[1] };
+    if let Some(name) = options.kinds.iter().find(|n| !Kind::ALL.iter().any(|k| k.name() == **n)) {
+        let names = Kind::ALL.map(Kind::name).join("`, `");
+        let remedy = format!("choose from `{names}`");
+        return Err(BenchError::Request { what: format!("contact `{name}`"), remedy }.into());
+    }
+    let wanted = |k: &Kind| options.kinds.is_empty() || options.kinds.iter().any(|n| n == k.name());
     let mut rows = Vec::new();
     for &size in &options.sizes {
         let n = (size as f64 / 24.0).cbrt().round().max(1.0) as usize;
         let mesh = box_tets(BLOCK, [2 * n, 2 * n, n])?;
-        for kind in Kind::BLOCKS {
+        for kind in Kind::ALL.into_iter().filter(|k| *k != Kind::Liver && wanted(k)) {
             tell(&format!("{} tetrahedra, {}", mesh.tetrahedra.len(), kind.name()));
             rows.extend(measure(kind, &mesh, threads, options.repeats)?);
         }
     }
-    tell("liver");
-    let mesh = demo_mesh("liver.msh")?;
-    let most = &threads[threads.len() - 1..];
-    rows.extend(measure(Kind::Liver, &mesh, most, options.repeats)?);
+    if wanted(&Kind::Liver) {
+        tell("liver");
+        let mesh = demo_mesh("liver.msh")?;
+        let most = &threads[threads.len() - 1..];
+        rows.extend(measure(Kind::Liver, &mesh, most, options.repeats)?);
+    }
     let (schema, load, repeats) = ("sinew-bench-contact/1", watch.finish(), options.repeats);
     Ok(Report { schema, machine, load, repeats, rows })
 }

@@ -56,7 +56,7 @@ pub struct BenchArguments {
     /// Sizes of the beams of kernels and steps in tetrahedra, such as 5000,50000.
     #[arg(long, value_name = "N", value_delimiter = ',')]
     tets: Vec<usize>,
-    /// Only this case of the accuracy part; may be given several times.
+    /// Only this case of the accuracy part, or kind of contact; may be given several times.
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
     /// Python with the package `mujoco` [default: python3].
@@ -185,7 +185,8 @@ fn resection(arguments: &BenchArguments) -> Outcome {
 /// Steps with contact beside those without.
 fn contact(arguments: &BenchArguments) -> Outcome {
     let repeats = if arguments.quick { 2 } else { 5 };
-    let options = ContactOptions { sizes: sizes(arguments), repeats };
+    let options =
+        ContactOptions { sizes: sizes(arguments), repeats, kinds: arguments.cases.clone() };
     let report = sinew_benches::contact::run(&options, |what| eprintln!("{what}"))?;
     present(arguments, "contact", &report)
 }
