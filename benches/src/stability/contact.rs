@@ -460,6 +460,8 @@ fn fast(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
         let mut run = held(setting, mesh, &["z0"])?;
         run.simulation.set_dt(dt);
         let mut hand = Hand::ball(&mut run, RADIUS, deep + DVec3::Z * 0.1)?;
+        // a tool that is given a target before its first step begins there
+        run.step()?;
         hand.go(&mut run, deep, speed, dt)?;
         let (mut stopped, mut rise, mut silent) = (total(&run), 0.0_f64, 0.0_f64);
         let mut there = false;
