@@ -4,6 +4,7 @@ mod axes;
 mod bad_input;
 mod common;
 mod comparison_models;
+mod contact;
 mod cross;
 mod determinism;
 mod elements;

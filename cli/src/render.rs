@@ -49,7 +49,8 @@ pub struct RenderArguments {
     /// Width and height (pixels).
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     size: [u32; 2],
-    /// Colours: displacement, strain, stress, energy, volume, error (against a quarter of the step) or none.
+    /// Colours: displacement, strain, stress, energy, volume, pressure (of contact), error (against a quarter of the
+    /// step) or none.
     #[arg(long, visible_alias = "colour", default_value = "displacement", value_parser = quantity)]
     color: Quantity,
     /// AZIMUTH,ELEVATION[,FACTOR on the fitting distance] in degrees, or eye and target X,Y,Z,X,Y,Z in metres

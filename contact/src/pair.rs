@@ -102,7 +102,7 @@ pub(crate) fn closest(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
         return [0.0, 1.0 - t, t];
     }
     let sum = va + vb + vc;
-    if !(sum > 0.0) {
+    if sum <= 0.0 || sum.is_nan() {
         // a face that was drawn out to a line or point
         return [1.0, 0.0, 0.0];
     }

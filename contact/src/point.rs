@@ -110,8 +110,19 @@ pub(crate) struct Point {
     pub normal: DVec3,
     /// Multiplier (Pa) of exact contact.
     pub multiplier: Option<f64>,
-    /// A remembered normal is to be kept to, turned with the tool.
-    pub side: Option<DVec3>,
+    pub side: Side,
+}
+
+/// On which side of a tool a point is to stay.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Side {
+    /// Remembered normal, turned with the tool; zero without.
+    pub normal: DVec3,
+    /// Outward unit normal of a solid at the start of the step; zero where there are two sides.
+    pub outward: DVec3,
+    /// The tool is thinner than the edges of the surface: whatever is in it goes straight into the solid, since the
+    /// nearest side may soon be the wrong one.
+    pub straight: bool,
 }
 
 /// A part of a tool in this step.
@@ -173,6 +184,13 @@ impl Default for Active {
     }
 }
 
+/// Cosine between the directions out of a tool and out of a solid above which a point is on the wrong side.
+const BEHIND: f64 = 0.0;
+/// Slope of a surface to a direction below which that does not lead out.
+const GRAZING: f64 = 0.05;
+/// Largest such cosine that is remembered: a tool that is dragged must not be worked under the surface bit by bit.
+const AGAINST: f64 = -0.5;
+
 /// `a b^T`.
 fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
@@ -220,7 +238,7 @@ impl Point {
             }
             Against::Part(part) => {
                 let part = &parts[*part];
-                (active.gap, gradient) = part.gap(at, self.side);
+                (active.gap, gradient) = part.gap(at, &self.side);
             }
             Against::Faces(range) => {
                 let side = (self.memory.side != 0.0).then_some(self.memory.side);
@@ -289,6 +307,17 @@ impl Point {
         }
     }
 
+    /// The normal to be remembered: always somewhat against the outward one.
+    pub fn kept_normal(&self, active: &Active) -> DVec3 {
+        let n = active.normal;
+        let outward = self.side.outward;
+        let cosine = n.dot(outward);
+        if outward == DVec3::ZERO || cosine <= AGAINST {
+            return n;
+        }
+        (n + (AGAINST - cosine) * outward).try_normalize().unwrap_or(-outward)
+    }
+
     /// Whether it is held whatever the pressure.
     pub fn is_held(&self) -> bool {
         self.limit.is_infinite()
@@ -296,20 +325,25 @@ impl Point {
 }
 
 impl PartNow {
-    /// Signed distance (m) of a point in the world and its gradient; with a remembered normal, that side is kept to:
-    /// where the nearest surface has become that of the other side, the distance is that to the surface along the
-    /// normal.
-    pub fn gap(&self, at: DVec3, side: Option<DVec3>) -> (f64, DVec3) {
+    /// Signed distance (m) of a point in the world and its gradient. Where the nearest surface is that of the wrong
+    /// side, the distance is that to the surface along the remembered normal, or into the solid.
+    pub fn gap(&self, at: DVec3, side: &Side) -> (f64, DVec3) {
         let Rigid { centre, rotation } = self.now;
         let inverse = rotation.inverse();
         let y = inverse * (at - centre);
         let (distance, gradient) = self.shape.distance(y);
-        if let Some(side) = side.filter(|_| distance < 0.0) {
-            let along = inverse * side;
-            if gradient.dot(along) < 0.0 {
+        let direction = match side {
+            Side { straight: true, outward, .. } => -*outward,
+            Side { normal, .. } if *normal != DVec3::ZERO => *normal,
+            Side { outward, .. } => -*outward,
+        };
+        if distance < 0.0 && direction != DVec3::ZERO {
+            let along = inverse * direction;
+            let behind = gradient.dot(inverse * side.outward) > BEHIND;
+            if side.straight || behind || gradient.dot(along) < 0.0 {
                 let (way, exit) = self.shape.way_out(y, along);
                 let slope = exit.dot(along);
-                if slope > 0.05 {
+                if slope > GRAZING {
                     return (self.drawn_in - way, rotation * (exit / slope));
                 }
             }

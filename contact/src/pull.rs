@@ -71,7 +71,7 @@ impl Pull {
             ));
         }
         let sum: f64 = self.weights.iter().sum();
-        if self.weights.iter().any(|w| !(*w >= 0.0)) || !(sum > 0.0 && sum.is_finite()) {
+        if self.weights.iter().any(|w| *w < 0.0 || w.is_nan()) || !(sum > 0.0 && sum.is_finite()) {
             return Some("its weights must be 0 or positive, one of them positive".into());
         }
         if !(self.stiffness > 0.0 && self.stiffness.is_finite()) {
@@ -84,7 +84,7 @@ impl Pull {
         if !(translation.is_finite() && rotation.is_finite() && centre.is_finite()) {
             return Some(format!("its target {:?} is not finite", self.target));
         }
-        (!((rotation.length() - 1.0).abs() < 1e-6))
+        ((rotation.length() - 1.0).abs() > 1e-6)
             .then(|| format!("the rotation {rotation} of its target has not length one"))
     }
 }

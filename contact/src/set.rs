@@ -1,11 +1,11 @@
 //! All contact of a world during a step: which points may be touched, their forces at any state, and what is kept and
 //! reported at the end.
 
-use crate::pair::{BodyContact, BodyContactReport};
-use crate::point::{Active, Against, Key, Memory, PartNow, Point, Rigid};
+use crate::pair::{BodyContact, BodyContactReport, beside};
+use crate::point::{Active, Against, Key, Memory, PartNow, Point, Rigid, Side};
 use crate::pull::{Pull, PullReport};
 use crate::skin::{EMPTY, Skin, face_points, grown, overlap};
-use crate::tool::{MOST_POINTS, Points, Stiffness, Tool, ToolPose, ToolReport};
+use crate::tool::{MOST_POINTS, Points, Stiffness, Tool, ToolMotion, ToolPose, ToolReport};
 use bevy_ecs::lifecycle::HookContext;
 use bevy_ecs::prelude::*;
 use bevy_ecs::world::DeferredWorld;
@@ -18,14 +18,17 @@ use sinew_engine::topology::Topology;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Part of its thickness that a tool may move at once: no point can then pass its middle.
-const LONGEST_WAY: f64 = 0.9;
+/// Part of its thickness that a tool may move at once: no point can then pass its middle. The second is for tools
+/// thinner than the edges of the surface, which would work themselves under it.
+const LONGEST_WAY: [f64; 2] = [0.9, 0.4];
 /// Most substeps that a step is cut into for a fast tool.
 pub const MOST_SUBSTEPS: u32 = 8;
 /// Part of the mean edge by which points may be inside of a tool that appears before it is drawn in.
 const INSIDE: f64 = 0.25;
 /// Speed (m/s) at which a tool that was drawn in grows again.
 const GROWTH: f64 = 0.1;
+/// Depth over the mean edge beyond which a point that did not touch is taken to be behind a body, not inside of it.
+const DEEP: f64 = 0.35;
 /// Thickness of a tool over the mean edge from which vertices are dense enough.
 const DENSE: f64 = 2.0;
 
@@ -78,11 +81,19 @@ struct ToolState {
     dissipation: f64,
 }
 
+/// What a tool did in the substeps of a step.
+#[derive(Clone, Copy, Debug, Default)]
+struct Settled {
+    work: f64,
+    dissipation: f64,
+}
+
 /// A tool in this step.
 #[derive(Clone, Debug)]
 struct ToolNow {
     entity: Entity,
-    sequence: u64,
+    /// Of the entity: clones of a tool are tools of their own.
+    id: u64,
     name: String,
     start: ToolPose,
     end: ToolPose,
@@ -135,6 +146,8 @@ pub struct ContactSet {
     forces: Vec<(u32, DVec3)>,
     pressures: Vec<(u32, f64)>,
     figures: ContactFigures,
+    /// Work and dissipation of the tools, and last of all hands, in the substeps of the step.
+    settled: Vec<Settled>,
     /// Energy (J) stored at the end of the last step.
     stored: f64,
     /// What is kept, as it was before the first part of a step in parts, and the number of that step.
@@ -170,6 +183,7 @@ impl ContactSet {
             self.find_pair_points(rest);
         }
         self.find_pull_points(world, x);
+        self.settled = vec![Settled::default(); self.tools.len() + 1];
         self.points.sort_unstable_by_key(|point| point.key);
         let bodies = world.resource::<Topology>().bodies.len();
         self.first.clear();
@@ -183,6 +197,47 @@ impl ContactSet {
         }
         self.set_part(1.0, clock.dt);
         Ok(())
+    }
+
+    /// All bodies.
+    pub fn bodies(&self) -> Range<usize> {
+        0..self.first.len().saturating_sub(1)
+    }
+
+    /// Bounds on the largest frequency (1/s) that contacts alone could give vertices of these masses (kg), and on the
+    /// rate (1/s) at which pulls damp them.
+    pub fn rates(&self, mass: &dyn Fn(u32) -> f64) -> [f64; 2] {
+        let mut rows: Vec<(u32, f64, f64)> = Vec::new();
+        for point in &self.points {
+            let damping = match point.against {
+                Against::Hand { damping, .. } => damping * point.area,
+                _ => 0.0,
+            };
+            // vertices of the face on the other side bear at most as much
+            let used = point.rows.iter().zip(point.weights).filter(|(_, w)| *w > 0.0);
+            rows.extend(used.map(|(&row, w)| (row, w * point.area * point.k, w * damping)));
+            if let Against::Faces(range) = &point.against {
+                let faces = self.faces[range.clone()].iter().flatten();
+                rows.extend(faces.map(|&row| (row, point.area * point.k, 0.0)));
+            }
+        }
+        rows.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let mut most = [0.0_f64; 2];
+        for own in rows.chunk_by(|a, b| a.0 == b.0) {
+            let m = mass(own[0].0);
+            if m > 0.0 {
+                let sum = |of: fn(&(u32, f64, f64)) -> f64| own.iter().map(of).sum::<f64>() / m;
+                most = [most[0].max(sum(|r| r.1)), most[1].max(sum(|r| r.2))];
+            }
+        }
+        [most[0].sqrt(), most[1]]
+    }
+
+    /// Change of the stored energy (J) since the start of a step in substeps, and the work (J) that tools and hands
+    /// did in it, both up to the last [`settle`](Self::settle).
+    pub fn books(&self) -> [f64; 2] {
+        let now: f64 = self.points.iter().zip(&self.active).map(|(p, a)| stored(p, a)).sum();
+        [now - self.stored, self.settled.iter().map(|own| own.work).sum()]
     }
 
     /// Whether nothing can touch or pull anything in this step.
@@ -212,7 +267,7 @@ impl ContactSet {
 
         let mut query = world.query::<(Entity, &Tool)>();
         let mut found: Vec<(Entity, &Tool)> = query.iter(world).collect();
-        found.sort_unstable_by_key(|(_, tool)| tool.sequence);
+        found.sort_unstable_by_key(|(entity, tool)| (tool.sequence, *entity));
         self.tools.clear();
         self.parts.clear();
         for (entity, tool) in found {
@@ -222,9 +277,11 @@ impl ContactSet {
             if !tool.active(t) {
                 continue;
             }
-            let known = self.states.get(&tool.sequence);
+            let known = self.states.get(&entity.to_bits());
             let mut start = match known {
                 Some(state) => state.pose,
+                // targets are reached from where it first stands
+                None if tool.motion == ToolMotion::Follow => tool.start,
                 None => tool.wanted(clock.time, tool.start),
             };
             let wanted = tool.wanted(t, start);
@@ -234,7 +291,7 @@ impl ContactSet {
             }
             let end = match tool.motion {
                 // what is left of the way, evenly over what is left of the step
-                crate::tool::ToolMotion::Follow => start.towards(&wanted, part.share_of_rest()),
+                ToolMotion::Follow => start.towards(&wanted, part.share_of_rest()),
                 _ => wanted,
             };
             let first = self.parts.len();
@@ -258,7 +315,7 @@ impl ContactSet {
             }
             self.tools.push(ToolNow {
                 entity,
-                sequence: tool.sequence,
+                id: entity.to_bits(),
                 name: tool.name.clone(),
                 start,
                 end,
@@ -277,7 +334,7 @@ impl ContactSet {
             }
             self.pairs.push(PairNow { entity, pair: pair.clone() });
         }
-        self.pairs.sort_unstable_by_key(|now| now.pair.sequence);
+        self.pairs.sort_unstable_by_key(|now| (now.pair.sequence, now.entity));
 
         let mut query = world.query::<(Entity, &Pull)>();
         self.pulls.clear();
@@ -287,7 +344,7 @@ impl ContactSet {
             }
             self.pulls.push(PullNow { entity, pull: pull.clone() });
         }
-        self.pulls.sort_unstable_by_key(|now| now.pull.sequence);
+        self.pulls.sort_unstable_by_key(|now| (now.pull.sequence, now.entity));
         Ok(())
     }
 
@@ -305,7 +362,7 @@ impl ContactSet {
             return Ok(());
         };
         self.skins.resize_with(bodies, Known::default);
-        let live: Vec<u64> = self.tools.iter().map(|now| now.sequence).collect();
+        let live: Vec<u64> = self.tools.iter().map(|now| now.id).collect();
         self.own_skins.retain(|(tool, _), _| live.contains(tool));
         for body in 0..bodies {
             let topology = world.resource::<Topology>();
@@ -329,7 +386,7 @@ impl ContactSet {
             }
             self.skins[body].skin.refit(dt, x, v);
             for now in self.tools.iter().filter(|now| now.tool.faces.is_some()) {
-                let own = self.own_skins.entry((now.sequence, body)).or_default();
+                let own = self.own_skins.entry((now.id, body)).or_default();
                 if own.version != version {
                     let surface = surface.get_or_insert_with(|| read(world, body));
                     let faces = now.tool.faces.as_deref();
@@ -343,7 +400,7 @@ impl ContactSet {
 
     /// The surface of a body that a tool may touch.
     fn skin(&self, tool: &ToolNow, body: usize) -> &Skin {
-        match self.own_skins.get(&(tool.sequence, body)) {
+        match self.own_skins.get(&(tool.id, body)) {
             Some(own) if tool.tool.faces.is_some() => &own.skin,
             _ => &self.skins[body].skin,
         }
@@ -356,7 +413,7 @@ impl ContactSet {
             let mut share = 1.0_f64;
             for part in &self.parts[now.parts.clone()] {
                 let way = longest_way(part);
-                let most = LONGEST_WAY * part.shape.thickness();
+                let most = self.longest_step(part);
                 if way > most && self.meets(part, now) {
                     share = share.min(most / way);
                 }
@@ -370,6 +427,13 @@ impl ContactSet {
                 self.place_parts(index);
             }
         }
+    }
+
+    /// Most (m) that a part may move at once.
+    fn longest_step(&self, part: &PartNow) -> f64 {
+        let edge = self.skins.iter().map(|known| known.skin.edge).fold(0.0, f64::max);
+        let thickness = part.shape.thickness();
+        LONGEST_WAY[usize::from(thickness < edge)] * thickness
     }
 
     /// Whether the way of a part leads through the box of a body.
@@ -402,12 +466,30 @@ impl ContactSet {
                     self.draw_in(index, part);
                 }
                 for body in 0..self.skins.len() {
+                    self.find_normals(index, part, body);
                     let kind = self.kind_of_points(index, part, body);
                     self.collect(index, part, body, kind, &mut points);
                 }
             }
         }
         self.points.append(&mut points);
+    }
+
+    /// Normals of a surface that a part may touch.
+    fn find_normals(&mut self, tool: usize, part: usize, body: usize) {
+        let (now, part) = (&self.tools[tool], &self.parts[part]);
+        let reach = part.shape.bounds(part.end.centre, part.end.rotation);
+        if !overlap(&self.skin(now, body).hull, &grown(reach, longest_way(part))) {
+            return;
+        }
+        let key = (now.id, body);
+        let skin = match self.own_skins.get_mut(&key) {
+            Some(own) if now.tool.faces.is_some() => &mut own.skin,
+            _ => &mut self.skins[body].skin,
+        };
+        if skin.normals.is_empty() {
+            skin.find_normals();
+        }
     }
 
     fn kind_of_points(&self, tool: usize, part: usize, body: usize) -> Points {
@@ -434,7 +516,7 @@ impl ContactSet {
             let own = part.shape.bounds(part.start.centre, part.start.rotation);
             let place = PartNow { now: part.start, drawn_in: 0.0, ..part.clone() };
             skin.near(&own, |i| {
-                let depth = -place.gap(skin.at[i], None).0;
+                let depth = -place.gap(skin.at[i], &Side::default()).0;
                 if depth > INSIDE * skin.edge {
                     deepest = deepest.max(depth);
                 }
@@ -459,10 +541,11 @@ impl ContactSet {
         let reach = part.shape.bounds(part.end.centre, part.end.rotation);
         let reach = grown(reach, longest);
         let slack = longest + 1e-9 * skin.edge;
-        let point = |point: [u32; 4], rows, weights, area, young: f64| {
+        let thin = part.shape.thickness() < skin.edge;
+        let point = |point: [u32; 4], rows, weights, outward, [area, young]: [f64; 2]| {
             let key = Key {
                 body: body as u32,
-                owner: now.sequence,
+                owner: now.id,
                 part: (part_index - now.parts.start) as u32,
                 point,
             };
@@ -482,7 +565,11 @@ impl ContactSet {
                 limit: 0.0,
                 normal: DVec3::ZERO,
                 multiplier: now.tool.exact.then_some(memory.pressure),
-                side: None,
+                side: if now.tool.keeps_side {
+                    Side { normal: DVec3::ZERO, outward, straight: thin && outward != DVec3::ZERO }
+                } else {
+                    Side::default()
+                },
             }
         };
         if let Points::Faces(n) = kind {
@@ -499,23 +586,27 @@ impl ContactSet {
                     continue;
                 }
                 let rows = local.map(|v| skin.rows[v as usize]);
+                let outward = skin.outward(face);
                 let (area, young) =
                     (skin.face_area[face] / places.len() as f64, skin.mean(&skin.young, face));
                 for (number, weights) in (0..).zip(&places) {
                     let at =
                         corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
-                    if part.gap(at, None).0 <= slack + way {
+                    if part.gap(at, &Side::default()).0 <= slack + way {
                         let [a, b, c] = rows;
-                        points.push(point([a, b, c, number], rows, *weights, area, young));
+                        let id = [a, b, c, number];
+                        points.push(point(id, rows, *weights, outward, [area, young]));
                     }
                 }
             }
         } else {
             skin.near(&reach, |i| {
-                if part.gap(skin.at[i], None).0 <= slack + skin.way[i] {
+                if part.gap(skin.at[i], &Side::default()).0 <= slack + skin.way[i] {
                     let row = skin.rows[i];
                     let id = [row, u32::MAX, u32::MAX, 0];
-                    points.push(point(id, [row; 3], [1.0, 0.0, 0.0], skin.area[i], skin.young[i]));
+                    let numbers = [skin.area[i], skin.young[i]];
+                    let outward = skin.normals[i];
+                    points.push(point(id, [row; 3], [1.0, 0.0, 0.0], outward, numbers));
                 }
             });
         }
@@ -523,16 +614,18 @@ impl ContactSet {
 
     /// Points of bodies that may touch other bodies.
     fn find_pair_points(&mut self, rest: &[DVec3]) {
-        let (mut points, mut faces) = (Vec::new(), Vec::new());
+        let (mut points, mut faces, mut buried) = (Vec::new(), Vec::new(), 0);
         for now in &self.pairs {
             let [a, b] = now.pair.bodies;
             let directions: &[[usize; 2]] = if a == b { &[[a, a]] } else { &[[a, b], [b, a]] };
             for (direction, &[from, to]) in (0..).zip(directions) {
-                self.collect_pair(now, direction, [from, to], rest, &mut points, &mut faces);
+                buried +=
+                    self.collect_pair(now, direction, [from, to], rest, &mut points, &mut faces);
             }
         }
         self.points.append(&mut points);
         self.faces = faces;
+        self.figures.buried = buried;
     }
 
     /// Vertices of body `from` near faces of body `to`. Faces near the common box are sorted into the cells of a grid
@@ -545,10 +638,11 @@ impl ContactSet {
         rest: &[DVec3],
         points: &mut Vec<Point>,
         faces: &mut Vec<[u32; 3]>,
-    ) {
+    ) -> u32 {
+        let mut buried = 0;
         let (own, other) = (&self.skins[from].skin, &self.skins[to].skin);
         if !overlap(&own.hull, &other.hull) {
-            return;
+            return 0;
         }
         let common = [own.hull[0].max(other.hull[0]), own.hull[1].min(other.hull[1])];
         let mut near = Vec::new();
@@ -570,8 +664,8 @@ impl ContactSet {
                 boxes.push((face, reach));
             }
         }
-        if boxes.is_empty() || !(size > 0.0) {
-            return;
+        if boxes.is_empty() || size <= 0.0 {
+            return 0;
         }
         let cell = |x: DVec3| ((x - common[0]) / size).floor().as_i64vec3().to_array();
         let mut bins: Vec<([i64; 3], u32)> = Vec::new();
@@ -620,7 +714,7 @@ impl ContactSet {
             let row = own.rows[i];
             let key = Key {
                 body: from as u32,
-                owner: now.pair.sequence,
+                owner: now.entity.to_bits(),
                 part: direction,
                 point: [row, u32::MAX, u32::MAX, 0],
             };
@@ -629,14 +723,20 @@ impl ContactSet {
             faces.extend(
                 chosen.iter().map(|&face| other.faces[face].map(|v| other.rows[v as usize])),
             );
-            // a membrane has two sides: the one where it was met counts
-            if chosen.iter().all(|&face| face >= other.sheets) && memory.side == 0.0 {
-                let x = |row: u32| match other.rows.binary_search(&row) {
-                    Ok(at) => other.at[at],
-                    Err(_) => at,
-                };
-                let side = crate::pair::beside(at, &faces[first..], &x, None);
-                memory.side = side.map_or(0.0, |b| if b.distance < 0.0 { -1.0 } else { 1.0 });
+            let x = |row: u32| match other.rows.binary_search(&row) {
+                Ok(at) => other.at[at],
+                Err(_) => at,
+            };
+            let sheets = chosen.iter().all(|&face| face >= other.sheets);
+            let distance = beside(at, &faces[first..], &x, None).map_or(0.0, |b| b.distance);
+            if sheets && memory.side == 0.0 {
+                // a membrane has two sides: the one where it was met counts
+                memory.side = if distance < 0.0 { -1.0 } else { 1.0 };
+            } else if memory.pressure == 0.0 && distance < -DEEP * other.edge {
+                // it is behind these faces because it is on the far side of their body
+                faces.truncate(first);
+                buried += u32::from(from != to);
+                continue;
             }
             let half = if from == to { 1.0 } else { 0.5 };
             points.push(Point {
@@ -657,9 +757,10 @@ impl ContactSet {
                 limit: 0.0,
                 normal: DVec3::ZERO,
                 multiplier: None,
-                side: None,
+                side: Side::default(),
             });
         }
+        buried
     }
 
     /// Points of patches that hands pull on.
@@ -677,7 +778,7 @@ impl ContactSet {
                 self.points.push(Point {
                     key: Key {
                         body: bodies.partition_point(|body| body.vertices.end <= row) as u32,
-                        owner: pull.sequence,
+                        owner: now.entity.to_bits(),
                         part: number,
                         point: [row, u32::MAX, u32::MAX, 0],
                     },
@@ -699,7 +800,7 @@ impl ContactSet {
                     limit: 0.0,
                     normal: DVec3::ZERO,
                     multiplier: None,
-                    side: None,
+                    side: Side::default(),
                 });
             }
         }
@@ -718,7 +819,8 @@ impl ContactSet {
                     point.slip = own.start.turn(point.memory.slip, &own.now);
                     point.carried = own.start.carry(point.start, &own.now);
                     let keeps = self.tools[own.tool].tool.keeps_side && point.memory.pressure > 0.0;
-                    point.side = keeps.then(|| own.start.turn(point.memory.normal, &own.now));
+                    let normal = own.start.turn(point.memory.normal, &own.now);
+                    point.side.normal = if keeps { normal } else { DVec3::ZERO };
                 }
                 Against::Hand { to, from, damping, rate } => {
                     point.carried = *from + (*to - *from) * part;
@@ -736,7 +838,7 @@ impl ContactSet {
             let [a, b] = now.pair.bodies;
             let (low, high) = (a.min(b), a.max(b));
             let of_pair = |p: &Point| {
-                p.key.owner == now.pair.sequence && matches!(p.against, Against::Faces(_))
+                p.key.owner == now.entity.to_bits() && matches!(p.against, Against::Faces(_))
             };
             if low != high && self.points.iter().any(of_pair) {
                 last[low] = last[low].max(high);
@@ -892,6 +994,20 @@ impl ContactSet {
 
     /// Within a step that is cut into parts: what touches goes on from positions `x`, those of the last evaluation.
     pub fn settle(&mut self, x: &dyn Fn(u32) -> DVec3) {
+        for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
+            let force = active.push + active.rub;
+            let (tool, way) = match point.against {
+                Against::Part(part) => {
+                    let own = &self.parts[part];
+                    (own.tool, active.at - own.now.carry(active.at, &own.start))
+                }
+                Against::Hand { .. } => (self.tools.len(), point.carried - point.slip),
+                Against::Faces(_) => continue,
+            };
+            let own = &mut self.settled[tool];
+            own.work += force.dot(way);
+            own.dissipation += lost(point, active);
+        }
         for own in &mut self.parts {
             own.start = own.now;
         }
@@ -1018,8 +1134,8 @@ impl ContactSet {
 
     fn report_tools(&mut self, world: &mut World, x: &Places, dt: f64) {
         let live: Vec<u64> = {
-            let mut query = world.query::<&Tool>();
-            query.iter(world).map(|tool| tool.sequence).collect()
+            let mut query = world.query_filtered::<Entity, With<Tool>>();
+            query.iter(world).map(Entity::to_bits).collect()
         };
         self.states.retain(|sequence, _| live.contains(sequence));
         for index in 0..self.tools.len() {
@@ -1028,7 +1144,7 @@ impl ContactSet {
                 report.other_points = Some(self.other_force(index, x));
             }
             let now = &self.tools[index];
-            let state = self.states.entry(now.sequence).or_default();
+            let state = self.states.entry(now.id).or_default();
             state.pose = now.end;
             state.work += report.work;
             state.dissipation += report.dissipation;
@@ -1106,6 +1222,10 @@ impl ContactSet {
         if weight > 0.0 {
             report.centre = centre / weight;
         }
+        let Settled { work, dissipation } = self.settled[index];
+        report.work += work;
+        report.dissipation += dissipation;
+        self.figures.friction_dissipation += dissipation;
         report
     }
 
@@ -1135,7 +1255,7 @@ impl ContactSet {
         for now in &self.pairs {
             let mut report = BodyContactReport::default();
             let own = |p: &Point| {
-                p.key.owner == now.pair.sequence && matches!(p.against, Against::Faces(_))
+                p.key.owner == now.entity.to_bits() && matches!(p.against, Against::Faces(_))
             };
             let points = self.points.iter().zip(&self.active);
             for (point, active) in points.filter(|(p, a)| a.on && own(p)) {
@@ -1146,7 +1266,7 @@ impl ContactSet {
                 report.area += point.area;
                 report.depth = report.depth.max(-active.gap);
                 let lost = lost(point, active);
-                *self.dissipated.entry(now.pair.sequence).or_default() += lost;
+                *self.dissipated.entry(now.entity.to_bits()).or_default() += lost;
                 self.figures.friction_dissipation += lost;
                 if sticks(point, active) {
                     report.sticking += 1;
@@ -1155,7 +1275,7 @@ impl ContactSet {
                 }
             }
             report.dissipation =
-                self.dissipated.get(&now.pair.sequence).copied().unwrap_or_default();
+                self.dissipated.get(&now.entity.to_bits()).copied().unwrap_or_default();
             if let Ok(mut entity) = world.get_entity_mut(now.entity) {
                 entity.insert(report);
             }
@@ -1171,7 +1291,7 @@ impl ContactSet {
             let centre = pose.centre + pose.translation;
             for (point, active) in self.points.iter().zip(&self.active) {
                 let Against::Hand { to, from, .. } = point.against else { continue };
-                if point.key.owner != now.pull.sequence {
+                if point.key.owner != now.entity.to_bits() {
                     continue;
                 }
                 let force = -(active.push + active.rub);
@@ -1199,7 +1319,7 @@ impl ContactSet {
         let mut at = Vec::new();
         for now in self.tools.iter().filter(|now| !now.appears) {
             for part in &self.parts[now.parts.clone()] {
-                let ways = longest_way(part) / (LONGEST_WAY * part.shape.thickness());
+                let ways = longest_way(part) / self.longest_step(part);
                 if ways <= most {
                     continue;
                 }
@@ -1241,7 +1361,7 @@ fn remember(point: &Point, active: &Active) -> Memory {
     }
     Memory {
         slip: point.kept_slip(active),
-        normal: active.normal,
+        normal: point.kept_normal(active),
         pressure: active.pressure,
         gripped,
         side,

@@ -25,6 +25,8 @@ pub(crate) struct Skin {
     pub edge: f64,
     /// Places (m) of the vertices at the start of the step.
     pub at: Vec<DVec3>,
+    /// Outward unit normals there; zero at vertices of membranes.
+    pub normals: Vec<DVec3>,
     /// How far (m) each may come in the step.
     pub way: Vec<f64>,
     /// Boxes of blocks, grown by that.
@@ -97,6 +99,7 @@ impl Skin {
         let way = |&row: &u32| 1.5 * v(row).length() * dt + 0.25 * self.edge;
         self.way.extend(self.rows.iter().map(way));
         self.boxes.clear();
+        self.normals.clear();
         self.hull = EMPTY;
         for (at, way) in self.at.chunks(BLOCK).zip(self.way.chunks(BLOCK)) {
             let mut own = EMPTY;
@@ -106,6 +109,29 @@ impl Skin {
             self.hull = [self.hull[0].min(own[0]), self.hull[1].max(own[1])];
             self.boxes.push(own);
         }
+    }
+
+    /// Area normal (m^2) of a face at the start of the step.
+    fn area_normal(&self, face: usize) -> DVec3 {
+        let [a, b, c] = self.faces[face].map(|v| self.at[v as usize]);
+        0.5 * (b - a).cross(c - a)
+    }
+
+    /// Outward unit normal of a face at the start of the step; zero for a membrane.
+    pub fn outward(&self, face: usize) -> DVec3 {
+        if face < self.sheets { self.area_normal(face).normalize_or_zero() } else { DVec3::ZERO }
+    }
+
+    /// Finds the normals of the vertices, where something is near.
+    pub fn find_normals(&mut self) {
+        let mut normals = vec![DVec3::ZERO; self.rows.len()];
+        for face in 0..self.sheets {
+            let normal = self.area_normal(face);
+            for &v in &self.faces[face] {
+                normals[v as usize] += normal;
+            }
+        }
+        self.normals = normals.into_iter().map(DVec3::normalize_or_zero).collect();
     }
 
     /// Calls `f` with the places in `rows` of all vertices whose blocks reach into a box.

@@ -275,6 +275,20 @@ impl Tool {
         self
     }
 
+    /// With points of a given kind.
+    #[must_use]
+    pub fn with_points(mut self, points: Points) -> Self {
+        self.points = points;
+        self
+    }
+
+    /// Without penetration ([`Tool::exact`]).
+    #[must_use]
+    pub fn exactly(mut self) -> Self {
+        (self.exact, self.points) = (true, Points::Vertex);
+        self
+    }
+
     /// Moves the tool: it is there at the end of the next step, evenly through the step, and stays there until
     /// another target is set. Its speed is the way over the length of the step.
     ///
@@ -325,7 +339,7 @@ impl Tool {
             if !(part.at.is_finite() && part.jaw.is_finite()) {
                 return Some(of("its place is not finite".into()));
             }
-            if !((part.rotation.length() - 1.0).abs() < 1e-6) {
+            if (part.rotation.length() - 1.0).abs() > 1e-6 || part.rotation.is_nan() {
                 return Some(of(format!("{} is no rotation of length one", part.rotation)));
             }
             if part.jaw != 0.0
@@ -375,7 +389,7 @@ impl Tool {
                 if points.is_empty() {
                     return Some("its path has no poses".into());
                 }
-                if points.windows(2).any(|p| !(p[0].time < p[1].time)) {
+                if points.windows(2).any(|p| p[0].time >= p[1].time) {
                     return Some("the times of its path do not ascend".into());
                 }
                 points.iter().find_map(|p| {

@@ -30,6 +30,16 @@ pub const COMMON_COLUMNS: [&str; 13] = [
     "step_ms",
 ];
 
+/// Columns after these of a scene in which something touches.
+pub const CONTACT_COLUMNS: [&str; 6] = [
+    "contact_work_J",
+    "contact_energy_J",
+    "friction_J",
+    "contact_points",
+    "contact_depth_m",
+    "inner_iterations",
+];
+
 /// Cell data that every frame has.
 const FRAME_CELL_DATA: [&str; 2] = ["J", "body"];
 
@@ -136,7 +146,8 @@ impl Writer {
         built.warnings.extend(remove_old(folder, &stem)?);
         let csv_path = folder.join(format!("{stem}.csv"));
         let csv = std::fs::File::create(&csv_path).map_err(write_error(&csv_path))?;
-        let columns = COMMON_COLUMNS.iter().map(|c| (*c).to_string());
+        let of_contact: &[&str] = if built.touches() { &CONTACT_COLUMNS } else { &[] };
+        let columns = COMMON_COLUMNS.iter().chain(of_contact).map(|c| (*c).to_string());
         let header: Vec<String> =
             columns.chain(probe::columns(&built.probes)).map(|c| header_cell(&c)).collect();
         let (mut points, mut tetrahedra, mut hexahedra) = (Vec::new(), Vec::new(), Vec::new());

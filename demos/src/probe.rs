@@ -3,9 +3,13 @@
 
 use crate::build::body::BuiltBody;
 use crate::build::conditions::BuiltConstraint;
+use crate::build::{BuiltContact, BuiltPull, BuiltTool};
 use glam::DVec3;
 use sinew::engine::mesh::enclosed_volume;
 use sinew::simulation::Simulation;
+use sinew::touch::pair::BodyContactReport;
+use sinew::touch::pull::PullReport;
+use sinew::touch::tool::ToolReport;
 
 /// A quantity that probes can record.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +37,12 @@ pub enum Needs {
     Constraint,
     /// A group of faces of a body.
     Faces,
+    /// A tool.
+    Tool,
+    /// A pull.
+    Pull,
+    /// A contact between bodies.
+    Contact,
 }
 
 /// A quantity of one column, or of three.
@@ -47,7 +57,7 @@ pub enum Evaluate {
 use Evaluate::{Scalar, Vector};
 
 /// Everything that probes can record.
-pub static PROBES: [Probe; 10] = [
+pub static PROBES: [Probe; 30] = [
     vector("mean_displacement", "m", Needs::Body, |now, of| {
         of.mean(&now.simulation.displacements(of.body.handle))
     }),
@@ -87,6 +97,33 @@ pub static PROBES: [Probe; 10] = [
     scalar("enclosed_volume", "m^3", Needs::Faces, |now, of| {
         enclosed_volume(&of.body.deformed(now.simulation), &of.probe.faces).abs()
     }),
+    // on the tool, normal and friction; zero while it does not touch
+    vector("tool_force", "N", Needs::Tool, |now, of| of.tool(now).force),
+    // about its origin
+    vector("tool_torque", "N m", Needs::Tool, |now, of| of.tool(now).torque),
+    vector("tool_normal", "N", Needs::Tool, |now, of| of.tool(now).normal),
+    vector("tool_friction", "N", Needs::Tool, |now, of| of.tool(now).friction),
+    // by points of the other kind, with `error_bar`
+    vector("tool_other_force", "N", Needs::Tool, |now, of| {
+        of.tool(now).other_points.unwrap_or_default()
+    }),
+    scalar("tool_work", "J", Needs::Tool, |now, of| of.tool(now).work),
+    scalar("tool_dissipation", "J", Needs::Tool, |now, of| of.tool(now).dissipation),
+    scalar("tool_area", "m^2", Needs::Tool, |now, of| of.tool(now).area),
+    scalar("tool_depth", "m", Needs::Tool, |now, of| of.tool(now).depth),
+    scalar("tool_pressure", "Pa", Needs::Tool, |now, of| of.tool(now).pressure),
+    vector("tool_centre", "m", Needs::Tool, |now, of| of.tool(now).centre),
+    scalar("tool_sticking", "-", Needs::Tool, |now, of| of.tool(now).sticking.into()),
+    scalar("tool_slipping", "-", Needs::Tool, |now, of| of.tool(now).slipping.into()),
+    scalar("tool_lag", "m", Needs::Tool, |now, of| of.tool(now).lag),
+    vector("tool_position", "m", Needs::Tool, |now, of| of.tool(now).position),
+    // on the hand
+    vector("pull_force", "N", Needs::Pull, |now, of| of.pull(now).force),
+    scalar("pull_distance", "m", Needs::Pull, |now, of| of.pull(now).distance),
+    scalar("pull_work", "J", Needs::Pull, |now, of| of.pull(now).work),
+    // on the first body
+    vector("contact_force", "N", Needs::Contact, |now, of| of.contact(now).force),
+    scalar("contact_area", "m^2", Needs::Contact, |now, of| of.contact(now).area),
 ];
 
 /// A number whose column has the name of its word.
@@ -136,6 +173,12 @@ pub struct BuiltProbe {
     pub faces: Vec<[u32; 3]>,
     /// Index of the constraint.
     pub constraint: Option<usize>,
+    /// Index of the tool.
+    pub tool: Option<usize>,
+    /// Index of the pull.
+    pub pull: Option<usize>,
+    /// Index of the contact.
+    pub contact: Option<usize>,
     /// What to record.
     pub record: Vec<&'static Probe>,
 }
@@ -165,9 +208,43 @@ pub struct Subject<'a> {
     probe: &'a BuiltProbe,
     body: &'a BuiltBody,
     constraint: Option<&'a BuiltConstraint>,
+    tool: Option<&'a BuiltTool>,
+    pull: Option<&'a BuiltPull>,
+    contact: Option<&'a BuiltContact>,
+}
+
+/// What probes of a scene look at.
+#[derive(Clone, Copy)]
+pub struct Recorded<'a> {
+    /// Bodies.
+    pub bodies: &'a [BuiltBody],
+    /// Constraints.
+    pub constraints: &'a [BuiltConstraint],
+    /// Tools.
+    pub tools: &'a [BuiltTool],
+    /// Pulls.
+    pub pulls: &'a [BuiltPull],
+    /// Contacts between bodies.
+    pub contacts: &'a [BuiltContact],
 }
 
 impl Subject<'_> {
+    /// What the tool felt.
+    fn tool(&self, now: &Sampler) -> ToolReport {
+        self.tool.map_or_else(ToolReport::default, |tool| tool.report(now.simulation))
+    }
+
+    /// What the pull did.
+    fn pull(&self, now: &Sampler) -> PullReport {
+        self.pull.map_or_else(PullReport::default, |pull| pull.report(now.simulation))
+    }
+
+    /// What the contact did.
+    fn contact(&self, now: &Sampler) -> BodyContactReport {
+        let known = self.contact.and_then(|c| now.simulation.body_contact_report(c.entity));
+        known.copied().unwrap_or_default()
+    }
+
     /// Mean over the vertices of the probe.
     fn mean(&self, of_body: &[DVec3]) -> DVec3 {
         let vertices = &self.probe.vertices;
@@ -190,15 +267,20 @@ pub fn columns(probes: &[BuiltProbe]) -> Vec<String> {
 /// Values of probes in the order of [`columns`]; `reaction` is told constraints and their reactions (N).
 pub fn values(
     now: &mut Sampler,
-    bodies: &[BuiltBody],
-    constraints: &[BuiltConstraint],
+    parts: &Recorded,
     probes: &[BuiltProbe],
     mut reaction: impl FnMut(usize, DVec3),
 ) -> Vec<f64> {
     let mut values = Vec::new();
     for probe in probes {
-        let constraint = probe.constraint.map(|i| &constraints[i]);
-        let of = Subject { probe, body: &bodies[probe.body], constraint };
+        let of = Subject {
+            probe,
+            body: &parts.bodies[probe.body],
+            constraint: probe.constraint.map(|i| &parts.constraints[i]),
+            tool: probe.tool.map(|i| &parts.tools[i]),
+            pull: probe.pull.map(|i| &parts.pulls[i]),
+            contact: probe.contact.map(|i| &parts.contacts[i]),
+        };
         for own in &probe.record {
             match own.evaluate {
                 Scalar(evaluate) => values.push(evaluate(now, &of)),

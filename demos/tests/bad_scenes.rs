@@ -274,6 +274,7 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
     let load = "name = \"a\"\n[[load]]\nname = \"b\"\n";
     let pressure = "name = \"a\"\n[[pressure]]\nname = \"b\"\n";
     let resection = "name = \"a\"\n[[resection]]\nname = \"b\"\n";
+    let tool = "name = \"a\"\n[[tool]]\nname = \"b\"\n";
     let sections = [
         ("scene", "zzz = 1".to_string()),
         ("[solver]", "name = \"a\"\n[solver]\nzzz = 1".into()),
@@ -311,6 +312,11 @@ fn the_readme_lists_exactly_the_keys_that_exist() {
         ("[[load]]", format!("{load}zzz = 1")),
         ("curve", format!("{load}curve = {{ zzz = 1 }}")),
         ("curve.sine", format!("{load}curve = {{ sine = {{ zzz = 1 }} }}")),
+        ("[[tool]]", format!("{tool}zzz = 1")),
+        ("tool.parts", format!("{tool}parts = [{{ zzz = 1 }}]")),
+        ("tool.on", format!("{tool}on = {{ zzz = 1 }}")),
+        ("[[pull]]", "name = \"a\"\n[[pull]]\nname = \"b\"\nzzz = 1".into()),
+        ("[[contact]]", "name = \"a\"\n[[contact]]\nname = \"b\"\nzzz = 1".into()),
         ("[[resection]]", format!("{resection}zzz = 1")),
         ("tool", format!("{resection}tool = {{ zzz = 1 }}")),
         ("[[probe]]", "name = \"a\"\n[[probe]]\nzzz = 1".into()),

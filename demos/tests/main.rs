@@ -10,4 +10,5 @@ mod material_fields;
 mod pictures;
 mod scenes;
 mod tools;
+mod touch;
 mod truth;

@@ -73,16 +73,22 @@ fn every_shipped_scene_has_a_test_here() {
     let expected = [
         "cantilever",
         "crush",
+        "drag",
         "elements",
         "fibre_bar",
         "fit_bar",
+        "grasp",
         "liver",
         "liver_resection",
         "membrane_drum",
         "muscle_bar",
+        "palpation",
+        "press_flat",
+        "probe_fast",
         "side_by_side",
         "slender_cylinder",
         "static_beam",
+        "two_organs",
         "ventricle",
     ];
     assert_eq!(names, expected);
@@ -472,4 +478,114 @@ fn instruction_sets_are_words_of_a_scene_and_a_missing_one_is_refused_by_name() 
         let summary = run(&scene, &options, &mut Silent).unwrap();
         assert_eq!(summary.settings.instruction_set, "portable");
     }
+}
+
+/// Where a column is largest, by magnitude.
+fn peak(column: &[f64]) -> (usize, f64) {
+    let at = (0..column.len()).max_by(|&a, &b| column[a].abs().total_cmp(&column[b].abs()));
+    at.map_or((0, 0.0), |i| (i, column[i]))
+}
+
+#[test]
+fn palpation_finds_the_ball() {
+    let (summary, table) = run_whole("palpation", None);
+    let (x, force) =
+        (table.column("finger.tool_position_x (m)"), table.vector("finger.tool_force", "N"));
+    let time = table.column("time_s");
+    let at = |t: f64| time.iter().position(|&x| x >= t - 1e-9).unwrap();
+    let pressed = force[at(1.0)].z;
+    assert!(pressed > 0.1 && pressed < 0.25, "{pressed}");
+    // while it slides: the force of a finger that does not move differs by the ripple of the mesh
+    let slides: Vec<f64> = force[at(0.6)..=at(2.5)].iter().map(|f| f.z).collect();
+    let (place, most) = peak(&slides);
+    assert!(most > 1.7 * pressed, "{most} beside {pressed}");
+    assert!((x[place + at(0.6)] - 0.075).abs() < 0.005, "{}", x[place + at(0.6)]);
+    assert!((force[at(2.5)].z / pressed - 1.0).abs() < 0.1);
+    assert_eq!(*force.last().unwrap(), DVec3::ZERO);
+    assert_eq!(summary.bodies[0].hexahedra, 24 * 14 * 7);
+}
+
+#[test]
+fn forceps_hold_the_edge_and_let_it_go() {
+    let (summary, table) = run_whole("grasp", None);
+    let force = table.vector("forceps.tool_force", "N");
+    let lobe = table.vector("lobe.mean_displacement", "m");
+    let time = table.column("time_s");
+    let at = |t: f64| time.iter().position(|&x| x >= t - 1e-9).unwrap();
+    // it carries more than the lobe weighs, and the lobe goes with it: 2 cm less what slips
+    let lifted = lobe[at(2.4)].z - lobe[at(1.3)].z;
+    assert!(lifted > 0.015 && lifted < 0.021, "{lifted}");
+    assert!(force[at(2.4)].z < -1.0, "{}", force[at(2.4)]);
+    // while it holds nothing creeps
+    let creep = (force[at(2.49)] - force[at(2.2)]).length() / force[at(2.2)].length();
+    assert!(creep < 0.01, "{creep}");
+    assert!((lobe[at(2.49)] - lobe[at(2.2)]).length() < 1e-4);
+    // afterwards it is as if nothing had been
+    assert_eq!(*force.last().unwrap(), DVec3::ZERO);
+    assert!((*lobe.last().unwrap() - lobe[at(0.8)]).length() < 5e-4);
+    let tool = &summary.touch.as_ref().unwrap().tools[0];
+    assert!(tool.dissipation > 0.0 && tool.work > tool.dissipation, "{summary}");
+}
+
+#[test]
+fn a_dragged_block_rubs_by_the_coefficient() {
+    let (_, table) = run_whole("drag", None);
+    let [normal, friction] =
+        ["normal", "friction"].map(|kind| table.vector(&format!("block.tool_{kind}"), "N"));
+    let time = table.column("time_s");
+    let at = |t: f64| time.iter().position(|&x| x >= t - 1e-9).unwrap();
+    // pressures are added as vectors: over a surface that is not flat they sum to less than their magnitudes
+    for t in [1.0, 1.3, 1.7] {
+        let ratio = friction[at(t)].length() / normal[at(t)].length();
+        assert!(ratio > 0.36 && ratio < 0.44, "{t}: {ratio}");
+        assert!(friction[at(t)].x < 0.0, "on the block, against its way");
+    }
+    // at rest all sticks
+    assert_eq!(table.column("block.tool_slipping (-)")[at(2.2)], 0.0);
+    assert!((friction[at(2.2)].x / friction[at(1.8)].x - 1.0).abs() < 0.1);
+    assert_eq!(*normal.last().unwrap(), DVec3::ZERO);
+}
+
+#[test]
+fn a_table_carries_what_lies_on_it() {
+    let (summary, table) = run_whole("press_flat", None);
+    let weight = 9.81 * summary.bodies[0].mass;
+    let [below, above] =
+        ["table", "plate"].map(|tool| table.vector(&format!("{tool}.tool_force"), "N"));
+    let time = table.column("time_s");
+    let at = |t: f64| time.iter().position(|&x| x >= t - 1e-9).unwrap();
+    for t in [1.5, 2.9, 4.5] {
+        let sum = below[at(t)].z + above[at(t)].z;
+        assert!((sum / -weight - 1.0).abs() < 2e-3, "{t}: {sum} beside {weight}");
+    }
+    assert!(above[at(2.9)].z > 0.3 * weight && above[at(1.5)] == DVec3::ZERO);
+    assert_eq!(*above.last().unwrap(), DVec3::ZERO);
+}
+
+#[test]
+fn two_bodies_push_each_other_and_the_table_carries_both() {
+    let (summary, table) = run_whole("two_organs", None);
+    let weight = 9.81 * summary.bodies.iter().map(|b| b.mass).sum::<f64>();
+    let carried = table.vector("table.tool_force", "N");
+    assert!((carried.last().unwrap().z / -weight - 1.0).abs() < 2e-3, "{carried:?}");
+    let push = table.vector("organs.contact_force", "N");
+    // the upper one pushes the lower one down, then has left it
+    assert!(push.iter().any(|f| f.z < -0.3) && *push.last().unwrap() == DVec3::ZERO);
+    let above = table.vector("above.mean_displacement", "m");
+    assert!(above.last().unwrap().x > 0.03 && above.last().unwrap().z < -0.07, "{above:?}");
+}
+
+#[test]
+fn a_fast_probe_is_followed_by_substeps() {
+    let (summary, table) = run_whole("probe_fast", None);
+    let force = table.vector("ball.tool_force", "N");
+    let time = table.column("time_s");
+    let at = |t: f64| time.iter().position(|&x| x >= t - 1e-9).unwrap();
+    let (first, peak) = peak(&force.iter().map(|f| f.z).collect::<Vec<_>>());
+    // it meets inertia first, and elasticity stays
+    assert!(first <= at(0.12) && peak > 1.5 * force[at(0.7)].z, "{peak} at {first}");
+    assert!((force[at(0.79)].z / force[at(0.5)].z - 1.0).abs() < 0.01);
+    assert_eq!(*force.last().unwrap(), DVec3::ZERO);
+    let touch = summary.touch.as_ref().unwrap();
+    assert!(touch.substeps > 1 && touch.lag == 0.0 && touch.depth_over_edge < 0.5, "{summary}");
 }

@@ -163,6 +163,8 @@ pub struct ContactFigures {
     pub lag: f64,
     /// Parts of tools that appeared inside of bodies and are drawn in until the bodies have made way.
     pub drawn_in: u32,
+    /// Points too deep inside of another body to tell its sides, which are left out.
+    pub buried: u32,
     /// Bodies that took the safe step because of an impact.
     pub impacts: u32,
     /// Energy (J) stored in contacts and pulls at the end of the step. It is no part of the elastic energy.

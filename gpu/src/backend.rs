@@ -9,6 +9,9 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::world::WorldId;
 use glam::DVec3;
 use sinew_adapter::{AdapterRequest, AdapterSummary, Gpu, open};
+use sinew_contact::pair::BodyContact;
+use sinew_contact::pull::Pull;
+use sinew_contact::tool::Tool;
 use sinew_engine::law::BodiesWithoutRecovery;
 use sinew_engine::report::{StepReport, SystemTimes, VolumeReport};
 use sinew_engine::scalar::Scalar;
@@ -147,6 +150,18 @@ pub fn check(world: &mut World, settings: &SolverSettings) -> Result<(), GpuErro
         && active.0.contains(&laws::pressure::LAW.name())
     {
         let law = format!("{} in explicit substeps", laws::pressure::LAW.name());
+        return Err(GpuError::WorldLaw { law });
+    }
+    let touching = [
+        world
+            .query::<&Tool>()
+            .iter(world)
+            .next()
+            .map(|tool| format!("contact with tool `{}`", tool.name)),
+        world.query::<&BodyContact>().iter(world).next().map(|c| format!("contact `{}`", c.name)),
+        world.query::<&Pull>().iter(world).next().map(|pull| format!("pull `{}`", pull.name)),
+    ];
+    if let Some(law) = touching.into_iter().flatten().next() {
         return Err(GpuError::WorldLaw { law });
     }
     let mut bodies = world.query::<&SoftBody>();

@@ -60,6 +60,11 @@
       skin.body = r.words(skin.vertices);
       skin.index = r.words(3 * skin.triangles);
     }
+    for (const shape of run.shapes) {
+      shape.points = r.floats(3 * shape.vertices);
+      shape.normals = r.floats(3 * shape.vertices);
+      shape.index = r.words(3 * shape.triangles);
+    }
     let before = run.rest;
     const fields = run.fields.map(() => null);
     for (const frame of run.frames) {
@@ -68,6 +73,7 @@
       frame.balls = r.floats(5 * frame.counts[0]);
       frame.rods = r.floats(7 * frame.counts[1]);
       frame.arrows = r.floats(7 * frame.counts[2]);
+      frame.tools = r.floats(8 * frame.counts[3]);
     }
     return run;
   }
@@ -79,6 +85,8 @@
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
   const scale = (a, s) => [a[0] * s, a[1] * s, a[2] * s];
   const unit = (a) => scale(a, 1 / (Math.hypot(...a) || 1));
+  // turned by a quaternion [x, y, z, w]
+  const turn = (q, v) => add(v, cross(q, add(cross(q, v), v, q[3])), 2);
   const across = (d) => unit(cross(d, Math.abs(d[0]) < 0.8 ? [1, 0, 0] : [0, 1, 0]));
 
   // ---- shaders
@@ -126,6 +134,15 @@
     float turned = 1.0 - abs(dot(normalize(n), normalize(eye - p)));
     colour = vec4(vec3(0.63, 0.66, 0.70), 0.10 + 0.40 * turned * turned);
   }`;
+  // tools of glass, plates from behind, and what shines through others
+  const GLASS_FRAGMENT = COMMON + `
+  in vec3 p, n; in vec4 t; out vec4 colour;
+  uniform float opacity;
+  void main() {
+    vec3 normal = normalize(n);
+    float turned = 1.0 - abs(dot(normal, normalize(eye - p)));
+    colour = vec4(encode(shade(decode(t.rgb), p, normal, 0.3)), opacity > 0.0 ? opacity : 0.22 + 0.5 * turned * turned);
+  }`;
   const LINE_FRAGMENT = COMMON + `
   in vec3 p, n; in vec4 t; out vec4 colour;
   void main() { colour = vec4(0.15, 0.17, 0.2, 0.35); }`;
@@ -138,7 +155,7 @@
   const GROUND_FRAGMENT = COMMON + `
   in vec2 at; out vec4 colour;
   uniform vec3 right, up, forward, gx, gy, centre;
-  uniform float height, grid, there;
+  uniform float height, grid, there, side;
   uniform sampler2D contact;
   float lines(vec2 q, vec2 width) {
     vec2 d = abs(fract(q / grid - 0.5) - 0.5) * grid;
@@ -157,17 +174,17 @@
     float r = length(q) / (1.5 * size);
     float fade = on * exp(-r * r * 1.4);
     c = mix(c, vec3(0.94, 0.945, 0.95), 0.75 * fade) * (1.0 - 0.085 * lines(q, width) * fade);
-    vec2 uv = 0.5 + 0.5 * q / (1.1 * size);
+    vec2 uv = 0.5 + 0.5 * q / (side);
     float inside = step(abs(uv.x - 0.5), 0.5) * step(abs(uv.y - 0.5), 0.5);
     c *= 1.0 - on * inside * 0.62 * texture(contact, uv).r;
     colour = vec4(encode(c), 1.0);
   }`;
   const CONTACT_VERTEX = COMMON + `
-  layout(location = 0) in vec3 place; uniform vec3 gx, gy, centre; uniform float height; out float h;
+  layout(location = 0) in vec3 place; uniform vec3 gx, gy, centre; uniform float height, side; out float h;
   void main() {
     vec3 from = place - centre;
     h = dot(place, upward) - height;
-    gl_Position = vec4(vec2(dot(from, gx), dot(from, gy)) / (1.1 * size), 0.0, 1.0);
+    gl_Position = vec4(vec2(dot(from, gx), dot(from, gy)) / (side), 0.0, 1.0);
   }`;
   const CONTACT_FRAGMENT = COMMON + `
   in float h; out vec4 colour;
@@ -205,6 +222,7 @@
       this.programs = {
         surface: this.program(SURFACE_VERTEX, SURFACE_FRAGMENT),
         ghost: this.program(SURFACE_VERTEX, GHOST_FRAGMENT),
+        glass: this.program(SURFACE_VERTEX, GLASS_FRAGMENT),
         line: this.program(SURFACE_VERTEX, LINE_FRAGMENT),
         ground: this.program(SCREEN_VERTEX, GROUND_FRAGMENT),
         contact: this.program(CONTACT_VERTEX, CONTACT_FRAGMENT),
@@ -213,6 +231,7 @@
       this.body = this.shape();
       this.rest = this.shape();
       this.parts = this.shape();
+      this.tools = this.shape();
       this.map = this.texture(256, 1);
       this.contacts = [0, 1].map(() => {
         const texture = this.texture(256, 256, null);
@@ -312,6 +331,33 @@
       this.upload(shape, bytes, keep ? null : index);
     }
 
+    // tools as one mesh, of which each is a stretch
+    placed(frame) {
+      const { shapes } = this.run, numbers = [], index = [];
+      this.stretches = [];
+      for (let i = 0; i < frame.tools.length; i += 8) {
+        const [which, ...pose] = frame.tools.subarray(i, i + 8), at = pose.slice(0, 3), q = pose.slice(3);
+        const shape = shapes[which], first = numbers.length, { points, normals } = shape;
+        for (let v = 0; v < points.length; v += 3) {
+          numbers.push([add(at, turn(q, points.subarray(v, v + 3))), turn(q, normals.subarray(v, v + 3)), [...shape.colour, 255]]);
+        }
+        this.stretches.push({ start: index.length, count: shape.index.length, at, up: turn(q, [0, 0, 1]), plate: shape.plate });
+        for (const v of shape.index) index.push(first + v);
+      }
+      this.uploadMesh(this.tools, numbers, index);
+    }
+
+    uploadMesh(shape, numbers, index) {
+      const buffer = new ArrayBuffer(28 * numbers.length);
+      const floats = new Float32Array(buffer), bytes = new Uint8Array(buffer);
+      numbers.forEach(([p, n, c], v) => {
+        floats.set(p, 7 * v);
+        floats.set(n, 7 * v + 3);
+        bytes.set(c, 28 * v + 24);
+      });
+      this.upload(shape, bytes, new Uint32Array(index));
+    }
+
     // balls, rods and arrows as one mesh
     solids(frame) {
       const numbers = [], index = [], { size } = this.run;
@@ -350,6 +396,7 @@
         const [a, b, c, x, y, z, tint] = frame.rods.subarray(i, i + 7);
         rod([a, b, c], [x - a, y - b, z - c], 0.0022 * size, colour(tint));
       }
+      this.arrows = index.length;
       for (let i = 0; i < frame.arrows.length; i += 7) {
         const [a, b, c, x, y, z, tint] = frame.arrows.subarray(i, i + 7), along = [x, y, z];
         const length = Math.hypot(x, y, z), head = Math.min(0.4 * length, 0.05 * size), tail = add([a, b, c], along, -1);
@@ -357,14 +404,7 @@
         turned(add(tail, along, 1 - head / length), scale(along, head / length),
           [[0, 0, 0, -1], [0.4 * head, 0, 0, -1], [0.4 * head, 0, 0.94, 0.35], [0, 1, 0.94, 0.35]], 12, colour(tint));
       }
-      const buffer = new ArrayBuffer(28 * numbers.length);
-      const floats = new Float32Array(buffer), bytes = new Uint8Array(buffer);
-      numbers.forEach(([p, n, c], v) => {
-        floats.set(p, 7 * v);
-        floats.set(n, 7 * v + 3);
-        bytes.set(c, 28 * v + 24);
-      });
-      this.upload(this.parts, bytes, new Uint32Array(index));
+      this.uploadMesh(this.parts, numbers, index);
     }
 
     // the frame at a time, of static runs at a share of the loads
@@ -388,9 +428,10 @@
       this.fill(this.body, skin, this.metres(frame.places), tint, this.skin === frame.skin);
       this.skin = frame.skin;
       this.solids(frame);
+      this.placed(frame);
       const note = this.box.querySelectorAll(".note > *");
       note[0].textContent = run.static ? `load ${(100 * frame.time).toFixed(0)} %` : `t = ${frame.time.toFixed(2)} s`;
-      note[1].textContent = frame.note;
+      note[1].textContent = run.arrowKey ? `${frame.note} · ${run.arrowKey}` : frame.note;
       this.frame = i;
     }
 
@@ -463,13 +504,18 @@
         }
         gl.uniform1f(p.at("size"), run.size);
         gl.uniform1f(p.at("height"), run.floor);
+        gl.uniform1f(p.at("side"), run.shade);
         gl.uniform1f(p.at("grid"), run.grid);
         gl.uniformMatrix4fv(p.at("matrix"), false, matrix);
       };
-      const shape = (s) => {
+      const shape = (s, start = 0, count = s.count - start) => {
         gl.bindVertexArray(s.array);
-        gl.drawElements(gl.TRIANGLES, s.count, gl.UNSIGNED_INT, 0);
+        gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 4 * start);
       };
+      // plates are clear from behind, other tools where they would hide the pressure under them
+      const clear = ({ at, up, plate }) => plate ? dot(add(eye, at, -1), up) < 0 : shown.field === "pressure";
+      const tools = (glass) => this.stretches.filter((s) => clear(s) === glass)
+        .forEach((s) => shape(this.tools, s.start, s.count));
       // contact shade, blurred
       gl.disable(gl.DEPTH_TEST);
       gl.disable(gl.CULL_FACE);
@@ -481,6 +527,7 @@
       gl.blendEquation(gl.MAX);
       use(this.programs.contact);
       shape(this.body);
+      tools(false);
       gl.blendEquation(gl.FUNC_ADD);
       gl.disable(gl.BLEND);
       gl.bindVertexArray(null);
@@ -514,8 +561,21 @@
       shape(this.body);
       gl.disable(gl.POLYGON_OFFSET_FILL);
       shape(this.parts);
+      tools(false);
       gl.enable(gl.BLEND);
+      gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(false);
+      if (this.stretches.length) {
+        gl.enable(gl.CULL_FACE);
+        use(this.programs.glass, { away: 0, opacity: 0 });
+        tools(true);
+        // forces of tools act within them
+        gl.depthFunc(gl.GREATER);
+        use(this.programs.glass, { away: 0, opacity: 0.7 });
+        shape(this.parts, this.arrows);
+        gl.depthFunc(gl.LESS);
+        gl.disable(gl.CULL_FACE);
+      }
       if (shown.mesh) this.lines(use);
       gl.depthMask(true);
       gl.disable(gl.BLEND);

@@ -203,9 +203,13 @@ impl Comparison {
             })?;
             let mut picture = self.renderer.still(recording, frame, &self.camera, &self.look)?;
             let (w, h) = (picture.width as f32, picture.height as f32);
+            let mut note = frame.note.clone();
+            if let Some(key) = &recording.arrow_key {
+                note = format!("{note} · {}", key.text);
+            }
             let texts = [
                 (&panel.label, 1.05 * s, Weight::Medium, 1.7 * s, INK),
-                (&frame.note, s, Weight::Regular, h - 0.9 * s, FAINT_INK),
+                (&note, s, Weight::Regular, h - 0.9 * s, FAINT_INK),
             ];
             for (text, size, weight, y, ink) in texts {
                 let text = self.fonts.fitted(text, size, weight, w - s);

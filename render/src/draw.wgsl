@@ -90,6 +90,13 @@ struct Between {
     return vec4f(shade(albedo, in.place, normal, 0.16), 1.0);
 }
 
+// Glass, and a plate from behind: clear, denser where it turns away.
+@fragment fn glass_fragment(in: Between) -> @location(0) vec4f {
+    let normal = normalize(in.normal);
+    let turned = 1.0 - abs(dot(normal, normalize(view.eye.xyz - in.place)));
+    return vec4f(shade(in.tint.rgb, in.place, normal, 0.3), 0.22 + 0.5 * turned * turned);
+}
+
 // The shape at rest, behind the bodies: clear in the middle, denser where it turns away.
 @vertex fn ghost_vertex(corner: Corner) -> Between {
     return Between(view.matrix * vec4f(corner.place, 1.0), corner.place, corner.normal, 0.0, corner.tint);
@@ -227,4 +234,9 @@ struct Part {
 
 @fragment fn solid_fragment(in: Between) -> @location(0) vec4f {
     return vec4f(shade(in.tint.rgb, in.place, normalize(in.normal), 0.22), 1.0);
+}
+
+// Seen through what is before it.
+@fragment fn hidden_fragment(in: Between) -> @location(0) vec4f {
+    return vec4f(shade(in.tint.rgb, in.place, normalize(in.normal), 0.0), 0.7);
 }

@@ -4,6 +4,7 @@
 //! here knows laws, integrators or entities.
 //!
 //! * [`skin`]: surfaces with smooth normals and sharp edges.
+//! * [`rigid`]: shapes of tools.
 //! * [`camera`]: a camera that fits the whole run.
 //! * [`colour`], [`overlay`]: colour maps, text and colour bars.
 //! * [`renderer`]: frames to pixels through `wgpu`, several in flight.
@@ -23,6 +24,7 @@ pub mod page;
 pub mod painter;
 mod pipelines;
 pub mod renderer;
+pub mod rigid;
 pub mod scene;
 pub mod skin;
 mod solids;

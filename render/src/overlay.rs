@@ -2,7 +2,7 @@
 
 use crate::colour::Rgb;
 use crate::image::Image;
-use crate::scene::Field;
+use crate::scene::{ArrowKey, Field};
 use ab_glyph::{Font, FontRef, Glyph, PxScale, ScaleFont, point};
 
 /// Colour of text.
@@ -168,6 +168,7 @@ fn scaled_unit(unit: &str, largest: f64) -> (f64, String) {
     let steps: &[(f64, &str)] = match unit {
         "m" => &[(1.0, "m"), (1e2, "cm"), (1e3, "mm"), (1e6, "µm")],
         "Pa" => &[(1e-6, "MPa"), (1e-3, "kPa"), (1.0, "Pa"), (1e3, "mPa")],
+        "N" => &[(1e-3, "kN"), (1.0, "N"), (1e3, "mN"), (1e6, "µN")],
         "J/m³" => &[(1e-6, "MJ/m³"), (1e-3, "kJ/m³"), (1.0, "J/m³"), (1e3, "mJ/m³")],
         "%" => &[(1.0, "%")],
         "" => return (1.0, String::new()),
@@ -176,6 +177,38 @@ fn scaled_unit(unit: &str, largest: f64) -> (f64, String) {
     let fits = steps.iter().find(|(factor, _)| largest * factor >= 0.9995);
     let (factor, name) = fits.or(steps.last()).copied().unwrap_or((1.0, unit));
     (factor, name.into())
+}
+
+/// A value with its unit in three digits, such as `12.3 mN`.
+pub fn with_unit(value: f64, unit: &str) -> String {
+    let (factor, unit) = scaled_unit(unit, value.abs());
+    let value = value * factor;
+    let digits = (2.0 - value.abs().max(1.0).log10().floor()).clamp(0.0, 2.0) as usize;
+    format!("{value:.digits$} {unit}").replace('-', "−").trim_end().into()
+}
+
+/// Draws a short arrow and what arrows of its colour mean, both left of `right`; returns the width (pixels).
+pub fn arrow_key(
+    image: &mut Image,
+    fonts: &Fonts,
+    key: &ArrowKey,
+    [right, y]: [f32; 2],
+    size: f32,
+) -> f32 {
+    let style = (size, Weight::Regular);
+    let width = fonts.write(image, &key.text, [right, y], style, Align::Right, FAINT_INK);
+    let (length, head, middle) = (2.2 * size, 0.8 * size, y - 0.35 * size);
+    let left = right - width - 0.6 * size - length;
+    let line = (0.16 * size).max(1.0);
+    for x in 0..length as i32 {
+        let to_tip = length - x as f32 - 0.5;
+        let half = if to_tip < head { 0.4 * to_tip } else { 0.5 * line };
+        for y in -(size as i32)..=size as i32 {
+            let covered = (half + 0.5 - (y as f32 + middle.floor() - middle).abs()).clamp(0.0, 1.0);
+            image.blend(left as i32 + x, middle.floor() as i32 + y, key.colour, covered);
+        }
+    }
+    right - left
 }
 
 /// Draws a standing colour bar with its marks and its label above, its right side at `x`.
@@ -247,6 +280,9 @@ mod tests {
         assert_eq!(scaled_unit("Pa", 5400.0), (1e-3, "kPa".into()));
         assert_eq!(scaled_unit("m", 1e-9), (1e6, "µm".into()));
         assert_eq!(scaled_unit("", 3.0), (1.0, String::new()));
+        assert_eq!(with_unit(0.012_34, "N"), "12.3 mN");
+        assert_eq!(with_unit(1.5, "N"), "1.50 N");
+        assert_eq!(with_unit(-345.6, "N"), "−346 N");
     }
 
     #[test]

@@ -121,6 +121,10 @@ fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
         packer.words(skin.body.iter().map(|b| u32::from(*b)));
         packer.words(skin.triangles.iter().flatten().copied());
     }
+    for shape in &recording.shapes {
+        packer.floats(shape.points.iter().chain(&shape.normals).flatten().copied());
+        packer.words(shape.triangles.iter().flatten().copied());
+    }
     let mut before = rest;
     let mut scalars: Vec<Option<Vec<u8>>> = vec![None; recording.fields.len()];
     for frame in &recording.frames {
@@ -139,7 +143,14 @@ fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
     if !middle.is_finite() {
         middle = Vec3::ZERO;
     }
-    for p in recording.extent() {
+    let tools = recording.tool_points();
+    if !tools.is_empty() {
+        let all = recording.extent().chain(tools.iter().copied());
+        let (low, high) =
+            all.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        middle = 0.5 * (low + high);
+    }
+    for p in recording.extent().chain(tools) {
         radius = radius.max(p.distance(middle));
     }
     Ok(json!({
@@ -151,6 +162,7 @@ fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
         "middle": middle.to_array(),
         "radius": radius,
         "floor": look.floor,
+        "shade": look.shade,
         "grid": look.grid,
         "low": quantiser.low.to_array(),
         "step": quantiser.step.to_array(),
@@ -161,9 +173,13 @@ fn run_data(recording: &Recording) -> Result<Value, std::io::Error> {
         "skins": skins.iter().map(|s| json!({
             "vertices": s.points.len(), "triangles": s.triangles.len(),
         })).collect::<Vec<_>>(),
+        "shapes": recording.shapes.iter().map(|s| json!({
+            "vertices": s.points.len(), "triangles": s.triangles.len(), "colour": s.colour, "plate": s.plate,
+        })).collect::<Vec<_>>(),
+        "arrowKey": recording.arrow_key.as_ref().map(|key| &key.text),
         "frames": recording.frames.iter().zip(which).map(|(f, skin)| json!({
             "time": f.time, "note": f.note, "skin": skin,
-            "counts": [f.balls.len(), f.rods.len(), f.arrows.len()],
+            "counts": [f.balls.len(), f.rods.len(), f.arrows.len(), f.tools.len()],
         })).collect::<Vec<_>>(),
         "payload": packer.text()?,
     }))
@@ -182,6 +198,10 @@ fn solids(packer: &mut Packer, frame: &Frame) {
         packer.floats(arrow.to);
         packer.floats(arrow.along);
         packer.floats([colour_number(arrow.colour)]);
+    }
+    for placed in &frame.tools {
+        packer.floats([placed.shape as f32]);
+        packer.floats(placed.at.into_iter().chain(placed.turn));
     }
 }
 
@@ -307,6 +327,8 @@ mod tests {
             rest_skin: skin.clone(),
             fields: vec![field],
             bodies: vec!["body".into()],
+            shapes: Vec::new(),
+            arrow_key: None,
             interval: 1.0,
             frames: (0..4).map(frame).collect(),
         };

@@ -3,7 +3,7 @@
 use crate::camera::{Camera, CameraRequest, Margins};
 use crate::error::RenderError;
 use crate::image::Image;
-use crate::overlay::{Align, FAINT_INK, Fonts, INK, Weight, colour_bar};
+use crate::overlay::{Align, FAINT_INK, Fonts, INK, Weight, arrow_key, colour_bar};
 use crate::renderer::{Look, Renderer};
 use crate::scene::{Frame, Recording, Time};
 use sinew_adapter::Gpu;
@@ -67,7 +67,9 @@ pub fn decorate(
         let at = [pad, h - pad];
         let width = fonts.write(image, &time, at, (1.15 * s, Weight::Medium), Align::Left, INK);
         let start = pad + width + 1.2 * s;
-        let note = fonts.fitted(&frame.note, s, Weight::Regular, w - start - pad);
+        let key = recording.arrow_key.as_ref();
+        let key = key.map_or(0.0, |key| s + arrow_key(image, fonts, key, [w - pad, h - pad], s));
+        let note = fonts.fitted(&frame.note, s, Weight::Regular, w - start - pad - key);
         let style = (s, Weight::Regular);
         fonts.write(image, &note, [start, h - pad], style, Align::Left, FAINT_INK);
     }

@@ -78,6 +78,10 @@ pub(crate) struct Pipelines {
     pub skin: wgpu::RenderPipeline,
     pub ghost: wgpu::RenderPipeline,
     pub solid: wgpu::RenderPipeline,
+    /// Tools that one sees through.
+    pub glass: wgpu::RenderPipeline,
+    /// Solids as far as something is before them.
+    pub hidden: wgpu::RenderPipeline,
     /// Uniforms only, for passes that draw into what the others read.
     pub light_group: wgpu::BindGroup,
     pub blur_groups: [wgpu::BindGroup; 2],
@@ -334,7 +338,10 @@ impl Pipelines {
         let blur = |fragment| Kind::shade(["screen_vertex", fragment], &[], None);
         let ground = Kind::picture(["screen_vertex", "ground_fragment"], &[], depth(false, always));
         let skin = Kind::picture(["skin_vertex", "skin_fragment"], &corner, written.clone());
-        let ghost = Kind::picture(["ghost_vertex", "ghost_fragment"], &corner, read);
+        let ghost = Kind::picture(["ghost_vertex", "ghost_fragment"], &corner, read.clone());
+        let behind = depth(false, wgpu::CompareFunction::Greater);
+        let hidden = Kind::picture(["solid_vertex", "hidden_fragment"], &solid, behind);
+        let glass = Kind::picture(["skin_vertex", "glass_fragment"], &corner, read);
         let solid = Kind::picture(["solid_vertex", "solid_fragment"], &solid, written);
         Self {
             light: shader.pipeline(&light_layout, light),
@@ -346,6 +353,8 @@ impl Pipelines {
             skin: shader.pipeline(&layout, skin),
             ghost: shader.pipeline(&layout, Kind { blend: over, cull: back, ..ghost }),
             solid: shader.pipeline(&layout, Kind { cull: back, ..solid }),
+            glass: shader.pipeline(&layout, Kind { blend: over, cull: back, ..glass }),
+            hidden: shader.pipeline(&layout, Kind { blend: over, cull: back, ..hidden }),
             light_group,
             blur_groups: [across, upright],
             group,

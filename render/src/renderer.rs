@@ -5,7 +5,8 @@ use crate::colour::{BODY_COLOURS, ColourMap};
 use crate::error::RenderError;
 use crate::image::Image;
 use crate::pipelines::{Pipelines, Targets};
-use crate::scene::{Frame, Recording};
+use crate::rigid::Placed;
+use crate::scene::{Field, Frame, Recording};
 use crate::skin::Skin;
 use crate::solids::{Instance, ball, cone, linear, rod};
 use bytemuck::{Pod, Zeroable};
@@ -13,6 +14,7 @@ use glam::Vec3;
 use glam::camera::rh;
 use sinew_adapter::{Gpu, wgpu};
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::{Arc, mpsc};
 
 /// Pictures under way before the oldest is waited for.
@@ -29,10 +31,14 @@ pub struct Look {
     pub ghost: bool,
     /// Lines along sharp edges.
     pub edges: bool,
+    /// Tools are of glass, so that they do not hide what they press on.
+    pub glass: bool,
     /// Lowest height (m) along the upward axis: where the ground is.
     pub floor: f32,
     /// Middle of the scene (m).
     pub middle: Vec3,
+    /// Half the side (m) of the square on the ground in which bodies and tools have shades.
+    pub shade: f32,
     /// Distance (m) between grid lines.
     pub grid: f32,
 }
@@ -46,7 +52,12 @@ impl Look {
             floor = floor.min(p.dot(up));
             (low, high) = (low.min(p), high.max(p));
         }
-        let size = recording.size();
+        let (middle, size) = (0.5 * (low + high), recording.size());
+        let mut shade = 1.1 * size;
+        for p in recording.tool_points() {
+            floor = floor.min(p.dot(up));
+            shade = shade.max(1.2 * (p - middle).reject_from(up).length());
+        }
         let raw = 0.16 * size;
         let power = 10f32.powf(raw.log10().floor());
         let grid = [1.0, 2.0, 5.0, 10.0].map(|f| f * power).into_iter().find(|g| *g >= raw);
@@ -55,8 +66,10 @@ impl Look {
             ground: true,
             ghost: true,
             edges: false,
+            glass: field.and_then(|i| recording.fields.get(i)).is_some_and(Field::lies_under_tools),
             floor: floor - 0.02 * size,
-            middle: 0.5 * (low + high),
+            middle,
+            shade,
             grid: grid.unwrap_or(raw),
         }
     }
@@ -187,12 +200,12 @@ impl DeviceSolid {
         self.instance_count = instances.len() as u32;
     }
 
-    fn draw(&self, pass: &mut wgpu::RenderPass) {
-        if self.instance_count > 0 {
+    fn draw(&self, pass: &mut wgpu::RenderPass, copies: Range<u32>) {
+        if !copies.is_empty() {
             pass.set_vertex_buffer(0, self.vertices.slice(..));
             pass.set_vertex_buffer(1, self.instances.buffer.slice(..));
             pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
-            pass.draw_indexed(0..self.index_count, 0, 0..self.instance_count);
+            pass.draw_indexed(0..self.index_count, 0, copies);
         }
     }
 }
@@ -213,8 +226,12 @@ pub struct Renderer {
     uniforms: wgpu::Buffer,
     body: DeviceSkin,
     ghost: DeviceSkin,
+    /// Tools, and those that one sees through.
+    tools: [DeviceSkin; 2],
     /// Balls, rods and cones.
     solids: [DeviceSolid; 3],
+    /// Rods and cones of arrows that shine through what is before them.
+    shining: [Range<u32>; 2],
     map: Option<ColourMap>,
     pending: VecDeque<Pending>,
     free: Vec<wgpu::Buffer>,
@@ -237,6 +254,7 @@ impl Renderer {
         let pipelines = Pipelines::new(&gpu.device, &targets, &uniforms);
         let solids = [ball(), rod(), cone()].map(|solid| DeviceSolid::new(&gpu, solid));
         let (body, ghost) = (DeviceSkin::new(&gpu.device), DeviceSkin::new(&gpu.device));
+        let tools = [0, 1].map(|_| DeviceSkin::new(&gpu.device));
         let (pending, free) = (VecDeque::new(), Vec::new());
         Ok(Self {
             gpu,
@@ -247,7 +265,9 @@ impl Renderer {
             uniforms,
             body,
             ghost,
+            tools,
             solids,
+            shining: [0..0, 0..0],
             map: None,
             pending,
             free,
@@ -400,7 +420,19 @@ impl Renderer {
                 .collect();
             self.ghost.write(&self.gpu, skin, &corners);
         }
-        let [balls, rods, cones] = instances(recording, frame, camera, look, size);
+        for (device, clear) in self.tools.iter_mut().zip([false, true]) {
+            let clear = |placed: &Placed| {
+                let plate = recording.shapes[placed.shape as usize].plate;
+                let behind = placed.local(camera.eye).z < 0.0;
+                clear == if plate { behind } else { look.glass }
+            };
+            let (skin, corners) = tools(recording, frame.tools.iter().filter(|t| clear(t)));
+            device.write(&self.gpu, &Arc::new(skin), &corners);
+        }
+        let ([balls, rods, cones], arrows) = instances(recording, frame, camera, look, size);
+        // forces of tools act within them
+        let through = !frame.tools.is_empty();
+        self.shining = if through { [arrows, 0..cones.len() as u32] } else { [0..0, 0..0] };
         for (solid, instances) in self.solids.iter_mut().zip([balls, rods, cones]) {
             solid.write(&self.gpu, &instances);
         }
@@ -414,6 +446,7 @@ impl Renderer {
         pass.set_bind_group(0, &p.light_group, &[]);
         pass.set_pipeline(&p.light);
         self.body.draw(&mut pass);
+        self.tools[0].draw(&mut pass);
         drop(pass);
         if look.ground {
             let mut pass = begin(encoder, "contact", Some((&t.contact[0], None)), None);
@@ -421,6 +454,7 @@ impl Renderer {
             for pipeline in [&p.contact, &p.cast] {
                 pass.set_pipeline(pipeline);
                 self.body.draw(&mut pass);
+                self.tools[0].draw(&mut pass);
             }
             drop(pass);
             for (i, pipeline) in p.blur.iter().enumerate() {
@@ -444,9 +478,16 @@ impl Renderer {
         }
         pass.set_pipeline(&p.skin);
         self.body.draw(&mut pass);
+        self.tools[0].draw(&mut pass);
         pass.set_pipeline(&p.solid);
         for solid in &self.solids {
-            solid.draw(&mut pass);
+            solid.draw(&mut pass, 0..solid.instance_count);
+        }
+        pass.set_pipeline(&p.glass);
+        self.tools[1].draw(&mut pass);
+        pass.set_pipeline(&p.hidden);
+        for (solid, copies) in self.solids[1..].iter().zip(&self.shining) {
+            solid.draw(&mut pass, copies.clone());
         }
     }
 }
@@ -516,19 +557,39 @@ fn uniforms(recording: &Recording, camera: &Camera, look: &Look, size: f32) -> U
         world_up: with(up, look.floor),
         ground_x: with(x, look.grid),
         ground_y: with(y, 1.5 * size),
-        ground_centre: with(centre, 1.1 * size),
+        ground_centre: with(centre, look.shade),
         flags: [f32::from(u8::from(look.ground)), 0.0, 0.0, 0.0],
     }
 }
 
-/// Balls, rods and cones of a frame.
+/// Surface of some tools of a frame.
+fn tools<'a>(
+    recording: &Recording,
+    chosen: impl Iterator<Item = &'a Placed>,
+) -> (Skin, Vec<Corner>) {
+    let (mut skin, mut corners) = (Skin::default(), Vec::new());
+    for placed in chosen {
+        let shape = &recording.shapes[placed.shape as usize];
+        let (first, tint) = (corners.len() as u32, linear(shape.colour));
+        corners.extend(shape.points.iter().zip(&shape.normals).map(|(&point, &normal)| Corner {
+            place: placed.carry(point).to_array(),
+            normal: placed.turned(normal).to_array(),
+            value: 0.0,
+            tint,
+        }));
+        skin.triangles.extend(shape.triangles.iter().map(|t| t.map(|v| first + v)));
+    }
+    (skin, corners)
+}
+
+/// Balls, rods and cones of a frame, and which of the rods belong to arrows.
 fn instances(
     recording: &Recording,
     frame: &Frame,
     camera: &Camera,
     look: &Look,
     size: f32,
-) -> [Vec<Instance>; 3] {
+) -> ([Vec<Instance>; 3], Range<u32>) {
     let mut balls: Vec<Instance> =
         frame.balls.iter().map(|b| Instance::ball(b.centre, b.radius, b.colour)).collect();
     let (mut rods, mut cones) = (Vec::new(), Vec::new());
@@ -536,6 +597,7 @@ fn instances(
         let [a, b] = rod.ends.map(Vec3::from_array);
         rods.extend(Instance::along(a, b - a, 0.0022 * size, rod.colour));
     }
+    let first = rods.len() as u32;
     for arrow in &frame.arrows {
         let (to, along) = (Vec3::from_array(arrow.to), Vec3::from_array(arrow.along));
         let head = (0.4 * along.length()).min(0.05 * size);
@@ -543,6 +605,7 @@ fn instances(
         rods.extend(Instance::along(to - along, along - tip, 0.14 * head, arrow.colour));
         cones.extend(Instance::along(to - tip, tip, 0.4 * head, arrow.colour));
     }
+    let arrows = first..rods.len() as u32;
     let mut edges = |points: &[[f32; 3]], creases: &[[u32; 2]], away: f32, radius: f32, colour| {
         for &edge in creases {
             let ends = edge.map(|v| {
@@ -559,5 +622,5 @@ fn instances(
         edges(&frame.points, &frame.skin.creases, -0.001, 0.0016, [44, 48, 56]);
     }
     balls.shrink_to_fit();
-    [balls, rods, cones]
+    ([balls, rods, cones], arrows)
 }

@@ -2,6 +2,7 @@
 
 use crate::colour::{ColourMap, Rgb};
 use crate::error::RenderError;
+use crate::rigid::{Placed, Rigid};
 use crate::skin::Skin;
 use glam::Vec3;
 use std::sync::Arc;
@@ -19,6 +20,13 @@ pub struct Field {
     pub map: ColourMap,
     /// Values at the ends of the bar.
     pub range: [f32; 2],
+}
+
+impl Field {
+    /// Whether it is largest where tools hide it, as the pressure of contact is.
+    pub fn lies_under_tools(&self) -> bool {
+        self.name == "pressure"
+    }
 }
 
 /// A ball.
@@ -40,6 +48,15 @@ pub struct Arrow {
     /// From its tail to its point (m, as drawn).
     pub along: [f32; 3],
     /// Colour.
+    pub colour: Rgb,
+}
+
+/// What arrows mean, for the caption.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ArrowKey {
+    /// What they show, with the value that the longest of them stands for.
+    pub text: String,
+    /// Colour of those that are meant.
     pub colour: Rgb,
 }
 
@@ -84,12 +101,14 @@ pub struct Frame {
     pub skin: Arc<Skin>,
     /// Values of every field of the recording at the points.
     pub fields: Vec<Vec<f32>>,
-    /// Held vertices and tools.
+    /// Held vertices and tools that cut.
     pub balls: Vec<Ball>,
     /// Forces.
     pub arrows: Vec<Arrow>,
     /// Fibres.
     pub rods: Vec<Rod>,
+    /// Tools.
+    pub tools: Vec<Placed>,
     /// What the caption says about this frame: error, residual, step.
     pub note: String,
 }
@@ -115,6 +134,10 @@ pub struct Recording {
     pub fields: Vec<Field>,
     /// Names of the bodies.
     pub bodies: Vec<String>,
+    /// Shapes of the tools.
+    pub shapes: Vec<Rigid>,
+    /// What the arrows of tools mean; none where there are no such arrows.
+    pub arrow_key: Option<ArrowKey>,
     /// Simulated time (s) from frame to frame; of a static scene 0.
     pub interval: f64,
     /// The frames.
@@ -153,13 +176,33 @@ impl Recording {
             .filter(move |p| p.is_finite() && p.cmpge(low).all() && p.cmple(high).all())
     }
 
-    /// [`extent`](Self::extent) and the ends of all arrows: what the camera must see.
+    /// Outlines of tools in all frames, as far as they are less than half the size of the bodies outside of the box
+    /// that holds these in all frames: a long shaft, or a tool on its way from far, leaves the picture.
+    pub fn tool_points(&self) -> Vec<Vec3> {
+        if self.shapes.is_empty() {
+            return Vec::new();
+        }
+        let (low, high) = self
+            .extent()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+        let room = Vec3::splat(0.5 * self.size());
+        let outlines: Vec<_> = self.shapes.iter().map(Rigid::outline).collect();
+        let placed = self.frames.iter().flat_map(|frame| &frame.tools);
+        placed
+            .flat_map(|placed| {
+                outlines[placed.shape as usize].iter().map(|point| placed.carry(*point))
+            })
+            .filter(|p| p.cmpge(low - room).all() && p.cmple(high + room).all())
+            .collect()
+    }
+
+    /// [`extent`](Self::extent), the ends of all arrows and the tools that are near: what the camera must see.
     pub fn shown(&self) -> impl Iterator<Item = Vec3> + Clone + '_ {
         let arrows = self.frames.iter().flat_map(|frame| &frame.arrows).flat_map(|arrow| {
             let to = Vec3::from_array(arrow.to);
             [to, to - Vec3::from_array(arrow.along)]
         });
-        self.extent().chain(arrows.filter(|p| p.is_finite()))
+        self.extent().chain(arrows.filter(|p| p.is_finite())).chain(self.tool_points())
     }
 
     /// Checks that every index is in range and every list long enough, so that drawing cannot fail on data.
@@ -182,8 +225,24 @@ impl Recording {
             index("vertex", skin.triangles.iter().flatten().copied().max(), skin.points.len())
         };
         fits(0, &self.rest_skin, self.rest.len())?;
+        for shape in &self.shapes {
+            let (what, count) = ("vertex of a shape", shape.points.len().min(shape.normals.len()));
+            let vertices = shape.triangles.iter().flatten().map(|&v| v as usize);
+            if let Some(index) = vertices.max().filter(|v| *v >= count) {
+                return Err(RenderError::Index { frame: 0, what, index, count });
+            }
+        }
         for (i, frame) in self.frames.iter().enumerate() {
             fits(i, &frame.skin, frame.points.len())?;
+            let (what, count) = ("shape", self.shapes.len());
+            if let Some(placed) = frame.tools.iter().find(|t| t.shape as usize >= count) {
+                return Err(RenderError::Index {
+                    frame: i,
+                    what,
+                    index: placed.shape as usize,
+                    count,
+                });
+            }
             let lengths = frame.fields.iter().map(Vec::len);
             if frame.fields.len() != self.fields.len()
                 || lengths.into_iter().any(|n| n != frame.points.len())

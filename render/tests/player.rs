@@ -1,7 +1,10 @@
 //! The page in a headless browser: it draws, it follows the scrub bar, and nothing is reported as an error.
 
+use glam::Vec3;
 use sinew_render::camera::CameraRequest;
 use sinew_render::page::page;
+use sinew_render::rigid::{Placed, Rigid};
+use sinew_render::scene::ArrowKey;
 use std::io::Write;
 use std::process::{Command, Stdio};
 
@@ -30,6 +33,9 @@ function probe() {
   field.value = "none";
   field.dispatchEvent(new Event("change"));
   const plain = look();
+  const view = sinew.views[1];
+  view.stretches = [];
+  const without = look();
   // bodies have colours, background and ground are grey
   const vivid = (p) => {
     let n = 0;
@@ -38,7 +44,8 @@ function probe() {
   };
   const changed = (a, b) => { let n = 0; for (let i = 0; i < a.length; i += 4) n += a[i] !== b[i]; return n * 4 / a.length; };
   const result = { errors, note, views: canvases.length, vivid: first.map(vivid),
-    moved: first.map((p, i) => changed(p, last[i])), recoloured: last.map((p, i) => changed(p, plain[i])) };
+    moved: first.map((p, i) => changed(p, last[i])), recoloured: last.map((p, i) => changed(p, plain[i])),
+    tools: [0, 1].map((i) => changed(plain[i], without[i])) };
   const out = document.createElement("pre");
   out.id = "result";
   out.textContent = "RESULT" + JSON.stringify(result) + "END";
@@ -67,7 +74,23 @@ fn the_player_draws_scrubs_and_recolours_without_an_error() {
         return;
     };
     let recording = crate::common::bar();
-    let page = page(&[&recording, &recording], CameraRequest::default()).unwrap();
+    // a ball beside the bar, and a floor
+    let mut tools = recording.clone();
+    let grey = [150, 156, 165];
+    tools.shapes = vec![
+        Rigid::rounded_box(Vec3::splat(0.1), 0.1, grey),
+        Rigid::plate([0.0, -0.2], [1.0, 0.2], 0.02, grey),
+    ];
+    for frame in &mut tools.frames {
+        let turn = [0.0, 0.0, 0.0, 1.0];
+        frame.tools = vec![
+            Placed { shape: 0, at: [0.5, -0.25, 0.1], turn },
+            Placed { shape: 1, at: [0.0, 0.0, -0.6], turn },
+        ];
+    }
+    let text = "force of tools".into();
+    tools.arrow_key = Some(ArrowKey { text, colour: grey });
+    let page = page(&[&recording, &tools], CameraRequest::default()).unwrap();
     // before the player, so that nothing escapes it
     let page = page.replace("<div id=\"views\">", &format!("{PROBE}<div id=\"views\">"));
     let folder = std::env::temp_dir().join(format!("sinew-player-{}", std::process::id()));
@@ -92,6 +115,8 @@ fn the_player_draws_scrubs_and_recolours_without_an_error() {
     assert_eq!(seen["errors"], serde_json::json!([]), "{seen}");
     assert_eq!(seen["views"], 2);
     assert!(seen["note"].as_str().unwrap().contains("1.50 s"), "{seen}");
+    // the second has tools
+    assert!(seen["tools"][0] == 0.0 && seen["tools"][1].as_f64().unwrap() > 0.02, "{seen}");
     for view in 0..2 {
         // the bar covers about a tenth
         assert!(seen["vivid"][view].as_f64().unwrap() > 0.03, "{seen}");

@@ -23,7 +23,7 @@ use crate::settings::{Integrator, SolverSettings};
 use crate::simd::{Kernel, vectorised};
 use crate::stability::StabilityLimit;
 use crate::state::{
-    NodeState, Rows, book_momentum, dot3, evaluate, read_force, read_rest, viscous_rate,
+    NodeState, Rows, book_momentum, dot3, evaluate, position, read_force, read_rest, viscous_rate,
     write_state,
 };
 use bevy_ecs::change_detection::Tick;
@@ -31,11 +31,12 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::system::SystemState;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
+use sinew_contact::set::{ContactSet, Limits, Places};
 use sinew_engine::columns::single_table;
 use sinew_engine::compiled_here;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, ViscousRequest};
 use sinew_engine::load::{LoadTime, SweptVolumes};
-use sinew_engine::report::StepReport;
+use sinew_engine::report::{ContactFigures, StepReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{
     ActiveLaws, ForceSchedule, evaluate_viscous, has_dampers, law_inputs_unchanged,
@@ -148,7 +149,16 @@ pub fn explicit_step<S: Scalar>(
     let result = if scratch.node.is_empty() {
         Ok(())
     } else {
-        substep(world, settings, report, &mut scratch)
+        let contact = world.remove_resource::<ContactSet>();
+        let result = substep(world, settings, report, &mut scratch, contact.as_ref());
+        let (contact, result) = match result {
+            Ok(new) => (new, Ok(())),
+            Err(error) => (contact, Err(error)),
+        };
+        if let Some(contact) = contact {
+            world.insert_resource(contact);
+        }
+        result
     };
     if result.is_err() {
         write_state(world, &scratch.node.u, &scratch.node.v);
@@ -197,12 +207,20 @@ fn substep<S: Scalar>(
     settings: &SolverSettings,
     report: &mut StepReport,
     scratch: &mut ExplicitScratch<S>,
-) -> Result<(), StepError> {
+    contact: Option<&ContactSet>,
+) -> Result<Option<ContactSet>, StepError> {
     let clock = *world.resource::<StepClock>();
+    let contact = contact.map(|contact| prepare(contact, world, scratch)).transpose()?;
     scratch.within.read(world, &scratch.node.u, &scratch.node.prescribed, &scratch.node.fixed);
     let elastic = recall(world, report, scratch);
     let limit = scratch.limit.get(world, &scratch.node, &scratch.force, &mut report.evaluations);
-    let limit = with_dampers(limit, viscous_rate(world, &scratch.node));
+    let touch = contact.as_ref().map_or([0.0; 2], |contact| {
+        let mass = |row: u32| scratch.node.mass[row as usize].to_f64();
+        contact.rates(&mass)
+    });
+    // omega^2 of contact adds to that of the elements
+    let limit = 2.0 / (2.0 / limit).hypot(touch[0]);
+    let limit = with_dampers(limit, viscous_rate(world, &scratch.node) + touch[1]);
     report.stable_step = limit;
     let needed = (clock.dt / (limit * scratch.caution * settings.explicit_safety)).ceil().max(1.0);
     let mut substeps = if needed <= f64::from(settings.max_substeps) {
@@ -214,11 +232,13 @@ fn substep<S: Scalar>(
         if substeps > settings.max_substeps {
             return Err(refuse(&clock, f64::from(substeps), limit, settings));
         }
-        if let Some(growth) = attempt(world, settings, report, scratch, elastic, substeps) {
+        let mut contact = contact.clone();
+        let tried = attempt(world, settings, report, scratch, &mut contact, elastic, substeps);
+        if let Some(growth) = tried {
             report.substeps = substeps;
             report.refinements = refinement;
             finish(world, report, scratch, growth, refinement > 0);
-            return Ok(());
+            return Ok(contact);
         }
         substeps = substeps.saturating_mul(2);
     }
@@ -232,6 +252,40 @@ fn substep<S: Scalar>(
              integrator = \"safe\""
         ),
     })
+}
+
+/// What may touch what in the step to come.
+fn prepare<S: Scalar>(
+    contact: &ContactSet,
+    world: &mut World,
+    scratch: &ExplicitScratch<S>,
+) -> Result<ContactSet, StepError> {
+    let mut contact = contact.clone();
+    let x = position(&scratch.rest, &scratch.node.u);
+    let v = |row: u32| vector(&scratch.node.v[row as usize]);
+    contact.prepare(world, &scratch.rest, &x, &v, false)?;
+    match contact.exact_tool() {
+        None => Ok(contact),
+        Some(name) => Err(StepError::InvalidContact {
+            name: name.into(),
+            problem: "exact contact is for integrator = \"newton\" and \"quasi-static\"".into(),
+        }),
+    }
+}
+
+/// Forces of contact at displacements `u`, when the share `of_rest` of what is left of the step has passed; `h` (s) is
+/// the length of the substep. They are added by [`load`].
+fn touch<S: Scalar>(
+    contact: &mut Option<ContactSet>,
+    rest: &[DVec3],
+    u: &[[S; 4]],
+    (of_rest, h): (f64, f64),
+) {
+    let Some(contact) = contact.as_mut().filter(|contact| !contact.is_idle()) else { return };
+    contact.set_part(of_rest, h);
+    let x = position(rest, u);
+    let bodies = contact.bodies();
+    contact.evaluate(&bodies, &Places { now: &x, start: &x }, Limits::Take);
 }
 
 fn refuse(clock: &StepClock, needed: f64, limit: f64, settings: &SolverSettings) -> StepError {
@@ -382,6 +436,7 @@ fn attempt<S: Scalar>(
     settings: &SolverSettings,
     report: &mut StepReport,
     scratch: &mut ExplicitScratch<S>,
+    contact: &mut Option<ContactSet>,
     elastic0: f64,
     substeps: u32,
 ) -> Option<[f64; 2]> {
@@ -408,12 +463,13 @@ fn attempt<S: Scalar>(
         books.dissipated += half * damp(&mut state, world, scratch);
     }
     stop_held(&mut state, world, scratch);
+    touch(contact, &scratch.rest, &scratch.node.u, (0.0, 0.0));
     for i in 1..=substeps {
         let part = f64::from(i) / f64::from(substeps);
         if damped && i > 1 {
             books.dissipated += h * damp(&mut state, world, scratch);
         }
-        load(scratch, &books);
+        load(scratch, &books, contact.as_ref());
         scratch.within.ways(part, &mut books.ways);
         {
             let (workers, mut columns) = state.get_mut(world).expect("engine resources");
@@ -431,13 +487,14 @@ fn attempt<S: Scalar>(
                 factors,
             );
             place_held(&mut books, scratch, u, v, h, i == substeps);
+            settle(contact, &scratch.rest, u, (1.0 / f64::from(substeps - i + 1), h));
         }
         scratch.within.load_differences(part, &mut books.differences);
         let end = i == substeps;
         if damped && end && verlet {
             books.dissipated += half * damp(&mut state, world, scratch);
         }
-        load(scratch, &books);
+        load(scratch, &books, contact.as_ref());
         world.insert_resource(EvaluationRequest { energy: end, force: true, tangent: None });
         world.insert_resource(LoadTime(time + part * dt));
         world.run_schedule(ForceSchedule);
@@ -462,7 +519,20 @@ fn attempt<S: Scalar>(
         }
     }
 
-    close_step(&mut state, world, settings, report, scratch, &books)
+    close_step(&mut state, world, settings, report, scratch, contact, &books)
+}
+
+/// Forces of contact at the end of a substep, from where friction goes on.
+fn settle<S: Scalar>(
+    contact: &mut Option<ContactSet>,
+    rest: &[DVec3],
+    u: &[[S; 4]],
+    part: (f64, f64),
+) {
+    touch(contact, rest, u, part);
+    if let Some(contact) = contact.as_mut().filter(|contact| !contact.is_idle()) {
+        contact.settle(&position(rest, u));
+    }
 }
 
 /// Energies at the end of a step into the report; what the energy grew relative to the energies involved, `None` when
@@ -473,6 +543,7 @@ fn close_step<S: Scalar>(
     settings: &SolverSettings,
     report: &mut StepReport,
     scratch: &ExplicitScratch<S>,
+    contact: &mut Option<ContactSet>,
     books: &Bookkeeping,
 ) -> Option<[f64; 2]> {
     let (n, dt) = (scratch.node.len(), world.resource::<StepClock>().dt);
@@ -483,6 +554,7 @@ fn close_step<S: Scalar>(
     let (u, v, _) = single_table(columns.contiguous_iter_mut()).expect("there are vertices");
     let (u, v) = (Displacement::peel_slice(&u), Velocity::peel_slice(&v));
     let [kinetic, held] = scratch.node.kinetic_energy(0..n, v);
+    let [stored, tool_work] = contact.as_ref().map_or([0.0; 2], ContactSet::books);
     let load_work = books.load_work
         + (0..n)
             .map(|row| {
@@ -494,7 +566,7 @@ fn close_step<S: Scalar>(
                 dot3(&scratch.node.external[row], &way)
             })
             .sum::<f64>();
-    let change = elastic - elastic0 - load_work;
+    let change = elastic - elastic0 - load_work + stored - tool_work;
     let scale = kinetic0 + kinetic + elastic.abs() + change.abs() + books.constraint_work.abs();
     let grown = kinetic - kinetic0 + change - books.constraint_work;
     if !grown.is_finite() || grown > GROWTH[usize::from(verlet)] * scale {
@@ -516,6 +588,12 @@ fn close_step<S: Scalar>(
     report.damping_dissipation =
         settings.mass_damping * dt * (kinetic0 + kinetic) + books.dissipated;
     book_momentum(report, &scratch.rest, &scratch.node.mass, u, v);
+    if let Some(contact) = contact {
+        let u = u.to_vec();
+        let x = position(&scratch.rest, &u);
+        let figures = contact.finish(world, &Places { now: &x, start: &x }, dt);
+        report.contact = ContactFigures { work: tool_work, ..figures };
+    }
     Some([grown, scale])
 }
 
@@ -636,7 +714,15 @@ fn stop_held<S: Scalar>(state: &mut State<S>, world: &mut World, scratch: &mut E
 }
 
 /// External forces of the present substep into `scratch.external`.
-fn load<S: Scalar>(scratch: &mut ExplicitScratch<S>, books: &Bookkeeping) {
+fn load<S: Scalar>(
+    scratch: &mut ExplicitScratch<S>,
+    books: &Bookkeeping,
+    contact: Option<&ContactSet>,
+) {
+    let contact = contact.filter(|contact| !contact.is_idle());
+    if contact.is_some() {
+        scratch.external.clone_from(&scratch.node.external);
+    }
     if !scratch.viscous.is_empty() {
         let known = scratch.node.external.iter().zip(&scratch.viscous);
         scratch.external.clear();
@@ -649,6 +735,13 @@ fn load<S: Scalar>(scratch: &mut ExplicitScratch<S>, books: &Bookkeeping) {
             let viscous = scratch.viscous.get(row as usize).map_or(S::ZERO, |d| d[k]);
             now[k] = end[k] + S::from_f64(difference[k]) + viscous;
         }
+    }
+    if let Some(contact) = contact {
+        contact.for_forces(&contact.bodies(), |row, f| {
+            for k in 0..3 {
+                scratch.external[row][k] += S::from_f64(f[k]);
+            }
+        });
     }
 }
 

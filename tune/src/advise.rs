@@ -444,6 +444,7 @@ impl Search<'_> {
             }
             let start = Instant::now();
             for _ in 0..per_frame {
+                scene.drive();
                 if let Err(error) = scene.simulation.step() {
                     run.note = format!("failed: {error}");
                     return Ok(run);

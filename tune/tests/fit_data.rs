@@ -457,6 +457,10 @@ fn bad_data_and_parameters_are_named() {
         let found = fit(&scene, &request).unwrap_err().to_string();
         assert!(found.contains(expected), "`{expected}` is not in {found}");
     }
+    let mut touched = scene.clone();
+    touched.scene.tools.push(Default::default());
+    let found = fit_texts(&touched, &[good], &["young"]).unwrap_err().to_string();
+    assert!(found.contains("tools, pulls or contacts"), "{found}");
     let mut dynamic = scene.clone();
     dynamic.scene.mode = sinew_demos::scene::Mode::Dynamic;
     let found = fit_texts(&dynamic, &[good], &["young"]).unwrap_err().to_string();

@@ -1,7 +1,7 @@
 //! Held and moved vertices.
 
 use super::conditions::BuiltConstraint;
-use super::curves::factor;
+use super::curves::{factor, window};
 use super::scene::BuiltScene;
 use super::select::{select, which_body};
 use crate::error::SceneError;
@@ -36,7 +36,7 @@ fn constraint(
         ));
     }
     let curve = factor(key, entry.curve.as_ref(), mode)?;
-    let [from, until] = window(key, entry, mode)?;
+    let [from, until] = window(key, [entry.from, entry.until], mode)?;
     let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
     let rows = built.simulation.rows(handle, &name, &vertices).map_err(|e| key.simulation(e))?;
     warn_of_jumps(&name, entry, (&motion, &curve), from, until, body, built);
@@ -130,26 +130,6 @@ fn motion(key: &Key, entry: Option<&MotionEntry>) -> Result<(Motion, String), Sc
             Err(key.value(found, "give `translate` or `rotate`"))
         }
     }
-}
-
-/// Times (s) from which and until which it acts.
-fn window(key: &Key, entry: &ConstraintEntry, mode: Mode) -> Result<[f64; 2], SceneError> {
-    for (name, value) in [("from", entry.from), ("until", entry.until)] {
-        let Some(value) = value else { continue };
-        let key = key.at(name);
-        if mode == Mode::Static {
-            let found = format!("`{name}` in a static scene");
-            return Err(key.value(found, "leave it out, there is no time"));
-        }
-        key.finite([value])?;
-    }
-    let from = entry.from.unwrap_or(f64::NEG_INFINITY);
-    let until = entry.until.unwrap_or(f64::INFINITY);
-    if from >= until {
-        let found = format!("it acts from {from} s until {until} s");
-        return Err(key.at("until").value(found, "make `until` later than `from`"));
-    }
-    Ok([from, until])
 }
 
 /// What may not be meant: a motion in one step, vertices that an earlier constraint holds too.

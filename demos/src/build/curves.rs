@@ -4,6 +4,53 @@ use crate::error::SceneError;
 use crate::scene::{CurveEntry, Key, Mode};
 use sinew::engine::load::Curve;
 
+/// Refuses a key that needs time in a scene without.
+pub(super) fn in_time(key: &Key, name: &str, mode: Mode) -> Result<(), SceneError> {
+    match mode {
+        Mode::Static => {
+            let found = format!("`{name}` in a static scene");
+            Err(key.value(found, "leave it out, there is no time"))
+        }
+        Mode::Dynamic => Ok(()),
+    }
+}
+
+/// Times (s) from which and until which something acts.
+pub(super) fn window(
+    key: &Key,
+    [from, until]: [Option<f64>; 2],
+    mode: Mode,
+) -> Result<[f64; 2], SceneError> {
+    for (name, value) in [("from", from), ("until", until)] {
+        let Some(value) = value else { continue };
+        let key = key.at(name);
+        in_time(&key, name, mode)?;
+        key.finite([value])?;
+    }
+    let (from, until) = (from.unwrap_or(f64::NEG_INFINITY), until.unwrap_or(f64::INFINITY));
+    if from >= until {
+        let found = format!("it acts from {from} s until {until} s");
+        return Err(key.at("until").value(found, "make `until` later than `from`"));
+    }
+    Ok([from, until])
+}
+
+/// Rows of a path `[time, x, y, z, ..]` that is in order, as one curve for every column after the time.
+pub(super) fn path<const N: usize>(
+    key: &Key,
+    rows: &[[f64; N]],
+    columns: &str,
+    mode: Mode,
+) -> Result<Vec<Curve>, SceneError> {
+    in_time(key, "path", mode)?;
+    key.ascending(rows, "path", columns)?;
+    for row in rows {
+        key.finite(*row)?;
+    }
+    let column = |k: usize| Curve::Points(rows.iter().map(|row| [row[0], row[k]]).collect());
+    Ok((1..N).map(column).collect())
+}
+
 /// The curve below a key. In a static scene loads and motions grow with the load steps.
 pub(super) fn factor(
     key: &Key,

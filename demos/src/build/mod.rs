@@ -14,10 +14,13 @@ mod materials;
 mod meshes;
 mod plan;
 mod probes;
+mod pulls;
 mod removal;
 mod resections;
 mod scene;
 mod select;
+mod tools;
+mod touch;
 
 pub use crate::probe::BuiltProbe;
 pub use body::{BuiltBody, BuiltMembrane};
@@ -25,6 +28,7 @@ pub use conditions::{BuiltConstraint, BuiltLoad, BuiltPressure};
 pub use meshes::generate;
 pub use removal::{BuiltResection, ResectionSummary};
 pub use scene::{BuildOptions, BuiltScene, Plan};
+pub use touch::{BuiltContact, BuiltPull, BuiltTool};
 
 use crate::error::SceneError;
 use crate::scene::LoadedScene;
@@ -50,6 +54,7 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
         return Err(loaded.key("").missing("a body", remedy));
     }
     check_names(loaded)?;
+    pulls::check(loaded, options)?;
     let mut built = BuiltScene {
         simulation: empty_simulation(loaded, options, &plan)?,
         bodies: Vec::new(),
@@ -57,6 +62,9 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
         loads: Vec::new(),
         resections: Vec::new(),
         pressures: Vec::new(),
+        tools: Vec::new(),
+        pulls: Vec::new(),
+        contacts: Vec::new(),
         probes: Vec::new(),
         plan,
         warnings: Vec::new(),
@@ -66,6 +74,9 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     loads::add(loaded, &mut built)?;
     resections::add(loaded, &mut built)?;
     loads::add_pressures(loaded, &mut built)?;
+    tools::add(loaded, &mut built)?;
+    pulls::add(loaded, &mut built)?;
+    pulls::add_contacts(loaded, &mut built)?;
     probes::add(loaded, &mut built)?;
     if built.plan.settings.integrator == Integrator::QuasiStatic {
         constraints::check_all_held(loaded, &built)?;
@@ -149,6 +160,9 @@ fn check_names(loaded: &LoadedScene) -> Result<(), SceneError> {
         ("load", names(&scene.loads, |l| &l.name)),
         ("resection", names(&scene.resections, |r| &r.name)),
         ("pressure", names(&scene.pressures, |p| &p.name)),
+        ("tool", names(&scene.tools, |t| &t.name)),
+        ("pull", names(&scene.pulls, |p| &p.name)),
+        ("contact", names(&scene.contacts, |c| &c.name)),
         ("probe", names(&scene.probes, |p| &p.name)),
     ];
     let constraints: HashSet<&str> = kinds[1].1.iter().copied().collect();

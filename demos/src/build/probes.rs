@@ -20,7 +20,27 @@ fn probe(key: &Key, entry: &ProbeEntry, built: &BuiltScene) -> Result<BuiltProbe
     let BuiltScene { bodies, constraints, .. } = built;
     let record = recorded(&key.at("record"), &entry.record)?;
     let needs = |what| record.iter().any(|own| own.needs == what);
-    let constraint = constraint(key, entry, needs(Needs::Constraint), built)?;
+    let about = |word, wanted: &Option<String>, what, names: Vec<&str>| {
+        about(&key.at(word), (word, wanted.as_deref()), needs(what), &names)
+    };
+    let constraint = about(
+        "constraint",
+        &entry.constraint,
+        Needs::Constraint,
+        constraints.iter().map(|c| c.name.as_str()).collect(),
+    )?;
+    let tools = built.tools.iter().map(|t| t.name.as_str());
+    let tool = about("tool", &entry.tool, Needs::Tool, tools.collect())?;
+    let other = record.iter().any(|own| own.key == "tool_other_force");
+    if let Some(index) = tool.filter(|&index| other && !built.tools[index].error_bar) {
+        let found = format!("\"tool_other_force\" of tool `{}`", built.tools[index].name);
+        let remedy = "that force is not found without `error_bar = true` there";
+        return Err(key.at("record").value(found, remedy));
+    }
+    let pulls = built.pulls.iter().map(|p| p.name.as_str());
+    let pull = about("pull", &entry.pull, Needs::Pull, pulls.collect())?;
+    let contacts = built.contacts.iter().map(|c| c.name.as_str());
+    let contact = about("contact", &entry.contact, Needs::Contact, contacts.collect())?;
     let body = match (constraint, &entry.body) {
         // the selection of a reaction is that of its constraint
         (Some(index), None) => constraints[index].body,
@@ -38,7 +58,8 @@ fn probe(key: &Key, entry: &ProbeEntry, built: &BuiltScene) -> Result<BuiltProbe
         true => selected_faces(&key.at("select"), entry, &bodies[body].mesh)?,
         false => Vec::new(),
     };
-    Ok(BuiltProbe { name: entry.name.clone(), body, vertices, faces, constraint, record })
+    let name = entry.name.clone();
+    Ok(BuiltProbe { name, body, vertices, faces, constraint, tool, pull, contact, record })
 }
 
 /// The quantities of these keys, at least one.
@@ -54,24 +75,27 @@ fn recorded(key: &Key, names: &[String]) -> Result<Vec<&'static Probe>, SceneErr
     names.iter().map(find).collect()
 }
 
-/// Index of the constraint whose reaction is recorded, `None` without a reaction.
-fn constraint(
+/// Index of what the key `word` names, among `names`; `None` where nothing of it is `recorded`.
+fn about(
     key: &Key,
-    entry: &ProbeEntry,
-    reaction: bool,
-    built: &BuiltScene,
+    (word, wanted): (&'static str, Option<&str>),
+    recorded: bool,
+    names: &[&str],
 ) -> Result<Option<usize>, SceneError> {
-    let key = key.at("constraint");
-    let Some(wanted) = &entry.constraint else {
-        let remedy = "\"reaction\" is the force of a constraint, name it";
-        return if reaction { Err(key.missing("key `constraint`", remedy)) } else { Ok(None) };
+    let quantities = match word {
+        "constraint" => "\"reaction\"".to_string(),
+        word => format!("\"{word}_...\""),
     };
-    let known = || built.constraints.iter().map(|c| c.name.as_str());
-    let found = known().position(|name| name == wanted);
-    let found = found.ok_or_else(|| key.unknown("constraint", wanted, known()))?;
-    if !reaction {
-        let found = "a constraint, but no \"reaction\" to record";
-        let remedy = "add \"reaction\" to `record`, or leave `constraint` out";
+    let Some(wanted) = wanted else {
+        let remedy = format!("{quantities} is of a {word}, name it");
+        let missing = || key.missing(format!("key `{word}`"), remedy);
+        return if recorded { Err(missing()) } else { Ok(None) };
+    };
+    let found = names.iter().position(|name| *name == wanted);
+    let found = found.ok_or_else(|| key.unknown(word, wanted, names.iter().copied()))?;
+    if !recorded {
+        let found = format!("a {word}, but no {quantities} to record");
+        let remedy = format!("add {quantities} to `record`, or leave `{word}` out");
         return Err(key.value(found, remedy));
     }
     Ok(Some(found))

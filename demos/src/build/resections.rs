@@ -5,7 +5,7 @@ use super::removal::{Action, BuiltResection, ResectionSummary};
 use super::scene::BuiltScene;
 use super::select::which_body;
 use crate::error::SceneError;
-use crate::scene::{Key, LoadedScene, Mode, ResectionEntry, ToolEntry};
+use crate::scene::{CutterEntry, Key, LoadedScene, Mode, ResectionEntry};
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
 use sinew::models::resection::Region;
@@ -87,7 +87,7 @@ fn action(key: &Key, entry: &ResectionEntry, body: &BuiltBody) -> Result<Action,
         let radius = key.at("radius").positive(sphere.radius, "radius", "m")?;
         return Ok(Action::Always(Region::Sphere { centre, radius }));
     }
-    if let Some(ToolEntry { radius, path }) = tool {
+    if let Some(CutterEntry { radius, path }) = tool {
         let key = key.at("tool");
         let radius = key.at("radius").positive(*radius, "radius", "m")?;
         key.at("path").ascending(path, "path", "[time, x, y, z] points")?;

@@ -3,6 +3,7 @@
 use super::body::BuiltBody;
 use super::conditions::{BuiltConstraint, BuiltLoad, BuiltPressure};
 use super::removal::BuiltResection;
+use super::touch::{self, BuiltContact, BuiltPull, BuiltTool};
 use crate::probe::BuiltProbe;
 use crate::scene::Mode;
 use crate::warning::Warning;
@@ -43,12 +44,31 @@ pub struct BuiltScene {
     pub resections: Vec<BuiltResection>,
     /// Pressures in the order of the file.
     pub pressures: Vec<BuiltPressure>,
+    /// Tools in the order of the file.
+    pub tools: Vec<BuiltTool>,
+    /// Pulls in the order of the file.
+    pub pulls: Vec<BuiltPull>,
+    /// Contacts between bodies in the order of the file.
+    pub contacts: Vec<BuiltContact>,
     /// Probes in the order of the file.
     pub probes: Vec<BuiltProbe>,
     /// Steps and intervals.
     pub plan: Plan,
     /// What was found and repaired, or looks unintended.
     pub warnings: Vec<Warning>,
+}
+
+impl BuiltScene {
+    /// Whether something can touch or pull a body.
+    pub fn touches(&self) -> bool {
+        !(self.tools.is_empty() && self.pulls.is_empty() && self.contacts.is_empty())
+    }
+
+    /// Moves the hands of pulls and opens and closes grips, for the step to come. Whoever steps the simulation of a
+    /// scene calls it before every step; tools and constraints move by themselves.
+    pub fn drive(&mut self) {
+        touch::drive(&self.tools, &mut self.pulls, &mut self.simulation);
+    }
 }
 
 /// Steps and intervals of a run.

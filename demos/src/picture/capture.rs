@@ -3,6 +3,7 @@
 use super::boundary::{Face, boundary};
 use super::measure::{Measured, Moduli};
 use super::quantity::Quantity;
+use super::tools::Tools;
 use crate::build::{BuiltBody, BuiltScene};
 use crate::run::Observer;
 use crate::scene::{LoadedScene, Mode, Scene};
@@ -12,6 +13,7 @@ use sinew::engine::connectivity::ElementKind;
 use sinew::engine::load::{Load, Pressure};
 use sinew::engine::report::SystemTimes;
 use sinew::engine::topology::BodyRows;
+use sinew::touch::pull::{Pull, PullReport};
 use sinew_render::colour::{ColourMap, Rgb};
 use sinew_render::scene::{Arrow, Ball, Frame, Recording, Rod};
 use sinew_render::skin::{CREASE_ANGLE, Facet, Skin};
@@ -24,7 +26,7 @@ const HELD: Rgb = [58, 70, 90];
 /// Moved vertices, and the forces that move them.
 const MOVED: Rgb = [222, 112, 30];
 /// Tools that cut.
-const TOOL: Rgb = [168, 176, 186];
+const CUTTER: Rgb = [168, 176, 186];
 /// Loads.
 const LOAD: Rgb = [196, 48, 58];
 /// Fibres over the map whose colours are dark or saturated, and over all else.
@@ -63,8 +65,24 @@ struct Part {
     left: [usize; 4],
 }
 
-/// Force at a place, until all frames are known and arrows get their lengths.
-type Force = (Vec3, Vec3, Vec3, Rgb);
+/// A force on bodies, until all frames are known and arrows get their lengths.
+pub(super) struct Force {
+    /// Where it acts (m).
+    pub at: Vec3,
+    /// The force (N).
+    pub force: Vec3,
+    /// Whether its arrow ends there, else it begins there.
+    pub ends: bool,
+    /// Colour.
+    pub colour: Rgb,
+}
+
+impl Force {
+    /// Pushes towards `centre` end where they act, pulls away from it begin there.
+    fn new(at: Vec3, force: Vec3, centre: Vec3, colour: Rgb) -> Self {
+        Self { at, force, ends: force.dot(at - centre) < 0.0, colour }
+    }
+}
 
 /// Pressure (Pa) along the normal of a face, at its middle.
 type Push = (Vec3, f32, Vec3);
@@ -86,6 +104,7 @@ pub struct Recorder<'a> {
     radius: f32,
     recording: Recording,
     forces: Vec<Vec<Force>>,
+    tools: Tools,
     pushes: Vec<Vec<Push>>,
     /// Of every pressure: its faces at the last look, and those with an arrow.
     pushed: HashMap<Entity, (usize, Vec<usize>)>,
@@ -109,6 +128,8 @@ impl<'a> Recorder<'a> {
             rest_skin: Arc::default(),
             fields: options.quantities.iter().filter_map(|q| q.field()).collect(),
             bodies: Vec::new(),
+            shapes: Vec::new(),
+            arrow_key: None,
             interval: 0.0,
             frames: Vec::new(),
         };
@@ -122,6 +143,7 @@ impl<'a> Recorder<'a> {
             wanted: Vec::new(),
             skin: Arc::default(),
             radius: 0.0,
+            tools: Tools::new(recording.fields.first()),
             recording,
             forces: Vec::new(),
             pushes: Vec::new(),
@@ -134,15 +156,14 @@ impl<'a> Recorder<'a> {
     /// that it took.
     pub fn finish(mut self) -> (Recording, f64) {
         let start = Instant::now();
-        let largest = self.forces.iter().flatten().map(|f| f.1.length()).fold(0.0, f32::max);
+        let largest = self.forces.iter().flatten().map(|f| f.force.length()).fold(0.0, f32::max);
         let scale = 0.2 * self.recording.size() / largest.max(f32::MIN_POSITIVE);
         for (frame, forces) in self.recording.frames.iter_mut().zip(&self.forces) {
-            for &(at, force, centre, colour) in forces {
+            for &Force { at, force, ends, colour } in forces {
                 let along = force * scale;
                 // an arrow shorter than its head says nothing
                 if force.length() > 0.02 * largest {
-                    // pushes end at the surface, pulls begin there
-                    let to = if along.dot(at - centre) < 0.0 { at } else { at + along };
+                    let to = if ends { at } else { at + along };
                     let (to, along) = (to.to_array(), along.to_array());
                     frame.arrows.push(Arrow { to, along, colour });
                 }
@@ -167,6 +188,7 @@ impl<'a> Recorder<'a> {
             self.recording.interval = (last.time - first.time) / intervals as f64;
         }
         set_ranges(&mut self.recording);
+        self.tools.finish(&mut self.recording);
         self.seconds += start.elapsed().as_secs_f64();
         (self.recording, self.seconds)
     }
@@ -291,6 +313,9 @@ impl<'a> Recorder<'a> {
         let mut displacements = Vec::new();
         for (part, body) in self.parts.iter().zip(&built.bodies) {
             let u = built.simulation.displacements(body.handle);
+            let pressed = self.options.quantities.contains(&Quantity::Pressure);
+            let pressures =
+                if pressed { built.simulation.contact_pressures(body.handle) } else { Vec::new() };
             let measures = part.measured.as_ref().map(|measured| {
                 let left = |kind| built.simulation.remaining(body.handle, kind);
                 let solids = solid_indices(
@@ -318,6 +343,7 @@ impl<'a> Recorder<'a> {
                 for (values, quantity) in fields.iter_mut().zip(quantities) {
                     values.push(match (quantity.index(), &measures) {
                         (Some(k), Some(measures)) => measures[v][k] as f32,
+                        _ if *quantity == Quantity::Pressure => pressures[v] as f32,
                         _ => u.length() as f32,
                     });
                 }
@@ -328,17 +354,21 @@ impl<'a> Recorder<'a> {
         }
         let now = Now::new(built, step, displacements);
         self.balls(built, &now, &points, &mut balls);
-        self.forces.push(forces(&self.scene.scene, built, &now));
+        let mut forces = forces(&self.scene.scene, built, &now);
+        let world = built.simulation.world_mut();
+        let (tools, own) = self.tools.record(world, step > 0, time);
+        forces.extend(own);
+        self.forces.push(forces);
         let pushes = self.pushes(built, &now);
         self.pushes.push(pushes);
         let note = note(built, step);
         let (skin, arrows) = (self.skin.clone(), Vec::new());
-        let frame = Frame { step, time, points, skin, fields, balls, arrows, rods, note };
+        let frame = Frame { step, time, points, skin, fields, balls, arrows, rods, tools, note };
         self.recording.frames.push(frame);
         self.seconds += start.elapsed().as_secs_f64();
     }
 
-    /// Held and moved vertices, and tools.
+    /// Held and moved vertices, and tools that cut.
     fn balls(&self, built: &BuiltScene, now: &Now, points: &[[f32; 3]], balls: &mut Vec<Ball>) {
         let scene = &self.scene.scene;
         for (c, entry) in built.constraints.iter().zip(&scene.constraints) {
@@ -362,7 +392,7 @@ impl<'a> Recorder<'a> {
                 let s = (time - t0) / (t1 - t0);
                 let centre = DVec3::from_array(a).lerp(DVec3::from_array(b), s);
                 let centre = centre.as_vec3().to_array();
-                balls.push(Ball { centre, radius: tool.radius as f32, colour: TOOL });
+                balls.push(Ball { centre, radius: tool.radius as f32, colour: CUTTER });
             }
         }
     }
@@ -456,7 +486,7 @@ impl Now {
     }
 }
 
-/// Reactions of what moves at its middle, and loads.
+/// Reactions of what moves at its middle, loads, and pulls.
 fn forces(scene: &Scene, built: &mut BuiltScene, now: &Now) -> Vec<Force> {
     let BuiltScene { simulation, constraints, .. } = built;
     let mut forces = Vec::new();
@@ -472,7 +502,7 @@ fn forces(scene: &Scene, built: &mut BuiltScene, now: &Now) -> Vec<Force> {
         let force = simulation.reaction(c.entity).as_vec3();
         let at: DVec3 = c.vertices.iter().map(|&v| now.points[c.body][v as usize]).sum();
         let at = (at / c.vertices.len().max(1) as f64).as_vec3();
-        forces.push((at, force, now.centres[c.body].as_vec3(), MOVED));
+        forces.push(Force::new(at, force, now.centres[c.body].as_vec3(), MOVED));
     }
     let world = simulation.world_mut();
     for load in world.query::<&Load>().iter(world) {
@@ -485,7 +515,17 @@ fn forces(scene: &Scene, built: &mut BuiltScene, now: &Now) -> Vec<Force> {
         }
         let at = at / load.forces.len().max(1) as f64;
         let force = force * load.curve.value(now.time);
-        forces.push((at.as_vec3(), force.as_vec3(), centre.as_vec3(), LOAD));
+        forces.push(Force::new(at.as_vec3(), force.as_vec3(), centre.as_vec3(), LOAD));
+    }
+    for (pull, report) in world.query::<(&Pull, &PullReport)>().iter(world) {
+        let (mut at, mut weights) = (DVec3::ZERO, 0.0);
+        for (&row, weight) in pull.rows.iter().zip(&pull.weights) {
+            let Some((body, v)) = now.place(row) else { continue };
+            at += *weight * now.points[body][v as usize];
+            weights += weight;
+        }
+        let (at, force) = ((at / weights).as_vec3(), -report.force.as_vec3());
+        forces.push(Force { at, force, ends: false, colour: MOVED });
     }
     forces
 }
@@ -620,8 +660,17 @@ pub(crate) fn set_ranges(recording: &mut Recording) {
             .filter(|x| x.is_finite())
             .map(|x| if field.map == ColourMap::Diverging { (x - 1.0).abs() } else { x.abs() })
             .collect();
+        if field.lies_under_tools() {
+            // most of a surface is not touched
+            values.retain(|x| *x > 0.0);
+        }
         values.sort_unstable_by(f32::total_cmp);
-        let share = if field.name == "displacement" { 1.0 } else { 0.998 };
+        let share = match &*field.name {
+            "displacement" => 1.0,
+            // blows are short
+            "pressure" => 0.99,
+            _ => 0.998,
+        };
         let at = ((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1));
         let mut largest = values.get(at).copied().filter(|x| *x > 0.0).unwrap_or(1.0);
         if recording.falling && field.unit == "m" {

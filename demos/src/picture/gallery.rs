@@ -24,7 +24,7 @@ struct Entry {
     words: &'static str,
 }
 
-const ENTRIES: [Entry; 12] = [
+const ENTRIES: [Entry; 18] = [
     Entry {
         scene: "liver",
         at: 2.0,
@@ -102,6 +102,48 @@ const ENTRIES: [Entry; 12] = [
         quantity: Quantity::Strain,
         camera: "25,16",
         words: "A ventricle with helical fibres at the peak of its beat.",
+    },
+    Entry {
+        scene: "palpation",
+        at: 2.0,
+        quantity: Quantity::Pressure,
+        camera: "25,28",
+        words: "A finger slides over soft tissue that hides a stiff ball; the arrow is its force on the tissue.",
+    },
+    Entry {
+        scene: "drag",
+        at: 1.6,
+        quantity: Quantity::Pressure,
+        camera: "25,26",
+        words: "A block, drawn as glass over the pressure that it exerts, is dragged over tissue with friction.",
+    },
+    Entry {
+        scene: "grasp",
+        at: 2.3,
+        quantity: Quantity::Displacement,
+        camera: "25,16",
+        words: "Forceps hold the edge of a liver-like organ and lift it.",
+    },
+    Entry {
+        scene: "press_flat",
+        at: 2.8,
+        quantity: Quantity::Pressure,
+        camera: "25,18",
+        words: "An organ between a table and a plate that presses it flat.",
+    },
+    Entry {
+        scene: "two_organs",
+        at: 0.35,
+        quantity: Quantity::Displacement,
+        camera: "25,18",
+        words: "A soft ball has fallen on another one and rolls off; both lie on a table.",
+    },
+    Entry {
+        scene: "probe_fast",
+        at: 0.5,
+        quantity: Quantity::Displacement,
+        camera: "25,26",
+        words: "A ball that came at 10 m/s rests in a slab.",
     },
     Entry {
         scene: "side_by_side",

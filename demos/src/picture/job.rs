@@ -239,19 +239,34 @@ fn recorded(
     let mut quantities = vec![job.quantity];
     if job.html.is_some() {
         // the page lets people choose
-        quantities.extend(Quantity::ALL.into_iter().filter(|q| *q != job.quantity));
+        let more = Quantity::ALL.into_iter().chain([Quantity::Pressure]);
+        quantities.extend(more.filter(|q| *q != job.quantity));
         quantities.retain(|q| *q != Quantity::None);
     }
     let capture = CaptureOptions { frames: job.frames, quantities, ..CaptureOptions::default() };
     let finer =
         if job.quantity == Quantity::Error { Some(finer(scene, job, &capture)?) } else { None };
     let (mut recording, summary, [run, copy]) = record(scene, job.build, capture, observer)?;
+    if job.quantity != Quantity::Pressure {
+        drop_unused_pressure(&mut recording);
+    }
     if let Some(finer) = &finer {
         compare_steps(&mut recording, finer);
     }
     report.seconds[0] += run;
     report.seconds[1] += copy;
     Ok((recording, summary))
+}
+
+/// Takes the pressure away where nothing touches.
+fn drop_unused_pressure(recording: &mut Recording) {
+    let Some(field) = recording.fields.iter().position(|f| f.name == "pressure") else { return };
+    if recording.frames.iter().all(|frame| frame.fields[field].iter().all(|p| *p == 0.0)) {
+        recording.fields.remove(field);
+        for frame in &mut recording.frames {
+            frame.fields.remove(field);
+        }
+    }
 }
 
 /// Writes the one picture of a job.

@@ -7,6 +7,7 @@ mod job;
 mod measure;
 pub mod papers;
 mod quantity;
+mod tools;
 
 pub use capture::{CaptureOptions, Recorder};
 pub use gallery::gallery;

@@ -21,6 +21,8 @@ pub enum Quantity {
     Energy,
     /// Volume over that at rest (-); of membranes the area.
     Volume,
+    /// Pressure (Pa) of tools and other bodies on the surface.
+    Pressure,
     /// Distance (m) to where a run with a quarter of the step arrives; dynamic scenes without resections.
     Error,
     /// Plain colours, one for each body.
@@ -28,7 +30,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// All that one run gives.
+    /// All that any run gives.
     pub const ALL: [Self; 5] =
         [Self::Displacement, Self::Strain, Self::Stress, Self::Energy, Self::Volume];
 
@@ -40,6 +42,7 @@ impl Quantity {
             Self::Stress => ("stress", "von Mises stress", "Pa", ColourMap::Ember),
             Self::Energy => ("energy", "energy density", "J/m³", ColourMap::Ember),
             Self::Volume => ("volume", "volume ratio", "", ColourMap::Diverging),
+            Self::Pressure => ("pressure", "contact pressure", "Pa", ColourMap::Ember),
             Self::Error => ("error", "error of the step", "m", ColourMap::Ember),
             Self::None => return None,
         };
@@ -54,7 +57,7 @@ impl Quantity {
             Self::Stress => Some(1),
             Self::Energy => Some(2),
             Self::Volume => Some(3),
-            Self::Displacement | Self::Error | Self::None => None,
+            Self::Displacement | Self::Pressure | Self::Error | Self::None => None,
         }
     }
 }
@@ -66,7 +69,8 @@ impl std::str::FromStr for Quantity {
         serde_json::from_value(text.into()).map_err(|_| RenderError::Option {
             option: "--color",
             found: text.into(),
-            remedy: "choose of displacement, strain, stress, energy, volume, error, none".into(),
+            remedy: "choose of displacement, strain, stress, energy, volume, pressure, error, none"
+                .into(),
         })
     }
 }

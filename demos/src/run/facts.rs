@@ -81,6 +81,7 @@ impl RunFacts<'_> {
             loads: loads.collect(),
             resections: built.resections.iter().map(|r| r.summary.clone()).collect(),
             pressures: pressures.collect(),
+            touch: totals.touch,
             final_probes,
             timing,
             gpu: totals.gpu,

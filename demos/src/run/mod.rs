@@ -7,7 +7,7 @@ mod warnings;
 use crate::build::{BuildOptions, BuiltScene, build};
 use crate::error::RunError;
 use crate::output::Writer;
-use crate::probe::{self, Sampler};
+use crate::probe::{self, Recorded, Sampler};
 use crate::scene::{LoadedScene, Mode};
 use crate::summary::RunSummary;
 use facts::RunFacts;
@@ -185,6 +185,7 @@ impl Run<'_> {
     /// Carries out step `done` (counted from 1) with its removals, probes and frame, whether it is the `last`;
     /// why it failed, if it did.
     fn step(&mut self, done: u64, last: bool) -> Result<Option<String>, RunError> {
+        self.built.drive();
         let BuiltScene { simulation, plan, resections, .. } = &mut self.built;
         if plan.mode == Mode::Static {
             simulation.set_gravity(plan.gravity * (done as f64 / plan.steps as f64));
@@ -199,7 +200,8 @@ impl Run<'_> {
         if let Err(error) = simulation.step() {
             return Ok(Some(error.to_string()));
         }
-        self.totals.add_step(simulation, clock.elapsed().as_secs_f64());
+        self.totals.add_step(&self.built, clock.elapsed().as_secs_f64());
+        let BuiltScene { simulation, plan, .. } = &mut self.built;
         let report = simulation.report();
         let equilibrium = !plan.settings.integrator.facts().dynamic;
         let failure = (equilibrium && report.unconverged).then(|| {
@@ -236,15 +238,18 @@ impl Run<'_> {
     fn record(&mut self, step: u64) -> Result<(), RunError> {
         let clock = Instant::now();
         let totals = &mut self.totals;
-        let BuiltScene { simulation, bodies, constraints, probes, .. } = &mut self.built;
+        let touches = self.built.touches();
+        let BuiltScene { simulation, bodies, probes, constraints, tools, pulls, contacts, .. } =
+            &mut self.built;
+        let parts = Recorded { bodies, constraints, tools, pulls, contacts };
         // evaluations for probes do not count as time of the steps
         let times = simulation.world().resource::<SystemTimes>().clone();
         let reactions = &mut totals.reactions;
         let mut now = Sampler::new(simulation, totals.energy.kinetic);
-        self.probes = probe::values(&mut now, bodies, constraints, probes, |c, force| {
+        self.probes = probe::values(&mut now, &parts, probes, |c, force| {
             reactions[c] = Some(reactions[c].unwrap_or(0.0).max(force.length()));
         });
-        for (body, ratios) in bodies.iter().zip(&mut totals.volume_ratios) {
+        for (body, ratios) in parts.bodies.iter().zip(&mut totals.volume_ratios) {
             if body.axes.is_some() {
                 let ratio = body.volume(simulation) / body.report.statistics.total_volume;
                 *ratios = [ratios[0].min(ratio), ratios[1].max(ratio), ratio];
@@ -268,6 +273,11 @@ impl Run<'_> {
                 f64::from(report.cg_iterations),
                 1e3 * totals.step_times.last(),
             ];
+            if touches {
+                let (now, e) = (report.contact, e.contact.unwrap_or_default());
+                row.extend([e.work, e.stored, e.friction, f64::from(now.points), now.depth]);
+                row.push(f64::from(now.inner_iterations));
+            }
             row.extend_from_slice(&self.probes);
             writer.row(step, &row)?;
         }

@@ -1,7 +1,9 @@
 //! Sums over the steps of a run.
 
 use crate::build::BuiltScene;
-use crate::summary::{EnergySummary, GpuSummary, SolverSummary, StepTimes, VolumeSummary};
+use crate::summary::{
+    EnergySummary, GpuSummary, SolverSummary, StepTimes, TouchSummary, VolumeSummary,
+};
 use sinew::engine::report::StepReport;
 use sinew::simulation::Simulation;
 
@@ -21,14 +23,24 @@ pub(super) struct Totals {
     pub probes: f64,
     pub frames: f64,
     pub gpu: Option<GpuSummary>,
+    /// Tools, pulls and contacts, in scenes that have some.
+    pub touch: Option<TouchSummary>,
 }
 
 impl Totals {
     /// Before the first step.
     pub fn new(built: &mut BuiltScene) -> Self {
         let initial = built.simulation.evaluate();
+        let touch = TouchSummary::new(built);
+        let contact = touch.as_ref().map(|_| Default::default());
         Self {
-            energy: EnergySummary { initial, elastic: initial, ..EnergySummary::default() },
+            energy: EnergySummary {
+                initial,
+                elastic: initial,
+                contact,
+                ..EnergySummary::default()
+            },
+            touch,
             volume: VolumeSummary {
                 smallest_j: 1.0,
                 final_smallest_j: 1.0,
@@ -41,8 +53,12 @@ impl Totals {
     }
 
     /// Adds a step that took `seconds` of host time.
-    pub fn add_step(&mut self, simulation: &Simulation, seconds: f64) {
+    pub fn add_step(&mut self, built: &BuiltScene, seconds: f64) {
+        let simulation = &built.simulation;
         self.step_times.add(seconds);
+        if let Some(touch) = &mut self.touch {
+            touch.add_step(built, self.step_times.count());
+        }
         self.add(simulation.report());
         self.add_gpu(simulation);
         self.energy.activation_work = simulation.activation_work().total;
@@ -97,6 +113,11 @@ impl Totals {
         e.recovery_turnover += report.recovery_energy.abs();
         e.constraint_work += report.constraint_work;
         e.damping += report.damping_dissipation;
+        if let Some(contact) = &mut e.contact {
+            contact.work += report.contact.work;
+            contact.stored = report.contact.energy;
+            contact.friction += report.contact.friction_dissipation;
+        }
         e.elastic = report.elastic_energy;
         e.kinetic = report.kinetic_energy;
         e.elastic_max = e.elastic_max.max(e.elastic);
@@ -129,7 +150,8 @@ impl Totals {
     /// Energy (J) that damping and the integrator took out.
     pub fn dissipated(&self) -> f64 {
         let e = &self.energy;
-        e.initial + e.recovery + e.load_work + e.constraint_work + e.activation_work
+        let contact = e.contact.map_or(0.0, |contact| contact.work - contact.stored);
+        contact + e.initial + e.recovery + e.load_work + e.constraint_work + e.activation_work
             - e.removed
             - e.elastic
             - e.kinetic

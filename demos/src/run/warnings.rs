@@ -1,6 +1,7 @@
 //! What happened during a run and deserves a word: a row of [`RULES`] for each.
 
 use super::facts::RunFacts;
+use crate::summary::TouchSummary;
 use crate::warning;
 use crate::warning::Level::{self, Note, Warning};
 use sinew::simulation::{Backend, Precision};
@@ -92,6 +93,26 @@ rules! {
         |n| "recovery changed the elastic energy by {:.2e} J by changing laws",
             run.totals.energy.recovery_turnover;
         "compare with recovery = false; the motion meanwhile is not that of the material";
+    Warning "run.contact.unconverged" "contact": |run| of_touch(run, |t| t.unconverged);
+        |n| "{n} inner loops of contact ended at their cap, in {} steps", run.steps();
+        "use a smaller dt, or a smaller stiffness of tools and contacts";
+    Warning "run.contact.depth" "contact": |run| of_touch(run, |t| (t.depth_over_edge > DEEP).into());
+        |n| "points were up to {:.2} edges deep in what they touch",
+            run.totals.touch.as_ref().map_or(0.0, |t| t.depth_over_edge);
+        "use a finer mesh, slower tools or a larger stiffness of tools and contacts";
+    Warning "run.contact.lag" "tools": |run| of_touch(run, |t| t.lagging);
+        |n| "in {n} steps a tool stayed behind its path, by {:.2e} m at most",
+            run.totals.touch.as_ref().map_or(0.0, |t| t.lag);
+        "move it more slowly, or use a smaller dt";
+    Warning "run.contact.drawn-in" "tools": |run| of_touch(run, |t| t.drawn_in);
+        |n| "{n} parts of tools appeared inside of bodies and were drawn in until these made way";
+        "let tools start outside of bodies";
+    Warning "run.contact.buried" "contact": |run| of_touch(run, |t| t.buried);
+        |n| "{n} times a point was too deep inside of another body to tell its sides, and was left out";
+        "let bodies start apart, or use a smaller dt";
+    Note "run.contact.impact" "contact": |run| of_touch(run, |t| t.impacts);
+        |n| "in {n} steps a body took a step of first order because of an impact";
+        "nothing to do; a smaller dt resolves impacts better";
     Note "run.load-parts" "solver": |run| run.totals.solver.load_partings;
         |n| "loads were applied in parts, {n} halvings";
         "nothing to do; a larger load_steps may save the failed attempts";
@@ -104,6 +125,14 @@ rules! {
     Warning "run.energy.gain" "energy": |run| (energy_gain(run) > allowed_gain(run)).into();
         |n| "{:.2e} J more at the end than was put in", energy_gain(run);
         "use a smaller dt or integrator = \"safe\"";
+}
+
+/// Depth over an edge above which it is told.
+const DEEP: f64 = 0.5;
+
+/// A figure of contact, 0 in scenes without.
+fn of_touch(run: &RunFacts, figure: fn(&TouchSummary) -> u64) -> u64 {
+    run.totals.touch.as_ref().map_or(0, figure)
 }
 
 /// Energy that recovery turns over, over the largest elastic energy, above which it is told.

@@ -3,6 +3,7 @@
 use super::body::Body;
 use super::conditions::{ConstraintEntry, LoadEntry, PressureEntry, Selection};
 use super::resection::ResectionEntry;
+use super::touch::{ContactEntry, PullEntry, ToolEntry};
 use serde::{Deserialize, Serialize};
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::schedule::Executor;
@@ -64,6 +65,15 @@ pub struct Scene {
     /// Follower pressures.
     #[serde(default, rename = "pressure")]
     pub pressures: Vec<PressureEntry>,
+    /// Rigid tools.
+    #[serde(default, rename = "tool")]
+    pub tools: Vec<ToolEntry>,
+    /// Springs to moving hands.
+    #[serde(default, rename = "pull")]
+    pub pulls: Vec<PullEntry>,
+    /// Bodies that may touch each other.
+    #[serde(default, rename = "contact")]
+    pub contacts: Vec<ContactEntry>,
     /// Columns of the CSV file.
     #[serde(default, rename = "probe")]
     pub probes: Vec<ProbeEntry>,
@@ -154,6 +164,12 @@ pub struct ProbeEntry {
     pub select: Option<Selection>,
     /// Name of a constraint, for `reaction`.
     pub constraint: Option<String>,
+    /// Name of a tool, for what it feels.
+    pub tool: Option<String>,
+    /// Name of a pull, likewise.
+    pub pull: Option<String>,
+    /// Name of a contact, likewise.
+    pub contact: Option<String>,
     /// What to record: keys of [`PROBES`](crate::probe::PROBES).
     pub record: Vec<String>,
 }

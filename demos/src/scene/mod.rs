@@ -9,6 +9,7 @@ mod fibres;
 mod read;
 mod resection;
 mod shape;
+mod touch;
 
 pub use body::{Body, Material, Membrane, SpringMethod};
 pub use conditions::{
@@ -22,8 +23,9 @@ pub use fibres::{
 };
 pub(crate) use read::Key;
 pub use read::LoadedScene;
-pub use resection::{ResectionEntry, ToolEntry};
+pub use resection::{CutterEntry, ResectionEntry};
 pub use shape::{
     BalloonShape, BoxShape, CupShape, CylinderShape, DiscShape, Generate, Rotation, SheetCells,
     SheetShape, SolidCells, SpecimenShape, SphereShape,
 };
+pub use touch::{ContactEntry, PartEntry, PullEntry, ToolEntry, ToolShape, TouchedEntry};

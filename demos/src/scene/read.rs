@@ -334,6 +334,15 @@ impl Key<'_> {
         Err(self.value(format!("{what} is {}{unit}", short(value)), "make it positive and finite"))
     }
 
+    /// A number that is 0 or positive, of what in which unit.
+    pub fn not_negative(&self, value: f64, what: &str, unit: &str) -> Result<f64, SceneError> {
+        if value >= 0.0 {
+            return self.finite([value]).map(|_| value);
+        }
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        Err(self.value(format!("{what} is {}{unit}", short(value)), "make it 0 or positive"))
+    }
+
     /// Refuses anything but exactly one of several keys below this one.
     pub fn exactly_one(&self, given: &[bool], kind: &str, keys: &str) -> Result<(), SceneError> {
         match given.iter().filter(|&&given| given).count() {

@@ -24,7 +24,7 @@ pub struct ResectionEntry {
     /// Those whose barycentre is in a sphere, at every step.
     pub sphere: Option<SphereRegion>,
     /// Those whose barycentre a moving ball passes over.
-    pub tool: Option<ToolEntry>,
+    pub tool: Option<CutterEntry>,
     /// Those whose largest principal Green strain (-) is above this, at every step.
     pub strain: Option<f64>,
     /// Those whose von Mises stress (Pa) is above this, at every step.
@@ -41,7 +41,7 @@ pub struct ResectionEntry {
 /// A ball that moves along a path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ToolEntry {
+pub struct CutterEntry {
     /// Radius (m).
     pub radius: f64,
     /// `[time (s), x, y, z (m)]`, linear between; it acts from the first to the last.

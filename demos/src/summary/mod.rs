@@ -2,8 +2,10 @@
 //! as text for a terminal.
 
 mod text;
+mod touch;
 
 pub use crate::warning::{Level, Warning};
+pub use touch::{ForceSummary, PairSummary, PullSummary, ToolSummary, TouchEnergy, TouchSummary};
 
 use crate::build::ResectionSummary;
 use serde::Serialize;
@@ -45,6 +47,9 @@ pub struct RunSummary {
     pub resections: Vec<ResectionSummary>,
     /// The pressures.
     pub pressures: Vec<PressureSummary>,
+    /// Tools, pulls and contacts; `None` in scenes without.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub touch: Option<TouchSummary>,
     /// Probe values at the end, by column of the CSV file.
     pub final_probes: Vec<(String, f64)>,
     /// Host time.
@@ -560,14 +565,18 @@ pub struct EnergySummary {
     pub constraint_work: f64,
     /// Energy that changes of activation put into muscles.
     pub activation_work: f64,
+    /// Energies of contact; `None` in scenes without.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact: Option<TouchEnergy>,
     /// Energy that left with removed elements.
     pub removed: f64,
     /// Elastic energy at the end.
     pub elastic: f64,
     /// Kinetic energy at the end.
     pub kinetic: f64,
-    /// `initial + recovery + load_work + constraint_work + activation_work - removed - elastic - kinetic`: taken out by damping and
-    /// by the integrator; `None` for a series of equilibria.
+    /// `initial + recovery + load_work + constraint_work + activation_work - removed - elastic - kinetic`: taken out by damping,
+    /// friction and the integrator; `None` for a series of equilibria. Where something touches, the work of contact is
+    /// added and what contacts store is taken off.
     pub dissipated: Option<f64>,
     /// The part of it that damping took; the rest is the integrator's.
     pub damping: f64,
@@ -581,6 +590,7 @@ impl EnergySummary {
     /// Energy (J) that was there or put in, magnitudes summed, or the most that was stored.
     pub fn put_in(&self) -> f64 {
         let work = self.load_work.abs() + self.constraint_work.abs() + self.activation_work.abs();
+        let work = work + self.contact.map_or(0.0, |contact| contact.work.abs());
         self.initial.abs() + work + self.recovery_turnover + self.elastic_max + self.kinetic_max
     }
 }

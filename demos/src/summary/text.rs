@@ -89,6 +89,7 @@ impl RunSummary {
                 format!("[{x}, {y}, {z}] N on {} vertices of {}", load.vertices, load.body),
             );
         }
+        self.touch.iter().for_each(|touch| touch.describe(&mut block));
         self.resections.iter().for_each(|resection| describe_resection(resection, &mut block));
         let (s, steps) = (&self.settings.solver, self.settings.steps);
         let integrator = s.integrator.resolve().name();
@@ -214,6 +215,7 @@ impl RunSummary {
             );
             self.describe_newton(&mut block);
         }
+        self.touch.iter().for_each(|touch| touch.describe_accuracy(&mut block));
         let safeguards = [
             (s.projections, "tangents projected"),
             (s.gradient_fallbacks, "gradient fallbacks"),
@@ -284,23 +286,27 @@ impl RunSummary {
         let Some(dissipated) = e.dissipated else {
             return format!("{} elastic", short(e.elastic));
         };
+        let contact = e.contact.unwrap_or_default();
         let unless_zero = |sign: &str, value: f64, name: &str| match value {
             0.0 => String::new(),
             value => format!(" {sign} {} {name}", short(value)),
         };
         format!(
-            "{} initial + {} loads + {} constraints{}{}{} = {} elastic + {} kinetic + {} damped + {} \
+            "{} initial + {} loads + {} constraints{}{}{}{} = {} elastic + {} kinetic{}{} + {} damped + {} \
              by the integrator",
             short(e.initial),
             short(e.load_work),
             short(e.constraint_work),
+            unless_zero("+", contact.work, "tools"),
             unless_zero("+", e.activation_work, "muscles"),
             unless_zero("+", e.recovery, "recovery"),
             unless_zero("-", e.removed, "removed"),
             short(e.elastic),
             short(e.kinetic),
+            unless_zero("+", contact.stored, "in contacts"),
+            unless_zero("+", contact.friction, "friction"),
             short(e.damping),
-            short(dissipated - e.damping)
+            short(dissipated - e.damping - contact.friction)
         )
     }
 }

@@ -76,6 +76,7 @@ pub fn bar() -> Recording {
                 time: 0.5 * i as f64,
                 balls: balls.collect(),
                 rods: (0..8).map(rod).collect(),
+                tools: Vec::new(),
                 arrows: if i > 0 { vec![arrow] } else { Vec::new() },
                 points,
                 skin: skin.clone(),
@@ -100,6 +101,8 @@ pub fn bar() -> Recording {
             range: [0.0, 0.65],
         }],
         bodies: vec!["bar".into()],
+        shapes: Vec::new(),
+        arrow_key: None,
         interval: 0.5,
         frames,
     }

@@ -26,6 +26,8 @@ const MOST_ROUNDS: [usize; 2] = [6, 8];
 const ENOUGH: f64 = 1e-3;
 /// Rounds and Newton iterations after which the limits of friction are approached, not taken.
 const APPROACH: (usize, u32) = (3, 4);
+/// Most corrections of the momentum of a piece.
+const MOST_BALANCES: u32 = 10;
 /// Most halvings of a round.
 const MAX_HALVINGS: u32 = 20;
 /// Depth over the mean edge to which points come in one step, from outside, above which the step is an impact:
@@ -268,7 +270,7 @@ impl<S: Scalar> Step<'_, S> {
             let inside = |row: u32| rows.binary_search(&(row as usize)).is_ok();
             let node = &self.scratch.node;
             let mass: f64 = rows.iter().map(|&row| factor * node.mass[row].to_f64()).sum();
-            for _ in 0..4 {
+            for _ in 0..MOST_BALANCES {
                 self.scratch.try_direction(&body, S::ZERO);
                 evaluate(contact, &body.bodies, self.scratch, &self.scratch.trial, Limits::Keep);
                 let (force, block) = contact.resistance(&body.bodies, &inside);

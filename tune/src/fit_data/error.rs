@@ -71,6 +71,15 @@ pub enum FitError {
         /// The scene file.
         file: PathBuf,
     },
+    /// Something touches the bodies of the scene.
+    #[error(
+        "{file}: the scene has tools, pulls or contacts, which the derivatives of a fit know nothing of; use \
+         constraints and loads instead"
+    )]
+    Contact {
+        /// The scene file.
+        file: PathBuf,
+    },
     /// A law whose tangent is not the derivative of its forces.
     #[error(
         "body `{body}` has the model \"corotational_warped\", whose tangent is not the derivative of its \

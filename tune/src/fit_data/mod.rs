@@ -64,6 +64,10 @@ pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitE
     if loaded.scene.mode == Mode::Dynamic {
         return Err(FitError::Dynamic { file: loaded.file.clone() });
     }
+    let scene = &loaded.scene;
+    if !(scene.tools.is_empty() && scene.pulls.is_empty() && scene.contacts.is_empty()) {
+        return Err(FitError::Contact { file: loaded.file.clone() });
+    }
     let options = BuildOptions {
         precision: Some(Precision::F64),
         threads: request.threads,

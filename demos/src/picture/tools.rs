@@ -1,0 +1,144 @@
+//! Tools in recordings: their shapes, their poses and what they do to bodies.
+
+use super::capture::Force;
+use bevy_ecs::prelude::*;
+use glam::{DQuat, DVec3, Vec3};
+use sinew::touch::shape::Shape;
+use sinew::touch::tool::{Tool, ToolPose, ToolReport};
+use sinew_render::colour::{ColourMap, Rgb};
+use sinew_render::overlay::with_unit;
+use sinew_render::rigid::{Placed, Rigid};
+use sinew_render::scene::{ArrowKey, Field, Recording};
+use sinew_render::skin::CREASE_ANGLE;
+use std::collections::HashMap;
+
+/// Tools; half-spaces; and the force of tools on bodies, over the map from violet to yellow and over all else.
+const METAL: Rgb = [150, 156, 165];
+const PLATE: Rgb = [206, 209, 214];
+const FORCE: [Rgb; 2] = [[222, 112, 30], [28, 86, 196]];
+
+/// Forces below this share of what the largest pressure would be on all of the touching area are the rest of others
+/// that cancel, as of two jaws: they say nothing.
+const LEAST_SHARE: f64 = 0.01;
+
+/// The tools of a run so far.
+#[derive(Default)]
+pub(super) struct Tools {
+    shapes: Vec<Rigid>,
+    /// Shapes by tool and part.
+    known: HashMap<(Entity, usize), u32>,
+    /// Colour of forces.
+    colour: Rgb,
+    /// Largest force of a tool so far (N).
+    largest: f32,
+}
+
+impl Tools {
+    /// For pictures of a field, plain ones without.
+    pub(super) fn new(field: Option<&Field>) -> Self {
+        let other = field.is_none_or(|f| f.map != ColourMap::Viridis);
+        Self { colour: FORCE[usize::from(other)], ..Self::default() }
+    }
+
+    /// Where the tools stand at a time (s), after a step or before the first, and the forces by which they act on bodies.
+    /// A tool that does not touch at that time is not shown.
+    pub(super) fn record(
+        &mut self,
+        world: &mut World,
+        stepped: bool,
+        time: f64,
+    ) -> (Vec<Placed>, Vec<Force>) {
+        let (mut placed, mut forces) = (Vec::new(), Vec::new());
+        for (entity, tool, report) in world.query::<(Entity, &Tool, &ToolReport)>().iter(world) {
+            if !tool.active(time) {
+                continue;
+            }
+            let &ToolReport { position, rotation, opening, .. } = report;
+            // there is no report of a tool that came after the last step
+            let came = report == &ToolReport::default();
+            let pose = if stepped && !came {
+                ToolPose { position, rotation, opening }
+            } else {
+                tool.wanted(time, tool.start)
+            };
+            for (i, part) in tool.parts.iter().enumerate() {
+                let shape = *self.known.entry((entity, i)).or_insert_with(|| {
+                    self.shapes.push(rigid(&part.shape));
+                    self.shapes.len() as u32 - 1
+                });
+                placed.push(place(shape, tool.part_pose(i, &pose)));
+            }
+            let least = LEAST_SHARE * report.area * report.pressure;
+            if stepped && report.force.length() > least {
+                self.largest = self.largest.max(report.force.length() as f32);
+                // that of pressure ends at the surface, what friction draws along begins there
+                let ends = report.normal.length() >= report.friction.length();
+                let (at, force) = (report.centre.as_vec3(), -report.force.as_vec3());
+                forces.push(Force { at, force, ends, colour: self.colour });
+            }
+        }
+        (placed, forces)
+    }
+
+    /// Hands the shapes over, plates as large as the bodies need, and says what the arrows of tools mean.
+    pub(super) fn finish(self, recording: &mut Recording) {
+        recording.shapes = self.shapes;
+        for i in 0..recording.shapes.len() {
+            if recording.shapes[i].plate {
+                recording.shapes[i] = plate(recording, i as u32);
+            }
+        }
+        if self.largest > 0.0 {
+            let longest = with_unit(f64::from(self.largest), "N");
+            let text = format!("force of tools on bodies, largest {longest}");
+            recording.arrow_key = Some(ArrowKey { text, colour: self.colour });
+        }
+    }
+}
+
+fn place(shape: u32, (at, turn): (DVec3, DQuat)) -> Placed {
+    Placed { shape, at: at.as_vec3().to_array(), turn: turn.as_quat().to_array() }
+}
+
+/// Triangles of a shape; those of half-spaces come when it is known how large they have to be.
+fn rigid(shape: &Shape) -> Rigid {
+    match shape {
+        Shape::Sphere { radius } => {
+            let radius = *radius as f32;
+            Rigid::rounded_box(Vec3::splat(radius), radius, METAL)
+        }
+        Shape::Capsule { half_length, radius } => {
+            let radius = *radius as f32;
+            let half = Vec3::new(*half_length as f32 + radius, radius, radius);
+            Rigid::rounded_box(half, radius, METAL)
+        }
+        Shape::Box { half, rounding } => {
+            Rigid::rounded_box(half.as_vec3(), *rounding as f32, METAL)
+        }
+        Shape::HalfSpace => Rigid { plate: true, ..Rigid::default() },
+        Shape::Field(field) => {
+            let points: Vec<_> = field.points().iter().map(|p| p.as_vec3().to_array()).collect();
+            Rigid::mesh(&points, field.triangles(), CREASE_ANGLE, METAL)
+        }
+    }
+}
+
+/// The part of a half-space that lies under or over the bodies at its first and last pose, and a rim.
+fn plate(recording: &Recording, shape: u32) -> Rigid {
+    let size = recording.size();
+    let mut poses = recording.frames.iter().flat_map(|f| &f.tools).filter(|t| t.shape == shape);
+    let poses = [poses.next(), poses.next_back()];
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for pose in poses.into_iter().flatten() {
+        for point in recording.extent() {
+            let local = pose.local(point);
+            (low, high) = (low.min(local), high.max(local));
+        }
+    }
+    if low.x > high.x {
+        (low, high) = (Vec3::ZERO, Vec3::ZERO);
+    }
+    let rim = 0.08 * size;
+    let corner = |p: Vec3, by: f32| [p.x + by, p.y + by];
+    Rigid::plate(corner(low, -rim), corner(high, rim), 0.012 * size, PLATE)
+}
