@@ -51,7 +51,7 @@ pub(super) enum Scope {
     Every,
     /// All integrators with the default energy.
     Integrators,
-    /// Those that must pass: contact, which not every integrator knows.
+    /// Those that must pass: the integrators that are meant for anything.
     Robust,
     /// The explicit integrators, whatever the columns; both must pass.
     Explicit,
