@@ -3,6 +3,7 @@
 
 pub mod beam;
 pub mod bench;
+pub mod contact;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod peers;

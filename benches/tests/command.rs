@@ -55,9 +55,24 @@ fn hard_cases_print_a_table_and_write_a_page() {
     let value: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
     assert_eq!(value["schema"], "sinew-stability/3");
     assert_eq!(value["rows"][0]["status"], "pass");
-    check(&["bench", "stability", "--group", "13"], 1, "", "1 to 12");
+    check(&["bench", "stability", "--group", "14"], 1, "", "1 to 13");
     check(&["bench", "stability", "--integrator", "quasi-static"], 1, "", "equilibria");
     check(&["stability"], 2, "", "Usage");
+}
+
+#[test]
+fn steps_with_contact_stand_beside_those_without() {
+    let arguments = ["bench", "contact", "--quick", "--tets", "24", "--json", "--case", "far"];
+    let output = sinew_lab(&[&arguments[..], &["--case", "slow, smooth"]].concat());
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let rows = value["rows"].as_array().unwrap();
+    assert!(rows.iter().all(|r| r["with_ms"][0].as_f64() > Some(0.0)), "{rows:?}");
+    let [far, near] =
+        ["far", "smooth"].map(|kind| rows.iter().find(|r| r["kind"] == kind).unwrap());
+    assert_eq!((far["force"].as_f64(), far["counts"][0]["points"].as_u64()), (Some(0.0), Some(0)));
+    assert!(near["force"].as_f64() > Some(0.1) && near["off_bdf2"].as_f64() > Some(0.0), "{near}");
+    assert_eq!(near["aim"], 1.5);
+    check(&["bench", "contact", "--case", "nothing"], 1, "", "choose from `far`");
 }
 
 #[test]

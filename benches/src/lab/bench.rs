@@ -4,6 +4,7 @@ use clap::{Args, Subcommand};
 use serde::Serialize;
 use sinew::prelude::{Integrator, Model};
 use sinew_benches::bench::{BenchOptions, Part, run};
+use sinew_benches::contact::ContactOptions;
 use sinew_benches::resection::ResectionOptions;
 use sinew_benches::stability::SuiteOptions;
 use sinew_cli::{Outcome, PrecisionArgument, choice, print};
@@ -27,11 +28,14 @@ pub enum BenchCommand {
     Peers(BenchArguments),
     /// Frame times while one tetrahedron a frame is removed, on two threads; not part of `all`.
     Resection(BenchArguments),
+    /// Steps with contact beside those without, in turns: a tool far away, slow and fast, two bodies, a liver that is
+    /// palpated; not part of `all`.
+    Contact(BenchArguments),
     /// Force passes and implicit steps on the graphics processor beside the processor, with the errors of both;
     /// not part of `all`. The environment variable SINEW_ADAPTER names an adapter.
     #[cfg(feature = "gpu")]
     Gpu(BenchArguments),
-    /// Everything but `resection`, `gpu` and `stability`, one report.
+    /// Everything but `resection`, `contact`, `gpu` and `stability`, one report.
     All(BenchArguments),
     /// Run the hard cases and print the pass table; fails when a case misses that must pass.
     Stability(StabilityArguments),
@@ -43,7 +47,7 @@ pub struct BenchArguments {
     #[arg(long)]
     quick: bool,
     /// Folder for report.html, report.json, readme.md, one CSV per table and one SVG per chart; of
-    /// `resection` only resection.json.
+    /// `resection` and `contact` only one JSON file.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the JSON report instead of tables.
@@ -52,7 +56,7 @@ pub struct BenchArguments {
     /// Sizes of the beams of kernels and steps in tetrahedra, such as 5000,50000.
     #[arg(long, value_name = "N", value_delimiter = ',')]
     tets: Vec<usize>,
-    /// Only this case of the accuracy part; may be given several times.
+    /// Only this case of the accuracy part, or kind of contact; may be given several times.
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
     /// Python with the package `mujoco` [default: python3].
@@ -77,7 +81,7 @@ pub struct StabilityArguments {
     /// Without recovery from inversion.
     #[arg(long)]
     no_recovery: bool,
-    /// Only this group, 1 to 12; may be given several times.
+    /// Only this group, 1 to 13; may be given several times.
     #[arg(long = "group", value_name = "N")]
     groups: Vec<u8>,
     /// File for the JSON form; `-` prints it instead of the tables.
@@ -122,6 +126,7 @@ pub fn bench(bench: &BenchCommand) -> Outcome {
     match (bench, measured(bench)) {
         (BenchCommand::Stability(arguments), _) => stability(arguments),
         (BenchCommand::Resection(arguments), _) => resection(arguments),
+        (BenchCommand::Contact(arguments), _) => contact(arguments),
         #[cfg(feature = "gpu")]
         (BenchCommand::Gpu(arguments), _) => gpu(arguments),
         (_, Some((parts, what, arguments))) => measure(&parts, what, arguments),
@@ -175,6 +180,15 @@ fn resection(arguments: &BenchArguments) -> Outcome {
     let frames = if arguments.quick { 100 } else { 500 };
     let options = ResectionOptions { sizes: sizes(arguments), frames, threads: 2 };
     present(arguments, "resection", &sinew_benches::resection::run(&options)?)
+}
+
+/// Steps with contact beside those without.
+fn contact(arguments: &BenchArguments) -> Outcome {
+    let repeats = if arguments.quick { 2 } else { 5 };
+    let options =
+        ContactOptions { sizes: sizes(arguments), repeats, kinds: arguments.cases.clone() };
+    let report = sinew_benches::contact::run(&options, |what| eprintln!("{what}"))?;
+    present(arguments, "contact", &report)
 }
 
 /// Tetrahedra of the bodies of a bench of its own.

@@ -1,4 +1,4 @@
-//! The hard cases: what an engine for soft bodies must survive, in twelve groups, each case with its
+//! The hard cases: what an engine for soft bodies must survive, in thirteen groups, each case with its
 //! pass criteria. What is known to miss one on some machine or with some setting is listed with its reason
 //! ([`KNOWN_MISSES`]): it may miss, and it may pass.
 //!
@@ -8,6 +8,8 @@
 mod axes;
 mod cantilever;
 mod collapse;
+mod contact;
+mod friction;
 mod input;
 mod membranes;
 mod motion;
@@ -71,7 +73,7 @@ impl Column {
 /// A subgroup of cases: a row of the pass table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Part {
-    /// Number of its group, 1 to 12.
+    /// Number of its group, 1 to 13.
     pub group: u8,
     /// What its cases have in common.
     pub name: &'static str,
@@ -312,7 +314,7 @@ pub enum SuiteError {
     #[error(transparent)]
     Mesh(#[from] MeshError),
     /// There is no such group.
-    #[error("there is no group {0}: choose one of 1 to 12")]
+    #[error("there is no group {0}: choose one of 1 to 13")]
     Group(u8),
     /// An integrator that finds equilibria cannot run a suite of motion.
     #[error("quasi-static finds equilibria, the hard cases are motion: choose another integrator")]
@@ -422,6 +424,7 @@ fn all_cases() -> Result<Vec<Case>, MeshError> {
         axes::cases,
         input::cases,
         overload::cases,
+        contact::cases,
     ] {
         cases.extend(build()?.0);
     }
@@ -438,7 +441,7 @@ pub fn run(
     tell: impl Fn(usize, usize) + Sync,
 ) -> Result<Suite, SuiteError> {
     let start = Instant::now();
-    if let Some(&group) = options.groups.iter().find(|g| !(1..=12).contains(*g)) {
+    if let Some(&group) = options.groups.iter().find(|g| !(1..=13).contains(*g)) {
         return Err(SuiteError::Group(group));
     }
     if options.integrators.iter().any(|i| !i.facts().dynamic) {
@@ -505,6 +508,9 @@ fn jobs<'a>(cases: &'a [Case], columns: &[Column]) -> Vec<Job<'a>> {
                 .iter()
                 .filter(|i| i.is_explicit())
                 .for_each(|&integrator| add(Some(Column { integrator, ..Column::DEFAULT }), true)),
+            Scope::Robust => {
+                columns.iter().filter(|c| c.required()).for_each(|&c| add(Some(c), true))
+            }
             Scope::Every | Scope::Integrators => {
                 columns.iter().filter(|c| wanted(c)).for_each(|&c| add(Some(c), c.required()))
             }
