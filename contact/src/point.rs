@@ -462,7 +462,7 @@ mod tests {
     proptest! {
         #[test]
         fn forces_between_bodies_are_derivatives(
-            x in 0.1..0.6, y in 0.1..0.3, z in -0.2..-0.02, a in prop::array::uniform3(-0.05..0.05),
+            x in 0.1..0.6, y in 0.1..0.3, z in -0.2..-0.1, a in prop::array::uniform3(-0.05..0.05),
         ) {
             // behind a face of two that share an edge, away from that edge
             let places = [
