@@ -190,8 +190,9 @@ impl Row {
     /// Whether all that it misses is what it is known to miss.
     pub fn excused(&self) -> bool {
         let mut missed = self.checks.iter().filter(|c| !c.pass).peekable();
-        self.known
-            .is_some_and(|known| missed.peek().is_some() && missed.all(|c| c.what == known.check))
+        self.known.is_some_and(|known| {
+            missed.peek().is_some() && missed.all(|c| known.checks.contains(&c.what))
+        })
     }
 }
 
@@ -332,7 +333,7 @@ pub struct KnownMiss {
     /// Names of its cases, whole: a part of a name would excuse cases that pass everywhere.
     pub cases: &'static [&'static str],
     /// What is missed.
-    pub check: &'static str,
+    pub checks: &'static [&'static str],
     /// Why, and what helps.
     pub reason: &'static str,
 }
@@ -343,7 +344,7 @@ const MANY_MINIMA: &str = "without a term against compression a crushed bar has 
                            it ends in another one, 4 to 6 % of the work higher";
 
 /// All known misses. A case that misses anything else fails the suite.
-pub static KNOWN_MISSES: [KnownMiss; 8] = [
+pub static KNOWN_MISSES: [KnownMiss; 12] = [
     KnownMiss {
         part: "cantilevers",
         cases: &[
@@ -352,19 +353,19 @@ pub static KNOWN_MISSES: [KnownMiss; 8] = [
             "h 0.1000 E 1e4 nu 0",
             "h 0.1000 E 1e4 nu 0.3",
         ],
-        check: INVERTED,
+        checks: &[INVERTED],
         reason: "inverts in full swing and recovers; so it does with converged implicit Euler",
     },
     KnownMiss {
         part: "cantilevers",
         cases: &["h 0.0333 E 1e3 nu 0.45"],
-        check: INVERTED,
+        checks: &[INVERTED],
         reason: "inverts in full swing and recovers; the safe step does not",
     },
     KnownMiss {
         part: "slivers, needles, heavy vertex",
         cases: &["dihedral 0.01 deg, nu 0.3 h 0.1000"],
-        check: INVERTED,
+        checks: &[INVERTED],
         reason: "one thin element turns over in a step of 0.1 s and back",
     },
     KnownMiss {
@@ -373,34 +374,60 @@ pub static KNOWN_MISSES: [KnownMiss; 8] = [
             "plates of aspect 1000, nu 0.3 h 0.0167",
             "needles of aspect 1000, nu 0.3 h 0.0167",
         ],
-        check: INVERTED,
+        checks: &[INVERTED],
         reason: "thin elements turn over in the first swing; so they do with converged Newton and with the \
                  explicit integrators",
     },
     KnownMiss {
         part: "similar bodies, 1e-6 to 1e3 m",
         cases: &["nu 0.3", "nu 0.45"],
-        check: "difference over size",
+        checks: &["difference over size"],
         reason: "linear systems are solved in f32: what their rounding leaves differs between sizes, and \
                  whether it stays below the limit depends on the instruction set; passes with the safe step",
     },
     KnownMiss {
         part: "constraints on and off",
         cases: &["100 steps, nu 0.45 h 0.1000"],
-        check: "edge error at the end",
+        checks: &["edge error at the end"],
         reason: "with this step only; passes with the safe step, converged Newton, BDF2 and TR-BDF2",
     },
     KnownMiss {
         part: "overload",
         cases: &["svk crushed to 1 % clamped"],
-        check: MORE_ENERGY,
+        checks: &[MORE_ENERGY],
         reason: MANY_MINIMA,
     },
     KnownMiss {
         part: "overload",
         cases: &["tqs crushed to 1 % clamped"],
-        check: MORE_ENERGY,
+        checks: &[MORE_ENERGY],
         reason: MANY_MINIMA,
+    },
+    KnownMiss {
+        part: "capsule of 0.2 edges, 100 places",
+        cases: &["membrane"],
+        checks: &["points of the axis on the wrong side", "least force while dragged (N)"],
+        reason: "a membrane has two sides and no outward one: a thin tool that is dragged sideways through its \
+                 furrow may come out on the other side",
+    },
+    KnownMiss {
+        part: "1 000 grasps",
+        cases: &["cube"],
+        checks: &["least force of a grasp (N)", "way of the cube over its edge"],
+        reason: "the cube, two elements wide, is carried out of the jaws, which close at 87 mm/s; no residue is left",
+    },
+    KnownMiss {
+        part: "ball rolling down an incline",
+        cases: &["20 degrees"],
+        checks: &["the same"],
+        reason: "rolls 2 % faster than a rigid ball; passes with the safe step",
+    },
+    KnownMiss {
+        part: "ball on a cylinder, three meshes",
+        cases: &["2 mm deep", "6 mm deep", "10 mm deep"],
+        checks: &["force off the continuum, worst of three meshes", "mean force off the continuum"],
+        reason: "meshes that grade from the contact to a coarse rim are 6 to 11 % too stiff; k doubled changes \
+                 0.4 % or less",
     },
 ];
 

@@ -252,7 +252,8 @@ impl<S: Scalar> Step<'_, S> {
         // of the whole step, with the last limits
         let [change, scale] = self.scratch.model(&body);
         self.scratch.try_direction(&body, S::ZERO);
-        let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, Limits::Keep);
+        // limits of the end, also where the last round was cut off: friction then is that of the pressure
+        let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, Limits::Take);
         let start = evaluate(contact, &bodies, self.scratch, &self.scratch.iterate, Limits::Keep);
         let rounding = noise::<S>() * (scale + energy + start);
         Ok(Some(change + energy - start <= rounding))
