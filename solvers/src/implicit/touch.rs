@@ -204,12 +204,12 @@ impl<S: Scalar> Step<'_, S> {
             let limits = if late { Limits::Approach } else { Limits::Take };
             let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, limits);
             let force = contact.force_sum(&bodies);
-            if round == 0 {
+            if round == 0 && !iterated {
                 contact.keep_touching(&bodies);
             }
             let off = self.scratch.find_left(contact, &body);
             let settled = off <= ENOUGH * force || force == 0.0 && before == 0.0;
-            if round > 0 && whole && settled {
+            if round > 0 && (whole || iterated) && settled {
                 converged = true;
                 break;
             }
@@ -253,7 +253,8 @@ impl<S: Scalar> Step<'_, S> {
         let [change, scale] = self.scratch.model(&body);
         self.scratch.try_direction(&body, S::ZERO);
         // limits of the end, also where the last round was cut off: friction then is that of the pressure
-        let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, Limits::Take);
+        let limits = if iterated { Limits::Keep } else { Limits::Take };
+        let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, limits);
         let start = evaluate(contact, &bodies, self.scratch, &self.scratch.iterate, Limits::Keep);
         let rounding = noise::<S>() * (scale + energy + start);
         Ok(Some(change + energy - start <= rounding))
