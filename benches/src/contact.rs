@@ -147,14 +147,20 @@ impl Scene {
             simulation.add_constraint(Constraint::hold("ligament", rows));
             simulation
                 .set_solver(SolverSettings { mass_damping: 4.0, ..settings(Integrator::Auto) });
-            // it sags before it is met from above
+            // it sags before it is met from above, halfway to what is farthest from the ligament: above the middle
+            // a finger would press on held vertices
             for _ in 0..50 {
                 simulation.step()?;
             }
             let places = simulation.positions(body);
             let middle = places.iter().sum::<DVec3>() / places.len() as f64;
-            let pick = simulation.pick(middle + DVec3::Z, DVec3::NEG_Z);
-            let at = pick.map_or(middle, |pick| pick.position);
+            let held = mesh.group("ligament").map_or(&[][..], |group| &group.vertices);
+            let held = held.iter().map(|&v| places[v as usize]).sum::<DVec3>() / held.len() as f64;
+            let far = |x: &DVec3| x.distance_squared(held);
+            let farthest = places.iter().max_by(|a, b| far(a).total_cmp(&far(b)));
+            let above = middle.midpoint(*farthest.unwrap_or(&middle));
+            let pick = simulation.pick(above + DVec3::Z, DVec3::NEG_Z);
+            let at = pick.map_or(above, |pick| pick.position);
             if touched {
                 let probe = Shape::Sphere { radius: 0.01 };
                 let probe =

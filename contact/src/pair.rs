@@ -141,10 +141,11 @@ pub(crate) fn beside(
         }
     }
     let (distance, face, weights, at) = best?;
-    // mean normal of all faces that have this point
+    // mean normal of all faces that have this point: one alone where it is inside of a face
     let mut normal = DVec3::ZERO;
     let size = x(face[0]).distance(x(face[1])).max(x(face[0]).distance(x(face[2])));
-    for &other in faces {
+    let interior = weights.iter().all(|w| *w > 1e-9);
+    for &other in faces.iter().filter(|other| !interior || **other == face) {
         let corners = other.map(x);
         let w = closest(p, corners);
         let there = corners[0] * w[0] + corners[1] * w[1] + corners[2] * w[2];
@@ -163,7 +164,6 @@ pub(crate) fn beside(
     let normal = normal.try_normalize()?;
     let arm = p - at;
     let sign = side.unwrap_or(if arm.dot(normal) < 0.0 { -1.0 } else { 1.0 });
-    let interior = weights.iter().all(|w| *w > 1e-9);
     // the direction to the closest point is lost in rounding where the two meet
     if interior || distance < 1e-6 * size {
         let facing = side.map_or(1.0, |side| if side < 0.0 { -1.0 } else { 1.0 });

@@ -108,6 +108,8 @@ pub(crate) struct Point {
     /// Limit (Pa) of friction and normal of the last iterate.
     pub limit: f64,
     pub normal: DVec3,
+    /// It was pressed where the limit was last chosen.
+    pub pressed: bool,
     /// Multiplier (Pa) of exact contact.
     pub multiplier: Option<f64>,
     pub side: Side,
@@ -123,6 +125,9 @@ pub(crate) struct Side {
     /// The tool is thinner than the edges of the surface: whatever is in it goes straight into the solid, since the
     /// nearest side may soon be the wrong one.
     pub straight: bool,
+    /// In this step depth is measured along the remembered normal, or straight into the solid, not to the nearest
+    /// side. Chosen once a step: both differ, and energy must not jump where the choice would change.
+    pub along: bool,
 }
 
 /// A part of a tool in this step.
@@ -256,14 +261,21 @@ impl Point {
         active.pressure = (lambda - self.k * active.gap).max(0.0);
         active.normal = gradient.normalize_or_zero();
         if limits != Limits::Keep {
+            let pressed = active.pressure > 0.0;
+            let pressure = match limits {
+                Limits::Recall => self.memory.pressure,
+                Limits::Follow if !self.pressed => 0.0,
+                _ => active.pressure,
+            };
             let limit = match self.mu {
-                mu if mu.is_infinite() && (active.pressure > 0.0 || self.memory.gripped) => mu,
-                mu if mu > 0.0 && active.pressure > 0.0 => mu * active.pressure,
+                mu if mu.is_infinite() && (pressed || self.memory.gripped) => mu,
+                mu if mu > 0.0 && pressure > 0.0 => mu * pressure,
                 _ => 0.0,
             };
             let halfway = limits == Limits::Approach && limit.is_finite();
             self.limit = if halfway { 0.5 * (self.limit + limit) } else { limit };
             self.normal = active.normal;
+            self.pressed = pressed || limits == Limits::Recall && pressure > 0.0;
         }
         if active.pressure > 0.0 {
             active.on = true;
@@ -295,6 +307,29 @@ impl Point {
         active
     }
 
+    /// Chooses how depth is measured in the step to come, from where the point is at its start.
+    pub fn choose_side(&mut self, part: &PartNow) {
+        let (outward, straight) = (self.side.outward, self.side.straight);
+        if outward == DVec3::ZERO {
+            return;
+        }
+        let (distance, gradient) = part.nearest(self.start, &part.start);
+        let behind = gradient.dot(outward) > BEHIND;
+        self.side.along = if self.memory.pressure > 0.0 {
+            !self.came_from_behind()
+                && (straight || behind || gradient.dot(self.side.direction()) < 0.0)
+        } else if distance < 0.0 {
+            straight || behind
+        } else {
+            straight && part.nearest(self.start, &part.end).1.dot(outward) <= BEHIND
+        };
+    }
+
+    /// Whether the tool met the point from inside of the solid: it then keeps to the side that is nearest.
+    fn came_from_behind(&self) -> bool {
+        self.memory.normal.dot(self.side.outward) > BEHIND
+    }
+
     /// Elastic slip (m) that is left of an evaluation: what the limit holds.
     pub fn kept_slip(&self, active: &Active) -> DVec3 {
         let l = active.slip.length();
@@ -312,7 +347,11 @@ impl Point {
         let n = active.normal;
         let outward = self.side.outward;
         let cosine = n.dot(outward);
-        if outward == DVec3::ZERO || cosine <= AGAINST {
+        let behind = match self.memory.pressure > 0.0 {
+            true => self.came_from_behind(),
+            false => cosine > BEHIND,
+        };
+        if outward == DVec3::ZERO || cosine <= AGAINST || behind {
             return n;
         }
         (n + (AGAINST - cosine) * outward).try_normalize().unwrap_or(-outward)
@@ -325,30 +364,41 @@ impl Point {
 }
 
 impl PartNow {
-    /// Signed distance (m) of a point in the world and its gradient. Where the nearest surface is that of the wrong
-    /// side, the distance is that to the surface along the remembered normal, or into the solid.
+    /// Signed distance (m) of a point in the world from the part in some pose, and its gradient.
+    fn nearest(&self, at: DVec3, pose: &Rigid) -> (f64, DVec3) {
+        let (distance, gradient) =
+            self.shape.distance(pose.rotation.inverse() * (at - pose.centre));
+        (distance, pose.rotation * gradient)
+    }
+
+    /// The same of the part as it is now, drawn in. Where the nearest surface is that of the wrong side, the distance
+    /// is that to the surface along the remembered normal, or into the solid.
     pub fn gap(&self, at: DVec3, side: &Side) -> (f64, DVec3) {
-        let Rigid { centre, rotation } = self.now;
-        let inverse = rotation.inverse();
-        let y = inverse * (at - centre);
-        let (distance, gradient) = self.shape.distance(y);
-        let direction = match side {
-            Side { straight: true, outward, .. } => -*outward,
-            Side { normal, .. } if *normal != DVec3::ZERO => *normal,
-            Side { outward, .. } => -*outward,
-        };
-        if distance < 0.0 && direction != DVec3::ZERO {
+        let (distance, gradient) = self.nearest(at, &self.now);
+        let direction = side.direction();
+        // a surface with two sides has only the remembered one to go by
+        let along = side.along || side.outward == DVec3::ZERO && gradient.dot(direction) < 0.0;
+        if distance < 0.0 && along {
+            let Rigid { centre, rotation } = self.now;
+            let inverse = rotation.inverse();
             let along = inverse * direction;
-            let behind = gradient.dot(inverse * side.outward) > BEHIND;
-            if side.straight || behind || gradient.dot(along) < 0.0 {
-                let (way, exit) = self.shape.way_out(y, along);
-                let slope = exit.dot(along);
-                if slope > GRAZING {
-                    return (self.drawn_in - way, rotation * (exit / slope));
-                }
+            let (way, exit) = self.shape.way_out(inverse * (at - centre), along);
+            let slope = exit.dot(along);
+            if slope > GRAZING {
+                return (self.drawn_in - way, rotation * (exit / slope));
             }
         }
-        (distance + self.drawn_in, rotation * gradient)
+        (distance + self.drawn_in, gradient)
+    }
+}
+
+impl Side {
+    /// Unit direction that leads out of the tool on the right side, as far as it is known.
+    fn direction(&self) -> DVec3 {
+        match self.straight || self.normal == DVec3::ZERO {
+            true => -self.outward,
+            false => self.normal,
+        }
     }
 }
 
@@ -383,6 +433,7 @@ mod tests {
             carried: DVec3::new(0.05, 0.1, -0.1),
             limit: 0.0,
             normal: DVec3::ZERO,
+            pressed: false,
             multiplier: None,
             side: Side::default(),
         }

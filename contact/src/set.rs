@@ -48,6 +48,11 @@ pub enum Limits {
     Keep,
     /// They are taken at the positions of this one.
     Take,
+    /// They are those of the end of the last step: what inertia alone would press together says little.
+    Recall,
+    /// They are taken, but where nothing pressed at the last one: the pressure of a point that has only just come in,
+    /// which nothing has met yet, is far too high.
+    Follow,
     /// They go half of the way there: where sticking and slipping alternate, that ends it.
     Approach,
 }
@@ -139,6 +144,8 @@ pub struct ContactSet {
     /// First point of every body, and the number of all.
     first: Vec<usize>,
     active: Vec<Active>,
+    /// Of the last round of an inner loop, and the places (m) between the rows that they acted on.
+    rounds: Vec<(Active, DVec3)>,
     faces: Vec<[u32; 3]>,
     memory: Vec<(Key, Memory)>,
     dissipated: BTreeMap<u64, f64>,
@@ -564,9 +571,10 @@ impl ContactSet {
                 carried: DVec3::ZERO,
                 limit: 0.0,
                 normal: DVec3::ZERO,
+                pressed: false,
                 multiplier: now.tool.exact.then_some(memory.pressure),
                 side: if now.tool.keeps_side {
-                    Side { normal: DVec3::ZERO, outward, straight: thin && outward != DVec3::ZERO }
+                    Side { outward, straight: thin && outward != DVec3::ZERO, ..Side::default() }
                 } else {
                     Side::default()
                 },
@@ -756,6 +764,7 @@ impl ContactSet {
                 carried: DVec3::ZERO,
                 limit: 0.0,
                 normal: DVec3::ZERO,
+                pressed: false,
                 multiplier: None,
                 side: Side::default(),
             });
@@ -799,6 +808,7 @@ impl ContactSet {
                     carried: DVec3::ZERO,
                     limit: 0.0,
                     normal: DVec3::ZERO,
+                    pressed: false,
                     multiplier: None,
                     side: Side::default(),
                 });
@@ -821,6 +831,7 @@ impl ContactSet {
                     let keeps = self.tools[own.tool].tool.keeps_side && point.memory.pressure > 0.0;
                     let normal = own.start.turn(point.memory.normal, &own.now);
                     point.side.normal = if keeps { normal } else { DVec3::ZERO };
+                    point.choose_side(own);
                 }
                 Against::Hand { to, from, damping, rate } => {
                     point.carried = *from + (*to - *from) * part;
@@ -881,6 +892,33 @@ impl ContactSet {
             sum += active.energy;
         }
         sum
+    }
+
+    /// Adds to the tangents what the last one missed of the resistance of a point to its way since then: normals that
+    /// turn in a furrow between faces, limits of friction that follow the pressure. Call it once a round, at the
+    /// positions `x` of the last evaluation.
+    pub fn learn(&mut self, bodies: &Range<usize>, x: &dyn Fn(u32) -> DVec3, first: bool) {
+        let range = self.range(bodies);
+        self.rounds.resize(self.active.len(), (Active::default(), DVec3::ZERO));
+        for (active, (last, place)) in
+            self.active[range.clone()].iter_mut().zip(&mut self.rounds[range])
+        {
+            let place_of = |active: &Active| {
+                let shares = active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0);
+                shares.map(|(row, weight)| weight * x(*row)).sum::<DVec3>()
+            };
+            let now = *active;
+            if !first && last.pressure > 0.0 && active.pressure > 0.0 {
+                let way = place_of(last) - *place;
+                let expected = last.push + last.rub - last.block * way;
+                let missed = -(active.push + active.rub - expected).dot(way);
+                if missed > 0.0 {
+                    let square = way.length_squared();
+                    active.block += missed / (square * square) * outer(way, way);
+                }
+            }
+            (*last, *place) = (now, place_of(&now));
+        }
     }
 
     /// Holds the points that touched at the start of the step and no more do, as if they could be pulled: the best guess

@@ -16,7 +16,7 @@ use crate::coarse::{CoarseSpace, Motion};
 use crate::settings::Preconditioner;
 use crate::simd::{Kernel, vectorised};
 use crate::system::{
-    Pattern, ShiftedTangent, SystemMatrix, accumulate, add4, ranges, scale4, sub4,
+    Pattern, ShiftedTangent, SystemMatrix, accumulate, add4, for_off_diagonal, ranges, scale4, sub4,
 };
 use glam::DVec3;
 use sinew_engine::layout::UNUSED;
@@ -92,6 +92,8 @@ pub struct ConjugateGradients<T> {
     forces: Vec<[T; 8]>,
     motions: Vec<Motion<T>>,
     kept: Option<Kept>,
+    /// Pieces, and rows in them, of the couplings of the matrix.
+    coupled: Vec<[(usize, usize); 4]>,
 }
 
 /// What the kept values of the preconditioner were computed for, and how they did since.
@@ -163,6 +165,13 @@ impl<T: Scalar> ConjugateGradients<T> {
     ) -> Inner {
         let Limits { norm, target, cap } = limits;
         let (workers, pattern) = (of.system.workers, of.pattern);
+        let place = |row: u32| {
+            let row = row as usize;
+            let piece = pattern.pieces.partition_point(|piece| piece.rows.end <= row);
+            (piece, row - pattern.pieces[piece].rows.start)
+        };
+        self.coupled.clear();
+        self.coupled.extend(self.matrix.couplings.iter().map(|c| c.rows.map(place)));
         let mut inner = Inner {
             status: InnerStatus::Cap,
             iterations: 0,
@@ -350,26 +359,23 @@ impl<T: Scalar> ConjugateGradients<T> {
         if self.matrix.couplings.is_empty() {
             return curvature;
         }
-        curvature + self.multiply_couplings(pattern)
+        curvature + self.multiply_couplings()
     }
 
     /// Adds what contact couples beside the diagonal to `q`; its part of `p . q`.
-    fn multiply_couplings(&mut self, pattern: &Pattern) -> f64 {
-        let of = |row: usize| {
-            let piece = pattern.pieces.partition_point(|piece| piece.rows.end <= row);
-            (piece, row - pattern.pieces[piece].rows.start)
-        };
-        let mut added = Vec::new();
-        let product = &self.product;
-        let p = |row| {
-            let (piece, local) = of(row);
-            product[piece].p[local]
-        };
-        let dot = self.matrix.multiply_couplings(p, |row, y| added.push((row, y)));
-        for (row, y) in added {
-            let (piece, local) = of(row);
-            let q = &mut self.product[piece].q[local];
-            *q = add4(*q, y);
+    fn multiply_couplings(&mut self) -> f64 {
+        let Self { matrix, product, coupled, .. } = self;
+        let mut dot = 0.0;
+        for (coupling, places) in matrix.couplings.iter().zip(&*coupled) {
+            let x = places.map(|(piece, row)| product[piece].p[row].map(Scalar::to_f64));
+            for_off_diagonal(coupling, x, |i, y| {
+                let held = matrix.held[coupling.rows[i] as usize];
+                let (piece, row) = places[i];
+                for k in (0..3).filter(|&k| !held.holds(k)) {
+                    dot += x[i][k] * y[k];
+                    product[piece].q[row][k] += T::from_f64(y[k]);
+                }
+            });
         }
         dot
     }

@@ -44,6 +44,10 @@ pub struct LinearOptions {
     pub precision: LinearPrecision,
     /// Residuals are measured against at least this, whatever the start.
     pub reference: f64,
+    /// Residual, relative to that of the start vector, at which a solve ends even above the tolerance.
+    pub own_tolerance: f64,
+    /// The matrix is that of the last solve of the same bodies, but for what contact adds.
+    pub same_matrix: bool,
 }
 
 impl Default for LinearOptions {
@@ -54,6 +58,8 @@ impl Default for LinearOptions {
             preconditioner: Preconditioner::default(),
             precision: LinearPrecision::default(),
             reference: 0.0,
+            own_tolerance: 0.0,
+            same_matrix: false,
         }
     }
 }
@@ -88,12 +94,16 @@ pub struct LinearSolver<S> {
     spans: ProductSpans<S>,
     damped: Rows<S>,
     residual: Rows<S>,
+    /// The residual is that of the last solution.
+    residual_holds: bool,
     correction: Rows<S>,
 }
 
 #[derive(Clone, Debug, Default)]
 struct BodySolver<S> {
     pattern: Pattern,
+    /// Whether the matrix is added up: in the number type of the state, in `f32`.
+    assembled: [bool; 2],
     single: ConjugateGradients<f32>,
     #[cfg(feature = "direct")]
     direct: crate::direct::DirectFactor<S>,
@@ -152,6 +162,9 @@ impl<S: Scalar> LinearSolver<S> {
                 self.groups.len() - 1
             }
         };
+        if !options.same_matrix {
+            self.groups[group].1.assembled = [false; 2];
+        }
         let same_type = size_of::<S>() == size_of::<f32>();
         let solve = Solve {
             solver: self,
@@ -163,8 +176,9 @@ impl<S: Scalar> LinearSolver<S> {
             options,
             same_type,
             mixed: options.precision == LinearPrecision::Mixed || same_type,
-            assembled: [false; 2],
+            prepared: [false; 2],
             reference: 0.0,
+            tolerance: 0.0,
             outcome: CgOutcome {
                 status: CgStatus::Converged,
                 iterations: 0,
@@ -178,6 +192,23 @@ impl<S: Scalar> LinearSolver<S> {
         };
         // on a thread of the pool, regions follow each other without a hand-over
         system.workers.enter(|| solve.run(x))
+    }
+
+    /// `y = A x` for the solution `x` that the last solve found for `b`.
+    pub fn multiply_solution(
+        &mut self,
+        system: &ShiftedTangent<'_, S>,
+        bodies: Range<usize>,
+        b: &[[S; 4]],
+        x: &[[S; 4]],
+        y: &mut [[S; 4]],
+    ) {
+        if !self.residual_holds {
+            return self.multiply(system, bodies, x, y);
+        }
+        for ((y, b), r) in y.iter_mut().zip(b).zip(&self.residual) {
+            *y = [b[0] - r[0], b[1] - r[1], b[2] - r[2], S::ZERO];
+        }
     }
 
     /// `y = A x` for the rows of consecutive bodies; held entries of `x` must be zero.
@@ -199,6 +230,7 @@ impl<S: Scalar> LinearSolver<S> {
         b: &[[S; 4]],
         x: &[[S; 4]],
     ) {
+        self.residual_holds = true;
         let Self { spans, damped, residual, correction: product, .. } = self;
         residual.clear();
         residual.extend_from_slice(b);
@@ -244,10 +276,11 @@ struct Solve<'a, S: Scalar> {
     same_type: bool,
     /// Rounds run in `f32`.
     mixed: bool,
-    /// Whether the matrix is added up: in the number type of the state, in `f32`.
-    assembled: [bool; 2],
-    /// What residuals are measured against.
+    /// Whether the matrix is that of this solve: in the number type of the state, in `f32`.
+    prepared: [bool; 2],
+    /// What residuals are measured against, and where they are small enough.
     reference: f64,
+    tolerance: f64,
     outcome: CgOutcome,
 }
 
@@ -256,6 +289,7 @@ impl<S: Scalar> Solve<'_, S> {
         let norm_b = norm(self.b);
         if norm_b == 0.0 {
             x.fill([S::ZERO; 4]);
+            self.solver.residual_holds = false;
             return self.outcome;
         }
         self.solver.find_residual(self.system, self.bodies.clone(), self.b, x);
@@ -264,6 +298,8 @@ impl<S: Scalar> Solve<'_, S> {
         let floor = 16.0 * S::EPSILON.to_f64() * norm_b / self.options.tolerance;
         self.reference = norm_r.min(norm_b).max(floor).max(self.options.reference);
         self.outcome.reference = self.reference;
+        let own = self.options.own_tolerance * norm_r / self.reference;
+        self.tolerance = self.options.tolerance.max(own);
         loop {
             if let Some(status) = self.round(x, &mut norm_r) {
                 self.outcome.status = status;
@@ -280,7 +316,7 @@ impl<S: Scalar> Solve<'_, S> {
         if !before.is_finite() {
             return Some(CgStatus::NotFinite);
         }
-        if self.outcome.residual <= options.tolerance {
+        if self.outcome.residual <= self.tolerance {
             return Some(CgStatus::Converged);
         }
         if self.outcome.iterations >= options.max_iterations {
@@ -301,6 +337,7 @@ impl<S: Scalar> Solve<'_, S> {
                 x[k] += e[k];
             }
         }
+        self.solver.residual_holds = false;
         let direct = self.outcome.preconditioner == Preconditioner::Direct;
         if !direct && (self.same_type || !self.mixed) {
             // the iteration ran in the number type of the state: its own residual counts
@@ -310,7 +347,7 @@ impl<S: Scalar> Solve<'_, S> {
         }
         self.solver.find_residual(self.system, self.bodies.clone(), self.b, x);
         *norm_r = norm(&self.solver.residual);
-        if *norm_r > STALLED * before && *norm_r > options.tolerance * self.reference {
+        if *norm_r > STALLED * before && *norm_r > self.tolerance * self.reference {
             if direct {
                 self.outcome.residual = *norm_r / self.reference;
                 return Some(CgStatus::Cap);
@@ -325,7 +362,7 @@ impl<S: Scalar> Solve<'_, S> {
         let Self { system, rest, group, .. } = *self;
         let bodies = self.bodies.clone();
         let preconditioner = self.outcome.preconditioner;
-        let mut target = self.options.tolerance * self.reference / norm_r;
+        let mut target = self.tolerance * self.reference / norm_r;
         if self.mixed && !self.same_type {
             // a little below, since the recurrence drifts; f32 gets no further than this at once
             target = (0.9 * target).max(SINGLE_REDUCTION);
@@ -336,11 +373,12 @@ impl<S: Scalar> Solve<'_, S> {
         let own = &mut groups[group].1;
         correction.resize(residual.len(), [S::ZERO; 4]);
         let single = self.mixed && preconditioner != Preconditioner::Direct;
-        if !std::mem::replace(&mut self.assembled[usize::from(single)], true) {
+        if !std::mem::replace(&mut self.prepared[usize::from(single)], true) {
+            let again = std::mem::replace(&mut own.assembled[usize::from(single)], true);
             if single {
-                own.single.matrix.assemble(system, bodies.clone());
+                own.single.matrix.prepare(system, bodies.clone(), again);
             } else {
-                own.full.matrix.assemble(system, bodies.clone());
+                own.full.matrix.prepare(system, bodies.clone(), again);
             }
         }
         let (bodies, pattern) = (&bodies, &own.pattern);

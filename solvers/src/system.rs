@@ -188,6 +188,8 @@ pub struct SystemMatrix<T> {
     pub held: Vec<FixedAxes>,
     /// What contact couples beside the diagonal, in rows of the matrix.
     pub couplings: Vec<Coupling>,
+    /// Rows of the matrix that contact adds to, and their diagonal blocks without it.
+    pub without_contact: Vec<(u32, Block<T>)>,
     /// Factor that brings the largest diagonal entry of the tangent and inertia to one: no number type
     /// overflows, and `f32` rounds the same in all units of measurement.
     pub factor: f64,
@@ -203,6 +205,23 @@ pub(crate) fn ranges(topology: &Topology, bodies: &Range<usize>) -> (Range<usize
 }
 
 impl<T: Scalar> SystemMatrix<T> {
+    /// Adds the matrix up for consecutive bodies; where all but contact is as it was, that alone is exchanged.
+    pub fn prepare<S: Scalar>(
+        &mut self,
+        system: &ShiftedTangent<'_, S>,
+        bodies: Range<usize>,
+        same: bool,
+    ) {
+        if same {
+            for (row, block) in self.without_contact.drain(..) {
+                self.diagonal[row as usize] = block;
+            }
+            self.add_contact(system.contact, ranges(system.topology, &bodies).0);
+        } else {
+            self.assemble(system, bodies);
+        }
+    }
+
     /// Adds the matrix up for consecutive bodies.
     pub fn assemble<S: Scalar>(&mut self, system: &ShiftedTangent<'_, S>, bodies: Range<usize>) {
         let (rows, blocks) = ranges(system.topology, &bodies);
@@ -262,9 +281,11 @@ impl<T: Scalar> SystemMatrix<T> {
     /// Adds the diagonal blocks of contact, and keeps what couples rows.
     fn add_contact(&mut self, contact: Option<&ContactBlocks>, rows: Range<usize>) {
         self.couplings.clear();
+        self.without_contact.clear();
         let Some(contact) = contact else { return };
         for (row, m) in &contact.diagonal {
             let local = *row as usize - rows.start;
+            self.without_contact.push((local as u32, self.diagonal[local]));
             let mut entries = entries(m).map(|x| x * self.factor);
             mask(&mut entries, self.held[local], self.held[local], 0.0);
             let added = block(&entries);
@@ -280,27 +301,6 @@ impl<T: Scalar> SystemMatrix<T> {
                 block: block * self.factor,
             }
         }));
-    }
-
-    /// Adds the product of what couples rows; `p` and `q` read and add to a row. Returns its part of `p . q`.
-    pub fn multiply_couplings(
-        &self,
-        p: impl Fn(usize) -> [T; 4],
-        mut q: impl FnMut(usize, [T; 4]),
-    ) -> f64 {
-        let mut dot = 0.0;
-        for coupling in &self.couplings {
-            let x = coupling.rows.map(|row| p(row as usize).map(Scalar::to_f64));
-            for_off_diagonal(coupling, x, |row, y| {
-                let held = self.held[row];
-                let entry = |k: usize| if held.holds(k) { 0.0 } else { y[k] };
-                let own = [entry(0), entry(1), entry(2)];
-                let x = p(row);
-                dot += (0..3).map(|k| x[k].to_f64() * own[k]).sum::<f64>();
-                q(row, [own[0], own[1], own[2], 0.0].map(T::from_f64));
-            });
-        }
-        dot
     }
 
     /// Rows of one piece of the upper half and their transposes: `q = A_piece p`; both vectors hold
@@ -361,7 +361,7 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
         if self.damping.is_some() {
             scratch.resize(x.len(), [S::ZERO; 4]);
         }
-        for body in bodies {
+        for body in bodies.clone() {
             let rows = ranges(self.topology, &(body..body + 1)).0;
             let rows = rows.start - offset..rows.end - offset;
             let (x, y) = (&x[rows.clone()], &mut y[rows.clone()]);
@@ -389,21 +389,22 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
                 y[3] = S::ZERO;
             }
         });
-        if let Some(contact) = self.contact {
-            self.multiply_contact(contact, offset, x, y);
-        }
+        self.add_contact_product(bodies, 1.0, x, y);
     }
 
-    fn multiply_contact(
+    /// Adds `factor C x` to `y` for the rows of consecutive bodies, `C` being what contact adds to the matrix.
+    pub fn add_contact_product(
         &self,
-        contact: &ContactBlocks,
-        offset: usize,
+        bodies: Range<usize>,
+        factor: f64,
         x: &[[S; 4]],
         y: &mut [[S; 4]],
     ) {
+        let Some(contact) = self.contact else { return };
+        let offset = ranges(self.topology, &bodies).0.start;
         let mut add = |row: usize, own: DVec3| {
             for k in (0..3).filter(|&k| !self.fixed[row].holds(k)) {
-                y[row - offset][k] += S::from_f64(own[k]);
+                y[row - offset][k] += S::from_f64(factor * own[k]);
             }
         };
         let vector = |x: &[S; 4]| DVec3::new(x[0].to_f64(), x[1].to_f64(), x[2].to_f64());
@@ -413,7 +414,9 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
         }
         for coupling in &contact.couplings {
             let own = coupling.rows.map(|row| x[row as usize - offset].map(Scalar::to_f64));
-            for_off_diagonal(coupling, own, |row, y| add(row, DVec3::from_array(y)));
+            for_off_diagonal(coupling, own, |i, y| {
+                add(coupling.rows[i] as usize, DVec3::from_array(y))
+            });
         }
     }
 
@@ -434,15 +437,16 @@ fn entries(m: &DMat3) -> [f64; 9] {
     m.to_cols_array()
 }
 
-/// What a coupling adds to `A x` besides its diagonal blocks, row by row: `w_a C (sum_b w_b x_b - w_a x_a)`.
-fn for_off_diagonal(coupling: &Coupling, x: [[f64; 4]; 4], mut add: impl FnMut(usize, [f64; 3])) {
+/// What a coupling adds to `A x` besides its diagonal blocks, to its rows by number: `w_a C (sum_b w_b x_b - w_a x_a)`.
+pub(crate) fn for_off_diagonal(
+    coupling: &Coupling,
+    x: [[f64; 4]; 4],
+    mut add: impl FnMut(usize, [f64; 3]),
+) {
     let own = |i: usize| coupling.weights[i] * DVec3::new(x[i][0], x[i][1], x[i][2]);
     let sum = own(0) + own(1) + own(2) + own(3);
-    for (i, row) in coupling.rows.iter().enumerate() {
-        let weight = coupling.weights[i];
-        if weight != 0.0 {
-            add(*row as usize, (weight * (coupling.block * (sum - own(i)))).to_array());
-        }
+    for (i, weight) in coupling.weights.into_iter().enumerate().filter(|(_, w)| *w != 0.0) {
+        add(i, (weight * (coupling.block * (sum - own(i)))).to_array());
     }
 }
 

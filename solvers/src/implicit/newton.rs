@@ -172,7 +172,7 @@ impl<S: Scalar> Step<'_, S> {
             max_iterations: self.settings.max_linear_iterations,
             preconditioner: self.settings.preconditioner,
             precision: self.settings.linear_precision,
-            reference: 0.0,
+            ..LinearOptions::default()
         };
         let system = system_matrix(self.world, weights, node, damping);
         let outcome = linear.solve(&system, rest, body.bodies.clone(), b, x, &options);

@@ -24,6 +24,8 @@ use std::ops::Range;
 const MOST_ROUNDS: [usize; 2] = [6, 8];
 /// What contact forces may be off their linearisation, relative, when the loop ends.
 const ENOUGH: f64 = 1e-3;
+/// Reduction of a residual that is enough for a round: the next one has other contacts.
+const LOOSE: f64 = 0.03;
 /// Newton iterations after which the limits of friction are approached, not taken.
 const APPROACH: u32 = 4;
 /// Most corrections of the momentum of a piece.
@@ -193,15 +195,19 @@ impl<S: Scalar> Step<'_, S> {
             max_iterations: self.settings.max_linear_iterations,
             preconditioner: self.settings.preconditioner,
             precision: self.settings.linear_precision,
-            reference: 0.0,
+            ..LinearOptions::default()
         };
         // whether the last round was taken whole: only then is what is left that of its linear solve
-        let mut whole = false;
+        let (mut whole, mut solved, mut residual) = (false, false, 0.0);
         let (mut before, mut converged, mut rounds) = (f64::INFINITY, false, 0);
-        for round in 0..MOST_ROUNDS[usize::from(iterated)] {
+        let most = MOST_ROUNDS[usize::from(iterated)];
+        for round in 0..most {
             self.scratch.try_direction(&body, S::ZERO);
-            let late = iterated && self.report.newton_iterations >= APPROACH;
-            let limits = if late { Limits::Approach } else { Limits::Take };
+            let limits = match self.report.newton_iterations {
+                n if round == 0 && (n == 0 || !iterated) => Limits::Recall,
+                APPROACH.. if iterated => Limits::Approach,
+                _ => Limits::Follow,
+            };
             let energy = evaluate(contact, &bodies, self.scratch, &self.scratch.trial, limits);
             let force = contact.force_sum(&bodies);
             if round == 0 && !iterated {
@@ -209,12 +215,14 @@ impl<S: Scalar> Step<'_, S> {
             }
             let off = self.scratch.find_left(contact, &body);
             let settled = off <= ENOUGH * force || force == 0.0 && before == 0.0;
-            if round > 0 && (whole || iterated) && settled {
+            if round > 0 && (whole || iterated) && solved && settled {
                 converged = true;
                 break;
             }
             before = force;
             rounds += 1;
+            options.own_tolerance = if settled || round + 1 == most { 0.0 } else { LOOSE };
+            contact.learn(&bodies, &position(&self.scratch.rest, &self.scratch.trial), round == 0);
             let blocks = contact.blocks(&bodies);
             let ImplicitScratch { linear, rest, node, damping, touch, .. } = &mut *self.scratch;
             touch.round[rows.clone()].fill([S::ZERO; 4]);
@@ -223,6 +231,8 @@ impl<S: Scalar> Step<'_, S> {
             let (b, x) = (&touch.left[rows.clone()], &mut touch.round[rows.clone()]);
             let outcome = linear.solve(&system, rest, bodies.clone(), b, x, &options);
             options.reference = options.reference.max(outcome.reference);
+            options.same_matrix = true;
+            solved = outcome.residual <= self.settings.linear_tolerance;
             self.report.book(&outcome);
             match outcome.status {
                 CgStatus::NotFinite => return Err(self.not_finite_residual()),
@@ -230,18 +240,22 @@ impl<S: Scalar> Step<'_, S> {
                 CgStatus::Cap => self.report.cg_caps += 1,
                 CgStatus::Converged => {}
             }
-            self.report.cg_residual = self.report.cg_residual.max(outcome.residual);
+            residual = outcome.residual;
             // with and without contact
             let ImplicitScratch { node, damping, touch, linear, .. } = &mut *self.scratch;
             let mut system = system_matrix(self.world, &body.weights, node, damping);
-            let x = &touch.round[rows.clone()];
-            linear.multiply(&system, bodies.clone(), x, &mut touch.round_product[rows.clone()]);
             system.contact = Some(&blocks);
-            linear.multiply(&system, bodies.clone(), x, &mut touch.expected[rows.clone()]);
+            let TouchScratch { left, round, expected, round_product, .. } = touch;
+            let (b, x) = (&left[rows.clone()], &round[rows.clone()]);
+            let (both, own) = (&mut expected[rows.clone()], &mut round_product[rows.clone()]);
+            linear.multiply_solution(&system, bodies.clone(), b, x, both);
+            own.copy_from_slice(both);
+            system.add_contact_product(bodies.clone(), -1.0, x, own);
             let Some(t) = self.scratch.shorten(contact, &body, energy) else { break };
             whole = t == 1.0;
             self.scratch.take_round(&body, t);
         }
+        self.report.cg_residual = self.report.cg_residual.max(residual);
         if body.mode == Mode::Trial && !converged {
             // a force that is not found must not count: the safe step is tried instead
             contact.count(rounds, false);
