@@ -1,9 +1,13 @@
 //! Rapier's soft bodies: corotational tetrahedra, by its finite-element solver and by constraints.
 
+use super::beam::masses;
+use super::touch::{self, Block, Finger, Sample, Scale, TouchRow, Turn};
 use super::{Case, DAMPING, PeerRow, Rival};
 use crate::bench::error::BenchError;
 use glam::DVec3;
 use rapier3d::prelude::*;
+use sinew::engine::mesh::Mesh;
+use sinew::prelude::{Model, YoungPoisson};
 use std::time::Instant;
 
 /// Its default step (s).
@@ -37,8 +41,37 @@ struct Run {
     masses: Vec<f32>,
 }
 
+/// Rapier's units of length in a metre. Cells of less than 1.2e-7 cubic units have no stiffness there, which is most
+/// cells of a body of a few centimetres in metres.
+const UNIT: f64 = 10.0;
+
 fn single(x: DVec3) -> Vector {
+    let x = UNIT * x;
     Vector::new(x.x as f32, x.y as f32, x.z as f32)
+}
+
+fn double(x: Vector) -> DVec3 {
+    DVec3::new(x.x.into(), x.y.into(), x.z.into()) / UNIT
+}
+
+/// A body of corotational tetrahedra that stays awake.
+fn soft_body(
+    mesh: &Mesh,
+    masses: &[f32],
+    material: &YoungPoisson,
+    fixed: Vec<u32>,
+) -> SoftBodyBuilder {
+    SoftBodyBuilder::new(mesh.points.iter().copied().map(single).collect())
+        .masses(masses.to_vec())
+        .cells(mesh.tetrahedra.clone())
+        .cell_model(SoftBodyCellModel::Corotational)
+        .material(SoftBodyMaterial {
+            young_modulus: (material.young_modulus / UNIT) as f32,
+            poisson_ratio: material.poisson_ratio as f32,
+            ..Default::default()
+        })
+        .pinned_particles(fixed)
+        .can_sleep(false)
 }
 
 impl Run {
@@ -46,23 +79,13 @@ impl Run {
     fn world(&self, case: &Case, u: &[DVec3], damping: f64) -> (PhysicsWorld, SoftBodyHandle) {
         let beam = &case.beam;
         let mut world = PhysicsWorld::new();
-        world.gravity = Vector::new(0.0, 0.0, -beam.gravity as f32);
+        world.gravity = single(DVec3::Z * -beam.gravity);
         world.integration_parameters.dt = STEP as f32;
         world.integration_parameters.soft_bodies.fem.max_linear_iterations = self.iterations;
-        let builder = SoftBodyBuilder::new(beam.mesh.points.iter().copied().map(single).collect())
-            .masses(self.masses.clone())
-            .cells(beam.mesh.tetrahedra.clone())
-            .cell_model(SoftBodyCellModel::Corotational)
-            .material(SoftBodyMaterial {
-                young_modulus: beam.material.young_modulus as f32,
-                poisson_ratio: beam.material.poisson_ratio as f32,
-                ..Default::default()
-            })
+        let builder = soft_body(&beam.mesh, &self.masses, &beam.material, beam.fixed())
             .solver(self.solver)
-            .pinned_particles(beam.fixed())
             .linear_damping(damping as f32)
-            .no_surface_collider()
-            .can_sleep(false);
+            .no_surface_collider();
         let handle = world.insert_soft_body(builder);
         let body = &mut world.soft_bodies[handle];
         for (i, (p, u)) in beam.mesh.points.iter().zip(u).enumerate() {
@@ -99,7 +122,7 @@ impl Rival for Run {
         }
         let body = &world.soft_bodies[handle];
         let u: Vec<DVec3> = (case.beam.mesh.points.iter().zip(body.particle_positions()))
-            .map(|(p, x)| DVec3::new(x.x.into(), x.y.into(), x.z.into()) - *p)
+            .map(|(p, x)| double(x) - *p)
             .collect();
         if u.iter().all(|u| u.is_finite()) {
             Ok(u)
@@ -126,5 +149,142 @@ impl Rival for Run {
 
     fn step(&self) -> Option<f64> {
         Some(STEP)
+    }
+}
+
+/// How Rapier is set for contact.
+struct Touching {
+    solver: SoftBodySolver,
+    h: f64,
+    /// Thickness (m) of its skin; the ball is drawn in by as much, so that the two meet on the ball asked for.
+    skin: f64,
+    /// Set for accuracy: more iterations and substeps, stiff contact, no damping of strain.
+    best: bool,
+    words: &'static str,
+}
+
+/// Substeps of the setting for accuracy.
+const SUBSTEPS: usize = 8;
+
+/// The constraint solver and the finite-element solver by default and, unless `quick`, the latter set for accuracy:
+/// of steps of 1/60 and 1/240 s, skins of 0.1 and 1 mm, damping ratios of contact of 1 and 10, strain damped or
+/// not, with and without overlap volumes, the one whose force is nearest to the equilibrium of its energy.
+pub(super) fn fingers(block: &Block, quick: bool) -> Result<Vec<Box<dyn Finger>>, BenchError> {
+    let skin = f64::from(SoftBodyBuilder::default().particle_radius) / UNIT;
+    let setting = |solver, h, best, words| Touching { solver, h, skin, best, words };
+    let (constraints, fem) = (SoftBodySolver::Constraints, SoftBodySolver::Fem);
+    let best = "FEM, at most 300 CG iterations, 8 substeps, stiff contact";
+    [
+        setting(constraints, STEP, false, "constraints (its default)"),
+        setting(fem, STEP, false, "FEM by default"),
+        setting(fem, 1.0 / 240.0, true, best),
+    ]
+    .into_iter()
+    .filter(|touching| !(quick && touching.best))
+    .map(|touching| -> Result<Box<dyn Finger>, BenchError> {
+        let scale = Scale::new(block, Model::Corotational)?;
+        let masses = masses(&block.mesh, block.material.density);
+        Ok(Box::new(Press { touching, scale, masses, world: None }))
+    })
+    .collect()
+}
+
+/// A world, its block and its ball.
+type Pressed = (PhysicsWorld, SoftBodyHandle, RigidBodyHandle);
+
+struct Press {
+    touching: Touching,
+    scale: Scale,
+    masses: Vec<f64>,
+    world: Option<Pressed>,
+}
+
+impl Press {
+    /// Momentum (kg m/s) of the block.
+    fn momentum(&self, body: &SoftBody) -> DVec3 {
+        self.masses.iter().zip(body.particle_velocities()).map(|(m, v)| *m * double(v)).sum()
+    }
+}
+
+impl Finger for Press {
+    fn row(&self, block: &Block) -> TouchRow {
+        let Touching { h, words, .. } = &self.touching;
+        let setting = format!("corotational, {words}, h = {}", super::milliseconds(*h));
+        let row = block.row("Rapier", VERSION, setting);
+        let note = "its energy is corotational; it does not tell all of its contact force: that is what the clamp \
+                    feels, with the momentum of the block"
+            .into();
+        TouchRow { precision: "f32".into(), note, ..row }
+    }
+
+    fn step(&self) -> f64 {
+        self.touching.h
+    }
+
+    fn energy(&self) -> Model {
+        Model::Corotational
+    }
+
+    fn tells_force(&self) -> bool {
+        false
+    }
+
+    fn start(&mut self, block: &Block, friction: f64) -> Result<(), BenchError> {
+        let Touching { solver, h, skin, best, .. } = self.touching;
+        let mut world = PhysicsWorld::new();
+        world.gravity = Vector::ZERO;
+        let parameters = &mut world.integration_parameters;
+        parameters.dt = h as f32;
+        if best {
+            parameters.num_solver_iterations = SUBSTEPS;
+            parameters.soft_bodies.fem.max_linear_iterations = 300;
+            parameters.contact_softness.damping_ratio = 1.0;
+            parameters.static_contact_softness.damping_ratio = 1.0;
+            parameters.normalized_allowed_linear_error = 1e-3;
+        }
+        let masses: Vec<f32> = self.masses.iter().map(|&m| m as f32).collect();
+        let mut builder = soft_body(&block.mesh, &masses, &block.material, block.fixed.clone())
+            .solver(solver)
+            .linear_damping(DAMPING as f32)
+            .particle_radius((UNIT * skin) as f32)
+            .surface_collider(ColliderBuilder::ball(0.05).density(0.0).friction(friction as f32));
+        if best {
+            builder.material.elastic_damping_ratio = 0.0;
+        }
+        let block = world.insert_soft_body(builder);
+        let ball = RigidBodyBuilder::kinematic_position_based().translation(single(touch::AT));
+        let shape =
+            ColliderBuilder::ball((UNIT * (touch::RADIUS - skin)) as f32).friction(friction as f32);
+        let (ball, _) = world.insert(ball, shape);
+        self.world = Some((world, block, ball));
+        Ok(())
+    }
+
+    fn advance(&mut self, block: &Block, places: &[DVec3]) -> Result<Turn, BenchError> {
+        let Some((mut world, soft, ball)) = self.world.take() else {
+            return Err(BenchError::Rival("Rapier: not started".into()));
+        };
+        let mut samples = Vec::with_capacity(places.len());
+        let mut displacements = Vec::new();
+        let mut before = self.momentum(&world.soft_bodies[soft]);
+        for &place in places {
+            world.bodies[ball].set_next_kinematic_translation(single(place));
+            let begin = Instant::now();
+            world.step();
+            let ms = begin.elapsed().as_secs_f64() * 1e3;
+            let body = &world.soft_bodies[soft];
+            displacements = (block.mesh.points.iter().zip(body.particle_positions()))
+                .map(|(p, x)| double(x) - *p)
+                .collect();
+            let now = self.momentum(body);
+            // the clamp holds what the ball presses, less what moves the block and what damps it
+            let force = self.scale.weigh(&displacements)?
+                - (now - before) / self.touching.h
+                - DAMPING * now;
+            before = now;
+            samples.push(Sample { ms, force, friction: None });
+        }
+        self.world = Some((world, soft, ball));
+        Ok(Turn { samples, displacements })
     }
 }
