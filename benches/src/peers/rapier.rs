@@ -264,3 +264,26 @@ impl Finger for Press {
         Ok(Turn { samples, displacements })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::peers::PeerReport;
+
+    /// Units and signs: what the clamp feels is near the equilibrium of Rapier's own energy, though its cells are
+    /// of less than a cubic centimetre, and the ball stays outside.
+    #[test]
+    fn small_cells_push_back() {
+        let block = Block::new([6, 5, 3]).unwrap();
+        let mut fingers: Vec<Box<dyn Finger>> =
+            fingers(&block, true).unwrap().into_iter().skip(1).collect();
+        let mut report = PeerReport::default();
+        touch::compete(&block, &mut fingers, &mut report).unwrap();
+        let own = report.touch.iter().find(|r| r.setting.contains("corotational")).unwrap();
+        let row = report.touch.last().unwrap();
+        let ratio = row.force.unwrap() / own.force.unwrap();
+        assert!((0.7..2.0).contains(&ratio) && row.engine == "Rapier", "{row:?}");
+        assert!(row.depth_mm.unwrap() < 2.0 && row.friction_ratio.is_none(), "{row:?}");
+        assert!(row.note.contains("corotational") && !row.note.contains("goes through"), "{row:?}");
+    }
+}
