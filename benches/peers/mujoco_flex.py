@@ -1,4 +1,4 @@
-"""A beam as a MuJoCo flex, driven by one JSON request per line of standard input.
+"""A beam, or a block under a ball, as a MuJoCo flex, driven by one JSON request per line of standard input.
 
 Every answer is one JSON line on standard output; {"error": ...} when a request fails. Requests:
 
@@ -8,8 +8,12 @@ Every answer is one JSON line on standard output; {"error": ...} when a request 
   {"op": "settle", "h": s, "steps": n, "iterations": n, "damping": 1/s,
    "start": PATH or null}
   {"op": "force", "repeats": n}
+  {"op": "touch-load", "key": name, "mesh": PATH, "young": Pa, "poisson": -, "gravity": m/s^2,
+   "damping": 1/s, "h": s, "option": {attribute: value}, "contact": {attribute: value},
+   "friction": -, "radius": m, "at": [x, y, z]}
+  {"op": "touch", "key": name, "places": [[x, y, z], ...]}
 
-PATH of `load` is the JSON that Sinew writes: points, tetrahedra, fixed, masses. `start` is a JSON
+`touch` makes a step per place of the ball and answers with its force in each. PATH of `load` is the JSON that Sinew writes: points, tetrahedra, fixed, masses. `start` is a JSON
 list of displacements, three per vertex. Needs `pip install mujoco` (version 4 or later).
 """
 
@@ -21,11 +25,23 @@ import mujoco
 import numpy as np
 
 
+# blocks under a ball, by key
+TOUCHES = {}
+
+
 def words(array):
     return " ".join(map(repr, array.ravel().tolist()))
 
 
+def attributes(values):
+    return " ".join(f'{name}="{value}"' for name, value in values.items())
+
+
 class Beam:
+    contact = '<contact contype="0" conaffinity="0" selfcollide="none"/>'
+    radius = 1e-4
+    option = ball = ""
+
     def __init__(self, request):
         with open(request["mesh"]) as file:
             mesh = json.load(file)
@@ -39,12 +55,12 @@ class Beam:
             raise RuntimeError(
                 "this MuJoCo has no discrete integrator: pip install --upgrade mujoco (4 or later)"
             )
-        xml = f"""<mujoco><option integrator="discrete" gravity="0 0 {-request["gravity"]!r}"/>
-<size memory="8G"/><worldbody>
-<flexcomp name="beam" type="direct" dim="3" dof="full" mass="{float(masses.sum())!r}" radius="1e-4"
+        xml = f"""<mujoco><option integrator="discrete" gravity="0 0 {-request["gravity"]!r}" {self.option}/>
+<size memory="8G"/><worldbody>{self.ball}
+<flexcomp name="beam" type="direct" dim="3" dof="full" mass="{float(masses.sum())!r}" radius="{self.radius!r}"
  point="{words(self.points)}" element="{words(elements)}">
 <elasticity young="{request["young"]!r}" poisson="{request["poisson"]!r}"/>
-<contact contype="0" conaffinity="0" selfcollide="none"/><pin id="{words(fixed)}"/></flexcomp>
+{self.contact}<pin id="{words(fixed)}"/></flexcomp>
 </worldbody></mujoco>"""
         start = time.perf_counter()
         self.model = mujoco.MjModel.from_xml_string(xml)
@@ -101,8 +117,85 @@ class Beam:
         return result
 
 
+class Touch(Beam):
+    """A block under a ball whose motion is given.
+
+    Without friction the ball is a mocap body. For MuJoCo such a body is always at rest, so that nothing
+    would drag: with friction the ball has two slides, whose place and speed are set before every step,
+    and a mass that a step cannot move.
+    """
+
+    # the ball meets the surface itself, not one that is inflated
+    radius = 1e-6
+
+    def __init__(self, request):
+        mu = request["friction"]
+        soft = attributes(request["contact"])
+        how = f'condim="{3 if mu else 1}" friction="{mu!r} 0 0" {soft}'
+        self.option = f'timestep="{request["h"]!r}" {attributes(request["option"])}'
+        self.contact = f'<contact selfcollide="none" {how}/>'
+        self.at = np.array(request["at"])
+        slides = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
+        self.ball = f"""<body name="ball" pos="{words(self.at)}" {"" if mu else 'mocap="true"'}>{slides if mu else ""}
+<geom name="ball" type="sphere" size="{request["radius"]!r}" mass="10" {how}/></body>"""
+        super().__init__(request)
+        body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "ball")
+        self.dof = self.model.body_dofadr[body] if mu else None
+        self.model.dof_damping[self.dofs] = request["damping"] * self.dof_mass
+        # the solver's tolerance is relative to it: that of the block alone
+        self.model.stat.meaninertia = float(self.dof_mass.mean())
+        self.last = self.at
+        mujoco.mj_forward(self.model, self.data)
+
+    def move(self, place):
+        if self.dof is None:
+            self.data.mocap_pos[0] = place
+            return
+        # the dofs of the ball come first, so that places and speeds have the same index
+        at, speed = self.last - self.at, (place - self.last) / self.model.opt.timestep
+        self.data.qpos[self.dof : self.dof + 2] = at[[0, 2]]
+        self.data.qvel[self.dof : self.dof + 2] = speed[[0, 2]]
+        self.last = place
+
+    def felt(self):
+        """Normal force and friction on the ball (N)."""
+        total, part = np.zeros((2, 3)), np.zeros(6)
+        for i, contact in enumerate(self.data.contact):
+            mujoco.mj_contactForce(self.model, self.data, i, part)
+            # the first axis leads from the first side to the second; the force is that on the second
+            sign = -1.0 if contact.geom[0] >= 0 else 1.0
+            frame = sign * contact.frame.reshape(3, 3)
+            total[0] += part[0] * frame[0]
+            total[1] += part[1:3] @ frame[1:]
+        return total
+
+    def touch(self, places):
+        milliseconds, forces = [], []
+        for place in np.array(places):
+            self.move(place)
+            milliseconds += self.steps(1)
+            forces.append(self.felt().ravel().tolist())
+        return milliseconds, forces
+
+
 def answer(beam, request, warnings):
     op = request["op"]
+    if op == "touch-load":
+        block = TOUCHES[request["key"]] = Touch(request)
+        return beam, {
+            "iterations": block.iterations,
+            "nodes": len(block.points),
+            "elements": block.n_elements,
+            "h": block.model.opt.timestep,
+        }
+    if op == "touch":
+        block = TOUCHES[request["key"]]
+        milliseconds, forces = block.touch(request["places"])
+        if not np.isfinite(block.data.qpos).all():
+            raise FloatingPointError("the state is not finite")
+        u = block.displacements().tolist()
+        reply = {"milliseconds": milliseconds, "forces": forces, "displacements": u}
+        return beam, reply | {"warnings": list(warnings)}
     if op == "version":
         return beam, {"version": mujoco.__version__}
     if op == "load":

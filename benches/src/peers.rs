@@ -9,12 +9,15 @@
 //!   from the truth instead and the note says so: it then shows drift, not convergence.
 //! * **Speed**: undamped steps of the beam let go from half of its equilibrium displacement; median
 //!   over rounds in which the engines take turns.
+//!
+//! A ball pressed into a block compares contact ([`TouchRow`]).
 
 mod beam;
 mod mujoco;
 #[cfg(feature = "rapier")]
 mod rapier;
 mod sinew_rows;
+mod touch;
 
 use crate::bench::error::BenchError;
 use glam::DVec3;
@@ -22,6 +25,7 @@ use serde::{Deserialize, Serialize};
 use sinew::prelude::*;
 
 pub use beam::Beam;
+pub use touch::TouchRow;
 
 /// Mass-proportional damping (1/s) while a beam settles.
 pub const DAMPING: f64 = 20.0;
@@ -41,11 +45,13 @@ pub struct PeerOptions {
     pub threads: usize,
     /// Python with the package `mujoco`.
     pub python: String,
+    /// Only these of `beam` and `touch`; both when it names neither.
+    pub only: Vec<String>,
 }
 
 impl Default for PeerOptions {
     fn default() -> Self {
-        Self { quick: false, threads: 1, python: "python3".into() }
+        Self { quick: false, threads: 1, python: "python3".into(), only: Vec::new() }
     }
 }
 
@@ -104,6 +110,9 @@ pub struct PeerReport {
     pub skipped: Vec<String>,
     /// Goals that the rows allow to judge.
     pub aims: Vec<PeerAim>,
+    /// Contact: equilibria, then one row per engine and setting.
+    #[serde(default)]
+    pub touch: Vec<TouchRow>,
 }
 
 /// A beam with its truth.
@@ -276,8 +285,9 @@ fn compete(case: &Case, rivals: &mut [Box<dyn Rival + '_>], quick: bool, report:
 /// When a mesh cannot be made or Sinew's own truth does not converge.
 pub fn run(options: &PeerOptions) -> Result<PeerReport, BenchError> {
     let mut report = PeerReport::default();
-    let mujoco_cells: &[[usize; 3]] =
-        if options.quick { &[[16, 4, 4]] } else { &[[16, 4, 4], [24, 6, 6], [52, 13, 13]] };
+    let named = |name: &str| options.only.iter().any(|n| n == name);
+    let [beam, touch] = ["beam", "touch"].map(named);
+    let (beam, touch) = (beam || !touch, touch || !beam);
     let mut mujoco = match mujoco::MuJoCo::start(&options.python) {
         Ok(found) => Some(found),
         Err(why) => {
@@ -285,25 +295,17 @@ pub fn run(options: &PeerOptions) -> Result<PeerReport, BenchError> {
             None
         }
     };
-    for &cells in mujoco_cells {
-        let poisson: &[f64] = if options.quick || cells[0] > 24 { &[0.3] } else { &[0.3, 0.45] };
-        for &poisson_ratio in poisson {
-            let case = Case::new(Beam::mujoco(cells, poisson_ratio)?)?;
-            let mut rivals = sinew_rows::rivals(options.threads, &[1e-3, 1e-2, 1.0 / 30.0], true);
-            if let Some(mujoco) = &mut mujoco {
-                match mujoco.rivals(&case, &[1e-3, 1e-2, 1.0 / 30.0]) {
-                    Ok(more) => rivals.extend(more),
-                    Err(error) => {
-                        report.skipped.push(format!("MuJoCo flex on {}: {error}", case.beam.name));
-                    }
-                }
-            }
-            compete(&case, &mut rivals, options.quick, &mut report);
-        }
+    if beam {
+        run_beams(options, mujoco.as_mut(), &mut report)?;
+    }
+    if touch {
+        run_touch(options, mujoco.as_mut(), &mut report)?;
     }
     drop(mujoco);
     #[cfg(feature = "rapier")]
-    run_rapier(options, &mut report)?;
+    if beam {
+        run_rapier(options, &mut report)?;
+    }
     #[cfg(not(feature = "rapier"))]
     report.skipped.push(
         "Rapier soft bodies: not built in; run with `cargo run --release -p sinew-benches --features \
@@ -313,6 +315,54 @@ pub fn run(options: &PeerOptions) -> Result<PeerReport, BenchError> {
     report.skipped.extend(NOT_COMPARED.iter().map(|s| s.to_string()));
     report.aims = aims(&report.rows);
     Ok(report)
+}
+
+/// The beams of the MuJoCo rows.
+fn run_beams(
+    options: &PeerOptions,
+    mut mujoco: Option<&mut mujoco::MuJoCo>,
+    report: &mut PeerReport,
+) -> Result<(), BenchError> {
+    let mujoco_cells: &[[usize; 3]] =
+        if options.quick { &[[16, 4, 4]] } else { &[[16, 4, 4], [24, 6, 6], [52, 13, 13]] };
+    for &cells in mujoco_cells {
+        let poisson: &[f64] = if options.quick || cells[0] > 24 { &[0.3] } else { &[0.3, 0.45] };
+        for &poisson_ratio in poisson {
+            let case = Case::new(Beam::mujoco(cells, poisson_ratio)?)?;
+            let mut rivals = sinew_rows::rivals(options.threads, &[1e-3, 1e-2, 1.0 / 30.0], true);
+            if let Some(mujoco) = mujoco.as_deref_mut() {
+                match mujoco.rivals(&case, &[1e-3, 1e-2, 1.0 / 30.0]) {
+                    Ok(more) => rivals.extend(more),
+                    Err(error) => {
+                        report.skipped.push(format!("MuJoCo flex on {}: {error}", case.beam.name));
+                    }
+                }
+            }
+            compete(&case, &mut rivals, options.quick, report);
+        }
+    }
+    Ok(())
+}
+
+/// A ball on a block, all engines in turns.
+fn run_touch(
+    options: &PeerOptions,
+    mujoco: Option<&mut mujoco::MuJoCo>,
+    report: &mut PeerReport,
+) -> Result<(), BenchError> {
+    // edges of 8, and of 5 to 6 mm: 1 920 and 5 760 tetrahedra, both fine enough for vertices as points
+    let cells = if options.quick { [10, 8, 4] } else { [16, 12, 5] };
+    let block = touch::Block::new(cells)?;
+    let mut fingers = touch::ours(options.threads, options.quick);
+    if let Some(mujoco) = mujoco {
+        match mujoco.fingers(&block) {
+            Ok(more) => fingers.extend(more),
+            Err(error) => report.skipped.push(format!("MuJoCo flex under a ball: {error}")),
+        }
+    }
+    #[cfg(feature = "rapier")]
+    fingers.extend(rapier::fingers(&block, options.quick)?);
+    touch::compete(&block, &mut fingers, report)
 }
 
 /// Engines looked at and left out.

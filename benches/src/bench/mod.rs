@@ -131,7 +131,8 @@ pub fn run(
                 tell("peers");
                 let default = PeerOptions::default();
                 let python = options.python.clone().unwrap_or(default.python);
-                let options = PeerOptions { quick, python, ..PeerOptions::default() };
+                let only = options.cases.clone();
+                let options = PeerOptions { quick, python, only, ..PeerOptions::default() };
                 report.peers = Some(crate::peers::run(&options)?);
             }
         }

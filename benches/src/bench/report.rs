@@ -370,10 +370,25 @@ fn peer_tables(report: &PeerReport) -> Vec<Table> {
     for reason in &report.skipped {
         rows = rows.note(format!("Not run: {reason}"));
     }
+    let title = "Contact beside other engines: a ball pressed into a block, held and dragged";
+    let touch = table_of!("peers-touch", title; for r in &report.touch;
+        "engine" => &r.engine, "version" => &r.version, "tets" => r.elements, "setting" => &r.setting,
+        "threads" => r.threads, "precision" => &r.precision, "force N" => r.force,
+        "error %" => r.error_percent, "off faces %" => r.off_faces_percent, "depth mm" => r.depth_mm, "ms/step" => r.ms_per_step,
+        "with friction" => r.ms_with_friction, "s per s" => r.cost_per_simulated_second,
+        "ripple %" => r.ripple_percent, "friction/(mu N)" => r.friction_ratio, "note" => &r.note,
+    )
+    .note(
+        "force: on the ball at the end of the hold; error: against the first row, exact contact of the \
+         vertices of the same mesh; off faces: against points on its faces. depth: deepest vertex of the surface in the ball, measured by the same \
+         code for all. ms/step: median once the ball is pressed in, engines in turns. ripple: largest less \
+         smallest force over the mean while dragged without friction. friction: vector sums; above 1 on a ball, whose \
+         normals spread more than the friction does.",
+    );
     let aims = table_of!("peer-aims", "Aims against other engines"; for aim in &report.aims;
         "aim" => &aim.aim, "measured" => &aim.measured, "" => if aim.met { "met" } else { "missed" },
     );
-    vec![aims, rows]
+    vec![aims, rows, touch]
 }
 
 /// Cost (s) and error (%) of a point; `refined`: against the refined mesh.

@@ -24,7 +24,8 @@ pub enum BenchCommand {
     /// The demo scenes as they are.
     Scenes(BenchArguments),
     /// Sinew beside MuJoCo flex (pip install mujoco; see --python) and Rapier (build with --features
-    /// rapier), same mesh, material and load; what is absent is skipped with a message.
+    /// rapier), same mesh, material and load: beams, and a ball pressed into a block; what is absent is skipped
+    /// with a message.
     Peers(BenchArguments),
     /// Frame times while one tetrahedron a frame is removed, on two threads; not part of `all`.
     Resection(BenchArguments),
@@ -56,7 +57,8 @@ pub struct BenchArguments {
     /// Sizes of the beams of kernels and steps in tetrahedra, such as 5000,50000.
     #[arg(long, value_name = "N", value_delimiter = ',')]
     tets: Vec<usize>,
-    /// Only this case of the accuracy part, or kind of contact; may be given several times.
+    /// Only this case of the accuracy part, kind of contact, or of `peers` `beam` or `touch`; may be given several
+    /// times.
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
     /// Python with the package `mujoco` [default: python3].

@@ -22,11 +22,22 @@ pub struct Beam {
 
 /// What rivals in other processes read.
 #[derive(Serialize)]
-pub(super) struct BeamFile<'a> {
+pub(super) struct BodyFile<'a> {
     points: Vec<[f64; 3]>,
     tetrahedra: &'a [[u32; 4]],
     fixed: Vec<u32>,
     masses: Vec<f64>,
+}
+
+impl<'a> BodyFile<'a> {
+    pub(super) fn new(mesh: &'a Mesh, density: f64, fixed: Vec<u32>) -> Self {
+        Self {
+            points: mesh.points.iter().map(|p| p.to_array()).collect(),
+            tetrahedra: &mesh.tetrahedra,
+            fixed,
+            masses: masses(mesh, density),
+        }
+    }
 }
 
 impl Beam {
@@ -72,14 +83,7 @@ impl Beam {
 
     /// Lumped masses (kg): a quarter of each tetrahedron to each of its vertices.
     pub fn masses(&self) -> Vec<f64> {
-        let mut masses = vec![0.0; self.mesh.points.len()];
-        for &tetrahedron in &self.mesh.tetrahedra {
-            let volume = self.mesh.signed_volume(tetrahedron).unwrap_or(0.0);
-            for v in tetrahedron {
-                masses[v as usize] += 0.25 * volume * self.material.density;
-            }
-        }
-        masses
+        masses(&self.mesh, self.material.density)
     }
 
     /// Mean vertical displacement (m) of the free end.
@@ -92,14 +96,21 @@ impl Beam {
     }
 
     /// The form that rivals in other processes read.
-    pub(super) fn file(&self) -> BeamFile<'_> {
-        BeamFile {
-            points: self.mesh.points.iter().map(|p| p.to_array()).collect(),
-            tetrahedra: &self.mesh.tetrahedra,
-            fixed: self.fixed(),
-            masses: self.masses(),
+    pub(super) fn file(&self) -> BodyFile<'_> {
+        BodyFile::new(&self.mesh, self.material.density, self.fixed())
+    }
+}
+
+/// Lumped masses (kg): a quarter of each tetrahedron to each of its vertices.
+pub(super) fn masses(mesh: &Mesh, density: f64) -> Vec<f64> {
+    let mut masses = vec![0.0; mesh.points.len()];
+    for &tetrahedron in &mesh.tetrahedra {
+        let volume = mesh.signed_volume(tetrahedron).unwrap_or(0.0);
+        for v in tetrahedron {
+            masses[v as usize] += 0.25 * volume * density;
         }
     }
+    masses
 }
 
 /// Five tetrahedra per cell, mirrored from cell to cell so that faces meet; vertices as in

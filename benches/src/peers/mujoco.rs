@@ -1,15 +1,18 @@
 //! MuJoCo flex, in a Python process that answers one JSON line per request.
 
+use super::touch::{self, Block, Finger, Sample, TouchRow, Turn};
 use super::{Case, DAMPING, PeerRow, Rival};
 use crate::bench::error::BenchError;
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::json;
+use sinew::engine::mesh::Mesh;
 use std::cell::RefCell;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::rc::Rc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 const SCRIPT: &str = include_str!("../../peers/mujoco_flex.py");
 /// Iterations at which its linear solves converge on all beams here; its own cap is 100.
@@ -30,6 +33,22 @@ pub(super) struct Reply {
     pub kinematics_seconds: f64,
     pub warnings: Vec<String>,
     pub iterations: u32,
+    /// Normal force and friction (N) on the ball in every step.
+    pub forces: Vec<[f64; 6]>,
+}
+
+impl Reply {
+    /// Whether the loaded mesh is ours.
+    fn same_mesh(&self, mesh: &Mesh) -> Result<(), BenchError> {
+        let (nodes, elements) = (mesh.points.len(), mesh.tetrahedra.len());
+        if (self.nodes, self.elements) == (nodes, elements) {
+            return Ok(());
+        }
+        Err(BenchError::Rival(format!(
+            "MuJoCo flex: {} vertices and {} tetrahedra of {nodes} and {elements}",
+            self.nodes, self.elements
+        )))
+    }
 }
 
 /// Reads an answer; the script's own complaint becomes the error.
@@ -108,7 +127,9 @@ impl MuJoCo {
         let skip = |why: &dyn std::fmt::Display| {
             format!("MuJoCo flex: not run with `{python}` ({why}); {remedy}")
         };
-        let folder = std::env::temp_dir().join(format!("sinew-peers-{}", std::process::id()));
+        static STARTED: AtomicU32 = AtomicU32::new(0);
+        let name = [std::process::id(), STARTED.fetch_add(1, Ordering::Relaxed)];
+        let folder = std::env::temp_dir().join(format!("sinew-peers-{}-{}", name[0], name[1]));
         std::fs::create_dir_all(&folder).map_err(|e| skip(&e))?;
         let process = Self::spawn(python, &folder).map_err(|e| {
             // nothing but the script is in it
@@ -158,13 +179,7 @@ impl MuJoCo {
             "poisson": case.beam.material.poisson_ratio,
             "gravity": case.beam.gravity,
         }))?;
-        let (nodes, elements) = (case.beam.mesh.points.len(), case.beam.mesh.tetrahedra.len());
-        if (loaded.nodes, loaded.elements) != (nodes, elements) {
-            return Err(BenchError::Rival(format!(
-                "MuJoCo flex: {} vertices and {} tetrahedra of {nodes} and {elements}",
-                loaded.nodes, loaded.elements
-            )));
-        }
+        loaded.same_mesh(&case.beam.mesh)?;
         let middle = steps[steps.len() / 2];
         let mut settings: Vec<(f64, u32)> = steps.iter().map(|&h| (h, loaded.iterations)).collect();
         settings.push((middle, ENOUGH_ITERATIONS));
@@ -188,6 +203,105 @@ impl MuJoCo {
     }
 }
 
+/// How MuJoCo is set for contact: step (s), options, contact parameters, words.
+type Touching = (f64, serde_json::Value, serde_json::Value, &'static str);
+
+/// Its defaults at its own default step and at the one that ours makes; and the stiffest contact (a time constant
+/// below two steps is taken as that of the step) with what its manual advises: conjugate gradients for soft solids,
+/// the elliptic cone and a larger `impratio` against slip. Smaller steps change the force by 0.1 %, impedances nearer
+/// to 1 than the default make the many contacts of flat faces fight each other: force and depth scatter.
+fn touching() -> [Touching; 3] {
+    let stiff = json!({ "solref": "0.001 1" });
+    let advised = json!({
+        "iterations": ENOUGH_ITERATIONS, "solver": "CG", "tolerance": 1e-6, "cone": "elliptic", "impratio": 100,
+    });
+    [
+        (0.002, json!({}), json!({}), "contact and step by default"),
+        (0.01, json!({}), json!({}), "contact by default"),
+        (0.002, advised, stiff, "solref 0.001 1, CG to 1e-6, elliptic cone, impratio 100"),
+    ]
+}
+
+impl MuJoCo {
+    /// Settings for the ball.
+    pub(super) fn fingers(&mut self, block: &Block) -> Result<Vec<Box<dyn Finger>>, BenchError> {
+        let mesh = self.process.borrow().write("block.json", &block.file())?;
+        Ok(touching()
+            .into_iter()
+            .map(|touching| -> Box<dyn Finger> {
+                Box::new(Press {
+                    process: self.process.clone(),
+                    version: self.version.clone(),
+                    mesh: mesh.clone(),
+                    touching,
+                    remark: String::new(),
+                })
+            })
+            .collect())
+    }
+}
+
+/// One setting of MuJoCo under the ball.
+struct Press {
+    process: Rc<RefCell<Process>>,
+    version: String,
+    mesh: PathBuf,
+    touching: Touching,
+    remark: String,
+}
+
+impl Press {
+    fn ask(&mut self, mut request: serde_json::Value) -> Result<Reply, BenchError> {
+        request["key"] = self.touching.3.into();
+        let reply = self.process.borrow_mut().ask(&request)?;
+        warned(&mut self.remark, &reply);
+        Ok(reply)
+    }
+}
+
+impl Finger for Press {
+    fn row(&self, block: &Block) -> TouchRow {
+        let (h, _, _, words) = &self.touching;
+        let setting = format!("flex StVK, discrete, h = {}, {words}", super::milliseconds(*h));
+        block.row("MuJoCo", &self.version, setting)
+    }
+
+    fn step(&self) -> f64 {
+        self.touching.0
+    }
+
+    fn start(&mut self, block: &Block, friction: f64) -> Result<(), BenchError> {
+        let (h, option, contact, _) = self.touching.clone();
+        let loaded = self.ask(json!({
+            "op": "touch-load", "mesh": self.mesh, "young": block.material.young_modulus,
+            "poisson": block.material.poisson_ratio, "gravity": 0.0, "damping": DAMPING, "h": h,
+            "option": option, "contact": contact, "friction": friction, "radius": touch::RADIUS,
+            "at": touch::AT.to_array(),
+        }))?;
+        loaded.same_mesh(&block.mesh)
+    }
+
+    fn advance(&mut self, block: &Block, places: &[DVec3]) -> Result<Turn, BenchError> {
+        let to: Vec<[f64; 3]> = places.iter().map(|x| x.to_array()).collect();
+        let reply = self.ask(json!({ "op": "touch", "places": to }))?;
+        let displacements = to_vectors(&reply.displacements, block.mesh.points.len())?;
+        if [reply.milliseconds.len(), reply.forces.len()] != [places.len(); 2] {
+            let given = reply.forces.len();
+            let text = format!("MuJoCo flex: forces of {given} steps of {}", places.len());
+            return Err(BenchError::Rival(text));
+        }
+        let samples = reply.milliseconds.iter().zip(&reply.forces).map(|(&ms, f)| {
+            let friction = DVec3::from_slice(&f[3..]);
+            Sample { ms, force: DVec3::from_slice(f) + friction, friction: Some(friction) }
+        });
+        Ok(Turn { samples: samples.collect(), displacements })
+    }
+
+    fn remark(&self) -> String {
+        self.remark.clone()
+    }
+}
+
 /// One setting of MuJoCo on the loaded beam.
 struct Run {
     process: Rc<RefCell<Process>>,
@@ -204,14 +318,19 @@ struct Run {
 impl Run {
     fn ask(&mut self, request: serde_json::Value) -> Result<Reply, BenchError> {
         let reply = self.process.borrow_mut().ask(&request)?;
-        for warning in &reply.warnings {
-            // the first sentence says what; numbers in the rest differ from run to run
-            let text = warning.split(':').next().unwrap_or(warning);
-            if !self.remark.contains(text) {
-                super::say(&mut self.remark, format!("it warns: {text}"));
-            }
-        }
+        warned(&mut self.remark, &reply);
         Ok(reply)
+    }
+}
+
+/// Adds its warnings to a remark, each once.
+fn warned(remark: &mut String, reply: &Reply) {
+    for warning in &reply.warnings {
+        // the first sentence says what; numbers in the rest differ from run to run
+        let text = warning.split([':', ',']).next().unwrap_or(warning);
+        if !remark.contains(text) {
+            super::say(remark, format!("it warns: {text}"));
+        }
     }
 }
 

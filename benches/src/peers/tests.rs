@@ -53,6 +53,70 @@ fn answers_of_the_script_are_read() {
     assert!(to_vectors(&[1.0, 2.0], 1).is_err());
 }
 
+/// A script in place of Python that answers each kind of request as the real one does.
+#[cfg(unix)]
+#[test]
+fn a_ball_is_driven_by_the_contract_of_the_script() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = std::env::temp_dir().join(format!("sinew-touch-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let python = folder.join("python");
+    // 12 vertices, 12 tetrahedra; two steps; the third request has one force too few
+    let zeros = ["0"; 36].join(",");
+    let answers = format!(
+        r#"#!/bin/sh
+n=0
+while read -r line; do
+case "$line" in
+*'"version"'*) echo '{{"version": "4.0.0"}}' ;;
+*'"op":"touch-load"'*'"radius":0.02'*) echo '{{"nodes": 12, "elements": 12, "warnings": []}}' ;;
+*'"op":"touch"'*'"places":[['*) n=$((n + 1)); more=',[0,0,3,-1,0,0]'; [ $n = 2 ] && more=''
+echo '{{"milliseconds": [1, 2], "forces": [[0,0,2,0.5,0,0]'$more'], "displacements": [{zeros}], "warnings": ["so: 1"]}}' ;;
+*) echo '{{"error": "what?"}}' ;;
+esac
+done
+"#
+    );
+    std::fs::write(&python, answers).unwrap();
+    std::fs::set_permissions(&python, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let mut mujoco = MuJoCo::start(python.to_str().unwrap()).unwrap();
+    let block = touch::Block::new([2, 1, 1]).unwrap();
+    let mut fingers = mujoco.fingers(&block).unwrap();
+    assert_eq!(fingers.len(), 3);
+    let finger = &mut fingers[0];
+    finger.start(&block, 0.3).unwrap();
+    let turn = finger.advance(&block, &[DVec3::ZERO; 2]).unwrap();
+    assert_eq!(turn.displacements, [DVec3::ZERO; 12]);
+    // normal force and friction add up
+    assert_eq!(turn.samples[1].force, DVec3::new(-1.0, 0.0, 3.0));
+    assert_eq!(turn.samples[0].friction, Some(DVec3::X * 0.5));
+    let error = finger.advance(&block, &[DVec3::ZERO; 2]).err().unwrap().to_string();
+    assert!(error.contains("MuJoCo") && error.contains("1 steps of 2"), "{error}");
+    assert!(finger.remark().contains("it warns: so"), "{}", finger.remark());
+    // another mesh than ours
+    let other = touch::Block::new([2, 2, 1]).unwrap();
+    let error = finger.start(&other, 0.0).unwrap_err().to_string();
+    assert!(error.contains("12 vertices") && error.contains("of 18 and 24"), "{error}");
+    drop(fingers);
+    drop(mujoco);
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// The script knows what it is asked.
+#[test]
+fn the_script_serves_the_requests() {
+    let script = include_str!("../../peers/mujoco_flex.py");
+    for word in
+        ["touch-load", "touch", "places", "friction", "radius", "damping", "option", "contact"]
+    {
+        assert!(
+            script.contains(&format!("[\"{word}\"]"))
+                || script.contains(&format!("op == \"{word}\"")),
+            "{word}"
+        );
+    }
+}
+
 #[test]
 fn a_missing_python_is_skipped_with_a_remedy() {
     let why = MuJoCo::start("/no/such/python").err().expect("there is none");
