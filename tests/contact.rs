@@ -704,3 +704,42 @@ fn turning_tool_and_body_together_turns_the_force() {
     assert!((force - other_force).length() < 1e-6 * force.length(), "{force} {other_force}");
     assert!((torque - other_torque).length() < 1e-6 * torque.length(), "{torque} {other_torque}");
 }
+
+/// A ball that presses on a block ends its way a little elsewhere: its force changes as the local stiffness says.
+#[test]
+fn the_local_stiffness_is_the_derivative_of_the_force() {
+    let mesh = box_tets(DVec3::new(0.06, 0.06, 0.03), [6, 6, 3]).unwrap();
+    let run = |extra: DVec3| {
+        let mut s = Simulation::new(SimulationOptions::default()).unwrap();
+        s.set_dt(0.01);
+        s.set_solver(SolverSettings {
+            integrator: Integrator::Newton,
+            newton_tolerance: 1e-12,
+            linear_tolerance: 1e-10,
+            ..SolverSettings::default()
+        });
+        let body = s.add_body(&BodyDescription::new("block", &mesh, SOFT)).unwrap();
+        let floor = s.group_rows(body, &mesh, "z0").unwrap();
+        s.add_constraint(Constraint::hold("floor", floor));
+        let above = DVec3::new(0.031, 0.029, 0.03 + 0.015);
+        let mut ball = Tool::new("ball", Shape::Sphere { radius: 0.015 }, above);
+        ball.local_stiffness = true;
+        let ball = s.add_tool(ball).unwrap();
+        for i in 1..=5 {
+            let last = if i == 5 { extra } else { DVec3::ZERO };
+            s.move_tool(ball, above - DVec3::Z * 1e-3 * f64::from(i) + last).unwrap();
+            s.step().unwrap();
+        }
+        s.tool_report(ball).unwrap().clone()
+    };
+    let stiffness = run(DVec3::ZERO).local_stiffness.unwrap();
+    for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+        let h = 1e-7;
+        let slope = (run(h * axis).force - run(-h * axis).force) / (2.0 * h);
+        let off = (slope - stiffness * axis).length();
+        assert!(off < 1e-3 * stiffness.z_axis.length(), "{slope} {}", stiffness * axis);
+    }
+    assert!(stiffness.z_axis.z < -10.0, "{stiffness}");
+    let asymmetry = stiffness - stiffness.transpose();
+    assert!(asymmetry.x_axis.length() < 1e-6 * stiffness.z_axis.length());
+}

@@ -392,6 +392,22 @@ impl PartNow {
     }
 }
 
+impl PartNow {
+    /// Second derivatives (1/m) of the distance, by differences of its gradient.
+    pub fn curvature(&self, at: DVec3, side: &Side) -> DMat3 {
+        let thickness = self.shape.thickness();
+        if !thickness.is_finite() {
+            return DMat3::ZERO;
+        }
+        let h = 1e-5 * thickness;
+        let slope = |axis: DVec3| {
+            (self.gap(at + h * axis, side).1 - self.gap(at - h * axis, side).1) / (2.0 * h)
+        };
+        let curvature = DMat3::from_cols(slope(DVec3::X), slope(DVec3::Y), slope(DVec3::Z));
+        0.5 * (curvature + curvature.transpose())
+    }
+}
+
 impl Side {
     /// Unit direction that leads out of the tool on the right side, as far as it is known.
     fn direction(&self) -> DVec3 {

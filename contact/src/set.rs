@@ -18,6 +18,10 @@ use sinew_engine::topology::Topology;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+mod near;
+mod points;
+mod report;
+
 /// Part of its thickness that a tool may move at once: no point can then pass its middle. The second is for tools
 /// thinner than the edges of the surface, which would work themselves under it.
 const LONGEST_WAY: [f64; 2] = [0.9, 0.4];
@@ -153,6 +157,8 @@ pub struct ContactSet {
     forces: Vec<(u32, DVec3)>,
     pressures: Vec<(u32, f64)>,
     figures: ContactFigures,
+    /// Local stiffnesses (N/m) found in this step, by tool.
+    local: Vec<(usize, DMat3)>,
     /// Work and dissipation of the tools, and last of all hands, in the substeps of the step.
     settled: Vec<Settled>,
     /// Energy (J) stored at the end of the last step.
@@ -160,7 +166,6 @@ pub struct ContactSet {
     /// What is kept, as it was before the first part of a step in parts, and the number of that step.
     before_parts: Option<(u64, Box<ContactSet>)>,
 }
-
 impl ContactSet {
     /// Finds what may touch what in the step to come. `x` and `v` are positions (m) and velocities (m/s) of vertex
     /// rows, `rest` their rest positions. With `limit_ways` a tool whose way through tissue is longer than it is thick
@@ -178,6 +183,7 @@ impl ContactSet {
     ) -> Result<(), StepError> {
         let clock = *world.resource::<StepClock>();
         self.figures = ContactFigures::default();
+        self.local.clear();
         self.read(world)?;
         self.points.clear();
         self.faces.clear();
@@ -250,570 +256,6 @@ impl ContactSet {
     /// Whether nothing can touch or pull anything in this step.
     pub fn is_idle(&self) -> bool {
         self.points.is_empty()
-    }
-
-    /// Tools, pairs and pulls as they are, in order of creation.
-    fn read(&mut self, world: &mut World) -> Result<(), StepError> {
-        let clock = *world.resource::<StepClock>();
-        let part = world.get_resource::<StepPart>().copied().unwrap_or_default();
-        if part.index == 0 {
-            match self.before_parts.take() {
-                // that step failed in a later part, and is made again
-                Some((step, before)) if step == clock.step => *self = *before,
-                _ => {}
-            }
-            if part.count > 1 {
-                self.before_parts = Some((clock.step, Box::new(self.clone())));
-            }
-        }
-        let t = clock.time + clock.dt;
-        let topology = world.resource::<Topology>();
-        let (rows, bodies) = (topology.vertex_count(), topology.bodies.len());
-        let invalid =
-            |name: &str, problem| StepError::InvalidContact { name: name.into(), problem };
-
-        let mut query = world.query::<(Entity, &Tool)>();
-        let mut found: Vec<(Entity, &Tool)> = query.iter(world).collect();
-        found.sort_unstable_by_key(|(entity, tool)| (tool.sequence, *entity));
-        self.tools.clear();
-        self.parts.clear();
-        for (entity, tool) in found {
-            if let Some(problem) = tool.problem(rows) {
-                return Err(invalid(&tool.name, problem));
-            }
-            if !tool.active(t) {
-                continue;
-            }
-            let known = self.states.get(&entity.to_bits());
-            let mut start = match known {
-                Some(state) => state.pose,
-                // targets are reached from where it first stands
-                None if tool.motion == ToolMotion::Follow => tool.start,
-                None => tool.wanted(clock.time, tool.start),
-            };
-            let wanted = tool.wanted(t, start);
-            let appears = known.is_none() || tool.placed;
-            if tool.placed {
-                start = wanted;
-            }
-            let end = match tool.motion {
-                // what is left of the way, evenly over what is left of the step
-                ToolMotion::Follow => start.towards(&wanted, part.share_of_rest()),
-                _ => wanted,
-            };
-            let first = self.parts.len();
-            let mut tool = tool.clone();
-            tool.parts.shrink_to_fit();
-            for i in 0..tool.parts.len() {
-                let rigid = |pose| {
-                    let (centre, rotation) = tool.part_pose(i, pose);
-                    Rigid { centre, rotation }
-                };
-                let (start, end) = (rigid(&start), rigid(&end));
-                let drawn_in = known.filter(|_| !appears).and_then(|k| k.drawn_in.get(i)).copied();
-                self.parts.push(PartNow {
-                    shape: tool.parts[i].shape.clone(),
-                    tool: self.tools.len(),
-                    start,
-                    end,
-                    now: end,
-                    drawn_in: drawn_in.unwrap_or(0.0),
-                });
-            }
-            self.tools.push(ToolNow {
-                entity,
-                id: entity.to_bits(),
-                name: tool.name.clone(),
-                start,
-                end,
-                lag: 0.0,
-                appears,
-                parts: first..self.parts.len(),
-                tool,
-            });
-        }
-
-        let mut query = world.query::<(Entity, &BodyContact)>();
-        self.pairs.clear();
-        for (entity, pair) in query.iter(world) {
-            if let Some(problem) = pair.problem(bodies) {
-                return Err(invalid(&pair.name, problem));
-            }
-            self.pairs.push(PairNow { entity, pair: pair.clone() });
-        }
-        self.pairs.sort_unstable_by_key(|now| (now.pair.sequence, now.entity));
-
-        let mut query = world.query::<(Entity, &Pull)>();
-        self.pulls.clear();
-        for (entity, pull) in query.iter(world) {
-            if let Some(problem) = pull.problem(rows) {
-                return Err(invalid(&pull.name, problem));
-            }
-            self.pulls.push(PullNow { entity, pull: pull.clone() });
-        }
-        self.pulls.sort_unstable_by_key(|now| (now.pull.sequence, now.entity));
-        Ok(())
-    }
-
-    /// Surfaces up to date, and where they are.
-    fn refit(
-        &mut self,
-        world: &mut World,
-        rest: &[DVec3],
-        dt: f64,
-        x: &dyn Fn(u32) -> DVec3,
-        v: &dyn Fn(u32) -> DVec3,
-    ) -> Result<(), StepError> {
-        let bodies = world.resource::<Topology>().bodies.len();
-        let Some(SurfaceReader(read)) = world.get_resource::<SurfaceReader>().copied() else {
-            return Ok(());
-        };
-        self.skins.resize_with(bodies, Known::default);
-        let live: Vec<u64> = self.tools.iter().map(|now| now.id).collect();
-        self.own_skins.retain(|(tool, _), _| live.contains(tool));
-        for body in 0..bodies {
-            let topology = world.resource::<Topology>();
-            let first = topology.bodies[body].vertices.start;
-            let version = (topology.revision + 1, topology.bodies[body].changes);
-            let mut surface = None;
-            if self.skins[body].version != version {
-                let read = read(world, body);
-                let skin = Skin::new(&read, first, rest, None);
-                if skin.faces.is_empty() && self.pairs.iter().any(|n| n.pair.bodies.contains(&body))
-                {
-                    let pair = self.pairs.iter().find(|n| n.pair.bodies.contains(&body));
-                    let name = &world.resource::<Topology>().bodies[body].name;
-                    return Err(StepError::InvalidContact {
-                        name: pair.map_or_else(String::new, |n| n.pair.name.clone()),
-                        problem: format!("body `{name}` has no surface that could be touched"),
-                    });
-                }
-                self.skins[body] = Known { version, skin };
-                surface = Some(read);
-            }
-            self.skins[body].skin.refit(dt, x, v);
-            for now in self.tools.iter().filter(|now| now.tool.faces.is_some()) {
-                let own = self.own_skins.entry((now.id, body)).or_default();
-                if own.version != version {
-                    let surface = surface.get_or_insert_with(|| read(world, body));
-                    let faces = now.tool.faces.as_deref();
-                    *own = Known { version, skin: Skin::new(surface, first, rest, faces) };
-                }
-                own.skin.refit(dt, x, v);
-            }
-        }
-        Ok(())
-    }
-
-    /// The surface of a body that a tool may touch.
-    fn skin(&self, tool: &ToolNow, body: usize) -> &Skin {
-        match self.own_skins.get(&(tool.id, body)) {
-            Some(own) if tool.tool.faces.is_some() => &own.skin,
-            _ => &self.skins[body].skin,
-        }
-    }
-
-    /// Shortens the ways of tools that are too long for their thickness, where they meet tissue.
-    fn limit_ways(&mut self) {
-        for index in 0..self.tools.len() {
-            let now = &self.tools[index];
-            let mut share = 1.0_f64;
-            for part in &self.parts[now.parts.clone()] {
-                let way = longest_way(part);
-                let most = self.longest_step(part);
-                if way > most && self.meets(part, now) {
-                    share = share.min(most / way);
-                }
-            }
-            if share < 1.0 && !now.appears {
-                let end = now.start.towards(&now.end, share);
-                let lag = end.position.distance(now.end.position);
-                let now = &mut self.tools[index];
-                (now.end, now.lag) = (end, lag);
-                self.figures.lagging += 1;
-                self.place_parts(index);
-            }
-        }
-    }
-
-    /// Most (m) that a part may move at once.
-    fn longest_step(&self, part: &PartNow) -> f64 {
-        let edge = self.skins.iter().map(|known| known.skin.edge).fold(0.0, f64::max);
-        let thickness = part.shape.thickness();
-        LONGEST_WAY[usize::from(thickness < edge)] * thickness
-    }
-
-    /// Whether the way of a part leads through the box of a body.
-    fn meets(&self, part: &PartNow, tool: &ToolNow) -> bool {
-        let swept = swept(part);
-        (0..self.skins.len()).any(|body| overlap(&self.skin(tool, body).hull, &swept))
-    }
-
-    fn place_parts(&mut self, tool: usize) {
-        let now = &self.tools[tool];
-        for (i, part) in self.parts[now.parts.clone()].iter_mut().enumerate() {
-            let (centre, rotation) = now.tool.part_pose(i, &now.end);
-            part.end = Rigid { centre, rotation };
-            part.now = part.end;
-        }
-    }
-
-    /// Remembered state of a point.
-    fn remembered(&self, key: &Key) -> Memory {
-        let found = self.memory.binary_search_by_key(key, |(key, _)| *key);
-        found.map_or_else(|_| Memory::default(), |i| self.memory[i].1)
-    }
-
-    /// Points that tools may touch.
-    fn find_tool_points(&mut self) {
-        let mut points = Vec::new();
-        for index in 0..self.tools.len() {
-            for part in self.tools[index].parts.clone() {
-                if self.tools[index].appears {
-                    self.draw_in(index, part);
-                }
-                for body in 0..self.skins.len() {
-                    self.find_normals(index, part, body);
-                    let kind = self.kind_of_points(index, part, body);
-                    self.collect(index, part, body, kind, &mut points);
-                }
-            }
-        }
-        self.points.append(&mut points);
-    }
-
-    /// Normals of a surface that a part may touch.
-    fn find_normals(&mut self, tool: usize, part: usize, body: usize) {
-        let (now, part) = (&self.tools[tool], &self.parts[part]);
-        let reach = part.shape.bounds(part.end.centre, part.end.rotation);
-        if !overlap(&self.skin(now, body).hull, &grown(reach, longest_way(part))) {
-            return;
-        }
-        let key = (now.id, body);
-        let skin = match self.own_skins.get_mut(&key) {
-            Some(own) if now.tool.faces.is_some() => &mut own.skin,
-            _ => &mut self.skins[body].skin,
-        };
-        if skin.normals.is_empty() {
-            skin.find_normals();
-        }
-    }
-
-    fn kind_of_points(&self, tool: usize, part: usize, body: usize) -> Points {
-        let now = &self.tools[tool];
-        let edge = self.skin(now, body).edge;
-        let thickness = self.parts[part].shape.thickness();
-        match now.tool.points {
-            Points::Auto if thickness >= DENSE * edge => Points::Vertex,
-            Points::Auto => {
-                let n = (DENSE * edge / thickness).ceil() as u32;
-                Points::Faces(n.clamp(2, MOST_POINTS))
-            }
-            chosen => chosen,
-        }
-    }
-
-    /// Draws a part in as far as points are deep inside of it.
-    fn draw_in(&mut self, tool: usize, part: usize) {
-        let mut deepest = 0.0_f64;
-        let now = &self.tools[tool];
-        for body in 0..self.skins.len() {
-            let skin = self.skin(now, body);
-            let part = &self.parts[part];
-            let own = part.shape.bounds(part.start.centre, part.start.rotation);
-            let place = PartNow { now: part.start, drawn_in: 0.0, ..part.clone() };
-            skin.near(&own, |i| {
-                let depth = -place.gap(skin.at[i], &Side::default()).0;
-                if depth > INSIDE * skin.edge {
-                    deepest = deepest.max(depth);
-                }
-            });
-        }
-        self.parts[part].drawn_in = deepest;
-        self.figures.drawn_in += u32::from(deepest > 0.0);
-    }
-
-    /// Points of one body that a part may touch.
-    fn collect(
-        &self,
-        tool: usize,
-        part_index: usize,
-        body: usize,
-        kind: Points,
-        points: &mut Vec<Point>,
-    ) {
-        let (now, part) = (&self.tools[tool], &self.parts[part_index]);
-        let skin = self.skin(now, body);
-        let longest = longest_way(part);
-        let reach = part.shape.bounds(part.end.centre, part.end.rotation);
-        let reach = grown(reach, longest);
-        let slack = longest + 1e-9 * skin.edge;
-        let thin = part.shape.thickness() < skin.edge;
-        let point = |point: [u32; 4], rows, weights, outward, [area, young]: [f64; 2]| {
-            let key = Key {
-                body: body as u32,
-                owner: now.id,
-                part: (part_index - now.parts.start) as u32,
-                point,
-            };
-            let memory = self.remembered(&key);
-            Point {
-                key,
-                against: Against::Part(part_index),
-                rows,
-                weights,
-                area,
-                k: stiffness(now.tool.stiffness, young, skin.edge),
-                mu: if now.tool.grip { f64::INFINITY } else { now.tool.friction },
-                memory: Memory { gripped: memory.gripped && now.tool.grip, ..memory },
-                start: DVec3::ZERO,
-                slip: DVec3::ZERO,
-                carried: DVec3::ZERO,
-                limit: 0.0,
-                normal: DVec3::ZERO,
-                pressed: false,
-                multiplier: now.tool.exact.then_some(memory.pressure),
-                side: if now.tool.keeps_side {
-                    Side { outward, straight: thin && outward != DVec3::ZERO, ..Side::default() }
-                } else {
-                    Side::default()
-                },
-            }
-        };
-        if let Points::Faces(n) = kind {
-            if !overlap(&skin.hull, &reach) {
-                return;
-            }
-            let places = face_points(n);
-            for (face, &local) in skin.faces.iter().enumerate() {
-                let corners = local.map(|v| skin.at[v as usize]);
-                let way = local.iter().map(|&v| skin.way[v as usize]).fold(0.0, f64::max);
-                let low = corners[0].min(corners[1]).min(corners[2]);
-                let high = corners[0].max(corners[1]).max(corners[2]);
-                if !overlap(&grown([low, high], way), &reach) {
-                    continue;
-                }
-                let rows = local.map(|v| skin.rows[v as usize]);
-                let outward = skin.outward(face);
-                let (area, young) =
-                    (skin.face_area[face] / places.len() as f64, skin.mean(&skin.young, face));
-                for (number, weights) in (0..).zip(&places) {
-                    let at =
-                        corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
-                    if part.gap(at, &Side::default()).0 <= slack + way {
-                        let [a, b, c] = rows;
-                        let id = [a, b, c, number];
-                        points.push(point(id, rows, *weights, outward, [area, young]));
-                    }
-                }
-            }
-        } else {
-            skin.near(&reach, |i| {
-                if part.gap(skin.at[i], &Side::default()).0 <= slack + skin.way[i] {
-                    let row = skin.rows[i];
-                    let id = [row, u32::MAX, u32::MAX, 0];
-                    let numbers = [skin.area[i], skin.young[i]];
-                    let outward = skin.normals[i];
-                    points.push(point(id, [row; 3], [1.0, 0.0, 0.0], outward, numbers));
-                }
-            });
-        }
-    }
-
-    /// Points of bodies that may touch other bodies.
-    fn find_pair_points(&mut self, rest: &[DVec3]) {
-        let (mut points, mut faces, mut buried) = (Vec::new(), Vec::new(), 0);
-        for now in &self.pairs {
-            let [a, b] = now.pair.bodies;
-            let directions: &[[usize; 2]] = if a == b { &[[a, a]] } else { &[[a, b], [b, a]] };
-            for (direction, &[from, to]) in (0..).zip(directions) {
-                buried +=
-                    self.collect_pair(now, direction, [from, to], rest, &mut points, &mut faces);
-            }
-        }
-        self.points.append(&mut points);
-        self.faces = faces;
-        self.figures.buried = buried;
-    }
-
-    /// Vertices of body `from` near faces of body `to`. Faces near the common box are sorted into the cells of a grid
-    /// that are as large as the largest of them, so that the work grows with the surface in that box alone.
-    fn collect_pair(
-        &self,
-        now: &PairNow,
-        direction: u32,
-        [from, to]: [usize; 2],
-        rest: &[DVec3],
-        points: &mut Vec<Point>,
-        faces: &mut Vec<[u32; 3]>,
-    ) -> u32 {
-        let mut buried = 0;
-        let (own, other) = (&self.skins[from].skin, &self.skins[to].skin);
-        if !overlap(&own.hull, &other.hull) {
-            return 0;
-        }
-        let common = [own.hull[0].max(other.hull[0]), own.hull[1].min(other.hull[1])];
-        let mut near = Vec::new();
-        own.near(&common, |i| {
-            if overlap(&grown([own.at[i]; 2], own.way[i]), &common) {
-                near.push(i);
-            }
-        });
-        let mut boxes = Vec::new();
-        let mut size = 0.0_f64;
-        for (face, local) in (0..).zip(&other.faces) {
-            let corners = local.map(|v| other.at[v as usize]);
-            let way = local.iter().map(|&v| other.way[v as usize]).fold(0.0, f64::max);
-            let low = corners[0].min(corners[1]).min(corners[2]);
-            let high = corners[0].max(corners[1]).max(corners[2]);
-            let reach = grown([low, high], way + 0.5 * other.edge);
-            if overlap(&reach, &common) {
-                size = size.max((reach[1] - reach[0]).max_element());
-                boxes.push((face, reach));
-            }
-        }
-        if boxes.is_empty() || size <= 0.0 {
-            return 0;
-        }
-        let cell = |x: DVec3| ((x - common[0]) / size).floor().as_i64vec3().to_array();
-        let mut bins: Vec<([i64; 3], u32)> = Vec::new();
-        for (place, (_, [low, high])) in (0..).zip(&boxes) {
-            let (low, high) = (cell(*low), cell(*high));
-            for i in low[0]..=high[0] {
-                for j in low[1]..=high[1] {
-                    for k in low[2]..=high[2] {
-                        bins.push(([i, j, k], place));
-                    }
-                }
-            }
-        }
-        bins.sort_unstable();
-        let softer = |young: f64| {
-            let of_other = other.young.iter().copied().fold(f64::INFINITY, f64::min) / other.edge;
-            (young / own.edge).min(of_other)
-        };
-        let mut chosen = Vec::new();
-        for i in near {
-            let at = own.at[i];
-            let mine = cell(at);
-            let first = bins.partition_point(|(c, _)| *c < mine);
-            chosen.clear();
-            for &(_, place) in bins[first..].iter().take_while(|(c, _)| *c == mine) {
-                let (face, [low, high]) = boxes[place as usize];
-                let local = other.faces[face];
-                if !overlap(&grown([at; 2], own.way[i]), &[low, high]) {
-                    continue;
-                }
-                if from == to {
-                    let here = rest[own.rows[i] as usize];
-                    let near_at_rest = local.iter().any(|&v| {
-                        let row = other.rows[v as usize];
-                        row == own.rows[i] || rest[row as usize].distance(here) < 2.0 * own.edge
-                    });
-                    if near_at_rest {
-                        continue;
-                    }
-                }
-                chosen.push(face);
-            }
-            if chosen.is_empty() {
-                continue;
-            }
-            let row = own.rows[i];
-            let key = Key {
-                body: from as u32,
-                owner: now.entity.to_bits(),
-                part: direction,
-                point: [row, u32::MAX, u32::MAX, 0],
-            };
-            let mut memory = self.remembered(&key);
-            let first = faces.len();
-            faces.extend(
-                chosen.iter().map(|&face| other.faces[face].map(|v| other.rows[v as usize])),
-            );
-            let x = |row: u32| match other.rows.binary_search(&row) {
-                Ok(at) => other.at[at],
-                Err(_) => at,
-            };
-            let sheets = chosen.iter().all(|&face| face >= other.sheets);
-            let distance = beside(at, &faces[first..], &x, None).map_or(0.0, |b| b.distance);
-            if sheets && memory.side == 0.0 {
-                // a membrane has two sides: the one where it was met counts
-                memory.side = if distance < 0.0 { -1.0 } else { 1.0 };
-            } else if memory.pressure == 0.0 && distance < -DEEP * other.edge {
-                // it is behind these faces because it is on the far side of their body
-                faces.truncate(first);
-                buried += u32::from(from != to);
-                continue;
-            }
-            let half = if from == to { 1.0 } else { 0.5 };
-            points.push(Point {
-                key,
-                against: Against::Faces(first..faces.len()),
-                rows: [row; 3],
-                weights: [1.0, 0.0, 0.0],
-                area: half * own.area[i],
-                k: match now.pair.stiffness {
-                    Stiffness::Relative(factor) => factor * softer(own.young[i]),
-                    Stiffness::Absolute(k) => k,
-                },
-                mu: now.pair.friction,
-                memory,
-                start: DVec3::ZERO,
-                slip: memory.slip,
-                carried: DVec3::ZERO,
-                limit: 0.0,
-                normal: DVec3::ZERO,
-                pressed: false,
-                multiplier: None,
-                side: Side::default(),
-            });
-        }
-        buried
-    }
-
-    /// Points of patches that hands pull on.
-    fn find_pull_points(&mut self, world: &World, x: &dyn Fn(u32) -> DVec3) {
-        let bodies = &world.resource::<Topology>().bodies;
-        for now in &mut self.pulls {
-            let pull = &mut now.pull;
-            if pull.anchors.len() != pull.rows.len() {
-                pull.anchors = pull.rows.iter().map(|&row| x(row)).collect();
-            }
-            let sum: f64 = pull.weights.iter().sum();
-            let patch = pull.rows.iter().zip(&pull.weights).zip(&pull.anchors);
-            for (number, ((&row, weight), anchor)) in (0..).zip(patch) {
-                let carried = |pose: &sinew_engine::load::Pose| *anchor + pose.way(*anchor);
-                self.points.push(Point {
-                    key: Key {
-                        body: bodies.partition_point(|body| body.vertices.end <= row) as u32,
-                        owner: now.entity.to_bits(),
-                        part: number,
-                        point: [row, u32::MAX, u32::MAX, 0],
-                    },
-                    against: Against::Hand {
-                        to: carried(&pull.target),
-                        from: carried(&pull.last),
-                        damping: pull.damping,
-                        rate: 0.0,
-                    },
-                    rows: [row; 3],
-                    weights: [1.0, 0.0, 0.0],
-                    area: weight / sum,
-                    k: pull.stiffness,
-                    mu: 0.0,
-                    memory: Memory::default(),
-                    start: DVec3::ZERO,
-                    slip: carried(&pull.last),
-                    carried: DVec3::ZERO,
-                    limit: 0.0,
-                    normal: DVec3::ZERO,
-                    pressed: false,
-                    multiplier: None,
-                    side: Side::default(),
-                });
-            }
-        }
     }
 
     /// Puts all tools and hands where they are when `part` of the step has passed, `span` (s) after its start.
@@ -961,14 +403,7 @@ impl ContactSet {
                 blocks.couplings.push(Coupling { rows, weights, block });
             }
         }
-        blocks.diagonal.sort_by_key(|(row, _)| *row);
-        blocks.diagonal.dedup_by(|later, first| {
-            let same = later.0 == first.0;
-            if same {
-                first.1 += later.1;
-            }
-            same
-        });
+        sum_by_row(&mut blocks.diagonal);
         blocks
     }
 
@@ -1034,6 +469,56 @@ impl ContactSet {
     pub fn count(&mut self, iterations: u32, unconverged: bool) {
         self.figures.inner_iterations += iterations;
         self.figures.unconverged += u32::from(unconverged);
+    }
+
+    /// Tools whose local stiffness is asked for and that touch something. Tangents of their points become exact: what the
+    /// curvature of the tool takes from them, small along the normal, counts where the tool goes sideways.
+    pub fn tools_with_stiffness(&mut self) -> Vec<usize> {
+        let asked =
+            |i: &usize| self.tools[*i].tool.local_stiffness && self.touching(*i).count() > 0;
+        let tools: Vec<usize> = (0..self.tools.len()).filter(asked).collect();
+        for (point, active) in self.points.iter().zip(&mut self.active).filter(|(_, a)| a.on) {
+            if let Against::Part(part) = point.against
+                && tools.contains(&self.parts[part].tool)
+            {
+                let curvature = self.parts[part].curvature(active.at, &point.side);
+                active.block -= point.area * active.pressure * curvature;
+            }
+        }
+        tools
+    }
+
+    /// Points that press or hold a tool, at the last evaluation.
+    fn touching(&self, tool: usize) -> impl Iterator<Item = &Active> {
+        let parts = &self.tools[tool].parts;
+        let of =
+            move |point: &Point| matches!(&point.against, Against::Part(i) if parts.contains(i));
+        let both = self.points.iter().zip(&self.active);
+        both.filter(move |(point, active)| active.on && of(point)).map(|(_, active)| active)
+    }
+
+    /// Calls `f` with every row that touches a tool, and the force (N) on it that a motion `way` (m) of the tool makes
+    /// while the row stays, at the last evaluation.
+    pub fn for_motion(&self, tool: usize, way: DVec3, mut f: impl FnMut(usize, DVec3)) {
+        for active in self.touching(tool) {
+            for (row, weight) in active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0) {
+                f(*row as usize, weight * (active.block * way));
+            }
+        }
+    }
+
+    /// Keeps the local stiffness of a tool, given where rows go (m) when it goes 1 m along every axis.
+    pub fn keep_stiffness(&mut self, tool: usize, ways: &dyn Fn(usize, u32) -> DVec3) {
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+        let columns = [0, 1, 2].map(|axis| {
+            let force = |active: &Active| {
+                let shares = active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0);
+                let way = shares.map(|(row, weight)| weight * ways(axis, *row)).sum::<DVec3>();
+                active.block * (way - axes[axis])
+            };
+            self.touching(tool).map(force).sum::<DVec3>()
+        });
+        self.local.push((tool, DMat3::from_cols(columns[0], columns[1], columns[2])));
     }
 
     /// Sum (N) of the magnitudes of the forces on rows of some bodies, at the last evaluation.
@@ -1112,305 +597,24 @@ impl ContactSet {
     pub fn stored(&self) -> f64 {
         self.stored
     }
-
-    /// Force (N) on a tool with the elastic slip that is kept for the next step in place of that at its start: no
-    /// force of this step, but what some programs record as such.
-    pub fn force_by_kept_slip(&self, tool: Entity) -> Option<DVec3> {
-        let now = self.tools.iter().find(|now| now.entity == tool)?;
-        let mut force = DVec3::ZERO;
-        for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
-            if matches!(point.against, Against::Part(part) if now.parts.contains(&part)) {
-                let n = point.normal;
-                let before = point.slip - n * n.dot(point.slip);
-                let slip = active.slip - before + point.kept_slip(active);
-                let pull = (point.k * slip.length()).min(point.limit);
-                force -= active.push - point.area * pull * slip.normalize_or_zero();
-            }
-        }
-        Some(force)
-    }
-
-    /// Forces (N) that contact and pulls exert on vertex rows at the end of the last step, ascending.
-    pub fn forces(&self) -> &[(u32, DVec3)] {
-        &self.forces
-    }
-
-    /// Pressures (Pa) on vertex rows at the end of the last step, ascending; rows without are left out.
-    pub fn pressures(&self) -> &[(u32, f64)] {
-        &self.pressures
-    }
-
-    fn keep_forces(&mut self) {
-        let mut forces = Vec::new();
-        let mut pressures: Vec<(u32, f64)> = Vec::new();
-        for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
-            let force = active.push + active.rub;
-            for (&row, weight) in active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0)
-            {
-                forces.push((row, weight * force));
-                if active.pressure > 0.0 && !matches!(point.against, Against::Hand { .. }) {
-                    let area = self.vertex_area(row);
-                    if area > 0.0 {
-                        let share = weight.abs() * point.area * active.pressure / area;
-                        pressures.push((row, share));
-                    }
-                }
-            }
-        }
-        forces.sort_by_key(|(row, _)| *row);
-        forces.dedup_by(|later, first| {
-            let same = later.0 == first.0;
-            if same {
-                first.1 += later.1;
-            }
-            same
-        });
-        pressures.sort_by_key(|(row, _)| *row);
-        pressures.dedup_by(|later, first| {
-            let same = later.0 == first.0;
-            if same {
-                first.1 += later.1;
-            }
-            same
-        });
-        (self.forces, self.pressures) = (forces, pressures);
-    }
-
-    fn vertex_area(&self, row: u32) -> f64 {
-        for known in &self.skins {
-            if let Ok(at) = known.skin.rows.binary_search(&row) {
-                return known.skin.area[at];
-            }
-        }
-        0.0
-    }
-
-    fn report_tools(&mut self, world: &mut World, x: &Places, dt: f64) {
-        let live: Vec<u64> = {
-            let mut query = world.query_filtered::<Entity, With<Tool>>();
-            query.iter(world).map(Entity::to_bits).collect()
-        };
-        self.states.retain(|sequence, _| live.contains(sequence));
-        // those that are away in this step feel nothing
-        let mut query = world.query::<(Entity, &Tool, &mut ToolReport)>();
-        for (entity, _, mut report) in query.iter_mut(world) {
-            if !self.tools.iter().any(|now| now.entity == entity) && report.energy > 0.0 {
-                let ToolReport { position, rotation, opening, work, dissipation, .. } = *report;
-                let away = ToolReport { position, rotation, opening, ..ToolReport::default() };
-                *report = ToolReport { work, dissipation, ..away };
-            }
-        }
-        for index in 0..self.tools.len() {
-            let mut report = self.report_tool(index, dt);
-            if self.tools[index].tool.error_bar {
-                report.other_points = Some(self.other_force(index, x));
-            }
-            let now = &self.tools[index];
-            let state = self.states.entry(now.id).or_default();
-            state.pose = now.end;
-            state.work += report.work;
-            state.dissipation += report.dissipation;
-            report.work = state.work;
-            report.dissipation = state.dissipation;
-            // a tool that was drawn in grows again
-            state.drawn_in = self.parts[now.parts.clone()].iter().map(|p| p.drawn_in).collect();
-            let edge = self.skins.iter().map(|k| k.skin.edge).fold(0.0, f64::max);
-            for drawn_in in &mut state.drawn_in {
-                *drawn_in = (*drawn_in - (GROWTH * dt).min(0.5 * edge)).max(0.0);
-            }
-            self.figures.lag = self.figures.lag.max(report.lag);
-            if let Ok(mut entity) = world.get_entity_mut(now.entity) {
-                if let Some(mut tool) = entity.get_mut::<Tool>() {
-                    tool.placed = false;
-                }
-                entity.insert(report);
-            }
-        }
-    }
-
-    fn report_tool(&mut self, index: usize, dt: f64) -> ToolReport {
-        let now = &self.tools[index];
-        let turn = now.end.rotation * now.start.rotation.inverse();
-        let turn = if turn.w < 0.0 { -turn } else { turn };
-        let mut report = ToolReport {
-            position: now.end.position,
-            rotation: now.end.rotation,
-            opening: now.end.opening,
-            velocity: (now.end.position - now.start.position) / dt,
-            angular_velocity: turn.to_scaled_axis() / dt,
-            lag: now.lag,
-            centre: now.end.position,
-            ..ToolReport::default()
-        };
-        if now.appears {
-            (report.velocity, report.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
-        }
-        let (mut weight, mut centre) = (0.0, DVec3::ZERO);
-        for part in &self.parts[now.parts.clone()] {
-            report.drawn_in = report.drawn_in.max(part.drawn_in);
-        }
-        for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
-            let Against::Part(part) = point.against else { continue };
-            if !now.parts.contains(&part) {
-                continue;
-            }
-            let force = -(active.push + active.rub);
-            report.force += force;
-            report.normal -= active.push;
-            report.friction -= active.rub;
-            report.torque += (active.at - now.end.position).cross(force);
-            // what the tool's matter at this place went
-            let part = &self.parts[part];
-            let way = active.at - part.end.carry(active.at, &part.start);
-            report.work -= force.dot(way);
-            report.energy += stored(point, active);
-            let lost = lost(point, active);
-            report.dissipation += lost;
-            self.figures.friction_dissipation += lost;
-            if active.pressure > 0.0 {
-                report.area += point.area;
-                report.depth = report.depth.max(-active.gap);
-                report.pressure = report.pressure.max(active.pressure);
-                let push = point.area * active.pressure;
-                weight += push;
-                centre += push * active.at;
-            }
-            if sticks(point, active) {
-                report.sticking += 1;
-            } else {
-                report.slipping += 1;
-            }
-        }
-        if weight > 0.0 {
-            report.centre = centre / weight;
-        }
-        let Settled { work, dissipation } = self.settled[index];
-        report.work += work;
-        report.dissipation += dissipation;
-        self.figures.friction_dissipation += dissipation;
-        report
-    }
-
-    /// Force (N) on a tool by points of the other kind at the same state.
-    fn other_force(&mut self, index: usize, x: &Places) -> DVec3 {
-        let mut force = DVec3::ZERO;
-        for part in self.tools[index].parts.clone() {
-            for body in 0..self.skins.len() {
-                let other = match self.kind_of_points(index, part, body) {
-                    Points::Vertex => Points::Faces(2),
-                    _ => Points::Vertex,
-                };
-                let mut points = Vec::new();
-                self.collect(index, part, body, other, &mut points);
-                for mut point in points {
-                    point.mu = 0.0;
-                    let active =
-                        point.evaluate(&self.parts, &self.faces, x.now, x.start, Limits::Take);
-                    force -= active.push;
-                }
-            }
-        }
-        force
-    }
-
-    fn report_pairs(&mut self, world: &mut World) {
-        for now in &self.pairs {
-            let mut report = BodyContactReport::default();
-            let own = |p: &Point| {
-                p.key.owner == now.entity.to_bits() && matches!(p.against, Against::Faces(_))
-            };
-            let points = self.points.iter().zip(&self.active);
-            for (point, active) in points.filter(|(p, a)| a.on && own(p)) {
-                let force = active.push + active.rub;
-                if now.pair.bodies[0] != now.pair.bodies[1] {
-                    report.force += if point.key.part == 0 { force } else { -force };
-                }
-                report.area += point.area;
-                report.depth = report.depth.max(-active.gap);
-                let lost = lost(point, active);
-                *self.dissipated.entry(now.entity.to_bits()).or_default() += lost;
-                self.figures.friction_dissipation += lost;
-                if sticks(point, active) {
-                    report.sticking += 1;
-                } else {
-                    report.slipping += 1;
-                }
-            }
-            report.dissipation =
-                self.dissipated.get(&now.entity.to_bits()).copied().unwrap_or_default();
-            if let Ok(mut entity) = world.get_entity_mut(now.entity) {
-                entity.insert(report);
-            }
-        }
-    }
-
-    fn report_pulls(&mut self, world: &mut World) {
-        for now in &mut self.pulls {
-            let Ok(mut entity) = world.get_entity_mut(now.entity) else { continue };
-            let mut report = entity.get::<PullReport>().copied().unwrap_or_default();
-            (report.force, report.torque, report.distance) = (DVec3::ZERO, DVec3::ZERO, 0.0);
-            let pose = now.pull.target;
-            let centre = pose.centre + pose.translation;
-            for (point, active) in self.points.iter().zip(&self.active) {
-                let Against::Hand { to, from, .. } = point.against else { continue };
-                if point.key.owner != now.entity.to_bits() {
-                    continue;
-                }
-                let force = -(active.push + active.rub);
-                report.force += force;
-                report.torque += (to - centre).cross(force);
-                report.distance += point.area * active.gap;
-                report.work -= force.dot(to - from);
-            }
-            now.pull.last = pose;
-            entity.insert(report);
-            if let Some(mut pull) = entity.get_mut::<Pull>() {
-                pull.last = pose;
-                pull.anchors.clone_from(&now.pull.anchors);
-            }
-        }
-    }
-
-    /// Substeps that the step to come needs, so that no tool passes through what it meets: 1 in all but fast motion.
-    pub fn substeps(&mut self, world: &mut World, positions: fn(&mut World) -> Vec<DVec3>) -> u32 {
-        // errors come back in the step
-        if self.read(world).is_err() {
-            return 1;
-        }
-        let mut most = 1.0_f64;
-        let mut at = Vec::new();
-        for now in self.tools.iter().filter(|now| !now.appears) {
-            for part in &self.parts[now.parts.clone()] {
-                let ways = longest_way(part) / self.longest_step(part);
-                if ways <= most {
-                    continue;
-                }
-                let swept = swept(part);
-                if at.is_empty() {
-                    at = positions(world);
-                }
-                let near = (0..self.skins.len()).any(|body| {
-                    let skin = self.skin(now, body);
-                    let mut hull = EMPTY;
-                    for &row in &skin.rows {
-                        let Some(at) = at.get(row as usize) else { continue };
-                        hull = [hull[0].min(*at), hull[1].max(*at)];
-                    }
-                    overlap(&grown(hull, skin.edge), &swept)
-                });
-                if near {
-                    most = ways;
-                }
-            }
-        }
-        (most.ceil() as u32).clamp(1, MOST_SUBSTEPS)
-    }
 }
 
 /// The world gets its [`ContactSet`] with the first tool, contact or pull.
 pub(crate) fn install(mut world: DeferredWorld, _: HookContext) {
     world.commands().queue(|world: &mut World| {
         world.init_resource::<ContactSet>();
+    });
+}
+
+/// Ascending rows, each once with the sum of what it had, in the order in which that came.
+fn sum_by_row<T: Copy + std::ops::AddAssign>(parts: &mut Vec<(u32, T)>) {
+    parts.sort_by_key(|(row, _)| *row);
+    parts.dedup_by(|later, first| {
+        let same = later.0 == first.0;
+        if same {
+            first.1 += later.1;
+        }
+        same
     });
 }
 
@@ -1455,26 +659,4 @@ fn lost(point: &Point, active: &Active) -> f64 {
 /// Whether a point in contact sticks.
 fn sticks(point: &Point, active: &Active) -> bool {
     point.limit > 0.0 && point.k * active.slip.length() <= point.limit
-}
-
-fn stiffness(stiffness: Stiffness, young: f64, edge: f64) -> f64 {
-    match stiffness {
-        Stiffness::Relative(factor) => factor * young / edge,
-        Stiffness::Absolute(k) => k,
-    }
-}
-
-/// Most (m) that a point of a part moves in the step.
-fn longest_way(part: &PartNow) -> f64 {
-    let shift = part.start.centre.distance(part.end.centre);
-    let reach = part.shape.reach();
-    let angle = part.start.rotation.angle_between(part.end.rotation);
-    if reach.is_finite() { shift + angle * reach } else { shift }
-}
-
-/// The box (m) that a part passes in the step.
-fn swept(part: &PartNow) -> [DVec3; 2] {
-    let start = part.shape.bounds(part.start.centre, part.start.rotation);
-    let end = part.shape.bounds(part.end.centre, part.end.rotation);
-    [start[0].min(end[0]), start[1].max(end[1])]
 }

@@ -2,7 +2,7 @@
 
 use crate::shape::Shape;
 use bevy_ecs::prelude::*;
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::load::{Curve, rotation};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -188,6 +188,9 @@ pub struct Tool {
     pub keeps_side: bool,
     /// Also finds the force that points of the other kind give, as an error bar ([`ToolReport::other_points`]).
     pub error_bar: bool,
+    /// Also finds how its force answers to small motions ([`ToolReport::local_stiffness`]), for three linear systems
+    /// more a step: for devices and rigid bodies that go on between two steps.
+    pub local_stiffness: bool,
     /// Triangles of vertex rows that it touches; all surfaces without.
     pub faces: Option<Vec<[u32; 3]>>,
     /// Time (s) from which it touches.
@@ -248,6 +251,7 @@ impl Tool {
             exact: false,
             keeps_side: true,
             error_bar: false,
+            local_stiffness: false,
             faces: None,
             from: f64::NEG_INFINITY,
             until: f64::INFINITY,
@@ -483,4 +487,9 @@ pub struct ToolReport {
     /// Force (N) by points of the other kind at the same state, if [`Tool::error_bar`] asks for it: how far the two
     /// differ says how far the mesh resolves the contact.
     pub other_points: Option<DVec3>,
+    /// What its force (N) changes by per motion (m) of its end of the step, tissue answering within the step, if
+    /// [`Tool::local_stiffness`] asks for it of an implicit integrator: the force is about
+    /// `force + local_stiffness * way`. Symmetric; limits of friction as they are. Exact for `newton`, to the tolerance of
+    /// the linear solver.
+    pub local_stiffness: Option<DMat3>,
 }

@@ -301,8 +301,10 @@ fn graded(rings: usize, layers: usize) -> Result<Mesh, MeshError> {
     Ok(mesh)
 }
 
-/// Rings and layers for 2 mm, and for deeper: the radius of contact spans at least three edges.
-const MESHES: [[[usize; 2]; 3]; 2] = [[[13, 11], [14, 12], [15, 13]], [[8, 7], [10, 9], [12, 11]]];
+/// Rings and layers, refined evenly. Coarser ones of the same grading have contact radii of three edges too, but cells
+/// beside and below that are too stiff: force of 8, 10, 12, 16 rings 10 mm deep is 7.4, 6.6, 5.6, 3.7 % above the
+/// continuum, of 20 rings without grading 1.7 %.
+const MESHES: [[usize; 2]; 3] = [[12, 11], [16, 14], [20, 18]];
 
 fn continuum(setting: &Setting, depth: f64, truth: f64) -> Outcome {
     let pressed = |[rings, layers]: [usize; 2], stiffness: f64| -> Result<_, Problem> {
@@ -323,11 +325,10 @@ fn continuum(setting: &Setting, depth: f64, truth: f64) -> Outcome {
         Ok((force, run.close()))
     };
     let mut forces = Vec::new();
-    let meshes = MESHES[usize::from(depth > 0.002)];
-    for cells in meshes {
+    for cells in MESHES {
         forces.push(pressed(cells, 50.0)?.0);
     }
-    let (stiffer, figures) = pressed(meshes[0], 100.0)?;
+    let (stiffer, figures) = pressed(MESHES[0], 100.0)?;
     let off = |force: f64| (force / truth - 1.0).abs();
     let worst = forces.iter().map(|f| off(*f)).fold(0.0, f64::max);
     let mean = forces.iter().sum::<f64>() / forces.len() as f64;

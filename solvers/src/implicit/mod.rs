@@ -38,6 +38,7 @@ mod euler;
 mod finish;
 mod line_search;
 mod linearised_bdf2;
+mod local_stiffness;
 mod midpoint;
 mod newton;
 mod start;
@@ -162,6 +163,7 @@ impl<S: Scalar> Step<'_, S> {
             }
         }?;
         self.check_finite()?;
+        self.find_local_stiffness();
         let end = follower_energies(self.world, &self.scratch.iterate);
         self.finish();
         if let (Some(start), Some(end)) = (start, end) {

@@ -1,0 +1,261 @@
+//! Who may touch whom in the step to come: tools, pairs and pulls as they are, and how far they may go.
+
+use super::*;
+
+impl ContactSet {
+    /// Tools, pairs and pulls as they are, in order of creation.
+    pub(super) fn read(&mut self, world: &mut World) -> Result<(), StepError> {
+        let clock = *world.resource::<StepClock>();
+        let part = world.get_resource::<StepPart>().copied().unwrap_or_default();
+        if part.index == 0 {
+            match self.before_parts.take() {
+                // that step failed in a later part, and is made again
+                Some((step, before)) if step == clock.step => *self = *before,
+                _ => {}
+            }
+            if part.count > 1 {
+                self.before_parts = Some((clock.step, Box::new(self.clone())));
+            }
+        }
+        let t = clock.time + clock.dt;
+        let topology = world.resource::<Topology>();
+        let (rows, bodies) = (topology.vertex_count(), topology.bodies.len());
+        let invalid =
+            |name: &str, problem| StepError::InvalidContact { name: name.into(), problem };
+
+        let mut query = world.query::<(Entity, &Tool)>();
+        let mut found: Vec<(Entity, &Tool)> = query.iter(world).collect();
+        found.sort_unstable_by_key(|(entity, tool)| (tool.sequence, *entity));
+        self.tools.clear();
+        self.parts.clear();
+        for (entity, tool) in found {
+            if let Some(problem) = tool.problem(rows) {
+                return Err(invalid(&tool.name, problem));
+            }
+            if !tool.active(t) {
+                continue;
+            }
+            let known = self.states.get(&entity.to_bits());
+            let mut start = match known {
+                Some(state) => state.pose,
+                // targets are reached from where it first stands
+                None if tool.motion == ToolMotion::Follow => tool.start,
+                None => tool.wanted(clock.time, tool.start),
+            };
+            let wanted = tool.wanted(t, start);
+            let appears = known.is_none() || tool.placed;
+            if tool.placed {
+                start = wanted;
+            }
+            let end = match tool.motion {
+                // what is left of the way, evenly over what is left of the step
+                ToolMotion::Follow => start.towards(&wanted, part.share_of_rest()),
+                _ => wanted,
+            };
+            let first = self.parts.len();
+            let mut tool = tool.clone();
+            tool.parts.shrink_to_fit();
+            for i in 0..tool.parts.len() {
+                let rigid = |pose| {
+                    let (centre, rotation) = tool.part_pose(i, pose);
+                    Rigid { centre, rotation }
+                };
+                let (start, end) = (rigid(&start), rigid(&end));
+                let drawn_in = known.filter(|_| !appears).and_then(|k| k.drawn_in.get(i)).copied();
+                self.parts.push(PartNow {
+                    shape: tool.parts[i].shape.clone(),
+                    tool: self.tools.len(),
+                    start,
+                    end,
+                    now: end,
+                    drawn_in: drawn_in.unwrap_or(0.0),
+                });
+            }
+            self.tools.push(ToolNow {
+                entity,
+                id: entity.to_bits(),
+                name: tool.name.clone(),
+                start,
+                end,
+                lag: 0.0,
+                appears,
+                parts: first..self.parts.len(),
+                tool,
+            });
+        }
+
+        let mut query = world.query::<(Entity, &BodyContact)>();
+        self.pairs.clear();
+        for (entity, pair) in query.iter(world) {
+            if let Some(problem) = pair.problem(bodies) {
+                return Err(invalid(&pair.name, problem));
+            }
+            self.pairs.push(PairNow { entity, pair: pair.clone() });
+        }
+        self.pairs.sort_unstable_by_key(|now| (now.pair.sequence, now.entity));
+
+        let mut query = world.query::<(Entity, &Pull)>();
+        self.pulls.clear();
+        for (entity, pull) in query.iter(world) {
+            if let Some(problem) = pull.problem(rows) {
+                return Err(invalid(&pull.name, problem));
+            }
+            self.pulls.push(PullNow { entity, pull: pull.clone() });
+        }
+        self.pulls.sort_unstable_by_key(|now| (now.pull.sequence, now.entity));
+        Ok(())
+    }
+
+    /// Surfaces up to date, and where they are.
+    pub(super) fn refit(
+        &mut self,
+        world: &mut World,
+        rest: &[DVec3],
+        dt: f64,
+        x: &dyn Fn(u32) -> DVec3,
+        v: &dyn Fn(u32) -> DVec3,
+    ) -> Result<(), StepError> {
+        let bodies = world.resource::<Topology>().bodies.len();
+        let Some(SurfaceReader(read)) = world.get_resource::<SurfaceReader>().copied() else {
+            return Ok(());
+        };
+        self.skins.resize_with(bodies, Known::default);
+        let live: Vec<u64> = self.tools.iter().map(|now| now.id).collect();
+        self.own_skins.retain(|(tool, _), _| live.contains(tool));
+        for body in 0..bodies {
+            let topology = world.resource::<Topology>();
+            let first = topology.bodies[body].vertices.start;
+            let version = (topology.revision + 1, topology.bodies[body].changes);
+            let mut surface = None;
+            if self.skins[body].version != version {
+                let read = read(world, body);
+                let skin = Skin::new(&read, first, rest, None);
+                if skin.faces.is_empty() && self.pairs.iter().any(|n| n.pair.bodies.contains(&body))
+                {
+                    let pair = self.pairs.iter().find(|n| n.pair.bodies.contains(&body));
+                    let name = &world.resource::<Topology>().bodies[body].name;
+                    return Err(StepError::InvalidContact {
+                        name: pair.map_or_else(String::new, |n| n.pair.name.clone()),
+                        problem: format!("body `{name}` has no surface that could be touched"),
+                    });
+                }
+                self.skins[body] = Known { version, skin };
+                surface = Some(read);
+            }
+            self.skins[body].skin.refit(dt, x, v);
+            for now in self.tools.iter().filter(|now| now.tool.faces.is_some()) {
+                let own = self.own_skins.entry((now.id, body)).or_default();
+                if own.version != version {
+                    let surface = surface.get_or_insert_with(|| read(world, body));
+                    let faces = now.tool.faces.as_deref();
+                    *own = Known { version, skin: Skin::new(surface, first, rest, faces) };
+                }
+                own.skin.refit(dt, x, v);
+            }
+        }
+        Ok(())
+    }
+
+    /// The surface of a body that a tool may touch.
+    pub(super) fn skin(&self, tool: &ToolNow, body: usize) -> &Skin {
+        match self.own_skins.get(&(tool.id, body)) {
+            Some(own) if tool.tool.faces.is_some() => &own.skin,
+            _ => &self.skins[body].skin,
+        }
+    }
+
+    /// Shortens the ways of tools that are too long for their thickness, where they meet tissue.
+    pub(super) fn limit_ways(&mut self) {
+        for index in 0..self.tools.len() {
+            let now = &self.tools[index];
+            let mut share = 1.0_f64;
+            for part in &self.parts[now.parts.clone()] {
+                let way = longest_way(part);
+                let most = self.longest_step(part);
+                if way > most && self.meets(part, now) {
+                    share = share.min(most / way);
+                }
+            }
+            if share < 1.0 && !now.appears {
+                let end = now.start.towards(&now.end, share);
+                let lag = end.position.distance(now.end.position);
+                let now = &mut self.tools[index];
+                (now.end, now.lag) = (end, lag);
+                self.figures.lagging += 1;
+                self.place_parts(index);
+            }
+        }
+    }
+
+    /// Most (m) that a part may move at once.
+    fn longest_step(&self, part: &PartNow) -> f64 {
+        let edge = self.skins.iter().map(|known| known.skin.edge).fold(0.0, f64::max);
+        let thickness = part.shape.thickness();
+        LONGEST_WAY[usize::from(thickness < edge)] * thickness
+    }
+
+    /// Whether the way of a part leads through the box of a body.
+    fn meets(&self, part: &PartNow, tool: &ToolNow) -> bool {
+        let swept = swept(part);
+        (0..self.skins.len()).any(|body| overlap(&self.skin(tool, body).hull, &swept))
+    }
+
+    fn place_parts(&mut self, tool: usize) {
+        let now = &self.tools[tool];
+        for (i, part) in self.parts[now.parts.clone()].iter_mut().enumerate() {
+            let (centre, rotation) = now.tool.part_pose(i, &now.end);
+            part.end = Rigid { centre, rotation };
+            part.now = part.end;
+        }
+    }
+
+    /// Substeps that the step to come needs, so that no tool passes through what it meets: 1 in all but fast motion.
+    pub fn substeps(&mut self, world: &mut World, positions: fn(&mut World) -> Vec<DVec3>) -> u32 {
+        // errors come back in the step
+        if self.read(world).is_err() {
+            return 1;
+        }
+        let mut most = 1.0_f64;
+        let mut at = Vec::new();
+        for now in self.tools.iter().filter(|now| !now.appears) {
+            for part in &self.parts[now.parts.clone()] {
+                let ways = longest_way(part) / self.longest_step(part);
+                if ways <= most {
+                    continue;
+                }
+                let swept = swept(part);
+                if at.is_empty() {
+                    at = positions(world);
+                }
+                let near = (0..self.skins.len()).any(|body| {
+                    let skin = self.skin(now, body);
+                    let mut hull = EMPTY;
+                    for &row in &skin.rows {
+                        let Some(at) = at.get(row as usize) else { continue };
+                        hull = [hull[0].min(*at), hull[1].max(*at)];
+                    }
+                    overlap(&grown(hull, skin.edge), &swept)
+                });
+                if near {
+                    most = ways;
+                }
+            }
+        }
+        (most.ceil() as u32).clamp(1, MOST_SUBSTEPS)
+    }
+}
+
+/// The box (m) that a part passes in the step.
+fn swept(part: &PartNow) -> [DVec3; 2] {
+    let start = part.shape.bounds(part.start.centre, part.start.rotation);
+    let end = part.shape.bounds(part.end.centre, part.end.rotation);
+    [start[0].min(end[0]), start[1].max(end[1])]
+}
+
+/// Most (m) that a point of a part moves in the step.
+pub(super) fn longest_way(part: &PartNow) -> f64 {
+    let shift = part.start.centre.distance(part.end.centre);
+    let reach = part.shape.reach();
+    let angle = part.start.rotation.angle_between(part.end.rotation);
+    if reach.is_finite() { shift + angle * reach } else { shift }
+}

@@ -1,0 +1,251 @@
+//! What is told at the end of a step: forces on rows, and the reports of tools, pairs and pulls.
+
+use super::*;
+
+impl ContactSet {
+    /// Force (N) on a tool with the elastic slip that is kept for the next step in place of that at its start: no
+    /// force of this step, but what some programs record as such.
+    pub fn force_by_kept_slip(&self, tool: Entity) -> Option<DVec3> {
+        let now = self.tools.iter().find(|now| now.entity == tool)?;
+        let mut force = DVec3::ZERO;
+        for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
+            if matches!(point.against, Against::Part(part) if now.parts.contains(&part)) {
+                let n = point.normal;
+                let before = point.slip - n * n.dot(point.slip);
+                let slip = active.slip - before + point.kept_slip(active);
+                let pull = (point.k * slip.length()).min(point.limit);
+                force -= active.push - point.area * pull * slip.normalize_or_zero();
+            }
+        }
+        Some(force)
+    }
+
+    /// Forces (N) that contact and pulls exert on vertex rows at the end of the last step, ascending.
+    pub fn forces(&self) -> &[(u32, DVec3)] {
+        &self.forces
+    }
+
+    /// Pressures (Pa) on vertex rows at the end of the last step, ascending; rows without are left out.
+    pub fn pressures(&self) -> &[(u32, f64)] {
+        &self.pressures
+    }
+
+    pub(super) fn keep_forces(&mut self) {
+        let mut forces = Vec::new();
+        let mut pressures: Vec<(u32, f64)> = Vec::new();
+        for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
+            let force = active.push + active.rub;
+            for (&row, weight) in active.rows.iter().zip(active.weights).filter(|(_, w)| *w != 0.0)
+            {
+                forces.push((row, weight * force));
+                if active.pressure > 0.0 && !matches!(point.against, Against::Hand { .. }) {
+                    let area = self.vertex_area(row);
+                    if area > 0.0 {
+                        let share = weight.abs() * point.area * active.pressure / area;
+                        pressures.push((row, share));
+                    }
+                }
+            }
+        }
+        sum_by_row(&mut forces);
+        sum_by_row(&mut pressures);
+        (self.forces, self.pressures) = (forces, pressures);
+    }
+
+    fn vertex_area(&self, row: u32) -> f64 {
+        for known in &self.skins {
+            if let Ok(at) = known.skin.rows.binary_search(&row) {
+                return known.skin.area[at];
+            }
+        }
+        0.0
+    }
+
+    pub(super) fn report_tools(&mut self, world: &mut World, x: &Places, dt: f64) {
+        let live: Vec<u64> = {
+            let mut query = world.query_filtered::<Entity, With<Tool>>();
+            query.iter(world).map(Entity::to_bits).collect()
+        };
+        self.states.retain(|sequence, _| live.contains(sequence));
+        // those that are away in this step feel nothing
+        let mut query = world.query::<(Entity, &Tool, &mut ToolReport)>();
+        for (entity, _, mut report) in query.iter_mut(world) {
+            if !self.tools.iter().any(|now| now.entity == entity) && report.energy > 0.0 {
+                let ToolReport { position, rotation, opening, work, dissipation, .. } = *report;
+                let away = ToolReport { position, rotation, opening, ..ToolReport::default() };
+                *report = ToolReport { work, dissipation, ..away };
+            }
+        }
+        for index in 0..self.tools.len() {
+            let mut report = self.report_tool(index, dt);
+            if self.tools[index].tool.error_bar {
+                report.other_points = Some(self.other_force(index, x));
+            }
+            let now = &self.tools[index];
+            let state = self.states.entry(now.id).or_default();
+            state.pose = now.end;
+            state.work += report.work;
+            state.dissipation += report.dissipation;
+            report.work = state.work;
+            report.dissipation = state.dissipation;
+            // a tool that was drawn in grows again
+            state.drawn_in = self.parts[now.parts.clone()].iter().map(|p| p.drawn_in).collect();
+            let edge = self.skins.iter().map(|k| k.skin.edge).fold(0.0, f64::max);
+            for drawn_in in &mut state.drawn_in {
+                *drawn_in = (*drawn_in - (GROWTH * dt).min(0.5 * edge)).max(0.0);
+            }
+            self.figures.lag = self.figures.lag.max(report.lag);
+            if let Ok(mut entity) = world.get_entity_mut(now.entity) {
+                if let Some(mut tool) = entity.get_mut::<Tool>() {
+                    tool.placed = false;
+                }
+                entity.insert(report);
+            }
+        }
+    }
+
+    fn report_tool(&mut self, index: usize, dt: f64) -> ToolReport {
+        let now = &self.tools[index];
+        let turn = now.end.rotation * now.start.rotation.inverse();
+        let turn = if turn.w < 0.0 { -turn } else { turn };
+        let mut report = ToolReport {
+            position: now.end.position,
+            rotation: now.end.rotation,
+            opening: now.end.opening,
+            velocity: (now.end.position - now.start.position) / dt,
+            angular_velocity: turn.to_scaled_axis() / dt,
+            lag: now.lag,
+            centre: now.end.position,
+            ..ToolReport::default()
+        };
+        if now.appears {
+            (report.velocity, report.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
+        }
+        let (mut weight, mut centre) = (0.0, DVec3::ZERO);
+        for part in &self.parts[now.parts.clone()] {
+            report.drawn_in = report.drawn_in.max(part.drawn_in);
+        }
+        for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
+            let Against::Part(part) = point.against else { continue };
+            if !now.parts.contains(&part) {
+                continue;
+            }
+            let force = -(active.push + active.rub);
+            report.force += force;
+            report.normal -= active.push;
+            report.friction -= active.rub;
+            report.torque += (active.at - now.end.position).cross(force);
+            // what the tool's matter at this place went
+            let part = &self.parts[part];
+            let way = active.at - part.end.carry(active.at, &part.start);
+            report.work -= force.dot(way);
+            report.energy += stored(point, active);
+            let lost = lost(point, active);
+            report.dissipation += lost;
+            self.figures.friction_dissipation += lost;
+            if active.pressure > 0.0 {
+                report.area += point.area;
+                report.depth = report.depth.max(-active.gap);
+                report.pressure = report.pressure.max(active.pressure);
+                let push = point.area * active.pressure;
+                weight += push;
+                centre += push * active.at;
+            }
+            if sticks(point, active) {
+                report.sticking += 1;
+            } else {
+                report.slipping += 1;
+            }
+        }
+        if weight > 0.0 {
+            report.centre = centre / weight;
+        }
+        let local = self.local.iter().find(|(tool, _)| *tool == index);
+        report.local_stiffness = local.map(|(_, stiffness)| *stiffness);
+        let Settled { work, dissipation } = self.settled[index];
+        report.work += work;
+        report.dissipation += dissipation;
+        self.figures.friction_dissipation += dissipation;
+        report
+    }
+
+    /// Force (N) on a tool by points of the other kind at the same state.
+    fn other_force(&mut self, index: usize, x: &Places) -> DVec3 {
+        let mut force = DVec3::ZERO;
+        for part in self.tools[index].parts.clone() {
+            for body in 0..self.skins.len() {
+                let other = match self.kind_of_points(index, part, body) {
+                    Points::Vertex => Points::Faces(2),
+                    _ => Points::Vertex,
+                };
+                let mut points = Vec::new();
+                self.collect(index, part, body, other, &mut points);
+                for mut point in points {
+                    point.mu = 0.0;
+                    let active =
+                        point.evaluate(&self.parts, &self.faces, x.now, x.start, Limits::Take);
+                    force -= active.push;
+                }
+            }
+        }
+        force
+    }
+
+    pub(super) fn report_pairs(&mut self, world: &mut World) {
+        for now in &self.pairs {
+            let mut report = BodyContactReport::default();
+            let own = |p: &Point| {
+                p.key.owner == now.entity.to_bits() && matches!(p.against, Against::Faces(_))
+            };
+            let points = self.points.iter().zip(&self.active);
+            for (point, active) in points.filter(|(p, a)| a.on && own(p)) {
+                let force = active.push + active.rub;
+                if now.pair.bodies[0] != now.pair.bodies[1] {
+                    report.force += if point.key.part == 0 { force } else { -force };
+                }
+                report.area += point.area;
+                report.depth = report.depth.max(-active.gap);
+                let lost = lost(point, active);
+                *self.dissipated.entry(now.entity.to_bits()).or_default() += lost;
+                self.figures.friction_dissipation += lost;
+                if sticks(point, active) {
+                    report.sticking += 1;
+                } else {
+                    report.slipping += 1;
+                }
+            }
+            report.dissipation =
+                self.dissipated.get(&now.entity.to_bits()).copied().unwrap_or_default();
+            if let Ok(mut entity) = world.get_entity_mut(now.entity) {
+                entity.insert(report);
+            }
+        }
+    }
+
+    pub(super) fn report_pulls(&mut self, world: &mut World) {
+        for now in &mut self.pulls {
+            let Ok(mut entity) = world.get_entity_mut(now.entity) else { continue };
+            let mut report = entity.get::<PullReport>().copied().unwrap_or_default();
+            (report.force, report.torque, report.distance) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+            let pose = now.pull.target;
+            let centre = pose.centre + pose.translation;
+            for (point, active) in self.points.iter().zip(&self.active) {
+                let Against::Hand { to, from, .. } = point.against else { continue };
+                if point.key.owner != now.entity.to_bits() {
+                    continue;
+                }
+                let force = -(active.push + active.rub);
+                report.force += force;
+                report.torque += (to - centre).cross(force);
+                report.distance += point.area * active.gap;
+                report.work -= force.dot(to - from);
+            }
+            now.pull.last = pose;
+            entity.insert(report);
+            if let Some(mut pull) = entity.get_mut::<Pull>() {
+                pull.last = pose;
+                pull.anchors.clone_from(&now.pull.anchors);
+            }
+        }
+    }
+}
