@@ -7,7 +7,7 @@ use sinew::engine::precision::Precision;
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
-use sinew::touch::tool::{Part, Points, ToolReport};
+use sinew::touch::tool::{Hinge, Part, Points, ToolReport};
 
 const SOFT: YoungPoisson = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 };
 
@@ -638,6 +638,42 @@ fn jaws_open_about_their_hinge() {
     let [a, b] = [0, 1].map(|i| tool.part_pose(i, &open).0);
     assert!((a - 0.02 * DVec3::new(libm::cos(0.5), libm::sin(0.5), 0.0)).length() < 1e-15);
     assert!((b.y + a.y).abs() < 1e-15);
+}
+
+/// The jaws turn about a line far below, so that they stay nearly parallel. Nothing else acts on the cube: at rest
+/// one jaw presses as the other, to what is left of its motion.
+#[test]
+fn jaws_of_one_tool_squeeze_with_opposite_forces() {
+    let mut block = Block::new(DVec3::splat(0.04), [4, 4, 4], one_thread());
+    block.simulation.set_solver(SolverSettings { mass_damping: 20.0, ..tight(Integrator::Auto) });
+    block.simulation.set_dt(0.01);
+    let part = |x: f64, jaw: f64| Part {
+        shape: Shape::Box { half: DVec3::new(0.01, 0.03, 0.03), rounding: 0.004 },
+        at: DVec3::new(x, 0.0, 0.0),
+        rotation: DQuat::IDENTITY,
+        jaw,
+    };
+    let start = ToolPose::from(DVec3::splat(0.02));
+    let parts = vec![part(-0.0301, 0.5), part(0.0301, -0.5)];
+    let mut tool = Tool::of_parts("forceps", parts, start).with_friction(0.5);
+    tool.hinge = Hinge { point: DVec3::new(0.0, 0.0, -0.5), axis: DVec3::Y };
+    let tool = block.simulation.add_tool(tool).unwrap();
+    for step in 1..=150 {
+        let opening = 0.012 * (f64::from(step) / 50.0).min(1.0);
+        block.simulation.move_tool(tool, ToolPose { opening, ..start }).unwrap();
+        block.step();
+    }
+    let report = block.tool(tool);
+    let [a, b] = report.parts[..] else { panic!("{report:?}") };
+    let size = a.force.length();
+    assert!(a.force.x < -0.5 && b.force.x > 0.5, "{report:?}");
+    assert!((a.force + b.force).length() < 1e-3 * size, "{a:?} {b:?}");
+    assert!((a.force + b.force - report.force).length() < 1e-13 * size);
+    assert!((a.torque + b.torque - report.torque).length() < 1e-13 * size);
+    assert_eq!(a.depth.max(b.depth), report.depth);
+    assert_eq!(a.sticking + b.sticking, report.sticking);
+    assert_eq!(a.slipping + b.slipping, report.slipping);
+    assert!(a.sticking > 0 && b.sticking > 0, "{report:?}");
 }
 
 #[test]

@@ -492,4 +492,21 @@ pub struct ToolReport {
     /// `force + local_stiffness * way`. Symmetric; limits of friction as they are. Exact for `newton`, to the tolerance of
     /// the linear solver.
     pub local_stiffness: Option<DMat3>,
+    /// What each part felt, in their order; empty for a tool of one part.
+    pub parts: Vec<PartReport>,
+}
+
+/// What one part of a tool felt, such as one of two jaws.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PartReport {
+    /// Force (N) on it, normal and friction.
+    pub force: DVec3,
+    /// Torque (N m) on it about the tool's origin.
+    pub torque: DVec3,
+    /// Largest penetration (m).
+    pub depth: f64,
+    /// Points that touch it and stick.
+    pub sticking: u32,
+    /// Points that touch it and slip.
+    pub slipping: u32,
 }

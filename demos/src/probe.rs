@@ -9,7 +9,7 @@ use sinew::engine::mesh::enclosed_volume;
 use sinew::simulation::Simulation;
 use sinew::touch::pair::BodyContactReport;
 use sinew::touch::pull::PullReport;
-use sinew::touch::tool::ToolReport;
+use sinew::touch::tool::{PartReport, ToolReport};
 
 /// A quantity that probes can record.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +39,8 @@ pub enum Needs {
     Faces,
     /// A tool.
     Tool,
+    /// A part of a tool.
+    Part,
     /// A pull.
     Pull,
     /// A contact between bodies.
@@ -57,7 +59,7 @@ pub enum Evaluate {
 use Evaluate::{Scalar, Vector};
 
 /// Everything that probes can record.
-pub static PROBES: [Probe; 30] = [
+pub static PROBES: [Probe; 35] = [
     vector("mean_displacement", "m", Needs::Body, |now, of| {
         of.mean(&now.simulation.displacements(of.body.handle))
     }),
@@ -117,6 +119,12 @@ pub static PROBES: [Probe; 30] = [
     scalar("tool_slipping", "-", Needs::Tool, |now, of| of.tool(now).slipping.into()),
     scalar("tool_lag", "m", Needs::Tool, |now, of| of.tool(now).lag),
     vector("tool_position", "m", Needs::Tool, |now, of| of.tool(now).position),
+    // of one part, such as a jaw
+    vector("tool_part_force", "N", Needs::Part, |now, of| of.part(now).force),
+    vector("tool_part_torque", "N m", Needs::Part, |now, of| of.part(now).torque),
+    scalar("tool_part_depth", "m", Needs::Part, |now, of| of.part(now).depth),
+    scalar("tool_part_sticking", "-", Needs::Part, |now, of| of.part(now).sticking.into()),
+    scalar("tool_part_slipping", "-", Needs::Part, |now, of| of.part(now).slipping.into()),
     // on the hand
     vector("pull_force", "N", Needs::Pull, |now, of| of.pull(now).force),
     scalar("pull_distance", "m", Needs::Pull, |now, of| of.pull(now).distance),
@@ -175,6 +183,8 @@ pub struct BuiltProbe {
     pub constraint: Option<usize>,
     /// Index of the tool.
     pub tool: Option<usize>,
+    /// Number of a part of the tool.
+    pub part: Option<usize>,
     /// Index of the pull.
     pub pull: Option<usize>,
     /// Index of the contact.
@@ -232,6 +242,12 @@ impl Subject<'_> {
     /// What the tool felt.
     fn tool(&self, now: &Sampler) -> ToolReport {
         self.tool.map_or_else(ToolReport::default, |tool| tool.report(now.simulation))
+    }
+
+    /// What the part of the tool felt; nothing while the tool does not touch.
+    fn part(&self, now: &Sampler) -> PartReport {
+        let known = self.probe.part.and_then(|part| self.tool(now).parts.get(part).copied());
+        known.unwrap_or_default()
     }
 
     /// What the pull did.

@@ -112,6 +112,43 @@ fn a_ball_presses_and_leaves_no_force_behind() {
     assert!(json["energy"]["contact"]["work"].is_number());
 }
 
+/// Two balls side by side on one tool.
+const PAIR: &str = r#"[[tool]]
+name = "pair"
+path = [[0.0, 0.03, 0.03, 0.036], [0.1, 0.03, 0.03, 0.032]]
+parts = [
+  { shape = "sphere", radius = 0.015, at = [-0.012, 0.0, 0.0] },
+  { shape = "sphere", radius = 0.015, at = [0.012, 0.0, 0.001] },
+]
+"#;
+
+#[test]
+fn parts_of_a_tool_have_forces_of_their_own() {
+    let own = |part: usize| {
+        format!(
+            "[[probe]]\nname = \"p{part}\"\ntool = \"pair\"\npart = {part}\nrecord = \
+             [\"tool_part_force\", \"tool_part_torque\", \"tool_part_depth\", \
+             \"tool_part_sticking\", \"tool_part_slipping\"]\n"
+        )
+    };
+    let record = ["tool_force", "tool_torque", "tool_depth", "tool_sticking", "tool_slipping"];
+    let whole = probe("tool", "pair", &record);
+    let (summary, rows) = recorded(&format!("{BLOCK}{PAIR}{whole}{}{}", own(0), own(1)), "pair");
+    assert!(rows[0].iter().all(|x| *x == 0.0), "{:?}", rows[0]);
+    let (last, wide) = (rows.last().unwrap(), 9);
+    let (all, a, b) = (&last[..wide], &last[wide..2 * wide], &last[2 * wide..3 * wide]);
+    let size = all[2].abs();
+    assert!(a[2] > b[2] && b[2] > 0.0, "the lower one feels more: {a:?} {b:?}");
+    for i in (0..6).chain(7..9) {
+        assert!((a[i] + b[i] - all[i]).abs() <= 1e-6 * size, "{i}: {a:?} {b:?} {all:?}");
+    }
+    assert_eq!(all[6], a[6].max(b[6]));
+    let tool = &summary.touch.as_ref().unwrap().tools[0];
+    assert_eq!(tool.parts.len(), 2);
+    assert!((tool.parts[0].end[2] - a[2]).abs() <= 1e-6 * size);
+    says(&summary.to_string(), &["part 0", "part 1"]);
+}
+
 #[test]
 fn scenes_without_contact_say_nothing_of_it() {
     let scene = LoadedScene::read(&shipped_scene("cantilever")).unwrap();
@@ -279,6 +316,20 @@ fn what_cannot_touch_is_named_with_line_and_key() {
         (
             ball("[[probe]]\nname = \"p\"\ntool = \"ball\"\nrecord = [\"tool_other_force\"]"),
             &["`probe[0].record`", "error_bar = true"],
+        ),
+        (
+            ball("[[probe]]\nname = \"p\"\ntool = \"ball\"\nrecord = [\"tool_part_force\"]"),
+            &["key `part`", "from 0"],
+        ),
+        (
+            ball("[[probe]]\nname = \"p\"\ntool = \"ball\"\npart = 0\nrecord = [\"tool_force\"]"),
+            &["`probe[0].part`", "leave `part` out"],
+        ),
+        (
+            ball(
+                "[[probe]]\nname = \"p\"\ntool = \"ball\"\npart = 0\nrecord = [\"tool_part_force\"]",
+            ),
+            &["`probe[0].part`", "which is of one part"],
         ),
         (ball("[[tool]]\nname = \"ball\""), &["name `ball`", "unique"]),
         ((tool("at = [0, 0, 1]"), 1), &["`tool[0].shape`", "is missing", "half-space"]),

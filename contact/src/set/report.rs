@@ -1,6 +1,7 @@
 //! What is told at the end of a step: forces on rows, and the reports of tools, pairs and pulls.
 
 use super::*;
+use crate::tool::PartReport;
 
 impl ContactSet {
     /// Force (N) on a tool with the elastic slip that is kept for the next step in place of that at its start: no
@@ -121,6 +122,9 @@ impl ContactSet {
         if now.appears {
             (report.velocity, report.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
         }
+        if now.parts.len() > 1 {
+            report.parts = vec![PartReport::default(); now.parts.len()];
+        }
         let (mut weight, mut centre) = (0.0, DVec3::ZERO);
         for part in &self.parts[now.parts.clone()] {
             report.drawn_in = report.drawn_in.max(part.drawn_in);
@@ -134,7 +138,16 @@ impl ContactSet {
             report.force += force;
             report.normal -= active.push;
             report.friction -= active.rub;
-            report.torque += (active.at - now.end.position).cross(force);
+            let torque = (active.at - now.end.position).cross(force);
+            report.torque += torque;
+            if let Some(own) = report.parts.get_mut(part - now.parts.start) {
+                own.force += force;
+                own.torque += torque;
+                own.depth = own.depth.max(-active.gap);
+                let sticks = sticks(point, active);
+                own.sticking += u32::from(sticks);
+                own.slipping += u32::from(!sticks);
+            }
             // what the tool's matter at this place went
             let part = &self.parts[part];
             let way = active.at - part.end.carry(active.at, &part.start);

@@ -1,5 +1,6 @@
 //! Probes.
 
+use super::BuiltTool;
 use super::scene::BuiltScene;
 use super::select::{group_cells, select, which_body};
 use crate::error::SceneError;
@@ -19,7 +20,8 @@ pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), Sc
 fn probe(key: &Key, entry: &ProbeEntry, built: &BuiltScene) -> Result<BuiltProbe, SceneError> {
     let BuiltScene { bodies, constraints, .. } = built;
     let record = recorded(&key.at("record"), &entry.record)?;
-    let needs = |what| record.iter().any(|own| own.needs == what);
+    let part = record.iter().any(|own| own.needs == Needs::Part);
+    let needs = |what| what == Needs::Tool && part || record.iter().any(|own| own.needs == what);
     let about = |word, wanted: &Option<String>, what, names: Vec<&str>| {
         about(&key.at(word), (word, wanted.as_deref()), needs(what), &names)
     };
@@ -31,6 +33,7 @@ fn probe(key: &Key, entry: &ProbeEntry, built: &BuiltScene) -> Result<BuiltProbe
     )?;
     let tools = built.tools.iter().map(|t| t.name.as_str());
     let tool = about("tool", &entry.tool, Needs::Tool, tools.collect())?;
+    let part = which_part(&key.at("part"), entry.part, part, tool.map(|i| &built.tools[i]))?;
     let other = record.iter().any(|own| own.key == "tool_other_force");
     if let Some(index) = tool.filter(|&index| other && !built.tools[index].error_bar) {
         let found = format!("\"tool_other_force\" of tool `{}`", built.tools[index].name);
@@ -59,7 +62,36 @@ fn probe(key: &Key, entry: &ProbeEntry, built: &BuiltScene) -> Result<BuiltProbe
         false => Vec::new(),
     };
     let name = entry.name.clone();
-    Ok(BuiltProbe { name, body, vertices, faces, constraint, tool, pull, contact, record })
+    Ok(BuiltProbe { name, body, vertices, faces, constraint, tool, part, pull, contact, record })
+}
+
+/// The part of a tool that an entry is about; `None` where nothing of it is `recorded`.
+fn which_part(
+    key: &Key,
+    wanted: Option<usize>,
+    recorded: bool,
+    tool: Option<&BuiltTool>,
+) -> Result<Option<usize>, SceneError> {
+    let (name, count) = tool.map_or(("", 0), |tool| (tool.name.as_str(), tool.parts));
+    match wanted {
+        None if recorded => {
+            let remedy = "\"tool_part_...\" is of one part of a tool, give its number from 0";
+            Err(key.missing("key `part`", remedy))
+        }
+        Some(part) if !recorded => {
+            let remedy = "add \"tool_part_...\" to `record`, or leave `part` out";
+            Err(key.value(format!("part {part}, but nothing of it to record"), remedy))
+        }
+        Some(part) if count < 2 => {
+            let found = format!("part {part} of tool `{name}`, which is of one part");
+            Err(key.value(found, "record \"tool_...\" instead, and leave `part` out"))
+        }
+        Some(part) if part >= count => {
+            let found = format!("part {part} of tool `{name}`");
+            Err(key.value(found, format!("its parts are 0 to {}", count - 1)))
+        }
+        part => Ok(part),
+    }
 }
 
 /// The quantities of these keys, at least one.

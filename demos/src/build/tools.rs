@@ -82,14 +82,15 @@ fn tool(key: &Key, entry: &ToolEntry, built: &mut BuiltScene) -> Result<BuiltToo
         ));
     }
     words = format!("{words}, {moves}");
-    let (name, friction) = (entry.name.clone(), tool.friction);
+    let (name, friction, parts) = (entry.name.clone(), tool.friction, tool.parts.len());
     let entity = built.simulation.add_tool(tool).map_err(|error| match error {
         ToolError::Invalid { problem, .. } => {
             key.value(problem, "correct it (see `[[tool]]` in demos/scenes/README.md)")
         }
         other => key.value(other.to_string(), "correct it"),
     })?;
-    Ok(BuiltTool { name, entity, words, friction, grip: entry.grip, error_bar: entry.error_bar })
+    let (grip, error_bar) = (entry.grip, entry.error_bar);
+    Ok(BuiltTool { name, entity, words, friction, grip, error_bar, parts })
 }
 
 /// What a tool is made of, and the same in words.

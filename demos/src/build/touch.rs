@@ -23,6 +23,8 @@ pub struct BuiltTool {
     pub grip: Option<[f64; 2]>,
     /// It finds the force by points of the other kind too.
     pub error_bar: bool,
+    /// Number of its parts.
+    pub parts: usize,
 }
 
 impl BuiltTool {

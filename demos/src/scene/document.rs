@@ -166,6 +166,8 @@ pub struct ProbeEntry {
     pub constraint: Option<String>,
     /// Name of a tool, for what it feels.
     pub tool: Option<String>,
+    /// Number of a part of the tool, from 0, for what that part feels.
+    pub part: Option<usize>,
     /// Name of a pull, likewise.
     pub pull: Option<String>,
     /// Name of a contact, likewise.

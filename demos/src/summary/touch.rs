@@ -2,6 +2,7 @@
 
 use crate::build::BuiltScene;
 use crate::text::{Block, short};
+use glam::DVec3;
 use serde::Serialize;
 use sinew::engine::report::ContactFigures;
 use sinew::simulation::Simulation;
@@ -59,7 +60,7 @@ pub struct ForceSummary {
 }
 
 impl ForceSummary {
-    fn add(&mut self, force: glam::DVec3, time: f64) {
+    fn add(&mut self, force: DVec3, time: f64) {
         if force.length() > self.peak {
             (self.peak, self.peak_time) = (force.length(), time);
         }
@@ -87,6 +88,9 @@ pub struct ToolSummary {
     pub mu: f64,
     /// Force on the tool.
     pub force: ForceSummary,
+    /// Forces on its parts; empty for a tool of one part.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<ForceSummary>,
     /// Torque (N m) on it about its origin at the end.
     pub torque: [f64; 3],
     /// Work (J) that it did on bodies.
@@ -159,6 +163,7 @@ impl TouchSummary {
             name: tool.name.clone(),
             what: tool.words.clone(),
             mu: tool.friction,
+            parts: if tool.parts > 1 { vec![ForceSummary::default(); tool.parts] } else { vec![] },
             ..ToolSummary::default()
         });
         let pulls = built.pulls.iter().map(|pull| PullSummary {
@@ -191,6 +196,9 @@ impl TouchSummary {
         for (own, tool) in self.tools.iter_mut().zip(&built.tools) {
             let now = tool.report(simulation);
             own.force.add(now.force, time);
+            for (i, part) in own.parts.iter_mut().enumerate() {
+                part.add(now.parts.get(i).map_or(DVec3::ZERO, |part| part.force), time);
+            }
             (own.work, own.dissipation) = (now.work, now.dissipation);
             own.torque = now.torque.to_array();
             (own.depth, own.lag) = (own.depth.max(now.depth), own.lag.max(now.lag));
@@ -235,6 +243,9 @@ impl TouchSummary {
         for tool in &self.tools {
             let words = format!("{}; mu = {}; {}", tool.what, short(tool.mu), tool.force.words());
             block.line(format!("tool {}", tool.name), words);
+            for (i, part) in tool.parts.iter().enumerate() {
+                block.line(format!("  part {i}"), part.words());
+            }
         }
         for pull in &self.pulls {
             let words = format!(
