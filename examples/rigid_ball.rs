@@ -1,11 +1,12 @@
 //! A rigid ball of 50 g falls on soft tissue. Tissue and ball are two programs: tissue takes the ball's place and gives a
 //! force back. With that force alone the exchange is explicit, and unstable for light bodies on stiff tissue; with the
-//! local stiffness the ball's own step is implicit.
+//! local stiffness the ball's own step is implicit. `cargo run --release --example rigid_ball`
 
 use glam::{DMat3, DVec3};
 use sinew::engine::mesh::generate::box_tets;
 use sinew::prelude::*;
 
+#[allow(clippy::print_stdout, reason = "a program for a terminal")]
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (dt, mass, radius) = (0.01, 0.05, 0.02);
     let mesh = box_tets(DVec3::new(0.1, 0.1, 0.04), [8, 8, 4])?;
