@@ -222,7 +222,11 @@ impl<S: Scalar> Step<'_, S> {
             before = force;
             rounds += 1;
             options.own_tolerance = if settled || round + 1 == most { 0.0 } else { LOOSE };
-            contact.learn(&bodies, &position(&self.scratch.rest, &self.scratch.trial), round == 0);
+            // converged steps linearise anew, and end sooner with the tangents alone
+            if !iterated {
+                let now = position(&self.scratch.rest, &self.scratch.trial);
+                contact.learn(&bodies, &now, round == 0);
+            }
             let blocks = contact.blocks(&bodies);
             let ImplicitScratch { linear, rest, node, damping, touch, .. } = &mut *self.scratch;
             touch.round[rows.clone()].fill([S::ZERO; 4]);
