@@ -779,3 +779,71 @@ fn the_local_stiffness_is_the_derivative_of_the_force() {
     let asymmetry = stiffness - stiffness.transpose();
     assert!(asymmetry.x_axis.length() < 1e-6 * stiffness.z_axis.length());
 }
+
+/// A strap held at its ends over a drum that turns under it: the tensions of its two ends, in full slip. Every row of
+/// vertices that lies on the drum is in balance with a force in the direction of normal plus `mu` times tangent, so that
+/// `T' / T = (e x f) / (e' x f)` with the directions `e`, `e'` of the strap before and after it. Where the normal halves
+/// the angle that is `(cos a/2 - mu sin a/2) / (cos a/2 + mu sin a/2)`, and in the limit of small ones `exp(-mu a)`.
+#[test]
+fn a_strap_over_a_drum_holds_as_the_capstan_equation_says() {
+    let (segments, mu, radius) = (48_u32, 0.3, 0.02);
+    let (mut points, mut triangles) = (Vec::new(), Vec::new());
+    for i in 0..=segments {
+        let x = 0.12 * (f64::from(i) / f64::from(segments) - 0.5);
+        points.extend([DVec3::new(x, -0.005, 0.0), DVec3::new(x, 0.005, 0.0)]);
+        if i < segments {
+            let a = 2 * i;
+            triangles.extend([[a, a + 2, a + 1], [a + 1, a + 2, a + 3]]);
+        }
+    }
+    let mut s = Simulation::new(one_thread()).unwrap();
+    s.set_dt(0.01);
+    s.set_gravity(DVec3::ZERO);
+    s.set_solver(SolverSettings { newton_tolerance: 1e-10, ..tight(Integrator::Newton) });
+    let membrane = MembraneDescription::new(&triangles, 0.001, SOFT);
+    let plain = BodyDescription::from_parts("strap", &points, &[], SOFT);
+    let body = s.add_body(&BodyDescription { membrane: Some(membrane), ..plain }).unwrap();
+    let ends = [[0, 1], [2 * segments, 2 * segments + 1]].map(|end| {
+        let rows = s.rows(body, "end", &end).unwrap();
+        s.add_constraint(Constraint::hold("end", rows))
+    });
+    // a capsule along y, below the middle of the strap
+    let pose = |height: f64, turn: f64| ToolPose {
+        position: DVec3::Z * (height - radius),
+        rotation: DQuat::from_rotation_y(turn)
+            * DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2),
+        opening: 0.0,
+    };
+    let drum = Shape::Capsule { half_length: 0.05, radius };
+    let mut drum = Tool::new("drum", drum, DVec3::ZERO).with_friction(mu);
+    (drum.start, drum.points) = (pose(-0.001, 0.0), Points::Vertex);
+    let drum = s.add_tool(drum).unwrap();
+    for i in 1..=50 {
+        s.move_tool(drum, pose(-0.001 + 5e-4 * f64::from(i), 0.0)).unwrap();
+        s.step().unwrap();
+    }
+    for i in 1..=100 {
+        s.move_tool(drum, pose(0.024, 0.05 * f64::from(i))).unwrap();
+        s.step().unwrap();
+    }
+    let report = s.tool_report(drum).unwrap().clone();
+    assert_eq!((report.sticking, s.report().unconverged), (0, false), "{report:?}");
+    assert!(report.slipping >= 10, "{report:?}");
+    let x = s.positions(body);
+    let rows: Vec<DVec3> = x.chunks_exact(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
+    let way = |i: usize| (rows[i + 1] - rows[i]).normalize();
+    let (mut ratio, mut angle) = (1.0, 0.0);
+    for i in 1..rows.len() - 1 {
+        let arm = rows[i] - report.position;
+        if arm.length() < radius {
+            let normal = arm.normalize();
+            let force = normal + mu * DVec3::Y.cross(normal);
+            ratio *= way(i - 1).cross(force).y / way(i).cross(force).y;
+            angle += libm::acos(way(i - 1).dot(way(i)));
+        }
+    }
+    let [left, right] = ends.map(|end| s.reaction(end).length());
+    assert!((right / left / ratio - 1.0).abs() < 1e-3, "{} {ratio}", right / left);
+    assert!((right / left / libm::exp(-mu * angle) - 1.0).abs() < 0.01, "{} {angle}", right / left);
+    assert!(angle > 0.5, "{angle}");
+}
