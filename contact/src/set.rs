@@ -471,6 +471,11 @@ impl ContactSet {
         self.figures.unconverged += u32::from(unconverged);
     }
 
+    /// Whether some tool asks for its local stiffness.
+    pub fn asks_stiffness(&self) -> bool {
+        self.tools.iter().any(|now| now.tool.local_stiffness)
+    }
+
     /// Tools whose local stiffness is asked for and that touch something. Tangents of their points become exact: what the
     /// curvature of the tool takes from them, small along the normal, counts where the tool goes sideways.
     pub fn tools_with_stiffness(&mut self) -> Vec<usize> {

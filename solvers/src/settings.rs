@@ -1,6 +1,7 @@
 //! What the user chooses of the solver.
 
 pub use crate::integrator::Integrator;
+use crate::linear_solver::LinearOptions;
 use bevy_ecs::prelude::Resource;
 use serde::{Deserialize, Serialize};
 use sinew_engine::step::StepError;
@@ -114,6 +115,17 @@ impl Default for SolverSettings {
 }
 
 impl SolverSettings {
+    /// What linear systems are asked for.
+    pub(crate) fn linear_options(&self) -> LinearOptions {
+        LinearOptions {
+            tolerance: self.linear_tolerance,
+            max_iterations: self.max_linear_iterations,
+            preconditioner: self.preconditioner,
+            precision: self.linear_precision,
+            ..LinearOptions::default()
+        }
+    }
+
     /// Checks every number.
     ///
     /// # Errors

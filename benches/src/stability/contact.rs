@@ -533,11 +533,17 @@ fn thin(
         let force =
             |run: &Run| run.simulation.tool_report(tool).map_or(f64::NEG_INFINITY, |r| r.force.z);
         let mut further = 5;
-        while further > 0 {
+        for _ in 0..100 {
+            if further == 0 {
+                break;
+            }
             further -= u32::from(force(run) != 0.0);
             height -= 0.1 * edge;
             run.simulation.move_tool(tool, pose(-0.5 * edge, height))?;
             run.step()?;
+        }
+        if further > 0 {
+            return Err("the capsule never touches".into());
         }
         for i in 1..=7 {
             let sideways = edge * (f64::from(i) / 7.0 - 0.5);

@@ -8,15 +8,18 @@
 use super::newton::{BookSolve, system_matrix};
 use super::step::{ImplicitScratch, Step};
 use super::touch::At;
-use crate::linear_solver::{CgStatus, LinearOptions};
+use crate::linear_solver::CgStatus;
 use crate::state::Rows;
 use glam::DVec3;
-use sinew_contact::set::Limits;
+use sinew_contact::set::{ContactSet, Limits};
 use sinew_engine::scalar::Scalar;
 
 impl<S: Scalar> Step<'_, S> {
     /// Finds the local stiffness of all tools that ask for it, at the end of the step.
     pub fn find_local_stiffness(&mut self) {
+        if !self.contact.as_ref().is_some_and(ContactSet::asks_stiffness) {
+            return;
+        }
         for index in 0..self.bodies.len() {
             self.contact_energy(index, At::Iterate, Limits::Keep);
         }
@@ -38,13 +41,7 @@ impl<S: Scalar> Step<'_, S> {
                     let ImplicitScratch { linear, rest, node, damping, .. } = &mut *self.scratch;
                     let mut system = system_matrix(self.world, &body.weights, node, damping);
                     system.contact = Some(&blocks);
-                    let options = LinearOptions {
-                        tolerance: self.settings.linear_tolerance,
-                        max_iterations: self.settings.max_linear_iterations,
-                        preconditioner: self.settings.preconditioner,
-                        precision: self.settings.linear_precision,
-                        ..LinearOptions::default()
-                    };
+                    let options = self.settings.linear_options();
                     let (b, x) = (&force[body.rows.clone()], &mut way[body.rows.clone()]);
                     let outcome = linear.solve(&system, rest, body.bodies.clone(), b, x, &options);
                     self.report.book(&outcome);

@@ -5,7 +5,7 @@ use super::start::StartEnergies;
 use super::step::{
     BodyStep, FreePiece, ImplicitScratch, Mode, Rejected, Step, Weights, largest_entry,
 };
-use crate::linear_solver::{CgOutcome, CgStatus, LinearOptions};
+use crate::linear_solver::{CgOutcome, CgStatus};
 use crate::state::{NodeState, dot3, evaluate, read_force};
 use crate::system::ShiftedTangent;
 use bevy_ecs::prelude::World;
@@ -167,13 +167,7 @@ impl<S: Scalar> Step<'_, S> {
         let ImplicitScratch { linear, rest, node, residual, direction, damping, .. } =
             &mut *self.scratch;
         let (b, x) = (&residual[rows.clone()], &mut direction[rows.clone()]);
-        let options = LinearOptions {
-            tolerance: self.settings.linear_tolerance,
-            max_iterations: self.settings.max_linear_iterations,
-            preconditioner: self.settings.preconditioner,
-            precision: self.settings.linear_precision,
-            ..LinearOptions::default()
-        };
+        let options = self.settings.linear_options();
         let system = system_matrix(self.world, weights, node, damping);
         let outcome = linear.solve(&system, rest, body.bodies.clone(), b, x, &options);
         let report = &mut *self.report;

@@ -12,7 +12,7 @@
 
 use super::newton::{BookSolve, system_matrix};
 use super::step::{BodyStep, FreePiece, ImplicitScratch, Mode, Rejected, Step, noise};
-use crate::linear_solver::{CgStatus, LinearOptions};
+use crate::linear_solver::CgStatus;
 use crate::state::{Rows, dot3, position};
 use glam::{DMat3, DVec3};
 use sinew_contact::set::{ContactSet, Limits, Places};
@@ -190,13 +190,7 @@ impl<S: Scalar> Step<'_, S> {
             field.resize(n, [S::ZERO; 4]);
         }
         self.multiply_direction(&body);
-        let mut options = LinearOptions {
-            tolerance: self.settings.linear_tolerance,
-            max_iterations: self.settings.max_linear_iterations,
-            preconditioner: self.settings.preconditioner,
-            precision: self.settings.linear_precision,
-            ..LinearOptions::default()
-        };
+        let mut options = self.settings.linear_options();
         // whether the last round was taken whole: only then is what is left that of its linear solve
         let (mut whole, mut solved, mut residual) = (false, false, 0.0);
         let (mut before, mut converged, mut rounds) = (f64::INFINITY, false, 0);
