@@ -48,6 +48,8 @@ pub use mesh::{
 };
 pub use touch::{Pick, PullSpec};
 
+pub use serde::de::DeserializeOwned;
+
 pub use glam::{DMat3, DQuat, DVec3};
 pub use sinew::engine::connectivity::ElementKind;
 pub use sinew::engine::lanes::InstructionSet;
