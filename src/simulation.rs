@@ -28,7 +28,7 @@ use sinew_engine::step::{
 };
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{
-    Displacement, ElasticForce, ExternalForce, FixedAxes, Mass, RestPosition, Velocity,
+    Displacement, ElasticForce, ExternalForce, Mass, RestPosition, Velocity,
 };
 use sinew_engine::workers::{Workers, WorkersError};
 use sinew_models::axes::description::AxesError;
@@ -635,6 +635,25 @@ impl Simulation {
         by_precision!(self.precision, area_ratios(self, body))
     }
 
+    /// Calls `with` with every vertex that elements use or used, by its index in the user's mesh, and its deformed
+    /// position (m): [`Simulation::positions`] into whatever memory a host has.
+    pub fn each_position(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
+        by_precision!(
+            self.precision,
+            each_row(self, body, |vertex, x| with(vertex, x.5.0 + x.0.get()))
+        );
+    }
+
+    /// Likewise with its displacement (m).
+    pub fn each_displacement(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
+        by_precision!(self.precision, each_row(self, body, |vertex, x| with(vertex, x.0.get())));
+    }
+
+    /// Likewise with its velocity (m/s).
+    pub fn each_velocity(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
+        by_precision!(self.precision, each_row(self, body, |vertex, x| with(vertex, x.1.get())));
+    }
+
     /// Sets displacements (m) and velocities (m/s) in the user's order.
     ///
     /// # Errors
@@ -682,7 +701,29 @@ impl Simulation {
     /// are left out, and unknowns that two constraints hold count in both. Call
     /// [`Simulation::evaluate`] first; zero when there is no such constraint.
     pub fn reaction(&mut self, constraint: Entity) -> DVec3 {
-        by_precision!(self.precision, reaction(self, constraint))
+        self.reaction_about(constraint, DVec3::ZERO)[0]
+    }
+
+    /// The force (N) of [`Simulation::reaction`], and its torque (N m) about a point (m).
+    pub fn reaction_about(&mut self, constraint: Entity, point: DVec3) -> [DVec3; 2] {
+        by_precision!(self.precision, reaction(self, constraint, point))
+    }
+
+    /// Takes a constraint, a load or a pressure away; whether there was one. What it held is free from the next step
+    /// on.
+    pub fn remove_load_or_constraint(&mut self, entity: Entity) -> bool {
+        self.fetch();
+        let world = &mut self.world;
+        let pressure = world.get::<Pressure>(entity).is_some();
+        let known = pressure
+            || world.get::<Constraint>(entity).is_some()
+            || world.get::<Load>(entity).is_some();
+        let gone = known && world.despawn(entity);
+        if pressure {
+            // its faces go at once
+            by_precision!(self.precision, activate_pressure(world));
+        }
+        gone
     }
 
     /// 64-bit FNV-1a hash of displacements and velocities, in the user's order: equal hashes mean
@@ -715,8 +756,17 @@ fn read_rows<S: Scalar>(
     body: BodyHandle,
     pick: fn(&Vertex<S>) -> DVec3,
 ) -> Vec<DVec3> {
-    let rows = simulation.topology().bodies[body.0].clone();
-    let mut result = vec![DVec3::ZERO; rows.row_of_vertex.len()];
+    let mut result = vec![DVec3::ZERO; simulation.topology().bodies[body.0].row_of_vertex.len()];
+    each_row(simulation, body, |vertex, x: &Vertex<S>| result[vertex] = pick(x));
+    result
+}
+
+/// Calls `with` with every row of a body, by its vertex in the user's mesh.
+fn each_row<S: Scalar>(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    mut with: impl FnMut(usize, &Vertex<S>),
+) {
     let world = simulation.world_mut();
     let mut query = world.query::<(
         &Displacement<S>,
@@ -726,13 +776,16 @@ fn read_rows<S: Scalar>(
         &Mass<S>,
         &RestPosition,
     )>();
+    let world = &*world;
+    let rows = &world.resource::<Topology>().bodies[body.0];
     if let Some((u, v, f, e, m, x)) = single_table(query.contiguous_iter(world)) {
-        for (local, &vertex) in rows.vertex_order.iter().enumerate() {
-            let row = rows.vertices.start as usize + local;
-            result[vertex as usize] = pick(&(u[row], v[row], f[row], e[row], m[row], x[row]));
+        let (first, n) = (rows.vertices.start as usize, rows.vertex_order.len());
+        let (u, v, f) = (&u[first..][..n], &v[first..][..n], &f[first..][..n]);
+        let (e, m, x) = (&e[first..][..n], &m[first..][..n], &x[first..][..n]);
+        for (i, &vertex) in rows.vertex_order[..n].iter().enumerate() {
+            with(vertex as usize, &(u[i], v[i], f[i], e[i], m[i], x[i]));
         }
     }
-    result
 }
 
 fn write_state<S: Scalar>(
@@ -832,26 +885,35 @@ fn check_support<S: Scalar>(world: &mut World) -> Result<(), StepError> {
     sinew_solvers::support::check_support(world, &node)
 }
 
-fn reaction<S: Scalar>(simulation: &mut Simulation, constraint: Entity) -> DVec3 {
+fn reaction<S: Scalar>(
+    simulation: &mut Simulation,
+    constraint: Entity,
+    point: DVec3,
+) -> [DVec3; 2] {
+    let none = [DVec3::ZERO; 2];
     let world = simulation.world_mut();
-    let Some(constraint) = world.get::<Constraint>(constraint) else { return DVec3::ZERO };
+    let Some(constraint) = world.get::<Constraint>(constraint) else { return none };
     let (rows, axes) = (constraint.rows.clone(), constraint.axes);
     let touched = world.get_resource::<ContactSet>().map_or_else(Vec::new, |c| c.forces().to_vec());
     let mut query =
-        world.query::<(&ElasticForce<S>, &ExternalForce<S>, &RestPosition, &FixedAxes)>();
-    let Some((elastic, external, _, _)) = single_table(query.contiguous_iter(world)) else {
-        return DVec3::ZERO;
+        world.query::<(&ElasticForce<S>, &ExternalForce<S>, &RestPosition, &Displacement<S>)>();
+    let Some((elastic, external, rest, u)) = single_table(query.contiguous_iter(world)) else {
+        return none;
     };
-    let mut sum = DVec3::ZERO;
+    let [mut sum, mut torque] = none;
     for row in rows.into_iter().filter(|&row| (row as usize) < elastic.len()) {
         let touch = touched.binary_search_by_key(&row, |(row, _)| *row);
         let touch = touch.map_or(DVec3::ZERO, |i| touched[i].1);
-        let f = elastic[row as usize].get() + external[row as usize].get() + touch;
+        let row = row as usize;
+        let f = elastic[row].get() + external[row].get() + touch;
+        let mut own = DVec3::ZERO;
         for k in 0..3 {
             if axes.holds(k) {
                 sum[k] -= f[k];
+                own[k] = -f[k];
             }
         }
+        torque += (rest[row].0 + u[row].get() - point).cross(own);
     }
-    sum
+    [sum, torque]
 }

@@ -198,7 +198,7 @@ fn mass_of(mesh: &Mesh, density: &[f64]) -> f64 {
 }
 
 /// The check of a mesh does not know of the membrane: which vertices are used depends on it.
-fn count_membrane_vertices(checked: &mut CheckedMesh, membrane: &BuiltMembrane) {
+pub fn count_membrane_vertices(checked: &mut CheckedMesh, membrane: &BuiltMembrane) {
     let used = &mut checked.used_vertices;
     *used = checked.mesh.tetrahedra.as_flattened().to_vec();
     used.extend(checked.mesh.hexahedra.as_flattened());
@@ -215,8 +215,8 @@ fn count_membrane_vertices(checked: &mut CheckedMesh, membrane: &BuiltMembrane) 
     }
 }
 
-/// What checks of the mesh and of the material found.
-fn warn_of_findings(
+/// Adds what checks of the mesh and of the material of a body found; `thin` for a sheet in plane stress.
+pub fn warn_of_findings(
     body: &str,
     report: &CheckReport,
     material: YoungPoisson,

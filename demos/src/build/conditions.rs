@@ -43,6 +43,8 @@ pub struct BuiltLoad {
     pub vertices: usize,
     /// Total force (N) at curve value 1.
     pub force: DVec3,
+    /// The load.
+    pub entity: Entity,
 }
 
 /// A pressure in the simulation.
@@ -56,4 +58,6 @@ pub struct BuiltPressure {
     pub triangles: usize,
     /// Pressure (Pa) at curve value 1.
     pub pressure: f64,
+    /// The pressure.
+    pub entity: Entity,
 }

@@ -23,8 +23,8 @@ pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), Sc
             built.simulation.rows(handle, &name, &vertices).map_err(|e| key.simulation(e))?;
         let share = force / rows.len() as f64;
         let forces = rows.iter().map(|&row| (row, share)).collect();
-        built.simulation.add_load(Load { name: name.clone(), forces, curve });
-        built.loads.push(BuiltLoad { name, body, vertices: rows.len(), force });
+        let entity = built.simulation.add_load(Load { name: name.clone(), forces, curve });
+        built.loads.push(BuiltLoad { name, body, vertices: rows.len(), force, entity });
     }
     Ok(())
 }
@@ -69,9 +69,10 @@ pub(super) fn add_pressures(
             ));
         }
         let pressure = entry.pressure * share;
-        built.simulation.add_pressure(Pressure { name: name.clone(), faces, pressure, curve });
+        let own = Pressure { name: name.clone(), faces, pressure, curve };
+        let entity = built.simulation.add_pressure(own);
         let (triangles, pressure) = (triangles.len(), entry.pressure);
-        built.pressures.push(BuiltPressure { name, body, triangles, pressure });
+        built.pressures.push(BuiltPressure { name, body, triangles, pressure, entity });
     }
     Ok(())
 }

@@ -24,6 +24,7 @@ mod tools;
 mod touch;
 
 pub use crate::probe::BuiltProbe;
+pub use bodies::{count_membrane_vertices, warn_of_findings};
 pub use body::{BuiltBody, BuiltMembrane};
 pub use conditions::{BuiltConstraint, BuiltLoad, BuiltPressure};
 pub use memory::SceneSnapshot;

@@ -10,6 +10,7 @@ use crate::warning::Warning;
 use glam::DVec3;
 use sinew::engine::lanes::InstructionSet;
 use sinew::engine::schedule::Executor;
+use sinew::models::resection::RemovalError;
 use sinew::simulation::{Backend, Precision, Simulation};
 use sinew::solvers::settings::SolverSettings;
 
@@ -68,6 +69,22 @@ impl BuiltScene {
     /// scene calls it before every step; tools and constraints move by themselves.
     pub fn drive(&mut self) {
         touch::drive(&self.tools, &mut self.pulls, &mut self.simulation);
+    }
+
+    /// Everything that the scene does before its step number `done` (counted from 1): [`BuiltScene::drive`], the part
+    /// of gravity that belongs to a load step, removals that are due.
+    ///
+    /// # Errors
+    /// When a removal cannot be carried out; earlier ones stay done.
+    pub fn prepare_step(&mut self, done: u64) -> Result<(), RemovalError> {
+        self.drive();
+        let Self { simulation, plan, resections, .. } = self;
+        if plan.mode == Mode::Static {
+            let part = (done as f64 / plan.steps as f64).min(1.0);
+            simulation.set_gravity(plan.gravity * part);
+        }
+        let time = simulation.time();
+        resections.iter_mut().try_for_each(|r| r.apply(simulation, time, plan.dt))
     }
 }
 

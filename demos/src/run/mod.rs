@@ -10,7 +10,7 @@ use crate::build::{BuildOptions, BuiltScene, build};
 use crate::error::RunError;
 use crate::output::Writer;
 use crate::probe::{self, Recorded, Sampler};
-use crate::scene::{LoadedScene, Mode};
+use crate::scene::LoadedScene;
 use crate::summary::RunSummary;
 use checkpoint::Checkpoints;
 use facts::RunFacts;
@@ -247,15 +247,10 @@ impl Run<'_> {
     /// Carries out step `done` (counted from 1) with its removals, probes and frame, whether it is the `last`;
     /// why it failed, if it did.
     fn step(&mut self, done: u64, last: bool) -> Result<Option<String>, RunError> {
-        self.built.drive();
-        let BuiltScene { simulation, plan, resections, .. } = &mut self.built;
-        if plan.mode == Mode::Static {
-            simulation.set_gravity(plan.gravity * (done as f64 / plan.steps as f64));
-        }
-        let time = simulation.time();
-        let removed = resections.iter_mut().try_for_each(|r| r.apply(simulation, time, plan.dt));
+        let prepared = self.built.prepare_step(done);
+        let BuiltScene { simulation, resections, .. } = &mut self.built;
         self.totals.energy.removed = resections.iter().map(|r| r.summary.energy).sum();
-        if let Err(error) = removed {
+        if let Err(error) = prepared {
             return Ok(Some(error.to_string()));
         }
         let clock = Instant::now();
