@@ -184,16 +184,22 @@ impl Writer {
         WriterState { csv_length: *csv_length, frames: frames.clone(), note: note.clone() }
     }
 
-    /// Makes the folder, takes away what an earlier run of the scene left in it, which becomes a note of the scene, and
+    /// Makes the folder, takes away what an earlier run of the scene left in it, which becomes a note of the scene if it
+    /// `tells` of that, and
     /// starts the CSV file.
     ///
     /// # Errors
     /// When the folder cannot be made or written to.
-    pub fn new(folder: &Path, name: &str, built: &mut BuiltScene) -> Result<Self, RunError> {
+    pub fn new(
+        folder: &Path,
+        name: &str,
+        built: &mut BuiltScene,
+        tells: bool,
+    ) -> Result<Self, RunError> {
         let frames = folder.join("frames");
         std::fs::create_dir_all(&frames).map_err(write_error(&frames))?;
         let stem = stem(name);
-        let note = remove_old(folder, &stem)?;
+        let note = remove_old(folder, &stem)?.filter(|_| tells);
         built.warnings.extend(note.clone());
         let csv_path = folder.join(format!("{stem}.csv"));
         let csv = std::fs::File::create(&csv_path).map_err(write_error(&csv_path))?;

@@ -22,6 +22,7 @@ use sinew_demos::error::{SceneError, hint};
 use sinew_demos::scene::{LoadedScene, Mode};
 use sinew_demos::warning::Warning;
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// How a simulation is carried out.
 #[derive(Clone, Debug)]
@@ -94,9 +95,18 @@ pub struct Embedding {
     /// When forces were evaluated last.
     pub(crate) evaluated: u64,
     poisoned: Option<String>,
+    /// Its own in this process.
+    number: u64,
 }
 
+/// Numbers of simulations given out by this process.
+static NUMBER: AtomicU64 = AtomicU64::new(0);
+
 impl Embedding {
+    pub(crate) fn number(&self) -> u64 {
+        self.number
+    }
+
     /// A simulation without bodies.
     ///
     /// # Errors
@@ -206,7 +216,8 @@ impl Embedding {
         for (i, pull) in built.pulls.iter().enumerate() {
             handles.add(Kind::Pull, &pull.name, Target::ScenePull(i));
         }
-        Self { built, scene, handles, buffers, epoch: 1, evaluated: 0, poisoned: None }
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        Self { built, scene, handles, buffers, epoch: 1, evaluated: 0, poisoned: None, number }
     }
 
     /// Says that the simulation cannot be used any more, because something panicked in it; every later [`Embedding::check`]

@@ -125,7 +125,7 @@ struct Slot {
 }
 
 /// Handles of a simulation.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Handles {
     slots: Vec<Option<Slot>>,
     free: Vec<usize>,
@@ -200,6 +200,26 @@ impl Handles {
             .collect();
         own.sort_unstable();
         own.into_iter().map(|(serial, i, name)| (handle(kind, i, serial), name)).collect()
+    }
+
+    /// Whether one leads to an entity.
+    pub fn lead_to(&self, entity: Entity) -> bool {
+        let leads = |slot: &Slot| matches!(slot.target, Target::Entity(to) if to == entity);
+        self.slots.iter().flatten().any(leads)
+    }
+
+    /// Leads every handle to what `to` makes of its target, and takes it away where that is nothing.
+    pub fn redirect(&mut self, mut to: impl FnMut(Target) -> Option<Target>) {
+        for (index, slot) in self.slots.iter_mut().enumerate() {
+            let Some(own) = slot else { continue };
+            match to(own.target) {
+                Some(target) => own.target = target,
+                None => {
+                    *slot = None;
+                    self.free.push(index);
+                }
+            }
+        }
     }
 
     /// The handle of a body by its index.

@@ -4,6 +4,7 @@ mod bodies;
 mod doors;
 mod errors;
 mod scenes;
+mod snapshots;
 
 use sinew_embed::*;
 

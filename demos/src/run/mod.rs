@@ -203,7 +203,8 @@ fn begin<'a>(
         }
     }
     let writer = match &options.out {
-        Some(folder) => Some(Writer::new(folder, name, &mut built)?),
+        // a run that was to go on has told already that it begins at its start
+        Some(folder) => Some(Writer::new(folder, name, &mut built, !options.resume)?),
         None => None,
     };
     let totals = Totals::new(&mut built);
