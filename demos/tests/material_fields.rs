@@ -72,7 +72,7 @@ fn fields_of_every_format_reach_the_body_and_the_frames() {
         assert!((end("x1") / end("x0") - 11.0 / 9.0).abs() < 1e-12, "{file}");
 
         let mut writer =
-            Writer::new(&folder.join(format!("out-{file}")), "bar", &mut built).unwrap();
+            Writer::new(&folder.join(format!("out-{file}")), "bar", &mut built, true).unwrap();
         writer.frame(&mut built).unwrap();
         writer.finish().unwrap();
         let frame = folder.join(format!("out-{file}/frames/bar_00000.vtu"));
