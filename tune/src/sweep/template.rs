@@ -176,7 +176,7 @@ impl Template {
         let mut loaded = self.loaded.clone();
         loaded.scene = scene;
         for path in paths {
-            loaded.replaced_by(path.text(), format!("`{}` of the study", path.text()));
+            loaded.replaced_by(path.text(), format!("{} of the study", path.text()));
         }
         Ok(loaded)
     }
