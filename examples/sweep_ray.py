@@ -1,7 +1,7 @@
 """A sweep on a Ray cluster: python examples/sweep_ray.py FOLDER [SHARDS] [ADDRESS]
 
 FOLDER was made by `sinew sweep plan` and can be reached by all workers. Without an address, workers
-are processes of this machine and nothing listens beyond it. SINEW names the command.
+are processes here, but Ray's daemons listen on all networks, behind its token. SINEW: the command.
 """
 
 import os

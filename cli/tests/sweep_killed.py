@@ -9,7 +9,9 @@ import sys
 import threading
 import time
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "examples"))
+EXAMPLES = str(pathlib.Path(__file__).resolve().parents[2] / "examples")
+sys.path.insert(0, EXAMPLES)
+os.environ["PYTHONPATH"] = EXAMPLES  # for workers
 
 
 def parent(pid):

@@ -13,8 +13,8 @@ const ROWS: usize = 1000;
 const POINTS: usize = 2000;
 /// Parameters and results that are plotted against each other.
 const PLOTTED: (usize, usize) = (6, 12);
-/// Failures with the same text that are listed.
-const ALIKE: usize = 20;
+/// Failures of a kind that are listed.
+const ALIKE: usize = 8;
 
 /// Writes the page.
 pub(super) fn page(
@@ -71,13 +71,13 @@ fn cell(column: &Column, row: usize) -> Cell {
     }
 }
 
-/// Failures, those with the same text together.
+/// Failures, those whose texts differ in numbers alone together.
 fn failures(page: &mut Page, table: &SweepTable, runs: usize) {
     let Some(errors) = column(table, "error") else { return };
-    let mut alike: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    let mut alike: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     for (row, error) in errors.iter().enumerate().take(runs) {
         if let Some(text) = error.as_deref().filter(|text| !text.is_empty()) {
-            alike.entry(text).or_default().push(row);
+            alike.entry(without_numbers(text)).or_default().push(row);
         }
     }
     if alike.is_empty() {
@@ -87,9 +87,13 @@ fn failures(page: &mut Page, table: &SweepTable, runs: usize) {
     alike.sort_by_key(|(_, rows)| (std::cmp::Reverse(rows.len()), rows[0]));
     page.add("<h2 id=\"failures\">Failures</h2>");
     let texts = alike.len();
-    for (text, rows) in alike.into_iter().take(100) {
-        let runs =
-            if rows.len() == 1 { "1 run".to_string() } else { format!("{} runs", rows.len()) };
+    for (_, rows) in alike.into_iter().take(100) {
+        let text = errors[rows[0]].as_deref().unwrap_or_default();
+        let runs = if rows.len() == 1 {
+            "1 run".to_string()
+        } else {
+            format!("{} runs like this", rows.len())
+        };
         page.add(format_args!("<div class=\"failure\"><p><b>{runs}</b>: {}</p>", escape(text)));
         let given = |row: usize| {
             let own = &table.columns[table.parameters.clone()];
@@ -111,6 +115,11 @@ fn failures(page: &mut Page, table: &SweepTable, runs: usize) {
     if texts > 100 {
         page.paragraph("note", &format!("and {} other texts, listed in table.csv", texts - 100));
     }
+}
+
+/// A text with its numbers left out.
+fn without_numbers(text: &str) -> String {
+    text.chars().filter(|c| !c.is_ascii_digit()).collect()
 }
 
 /// Every result over every parameter that varies.
