@@ -1,5 +1,5 @@
 //! The `sinew` command. Results go to stdout, progress and errors to stderr; the exit code is 0 when
-//! all went well, 1 for bad input or a failed run, 2 for a wrong command line.
+//! all went well, 1 for bad input or a failed run, 2 for a wrong command line, 3 for a sweep with failed runs.
 #![allow(clippy::print_stderr, reason = "a command speaks to its terminal")]
 
 mod advise;
@@ -8,6 +8,7 @@ mod fit_data;
 mod progress;
 #[cfg(feature = "render")]
 mod render;
+mod sweep;
 
 use advise::{AdviseArguments, advise_scene};
 use clap::{Args, Parser, Subcommand};
@@ -76,6 +77,9 @@ enum Command {
     /// Find the springs of a mesh and say what they are worth, or, with --data, the material constants of a
     /// static scene from measured displacements or forces.
     Fit(FitArguments),
+    /// Run a scene many times with other values: plan, run in parts on any machines, merge into one table.
+    #[command(subcommand)]
+    Sweep(sweep::SweepCommand),
     /// Look at, convert or generate a mesh.
     #[command(subcommand)]
     Mesh(MeshCommand),
@@ -337,6 +341,7 @@ fn main() -> ExitCode {
         Command::Advise(arguments) => advise_scene(&arguments),
         Command::Mesh(command) => mesh(command),
         Command::Fit(arguments) => fit(&arguments),
+        Command::Sweep(command) => return sweep::sweep(command),
     })
 }
 

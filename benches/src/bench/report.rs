@@ -296,7 +296,7 @@ impl Report {
     /// When a chart cannot be drawn.
     pub fn html(&self) -> Result<String, BenchError> {
         let heading = "Sinew bench: speed against error";
-        let mut page = Page::new("Sinew bench", heading, &self.machine);
+        let mut page = Page::new("Sinew bench", heading, &self.machine.line());
         for warning in &self.warnings {
             page.paragraph("warning", warning);
         }

@@ -256,7 +256,7 @@ impl Paper {
     /// One self-contained page.
     pub fn html(&self) -> String {
         let title = format!("{} made again", self.source.short);
-        let mut page = Page::new(title, self.source.reference, &self.machine);
+        let mut page = Page::new(title, self.source.reference, &self.machine.line());
         self.meshes.iter().for_each(|meshes| page.paragraph("note", &format!("{meshes}.")));
         #[cfg(feature = "render")]
         for (name, png) in &self.pictures {

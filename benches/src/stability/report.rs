@@ -222,7 +222,7 @@ impl Suite {
 
     /// One page with everything in it.
     pub fn html(&self) -> String {
-        let mut page = Page::new("Sinew hard cases", "Sinew: the hard cases", &self.machine);
+        let mut page = Page::new("Sinew hard cases", "Sinew: the hard cases", &self.machine.line());
         page.paragraph("", &format!("{}.", self.summary()));
         let selection = if self.quick { " (a selection of the cases)" } else { "" };
         let command = escape(&self.command);

@@ -6,7 +6,7 @@ use super::scene::BuiltScene;
 use super::select::group_cells;
 use super::{axes, meshes};
 use crate::error::SceneError;
-use crate::scene::{Body, Key, LoadedScene, Membrane, SpringMethod};
+use crate::scene::{Body, Key, LoadedScene, Membrane, PreparedMesh, SpringMethod};
 use crate::springs::{Matter, Springs};
 use crate::warning::{Level, Warning};
 use glam::DVec3;
@@ -29,14 +29,27 @@ pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), Sc
 
 fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, SceneError> {
     let entry = &body.material;
-    let mesh = meshes::placed(key, body)?;
-    let thin = body.membrane.as_ref().filter(|m| !mesh.is_solid() && m.plane == PlaneState::Stress);
-    let material = material(&key.at("material"), entry, thin.is_some())?;
+    let thin = |mesh: &Mesh| {
+        body.membrane.as_ref().filter(|m| !mesh.is_solid() && m.plane == PlaneState::Stress)
+    };
+    let material = |mesh: &Mesh| material(&key.at("material"), entry, thin(mesh).is_some());
     let mesh_key = meshes::source(key, body);
-    mesh.fits_into_memory()
-        .map_err(|source| SceneError::Mesh { place: mesh_key.place(), source: Box::new(source) })?;
-    let mut checked = check(&mesh, &CheckOptions::default())
-        .map_err(|source| SceneError::Check { place: mesh_key.place(), source })?;
+    let prepared = key.loaded.prepared_mesh(
+        || format!("{:?}", (&body.mesh, &body.generate, body.scale, &body.rotate, body.translate)),
+        || {
+            let placed = meshes::placed(key, body)?;
+            material(&placed)?;
+            placed.fits_into_memory().map_err(|source| SceneError::Mesh {
+                place: mesh_key.place(),
+                source: Box::new(source),
+            })?;
+            let checked = check(&placed, &CheckOptions::default())
+                .map_err(|source| SceneError::Check { place: mesh_key.place(), source })?;
+            Ok(PreparedMesh { placed, checked })
+        },
+    )?;
+    let (thin, material) = (thin(&prepared.placed), material(&prepared.placed)?);
+    let mut checked = Arc::unwrap_or_clone(prepared).checked;
     let membrane = match &body.membrane {
         Some(entry) => Some(membrane(&key.at("membrane"), entry, &checked.mesh, material)?),
         None => None,

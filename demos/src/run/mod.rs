@@ -61,6 +61,10 @@ pub trait Observer {
     fn step(&mut self, done: u64, time: f64, scene: &mut BuiltScene) {
         let _ = (done, time, scene);
     }
+    /// The probes were read after `step` steps at `time` (s); [`columns`](crate::probe::columns) names the values.
+    fn row(&mut self, step: u64, time: f64, probes: &[f64]) {
+        let _ = (step, time, probes);
+    }
     /// The last step is done or has failed.
     fn finish(&mut self) {}
 }
@@ -314,6 +318,7 @@ impl Run<'_> {
             }
         }
         simulation.world_mut().insert_resource(times);
+        self.observer.row(step, simulation.time(), &self.probes);
         if let Some(writer) = &mut self.writer {
             let (report, volume) = (simulation.report(), simulation.volume_report());
             let e = &totals.energy;

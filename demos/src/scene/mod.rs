@@ -21,8 +21,8 @@ pub use fibres::{
     AngleEntry, AxesEntry, AzimuthElevationEntry, CircularEntry, FibreEntry, HelicoidalEntry,
     HemicircularEntry, LaplaceEntry, MuscleEntry, RandomEntry,
 };
-pub(crate) use read::Key;
 pub use read::LoadedScene;
+pub(crate) use read::{Key, PreparedMesh};
 pub use resection::{CutterEntry, ResectionEntry};
 pub use shape::{
     BalloonShape, BoxShape, CupShape, CylinderShape, DiscShape, Generate, Rotation, SheetCells,

@@ -5,15 +5,16 @@ use crate::error::{Place, SceneError, hint};
 use crate::text::short;
 use glam::DVec3;
 use sinew::engine::memory::read_file;
-use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::engine::mesh::{CheckedMesh, Mesh, MeshError};
 use sinew::simulation::SimulationError;
+use std::borrow::Cow;
 use std::cmp::Reverse;
 use std::collections::HashMap;
 use std::fmt::{self, Display};
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Largest number that a scene may hold, in whatever SI unit.
 const MOST: f64 = 1e12;
@@ -121,10 +122,22 @@ pub struct LoadedScene {
     pub scene: Scene,
     /// Its file.
     pub file: PathBuf,
-    keys: KeySpans,
+    keys: Arc<KeySpans>,
     files: Files,
+    /// Meshes that were prepared for a body, by what they are made of; `None` where none are kept.
+    prepared: Option<Arc<Mutex<HashMap<String, Arc<PreparedMesh>>>>>,
     /// Keys that options of the command replaced, with these.
-    options: Vec<(&'static str, &'static str)>,
+    options: Vec<(Cow<'static, str>, Cow<'static, str>)>,
+}
+
+/// Meshes of bodies that are kept at most.
+const KEPT: usize = 16;
+
+/// A mesh in place, before and after its check.
+#[derive(Clone, Debug)]
+pub(crate) struct PreparedMesh {
+    pub placed: Mesh,
+    pub checked: CheckedMesh,
 }
 
 /// How files that a scene names are read.
@@ -158,11 +171,12 @@ impl LoadedScene {
     /// # Errors
     /// As [`LoadedScene::read`].
     pub fn parse(text: &str, file: &Path) -> Result<Self, SceneError> {
-        let keys = KeySpans::new(text);
+        let keys = Arc::new(KeySpans::new(text));
         match toml::from_str(text) {
             Ok(scene) => {
                 let files = Files(Arc::new(read_file));
-                let loaded = Self { scene, file: file.into(), keys, files, options: Vec::new() };
+                let (file, options) = (file.into(), Vec::new());
+                let loaded = Self { scene, file, keys, files, prepared: None, options };
                 match &loaded.keys.beyond {
                     Some((key, value)) => Err(loaded.key(key).value(
                         format!("{value} is beyond {BEYOND:e}, the most of any number in a scene"),
@@ -219,8 +233,41 @@ impl LoadedScene {
     }
 
     /// Says that a value does not come from the file: errors about the key then name the option.
-    pub fn replaced_by(&mut self, key: &'static str, option: &'static str) {
-        self.options.push((key, option));
+    pub fn replaced_by(
+        &mut self,
+        key: impl Into<Cow<'static, str>>,
+        option: impl Into<Cow<'static, str>>,
+    ) {
+        self.options.push((key.into(), option.into()));
+    }
+
+    /// Keeps the meshes of bodies once they were read and checked, for this scene and its clones, which may differ
+    /// in everything else. Files are then not looked at again.
+    #[must_use]
+    pub fn keep_meshes(mut self) -> Self {
+        self.prepared = Some(Arc::default());
+        self
+    }
+
+    /// The mesh of this name, from those that are kept, or as `make` makes it.
+    pub(crate) fn prepared_mesh<E>(
+        &self,
+        name: impl FnOnce() -> String,
+        make: impl FnOnce() -> Result<PreparedMesh, E>,
+    ) -> Result<Arc<PreparedMesh>, E> {
+        let Some(kept) = &self.prepared else { return make().map(Arc::new) };
+        let lock = || kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let name = name();
+        if let Some(mesh) = lock().get(&name) {
+            return Ok(Arc::clone(mesh));
+        }
+        let mesh = Arc::new(make()?);
+        let mut kept = lock();
+        if kept.len() >= KEPT {
+            kept.clear();
+        }
+        kept.insert(name, Arc::clone(&mesh));
+        Ok(mesh)
     }
 
     /// Reads another file named in the scene.
@@ -235,7 +282,11 @@ impl LoadedScene {
     pub fn place(&self, key: impl Into<String>) -> Box<Place> {
         let key = key.into();
         if let Some((_, option)) = self.options.iter().find(|(own, _)| *own == key) {
-            return Box::new(Place { file: self.file.clone(), line: None, key: (*option).into() });
+            return Box::new(Place {
+                file: self.file.clone(),
+                line: None,
+                key: option.to_string(),
+            });
         }
         Box::new(Place { file: self.file.clone(), line: self.keys.line(&key), key })
     }

@@ -16,6 +16,7 @@ use sinew::models::body::{Evaluation, Model};
 use sinew::models::material::YoungPoisson;
 use sinew::solvers::settings::SolverSettings;
 use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
 /// Version of the JSON summary.
 pub const SCHEMA: &str = "sinew-run/1";
@@ -112,14 +113,16 @@ pub struct Machine {
 impl Machine {
     /// The machine that runs this program.
     pub fn this() -> Self {
-        let processor = std::fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
+        // the system takes milliseconds to write this where there are many cores
+        static PROCESSOR: LazyLock<Option<String>> = LazyLock::new(|| {
+            let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
             let line = text.lines().find(|line| line.starts_with("model name"))?;
             Some(line.split_once(':')?.1.trim().to_string())
         });
         Self {
             os: std::env::consts::OS,
             architecture: std::env::consts::ARCH,
-            processor,
+            processor: PROCESSOR.clone(),
             cores: std::thread::available_parallelism().map_or(1, usize::from),
         }
     }

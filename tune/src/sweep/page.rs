@@ -1,0 +1,277 @@
+//! The page of a sweep: failures with their texts, scatter plots, the table.
+
+use super::manifest::Manifest;
+use super::merge::{Cells, Column, SweepTable};
+use crate::page::{Chart, Page};
+use crate::table::{Cell, Table, escape, three_digits};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// Rows of the table that a page shows.
+const ROWS: usize = 1000;
+/// Points of a plot.
+const POINTS: usize = 2000;
+/// Parameters and results that are plotted against each other.
+const PLOTTED: (usize, usize) = (6, 12);
+/// Failures of a kind that are listed.
+const ALIKE: usize = 8;
+
+/// Writes the page.
+pub(super) fn page(
+    manifest: &Manifest,
+    table: &SweepTable,
+    [failed, missing]: [usize; 2],
+) -> String {
+    let header = &manifest.header;
+    let scene = header.scene.file_stem().unwrap_or_default().to_string_lossy();
+    let runs = manifest.runs.len();
+    let mut about = format!("{runs} runs of {}, {failed} failed", header.scene.display());
+    if missing > 0 {
+        let _ = write!(about, ", {missing} without a result");
+    }
+    let _ = write!(about, ". Sinew {}, {}.", header.engine, header.instruction_set.name());
+    let title = format!("Sweep: {scene}");
+    let mut page = Page::new(&title, &title, &about);
+    page.add(format_args!("<style>{STYLE}</style>"));
+    failures(&mut page, table, runs);
+    plots(&mut page, table, runs);
+    page.table(&rows(table, runs));
+    if runs > ROWS {
+        page.paragraph("note", &format!("The first {ROWS} of {runs} runs; all are in table.csv."));
+    }
+    page.html()
+}
+
+const STYLE: &str = "\
+.plots { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 340px), 1fr)); gap: 12px; }
+.plots figure { margin: 0; min-width: 0; }
+.plots svg { width: 100%; border: 1px solid #e2e2e2; }
+.plots figcaption { font-size: 13px; overflow-wrap: anywhere; }
+.failure { border-left: 4px solid #c0392b; background: #fdf1ef; padding: 6px 10px; margin: 8px 0; overflow-wrap: anywhere; }
+.failure p { max-width: none; }
+td.words { white-space: normal; min-width: 9em; max-width: 40em; overflow-wrap: anywhere; }
+@media (max-width: 600px) { main { padding: 12px; } h1 { font-size: 22px; overflow-wrap: anywhere; } }
+";
+
+fn column<'a>(table: &'a SweepTable, name: &str) -> Option<&'a Vec<Option<String>>> {
+    let own = table.columns.iter().find(|column| column.name == name)?;
+    match &own.cells {
+        Cells::Text(cells) => Some(cells),
+        Cells::Number(_) => None,
+    }
+}
+
+fn cell(column: &Column, row: usize) -> Cell {
+    match &column.cells {
+        Cells::Number(cells) => match cells[row] {
+            Some(x) if x.fract() == 0.0 && (0.0..1e9).contains(&x) => Cell::Count(x as u64),
+            x => x.into(),
+        },
+        Cells::Text(cells) => cells[row].clone().map_or(Cell::Missing, Cell::Text),
+    }
+}
+
+/// Failures, those whose texts differ in numbers alone together.
+fn failures(page: &mut Page, table: &SweepTable, runs: usize) {
+    let Some(errors) = column(table, "error") else { return };
+    let mut alike: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+    for (row, error) in errors.iter().enumerate().take(runs) {
+        if let Some(text) = error.as_deref().filter(|text| !text.is_empty()) {
+            alike.entry(without_numbers(text)).or_default().push(row);
+        }
+    }
+    if alike.is_empty() {
+        return;
+    }
+    let mut alike: Vec<_> = alike.into_iter().collect();
+    alike.sort_by_key(|(_, rows)| (std::cmp::Reverse(rows.len()), rows[0]));
+    page.add("<h2 id=\"failures\">Failures</h2>");
+    let texts = alike.len();
+    for (_, rows) in alike.into_iter().take(100) {
+        let text = errors[rows[0]].as_deref().unwrap_or_default();
+        let runs = if rows.len() == 1 {
+            "1 run".to_string()
+        } else {
+            format!("{} runs like this", rows.len())
+        };
+        page.add(format_args!("<div class=\"failure\"><p><b>{runs}</b>: {}</p>", escape(text)));
+        let given = |row: usize| {
+            let own = &table.columns[table.parameters.clone()];
+            let values =
+                own.iter().map(|column| format!("{} = {}", column.name, cell(column, row).shown()));
+            format!("run {row}: {}", values.collect::<Vec<_>>().join(", "))
+        };
+        for &row in rows.iter().take(ALIKE) {
+            page.paragraph("note", &given(row));
+        }
+        if rows.len() > ALIKE {
+            page.paragraph(
+                "note",
+                &format!("and {} more, listed in table.csv", rows.len() - ALIKE),
+            );
+        }
+        page.add("</div>");
+    }
+    if texts > 100 {
+        page.paragraph("note", &format!("and {} other texts, listed in table.csv", texts - 100));
+    }
+}
+
+/// A text with its numbers left out.
+fn without_numbers(text: &str) -> String {
+    text.chars().filter(|c| !c.is_ascii_digit()).collect()
+}
+
+/// Every result over every parameter that varies.
+fn plots(page: &mut Page, table: &SweepTable, runs: usize) {
+    let varies = |cells: &[Option<f64>]| {
+        let mut known = cells.iter().flatten();
+        known.next().is_some_and(|first| known.any(|x| x != first))
+    };
+    let numbers = |range: std::ops::Range<usize>| {
+        table.columns[range].iter().filter_map(move |column| match &column.cells {
+            Cells::Number(cells) if varies(cells) => Some((&column.name, cells)),
+            _ => None,
+        })
+    };
+    let parameters: Vec<_> = numbers(table.parameters.clone()).collect();
+    let results: Vec<_> = numbers(table.results.clone()).collect();
+    let shown: Vec<_> = results.iter().take(PLOTTED.1).collect();
+    if parameters.is_empty() || shown.is_empty() {
+        return;
+    }
+    page.add("<h2 id=\"plots\">Results over parameters</h2>");
+    let every = runs.div_ceil(POINTS).max(1);
+    let mut notes = Vec::new();
+    if every > 1 {
+        notes.push(format!("Every {every}th run is drawn."));
+    }
+    if parameters.len() > PLOTTED.0 || results.len() > PLOTTED.1 {
+        notes.push(format!(
+            "The first {} of {} parameters and {} of {} results that vary are drawn.",
+            parameters.len().min(PLOTTED.0),
+            parameters.len(),
+            shown.len(),
+            results.len()
+        ));
+    }
+    if !notes.is_empty() {
+        page.paragraph("note", &notes.join(" "));
+    }
+    page.add("<div class=\"plots\">");
+    for (i, (result, y)) in shown.into_iter().enumerate() {
+        for (k, (parameter, x)) in parameters.iter().take(PLOTTED.0).enumerate() {
+            let points: Vec<(usize, f64, f64)> =
+                (0..runs).step_by(every).filter_map(|row| Some((row, x[row]?, y[row]?))).collect();
+            if let Some(svg) = scatter(&points, parameter, result) {
+                page.chart(&Chart { name: format!("{i}-{k}"), svg });
+            }
+        }
+    }
+    page.add("</div>");
+}
+
+/// A scatter plot; the axis of a parameter over more than two decades is logarithmic.
+fn scatter(points: &[(usize, f64, f64)], parameter: &str, result: &str) -> Option<String> {
+    const SIZE: [f64; 2] = [360.0, 240.0];
+    const MARGIN: [f64; 4] = [62.0, 12.0, 30.0, 40.0]; // left, right, top, bottom
+    let ends = |of: fn(&(usize, f64, f64)) -> f64| {
+        let start = (f64::INFINITY, f64::NEG_INFINITY);
+        points.iter().map(of).fold(start, |(low, high), x| (low.min(x), high.max(x)))
+    };
+    let (x, y) = (ends(|p| p.1), ends(|p| p.2));
+    if points.is_empty() || !(x.1 - x.0).is_finite() || !(y.1 - y.0).is_finite() {
+        return None;
+    }
+    let log = x.0 > 0.0 && x.1 >= 100.0 * x.0;
+    let scaled = |x: f64| if log { x.ln() } else { x };
+    let share =
+        |v: f64, (low, high): (f64, f64)| if high > low { (v - low) / (high - low) } else { 0.5 };
+    let (left, right, top, bottom) =
+        (MARGIN[0], SIZE[0] - MARGIN[1], MARGIN[2], SIZE[1] - MARGIN[3]);
+    let across =
+        |v: f64| left + 6.0 + (right - left - 12.0) * share(scaled(v), (scaled(x.0), scaled(x.1)));
+    let up = |v: f64| bottom - 6.0 - (bottom - top - 12.0) * share(v, y);
+    let mut svg = format!(
+        "<svg viewBox=\"0 0 {} {}\" role=\"img\" font-family=\"system-ui, sans-serif\" font-size=\"11\" fill=\"#333\">\n\
+         <title>{} over {}</title>\n\
+         <path d=\"M{left} {top}V{bottom}H{right}\" fill=\"none\" stroke=\"#999\"/>\n",
+        SIZE[0],
+        SIZE[1],
+        escape(result),
+        escape(parameter),
+    );
+    // a width that holds the text
+    let fitted = |text: &str, most: f64| {
+        let size = (most / (0.56 * text.chars().count().max(1) as f64)).clamp(6.0, 12.0);
+        format!("font-size=\"{size:.1}\">{}", escape(text))
+    };
+    let _ = writeln!(
+        svg,
+        "<text x=\"6\" y=\"16\" font-weight=\"600\" {}</text>",
+        fitted(result, SIZE[0] - 20.0)
+    );
+    let name = if log { format!("{parameter} (log)") } else { parameter.to_string() };
+    let _ = writeln!(
+        svg,
+        "<text x=\"{right}\" y=\"{}\" text-anchor=\"end\" {}</text>",
+        SIZE[1] - 6.0,
+        fitted(&name, SIZE[0] - 20.0)
+    );
+    let middle = |(low, high): (f64, f64)| low + 0.5 * (high - low);
+    for v in if y.1 > y.0 { vec![y.0, middle(y), y.1] } else { vec![y.0] } {
+        let at = up(v);
+        let _ = writeln!(
+            svg,
+            "<path d=\"M{left} {at:.1}h-4\" stroke=\"#999\"/><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+            left - 7.0,
+            at + 4.0,
+            three_digits(v)
+        );
+    }
+    let centre = if log { (x.0.ln() * 0.5 + x.1.ln() * 0.5).exp() } else { middle(x) };
+    for (v, anchor) in [(x.0, "start"), (centre, "middle"), (x.1, "end")]
+        .into_iter()
+        .skip(usize::from(x.0 == x.1) * 2)
+    {
+        let at = across(v);
+        let _ = writeln!(
+            svg,
+            "<path d=\"M{at:.1} {bottom}v4\" stroke=\"#999\"/><text x=\"{at:.1}\" y=\"{}\" text-anchor=\"{anchor}\">{}</text>",
+            bottom + 16.0,
+            three_digits(v)
+        );
+    }
+    let _ = writeln!(svg, "<g fill=\"#0059a8\" fill-opacity=\"0.55\">");
+    let radius = if points.len() > 400 { 1.8 } else { 3.0 };
+    for (row, px, py) in points {
+        let _ = writeln!(
+            svg,
+            "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{radius}\"><title>run {row}: {}, {}</title></circle>",
+            across(*px),
+            up(*py),
+            three_digits(*px),
+            three_digits(*py)
+        );
+    }
+    Some(svg + "</g>\n</svg>")
+}
+
+/// The first rows, without ids and hashes.
+fn rows(table: &SweepTable, runs: usize) -> Table {
+    let plain = |column: &&Column| match &column.cells {
+        // a column without anything to say
+        Cells::Text(cells) => {
+            !["id", "state_hash"].contains(&column.name.as_str())
+                && cells.iter().flatten().any(|text| !text.is_empty())
+        }
+        Cells::Number(_) => true,
+    };
+    let shown: Vec<&Column> = table.columns.iter().filter(plain).collect();
+    let names: Vec<&str> = shown.iter().map(|column| column.name.as_str()).collect();
+    let mut rows = Table::new("runs", "Runs", &names);
+    for row in 0..runs.min(ROWS) {
+        rows.row(shown.iter().map(|column| cell(column, row)).collect());
+    }
+    rows
+}

@@ -1,0 +1,59 @@
+//! The table as a Parquet file, by the low-level column writer.
+
+use super::error::SweepError;
+use super::merge::{Cells, SweepTable};
+use parquet::basic::{LogicalType, Repetition, Type as Physical};
+use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
+use parquet::errors::ParquetError;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::types::Type;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The file of a table; what has no value is null.
+pub(super) fn bytes(table: &SweepTable, path: &Path) -> Result<Vec<u8>, SweepError> {
+    written(table)
+        .map_err(|error| SweepError::Table { path: path.into(), message: error.to_string() })
+}
+
+fn written(table: &SweepTable) -> Result<Vec<u8>, ParquetError> {
+    let fields = table.columns.iter().map(|column| {
+        let (physical, logical) = match column.cells {
+            Cells::Number(_) => (Physical::DOUBLE, None),
+            Cells::Text(_) => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+        };
+        let field = Type::primitive_type_builder(&column.name, physical)
+            .with_repetition(Repetition::OPTIONAL)
+            .with_logical_type(logical);
+        field.build().map(Arc::new)
+    });
+    let fields = fields.collect::<Result<Vec<_>, _>>()?;
+    let schema = Arc::new(Type::group_type_builder("sweep").with_fields(fields).build()?);
+    let properties = Arc::new(WriterProperties::builder().build());
+    let mut writer = SerializedFileWriter::new(Vec::new(), schema, properties)?;
+    let mut rows = writer.next_row_group()?;
+    for column in &table.columns {
+        let mut out =
+            rows.next_column()?.ok_or_else(|| ParquetError::General("no column".into()))?;
+        match &column.cells {
+            Cells::Number(cells) => {
+                let values: Vec<f64> = cells.iter().flatten().copied().collect();
+                out.typed::<DoubleType>().write_batch(&values, Some(&levels(cells)), None)?;
+            }
+            Cells::Text(cells) => {
+                let values: Vec<ByteArray> =
+                    cells.iter().flatten().map(|text| ByteArray::from(text.as_str())).collect();
+                out.typed::<ByteArrayType>().write_batch(&values, Some(&levels(cells)), None)?;
+            }
+        }
+        out.close()?;
+    }
+    rows.close()?;
+    writer.into_inner()
+}
+
+/// 1 where there is a value.
+fn levels<T>(cells: &[Option<T>]) -> Vec<i16> {
+    cells.iter().map(|cell| i16::from(cell.is_some())).collect()
+}
