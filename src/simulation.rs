@@ -564,35 +564,38 @@ impl Simulation {
 
     /// Deformed positions (m) in the user's order, what a host draws; zero for vertices without an element.
     pub fn positions(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self, body, |x| x.5.0 + x.0.get()))
+        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.5.0 + x.0.get()))
     }
 
     /// Displacements (m) in the user's order; vertices without an element have none (zero).
     pub fn displacements(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self, body, |x| x.0.get()))
+        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.0.get()))
     }
 
     /// Velocities (m/s) in the user's order.
     pub fn velocities(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self, body, |x| x.1.get()))
+        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.1.get()))
     }
 
     /// Elastic forces (N) of the last evaluation in the user's order; see [`Simulation::evaluate`].
     pub fn elastic_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self, body, |x| x.2.get()))
+        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.2.get()))
     }
 
     /// External forces (N), gravity included, of the last step in the user's order.
     pub fn external_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self, body, |x| x.3.get()))
+        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.3.get()))
     }
 
     /// Lumped masses (kg) in the user's order; zero for vertices without an element.
     pub fn masses(&mut self, body: BodyHandle) -> Vec<f64> {
-        by_precision!(self.precision, read_rows(self, body, |x| DVec3::splat(x.4.0.to_f64())))
-            .iter()
-            .map(|m| m.x)
-            .collect()
+        by_precision!(
+            self.precision,
+            read_rows(self.world_mut(), body.0, |x| DVec3::splat(x.4.0.to_f64()))
+        )
+        .iter()
+        .map(|m| m.x)
+        .collect()
     }
 
     /// Volume ratio J of every tetrahedron of a body, then of every hexahedron (the smallest of its Gauss
@@ -660,18 +663,28 @@ impl Simulation {
     /// 64-bit FNV-1a hash of displacements and velocities, in the user's order: equal hashes mean
     /// equal results bit for bit.
     pub fn state_hash(&mut self) -> u64 {
-        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-        for body in 0..self.topology().bodies.len() {
-            let u = self.displacements(BodyHandle(body));
-            let v = self.velocities(BodyHandle(body));
-            for x in u.iter().chain(&v).flat_map(|x| x.to_array()) {
-                for byte in x.to_bits().to_le_bytes() {
-                    hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-                }
+        state_hash(self.world_mut())
+    }
+}
+
+/// [`Simulation::state_hash`] of a world, such as that of a Bevy app with [`crate::SinewPlugins`].
+pub fn state_hash(world: &mut World) -> u64 {
+    let Some(&precision) = world.get_resource::<Precision>() else { return 0xcbf2_9ce4_8422_2325 };
+    by_precision!(precision, hash_rows(world))
+}
+
+fn hash_rows<S: Scalar>(world: &mut World) -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    for body in 0..world.resource::<Topology>().bodies.len() {
+        let u = read_rows::<S>(world, body, |x| x.0.get());
+        let v = read_rows::<S>(world, body, |x| x.1.get());
+        for x in u.iter().chain(&v).flat_map(|x| x.to_array()) {
+            for byte in x.to_bits().to_le_bytes() {
+                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
             }
         }
-        hash
     }
+    hash
 }
 
 #[cfg(feature = "gpu")]
@@ -683,13 +696,12 @@ type Vertex<S> =
 
 /// One value per vertex of the user's mesh, zero where there is no row.
 fn read_rows<S: Scalar>(
-    simulation: &mut Simulation,
-    body: BodyHandle,
+    world: &mut World,
+    body: usize,
     pick: fn(&Vertex<S>) -> DVec3,
 ) -> Vec<DVec3> {
-    let rows = simulation.topology().bodies[body.0].clone();
+    let rows = world.resource::<Topology>().bodies[body].clone();
     let mut result = vec![DVec3::ZERO; rows.row_of_vertex.len()];
-    let world = simulation.world_mut();
     let mut query = world.query::<(
         &Displacement<S>,
         &Velocity<S>,

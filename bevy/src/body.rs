@@ -284,7 +284,8 @@ type Waiting = (Without<SinewBodyIndex>, Without<SinewBodyError>);
 
 /// Builds bodies whose meshes are there.
 fn build_bodies(world: &mut World, waiting: &mut QueryState<(Entity, &SinewBody), Waiting>) {
-    let waiting: Vec<_> = waiting.iter(world).map(|(entity, body)| (entity, body.clone())).collect();
+    let waiting: Vec<_> =
+        waiting.iter(world).map(|(entity, body)| (entity, body.clone())).collect();
     for (entity, body) in waiting {
         let name = name(world, entity);
         let result = match find_mesh(world, &name, &body.mesh) {
@@ -508,7 +509,12 @@ fn state(world: &mut World, index: usize) -> SinewBodyState {
     SinewBodyState {
         step: clock.step,
         time: clock.time,
-        elastic_energy: world.resource::<ElasticEnergy>().by_body.get(index).copied().unwrap_or(0.0),
+        elastic_energy: world
+            .resource::<ElasticEnergy>()
+            .by_body
+            .get(index)
+            .copied()
+            .unwrap_or(0.0),
         kinetic_energy,
         smallest_ratio,
         inverted: volumes.inverted_by_body.get(index).copied().unwrap_or(0),
@@ -526,7 +532,9 @@ fn kinetic_energy<S: Scalar>(world: &mut World, rows: Range<u32>) -> f64 {
 }
 
 fn tell_removals(world: &mut World) {
-    let Some(log) = world.get_resource::<RemovalLog>().filter(|log| !log.0.is_empty()) else { return };
+    let Some(log) = world.get_resource::<RemovalLog>().filter(|log| !log.0.is_empty()) else {
+        return;
+    };
     for (index, result) in log.0.clone() {
         let Some(entity) = world.resource::<Built>().entity(index) else { continue };
         match result {

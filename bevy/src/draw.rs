@@ -273,7 +273,8 @@ impl Drawn {
                 to.iter_mut().zip(from).for_each(|(to, from)| *to = from);
             }
         }
-        if let Some(VertexAttributeValues::Float32x3(to)) = mesh.attribute_mut(Mesh::ATTRIBUTE_NORMAL)
+        if let Some(VertexAttributeValues::Float32x3(to)) =
+            mesh.attribute_mut(Mesh::ATTRIBUTE_NORMAL)
         {
             for (to, normal) in to.iter_mut().zip(&self.normals) {
                 *to = normal.normalize_or(Vec3::Z).to_array();

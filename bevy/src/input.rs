@@ -72,15 +72,18 @@ impl SinewPull {
 
 /// Puts a [`Tool`] on the same entity where that entity is. It appears there with the first step, and moves
 /// there from then on.
-#[derive(Component, Clone, Debug, Default)]
-#[require(Transform)]
+#[derive(Component, Clone, Copy, Debug, Default)]
+#[require(Transform, Followed)]
 pub struct FollowTransform {
     /// Angle (rad) between the jaws of the tool.
     pub opening: f64,
     /// How often the entity is moved.
     pub moved: Moved,
-    at: Option<ToolPose>,
 }
+
+/// Where a tool that follows its entity is.
+#[derive(Component, Default)]
+struct Followed(Option<ToolPose>);
 
 /// An input that cannot act; correct it, and it is tried again.
 #[derive(Component, Clone, Debug, PartialEq)]
@@ -388,28 +391,28 @@ fn follow_pulls(
 fn follow_tools(
     places: Places,
     mut errors: Errors,
-    mut tools: Query<(Entity, &mut FollowTransform, &mut Tool)>,
+    mut tools: Query<(Entity, &FollowTransform, &mut Followed, &mut Tool)>,
 ) {
-    for (entity, mut follow, mut tool) in &mut tools {
-        let follow = follow.bypass_change_detection();
+    for (entity, follow, mut followed, mut tool) in &mut tools {
         let Some(there) = places.of(entity) else { continue };
-        let next = follow.at.map_or(there, |at| {
+        let next = followed.0.map_or(there, |at| {
             let at = Rigid { position: at.position, rotation: at.rotation };
             at.towards(there, places.part(follow.moved))
         });
         let pose =
             ToolPose { position: next.position, rotation: next.rotation, opening: follow.opening };
-        let result = match follow.at {
+        let result = match followed.0 {
             Some(at) if at == pose => Ok(()),
             Some(_) => tool.set_target(pose),
             None => tool.place(pose),
         };
         if result.is_ok() {
-            follow.at = Some(pose);
+            followed.0 = Some(pose);
         }
         let name = &tool.name;
-        let result = result.map_err(|error| {
-            InputError::Invalid { name: name.clone(), problem: error.to_string() }
+        let result = result.map_err(|error| InputError::Invalid {
+            name: name.clone(),
+            problem: error.to_string(),
         });
         errors.book(entity, result);
     }

@@ -80,6 +80,7 @@ pub use time::SinewTimestep;
 
 use bevy_app::{App, Plugin, PluginGroup, PluginGroupBuilder};
 use bevy_ecs::intern::Interned;
+use bevy_ecs::message::signal_message_update_system;
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::ScheduleLabel;
 
@@ -143,7 +144,9 @@ impl Plugin for BodyPlugin {
                     .before(SimulationSystems::Step),
                 BodySystems::State
                     .after(SimulationSystems::Step)
-                    .before(SimulationSystems::Writeback),
+                    .before(SimulationSystems::Writeback)
+                    // the one system of Bevy's in the fixed schedules
+                    .ambiguous_with(signal_message_update_system),
             ),
         );
         time::build(app, schedule);

@@ -45,8 +45,7 @@ fn read_clock(
 ) {
     let (Some(fixed), Some(mut clock)) = (fixed, clock) else { return };
     let (last, told) = &mut *known;
-    if *mode == SinewTimestep::Fixed
-        && clock.dt != last.unwrap_or_else(|| StepClock::default().dt)
+    if *mode == SinewTimestep::Fixed && clock.dt != last.unwrap_or_else(|| StepClock::default().dt)
     {
         *mode = SinewTimestep::ByHand;
     }

@@ -1,1 +1,7 @@
-fn main() {}
+//! `sinew-bevy` without a window.
+
+mod bodies;
+mod common;
+mod drawing;
+mod inputs;
+mod steps;
