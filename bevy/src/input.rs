@@ -1,7 +1,8 @@
 //! What acts on bodies: held vertices, pulls and tools, each where its entity is.
 
-use crate::{BodySystems, SinewBodyIndex};
+use crate::{BodySystems, SinewBody, SinewBodyIndex, SoftMesh};
 use bevy_app::App;
+use bevy_asset::Assets;
 use bevy_ecs::intern::Interned;
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::ScheduleLabel;
@@ -25,13 +26,34 @@ pub enum Moved {
     EveryFrame,
 }
 
+/// Vertices of a body.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Patch {
+    /// By their indices in the user's mesh.
+    Vertices(Vec<u32>),
+    /// All of a named group of the mesh.
+    Group(String),
+}
+
+impl From<Vec<u32>> for Patch {
+    fn from(vertices: Vec<u32>) -> Self {
+        Self::Vertices(vertices)
+    }
+}
+
+impl From<&str> for Patch {
+    fn from(group: &str) -> Self {
+        Self::Group(group.into())
+    }
+}
+
 /// Holds vertices of the body that its entity is a child of. As the entity moves, they follow it rigidly, from where
 /// both were when it took hold; so they do when the `Transform` of the body or a parent is moved.
 #[derive(Component, Clone, Debug)]
 #[require(Transform)]
 pub struct SinewHold {
-    /// Vertices of the user's mesh.
-    pub vertices: Vec<u32>,
+    /// Vertices.
+    pub vertices: Patch,
     /// Held axes of the world.
     pub axes: FixedAxes,
     /// How often the entity is moved.
@@ -40,8 +62,8 @@ pub struct SinewHold {
 
 impl SinewHold {
     /// Holds vertices along all axes.
-    pub fn new(vertices: Vec<u32>) -> Self {
-        Self { vertices, axes: FixedAxes::ALL, moved: Moved::EveryStep }
+    pub fn new(vertices: impl Into<Patch>) -> Self {
+        Self { vertices: vertices.into(), axes: FixedAxes::ALL, moved: Moved::EveryStep }
     }
 }
 
@@ -51,8 +73,8 @@ impl SinewHold {
 #[derive(Component, Clone, Debug)]
 #[require(Transform)]
 pub struct SinewPull {
-    /// Vertices of the user's mesh.
-    pub vertices: Vec<u32>,
+    /// Vertices.
+    pub vertices: Patch,
     /// Share of each vertex; equal ones when empty.
     pub weights: Vec<f64>,
     /// Stiffness (N/m) of all vertices together.
@@ -65,8 +87,9 @@ pub struct SinewPull {
 
 impl SinewPull {
     /// Pulls on vertices with equal weights.
-    pub fn new(vertices: Vec<u32>, stiffness: f64, damping: f64) -> Self {
-        Self { vertices, weights: Vec::new(), stiffness, damping, moved: Moved::EveryStep }
+    pub fn new(vertices: impl Into<Patch>, stiffness: f64, damping: f64) -> Self {
+        let (vertices, weights) = (vertices.into(), Vec::new());
+        Self { vertices, weights, stiffness, damping, moved: Moved::EveryStep }
     }
 }
 
@@ -203,7 +226,8 @@ type Input<'a, C> = (Entity, &'a C, Option<&'a ChildOf>, Option<&'a Name>);
 struct Begin<'w, 's> {
     commands: Commands<'w, 's>,
     topology: Res<'w, Topology>,
-    bodies: Query<'w, 's, Option<&'static SinewBodyIndex>, With<crate::SinewBody>>,
+    bodies: Query<'w, 's, (&'static SinewBody, Option<&'static SinewBodyIndex>)>,
+    meshes: Res<'w, Assets<SoftMesh>>,
     transforms: TransformHelper<'w, 's>,
     failed: MessageWriter<'w, InputFailed>,
 }
@@ -214,12 +238,19 @@ impl Begin<'_, '_> {
         &self,
         name: &str,
         parent: Option<&ChildOf>,
-        vertices: &[u32],
+        patch: &Patch,
     ) -> Result<Option<Vec<u32>>, InputError> {
         let body = parent.and_then(|parent| self.bodies.get(parent.parent()).ok());
         let Some(body) = body else { return Err(InputError::NoBody { name: name.into() }) };
-        let Some(index) = body else { return Ok(None) };
+        let (own, Some(index)) = body else { return Ok(None) };
         let body = &self.topology.bodies[index.0];
+        let vertices = match (patch, self.meshes.get(&own.mesh)) {
+            (Patch::Vertices(vertices), _) => vertices.clone(),
+            (Patch::Group(_), None) => return Ok(None),
+            (Patch::Group(group), Some(mesh)) => mesh.group(group).map_err(|error| {
+                InputError::Invalid { name: name.into(), problem: error.to_string() }
+            })?,
+        };
         let row = |&vertex: &u32| {
             let (name, of) = (name.into(), body.name.clone());
             body.row(vertex).ok_or(InputError::Vertex { name, body: of, vertex })

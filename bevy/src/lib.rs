@@ -34,7 +34,6 @@
 //! app.insert_resource(TimeUpdateStrategy::FixedTimesteps(1));
 //!
 //! let mesh = SoftMesh::new(box_tets(DVec3::new(0.1, 0.1, 0.05), [4, 4, 2])?)?;
-//! let floor = mesh.group("z0")?;
 //! let mesh = app.world_mut().resource_mut::<Assets<SoftMesh>>().add(mesh);
 //! let body = app.world_mut().spawn((
 //!     SinewBody::new(mesh, preset("liver")?.material),
@@ -42,7 +41,7 @@
 //!     SinewMeshSync::default(),
 //! ));
 //! let body = body.id();
-//! app.world_mut().spawn((SinewHold::new(floor), ChildOf(body)));
+//! app.world_mut().spawn((SinewHold::new("z0"), ChildOf(body)));
 //! app.world_mut().spawn((SinewPull::new(vec![40], 50.0, 0.1), Hand, ChildOf(body)));
 //! for _ in 0..20 {
 //!     app.update();
@@ -71,7 +70,7 @@ pub use draw::{
     SinewMeshSync, sync_meshes,
 };
 pub use input::{
-    FollowTransform, InputError, InputFailed, Moved, SinewHold, SinewInputError, SinewPull,
+    FollowTransform, InputError, InputFailed, Moved, Patch, SinewHold, SinewInputError, SinewPull,
 };
 pub use pick::{SinewDrag, SinewHit, SinewMouse, SinewRayCast};
 pub use sinew::engine::schedule::SimulationSystems;

@@ -38,7 +38,7 @@ impl SinewHit {
     /// Pulls on the point, moved once a frame; spawn it as a child of the body, at the point.
     pub fn pull(&self, stiffness: f64, damping: f64) -> SinewPull {
         SinewPull {
-            vertices: self.vertices.to_vec(),
+            vertices: self.vertices.to_vec().into(),
             weights: self.weights.to_vec(),
             stiffness,
             damping,

@@ -63,8 +63,7 @@ pub fn asset(app: &mut App) -> Handle<SoftMesh> {
 pub fn held(app: &mut App, transform: Transform) -> Entity {
     let mesh = asset(app);
     let body = app.world_mut().spawn((SinewBody::new(mesh, material()), transform)).id();
-    let floor = mesh_group("z0");
-    app.world_mut().spawn((SinewHold::new(floor), ChildOf(body)));
+    app.world_mut().spawn((SinewHold::new("z0"), ChildOf(body)));
     body
 }
 

@@ -57,6 +57,7 @@ fn inputs_that_cannot_act_are_told_once() {
     let lost = spawn(SinewHold::new(vec![0]));
     let far = spawn(SinewHold::new(vec![0, 4_000]));
     app.world_mut().entity_mut(far).insert(ChildOf(body));
+    let wrong = app.world_mut().spawn((SinewHold::new("nose"), ChildOf(body))).id();
     let weak = app.world_mut().spawn((SinewPull::new(vec![0], -1.0, 0.0), ChildOf(body))).id();
     let shape = Shape::Sphere { radius: 0.01 };
     let tool = Tool::new("probe", shape, DVec3::ZERO);
@@ -76,10 +77,11 @@ fn inputs_that_cannot_act_are_told_once() {
     };
     assert!(text(lost).contains("`jaw` is a child of no `SinewBody`"), "{}", text(lost));
     assert!(text(far).contains("vertex 4000 of body"), "{}", text(far));
+    assert!(text(wrong).contains("has no group `nose`"), "{}", text(wrong));
     assert!(text(weak).contains("its stiffness is -1 N/m"), "{}", text(weak));
     assert!(text(probe).contains("not finite"), "{}", text(probe));
     // corrected
-    app.world_mut().get_mut::<SinewHold>(far).unwrap().vertices.pop();
+    app.world_mut().get_mut::<SinewHold>(far).unwrap().vertices = vec![0].into();
     app.world_mut().get_mut::<SinewPull>(weak).unwrap().stiffness = 10.0;
     app.world_mut().entity_mut(probe).insert(Transform::from_xyz(0.0, 0.0, 0.3));
     (0..2).for_each(|_| app.update());
