@@ -1,14 +1,15 @@
 //! Sinew inside a Bevy app.
 
-use bevy_app::{App, FixedUpdate, Plugin, PluginGroup, PluginGroupBuilder};
+use bevy_app::{App, FixedPostUpdate, Plugin, PluginGroup, PluginGroupBuilder};
 use bevy_ecs::intern::Interned;
+use bevy_ecs::message::signal_message_update_system;
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::ScheduleLabel;
 use sinew_engine::by_precision;
 use sinew_engine::precision::Precision;
 use sinew_engine::schedule::{Executor, SimulationSystems};
 use sinew_engine::step::{StepError, install_engine, run_step};
-use sinew_engine::workers::{Workers, WorkersError};
+use sinew_engine::workers::{Threads, Workers, WorkersError};
 use sinew_solvers::install_solver;
 use std::sync::Arc;
 
@@ -64,8 +65,8 @@ use std::sync::Arc;
 pub struct SinewPlugins {
     /// Number type of the state.
     pub precision: Precision,
-    /// Threads; 0 means one per core.
-    pub threads: usize,
+    /// Threads, and whether they leave cores to the host.
+    pub threads: Threads,
     /// Executor of Sinew's own schedules.
     pub executor: Executor,
     /// Host schedule.
@@ -76,15 +77,22 @@ impl Default for SinewPlugins {
     fn default() -> Self {
         Self {
             precision: Precision::default(),
-            threads: 0,
+            threads: threads_beside_host(),
             executor: Executor::default(),
-            schedule: FixedUpdate.intern(),
+            schedule: FixedPostUpdate.intern(),
         }
     }
 }
 
+/// What leaves a host with task pools of its own its share, and the default of [`SinewPlugins`]: one thread less than
+/// there are cores, on any of them, asleep when there is nothing to do. Measured in `docs/bevy.md`.
+pub fn threads_beside_host() -> Threads {
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    Threads { count: cores.saturating_sub(1).max(1), pinned: false, awake: false }
+}
+
 impl SinewPlugins {
-    /// Steps in another schedule than `FixedUpdate`.
+    /// Steps in another schedule than `FixedPostUpdate`.
     #[must_use]
     pub fn in_schedule(mut self, schedule: impl ScheduleLabel) -> Self {
         self.schedule = schedule.intern();
@@ -106,8 +114,8 @@ impl PluginGroup for SinewPlugins {
 pub struct EnginePlugin {
     /// Number type of the state.
     pub precision: Precision,
-    /// Threads; 0 means one per core.
-    pub threads: usize,
+    /// Threads, and whether they leave cores to the host.
+    pub threads: Threads,
     /// Executor of Sinew's own schedules.
     pub executor: Executor,
 }
@@ -166,8 +174,16 @@ impl Plugin for HostPlugin {
         app.add_message::<StepFailed>().add_message::<ThreadsNotStarted>();
         app.configure_sets(
             self.schedule,
-            (SimulationSystems::Prepare, SimulationSystems::Step, SimulationSystems::Writeback)
-                .chain(),
+            (
+                SimulationSystems::First,
+                SimulationSystems::Prepare,
+                SimulationSystems::Step,
+                SimulationSystems::Writeback,
+                SimulationSystems::Last,
+            )
+                .chain()
+                // the one system of Bevy's in the fixed schedules
+                .ambiguous_with(signal_message_update_system),
         );
         app.add_systems(self.schedule, host_step.in_set(SimulationSystems::Step));
     }

@@ -592,35 +592,38 @@ impl Simulation {
 
     /// Deformed positions (m) in the user's order, what a host draws; zero for vertices without an element.
     pub fn positions(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self, body, |x| x.5.0 + x.0.get()))
+        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.5.0 + x.0.get()))
     }
 
     /// Displacements (m) in the user's order; vertices without an element have none (zero).
     pub fn displacements(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self, body, |x| x.0.get()))
+        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.0.get()))
     }
 
     /// Velocities (m/s) in the user's order.
     pub fn velocities(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self, body, |x| x.1.get()))
+        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.1.get()))
     }
 
     /// Elastic forces (N) of the last evaluation in the user's order; see [`Simulation::evaluate`].
     pub fn elastic_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self, body, |x| x.2.get()))
+        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.2.get()))
     }
 
     /// External forces (N), gravity included, of the last step in the user's order.
     pub fn external_forces(&mut self, body: BodyHandle) -> Vec<DVec3> {
-        by_precision!(self.precision, read_rows(self, body, |x| x.3.get()))
+        by_precision!(self.precision, read_rows(self.world_mut(), body.0, |x| x.3.get()))
     }
 
     /// Lumped masses (kg) in the user's order; zero for vertices without an element.
     pub fn masses(&mut self, body: BodyHandle) -> Vec<f64> {
-        by_precision!(self.precision, read_rows(self, body, |x| DVec3::splat(x.4.0.to_f64())))
-            .iter()
-            .map(|m| m.x)
-            .collect()
+        by_precision!(
+            self.precision,
+            read_rows(self.world_mut(), body.0, |x| DVec3::splat(x.4.0.to_f64()))
+        )
+        .iter()
+        .map(|m| m.x)
+        .collect()
     }
 
     /// Volume ratio J of every tetrahedron of a body, then of every hexahedron (the smallest of its Gauss
@@ -640,18 +643,24 @@ impl Simulation {
     pub fn each_position(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
         by_precision!(
             self.precision,
-            each_row(self, body, |vertex, x| with(vertex, x.5.0 + x.0.get()))
+            each_row(self.world_mut(), body.0, |vertex, x| with(vertex, x.5.0 + x.0.get()))
         );
     }
 
     /// Likewise with its displacement (m).
     pub fn each_displacement(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
-        by_precision!(self.precision, each_row(self, body, |vertex, x| with(vertex, x.0.get())));
+        by_precision!(
+            self.precision,
+            each_row(self.world_mut(), body.0, |vertex, x| with(vertex, x.0.get()))
+        );
     }
 
     /// Likewise with its velocity (m/s).
     pub fn each_velocity(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
-        by_precision!(self.precision, each_row(self, body, |vertex, x| with(vertex, x.1.get())));
+        by_precision!(
+            self.precision,
+            each_row(self.world_mut(), body.0, |vertex, x| with(vertex, x.1.get()))
+        );
     }
 
     /// Sets displacements (m) and velocities (m/s) in the user's order.
@@ -729,18 +738,28 @@ impl Simulation {
     /// 64-bit FNV-1a hash of displacements and velocities, in the user's order: equal hashes mean
     /// equal results bit for bit.
     pub fn state_hash(&mut self) -> u64 {
-        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-        for body in 0..self.topology().bodies.len() {
-            let u = self.displacements(BodyHandle(body));
-            let v = self.velocities(BodyHandle(body));
-            for x in u.iter().chain(&v).flat_map(|x| x.to_array()) {
-                for byte in x.to_bits().to_le_bytes() {
-                    hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-                }
+        state_hash(self.world_mut())
+    }
+}
+
+/// [`Simulation::state_hash`] of a world, such as that of a Bevy app with [`crate::SinewPlugins`].
+pub fn state_hash(world: &mut World) -> u64 {
+    let Some(&precision) = world.get_resource::<Precision>() else { return 0xcbf2_9ce4_8422_2325 };
+    by_precision!(precision, hash_rows(world))
+}
+
+fn hash_rows<S: Scalar>(world: &mut World) -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    for body in 0..world.resource::<Topology>().bodies.len() {
+        let u = read_rows::<S>(world, body, |x| x.0.get());
+        let v = read_rows::<S>(world, body, |x| x.1.get());
+        for x in u.iter().chain(&v).flat_map(|x| x.to_array()) {
+            for byte in x.to_bits().to_le_bytes() {
+                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
             }
         }
-        hash
     }
+    hash
 }
 
 #[cfg(feature = "gpu")]
@@ -752,22 +771,18 @@ type Vertex<S> =
 
 /// One value per vertex of the user's mesh, zero where there is no row.
 fn read_rows<S: Scalar>(
-    simulation: &mut Simulation,
-    body: BodyHandle,
+    world: &mut World,
+    body: usize,
     pick: fn(&Vertex<S>) -> DVec3,
 ) -> Vec<DVec3> {
-    let mut result = vec![DVec3::ZERO; simulation.topology().bodies[body.0].row_of_vertex.len()];
-    each_row(simulation, body, |vertex, x: &Vertex<S>| result[vertex] = pick(x));
+    let mut result =
+        vec![DVec3::ZERO; world.resource::<Topology>().bodies[body].row_of_vertex.len()];
+    each_row(world, body, |vertex, x: &Vertex<S>| result[vertex] = pick(x));
     result
 }
 
 /// Calls `with` with every row of a body, by its vertex in the user's mesh.
-fn each_row<S: Scalar>(
-    simulation: &mut Simulation,
-    body: BodyHandle,
-    mut with: impl FnMut(usize, &Vertex<S>),
-) {
-    let world = simulation.world_mut();
+fn each_row<S: Scalar>(world: &mut World, body: usize, mut with: impl FnMut(usize, &Vertex<S>)) {
     let mut query = world.query::<(
         &Displacement<S>,
         &Velocity<S>,
@@ -777,7 +792,7 @@ fn each_row<S: Scalar>(
         &RestPosition,
     )>();
     let world = &*world;
-    let rows = &world.resource::<Topology>().bodies[body.0];
+    let rows = &world.resource::<Topology>().bodies[body];
     if let Some((u, v, f, e, m, x)) = single_table(query.contiguous_iter(world)) {
         let (first, n) = (rows.vertices.start as usize, rows.vertex_order.len());
         let (u, v, f) = (&u[first..][..n], &v[first..][..n], &f[first..][..n]);

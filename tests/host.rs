@@ -110,7 +110,7 @@ fn listen(
 fn failures_are_messages_and_log_entries() {
     log::set_logger(&LOG).unwrap();
     log::set_max_level(log::LevelFilter::Error);
-    let mut app = app(SinewPlugins { threads: 98_765, ..Default::default() });
+    let mut app = app(SinewPlugins { threads: 98_765.into(), ..Default::default() });
     app.init_resource::<Heard>().add_systems(bevy_app::PostUpdate, listen);
     assert!(app.world().resource::<SetupError>().0.is_some());
     assert_eq!(logged("98765 threads"), 0, "the host's logger may come later");

@@ -25,15 +25,19 @@ use bytemuck::TransparentWrapper;
 use std::sync::PoisonError;
 use std::time::Instant;
 
-/// Where Sinew runs inside a host schedule (a Bevy app's `FixedUpdate`, for example).
+/// Where Sinew runs inside a host schedule (a Bevy app's `FixedPostUpdate`, for example), in this order.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub enum SimulationSystems {
+    /// Before everything else: bodies that are new are built, clocks are read.
+    First,
     /// The host's systems that change loads, constraints or settings go here.
     Prepare,
     /// One run of [`StepSchedule`].
     Step,
     /// The host's systems that read [`crate::vertex::Position`] go here.
     Writeback,
+    /// After everything else: the host's systems that need what those of Writeback wrote.
+    Last,
 }
 
 /// One time step.

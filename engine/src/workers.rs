@@ -21,7 +21,27 @@ const AWAKE_THRESHOLD_NS: usize = 8_000;
 pub struct Workers {
     pool: Option<Arc<rayon::ThreadPool>>,
     threads: usize,
+    stay_awake: bool,
     instruction_set: InstructionSet,
+}
+
+/// How many threads, and how they treat what else runs on the machine. Results do not depend on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Threads {
+    /// Number of threads; 0 means one per core.
+    pub count: usize,
+    /// Threads of a pool with one per core each keep to a core of their own. A program that has threads of its own
+    /// beside them then waits for those cores, or they for it.
+    pub pinned: bool,
+    /// Threads without work stay awake until the step ends, so that its many small regions need no hand-over.
+    pub awake: bool,
+}
+
+impl From<usize> for Threads {
+    /// So many threads with the machine to themselves.
+    fn from(count: usize) -> Self {
+        Self { count, pinned: true, awake: true }
+    }
 }
 
 /// Threads or instructions that cannot be had.
@@ -61,16 +81,17 @@ impl Workers {
     /// environment names no usable instruction set it takes the best of this machine.
     pub fn serial() -> Self {
         let instruction_set = InstructionSet::default_set().unwrap_or(InstructionSet::best());
-        Self { pool: None, threads: 1, instruction_set }
+        Self { pool: None, threads: 1, stay_awake: true, instruction_set }
     }
 
-    /// A pool of `threads` threads; 0 means one per core. A pool with one thread per core keeps each on
-    /// its own. The instruction set is [`InstructionSet::default_set`].
+    /// A pool of `threads`; a number is of threads that have the machine to themselves, 0 means one per core. The
+    /// instruction set is [`InstructionSet::default_set`].
     ///
     /// # Errors
     /// When the threads cannot be started, or are more than 512, or the environment names an instruction
     /// set that does not exist or that this machine does not have.
-    pub fn new(threads: usize) -> Result<Self, WorkersError> {
+    pub fn new(threads: impl Into<Threads>) -> Result<Self, WorkersError> {
+        let Threads { count: threads, pinned, awake: stay_awake } = threads.into();
         let threads = if threads == 0 {
             std::thread::available_parallelism().map_or(1, |n| n.get())
         } else {
@@ -78,15 +99,15 @@ impl Workers {
         };
         let instruction_set = InstructionSet::default_set()?;
         if threads == 1 {
-            return Ok(Self { pool: None, threads, instruction_set });
+            return Ok(Self { pool: None, threads, stay_awake, instruction_set });
         }
         Self::check_count(threads)?;
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .start_handler(move |thread| pin(thread, threads))
-            .build()
-            .map_err(|source| WorkersError::Refused { threads, source })?;
-        Ok(Self { pool: Some(Arc::new(pool)), threads, instruction_set })
+        let mut pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        if pinned {
+            pool = pool.start_handler(move |thread| pin(thread, threads));
+        }
+        let pool = pool.build().map_err(|source| WorkersError::Refused { threads, source })?;
+        Ok(Self { pool: Some(Arc::new(pool)), threads, stay_awake, instruction_set })
     }
 
     /// Refuses a number of threads of no use.
@@ -122,11 +143,14 @@ impl Workers {
         self.threads
     }
 
-    /// Runs `f` on a thread of the pool while the others stay awake, so that many small regions follow
-    /// each other without a hand-over: waking a thread takes as long as 5 000 tetrahedra do.
+    /// Runs `f` on a thread of the pool while the others stay awake ([`Threads::awake`]), so that many small regions
+    /// follow each other without a hand-over: waking a thread takes as long as 5 000 tetrahedra do.
     pub fn enter<R: Send>(&self, f: impl FnOnce() -> R + Send) -> R {
         match &self.pool {
             Some(pool) if pool.current_thread_index().is_none() => pool.install(|| {
+                if !self.stay_awake {
+                    return f();
+                }
                 let this = pool.current_thread_index();
                 let finished = AtomicBool::new(false);
                 rayon::scope(|scope| {
@@ -145,7 +169,7 @@ impl Workers {
 
     /// Whether a region of this much work is worth its hand-over.
     fn pays(&self, pool: &rayon::ThreadPool, work_ns: usize) -> bool {
-        let awake = pool.current_thread_index().is_some();
+        let awake = self.stay_awake && pool.current_thread_index().is_some();
         work_ns > if awake { AWAKE_THRESHOLD_NS } else { PARALLEL_THRESHOLD_NS }
     }
 

@@ -1,0 +1,7 @@
+//! `sinew-bevy` without a window.
+
+mod bodies;
+mod common;
+mod drawing;
+mod inputs;
+mod steps;
