@@ -1,5 +1,7 @@
 //! The header: complete, and understood by compilers. Crate `c/header` holds it against the sources.
 
+#![allow(clippy::print_stdout, reason = "a test that is skipped says so")]
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -68,11 +70,10 @@ fn the_profile_of_bindings_unwinds() {
     let profile = &root["profile"]["binding"];
     assert_eq!(profile["inherits"].as_str(), Some("release"));
     assert_eq!(profile["panic"].as_str(), Some("unwind"));
-    assert!(cfg!(panic = "unwind"));
 }
 
 /// Names of functions of the header.
-pub fn functions() -> Vec<String> {
+pub(crate) fn functions() -> Vec<String> {
     let text = std::fs::read_to_string(committed()).unwrap();
     let names = text.split(|c: char| !(c.is_alphanumeric() || "_(".contains(c)));
     let mut found: Vec<String> = names

@@ -5,6 +5,7 @@
 )]
 
 #[path = "../src/lib.rs"]
+#[allow(dead_code, reason = "constants that only C uses")]
 mod api;
 
 mod header;
@@ -27,36 +28,36 @@ macro_rules! sized {
 pub(crate) use sized;
 
 /// A structure of the header of zeros.
-pub fn blank<T: Copy>() -> T {
+pub(crate) fn blank<T: Copy>() -> T {
     unsafe { std::mem::zeroed() }
 }
 
 /// What the last call said.
-pub fn said() -> String {
+pub(crate) fn said() -> String {
     unsafe { CStr::from_ptr(sinew_last_error()) }.to_str().unwrap().to_string()
 }
 
 /// Demands success.
 #[track_caller]
-pub fn ok(status: sinew_status) {
+pub(crate) fn ok(status: sinew_status) {
     assert_eq!(status, SINEW_OK, "{}", said());
 }
 
-pub fn c(text: &str) -> CString {
+pub(crate) fn c(text: &str) -> CString {
     CString::new(text).unwrap()
 }
 
 /// A slab of tetrahedra, held below, under gravity.
-pub struct Slab {
-    pub sim: *mut sinew_simulation,
-    pub mesh: *mut sinew_mesh,
-    pub body: sinew_handle,
-    pub hold: sinew_handle,
-    pub vertices: usize,
+pub(crate) struct Slab {
+    pub(crate) sim: *mut sinew_simulation,
+    pub(crate) mesh: *mut sinew_mesh,
+    pub(crate) body: sinew_handle,
+    pub(crate) hold: sinew_handle,
+    pub(crate) vertices: usize,
 }
 
 impl Slab {
-    pub fn new(threads: u32) -> Self {
+    pub(crate) fn new(threads: u32) -> Self {
         let made = sinew_embed::mesh_from_generator(
             "box = { size = [0.1, 0.1, 0.05], cells = [4, 4, 2] }",
         );
@@ -105,13 +106,13 @@ impl Slab {
         Self { sim, mesh, body, hold, vertices: made.points.len() }
     }
 
-    pub fn hash(&self) -> u64 {
+    pub(crate) fn hash(&self) -> u64 {
         let mut hash = 0;
         ok(unsafe { sinew_hash(self.sim, &mut hash) });
         hash
     }
 
-    pub fn read(&self, quantity: u32) -> Vec<f64> {
+    pub(crate) fn read(&self, quantity: u32) -> Vec<f64> {
         let mut needed = 0;
         unsafe {
             ok(sinew_read(self.sim, self.body, quantity, null_mut(), 0, &mut needed));
@@ -132,6 +133,6 @@ impl Drop for Slab {
 }
 
 /// A pointer that points nowhere, of whatever type is asked for.
-pub fn nil<T>() -> *const T {
+pub(crate) fn nil<T>() -> *const T {
     null()
 }

@@ -79,6 +79,12 @@ pub enum HandleError {
         /// What was wanted.
         wanted: Kind,
     },
+    /// A number that no door gave out, where any kind would do.
+    #[error("{handle} is no handle; use what the call that added it returned")]
+    Unknown {
+        /// The number.
+        handle: Handle,
+    },
     /// A handle of another kind.
     #[error("handle {handle} is that of a {found}, not of a {wanted}")]
     Kind {
@@ -175,13 +181,15 @@ impl Handles {
 
     /// Of whatever kind it is.
     pub fn any(&self, handle: Handle) -> Result<(Kind, &str, Target), HandleError> {
-        let (_, slot) = self.slot(handle, Kind::of(handle).unwrap_or(Kind::Body))?;
+        let kind = Kind::of(handle).ok_or(HandleError::Unknown { handle })?;
+        let (_, slot) = self.slot(handle, kind)?;
         Ok((slot.kind, &slot.name, slot.target))
     }
 
     pub fn remove(&mut self, handle: Handle) -> Result<(Kind, Target), HandleError> {
-        let (index, slot) = self.slot(handle, Kind::of(handle).unwrap_or(Kind::Body))?;
-        let (kind, target) = (slot.kind, slot.target);
+        let kind = Kind::of(handle).ok_or(HandleError::Unknown { handle })?;
+        let (index, slot) = self.slot(handle, kind)?;
+        let target = slot.target;
         if kind == Kind::Body {
             return Err(HandleError::BodyStays { handle });
         }

@@ -1,0 +1,596 @@
+// Sinew for C#: the functions of sinew.h that games need, behind two classes. C# 7.3, no package, no generated code.
+//
+// Put the library beside it: Assets/Plugins/x86_64/libsinew.so, sinew.dll or libsinew.dylib; on iOS the static library.
+// Coordinates here are those of Sinew: metres, right-handed. SinewBody.cs turns them into those of Unity.
+using System;
+using System.Runtime.InteropServices;
+using System.Text;
+
+namespace Sinew
+{
+    /// <summary>Kinds of errors, as in sinew.h.</summary>
+    public enum Code
+    {
+        Ok = 0, Argument = 1, Mesh = 2, Material = 3, Scene = 4, Step = 5, Backend = 6, Io = 7, Snapshot = 8, Handle = 9,
+        Busy = 10, Panic = 99
+    }
+
+    /// <summary>Kinds of things that a handle may stand for.</summary>
+    public enum Kind : uint { Body = 1, Constraint, Load, Pressure, Tool, Pull, Contact }
+
+    /// <summary>What can be read of a body.</summary>
+    public enum Quantity : uint
+    {
+        Positions, Displacements, Velocities, ElasticForces, ExternalForces, ContactForces, ContactPressures, Masses,
+        VolumeRatios, AreaRatios
+    }
+
+    /// <summary>An error of the library, with its text to the letter.</summary>
+    public sealed class SinewException : Exception
+    {
+        public readonly Code Code;
+
+        internal SinewException(Code code, string text) : base(text) { Code = code; }
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public struct Vec3
+    {
+        public double X, Y, Z;
+
+        public Vec3(double x, double y, double z) { X = x; Y = y; Z = z; }
+
+        public double Length { get { return Math.Sqrt(X * X + Y * Y + Z * Z); } }
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeOptions
+    {
+        internal uint StructSize, Precision, Threads, Backend;
+        internal double Dt;
+        internal Vec3 Gravity;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeArrays
+    {
+        internal uint StructSize, Reserved;
+        internal IntPtr Points; internal UIntPtr PointCount;
+        internal IntPtr Tetrahedra; internal UIntPtr TetrahedronCount;
+        internal IntPtr Hexahedra; internal UIntPtr HexahedronCount;
+        internal IntPtr Triangles; internal UIntPtr TriangleCount;
+        internal IntPtr Quads; internal UIntPtr QuadCount;
+        internal IntPtr Groups; internal UIntPtr GroupCount;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeMaterial
+    {
+        internal uint StructSize, Reserved;
+        internal IntPtr Preset;
+        internal double YoungModulus, PoissonRatio, Density;
+        internal IntPtr YoungModuli, PoissonRatios, Densities;
+        internal UIntPtr ElementCount;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeBody
+    {
+        internal uint StructSize, Reserved;
+        internal IntPtr Name, Material, Model, Evaluation, Springs;
+        internal double SpringConstant;
+        internal IntPtr Masses, Membrane, Fibres;
+        internal UIntPtr FibreCount;
+        internal double VolumeModulus;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativePart
+    {
+        internal uint StructSize, Shape;
+        internal IntPtr Mesh;
+        internal double Spacing, Radius, HalfLength;
+        internal Vec3 Half;
+        internal double Rounding;
+        internal Vec3 At;
+        internal double Qx, Qy, Qz, Qw, Jaw;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeTool
+    {
+        internal uint StructSize, Flags;
+        internal IntPtr Name, Parts;
+        internal UIntPtr PartCount;
+        internal Vec3 HingePoint, HingeAxis, Position;
+        internal double Qx, Qy, Qz, Qw, Opening, Friction, Stiffness;
+        internal uint Points, Reserved;
+        internal ulong OnBody;
+        internal IntPtr OnTriangles;
+        internal UIntPtr OnTriangleCount;
+    }
+
+    /// <summary>What a tool felt in the last step.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public struct ToolReport
+    {
+        internal uint StructSize;
+        public uint Parts;
+        public Vec3 Position;
+        public double Qx, Qy, Qz, Qw, Opening;
+        public Vec3 Force, Torque, Normal, Friction;
+        public double Work, Dissipation, Area, Depth, Pressure;
+        public Vec3 Centre;
+        public double Lag;
+        public Vec3 StiffnessX, StiffnessY, StiffnessZ;
+        public uint Sticking, Slipping;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativePull
+    {
+        internal uint StructSize, Reserved;
+        internal IntPtr Name, Vertices;
+        internal UIntPtr VertexCount;
+        internal IntPtr Weights;
+        internal double Stiffness, Damping;
+    }
+
+    /// <summary>What a ray met.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public struct Pick
+    {
+        internal uint StructSize, HitFlag;
+        public ulong Body;
+        public uint Vertex0, Vertex1, Vertex2;
+        internal uint Reserved;
+        public Vec3 Weights, Position;
+        public double Distance;
+
+        public bool Hit { get { return HitFlag != 0; } }
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    internal struct NativeRegion
+    {
+        internal uint StructSize, Kind, Element, KeepMass;
+        internal IntPtr List;
+        internal UIntPtr ListCount;
+        internal Vec3 From, To;
+        internal double Radius, Above;
+    }
+
+    internal static class Native
+    {
+#if UNITY_IOS && !UNITY_EDITOR
+        const string Library = "__Internal";
+#else
+        const string Library = "sinew";
+#endif
+        const CallingConvention C = CallingConvention.Cdecl;
+
+        [DllImport(Library, CallingConvention = C)] internal static extern uint sinew_abi_version();
+        [DllImport(Library, CallingConvention = C)] internal static extern IntPtr sinew_last_error();
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_simulation_new(ref NativeOptions options, out IntPtr simulation);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_simulation_from_scene(byte[] path, uint threads, out IntPtr simulation);
+        [DllImport(Library, CallingConvention = C)] internal static extern void sinew_simulation_free(IntPtr simulation);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_mesh_from_arrays(ref NativeArrays arrays, out IntPtr mesh);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_mesh_from_file(byte[] path, out IntPtr mesh);
+        [DllImport(Library, CallingConvention = C)] internal static extern void sinew_mesh_free(IntPtr mesh);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_body_add(SimulationHandle s, IntPtr mesh, ref NativeBody body, out ulong handle);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_find(SimulationHandle s, uint kind, byte[] name, out ulong handle);
+        [DllImport(Library, CallingConvention = C)] internal static extern int sinew_remove(SimulationHandle s, ulong handle);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_vertex_count(SimulationHandle s, ulong body, out UIntPtr count);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_group_vertices(SimulationHandle s, ulong body, byte[] group, uint[] vertices,
+            UIntPtr capacity, out UIntPtr needed);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_hold(SimulationHandle s, ulong body, byte[] name, uint[] vertices, UIntPtr count,
+            out ulong handle);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_constraint_pose(SimulationHandle s, ulong constraint, ref Vec3 position,
+            double[] quaternion, double[] centre);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_reaction(SimulationHandle s, ulong constraint, ref Vec3 about, out Vec3 force,
+            out Vec3 torque);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_tool_add(SimulationHandle s, ref NativeTool tool, out ulong handle);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_tool_move(SimulationHandle s, ulong tool, ref Vec3 position, double[] quaternion,
+            double opening, uint atOnce);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_tool_feel(SimulationHandle s, ulong tool, ref ToolReport report);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_pull_add(SimulationHandle s, ulong body, ref NativePull pull, out ulong handle);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_pull_move(SimulationHandle s, ulong pull, ref Vec3 position, double[] quaternion,
+            double[] centre);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_pick(SimulationHandle s, ref Vec3 origin, ref Vec3 direction, ref Pick result);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_remove_elements(SimulationHandle s, ulong body, ref NativeRegion region,
+            out UIntPtr removed);
+        [DllImport(Library, CallingConvention = C)] internal static extern int sinew_step(SimulationHandle s, uint n);
+        [DllImport(Library, CallingConvention = C)] internal static extern int sinew_time(SimulationHandle s, out double seconds);
+        [DllImport(Library, CallingConvention = C)] internal static extern int sinew_set_dt(SimulationHandle s, double dt);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_set_solver(SimulationHandle s, byte[] settings);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_read(SimulationHandle s, ulong body, uint quantity, double[] values,
+            UIntPtr capacity, out UIntPtr needed);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_positions_f32(SimulationHandle s, ulong body, IntPtr xyz, UIntPtr vertices,
+            UIntPtr strideBytes);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_surface(SimulationHandle s, ulong body, int[] triangles, UIntPtr capacity,
+            out UIntPtr needed, out ulong revision);
+        [DllImport(Library, CallingConvention = C)] internal static extern int sinew_hash(SimulationHandle s, out ulong hash);
+
+        internal static byte[] Utf8(string text)
+        {
+            return Encoding.UTF8.GetBytes((text ?? "") + "\0");
+        }
+
+        static string Text(IntPtr data)
+        {
+            int length = 0;
+            while (Marshal.ReadByte(data, length) != 0) { length++; }
+            var bytes = new byte[length];
+            Marshal.Copy(data, bytes, 0, length);
+            return Encoding.UTF8.GetString(bytes);
+        }
+
+        internal static void Demand(int status)
+        {
+            if (status != 0) { throw new SinewException((Code)status, Text(sinew_last_error())); }
+        }
+    }
+
+    /// <summary>Owns a simulation; frees it when nobody uses it any more.</summary>
+    public sealed class SimulationHandle : SafeHandle
+    {
+        internal SimulationHandle(IntPtr own) : base(IntPtr.Zero, true) { SetHandle(own); }
+
+        public override bool IsInvalid { get { return handle == IntPtr.Zero; } }
+
+        protected override bool ReleaseHandle()
+        {
+            Native.sinew_simulation_free(handle);
+            return true;
+        }
+    }
+
+    /// <summary>Owns a mesh.</summary>
+    public sealed class MeshHandle : SafeHandle
+    {
+        MeshHandle(IntPtr own) : base(IntPtr.Zero, true) { SetHandle(own); }
+
+        /// <summary>A mesh file: Gmsh, VTK, TetGen, OBJ, STL.</summary>
+        public static MeshHandle FromFile(string path)
+        {
+            IntPtr own;
+            Native.Demand(Native.sinew_mesh_from_file(Native.Utf8(path), out own));
+            return new MeshHandle(own);
+        }
+
+        /// <summary>Points (three numbers each, m) and tetrahedra (four vertices each).</summary>
+        public static MeshHandle FromArrays(double[] points, uint[] tetrahedra)
+        {
+            var p = GCHandle.Alloc(points, GCHandleType.Pinned);
+            var t = GCHandle.Alloc(tetrahedra, GCHandleType.Pinned);
+            try
+            {
+                var arrays = new NativeArrays
+                {
+                    StructSize = (uint)Marshal.SizeOf(typeof(NativeArrays)),
+                    Points = p.AddrOfPinnedObject(), PointCount = (UIntPtr)(points.Length / 3),
+                    Tetrahedra = t.AddrOfPinnedObject(), TetrahedronCount = (UIntPtr)(tetrahedra.Length / 4)
+                };
+                IntPtr own;
+                Native.Demand(Native.sinew_mesh_from_arrays(ref arrays, out own));
+                return new MeshHandle(own);
+            }
+            finally { p.Free(); t.Free(); }
+        }
+
+        public override bool IsInvalid { get { return handle == IntPtr.Zero; } }
+
+        protected override bool ReleaseHandle()
+        {
+            Native.sinew_mesh_free(handle);
+            return true;
+        }
+    }
+
+    /// <summary>A simulation. One thread at a time may use it. Handles of bodies and other things are numbers.</summary>
+    public sealed class Simulation : IDisposable
+    {
+        /// <summary>ABI of the header that this file was written for.</summary>
+        const uint Abi = 1;
+        readonly SimulationHandle own;
+
+        static Simulation()
+        {
+            if (Native.sinew_abi_version() != Abi)
+            {
+                throw new SinewException(Code.Argument, "Sinew.cs and the library do not belong together");
+            }
+        }
+
+        Simulation(IntPtr made) { own = new SimulationHandle(made); }
+
+        /// <summary>Without bodies; dt in s, gravity in m/s^2, threads 0: one for each core.</summary>
+        public Simulation(double dt, Vec3 gravity, uint threads)
+        {
+            var options = new NativeOptions
+            {
+                StructSize = (uint)Marshal.SizeOf(typeof(NativeOptions)), Dt = dt, Gravity = gravity, Threads = threads
+            };
+            IntPtr made;
+            Native.Demand(Native.sinew_simulation_new(ref options, out made));
+            own = new SimulationHandle(made);
+        }
+
+        /// <summary>Of a scene file.</summary>
+        public static Simulation FromScene(string path, uint threads)
+        {
+            IntPtr made;
+            Native.Demand(Native.sinew_simulation_from_scene(Native.Utf8(path), threads, out made));
+            return new Simulation(made);
+        }
+
+        public void Dispose() { own.Dispose(); }
+
+        /// <summary>Adds a body of a tissue preset; youngModulus (Pa) 0 for that of the preset.</summary>
+        public ulong AddBody(string name, MeshHandle mesh, string preset, double youngModulus)
+        {
+            using (var texts = new Pins(Native.Utf8(name), Native.Utf8(preset)))
+            {
+                var material = new NativeMaterial
+                {
+                    StructSize = (uint)Marshal.SizeOf(typeof(NativeMaterial)), Preset = texts[1], YoungModulus = youngModulus
+                };
+                var place = GCHandle.Alloc(material, GCHandleType.Pinned);
+                bool held = false;
+                try
+                {
+                    mesh.DangerousAddRef(ref held);
+                    var body = new NativeBody
+                    {
+                        StructSize = (uint)Marshal.SizeOf(typeof(NativeBody)), Name = texts[0],
+                        Material = place.AddrOfPinnedObject()
+                    };
+                    ulong handle;
+                    Native.Demand(Native.sinew_body_add(own, mesh.DangerousGetHandle(), ref body, out handle));
+                    return handle;
+                }
+                finally
+                {
+                    if (held) { mesh.DangerousRelease(); }
+                    place.Free();
+                }
+            }
+        }
+
+        public ulong Find(Kind kind, string name)
+        {
+            ulong handle;
+            Native.Demand(Native.sinew_find(own, (uint)kind, Native.Utf8(name), out handle));
+            return handle;
+        }
+
+        public void Remove(ulong handle) { Native.Demand(Native.sinew_remove(own, handle)); }
+
+        public int VertexCount(ulong body)
+        {
+            UIntPtr count;
+            Native.Demand(Native.sinew_vertex_count(own, body, out count));
+            return (int)count;
+        }
+
+        public uint[] Group(ulong body, string name)
+        {
+            UIntPtr needed;
+            Native.Demand(Native.sinew_group_vertices(own, body, Native.Utf8(name), null, UIntPtr.Zero, out needed));
+            var list = new uint[(int)needed];
+            Native.Demand(Native.sinew_group_vertices(own, body, Native.Utf8(name), list, needed, out needed));
+            return list;
+        }
+
+        public ulong Hold(ulong body, string name, uint[] vertices)
+        {
+            ulong handle;
+            var count = (UIntPtr)vertices.Length;
+            Native.Demand(Native.sinew_hold(own, body, Native.Utf8(name), vertices, count, out handle));
+            return handle;
+        }
+
+        /// <summary>Translation (m) of what a constraint holds, at the end of the next step.</summary>
+        public void MoveConstraint(ulong constraint, Vec3 by)
+        {
+            Native.Demand(Native.sinew_constraint_pose(own, constraint, ref by, null, null));
+        }
+
+        /// <summary>Force (N) of a constraint on its body.</summary>
+        public Vec3 Reaction(ulong constraint)
+        {
+            Vec3 about = new Vec3(), force, torque;
+            Native.Demand(Native.sinew_reaction(own, constraint, ref about, out force, out torque));
+            return force;
+        }
+
+        /// <summary>Adds a ball (m) that touches all bodies.</summary>
+        public ulong AddBall(string name, Vec3 position, double radius, double friction)
+        {
+            var part = new NativePart { StructSize = (uint)Marshal.SizeOf(typeof(NativePart)), Radius = radius };
+            var place = GCHandle.Alloc(part, GCHandleType.Pinned);
+            try
+            {
+                using (var texts = new Pins(Native.Utf8(name)))
+                {
+                    var tool = new NativeTool
+                    {
+                        StructSize = (uint)Marshal.SizeOf(typeof(NativeTool)), Name = texts[0],
+                        Parts = place.AddrOfPinnedObject(), PartCount = (UIntPtr)1, Position = position, Friction = friction
+                    };
+                    ulong handle;
+                    Native.Demand(Native.sinew_tool_add(own, ref tool, out handle));
+                    return handle;
+                }
+            }
+            finally { place.Free(); }
+        }
+
+        /// <summary>Moves a tool to a place (m): it is there at the end of the next step.</summary>
+        public void MoveTool(ulong tool, Vec3 position)
+        {
+            Native.Demand(Native.sinew_tool_move(own, tool, ref position, null, 0.0, 0));
+        }
+
+        public ToolReport Feel(ulong tool)
+        {
+            var report = new ToolReport { StructSize = (uint)Marshal.SizeOf(typeof(ToolReport)) };
+            Native.Demand(Native.sinew_tool_feel(own, tool, ref report));
+            return report;
+        }
+
+        /// <summary>The first point of a surface that a ray meets.</summary>
+        public Pick Ray(Vec3 origin, Vec3 direction)
+        {
+            var pick = new Pick { StructSize = (uint)Marshal.SizeOf(typeof(Pick)) };
+            Native.Demand(Native.sinew_pick(own, ref origin, ref direction, ref pick));
+            return pick;
+        }
+
+        /// <summary>Takes hold of what a ray met; stiffness in N/m, damping in N s/m.</summary>
+        public ulong AddPull(string name, Pick pick, double stiffness, double damping)
+        {
+            var vertices = GCHandle.Alloc(new[] { pick.Vertex0, pick.Vertex1, pick.Vertex2 }, GCHandleType.Pinned);
+            var weights = GCHandle.Alloc(pick.Weights, GCHandleType.Pinned);
+            try
+            {
+                using (var texts = new Pins(Native.Utf8(name)))
+                {
+                    var pull = new NativePull
+                    {
+                        StructSize = (uint)Marshal.SizeOf(typeof(NativePull)), Name = texts[0],
+                        Vertices = vertices.AddrOfPinnedObject(), VertexCount = (UIntPtr)3,
+                        Weights = weights.AddrOfPinnedObject(), Stiffness = stiffness, Damping = damping
+                    };
+                    ulong handle;
+                    Native.Demand(Native.sinew_pull_add(own, pick.Body, ref pull, out handle));
+                    return handle;
+                }
+            }
+            finally { vertices.Free(); weights.Free(); }
+        }
+
+        /// <summary>Translation (m) of the hand of a pull since it took hold.</summary>
+        public void MovePull(ulong pull, Vec3 by)
+        {
+            Native.Demand(Native.sinew_pull_move(own, pull, ref by, null, null));
+        }
+
+        /// <summary>Removes elements whose barycentre lies in a ball (m); how many went.</summary>
+        public int RemoveBall(ulong body, Vec3 centre, double radius)
+        {
+            var region = new NativeRegion
+            {
+                StructSize = (uint)Marshal.SizeOf(typeof(NativeRegion)), Kind = 1, From = centre, Radius = radius
+            };
+            UIntPtr removed;
+            Native.Demand(Native.sinew_remove_elements(own, body, ref region, out removed));
+            return (int)removed;
+        }
+
+        public void Step(int n) { Native.Demand(Native.sinew_step(own, checked((uint)n))); }
+
+        public double Time
+        {
+            get
+            {
+                double seconds;
+                Native.Demand(Native.sinew_time(own, out seconds));
+                return seconds;
+            }
+        }
+
+        public double Dt { set { Native.Demand(Native.sinew_set_dt(own, value)); } }
+
+        /// <summary>Lines as below [solver] of a scene.</summary>
+        public string Solver { set { Native.Demand(Native.sinew_set_solver(own, Native.Utf8(value))); } }
+
+        /// <summary>Numbers of a body in the order of its mesh.</summary>
+        public double[] Read(ulong body, Quantity quantity)
+        {
+            UIntPtr needed;
+            Native.Demand(Native.sinew_read(own, body, (uint)quantity, null, UIntPtr.Zero, out needed));
+            var values = new double[(int)needed];
+            Native.Demand(Native.sinew_read(own, body, (uint)quantity, values, needed, out needed));
+            return values;
+        }
+
+        /// <summary>Positions (m) as three floats a vertex into memory of the caller; nothing is allocated.</summary>
+        public void Positions(ulong body, IntPtr xyz, int vertices, int strideBytes)
+        {
+            var count = (UIntPtr)vertices;
+            Native.Demand(Native.sinew_positions_f32(own, body, xyz, count, (UIntPtr)strideBytes));
+        }
+
+        /// <summary>Changes when the triangles of a surface do; allocates nothing.</summary>
+        public ulong SurfaceRevision(ulong body)
+        {
+            UIntPtr needed;
+            ulong revision;
+            Native.Demand(Native.sinew_surface(own, body, null, UIntPtr.Zero, out needed, out revision));
+            return revision;
+        }
+
+        /// <summary>Triangles to draw a body by, counter-clockwise seen from outside.</summary>
+        public int[] Surface(ulong body)
+        {
+            UIntPtr needed;
+            ulong revision;
+            Native.Demand(Native.sinew_surface(own, body, null, UIntPtr.Zero, out needed, out revision));
+            var list = new int[(int)needed];
+            Native.Demand(Native.sinew_surface(own, body, list, needed, out needed, out revision));
+            return list;
+        }
+
+        /// <summary>Equal hashes mean equal results to the last bit.</summary>
+        public ulong Hash
+        {
+            get
+            {
+                ulong hash;
+                Native.Demand(Native.sinew_hash(own, out hash));
+                return hash;
+            }
+        }
+
+        /// <summary>Texts that stay in their places while they are used.</summary>
+        sealed class Pins : IDisposable
+        {
+            readonly GCHandle[] pins;
+
+            internal Pins(params byte[][] texts)
+            {
+                pins = Array.ConvertAll(texts, text => GCHandle.Alloc(text, GCHandleType.Pinned));
+            }
+
+            internal IntPtr this[int i] { get { return pins[i].AddrOfPinnedObject(); } }
+
+            public void Dispose()
+            {
+                foreach (var pin in pins) { pin.Free(); }
+            }
+        }
+    }
+}
