@@ -1,4 +1,4 @@
-//! Errors of the engine as exceptions, which `sinew/_errors.py` defines.
+//! Errors of the engine as exceptions, which `package/sinew/_errors.py` defines.
 
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;

@@ -1,4 +1,4 @@
-//! The native half of the Python package `sinew`: a thin skin over `sinew-embed`. `sinew/__init__.py` is the other half, which
+//! The native half of the Python package `sinew`: a thin skin over `sinew-embed`. `package/sinew/__init__.py` is the other half, which
 //! names things and documents them.
 #![forbid(unsafe_code)]
 

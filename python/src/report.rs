@@ -1,4 +1,4 @@
-//! Reports as dictionaries, which `sinew/_types.py` makes dataclasses of.
+//! Reports as dictionaries, which `package/sinew/_types.py` makes dataclasses of.
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -1,4 +1,4 @@
-//! The doors of a simulation, by handles. `sinew/_simulation.py` makes objects of them.
+//! The doors of a simulation, by handles. `package/sinew/_simulation.py` makes objects of them.
 
 use crate::engine::{Quantity, Shared, guarded, rows3};
 use crate::error::{panic_text, raise};
