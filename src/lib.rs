@@ -3,8 +3,10 @@
 mod axes;
 mod contact;
 pub mod plugin;
+pub mod replay;
 mod resection;
 pub mod simulation;
+pub mod snapshot;
 
 pub use plugin::SinewPlugins;
 

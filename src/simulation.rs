@@ -1,5 +1,7 @@
 //! A headless simulation: a world, its schedules and one call per step.
 
+use crate::replay::Recorder;
+use crate::snapshot::History;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_contact::set::ContactSet;
@@ -204,6 +206,8 @@ pub struct BodyHandle(pub usize);
 pub struct Simulation {
     world: World,
     precision: Precision,
+    history: History,
+    recorder: Option<Recorder>,
 }
 
 impl Simulation {
@@ -255,7 +259,7 @@ impl Simulation {
         by_precision!(precision, install_engine(&mut world, executor));
         world.insert_resource(workers);
         world.insert_resource(Backend::Cpu);
-        Ok(Self { world, precision })
+        Ok(Self { world, precision, history: History::default(), recorder: None })
     }
 
     /// Whether the backend has all that bodies and settings need; a step checks it too.
@@ -298,6 +302,14 @@ impl Simulation {
 
     #[cfg(not(feature = "gpu"))]
     fn fetch(&mut self) {}
+
+    pub(crate) fn recorder_mut(&mut self) -> &mut Option<Recorder> {
+        &mut self.recorder
+    }
+
+    pub(crate) fn history_mut(&mut self) -> &mut History {
+        &mut self.history
+    }
 
     /// Number type of the state.
     pub fn precision(&self) -> Precision {
@@ -522,7 +534,23 @@ impl Simulation {
         {
             self.fetch();
         }
+        let before = self.before_step();
+        let mut recorder = self.recorder.take();
+        if let Some(recorder) = &mut recorder {
+            recorder.before_step(self);
+        }
         let result = run_step(&mut self.world);
+        if let Some(before) = before
+            && result.is_ok()
+        {
+            self.push_history(before);
+        }
+        if let Some(recorder) = &mut recorder
+            && result.is_ok()
+        {
+            recorder.after_step(self);
+        }
+        self.recorder = recorder;
         // the engine keeps systems and columns by taking components out and putting them back: without this,
         // notes of the removals pile up for the rest of the run, as there is no app that drops them each frame
         self.world.clear_trackers();

@@ -19,4 +19,5 @@ mod recovery;
 mod reference;
 mod resection;
 mod schedule;
+mod snapshot;
 mod units;

@@ -39,7 +39,7 @@ pub struct Row {
     /// Bytes per step that came back from the device, the state left there.
     pub bytes_down: Option<u64>,
     /// Preconditioner of the linear systems.
-    pub preconditioner: &'static str,
+    pub preconditioner: String,
     /// Times it was computed.
     pub refreshes: u32,
     /// Conjugate-gradient iterations per step.
@@ -191,7 +191,7 @@ fn measure(size: usize, steps: usize) -> Result<Size, Box<dyn Error>> {
             bytes_down = device.map(|report| report.bytes_down);
             device_times.extend(device.and_then(GpuReport::device_total).map(|s| s * 1e3));
         }
-        let preconditioner = simulation.report().preconditioner;
+        let preconditioner = simulation.report().preconditioner.to_string();
         let u = simulation.displacements(body);
         let [true_forces, true_u] = truth.get_or_insert_with(|| [forces.clone(), u.clone()]);
         rows.push(Row {

@@ -24,7 +24,7 @@ use sinew_demos::build::{BuildOptions, generate};
 use sinew_demos::cell_springs::SpringTable;
 use sinew_demos::check::check_file;
 use sinew_demos::mesh_tool::{MeshInfo, convert, read, write};
-use sinew_demos::run::{Observer, RunOptions, Silent, run};
+use sinew_demos::run::{LogOptions, Observer, RunOptions, Silent, replay, run};
 use sinew_demos::scene::{
     BackendName, BoxShape, CylinderShape, ExecutorName, Generate, LoadedScene, SheetCells,
     SheetShape, SolidCells, SphereShape,
@@ -65,6 +65,8 @@ enum Command {
     /// Simulate a scene and make pictures, a film or a page of it, without a window.
     #[cfg(feature = "render")]
     Render(Box<render::RenderArguments>),
+    /// Do again what `sinew run --record` wrote, and stop at the first state that differs.
+    Replay(ReplayArguments),
     /// Check a scene or a mesh without simulating it.
     Check(CheckArguments),
     /// Run reference cases and compare with their stored truth.
@@ -128,9 +130,47 @@ struct RunArguments {
     /// Carry out this many steps instead of the whole scene.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
+    /// Leave a checkpoint in the folder of --out every so much simulated time, such as 0.5s or 20ms; the last two are
+    /// kept until the run is complete.
+    #[arg(long, value_name = "TIME", value_parser = simulated_time)]
+    checkpoint: Option<f64>,
+    /// Go on from the last checkpoint in the folder of --out, as if the run had never stopped; from the beginning where
+    /// there is none.
+    #[arg(long)]
+    resume: bool,
+    /// Write every input and hashes of the state to a file, for `sinew replay`.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Steps between the hashes of --record.
+    #[arg(long, value_name = "N", default_value_t = 10, requires = "record", value_parser = clap::value_parser!(u64).range(1..))]
+    hash_every: u64,
     /// No progress bar and no report.
     #[arg(long, short)]
     quiet: bool,
+}
+
+#[derive(Args)]
+struct ReplayArguments {
+    /// Log that `sinew run --record` wrote.
+    log: PathBuf,
+    /// Where the scene file is, if it is no more where it was.
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// Threads, 0 for one per core; results do not depend on it.
+    #[arg(long)]
+    threads: Option<usize>,
+}
+
+/// A time such as `2s`, `0.5s` or `20ms`, in seconds.
+fn simulated_time(text: &str) -> Result<f64, String> {
+    let (number, unit) = match text.strip_suffix("ms") {
+        Some(number) => (number, 1e-3),
+        None => (text.strip_suffix('s').unwrap_or(text), 1.0),
+    };
+    match number.trim().parse::<f64>() {
+        Ok(time) if time > 0.0 && time.is_finite() => Ok(time * unit),
+        _ => Err("give a positive time, such as 0.5s or 20ms".into()),
+    }
 }
 
 /// Names of models that every body can have.
@@ -291,6 +331,7 @@ fn main() -> ExitCode {
         Command::Run(arguments) => run_scene(arguments),
         #[cfg(feature = "render")]
         Command::Render(arguments) => render::render_scene(*arguments),
+        Command::Replay(arguments) => replay_log(&arguments),
         Command::Check(arguments) => check_scene_or_mesh(&arguments),
         Command::Validate(arguments) => validate_cases(arguments),
         Command::Advise(arguments) => advise_scene(&arguments),
@@ -336,6 +377,9 @@ fn run_scene(arguments: RunArguments) -> Outcome {
         out: arguments.out,
         json: arguments.json.filter(|_| !print_json),
         interrupt: Some(interrupt()?),
+        checkpoint: arguments.checkpoint,
+        resume: arguments.resume,
+        record: arguments.record.map(|path| LogOptions { path, hash_every: arguments.hash_every }),
     };
     let mut progress = Progress::default();
     let observer: &mut dyn Observer = if arguments.quiet { &mut Silent } else { &mut progress };
@@ -349,6 +393,25 @@ fn run_scene(arguments: RunArguments) -> Outcome {
         eprintln!("error: {}: {failure}", arguments.scene.display());
     }
     Ok(summary.completed)
+}
+
+fn replay_log(arguments: &ReplayArguments) -> Outcome {
+    let done = replay(&arguments.log, arguments.scene.as_deref(), arguments.threads)?;
+    sayln!(
+        "{} steps with {} inputs repeated, {} of {} hashes equal; last state {:016x}",
+        done.steps,
+        done.inputs,
+        done.hashes,
+        done.hashes,
+        done.hash
+    );
+    if !done.whole {
+        eprintln!(
+            "warning: {} has no last line: the program that wrote it died",
+            arguments.log.display()
+        );
+    }
+    Ok(true)
 }
 
 /// Set when the user or the system asks the command to end. A second time it ends at once.

@@ -3,6 +3,7 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use sinew_demos::build::BuiltScene;
 use sinew_demos::run::Observer;
+use std::path::PathBuf;
 
 /// A bar with rate and time left; nothing when stderr is no terminal.
 #[derive(Default)]
@@ -15,6 +16,16 @@ impl Observer for Progress {
         // the report comes too late for this one
         for warning in scene.warnings.iter().filter(|w| w.code == "scene.steps.many") {
             eprintln!("warning: {}; {}", warning.message, warning.remedy);
+        }
+    }
+
+    fn resumed(&mut self, done: Option<u64>, damaged: &[PathBuf]) {
+        for path in damaged {
+            eprintln!("warning: {} is damaged and was passed over", path.display());
+        }
+        match done {
+            Some(done) => eprintln!("goes on after step {done}, from a checkpoint"),
+            None => eprintln!("there is no checkpoint: the run begins at its start"),
         }
     }
 

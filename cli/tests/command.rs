@@ -272,3 +272,61 @@ fn a_run_without_room_ends_by_name() {
     let summary = std::fs::read_to_string(out.join("summary.json")).unwrap();
     assert!(summary.contains("interrupted in step") && summary.contains("\"completed\": false"));
 }
+
+/// What a run wrote that does not depend on how long it took.
+#[cfg(unix)]
+fn results(out: &Path) -> (String, String, String) {
+    let read = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+    let rows = read("grasp.csv");
+    let times = rows.lines().next().unwrap().split(',').position(|c| c == "step_ms").unwrap();
+    let without = |row: &str| {
+        let cells = row.split(',').enumerate().filter(|(i, _)| *i != times);
+        cells.map(|(_, cell)| cell).collect::<Vec<_>>().join(",")
+    };
+    let mut summary: serde_json::Value = serde_json::from_str(&read("summary.json")).unwrap();
+    summary["timing"] = serde_json::Value::Null;
+    let summary = summary.to_string().replace(&out.display().to_string(), "OUT");
+    (rows.lines().map(without).collect(), summary, read("grasp.pvd"))
+}
+
+/// Killed again and again at any moment, also while it writes a checkpoint, it goes on every time.
+#[cfg(unix)]
+#[test]
+fn a_run_that_is_killed_goes_on() {
+    let (scene, whole, cut) = (shipped("grasp"), file("killed_whole"), file("killed_cut"));
+    let _ = (std::fs::remove_dir_all(&whole), std::fs::remove_dir_all(&cut));
+    let run = |out: &Path, more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sinew"));
+        command.args(["run", &scene, "--steps", "150", "--threads", "1", "--out"]).arg(out);
+        command.args(more).stderr(std::process::Stdio::null()).stdout(std::process::Stdio::null());
+        command
+    };
+    let start = std::time::Instant::now();
+    assert!(run(&whole, &[]).status().unwrap().success());
+    let whole_ms = start.elapsed().as_millis() as u64;
+    let going_on = ["--checkpoint", "50ms", "--resume"];
+    let mut seed = u64::from(std::process::id());
+    for _ in 0..20 {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        // long enough now and then to get somewhere
+        let wait = (seed >> 33) % (whole_ms / 6).max(20);
+        let mut child = run(&cut, &going_on).spawn().unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(wait));
+        kill(&mut child, "-KILL");
+    }
+    assert!(run(&cut, &going_on).status().unwrap().success());
+    assert_eq!(results(&cut), results(&whole));
+}
+
+#[test]
+fn a_log_is_recorded_and_repeated() {
+    let log = file("run.jsonl").display().to_string();
+    let run = ["run", &shipped("muscle_bar"), "--steps", "12", "--record", &log, "--quiet"];
+    let portable = ["--instruction-set", "portable", "--hash-every", "4"];
+    check(&[&run[..], &portable].concat(), 0, "", "");
+    check(&["replay", &log], 0, "12 steps with", "");
+    check(&["replay", "nowhere.jsonl"], 1, "", "nowhere.jsonl");
+    check(&["run", &shipped("liver"), "--checkpoint", "1s"], 1, "", "give --out DIR");
+    check(&["run", &shipped("liver"), "--checkpoint", "soon"], 2, "", "0.5s or 20ms");
+    check(&["run", &shipped("liver"), "--hash-every", "3"], 2, "", "--record");
+}

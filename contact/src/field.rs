@@ -12,6 +12,7 @@
 //! that are sharper than the grid can show are rounded; [`DistanceField::accuracy`] says by how much.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Cells of the grid beyond the mesh's box on each side. The spline is evaluated in all but the outermost.
@@ -107,6 +108,7 @@ pub enum FieldError {
 ///
 /// The mesh may have cavities and several parts. Parts must not overlap, nor touch over an area: there the field
 /// is zero although no surface can be reached. Triangles that name a vertex twice are passed over.
+#[derive(PartialEq, Serialize, Deserialize)]
 pub struct DistanceField {
     points: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
@@ -136,6 +138,19 @@ impl std::fmt::Debug for DistanceField {
 }
 
 impl DistanceField {
+    /// Whether its parts belong together, as they do unless it was read from damaged data.
+    pub fn is_whole(&self) -> bool {
+        let [a, b, c] = self.size;
+        let count = a.checked_mul(b).and_then(|ab| ab.checked_mul(c));
+        let finite = [self.origin, self.bounds[0], self.bounds[1]].iter().all(|x| x.is_finite());
+        self.size.iter().all(|&n| n >= 4)
+            && count == Some(self.coefficients.len())
+            && finite
+            && self.spacing > 0.0
+            && self.spacing.is_finite()
+            && self.triangles.iter().flatten().all(|&v| (v as usize) < self.points.len())
+    }
+
     /// Samples the distance to the surface of `triangles`, which name `points` (m) counterclockwise seen from
     /// outside. A mesh that is wound inside out as a whole is turned.
     ///

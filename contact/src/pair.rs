@@ -1,13 +1,15 @@
 //! Contact between two bodies, or of a body with itself, and the distance of a point from deformed faces.
 
-use crate::tool::{Stiffness, next_sequence};
+use crate::tool::Stiffness;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use sinew_engine::order::Order;
 
 /// Two bodies that may touch each other: vertices of either surface against the faces of the other, half of the area
 /// each. Bodies that touch share one solve.
-#[derive(Component, Clone, Debug)]
-#[require(BodyContactReport)]
+#[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[require(BodyContactReport, Order)]
 #[component(on_add = crate::set::install)]
 pub struct BodyContact {
     /// Name for reports and probes.
@@ -19,14 +21,13 @@ pub struct BodyContact {
     pub friction: f64,
     /// Stiffness of contact; relative to the softer of the two.
     pub stiffness: Stiffness,
-    pub(crate) sequence: u64,
 }
 
 impl BodyContact {
     /// Contact without friction.
     pub fn new(name: impl Into<String>, bodies: [usize; 2]) -> Self {
         let (name, stiffness) = (name.into(), Stiffness::default());
-        Self { name, bodies, friction: 0.0, stiffness, sequence: next_sequence() }
+        Self { name, bodies, friction: 0.0, stiffness }
     }
 
     /// With a coefficient of friction.
@@ -52,7 +53,7 @@ impl BodyContact {
 }
 
 /// What two bodies did to each other in the last step, at its end.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BodyContactReport {
     /// Force (N) on the first body; 0 for a body that touches itself.
     pub force: DVec3,

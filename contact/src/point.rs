@@ -13,14 +13,16 @@ use crate::pair::beside;
 use crate::set::Limits;
 use crate::shape::Shape;
 use glam::{DMat3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+use sinew_engine::order::Order;
 
 /// What makes a point come back in the next step: who touches, which part of it, and which point of the surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct Key {
     /// Index of the body whose surface the point is on.
     pub body: u32,
-    /// Place of tool, pair or pull in the order of creation.
-    pub owner: u64,
+    /// Tool, pair or pull.
+    pub owner: Order,
     /// Part of a tool, direction of a pair.
     pub part: u32,
     /// Vertex row, or vertex rows of a face and the number of the point in it.
@@ -28,7 +30,7 @@ pub(crate) struct Key {
 }
 
 /// What is kept of a point in contact from step to step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Memory {
     /// Elastic slip (m) in the world.
     pub slip: DVec3,

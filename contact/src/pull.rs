@@ -1,15 +1,16 @@
 //! Pulls: implicit spring-dampers from a patch of a body to a moving pose, for mice, haptic devices and couplings to
 //! rigid bodies; and picking by a ray.
 
-use crate::tool::next_sequence;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use sinew_engine::load::Pose;
+use sinew_engine::order::Order;
 
 /// Draws every vertex of a patch to where a pose carries it from the place it had when the pull took hold:
 /// the energy is `sum_a w_a (k |x_a - T(X_a)|^2 + c |v_a - v_T|^2 h) / 2`, solved implicitly with everything else.
-#[derive(Component, Clone, Debug)]
-#[require(PullReport)]
+#[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[require(PullReport, Order)]
 #[component(on_add = crate::set::install)]
 pub struct Pull {
     /// Name for reports and probes.
@@ -28,7 +29,6 @@ pub struct Pull {
     pub(crate) last: Pose,
     /// Places (m) of the rows when it took hold; filled by the engine.
     pub(crate) anchors: Vec<DVec3>,
-    pub(crate) sequence: u64,
 }
 
 impl Pull {
@@ -44,7 +44,6 @@ impl Pull {
             target: Pose::IDENTITY,
             last: Pose::IDENTITY,
             anchors: Vec::new(),
-            sequence: next_sequence(),
         }
     }
 
@@ -90,7 +89,7 @@ impl Pull {
 }
 
 /// What a pull did in the last step, at its end.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PullReport {
     /// Force (N) on the hand that pulls.
     pub force: DVec3,

@@ -10,11 +10,14 @@ use bevy_ecs::lifecycle::HookContext;
 use bevy_ecs::prelude::*;
 use bevy_ecs::world::DeferredWorld;
 use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+use sinew_engine::order::Order;
 use sinew_engine::report::ContactFigures;
 use sinew_engine::step::StepError;
 use sinew_engine::surface::SurfaceReader;
 use sinew_engine::time::{StepClock, StepPart};
 use sinew_engine::topology::Topology;
+use sinew_engine::vertex::RestPosition;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -71,7 +74,7 @@ pub struct ContactBlocks {
 }
 
 /// Blocks off the diagonal of one point: `w_a w_b C`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Coupling {
     /// Vertex rows.
     pub rows: [u32; 4],
@@ -82,7 +85,7 @@ pub struct Coupling {
 }
 
 /// What is kept of a tool from step to step.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct ToolState {
     pose: ToolPose,
     drawn_in: Vec<f64>,
@@ -101,8 +104,7 @@ struct Settled {
 #[derive(Clone, Debug)]
 struct ToolNow {
     entity: Entity,
-    /// Of the entity: clones of a tool are tools of their own.
-    id: u64,
+    id: Order,
     name: String,
     start: ToolPose,
     end: ToolPose,
@@ -117,12 +119,14 @@ struct ToolNow {
 #[derive(Clone, Debug)]
 struct PairNow {
     entity: Entity,
+    id: Order,
     pair: BodyContact,
 }
 
 #[derive(Clone, Debug)]
 struct PullNow {
     entity: Entity,
+    id: Order,
     pull: Pull,
 }
 
@@ -133,13 +137,39 @@ struct Known {
     skin: Skin,
 }
 
+/// What contact keeps from step to step; all else follows from the entities and the state of the bodies.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ContactMemory {
+    tools: BTreeMap<Order, ToolState>,
+    /// By key, ascending.
+    points: Vec<(Key, Memory)>,
+    /// Energy (J) that friction of pairs has taken.
+    dissipated: BTreeMap<Order, f64>,
+    /// Forces (N) at the end of the last step, and pressures (Pa), of vertex rows.
+    forces: Vec<(u32, DVec3)>,
+    pressures: Vec<(u32, f64)>,
+    /// Energy (J) stored at the end of the last step.
+    stored: f64,
+}
+
+impl ContactMemory {
+    /// Whether it can belong to a world of so many bodies and vertex rows.
+    pub fn fits(&self, bodies: usize, rows: usize) -> bool {
+        let row = |row: &u32| (*row as usize) < rows;
+        self.points.iter().all(|(key, _)| (key.body as usize) < bodies)
+            && self.points.is_sorted_by_key(|(key, _)| *key)
+            && self.forces.iter().all(|(of, _)| row(of))
+            && self.pressures.iter().all(|(of, _)| row(of))
+    }
+}
+
 /// Tools, contact between bodies and pulls of a world. It exists from the first of them on.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct ContactSet {
+    kept: ContactMemory,
     skins: Vec<Known>,
     /// Of tools that touch some faces only, by tool and body.
-    own_skins: BTreeMap<(u64, usize), Known>,
-    states: BTreeMap<u64, ToolState>,
+    own_skins: BTreeMap<(Order, usize), Known>,
     tools: Vec<ToolNow>,
     parts: Vec<PartNow>,
     pairs: Vec<PairNow>,
@@ -151,22 +181,31 @@ pub struct ContactSet {
     /// Of the last round of an inner loop, and the places (m) between the rows that they acted on.
     rounds: Vec<(Active, DVec3)>,
     faces: Vec<[u32; 3]>,
-    memory: Vec<(Key, Memory)>,
-    dissipated: BTreeMap<u64, f64>,
-    /// Forces (N) at the end of the last step, and pressures (Pa), of vertex rows.
-    forces: Vec<(u32, DVec3)>,
-    pressures: Vec<(u32, f64)>,
     figures: ContactFigures,
     /// Local stiffnesses (N/m) found in this step, by tool.
     local: Vec<(usize, DMat3)>,
     /// Work and dissipation of the tools, and last of all hands, in the substeps of the step.
     settled: Vec<Settled>,
-    /// Energy (J) stored at the end of the last step.
-    stored: f64,
     /// What is kept, as it was before the first part of a step in parts, and the number of that step.
-    before_parts: Option<(u64, Box<ContactSet>)>,
+    before_parts: Option<(u64, Box<ContactMemory>)>,
 }
+
 impl ContactSet {
+    /// What the step after `step` steps is to begin with.
+    pub fn memory(&self, step: u64) -> &ContactMemory {
+        match &self.before_parts {
+            // that step failed in a later part, and is made again
+            Some((of, before)) if *of == step => before,
+            _ => &self.kept,
+        }
+    }
+
+    /// Takes up what was kept in another world of the same entities, or at another time.
+    pub fn recall(&mut self, memory: &ContactMemory) {
+        self.kept.clone_from(memory);
+        self.before_parts = None;
+    }
+
     /// Finds what may touch what in the step to come. `x` and `v` are positions (m) and velocities (m/s) of vertex
     /// rows, `rest` their rest positions. With `limit_ways` a tool whose way through tissue is longer than it is thick
     /// does not reach its end: integrators with small steps of their own do not need that.
@@ -188,7 +227,7 @@ impl ContactSet {
         self.points.clear();
         self.faces.clear();
         if !self.tools.is_empty() || !self.pairs.is_empty() {
-            self.refit(world, rest, clock.dt, x, v)?;
+            self.refit(world, clock.dt, x, v)?;
             if limit_ways {
                 self.limit_ways();
             }
@@ -250,7 +289,7 @@ impl ContactSet {
     /// did in it, both up to the last [`settle`](Self::settle).
     pub fn books(&self) -> [f64; 2] {
         let now: f64 = self.points.iter().zip(&self.active).map(|(p, a)| stored(p, a)).sum();
-        [now - self.stored, self.settled.iter().map(|own| own.work).sum()]
+        [now - self.kept.stored, self.settled.iter().map(|own| own.work).sum()]
     }
 
     /// Whether nothing can touch or pull anything in this step.
@@ -290,9 +329,8 @@ impl ContactSet {
         for now in &self.pairs {
             let [a, b] = now.pair.bodies;
             let (low, high) = (a.min(b), a.max(b));
-            let of_pair = |p: &Point| {
-                p.key.owner == now.entity.to_bits() && matches!(p.against, Against::Faces(_))
-            };
+            let of_pair =
+                |p: &Point| p.key.owner == now.id && matches!(p.against, Against::Faces(_));
             if low != high && self.points.iter().any(of_pair) {
                 last[low] = last[low].max(high);
             }
@@ -568,11 +606,11 @@ impl ContactSet {
         let bodies = 0..self.first.len().saturating_sub(1);
         self.set_part(1.0, dt);
         self.evaluate(&bodies, x, Limits::Keep);
-        self.memory.clear();
+        self.kept.points.clear();
         for (point, active) in self.points.iter().zip(&self.active) {
             let kept = remember(point, active);
             if kept != Memory::default() {
-                self.memory.push((point.key, kept));
+                self.kept.points.push((point.key, kept));
             }
         }
         // points are sorted by key, and so is what is kept of them
@@ -593,14 +631,14 @@ impl ContactSet {
             edge_depth = edge_depth.max(depth / skin.edge);
         }
         self.figures.depth_over_edge = edge_depth;
-        self.stored = self.points.iter().zip(&self.active).map(|(p, a)| stored(p, a)).sum();
-        self.figures.energy = self.stored;
+        self.kept.stored = self.points.iter().zip(&self.active).map(|(p, a)| stored(p, a)).sum();
+        self.figures.energy = self.kept.stored;
         self.figures
     }
 
     /// Energy (J) stored in contacts and pulls at the end of the last step.
     pub fn stored(&self) -> f64 {
-        self.stored
+        self.kept.stored
     }
 }
 

@@ -2,10 +2,11 @@
 
 use crate::field::DistanceField;
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// What a tool is made of. Lengths in metres, in the shape's own frame, whose origin is its centre.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Shape {
     /// A ball.
     Sphere {

@@ -5,10 +5,10 @@ use bevy_ecs::prelude::*;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::load::{Curve, rotation};
-use std::sync::atomic::{AtomicU64, Ordering};
+use sinew_engine::order::Order;
 
 /// Where a tool is: its origin and its rotation in the world, and how far its jaws are open.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ToolPose {
     /// Place (m) of the tool's origin.
     pub position: DVec3,
@@ -60,7 +60,7 @@ impl ToolPose {
 }
 
 /// A rigid part of a tool.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Part {
     /// Its shape.
     pub shape: Shape,
@@ -80,7 +80,7 @@ impl From<Shape> for Part {
 }
 
 /// The hinge of the jaws, in the frame of the tool.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hinge {
     /// A point on it (m).
     pub point: DVec3,
@@ -95,7 +95,7 @@ impl Default for Hinge {
 }
 
 /// A pose at a time (s) of a path.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathPoint {
     /// Time (s).
     pub time: f64,
@@ -104,7 +104,7 @@ pub struct PathPoint {
 }
 
 /// How a tool moves.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum ToolMotion {
     /// It stays, or goes where [`Tool::set_target`] says: there at the end of the next step, evenly through the step.
     #[default]
@@ -132,7 +132,7 @@ pub enum Points {
 pub const MOST_POINTS: u32 = 8;
 
 /// Stiffness of contact: pressure over penetration.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Stiffness {
     /// Times Young's modulus of the body there over its mean edge. The default is 50: depth and force then differ
     /// from those of exact contact by 0.2 to 4 %.
@@ -158,8 +158,8 @@ impl Stiffness {
 
 /// A tool: an entity that touches the bodies of its world. Its pose comes from its motion; it never feels forces, it
 /// reports them.
-#[derive(Component, Clone, Debug)]
-#[require(ToolReport)]
+#[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[require(ToolReport, Order)]
 #[component(on_add = crate::set::install)]
 pub struct Tool {
     /// Name for reports and probes.
@@ -201,16 +201,6 @@ pub struct Tool {
     pub(crate) target: Option<ToolPose>,
     /// The target is a place to appear at, not one to move to.
     pub(crate) placed: bool,
-    /// Place in the order of creation.
-    pub(crate) sequence: u64,
-}
-
-/// Tools and the like made so far.
-static MADE: AtomicU64 = AtomicU64::new(0);
-
-/// The next place in the order of creation.
-pub(crate) fn next_sequence() -> u64 {
-    MADE.fetch_add(1, Ordering::Relaxed)
 }
 
 /// A tool that cannot be used, or a target that it cannot follow.
@@ -257,7 +247,6 @@ impl Tool {
             until: f64::INFINITY,
             target: None,
             placed: false,
-            sequence: next_sequence(),
         }
     }
 
@@ -291,6 +280,16 @@ impl Tool {
     pub fn exactly(mut self) -> Self {
         (self.exact, self.points) = (true, Points::Vertex);
         self
+    }
+
+    /// Target set by the program, and whether it is a place to appear at.
+    pub fn target(&self) -> (Option<ToolPose>, bool) {
+        (self.target, self.placed)
+    }
+
+    /// Sets what [`Tool::target`] gave, as it is.
+    pub fn aim(&mut self, target: Option<ToolPose>, placed: bool) {
+        (self.target, self.placed) = (target, placed);
     }
 
     /// Moves the tool: it is there at the end of the next step, evenly through the step, and stays there until
@@ -442,7 +441,7 @@ impl Tool {
 }
 
 /// What a tool felt in the last step, at its end.
-#[derive(Component, Clone, Debug, Default, PartialEq)]
+#[derive(Component, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ToolReport {
     /// Where the tool was: place (m) of its origin.
     pub position: DVec3,
@@ -497,7 +496,7 @@ pub struct ToolReport {
 }
 
 /// What one part of a tool felt, such as one of two jaws.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PartReport {
     /// Force (N) on it, normal and friction.
     pub force: DVec3,

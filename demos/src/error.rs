@@ -7,7 +7,9 @@ use sinew::models::axes::field::FibreError;
 use sinew::models::body::BodyError;
 use sinew::models::material::MaterialError;
 use sinew::models::material::field::FieldError;
+use sinew::replay::ReplayError;
 use sinew::simulation::SimulationError;
+use sinew::snapshot::SnapshotError;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -241,6 +243,33 @@ pub enum RunError {
     /// A frame could not be written.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// A file could not be read.
+    #[error("{path}: {source}; check that it may be read")]
+    Read {
+        /// Path of the file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// A checkpoint cannot be used.
+    #[error("{path}: {message}")]
+    Checkpoint {
+        /// Its path.
+        path: PathBuf,
+        /// What is wrong, and what to do.
+        message: &'static str,
+    },
+    /// A log cannot be repeated.
+    #[error("{path}: {source}")]
+    Log {
+        /// Its path.
+        path: PathBuf,
+        /// Why.
+        source: Box<ReplayError>,
+    },
+    /// The state of the simulation cannot be kept or taken up.
+    #[error(transparent)]
+    Snapshot(#[from] SnapshotError),
     /// The command asks for something that the scene does not allow.
     #[error("{option}: {found}; {remedy}")]
     Option {

@@ -4,13 +4,15 @@
 use crate::build::{BuiltBody, BuiltScene};
 use crate::error::RunError;
 use crate::probe;
+use crate::run::checkpoint;
 use crate::warning::{Level, Warning};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use sinew::engine::connectivity::{ByKind, ElementKind};
 use sinew::engine::mesh::io::{VtuData, write_pvd, write_vtu};
 use sinew::engine::mesh::{CellData, MeshError};
 use sinew::models::axes::field::to_cell_data;
-use std::io::Write;
+use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// Columns of every CSV file, before those of the probes.
@@ -108,6 +110,8 @@ pub struct Writer {
     folder: PathBuf,
     stem: String,
     frames: Vec<(f64, String)>,
+    /// What was found in the folder at the start.
+    note: Option<Warning>,
     csv: std::fs::File,
     csv_path: PathBuf,
     /// Length of its whole rows (bytes).
@@ -126,11 +130,60 @@ pub struct Writer {
     start: Vec<ByKind<usize>>,
 }
 
+/// The name of a scene as that of files.
+fn stem(name: &str) -> String {
+    let kept = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
+    name.chars().map(|c| if kept(c) { c } else { '_' }).collect()
+}
+
 fn write_error(path: &Path) -> impl Fn(std::io::Error) -> RunError + '_ {
     |source| RunError::Write { path: path.into(), source }
 }
 
+/// What a writer has written, for checkpoints.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct WriterState {
+    csv_length: u64,
+    frames: Vec<(f64, String)>,
+    /// What was found in the folder at the start.
+    note: Option<Warning>,
+}
+
 impl Writer {
+    /// Goes on where another writer of the scene was; what that one wrote later goes.
+    ///
+    /// # Errors
+    /// When its rows are no longer there, or the folder cannot be written to.
+    pub fn resume(
+        folder: &Path,
+        name: &str,
+        built: &mut BuiltScene,
+        state: WriterState,
+    ) -> Result<Self, RunError> {
+        let csv_path = folder.join(format!("{}.csv", stem(name)));
+        let path = csv_path.clone();
+        let error = write_error(&path);
+        let mut csv = std::fs::OpenOptions::new().write(true).open(&csv_path).map_err(&error)?;
+        if csv.metadata().map_err(&error)?.len() < state.csv_length {
+            let message =
+                "rows that were written before it are gone from the CSV file: run the scene anew";
+            return Err(RunError::Checkpoint { path: csv_path, message });
+        }
+        csv.set_len(state.csv_length).map_err(&error)?;
+        csv.seek(SeekFrom::End(0)).map_err(&error)?;
+        // half of a summary, or that of an interrupted run
+        let _ = std::fs::remove_file(folder.join("summary.json"));
+        built.warnings.extend(state.note.clone());
+        let WriterState { csv_length, frames, note } = state;
+        Ok(Self { csv_length, frames, note, ..Self::of(folder, name, built, csv, csv_path) })
+    }
+
+    /// What it has written.
+    pub fn state(&self) -> WriterState {
+        let Self { csv_length, frames, note, .. } = self;
+        WriterState { csv_length: *csv_length, frames: frames.clone(), note: note.clone() }
+    }
+
     /// Makes the folder, takes away what an earlier run of the scene left in it, which becomes a note of the scene, and
     /// starts the CSV file.
     ///
@@ -139,17 +192,28 @@ impl Writer {
     pub fn new(folder: &Path, name: &str, built: &mut BuiltScene) -> Result<Self, RunError> {
         let frames = folder.join("frames");
         std::fs::create_dir_all(&frames).map_err(write_error(&frames))?;
-        let stem: String = name
-            .chars()
-            .map(|c| if c.is_alphanumeric() || c == '-' || c == '_' { c } else { '_' })
-            .collect();
-        built.warnings.extend(remove_old(folder, &stem)?);
+        let stem = stem(name);
+        let note = remove_old(folder, &stem)?;
+        built.warnings.extend(note.clone());
         let csv_path = folder.join(format!("{stem}.csv"));
         let csv = std::fs::File::create(&csv_path).map_err(write_error(&csv_path))?;
         let of_contact: &[&str] = if built.touches() { &CONTACT_COLUMNS } else { &[] };
         let columns = COMMON_COLUMNS.iter().chain(of_contact).map(|c| (*c).to_string());
         let header: Vec<String> =
             columns.chain(probe::columns(&built.probes)).map(|c| header_cell(&c)).collect();
+        let mut writer = Self { note, ..Self::of(folder, name, built, csv, csv_path) };
+        writer.line(&header.join(","))?;
+        Ok(writer)
+    }
+
+    /// One that has written nothing.
+    fn of(
+        folder: &Path,
+        name: &str,
+        built: &BuiltScene,
+        csv: std::fs::File,
+        csv_path: PathBuf,
+    ) -> Self {
         let (mut points, mut tetrahedra, mut hexahedra) = (Vec::new(), Vec::new(), Vec::new());
         let (mut triangles, mut quads, mut start) = (Vec::new(), Vec::new(), Vec::new());
         for b in &built.bodies {
@@ -164,11 +228,11 @@ impl Writer {
         let cell_data = joined_cell_data(built);
         let smallest = built.bodies.iter().map(|b| b.report.statistics.smallest_altitude);
         let smallest = smallest.fold(f64::INFINITY, f64::min);
-        let (folder, frames) = (folder.to_path_buf(), Vec::new());
-        let mut writer = Self {
-            folder,
-            stem,
-            frames,
+        Self {
+            folder: folder.to_path_buf(),
+            stem: stem(name),
+            frames: Vec::new(),
+            note: None,
             csv,
             csv_path,
             csv_length: 0,
@@ -180,9 +244,7 @@ impl Writer {
             cell_data,
             smallest,
             start,
-        };
-        writer.line(&header.join(","))?;
-        Ok(writer)
+        }
     }
 
     /// Adds a line to the CSV file, whole or not at all.
@@ -337,6 +399,7 @@ fn remove_old(folder: &Path, stem: &str) -> Result<Option<Warning>, RunError> {
             old.push(path);
         }
     }
+    old.extend(checkpoint::found(folder).into_iter().map(|(_, path)| path));
     let mut count = 0;
     for path in old {
         match std::fs::remove_file(&path) {

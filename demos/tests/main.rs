@@ -1,6 +1,7 @@
 //! Scene files and what runs them. In one binary: each would link, and in part compile, everything below for itself.
 
 mod bad_scenes;
+mod checkpoints;
 mod common;
 mod fuzz;
 #[cfg(feature = "gpu")]

@@ -311,8 +311,12 @@ fn files_can_be_read_back() {
     let scene = LoadedScene::read(&shipped_scene("cantilever")).unwrap();
     let build = BuildOptions { steps: Some(9), ..BuildOptions::default() };
     let json = out.join("own.json");
-    let options =
-        RunOptions { build, out: Some(out.clone()), json: Some(json.clone()), interrupt: None };
+    let options = RunOptions {
+        build,
+        out: Some(out.clone()),
+        json: Some(json.clone()),
+        ..RunOptions::default()
+    };
     run(&scene, &options, &mut Silent).unwrap();
     assert_eq!((table.rows.len(), summary.timing.step.count), (10, 9));
     let value: serde_json::Value =

@@ -45,6 +45,11 @@ impl Buffers {
         let vectors = [Buffer { epoch: 0, values: rest }, zero(), zero()];
         Self { vectors, surface: Vec::new(), revision: 0, changes: u64::MAX, looked: 0 }
     }
+
+    /// Has the surface looked at anew.
+    pub fn forget_surface(&mut self) {
+        (self.changes, self.looked) = (u64::MAX, 0);
+    }
 }
 
 /// Triangles of the outside of a body.

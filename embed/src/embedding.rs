@@ -355,6 +355,11 @@ impl Embedding {
         self.built.simulation.world().resource()
     }
 
+    /// Runs something on a thread of the pool.
+    pub fn on_pool<R: Send>(&self, f: impl FnOnce() -> R + Send) -> R {
+        self.workers().enter(f)
+    }
+
     /// Threads.
     pub fn threads(&self) -> usize {
         self.workers().threads()

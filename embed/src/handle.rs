@@ -202,6 +202,22 @@ impl Handles {
         own.into_iter().map(|(serial, i, name)| (handle(kind, i, serial), name)).collect()
     }
 
+    /// Forgets those that lead nowhere any more.
+    pub fn retain(&mut self, keep: impl Fn(Target) -> bool) {
+        for (index, slot) in self.slots.iter_mut().enumerate() {
+            if slot.as_ref().is_some_and(|slot| !keep(slot.target)) {
+                *slot = None;
+                self.free.push(index);
+            }
+        }
+    }
+
+    /// Whether something leads to this entity.
+    pub fn knows(&self, entity: Entity) -> bool {
+        let leads = |slot: &Slot| matches!(slot.target, Target::Entity(own) if own == entity);
+        self.slots.iter().flatten().any(leads)
+    }
+
     /// The handle of a body by its index.
     pub fn of_body(&self, body: usize) -> Option<Handle> {
         let found = |slot: &Slot| matches!(slot.target, Target::Body(index) if index == body);

@@ -33,6 +33,7 @@ mod error;
 mod files;
 mod handle;
 mod mesh;
+mod snapshot;
 mod touch;
 
 pub use act::{ConstraintSpec, Wrench};
@@ -46,7 +47,10 @@ pub use mesh::{
     MembraneCells, MeshArrays, distance_field, membrane_cells, mesh_from_arrays, mesh_from_bytes,
     mesh_from_file, mesh_from_generator,
 };
+pub use snapshot::Snapshot;
 pub use touch::{Pick, PullSpec};
+
+pub use serde::de::DeserializeOwned;
 
 pub use glam::{DMat3, DQuat, DVec3};
 pub use sinew::engine::connectivity::ElementKind;

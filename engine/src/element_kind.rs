@@ -1,5 +1,7 @@
 //! The kinds of elements.
 
+use serde::{Deserialize, Serialize};
+
 /// Kinds of elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum ElementKind {
@@ -29,7 +31,7 @@ impl ElementKind {
 }
 
 /// Something for every kind of element.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ByKind<T>(pub [T; 4]);
 
 impl<T> std::ops::Index<ElementKind> for ByKind<T> {

@@ -16,6 +16,7 @@ pub mod load;
 pub mod matrix;
 pub mod memory;
 pub mod mesh;
+pub mod order;
 pub mod precision;
 pub mod report;
 pub mod scalar;

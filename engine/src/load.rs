@@ -3,6 +3,7 @@
 //! columns [`FixedAxes`], [`PrescribedDisplacement`] and [`ExternalForce`].
 
 use crate::columns::single_table;
+use crate::order::Order;
 use crate::scalar::Scalar;
 use crate::time::{Gravity, StepClock, StepPart};
 use crate::vertex::{
@@ -11,7 +12,6 @@ use crate::vertex::{
 use bevy_ecs::prelude::*;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A factor that varies with time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -126,7 +126,7 @@ impl Curve {
 
 /// Where constrained vertices go, relative to where they were when the constraint took hold; the
 /// curve scales it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Motion {
     /// They stay.
     Hold,
@@ -149,7 +149,7 @@ pub enum Motion {
 
 /// Rigid motion of held vertices, relative to where they were when their constraint took hold: turned
 /// about a centre, then shifted. A vector is a translation (m) alone.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// Translation (m).
     pub translation: DVec3,
@@ -197,7 +197,7 @@ impl From<DVec3> for Pose {
 }
 
 /// Path of a constraint through the step being made, to the target that the host set last.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TargetPath {
     /// Target of the next step.
     target: Pose,
@@ -212,6 +212,11 @@ pub struct TargetPath {
 }
 
 impl TargetPath {
+    /// Target of the next step.
+    pub fn target(&self) -> Pose {
+        self.target
+    }
+
     /// Leads from where the last step ended to the target. A step that failed is made again from its start.
     fn prepare(&mut self, clock: &StepClock, part: StepPart) {
         if self.step != clock.step {
@@ -265,8 +270,9 @@ pub enum TargetError {
     NoConstraint(Entity),
 }
 
-/// Holds or moves vertices while it is active.
-#[derive(Component, Clone, Debug)]
+/// Holds or moves vertices while it is active. Where constraints overlap, the one that came into the world last wins.
+#[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[require(Order)]
 pub struct Constraint {
     /// Name for reports and probes.
     pub name: String,
@@ -284,12 +290,7 @@ pub struct Constraint {
     pub until: f64,
     /// Displacements (m) when it took hold; filled by the engine.
     pub start: Vec<DVec3>,
-    /// Place in the order of creation.
-    pub(crate) sequence: u64,
 }
-
-/// Constraints made so far.
-static CONSTRAINTS: AtomicU64 = AtomicU64::new(0);
 
 impl Constraint {
     /// Holds `rows` where they are, for good.
@@ -308,7 +309,6 @@ impl Constraint {
             from: f64::NEG_INFINITY,
             until: f64::INFINITY,
             start: Vec::new(),
-            sequence: CONSTRAINTS.fetch_add(1, Ordering::Relaxed),
         }
     }
 
@@ -465,7 +465,8 @@ impl Load {
 }
 
 /// Dead loads: forces (N) on vertex rows, scaled by a curve.
-#[derive(Component, Clone, Debug)]
+#[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[require(Order)]
 pub struct Load {
     /// Name for reports.
     pub name: String,
@@ -477,7 +478,8 @@ pub struct Load {
 
 /// Follower pressure: pushes every triangle along its normal with pressure times deformed area. The law
 /// that does so has to be activated (`sinew_models::laws::pressure::activate`).
-#[derive(Component, Clone, Debug, PartialEq)]
+#[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[require(Order)]
 pub struct Pressure {
     /// Name for reports.
     pub name: String,
@@ -505,12 +507,12 @@ impl Pressure {
 
 /// Time (s) whose loads the next run of [`ForceSchedule`](crate::schedule::ForceSchedule) takes: the end
 /// of the step, unless an integrator cuts it into substeps.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LoadTime(pub f64);
 
-/// Pressure (Pa) and volume (m^3) swept from rest of every [`Pressure`], in order of entities, at the last
+/// Pressure (Pa) and volume (m^3) swept from rest of every [`Pressure`], in their [`Order`], at the last
 /// evaluation of energy or force.
-#[derive(Resource, Clone, Debug, Default, PartialEq)]
+#[derive(Resource, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SweptVolumes(pub Vec<[f64; 2]>);
 
 impl SweptVolumes {
@@ -524,14 +526,14 @@ impl SweptVolumes {
 /// Writes [`FixedAxes`] and [`PrescribedDisplacement`] for the end of the step.
 pub fn apply_constraints<S: Scalar>(
     (clock, part): (Res<StepClock>, Option<Res<StepPart>>),
-    mut constraints: Query<(Entity, &mut Constraint)>,
+    mut constraints: Query<(Entity, &Order, &mut Constraint)>,
     mut vertices: Query<(
         &RestPosition,
         &Displacement<S>,
         &mut FixedAxes,
         &mut PrescribedDisplacement<S>,
     )>,
-    mut order: Local<Vec<(u64, Entity)>>,
+    mut order: Local<Vec<(Order, Entity)>>,
 ) {
     let t = clock.time + clock.dt;
     let Some((rest, displacement, mut fixed, mut prescribed)) =
@@ -542,12 +544,12 @@ pub fn apply_constraints<S: Scalar>(
     let fixed = fixed.bypass_change_detection();
     let prescribed = prescribed.bypass_change_detection();
     fixed.fill(FixedAxes::NONE);
-    // where constraints overlap the later one wins, in order of creation
+    // where constraints overlap the later one wins
     order.clear();
-    order.extend(constraints.iter().map(|(e, c)| (c.sequence, e)));
+    order.extend(constraints.iter().map(|(e, order, _)| (*order, e)));
     order.sort_unstable();
     for &(_, entity) in order.iter() {
-        let Ok((_, mut constraint)) = constraints.get_mut(entity) else { continue };
+        let Ok((.., mut constraint)) = constraints.get_mut(entity) else { continue };
         if !constraint.active(t) {
             continue;
         }
@@ -575,10 +577,10 @@ pub fn apply_constraints<S: Scalar>(
 pub fn apply_loads<S: Scalar>(
     clock: Res<StepClock>,
     gravity: Res<Gravity>,
-    loads: Query<(Entity, &Load)>,
+    loads: Query<(Entity, &Order, &Load)>,
     mut time: ResMut<LoadTime>,
     mut vertices: Query<(&Mass<S>, &mut ExternalForce<S>)>,
-    mut order: Local<Vec<Entity>>,
+    mut order: Local<Vec<(Order, Entity)>>,
 ) {
     let t = clock.time + clock.dt;
     time.0 = t;
@@ -589,10 +591,10 @@ pub fn apply_loads<S: Scalar>(
         f.0 = [m.0 * g[0], m.0 * g[1], m.0 * g[2], S::ZERO];
     }
     order.clear();
-    order.extend(loads.iter().map(|(e, _)| e));
+    order.extend(loads.iter().map(|(e, order, _)| (*order, e)));
     order.sort_unstable();
-    for &entity in order.iter() {
-        let Ok((_, load)) = loads.get(entity) else { continue };
+    for &(_, entity) in order.iter() {
+        let Ok((.., load)) = loads.get(entity) else { continue };
         let factor = load.curve.value(t);
         for &(row, f) in &load.forces {
             force[row as usize] += f * factor;

@@ -2,10 +2,11 @@
 
 use crate::scalar::Scalar;
 use bevy_ecs::prelude::Resource;
+use serde::{Deserialize, Serialize};
 
 /// Number type of the state. [`install_engine`](crate::step::install_engine) puts it into the world;
 /// bodies and steps take it from there.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Precision {
     /// 64-bit (default).
     #[default]

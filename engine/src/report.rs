@@ -2,11 +2,12 @@
 
 use crate::vertex::BodyId;
 use bevy_ecs::prelude::Resource;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::time::Duration;
 
 /// Figures of the last step, written by the integrator.
-#[derive(Resource, Clone, Debug, Default, Serialize)]
+#[derive(Resource, Clone, Debug, Default, Serialize, Deserialize)]
 pub struct StepReport {
     /// Newton iterations (linear systems) of the step.
     pub newton_iterations: u32,
@@ -17,7 +18,7 @@ pub struct StepReport {
     /// Relative residual of the last linear solve.
     pub cg_residual: f64,
     /// Preconditioner of the last linear solve, empty without one.
-    pub preconditioner: &'static str,
+    pub preconditioner: Cow<'static, str>,
     /// Times the values of preconditioners were computed anew; other solves used those of earlier
     /// ones.
     pub preconditioner_refreshes: u32,
@@ -141,7 +142,7 @@ impl StepReport {
 }
 
 /// What contact did in a step; all 0 in a world without.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactFigures {
     /// Points in contact at the end of the step, and those of them that stick.
     pub points: u32,
@@ -178,7 +179,7 @@ pub struct ContactFigures {
 
 /// Bodies that took the safe step instead of linearised BDF2, by reason. Integrators that converge BDF2
 /// count their first steps under `start`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fallbacks {
     /// There is no history: first step, state, held axes or masses changed, much other step length.
     pub start: u32,
@@ -208,7 +209,7 @@ impl Fallbacks {
 }
 
 /// Volume ratios J at the end of the step.
-#[derive(Resource, Clone, Debug, Serialize)]
+#[derive(Resource, Clone, Debug, Serialize, Deserialize)]
 pub struct VolumeReport {
     /// Smallest deformed volume over rest volume, of hexahedra at their Gauss points.
     pub smallest_ratio: f64,
@@ -260,7 +261,7 @@ impl VolumeReport {
 /// Area ratios of membranes at the end of the step; a world without membranes does not have it.
 ///
 /// A membrane triangle that is turned over is no error, so there is nothing to count.
-#[derive(Resource, Clone, Copy, Debug, Serialize)]
+#[derive(Resource, Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct AreaReport {
     /// Smallest deformed area over rest area; never negative.
     pub smallest_ratio: f64,

@@ -6,6 +6,8 @@
 //! serves both precisions and SIMD lanes; glam is the vocabulary of the public edge.
 
 use crate::lanes::sealed::Registers;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::fmt::{Debug, Display, LowerExp};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -70,7 +72,15 @@ pub trait Real:
 
 /// A floating-point type in which a simulation can be carried out.
 pub trait Scalar:
-    Real<Mask = bool> + Default + Display + LowerExp + PartialOrd + bytemuck::Pod + Registers
+    Real<Mask = bool>
+    + Default
+    + Display
+    + LowerExp
+    + PartialOrd
+    + bytemuck::Pod
+    + Registers
+    + Serialize
+    + DeserializeOwned
 {
     /// Unit round-off times two (distance from 1 to the next larger number).
     const EPSILON: Self;

@@ -11,6 +11,7 @@ use crate::isoparametric::{
 };
 use crate::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use crate::load::{Constraint, Load, LoadTime, Pressure, apply_constraints, apply_loads};
+use crate::order::LastOrder;
 use crate::precision::Precision;
 use crate::report::{AreaReport, StepReport, SystemTimes, VolumeReport};
 use crate::scalar::{Real, Scalar};
@@ -143,6 +144,7 @@ pub fn install_engine<S: Scalar>(world: &mut World, executor: Executor) {
 
 fn install_all<S: Scalar>(world: &mut World, executor: Executor) {
     install::<S>(world, executor);
+    world.init_resource::<LastOrder>();
     world.init_resource::<StepClock>();
     world.init_resource::<Gravity>();
     world.init_resource::<LoadTime>();

@@ -3,6 +3,7 @@
 
 use crate::columns::single_table;
 use crate::load::{Constraint, Curve, Load, MotionAt};
+use crate::order::Order;
 use crate::scalar::Scalar;
 use crate::time::StepClock;
 use crate::vertex::{FixedAxes, RestPosition};
@@ -78,10 +79,10 @@ impl WithinStep {
 
     fn read_loads(&mut self, world: &mut World) {
         let [start, dt] = self.span;
-        let mut loads = world.query::<(Entity, &Load)>();
-        let mut varying: Vec<(Entity, &Load)> =
+        let mut loads = world.query::<(&Order, &Load)>();
+        let mut varying: Vec<(&Order, &Load)> =
             loads.iter(world).filter(|(_, l)| l.curve.varies(start, start + dt)).collect();
-        varying.sort_unstable_by_key(|(entity, _)| *entity);
+        varying.sort_by_key(|(order, _)| **order);
         self.loaded = varying.iter().flat_map(|(_, l)| l.forces.iter().map(|f| f.0)).collect();
         self.loaded.sort_unstable();
         self.loaded.dedup();
@@ -104,11 +105,12 @@ impl WithinStep {
     ) {
         let (start, end) = (self.span[0], self.span[0] + self.span[1]);
         let mut rests = world.query::<&RestPosition>();
-        let mut constraints = world.query::<&Constraint>();
+        let mut constraints = world.query::<(&Order, &Constraint)>();
         let Some(rest) = single_table(rests.contiguous_iter(world)) else { return };
-        let mut active: Vec<&Constraint> =
-            constraints.iter(world).filter(|c| c.active(end)).collect();
-        active.sort_unstable_by_key(|c| c.sequence);
+        let mut active: Vec<(&Order, &Constraint)> =
+            constraints.iter(world).filter(|(_, c)| c.active(end)).collect();
+        active.sort_by_key(|(order, _)| **order);
+        let active: Vec<&Constraint> = active.into_iter().map(|(_, c)| c).collect();
         // who holds each unknown: the last constraint in order of creation
         let mut holders: Vec<(u32, u32, Reverse<u32>, u32)> = Vec::new();
         if active.iter().any(|c| c.moves(start, end)) {

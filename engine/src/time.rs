@@ -2,9 +2,10 @@
 
 use bevy_ecs::prelude::Resource;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// Simulated time.
-#[derive(Resource, Clone, Copy, Debug, PartialEq)]
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepClock {
     /// Length of the next step (s).
     pub dt: f64,
@@ -48,7 +49,7 @@ impl StepPart {
 pub struct StepDivider(pub fn(&mut bevy_ecs::world::World) -> u32);
 
 /// Acceleration of gravity (m/s^2).
-#[derive(Resource, Clone, Copy, Debug, PartialEq)]
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gravity(pub DVec3);
 
 impl Default for Gravity {

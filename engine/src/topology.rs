@@ -195,6 +195,12 @@ impl ElementTables {
         Self(archetypes.map(|a| (a.id(), a.len() as usize)).collect())
     }
 
+    /// The archetypes.
+    pub(crate) fn archetypes(&self) -> impl Iterator<Item = ArchetypeId> + use<> {
+        let ids: Vec<ArchetypeId> = self.0.iter().map(|(id, _)| *id).collect();
+        ids.into_iter()
+    }
+
     /// Number of entities.
     pub fn entities(&self) -> usize {
         self.0.iter().map(|(_, count)| count).sum()

@@ -50,6 +50,7 @@ use crate::scalar::Scalar;
 use bevy_ecs::prelude::Component;
 use bytemuck::{Pod, TransparentWrapper, Zeroable};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::ops::AddAssign;
 
 macro_rules! rows {
@@ -127,7 +128,18 @@ pub struct Mass<S: Scalar>(pub S);
 /// Axes along which a vertex is held at its [`PrescribedDisplacement`]: bits 0, 1, 2 for x, y, z.
 /// Held unknowns are eliminated from the linear system exactly.
 #[derive(
-    Component, Clone, Copy, Debug, Default, PartialEq, Eq, TransparentWrapper, Pod, Zeroable,
+    Component,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    TransparentWrapper,
+    Pod,
+    Zeroable,
+    Serialize,
+    Deserialize,
 )]
 #[repr(transparent)]
 pub struct FixedAxes(pub u8);

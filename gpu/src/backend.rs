@@ -668,7 +668,7 @@ pub(crate) fn add(sum: &mut StepReport, own: &StepReport) {
     sums! { recoveries_refused recoveries_given_up }
     sums! { elastic_energy kinetic_energy load_work constraint_work dissipation damping_dissipation }
     largest! { newton_iterations cg_residual newton_step linearisation_error substeps refinements }
-    sum.preconditioner = own.preconditioner;
+    sum.preconditioner.clone_from(&own.preconditioner);
     for k in 0..3 {
         sum.momentum[k] += own.momentum[k];
         sum.angular_momentum[k] += own.angular_momentum[k];

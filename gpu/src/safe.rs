@@ -493,11 +493,11 @@ impl SafeStep<'_> {
     ) -> Result<(Solve, CgState), GpuError> {
         let context = self.context;
         let mut coarse = self.coarse();
-        report.preconditioner = Preconditioner::BlockJacobi.name();
+        report.preconditioner = Preconditioner::BlockJacobi.name().into();
         let state = loop {
             let mut recorder = context.record();
             if let Some(coarse) = coarse {
-                report.preconditioner = self.preconditioner.name();
+                report.preconditioner = self.preconditioner.name().into();
                 let factors = [uniform.inertia, uniform.mass_damping, uniform.stiffness_damping];
                 if !kept.as_ref().is_some_and(|kept| kept.serves(factors)) {
                     coarse.refresh(&mut recorder);
@@ -513,7 +513,7 @@ impl SafeStep<'_> {
             // `f32` could not hold the inverse: this system goes without
             report.cg_iterations += state.iterations;
             report.preconditioner_breakdowns += 1;
-            report.preconditioner = Preconditioner::BlockJacobi.name();
+            report.preconditioner = Preconditioner::BlockJacobi.name().into();
             *kept = None;
             coarse = None;
             self.body.set(context, StepUniform { coarse_groups: 0, ..*uniform });

@@ -50,6 +50,7 @@
 
 pub mod axes;
 pub mod body;
+pub mod edits;
 pub mod element;
 pub mod frame;
 pub mod laws;

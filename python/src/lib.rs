@@ -43,7 +43,7 @@ mod _native {
     #[pymodule_export]
     use super::mesh::Mesh;
     #[pymodule_export]
-    use super::simulation::Engine;
+    use super::simulation::{Engine, Snapshot};
     #[pymodule_export]
     use super::{build_info, preset};
 }

@@ -18,6 +18,32 @@ use std::sync::Arc;
 #[pyclass(frozen, module = "sinew._native")]
 pub struct Engine(pub Shared);
 
+/// The state of a simulation at one time. It can be pickled.
+#[pyclass(frozen, module = "sinew")]
+pub struct Snapshot(sinew_embed::Snapshot);
+
+#[pymethods]
+impl Snapshot {
+    /// As bytes, for a file.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        let bytes = py.detach(|| self.0.to_bytes());
+        PyBytes::new(py, &bytes)
+    }
+
+    /// Reads what `to_bytes` wrote.
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, bytes: &[u8]) -> PyResult<Self> {
+        py.detach(|| sinew_embed::Snapshot::from_bytes(bytes)).map(Self).map_err(raise)
+    }
+
+    fn __reduce__<'py>(
+        own: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let make = own.get_type().getattr("from_bytes")?;
+        Ok((make, (own.get().to_bytes(own.py()),)))
+    }
+}
+
 /// Calls what makes a simulation; a panic in it is an error.
 fn made(py: Python<'_>, make: impl FnOnce() -> Result<Embedding> + Send) -> PyResult<Engine> {
     let panicked = |payload: Box<dyn std::any::Any + Send>| {
@@ -623,6 +649,17 @@ impl Engine {
     ) -> PyResult<Option<(Handle, [u32; 3], Vec3, Vec3, f64)>> {
         let pick = self.0.with(py, |own| own.pick(origin, direction))?;
         Ok(pick.map(|p| (p.body, p.vertices, p.weights, p.position, p.distance)))
+    }
+
+    /// The state as it is.
+    fn snapshot(&self, py: Python<'_>) -> PyResult<Snapshot> {
+        Ok(Snapshot(self.0.with(py, |own| own.snapshot())?))
+    }
+
+    /// Takes up a state.
+    fn restore(&self, py: Python<'_>, snapshot: &Snapshot) -> PyResult<()> {
+        let own = &snapshot.0;
+        self.0.with(py, |engine| engine.restore(own))
     }
 
     /// Panics inside, for the test of what happens then.

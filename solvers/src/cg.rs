@@ -11,20 +11,24 @@
 //! after the last refresh add up to what a refresh costs, in the middle of a solve if need be, or when
 //! a solve with them did not converge.
 
-use crate::cholesky::IncompleteCholesky;
-use crate::coarse::{CoarseSpace, Motion};
+use crate::cholesky::{FactorValues, IncompleteCholesky};
+use crate::coarse::{CoarseSpace, CoarseValues, Motion};
 use crate::settings::Preconditioner;
 use crate::simd::{Kernel, vectorised};
 use crate::system::{
     Pattern, ShiftedTangent, SystemMatrix, accumulate, add4, for_off_diagonal, ranges, scale4, sub4,
 };
 use glam::DVec3;
+use memory::Shared;
+use serde::{Deserialize, Serialize};
 use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
 use std::ops::Range;
+
+pub mod memory;
 
 /// The system of some bodies, and how it is solved.
 #[derive(Clone, Copy)]
@@ -82,7 +86,7 @@ pub struct Inner {
 
 /// Matrix, preconditioner and vectors of one body in one number type.
 #[derive(Clone, Debug, Default)]
-pub struct ConjugateGradients<T> {
+pub struct ConjugateGradients<T: Scalar> {
     /// The matrix.
     pub matrix: SystemMatrix<T>,
     product: Vec<ProductPiece<T>>,
@@ -92,12 +96,15 @@ pub struct ConjugateGradients<T> {
     forces: Vec<[T; 8]>,
     motions: Vec<Motion<T>>,
     kept: Option<Kept>,
+    /// Connected piece of every row when the aggregates were chosen.
+    laid_out_for: Vec<u32>,
+    shared: Shared<T>,
     /// Pieces, and rows in them, of the couplings of the matrix.
     coupled: Vec<[(usize, usize); 4]>,
 }
 
 /// What the kept values of the preconditioner were computed for, and how they did since.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Kept {
     kind: Preconditioner,
     factors: [f64; 3],
@@ -268,39 +275,47 @@ impl<T: Scalar> ConjugateGradients<T> {
         piece: &[u32],
         kind: Preconditioner,
     ) -> u32 {
+        self.shared.forget();
         if self.kept.as_ref().is_none_or(|k| k.kind != kind) {
-            self.cholesky = IncompleteCholesky::new(pattern, kind != Preconditioner::BlockJacobi);
-            self.coarse = (kind == Preconditioner::Multigrid).then(|| {
-                // in large bodies the work of the factor would outgrow that of an iteration
-                let size = AGGREGATE.max((0.45 * (rest.len() as f64).sqrt()) as usize);
-                CoarseSpace::new(pattern, rest, piece, size)
-            });
-            self.product.clear();
-            self.update.clear();
-            for piece in &pattern.pieces {
-                let (n, reach) = (piece.rows.len(), piece.reach - piece.rows.start);
-                let zero = |n| vec![[T::ZERO; 4]; n];
-                self.product.push(ProductPiece { p: zero(reach), q: zero(reach), curvature: 0.0 });
-                let aggregates =
-                    self.coarse.as_ref().map_or(0..0, |c| c.aggregates_of(piece.rows.clone()));
-                self.update.push(UpdatePiece {
-                    x: zero(n),
-                    r: zero(n),
-                    z: zero(n),
-                    rz: 0.0,
-                    rr: 0.0,
-                    coarse: vec![[T::ZERO; 8]; aggregates.len()],
-                    aggregates,
-                });
-            }
-            let aggregates = self.coarse.as_ref().map_or(0, CoarseSpace::aggregates);
-            self.forces = vec![[T::ZERO; 8]; aggregates];
+            self.lay_out(pattern, rest, piece, kind);
         }
         let breakdowns = self.cholesky.factorise(workers, pattern, &self.matrix);
         if let Some(coarse) = &mut self.coarse {
             coarse.factorise(workers, &self.matrix);
         }
         breakdowns
+    }
+
+    /// The symbolic part of a preconditioner, and work space for it.
+    fn lay_out(&mut self, pattern: &Pattern, rest: &[DVec3], piece: &[u32], kind: Preconditioner) {
+        self.laid_out_for.clear();
+        self.laid_out_for.extend_from_slice(piece);
+        self.cholesky = IncompleteCholesky::new(pattern, kind != Preconditioner::BlockJacobi);
+        self.coarse = (kind == Preconditioner::Multigrid).then(|| {
+            // in large bodies the work of the factor would outgrow that of an iteration
+            let size = AGGREGATE.max((0.45 * (rest.len() as f64).sqrt()) as usize);
+            CoarseSpace::new(pattern, rest, piece, size)
+        });
+        self.product.clear();
+        self.update.clear();
+        for piece in &pattern.pieces {
+            let (n, reach) = (piece.rows.len(), piece.reach - piece.rows.start);
+            let zero = |n| vec![[T::ZERO; 4]; n];
+            self.product.push(ProductPiece { p: zero(reach), q: zero(reach), curvature: 0.0 });
+            let aggregates =
+                self.coarse.as_ref().map_or(0..0, |c| c.aggregates_of(piece.rows.clone()));
+            self.update.push(UpdatePiece {
+                x: zero(n),
+                r: zero(n),
+                z: zero(n),
+                rz: 0.0,
+                rr: 0.0,
+                coarse: vec![[T::ZERO; 8]; aggregates.len()],
+                aggregates,
+            });
+        }
+        let aggregates = self.coarse.as_ref().map_or(0, CoarseSpace::aggregates);
+        self.forces = vec![[T::ZERO; 8]; aggregates];
     }
 
     /// Start of an iteration: residual `scale r`, solution zero.

@@ -12,6 +12,7 @@ use crate::system::{
     Block, Pattern, Piece, SystemMatrix, add4, definite_inverse, diagonal_inverse, mul4, sub4,
     sum4, transpose_product, zero_block,
 };
+use serde::{Deserialize, Serialize};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::workers::Workers;
 
@@ -42,7 +43,39 @@ pub struct FactorPiece<T> {
     pub breakdowns: u32,
 }
 
+/// The numbers of the factor of one piece.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "T: Scalar")]
+pub struct FactorValues<T> {
+    inverse: Vec<Block<T>>,
+    upper: Vec<Block<T>>,
+}
+
 impl<T: Scalar> IncompleteCholesky<T> {
+    /// The numbers of all factors.
+    pub fn values(&self) -> Vec<FactorValues<T>> {
+        let of = |p: &FactorPiece<T>| FactorValues {
+            inverse: p.inverse.clone(),
+            upper: p.upper.clone(),
+        };
+        self.pieces.iter().map(of).collect()
+    }
+
+    /// Takes numbers over; false, where they are not of factors with this symbolic part.
+    pub fn recall(&mut self, values: &[FactorValues<T>]) -> bool {
+        let fits = |(p, v): (&FactorPiece<T>, &FactorValues<T>)| {
+            v.inverse.len() + 1 == p.start.len() && v.upper.len() == p.column.len()
+        };
+        if self.pieces.len() != values.len() || !self.pieces.iter().zip(values).all(fits) {
+            return false;
+        }
+        for (piece, values) in self.pieces.iter_mut().zip(values) {
+            piece.inverse.clone_from(&values.inverse);
+            piece.upper.clone_from(&values.upper);
+        }
+        true
+    }
+
     /// Symbolic part; without `couplings` it is block Jacobi.
     pub fn new(pattern: &Pattern, couplings: bool) -> Self {
         let pieces = &pattern.pieces;

@@ -11,6 +11,7 @@
 use crate::simd::{Kernel, vectorised};
 use crate::system::{Pattern, SystemMatrix, add4, mul4, sub4};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::workers::Workers;
 
@@ -52,7 +53,31 @@ pub type Motion<T> = [[T; 4]; 3];
 /// Unknowns of an aggregate.
 const MODES: usize = 6;
 
+/// The numbers of its factor.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "T: Scalar")]
+pub struct CoarseValues<T> {
+    lower: Vec<Columns<T>>,
+    inverse: Vec<Columns<T>>,
+}
+
 impl<T: Scalar> CoarseSpace<T> {
+    /// The numbers of the factor.
+    pub fn values(&self) -> CoarseValues<T> {
+        CoarseValues { lower: self.factor.lower.clone(), inverse: self.factor.inverse.clone() }
+    }
+
+    /// Takes numbers over; false, where they are not of a factor of this shape.
+    pub fn recall(&mut self, values: &CoarseValues<T>) -> bool {
+        let fits = self.factor.lower.len() == values.lower.len()
+            && self.factor.inverse.len() == values.inverse.len();
+        if fits {
+            self.factor.lower.clone_from(&values.lower);
+            self.factor.inverse.clone_from(&values.inverse);
+        }
+        fits
+    }
+
     /// Aggregates of about `size` vertices. `rest` and `piece` give the rest position and the
     /// connected piece of every row.
     pub fn new(pattern: &Pattern, rest: &[DVec3], piece: &[u32], size: usize) -> Self {

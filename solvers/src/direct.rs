@@ -15,16 +15,33 @@ pub struct DirectFactor<S> {
     factor: Option<Llt<usize, f64>>,
     /// What `factor` is the factor of.
     matrix: SystemMatrix<S>,
+    /// There was a factor of that matrix before it was recalled.
+    recalled: bool,
     x: Vec<f64>,
 }
 
 impl<S: Scalar> DirectFactor<S> {
+    /// What the factor is the factor of.
+    pub fn memory(&self) -> Option<SystemMatrix<S>> {
+        (self.factor.is_some() || self.recalled).then(|| self.matrix.clone())
+    }
+
+    /// Makes the next use of this matrix count as that of a factor that was there.
+    pub fn recall(&mut self, matrix: Option<&SystemMatrix<S>>) {
+        if self.factor.is_some() && matrix == Some(&self.matrix) {
+            return;
+        }
+        (self.factor, self.recalled) = (None, matrix.is_some());
+        self.matrix = matrix.cloned().unwrap_or_default();
+    }
+
     /// Factorises `matrix` unless that was done already; says whether it was now, `None` when the
     /// matrix is not positive definite.
     pub fn prepare(&mut self, pattern: &Pattern, matrix: &SystemMatrix<S>) -> Option<bool> {
         if self.factor.is_some() && self.matrix == *matrix {
             return Some(false);
         }
+        let known = std::mem::take(&mut self.recalled) && self.matrix == *matrix;
         self.factor = None;
         let (columns, symbolic) = match &mut self.symbolic {
             Some(symbolic) => symbolic,
@@ -43,7 +60,7 @@ impl<S: Scalar> DirectFactor<S> {
         let lower = SparseColMatRef::new(columns.as_ref(), &values);
         self.factor = Llt::try_new_with_symbolic(symbolic.clone(), lower, Side::Lower).ok();
         self.matrix.clone_from(matrix);
-        self.factor.as_ref().map(|_| true)
+        self.factor.as_ref().map(|_| !known)
     }
 
     /// `x = A^-1 r` with the matrix last prepared, its scaling undone.

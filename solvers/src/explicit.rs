@@ -19,6 +19,7 @@
 //! * Displacements carry what their number type cannot hold (`low`) along, over substeps and steps:
 //!   in `f32`, `h v` is below the rounding of a displacement of metres.
 
+use crate::memory::ExplicitMemory;
 use crate::settings::{Integrator, SolverSettings};
 use crate::simd::{Kernel, vectorised};
 use crate::stability::StabilityLimit;
@@ -113,6 +114,61 @@ impl<S: Scalar> Default for ExplicitScratch<S> {
             revision: None,
         }
     }
+}
+
+impl<S: Scalar> ExplicitScratch<S> {
+    /// What the next step will use of it, if anything.
+    pub(crate) fn remember(&mut self, world: &mut World) -> Option<ExplicitMemory<S>> {
+        let last = self.last.as_ref().filter(|last| holds(last, world))?;
+        Some(ExplicitMemory {
+            u: last.u.clone(),
+            elastic: last.elastic,
+            force: self.force.clone(),
+            low: self.low_start.clone(),
+            limit: self.limit.memory(),
+            caution: self.caution,
+            creep: self.creep,
+            swept: self.swept.clone(),
+            made_of: self.made_of.clone(),
+        })
+    }
+
+    /// Takes up what was kept, for the world as it is now.
+    pub(crate) fn recall(&mut self, world: &mut World, memory: &ExplicitMemory<S>) {
+        let ExplicitMemory { u, elastic, force, low, limit, caution, creep, swept, made_of } =
+            memory.clone();
+        let topology = world.resource::<Topology>();
+        let revision = topology.revision;
+        self.last = Some(LastStep {
+            u,
+            elastic,
+            revision,
+            laws: world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len()),
+            tick: world.increment_change_tick(),
+        });
+        (self.force, self.low_start, self.limit) = (force, low, limit);
+        (self.caution, self.creep, self.swept) = (caution, creep, swept);
+        self.use_masses(made_of.0, made_of.1);
+    }
+
+    /// Inverse masses.
+    fn use_masses(&mut self, mass: Vec<S>, fixed: Vec<FixedAxes>) {
+        self.weight.clear();
+        self.weight.extend(mass.iter().zip(&fixed).map(|(m, fixed)| {
+            // vertices without mass stay where they are
+            let weight = if *m > S::ZERO { S::ONE / *m } else { S::ZERO };
+            let axis = |k| if fixed.holds(k) { S::ZERO } else { weight };
+            [axis(0), axis(1), axis(2), S::ZERO]
+        }));
+        self.made_of = (mass, fixed);
+    }
+}
+
+/// Whether elastic force and energy at the end of the last step are still those of its displacements.
+fn holds<S: Scalar>(last: &LastStep<S>, world: &mut World) -> bool {
+    let revision = world.resource::<Topology>().revision;
+    let laws = world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len());
+    last.revision == revision && last.laws == laws && law_inputs_unchanged(world, last.tick)
 }
 
 /// Doublings of the substep count before a step is given up.
@@ -309,21 +365,11 @@ fn recall<S: Scalar>(
 ) -> f64 {
     let n = scratch.node.len();
     if scratch.made_of.0 != scratch.node.mass || scratch.made_of.1 != scratch.node.fixed {
-        scratch.made_of = (scratch.node.mass.clone(), scratch.node.fixed.clone());
-        scratch.weight.clear();
-        scratch.weight.extend(scratch.node.mass.iter().enumerate().map(|(row, m)| {
-            // vertices without mass stay where they are
-            let weight = if *m > S::ZERO { S::ONE / *m } else { S::ZERO };
-            let axis = |k| if scratch.node.free(row, k) { weight } else { S::ZERO };
-            [axis(0), axis(1), axis(2), S::ZERO]
-        }));
+        let (mass, fixed) = (scratch.node.mass.clone(), scratch.node.fixed.clone());
+        scratch.use_masses(mass, fixed);
         scratch.limit.forget();
     }
-    let revision = world.resource::<Topology>().revision;
-    let laws = world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len());
-    let same = scratch.last.as_ref().filter(|last| last.revision == revision && last.laws == laws);
-    let same = same.filter(|last| law_inputs_unchanged(world, last.tick));
-    let Some(last) = same else {
+    let Some(last) = scratch.last.as_ref().filter(|last| holds(last, world)) else {
         scratch.limit.forget();
         (scratch.caution, scratch.creep) = (1.0, 0.0);
         scratch.low_start.clear();

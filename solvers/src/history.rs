@@ -3,6 +3,7 @@
 use crate::state::{NodeState, Rows};
 use bevy_ecs::change_detection::Tick;
 use bevy_ecs::prelude::*;
+use serde::{Deserialize, Serialize};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ActiveLaws, law_inputs_unchanged};
 use sinew_engine::topology::Topology;
@@ -13,7 +14,8 @@ use std::ops::Range;
 const RATIOS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
 /// The last step.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(bound = "S: Scalar")]
 pub(crate) struct History<S> {
     /// Displacements (m) and velocities (m/s) at its end, masses (kg) and held axes.
     pub u: Rows<S>,
@@ -29,13 +31,18 @@ pub(crate) struct History<S> {
     pub bodies: Vec<BodyHistory>,
     /// Bodies that shared a solve.
     pub groups: Vec<Range<usize>>,
+    #[serde(skip)]
     revision: u64,
+    #[serde(skip)]
     laws: usize,
+    #[serde(skip)]
     tick: Option<Tick>,
+    /// The energies do not hold whatever the laws say: they did not when this was recalled.
+    void: bool,
 }
 
 /// What is remembered of a body.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct BodyHistory {
     /// Elastic energy (J) at the end of the step.
     pub elastic: f64,
@@ -86,6 +93,7 @@ impl<S: Scalar> Default for History<S> {
             revision: 0,
             laws: 0,
             tick: None,
+            void: false,
         }
     }
 }
@@ -107,7 +115,7 @@ impl<S: Scalar> History<S> {
         else {
             return (false, vec![Past::default(); rows.len()]);
         };
-        let energies = law_inputs_unchanged(world, tick);
+        let energies = !self.void && law_inputs_unchanged(world, tick);
         let past = rows.into_iter().zip(&self.bodies).map(|(rows, &body)| {
             let same_state = self.u[rows.clone()] == node.u[rows.clone()]
                 && self.v[rows.clone()] == node.v[rows.clone()];
@@ -120,8 +128,50 @@ impl<S: Scalar> History<S> {
         (energies, past.collect())
     }
 
+    /// As it is to be recalled, into `memory`; `None` where nothing of it holds.
+    pub fn remember(&self, world: &mut World, memory: &mut Option<Self>) {
+        let revision = world.resource::<Topology>().revision;
+        let laws = world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len());
+        let Some(tick) = self.tick.filter(|_| self.revision == revision && self.laws == laws)
+        else {
+            *memory = None;
+            return;
+        };
+        let void = self.void || !law_inputs_unchanged(world, tick);
+        match memory {
+            Some(memory) => memory.clone_from(self),
+            None => *memory = Some(self.clone()),
+        }
+        memory.iter_mut().for_each(|memory| memory.void = void);
+    }
+
+    /// Whether it can belong to so many vertex rows and bodies.
+    pub fn fits(&self, rows: usize, bodies: usize) -> bool {
+        let lengths =
+            [&self.u, &self.v, &self.increment, &self.v_before].map(|field| field.len() == rows);
+        let groups = self.groups.iter().map(|group| group.start..group.end);
+        lengths == [true; 4]
+            && self.mass.len() == rows
+            && self.fixed.len() == rows
+            && self.bodies.len() == bodies
+            && groups
+                .clone()
+                .map(|group| group.start)
+                .eq(std::iter::once(0).chain(groups.map(|group| group.end)).take(self.groups.len()))
+            && self.groups.last().is_none_or(|last| last.end == bodies)
+            && self.groups.iter().all(|group| group.start < group.end)
+    }
+
+    /// Marks that it describes the state as it is now, after it was recalled.
+    pub fn stamp_recalled(&mut self, world: &mut World) {
+        let void = self.void;
+        self.stamp(world);
+        self.void = void;
+    }
+
     /// Marks that it describes the state as it is now.
     pub fn stamp(&mut self, world: &mut World) {
+        self.void = false;
         self.revision = world.resource::<Topology>().revision;
         self.laws = world.get_resource::<ActiveLaws>().map_or(0, |laws| laws.0.len());
         // what is changed from here on has a later tick

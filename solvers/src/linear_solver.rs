@@ -9,13 +9,16 @@
 //! on in `f64`. Sums run over fixed pieces in `f64`, so the iterates do not depend on the number of
 //! threads.
 
+use crate::cg::memory::Misfit;
 use crate::cg::{BodySystem, ConjugateGradients, Inner, InnerStatus, Limits};
+use crate::memory::{GroupMemory, LinearMemory};
 use crate::settings::{LinearPrecision, Preconditioner};
 use crate::state::{Rows, dot3};
-use crate::system::{Pattern, ShiftedTangent};
+use crate::system::{Pattern, ShiftedTangent, ranges};
 use glam::DVec3;
 use sinew_engine::matrix::ProductSpans;
 use sinew_engine::scalar::Scalar;
+use sinew_engine::topology::Topology;
 use std::ops::Range;
 
 /// How a solve ended.
@@ -87,7 +90,7 @@ pub struct CgOutcome {
 
 /// Solves the systems of the bodies of a world, one by one, and keeps what can be used again.
 #[derive(Clone, Debug, Default)]
-pub struct LinearSolver<S> {
+pub struct LinearSolver<S: Scalar> {
     revision: u64,
     /// Solvers of groups of bodies, those in use at the front.
     groups: Vec<(Range<usize>, BodySolver<S>)>,
@@ -100,7 +103,7 @@ pub struct LinearSolver<S> {
 }
 
 #[derive(Clone, Debug, Default)]
-struct BodySolver<S> {
+struct BodySolver<S: Scalar> {
     pattern: Pattern,
     /// Whether the matrix is added up: in the number type of the state, in `f32`.
     assembled: [bool; 2],
@@ -134,6 +137,59 @@ fn solve_directly<S: Scalar>(
 }
 
 impl<S: Scalar> LinearSolver<S> {
+    /// What is kept from solve to solve and still holds.
+    pub fn memory(&mut self, topology: &Topology) -> LinearMemory<S> {
+        if self.revision != topology.revision {
+            return Vec::new();
+        }
+        let of = |(bodies, solver): &mut (Range<usize>, BodySolver<S>)| {
+            let memory = GroupMemory {
+                single: solver.single.memory(topology, bodies),
+                full: solver.full.memory(topology, bodies),
+                #[cfg(feature = "direct")]
+                factorised: solver.direct.memory(),
+                #[cfg(not(feature = "direct"))]
+                factorised: None,
+            };
+            (bodies.clone(), memory)
+        };
+        self.groups.iter_mut().map(of).collect()
+    }
+
+    /// Takes up what was kept; `rest` (m) are the rest positions of all rows.
+    ///
+    /// # Errors
+    /// When it belongs to other bodies.
+    pub fn recall(
+        &mut self,
+        topology: &Topology,
+        rest: &[DVec3],
+        memory: &LinearMemory<S>,
+    ) -> Result<(), Misfit> {
+        if self.revision != topology.revision {
+            self.groups.clear();
+            self.revision = topology.revision;
+        }
+        let mut old = std::mem::take(&mut self.groups);
+        for (bodies, memory) in memory {
+            let at = old.iter().position(|(of, _)| of == bodies);
+            let mut solver = match at {
+                Some(at) => old.swap_remove(at).1,
+                None => BodySolver {
+                    pattern: Pattern::new(topology, bodies.clone()),
+                    ..BodySolver::default()
+                },
+            };
+            let of_rows = (&solver.pattern, &rest[ranges(topology, bodies).0]);
+            solver.single.recall(topology, bodies, of_rows, memory.single.as_ref())?;
+            solver.full.recall(topology, bodies, of_rows, memory.full.as_ref())?;
+            #[cfg(feature = "direct")]
+            solver.direct.recall(memory.factorised.as_ref());
+            self.groups.push((bodies.clone(), solver));
+        }
+        Ok(())
+    }
+
     /// Solves the rows of consecutive bodies of `A x = b` from the start vector in `x`; `b` and `x` hold those
     /// rows only, and their held entries must be zero. `rest` holds the rest positions (m) of all
     /// rows of the world.

@@ -20,6 +20,7 @@ use crate::history::Past;
 use crate::state::{NodeState, Rows, evaluate, read_force};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use sinew_engine::law::{BodiesWithoutRecovery, ElasticEnergy, RecoveringBodies};
 use sinew_engine::report::{StepReport, VolumeReport};
 use sinew_engine::scalar::Scalar;
@@ -48,7 +49,7 @@ const RESTLESS: (u32, f64) = (10, 1e-5);
 pub const MOST_GAIN: f64 = 2.0;
 
 /// How a body moves.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum BodyState {
     /// By its own law.
     #[default]
@@ -228,6 +229,19 @@ pub(crate) struct Recovery {
 }
 
 impl Recovery {
+    /// How the bodies move, as far as it holds.
+    pub fn memory(&self, topology: &Topology) -> Option<Vec<BodyState>> {
+        let holds =
+            self.revision == topology.revision && self.bodies.len() == topology.bodies.len();
+        holds.then(|| self.bodies.clone())
+    }
+
+    /// Takes up how they moved.
+    pub fn recall(&mut self, topology: &Topology, bodies: Option<&Vec<BodyState>>) {
+        let bodies = bodies.cloned().unwrap_or_else(|| vec![BodyState::Own; topology.bodies.len()]);
+        *self = Self { bodies, revision: topology.revision };
+    }
+
     /// Decides for the state in `node` which bodies recover, and tells the laws; which bodies changed
     /// or go on. A recovery that was given up may begin again where the state was set from outside.
     ///

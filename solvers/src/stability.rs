@@ -12,6 +12,7 @@
 
 use crate::state::{NodeState, Rows, dot3, evaluate, read_force};
 use bevy_ecs::prelude::*;
+use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
@@ -32,7 +33,8 @@ const NOISE: f64 = 0.2;
 const EDGE_CHUNK: usize = 8192;
 
 /// Estimate of the stability limit, kept over steps.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(bound = "S: Scalar")]
 pub struct StabilityLimit<S> {
     /// Largest stable step (s).
     limit: Option<f64>,
@@ -40,9 +42,13 @@ pub struct StabilityLimit<S> {
     strain: Vec<f32>,
     /// Mode of the largest Ritz value, `M^1/2 x`, of length 1.
     mode: Rows<S>,
+    #[serde(skip)]
     basis: Vec<Rows<S>>,
+    #[serde(skip)]
     next: Rows<S>,
+    #[serde(skip)]
     trial: Rows<S>,
+    #[serde(skip)]
     force: Rows<S>,
     /// Square roots of the inverse masses, 0 for held unknowns.
     root: Rows<S>,
@@ -50,6 +56,25 @@ pub struct StabilityLimit<S> {
 }
 
 impl<S: Scalar> StabilityLimit<S> {
+    /// It without work space.
+    pub fn memory(&self) -> Self {
+        let Self { limit, strain, mode, root, shortest, .. } = self;
+        Self {
+            limit: *limit,
+            strain: strain.clone(),
+            mode: mode.clone(),
+            root: root.clone(),
+            shortest: *shortest,
+            ..Self::default()
+        }
+    }
+
+    /// Whether it can belong to so many vertex rows and edges.
+    pub fn fits(&self, rows: usize, edges: usize) -> bool {
+        self.limit.is_none()
+            || (self.strain.len() == edges && self.mode.len() == rows && self.root.len() == rows)
+    }
+
     /// Makes the next estimate start from nothing.
     pub fn forget(&mut self) {
         self.limit = None;

@@ -9,6 +9,7 @@
 
 use crate::state::Rows;
 use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
 use sinew_contact::set::{ContactBlocks, Coupling};
 use sinew_engine::matrix::{BlockMatrix, ProductSpans};
 use sinew_engine::scalar::Scalar;
@@ -178,7 +179,8 @@ impl Pattern {
 
 /// A symmetric matrix on a [`Pattern`]: `factor (c_M M + c_K K + c_C C)` with the rows and columns of
 /// held unknowns replaced by those of the identity.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "T: Scalar")]
 pub struct SystemMatrix<T> {
     /// Diagonal blocks.
     pub diagonal: Vec<Block<T>>,

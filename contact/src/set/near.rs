@@ -10,11 +10,11 @@ impl ContactSet {
         if part.index == 0 {
             match self.before_parts.take() {
                 // that step failed in a later part, and is made again
-                Some((step, before)) if step == clock.step => *self = *before,
+                Some((step, before)) if step == clock.step => self.kept = *before,
                 _ => {}
             }
             if part.count > 1 {
-                self.before_parts = Some((clock.step, Box::new(self.clone())));
+                self.before_parts = Some((clock.step, Box::new(self.kept.clone())));
             }
         }
         let t = clock.time + clock.dt;
@@ -23,19 +23,19 @@ impl ContactSet {
         let invalid =
             |name: &str, problem| StepError::InvalidContact { name: name.into(), problem };
 
-        let mut query = world.query::<(Entity, &Tool)>();
-        let mut found: Vec<(Entity, &Tool)> = query.iter(world).collect();
-        found.sort_unstable_by_key(|(entity, tool)| (tool.sequence, *entity));
+        let mut query = world.query::<(Entity, &Order, &Tool)>();
+        let mut found: Vec<(Entity, &Order, &Tool)> = query.iter(world).collect();
+        found.sort_unstable_by_key(|(entity, order, _)| (**order, *entity));
         self.tools.clear();
         self.parts.clear();
-        for (entity, tool) in found {
+        for (entity, &id, tool) in found {
             if let Some(problem) = tool.problem(rows) {
                 return Err(invalid(&tool.name, problem));
             }
             if !tool.active(t) {
                 continue;
             }
-            let known = self.states.get(&entity.to_bits());
+            let known = self.kept.tools.get(&id);
             let mut start = match known {
                 Some(state) => state.pose,
                 // targets are reached from where it first stands
@@ -73,7 +73,7 @@ impl ContactSet {
             }
             self.tools.push(ToolNow {
                 entity,
-                id: entity.to_bits(),
+                id,
                 name: tool.name.clone(),
                 start,
                 end,
@@ -84,52 +84,57 @@ impl ContactSet {
             });
         }
 
-        let mut query = world.query::<(Entity, &BodyContact)>();
+        let mut query = world.query::<(Entity, &Order, &BodyContact)>();
         self.pairs.clear();
-        for (entity, pair) in query.iter(world) {
+        for (entity, &id, pair) in query.iter(world) {
             if let Some(problem) = pair.problem(bodies) {
                 return Err(invalid(&pair.name, problem));
             }
-            self.pairs.push(PairNow { entity, pair: pair.clone() });
+            self.pairs.push(PairNow { entity, id, pair: pair.clone() });
         }
-        self.pairs.sort_unstable_by_key(|now| (now.pair.sequence, now.entity));
+        self.pairs.sort_unstable_by_key(|now| (now.id, now.entity));
 
-        let mut query = world.query::<(Entity, &Pull)>();
+        let mut query = world.query::<(Entity, &Order, &Pull)>();
         self.pulls.clear();
-        for (entity, pull) in query.iter(world) {
+        for (entity, &id, pull) in query.iter(world) {
             if let Some(problem) = pull.problem(rows) {
                 return Err(invalid(&pull.name, problem));
             }
-            self.pulls.push(PullNow { entity, pull: pull.clone() });
+            self.pulls.push(PullNow { entity, id, pull: pull.clone() });
         }
-        self.pulls.sort_unstable_by_key(|now| (now.pull.sequence, now.entity));
+        self.pulls.sort_unstable_by_key(|now| (now.id, now.entity));
         Ok(())
     }
 
-    /// Surfaces up to date, and where they are.
-    pub(super) fn refit(
-        &mut self,
-        world: &mut World,
-        rest: &[DVec3],
-        dt: f64,
-        x: &dyn Fn(u32) -> DVec3,
-        v: &dyn Fn(u32) -> DVec3,
-    ) -> Result<(), StepError> {
-        let bodies = world.resource::<Topology>().bodies.len();
+    /// Surfaces of the bodies as they are now: whatever was known of them before has no say in what a step does.
+    pub(super) fn know(&mut self, world: &mut World) -> Result<(), StepError> {
+        let topology = world.resource::<Topology>();
+        let versions: Vec<(u64, u64)> =
+            topology.bodies.iter().map(|body| (topology.revision + 1, body.changes)).collect();
+        let live: Vec<Order> = self.tools.iter().map(|now| now.id).collect();
+        self.own_skins.retain(|(tool, _), _| live.contains(tool));
+        let own = |now: &&ToolNow| now.tool.faces.is_some();
+        let known = |(body, version): (usize, &(u64, u64))| {
+            let of_tool = |now: &ToolNow| self.own_skins.get(&(now.id, body));
+            let mut own = self.tools.iter().filter(own).map(of_tool);
+            self.skins.get(body).is_some_and(|known| known.version == *version)
+                && own.all(|known| known.is_some_and(|known| known.version == *version))
+        };
+        if versions.iter().enumerate().all(known) {
+            return Ok(());
+        }
+        let mut rest = world.query::<&RestPosition>();
+        let rest: Vec<DVec3> = rest.iter(world).map(|x| x.0).collect();
         let Some(SurfaceReader(read)) = world.get_resource::<SurfaceReader>().copied() else {
             return Ok(());
         };
-        self.skins.resize_with(bodies, Known::default);
-        let live: Vec<u64> = self.tools.iter().map(|now| now.id).collect();
-        self.own_skins.retain(|(tool, _), _| live.contains(tool));
-        for body in 0..bodies {
-            let topology = world.resource::<Topology>();
-            let first = topology.bodies[body].vertices.start;
-            let version = (topology.revision + 1, topology.bodies[body].changes);
+        self.skins.resize_with(versions.len(), Known::default);
+        for (body, version) in versions.into_iter().enumerate() {
+            let first = world.resource::<Topology>().bodies[body].vertices.start;
             let mut surface = None;
             if self.skins[body].version != version {
                 let read = read(world, body);
-                let skin = Skin::new(&read, first, rest, None);
+                let skin = Skin::new(&read, first, &rest, None);
                 if skin.faces.is_empty() && self.pairs.iter().any(|n| n.pair.bodies.contains(&body))
                 {
                     let pair = self.pairs.iter().find(|n| n.pair.bodies.contains(&body));
@@ -142,16 +147,30 @@ impl ContactSet {
                 self.skins[body] = Known { version, skin };
                 surface = Some(read);
             }
-            self.skins[body].skin.refit(dt, x, v);
             for now in self.tools.iter().filter(|now| now.tool.faces.is_some()) {
                 let own = self.own_skins.entry((now.id, body)).or_default();
                 if own.version != version {
                     let surface = surface.get_or_insert_with(|| read(world, body));
                     let faces = now.tool.faces.as_deref();
-                    *own = Known { version, skin: Skin::new(surface, first, rest, faces) };
+                    *own = Known { version, skin: Skin::new(surface, first, &rest, faces) };
                 }
-                own.skin.refit(dt, x, v);
             }
+        }
+        Ok(())
+    }
+
+    /// Surfaces up to date, and where they are.
+    pub(super) fn refit(
+        &mut self,
+        world: &mut World,
+        dt: f64,
+        x: &dyn Fn(u32) -> DVec3,
+        v: &dyn Fn(u32) -> DVec3,
+    ) -> Result<(), StepError> {
+        self.know(world)?;
+        let own = self.own_skins.values_mut();
+        for known in self.skins.iter_mut().chain(own) {
+            known.skin.refit(dt, x, v);
         }
         Ok(())
     }
@@ -212,7 +231,10 @@ impl ContactSet {
     /// Substeps that the step to come needs, so that no tool passes through what it meets: 1 in all but fast motion.
     pub fn substeps(&mut self, world: &mut World, positions: fn(&mut World) -> Vec<DVec3>) -> u32 {
         // errors come back in the step
-        if self.read(world).is_err() {
+        if self.read(world).is_err() || self.tools.iter().all(|now| now.appears) {
+            return 1;
+        }
+        if self.know(world).is_err() {
             return 1;
         }
         let mut most = 1.0_f64;

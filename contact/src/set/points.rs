@@ -7,8 +7,8 @@ use super::*;
 impl ContactSet {
     /// Remembered state of a point.
     pub(super) fn remembered(&self, key: &Key) -> Memory {
-        let found = self.memory.binary_search_by_key(key, |(key, _)| *key);
-        found.map_or_else(|_| Memory::default(), |i| self.memory[i].1)
+        let found = self.kept.points.binary_search_by_key(key, |(key, _)| *key);
+        found.map_or_else(|_| Memory::default(), |i| self.kept.points[i].1)
     }
 
     /// Points that tools may touch.
@@ -269,7 +269,7 @@ impl ContactSet {
             let row = own.rows[i];
             let key = Key {
                 body: from as u32,
-                owner: now.entity.to_bits(),
+                owner: now.id,
                 part: direction,
                 point: [row, u32::MAX, u32::MAX, 0],
             };
@@ -334,7 +334,7 @@ impl ContactSet {
                 self.points.push(Point {
                     key: Key {
                         body: bodies.partition_point(|body| body.vertices.end <= row) as u32,
-                        owner: now.entity.to_bits(),
+                        owner: now.id,
                         part: number,
                         point: [row, u32::MAX, u32::MAX, 0],
                     },

@@ -23,12 +23,12 @@ impl ContactSet {
 
     /// Forces (N) that contact and pulls exert on vertex rows at the end of the last step, ascending.
     pub fn forces(&self) -> &[(u32, DVec3)] {
-        &self.forces
+        &self.kept.forces
     }
 
     /// Pressures (Pa) on vertex rows at the end of the last step, ascending; rows without are left out.
     pub fn pressures(&self) -> &[(u32, f64)] {
-        &self.pressures
+        &self.kept.pressures
     }
 
     pub(super) fn keep_forces(&mut self) {
@@ -50,7 +50,7 @@ impl ContactSet {
         }
         sum_by_row(&mut forces);
         sum_by_row(&mut pressures);
-        (self.forces, self.pressures) = (forces, pressures);
+        (self.kept.forces, self.kept.pressures) = (forces, pressures);
     }
 
     fn vertex_area(&self, row: u32) -> f64 {
@@ -63,11 +63,11 @@ impl ContactSet {
     }
 
     pub(super) fn report_tools(&mut self, world: &mut World, x: &Places, dt: f64) {
-        let live: Vec<u64> = {
-            let mut query = world.query_filtered::<Entity, With<Tool>>();
-            query.iter(world).map(Entity::to_bits).collect()
+        let live: Vec<Order> = {
+            let mut query = world.query_filtered::<&Order, With<Tool>>();
+            query.iter(world).copied().collect()
         };
-        self.states.retain(|sequence, _| live.contains(sequence));
+        self.kept.tools.retain(|tool, _| live.contains(tool));
         // those that are away in this step feel nothing
         let mut query = world.query::<(Entity, &Tool, &mut ToolReport)>();
         for (entity, _, mut report) in query.iter_mut(world) {
@@ -83,7 +83,7 @@ impl ContactSet {
                 report.other_points = Some(self.other_force(index, x));
             }
             let now = &self.tools[index];
-            let state = self.states.entry(now.id).or_default();
+            let state = self.kept.tools.entry(now.id).or_default();
             state.pose = now.end;
             state.work += report.work;
             state.dissipation += report.dissipation;
@@ -207,9 +207,7 @@ impl ContactSet {
     pub(super) fn report_pairs(&mut self, world: &mut World) {
         for now in &self.pairs {
             let mut report = BodyContactReport::default();
-            let own = |p: &Point| {
-                p.key.owner == now.entity.to_bits() && matches!(p.against, Against::Faces(_))
-            };
+            let own = |p: &Point| p.key.owner == now.id && matches!(p.against, Against::Faces(_));
             let points = self.points.iter().zip(&self.active);
             for (point, active) in points.filter(|(p, a)| a.on && own(p)) {
                 let force = active.push + active.rub;
@@ -219,7 +217,7 @@ impl ContactSet {
                 report.area += point.area;
                 report.depth = report.depth.max(-active.gap);
                 let lost = lost(point, active);
-                *self.dissipated.entry(now.entity.to_bits()).or_default() += lost;
+                *self.kept.dissipated.entry(now.id).or_default() += lost;
                 self.figures.friction_dissipation += lost;
                 if sticks(point, active) {
                     report.sticking += 1;
@@ -227,8 +225,7 @@ impl ContactSet {
                     report.slipping += 1;
                 }
             }
-            report.dissipation =
-                self.dissipated.get(&now.entity.to_bits()).copied().unwrap_or_default();
+            report.dissipation = self.kept.dissipated.get(&now.id).copied().unwrap_or_default();
             if let Ok(mut entity) = world.get_entity_mut(now.entity) {
                 entity.insert(report);
             }
@@ -244,7 +241,7 @@ impl ContactSet {
             let centre = pose.centre + pose.translation;
             for (point, active) in self.points.iter().zip(&self.active) {
                 let Against::Hand { to, from, .. } = point.against else { continue };
-                if point.key.owner != now.entity.to_bits() {
+                if point.key.owner != now.id {
                     continue;
                 }
                 let force = -(active.push + active.rub);

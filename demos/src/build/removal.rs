@@ -1,7 +1,7 @@
 //! Resections of a scene, built, and carried out step by step.
 
 use glam::DVec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use sinew::models::resection::{MassPolicy, Region, Removal, RemovalError};
 use sinew::simulation::{BodyHandle, Simulation};
 
@@ -29,7 +29,7 @@ pub(super) enum Action {
 }
 
 /// What a resection did.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct ResectionSummary {
     /// Name.
     pub name: String,
@@ -66,6 +66,16 @@ pub struct ResectionSummary {
 }
 
 impl BuiltResection {
+    /// Until when (s) it acts; what acts once has the past here afterwards.
+    pub(crate) fn until(&self) -> f64 {
+        self.until
+    }
+
+    /// Goes on from where a run was.
+    pub(crate) fn resume(&mut self, until: f64, summary: ResectionSummary) {
+        (self.until, self.summary) = (until, summary);
+    }
+
     /// Carries out what is due before the step from `time` to `time + dt` (s).
     ///
     /// # Errors

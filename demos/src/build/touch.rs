@@ -110,6 +110,16 @@ impl BuiltPull {
         self.entity
     }
 
+    /// Work (J) of the hand until it last let go.
+    pub(crate) fn work(&self) -> f64 {
+        self.work
+    }
+
+    /// Goes on from where a run was.
+    pub(crate) fn resume(&mut self, entity: Option<Entity>, work: f64) {
+        (self.entity, self.work) = (entity, work);
+    }
+
     /// What it did in the last step; no force while it does not act.
     pub fn report(&self, simulation: &Simulation) -> PullReport {
         let known = self.entity.and_then(|pull| simulation.pull_report(pull).copied());

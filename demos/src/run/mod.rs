@@ -1,6 +1,8 @@
 //! Runs a scene: steps, probes, frames, and the figures of the summary.
 
+pub(crate) mod checkpoint;
 mod facts;
+mod log;
 mod totals;
 mod warnings;
 
@@ -10,7 +12,9 @@ use crate::output::Writer;
 use crate::probe::{self, Recorded, Sampler};
 use crate::scene::LoadedScene;
 use crate::summary::RunSummary;
+use checkpoint::Checkpoints;
 use facts::RunFacts;
+pub use log::{LogOptions, replay};
 use sinew::engine::report::SystemTimes;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -30,6 +34,12 @@ pub struct RunOptions {
     pub json: Option<PathBuf>,
     /// Ends the run after the step at hand once it is set, with all files complete.
     pub interrupt: Option<Arc<AtomicBool>>,
+    /// Simulated time (s) between checkpoints in the folder.
+    pub checkpoint: Option<f64>,
+    /// Goes on from the last checkpoint in the folder, if there is one.
+    pub resume: bool,
+    /// Writes every input and hashes of states.
+    pub record: Option<LogOptions>,
 }
 
 /// Is told how a run gets on.
@@ -37,6 +47,11 @@ pub trait Observer {
     /// The scene is built and at rest.
     fn built(&mut self, scene: &mut BuiltScene) {
         let _ = scene;
+    }
+    /// It goes on from a checkpoint after so many steps, or from the beginning, since there is none; damaged checkpoints
+    /// were passed over.
+    fn resumed(&mut self, done: Option<u64>, damaged: &[PathBuf]) {
+        let _ = (done, damaged);
     }
     /// The scene is built; `steps` follow.
     fn start(&mut self, name: &str, steps: u64) {
@@ -84,28 +99,35 @@ pub fn run(
         return Err(RunError::Option { option, found: "0 steps".into(), remedy });
     }
     let mut built = build(loaded, &options.build)?;
-    let writer = match &options.out {
-        Some(folder) => Some(Writer::new(folder, &loaded.scene.name, &mut built)?),
+    let folder = options.out.as_deref();
+    let checkpoints = match options.checkpoint {
+        Some(interval) => Some(Checkpoints::new(interval, folder, loaded, &mut built)?),
         None => None,
     };
-    let totals = Totals::new(&mut built);
-    built.simulation.world_mut().insert_resource(SystemTimes::default());
+    let (mut run, first) = begin(loaded, options, built, observer)?;
+    if let Some(options) = &options.record {
+        log::begin(loaded, &mut run.built.simulation, options)?;
+    }
+    run.built.simulation.world_mut().insert_resource(SystemTimes::default());
     let setup = start.elapsed().as_secs_f64();
-
-    let mut run = Run { built, totals, writer, observer, probes: Vec::new() };
-    run.record(0)?;
-    run.frame()?;
     run.observer.built(&mut run.built);
     let steps = run.built.plan.steps;
     run.observer.start(&loaded.scene.name, steps);
     let mut failure = None;
-    for done in 1..=steps {
+    for done in first..=steps {
         let interrupted = options.interrupt.as_ref().is_some_and(|i| i.load(Ordering::Relaxed));
         failure = match run.step(done, interrupted || done == steps) {
+            Ok(failure) => failure,
             // no room, or the folder is gone: what is there is kept whole
             Err(error) => Some(format!("interrupted in step {done} of {steps}: {error}")),
-            Ok(failure) => failure,
         };
+        if failure.is_none()
+            && let Some(checkpoints) = &checkpoints
+        {
+            let written = checkpoints.after_step(&mut run, done);
+            failure =
+                written.err().map(|e| format!("interrupted after step {done} of {steps}: {e}"));
+        }
         if interrupted && done < steps {
             let message = || format!("interrupted after step {done} of {steps}");
             failure = failure.or_else(|| Some(message()));
@@ -115,6 +137,12 @@ pub fn run(
         }
     }
     run.observer.finish();
+    if let Err(error) = run.built.simulation.stop_recording() {
+        failure = failure.or_else(|| Some(format!("the log could not be written: {error}")));
+    }
+    if failure.is_none() {
+        checkpoints.iter().for_each(Checkpoints::remove);
+    }
     failure = failure.or_else(|| untrue(&run.built, &run.totals));
 
     let Run { built, mut totals, writer, probes, .. } = run;
@@ -134,6 +162,7 @@ pub fn run(
         .map(|folder| folder.join("summary.json"))
         .chain(options.json.clone())
         .collect();
+    files.extend(options.record.iter().map(|log| format!("{} (log)", log.path.display())));
     files.extend(targets.iter().map(|path| path.display().to_string()));
     let final_probes = probe::columns(&built.probes).into_iter().zip(probes).collect();
     let facts = RunFacts { loaded, built, totals, start, setup, failure, final_probes, files };
@@ -149,6 +178,39 @@ pub fn run(
         })?;
     }
     Ok(summary)
+}
+
+/// A run before its first step, whose number is returned too: at the start of the scene or at its last checkpoint.
+fn begin<'a>(
+    loaded: &LoadedScene,
+    options: &RunOptions,
+    mut built: BuiltScene,
+    observer: &'a mut dyn Observer,
+) -> Result<(Run<'a>, u64), RunError> {
+    let name = &loaded.scene.name;
+    if options.resume {
+        let Some(folder) = &options.out else {
+            let (option, found) = ("--resume", "no folder to go on in".into());
+            return Err(RunError::Option { option, found, remedy: "give --out DIR as well" });
+        };
+        let (state, damaged) = checkpoint::last(folder, loaded, &built)?;
+        observer.resumed(state.as_ref().map(|state| state.done), &damaged);
+        if let Some(state) = state {
+            let first = state.done + 1;
+            let writer = Some(Writer::resume(folder, name, &mut built, state.writer.clone())?);
+            let (totals, probes) = state.resume(&mut built)?;
+            return Ok((Run { built, totals, writer, observer, probes }, first));
+        }
+    }
+    let writer = match &options.out {
+        Some(folder) => Some(Writer::new(folder, name, &mut built)?),
+        None => None,
+    };
+    let totals = Totals::new(&mut built);
+    let mut run = Run { built, totals, writer, observer, probes: Vec::new() };
+    run.record(0)?;
+    run.frame()?;
+    Ok((run, 1))
 }
 
 /// Part of the steps above which a run whose bodies were halted counts as failed, and how many there must be.

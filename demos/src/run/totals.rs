@@ -4,11 +4,12 @@ use crate::build::BuiltScene;
 use crate::summary::{
     EnergySummary, GpuSummary, SolverSummary, StepTimes, TouchSummary, VolumeSummary,
 };
+use serde::{Deserialize, Serialize};
 use sinew::engine::report::StepReport;
 use sinew::simulation::Simulation;
 
 /// Sums over the steps.
-#[derive(Default)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct Totals {
     /// Host times of all steps.
     pub step_times: StepTimes,
@@ -22,6 +23,8 @@ pub(super) struct Totals {
     /// Host times (s) of probes and frames.
     pub probes: f64,
     pub frames: f64,
+    /// Runs on a graphics processor have no checkpoints.
+    #[serde(skip)]
     pub gpu: Option<GpuSummary>,
     /// Tools, pulls and contacts, in scenes that have some.
     pub touch: Option<TouchSummary>,
@@ -96,7 +99,7 @@ impl Totals {
         s.linearisation_error_mean += (error - s.linearisation_error_mean) / done;
         s.linearisation_error_max = s.linearisation_error_max.max(error);
         if s.preconditioner != report.preconditioner && !report.preconditioner.is_empty() {
-            report.preconditioner.clone_into(&mut s.preconditioner);
+            report.preconditioner.as_ref().clone_into(&mut s.preconditioner);
         }
         let f = &report.fallbacks;
         let reasons = [f.start, f.indefinite, f.shortened, f.energy, f.inverted, f.waiting];

@@ -8,7 +8,7 @@ pub use crate::warning::{Level, Warning};
 pub use touch::{ForceSummary, PairSummary, PullSummary, ToolSummary, TouchEnergy, TouchSummary};
 
 use crate::build::ResectionSummary;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use sinew::models::axes::description::{AxesDescription, AxisForm};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
@@ -405,7 +405,7 @@ pub struct StepTiming {
 }
 
 /// Host times of any number of steps in little memory: counted in bins 0.2 % wide.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct StepTimes {
     count: u64,
     total: f64,
@@ -479,7 +479,7 @@ pub struct Stage {
 }
 
 /// Work and accuracy of the solver over a run.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SolverSummary {
     /// Conjugate-gradient iterations.
     pub cg_iterations: u64,
@@ -551,7 +551,7 @@ pub struct SolverSummary {
 }
 
 /// Energies of a run (J).
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct EnergySummary {
     /// Elastic plus kinetic energy at the start.
     pub initial: f64,
@@ -566,7 +566,7 @@ pub struct EnergySummary {
     /// Energy that changes of activation put into muscles.
     pub activation_work: f64,
     /// Energies of contact; `None` in scenes without.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none", skip_deserializing)]
     pub contact: Option<TouchEnergy>,
     /// Energy that left with removed elements.
     pub removed: f64,
@@ -596,7 +596,7 @@ impl EnergySummary {
 }
 
 /// Volume ratios J of a run.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct VolumeSummary {
     /// Smallest J of all steps.
     pub smallest_j: f64,

@@ -3,12 +3,12 @@
 use crate::build::BuiltScene;
 use crate::text::{Block, short};
 use glam::DVec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use sinew::engine::report::ContactFigures;
 use sinew::simulation::Simulation;
 
 /// What touched in a run.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct TouchSummary {
     /// Tools in the order of the file.
     pub tools: Vec<ToolSummary>,
@@ -49,7 +49,7 @@ pub struct TouchSummary {
 }
 
 /// The largest force that something felt, and the last one.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct ForceSummary {
     /// Largest magnitude (N).
     pub peak: f64,
@@ -78,7 +78,7 @@ impl ForceSummary {
 }
 
 /// A tool of a run.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct ToolSummary {
     /// Name.
     pub name: String,
@@ -89,7 +89,7 @@ pub struct ToolSummary {
     /// Force on the tool.
     pub force: ForceSummary,
     /// Forces on its parts; empty for a tool of one part.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty", skip_deserializing)]
     pub parts: Vec<ForceSummary>,
     /// Torque (N m) on it about its origin at the end.
     pub torque: [f64; 3],
@@ -104,7 +104,7 @@ pub struct ToolSummary {
 }
 
 /// A pull of a run.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct PullSummary {
     /// Name.
     pub name: String,
@@ -123,7 +123,7 @@ pub struct PullSummary {
 }
 
 /// A contact between bodies of a run.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct PairSummary {
     /// Name.
     pub name: String,
@@ -142,7 +142,7 @@ pub struct PairSummary {
 }
 
 /// Energies of contact (J).
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct TouchEnergy {
     /// Energy that moving tools and pulls put in: an upper bound of their work.
     pub work: f64,

@@ -9,6 +9,7 @@ use super::description::{AxesError, ModulusOf};
 use super::muscle::Muscles;
 use super::printed_system::PrintedAxes;
 use crate::body::SoftBody;
+use crate::edits::{Edit, before_edit, log_edit};
 
 /// Which families the axial springs of an axis entity belong to, and what their moduli (Pa) are multiplied
 /// by: share times rest volume (m^3), over the squared chord (m) for printed springs.
@@ -47,6 +48,7 @@ pub fn set_axis_modulus<S: Scalar>(
     family: &str,
     modulus: f64,
 ) -> Result<(), AxesError> {
+    before_edit::<S>(world);
     let mut bodies = world.query::<&mut SoftBody>();
     let axes = bodies.iter_mut(world).find(|soft| soft.index == body);
     let axes = axes.and_then(|soft| soft.into_inner().axes.as_mut());
@@ -94,5 +96,6 @@ pub fn set_axis_modulus<S: Scalar>(
             _ => c.into_iter().for_each(|mut c| c.0 = stiffness),
         }
     }
+    log_edit(world, Edit::AxisModulus { body, family: family.into(), modulus });
     Ok(())
 }

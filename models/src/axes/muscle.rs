@@ -133,6 +133,9 @@ impl Muscle {
 #[derive(Resource, Clone, Debug, Default, PartialEq)]
 pub struct Muscles(pub(crate) Vec<Muscle>);
 
+/// Activations of all muscles: asked for, and acting.
+pub type Activations = Vec<[f64; 2]>;
+
 /// An activation that cannot be set.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -164,6 +167,18 @@ pub enum ActivationError {
 }
 
 impl Muscles {
+    /// Sets all activations asked for, those that curves give too, as [`Muscles::memory`] gave them.
+    pub fn want(&mut self, activations: &[f64]) {
+        for (muscle, wanted) in self.0.iter_mut().zip(activations) {
+            muscle.wanted = *wanted;
+        }
+    }
+
+    /// All activations.
+    pub fn memory(&self) -> Activations {
+        self.0.iter().map(|muscle| [muscle.wanted, muscle.applied]).collect()
+    }
+
     /// The muscles.
     pub fn iter(&self) -> impl Iterator<Item = &Muscle> {
         self.0.iter()
@@ -198,7 +213,7 @@ impl Muscles {
 
 /// Energy (J) that changes of activation put into the fibres (negative: took out), at unchanged displacements:
 /// work from outside, like that of loads.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ActivationWork {
     /// During the last step.
     pub step: f64,
@@ -259,6 +274,34 @@ fn update<S: Scalar>(world: &mut World) {
     let mut booked = world.resource_mut::<ActivationWork>();
     booked.step = work;
     booked.total += work;
+}
+
+/// Takes up the activations of a world of the same muscles.
+pub fn recall<S: Scalar>(world: &mut World, activations: &Activations) {
+    let Some(mut muscles) = world.get_resource_mut::<Muscles>() else { return };
+    if muscles.memory() == *activations {
+        return;
+    }
+    for (muscle, [_, applied]) in muscles.0.iter_mut().zip(activations) {
+        muscle.wanted = *applied;
+    }
+    apply::<S>(world);
+    let mut muscles = world.resource_mut::<Muscles>();
+    for (muscle, [wanted, _]) in muscles.0.iter_mut().zip(activations) {
+        muscle.wanted = *wanted;
+    }
+}
+
+/// Writes the activations that act into the columns of all fibres, which may hold others.
+pub(crate) fn apply_all<S: Scalar>(world: &mut World) {
+    let Some(mut muscles) = world.get_resource_mut::<Muscles>() else { return };
+    let wanted: Vec<f64> = muscles.0.iter().map(|muscle| muscle.wanted).collect();
+    for muscle in &mut muscles.0 {
+        muscle.wanted = std::mem::replace(&mut muscle.applied, f64::NAN);
+    }
+    apply::<S>(world);
+    let mut muscles = world.resource_mut::<Muscles>();
+    muscles.0.iter_mut().zip(wanted).for_each(|(muscle, wanted)| muscle.wanted = wanted);
 }
 
 /// Writes the activations asked for into the columns of the fibres.

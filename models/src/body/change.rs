@@ -18,6 +18,7 @@ use crate::body::lumped::ElementSprings;
 use crate::body::matter::{Chosen, Items, Matter, chosen};
 use crate::body::spawn::{moduli_bundle, volumetric_bundle};
 use crate::body::{Model, SoftBody};
+use crate::edits::{Edit, before_edit, log_edit};
 use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::laws::pooled::{
     AngularStiffness, TensileStiffness, TriangleVertices, VolumetricStiffness,
@@ -77,6 +78,7 @@ fn change<S: Scalar>(
     let left = chosen(&rows, |kind, e| resection.is_none_or(|r| r.is_present(kind, e)));
     let mut masses = matter.masses(Items::All(rest.len()), &left);
     soft.masses.apply(&mut masses);
+    before_edit::<S>(world);
     set_moduli::<S>(world, body, soft.model, (&lame, rows.tetrahedra.len()));
     if matter.is_pooled() || !springs.is_empty() {
         set_springs::<S>(world, body, (&matter, &springs), (&left, &lame));
@@ -92,7 +94,9 @@ fn change<S: Scalar>(
     soft.material = field.material;
     soft.arrays = MaterialArrays::of(field);
     soft.springs = springs;
+    let (material, arrays) = (soft.material, soft.arrays.clone());
     world.entity_mut(entity).insert(soft);
+    log_edit(world, Edit::Material { body, material, arrays });
     Ok(())
 }
 

@@ -33,6 +33,7 @@ use sinew_engine::law::{
     TangentKind,
 };
 use sinew_engine::load::{LoadTime, Pressure, SweptVolumes};
+use sinew_engine::order::Order;
 use sinew_engine::scalar::{Real, Scalar, add, cross, dot, scale, sub};
 use sinew_engine::schedule::{
     ForceSystems, Input, StepSchedule, StepSystems, activate_law_of_systems, declare_inputs,
@@ -121,7 +122,7 @@ fn activate_law<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize
 #[derive(Resource, Debug, Default)]
 struct PressureFaces<S> {
     /// What they were made of.
-    sources: Vec<(Entity, Pressure)>,
+    sources: Vec<(Order, Pressure)>,
     revision: u64,
     /// Vertex rows, ascending within a triangle.
     nodes: Vec<[u32; 3]>,
@@ -169,17 +170,17 @@ fn pressures_changed<S: Scalar>(world: &mut World) -> bool {
 
 /// Makes the faces fit the entities and the rows of bodies, if they do not.
 fn collect_faces<S: Scalar>(world: &mut World) {
-    let mut entities = world.query::<(Entity, &Pressure)>();
-    let mut sources: Vec<(Entity, &Pressure)> = entities.iter(world).collect();
-    sources.sort_unstable_by_key(|(entity, _)| *entity);
+    let mut entities = world.query::<(&Order, &Pressure)>();
+    let mut sources: Vec<(Order, &Pressure)> = entities.iter(world).map(|(o, p)| (*o, p)).collect();
+    sources.sort_by_key(|(order, _)| *order);
     let revision = world.resource::<Topology>().revision;
     let known = world.resource::<PressureFaces<S>>();
-    let same = known.sources.iter().map(|(e, p)| (*e, p)).eq(sources.iter().copied());
+    let same = known.sources.iter().map(|(order, p)| (*order, p)).eq(sources.iter().copied());
     if same && known.revision == revision {
         return;
     }
-    let sources: Vec<(Entity, Pressure)> =
-        sources.into_iter().map(|(e, p)| (e, p.clone())).collect();
+    let sources: Vec<(Order, Pressure)> =
+        sources.into_iter().map(|(order, p)| (order, p.clone())).collect();
     let mut faces = PressureFaces::<S> { revision, ..Default::default() };
     let mut buffer = LawBuffer::default();
     let mut rests = world.query::<&RestPosition>();

@@ -1,5 +1,6 @@
 //! A material that varies from element to element.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -33,7 +34,7 @@ pub struct MaterialField<'a> {
 }
 
 /// The arrays of a [`MaterialField`], kept with the body.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MaterialArrays {
     young_modulus: Option<Arc<[f64]>>,
     poisson_ratio: Option<Arc<[f64]>>,

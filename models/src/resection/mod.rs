@@ -36,6 +36,7 @@ use std::time::Instant;
 use crate::axes;
 use crate::body::SoftBody;
 use crate::body::matter::Chosen;
+use crate::edits::{Edit, before_edit, log_edit};
 use crate::laws::pressure;
 use rows::Entities;
 use state::{Queries, State};
@@ -69,7 +70,7 @@ pub enum MassPolicy {
 }
 
 /// What to remove.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Removal {
     /// Which elements.
     pub region: Region,
@@ -85,7 +86,7 @@ impl Removal {
 }
 
 /// What bodies keep for removals, from [`prepare_removals`] on.
-#[derive(Resource, Debug, Default)]
+#[derive(Resource, Clone, Debug, Default)]
 pub struct Resection {
     bodies: Vec<Option<BodyResection>>,
 }
@@ -97,7 +98,7 @@ impl Resection {
     }
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct BodyResection {
     connectivity: Connectivity,
     /// Index of the user -> element.
@@ -169,9 +170,15 @@ fn remove_now<S: Scalar>(
     results.swap_remove(0)
 }
 
+/// Takes up what was kept for removals, with the rows as they stand now.
+pub(crate) fn rows_again(world: &mut World, mut resection: Resection) {
+    resection.find_rows(world);
+    world.insert_resource(resection);
+}
+
 /// Removes what several regions hold as one batch: the errors of regions that cannot be used, then the
 /// report of the others, if there are any.
-fn remove_batch<S: Scalar>(
+pub(crate) fn remove_batch<S: Scalar>(
     world: &mut World,
     body: usize,
     regions: &[Region],
@@ -187,6 +194,7 @@ fn remove_batch<S: Scalar>(
         let body = world.resource::<Topology>().bodies[body].name.clone();
         return vec![Err(RemovalError::LayoutChanged { body }); regions.len()];
     }
+    before_edit::<S>(world);
     let mut resection = world.remove_resource::<Resection>().unwrap_or_default();
     let mut results = resection.remove::<S>(world, body, regions, mass);
     world.insert_resource(resection);
@@ -218,6 +226,15 @@ impl Resection {
         }
         if results.len() == regions.len() {
             return results;
+        }
+        let rows = &world.resource::<Topology>().bodies[body];
+        let user = |kind: ElementKind| {
+            let order = rows.order(kind);
+            chosen[kind].iter().map(|&e| order[e as usize]).collect::<Vec<u32>>()
+        };
+        let elements = ByKind(ElementKind::ALL.map(user));
+        if ElementKind::ALL.iter().any(|&kind| !elements[kind].is_empty()) {
+            log_edit(world, Edit::Removal { body, elements, mass });
         }
         let mut report = RemovalReport::default();
         let mut queries = Queries::<S>::new(world);

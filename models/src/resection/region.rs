@@ -2,6 +2,7 @@
 
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::scalar::{Scalar, sub};
@@ -15,7 +16,7 @@ use crate::element::tetrahedron::{Element, green_strain, second_piola_kirchhoff}
 
 /// Which elements of a body to remove: all but the lists take elements of every kind alike.
 /// Positions are those at the present state.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Region {
     /// Tetrahedra by their indices in the user's mesh.
     Tetrahedra(Vec<u32>),

@@ -1,30 +1,28 @@
 //! Removals that a schedule carries out.
 
 use bevy_ecs::prelude::*;
+use serde::{Deserialize, Serialize};
+use sinew_engine::order::Order;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{StepSchedule, StepSystems};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::{Removal, RemovalError, RemovalReport, remove_batch};
 
 /// Asks for a removal in [`StepSystems::Edit`] of the next step; the entity is despawned then.
-/// Requests are carried out in the order in which they were made.
-#[derive(Component, Clone, Debug)]
+/// Requests are carried out in the order in which they came.
+#[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[require(Order)]
 pub struct RemovalRequest {
     /// Index into [`Topology::bodies`](sinew_engine::topology::Topology::bodies).
     pub body: usize,
     /// What to remove.
     pub removal: Removal,
-    sequence: u64,
 }
-
-/// Requests made so far.
-static REQUESTS: AtomicU64 = AtomicU64::new(0);
 
 impl RemovalRequest {
     /// Asks for a removal from the body at an index of [`Topology::bodies`](sinew_engine::topology::Topology::bodies).
     pub fn new(body: usize, removal: Removal) -> Self {
-        Self { body, removal, sequence: REQUESTS.fetch_add(1, Ordering::Relaxed) }
+        Self { body, removal }
     }
 }
 
@@ -48,11 +46,12 @@ pub(crate) fn install<S: Scalar>(world: &mut World) {
 
 fn apply_removal_requests<S: Scalar>(world: &mut World) {
     world.resource_mut::<RemovalLog>().0.clear();
-    let mut query = world.query::<(Entity, &RemovalRequest)>();
-    let mut requests: Vec<_> = query.iter(world).map(|(e, r)| (e, r.clone())).collect();
-    requests.sort_unstable_by_key(|(_, request)| request.sequence);
-    let mut requests = requests.into_iter().peekable();
-    while let Some((entity, RemovalRequest { body, removal, .. })) = requests.next() {
+    let mut query = world.query::<(&Order, Entity, &RemovalRequest)>();
+    let mut requests: Vec<_> = query.iter(world).map(|(o, e, r)| (*o, e, r.clone())).collect();
+    requests.sort_unstable_by_key(|(order, entity, _)| (*order, *entity));
+    let mut requests =
+        requests.into_iter().map(|(_, entity, request)| (entity, request)).peekable();
+    while let Some((entity, RemovalRequest { body, removal })) = requests.next() {
         world.despawn(entity);
         let mut regions = vec![removal.region];
         let same = |r: &RemovalRequest| r.body == body && r.removal.mass == removal.mass;

@@ -11,7 +11,7 @@ use super::{BodyResection, Resection};
 use crate::laws::pooled::TriangleVertices;
 use crate::laws::quadratic::MassSpring;
 
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Entities {
     pub elements: ByKind<Vec<Entity>>,
     /// Edges of pooled springs, and those that are springs by themselves.

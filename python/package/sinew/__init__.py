@@ -28,6 +28,7 @@ from ._errors import (
     SnapshotError,
     StepError,
 )
+from ._native import Snapshot
 from ._mesh import Mesh, generate, read_mesh
 from ._simulation import Batch, Body, Constraint, Contact, Load, Pressure, Pull, Simulation, Tool
 from ._types import (

@@ -18,6 +18,7 @@ from . import _native
 from . import _types as types
 from ._errors import ArgumentError
 from ._mesh import Mesh, floats, indices, vector
+from ._native import Snapshot
 from ._types import Axes, Curve, Energy, Floats, Material, Membrane, Part, Pick, Pose, Report, Run, Shape, Sine, Stiffness, Wrench
 
 Vertices = str | ArrayLike
@@ -919,6 +920,15 @@ class Simulation:
         """What was found in meshes and materials."""
         return [types.Warning(*own) for own in self._own.warnings()]
 
+    def snapshot(self) -> Snapshot:
+        """Everything that the steps to come depend on, to :meth:`restore` and to pickle."""
+        return self._own.snapshot()
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Takes up a state of this simulation, or of one built alike, to the bit. What was added since is gone; what was removed
+        since is there again: ask for it by its name."""
+        self._own.restore(snapshot)
+
     def hash(self) -> int:
         """Hash of the state: the ``final_state_hash`` of the command, as a number."""
         return self._own.hash()
@@ -958,6 +968,7 @@ class Batch(Sequence[Simulation]):
         self.workers = workers or os.cpu_count() or 1
         if len({id(simulation._own) for simulation in self._simulations}) < len(self._simulations):
             raise ArgumentError("a batch cannot hold a simulation twice")
+        self._start = self.snapshot()
 
     def __len__(self) -> int:
         return len(self._simulations)
@@ -973,6 +984,25 @@ class Batch(Sequence[Simulation]):
             index, error = failed
             error.index = index
             raise error
+
+    def snapshot(self) -> list[Snapshot]:
+        """Snapshots of all."""
+        return [simulation.snapshot() for simulation in self._simulations]
+
+    def restore(self, snapshots: Sequence[Snapshot]) -> None:
+        """Takes up one state each."""
+        if len(snapshots) != len(self):
+            raise ArgumentError(f"restore: {len(snapshots)} snapshots given, {len(self)} needed")
+        for simulation, snapshot in zip(self._simulations, snapshots):
+            simulation.restore(snapshot)
+
+    def reset(self, mask: ArrayLike | None = None) -> None:
+        """Takes up the state in which the batch was made: of all, or of those where a mask, (len,), is true."""
+        chosen = np.ones(len(self), bool) if mask is None else np.asarray(mask)
+        if chosen.dtype != bool or chosen.shape != (len(self),):
+            raise ArgumentError(f"reset: a mask of {chosen.dtype} and shape {chosen.shape}; give {len(self)} booleans")
+        for index in np.flatnonzero(chosen):
+            self._simulations[index].restore(self._start[index])
 
     def hash(self) -> list[int]:
         """Hashes of all states."""

@@ -321,7 +321,7 @@ pub(super) trait BookSolve {
 impl BookSolve for StepReport {
     fn book(&mut self, outcome: &CgOutcome) {
         self.cg_iterations += outcome.iterations;
-        self.preconditioner = outcome.preconditioner.name();
+        self.preconditioner = outcome.preconditioner.name().into();
         self.preconditioner_refreshes += outcome.refreshes;
         self.preconditioner_breakdowns += outcome.breakdowns;
         self.precision_fallbacks += u32::from(outcome.fell_back);

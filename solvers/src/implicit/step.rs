@@ -75,12 +75,12 @@ pub struct ImplicitScratch<S: Scalar> {
     pub(super) damped: Rows<S>,
     pub(super) damped_direction: Rows<S>,
     pub(super) product: ProductSpans<S>,
-    pub(super) linear: LinearSolver<S>,
-    pub(super) history: History<S>,
-    pub(super) recovery: Recovery,
+    pub(crate) linear: LinearSolver<S>,
+    pub(crate) history: History<S>,
+    pub(crate) recovery: Recovery,
     pub(super) within: WithinStep,
     /// Rest positions (m), read once per topology.
-    pub(super) rest: Vec<DVec3>,
+    pub(crate) rest: Vec<DVec3>,
     pub(super) touch: TouchScratch<S>,
     pub(super) revision: u64,
     /// Held axes that are known to support every body.

@@ -1,0 +1,873 @@
+/* Sinew: deformable bodies of soft tissue. SI units throughout.
+ *
+ * Written from the sources of crate sinew-c; do not edit. docs/c.md tells how to build the library and use this header.
+ *
+ * - Functions answer SINEW_OK or a code; sinew_last_error() says in words what went wrong and what to do.
+ * - Set the member struct_size of structures to their sizeof, everything else that is not needed to 0.
+ * - Lists of unknown length: ask with NULL and capacity 0, which tells `needed`, then once more with room for it.
+ * - A simulation may be used by one thread at a time, and by another one later; a call while another one runs answers
+ *   SINEW_BUSY. After SINEW_PANIC it can only be freed.
+ */
+
+#ifndef SINEW_H
+#define SINEW_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+// Raised when a structure or the meaning of a function changes; functions are only added.
+#define SINEW_ABI 1
+
+// No error.
+#define SINEW_OK 0
+
+// An argument that cannot be used.
+#define SINEW_ARGUMENT 1
+
+// A mesh.
+#define SINEW_MESH 2
+
+// A material.
+#define SINEW_MATERIAL 3
+
+// A scene file.
+#define SINEW_SCENE 4
+
+// A step that could not be carried out; the state is that before it.
+#define SINEW_STEP 5
+
+// What the machine or the build does not have.
+#define SINEW_BACKEND 6
+
+// A file.
+#define SINEW_IO 7
+
+// A snapshot.
+#define SINEW_SNAPSHOT 8
+
+// A handle of something that is gone, of another kind or of another simulation.
+#define SINEW_HANDLE 9
+
+// Another call uses the simulation at this moment.
+#define SINEW_BUSY 10
+
+// The engine panicked, now or before; the simulation can only be freed.
+#define SINEW_PANIC 99
+
+// Kinds for `sinew_find`: a body.
+#define SINEW_BODY 1
+
+// A constraint.
+#define SINEW_CONSTRAINT 2
+
+// A load.
+#define SINEW_LOAD 3
+
+// A pressure.
+#define SINEW_PRESSURE 4
+
+// A tool.
+#define SINEW_TOOL 5
+
+// A pull.
+#define SINEW_PULL 6
+
+// A contact between bodies.
+#define SINEW_CONTACT 7
+
+// Number types: 64 bits (default) or 32.
+#define SINEW_F64 0
+
+// See there.
+#define SINEW_F32 1
+
+// Where steps are computed: the processor (default) or a graphics processor.
+#define SINEW_CPU 0
+
+// See there.
+#define SINEW_GPU 1
+
+// Motions of constraints: none; they can be given poses.
+#define SINEW_HOLD 0
+
+// A translation.
+#define SINEW_TRANSLATE 1
+
+// A rotation.
+#define SINEW_ROTATE 2
+
+// Shapes: a ball of `radius`.
+#define SINEW_SPHERE 0
+
+// A rod with round ends along x: `half_length`, `radius`.
+#define SINEW_CAPSULE 1
+
+// A box with round edges: `half`, `rounding`.
+#define SINEW_BOX 2
+
+// All points with z <= 0.
+#define SINEW_HALF_SPACE 3
+
+// A closed mesh: `mesh`, `spacing`.
+#define SINEW_CLOSED_MESH 4
+
+// Flags of tools: what touches it does not slip.
+#define SINEW_GRIP 1
+
+// No penetration (integrators "newton" and "quasi-static").
+#define SINEW_EXACT 2
+
+// Finds how its force answers to small motions.
+#define SINEW_LOCAL_STIFFNESS 4
+
+// Points inside leave through the nearest side, not through that by which they came.
+#define SINEW_NEAREST_SIDE 8
+
+// Regions: elements by their indices.
+#define SINEW_LIST 0
+
+// Those whose barycentre lies in a ball round `from`.
+#define SINEW_BALL 1
+
+// Those whose barycentre lies in a ball that is swept from `from` to `to`.
+#define SINEW_SWEPT_BALL 2
+
+// Those whose largest principal Green strain is above `above`.
+#define SINEW_STRAIN_ABOVE 3
+
+// Those whose von Mises stress (Pa) is above `above`.
+#define SINEW_STRESS_ABOVE 4
+
+// Kinds of elements in lists: tetrahedra.
+#define SINEW_TETRAHEDRA 0
+
+// Hexahedra.
+#define SINEW_HEXAHEDRA 1
+
+// Triangles of a membrane.
+#define SINEW_TRIANGLES 2
+
+// Quadrilaterals of a membrane.
+#define SINEW_QUADS 3
+
+// What `sinew_read` reads, three numbers a vertex: positions (m).
+#define SINEW_POSITIONS 0
+
+// Displacements (m).
+#define SINEW_DISPLACEMENTS 1
+
+// Velocities (m/s).
+#define SINEW_VELOCITIES 2
+
+// Elastic forces (N) at the state as it is.
+#define SINEW_ELASTIC_FORCES 3
+
+// Forces (N) of gravity and loads in the last step.
+#define SINEW_EXTERNAL_FORCES 4
+
+// Forces (N) of tools, contact and pulls at the end of the last step.
+#define SINEW_CONTACT_FORCES 5
+
+// One number a vertex: pressures (Pa) of contact.
+#define SINEW_CONTACT_PRESSURES 6
+
+// Masses (kg).
+#define SINEW_MASSES 7
+
+// One number an element: volume over that at rest, of tetrahedra, then hexahedra.
+#define SINEW_VOLUME_RATIOS 8
+
+// Area over that at rest, of triangles of the membrane, then quadrilaterals.
+#define SINEW_AREA_RATIOS 9
+
+// A mesh; it never changes, and any number of threads may use it at once.
+typedef struct sinew_mesh sinew_mesh;
+
+// A simulation. One thread at a time may use it; a second call while one runs answers `SINEW_BUSY`.
+typedef struct sinew_simulation sinew_simulation;
+
+// 0, or what kind of error `sinew_last_error` tells of.
+typedef int32_t sinew_status;
+
+// How a simulation is carried out. All 0 but `struct_size` and `dt` is fine; then there is no gravity.
+typedef struct sinew_options {
+  // sizeof(sinew_options)
+  uint32_t struct_size;
+  // `SINEW_F64` or `SINEW_F32`
+  uint32_t precision;
+  // 0: one for each core. Results do not depend on it.
+  uint32_t threads;
+  // `SINEW_CPU` or `SINEW_GPU`
+  uint32_t backend;
+  // Length of a step (s).
+  double dt;
+  // Gravity (m/s^2).
+  double gravity[3];
+} sinew_options;
+
+// A file that a scene names.
+typedef struct sinew_file {
+  // Path as in the scene.
+  const char *name;
+  // Its bytes.
+  const uint8_t *bytes;
+  // Their number.
+  size_t size;
+} sinew_file;
+
+// A body, constraint, load, pressure, tool, pull or contact of a simulation; 0 is never one.
+typedef uint64_t sinew_handle;
+
+// A group of vertices.
+typedef struct sinew_group {
+  // Name.
+  const char *name;
+  // Vertices.
+  const uint32_t *vertices;
+  // Their number.
+  size_t vertex_count;
+} sinew_group;
+
+// A mesh as arrays, in the order of vertices of Gmsh and VTK; what is not there is NULL and 0.
+typedef struct sinew_mesh_arrays {
+  // sizeof(sinew_mesh_arrays)
+  uint32_t struct_size;
+  // 0
+  uint32_t reserved;
+  // Three coordinates (m) a vertex.
+  const double *points;
+  // Number of vertices.
+  size_t point_count;
+  // Four vertices a tetrahedron.
+  const uint32_t *tetrahedra;
+  // Number of tetrahedra.
+  size_t tetrahedron_count;
+  // Eight vertices a hexahedron.
+  const uint32_t *hexahedra;
+  // Number of hexahedra.
+  size_t hexahedron_count;
+  // Three vertices a triangle.
+  const uint32_t *triangles;
+  // Number of triangles.
+  size_t triangle_count;
+  // Four vertices a quadrilateral.
+  const uint32_t *quads;
+  // Number of quadrilaterals.
+  size_t quad_count;
+  // Groups of vertices.
+  const struct sinew_group *groups;
+  // Number of groups.
+  size_t group_count;
+} sinew_mesh_arrays;
+
+// A material: a preset, values, or both; a value that is not 0 takes the place of the preset's.
+typedef struct sinew_material {
+  // sizeof(sinew_material)
+  uint32_t struct_size;
+  // 0
+  uint32_t reserved;
+  // Name of a tissue preset, or NULL.
+  const char *preset;
+  // Young's modulus (Pa).
+  double young_modulus;
+  // Poisson's ratio.
+  double poisson_ratio;
+  // Density (kg/m^3).
+  double density;
+  // Young's modulus (Pa) of every tetrahedron, then of every hexahedron, or NULL.
+  const double *young_moduli;
+  // Poisson's ratios, likewise.
+  const double *poisson_ratios;
+  // Densities (kg/m^3), likewise.
+  const double *densities;
+  // Number of entries of each of these lists.
+  size_t element_count;
+} sinew_material;
+
+// A membrane on or instead of a solid.
+typedef struct sinew_membrane {
+  // sizeof(sinew_membrane)
+  uint32_t struct_size;
+  // 0: `group`, or all faces of the mesh; 1: the boundary of its solid elements.
+  uint32_t surface;
+  // Group of faces, or NULL.
+  const char *group;
+  // Thickness (m).
+  double thickness;
+  // Material, without lists; NULL for that of the body.
+  const struct sinew_material *material;
+  // Energy, such as "trbs"; NULL for the default.
+  const char *model;
+  // "stress" (default when NULL) or "strain".
+  const char *plane;
+} sinew_membrane;
+
+// What activation does to fibres.
+typedef struct sinew_muscle {
+  // sizeof(sinew_muscle)
+  uint32_t struct_size;
+  // 0
+  uint32_t reserved;
+  // Active stress (Pa) at full activation and optimal stretch.
+  double peak_stress;
+  // Stretch at which it is largest; 0 for 1.
+  double optimal_stretch;
+  // Half width of the length-tension curve; 0 for 0.5.
+  double width;
+  // Relative growth of the modulus at full activation.
+  double stiffening;
+  // Relative shortening of the rest length at full activation.
+  double shortening;
+} sinew_muscle;
+
+// A family of fibres.
+typedef struct sinew_fibre {
+  // sizeof(sinew_fibre)
+  uint32_t struct_size;
+  // 0
+  uint32_t reserved;
+  // Name, unique in the body.
+  const char *name;
+  // Three numbers a direction.
+  const double *directions;
+  // 1, or one for every solid element.
+  size_t direction_count;
+  // Modulus (Pa) along the fibres.
+  double modulus;
+  // Viscosity (Pa s) along them.
+  double viscosity;
+  // Makes them active; NULL for passive ones.
+  const struct sinew_muscle *muscle;
+} sinew_fibre;
+
+// What a body is made of. Names are those of scene files; NULL is the default.
+typedef struct sinew_body {
+  // sizeof(sinew_body)
+  uint32_t struct_size;
+  // 0
+  uint32_t reserved;
+  // Name, unique among bodies.
+  const char *name;
+  // Material.
+  const struct sinew_material *material;
+  // Energy, such as "svk_comp".
+  const char *model;
+  // "fused" or "pooled".
+  const char *evaluation;
+  // Where constants of model "mass_spring" come from, such as "frobenius" or "uniform".
+  const char *springs;
+  // Constant (N/m) for "uniform", otherwise 0.
+  double spring_constant;
+  // How the mass is shared out: "volume", "nodal" or "equal".
+  const char *masses;
+  // Membrane, or NULL.
+  const struct sinew_membrane *membrane;
+  // Families of fibres, or NULL.
+  const struct sinew_fibre *fibres;
+  // Their number.
+  size_t fibre_count;
+  // Modulus (Pa) of the term of volume beside them.
+  double volume_modulus;
+} sinew_body;
+
+// Which elements to remove.
+typedef struct sinew_region {
+  // sizeof(sinew_region)
+  uint32_t struct_size;
+  // `SINEW_LIST`, `SINEW_BALL` and so on.
+  uint32_t kind;
+  // `SINEW_TETRAHEDRA` and so on, for lists.
+  uint32_t element;
+  // 0: the mass of removed elements goes; 1: vertices keep it.
+  uint32_t keep_mass;
+  // Indices.
+  const uint32_t *list;
+  // Their number.
+  size_t list_count;
+  // Centre, or start of the path (m).
+  double from[3];
+  // End of the path (m).
+  double to[3];
+  // Radius (m).
+  double radius;
+  // Limit of strain or stress.
+  double above;
+} sinew_region;
+
+// A constraint.
+typedef struct sinew_constraint {
+  // sizeof(sinew_constraint)
+  uint32_t struct_size;
+  // `SINEW_HOLD`, `SINEW_TRANSLATE` or `SINEW_ROTATE`
+  uint32_t motion;
+  // Name, unique among constraints.
+  const char *name;
+  // Vertices.
+  const uint32_t *vertices;
+  // Their number.
+  size_t vertex_count;
+  // Sum of 1 (x), 2 (y) and 4 (z); 0 for all.
+  uint32_t axes;
+  // 0
+  uint32_t reserved;
+  // Translation (m).
+  double translation[3];
+  // Point (m) on the axis of rotation.
+  double centre[3];
+  // Direction of that axis.
+  double axis[3];
+  // Angle (rad).
+  double angle;
+  // Pairs of time (s) and factor on the motion; NULL for 1 at all times.
+  const double *curve;
+  // Number of pairs.
+  size_t curve_count;
+  // Time (s) from which it acts.
+  double from;
+  // Time (s) after which it lets go; 0 for never.
+  double until;
+} sinew_constraint;
+
+// A rigid part of a tool. Quaternions are x, y, z, w; all 0 is no rotation.
+typedef struct sinew_part {
+  // sizeof(sinew_part)
+  uint32_t struct_size;
+  // `SINEW_SPHERE` and so on.
+  uint32_t shape;
+  // Mesh of `SINEW_CLOSED_MESH`.
+  const struct sinew_mesh *mesh;
+  // Distance (m) of the grid points that hold the distance to it; 0 chooses.
+  double spacing;
+  // Radius (m).
+  double radius;
+  // Half the distance (m) between the centres of the ends.
+  double half_length;
+  // Half sizes (m), rounding included.
+  double half[3];
+  // Radius (m) of the edges.
+  double rounding;
+  // Place (m) of its centre in the frame of the tool.
+  double at[3];
+  // Rotation in the frame of the tool.
+  double quaternion[4];
+  // Share of the opening by which it turns about the hinge: 0.5 and -0.5 for two jaws.
+  double jaw;
+} sinew_part;
+
+// A rigid tool.
+typedef struct sinew_tool {
+  // sizeof(sinew_tool)
+  uint32_t struct_size;
+  // Sum of `SINEW_GRIP` and others.
+  uint32_t flags;
+  // Name, unique among tools.
+  const char *name;
+  // Parts.
+  const struct sinew_part *parts;
+  // Their number.
+  size_t part_count;
+  // A point (m) on the hinge of its jaws, in its frame.
+  double hinge_point[3];
+  // Direction of the hinge; all 0 for z.
+  double hinge_axis[3];
+  // Place (m) of its origin.
+  double position[3];
+  // Its rotation.
+  double quaternion[4];
+  // Angle (rad) between its jaws.
+  double opening;
+  // Coefficient of friction.
+  double friction;
+  // Stiffness of contact, times Young's modulus over the mean edge; 0 for the default.
+  double stiffness;
+  // 0: what touches it is chosen; 1: vertices; 2 to 8: so many points along an edge of a face.
+  uint32_t points;
+  // 0
+  uint32_t reserved;
+  // The body that it touches, if not all.
+  sinew_handle on_body;
+  // Triangles of it, three vertices each; NULL for all.
+  const uint32_t *on_triangles;
+  // Their number.
+  size_t on_triangle_count;
+} sinew_tool;
+
+// What a tool felt in the last step.
+typedef struct sinew_tool_report {
+  // sizeof(sinew_tool_report), set by the caller
+  uint32_t struct_size;
+  // Number of its parts, if there are several.
+  uint32_t parts;
+  // Place (m) of its origin.
+  double position[3];
+  // Its rotation.
+  double quaternion[4];
+  // Its opening (rad).
+  double opening;
+  // Force (N) on it.
+  double force[3];
+  // Torque (N m) on it about its origin.
+  double torque[3];
+  // The part of the force that pressure makes (N).
+  double normal[3];
+  // The part that friction makes (N).
+  double friction[3];
+  // Work (J) done by it since it came.
+  double work;
+  // Energy (J) that its friction has taken.
+  double dissipation;
+  // Area (m^2, at rest) that touches it.
+  double area;
+  // Largest penetration (m).
+  double depth;
+  // Largest pressure (Pa).
+  double pressure;
+  // Centre of pressure (m).
+  double centre[3];
+  // What it is behind its target (m).
+  double lag;
+  // Change of its force (N) per motion (m), column by column, with `SINEW_LOCAL_STIFFNESS`.
+  double local_stiffness[9];
+  // Points that stick to it.
+  uint32_t sticking;
+  // Points that slip.
+  uint32_t slipping;
+} sinew_tool_report;
+
+// What a part of a tool felt.
+typedef struct sinew_part_report {
+  // Force (N) on it.
+  double force[3];
+  // Torque (N m) on it about the tool's origin.
+  double torque[3];
+  // Largest penetration (m).
+  double depth;
+  // Points that stick to it.
+  uint32_t sticking;
+  // Points that slip.
+  uint32_t slipping;
+} sinew_part_report;
+
+// A spring and a damper from vertices to a moving pose.
+typedef struct sinew_pull {
+  // sizeof(sinew_pull)
+  uint32_t struct_size;
+  // 0
+  uint32_t reserved;
+  // Name, unique among pulls.
+  const char *name;
+  // Vertices.
+  const uint32_t *vertices;
+  // Their number.
+  size_t vertex_count;
+  // Share of each in the stiffness; NULL for all the same.
+  const double *weights;
+  // Stiffness (N/m) of all together.
+  double stiffness;
+  // Damping (N s/m) of all together.
+  double damping;
+} sinew_pull;
+
+// What a ray met.
+typedef struct sinew_pick_result {
+  // sizeof(sinew_pick_result), set by the caller
+  uint32_t struct_size;
+  // 1, or 0 when it met nothing.
+  uint32_t hit;
+  // Body.
+  sinew_handle body;
+  // Vertices of the triangle.
+  uint32_t vertices[3];
+  // 0
+  uint32_t reserved;
+  // Barycentric coordinates of the point in it, for the weights of a pull.
+  double weights[3];
+  // The point (m).
+  double position[3];
+  // Its distance (m) from the origin of the ray.
+  double distance;
+} sinew_pick_result;
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+// Text of the last call of this thread that failed, in UTF-8; empty before the first. It stays until the next call of this
+// thread that fails.
+const char *sinew_last_error(void);
+
+// `SINEW_ABI` of the library.
+uint32_t sinew_abi_version(void);
+
+// Version of the library, such as "0.1.0".
+const char *sinew_version(void);
+
+// Makes a simulation without bodies.
+sinew_status sinew_simulation_new(const struct sinew_options *options,
+                                  struct sinew_simulation **out);
+
+// Makes the simulation of a scene file. With `threads` above 0 the scene's own number does not count.
+sinew_status sinew_simulation_from_scene(const char *path,
+                                         uint32_t threads,
+                                         struct sinew_simulation **out);
+
+// Makes the simulation of a scene in memory; `name` stands for its file in messages. Files that it names are looked for
+// among `files`, or in the current folder when there are none.
+sinew_status sinew_simulation_from_text(const char *toml,
+                                        const char *name,
+                                        const struct sinew_file *files,
+                                        size_t file_count,
+                                        uint32_t threads,
+                                        struct sinew_simulation **out);
+
+// Frees a simulation that no call uses; NULL is fine.
+void sinew_simulation_free(struct sinew_simulation *simulation);
+
+// Carries out `n` steps, up to the first that fails: `SINEW_STEP`, and the state is that before it.
+sinew_status sinew_step(struct sinew_simulation *simulation, uint32_t n);
+
+// Simulated time (s).
+sinew_status sinew_time(const struct sinew_simulation *simulation, double *seconds);
+
+// Sets the length (s) of the steps to come.
+sinew_status sinew_set_dt(struct sinew_simulation *simulation, double dt);
+
+// Sets gravity (m/s^2), three numbers.
+sinew_status sinew_set_gravity(struct sinew_simulation *simulation, const double *gravity);
+
+// Sets the solver: lines as below `[solver]` of a scene, such as "integrator = 'safe'", or JSON. What is left out has its
+// default.
+sinew_status sinew_set_solver(struct sinew_simulation *simulation,
+                              const char *settings);
+
+// The thing of a kind (`SINEW_BODY` and so on) that has a name.
+sinew_status sinew_find(const struct sinew_simulation *simulation,
+                        uint32_t kind,
+                        const char *name,
+                        sinew_handle *handle);
+
+// Takes a constraint, load, pressure, tool, pull or contact away.
+sinew_status sinew_remove(struct sinew_simulation *simulation, sinew_handle handle);
+
+// Reads a mesh file (Gmsh, VTK, TetGen, OBJ, STL).
+sinew_status sinew_mesh_from_file(const char *path, struct sinew_mesh **out);
+
+// Reads a mesh from the bytes of a file; the extension of `name` helps to tell the format.
+sinew_status sinew_mesh_from_bytes(const char *name,
+                                   const uint8_t *bytes,
+                                   size_t size,
+                                   struct sinew_mesh **out);
+
+// Makes a mesh of arrays, which are copied.
+sinew_status sinew_mesh_from_arrays(const struct sinew_mesh_arrays *arrays,
+                                    struct sinew_mesh **out);
+
+// Frees a mesh; bodies made of it stay. NULL is fine.
+void sinew_mesh_free(struct sinew_mesh *mesh);
+
+// Adds a body of a mesh.
+sinew_status sinew_body_add(struct sinew_simulation *simulation,
+                            const struct sinew_mesh *mesh,
+                            const struct sinew_body *body,
+                            sinew_handle *out);
+
+// Number of vertices of the mesh of a body.
+sinew_status sinew_vertex_count(const struct sinew_simulation *simulation,
+                                sinew_handle body,
+                                size_t *count);
+
+// Vertices of a group of its mesh. `needed` says how many there are, `out` may be NULL with capacity 0 to ask.
+sinew_status sinew_group_vertices(const struct sinew_simulation *simulation,
+                                  sinew_handle body,
+                                  const char *group,
+                                  uint32_t *out,
+                                  size_t capacity,
+                                  size_t *needed);
+
+// Reads numbers of a body in the order of its mesh: `SINEW_POSITIONS` and so on. `needed` says how many numbers there are,
+// `out` may be NULL with capacity 0 to ask.
+sinew_status sinew_read(struct sinew_simulation *simulation,
+                        sinew_handle body,
+                        uint32_t quantity,
+                        double *out,
+                        size_t capacity,
+                        size_t *needed);
+
+// Positions (m) as three `float` a vertex straight into a vertex buffer: those of vertex `i` begin `i * stride_bytes` after
+// `xyz`, and nothing else is written.
+sinew_status sinew_positions_f32(struct sinew_simulation *simulation,
+                                 sinew_handle body,
+                                 float *xyz,
+                                 size_t vertices,
+                                 size_t stride_bytes);
+
+// Sets displacements (m) and velocities (m/s), three numbers a vertex each.
+sinew_status sinew_set_state(struct sinew_simulation *simulation,
+                             sinew_handle body,
+                             const double *displacements,
+                             const double *velocities,
+                             size_t vertices);
+
+// Triangles to draw a body by, three vertices each. `needed` says how many indices there are, `revision` (or NULL) changes
+// with them; `out` may be NULL with capacity 0 to ask.
+sinew_status sinew_surface(struct sinew_simulation *simulation,
+                           sinew_handle body,
+                           uint32_t *triangles,
+                           size_t capacity,
+                           size_t *needed,
+                           uint64_t *revision);
+
+// Gives a body another material from the next step on.
+sinew_status sinew_set_material(struct sinew_simulation *simulation,
+                                sinew_handle body,
+                                const struct sinew_material *material);
+
+// Sets the activation (0 to 1) of a family of active fibres.
+sinew_status sinew_set_activation(struct sinew_simulation *simulation,
+                                  sinew_handle body,
+                                  const char *family,
+                                  double activation);
+
+// Removes elements from a body; `removed` (or NULL) is how many went.
+sinew_status sinew_remove_elements(struct sinew_simulation *simulation,
+                                   sinew_handle body,
+                                   const struct sinew_region *region,
+                                   size_t *removed);
+
+// Holds vertices where they are; `sinew_constraint_pose` moves them.
+sinew_status sinew_hold(struct sinew_simulation *simulation,
+                        sinew_handle body,
+                        const char *name,
+                        const uint32_t *vertices,
+                        size_t vertex_count,
+                        sinew_handle *out);
+
+// Holds or moves vertices over time.
+sinew_status sinew_constraint_add(struct sinew_simulation *simulation,
+                                  sinew_handle body,
+                                  const struct sinew_constraint *constraint,
+                                  sinew_handle *out);
+
+// Where what a constraint holds is at the end of the next step, relative to where it took hold: turned about `centre` (m)
+// by `quaternion` (x, y, z, w), then shifted by `position` (m). NULL is no shift, no rotation, the origin.
+sinew_status sinew_constraint_pose(struct sinew_simulation *simulation,
+                                   sinew_handle constraint,
+                                   const double *position,
+                                   const double *quaternion,
+                                   const double *centre);
+
+// Force (N) of a constraint on its body at the state as it is, and its torque (N m) about a point (m; NULL: the origin).
+// Either may be NULL.
+sinew_status sinew_reaction(struct sinew_simulation *simulation,
+                            sinew_handle constraint,
+                            const double *about,
+                            double *force,
+                            double *torque);
+
+// Adds forces (N) on vertices: three numbers for each (`force_count` is `vertex_count`), or three for all together
+// (`force_count` is 1).
+sinew_status sinew_load_add(struct sinew_simulation *simulation,
+                            sinew_handle body,
+                            const char *name,
+                            const uint32_t *vertices,
+                            size_t vertex_count,
+                            const double *forces,
+                            size_t force_count,
+                            sinew_handle *out);
+
+// Adds a pressure (Pa) on triangles, three vertices each, that pushes along their normals as they turn.
+sinew_status sinew_pressure_add(struct sinew_simulation *simulation,
+                                sinew_handle body,
+                                const char *name,
+                                const uint32_t *triangles,
+                                size_t triangle_count,
+                                double pressure,
+                                sinew_handle *out);
+
+// Adds a tool.
+sinew_status sinew_tool_add(struct sinew_simulation *simulation,
+                            const struct sinew_tool *tool,
+                            sinew_handle *out);
+
+// Moves a tool: it is there at the end of the next step, evenly through the step. With `at_once` 1 it is put there without
+// touching anything on the way. `quaternion` may be NULL for no rotation.
+sinew_status sinew_tool_move(struct sinew_simulation *simulation,
+                             sinew_handle tool,
+                             const double *position,
+                             const double *quaternion,
+                             double opening,
+                             uint32_t at_once);
+
+// Whether what touches a tool sticks to it (1) or may slip (0).
+sinew_status sinew_tool_grip(struct sinew_simulation *simulation, sinew_handle tool, uint32_t grip);
+
+// What a tool felt in the last step.
+sinew_status sinew_tool_feel(const struct sinew_simulation *simulation,
+                             sinew_handle tool,
+                             struct sinew_tool_report *report);
+
+// What each part of a tool of several parts felt. `needed` says how many there are; `out` may be NULL with capacity 0 to ask.
+sinew_status sinew_tool_parts(const struct sinew_simulation *simulation,
+                              sinew_handle tool,
+                              struct sinew_part_report *out,
+                              size_t capacity,
+                              size_t *needed);
+
+// Lets two bodies touch each other, or one itself (the same handle twice).
+sinew_status sinew_contact_add(struct sinew_simulation *simulation,
+                               const char *name,
+                               sinew_handle first,
+                               sinew_handle second,
+                               double friction,
+                               sinew_handle *out);
+
+// Force (N) on the first body of a contact in the last step, and the largest penetration (m). Either may be NULL.
+sinew_status sinew_contact_force(const struct sinew_simulation *simulation,
+                                 sinew_handle contact,
+                                 double *force,
+                                 double *depth);
+
+// Pulls on vertices.
+sinew_status sinew_pull_add(struct sinew_simulation *simulation,
+                            sinew_handle body,
+                            const struct sinew_pull *pull,
+                            sinew_handle *out);
+
+// Moves the hand of a pull, as `sinew_constraint_pose` moves what a constraint holds.
+sinew_status sinew_pull_move(struct sinew_simulation *simulation,
+                             sinew_handle pull,
+                             const double *position,
+                             const double *quaternion,
+                             const double *centre);
+
+// Force (N) on the hand of a pull in the last step, and its mean distance (m) from what it draws. Either may be NULL.
+sinew_status sinew_pull_force(const struct sinew_simulation *simulation,
+                              sinew_handle pull,
+                              double *force,
+                              double *distance);
+
+// The first point of a surface that a ray meets, three numbers each for origin (m) and direction. To meet nothing is no
+// error.
+sinew_status sinew_pick(struct sinew_simulation *simulation,
+                        const double *origin,
+                        const double *direction,
+                        struct sinew_pick_result *result);
+
+// What the last step did, as JSON that ends with a zero byte. `needed` says how many bytes that is; `out` may be NULL with
+// capacity 0 to ask.
+sinew_status sinew_report_json(const struct sinew_simulation *simulation,
+                               char *out,
+                               size_t capacity,
+                               size_t *needed);
+
+// Elastic and kinetic energy (J) of the state as it is. Either may be NULL.
+sinew_status sinew_energy(struct sinew_simulation *simulation, double *elastic, double *kinetic);
+
+// Hash of displacements and velocities: equal hashes mean equal results to the last bit.
+sinew_status sinew_hash(struct sinew_simulation *simulation, uint64_t *hash);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* SINEW_H */

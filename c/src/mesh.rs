@@ -1,0 +1,100 @@
+//! Meshes.
+
+use super::call::{guarded, out, read, slice, text, times};
+use super::types::*;
+use sinew_embed::{Mesh, MeshArrays, Result, mesh_from_arrays, mesh_from_bytes, mesh_from_file};
+use std::ffi::c_char;
+
+/// A mesh; it never changes, and any number of threads may use it at once.
+pub struct sinew_mesh(pub(super) Mesh);
+
+/// # Safety
+/// `place` is NULL or points to a pointer.
+unsafe fn give(place: *mut *mut sinew_mesh, make: impl FnOnce() -> Result<Mesh>) -> sinew_status {
+    guarded(|| {
+        // SAFETY: the caller's promise
+        let place = unsafe { out("out", place) }?;
+        *place = std::ptr::null_mut();
+        *place = Box::into_raw(Box::new(sinew_mesh(make()?)));
+        Ok(())
+    })
+}
+
+/// Reads a mesh file (Gmsh, VTK, TetGen, OBJ, STL).
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_mesh_from_file(
+    path: *const c_char,
+    out: *mut *mut sinew_mesh,
+) -> sinew_status {
+    // SAFETY: the caller's promise
+    unsafe { give(out, || mesh_from_file(text("path", path)?)) }
+}
+
+/// Reads a mesh from the bytes of a file; the extension of `name` helps to tell the format.
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_mesh_from_bytes(
+    name: *const c_char,
+    bytes: *const u8,
+    size: usize,
+    out: *mut *mut sinew_mesh,
+) -> sinew_status {
+    // SAFETY: the caller's promise
+    unsafe { give(out, || mesh_from_bytes(text("name", name)?, slice("bytes", bytes, size)?)) }
+}
+
+/// Makes a mesh of arrays, which are copied.
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_mesh_from_arrays(
+    arrays: *const sinew_mesh_arrays,
+    out: *mut *mut sinew_mesh,
+) -> sinew_status {
+    let make = || {
+        // SAFETY: the caller's promise
+        let a = unsafe { read("arrays", arrays) }?;
+        // SAFETY: the caller's promise
+        let cells = |what: &str, data: *const u32, count: usize, each: usize| unsafe {
+            slice(what, data, times(what, count, each)?)
+        };
+        // SAFETY: the caller's promise
+        let listed = unsafe { slice("groups", a.groups, a.group_count) }?;
+        let mut groups = Vec::new();
+        for group in listed {
+            // SAFETY: the caller's promise
+            let name = unsafe { text("name of a group", group.name) }?;
+            groups
+                .push((name, cells("vertices of a group", group.vertices, group.vertex_count, 1)?));
+        }
+        mesh_from_arrays(&MeshArrays {
+            // SAFETY: the caller's promise
+            points: unsafe { slice("points", a.points, times("points", a.point_count, 3)?) }?,
+            tetrahedra: cells("tetrahedra", a.tetrahedra, a.tetrahedron_count, 4)?,
+            hexahedra: cells("hexahedra", a.hexahedra, a.hexahedron_count, 8)?,
+            triangles: cells("triangles", a.triangles, a.triangle_count, 3)?,
+            quads: cells("quads", a.quads, a.quad_count, 4)?,
+            groups: &groups,
+        })
+    };
+    // SAFETY: the caller's promise
+    unsafe { give(out, make) }
+}
+
+/// Frees a mesh; bodies made of it stay. NULL is fine.
+///
+/// # Safety
+/// It came from this library, was not freed and is not used any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_mesh_free(mesh: *mut sinew_mesh) {
+    if !mesh.is_null() {
+        // SAFETY: the caller's promise; it was made by Box::into_raw
+        drop(unsafe { Box::from_raw(mesh) });
+    }
+}

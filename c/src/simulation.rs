@@ -1,0 +1,339 @@
+//! Simulations: making, freeing, stepping, settings.
+
+use super::call::{
+    fill, guarded, invalid, out, read, sinew_simulation, slice, slice_mut, text, three, with,
+};
+use super::types::*;
+use sinew_embed::{
+    Backend, EmbedError, Embedding, Folder, Handle, Kind, Options, Overrides, Precision, Result,
+    choice, solver_settings, version,
+};
+use std::collections::HashMap;
+use std::ffi::c_char;
+use std::sync::{LazyLock, Mutex};
+
+/// `SINEW_ABI` of the library.
+#[unsafe(no_mangle)]
+pub extern "C" fn sinew_abi_version() -> u32 {
+    SINEW_ABI
+}
+
+static VERSION: LazyLock<std::ffi::CString> =
+    LazyLock::new(|| std::ffi::CString::new(version()).unwrap_or_default());
+
+/// Version of the library, such as "0.1.0".
+#[unsafe(no_mangle)]
+pub extern "C" fn sinew_version() -> *const c_char {
+    VERSION.as_ptr()
+}
+
+/// Gives a new simulation to the caller.
+///
+/// # Safety
+/// `place` is NULL or points to a pointer.
+unsafe fn give(
+    place: *mut *mut sinew_simulation,
+    make: impl FnOnce() -> Result<Embedding>,
+) -> sinew_status {
+    guarded(|| {
+        // SAFETY: the caller's promise
+        let place = unsafe { out("out", place) }?;
+        *place = std::ptr::null_mut();
+        *place = Box::into_raw(Box::new(sinew_simulation(Mutex::new(make()?))));
+        Ok(())
+    })
+}
+
+/// Makes a simulation without bodies.
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_simulation_new(
+    options: *const sinew_options,
+    out: *mut *mut sinew_simulation,
+) -> sinew_status {
+    let make = || {
+        // SAFETY: the caller's promise
+        let o = unsafe { read("options", options) }?;
+        let one_of = |what: &str, given: u32| {
+            let problem = || invalid(what, format!("{given} is none of its values, 0 and 1"));
+            (given < 2).then_some(given == 1).ok_or_else(problem)
+        };
+        Embedding::new(&Options {
+            precision: if one_of("precision", o.precision)? {
+                Precision::F32
+            } else {
+                Precision::F64
+            },
+            backend: if one_of("backend", o.backend)? { Backend::Gpu } else { Backend::Cpu },
+            threads: o.threads as usize,
+            dt: o.dt,
+            gravity: o.gravity,
+            ..Options::default()
+        })
+    };
+    // SAFETY: the caller's promise
+    unsafe { give(out, make) }
+}
+
+fn overrides(threads: u32) -> Overrides {
+    let threads = (threads > 0).then_some(threads as usize);
+    Overrides { threads, ..Overrides::default() }
+}
+
+/// Makes the simulation of a scene file. With `threads` above 0 the scene's own number does not count.
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_simulation_from_scene(
+    path: *const c_char,
+    threads: u32,
+    out: *mut *mut sinew_simulation,
+) -> sinew_status {
+    // SAFETY: the caller's promise
+    let make = || Embedding::from_scene_file(unsafe { text("path", path) }?, &overrides(threads));
+    // SAFETY: the caller's promise
+    unsafe { give(out, make) }
+}
+
+/// Makes the simulation of a scene in memory; `name` stands for its file in messages. Files that it names are looked for
+/// among `files`, or in the current folder when there are none.
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_simulation_from_text(
+    toml: *const c_char,
+    name: *const c_char,
+    files: *const sinew_file,
+    file_count: usize,
+    threads: u32,
+    out: *mut *mut sinew_simulation,
+) -> sinew_status {
+    let make = || {
+        // SAFETY: the caller's promise
+        let (toml, name) = unsafe { (text("toml", toml)?, text("name", name)?) };
+        // SAFETY: the caller's promise
+        let files = unsafe { slice("files", files, file_count) }?;
+        if files.is_empty() {
+            return Embedding::from_scene(toml, name, Folder(".".into()), &overrides(threads));
+        }
+        let mut known = HashMap::new();
+        for file in files {
+            // SAFETY: the caller's promise
+            let name = unsafe { text("name of a file", file.name) }?;
+            // SAFETY: the caller's promise
+            let bytes = unsafe { slice("bytes of a file", file.bytes, file.size) }?;
+            known.insert(name.to_string(), bytes.to_vec());
+        }
+        Embedding::from_scene(toml, name, known, &overrides(threads))
+    };
+    // SAFETY: the caller's promise
+    unsafe { give(out, make) }
+}
+
+/// Frees a simulation that no call uses; NULL is fine.
+///
+/// # Safety
+/// It came from this library, was not freed and is not used any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_simulation_free(simulation: *mut sinew_simulation) {
+    if !simulation.is_null() {
+        guarded(|| {
+            // SAFETY: the caller's promise; it was made by Box::into_raw
+            drop(unsafe { Box::from_raw(simulation) });
+            Ok(())
+        });
+    }
+}
+
+/// Carries out `n` steps, up to the first that fails: `SINEW_STEP`, and the state is that before it.
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_step(simulation: *mut sinew_simulation, n: u32) -> sinew_status {
+    // SAFETY: the caller's promise
+    unsafe { with(simulation, |sim| sim.step(n)) }
+}
+
+/// Simulated time (s).
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_time(
+    simulation: *const sinew_simulation,
+    seconds: *mut f64,
+) -> sinew_status {
+    // SAFETY: the caller's promise
+    unsafe {
+        with(simulation, |sim| {
+            *out("seconds", seconds)? = sim.time();
+            Ok(())
+        })
+    }
+}
+
+/// Sets the length (s) of the steps to come.
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_set_dt(simulation: *mut sinew_simulation, dt: f64) -> sinew_status {
+    // SAFETY: the caller's promise
+    unsafe { with(simulation, |sim| sim.set_dt(dt)) }
+}
+
+/// Sets gravity (m/s^2), three numbers.
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_set_gravity(
+    simulation: *mut sinew_simulation,
+    gravity: *const f64,
+) -> sinew_status {
+    // SAFETY: the caller's promise
+    unsafe { with(simulation, |sim| sim.set_gravity(three("gravity", gravity)?)) }
+}
+
+/// Sets the solver: lines as below `[solver]` of a scene, such as "integrator = 'safe'", or JSON. What is left out has its
+/// default.
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_set_solver(
+    simulation: *mut sinew_simulation,
+    settings: *const c_char,
+) -> sinew_status {
+    // SAFETY: the caller's promise
+    unsafe { with(simulation, |sim| sim.set_solver(solver_settings(text("settings", settings)?)?)) }
+}
+
+/// The thing of a kind (`SINEW_BODY` and so on) that has a name.
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_find(
+    simulation: *const sinew_simulation,
+    kind: u32,
+    name: *const c_char,
+    handle: *mut sinew_handle,
+) -> sinew_status {
+    // SAFETY: the caller's promise
+    unsafe {
+        with(simulation, |sim| {
+            let known = Kind::ALL.into_iter().find(|own| *own as u32 == kind);
+            let kind = known.ok_or_else(|| invalid("kind", format!("{kind} is none")))?;
+            *out("handle", handle)? = sim.find(kind, text("name", name)?)?;
+            Ok(())
+        })
+    }
+}
+
+/// Takes a constraint, load, pressure, tool, pull or contact away.
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn sinew_remove(
+    simulation: *mut sinew_simulation,
+    handle: sinew_handle,
+) -> sinew_status {
+    // SAFETY: the caller's promise
+    unsafe { with(simulation, |sim| sim.remove(handle)) }
+}
+
+/// A word of scene files, or the default for NULL.
+///
+/// # Safety
+/// As [`text`].
+pub(super) unsafe fn word<T: Default + sinew_embed::DeserializeOwned>(
+    kind: &'static str,
+    name: *const c_char,
+) -> Result<T> {
+    // SAFETY: the caller's promise
+    let name = unsafe { super::call::optional_text(kind, name) }?;
+    name.map_or_else(|| Ok(T::default()), |name| choice(kind, name))
+}
+
+/// Runs a call that gives a handle.
+///
+/// # Safety
+/// As [`with`]; `place` is NULL or points to a handle.
+pub(super) unsafe fn add(
+    simulation: *const sinew_simulation,
+    place: *mut sinew_handle,
+    call: impl FnOnce(&mut Embedding) -> Result<Handle>,
+) -> sinew_status {
+    // SAFETY: the caller's promise
+    unsafe {
+        with(simulation, |sim| {
+            let place = out("out", place)?;
+            *place = 0;
+            *place = call(sim)?;
+            Ok(())
+        })
+    }
+}
+
+// Snapshots belong here: sinew_snapshot, sinew_restore, and their bytes by `fill`; code `SINEW_SNAPSHOT` is theirs.
+
+/// For tests, and in no header: panics in a call, on a thread of the pool if `pool` is not 0.
+///
+/// # Safety
+/// Pointers are NULL or point to what they say.
+#[unsafe(no_mangle)]
+#[doc(hidden)]
+pub unsafe extern "C" fn sinew_test_panic(
+    simulation: *mut sinew_simulation,
+    pool: u32,
+) -> sinew_status {
+    // SAFETY: the caller's promise
+    unsafe {
+        with(simulation, |sim| {
+            if pool != 0 {
+                sim.on_pool(|| panic!("a panic on a thread of the pool"));
+            }
+            panic!("a panic in a call");
+        })
+    }
+}
+
+/// Text for a buffer of the caller, with its zero byte.
+///
+/// # Safety
+/// As [`fill`].
+pub(super) unsafe fn fill_text(
+    value: String,
+    data: *mut c_char,
+    capacity: usize,
+    needed: *mut usize,
+) -> Result<()> {
+    let mut bytes = value.into_bytes();
+    bytes.push(0);
+    let chars: Vec<c_char> = bytes.into_iter().map(|byte| byte as c_char).collect();
+    // SAFETY: the caller's promise
+    unsafe { fill(&chars, data, capacity, needed) }
+}
+
+/// For positions straight into memory: the bytes that a stride and a count span.
+///
+/// # Safety
+/// As [`slice_mut`].
+pub(super) unsafe fn strided<'a>(
+    data: *mut f32,
+    count: usize,
+    stride: usize,
+) -> Result<&'a mut [u8]> {
+    let problem = || -> EmbedError { invalid("stride_bytes", format!("{stride} is too much")) };
+    let before = stride.checked_mul(count.saturating_sub(1)).ok_or_else(problem)?;
+    let bytes = before.checked_add(12).ok_or_else(problem)?;
+    // SAFETY: the caller's promise
+    unsafe { slice_mut("xyz", data.cast::<u8>(), if count == 0 { 0 } else { bytes }) }
+}

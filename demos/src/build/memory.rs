@@ -1,0 +1,92 @@
+//! The state of a scene, which is that of its simulation and of what the scene itself moves.
+
+use super::removal::ResectionSummary;
+use super::scene::BuiltScene;
+use bevy_ecs::prelude::Entity;
+use serde::{Deserialize, Serialize};
+use sinew::engine::order::Order;
+use sinew::snapshot::{Snapshot, SnapshotError, checksum};
+use std::collections::BTreeMap;
+
+/// The state of a scene at one time.
+#[derive(Clone, Debug)]
+pub struct SceneSnapshot {
+    /// That of its simulation.
+    pub simulation: Snapshot,
+    memory: Memory,
+}
+
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct Memory {
+    /// Until when (s) resections act, and what they did.
+    resections: Vec<(f64, ResectionSummary)>,
+    /// Pulls that act, and what the others did (J).
+    pulls: Vec<(Option<Order>, f64)>,
+}
+
+impl SceneSnapshot {
+    /// As bytes, for a file.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let parts = (&self.memory, self.simulation.to_bytes());
+        let mut bytes = postcard::to_stdvec(&parts).expect("data without maps of unknown length");
+        bytes.extend(checksum(&bytes).to_le_bytes());
+        bytes
+    }
+
+    /// Reads what [`SceneSnapshot::to_bytes`] wrote.
+    ///
+    /// # Errors
+    /// When they are anything else.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, SnapshotError> {
+        let damaged = |what| SnapshotError::Damaged { what };
+        let (parts, sum) = bytes.split_last_chunk().ok_or(damaged("it ends early"))?;
+        if checksum(parts) != u64::from_le_bytes(*sum) {
+            return Err(damaged("its checksum is wrong"));
+        }
+        let (memory, simulation): (Memory, Vec<u8>) =
+            postcard::from_bytes(parts).map_err(|_| damaged("its parts"))?;
+        Ok(Self { memory, simulation: Snapshot::from_bytes(&simulation)? })
+    }
+}
+
+impl BuiltScene {
+    /// The state of the scene: what its simulation holds, and how far resections and pulls are.
+    ///
+    /// # Errors
+    /// As [`Simulation::snapshot`](sinew::simulation::Simulation::snapshot).
+    pub fn snapshot(&mut self) -> Result<SceneSnapshot, SnapshotError> {
+        let simulation = self.simulation.snapshot()?;
+        let world = self.simulation.world();
+        let order = |pull| world.get::<Order>(pull).copied();
+        let pulls = self.pulls.iter();
+        let memory = Memory {
+            pulls: pulls.map(|pull| (pull.entity().and_then(order), pull.work())).collect(),
+            resections: self.resections.iter().map(|r| (r.until(), r.summary.clone())).collect(),
+        };
+        Ok(SceneSnapshot { simulation, memory })
+    }
+
+    /// Takes up a state of this scene, or of one built alike.
+    ///
+    /// # Errors
+    /// As [`Simulation::restore`](sinew::simulation::Simulation::restore); nothing is changed then.
+    pub fn restore(&mut self, snapshot: &SceneSnapshot) -> Result<(), SnapshotError> {
+        let SceneSnapshot { simulation, memory } = snapshot;
+        if (memory.resections.len(), memory.pulls.len())
+            != (self.resections.len(), self.pulls.len())
+        {
+            return Err(SnapshotError::Scene);
+        }
+        self.simulation.restore(simulation)?;
+        let world = self.simulation.world_mut();
+        let now: BTreeMap<Order, Entity> =
+            world.query::<(&Order, Entity)>().iter(world).map(|(o, e)| (*o, e)).collect();
+        for (own, (until, summary)) in self.resections.iter_mut().zip(&memory.resections) {
+            own.resume(*until, summary.clone());
+        }
+        for (own, (order, work)) in self.pulls.iter_mut().zip(&memory.pulls) {
+            own.resume(order.and_then(|order| now.get(&order).copied()), *work);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,310 @@
+//! Every door once, with a number that would be wrong if the door were wrong.
+
+use crate::{equilibria, held, options, slab};
+use sinew_embed::*;
+
+fn near(a: f64, b: f64, part: f64) -> bool {
+    (a - b).abs() <= part * b.abs()
+}
+
+#[test]
+fn the_reaction_balances_the_weight_and_its_moment() {
+    let (mut sim, body, hold) = held(&Options { gravity: [0.0, 0.0, -9.81], ..equilibria() });
+    sim.step(1).unwrap();
+    let masses = sim.masses(body).unwrap();
+    let weight = 9.81 * masses.iter().sum::<f64>();
+    let about = DVec3::new(0.3, -0.2, 0.1);
+    let positions = sim.positions(body).unwrap().to_vec();
+    let moment: DVec3 = positions
+        .iter()
+        .zip(&masses)
+        .map(|(x, m)| (DVec3::from_array(*x) - about).cross(DVec3::Z * (m * 9.81)))
+        .sum();
+    let Wrench { force, torque } = sim.reaction(hold, about.to_array()).unwrap();
+    assert!(near(force[2], weight, 1e-6) && force[0].abs() < 1e-6 * weight, "{force:?} {weight}");
+    assert!(
+        DVec3::from_array(torque).distance(moment) < 1e-6 * moment.length(),
+        "{torque:?} {moment}"
+    );
+    let external: f64 = sim.external_forces(body).unwrap().iter().map(|f| f[2]).sum();
+    assert!(near(external, -weight, 1e-12));
+    let elastic = sim.elastic_forces(body).unwrap();
+    assert!(elastic.iter().map(|f| f[2]).sum::<f64>().abs() < 1e-6 * weight);
+    assert!(near(sim.energy().elastic, sim.report().figures.elastic_energy, 1e-9));
+    assert_eq!(sim.energy().kinetic, 0.0);
+    let ratios = sim.volume_ratios(body).unwrap();
+    assert_eq!(ratios.len(), slab().tetrahedra.len());
+    let smallest = ratios.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(near(smallest, sim.report().volume.smallest_ratio, 1e-12) && smallest < 1.0);
+    assert!(sim.volume(body).unwrap() < 5e-4);
+}
+
+#[test]
+fn loads_pull_and_may_be_taken_away() {
+    let (mut sim, body, hold) = held(&equilibria());
+    let top = sim.group(body, "z1").unwrap();
+    let load = sim.add_load(body, "all", &top, &[0.0, 0.0, 0.2], Curve::Constant).unwrap();
+    sim.step(1).unwrap();
+    assert!(near(sim.reaction(hold, [0.0; 3]).unwrap().force[2], -0.2, 1e-6));
+    let forces: Vec<f64> = top.iter().flat_map(|_| [0.01, 0.0, 0.0]).collect();
+    sim.add_load(body, "each", &top, &forces, Curve::ramp(0.0, 1.0)).unwrap();
+    sim.set_dt(0.5).unwrap();
+    sim.step(1).unwrap();
+    // the clock stands at 0.51 s
+    let expected = -0.01 * top.len() as f64 * sim.time();
+    assert!(near(sim.reaction(hold, [0.0; 3]).unwrap().force[0], expected, 1e-6));
+    sim.remove(load).unwrap();
+    sim.step(1).unwrap();
+    assert!(sim.reaction(hold, [0.0; 3]).unwrap().force[2].abs() < 1e-7);
+}
+
+#[test]
+fn pressure_pushes_along_normals() {
+    let (mut sim, body, hold) = held(&equilibria());
+    let mesh = slab();
+    let group = mesh.group("z1").unwrap();
+    let triangles: Vec<u32> =
+        group.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
+    // outward triangles: a positive pressure on them pulls
+    sim.add_pressure(body, "suction", &triangles, 20.0, Curve::Constant).unwrap();
+    sim.step(1).unwrap();
+    let force = sim.reaction(hold, [0.0; 3]).unwrap().force;
+    assert!(near(force[2], -20.0 * 0.01, 0.05), "{force:?}");
+}
+
+#[test]
+fn constraints_move_follow_and_let_go() {
+    let (mut sim, body, _) = held(&options());
+    let top = sim.group(body, "z1").unwrap();
+    let vertex = top[0] as usize;
+    let rest = sim.mesh(body).unwrap().points[vertex];
+    let spec = ConstraintSpec {
+        motion: Motion::Translate(DVec3::Z * 0.01),
+        curve: Curve::ramp(0.0, 0.1),
+        until: 0.1001,
+        ..ConstraintSpec::hold("lift", &top)
+    };
+    let lift = sim.add_constraint(body, &spec).unwrap();
+    sim.step(5).unwrap();
+    assert!((sim.displacements(body).unwrap()[vertex][2] - 0.005).abs() < 1e-12);
+    let refused = sim.set_target(lift, DVec3::X).unwrap_err();
+    assert!(refused.text.contains("moves by a curve of its own"), "{refused}");
+    sim.step(15).unwrap();
+    assert!(sim.displacements(body).unwrap()[vertex][2] < 0.009);
+    // a pose turns what it holds
+    let (mut sim, body, _) = held(&options());
+    let hand = sim.add_constraint(body, &ConstraintSpec::hold("hand", &top)).unwrap();
+    let centre = DVec3::new(0.05, 0.05, 0.05);
+    let rotation = DQuat::from_rotation_z(0.1);
+    sim.set_target(hand, Pose { translation: DVec3::Z * 0.002, rotation, centre }).unwrap();
+    sim.step(1).unwrap();
+    let expected = centre + rotation * (rest - centre) + DVec3::Z * 0.002;
+    let now = DVec3::from_array(sim.positions(body).unwrap()[vertex]);
+    assert!(now.distance(expected) < 1e-12, "{now} {expected}");
+    // one axis alone
+    let spec = ConstraintSpec { axes: [false, false, true], ..ConstraintSpec::hold("x", &top) };
+    sim.remove(hand).unwrap();
+    sim.add_constraint(body, &spec).unwrap();
+    sim.step(2).unwrap();
+    let after = DVec3::from_array(sim.positions(body).unwrap()[vertex]);
+    assert!((after.z - expected.z).abs() < 1e-12 && after.truncate() != expected.truncate());
+}
+
+#[test]
+fn tools_press_grip_and_report_their_parts() {
+    let (mut sim, body, hold) = held(&options());
+    sim.set_solver(solver_settings("mass_damping = 50.0").unwrap()).unwrap();
+    let above = DVec3::new(0.05, 0.05, 0.075);
+    let tool = Tool::new("ball", Shape::Sphere { radius: 0.02 }, above).with_friction(0.3);
+    let ball = sim.add_tool(tool, None).unwrap();
+    for step in 1..=40 {
+        sim.move_tool(ball, above - DVec3::Z * 0.0003 * f64::from(step)).unwrap();
+        sim.step(1).unwrap();
+    }
+    for _ in 0..40 {
+        sim.step(1).unwrap();
+    }
+    let report = sim.tool_report(ball).unwrap();
+    assert!(report.force.z > 0.05 && report.depth > 0.0 && report.depth < 1e-3, "{report:?}");
+    let reaction = sim.reaction(hold, [0.0; 3]).unwrap().force[2];
+    assert!(near(reaction, report.force.z, 0.02), "{reaction} {}", report.force.z);
+    let pushed: f64 = sim.contact_forces(body).unwrap().iter().map(|f| f[2]).sum();
+    assert!(near(-pushed, report.force.z, 1e-6));
+    assert!(sim.contact_pressures(body).unwrap().iter().any(|p| *p > 0.0));
+    sim.place_tool(ball, DVec3::Z).unwrap();
+    sim.step(1).unwrap();
+    assert_eq!(sim.tool_report(ball).unwrap().force, DVec3::ZERO);
+    sim.remove(ball).unwrap();
+    assert_eq!(sim.tool_report(ball).unwrap_err().code, Code::Handle);
+
+    // jaws with capsules and boxes that close by their opening about a hinge
+    let jaw = |side: f64| Part {
+        shape: Shape::Box { half: DVec3::new(0.02, 0.005, 0.01), rounding: 0.002 },
+        at: DVec3::new(0.03, 0.02 * side, 0.0),
+        rotation: DQuat::IDENTITY,
+        jaw: 0.5 * side,
+    };
+    let start =
+        ToolPose { position: DVec3::new(0.2, 0.2, 0.2), opening: 0.4, ..ToolPose::default() };
+    let mut forceps = Tool::of_parts("forceps", vec![jaw(1.0), jaw(-1.0)], start);
+    forceps.hinge = Hinge { point: DVec3::ZERO, axis: DVec3::Z };
+    forceps.local_stiffness = true;
+    let forceps = sim.add_tool(forceps, None).unwrap();
+    sim.set_grip(forceps, true).unwrap();
+    sim.move_tool(forceps, ToolPose { opening: 0.1, ..start }).unwrap();
+    sim.step(1).unwrap();
+    let report = sim.tool_report(forceps).unwrap();
+    assert_eq!((report.opening, report.parts.len()), (0.1, 2));
+    // all shapes, and faces of a body alone
+    let field = distance_field(&slab(), None).unwrap();
+    let top: Vec<u32> = {
+        let mesh = sim.mesh(body).unwrap();
+        let of = mesh.group("z1").unwrap();
+        of.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect()
+    };
+    for (name, shape) in [
+        ("capsule", Shape::Capsule { half_length: 0.01, radius: 0.01 }),
+        ("plate", Shape::Field(field)),
+        ("half", Shape::HalfSpace),
+    ] {
+        let tool = Tool::new(name, shape, DVec3::new(0.0, 0.0, -0.5));
+        sim.add_tool(tool, Some((body, &top))).unwrap();
+    }
+    sim.step(1).unwrap();
+    let names: Vec<String> = sim.list(Kind::Tool).into_iter().map(|(_, name)| name).collect();
+    assert_eq!(names, ["forceps", "capsule", "plate", "half"]);
+}
+
+#[test]
+fn bodies_touch_each_other() {
+    let mesh = slab();
+    let mut sim = Embedding::new(&Options { dt: 0.005, ..options() }).unwrap();
+    let liver = preset("liver").unwrap();
+    let below = sim.add_body(&mesh, &BodyDescription::new("below", &mesh, liver)).unwrap();
+    let raised = mesh.transformed(1.0, DQuat::IDENTITY, DVec3::Z * 0.051);
+    let above = sim.add_body(&raised, &BodyDescription::new("above", &raised, liver)).unwrap();
+    for (name, body, group) in [("floor", below, "z0"), ("hand", above, "z1")] {
+        let vertices = sim.group(body, group).unwrap();
+        sim.add_constraint(body, &ConstraintSpec::hold(name, &vertices)).unwrap();
+    }
+    let hand = sim.find(Kind::Constraint, "hand").unwrap();
+    let contact = sim.add_contact("pair", [below, above], 0.0, Stiffness::default()).unwrap();
+    sim.set_solver(solver_settings("mass_damping = 50.0").unwrap()).unwrap();
+    for step in 1..=40 {
+        sim.set_target(hand, DVec3::Z * -0.0001 * f64::from(step)).unwrap();
+        sim.step(1).unwrap();
+    }
+    sim.step(60).unwrap();
+    let report = sim.contact_report(contact).unwrap();
+    let force = sim.reaction(hand, [0.0; 3]).unwrap().force[2];
+    assert!(report.force.z < -0.1 && near(-force, -report.force.z, 0.05), "{report:?} {force}");
+    sim.remove(contact).unwrap();
+    sim.step(40).unwrap();
+    assert!(sim.reaction(hand, [0.0; 3]).unwrap().force[2].abs() < 0.2 * force.abs());
+}
+
+#[test]
+fn a_ray_finds_what_a_pull_takes_hold_of() {
+    let (mut sim, body, _) = held(&options());
+    let pick = sim.pick([0.06, 0.03, 1.0], [0.0, 0.0, -2.0]).unwrap().unwrap();
+    assert_eq!(pick.body, body);
+    assert!((pick.distance - 0.95).abs() < 1e-12 && (pick.position[2] - 0.05).abs() < 1e-12);
+    let points = &sim.mesh(body).unwrap().points;
+    let at: DVec3 =
+        pick.vertices.iter().zip(pick.weights).map(|(&v, w)| points[v as usize] * w).sum();
+    assert!(at.distance(DVec3::new(0.06, 0.03, 0.05)) < 1e-12);
+    assert_eq!(sim.pick([0.06, 0.03, 1.0], [0.0, 0.0, 1.0]).unwrap(), None);
+    let spec = PullSpec {
+        name: "mouse",
+        vertices: &pick.vertices,
+        weights: &pick.weights,
+        stiffness: 20.0,
+        damping: 0.1,
+    };
+    let pull = sim.add_pull(body, &spec).unwrap();
+    sim.move_pull(pull, DVec3::Z * 0.01).unwrap();
+    sim.step(60).unwrap();
+    let report = sim.pull_report(pull).unwrap();
+    assert!(near(report.force.length() / report.distance, 20.0, 0.1), "{report:?}");
+    assert_eq!(sim.move_pull(pull, DVec3::NAN).unwrap_err().code, Code::Argument);
+    sim.remove(pull).unwrap();
+    assert_eq!(sim.pull_report(pull).unwrap_err().code, Code::Handle);
+    sim.add_pull(body, &spec).unwrap();
+}
+
+#[test]
+fn removals_change_the_surface_and_its_revision() {
+    let (mut sim, body, _) = held(&options());
+    let mesh = slab();
+    let whole = sim.surface(body).unwrap().triangles.len();
+    assert_eq!(whole, mesh.surface_triangles().len());
+    let revision = sim.surface(body).unwrap().revision;
+    sim.step(2).unwrap();
+    assert_eq!(sim.surface(body).unwrap().revision, revision);
+    let report = sim.remove_elements(
+        body,
+        Region::Tetrahedra(vec![0, 1, 2, 3, 4, 5]),
+        MassPolicy::Recompute,
+    );
+    let report = report.unwrap();
+    assert_eq!(report.tetrahedra, [0, 1, 2, 3, 4, 5]);
+    // a cell of the corner: three squares of its six were outside, three come
+    let now = sim.surface(body).unwrap();
+    assert_eq!((now.triangles.len(), now.revision), (whole, revision + 1));
+    let left = sim.remaining(body, ElementKind::Tetrahedron).unwrap();
+    assert_eq!((left.len(), left[0]), (mesh.tetrahedra.len() - 6, 6));
+    let again = Region::Tetrahedra(vec![0]);
+    assert_eq!(
+        sim.remove_elements(body, again, MassPolicy::Keep).unwrap_err().code,
+        Code::Argument
+    );
+    let ball = Region::Sphere { centre: DVec3::new(0.05, 0.05, 0.05), radius: 0.03 };
+    let report = sim.remove_elements(body, ball, MassPolicy::Recompute).unwrap();
+    assert!(report.tetrahedra.len() > 10 && report.mass > 0.0);
+    assert_eq!(sim.surface(body).unwrap().revision, revision + 2);
+    let points = sim.positions(body).unwrap().len();
+    let surface = sim.surface(body).unwrap();
+    assert!(surface.triangles.iter().flatten().all(|&v| (v as usize) < points));
+    sim.step(3).unwrap();
+}
+
+#[test]
+fn reports_are_those_of_the_engine() {
+    let (mut sim, _, _) = held(&Options { gravity: [0.0, 0.0, -9.81], ..options() });
+    sim.step(2).unwrap();
+    let report = sim.report();
+    let exact = serde_json::to_value(sim.simulation().report()).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&sim.report_json()).unwrap();
+    for (key, value) in exact.as_object().unwrap() {
+        assert_eq!(&json[key], value, "{key}");
+    }
+    assert_eq!((&json["step"], report.step), (&2.into(), 2));
+    assert!((json["time"].as_f64().unwrap() - 0.02).abs() < 1e-15);
+    assert_eq!(json["volume"]["elements_by_body"][0], slab().tetrahedra.len());
+    let energy = sim.energy();
+    assert!(near(energy.kinetic, report.figures.kinetic_energy, 1e-9));
+    assert!(near(energy.elastic, report.figures.elastic_energy, 1e-9));
+}
+
+#[test]
+fn settings_are_what_was_asked_for() {
+    let precision = choice::<PrecisionName>("precision", "f32").unwrap().into();
+    let set = choice("instruction set", "portable").unwrap();
+    let options = Options { precision, threads: 2, instruction_set: Some(set), ..options() };
+    let (mut sim, body, _) = held(&options);
+    assert_eq!((sim.precision(), sim.threads()), (Precision::F32, 2));
+    assert_eq!((sim.instruction_set(), sim.backend()), (InstructionSet::Portable, Backend::Cpu));
+    let gravity = [1.0, -2.0, 3.0];
+    sim.set_gravity(gravity).unwrap();
+    sim.set_dt(0.02).unwrap();
+    sim.set_solver(solver_settings("integrator = \"safe\"").unwrap()).unwrap();
+    assert_eq!((sim.gravity(), sim.dt()), (gravity, 0.02));
+    assert_eq!(sim.solver().integrator, Integrator::Safe);
+    sim.step(1).unwrap();
+    assert_eq!((sim.time(), sim.steps_done(), sim.steps_planned()), (0.02, 1, None));
+    let masses = sim.masses(body).unwrap();
+    let forces = sim.external_forces(body).unwrap();
+    assert!(near(forces[5][2], 3.0 * masses[5], 1e-6));
+    assert!(!sim.is_static() && sim.scene_name().is_none());
+    assert_eq!(version(), env!("CARGO_PKG_VERSION"));
+}

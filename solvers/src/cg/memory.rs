@@ -1,0 +1,100 @@
+//! What conjugate gradients keep between solves, for snapshots: iterates depend on the values of a preconditioner as far
+//! as the tolerance lets them, so that a state without them would not go on alike.
+
+use super::*;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// The values of a preconditioner. They change at refreshes only, so that snapshots between two share them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "T: Scalar")]
+struct Values<T: Scalar> {
+    /// Connected piece of every row when the aggregates were chosen.
+    pieces: Vec<u32>,
+    cholesky: Vec<FactorValues<T>>,
+    coarse: Option<CoarseValues<T>>,
+}
+
+/// What was kept of a preconditioner that may be used again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "T: Scalar")]
+pub struct PreconditionerMemory<T: Scalar> {
+    kept: Kept,
+    values: Arc<Values<T>>,
+}
+
+/// The last copy of the values, while it holds.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Shared<T: Scalar>(Option<Arc<Values<T>>>);
+
+impl<T: Scalar> Shared<T> {
+    pub fn forget(&mut self) {
+        self.0 = None;
+    }
+}
+
+/// Kept values that do not belong to the bodies they are given to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Misfit;
+
+impl<T: Scalar> ConjugateGradients<T> {
+    /// What is kept, if the next solve may look at it.
+    pub fn memory(
+        &mut self,
+        topology: &Topology,
+        bodies: &Range<usize>,
+    ) -> Option<PreconditionerMemory<T>> {
+        // those of other pieces are thrown away at the next solve
+        let same = |kept: &&Kept| kept.splits == splits(topology, bodies);
+        let kept = self.kept.as_ref().filter(same)?.clone();
+        let values = self.shared.0.get_or_insert_with(|| {
+            Arc::new(Values {
+                pieces: self.laid_out_for.clone(),
+                cholesky: self.cholesky.values(),
+                coarse: self.coarse.as_ref().map(CoarseSpace::values),
+            })
+        });
+        Some(PreconditionerMemory { kept, values: values.clone() })
+    }
+
+    /// Takes up what was kept; `rest` (m) belongs to the rows of the bodies.
+    ///
+    /// # Errors
+    /// When it does not belong to them; nothing is kept then.
+    pub fn recall(
+        &mut self,
+        topology: &Topology,
+        bodies: &Range<usize>,
+        (pattern, rest): (&Pattern, &[DVec3]),
+        memory: Option<&PreconditionerMemory<T>>,
+    ) -> Result<(), Misfit> {
+        let now = self.kept.take();
+        let Some(PreconditionerMemory { kept, values }) = memory else {
+            self.shared.forget();
+            return Ok(());
+        };
+        let same = self.shared.0.as_ref().is_some_and(|shared| Arc::ptr_eq(shared, values));
+        if !same {
+            self.shared.forget();
+            let n = pattern.len();
+            let fits = values.pieces.len() == n && kept.held.len() == n && rest.len() == n;
+            if !fits || matches!(kept.kind, Preconditioner::Auto | Preconditioner::Direct) {
+                return Err(Misfit);
+            }
+            if now.is_none_or(|now| now.kind != kept.kind) || self.laid_out_for != values.pieces {
+                self.lay_out(pattern, rest, &values.pieces, kept.kind);
+            }
+            let coarse = match (&mut self.coarse, &values.coarse) {
+                (None, None) => true,
+                (Some(coarse), Some(values)) => coarse.recall(values),
+                _ => false,
+            };
+            if !(coarse && self.cholesky.recall(&values.cholesky)) {
+                return Err(Misfit);
+            }
+            self.shared.0 = Some(values.clone());
+        }
+        self.kept = Some(Kept { splits: splits(topology, bodies), ..kept.clone() });
+        Ok(())
+    }
+}
