@@ -18,14 +18,14 @@ def main() -> None:
     read.point_sets = {"wall": np.flatnonzero(read.point_data["held"] > 0)}
     mesh = sinew.Mesh.from_meshio(read)
     print(mesh)
-    sim = sinew.Simulation(dt=0.01)
+    sim = sinew.Simulation(solver={"integrator": "quasi-static"})
     beam = sim.add_body("beam", mesh, sinew.preset("liver", young=3e4))
     wall = sim.hold(beam, "wall")
-    sim.step(200)
+    sim.step(3)
     tip = beam.displacements[:, 2].min()
     weight = 9.81 * beam.masses.sum()
     print(f"the tip hangs {-1e3 * tip:.2f} mm; the wall carries {wall.reaction[2]:.4f} N of {weight:.4f} N")
-    assert tip < -1e-3 and abs(wall.reaction[2] - weight) < 0.05 * weight
+    assert tip < -1e-3 and abs(wall.reaction[2] - weight) < 1e-3 * weight
 
 
 if __name__ == "__main__":

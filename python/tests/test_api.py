@@ -88,7 +88,7 @@ def test_tools_feel_what_bodies_feel():
     grasper = sim.add_tool(
         "grasper", jaws, opening=0.3, hinge=((0, 0, 0), (0, 0, 1)), path=[sinew.Pose(0, (0.3, 0, 0)), sinew.Pose(2, (0.2, 0, 0))]
     )
-    sim.step()
+    sim.step(2)  # it appears in the first
     assert len(grasper.report.parts) == 2 and grasper.report.velocity[0] < 0
     grasper.set_grip(True)
     with pytest.raises(sinew.ArgumentError, match="cannot be given targets"):
@@ -382,6 +382,58 @@ def test_batch():
     with pytest.raises(sinew.Panic) as told:
         batch.step(2)
     assert told.value.index == 2 and [s.steps_done for i, s in enumerate(sims) if i != 2] == [9] * 4
+
+
+def test_snapshots_go_back_to_the_bit(tmp_path):
+    sim, body = block((3, 3, 2))
+    ball = sim.add_tool("ball", sinew.Sphere(0.02), (0.05, 0.05, 0.079), friction=0.3)
+    sim.step(10)
+    start, view, where = sim.snapshot(), body.positions, body.copy()
+    sim.step(20)
+    straight = sim.hash()
+    added = sim.hold(body, "z1", name="later")
+    ball.remove()
+    body.remove(tetrahedra=[5, 6])
+    sim.dt, sim.solver = 0.005, {"integrator": "newton"}
+    sim.step(5)
+    sim.restore(start)
+    assert np.array_equal(view, where) and sim.steps_done == 10 and sim.dt == 0.01
+    assert len(body.remaining()) == len(body.mesh.tetrahedra) and sim.solver["integrator"] != "newton"
+    assert list(sim.constraints) == ["z0"] and list(sim.tools) == ["ball"]
+    with pytest.raises(sinew.HandleError):
+        added.reaction
+    sim.step(20)
+    assert sim.hash() == straight and sim.tools["ball"].force[2] > 0
+    # through a file, into a simulation of its own
+    path = tmp_path / "state"
+    path.write_bytes(pickle.dumps(start))
+    twin, _ = block((3, 3, 2))
+    twin.restore(pickle.loads(path.read_bytes()))
+    twin.step(20)
+    assert twin.hash() == straight
+    assert sinew.Snapshot.from_bytes(start.to_bytes()).to_bytes() == start.to_bytes()
+    with pytest.raises(sinew.SnapshotError):
+        block((2, 2, 2))[0].restore(start)
+    with pytest.raises(sinew.SnapshotError):
+        block((3, 3, 2), precision="f32")[0].restore(start)
+    with pytest.raises(sinew.SnapshotError):
+        sinew.Snapshot.from_bytes(start.to_bytes()[:-9])
+
+
+def test_a_batch_is_reset_where_a_mask_says():
+    batch = sinew.Batch([block((3, 3, 2))[0] for _ in range(4)], workers=2)
+    first = batch.hash()
+    batch.step(3)
+    later = batch.hash()
+    batch.reset(np.array([True, False, False, True]))
+    assert batch.hash() == [first[0], later[1], later[2], first[3]]
+    kept = batch.snapshot()
+    batch.reset()
+    assert batch.hash() == first
+    batch.restore(kept)
+    assert batch.hash() == [first[0], later[1], later[2], first[3]]
+    with pytest.raises(sinew.ArgumentError, match="4 booleans"):
+        batch.reset([1, 0, 0, 0])
 
 
 def test_same_bits_for_any_threads():

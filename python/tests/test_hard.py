@@ -70,7 +70,8 @@ def test_large_copies_are_whole():
         sim.step()
     stop.set()
     reader.join()
-    assert not torn and count[0] > 3 and body.displacements[0, 0] == pytest.approx(0.2, rel=1e-6)
+    assert not torn, len(torn)
+    assert count[0] > 3 and body.displacements[0, 0] == pytest.approx(0.2, rel=1e-6)
 
 
 def test_threads_share_one_simulation():
@@ -259,6 +260,23 @@ def test_malformed_input_is_an_exception():
     sim.hash()
 
 
+def test_reset_of_a_batch_is_cheap():
+    """Reported, and held to the aim only where SINEW_TIMING says that the machine is quiet."""
+    batch = sinew.Batch([block((8, 8, 6))[0] for _ in range(16)], workers=1)
+    batch.step(2)
+    start = time.perf_counter()
+    batch.step(3)
+    step = (time.perf_counter() - start) / 3
+    start = time.perf_counter()
+    for _ in range(3):
+        batch.reset()
+    reset = (time.perf_counter() - start) / 3
+    print(f"reset of 16 simulations: {1e3 * reset:.1f} ms, {100 * reset / step:.1f} % of a step")
+    if os.environ.get("SINEW_TIMING"):
+        assert reset <= 0.1 * step
+    assert reset < step
+
+
 def resident():
     with open("/proc/self/statm") as file:
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
@@ -291,11 +309,12 @@ def test_import_is_quick_and_starts_no_thread():
     code = (
         "import threading, time, os, numpy as np\n"
         "tasks = lambda: len(os.listdir('/proc/self/task')) if os.path.exists('/proc/self/task') else 1\n"
-        "n = tasks(); a = time.perf_counter(); import sinew; b = time.perf_counter()\n"
+        "n = tasks(); a = time.process_time(); import sinew; b = time.process_time()\n"
         "print(b - a, tasks() - n)"
     )
     runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True) for _ in range(7)]
     times = sorted(float(run.stdout.split()[0]) for run in runs)
+    # of the processor: other programs do not count
     print(f"import sinew after numpy: {1e3 * times[0]:.0f} ms (median {1e3 * times[3]:.0f})")
     assert all(run.stdout.split()[1] == "0" for run in runs)
     assert times[0] <= 0.060

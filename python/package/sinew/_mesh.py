@@ -100,8 +100,8 @@ class Mesh:
             lists = [np.unique(block.data[np.asarray(own, np.int64)]) for block, own in zip(mesh.cells, blocks) if own is not None and len(own)]
             if lists:
                 groups[name] = np.unique(np.concatenate(lists))
-        physical = (mesh.cell_data or {}).get("gmsh:physical")
-        for name, tag in (mesh.field_data or {}).items() if physical is not None else ():
+        physical = (mesh.cell_data or {}).get("gmsh:physical") or []
+        for name, tag in (mesh.field_data or {}).items():
             own = [np.unique(b.data[np.asarray(p) == tag[0]]) for b, p in zip(mesh.cells, physical)]
             if any(part.size for part in own):
                 groups[name] = np.unique(np.concatenate([part for part in own if part.size]))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import html
 import json
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,7 +37,7 @@ def _curve(curve: Curve | None, over: Over | None = None) -> Any:
         return [[start, 0.0], [end, 1.0]]
     if curve is None or isinstance(curve, Sine):
         return curve
-    points = floats("curve", curve, 2).reshape(-1, 2)  # type: ignore[arg-type]
+    points = floats("curve", curve, 2).reshape(-1, 2)
     return [list(point) for point in points.tolist()]
 
 
@@ -529,7 +527,8 @@ class Simulation:
                 if path not in files:
                     raise FileNotFoundError(f"no file `{path}` among those given ({', '.join(files)})")
                 return bytes(files[path])
-            return (Path(files) / path).read_bytes()
+            with open(os.path.join(files, path), "rb") as file:
+                return file.read()
 
         own = cls.__new__(cls)
         own._take(_native.Engine.of_text(text, name, read, _choices(**choices)))
@@ -940,6 +939,8 @@ class Simulation:
         return f"<sinew.Simulation{name}: bodies {list(self._bodies)}, step {done}, t = {time:g} s, dt = {dt:g} s>"
 
     def _repr_html_(self) -> str:
+        import html  # of notebooks alone
+
         energy, volume = self.energy, self.report.volume
         rows = []
         for i, body in enumerate(self._bodies.values()):
