@@ -18,8 +18,8 @@ use std::sync::Arc;
 #[pyclass(frozen, module = "sinew._native")]
 pub struct Engine(pub Shared);
 
-/// The state of a simulation at one time. It can be pickled.
-#[pyclass(frozen, module = "sinew")]
+/// The state of a simulation at one time. It can be pickled: the package says how.
+#[pyclass(frozen, module = "sinew._native")]
 pub struct Snapshot(sinew_embed::Snapshot);
 
 #[pymethods]
@@ -34,13 +34,6 @@ impl Snapshot {
     #[staticmethod]
     fn from_bytes(py: Python<'_>, bytes: &[u8]) -> PyResult<Self> {
         py.detach(|| sinew_embed::Snapshot::from_bytes(bytes)).map(Self).map_err(raise)
-    }
-
-    fn __reduce__<'py>(
-        own: &Bound<'py, Self>,
-    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
-        let make = own.get_type().getattr("from_bytes")?;
-        Ok((make, (own.get().to_bytes(own.py()),)))
     }
 }
 

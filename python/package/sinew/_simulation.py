@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import json
 import math
 import os
@@ -18,6 +19,14 @@ from ._errors import ArgumentError
 from ._mesh import Mesh, floats, indices, vector
 from ._native import Snapshot
 from ._types import Axes, Curve, Energy, Floats, Material, Membrane, Part, Pick, Pose, Report, Run, Shape, Sine, Stiffness, Wrench
+
+
+def _read_snapshot(data: bytes) -> Snapshot:
+    """What pickles of snapshots call."""
+    return Snapshot.from_bytes(data)
+
+
+copyreg.pickle(Snapshot, lambda own: (_read_snapshot, (own.to_bytes(),)))
 
 Vertices = str | ArrayLike
 """A group by its name, indices, or a mask."""
