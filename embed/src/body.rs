@@ -9,8 +9,9 @@ use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::engine::surface::SurfaceReader;
 use sinew::models::body::sheet::{MembraneSettings, PlaneState};
-use sinew::models::body::{BodyDescription, MassRule};
-use sinew::models::material::field::MaterialField;
+use sinew::models::body::{BodyDescription, MassRule, SoftBody};
+use sinew::models::material::YoungPoisson;
+use sinew::models::material::field::{MaterialArrays, MaterialField};
 use sinew::models::resection::{MassPolicy, Region, Removal, RemovalReport};
 use sinew::simulation::{BodyHandle, MaterialChange, Simulation};
 use sinew_demos::build::{BuiltBody, BuiltMembrane, count_membrane_vertices, warn_of_findings};
@@ -43,6 +44,11 @@ impl Buffers {
         // vertices that no element ever used keep their place
         let vectors = [Buffer { epoch: 0, values: rest }, zero(), zero()];
         Self { vectors, surface: Vec::new(), revision: 0, changes: u64::MAX, looked: 0 }
+    }
+
+    /// Has the surface looked at anew.
+    pub fn forget_surface(&mut self) {
+        (self.changes, self.looked) = (u64::MAX, 0);
     }
 }
 
@@ -411,6 +417,18 @@ impl Embedding {
     /// When there is no such body.
     pub fn remaining(&self, body: Handle, kind: ElementKind) -> Result<Vec<u32>> {
         Ok(self.built.simulation.remaining(BodyHandle(self.body(body)?), kind))
+    }
+
+    /// Its material: constants, and what replaces them element by element.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn material(&mut self, body: Handle) -> Result<(YoungPoisson, MaterialArrays)> {
+        let index = self.body(body)?;
+        let world = self.built.simulation.world_mut();
+        let own = world.query::<&SoftBody>().iter(world).find(|own| own.index == index);
+        let kept = own.map(|own| (own.material, own.arrays.clone()));
+        Ok(kept.unwrap_or_else(|| (self.built.bodies[index].material, MaterialArrays::default())))
     }
 
     /// Gives it another material from the next step on, uniform or by element; what that did to its energies.

@@ -12,6 +12,7 @@ use sinew::models::material::MaterialError;
 use sinew::models::material::field::FieldError;
 use sinew::models::resection::RemovalError;
 use sinew::simulation::SimulationError;
+use sinew::snapshot::SnapshotError;
 use sinew::touch::field::FieldError as ShapeError;
 use sinew::touch::tool::ToolError;
 use sinew_demos::error::SceneError;
@@ -178,6 +179,7 @@ codes! {
     ShapeError => |_| Code::Mesh;
     RemovalError => |_| Code::Argument;
     ActivationError => |_| Code::Argument;
+    SnapshotError => |_| Code::Snapshot;
 }
 
 fn mesh(error: &MeshError) -> Code {

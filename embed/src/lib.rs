@@ -66,7 +66,7 @@ pub use sinew::models::body::lumped::SpringRule;
 pub use sinew::models::body::sheet::{MembraneDescription, MembraneModel, PlaneState};
 pub use sinew::models::body::{BodyDescription, Evaluation, MassRule, Model};
 pub use sinew::models::material::YoungPoisson;
-pub use sinew::models::material::field::MaterialField;
+pub use sinew::models::material::field::{MaterialArrays, MaterialField};
 pub use sinew::models::resection::{MassPolicy, Region, RemovalReport};
 pub use sinew::simulation::{Backend, MaterialChange, Simulation};
 pub use sinew::solvers::settings::{Integrator, SolverSettings};

@@ -113,6 +113,11 @@ impl Embedding {
             }
             other => Some(other),
         });
+        for tool in &mut self.built.tools {
+            let entity = orders.get(&tool.entity).and_then(|order| now.get(order));
+            tool.entity = entity.copied().unwrap_or(tool.entity);
+        }
+        self.buffers.iter_mut().for_each(|own| own.forget_surface());
         self.add_missing_handles();
         let world = self.built.simulation.world();
         let gravity = world.resource::<Gravity>().0;

@@ -1,0 +1,75 @@
+"""Sinew: soft tissue in Python.
+
+>>> import sinew
+>>> mesh = sinew.generate("box", size=(0.1, 0.1, 0.05), cells=(4, 4, 2))
+>>> sim = sinew.Simulation(dt=0.01, threads=1)
+>>> block = sim.add_body("block", mesh, sinew.preset("liver"))
+>>> floor = sim.hold(block, "z0")
+>>> sim.step(20)
+>>> bool(floor.reaction[2] > 0)
+True
+
+SI units. Arrays are in the order of the user's mesh.
+"""
+
+from typing import Any
+
+from . import _native
+from ._errors import (
+    ArgumentError,
+    BackendError,
+    Error,
+    FileError,
+    HandleError,
+    MaterialError,
+    MeshError,
+    Panic,
+    SceneError,
+    SnapshotError,
+    StepError,
+)
+from ._native import Snapshot
+from ._mesh import Mesh, generate, read_mesh
+from ._simulation import Batch, Body, Constraint, Contact, Load, Pressure, Pull, Simulation, Tool
+from ._types import (
+    Axes,
+    Box,
+    Capsule,
+    ContactFigures,
+    ContactReport,
+    Energy,
+    Fallbacks,
+    Family,
+    Field,
+    HalfSpace,
+    Material,
+    Membrane,
+    Muscle,
+    Part,
+    PartReport,
+    Pick,
+    Pose,
+    PullReport,
+    Removal,
+    Report,
+    Run,
+    Sine,
+    Sphere,
+    Stiffness,
+    ToolReport,
+    Volume,
+    Warning,
+    Wrench,
+    asdict,
+    preset,
+)
+
+
+def build_info() -> dict[str, Any]:
+    """What was built: version, machine, instruction sets, whether with a graphics processor."""
+    return _native.build_info()
+
+
+__version__: str = str(build_info()["version"])
+
+__all__ = [name for name in dir() if not name.startswith("_") and name != "Any"]

@@ -1,0 +1,662 @@
+//! The doors of a simulation, by handles. `package/sinew/_simulation.py` makes objects of them.
+
+use crate::engine::{Quantity, Shared, guarded, rows3};
+use crate::error::{panic_text, raise};
+use crate::input::*;
+use crate::mesh::Mesh;
+use crate::report;
+use numpy::prelude::*;
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use sinew_embed::*;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+/// A simulation.
+#[pyclass(frozen, module = "sinew._native")]
+pub struct Engine(pub Shared);
+
+/// The state of a simulation at one time. It can be pickled: the package says how.
+#[pyclass(frozen, module = "sinew._native")]
+pub struct Snapshot(sinew_embed::Snapshot);
+
+#[pymethods]
+impl Snapshot {
+    /// As bytes, for a file.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        let bytes = py.detach(|| self.0.to_bytes());
+        PyBytes::new(py, &bytes)
+    }
+
+    /// Reads what `to_bytes` wrote.
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, bytes: &[u8]) -> PyResult<Self> {
+        py.detach(|| sinew_embed::Snapshot::from_bytes(bytes)).map(Self).map_err(raise)
+    }
+}
+
+/// Calls what makes a simulation; a panic in it is an error.
+fn made(py: Python<'_>, make: impl FnOnce() -> Result<Embedding> + Send) -> PyResult<Engine> {
+    let panicked = |payload: Box<dyn std::any::Any + Send>| {
+        Err(EmbedError::new(Code::Panic, panic_text(&*payload)))
+    };
+    let own = py.detach(|| catch_unwind(AssertUnwindSafe(make)).unwrap_or_else(panicked));
+    own.map(|own| Engine(Shared::new(own))).map_err(raise)
+}
+
+/// What a program says about how a simulation is carried out; what is `None` is as it is by default.
+#[derive(FromPyObject)]
+struct Choices {
+    precision: Option<String>,
+    backend: Option<String>,
+    threads: Option<usize>,
+    executor: Option<String>,
+    instruction_set: Option<String>,
+    steps: Option<u64>,
+}
+
+impl Choices {
+    fn overrides(&self) -> Result<Overrides> {
+        let named = |own: &Option<String>| own.as_deref().map(str::to_owned);
+        let precision = named(&self.precision)
+            .map(|name| choice::<PrecisionName>("precision", &name).map(Into::into));
+        let backend = named(&self.backend)
+            .map(|name| choice::<BackendName>("backend", &name).map(Into::into));
+        let executor = named(&self.executor)
+            .map(|name| choice::<ExecutorName>("executor", &name).map(Into::into));
+        Ok(Overrides {
+            precision: precision.transpose()?,
+            backend: backend.transpose()?,
+            threads: self.threads,
+            executor: executor.transpose()?,
+            instruction_set: self.set()?,
+            steps: self.steps,
+        })
+    }
+
+    fn set(&self) -> Result<Option<InstructionSet>> {
+        let named = |name| choice("instruction set", name);
+        self.instruction_set.as_deref().map(named).transpose()
+    }
+}
+
+/// Files that a scene names, asked of a Python function that answers `bytes`.
+fn files(read: Py<PyAny>) -> impl Fn(&str) -> io::Result<Vec<u8>> + Send + Sync {
+    move |path| {
+        Python::attach(|py| {
+            let bytes = read.bind(py).call1((path,)).map_err(io::Error::other)?;
+            let bytes = bytes.cast::<PyBytes>().map_err(|e| io::Error::other(PyErr::from(e)))?;
+            Ok(bytes.as_bytes().to_vec())
+        })
+    }
+}
+
+fn kind(name: &str) -> Result<Kind> {
+    let named = Kind::ALL.into_iter().find(|kind| kind.name() == name);
+    named.ok_or_else(|| invalid(format!("unknown kind `{name}`")))
+}
+
+/// Elements by their kind.
+fn element_kind(name: &str) -> Result<ElementKind> {
+    Ok(match name {
+        "tetrahedra" => ElementKind::Tetrahedron,
+        "triangles" => ElementKind::Triangle,
+        "hexahedra" => ElementKind::Hexahedron,
+        "quads" => ElementKind::Quad,
+        _ => return Err(invalid(format!("unknown kind of elements `{name}`"))),
+    })
+}
+
+fn region(kind: &str, list: Indices, numbers: &[f64]) -> Result<Region> {
+    let vector = |own: &[f64]| DVec3::from_slice(own);
+    Ok(match (kind, numbers) {
+        ("sphere", &[x, y, z, radius]) => Region::Sphere { centre: DVec3::new(x, y, z), radius },
+        ("capsule", own) if own.len() == 7 => {
+            let (from, to) = (vector(&own[..3]), vector(&own[3..6]));
+            Region::Capsule { from, to, radius: own[6] }
+        }
+        ("strain", &[above]) => Region::Strain { above },
+        ("stress", &[above]) => Region::Stress { above },
+        _ => match element_kind(kind)? {
+            ElementKind::Tetrahedron => Region::Tetrahedra(list.0),
+            ElementKind::Triangle => Region::Triangles(list.0),
+            ElementKind::Hexahedron => Region::Hexahedra(list.0),
+            ElementKind::Quad => Region::Quads(list.0),
+        },
+    })
+}
+
+fn add_body(
+    own: &mut Embedding,
+    name: &str,
+    mesh: &sinew_embed::Mesh,
+    spec: BodyIn,
+) -> Result<Handle> {
+    let [young_modulus, poisson_ratio, density] = spec.material.arrays();
+    let cells = spec.membrane.as_ref().map(|membrane| membrane.faces(mesh)).transpose()?;
+    let membrane = match (&cells, &spec.membrane) {
+        (Some((triangles, quads)), Some(membrane)) => Some(MembraneDescription {
+            quads,
+            plane: choice("plane state", &membrane.plane)?,
+            model: choice("model of membranes", &membrane.model)?,
+            evaluation: choice("evaluation", &membrane.evaluation)?,
+            springs: springs(&membrane.springs)?,
+            ..MembraneDescription::new(triangles, membrane.thickness, membrane.material.uniform())
+        }),
+        _ => None,
+    };
+    let description = BodyDescription {
+        young_modulus,
+        poisson_ratio,
+        density,
+        model: choice("model", &spec.model)?,
+        evaluation: choice("evaluation", &spec.evaluation)?,
+        masses: choice("rule of masses", &spec.masses)?,
+        springs: springs(&spec.springs)?,
+        membrane,
+        axes: spec.axes.map(AxesIn::description).transpose()?,
+        ..BodyDescription::new(name, mesh, spec.material.uniform())
+    };
+    own.add_body(mesh, &description)
+}
+
+/// A tool, and the triangles of a body that it alone touches.
+fn tool(spec: ToolIn) -> Result<(Tool, Option<(Handle, Vec<u32>)>)> {
+    let parts: Result<Vec<Part>> = spec.parts.iter().map(PartIn::part).collect();
+    let mut tool = Tool::of_parts(spec.name, parts?, tool_pose(spec.start)?);
+    tool.hinge = hinge(spec.hinge);
+    tool.motion = match (spec.path, spec.by) {
+        (Some(path), _) => {
+            let point = |(time, pose)| Ok(PathPoint { time, pose: tool_pose(pose)? });
+            ToolMotion::Path(path.into_iter().map(point).collect::<Result<_>>()?)
+        }
+        (None, Some(by)) => ToolMotion::Translate(vec3(by), curve(spec.curve)),
+        (None, None) => ToolMotion::Follow,
+    };
+    (tool.friction, tool.grip, tool.exact) = (spec.friction, spec.grip, spec.exact);
+    tool.points = points(spec.points)?;
+    tool.stiffness = stiffness(&spec.stiffness);
+    (tool.keeps_side, tool.error_bar) = (spec.keeps_side, spec.error_bar);
+    tool.local_stiffness = spec.local_stiffness;
+    (tool.from, tool.until) = (spec.begin, spec.until);
+    Ok((tool, spec.on.map(|(body, triangles)| (body, triangles.0))))
+}
+
+/// What holds vertices and moves them.
+#[derive(FromPyObject)]
+struct ConstraintIn {
+    name: String,
+    vertices: Indices,
+    axes: [bool; 3],
+    by: Option<Floats>,
+    rotation: Option<(Vec3, Vec3, f64)>,
+    curve: Option<CurveIn>,
+    begin: f64,
+    until: f64,
+}
+
+impl ConstraintIn {
+    fn motion(&self) -> Motion {
+        match (&self.by, self.rotation) {
+            (_, Some((centre, axis, angle))) => {
+                Motion::Rotate { centre: vec3(centre), axis: vec3(axis), angle }
+            }
+            (Some(by), None) => match by.0.as_chunks::<3>().0 {
+                &[by] => Motion::Translate(vec3(by)),
+                each => Motion::TranslateEach(each.iter().map(|&by| vec3(by)).collect()),
+            },
+            (None, None) => Motion::Hold,
+        }
+    }
+}
+
+#[pymethods]
+impl Engine {
+    /// A simulation without bodies.
+    #[staticmethod]
+    fn create(
+        py: Python<'_>,
+        choices: Choices,
+        dt: f64,
+        gravity: Vec3,
+        solver: String,
+    ) -> PyResult<Self> {
+        made(py, || {
+            let own = choices.overrides()?;
+            Embedding::new(&Options {
+                precision: own.precision.unwrap_or_default(),
+                backend: own.backend.unwrap_or_default(),
+                threads: own.threads.unwrap_or_default(),
+                instruction_set: own.instruction_set,
+                dt,
+                gravity,
+                solver: solver_settings(&solver)?,
+            })
+        })
+    }
+
+    /// The simulation of a scene file.
+    #[staticmethod]
+    fn of_file(py: Python<'_>, path: &str, choices: Choices) -> PyResult<Self> {
+        made(py, || Embedding::from_scene_file(path, &choices.overrides()?))
+    }
+
+    /// The simulation of a scene's text; `read` answers the bytes of files that it names.
+    #[staticmethod]
+    fn of_text(
+        py: Python<'_>,
+        text: &str,
+        name: &str,
+        read: Py<PyAny>,
+        choices: Choices,
+    ) -> PyResult<Self> {
+        made(py, || Embedding::from_scene(text, name, files(read), &choices.overrides()?))
+    }
+
+    /// Makes steps.
+    fn step(&self, py: Python<'_>, count: u32) -> PyResult<()> {
+        self.0.step(py, count)
+    }
+
+    /// Steps done, time (s), length of a step (s).
+    fn clock(&self, py: Python<'_>) -> PyResult<(u64, f64, f64)> {
+        self.0.read(py, |own| Ok((own.steps_done(), own.time(), own.dt())))
+    }
+
+    /// What does not change.
+    fn facts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let own = self.0.take(py);
+        let dict = PyDict::new(py);
+        let filled = (|| {
+            dict.set_item("precision", own.precision().name())?;
+            dict.set_item("threads", own.threads())?;
+            dict.set_item("instruction_set", own.instruction_set().name())?;
+            let gpu = matches!(own.backend(), Backend::Gpu);
+            dict.set_item("backend", if gpu { "gpu" } else { "cpu" })?;
+            dict.set_item("scene", own.scene_name())?;
+            dict.set_item("steps_planned", own.steps_planned())?;
+            dict.set_item("is_static", own.is_static())
+        })();
+        self.0.put(own);
+        filled.map(|()| dict)
+    }
+
+    fn set_dt(&self, py: Python<'_>, dt: f64) -> PyResult<()> {
+        self.0.read(py, |own| own.set_dt(dt))
+    }
+
+    fn gravity(&self, py: Python<'_>) -> PyResult<Vec3> {
+        self.0.read(py, |own| Ok(own.gravity()))
+    }
+
+    fn set_gravity(&self, py: Python<'_>, gravity: Vec3) -> PyResult<()> {
+        self.0.read(py, |own| own.set_gravity(gravity))
+    }
+
+    /// Settings of the solver as JSON.
+    fn solver(&self, py: Python<'_>) -> PyResult<String> {
+        self.0.read(py, |own| Ok(serde_json::to_string(own.solver()).unwrap_or_default()))
+    }
+
+    /// Settings of the solver from TOML or JSON.
+    fn set_solver(&self, py: Python<'_>, text: &str) -> PyResult<()> {
+        self.0.read(py, |own| own.set_solver(solver_settings(text)?))
+    }
+
+    fn hash(&self, py: Python<'_>) -> PyResult<u64> {
+        self.0.with(py, |own| Ok(own.hash()))
+    }
+
+    /// What the last step did, as JSON.
+    fn report(&self, py: Python<'_>) -> PyResult<String> {
+        self.0.read(py, |own| Ok(own.report_json()))
+    }
+
+    /// Elastic and kinetic energy (J).
+    fn energy(&self, py: Python<'_>) -> PyResult<(f64, f64)> {
+        let energy = self.0.with(py, |own| Ok(own.energy()))?;
+        Ok((energy.elastic, energy.kinetic))
+    }
+
+    /// Code, level, subject, message and remedy of each.
+    fn warnings(&self, py: Python<'_>) -> PyResult<Vec<[String; 5]>> {
+        self.0.read(py, |own| {
+            let parts = |w: &Warning| {
+                let level = w.level.name().to_string();
+                [w.code.clone(), level, w.subject.clone(), w.message.clone(), w.remedy.clone()]
+            };
+            Ok(own.warnings().iter().map(parts).collect())
+        })
+    }
+
+    fn find(&self, py: Python<'_>, of: &str, name: &str) -> PyResult<Handle> {
+        self.0.read(py, |own| own.find(kind(of)?, name))
+    }
+
+    fn list(&self, py: Python<'_>, of: &str) -> PyResult<Vec<(Handle, String)>> {
+        self.0.read(py, |own| Ok(own.list(kind(of)?)))
+    }
+
+    fn remove(&self, py: Python<'_>, handle: Handle) -> PyResult<()> {
+        self.0.with(py, |own| own.remove(handle))
+    }
+
+    fn add_body(&self, py: Python<'_>, name: &str, mesh: &Mesh, spec: BodyIn) -> PyResult<Handle> {
+        self.0.with(py, |own| add_body(own, name, &mesh.0, spec))
+    }
+
+    fn mesh(&self, py: Python<'_>, body: Handle) -> PyResult<Mesh> {
+        self.0.read(py, |own| Ok(Mesh(Arc::new(own.mesh(body)?.clone()))))
+    }
+
+    fn group<'py>(
+        &self,
+        py: Python<'py>,
+        body: Handle,
+        name: &str,
+    ) -> PyResult<Bound<'py, PyArray1<u32>>> {
+        Ok(PyArray1::from_vec(py, self.0.read(py, |own| own.group(body, name))?))
+    }
+
+    /// The array of a body that is refreshed: positions, displacements or velocities.
+    fn view(&self, py: Python<'_>, body: Handle, quantity: &str) -> PyResult<Py<PyAny>> {
+        self.0.view(py, body, Quantity::of(quantity).map_err(raise)?)
+    }
+
+    /// A copy of it.
+    fn copy(&self, py: Python<'_>, body: Handle, quantity: &str) -> PyResult<Py<PyAny>> {
+        self.0.copy(py, body, Quantity::of(quantity).map_err(raise)?)
+    }
+
+    fn set_state(
+        &self,
+        py: Python<'_>,
+        body: Handle,
+        displacements: Floats,
+        velocities: Floats,
+    ) -> PyResult<()> {
+        self.0.with(py, |own| own.set_state(body, &displacements.0, &velocities.0))
+    }
+
+    /// A number for each vertex or element.
+    fn numbers<'py>(
+        &self,
+        py: Python<'py>,
+        body: Handle,
+        quantity: &str,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let numbers = self.0.with(py, |own| match quantity {
+            "masses" => own.masses(body),
+            "contact_pressures" => own.contact_pressures(body),
+            "volume_ratios" => own.volume_ratios(body),
+            "area_ratios" => own.area_ratios(body),
+            _ => Err(invalid(format!("unknown quantity `{quantity}`"))),
+        })?;
+        Ok(PyArray1::from_vec(py, numbers))
+    }
+
+    /// A vector for each vertex.
+    fn vectors<'py>(
+        &self,
+        py: Python<'py>,
+        body: Handle,
+        quantity: &str,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let vectors = self.0.with(py, |own| match quantity {
+            "elastic_forces" => own.elastic_forces(body),
+            "external_forces" => own.external_forces(body),
+            "contact_forces" => own.contact_forces(body),
+            _ => Err(invalid(format!("unknown quantity `{quantity}`"))),
+        })?;
+        rows3(py, vectors.into_flattened())
+    }
+
+    fn volume(&self, py: Python<'_>, body: Handle) -> PyResult<f64> {
+        self.0.with(py, |own| own.volume(body))
+    }
+
+    /// Triangles of the outside, and their revision.
+    fn surface<'py>(
+        &self,
+        py: Python<'py>,
+        body: Handle,
+    ) -> PyResult<(Bound<'py, PyArray2<u32>>, u64)> {
+        let (triangles, revision) = self.0.with(py, |own| {
+            let surface = own.surface(body)?;
+            Ok((surface.triangles.to_vec(), surface.revision))
+        })?;
+        let count = triangles.len();
+        let flat = PyArray1::from_vec(py, triangles.into_flattened());
+        Ok((flat.reshape([count, 3])?, revision))
+    }
+
+    fn remaining<'py>(
+        &self,
+        py: Python<'py>,
+        body: Handle,
+        of: &str,
+    ) -> PyResult<Bound<'py, PyArray1<u32>>> {
+        let left = self.0.with(py, |own| own.remaining(body, element_kind(of)?))?;
+        Ok(PyArray1::from_vec(py, left))
+    }
+
+    /// Young's moduli, Poisson's ratios and densities: one number, or one per element.
+    fn material<'py>(
+        &self,
+        py: Python<'py>,
+        body: Handle,
+    ) -> PyResult<[Bound<'py, PyArray1<f64>>; 3]> {
+        let numbers = self.0.read(py, |own| {
+            let (material, arrays) = own.material(body)?;
+            let field = arrays.field(material);
+            let given = |each: Option<&[f64]>, one| each.map_or(vec![one], <[f64]>::to_vec);
+            Ok([
+                given(field.young_modulus, material.young_modulus),
+                given(field.poisson_ratio, material.poisson_ratio),
+                given(field.density, material.density),
+            ])
+        })?;
+        Ok(numbers.map(|numbers| PyArray1::from_vec(py, numbers)))
+    }
+
+    /// By how much (J) elastic and kinetic energy changed.
+    fn set_material(
+        &self,
+        py: Python<'_>,
+        body: Handle,
+        material: MaterialIn,
+    ) -> PyResult<(f64, f64)> {
+        let change = self.0.with(py, |own| {
+            let [young_modulus, poisson_ratio, density] = material.arrays();
+            let material = material.uniform();
+            let field = MaterialField { material, young_modulus, poisson_ratio, density };
+            own.set_material(body, field)
+        })?;
+        Ok((change.elastic_energy, change.kinetic_energy))
+    }
+
+    /// What was removed, as JSON.
+    fn remove_elements(
+        &self,
+        py: Python<'_>,
+        body: Handle,
+        of: &str,
+        list: Indices,
+        numbers: Vec<f64>,
+        mass: &str,
+    ) -> PyResult<String> {
+        let report = self.0.with(py, |own| {
+            let mass = choice("rule of mass", mass)?;
+            own.remove_elements(body, region(of, list, &numbers)?, mass)
+        })?;
+        Ok(serde_json::to_string(&report).unwrap_or_default())
+    }
+
+    fn set_activation(
+        &self,
+        py: Python<'_>,
+        body: Handle,
+        family: &str,
+        activation: f64,
+    ) -> PyResult<()> {
+        self.0.with(py, |own| own.set_activation(body, family, activation))
+    }
+
+    fn set_axis_modulus(
+        &self,
+        py: Python<'_>,
+        body: Handle,
+        family: &str,
+        modulus: f64,
+    ) -> PyResult<f64> {
+        self.0.with(py, |own| own.set_axis_modulus(body, family, modulus))
+    }
+
+    fn add_constraint(&self, py: Python<'_>, body: Handle, spec: ConstraintIn) -> PyResult<Handle> {
+        self.0.with(py, |own| {
+            let motion = spec.motion();
+            own.add_constraint(
+                body,
+                &ConstraintSpec {
+                    name: &spec.name,
+                    vertices: &spec.vertices.0,
+                    axes: spec.axes,
+                    motion,
+                    curve: curve(spec.curve),
+                    from: spec.begin,
+                    until: spec.until,
+                },
+            )
+        })
+    }
+
+    fn set_target(&self, py: Python<'_>, constraint: Handle, to: PoseIn) -> PyResult<()> {
+        self.0.with(py, |own| own.set_target(constraint, pose(to)?))
+    }
+
+    /// Force (N) and torque (N m) about a point.
+    fn reaction(&self, py: Python<'_>, constraint: Handle, about: Vec3) -> PyResult<[Vec3; 2]> {
+        let wrench = self.0.with(py, |own| own.reaction(constraint, about))?;
+        Ok([wrench.force, wrench.torque])
+    }
+
+    fn add_load(
+        &self,
+        py: Python<'_>,
+        body: Handle,
+        name: &str,
+        vertices: Indices,
+        forces: Floats,
+        over: Option<CurveIn>,
+    ) -> PyResult<Handle> {
+        self.0.with(py, |own| own.add_load(body, name, &vertices.0, &forces.0, curve(over)))
+    }
+
+    fn add_pressure(
+        &self,
+        py: Python<'_>,
+        body: Handle,
+        name: &str,
+        triangles: Indices,
+        pressure: f64,
+        over: Option<CurveIn>,
+    ) -> PyResult<Handle> {
+        self.0.with(py, |own| own.add_pressure(body, name, &triangles.0, pressure, curve(over)))
+    }
+
+    fn add_tool(&self, py: Python<'_>, spec: ToolIn) -> PyResult<Handle> {
+        self.0.with(py, |own| {
+            let (tool, on) = tool(spec)?;
+            own.add_tool(tool, on.as_ref().map(|(body, list)| (*body, list.as_slice())))
+        })
+    }
+
+    fn move_tool(&self, py: Python<'_>, tool: Handle, to: ToolPoseIn) -> PyResult<()> {
+        self.0.with(py, |own| own.move_tool(tool, tool_pose(to)?))
+    }
+
+    fn place_tool(&self, py: Python<'_>, tool: Handle, at: ToolPoseIn) -> PyResult<()> {
+        self.0.with(py, |own| own.place_tool(tool, tool_pose(at)?))
+    }
+
+    fn set_grip(&self, py: Python<'_>, tool: Handle, grip: bool) -> PyResult<()> {
+        self.0.with(py, |own| own.set_grip(tool, grip))
+    }
+
+    fn tool_report<'py>(&self, py: Python<'py>, tool: Handle) -> PyResult<Bound<'py, PyDict>> {
+        report::tool(py, &self.0.read(py, |own| own.tool_report(tool))?)
+    }
+
+    fn add_contact(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        bodies: [Handle; 2],
+        friction: f64,
+        stiff: StiffnessIn,
+    ) -> PyResult<Handle> {
+        self.0.with(py, |own| own.add_contact(name, bodies, friction, stiffness(&stiff)))
+    }
+
+    fn contact_report<'py>(
+        &self,
+        py: Python<'py>,
+        contact: Handle,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        report::contact(py, &self.0.read(py, |own| own.contact_report(contact))?)
+    }
+
+    fn add_pull(
+        &self,
+        py: Python<'_>,
+        body: Handle,
+        name: &str,
+        vertices: Indices,
+        weights: Floats,
+        springs: (f64, f64),
+    ) -> PyResult<Handle> {
+        let (stiffness, damping) = springs;
+        self.0.with(py, |own| {
+            let (vertices, weights) = (&vertices.0, &weights.0);
+            own.add_pull(body, &PullSpec { name, vertices, weights, stiffness, damping })
+        })
+    }
+
+    fn move_pull(&self, py: Python<'_>, pull: Handle, to: PoseIn) -> PyResult<()> {
+        self.0.with(py, |own| own.move_pull(pull, pose(to)?))
+    }
+
+    fn pull_report<'py>(&self, py: Python<'py>, pull: Handle) -> PyResult<Bound<'py, PyDict>> {
+        report::pull(py, &self.0.read(py, |own| own.pull_report(pull))?)
+    }
+
+    /// Body, vertices, weights, point (m) and distance (m) of what a ray meets first.
+    #[expect(clippy::type_complexity, reason = "a tuple for Python, unpacked at once")]
+    fn pick(
+        &self,
+        py: Python<'_>,
+        origin: Vec3,
+        direction: Vec3,
+    ) -> PyResult<Option<(Handle, [u32; 3], Vec3, Vec3, f64)>> {
+        let pick = self.0.with(py, |own| own.pick(origin, direction))?;
+        Ok(pick.map(|p| (p.body, p.vertices, p.weights, p.position, p.distance)))
+    }
+
+    /// The state as it is.
+    fn snapshot(&self, py: Python<'_>) -> PyResult<Snapshot> {
+        Ok(Snapshot(self.0.with(py, |own| own.snapshot())?))
+    }
+
+    /// Takes up a state.
+    fn restore(&self, py: Python<'_>, snapshot: &Snapshot) -> PyResult<()> {
+        let own = &snapshot.0;
+        self.0.with(py, |engine| engine.restore(own))
+    }
+
+    /// Panics inside, for the test of what happens then.
+    fn panic(&self, py: Python<'_>, text: String) -> PyResult<()> {
+        self.0.with(py, |own| guarded(own, |_| std::panic::panic_any(text)))
+    }
+}
