@@ -1,7 +1,7 @@
 //! States of a simulation, kept and taken up again.
 
 use crate::embedding::Embedding;
-use crate::error::{Code, EmbedError, Result};
+use crate::error::Result;
 use crate::handle::{Handles, Kind, Target};
 use bevy_ecs::entity::Entity;
 use bevy_ecs::query::AnyOf;
@@ -9,7 +9,6 @@ use sinew::engine::load::{Constraint, Load, Pressure};
 use sinew::engine::order::Order;
 use sinew::engine::step::StepClock;
 use sinew::engine::time::Gravity;
-use sinew::snapshot::SnapshotError;
 use sinew::solvers::settings::SolverSettings;
 use sinew::touch::pair::BodyContact;
 use sinew::touch::pull::Pull;
@@ -45,12 +44,6 @@ pub struct Snapshot {
 
 type Orders = BTreeMap<Entity, Order>;
 
-impl From<SnapshotError> for EmbedError {
-    fn from(error: SnapshotError) -> Self {
-        Self::new(Code::Snapshot, error.to_string())
-    }
-}
-
 impl Snapshot {
     /// As bytes, for a file.
     pub fn to_bytes(&self) -> Vec<u8> {
@@ -60,7 +53,7 @@ impl Snapshot {
     /// Reads what [`Snapshot::to_bytes`] wrote.
     ///
     /// # Errors
-    /// [`Code::Snapshot`] when they are anything else.
+    /// [`Code::Snapshot`](crate::Code::Snapshot) when they are anything else.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         Ok(Self { scene: SceneSnapshot::from_bytes(bytes)?, handles: None })
     }
@@ -80,7 +73,7 @@ impl Embedding {
     /// Everything that the steps to come depend on.
     ///
     /// # Errors
-    /// [`Code::Snapshot`] on a graphics processor.
+    /// [`Code::Snapshot`](crate::Code::Snapshot) on a graphics processor.
     pub fn snapshot(&mut self) -> Result<Snapshot> {
         let scene = self.built.snapshot()?;
         let handles = Some((self.number(), self.handles.clone(), self.orders()));
@@ -93,7 +86,7 @@ impl Embedding {
     /// stale, and what it has more gets handles, which [`Embedding::find`] gives.
     ///
     /// # Errors
-    /// [`Code::Snapshot`] when the state is of another simulation or damaged; nothing is changed then.
+    /// [`Code::Snapshot`](crate::Code::Snapshot) when the state is of another simulation or damaged; nothing is changed then.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<()> {
         let before = self.orders();
         self.built.restore(&snapshot.scene)?;
