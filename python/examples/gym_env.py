@@ -13,9 +13,9 @@ class Lift(gym.Env):
     metadata: dict[str, Any] = {"render_modes": []}
     limit = 0.002  # m a step
 
-    def __init__(self, length: int = 40) -> None:
+    def __init__(self, length: int = 80) -> None:
         self.action_space = gym.spaces.Box(-1.0, 1.0, (3,), np.float32)
-        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (8,), np.float32)
+        self.observation_space = gym.spaces.Box(-10.0, 10.0, (8,), np.float32)
         mesh = sinew.generate("box", size=(0.06, 0.06, 0.04), cells=(4, 4, 3))
         self.sim = sinew.Simulation(dt=0.02, gravity=(0, 0, 0), threads=1)
         self.block = self.sim.add_body("block", mesh, sinew.preset("liver"))
