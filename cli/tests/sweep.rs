@@ -343,6 +343,7 @@ fn a_script_for_slurm_names_the_shards_of_its_array() {
 }
 
 /// An engine that distributes, with one of its workers killed in the middle; `python3` on the path decides.
+#[allow(clippy::print_stderr, reason = "a test that cannot run says so")]
 fn engine(module: &str, name: &str) {
     let known = Command::new("python3").args(["-c", &format!("import {module}")]).output();
     if !known.is_ok_and(|output| output.status.success()) {

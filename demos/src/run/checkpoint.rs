@@ -115,12 +115,12 @@ pub(crate) fn found(folder: &Path) -> Vec<(u64, PathBuf)> {
     all
 }
 
-/// A number of the scene, options of the command included, but for what results do not depend on.
+/// A number of the scene as it was written, with what options of the command replace of it, but for what results do not
+/// depend on.
 fn scene_number(loaded: &LoadedScene, built: &BuiltScene) -> u64 {
-    let mut scene = loaded.scene.clone();
-    (scene.threads, scene.executor) = Default::default();
-    let text = format!("{scene:?} {:?}", (built.plan.dt, built.simulation.precision()));
-    checksum(text.as_bytes())
+    let bodies: Vec<_> = loaded.scene.bodies.iter().map(|b| (b.model, b.evaluation)).collect();
+    let plan = (built.plan.dt, &built.plan.settings, built.simulation.precision());
+    checksum(format!("{} {bodies:?} {plan:?}", loaded.text).as_bytes())
 }
 
 /// The last checkpoint of a run in a folder; `None` where there is none. Damaged ones are passed over, and their paths

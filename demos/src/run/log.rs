@@ -2,8 +2,9 @@
 
 use super::RunError;
 use crate::build::{BuildOptions, build};
-use crate::scene::{LoadedScene, Scene};
+use crate::scene::LoadedScene;
 use serde::{Deserialize, Serialize};
+use sinew::models::body::{Evaluation, Model};
 use sinew::replay::{Repeated, Replay};
 use sinew::simulation::Simulation;
 use std::fs::File;
@@ -24,8 +25,11 @@ pub struct LogOptions {
 struct About {
     /// Path of the scene, beside which its meshes are.
     file: PathBuf,
-    /// The scene, with what options of the command replaced in it.
-    scene: Scene,
+    /// The scene as it was read.
+    text: String,
+    /// Energy and evaluation of every body, which options of the command may have replaced; what else they replace is
+    /// in the state that the log begins with.
+    bodies: Vec<(Model, Evaluation)>,
 }
 
 /// Begins the log of a run.
@@ -38,7 +42,8 @@ pub(super) fn begin(
     options: &LogOptions,
 ) -> Result<(), RunError> {
     let error = |source| RunError::Write { path: options.path.clone(), source };
-    let about = About { file: loaded.file.clone(), scene: loaded.scene.clone() };
+    let bodies = loaded.scene.bodies.iter().map(|body| (body.model, body.evaluation)).collect();
+    let about = About { file: loaded.file.clone(), text: loaded.text.to_string(), bodies };
     let about = serde_json::to_string(&about).map_err(|e| error(e.into()))?;
     let out = BufWriter::new(File::create(&options.path).map_err(error)?);
     simulation.record(Box::new(out), options.hash_every, &about)?;
@@ -63,8 +68,10 @@ pub fn replay(
         message: "it does not say which scene it is of: it was recorded by a program, which alone can \
                   build the simulation again",
     })?;
-    let mut loaded = LoadedScene::read(scene.unwrap_or(&about.file))?;
-    loaded.scene = about.scene;
+    let mut loaded = LoadedScene::parse(&about.text, scene.unwrap_or(&about.file))?;
+    for (body, (model, evaluation)) in loaded.scene.bodies.iter_mut().zip(about.bodies) {
+        (body.model, body.evaluation) = (model, evaluation);
+    }
     let header = replay.start().header();
     let options = BuildOptions {
         precision: Some(header.precision),

@@ -122,6 +122,8 @@ pub struct LoadedScene {
     pub scene: Scene,
     /// Its file.
     pub file: PathBuf,
+    /// The text that it was read from.
+    pub text: Arc<str>,
     keys: Arc<KeySpans>,
     files: Files,
     /// Meshes that were prepared for a body, by what they are made of; `None` where none are kept.
@@ -176,7 +178,8 @@ impl LoadedScene {
             Ok(scene) => {
                 let files = Files(Arc::new(read_file));
                 let (file, options) = (file.into(), Vec::new());
-                let loaded = Self { scene, file, keys, files, prepared: None, options };
+                let text = text.into();
+                let loaded = Self { scene, file, text, keys, files, prepared: None, options };
                 match &loaded.keys.beyond {
                     Some((key, value)) => Err(loaded.key(key).value(
                         format!("{value} is beyond {BEYOND:e}, the most of any number in a scene"),

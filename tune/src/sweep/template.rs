@@ -1,6 +1,5 @@
 //! The scene of a sweep, and values put into it.
 
-use serde::Deserialize;
 use serde_json::Value;
 use sinew::engine::lanes::InstructionSet;
 use sinew_demos::error::{SceneError, hint};
@@ -36,6 +35,43 @@ pub struct Template {
     value: Value,
 }
 
+/// The scene of a value, by the reader of scene files: a reader of its own for JSON would be half a megabyte of machine code.
+fn read(value: &Value) -> Result<Scene, String> {
+    let mut text = String::new();
+    for (key, value) in value.as_object().into_iter().flatten().filter(|(_, v)| !v.is_null()) {
+        text += &format!("{} = ", Value::from(key.as_str()));
+        inline(value, &mut text);
+        text.push('\n');
+    }
+    toml::from_str(&text).map_err(|error| error.message().to_string())
+}
+
+/// A value in one line of TOML, whose strings and numbers are those of JSON; keys without a value are left out.
+fn inline(value: &Value, text: &mut String) {
+    let mut list = |open: char, close: char, parts: &mut dyn Iterator<Item = (String, &Value)>| {
+        text.push(open);
+        for (i, (key, value)) in parts.enumerate() {
+            *text += if i > 0 { ", " } else { "" };
+            *text += &key;
+            inline(value, text);
+        }
+        text.push(close);
+    };
+    match value {
+        Value::Object(keys) => {
+            let mut parts = keys
+                .iter()
+                .filter(|(_, value)| !value.is_null())
+                .map(|(key, value)| (format!("{} = ", Value::from(key.as_str())), value));
+            list('{', '}', &mut parts);
+        }
+        Value::Array(entries) => {
+            list('[', ']', &mut entries.iter().map(|value| (String::new(), value)));
+        }
+        value => *text += &value.to_string(),
+    }
+}
+
 impl KeyPath {
     /// In the spelling of messages, `body[0].material.density`.
     fn text(&self) -> String {
@@ -54,7 +90,7 @@ impl Template {
     /// When it holds a number that is not finite.
     pub fn new(loaded: LoadedScene) -> Result<Self, SceneError> {
         let value = serde_json::to_value(&loaded.scene).unwrap_or_default();
-        if Scene::deserialize(&value).is_ok_and(|again| again == loaded.scene) {
+        if read(&value).is_ok_and(|again| again == loaded.scene) {
             return Ok(Self { loaded, value });
         }
         Err(SceneError::Value {
@@ -157,7 +193,7 @@ impl Template {
             for &i in which.iter().filter(|&&i| !values[i].is_null()) {
                 set(&mut value, &paths[i].0, values[i].clone());
             }
-            Scene::deserialize(value).map_err(|error| error.to_string())
+            read(&value)
         };
         let all: Vec<usize> = (0..paths.len()).collect();
         let scene = with(&all).map_err(|error| {
