@@ -353,6 +353,7 @@ impl Input {
                 if (to_u.len(), to_v.len()) != (u.len(), v.len()) {
                     return Err("it has another number of vertices".into());
                 }
+                let (to_u, to_v) = (&mut *to_u, &mut *to_v);
                 let narrow = |x: [f64; 3]| {
                     let [x, y, z] = x.map(S::from_f64);
                     [x, y, z, S::ZERO]

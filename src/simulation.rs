@@ -812,6 +812,8 @@ fn write_state<S: Scalar>(
     let world = simulation.world_mut();
     let mut query = world.query::<(&mut Displacement<S>, &mut Velocity<S>)>();
     if let Some((mut u, mut v)) = single_table(query.contiguous_iter_mut(world)) {
+        // every look through such a column marks all of its rows as changed
+        let (u, v) = (&mut *u, &mut *v);
         for (local, &vertex) in rows.vertex_order.iter().enumerate() {
             let row = rows.vertices.start as usize + local;
             u[row].set(displacements[vertex as usize]);

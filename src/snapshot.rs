@@ -475,6 +475,9 @@ impl<S: Scalar> WorldState<S> {
         if let Some((mut u, mut v, mut elastic, mut external, mut prescribed, mut fixed)) =
             single_table(query.contiguous_iter_mut(world))
         {
+            // every look through such a column marks all of its rows as changed
+            let (u, v, elastic) = (&mut *u, &mut *v, &mut *elastic);
+            let (external, prescribed) = (&mut *external, &mut *prescribed);
             for row in 0..self.fixed.len() {
                 u[row].0 = self.displacements[row];
                 v[row].0 = self.velocities[row];
