@@ -55,8 +55,8 @@ fn same(found: &[(u64, String)], expected: &[(u64, String)], what: &str) {
 }
 
 /// Steps after which snapshots are taken, and the last step.
-const TAKEN: [u64; 4] = [1, 17, 30, 49];
-const END: u64 = 60;
+const TAKEN: [u64; 4] = [1, 17, 50, 99];
+const END: u64 = 150;
 
 fn exact(name: &str, options: SimulationOptions, scene: &Scene) {
     let mut undisturbed = (scene.build)(options);

@@ -55,7 +55,21 @@ static class Program
             simulation.MoveTool(ball, new Vec3(x, y, high + 0.005));
             simulation.Step(1);
             Demand(simulation.Feel(ball).Depth >= 0.0, "the depth");
+            // back before the cut below, and the same cut again
             var before = simulation.SurfaceRevision(liver);
+            using (var start = simulation.Snapshot())
+            using (var read = SnapshotHandle.FromBytes(start.ToBytes()))
+            {
+                simulation.RemoveBall(liver, at, 0.03);
+                simulation.Step(1);
+                var after = simulation.Hash;
+                simulation.Restore(read);
+                Demand(simulation.RemoveBall(liver, at, 0.03) > 0, "elements after going back");
+                simulation.Step(1);
+                Demand(simulation.Hash == after, "the state after going back");
+                simulation.Restore(start);
+                before = simulation.SurfaceRevision(liver);
+            }
             var cut = simulation.RemoveBall(liver, at, 0.03);
             Demand(cut > 0 && simulation.SurfaceRevision(liver) == before + 1, "the cut");
             Demand(simulation.Surface(liver).Length % 3 == 0, "the surface");

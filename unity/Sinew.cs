@@ -233,6 +233,17 @@ namespace Sinew
             out UIntPtr needed, out ulong revision);
         [DllImport(Library, CallingConvention = C)] internal static extern int sinew_hash(SimulationHandle s, out ulong hash);
 
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_snapshot_take(SimulationHandle s, out IntPtr snapshot);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_snapshot_restore(SimulationHandle s, SnapshotHandle snapshot);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_snapshot_to_bytes(SnapshotHandle snapshot, byte[] data, UIntPtr capacity,
+            out UIntPtr needed);
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern int sinew_snapshot_from_bytes(byte[] bytes, UIntPtr size, out IntPtr snapshot);
+        [DllImport(Library, CallingConvention = C)] internal static extern void sinew_snapshot_free(IntPtr snapshot);
+
         internal static byte[] Utf8(string text)
         {
             return Encoding.UTF8.GetBytes((text ?? "") + "\0");
@@ -305,6 +316,37 @@ namespace Sinew
         protected override bool ReleaseHandle()
         {
             Native.sinew_mesh_free(handle);
+            return true;
+        }
+    }
+
+    /// <summary>A state of a simulation, kept to go back to.</summary>
+    public sealed class SnapshotHandle : SafeHandle
+    {
+        internal SnapshotHandle(IntPtr own) : base(IntPtr.Zero, true) { SetHandle(own); }
+
+        /// <summary>Reads what ToBytes gave, in any process.</summary>
+        public static SnapshotHandle FromBytes(byte[] bytes)
+        {
+            IntPtr own;
+            Native.Demand(Native.sinew_snapshot_from_bytes(bytes, (UIntPtr)bytes.Length, out own));
+            return new SnapshotHandle(own);
+        }
+
+        public byte[] ToBytes()
+        {
+            UIntPtr needed;
+            Native.Demand(Native.sinew_snapshot_to_bytes(this, null, UIntPtr.Zero, out needed));
+            var bytes = new byte[(int)needed];
+            Native.Demand(Native.sinew_snapshot_to_bytes(this, bytes, needed, out needed));
+            return bytes;
+        }
+
+        public override bool IsInvalid { get { return handle == IntPtr.Zero; } }
+
+        protected override bool ReleaseHandle()
+        {
+            Native.sinew_snapshot_free(handle);
             return true;
         }
     }
@@ -511,6 +553,17 @@ namespace Sinew
         }
 
         public void Step(int n) { Native.Demand(Native.sinew_step(own, checked((uint)n))); }
+
+        /// <summary>Keeps everything that the steps to come depend on.</summary>
+        public SnapshotHandle Snapshot()
+        {
+            IntPtr made;
+            Native.Demand(Native.sinew_snapshot_take(own, out made));
+            return new SnapshotHandle(made);
+        }
+
+        /// <summary>Goes back to a state of this simulation, or of one that was built in the same way.</summary>
+        public void Restore(SnapshotHandle snapshot) { Native.Demand(Native.sinew_snapshot_restore(own, snapshot)); }
 
         public double Time
         {

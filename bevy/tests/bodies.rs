@@ -16,6 +16,7 @@ use sinew::engine::vertex::{Displacement, RestPosition};
 use sinew::models::body::BodyError;
 use sinew::models::resection::{Region, Removal, RemovalRequest};
 use sinew::prelude::*;
+use sinew::snapshot::{restore_snapshot, take_snapshot};
 use sinew_bevy::*;
 use std::path::Path;
 use std::time::Duration;
@@ -230,6 +231,31 @@ fn cuts_are_told_and_change_the_surface() {
     app.update();
     assert!(messages::<Resected>(&mut app).is_empty());
     assert_eq!(app.world().get::<SinewSurface>(body).unwrap().revision, surface.revision + 1);
+}
+
+#[test]
+fn a_snapshot_of_the_world_takes_back_steps_and_cuts() {
+    let mut app = app();
+    let body = held(&mut app, Transform::default());
+    (0..5).for_each(|_| app.update());
+    let index = app.world().get::<SinewBodyIndex>(body).unwrap().0;
+    let surface = app.world().get::<SinewSurface>(body).unwrap().triangles.clone();
+    let (start, begun) = (take_snapshot(app.world_mut()).unwrap(), steps_done(&app));
+    let cut = |app: &mut bevy_app::App| {
+        let corner = Region::Sphere { centre: DVec3::new(0.1, 0.08, 0.04), radius: 0.03 };
+        app.world_mut().spawn(RemovalRequest::new(index, Removal::new(corner)));
+        (0..20).for_each(|_| app.update());
+        (hash(app), app.world().get::<SinewSurface>(body).unwrap().triangles.clone())
+    };
+    let after = cut(&mut app);
+    assert_ne!(after.1, surface);
+    restore_snapshot(app.world_mut(), &start).unwrap();
+    assert_eq!(steps_done(&app), begun);
+    // the surface is whole again with the next step
+    app.update();
+    assert_eq!(app.world().get::<SinewSurface>(body).unwrap().triangles, surface);
+    restore_snapshot(app.world_mut(), &start).unwrap();
+    assert_eq!(cut(&mut app), after);
 }
 
 #[test]

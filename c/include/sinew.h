@@ -186,6 +186,9 @@ typedef struct sinew_mesh sinew_mesh;
 // A simulation. One thread at a time may use it; a second call while one runs answers `SINEW_BUSY`.
 typedef struct sinew_simulation sinew_simulation;
 
+// A state of a simulation; it never changes, and any number of threads may use it at once.
+typedef struct sinew_snapshot sinew_snapshot;
+
 // 0, or what kind of error `sinew_last_error` tells of.
 typedef int32_t sinew_status;
 
@@ -648,6 +651,29 @@ sinew_status sinew_find(const struct sinew_simulation *simulation,
 
 // Takes a constraint, load, pressure, tool, pull or contact away.
 sinew_status sinew_remove(struct sinew_simulation *simulation, sinew_handle handle);
+
+// Keeps everything that the steps to come depend on, in memory. Free it with `sinew_snapshot_free`.
+sinew_status sinew_snapshot_take(struct sinew_simulation *simulation, struct sinew_snapshot **out);
+
+// Takes up a state of this simulation, or of one that was built by the same calls or from the same scene. Handles of what was
+// removed since are good again, those of what was added since are not. Anything else answers `SINEW_SNAPSHOT` and changes
+// nothing.
+sinew_status sinew_snapshot_restore(struct sinew_simulation *simulation,
+                                    const struct sinew_snapshot *snapshot);
+
+// A snapshot as bytes, for a file. `needed` says how many they are; `data` may be NULL with capacity 0 to ask.
+sinew_status sinew_snapshot_to_bytes(const struct sinew_snapshot *snapshot,
+                                     uint8_t *data,
+                                     size_t capacity,
+                                     size_t *needed);
+
+// Reads what `sinew_snapshot_to_bytes` gave, in any process. Bytes of anything else answer `SINEW_SNAPSHOT`.
+sinew_status sinew_snapshot_from_bytes(const uint8_t *bytes,
+                                       size_t size,
+                                       struct sinew_snapshot **out);
+
+// Frees a snapshot. NULL is fine.
+void sinew_snapshot_free(struct sinew_snapshot *snapshot);
 
 // Reads a mesh file (Gmsh, VTK, TetGen, OBJ, STL).
 sinew_status sinew_mesh_from_file(const char *path, struct sinew_mesh **out);

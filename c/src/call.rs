@@ -224,6 +224,32 @@ pub(super) unsafe fn out<'a, T>(what: &str, data: *mut T) -> Result<&'a mut T> {
     Ok(unsafe { &mut *data })
 }
 
+/// Makes a thing that the caller owns from now on, up to [`free`].
+///
+/// # Safety
+/// `place` is NULL or points to a pointer.
+pub(super) unsafe fn give<T>(place: *mut *mut T, make: impl FnOnce() -> Result<T>) -> Result<()> {
+    // SAFETY: the caller's promise
+    let place = unsafe { out("out", place) }?;
+    *place = std::ptr::null_mut();
+    *place = Box::into_raw(Box::new(make()?));
+    Ok(())
+}
+
+/// Drops what [`give`] made; NULL is fine.
+///
+/// # Safety
+/// It came from [`give`], was not freed and is not used any more.
+pub(super) unsafe fn free<T>(own: *mut T) {
+    if !own.is_null() {
+        guarded(|| {
+            // SAFETY: the caller's promise; it was made by Box::into_raw
+            drop(unsafe { Box::from_raw(own) });
+            Ok(())
+        });
+    }
+}
+
 /// Three numbers of the caller.
 ///
 /// # Safety

@@ -10,6 +10,7 @@ mod call;
 mod mesh;
 mod report;
 mod simulation;
+mod snapshot;
 mod touch;
 mod types;
 
@@ -19,5 +20,6 @@ pub use call::*;
 pub use mesh::*;
 pub use report::*;
 pub use simulation::*;
+pub use snapshot::*;
 pub use touch::*;
 pub use types::*;

@@ -1,24 +1,12 @@
 //! Meshes.
 
-use super::call::{guarded, out, read, slice, text, times};
+use super::call::{free, give, guarded, read, slice, text, times};
 use super::types::*;
-use sinew_embed::{Mesh, MeshArrays, Result, mesh_from_arrays, mesh_from_bytes, mesh_from_file};
+use sinew_embed::{Mesh, MeshArrays, mesh_from_arrays, mesh_from_bytes, mesh_from_file};
 use std::ffi::c_char;
 
 /// A mesh; it never changes, and any number of threads may use it at once.
 pub struct sinew_mesh(pub(super) Mesh);
-
-/// # Safety
-/// `place` is NULL or points to a pointer.
-unsafe fn give(place: *mut *mut sinew_mesh, make: impl FnOnce() -> Result<Mesh>) -> sinew_status {
-    guarded(|| {
-        // SAFETY: the caller's promise
-        let place = unsafe { out("out", place) }?;
-        *place = std::ptr::null_mut();
-        *place = Box::into_raw(Box::new(sinew_mesh(make()?)));
-        Ok(())
-    })
-}
 
 /// Reads a mesh file (Gmsh, VTK, TetGen, OBJ, STL).
 ///
@@ -30,7 +18,7 @@ pub unsafe extern "C" fn sinew_mesh_from_file(
     out: *mut *mut sinew_mesh,
 ) -> sinew_status {
     // SAFETY: the caller's promise
-    unsafe { give(out, || mesh_from_file(text("path", path)?)) }
+    guarded(|| unsafe { give(out, || Ok(sinew_mesh(mesh_from_file(text("path", path)?)?))) })
 }
 
 /// Reads a mesh from the bytes of a file; the extension of `name` helps to tell the format.
@@ -45,7 +33,9 @@ pub unsafe extern "C" fn sinew_mesh_from_bytes(
     out: *mut *mut sinew_mesh,
 ) -> sinew_status {
     // SAFETY: the caller's promise
-    unsafe { give(out, || mesh_from_bytes(text("name", name)?, slice("bytes", bytes, size)?)) }
+    let make = || unsafe { mesh_from_bytes(text("name", name)?, slice("bytes", bytes, size)?) };
+    // SAFETY: the caller's promise
+    guarded(|| unsafe { give(out, || Ok(sinew_mesh(make()?))) })
 }
 
 /// Makes a mesh of arrays, which are copied.
@@ -84,7 +74,7 @@ pub unsafe extern "C" fn sinew_mesh_from_arrays(
         })
     };
     // SAFETY: the caller's promise
-    unsafe { give(out, make) }
+    guarded(|| unsafe { give(out, || Ok(sinew_mesh(make()?))) })
 }
 
 /// Frees a mesh; bodies made of it stay. NULL is fine.
@@ -93,8 +83,6 @@ pub unsafe extern "C" fn sinew_mesh_from_arrays(
 /// It came from this library, was not freed and is not used any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_mesh_free(mesh: *mut sinew_mesh) {
-    if !mesh.is_null() {
-        // SAFETY: the caller's promise; it was made by Box::into_raw
-        drop(unsafe { Box::from_raw(mesh) });
-    }
+    // SAFETY: the caller's promise
+    unsafe { free(mesh) }
 }

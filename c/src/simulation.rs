@@ -1,7 +1,8 @@
 //! Simulations: making, freeing, stepping, settings.
 
 use super::call::{
-    fill, guarded, invalid, out, read, sinew_simulation, slice, slice_mut, text, three, with,
+    fill, free, give, guarded, invalid, out, read, sinew_simulation, slice, slice_mut, text, three,
+    with,
 };
 use super::types::*;
 use sinew_embed::{
@@ -30,18 +31,13 @@ pub extern "C" fn sinew_version() -> *const c_char {
 /// Gives a new simulation to the caller.
 ///
 /// # Safety
-/// `place` is NULL or points to a pointer.
-unsafe fn give(
+/// As [`give`].
+unsafe fn begin(
     place: *mut *mut sinew_simulation,
     make: impl FnOnce() -> Result<Embedding>,
 ) -> sinew_status {
-    guarded(|| {
-        // SAFETY: the caller's promise
-        let place = unsafe { out("out", place) }?;
-        *place = std::ptr::null_mut();
-        *place = Box::into_raw(Box::new(sinew_simulation(Mutex::new(make()?))));
-        Ok(())
-    })
+    // SAFETY: the caller's promise
+    guarded(|| unsafe { give(place, || Ok(sinew_simulation(Mutex::new(make()?)))) })
 }
 
 /// Makes a simulation without bodies.
@@ -74,7 +70,7 @@ pub unsafe extern "C" fn sinew_simulation_new(
         })
     };
     // SAFETY: the caller's promise
-    unsafe { give(out, make) }
+    unsafe { begin(out, make) }
 }
 
 fn overrides(threads: u32) -> Overrides {
@@ -95,7 +91,7 @@ pub unsafe extern "C" fn sinew_simulation_from_scene(
     // SAFETY: the caller's promise
     let make = || Embedding::from_scene_file(unsafe { text("path", path) }?, &overrides(threads));
     // SAFETY: the caller's promise
-    unsafe { give(out, make) }
+    unsafe { begin(out, make) }
 }
 
 /// Makes the simulation of a scene in memory; `name` stands for its file in messages. Files that it names are looked for
@@ -131,7 +127,7 @@ pub unsafe extern "C" fn sinew_simulation_from_text(
         Embedding::from_scene(toml, name, known, &overrides(threads))
     };
     // SAFETY: the caller's promise
-    unsafe { give(out, make) }
+    unsafe { begin(out, make) }
 }
 
 /// Frees a simulation that no call uses; NULL is fine.
@@ -140,13 +136,8 @@ pub unsafe extern "C" fn sinew_simulation_from_text(
 /// It came from this library, was not freed and is not used any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sinew_simulation_free(simulation: *mut sinew_simulation) {
-    if !simulation.is_null() {
-        guarded(|| {
-            // SAFETY: the caller's promise; it was made by Box::into_raw
-            drop(unsafe { Box::from_raw(simulation) });
-            Ok(())
-        });
-    }
+    // SAFETY: the caller's promise
+    unsafe { free(simulation) }
 }
 
 /// Carries out `n` steps, up to the first that fails: `SINEW_STEP`, and the state is that before it.
@@ -281,8 +272,6 @@ pub(super) unsafe fn add(
         })
     }
 }
-
-// Snapshots belong here: sinew_snapshot, sinew_restore, and their bytes by `fill`; code `SINEW_SNAPSHOT` is theirs.
 
 /// For tests, and in no header: panics in a call, on a thread of the pool if `pool` is not 0.
 ///

@@ -89,6 +89,12 @@ fn null_is_an_argument_everywhere() {
         sinew_energy(none, null_mut(), null_mut());
         sinew_hash(none, null_mut());
         sinew_hash(sim, null_mut());
+        sinew_snapshot_take(none, null_mut());
+        sinew_snapshot_take(sim, null_mut());
+        sinew_snapshot_restore(none, null());
+        sinew_snapshot_restore(sim, null());
+        sinew_snapshot_to_bytes(null(), null_mut(), 0, null_mut());
+        sinew_snapshot_from_bytes(null(), 9, null_mut());
     }
     for (function, status) in &table {
         assert_eq!(*status, SINEW_ARGUMENT, "{function}");
@@ -97,10 +103,16 @@ fn null_is_an_argument_everywhere() {
     unsafe {
         sinew_simulation_free(null_mut());
         sinew_mesh_free(null_mut());
+        sinew_snapshot_free(null_mut());
     }
     // no function of the header is left out
-    let without_pointers =
-        ["sinew_abi_version", "sinew_version", "sinew_simulation_free", "sinew_mesh_free"];
+    let without_pointers = [
+        "sinew_abi_version",
+        "sinew_version",
+        "sinew_simulation_free",
+        "sinew_mesh_free",
+        "sinew_snapshot_free",
+    ];
     for name in header::functions() {
         let known = table.iter().any(|(own, _)| *own == name);
         assert!(known || without_pointers.contains(&name.as_str()), "{name} is in no table");
@@ -263,6 +275,34 @@ fn numbers_and_texts_that_cannot_be_used_are_told() {
         assert_eq!(sinew_mesh_from_file(c("no.msh").as_ptr(), &mut null_mut()), SINEW_IO);
         ok(sinew_step(sim, 0));
     }
+}
+
+#[test]
+fn snapshots_of_something_else_change_nothing() {
+    let slab = Slab::new(1);
+    ok(unsafe { sinew_step(slab.sim, 3) });
+    let before = slab.hash();
+    let mut other = null_mut();
+    let mut foreign = null_mut();
+    unsafe {
+        // bytes that are none, and none at all
+        for bytes in [&b"not a snapshot"[..], &[]] {
+            let status = sinew_snapshot_from_bytes(bytes.as_ptr(), bytes.len(), &mut foreign);
+            assert_eq!((status, foreign.is_null()), (SINEW_SNAPSHOT, true), "{}", said());
+        }
+        // one of a simulation without bodies
+        ok(sinew_simulation_new(&sized!(sinew_options { dt: 0.01 }), &mut other));
+        ok(sinew_snapshot_take(other, &mut foreign));
+        assert_eq!(sinew_snapshot_restore(slab.sim, foreign), SINEW_SNAPSHOT, "{}", said());
+        let (mut needed, mut little) = (0, [0u8; 4]);
+        ok(sinew_snapshot_to_bytes(foreign, null_mut(), 0, &mut needed));
+        let status = sinew_snapshot_to_bytes(foreign, little.as_mut_ptr(), 4, &mut needed);
+        assert_eq!(status, SINEW_ARGUMENT);
+        assert!(said().contains("room for 4 entries"), "{}", said());
+        sinew_snapshot_free(foreign);
+        sinew_simulation_free(other);
+    }
+    assert_eq!(slab.hash(), before);
 }
 
 #[test]

@@ -68,6 +68,40 @@ fn steps_have_the_hash_of_the_library() {
 }
 
 #[test]
+fn snapshots_go_back_in_memory_and_as_bytes() {
+    let (slab, anew) = (Slab::new(1), Slab::new(2));
+    let (mut start, mut read) = (null_mut(), null_mut());
+    let (mut needed, mut late, mut seconds) = (0, 0, 0.0);
+    unsafe {
+        ok(sinew_step(slab.sim, 5));
+        ok(sinew_snapshot_take(slab.sim, &mut start));
+        ok(sinew_step(slab.sim, 20));
+        let end = slab.hash();
+        let top = [2u32, 5];
+        let gone = c("gone");
+        ok(sinew_hold(slab.sim, slab.body, gone.as_ptr(), top.as_ptr(), 2, &mut late));
+        ok(sinew_snapshot_restore(slab.sim, start));
+        // what was added since is gone, what was there is as it was
+        assert_eq!(sinew_remove(slab.sim, late), SINEW_HANDLE);
+        ok(sinew_reaction(slab.sim, slab.hold, null(), null_mut(), null_mut()));
+        ok(sinew_time(slab.sim, &mut seconds));
+        assert!((seconds - 0.05).abs() < 1e-15, "{seconds}");
+        ok(sinew_step(slab.sim, 20));
+        assert_eq!(slab.hash(), end);
+        // as bytes into a simulation that was built by the same calls, with other threads
+        ok(sinew_snapshot_to_bytes(start, null_mut(), 0, &mut needed));
+        let mut bytes = vec![0; needed];
+        ok(sinew_snapshot_to_bytes(start, bytes.as_mut_ptr(), needed, null_mut()));
+        sinew_snapshot_free(start);
+        ok(sinew_snapshot_from_bytes(bytes.as_ptr(), needed, &mut read));
+        ok(sinew_snapshot_restore(anew.sim, read));
+        sinew_snapshot_free(read);
+        ok(sinew_step(anew.sim, 20));
+        assert_eq!(anew.hash(), end);
+    }
+}
+
+#[test]
 fn settings_state_and_names_pass() {
     let slab = Slab::new(1);
     let n = slab.vertices;

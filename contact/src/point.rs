@@ -279,13 +279,16 @@ impl Point {
             self.normal = active.normal;
             self.pressed = pressed || limits == Limits::Recall && pressure > 0.0;
         }
+        if active.pressure > 0.0 || lambda > 0.0 {
+            // of a point that leaves, too: the energy must not jump where its pressure ends
+            active.energy =
+                0.5 * self.area / self.k * (active.pressure * active.pressure - lambda * lambda);
+        }
         if active.pressure > 0.0 {
             active.on = true;
             let stiffness = self.area * self.k;
             active.push = self.area * active.pressure * gradient;
             active.block = stiffness * outer(gradient, gradient);
-            active.energy =
-                0.5 * self.area / self.k * (active.pressure * active.pressure - lambda * lambda);
         }
         if self.limit > 0.0 {
             active.on = true;
@@ -318,6 +321,9 @@ impl Point {
         let (distance, gradient) = part.nearest(self.start, &part.start);
         let behind = gradient.dot(outward) > BEHIND;
         self.side.along = if self.memory.pressure > 0.0 {
+            // exact contact stays at depth 0, where both ways to measure have different slopes: its force would
+            // jump there, and the nearest side is the right one
+            let straight = straight && self.multiplier.is_none();
             !self.came_from_behind()
                 && (straight || behind || gradient.dot(self.side.direction()) < 0.0)
         } else if distance < 0.0 {

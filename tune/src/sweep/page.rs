@@ -171,7 +171,7 @@ fn plots(page: &mut Page, table: &SweepTable, runs: usize) {
     page.add("</div>");
 }
 
-/// A scatter plot; the axis of a parameter over more than two decades is logarithmic.
+/// A scatter plot; the axis of a parameter over more than a decade is logarithmic.
 fn scatter(points: &[(usize, f64, f64)], parameter: &str, result: &str) -> Option<String> {
     const SIZE: [f64; 2] = [360.0, 240.0];
     const MARGIN: [f64; 4] = [62.0, 12.0, 30.0, 40.0]; // left, right, top, bottom
@@ -183,7 +183,7 @@ fn scatter(points: &[(usize, f64, f64)], parameter: &str, result: &str) -> Optio
     if points.is_empty() || !(x.1 - x.0).is_finite() || !(y.1 - y.0).is_finite() {
         return None;
     }
-    let log = x.0 > 0.0 && x.1 >= 100.0 * x.0;
+    let log = x.0 > 0.0 && x.1 >= 10.0 * x.0;
     let scaled = |x: f64| if log { x.ln() } else { x };
     let share =
         |v: f64, (low, high): (f64, f64)| if high > low { (v - low) / (high - low) } else { 0.5 };

@@ -57,3 +57,42 @@ fn written(table: &SweepTable) -> Result<Vec<u8>, ParquetError> {
 fn levels<T>(cells: &[Option<T>]) -> Vec<i16> {
     cells.iter().map(|cell| i16::from(cell.is_some())).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::merge::Column;
+    use super::*;
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::record::Field;
+
+    #[test]
+    fn a_reader_finds_names_numbers_texts_and_gaps() {
+        let numbers = Cells::Number(vec![Some(0.1), None, Some(-3e300)]);
+        let texts =
+            Cells::Text(vec![None, Some("Gewebe, \"weich\" é".into()), Some(String::new())]);
+        let column = |name: &str, cells| Column { name: name.into(), cells };
+        let table = SweepTable {
+            columns: vec![column("scene.dt", numbers), column("error", texts)],
+            parameters: 0..1,
+            results: 1..2,
+        };
+        let path = std::env::temp_dir().join(format!("sinew-{}.parquet", std::process::id()));
+        std::fs::write(&path, bytes(&table, &path).unwrap()).unwrap();
+        let reader = SerializedFileReader::new(std::fs::File::open(&path).unwrap()).unwrap();
+        let rows: Vec<_> = reader.get_row_iter(None).unwrap().map(Result::unwrap).collect();
+        std::fs::remove_file(&path).unwrap();
+        let text = |value: &str| Field::Str(value.into());
+        let expected = [
+            [Field::Double(0.1), Field::Null],
+            [Field::Null, text("Gewebe, \"weich\" é")],
+            [Field::Double(-3e300), text("")],
+        ];
+        assert_eq!(rows.len(), expected.len());
+        for (row, expected) in rows.iter().zip(expected) {
+            let found: Vec<_> =
+                row.get_column_iter().map(|(n, f)| (n.clone(), f.clone())).collect();
+            let [dt, error] = expected;
+            assert_eq!(found, [("scene.dt".to_string(), dt), ("error".to_string(), error)]);
+        }
+    }
+}
