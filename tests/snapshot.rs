@@ -83,7 +83,9 @@ fn exact(name: &str, options: SimulationOptions, scene: &Scene) {
         let bytes = snapshot.to_bytes();
         let read = Snapshot::from_bytes(&bytes).unwrap();
         assert_eq!(read.header(), snapshot.header());
-        let mut new = (scene.build)(options);
+        // the last one with another number of threads
+        let threads = if *at == TAKEN[3] { 3 - options.threads } else { options.threads };
+        let mut new = (scene.build)(SimulationOptions { threads, ..options });
         new.restore(&read).unwrap();
         let what = format!("{name}: anew from {at}");
         same(&go(scene, &mut new, END), &expected, &what);
@@ -172,7 +174,7 @@ fn by_integrator(integrator: Integrator) {
             let build = |options| beam(options, &settings, &body);
             let name = format!("{} {evaluation:?} {precision:?}", integrator.name());
             let scene = Scene { build: &build, act: &nothing };
-            let all = SimulationOptions { precision, ..threads(2) };
+            let all = SimulationOptions { precision, ..threads(1) };
             exact(&name, all, &scene);
         }
     }
@@ -372,7 +374,7 @@ fn removals_and_materials() {
                 _ => {}
             }
         };
-        exact(integrator.name(), threads(2), &Scene { build: &build, act: &act });
+        exact(integrator.name(), threads(1), &Scene { build: &build, act: &act });
     }
 }
 
@@ -455,7 +457,7 @@ fn drag(integrator: Integrator) {
     let act = |simulation: &mut Simulation, step| {
         assert!(step < 30 || simulation.report().contact.points > 0, "nothing touches");
     };
-    exact(integrator.name(), threads(2), &Scene { build: &build, act: &act });
+    exact(integrator.name(), threads(1), &Scene { build: &build, act: &act });
     if integrator == Integrator::Auto {
         let single = SimulationOptions { precision: Precision::F32, ..threads(1) };
         exact("f32", single, &Scene { build: &build, act: &act });
@@ -564,7 +566,7 @@ fn hands_and_tools() {
             assert!(simulation.remove_contact(new));
         }
     };
-    exact("hands", threads(2), &Scene { build: &build, act: &act });
+    exact("hands", threads(1), &Scene { build: &build, act: &act });
 }
 
 /// Two bodies with friction that fall on each other and on a table, and cut while they touch.
@@ -592,7 +594,7 @@ fn contact_of_bodies() {
             assert!(!report.tetrahedra.is_empty());
         }
     };
-    exact("bodies", threads(2), &Scene { build: &build, act: &act });
+    exact("bodies", threads(1), &Scene { build: &build, act: &act });
 }
 
 /// Other settings, integrators, gravity and step lengths on the way, and a state set by hand.

@@ -55,15 +55,17 @@ static class Program
             simulation.MoveTool(ball, new Vec3(x, y, high + 0.005));
             simulation.Step(1);
             Demand(simulation.Feel(ball).Depth >= 0.0, "the depth");
-            // back before the cut below, and the same cut again
+            // back by bytes and before a cut, and the same cut again
             var before = simulation.SurfaceRevision(liver);
             using (var start = simulation.Snapshot())
             using (var read = SnapshotHandle.FromBytes(start.ToBytes()))
             {
+                simulation.Step(1);
+                simulation.Restore(read);
                 simulation.RemoveBall(liver, at, 0.03);
                 simulation.Step(1);
                 var after = simulation.Hash;
-                simulation.Restore(read);
+                simulation.Restore(start);
                 Demand(simulation.RemoveBall(liver, at, 0.03) > 0, "elements after going back");
                 simulation.Step(1);
                 Demand(simulation.Hash == after, "the state after going back");
