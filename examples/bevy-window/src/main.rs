@@ -88,7 +88,7 @@ fn setup(
         .with_child(SinewHold::new("ligament"));
     commands.spawn((
         Camera3d::default(),
-        Transform::from_xyz(0.1, 0.25, 0.45).looking_at(Vec3::new(0.1, 0.03, -0.05), Vec3::Y),
+        Transform::from_xyz(0.05, 0.12, 0.34).looking_at(Vec3::new(0.0, -0.02, 0.0), Vec3::Y),
     ));
     commands.spawn((
         DirectionalLight::default(),
