@@ -7,7 +7,7 @@ use sinew::engine::precision::Precision;
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
-use sinew::touch::tool::{Hinge, Part, Points, ToolReport};
+use sinew::touch::tool::{Hinge, Part, Points, ToolMotion, ToolReport};
 
 const SOFT: YoungPoisson = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 };
 
@@ -117,6 +117,34 @@ fn forces_do_not_depend_on_the_step_length() {
     for force in forces {
         assert!((force / forces[0] - 1.0).abs() < 5e-3, "{forces:?}");
     }
+}
+
+/// A ball thinner than the edges of the surface, off its middle: the normal of the surface leans against its own.
+#[test]
+fn exact_contact_of_a_thin_ball_comes_to_rest() {
+    let mut block = Block::new(SLAB, [4, 4, 2], one_thread());
+    let rows = block.simulation.group_rows(block.body, &block.mesh, "z0").unwrap();
+    let floor = block.simulation.add_constraint(Constraint::hold("floor", rows));
+    block.simulation.set_dt(0.01);
+    block.simulation.set_solver(SolverSettings {
+        mass_damping: 10.0,
+        max_newton_iterations: 20,
+        ..settings(Integrator::Newton)
+    });
+    let above = DVec3::new(0.033, 0.028, 0.042);
+    let mut ball = Tool::new("ball", Shape::Sphere { radius: 0.01 }, above).exactly();
+    ball.motion = ToolMotion::Translate(DVec3::Z * -0.005, Curve::ramp(0.0, 0.5));
+    let ball = block.simulation.add_tool(ball).unwrap();
+    for step in 0..200 {
+        block.step();
+        let report = block.simulation.report();
+        assert!(!report.unconverged, "step {step}: {report:?}");
+        // nothing moves any more
+        assert!(step < 190 || report.newton_iterations < 10, "step {step}: {report:?}");
+    }
+    let (pressed, held) = (block.tool(ball).force, block.simulation.reaction(floor));
+    assert!(pressed.length() > 0.1);
+    assert!((held - pressed).length() < 1e-6 * pressed.length(), "{held} {pressed}");
 }
 
 #[test]
