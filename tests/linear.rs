@@ -81,6 +81,7 @@ impl<S: Scalar> Case<S> {
             mass: &self.mass,
             mass_factor: S::from_f64(mass_factor),
             tangent: &world.resource::<Tangent<S>>().matrix,
+            low_rank: &[],
             tangent_factor: S::ONE,
             damping: None,
             fixed: &self.fixed,

@@ -221,6 +221,7 @@ fn linearised_implicit_steps() {
                     mass: &masses,
                     mass_factor: 1.0 + h * alpha,
                     tangent: &world.resource::<Tangent<f64>>().matrix,
+                    low_rank: &[],
                     tangent_factor: h * h + h * beta,
                     damping: None,
                     fixed: &fixed,

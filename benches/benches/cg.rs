@@ -58,6 +58,7 @@ fn solve<S: Scalar>(c: &mut Criterion, size: &str, cells: [usize; 3], precision:
             mass: &mass,
             mass_factor: S::from_f64(1e4),
             tangent: &world.resource::<Tangent<S>>().matrix,
+            low_rank: &world.resource::<Tangent<S>>().low_rank,
             tangent_factor: S::ONE,
             damping: None,
             fixed: &fixed,

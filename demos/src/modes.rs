@@ -79,6 +79,7 @@ pub fn modes(
         mass: &node.mass,
         mass_factor: 0.0,
         tangent: &world.resource::<Tangent<f64>>().matrix,
+        low_rank: &world.resource::<Tangent<f64>>().low_rank,
         tangent_factor: 1.0,
         damping: None,
         fixed: &fixed,

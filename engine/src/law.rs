@@ -7,7 +7,7 @@
 //! arrays cover just that span. There are no atomics and no colouring, and the sum does not depend
 //! on the number of threads.
 
-use crate::matrix::BlockMatrix;
+use crate::matrix::{BlockMatrix, LowRank};
 use crate::scalar::Scalar;
 use crate::topology::Topology;
 use crate::workers::Workers;
@@ -99,6 +99,8 @@ pub struct ElasticEnergy {
     pub by_body: Vec<f64>,
     /// Part of `total` that is no elastic energy but the potential of loads ([`LawInfo::is_load`]).
     pub load: f64,
+    /// [`LowRank::values`] of the laws that have such a part, in gather order.
+    pub values: Vec<Vec<f64>>,
 }
 
 impl ElasticEnergy {
@@ -277,11 +279,21 @@ pub struct LawBuffer<S> {
     pub time: Duration,
     /// What is wanted, of laws of dampers.
     pub viscous: ViscousRequest<S>,
+    /// Part of the tangent that couples the vertices of many elements; of laws without one, `None`.
+    pub low_rank: Option<LowRank<S>>,
+    /// What its vectors are derivatives of (J^1/2), as [`LowRank::values`], at every evaluation.
+    pub values: Vec<f64>,
 }
 
 impl<S> Default for LawBuffer<S> {
     fn default() -> Self {
-        Self { spans: Vec::new(), time: Duration::ZERO, viscous: ViscousRequest::Matrix }
+        Self {
+            spans: Vec::new(),
+            time: Duration::ZERO,
+            viscous: ViscousRequest::Matrix,
+            low_rank: None,
+            values: Vec::new(),
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use crate::topology::Topology;
 use crate::workers::Workers;
 use bevy_ecs::prelude::Resource;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Symmetric block matrix: one diagonal block per vertex row and one off-diagonal block per edge of
 /// the edge graph, whose lower row is the block's row. Entries in N/m when it is a tangent,
@@ -20,10 +21,109 @@ pub struct BlockMatrix<S> {
 /// The tangent of the last evaluation that asked for one, and how many elements were clamped in it.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Tangent<S: Scalar> {
-    /// Sum over all laws.
+    /// Sum over all laws of what couples the vertices of one element.
     pub matrix: BlockMatrix<S>,
+    /// What couples the vertices of many elements, law by law; the tangent is the sum of all of them and `matrix`.
+    pub low_rank: Vec<LowRank<S>>,
     /// Elements whose eigenvalues were clamped.
     pub clamped: u64,
+}
+
+impl<S: Scalar> Tangent<S> {
+    /// `y = K x`; the fourth entries of `y` are zero.
+    pub fn multiply(
+        &self,
+        topology: &Topology,
+        workers: &Workers,
+        spans: &mut ProductSpans<S>,
+        x: &[[S; 4]],
+        y: &mut [[S; 4]],
+    ) {
+        self.matrix.multiply(topology, workers, spans, x, y);
+        let rows = 0..topology.vertex_count();
+        self.low_rank.iter().for_each(|part| part.add_product(&rows, x, y));
+    }
+}
+
+/// A sum of `b b^T` over a few vectors `b` (N^1/2 m^-1/2), each with one 3-vector for each of some vertices of one
+/// body. It is never added up: its rows would have several times the blocks of the edge graph.
+#[derive(Clone, Debug, Default)]
+pub struct LowRank<S> {
+    /// Where the 3-vectors stand.
+    pub pattern: Arc<LowRankPattern>,
+    /// The 3-vectors, fourth entries zero, in the order of [`LowRankPattern::rows`].
+    pub vectors: Vec<[S; 4]>,
+    /// What the vectors are derivatives of (J^1/2): half the sum of the squares is the energy.
+    pub values: Vec<f64>,
+}
+
+/// Values (J^1/2) of the vectors of [`LowRank`] matrices, body by body, that the next tangents are to take for the
+/// curvature that goes with them. Where a body's are missing, its tangent is the second derivative of the energy.
+///
+/// A linear step turns elements by straight motions, which changes their volumes to second order; times a large modulus that
+/// is a pressure of no meaning. What the last step *predicted* has none of it: this is Newton's iteration with the pressures
+/// as unknowns of their own. Equilibria do not depend on it.
+#[derive(Resource, Clone, Debug, Default, PartialEq)]
+pub struct PredictedValues(pub Vec<Vec<f64>>);
+
+/// Vertex rows of the vectors of a [`LowRank`] matrix.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LowRankPattern {
+    /// First entry of `rows` of each vector (one more than vectors).
+    pub start: Vec<u32>,
+    /// Vertex rows, ascending within a vector; vectors lie body by body.
+    pub rows: Vec<u32>,
+}
+
+impl LowRankPattern {
+    /// Vectors of the bodies with these vertex rows.
+    pub fn of_rows(&self, rows: &Range<usize>) -> Range<usize> {
+        let count = self.start.len().saturating_sub(1);
+        let firsts = &self.start[..count];
+        let before = |row: usize| {
+            firsts.partition_point(|&first| (self.rows[first as usize] as usize) < row)
+        };
+        before(rows.start)..before(rows.end)
+    }
+
+    /// Entries of a vector.
+    pub fn entries(&self, vector: usize) -> Range<usize> {
+        self.start[vector] as usize..self.start[vector + 1] as usize
+    }
+}
+
+impl<S: Scalar> LowRank<S> {
+    /// Scalar product of a vector with a field over all rows.
+    pub fn product(&self, vector: usize, x: &[[S; 4]]) -> f64 {
+        let entries = self.pattern.entries(vector);
+        let own = self.pattern.rows[entries.clone()].iter().zip(&self.vectors[entries]);
+        own.map(|(&row, b)| {
+            let x = &x[row as usize];
+            (0..3).map(|k| b[k].to_f64() * x[k].to_f64()).sum::<f64>()
+        })
+        .sum()
+    }
+
+    /// Adds `A x` to `y` for the bodies with these vertex rows; both vectors hold those rows only. Scalar products are
+    /// formed in `f64`.
+    pub fn add_product(&self, rows: &Range<usize>, x: &[[S; 4]], y: &mut [[S; 4]]) {
+        for vector in self.pattern.of_rows(rows) {
+            let entries = self.pattern.entries(vector);
+            let own = &self.pattern.rows[entries.clone()];
+            let mut sum = 0.0;
+            for (&row, b) in own.iter().zip(&self.vectors[entries.clone()]) {
+                let x = &x[row as usize - rows.start];
+                sum += (0..3).map(|k| b[k].to_f64() * x[k].to_f64()).sum::<f64>();
+            }
+            let sum = S::from_f64(sum);
+            for (&row, b) in own.iter().zip(&self.vectors[entries]) {
+                let y = &mut y[row as usize - rows.start];
+                for k in 0..3 {
+                    y[k] += sum * b[k];
+                }
+            }
+        }
+    }
 }
 
 /// Work space of [`BlockMatrix::multiply`]: private result arrays of fixed row ranges.

@@ -6,7 +6,7 @@ use crate::law::{
     BodiesWithoutRecovery, DisabledLaws, ElasticEnergy, EvaluationRequest, LawBuffer, LawBuffers,
     LawId, LawInfo, Partition, RecoveringBodies, ViscousRequest,
 };
-use crate::matrix::Tangent;
+use crate::matrix::{PredictedValues, Tangent};
 use crate::precision::Precision;
 use crate::report::SystemTimes;
 use crate::scalar::Scalar;
@@ -114,6 +114,7 @@ pub fn install<S: Scalar>(world: &mut World, executor: Executor) {
     world.init_resource::<ElasticEnergy>();
     world.init_resource::<LawBuffers<S>>();
     world.init_resource::<Tangent<S>>();
+    world.init_resource::<PredictedValues>();
     world.init_resource::<Workers>();
     world.init_resource::<SystemTimes>();
     world.insert_resource(executor);
@@ -326,6 +327,7 @@ pub fn has_dampers(world: &World) -> bool {
 pub fn evaluate_dampers<S: Scalar>(world: &mut World) {
     world.resource_scope(|world, mut tangent: Mut<Tangent<S>>| {
         tangent.matrix.clear(world.resource::<Topology>());
+        tangent.low_rank.clear();
         tangent.clamped = 0;
     });
     world.run_schedule(DampingSchedule);
@@ -442,6 +444,7 @@ fn gather<S: Scalar>(
     if request.energy {
         energy.total = 0.0;
         energy.load = 0.0;
+        energy.values.clear();
         energy.by_law.clear();
         energy.by_body.clear();
         energy.by_body.resize(topology.bodies.len(), 0.0);
@@ -454,6 +457,7 @@ fn gather<S: Scalar>(
     }
     if request.tangent.is_some() {
         tangent.matrix.clear(&topology);
+        tangent.low_rank.clear();
         tangent.clamped = 0;
     }
     let LawBuffers { slots, order } = &mut *buffers;
@@ -470,6 +474,9 @@ fn gather<S: Scalar>(
             energy.total += own;
             energy.load += if is_load { own } else { 0.0 };
             energy.by_law.push((name, own));
+            if !buffer.values.is_empty() {
+                energy.values.push(buffer.values.clone());
+            }
             for span in &buffer.spans {
                 energy.by_body[span.body] += span.energy;
             }
@@ -479,6 +486,7 @@ fn gather<S: Scalar>(
         }
         if request.tangent.is_some() {
             buffer.add_tangent_to(&workers, &mut tangent.matrix);
+            tangent.low_rank.extend(buffer.low_rank.clone());
             tangent.clamped += buffer.spans.iter().map(|s| s.clamped).sum::<u64>();
         }
     }

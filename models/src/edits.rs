@@ -3,8 +3,8 @@
 
 use crate::axes::change::set_axis_modulus;
 use crate::axes::muscle;
-use crate::body::SoftBody;
 use crate::body::change::set_material;
+use crate::body::{SoftBody, VolumeRule};
 use crate::laws::pressure;
 use crate::material::YoungPoisson;
 use crate::material::field::MaterialArrays;
@@ -295,11 +295,14 @@ pub fn scene_hash<S: Scalar>(world: &mut World) -> u64 {
         }
         for own in soft.iter(world) {
             let SoftBody { material, arrays, model, evaluation, spring_rule, .. } = own;
-            let SoftBody { given, masses, membrane, axes, .. } = own;
+            let SoftBody { given, masses, membrane, axes, volume, .. } = own;
             let law = own.law.map(|law| law.info.name);
             // none of these holds anything but names and numbers
             let what = (material, arrays, model, law, evaluation, spring_rule);
             sums[own.index].text(&format!("{what:?} {:?}", (given, masses, membrane, axes)));
+            if *volume != VolumeRule::default() {
+                sums[own.index].text(&format!("{volume:?}"));
+            }
         }
         let hashes = sums[known..].iter().map(|sum| sum.0);
         world.resource_mut::<EditLog>().hashes.extend(hashes);

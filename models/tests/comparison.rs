@@ -210,6 +210,8 @@ fn check_digits<L: TetrahedronLaw>(
         lambda: f64::from(narrow.lambda),
         mu: f64::from(narrow.mu),
         compression: 0.0,
+        pressure: 0.0,
+        quartic: 0.0,
     };
     let f = L::forces(&wide, &u).unwrap();
     let g = L::forces(&narrow, &u.map(|x| x.map(|x| x as f32))).unwrap();

@@ -13,6 +13,7 @@
 
 use crate::cholesky::{FactorValues, IncompleteCholesky};
 use crate::coarse::{CoarseSpace, CoarseValues, Motion};
+use crate::low_rank::{Correction, Places, add_product, places};
 use crate::settings::Preconditioner;
 use crate::simd::{Kernel, vectorised};
 use crate::system::{
@@ -93,6 +94,8 @@ pub struct ConjugateGradients<T: Scalar> {
     update: Vec<UpdatePiece<T>>,
     cholesky: IncompleteCholesky<T>,
     coarse: Option<CoarseSpace<T>>,
+    /// For the part of the matrix that is not added up, if it has one.
+    correction: Option<Correction<T>>,
     forces: Vec<[T; 8]>,
     motions: Vec<Motion<T>>,
     kept: Option<Kept>,
@@ -101,6 +104,8 @@ pub struct ConjugateGradients<T: Scalar> {
     shared: Shared<T>,
     /// Pieces, and rows in them, of the couplings of the matrix.
     coupled: Vec<[(usize, usize); 4]>,
+    /// The same of the entries of its vectors.
+    places: Places,
 }
 
 /// What the kept values of the preconditioner were computed for, and how they did since.
@@ -179,6 +184,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         };
         self.coupled.clear();
         self.coupled.extend(self.matrix.couplings.iter().map(|c| c.rows.map(place)));
+        places(&self.matrix.low_rank, pattern, &mut self.places);
         let mut inner = Inner {
             status: InnerStatus::Cap,
             iterations: 0,
@@ -193,6 +199,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         });
         let mut since = (0, 1.0);
         if let Some(allowance) = allowance {
+            self.correct(pattern);
             self.load(pattern, residual, 1.0 / norm);
             self.iterate(workers, pattern, target, cap.min(allowance), &mut inner);
         }
@@ -228,6 +235,7 @@ impl<T: Scalar> ConjugateGradients<T> {
                 && k.factors == of.system.factors()
                 && k.held == self.matrix.held
                 && k.splits == splits(of.system.topology, of.bodies)
+                && self.correction.is_some() != self.matrix.low_rank.is_empty()
                 && k.excess < k.cost
         })
     }
@@ -258,6 +266,7 @@ impl<T: Scalar> ConjugateGradients<T> {
             refresh += coarse.work();
             iteration += coarse.solve_work();
         }
+        iteration += self.correction.as_ref().map_or(0.0, Correction::work);
         let cost = FACTOR_COST * refresh / iteration;
         let held = self.matrix.held.clone();
         let factors = system.factors();
@@ -276,21 +285,65 @@ impl<T: Scalar> ConjugateGradients<T> {
         kind: Preconditioner,
     ) -> u32 {
         self.shared.forget();
-        if self.kept.as_ref().is_none_or(|k| k.kind != kind) {
-            self.lay_out(pattern, rest, piece, kind);
+        let corrected = !self.matrix.low_rank.is_empty();
+        if self.kept.as_ref().is_none_or(|k| k.kind != kind)
+            || self.correction.is_some() != corrected
+        {
+            self.lay_out(pattern, (rest, piece), kind, corrected);
         }
         let breakdowns = self.cholesky.factorise(workers, pattern, &self.matrix);
         if let Some(coarse) = &mut self.coarse {
             coarse.factorise(workers, &self.matrix);
         }
+        self.correct(pattern);
         breakdowns
     }
 
+    /// Makes the preconditioner one for the vectors of this matrix.
+    fn correct(&mut self, pattern: &Pattern) {
+        let Self { matrix, cholesky, coarse, correction, .. } = self;
+        if let Some(correction) = correction {
+            correction.form(&matrix.low_rank, pattern, cholesky, coarse.as_ref());
+        }
+    }
+
+    /// The shortest way (m), as the diagonal blocks of the matrix measure it, that takes `excess` (J^1/2) from the
+    /// values behind its vectors; false, where there are none.
+    pub fn restore<S: Scalar>(
+        &mut self,
+        pattern: &Pattern,
+        excess: &[f64],
+        way: &mut [[S; 4]],
+    ) -> bool {
+        let Self { matrix, cholesky, correction, .. } = self;
+        let Some(correction) =
+            correction.as_mut().filter(|_| matrix.low_rank.len() == excess.len())
+        else {
+            return false;
+        };
+        let mut x: Vec<T> = excess.iter().map(|&x| T::from_f64(x)).collect();
+        let factor = -matrix.factor.sqrt();
+        correction.restore(&matrix.low_rank, pattern, cholesky, &mut x, |row, z| {
+            for k in 0..3 {
+                way[row][k] += S::from_f64(factor * z[k].to_f64());
+            }
+        });
+        true
+    }
+
     /// The symbolic part of a preconditioner, and work space for it.
-    fn lay_out(&mut self, pattern: &Pattern, rest: &[DVec3], piece: &[u32], kind: Preconditioner) {
+    fn lay_out(
+        &mut self,
+        pattern: &Pattern,
+        (rest, piece): (&[DVec3], &[u32]),
+        kind: Preconditioner,
+        corrected: bool,
+    ) {
         self.laid_out_for.clear();
         self.laid_out_for.extend_from_slice(piece);
-        self.cholesky = IncompleteCholesky::new(pattern, kind != Preconditioner::BlockJacobi);
+        let couplings = kind != Preconditioner::BlockJacobi && !corrected;
+        self.cholesky = IncompleteCholesky::new(pattern, couplings);
+        self.correction = corrected.then(Correction::default);
         self.coarse = (kind == Preconditioner::Multigrid).then(|| {
             // in large bodies the work of the factor would outgrow that of an iteration
             let size = AGGREGATE.max((0.45 * (rest.len() as f64).sqrt()) as usize);
@@ -370,7 +423,12 @@ impl<T: Scalar> ConjugateGradients<T> {
         workers.for_each(product, usize::MAX, |index, own| {
             vectorised(Multiply { matrix, pattern, update, coarse, motions, beta, index, own });
         });
-        let curvature: f64 = self.product.iter().map(|p| p.curvature).sum();
+        let mut curvature: f64 = self.product.iter().map(|p| p.curvature).sum();
+        if !self.matrix.low_rank.is_empty() {
+            let product = self.product.iter_mut().map(|own| (&own.p[..], &mut own.q[..]));
+            let mut product: Vec<_> = product.collect();
+            curvature += add_product(&self.matrix.low_rank, &self.places, &mut product);
+        }
         if self.matrix.couplings.is_empty() {
             return curvature;
         }
@@ -398,20 +456,21 @@ impl<T: Scalar> ConjugateGradients<T> {
     /// `x += alpha p`, `r -= alpha q`, `z = M^-1 r`; returns `r . r` and `r . z`. Without `alpha` only
     /// the preconditioner is applied, and the directions forgotten.
     fn update(&mut self, workers: &Workers, pattern: &Pattern, alpha: Option<T>) -> (f64, f64) {
-        let Self { product, update, coarse, forces, motions, cholesky, .. } = self;
+        let Self { matrix, product, update, coarse, correction, forces, motions, .. } = self;
+        let (cholesky, places) = (&self.cholesky, &self.places);
         if alpha.is_none() {
             for own in product.iter_mut() {
                 own.p.fill([T::ZERO; 4]);
             }
         }
-        let (product, cholesky) = (&*product, &*cholesky);
+        let product = &*product;
         let space = coarse.as_ref();
         workers.for_each(update, usize::MAX, |index, own| {
             vectorised(Update { pattern, product, cholesky, space, alpha, index, own });
         });
         let rr = update.iter().map(|u| u.rr).sum();
         let mut rz: f64 = update.iter().map(|u| u.rz).sum();
-        if let Some(space) = coarse {
+        if coarse.is_some() {
             forces.fill([T::ZERO; 8]);
             for own in &*update {
                 for (total, part) in forces[own.aggregates.clone()].iter_mut().zip(&own.coarse) {
@@ -420,7 +479,15 @@ impl<T: Scalar> ConjugateGradients<T> {
                     }
                 }
             }
+        }
+        if let Some(correction) = correction {
+            let mut z: Vec<_> = update.iter_mut().map(|own| &mut own.z[..]).collect();
+            let of = (&matrix.low_rank, &*places);
+            rz += correction.apply(of, pattern, cholesky, coarse.as_mut(), &mut z, forces);
+        } else if let Some(space) = coarse {
             rz += space.solve(forces);
+        }
+        if coarse.is_some() {
             CoarseSpace::motions(forces, motions);
         }
         (rr, rz)

@@ -203,6 +203,12 @@ impl<T: Scalar> FactorPiece<T> {
         true
     }
 
+    /// `D^-1 r` for one row.
+    #[inline(always)]
+    pub fn apply_row(&self, row: usize, r: [T; 4]) -> [T; 4] {
+        transpose_product(&self.inverse[row], r)
+    }
+
     /// `z = M^-1 r` for the rows of the piece.
     #[inline(always)]
     pub fn apply(&self, r: &[[T; 4]], z: &mut [[T; 4]]) {

@@ -31,6 +31,8 @@ pub(crate) struct History<S> {
     pub bodies: Vec<BodyHistory>,
     /// Bodies that shared a solve.
     pub groups: Vec<Range<usize>>,
+    /// What the last linear solves predicted of the values behind low-rank tangents, body by body.
+    pub predicted: Vec<Vec<f64>>,
     #[serde(skip)]
     revision: u64,
     #[serde(skip)]
@@ -90,6 +92,7 @@ impl<S: Scalar> Default for History<S> {
             dt: 0.0,
             bodies: Vec::new(),
             groups: Vec::new(),
+            predicted: Vec::new(),
             revision: 0,
             laws: 0,
             tick: None,
@@ -154,6 +157,7 @@ impl<S: Scalar> History<S> {
             && self.mass.len() == rows
             && self.fixed.len() == rows
             && self.bodies.len() == bodies
+            && self.predicted.len() <= bodies
             && groups
                 .clone()
                 .map(|group| group.start)

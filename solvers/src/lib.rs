@@ -11,6 +11,7 @@ mod history;
 pub mod implicit;
 pub mod integrator;
 pub mod linear_solver;
+pub mod low_rank;
 pub mod memory;
 mod orphan;
 pub mod recovery;

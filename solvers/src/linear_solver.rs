@@ -222,6 +222,7 @@ impl<S: Scalar> LinearSolver<S> {
             self.groups[group].1.assembled = [false; 2];
         }
         let same_type = size_of::<S>() == size_of::<f32>();
+        let rows = ranges(system.topology, &bodies).0;
         let solve = Solve {
             solver: self,
             system,
@@ -239,7 +240,7 @@ impl<S: Scalar> LinearSolver<S> {
                 status: CgStatus::Converged,
                 iterations: 0,
                 residual: 0.0,
-                preconditioner: resolve(options.preconditioner, system, b.len()),
+                preconditioner: resolve(options.preconditioner, system, &rows),
                 refreshes: 0,
                 breakdowns: 0,
                 fell_back: false,
@@ -248,6 +249,17 @@ impl<S: Scalar> LinearSolver<S> {
         };
         // on a thread of the pool, regions follow each other without a hand-over
         system.workers.enter(|| solve.run(x))
+    }
+
+    /// Adds to `way` the shortest step (m), as the diagonal blocks of the matrix last solved with measure it, that
+    /// takes `excess` (J^1/2) from the values behind its low-rank part; false, where there is none.
+    pub fn restore(&mut self, bodies: &Range<usize>, excess: &[f64], way: &mut [[S; 4]]) -> bool {
+        let Some((_, own)) = self.groups.iter_mut().find(|(of, _)| of == bodies) else {
+            return false;
+        };
+        let BodySolver { pattern, single, full, assembled, .. } = own;
+        let single_way = assembled[1] && single.restore(pattern, excess, way);
+        single_way || full.restore(pattern, excess, way)
     }
 
     /// `y = A x` for the solution `x` that the last solve found for `b`.
@@ -303,18 +315,23 @@ impl<S: Scalar> LinearSolver<S> {
     }
 }
 
-/// The preconditioner to use for so many vertices: the complete factor knows nothing of what contact couples.
+/// The preconditioner to use for the bodies of these rows: the complete factor knows nothing of what contact couples,
+/// and the correction for vectors that are not added up needs one that is cheap to apply to each of them.
 fn resolve<S: Scalar>(
     chosen: Preconditioner,
     system: &ShiftedTangent<'_, S>,
-    vertices: usize,
+    rows: &Range<usize>,
 ) -> Preconditioner {
     let coupled = system.contact.is_some_and(|contact| !contact.couplings.is_empty());
+    let low_rank = system.low_rank.iter().any(|part| !part.pattern.of_rows(rows).is_empty());
     let chosen = match chosen {
         Preconditioner::Direct if coupled => Preconditioner::Auto,
         chosen => chosen,
     };
-    chosen.resolve(vertices)
+    match chosen.resolve(rows.len()) {
+        Preconditioner::IncompleteCholesky if low_rank => Preconditioner::Multigrid,
+        resolved => resolved,
+    }
 }
 
 /// One solve: rounds of conjugate gradients, or of the complete factor, each for a correction of what is

@@ -7,11 +7,12 @@
 //! across once per block row, `A_ij^T x_i` adds multiples of the rows of `A_ij`. The code is plain
 //! loops over four numbers without fused operations, so that every instruction set gives the same bits.
 
+use crate::low_rank::RankOnes;
 use crate::state::Rows;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_contact::set::{ContactBlocks, Coupling};
-use sinew_engine::matrix::{BlockMatrix, ProductSpans};
+use sinew_engine::matrix::{BlockMatrix, LowRank, ProductSpans};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::FixedAxes;
@@ -33,6 +34,8 @@ pub struct ShiftedTangent<'a, S> {
     pub mass_factor: S,
     /// Tangent.
     pub tangent: &'a BlockMatrix<S>,
+    /// What of the tangent couples the vertices of many elements.
+    pub low_rank: &'a [LowRank<S>],
     /// Factor of the tangent.
     pub tangent_factor: S,
     /// Frozen damping tangent and its factor.
@@ -186,6 +189,8 @@ pub struct SystemMatrix<T> {
     pub diagonal: Vec<Block<T>>,
     /// Upper off-diagonal blocks in the order of [`Pattern::column`].
     pub upper: Vec<Block<T>>,
+    /// What is added to the blocks without being added up.
+    pub low_rank: RankOnes<T>,
     /// Held unknowns of each row: bits 0, 1, 2.
     pub held: Vec<FixedAxes>,
     /// What contact couples beside the diagonal, in rows of the matrix.
@@ -277,6 +282,19 @@ impl<T: Scalar> SystemMatrix<T> {
                 *m = block(&entries);
             }
         });
+        self.low_rank.clear();
+        // a factor below 0 belongs to no system that is solved
+        let root = c_k.max(0.0).sqrt();
+        for LowRank { pattern, vectors, .. } in system.low_rank {
+            for vector in pattern.of_rows(&rows) {
+                let entries = pattern.entries(vector);
+                let own = pattern.rows[entries.clone()].iter().zip(&vectors[entries]);
+                let local = own.map(|(&row, b)| {
+                    (row - rows.start as u32, [0, 1, 2].map(|k| root * b[k].to_f64()))
+                });
+                self.low_rank.push(&self.held, local);
+            }
+        }
         self.add_contact(system.contact, rows);
     }
 
@@ -368,6 +386,8 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
             let rows = rows.start - offset..rows.end - offset;
             let (x, y) = (&x[rows.clone()], &mut y[rows.clone()]);
             self.tangent.multiply_body(self.topology, self.workers, spans, body, x, y);
+            let of_world = ranges(self.topology, &(body..body + 1)).0;
+            self.low_rank.iter().for_each(|part| part.add_product(&of_world, x, y));
             if let Some((matrix, _)) = self.damping {
                 let y = &mut scratch[rows];
                 matrix.multiply_body(self.topology, self.workers, spans, body, x, y);

@@ -132,6 +132,7 @@ impl ElementFlops {
             lambda: Counted(plain.lambda),
             mu: Counted(plain.mu),
             compression: Counted(plain.compression),
+            pressure: Counted(plain.pressure),
         };
         let squeezed = corner.map(|x| [-0.1, -0.2, 0.1].map(|s| Counted(s * (x[0] + x[1] - x[2]))));
         Self {

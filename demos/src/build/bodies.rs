@@ -84,6 +84,7 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
         density: density.as_deref(),
         model: body.model,
         evaluation: body.evaluation,
+        volume: body.volume,
         springs: rule,
         spring_constants: springs.map(|s| Arc::new(s.constants)),
         masses: body.masses.or(of_file).unwrap_or_default(),

@@ -7,7 +7,7 @@ use serde::ser::Serializer;
 use serde::{Deserialize, Serialize};
 use sinew::identify::ElementMethod;
 use sinew::models::body::sheet::{MembraneModel, PlaneState};
-use sinew::models::body::{Evaluation, MassRule, Model};
+use sinew::models::body::{Evaluation, MassRule, Model, VolumeRule};
 use std::path::PathBuf;
 
 /// A body.
@@ -34,6 +34,10 @@ pub struct Body {
     /// How the energy is summed: `"fused"` (default), or `"pooled"` for the first two.
     #[serde(default)]
     pub evaluation: Evaluation,
+    /// What keeps its volume: `"elements"` (default), or `"clusters"` for nearly incompressible tissue of `"svk_volume"` or
+    /// `"neo_hookean"`.
+    #[serde(default)]
+    pub volume: VolumeRule,
     /// How spring constants of `"mass_spring"` are found: `"frobenius"`, `"block"`, `"two-norm"`,
     /// `"nonnegative"`, `"two-norm-nonnegative"`, `"van-gelder"`, `"lloyd"`, `"baudet"`, `"paper-a"` or `"uniform"`;
     /// without, `"paper-a"` for tetrahedra and `"frobenius"` for hexahedra.

@@ -4,8 +4,8 @@ use super::read::{Case, Entry};
 use super::{CaseError, ValidateOptions};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
-use sinew::models::body::Evaluation;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel, PlaneState};
+use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::prelude::*;
 use std::path::Path;
 
@@ -20,6 +20,11 @@ pub(super) struct Material {
 }
 
 impl Material {
+    /// The same everywhere.
+    pub fn uniform(base: YoungPoisson) -> Self {
+        Self { base, young_modulus: None, poisson_ratio: None, density: None }
+    }
+
     /// `E`, `nu` and `rho` (water's by default) of an object, each a number or a list of one per element.
     pub fn read(entry: &Entry, elements: usize) -> Result<Self, CaseError> {
         let constant = |key: &str| {
@@ -127,22 +132,29 @@ impl<'a> Cells<'a> {
 /// A law of solid elements or of membranes.
 #[derive(Clone, Copy)]
 pub(super) enum Law {
-    Solid(Model),
+    Solid(Model, VolumeRule),
     Membrane(MembraneModel),
 }
 
 impl Law {
     /// The law of a name for a kind of elements. Plane cases call the laws of membranes by those of solids.
     pub fn find(name: &str, kind: &str) -> Result<Self, CaseError> {
-        let solid = || Model::ALL.into_iter().find(|m| m.name() == name);
+        let model = |name: &str| Model::ALL.into_iter().find(|m| m.name() == name);
+        let solid = || model(name).map(|model| Law::Solid(model, VolumeRule::Elements));
+        let by_mean = || {
+            let model = model(name.strip_suffix("_cluster")?).filter(|m| m.keeps_mean_volume());
+            model.map(|model| Law::Solid(model, VolumeRule::Clusters))
+        };
         let membrane = || match name {
             "svk" => Some(MembraneModel::Biquadratic),
             "svk_comp" => Some(MembraneModel::CompressibleBiquadratic),
             _ => MembraneModel::ALL.into_iter().find(|m| m.name() == name),
         };
         let found = match kind {
-            "tet" => solid().map(Law::Solid),
-            "hex" => solid().filter(|m| m.serves_hexahedra()).map(Law::Solid),
+            "tet" => by_mean().or_else(solid),
+            "hex" => by_mean().or_else(|| {
+                solid().filter(|law| matches!(law, Law::Solid(m, _) if m.serves_hexahedra()))
+            }),
             "tri" | "quad" => membrane().map(Law::Membrane),
             _ => return Err(CaseError::NotRun(format!("{kind} elements are not known"))),
         };
@@ -153,7 +165,7 @@ impl Law {
     /// Name in reports of trajectories.
     pub fn name(self) -> &'static str {
         match self {
-            Law::Solid(model) => model.name(),
+            Law::Solid(model, _) => model.name(),
             Law::Membrane(model) => model.name(),
         }
     }
@@ -165,6 +177,8 @@ pub(super) struct Body<'a> {
     pub points: &'a [DVec3],
     pub cells: Cells<'a>,
     pub law: Law,
+    /// Clusters of tetrahedra that keep their volume together, if the case names them.
+    pub clusters: Option<&'a [u32]>,
     pub material: &'a Material,
     /// Thickness of a membrane (m); moduli of plane cases are per unit thickness.
     pub thickness: f64,
@@ -187,7 +201,7 @@ impl Body<'_> {
             |supported| if simplices && supported { wanted } else { Evaluation::Fused };
         let plain = BodyDescription::from_parts("body", self.points, &[], self.material.base);
         let description = match (self.law, self.cells) {
-            (Law::Solid(model), cells) => BodyDescription {
+            (Law::Solid(model, volume), cells) => BodyDescription {
                 tetrahedra: if let Cells::Tetrahedra(cells) = cells { cells } else { &[] },
                 hexahedra: if let Cells::Hexahedra(cells) = cells { cells } else { &[] },
                 young_modulus: self.material.young_modulus.as_deref(),
@@ -195,6 +209,8 @@ impl Body<'_> {
                 density: self.material.density.as_deref(),
                 model,
                 evaluation: evaluation(model.supports(wanted)),
+                volume,
+                clusters: self.clusters,
                 ..plain
             },
             (Law::Membrane(_), _) if self.material.varies() => {
@@ -225,12 +241,8 @@ pub(super) fn mesh(case: &Case, options: &ValidateOptions) -> Result<Mesh, CaseE
     let root = case.root();
     let name = root.get("mesh").text()?;
     let beside = case.path.parent().unwrap_or(Path::new("."));
-    let searched = match &options.meshes {
-        Some(folder) => vec![folder.clone()],
-        None => {
-            vec![beside.join("meshes"), beside.join("../meshes"), beside.into(), beside.join("..")]
-        }
-    };
+    let near = ["meshes", "../meshes", "", ".."].map(|folder| beside.join(folder));
+    let searched: Vec<_> = options.meshes.iter().cloned().chain(near).collect();
     let file = searched.iter().map(|folder| folder.join(name)).find(|file| file.is_file());
     let Some(file) = file else {
         return Err(CaseError::NoMesh { case: case.path.clone(), mesh: name.into(), searched });

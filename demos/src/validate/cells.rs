@@ -79,7 +79,8 @@ fn run_cells(
             continue;
         }
         let plane = PlaneState::Stress;
-        let body = Body { points: &points, cells, law, material, thickness: 1.0, plane };
+        let body =
+            Body { points: &points, cells, law, clusters: None, material, thickness: 1.0, plane };
         let (mut simulation, body) = body.simulation(case, options)?;
         simulation
             .set_state(body, &u, &vec![DVec3::ZERO; nodes])

@@ -114,6 +114,7 @@ impl ContactCase<'_> {
             points: &self.mesh.points,
             cells,
             law: self.law,
+            clusters: None,
             material: &self.material,
             thickness: 0.0,
             plane: PlaneState::Stress,

@@ -64,7 +64,12 @@ fn run_law(
     let plane = plane_state(&material.get("plane"))?;
     let material = Material::read(&material, cells.len())?;
     let points = &mesh.points;
-    let body = Body { points, cells, law, material: &material, thickness: 1.0, plane };
+    let clusters = match (cells, root.get("clusters")) {
+        (Cells::Tetrahedra(_), given) if given.is_list() => Some(given.indices()?),
+        _ => None,
+    };
+    let clusters = clusters.as_deref();
+    let body = Body { points, cells, law, clusters, material: &material, thickness: 1.0, plane };
     (row.nodes, row.cells) = (points.len(), cells.len());
     let truth = result.get("u").field(points.len())?;
     let problem = Problem::read(case, result, &mesh)?;

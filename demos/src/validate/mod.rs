@@ -6,6 +6,7 @@
 
 mod body;
 mod cells;
+mod clusters;
 mod compare;
 mod contact;
 mod law;
@@ -166,6 +167,7 @@ fn run(file: &Path, options: &ValidateOptions) -> Vec<ValidationRow> {
         match root.get("schema").given().map(|schema| schema.text()).transpose()? {
             Some("sinew-fem-ref/1") => law::run(&case, options),
             Some("sinew-fem-elements/1") => cells::run(&case, options),
+            Some("sinew-locking-forces/1") => clusters::run(&case, options),
             Some("sinew-fem-modes/1") => vibration::run(&case, options),
             Some("sinew-contact-ref/1") => contact::run(&case, options),
             None if !root.get("implicit_euler").is_absent() => trajectory::run(&case, options),

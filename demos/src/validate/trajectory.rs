@@ -7,6 +7,7 @@ use super::read::{Case, Entry};
 use super::{CaseError, Status, TRAJECTORY_TOLERANCE, ValidateOptions, ValidationRow};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
+use sinew::models::body::VolumeRule;
 use sinew::models::body::sheet::{MembraneModel, PlaneState};
 use sinew::prelude::*;
 use sinew::simulation::SimulationError;
@@ -38,7 +39,8 @@ fn law(model: &Entry, cells: Cells) -> Result<Law, CaseError> {
         Ok(Law::Membrane(MembraneModel::Biquadratic))
     } else if words.starts_with("StVK") && !membrane {
         let compression = words.contains("+ compression");
-        Ok(Law::Solid(if compression { Model::CompressibleStVK } else { Model::StVK }))
+        let model = if compression { Model::CompressibleStVK } else { Model::StVK };
+        Ok(Law::Solid(model, VolumeRule::Elements))
     } else {
         Law::find(words, cells.kind())
     }
@@ -66,7 +68,7 @@ pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<Validati
     let law = law(&root.get("model"), cells)?;
     let thickness = match law {
         Law::Membrane(_) => root.get("thickness").number()?,
-        Law::Solid(_) => 0.0,
+        Law::Solid(..) => 0.0,
     };
     let material = Material::read(&root, cells.len())?;
     let plane = PlaneState::Stress;
@@ -77,7 +79,15 @@ pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<Validati
     start_u.iter_mut().zip(&mesh.points).for_each(|(x, rest)| *x -= *rest);
     let trajectory = Trajectory {
         case,
-        body: Body { points: &mesh.points, cells, law, material: &material, thickness, plane },
+        body: Body {
+            points: &mesh.points,
+            cells,
+            law,
+            clusters: None,
+            material: &material,
+            thickness,
+            plane,
+        },
         start_u,
         start_v: root.get("initial_velocities").field(n)?,
         fixed: root.get("fixed_vertices").indices()?,

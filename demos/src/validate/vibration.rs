@@ -6,6 +6,7 @@ use super::compare::{difference, largest, nearest, worst};
 use super::read::Case;
 use super::{CaseError, STATIC_TOLERANCE, Status, ValidateOptions, ValidationRow};
 use crate::modes::{Mode, modes};
+use sinew::models::body::VolumeRule;
 use sinew::models::body::sheet::PlaneState;
 use sinew::prelude::*;
 use std::time::Instant;
@@ -44,7 +45,8 @@ fn run_modes(
     let body = Body {
         points: &mesh.points,
         cells,
-        law: Law::Solid(Model::Linear),
+        law: Law::Solid(Model::Linear, VolumeRule::Elements),
+        clusters: None,
         material: &Material::read(&root, cells.len())?,
         thickness: 1.0,
         plane: PlaneState::Stress,

@@ -1,6 +1,7 @@
 //! From mesh and material to entities: every stiffness is precomputed here, in `f64`.
 
 pub mod change;
+pub(crate) mod clusters;
 pub mod lumped;
 pub(crate) mod matter;
 pub mod sheet;
@@ -30,9 +31,9 @@ use crate::material::YoungPoisson;
 use crate::material::field::{FieldError, MaterialArrays, MaterialField};
 
 use self::spawn::spawn;
-pub(crate) use self::spawn::{SolidPart, spawn_hexahedra, spawn_tetrahedra};
+pub(crate) use self::spawn::{SolidPart, spawn_clustered, spawn_hexahedra, spawn_tetrahedra};
 use self::surface::read_surface;
-pub use crate::laws::models::{Evaluation, Model};
+pub use crate::laws::models::{Evaluation, Model, VolumeRule};
 use sinew_engine::surface::SurfaceReader;
 
 /// What a body is made of.
@@ -59,6 +60,10 @@ pub struct BodyDescription<'a> {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// What keeps its volume.
+    pub volume: VolumeRule,
+    /// Cluster of every tetrahedron, any numbers, where its volume is kept by clusters; without it they are grown.
+    pub clusters: Option<&'a [u32]>,
     /// Where the constants of [`Model::MassSpring`] come from; without, those of Delingette 2008 for
     /// tetrahedra and the Frobenius fit for hexahedra.
     pub springs: Option<SpringRule>,
@@ -98,6 +103,8 @@ impl<'a> BodyDescription<'a> {
             density: None,
             model: Model::default(),
             evaluation: Evaluation::default(),
+            volume: VolumeRule::default(),
+            clusters: None,
             springs: None,
             spring_constants: None,
             masses: MassRule::default(),
@@ -284,6 +291,14 @@ pub enum BodyError {
         /// Its model.
         model: Model,
     },
+    /// A rule for its volume that does not fit.
+    #[error("body `{body}`: volume = \"clusters\" {problem}")]
+    Volume {
+        /// Name of the body.
+        body: String,
+        /// Why not, and what to do.
+        problem: &'static str,
+    },
     /// A membrane that cannot be built.
     #[error("membrane of body `{body}`: {source}")]
     Membrane {
@@ -351,6 +366,8 @@ pub struct SoftBody {
     pub law: Option<&'static LawRow>,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// What keeps its volume.
+    pub volume: VolumeRule,
     /// Where the constants of its springs come from, if it consists of springs.
     pub spring_rule: Option<SpringRule>,
     /// Constants of its springs, where they were given.

@@ -23,19 +23,19 @@ use sinew_engine::vertex::{
 };
 use std::sync::Arc;
 
+use super::clusters;
 use super::lumped::{GivenSprings, SpringRule};
 use super::matter::{Items, Matter, PooledSprings, chosen};
 use super::sheet::{MembraneDescription, MembraneModel, Sheet};
-use super::{BodyDescription, BodyError, Evaluation, Model, SoftBody};
+use super::{BodyDescription, BodyError, Evaluation, Model, SoftBody, VolumeRule};
 use crate::axes::description::{AxesError, AxisForm, BodyAxes};
 use crate::axes::spawn::spawn_axes;
 use crate::axes::spawn_printed::{check_chords, spawn_printed};
 use crate::axes::systems::AxesOnly;
 use crate::element::precompute::{RestTetrahedron, SpringConstants};
+use crate::frame::clusters::{ClusterIndex, ClusterPressure, PredictedPressure};
 use crate::frame::hexahedra::Hexahedral;
-use crate::frame::tetrahedra::{
-    CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw,
-};
+use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::laws::pooled::{
     self, AngularStiffness, TensileStiffness, TensileTension, TriangleVertices, VolumetricStiffness,
 };
@@ -95,7 +95,16 @@ pub(super) fn spawn<S: Scalar>(
     let mass_spring = matter.edge_springs(&springs, &layout.cells, edges, &all);
     let pooled = matter.pooled_springs(&layout.cells, [edges, triangles], &all, &lame[0]);
     let at = add_rows(world, body.name, &layout, &rest_of);
-    let part = SolidPart { layout: &layout, rest_of: &rest_of, rest: &rest, lame, model, at };
+    let clusters = match (body.volume, body.clusters) {
+        (VolumeRule::Elements, _) => Vec::new(),
+        (_, Some(given)) => {
+            let own = layout.tetrahedron_order.iter().map(|&t| given[t as usize]);
+            clusters::number(&own.collect::<Vec<_>>())
+        }
+        (_, None) => clusters::grow(layout.vertex_order.len(), &layout.tetrahedra, &lame[0]),
+    };
+    let part =
+        SolidPart { layout: &layout, rest_of: &rest_of, rest: &rest, lame, model, clusters, at };
     part.spawn_vertices::<S>(world, &masses);
     part.spawn_edges::<S>(world, &mass_spring);
     let edge_rows = part.spawn_pooled_springs::<S>(world, &pooled);
@@ -103,7 +112,7 @@ pub(super) fn spawn<S: Scalar>(
         world.resource_mut::<BodiesWithoutRecovery>().insert(at.body.0 as usize);
     }
     let law = model.law().map(|row| laws::in_table(world, row).1);
-    part.spawn::<S>(world, law, evaluation, &edge_rows);
+    part.spawn::<S>(world, law, (evaluation, body.volume), &edge_rows);
     if let Some(sheet) = &sheet {
         sheet.spawn::<S>(world, &layout, at);
     }
@@ -129,6 +138,7 @@ pub(super) fn spawn<S: Scalar>(
         model,
         law,
         evaluation,
+        volume: body.volume,
         spring_rule,
         given: body.spring_constants.clone(),
         masses: body.masses,
@@ -179,6 +189,9 @@ fn check<'a>(
     if !body.hexahedra.is_empty() && !body.model.serves_hexahedra() {
         return Err(BodyError::HexahedronModel { body: name(), model: body.model });
     }
+    if body.volume == VolumeRule::Clusters {
+        check_clusters(body, &lame)?;
+    }
     if let Some(m) = &membrane {
         m.validate(body.points.len())
             .map_err(|source| BodyError::Membrane { body: name(), source })?;
@@ -193,6 +206,23 @@ fn check<'a>(
     check_springs(body, membrane.as_ref())?;
     check_axes(body, solid).map_err(|source| BodyError::Axes { body: name(), source })?;
     Ok((membrane, lame))
+}
+
+/// What means of volumes need.
+fn check_clusters(body: &BodyDescription, lame: &[LameParameters]) -> Result<(), BodyError> {
+    let given = body.clusters.map_or(body.tetrahedra.len(), <[u32]>::len);
+    let problem = if !body.model.keeps_mean_volume() {
+        "needs a model with a volume term in J: take \"svk_volume\" or \"neo_hookean\""
+    } else if body.evaluation != Evaluation::Fused {
+        "cannot be summed by pooled springs: take \"fused\""
+    } else if given != body.tetrahedra.len() {
+        "was given a list of clusters of another length: it must name one for every tetrahedron"
+    } else if lame.iter().any(|lame| lame.lambda < 0.0) {
+        "needs a Poisson's ratio of 0 or more: leave it out"
+    } else {
+        return Ok(());
+    };
+    Err(BodyError::Volume { body: body.name.to_string(), problem })
 }
 
 fn check_indices(body: &BodyDescription) -> Result<(), BodyError> {
@@ -339,6 +369,8 @@ pub struct SolidPart<'a> {
     /// Lamé parameters of tetrahedra and of hexahedra.
     lame: [Vec<LameParameters>; 2],
     model: Model,
+    /// Cluster of every tetrahedron, where the body has them.
+    clusters: Vec<u32>,
     pub(crate) at: Offsets,
 }
 
@@ -428,7 +460,7 @@ impl SolidPart<'_> {
         &self,
         world: &mut World,
         law: Option<&'static LawRow>,
-        evaluation: Evaluation,
+        (evaluation, volume): (Evaluation, VolumeRule),
         edge_rows: &[u32],
     ) {
         if !self.rest.tetrahedra.is_empty() {
@@ -436,7 +468,12 @@ impl SolidPart<'_> {
                 Some(_) if evaluation == Evaluation::Pooled => {
                     self.spawn_pooled::<S>(world, edge_rows);
                 }
-                Some(law) => law.spawn::<S>(world, self),
+                // without one it was refused before
+                Some(law) => {
+                    if let Some(law) = law.in_tetrahedra(volume) {
+                        laws::in_table(world, law).1.spawn::<S>(world, self);
+                    }
+                }
                 None if self.model == Model::MassSpring => {
                     spawn_tetrahedra::<MassSpring, S>(world, self);
                 }
@@ -445,11 +482,12 @@ impl SolidPart<'_> {
         }
         if !self.rest.hexahedra.is_empty() {
             match law {
-                Some(LawRow { hexahedra: Some(law), .. }) => {
-                    laws::in_table(world, law).1.spawn::<S>(world, self);
+                // without one it was refused before
+                Some(law) => {
+                    if let Some(law) = law.in_hexahedra(volume) {
+                        laws::in_table(world, law).1.spawn::<S>(world, self);
+                    }
                 }
-                // refused before
-                Some(_) => {}
                 None if self.model == Model::MassSpring => {
                     self.spawn_marked_hexahedra::<MassSpring, S>(world);
                 }
@@ -559,8 +597,25 @@ pub(crate) fn spawn_tetrahedra<M: Component + Default, S: Scalar>(
     world.spawn_batch(marked.collect::<Vec<_>>());
 }
 
+/// Spawns the tetrahedra of a body in clusters with the mark `M` of their law.
+pub(crate) fn spawn_clustered<M: Component + Default, S: Scalar>(
+    world: &mut World,
+    part: &SolidPart,
+) {
+    let taken = world.query::<&ClusterIndex>().iter(world).map(|own| own.0 + 1).max();
+    let first = taken.unwrap_or(0);
+    let marked = part.tetrahedra::<S>().zip(&part.clusters).map(|(t, &own)| {
+        let pressures = (ClusterPressure::<S>(S::ZERO), PredictedPressure::<S>(S::ZERO));
+        (t, ClusterIndex(first + own), pressures, M::default())
+    });
+    world.spawn_batch(marked.collect::<Vec<_>>());
+}
+
 /// Spawns the hexahedra of a body with the mark of law `L`.
-pub(crate) fn spawn_hexahedra<L: TetrahedronLaw, S: Scalar>(world: &mut World, part: &SolidPart) {
+pub(crate) fn spawn_hexahedra<L: Send + Sync + 'static, S: Scalar>(
+    world: &mut World,
+    part: &SolidPart,
+) {
     part.spawn_marked_hexahedra::<Hexahedral<L>, S>(world);
 }
 

@@ -56,6 +56,33 @@ pub struct Element<S> {
     pub mu: S,
     /// Modulus `kappa` of the compression term, Pa: `lambda + mu`, or 0 to leave the term out.
     pub compression: S,
+    /// Pressure (Pa, positive in expansion) that acts on `J - 1` besides that of the element: that of the elements whose
+    /// mean volume is kept. 0 without; only laws with [`TAKES_PRESSURE`](crate::frame::tetrahedra::TetrahedronLaw) read it.
+    pub pressure: S,
+    /// Modulus (Pa) of a term `kappa/2 (J - 1)^4`; 0 without, and read by the same laws.
+    pub quartic: S,
+}
+
+impl<R: Real> Element<R> {
+    /// What pressure and quartic term add to the slope of the volume energy at `m = J - 1`.
+    #[inline(always)]
+    pub(crate) fn more_slope(&self, m: R) -> R {
+        let twice = self.quartic + self.quartic;
+        (twice * m * m).mul_add(m, self.pressure)
+    }
+
+    /// What they add to that energy over `m`.
+    #[inline(always)]
+    pub(crate) fn more_energy(&self, m: R) -> R {
+        let half = R::from_f64(0.5) * self.quartic;
+        (half * m * m).mul_add(m, self.pressure)
+    }
+
+    /// `lambda` with what the quartic term adds to the curvature.
+    #[inline(always)]
+    pub(crate) fn volume_curvature(&self, m: R) -> R {
+        (R::from_f64(6.0) * self.quartic * m).mul_add(m, self.lambda)
+    }
 }
 
 impl<S: Scalar> Element<S> {
@@ -74,6 +101,8 @@ impl<S: Scalar> Element<S> {
             lambda: S::from_f64(material.lambda),
             mu: S::from_f64(material.mu),
             compression: S::from_f64(kappa),
+            pressure: S::ZERO,
+            quartic: S::ZERO,
         }
     }
 
@@ -86,6 +115,8 @@ impl<S: Scalar> Element<S> {
             lambda: self.lambda.to_f64(),
             mu: self.mu.to_f64(),
             compression: self.compression.to_f64(),
+            pressure: self.pressure.to_f64(),
+            quartic: self.quartic.to_f64(),
         }
     }
 }

@@ -81,6 +81,9 @@ pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: us
         points: &Self::Points<L>,
         kind: TangentKind,
     ) -> [[[L; 9]; D]; D];
+    /// Adds what a tangent has that belongs to an element as a whole.
+    #[inline(always)]
+    fn add_whole<L: Lanes<Scalar = S>>(&self, _: usize, _: &[[S; 3]; V], _: &mut Blocks<L, V, P>) {}
     /// Where the projected tangent differs from the exact one; nowhere among the points that only fill the
     /// register.
     fn is_clamped<L: Lanes<Scalar = S>>(points: &Self::Points<L>) -> L::Mask;
@@ -143,13 +146,14 @@ where
             sum.add(&C::tangent(&points, to.kind), &elements.derivatives, first);
         }
         to.clamped[0] += f64::from(u8::from(any));
+        self.0.add_whole(i, &u, &mut sum);
         sum.write(to.span, &elements.nodes[i], &elements.blocks[i]);
     }
 }
 
 /// Sum of the lanes, in their order.
 #[inline(always)]
-fn total<L: Lanes>(lanes: L) -> L::Scalar {
+pub(super) fn total<L: Lanes>(lanes: L) -> L::Scalar {
     let mut values = [L::Scalar::ZERO; MAX_LANES];
     lanes.store(&mut values);
     let mut sum = values[0];
@@ -207,6 +211,27 @@ impl<L: Lanes, const V: usize, const P: usize> Blocks<L, V, P> {
                 for i in 0..D {
                     for k in 0..9 {
                         own[k] = d[a][i].mul_add(column[i][k], own[k]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds `factor b b^T`.
+    #[inline(always)]
+    pub(crate) fn add_outer(&mut self, factor: L::Scalar, b: &[[L::Scalar; 3]; V]) {
+        let first = |value| {
+            let mut lanes = [L::Scalar::ZERO; MAX_LANES];
+            lanes[0] = value;
+            L::load(&lanes)
+        };
+        for c in 0..V {
+            for a in 0..=c {
+                let own =
+                    if a == c { &mut self.diagonal[a] } else { &mut self.off[place::<V>(a, c)] };
+                for i in 0..3 {
+                    for j in 0..3 {
+                        own[3 * i + j] += first(factor * b[a][i] * b[c][j]);
                     }
                 }
             }

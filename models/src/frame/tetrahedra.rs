@@ -19,8 +19,8 @@ use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
-use std::ops::Range;
 
+use super::clusters;
 use super::columns::{self, LawProducts, add_vertices, scalar_columns, sum, work};
 use crate::element::projection;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
@@ -79,6 +79,8 @@ pub trait TetrahedronLaw: Send + Sync + 'static {
     const WIDE: bool = true;
     /// Whether the volume is multiplied into the moduli beforehand and elements come with volume 1.
     const FOLDS_VOLUME: bool = true;
+    /// Whether it reads [`Element::pressure`]: the volume part of such a law can be that of several elements or points.
+    const TAKES_PRESSURE: bool = false;
     /// Whether `Projected` clamps the eigenvalues of the St Venant-Kirchhoff stress; otherwise
     /// [`tangent`](Self::tangent) has a semidefinite form of its own.
     const STRESS_PROJECTION: bool = true;
@@ -120,6 +122,10 @@ pub struct TetrahedronColumns<'a, S> {
     pub mu: &'a [S],
     /// Moduli of the compression term (Pa).
     pub compression: &'a [S],
+    /// Pressures (Pa) of their clusters; empty for elements that keep their volume alone.
+    pub pressure: &'a [S],
+    /// The same for tangents.
+    pub predicted: &'a [S],
 }
 
 /// Query data of [`TetrahedronColumns`].
@@ -149,6 +155,8 @@ impl<'a, S: Scalar> TetrahedronColumns<'a, S> {
             lambda: FirstLameParameter::peel_slice(lambda),
             mu: ShearModulus::peel_slice(mu),
             compression: CompressionModulus::peel_slice(compression),
+            pressure: &[],
+            predicted: &[],
         }
     }
 
@@ -157,36 +165,50 @@ impl<'a, S: Scalar> TetrahedronColumns<'a, S> {
     #[inline(always)]
     fn element<Law: TetrahedronLaw, L: Lanes<Scalar = S>>(&self, first: usize) -> Element<L> {
         let volume = L::load(&self.volume[first..]);
+        let plain = Element {
+            gradients: self.shapes.gradients(first),
+            volume,
+            lambda: L::load(&self.lambda[first..]),
+            mu: L::load(&self.mu[first..]),
+            compression: L::load(&self.compression[first..]),
+            pressure: L::ZERO,
+            quartic: L::ZERO,
+        };
+        let e = if Law::TAKES_PRESSURE && !self.pressure.is_empty() {
+            let pressure = L::load(&self.pressure[first..]);
+            clusters::in_cluster(Element { pressure, ..plain })
+        } else {
+            plain
+        };
         if !Law::FOLDS_VOLUME {
-            return Element {
-                gradients: self.shapes.gradients(first),
-                volume,
-                lambda: L::load(&self.lambda[first..]),
-                mu: L::load(&self.mu[first..]),
-                compression: L::load(&self.compression[first..]),
-            };
+            return e;
         }
         Element {
-            gradients: self.shapes.gradients(first),
             volume: L::ONE,
-            lambda: L::load(&self.lambda[first..]) * volume,
-            mu: L::load(&self.mu[first..]) * volume,
-            compression: L::load(&self.compression[first..]) * volume,
+            lambda: e.lambda * volume,
+            mu: e.mu * volume,
+            compression: e.compression * volume,
+            pressure: e.pressure * volume,
+            quartic: e.quartic * volume,
+            ..e
         }
     }
 }
 
 /// The last, incomplete batch of a range: the missing elements repeat the last one without stiffness.
-struct Tail<S> {
+pub(super) struct Tail<S> {
     nodes: [[u32; 4]; MAX_LANES],
     blocks: [[u32; 6]; MAX_LANES],
     gradients: [[S; MAX_LANES]; 9],
     volume: [S; MAX_LANES],
     moduli: [[S; MAX_LANES]; 3],
+    pressure: [S; MAX_LANES],
+    /// Whether elements have pressures.
+    clustered: bool,
 }
 
 impl<S: Scalar> Tail<S> {
-    fn new(columns: &TetrahedronColumns<S>, first: usize, end: usize) -> Self {
+    pub(super) fn new(columns: &TetrahedronColumns<S>, first: usize, end: usize) -> Self {
         let stiffness = |column: &[S]| {
             let mut column = padded(column, first, end);
             column[end - first..].fill(S::ZERO);
@@ -198,10 +220,15 @@ impl<S: Scalar> Tail<S> {
             gradients: columns.shapes.gradients.map(|column| padded(column, first, end)),
             volume: padded(columns.volume, first, end),
             moduli: [columns.lambda, columns.mu, columns.compression].map(stiffness),
+            pressure: match columns.pressure {
+                [] => [S::ZERO; MAX_LANES],
+                pressure => stiffness(pressure),
+            },
+            clustered: !columns.pressure.is_empty(),
         }
     }
 
-    fn columns<'a>(&'a self, displacement: &'a [[S; 4]]) -> TetrahedronColumns<'a, S> {
+    pub(super) fn columns<'a>(&'a self, displacement: &'a [[S; 4]]) -> TetrahedronColumns<'a, S> {
         TetrahedronColumns {
             shapes: TetrahedronShapes {
                 displacement,
@@ -213,6 +240,8 @@ impl<S: Scalar> Tail<S> {
             lambda: &self.moduli[0],
             mu: &self.moduli[1],
             compression: &self.moduli[2],
+            pressure: if self.clustered { &self.pressure } else { &[] },
+            predicted: &[],
         }
     }
 }
@@ -230,7 +259,7 @@ pub fn evaluate_columns<L: TetrahedronLaw, S: Scalar>(
 }
 
 /// [`evaluate_columns`] with the corotational energy for bodies that recover.
-fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
+pub(super) fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
     columns: &TetrahedronColumns<S>,
     Evaluation { request, workers, recovering }: Evaluation,
     buffer: &mut LawBuffer<S>,
@@ -275,6 +304,7 @@ fn evaluate_span<L: TetrahedronLaw, S: Scalar>(
     }
     match request.tangent {
         Some(kind) => {
+            let columns = &TetrahedronColumns { pressure: columns.predicted, ..*columns };
             span.clear_tangent();
             let mut doubtful = Vec::new();
             workers.dispatch(TangentPass { columns, span, kind, doubtful: &mut doubtful, law });
@@ -360,11 +390,14 @@ impl<Law: TetrahedronLaw, S: Scalar> LawProducts<S, 4> for OfLaw<'_, '_, Law, S>
 /// once for each register type.
 macro_rules! for_batches {
     ($L:ident, $all:expr, $elements:expr, |$columns:ident, $at:ident, $first:ident| $batch:expr) => {{
-        let (all, elements): (&TetrahedronColumns<_>, Range<usize>) = ($all, $elements);
+        let (all, elements): (&TetrahedronColumns<_>, std::ops::Range<usize>) = ($all, $elements);
         // where the incomplete batch begins
         let whole = elements.end - elements.len() % $L::COUNT;
-        let tail =
-            if whole < elements.end { Some(Tail::new(all, whole, elements.end)) } else { None };
+        let tail = if whole < elements.end {
+            Some($crate::frame::tetrahedra::Tail::new(all, whole, elements.end))
+        } else {
+            None
+        };
         let last = match &tail {
             Some(tail) => Some(tail.columns(all.shapes.displacement)),
             None => None,
@@ -378,6 +411,8 @@ macro_rules! for_batches {
         }
     }};
 }
+
+pub(super) use for_batches;
 
 struct EnergyPass<'a, 'b, L, S> {
     columns: &'a TetrahedronColumns<'b, S>,
@@ -393,7 +428,10 @@ impl<Law: TetrahedronLaw, S: Scalar> Kernel<S> for EnergyPass<'_, '_, Law, S> {
         let mut sums = [0.0; MAX_LANES];
         for_batches!(L, self.columns, self.span.elements.clone(), |columns, at, _first| {
             let u = columns.shapes.displacements(at);
-            Law::energy::<L>(&columns.element::<Law, L>(at), &u).accumulate(&mut sums);
+            let mut e = columns.element::<Law, L>(at);
+            // over a cluster, half its pressure times `J - 1` adds up to its energy
+            e.pressure *= L::from_f64(0.5);
+            Law::energy::<L>(&e, &u).accumulate(&mut sums);
         });
         self.span.energy = sum(sums);
     }
@@ -561,6 +599,8 @@ fn projection_batch<S: Scalar, L: Lanes<Scalar = f64>>(
         lambda: L::load(&moduli[0]),
         mu: L::load(&moduli[1]),
         compression: L::load(&moduli[2]),
+        pressure: L::ZERO,
+        quartic: L::ZERO,
     };
     let mut u = [[L::ZERO; 3]; 4];
     for a in 0..4 {

@@ -20,6 +20,7 @@ pub mod stvk_fem;
 pub mod svk;
 pub mod svk_volume;
 
+use self::models::VolumeRule;
 use bevy_ecs::component::ComponentId;
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::{ContiguousQueryData, QueryBuilder, ReadOnlyQueryData};
@@ -32,13 +33,14 @@ use sinew_engine::schedule::{ElementLaw, Evaluate, activate_law};
 use sinew_engine::topology::Topology;
 
 use crate::axes::{damper, hexahedra as axes_in_hexahedra, printed_system, systems as axes};
-use crate::body::{SolidPart, spawn_hexahedra, spawn_tetrahedra};
+use crate::body::{SolidPart, spawn_clustered, spawn_hexahedra, spawn_tetrahedra};
 use crate::element::tetrahedron::Element;
-use crate::frame::hexahedra::Hexahedral;
+use crate::frame::clusters::ByClusters;
+use crate::frame::hexahedra::{ByMean, Hexahedral};
 use crate::frame::quads::Quadrilateral;
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::frame::triangles::TriangleLaw;
-use crate::frame::{hexahedra, quads, tetrahedra, triangles};
+use crate::frame::{clusters, hexahedra, quads, tetrahedra, triangles};
 use crate::laws::pooled::TriangleVertices;
 
 /// What the elements of a law are.
@@ -106,6 +108,12 @@ pub struct LawRow {
     pub energy: Option<TetrahedronEnergy>,
     /// The same law in hexahedra.
     pub hexahedra: Option<&'static LawRow>,
+    /// The same law in hexahedra, its volume term by the mean of each.
+    pub by_mean: Option<&'static LawRow>,
+    /// The same law in tetrahedra, its volume term by clusters of them.
+    pub by_clusters: Option<&'static LawRow>,
+    /// Name of the system that runs before the law, if there is one.
+    pub measure: Option<&'static str>,
     mark: [Mark; 2],
     activate: [Activate; 2],
     spawn: Option<[fn(&mut World, &SolidPart); 2]>,
@@ -148,6 +156,9 @@ impl LawRow {
             is_damper: false,
             energy: None,
             hexahedra: None,
+            by_mean: None,
+            by_clusters: None,
+            measure: None,
             mark,
             activate,
             spawn: None,
@@ -185,6 +196,26 @@ impl LawRow {
         }
     }
 
+    /// Law `L` of tetrahedra with its volume term by clusters ([`clusters`]), under another name; `measure` is that of
+    /// the system that finds their means.
+    pub const fn tetrahedra_by_clusters<L: TetrahedronLaw>(
+        name: &'static str,
+        measure: &'static str,
+    ) -> Self {
+        let activate: [Activate; 2] = [clusters::activate::<L, f64>, clusters::activate::<L, f32>];
+        let mark: [Mark; 2] = [mark::<ByClusters<L>>; 2];
+        Self {
+            recovery: InRecovery::StandIn,
+            energy: Some(|e, u| L::energy(&clusters::in_cluster(*e), u)),
+            spawn: Some([
+                spawn_clustered::<ByClusters<L>, f64>,
+                spawn_clustered::<ByClusters<L>, f32>,
+            ]),
+            measure: Some(measure),
+            ..Self::of_systems(LawInfo::elastic(name), Elements::Tetrahedra, mark, activate)
+        }
+    }
+
     /// Law `L` of the tetrahedra of pooled bodies.
     pub(crate) const fn pooled_tetrahedra<L: TetrahedronLaw>() -> Self {
         let activate: [Activate; 2] =
@@ -202,20 +233,65 @@ impl LawRow {
     /// Law `L` of tetrahedra at the Gauss points of hexahedra, under another name.
     pub const fn hexahedra<L: TetrahedronLaw>(name: &'static str) -> Self {
         let activate: [Activate; 2] =
-            [hexahedra::activate::<L, f64>, hexahedra::activate::<L, f32>];
-        let (info, elements) = (LawInfo::elastic(name), Elements::Hexahedra);
+            [hexahedra::activate::<L, f64, false>, hexahedra::activate::<L, f32, false>];
+        Self {
+            spawn: Some([spawn_hexahedra::<L, f64>, spawn_hexahedra::<L, f32>]),
+            ..Self::at_points::<L>(name, [mark::<Hexahedral<L>>; 2], activate)
+        }
+    }
+
+    /// The same with its volume term by the mean of each hexahedron.
+    pub const fn hexahedra_by_mean<L: TetrahedronLaw>(name: &'static str) -> Self {
+        let activate: [Activate; 2] =
+            [hexahedra::activate::<L, f64, true>, hexahedra::activate::<L, f32, true>];
+        Self {
+            spawn: Some([spawn_hexahedra::<ByMean<L>, f64>, spawn_hexahedra::<ByMean<L>, f32>]),
+            ..Self::at_points::<L>(name, [mark::<Hexahedral<ByMean<L>>>; 2], activate)
+        }
+    }
+
+    const fn at_points<L: TetrahedronLaw>(
+        name: &'static str,
+        mark: [Mark; 2],
+        activate: [Activate; 2],
+    ) -> Self {
         Self {
             tangent: L::contributes,
             recovery: InRecovery::StandIn,
             energy: Some(|e, u| L::energy(e, u)),
-            spawn: Some([spawn_hexahedra::<L, f64>, spawn_hexahedra::<L, f32>]),
-            ..Self::of_systems(info, elements, [mark::<Hexahedral<L>>; 2], activate)
+            ..Self::of_systems(LawInfo::elastic(name), Elements::Hexahedra, mark, activate)
         }
     }
 
     /// This law with the row of the same law in hexahedra.
     pub const fn with_hexahedra(self, row: &'static LawRow) -> Self {
         Self { hexahedra: Some(row), ..self }
+    }
+
+    /// This law with the row of the same law in hexahedra, its volume term by the mean of each.
+    pub const fn with_mean(self, row: &'static LawRow) -> Self {
+        Self { by_mean: Some(row), ..self }
+    }
+
+    /// This law with the row of the same law by clusters of tetrahedra.
+    pub const fn with_clusters(self, row: &'static LawRow) -> Self {
+        Self { by_clusters: Some(row), ..self }
+    }
+
+    /// The same law in the tetrahedra of a body with this rule.
+    pub fn in_tetrahedra(&'static self, volume: VolumeRule) -> Option<&'static LawRow> {
+        match volume {
+            VolumeRule::Elements => Some(self),
+            VolumeRule::Clusters => self.by_clusters,
+        }
+    }
+
+    /// The same law in the hexahedra of a body with this rule.
+    pub fn in_hexahedra(&self, volume: VolumeRule) -> Option<&'static LawRow> {
+        match volume {
+            VolumeRule::Elements => self.hexahedra,
+            VolumeRule::Clusters => self.by_mean,
+        }
     }
 
     /// Law `L` of membrane triangles.
@@ -290,6 +366,10 @@ pub static LAWS: &[&LawRow] = &[
     &corotational::HEXAHEDRA,
     &neo_hookean::HEXAHEDRA,
     &svk_volume::HEXAHEDRA,
+    &neo_hookean::HEXAHEDRA_BY_MEAN,
+    &svk_volume::HEXAHEDRA_BY_MEAN,
+    &neo_hookean::BY_CLUSTERS,
+    &svk_volume::BY_CLUSTERS,
     &membranes::BIQUADRATIC_QUADS,
     &membranes::LINEAR_QUADS,
     &membranes::COROTATIONAL_QUADS,
@@ -356,7 +436,8 @@ impl LawTable {
     /// # Errors
     /// When another law has the name.
     pub fn add(&mut self, row: &'static LawRow) -> Result<(), LawError> {
-        for row in [Some(row), row.hexahedra].into_iter().flatten() {
+        let more = [row.hexahedra, row.by_mean, row.by_clusters];
+        for row in std::iter::once(row).chain(more.into_iter().flatten()) {
             match self.find(row.info.name) {
                 None => self.0.push(row),
                 Some((_, known)) if std::ptr::eq(known, row) => {}

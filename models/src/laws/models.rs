@@ -100,11 +100,27 @@ impl Model {
         }
     }
 
+    /// Whether its volume term can act on means of several elements or points ([`VolumeRule::Clusters`]).
+    pub fn keeps_mean_volume(self) -> bool {
+        self.law().is_some_and(|row| row.by_mean.is_some())
+    }
+
     /// Whether the energy can be summed this way. [`Evaluation::Fused`] always can; for
     /// [`MassSpring`](Self::MassSpring) it means its one pass over edges.
     pub fn supports(self, evaluation: Evaluation) -> bool {
         evaluation == Evaluation::Fused || self.row().pooled
     }
+}
+
+/// What keeps its volume.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum VolumeRule {
+    /// Every element, a hexahedron at each of its points (default): it locks towards nu = 0.5.
+    #[default]
+    Elements,
+    /// Means: that of the points of a hexahedron ([`crate::frame::hexahedra`]).
+    Clusters,
 }
 
 /// How the energy is summed; the result is the same to rounding.

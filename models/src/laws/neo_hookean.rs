@@ -119,14 +119,16 @@ fn deviation<R: Real>(g: &[R; 9]) -> [R; 9] {
     ]
 }
 
-/// Coefficients `a`, `b` and `p` of the tangent.
+/// Coefficients `a`, `b`, `p` and `l` of the tangent.
 #[inline(always)]
-fn coefficients<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R, R, R) {
+fn coefficients<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R, R, R, R) {
     let q = stretch(g);
     let inverse = R::ONE / (R::from_f64(4.0) + q);
     let a = (R::from_f64(1.0 / 3.0) * e.mu * q).mul_add(inverse, e.mu);
     let b = R::from_f64(8.0 / 3.0) * e.mu * inverse * inverse;
-    (a, b, bulk(e).mul_add(volume_change(g), -e.mu))
+    let m = volume_change(g);
+    let curvature = R::from_f64(5.0 / 6.0).mul_add(e.mu, e.volume_curvature(m));
+    (a, b, bulk(e).mul_add(m, e.more_slope(m) - e.mu), curvature)
 }
 
 /// Whether eigenvalues were clamped, and the blocks of the rest.
@@ -134,8 +136,7 @@ fn coefficients<R: Real>(e: &Element<R>, g: &[R; 9]) -> (R, R, R) {
 fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6]) {
     let g = displacement_gradient(&e.gradients, u);
     let f = deformation(&g);
-    let (a, b, p) = coefficients(e, &g);
-    let l = bulk(e);
+    let (a, b, p, l) = coefficients(e, &g);
     let svd = signed_svd(&rows(&f));
     let Svd { s, .. } = svd;
     let c = [s[1] * s[2], s[0] * s[2], s[0] * s[1]];
@@ -161,15 +162,27 @@ fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6])
 pub struct NeoHookean;
 
 /// Row of its tetrahedra in the table of laws.
-pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<NeoHookean>().with_hexahedra(&HEXAHEDRA);
+pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<NeoHookean>()
+    .with_hexahedra(&HEXAHEDRA)
+    .with_mean(&HEXAHEDRA_BY_MEAN)
+    .with_clusters(&BY_CLUSTERS);
+/// Row of its tetrahedra in clusters.
+pub static BY_CLUSTERS: LawRow = LawRow::tetrahedra_by_clusters::<NeoHookean>(
+    "stable neo-Hookean, volume by clusters",
+    "clusters of neo-Hookean",
+);
 /// Row of its hexahedra in the table of laws.
 pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<NeoHookean>("neo-Hookean hexahedra");
+/// Row of its hexahedra whose volume term acts on the mean of each.
+pub static HEXAHEDRA_BY_MEAN: LawRow =
+    LawRow::hexahedra_by_mean::<NeoHookean>("neo-Hookean hexahedra, mean volume");
 
 impl TetrahedronLaw for NeoHookean {
     const WIDE: bool = false;
     const NAME: &'static str = "stable neo-Hookean";
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
+    const TAKES_PRESSURE: bool = true;
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
         let g = displacement_gradient(&e.gradients, u);
@@ -187,7 +200,8 @@ impl TetrahedronLaw for NeoHookean {
         let shape = R::select(near, shape, q - (m + m));
         let half = R::from_f64(0.5);
         let excess = R::from_f64(2.0 / 3.0) * excess_over_logarithm(R::from_f64(0.25) * q);
-        e.volume * (half * bulk(e) * m).mul_add(m, e.mu * (half * shape + excess))
+        let slope = (half * bulk(e)).mul_add(m, e.more_energy(m));
+        e.volume * slope.mul_add(m, e.mu * (half * shape + excess))
     }
     #[inline(always)]
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
@@ -196,7 +210,8 @@ impl TetrahedronLaw for NeoHookean {
         let q = stretch(&g);
         let deviation = deviation(&g);
         let pull = R::from_f64(1.0 / 3.0) * e.mu * q / (R::from_f64(4.0) + q);
-        let pressure = bulk(e) * volume_change(&g);
+        let m = volume_change(&g);
+        let pressure = bulk(e).mul_add(m, e.more_slope(m));
         let mut p = [R::ZERO; 9];
         for k in 0..9 {
             p[k] = pressure.mul_add(cof[k], pull.mul_add(f[k], e.mu * deviation[k]));
@@ -215,9 +230,8 @@ impl TetrahedronLaw for NeoHookean {
         }
         let g = displacement_gradient(&e.gradients, u);
         let (f, cof) = (deformation(&g), cofactor(&g));
-        let (a, b, p) = coefficients(e, &g);
-        let l = bulk(e) * e.volume;
-        let (a, b, p) = (a * e.volume, b * e.volume, p * e.volume);
+        let (a, b, p, l) = coefficients(e, &g);
+        let [a, b, p, l] = [a, b, p, l].map(|x| x * e.volume);
         let mut fd = [[R::ZERO; 3]; 3];
         let mut cd = [[R::ZERO; 3]; 3];
         for n in 0..3 {

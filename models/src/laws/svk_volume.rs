@@ -61,8 +61,9 @@ fn shear_only<R: Real>(e: &Element<R>) -> Element<R> {
 #[inline(always)]
 fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6]) {
     let g = displacement_gradient(&e.gradients, u);
-    let (lambda, mu, one) = (e.lambda, e.mu, R::ONE);
-    let p = lambda * volume_change(&g);
+    let m = volume_change(&g);
+    let (lambda, mu, one) = (e.volume_curvature(m), e.mu, R::ONE);
+    let p = e.lambda.mul_add(m, e.more_slope(m));
     let svd = signed_svd(&rows(&deformation(&g)));
     let Svd { s, .. } = svd;
     let c = [s[1] * s[2], s[0] * s[2], s[0] * s[1]];
@@ -96,16 +97,28 @@ fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6])
 pub struct StVKVolume;
 
 /// Row of its tetrahedra in the table of laws.
-pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<StVKVolume>().with_hexahedra(&HEXAHEDRA);
+pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<StVKVolume>()
+    .with_hexahedra(&HEXAHEDRA)
+    .with_mean(&HEXAHEDRA_BY_MEAN)
+    .with_clusters(&BY_CLUSTERS);
+/// Row of its tetrahedra in clusters.
+pub static BY_CLUSTERS: LawRow = LawRow::tetrahedra_by_clusters::<StVKVolume>(
+    "St Venant-Kirchhoff, volume by clusters",
+    "clusters of St Venant-Kirchhoff",
+);
 /// Row of its hexahedra in the table of laws.
 pub static HEXAHEDRA: LawRow =
     LawRow::hexahedra::<StVKVolume>("St Venant-Kirchhoff hexahedra, volume in J");
+/// Row of its hexahedra whose volume term acts on the mean of each.
+pub static HEXAHEDRA_BY_MEAN: LawRow =
+    LawRow::hexahedra_by_mean::<StVKVolume>("St Venant-Kirchhoff hexahedra, mean volume");
 
 impl TetrahedronLaw for StVKVolume {
     const NAME: &'static str = "St Venant-Kirchhoff, volume in J";
     type Mark = Self;
     const WIDE: bool = false;
     const STRESS_PROJECTION: bool = false;
+    const TAKES_PRESSURE: bool = true;
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
         let g = displacement_gradient(&e.gradients, u);
@@ -113,13 +126,15 @@ impl TetrahedronLaw for StVKVolume {
         let shear = dot([yz, xz, xy], [yz, xz, xy]);
         let squares = dot([xx, yy, zz], [xx, yy, zz]) + (shear + shear);
         let m = volume_change(&g);
-        e.volume * (R::from_f64(0.5) * e.lambda * m).mul_add(m, e.mu * squares)
+        let slope = (R::from_f64(0.5) * e.lambda).mul_add(m, e.more_energy(m));
+        e.volume * slope.mul_add(m, e.mu * squares)
     }
     #[inline(always)]
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
         let g = displacement_gradient(&e.gradients, u);
         let mut p = elastic_stress(&g, &second_piola_kirchhoff(&shear_only(e), &green_strain(&g)));
-        let pressure = e.lambda * volume_change(&g);
+        let m = volume_change(&g);
+        let pressure = e.lambda.mul_add(m, e.more_slope(m));
         let cof = cofactor(&g);
         for k in 0..9 {
             p[k] = pressure.mul_add(cof[k], p[k]);
@@ -139,9 +154,12 @@ impl TetrahedronLaw for StVKVolume {
         let g = displacement_gradient(&e.gradients, u);
         let (f, cof) = (deformation(&g), cofactor(&g));
         let s = symmetric(second_piola_kirchhoff(&shear_only(e), &green_strain(&g)));
-        let (mu, pressure) = (e.mu * e.volume, e.lambda * e.volume * volume_change(&g));
+        let m = volume_change(&g);
+        let pressure = (e.lambda * e.volume).mul_add(m, e.more_slope(m) * e.volume);
+        let mu = e.mu * e.volume;
         // a material with nu < 0 would make the volume part negative
-        let lambda = if exact { e.lambda } else { e.lambda.max(R::ZERO) } * e.volume;
+        let lambda = e.volume_curvature(m);
+        let lambda = if exact { lambda } else { lambda.max(R::ZERO) } * e.volume;
         let mut fd = [[R::ZERO; 3]; 3];
         let mut cd = [[R::ZERO; 3]; 3];
         let mut sd = [[R::ZERO; 3]; 3];

@@ -41,6 +41,7 @@ use crate::laws::pressure;
 use rows::Entities;
 use state::{Queries, State};
 
+mod clusters;
 mod columns;
 mod compact;
 mod region;
@@ -238,9 +239,12 @@ impl Resection {
         }
         let mut report = RemovalReport::default();
         let mut queries = Queries::<S>::new(world);
-        State::new(own, world, &soft, &mut queries).book(&chosen, &mut report);
+        let state = State::new(own, world, &soft, &mut queries);
+        state.book(&chosen, &mut report);
+        let losing = own.losing(&state, world, &chosen);
         own.clear::<S>(world, &chosen);
         let touched = own.connectivity.remove(&chosen);
+        report.elastic_energy += own.settle_clusters::<S>(world, &soft, losing);
         own.sum_constants::<S>(world, &soft, &touched, &mut report);
         if mass == MassPolicy::Recompute {
             own.sum_masses::<S>(world, &soft, &touched, &mut report);

@@ -4,7 +4,7 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::connectivity::ElementKind;
-use sinew_engine::element::{RestVolume, ShapeGradients};
+use sinew_engine::element::{RestVolume, ShapeGradients, displacement_gradient, volume_change};
 use sinew_engine::isoparametric::HexahedronRest;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
@@ -12,11 +12,12 @@ use sinew_engine::vertex::{Displacement, RestPosition};
 
 use super::{BodyResection, Chosen, IN_SUMS, RemovalReport};
 use crate::axes;
-use crate::body::SoftBody;
 use crate::body::matter::Matter;
 use crate::body::sheet::MembraneModel;
+use crate::body::{SoftBody, VolumeRule};
 use crate::element::membrane;
 use crate::element::tetrahedron::Element;
+use crate::frame::clusters::Sums;
 use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::frame::{hexahedra, quads};
 use crate::material::LameParameters;
@@ -108,8 +109,17 @@ impl<'a, S: Scalar> State<'a, S> {
         Self { own, world, soft, vertices, tetrahedra, hexahedra }
     }
 
-    /// Does something with all points of an element.
-    pub fn visit(&self, kind: ElementKind, element: u32, mut with: impl FnMut(Point)) {
+    /// Does something with all points of an element, each with the stress that is its own.
+    pub fn visit(&self, kind: ElementKind, element: u32, with: impl FnMut(Point)) {
+        self.visit_by(kind, element, false, with);
+    }
+
+    /// The same with energies that add up to that of the element.
+    fn visit_shares(&self, kind: ElementKind, element: u32, with: impl FnMut(Point)) {
+        self.visit_by(kind, element, self.soft.volume == VolumeRule::Clusters, with);
+    }
+
+    fn visit_by(&self, kind: ElementKind, element: u32, mean: bool, mut with: impl FnMut(Point)) {
         let (e, elements) = (element as usize, &self.own.connectivity.ordered);
         let entity = self.own.rows.elements[kind][e];
         let rest_of = |v| self.vertices.rest(v);
@@ -124,9 +134,11 @@ impl<'a, S: Scalar> State<'a, S> {
             ElementKind::Hexahedron => {
                 let (rest, moduli) = self.hexahedra.get_manual(self.world, entity).expect(has_row);
                 let u = self.vertices.displacements(elements.hexahedra[e]);
-                for (e, u) in hexahedra::tetrahedra(&in_f64(rest), numbers(moduli), &u) {
-                    with(Point::Solid(&e, &u));
+                let mut points = hexahedra::tetrahedra(&in_f64(rest), numbers(moduli), &u);
+                if mean {
+                    hexahedra::by_mean(&mut points);
                 }
+                points.iter().for_each(|(e, u)| with(Point::Solid(e, u)));
             }
             ElementKind::Triangle => {
                 let u = self.vertices.displacements(elements.membrane[e]);
@@ -153,13 +165,13 @@ impl<'a, S: Scalar> State<'a, S> {
         let Self { own, soft, .. } = self;
         for kind in IN_SUMS {
             let law = match kind {
-                ElementKind::Hexahedron => soft.law.and_then(|law| law.hexahedra),
-                _ => soft.law,
+                ElementKind::Hexahedron => soft.law.and_then(|law| law.in_hexahedra(soft.volume)),
+                _ => soft.law.and_then(|law| law.in_tetrahedra(soft.volume)),
             };
             let law = law.and_then(|row| row.energy);
             for &e in &chosen[kind] {
                 let (mut energy, mut volume) = (0.0, 0.0);
-                self.visit(kind, e, |point| match point {
+                self.visit_shares(kind, e, |point| match point {
                     Point::Solid(e, u) => {
                         energy += law.map_or(0.0, |energy| energy(e, u));
                         volume += e.volume;
@@ -175,6 +187,16 @@ impl<'a, S: Scalar> State<'a, S> {
                 }
             }
         }
+    }
+
+    /// Adds a tetrahedron to what is summed over its cluster.
+    pub fn add_to(&self, sums: &mut Sums, element: u32) {
+        self.visit(ElementKind::Tetrahedron, element, |point| {
+            if let Point::Solid(e, u) = point {
+                let change = volume_change(&displacement_gradient(&e.gradients, u));
+                sums.add(e.volume, change, [e.lambda, e.mu]);
+            }
+        });
     }
 
     fn axes_energy(&self, kind: ElementKind, e: u32, axes: Entity) -> f64 {
@@ -220,7 +242,8 @@ fn tetrahedron<S: Scalar>(
     let rows = [[d1.0.0, d1.1.0, d1.2.0], [d2.0.0, d2.1.0, d2.2.0], [d3.0.0, d3.1.0, d3.2.0]];
     let [lambda, mu, compression] = numbers(moduli);
     let gradients = rows.map(|d| d.map(|x| x.to_f64()));
-    Element { gradients, volume: volume.0.to_f64(), lambda, mu, compression }
+    let (volume, pressure, quartic) = (volume.0.to_f64(), 0.0, 0.0);
+    Element { gradients, volume, lambda, mu, compression, pressure, quartic }
 }
 
 /// Energy (J) of a membrane triangle by its own law; springs on edges are booked beside it.

@@ -4,7 +4,8 @@ use super::Resection;
 use super::columns::{AtRemoval, Order, Quantity, quantities};
 use crate::axes::columns::{AxisAngleStiffness, FibreActive, VolumeAlone};
 use crate::axes::muscle::{Muscles, copy_activations};
-use crate::body::{BodyDescription, BodyError, SoftBody, spawn_body};
+use crate::body::{BodyDescription, BodyError, SoftBody, VolumeRule, spawn_body};
+use crate::frame::clusters::ClusterIndex;
 use crate::laws::pooled::TriangleVertices;
 use crate::laws::quadratic::MassSpring;
 use crate::laws::{ElementRows, pressure};
@@ -14,7 +15,9 @@ use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::compiled_here;
 use sinew_engine::connectivity::ElementKind;
-use sinew_engine::element::{AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices};
+use sinew_engine::element::{
+    AxisVertices, EdgeVertices, MembraneVertices, TetrahedronIndex, TetrahedronVertices,
+};
 use sinew_engine::isoparametric::{AxisHexahedronVertices, HexahedronVertices, QuadVertices};
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, RecoveringBodies, TangentKind};
 use sinew_engine::load::{LoadTime, Pressure};
@@ -74,6 +77,13 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
         return Ok(FreshDifference::default());
     };
     let (mut mesh, index) = what_is_left(world, body, &rows);
+    let mut own = world.query::<(&TetrahedronIndex, &BodyId, &ClusterIndex)>();
+    let own = own.iter(world).filter(|(_, id, _)| id.0 as usize == body);
+    let cluster: BTreeMap<u32, u32> = own.map(|(index, _, own)| (index.0, own.0)).collect();
+    let of_tetrahedra = index[..mesh.tetrahedra.len()].iter();
+    let clusters: Option<Vec<u32>> =
+        of_tetrahedra.map(|&index| cluster.get(&(index as u32)).copied()).collect();
+    let clusters = clusters.filter(|_| soft.volume == VolumeRule::Clusters);
     let mut vertices = world.query::<(&RestPosition, &Displacement<S>)>();
     let mut displacement = vec![Displacement::<S>::default(); rows.row_of_vertex.len()];
     if let Some((rest, u)) = single_table(vertices.contiguous_iter(world)) {
@@ -85,7 +95,7 @@ fn compare<S: Scalar>(world: &mut World, body: usize) -> Result<FreshDifference,
     let mut fresh = World::new();
     install_engine::<S>(&mut fresh, Executor::SingleThreaded);
     if !(index.is_empty() && mesh.triangles.is_empty() && mesh.quads.is_empty()) {
-        spawn_again(&mut fresh, &soft, &mesh, &index)?;
+        spawn_again(&mut fresh, &soft, (&mesh, clusters.as_deref()), &index)?;
         copy_state(world, &mut fresh, body, &displacement);
     }
     let recovers = world.get_resource::<RecoveringBodies>().is_some_and(|r| r.contains(body));
@@ -125,7 +135,7 @@ fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, Vec<usize
 fn spawn_again(
     fresh: &mut World,
     soft: &SoftBody,
-    mesh: &Mesh,
+    (mesh, clusters): (&Mesh, Option<&[u32]>),
     index: &[usize],
 ) -> Result<Entity, BodyError> {
     let field = soft.field();
@@ -141,6 +151,8 @@ fn spawn_again(
         density: density.as_deref(),
         model: soft.model,
         evaluation: soft.evaluation,
+        volume: soft.volume,
+        clusters,
         membrane: soft.membrane.as_ref().map(|m| m.of(&mesh.triangles, &mesh.quads)),
         springs: soft.spring_rule,
         spring_constants: soft.given.clone(),

@@ -216,6 +216,8 @@ impl<S: Scalar> Columns<S> {
             lambda,
             mu,
             compression,
+            pressure: &[],
+            predicted: &[],
         }
     }
 }

@@ -13,6 +13,8 @@ struct Values<T: Scalar> {
     pieces: Vec<u32>,
     cholesky: Vec<FactorValues<T>>,
     coarse: Option<CoarseValues<T>>,
+    /// Whether it was one for a matrix with vectors that are not added up.
+    corrected: bool,
 }
 
 /// What was kept of a preconditioner that may be used again.
@@ -52,6 +54,7 @@ impl<T: Scalar> ConjugateGradients<T> {
                 pieces: self.laid_out_for.clone(),
                 cholesky: self.cholesky.values(),
                 coarse: self.coarse.as_ref().map(CoarseSpace::values),
+                corrected: self.correction.is_some(),
             })
         });
         Some(PreconditionerMemory { kept, values: values.clone() })
@@ -81,8 +84,12 @@ impl<T: Scalar> ConjugateGradients<T> {
             if !fits || matches!(kept.kind, Preconditioner::Auto | Preconditioner::Direct) {
                 return Err(Misfit);
             }
-            if now.is_none_or(|now| now.kind != kept.kind) || self.laid_out_for != values.pieces {
-                self.lay_out(pattern, rest, &values.pieces, kept.kind);
+            let corrected = values.corrected;
+            if now.is_none_or(|now| now.kind != kept.kind)
+                || self.laid_out_for != values.pieces
+                || self.correction.is_some() != corrected
+            {
+                self.lay_out(pattern, (rest, &values.pieces), kept.kind, corrected);
             }
             let coarse = match (&mut self.coarse, &values.coarse) {
                 (None, None) => true,

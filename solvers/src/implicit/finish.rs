@@ -92,8 +92,9 @@ impl<S: Scalar> Step<'_, S> {
 
     /// The new state into the columns and the history.
     fn write(&mut self) {
-        let ImplicitScratch { rest, node, iterate, velocity, increment, history, .. } =
-            &mut *self.scratch;
+        let ImplicitScratch {
+            rest, node, iterate, velocity, increment, history, predicted, ..
+        } = &mut *self.scratch;
         book_momentum(self.report, rest, &node.mass, iterate, velocity);
         write_state(self.world, iterate, velocity);
         std::mem::swap(&mut history.u, iterate);
@@ -102,6 +103,7 @@ impl<S: Scalar> Step<'_, S> {
         std::mem::swap(&mut history.v_before, &mut node.v);
         history.mass.clone_from(&node.mass);
         history.fixed.clone_from(&node.fixed);
+        std::mem::swap(&mut history.predicted, predicted);
         history.dt = self.dt;
         history.stamp(self.world);
     }

@@ -6,12 +6,17 @@ use crate::state::{dot3, evaluate};
 use bevy_ecs::prelude::World;
 use sinew_contact::set::Limits;
 use sinew_engine::law::ElasticEnergy;
+use sinew_engine::matrix::{LowRank, Tangent};
 use sinew_engine::scalar::Scalar;
 
 /// Armijo constant.
 const ARMIJO: f64 = 1e-4;
 /// Predicted decrease, over the energies involved, below which Newton does not test for decrease.
 const UNRESOLVED: f64 = 1e-10;
+/// Most corrections of a bend, each for what the one before left.
+const BENDS: u32 = 3;
+/// Energy of what is left over the slope of the step, below which it does not matter.
+const BENT_ENOUGH: f64 = 0.01;
 /// Most halvings of the line search.
 const MAX_HALVINGS: u32 = 30;
 
@@ -22,6 +27,8 @@ struct LineSearch {
     body: usize,
     linear: f64,
     quadratic: f64,
+    /// Coefficients of `t^2`, `t^3` and `t^4` that a bend adds.
+    bent: [f64; 3],
     slope: f64,
     rounding: f64,
     /// Predicted decrease (J) below which Newton does not test.
@@ -41,7 +48,8 @@ impl LineSearch {
     /// Change of the potential at the fraction tried, where the elastic energy changes by `elastic`.
     fn change(&self, elastic: f64) -> f64 {
         let t = self.fraction;
-        elastic + t * self.linear + 0.5 * t * t * self.quadratic
+        let [b, c, d] = self.bent;
+        elastic + t * self.linear + 0.5 * t * t * self.quadratic + t * t * (b + t * (c + t * d))
     }
 
     /// Whether a change of the potential is decrease enough.
@@ -77,6 +85,7 @@ impl<S: Scalar> Step<'_, S> {
             return;
         }
         self.scratch.trial.clone_from(&self.scratch.iterate);
+        self.bend(&mut searches);
         for _ in 0..MAX_HALVINGS {
             for search in searches.iter().filter(|search| !search.accepted) {
                 self.scratch.set_trial(&self.bodies[search.body], search.fraction);
@@ -97,6 +106,63 @@ impl<S: Scalar> Step<'_, S> {
             // rounding level: the gradient is as small as the energy can resolve
             let length = self.scratch.relative_step(body);
             (body.done, body.converged) = (true, length <= tolerance.max(noise::<S>()));
+        }
+    }
+
+    /// Bends full steps so that what the low-rank tangents predicted of their values comes true. A straight step turns
+    /// elements by straight motions and changes their volumes to second order; times a large modulus, that would be
+    /// a pressure of no meaning, for which the line search would shorten the step.
+    fn bend(&mut self, searches: &mut [LineSearch]) {
+        let Self { world, scratch, bodies, report, .. } = self;
+        if world.resource::<Tangent<S>>().low_rank.is_empty() {
+            return;
+        }
+        scratch.bend.resize(scratch.direction.len(), [S::ZERO; 4]);
+        let mut open: Vec<(usize, Vec<Vec<f64>>)> = Vec::new();
+        for search in &*searches {
+            let rows = &bodies[search.body].rows;
+            let predicted = |part: &LowRank<S>| -> Vec<f64> {
+                let own = part.pattern.of_rows(rows);
+                own.map(|v| part.values[v] + part.product(v, &scratch.direction)).collect()
+            };
+            let parts = world.resource::<Tangent<S>>().low_rank.iter();
+            open.push((search.body, parts.map(predicted).collect()));
+        }
+        for _ in 0..BENDS {
+            open.retain(|(_, predicted)| predicted.iter().any(|part| !part.is_empty()));
+            if open.is_empty() {
+                break;
+            }
+            for (body, _) in &open {
+                scratch.set_trial(&bodies[*body], 1.0);
+            }
+            evaluate(world, &scratch.trial, true, false, None);
+            report.evaluations += 1;
+            let now = &world.resource::<ElasticEnergy>().values;
+            let parts = &world.resource::<Tangent<S>>().low_rank;
+            open.retain(|(body, predicted)| {
+                let (rows, own) = (&bodies[*body].rows, &bodies[*body].bodies);
+                let mut excess = Vec::new();
+                for ((part, now), predicted) in parts.iter().zip(now).zip(predicted) {
+                    let now = &now[part.pattern.of_rows(rows)];
+                    excess.extend(now.iter().zip(predicted).map(|(now, then)| now - then));
+                }
+                let energy = 0.5 * excess.iter().map(|x| x * x).sum::<f64>();
+                let slope = searches.iter().find(|s| s.body == *body).map_or(0.0, |s| -s.slope);
+                // a number that is not finite ends the search elsewhere
+                energy > BENT_ENOUGH * slope
+                    && energy.is_finite()
+                    && scratch.linear.restore(own, &excess, &mut scratch.bend[rows.clone()])
+            });
+        }
+        let mut damped = Vec::new();
+        if !scratch.damping.diagonal.is_empty() {
+            damped.resize(scratch.bend.len(), [S::ZERO; 4]);
+            let ImplicitScratch { damping, product, bend, .. } = &mut **scratch;
+            damping.multiply(world.resource(), world.resource(), product, bend, &mut damped);
+        }
+        for search in searches {
+            search.bent = scratch.bent(&bodies[search.body], &damped);
         }
     }
 
@@ -128,6 +194,7 @@ impl<S: Scalar> Step<'_, S> {
         if search.accepts(change) {
             body.elastic = energy;
             search.accepted = true;
+            body.taken = search.fraction;
             self.scratch.advance(body.rows.clone(), S::from_f64(search.fraction));
             if let Some(error) = search.linearisation_error(change) {
                 self.report.linearisation_error = self.report.linearisation_error.max(error);
@@ -143,6 +210,33 @@ impl<S: Scalar> Step<'_, S> {
 }
 
 impl<S: Scalar> ImplicitScratch<S> {
+    /// What the bend of a body adds to its potential, of second, third and fourth order in the fraction taken; `damped`
+    /// is the damping matrix times the bend.
+    fn bent(&self, body: &BodyStep, damped: &[[S; 4]]) -> [f64; 3] {
+        let weights = &body.weights;
+        let mut sums = [0.0; 3];
+        for row in body.rows.clone() {
+            let m = self.node.mass[row].to_f64();
+            let whole = m * (weights.inertia + weights.mass_damping);
+            for k in 0..3 {
+                let (d, e) = (self.direction[row][k].to_f64(), self.bend[row][k].to_f64());
+                let past_inertial = (self.increment[row][k] - self.inertial[row][k]).to_f64();
+                let past_offset = (self.increment[row][k] - self.offset[row][k]).to_f64();
+                let mut force = weights.rate * self.damped[row][k].to_f64();
+                force -= self.load[row][k].to_f64();
+                if self.node.free(row, k) {
+                    force +=
+                        m * (weights.inertia * past_inertial + weights.mass_damping * past_offset);
+                }
+                sums[0] += force * e;
+                sums[1] += e * (whole * d + weights.rate * self.damped_direction[row][k].to_f64());
+                let damped = damped.get(row).map_or(0.0, |own| own[k].to_f64());
+                sums[2] += 0.5 * e * (whole * e + weights.rate * damped);
+            }
+        }
+        sums
+    }
+
     /// Product of the damping matrix and the direction, zero without one.
     fn multiply_damping_by_direction(&mut self, world: &World) {
         let Self { damping, product, direction, damped_direction, .. } = self;
@@ -161,7 +255,7 @@ impl<S: Scalar> ImplicitScratch<S> {
             for k in 0..3 {
                 // the same sum as in `advance`
                 if self.node.free(row, k) {
-                    let increment = self.increment[row][k] + fraction * self.direction[row][k];
+                    let increment = self.increment[row][k] + self.step_of(row, k, fraction);
                     self.trial[row][k] = self.node.u[row][k] + increment;
                 }
             }
@@ -203,6 +297,7 @@ impl<S: Scalar> ImplicitScratch<S> {
             body: index,
             linear,
             quadratic,
+            bent: [0.0; 3],
             slope,
             rounding,
             least,

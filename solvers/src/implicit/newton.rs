@@ -8,12 +8,14 @@ use super::step::{
 use crate::linear_solver::{CgOutcome, CgStatus};
 use crate::state::{NodeState, dot3, evaluate, read_force};
 use crate::system::ShiftedTangent;
-use bevy_ecs::prelude::World;
+use bevy_ecs::prelude::{Mut, World};
 use sinew_engine::law::{ElasticEnergy, TangentKind};
-use sinew_engine::matrix::{BlockMatrix, Tangent};
+use sinew_engine::matrix::{BlockMatrix, PredictedValues, Tangent};
 use sinew_engine::report::{StepReport, SystemTimes};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepError, not_finite};
+use sinew_engine::topology::{BodyRows, Topology};
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 impl<S: Scalar> Step<'_, S> {
@@ -37,16 +39,19 @@ impl<S: Scalar> Step<'_, S> {
         let mut at_first_iterate = Some(at_first_iterate);
         let most = if newton { self.settings.max_newton_iterations } else { 1 };
         let (mut iterations, mut multiplier_rounds) = (0, 0);
+        self.recall_predicted();
         while iterations < most {
             iterations += 1;
             let kind = self.linearise()?;
             if let Some(act) = at_first_iterate.take() {
                 act(self);
             }
+            self.scratch.bend.clear();
             self.find_directions(kind)?;
             self.report.newton_iterations += 1;
             self.take_converged_steps();
             self.line_search();
+            self.predict();
             if self.bodies.iter().all(|b| b.done) {
                 multiplier_rounds += 1;
                 if !(newton && self.next_multipliers(multiplier_rounds)) {
@@ -55,9 +60,66 @@ impl<S: Scalar> Step<'_, S> {
                 iterations = 0;
             }
         }
+        // whoever asks for a tangent between steps wants the second derivative
+        self.world.resource_mut::<PredictedValues>().0.clear();
         let unconverged = |b: &BodyStep| b.mode == Mode::Converge && !b.converged;
         self.report.unconverged = self.bodies.iter().any(unconverged);
         Ok(())
+    }
+
+    /// Gives tangents the values that were predicted where bodies now are.
+    fn recall_predicted(&mut self) {
+        let scratch = &mut *self.scratch;
+        if scratch.history.predicted.is_empty() && scratch.predicted.is_empty() {
+            return;
+        }
+        let count = scratch.history.predicted.len().max(scratch.predicted.len());
+        let mut values = vec![Vec::new(); count];
+        scratch.predicted.resize(count, Vec::new());
+        for step in self.bodies.iter().filter(|step| !step.done) {
+            for body in step.bodies.clone().filter(|&body| body < count) {
+                let own = &mut scratch.predicted[body];
+                if step.rejected.is_some() {
+                    own.clear();
+                }
+                match scratch.history.predicted.get(body) {
+                    Some(known) if own.is_empty() && step.past.same_state => {
+                        values[body].clone_from(known);
+                    }
+                    _ => values[body].clone_from(own),
+                }
+            }
+        }
+        self.world.resource_mut::<PredictedValues>().0 = values;
+    }
+
+    /// Predicts the values behind low-rank tangents where the steps just taken lead.
+    fn predict(&mut self) {
+        let Self { world, scratch, bodies, .. } = self;
+        if world.resource::<Tangent<S>>().low_rank.is_empty() {
+            return;
+        }
+        world.resource_scope(|world, mut known: Mut<PredictedValues>| {
+            let rows: Vec<_> = world.resource::<Topology>().bodies.iter().map(rows_of).collect();
+            known.0.resize(rows.len(), Vec::new());
+            scratch.predicted.resize(rows.len(), Vec::new());
+            for step in bodies.iter_mut() {
+                let taken = std::mem::take(&mut step.taken);
+                for body in step.bodies.clone().filter(|_| taken > 0.0) {
+                    for part in &world.resource::<Tangent<S>>().low_rank {
+                        let own = part.pattern.of_rows(&rows[body]);
+                        if own.is_empty() {
+                            continue;
+                        }
+                        let value = |vector: usize| {
+                            part.values[vector] + taken * part.product(vector, &scratch.direction)
+                        };
+                        known.0[body] = own.map(value).collect();
+                        scratch.predicted[body].clone_from(&known.0[body]);
+                    }
+                }
+            }
+        });
     }
 
     /// Newton step over body size at which Newton has converged; it cannot resolve steps below the rounding
@@ -210,10 +272,16 @@ impl<S: Scalar> Step<'_, S> {
             self.report.newton_step = self.report.newton_step.max(length);
             if body.mode == Mode::Converge && length <= tolerance {
                 self.scratch.advance(body.rows.clone(), S::ONE);
+                body.taken = 1.0;
                 (body.done, body.converged) = (true, true);
             }
         }
     }
+}
+
+/// Vertex rows of a body.
+fn rows_of(body: &BodyRows) -> Range<usize> {
+    body.vertices.start as usize..body.vertices.end as usize
 }
 
 /// The system matrix of the step, without contact.
@@ -229,6 +297,7 @@ pub(super) fn system_matrix<'a, S: Scalar>(
         mass: &node.mass,
         mass_factor: S::from_f64(weights.inertia + weights.mass_damping),
         tangent: &world.resource::<Tangent<S>>().matrix,
+        low_rank: &world.resource::<Tangent<S>>().low_rank,
         tangent_factor: S::ONE,
         damping: (!damping.diagonal.is_empty()).then_some((damping, S::from_f64(weights.rate))),
         fixed: &node.fixed,

@@ -65,6 +65,8 @@ pub struct ImplicitScratch<S: Scalar> {
     pub(super) residual: Rows<S>,
     /// Newton step (m).
     pub(super) direction: Rows<S>,
+    /// What is added to it with the square of the fraction that is taken (m); empty without low-rank tangents.
+    pub(super) bend: Rows<S>,
     /// Velocities (m/s) at the end of the stage.
     pub(super) velocity: Rows<S>,
     /// `beta K_gn + C_d` (N s/m); empty without damping.
@@ -79,6 +81,8 @@ pub struct ImplicitScratch<S: Scalar> {
     pub(crate) history: History<S>,
     pub(crate) recovery: Recovery,
     pub(super) within: WithinStep,
+    /// Predicted values behind low-rank tangents, body by body, as far as bodies have taken this step.
+    pub(super) predicted: Vec<Vec<f64>>,
     /// Rest positions (m), read once per topology.
     pub(crate) rest: Vec<DVec3>,
     pub(super) touch: TouchScratch<S>,
@@ -109,6 +113,8 @@ pub(super) struct BodyStep {
     pub elastic_before: f64,
     /// Kinetic plus potential energy (J) at the start, held vertices moved.
     pub budget: f64,
+    /// Part of the direction last found that was taken.
+    pub taken: f64,
     pub done: bool,
     pub converged: bool,
     /// Why the linearised BDF2 step does not count.
@@ -183,6 +189,7 @@ impl<'w, S: Scalar> Step<'w, S> {
     ) -> Self {
         let dt = world.resource::<StepClock>().dt;
         scratch.damping.diagonal.clear();
+        scratch.predicted.clear();
         scratch.velocity.clear();
         scratch.velocity.resize(scratch.node.len(), [S::ZERO; 4]);
         Self {
@@ -276,6 +283,7 @@ impl BodyStep {
             elastic: 0.0,
             elastic_before: 0.0,
             budget: f64::INFINITY,
+            taken: 0.0,
             done: false,
             converged: false,
             rejected: None,
@@ -373,11 +381,21 @@ impl<S: Scalar> ImplicitScratch<S> {
         self.increment[row][k] = displacement - self.node.u[row][k];
     }
 
+    /// What a fraction of the Newton step adds to an unknown (m).
+    pub(super) fn step_of(&self, row: usize, k: usize, fraction: S) -> S {
+        let straight = fraction * self.direction[row][k];
+        match self.bend.get(row) {
+            Some(bend) => straight + fraction * fraction * bend[k],
+            None => straight,
+        }
+    }
+
     /// Moves a body by a fraction of its Newton step.
     pub(super) fn advance(&mut self, rows: Range<usize>, fraction: S) {
         for row in rows {
             for k in 0..3 {
-                self.increment[row][k] += fraction * self.direction[row][k];
+                let step = self.step_of(row, k, fraction);
+                self.increment[row][k] += step;
                 self.iterate[row][k] = if self.node.free(row, k) {
                     self.node.u[row][k] + self.increment[row][k]
                 } else {

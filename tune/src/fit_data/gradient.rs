@@ -311,6 +311,7 @@ impl Forward {
             mass: &zero_mass,
             mass_factor: 0.0,
             tangent: &world.resource::<Tangent<f64>>().matrix,
+            low_rank: &world.resource::<Tangent<f64>>().low_rank,
             tangent_factor: 1.0,
             damping: None,
             fixed: &self.fixed,
@@ -349,7 +350,7 @@ impl Forward {
         let world = self.scene.simulation.world();
         let (topology, workers) = (world.resource::<Topology>(), world.resource::<Workers>());
         let mut product = vec![[0.0; 4]; x.len()];
-        let tangent = &world.resource::<Tangent<f64>>().matrix;
+        let tangent = world.resource::<Tangent<f64>>();
         tangent.multiply(topology, workers, &mut ProductSpans::default(), x, &mut product);
         product
     }

@@ -1,0 +1,123 @@
+//! Small meshes in clusters, schema `sinew-locking-forces/1`: energies, forces and products of the tangent at given
+//! displacements.
+
+use super::body::{Body, Cells, Law, Material};
+use super::compare::{difference, largest, worst};
+use super::read::Case;
+use super::{CaseError, Status, ValidateOptions, ValidationRow};
+use glam::DVec3;
+use sinew::engine::law::{EvaluationRequest, TangentKind};
+use sinew::engine::matrix::{ProductSpans, Tangent};
+use sinew::engine::schedule::ForceSchedule;
+use sinew::engine::topology::Topology;
+use sinew::engine::workers::Workers;
+use sinew::models::body::sheet::PlaneState;
+use sinew::models::material::YoungPoisson;
+use sinew::simulation::Simulation;
+use std::time::Instant;
+
+const LAWS: [&str; 2] = ["neo_hookean_cluster", "svk_volume_cluster"];
+
+pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
+    let mut rows = Vec::new();
+    for law in LAWS {
+        let count = case.root().get("cases").list()?.count();
+        let mut row = ValidationRow::new(&case.name(), law, 0, count);
+        row.note = "energies, forces and tangents of small meshes".into();
+        let outcome = run_law(case, law, options, &mut row);
+        rows.push(row.ended(outcome));
+    }
+    Ok(rows)
+}
+
+fn run_law(
+    case: &Case,
+    name: &str,
+    options: &ValidateOptions,
+    row: &mut ValidationRow,
+) -> Result<(), CaseError> {
+    let law = Law::find(name, "tet")?;
+    (row.max_difference, row.rms_difference, row.energy_difference) = (0.0, 0.0, 0.0);
+    let mut tangent_difference: f64 = 0.0;
+    let start = Instant::now();
+    for mesh in case.root().get("cases").list()? {
+        let truth = mesh.get(name);
+        let number = |key: &str| mesh.get(key).number();
+        let (own, shared, mu) =
+            (number("lambda_element")?, number("lambda_cluster")?, number("mu")?);
+        let cells = mesh.get("cells").cells::<4>()?;
+        let clusters = mesh.get("clusters").indices()?;
+        let nodes = mesh.get("nodes").list()?.count();
+        let [points, u, v] = ["nodes", "u", "v"].map(|key| mesh.get(key).field(nodes));
+        let (points, u, v) = (points?, u?, v?);
+        let material = Material::uniform(young_poisson(own + shared, mu));
+        let body = Body {
+            points: &points,
+            cells: Cells::Tetrahedra(&cells),
+            law,
+            clusters: Some(&clusters),
+            material: &material,
+            thickness: 1.0,
+            plane: PlaneState::Stress,
+        };
+        let (mut simulation, body) = body.simulation(case, options)?;
+        simulation
+            .set_state(body, &u, &vec![DVec3::ZERO; nodes])
+            .map_err(|e| case.simulation_error(e))?;
+        let energy = simulation.evaluate();
+        let expected = truth.get("energy").number()?;
+        let forces = simulation.elastic_forces(body);
+        let force = truth.get("force").field(nodes)?;
+        let (max, rms) = difference(&forces, &force, largest(&force));
+        row.max_difference = worst(row.max_difference, max);
+        row.rms_difference = worst(row.rms_difference, rms);
+        row.energy_difference = worst(row.energy_difference, (energy / expected - 1.0).abs());
+        let product = tangent_times(&mut simulation, &v);
+        let expected = truth.get("tangent_times_v").field(nodes)?;
+        let (max, _) = difference(&product, &expected, largest(&expected));
+        tangent_difference = worst(tangent_difference, max);
+        row.nodes += nodes;
+    }
+    row.seconds = start.elapsed().as_secs_f64();
+    row.remark(format!("tangent {tangent_difference:.1e}"));
+    let [close, near] = options.tolerance.map_or([1e-12, 1e-11], |tolerance| [tolerance; 2]);
+    if row.max_difference <= close && row.energy_difference <= close && tangent_difference <= near {
+        row.status = Status::Pass;
+    }
+    Ok(())
+}
+
+/// The material that has these moduli; files give them in round numbers of `E` and `nu`, of which `lambda` keeps too few
+/// digits near 0.5.
+fn young_poisson(lambda: f64, mu: f64) -> YoungPoisson {
+    let round = |x: f64, unit: f64| (x / unit).round() * unit;
+    let poisson_ratio = round(lambda / (2.0 * (lambda + mu)), 1e-6);
+    let young_modulus = round(2.0 * mu * (1.0 + poisson_ratio), 1e-6);
+    YoungPoisson { young_modulus, poisson_ratio, density: 1000.0 }
+}
+
+/// The exact tangent of the one body times `v` (m), by the user's vertices.
+fn tangent_times(simulation: &mut Simulation, v: &[DVec3]) -> Vec<DVec3> {
+    let world = simulation.world_mut();
+    world.insert_resource(EvaluationRequest {
+        energy: false,
+        force: false,
+        tangent: Some(TangentKind::Exact),
+    });
+    world.run_schedule(ForceSchedule);
+    let topology = world.resource::<Topology>();
+    let rows = &topology.bodies[0];
+    let mut x = vec![[0.0; 4]; topology.vertex_count()];
+    let mut y = x.clone();
+    for (&vertex, x) in rows.vertex_order.iter().zip(&mut x) {
+        let [a, b, c] = v[vertex as usize].to_array();
+        *x = [a, b, c, 0.0];
+    }
+    let (tangent, workers) = (world.resource::<Tangent<f64>>(), world.resource::<Workers>());
+    tangent.multiply(topology, workers, &mut ProductSpans::default(), &x, &mut y);
+    let mut product = vec![DVec3::ZERO; v.len()];
+    for (&vertex, y) in rows.vertex_order.iter().zip(&y) {
+        product[vertex as usize] = DVec3::new(y[0], y[1], y[2]);
+    }
+    product
+}
