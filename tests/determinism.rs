@@ -14,7 +14,7 @@ use sinew::engine::workers::Workers;
 use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily};
 use sinew::models::axes::field::helicoidal;
 use sinew::models::axes::muscle::MuscleSettings;
-use sinew::models::body::Evaluation;
+use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::frame::tetrahedra::TetrahedronLaw;
 use sinew::models::laws::pooled::TENSILE;
@@ -222,6 +222,13 @@ impl Hashes {
                     }
                     let name = format!("{kind}-{}-{evaluation:?}", model.name());
                     let body = BodyDescription { model, evaluation, ..new() };
+                    self.record(&name, size.x, &body, &settings, |_, _| ());
+                }
+                if model.keeps_mean_volume() {
+                    let volume = VolumeRule::Clusters;
+                    let new = BodyDescription::new("body", mesh, soft(1e4, 0.4999));
+                    let body = BodyDescription { model, volume, ..new };
+                    let name = format!("{kind}-{}-clusters", model.name());
                     self.record(&name, size.x, &body, &settings, |_, _| ());
                 }
             }

@@ -5,7 +5,7 @@ use glam::DVec3;
 use sinew::engine::law::RecoveringBodies;
 use sinew::engine::mesh::Mesh;
 use sinew::models::axes::description::AxesDescription;
-use sinew::models::body::Evaluation;
+use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::prelude::*;
 
 const CELL: f64 = 0.02;
@@ -155,13 +155,13 @@ fn every_material_gives_way_to_the_corotational_energy() {
     let mesh = jittered_box([3.0 * CELL; 3], [3; 3]);
     let mirrored: Vec<_> = mesh.points.iter().map(|x| -2.0 * x.z * DVec3::Z).collect();
     let still = vec![DVec3::ZERO; mirrored.len()];
-    let body = |model, evaluation| {
+    let body = |model, evaluation, volume| {
         let mut simulation = Simulation::new(SimulationOptions::default()).unwrap();
         let axes = (model == Model::Axes)
             .then(|| AxesDescription::isotropic(soft(1e4, 0.3).lame().unwrap()));
         let own = BodyDescription::new("body", &mesh, soft(1e4, 0.3));
-        let body =
-            simulation.add_body(&BodyDescription { model, evaluation, axes, ..own }).unwrap();
+        let description = BodyDescription { model, evaluation, volume, axes, ..own };
+        let body = simulation.add_body(&description).unwrap();
         simulation.set_state(body, &mirrored, &still).unwrap();
         simulation.evaluate();
         (simulation, body)
@@ -172,23 +172,26 @@ fn every_material_gives_way_to_the_corotational_energy() {
         let energy = simulation.evaluate();
         (energy, simulation.elastic_forces(*body))
     };
-    let corotational = forces(&mut body(Model::Corotational, Evaluation::Fused), false);
+    let each = VolumeRule::Elements;
+    let corotational = forces(&mut body(Model::Corotational, Evaluation::Fused, each), false);
     let size = max_length(&corotational.1);
-    for (model, evaluation) in [
-        (Model::StVK, Evaluation::Fused),
-        (Model::StVK, Evaluation::Pooled),
-        (Model::CompressibleStVK, Evaluation::Fused),
-        (Model::CompressibleStVK, Evaluation::Pooled),
-        (Model::QuadraticSprings, Evaluation::Fused),
-        (Model::StVKFem, Evaluation::Fused),
-        (Model::Linear, Evaluation::Fused),
-        (Model::NeoHookean, Evaluation::Fused),
-        (Model::WarpedStiffness, Evaluation::Fused),
-        (Model::MassSpring, Evaluation::Fused),
-        (Model::Axes, Evaluation::Fused),
+    for (model, evaluation, volume) in [
+        (Model::StVK, Evaluation::Fused, each),
+        (Model::StVK, Evaluation::Pooled, each),
+        (Model::CompressibleStVK, Evaluation::Fused, each),
+        (Model::CompressibleStVK, Evaluation::Pooled, each),
+        (Model::QuadraticSprings, Evaluation::Fused, each),
+        (Model::StVKFem, Evaluation::Fused, each),
+        (Model::Linear, Evaluation::Fused, each),
+        (Model::NeoHookean, Evaluation::Fused, each),
+        (Model::NeoHookean, Evaluation::Fused, VolumeRule::Clusters),
+        (Model::StVKVolume, Evaluation::Fused, VolumeRule::Clusters),
+        (Model::WarpedStiffness, Evaluation::Fused, each),
+        (Model::MassSpring, Evaluation::Fused, each),
+        (Model::Axes, Evaluation::Fused, each),
     ] {
-        let name = format!("{model:?} {evaluation:?}");
-        let mut body = body(model, evaluation);
+        let name = format!("{model:?} {evaluation:?} {volume:?}");
+        let mut body = body(model, evaluation, volume);
         let own = forces(&mut body, false);
         body.0.integrate_by(Integrator::Safe);
         body.0.step().unwrap();

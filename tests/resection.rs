@@ -5,7 +5,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
-use sinew::models::body::Evaluation;
+use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::models::resection::{
     MassPolicy, Region, Removal, RemovalError, RemovalLog, RemovalRequest,
 };
@@ -14,24 +14,32 @@ use sinew::prelude::*;
 const MATERIAL: YoungPoisson =
     YoungPoisson { young_modulus: 5e3, poisson_ratio: 0.45, density: 1060.0 };
 
-/// Every energy, the way it is summed.
-const BODIES: [(Model, Evaluation); 6] = [
-    (Model::CompressibleStVK, Evaluation::Fused),
-    (Model::CompressibleStVK, Evaluation::Pooled),
-    (Model::StVK, Evaluation::Fused),
-    (Model::StVK, Evaluation::Pooled),
-    (Model::QuadraticSprings, Evaluation::Fused),
-    (Model::MassSpring, Evaluation::Fused),
+/// Energy, the way it is summed, and what keeps the volume.
+type Kind = (Model, Evaluation, VolumeRule);
+
+/// Every energy.
+const BODIES: [Kind; 8] = [
+    (Model::CompressibleStVK, Evaluation::Fused, VolumeRule::Elements),
+    (Model::CompressibleStVK, Evaluation::Pooled, VolumeRule::Elements),
+    (Model::StVK, Evaluation::Fused, VolumeRule::Elements),
+    (Model::StVK, Evaluation::Pooled, VolumeRule::Elements),
+    (Model::QuadraticSprings, Evaluation::Fused, VolumeRule::Elements),
+    (Model::MassSpring, Evaluation::Fused, VolumeRule::Elements),
+    (Model::NeoHookean, Evaluation::Fused, VolumeRule::Clusters),
+    (Model::StVKVolume, Evaluation::Fused, VolumeRule::Clusters),
 ];
 
 fn build(
     mesh: &Mesh,
-    (model, evaluation): (Model, Evaluation),
+    (model, evaluation, volume): Kind,
     options: SimulationOptions,
 ) -> (Simulation, BodyHandle) {
     let mut simulation = Simulation::new(options).unwrap();
+    let poisson_ratio =
+        if volume == VolumeRule::Clusters { 0.4999 } else { MATERIAL.poisson_ratio };
+    let material = YoungPoisson { poisson_ratio, ..MATERIAL };
     let description =
-        BodyDescription { model, evaluation, ..BodyDescription::new("body", mesh, MATERIAL) };
+        BodyDescription { model, evaluation, volume, ..BodyDescription::new("body", mesh, material) };
     let body = simulation.add_body(&description).unwrap();
     simulation.integrate_by(Integrator::Safe);
     (simulation, body)
@@ -331,7 +339,7 @@ fn vertices_without_mass_stay_where_they_are() {
 #[test]
 fn a_piece_cut_off_falls_freely() {
     let mesh = bar(0.05, [6, 2, 2]);
-    for kind in [BODIES[0], BODIES[1]] {
+    for kind in [BODIES[0], BODIES[1], BODIES[6], BODIES[7]] {
         let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 2));
         hold_end(&mut simulation, body, &mesh.points);
         let cut = Region::Tetrahedra(
@@ -394,7 +402,7 @@ fn equilibria_ignore_vertices_without_elements() {
 #[test]
 fn thirty_per_cent_at_once_stay_bounded() {
     let mesh = bar(0.025, [10, 4, 4]);
-    for kind in [BODIES[0], BODIES[1], BODIES[4]] {
+    for kind in [BODIES[0], BODIES[1], BODIES[4], BODIES[6], BODIES[7]] {
         for mass in [MassPolicy::Keep, MassPolicy::Recompute] {
             let mut hashes = Vec::new();
             for threads in [1, 2] {
@@ -439,7 +447,7 @@ fn elements_hanging_by_little_stay_bounded() {
     for (common, pieces) in [(2, 1), (1, 1), (0, 2)] {
         let hanging = mesh.tetrahedra.iter().position(|t| shared(t) == common).unwrap();
         for mass in [MassPolicy::Keep, MassPolicy::Recompute] {
-            for kind in [BODIES[0], BODIES[1]] {
+            for kind in [BODIES[0], BODIES[1], BODIES[6]] {
                 let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 1));
                 hold_end(&mut simulation, body, &mesh.points);
                 simulation.set_dt(1.0 / 60.0);
@@ -460,7 +468,7 @@ fn elements_hanging_by_little_stay_bounded() {
 #[test]
 fn a_hundred_single_removals_stay_bounded() {
     let mesh = bar(0.025, [10, 4, 4]);
-    for kind in [BODIES[0], BODIES[1]] {
+    for kind in [BODIES[0], BODIES[1], BODIES[6], BODIES[7]] {
         let (mut simulation, body) = build(&mesh, kind, options(Precision::F64, 2));
         hold_end(&mut simulation, body, &mesh.points);
         simulation.set_dt(1.0 / 60.0);

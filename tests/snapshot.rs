@@ -11,7 +11,7 @@ use sinew::engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, triangle
 use sinew::engine::order::Order;
 use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily};
 use sinew::models::axes::muscle::MuscleSettings;
-use sinew::models::body::Evaluation;
+use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::material::field::MaterialField;
 use sinew::models::resection::{MassPolicy, Region, Removal, RemovalRequest};
@@ -238,11 +238,16 @@ fn all_models_of_solids() {
             if hexahedra && (!model.serves_hexahedra() || model == Model::MassSpring) {
                 continue;
             }
-            let body =
-                BodyDescription { model, ..BodyDescription::new("beam", mesh, soft(1e4, 0.35)) };
-            let settings = SolverSettings::default();
-            let build = |options| beam(options, &settings, &body);
-            exact(model.name(), threads(1), &Scene { build: &build, act: &nothing });
+            for (volume, nu) in [(VolumeRule::Elements, 0.35), (VolumeRule::Clusters, 0.4999)] {
+                if volume == VolumeRule::Clusters && !model.keeps_mean_volume() {
+                    continue;
+                }
+                let new = BodyDescription::new("beam", mesh, soft(1e4, nu));
+                let body = BodyDescription { model, volume, ..new };
+                let settings = SolverSettings::default();
+                let build = |options| beam(options, &settings, &body);
+                exact(model.name(), threads(1), &Scene { build: &build, act: &nothing });
+            }
         }
     }
 }

@@ -20,7 +20,7 @@ use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{Mass, Velocity};
 use sinew::models::body::change::set_material;
 use sinew::models::body::sheet::MembraneSettings;
-use sinew::models::body::{BodyError, Evaluation, MassRule};
+use sinew::models::body::{BodyError, Evaluation, MassRule, VolumeRule};
 use sinew::models::material::field::FieldError;
 use sinew::models::resection::{
     Region, Removal, RemovalError, RemovalLog, RemovalReport, RemovalRequest,
@@ -52,6 +52,8 @@ pub struct SinewBody {
     pub model: Model,
     /// Evaluation; it cannot be changed later.
     pub evaluation: Evaluation,
+    /// What keeps its volume; it cannot be changed later.
+    pub volume: VolumeRule,
     /// How its mass is shared out; it cannot be changed later.
     pub masses: MassRule,
     /// Makes all triangles and quadrilaterals of the mesh a membrane; it cannot be changed later.
@@ -66,6 +68,7 @@ impl SinewBody {
             material,
             model: Model::default(),
             evaluation: Evaluation::default(),
+            volume: VolumeRule::default(),
             masses: MassRule::default(),
             membrane: None,
         }
@@ -362,6 +365,7 @@ fn build_body(
         points,
         model: body.model,
         evaluation: body.evaluation,
+        volume: body.volume,
         masses: body.masses,
         membrane: body.membrane.as_ref().map(|m| m.of(&mesh.triangles, &mesh.quads)),
         ..BodyDescription::new(&name, mesh, body.material)

@@ -371,6 +371,8 @@ typedef struct sinew_body {
   size_t fibre_count;
   // Modulus (Pa) of the term of volume beside them.
   double volume_modulus;
+  // What keeps its volume: "elements", or "clusters" for nearly incompressible tissue.
+  const char *volume;
 } sinew_body;
 
 // Which elements to remove.

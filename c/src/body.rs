@@ -77,6 +77,7 @@ pub unsafe extern "C" fn sinew_body_add(
             [own.young_modulus, own.poisson_ratio, own.density] = matter.lists;
             own.model = word("model", b.model)?;
             own.evaluation = word("evaluation", b.evaluation)?;
+            own.volume = word("volume", b.volume)?;
             own.masses = word("masses", b.masses)?;
             own.springs = match optional_text("springs", b.springs)? {
                 Some(method) => Some(spring_rule(

@@ -254,6 +254,8 @@ pub struct sinew_body {
     pub fibre_count: usize,
     /// Modulus (Pa) of the term of volume beside them.
     pub volume_modulus: f64,
+    /// What keeps its volume: "elements", or "clusters" for nearly incompressible tissue.
+    pub volume: *const c_char,
 }
 
 /// Motions of constraints: none; they can be given poses.

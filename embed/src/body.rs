@@ -9,7 +9,7 @@ use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::engine::surface::SurfaceReader;
 use sinew::models::body::sheet::{MembraneSettings, PlaneState};
-use sinew::models::body::{BodyDescription, MassRule, SoftBody};
+use sinew::models::body::{BodyDescription, MassRule, SoftBody, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use sinew::models::material::field::{MaterialArrays, MaterialField};
 use sinew::models::resection::{MassPolicy, Region, Removal, RemovalReport};
@@ -104,6 +104,7 @@ impl Embedding {
             springs: m.springs,
         });
         let thin = !mesh.is_solid() && settings.is_some_and(|m| m.plane == PlaneState::Stress);
+        let locks = !thin && description.volume == VolumeRule::Elements;
         let material = match settings {
             // the material of the solid means nothing then
             Some(own) if !mesh.is_solid() => own.material,
@@ -125,7 +126,7 @@ impl Embedding {
         let simulation = &mut self.built.simulation;
         let handle = simulation.add_body(&own)?;
         let (report, used_vertices) = (checked.report, checked.used_vertices);
-        warn_of_findings(name, &report, material, thin, &mut self.built.warnings);
+        warn_of_findings(name, &report, material, locks, &mut self.built.warnings);
         let mass = match description.masses {
             MassRule::Volume if description.density.is_none() => {
                 let sheet = membrane.as_ref().map_or(0.0, |m| m.area * m.settings.surface().1);
@@ -146,6 +147,7 @@ impl Embedding {
             preset: None,
             model: description.model,
             evaluation: description.evaluation,
+            volume: description.volume,
             springs: description.springs,
             axes: description.axes.clone().map(|axes| axes.into_owned()),
         });

@@ -221,6 +221,9 @@ pub struct VolumeReport {
     pub smallest_by_body: Vec<f64>,
     /// Tetrahedra and hexahedra of each body.
     pub elements_by_body: Vec<u64>,
+    /// Largest magnitude of the mean of `J - 1` over a cluster of tetrahedra that keep their volume together; 0 without
+    /// any. Of such elements only means are kept: the ratios above need not be near 1.
+    pub largest_mean_change: f64,
 }
 
 impl Default for VolumeReport {
@@ -231,6 +234,7 @@ impl Default for VolumeReport {
             inverted_by_body: Vec::new(),
             smallest_by_body: Vec::new(),
             elements_by_body: Vec::new(),
+            largest_mean_change: 0.0,
         }
     }
 }
@@ -239,6 +243,7 @@ impl VolumeReport {
     /// Starts a measurement of so many bodies.
     pub(crate) fn clear(&mut self, bodies: usize) {
         (self.smallest_ratio, self.inverted) = (f64::INFINITY, 0);
+        self.largest_mean_change = 0.0;
         for counts in [&mut self.inverted_by_body, &mut self.elements_by_body] {
             counts.clear();
             counts.resize(bodies, 0);

@@ -441,10 +441,10 @@ fn gather<S: Scalar>(
     mut forces: Query<&mut ElasticForce<S>>,
 ) {
     let start = Instant::now();
+    energy.values.clear();
     if request.energy {
         energy.total = 0.0;
         energy.load = 0.0;
-        energy.values.clear();
         energy.by_law.clear();
         energy.by_body.clear();
         energy.by_body.resize(topology.bodies.len(), 0.0);
@@ -474,12 +474,12 @@ fn gather<S: Scalar>(
             energy.total += own;
             energy.load += if is_load { own } else { 0.0 };
             energy.by_law.push((name, own));
-            if !buffer.values.is_empty() {
-                energy.values.push(buffer.values.clone());
-            }
             for span in &buffer.spans {
                 energy.by_body[span.body] += span.energy;
             }
+        }
+        if !buffer.values.is_empty() {
+            energy.values.push(buffer.values.clone());
         }
         if let Some(total) = &mut total {
             buffer.add_forces_to(&workers, total);

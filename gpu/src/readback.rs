@@ -169,6 +169,7 @@ impl GpuBackend {
             inverted_by_body: found.iter().map(|f| f.1).collect(),
             smallest_by_body: found.iter().map(|f| f.0).collect(),
             elements_by_body: own.collect(),
+            ..VolumeReport::default()
         };
         world.insert_resource(report);
         world.insert_resource(VolumesReported);

@@ -192,6 +192,7 @@ pub struct BodyIn {
     pub material: MaterialIn,
     pub model: String,
     pub evaluation: String,
+    pub volume: String,
     pub masses: String,
     pub springs: SpringsIn,
     pub membrane: Option<MembraneIn>,

@@ -153,6 +153,7 @@ fn add_body(
         density,
         model: choice("model", &spec.model)?,
         evaluation: choice("evaluation", &spec.evaluation)?,
+        volume: choice("rule for the volume", &spec.volume)?,
         masses: choice("rule of masses", &spec.masses)?,
         springs: springs(&spec.springs)?,
         membrane,

@@ -11,9 +11,9 @@
 //! after the last refresh add up to what a refresh costs, in the middle of a solve if need be, or when
 //! a solve with them did not converge.
 
-use crate::cholesky::{FactorValues, IncompleteCholesky};
+use crate::cholesky::{FactorPiece, FactorValues, IncompleteCholesky};
 use crate::coarse::{CoarseSpace, CoarseValues, Motion};
-use crate::low_rank::{Correction, Places, add_product, places};
+use crate::low_rank::Correction;
 use crate::settings::Preconditioner;
 use crate::simd::{Kernel, vectorised};
 use crate::system::{
@@ -104,8 +104,6 @@ pub struct ConjugateGradients<T: Scalar> {
     shared: Shared<T>,
     /// Pieces, and rows in them, of the couplings of the matrix.
     coupled: Vec<[(usize, usize); 4]>,
-    /// The same of the entries of its vectors.
-    places: Places,
 }
 
 /// What the kept values of the preconditioner were computed for, and how they did since.
@@ -184,7 +182,6 @@ impl<T: Scalar> ConjugateGradients<T> {
         };
         self.coupled.clear();
         self.coupled.extend(self.matrix.couplings.iter().map(|c| c.rows.map(place)));
-        places(&self.matrix.low_rank, pattern, &mut self.places);
         let mut inner = Inner {
             status: InnerStatus::Cap,
             iterations: 0,
@@ -199,7 +196,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         });
         let mut since = (0, 1.0);
         if let Some(allowance) = allowance {
-            self.correct(pattern);
+            self.correct(workers, pattern);
             self.load(pattern, residual, 1.0 / norm);
             self.iterate(workers, pattern, target, cap.min(allowance), &mut inner);
         }
@@ -295,39 +292,32 @@ impl<T: Scalar> ConjugateGradients<T> {
         if let Some(coarse) = &mut self.coarse {
             coarse.factorise(workers, &self.matrix);
         }
-        self.correct(pattern);
+        self.correct(workers, pattern);
         breakdowns
     }
 
     /// Makes the preconditioner one for the vectors of this matrix.
-    fn correct(&mut self, pattern: &Pattern) {
-        let Self { matrix, cholesky, coarse, correction, .. } = self;
-        if let Some(correction) = correction {
-            correction.form(&matrix.low_rank, pattern, cholesky, coarse.as_ref());
+    fn correct(&mut self, workers: &Workers, pattern: &Pattern) {
+        if let Some(correction) = &mut self.correction {
+            correction.form(workers, pattern, &self.matrix);
         }
     }
 
     /// The shortest way (m), as the diagonal blocks of the matrix measure it, that takes `excess` (J^1/2) from the
     /// values behind its vectors; false, where there are none.
-    pub fn restore<S: Scalar>(
-        &mut self,
-        pattern: &Pattern,
-        excess: &[f64],
-        way: &mut [[S; 4]],
-    ) -> bool {
-        let Self { matrix, cholesky, correction, .. } = self;
-        let Some(correction) =
-            correction.as_mut().filter(|_| matrix.low_rank.len() == excess.len())
+    pub fn restore<S: Scalar>(&self, excess: &[f64], way: &mut [[S; 4]]) -> bool {
+        let Self { matrix, correction, .. } = self;
+        let Some(correction) = correction.as_ref().filter(|_| matrix.low_rank.len() == excess.len())
         else {
             return false;
         };
         let mut x: Vec<T> = excess.iter().map(|&x| T::from_f64(x)).collect();
         let factor = -matrix.factor.sqrt();
-        correction.restore(&matrix.low_rank, pattern, cholesky, &mut x, |row, z| {
+        for (to, z) in way.iter_mut().zip(correction.restore(&matrix.low_rank, &mut x, way.len())) {
             for k in 0..3 {
-                way[row][k] += S::from_f64(factor * z[k].to_f64());
+                to[k] += S::from_f64(factor * z[k].to_f64());
             }
-        });
+        }
         true
     }
 
@@ -341,9 +331,9 @@ impl<T: Scalar> ConjugateGradients<T> {
     ) {
         self.laid_out_for.clear();
         self.laid_out_for.extend_from_slice(piece);
-        let couplings = kind != Preconditioner::BlockJacobi && !corrected;
+        let couplings = kind != Preconditioner::BlockJacobi;
         self.cholesky = IncompleteCholesky::new(pattern, couplings);
-        self.correction = corrected.then(Correction::default);
+        self.correction = corrected.then(|| Correction::new(pattern));
         self.coarse = (kind == Preconditioner::Multigrid).then(|| {
             // in large bodies the work of the factor would outgrow that of an iteration
             let size = AGGREGATE.max((0.45 * (rest.len() as f64).sqrt()) as usize);
@@ -418,16 +408,25 @@ impl<T: Scalar> ConjugateGradients<T> {
 
     /// `p = z + beta p` and `q = A p`; returns `p . q`.
     fn multiply(&mut self, workers: &Workers, pattern: &Pattern, beta: T) -> f64 {
-        let Self { matrix, product, update, coarse, motions, .. } = self;
-        let (matrix, update, coarse, motions) = (&*matrix, &*update, coarse.as_ref(), &*motions);
+        let Self { matrix, product, update, coarse, motions, correction, .. } = self;
+        // a correction comes after the motions of aggregates
+        let coarse = coarse.as_ref().filter(|_| correction.is_none());
+        let (matrix, update, motions) = (&*matrix, &*update, &*motions);
         workers.for_each(product, usize::MAX, |index, own| {
             vectorised(Multiply { matrix, pattern, update, coarse, motions, beta, index, own });
         });
         let mut curvature: f64 = self.product.iter().map(|p| p.curvature).sum();
-        if !self.matrix.low_rank.is_empty() {
-            let product = self.product.iter_mut().map(|own| (&own.p[..], &mut own.q[..]));
-            let mut product: Vec<_> = product.collect();
-            curvature += add_product(&self.matrix.low_rank, &self.places, &mut product);
+        if let Some(correction) = &mut self.correction {
+            correction.rows.clear();
+            for (piece, own) in pattern.pieces.iter().zip(&self.product) {
+                correction.rows.extend_from_slice(&own.p[..piece.rows.len()]);
+            }
+            curvature += correction.multiply(&self.matrix.low_rank);
+            for (piece, own) in pattern.pieces.iter().zip(&mut self.product) {
+                for (q, more) in own.q.iter_mut().zip(&correction.rows[piece.rows.clone()]) {
+                    *q = add4(*q, *more);
+                }
+            }
         }
         if self.matrix.couplings.is_empty() {
             return curvature;
@@ -457,20 +456,34 @@ impl<T: Scalar> ConjugateGradients<T> {
     /// the preconditioner is applied, and the directions forgotten.
     fn update(&mut self, workers: &Workers, pattern: &Pattern, alpha: Option<T>) -> (f64, f64) {
         let Self { matrix, product, update, coarse, correction, forces, motions, .. } = self;
-        let (cholesky, places) = (&self.cholesky, &self.places);
+        let cholesky = &self.cholesky;
         if alpha.is_none() {
             for own in product.iter_mut() {
                 own.p.fill([T::ZERO; 4]);
             }
         }
         let product = &*product;
+        let ahead = correction.is_none();
         let space = coarse.as_ref();
         workers.for_each(update, usize::MAX, |index, own| {
-            vectorised(Update { pattern, product, cholesky, space, alpha, index, own });
+            let ahead = ahead.then_some((&cholesky.pieces[index], space));
+            vectorised(Update { pattern, product, ahead, alpha, index, own });
         });
+        if let Some(correction) = correction {
+            correction.rows.clear();
+            update.iter().for_each(|own| correction.rows.extend_from_slice(&own.r));
+            correction.project(&matrix.low_rank);
+            let projected = &correction.rows;
+            workers.for_each(update, usize::MAX, |index, own| {
+                let rows = pattern.pieces[index].rows.clone();
+                let (factor, first) = (&cholesky.pieces[index], rows.start);
+                let r = &projected[rows];
+                vectorised(Precondition { factor, space, first, r, own });
+            });
+        }
         let rr = update.iter().map(|u| u.rr).sum();
         let mut rz: f64 = update.iter().map(|u| u.rz).sum();
-        if coarse.is_some() {
+        if let Some(space) = coarse {
             forces.fill([T::ZERO; 8]);
             for own in &*update {
                 for (total, part) in forces[own.aggregates.clone()].iter_mut().zip(&own.coarse) {
@@ -479,16 +492,24 @@ impl<T: Scalar> ConjugateGradients<T> {
                     }
                 }
             }
+            rz += space.solve(forces);
+            CoarseSpace::motions(forces, motions);
         }
         if let Some(correction) = correction {
-            let mut z: Vec<_> = update.iter_mut().map(|own| &mut own.z[..]).collect();
-            let of = (&matrix.low_rank, &*places);
-            rz += correction.apply(of, pattern, cholesky, coarse.as_mut(), &mut z, forces);
-        } else if let Some(space) = coarse {
-            rz += space.solve(forces);
-        }
-        if coarse.is_some() {
-            CoarseSpace::motions(forces, motions);
+            correction.rows.clear();
+            update.iter().for_each(|own| correction.rows.extend_from_slice(&own.z));
+            if let Some(space) = coarse {
+                for (row, z) in correction.rows.iter_mut().enumerate() {
+                    *z = add4(*z, space.moved(row, motions, matrix.held[row]));
+                }
+            }
+            correction.complete(&matrix.low_rank);
+            let mut whole = [0.0; 4];
+            for (piece, own) in pattern.pieces.iter().zip(update) {
+                own.z.copy_from_slice(&correction.rows[piece.rows.clone()]);
+                own.r.iter().zip(&own.z).for_each(|(r, z)| accumulate(&mut whole, *r, *z));
+            }
+            rz = whole.iter().sum();
         }
         (rr, rz)
     }
@@ -548,17 +569,8 @@ impl<T: Scalar> Kernel for Multiply<'_, T> {
                 }
                 Some(coarse) => {
                     for (i, (p, z)) in p.iter_mut().zip(z).enumerate() {
-                        let motion = coarse.prolong(at + i, motions);
-                        let held = matrix.held[at + i];
-                        let mut direction = add4(*z, motion);
-                        if held.0 != 0 {
-                            for k in 0..3 {
-                                if held.holds(k) {
-                                    direction[k] = T::ZERO;
-                                }
-                            }
-                        }
-                        *p = add4(direction, scale4(*p, beta));
+                        let motion = coarse.moved(at + i, motions, matrix.held[at + i]);
+                        *p = add4(add4(*z, motion), scale4(*p, beta));
                     }
                 }
             }
@@ -572,8 +584,8 @@ impl<T: Scalar> Kernel for Multiply<'_, T> {
 struct Update<'a, T> {
     pattern: &'a Pattern,
     product: &'a [ProductPiece<T>],
-    cholesky: &'a IncompleteCholesky<T>,
-    space: Option<&'a CoarseSpace<T>>,
+    /// The preconditioner, where nothing has to come before it.
+    ahead: Option<(&'a FactorPiece<T>, Option<&'a CoarseSpace<T>>)>,
     alpha: Option<T>,
     index: usize,
     own: &'a mut UpdatePiece<T>,
@@ -584,7 +596,7 @@ impl<T: Scalar> Kernel for Update<'_, T> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { pattern, product, cholesky, space, alpha, index, own } = self;
+        let Self { pattern, product, ahead, alpha, index, own } = self;
         let rows = &pattern.pieces[index].rows;
         if let Some(alpha) = alpha {
             for (x, p) in own.x.iter_mut().zip(&product[index].p) {
@@ -603,16 +615,53 @@ impl<T: Scalar> Kernel for Update<'_, T> {
                 }
             }
         }
-        cholesky.pieces[index].apply(&own.r, &mut own.z);
-        let (mut rz, mut rr) = ([0.0; 4], [0.0; 4]);
-        for (r, z) in own.r.iter().zip(&own.z) {
-            accumulate(&mut rz, *r, *z);
-            accumulate(&mut rr, *r, *r);
+        if let Some((factor, space)) = ahead {
+            let r = std::mem::take(&mut own.r);
+            own.precondition(factor, space, rows.start, &r);
+            own.r = r;
         }
-        (own.rz, own.rr) = (rz.iter().sum(), rr.iter().sum());
+        let mut rr = [0.0; 4];
+        own.r.iter().for_each(|r| accumulate(&mut rr, *r, *r));
+        own.rr = rr.iter().sum();
+    }
+}
+
+/// The preconditioner of one piece, for what a correction left.
+struct Precondition<'a, T> {
+    factor: &'a FactorPiece<T>,
+    space: Option<&'a CoarseSpace<T>>,
+    first: usize,
+    r: &'a [[T; 4]],
+    own: &'a mut UpdatePiece<T>,
+}
+
+impl<T: Scalar> Kernel for Precondition<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { factor, space, first, r, own } = self;
+        own.precondition(factor, space, first, r);
+    }
+}
+
+impl<T: Scalar> UpdatePiece<T> {
+    /// `z = M^-1 r` and `r . z`, and the forces on aggregates.
+    #[inline(always)]
+    fn precondition(
+        &mut self,
+        factor: &FactorPiece<T>,
+        space: Option<&CoarseSpace<T>>,
+        first: usize,
+        r: &[[T; 4]],
+    ) {
+        factor.apply(r, &mut self.z);
+        let mut rz = [0.0; 4];
+        r.iter().zip(&self.z).for_each(|(r, z)| accumulate(&mut rz, *r, *z));
+        self.rz = rz.iter().sum();
         if let Some(space) = space {
-            own.coarse.fill([T::ZERO; 8]);
-            space.restrict(rows.start, &own.r, own.aggregates.start, &mut own.coarse);
+            self.coarse.fill([T::ZERO; 8]);
+            space.restrict(first, r, self.aggregates.start, &mut self.coarse);
         }
     }
 }

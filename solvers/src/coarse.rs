@@ -13,6 +13,7 @@ use crate::system::{Pattern, SystemMatrix, add4, mul4, sub4};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::scalar::Scalar;
+use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
 
 /// Rigid motions of aggregates.
@@ -177,9 +178,21 @@ impl<T: Scalar> CoarseSpace<T> {
         }));
     }
 
+    /// Motion of a row, of which some unknowns are held.
+    #[inline(always)]
+    pub fn moved(&self, row: usize, motions: &[Motion<T>], held: FixedAxes) -> [T; 4] {
+        let mut motion = self.prolong(row, motions);
+        if held.0 != 0 {
+            for k in (0..3).filter(|&k| held.holds(k)) {
+                motion[k] = T::ZERO;
+            }
+        }
+        motion
+    }
+
     /// Motion of a row, held unknowns included.
     #[inline(always)]
-    pub fn prolong(&self, row: usize, motions: &[Motion<T>]) -> [T; 4] {
+    fn prolong(&self, row: usize, motions: &[Motion<T>]) -> [T; 4] {
         let [translation, yzx, zxy] = motions[self.aggregate[row] as usize];
         let [arm_yzx, arm_zxy] = self.arm[row];
         add4(translation, sub4(mul4(yzx, arm_zxy), mul4(zxy, arm_yzx)))

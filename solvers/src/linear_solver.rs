@@ -222,7 +222,6 @@ impl<S: Scalar> LinearSolver<S> {
             self.groups[group].1.assembled = [false; 2];
         }
         let same_type = size_of::<S>() == size_of::<f32>();
-        let rows = ranges(system.topology, &bodies).0;
         let solve = Solve {
             solver: self,
             system,
@@ -240,7 +239,7 @@ impl<S: Scalar> LinearSolver<S> {
                 status: CgStatus::Converged,
                 iterations: 0,
                 residual: 0.0,
-                preconditioner: resolve(options.preconditioner, system, &rows),
+                preconditioner: resolve(options.preconditioner, system, b.len()),
                 refreshes: 0,
                 breakdowns: 0,
                 fell_back: false,
@@ -257,9 +256,8 @@ impl<S: Scalar> LinearSolver<S> {
         let Some((_, own)) = self.groups.iter_mut().find(|(of, _)| of == bodies) else {
             return false;
         };
-        let BodySolver { pattern, single, full, assembled, .. } = own;
-        let single_way = assembled[1] && single.restore(pattern, excess, way);
-        single_way || full.restore(pattern, excess, way)
+        let BodySolver { single, full, assembled, .. } = own;
+        (assembled[1] && single.restore(excess, way)) || full.restore(excess, way)
     }
 
     /// `y = A x` for the solution `x` that the last solve found for `b`.
@@ -315,23 +313,18 @@ impl<S: Scalar> LinearSolver<S> {
     }
 }
 
-/// The preconditioner to use for the bodies of these rows: the complete factor knows nothing of what contact couples,
-/// and the correction for vectors that are not added up needs one that is cheap to apply to each of them.
+/// The preconditioner to use for so many vertices: the complete factor knows nothing of what contact couples.
 fn resolve<S: Scalar>(
     chosen: Preconditioner,
     system: &ShiftedTangent<'_, S>,
-    rows: &Range<usize>,
+    vertices: usize,
 ) -> Preconditioner {
     let coupled = system.contact.is_some_and(|contact| !contact.couplings.is_empty());
-    let low_rank = system.low_rank.iter().any(|part| !part.pattern.of_rows(rows).is_empty());
     let chosen = match chosen {
         Preconditioner::Direct if coupled => Preconditioner::Auto,
         chosen => chosen,
     };
-    match chosen.resolve(rows.len()) {
-        Preconditioner::IncompleteCholesky if low_rank => Preconditioner::Multigrid,
-        resolved => resolved,
-    }
+    chosen.resolve(vertices)
 }
 
 /// One solve: rounds of conjugate gradients, or of the complete factor, each for a correction of what is

@@ -1,27 +1,26 @@
 //! The part of a system matrix that couples many vertices at once: `sum b b^T`, never added up, and a preconditioner of
 //! the whole.
 //!
-//! With such a part condition numbers grow as `lambda/mu`. Block Jacobi `D^-1` of the rest and the rigid motions `R` of
-//! aggregates, with their Galerkin matrix `A_c` of the rest, make one that does not know `lambda`:
+//! With such a part condition numbers grow as `lambda/mu`. A preconditioner `M` of the rest, with the rigid motions `R` of
+//! aggregates or without, and its diagonal blocks `D` make one that does not know `lambda`:
 //!
 //! ```text
-//! S   = I + B D^-1 B^T
-//! P_D = D^-1 - D^-1 B^T S^-1 B D^-1 = (D + B^T B)^-1
-//! P   = P_D + Q R A_c^-1 R^T Q^T           Q = I - D^-1 B^T S^-1 B
+//! S = I + B D^-1 B^T          Q = I - D^-1 B^T S^-1 B
+//! P = D^-1 B^T S^-2 B D^-1 + Q (M^-1 + R A_c^-1 R^T) Q^T
 //! ```
 //!
-//! `Q` takes from a motion what changes the volume of clusters, as `D` measures it, so that `P` is positive definite
-//! whatever `A_c` is, and needs no more than two solves with `S`, which is sparse: clusters that share a vertex. `D` and `A_c` may
-//! be those of an earlier state. `B` must be that of the matrix: along `b` the preconditioner has to hold to a part
-//! `mu/lambda`. So `S` is formed for every matrix.
+//! `Q` takes from a motion what changes the volume of clusters, as `D` measures it; the first term carries that part.
+//! With `M = D` and without `R` this is `(D + B^T B)^-1`. `P` is positive definite whatever `M` and `A_c` are, and needs two
+//! solves with `S`, which is sparse: clusters that share a vertex. `M` and `A_c` may be those of an earlier state. `B` must be
+//! that of the matrix: along `b` the preconditioner has to hold to a part `mu/lambda`. So `S` is formed for every matrix.
 
 use crate::cholesky::IncompleteCholesky;
-use crate::coarse::CoarseSpace;
 use crate::simd::{Kernel, vectorised};
-use crate::system::{Pattern, accumulate, add4, scale4, sub4};
+use crate::system::{Pattern, SystemMatrix, accumulate, add4, scale4, sub4};
 use serde::{Deserialize, Serialize};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::FixedAxes;
+use sinew_engine::workers::Workers;
 use std::ops::Range;
 
 /// Vectors `b` of a matrix `sum b b^T` on the rows of some bodies.
@@ -85,59 +84,63 @@ impl<T: Scalar> RankOnes<T> {
     }
 }
 
-/// Piece of each row of a vector of pieces, and its place there.
-pub type Places = Vec<[u32; 2]>;
+/// One number per vector: the product of its entries with rows `x`.
+struct Dots<'a, T>(&'a RankOnes<T>, &'a [[T; 4]], &'a [[T; 4]], &'a mut Vec<T>);
 
-/// Where the entries of `ones` stand in vectors that are cut into the pieces of a pattern.
-pub fn places<T: Scalar>(ones: &RankOnes<T>, pattern: &Pattern, to: &mut Places) {
-    to.clear();
-    to.extend(ones.rows.iter().map(|&row| {
-        let row = row as usize;
-        let piece = pattern.pieces.partition_point(|piece| piece.rows.end <= row);
-        [piece as u32, (row - pattern.pieces[piece].rows.start) as u32]
-    }));
-}
-
-/// Product of every vector with one that is cut into pieces, and what it adds: `q += B^T B p`; returns `p . B^T B p`.
-pub fn add_product<T: Scalar>(
-    ones: &RankOnes<T>,
-    places: &Places,
-    product: &mut [(&[[T; 4]], &mut [[T; 4]])],
-) -> f64 {
-    let mut dot = 0.0;
-    for vector in 0..ones.len() {
-        let range = ones.range(vector);
-        let own = places[range.clone()].iter().zip(&ones.entries[range]);
-        let mut sum = [0.0; 4];
-        for (&[piece, row], b) in own.clone() {
-            accumulate(&mut sum, product[piece as usize].0[row as usize], *b);
-        }
-        let sum: f64 = sum.iter().sum();
-        dot += sum * sum;
-        let sum = T::from_f64(sum);
-        for (&[piece, row], b) in own {
-            let q = &mut product[piece as usize].1[row as usize];
-            *q = add4(*q, scale4(*b, sum));
+impl<T: Scalar> Kernel for Dots<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self(ones, entries, x, to) = self;
+        to.clear();
+        for vector in 0..ones.len() {
+            let range = ones.range(vector);
+            let mut sum = [0.0; 4];
+            for (&row, b) in ones.rows[range.clone()].iter().zip(&entries[range]) {
+                accumulate(&mut sum, x[row as usize], *b);
+            }
+            to.push(T::from_f64(sum.iter().sum()));
         }
     }
-    dot
+}
+
+/// Adds the entries of every vector, times its number, to the rows of a vector.
+struct Spread<'a, T>(&'a RankOnes<T>, &'a [[T; 4]], &'a [T], &'a mut [[T; 4]]);
+
+impl<T: Scalar> Kernel for Spread<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self(ones, entries, numbers, x) = self;
+        for (vector, &number) in numbers.iter().enumerate() {
+            let range = ones.range(vector);
+            for (&row, b) in ones.rows[range.clone()].iter().zip(&entries[range]) {
+                let x = &mut x[row as usize];
+                *x = add4(*x, scale4(*b, number));
+            }
+        }
+    }
 }
 
 /// What makes a preconditioner of the matrix without the vectors one of the whole.
 #[derive(Clone, Debug, Default)]
 pub struct Correction<T> {
-    /// Forces of the vectors on the motions of aggregates: first entry of each vector, aggregates, forces.
-    coarse_start: Vec<u32>,
-    coarse: Vec<(u32, [T; 8])>,
+    /// `D^-1`.
+    diagonal: IncompleteCholesky<T>,
+    /// `D^-1 b`, entry by entry.
+    scaled: Vec<[T; 4]>,
     factor: Profile<T>,
+    /// Rows of the vectors that `by_row` and the profile are of, and where each vector starts.
+    laid_out: [Vec<u32>; 2],
+    /// Row, vector and entry, by rows.
+    by_row: Vec<[u32; 3]>,
     /// Numbers of `S` while it is formed.
     values: Vec<f64>,
-    /// One number per vector.
-    u: Vec<T>,
+    /// One number per vector: `S^-1 B D^-1 r`, and another.
     s: Vec<T>,
-    /// One 3-vector per row, and what the diagonal blocks make of a piece of it.
-    w: Vec<[T; 4]>,
-    z: Vec<[T; 4]>,
+    u: Vec<T>,
+    /// One 3-vector per row, for what the vectors act on.
+    pub rows: Vec<[T; 4]>,
 }
 
 /// A symmetric matrix by rows, each from its first column to its diagonal.
@@ -151,24 +154,67 @@ struct Profile<T> {
 }
 
 impl<T: Scalar> Correction<T> {
-    /// Forms `S` for the vectors, with the diagonal blocks as they are, and its factor.
-    pub fn form(
-        &mut self,
-        ones: &RankOnes<T>,
-        pattern: &Pattern,
-        jacobi: &IncompleteCholesky<T>,
-        coarse: Option<&CoarseSpace<T>>,
-    ) {
-        let g = ones.len();
-        let mut by_row: Vec<[u32; 3]> = Vec::with_capacity(ones.rows.len());
-        for vector in 0..g {
-            by_row.extend(ones.range(vector).map(|e| [ones.rows[e], vector as u32, e as u32]));
+    /// Nothing formed yet.
+    pub fn new(pattern: &Pattern) -> Self {
+        Self { diagonal: IncompleteCholesky::new(pattern, false), ..Self::default() }
+    }
+
+    /// Forms `S` for the vectors and diagonal blocks of a matrix, and its factor.
+    pub fn form(&mut self, workers: &Workers, pattern: &Pattern, matrix: &SystemMatrix<T>) {
+        let ones = &matrix.low_rank;
+        self.diagonal.factorise(workers, pattern, matrix);
+        if self.laid_out != [&ones.rows[..], &ones.start[..]] {
+            self.lay_out(ones);
         }
-        by_row.sort_unstable();
+        let Self { diagonal, scaled, factor, by_row, values: s, .. } = self;
+        let Profile { first, start, values } = factor;
+        let g = ones.len();
+        let at = |i: usize, j: usize| (start[i] + j as u32 - first[i]) as usize;
+        s.clear();
+        s.resize(start[g] as usize, 0.0);
+        for i in 0..g {
+            s[at(i, i)] = 1.0;
+        }
+        scaled.clear();
+        scaled.resize(ones.rows.len(), [T::ZERO; 4]);
+        let mut piece = 0;
+        for own in by_row.chunk_by(|a, b| a[0] == b[0]) {
+            let row = own[0][0] as usize;
+            while pattern.pieces[piece].rows.end <= row {
+                piece += 1;
+            }
+            let local = row - pattern.pieces[piece].rows.start;
+            for (a, of_a) in own.iter().enumerate() {
+                let b = ones.entries[of_a[2] as usize];
+                scaled[of_a[2] as usize] = diagonal.pieces[piece].apply_row(local, b);
+                for of_b in &own[..=a] {
+                    let other = &scaled[of_b[2] as usize];
+                    let dot: f64 = (0..3).map(|k| b[k].to_f64() * other[k].to_f64()).sum();
+                    s[at(of_a[1] as usize, of_b[1] as usize)] += dot;
+                }
+            }
+        }
+        if !vectorised(Factorise(s, first, start)) {
+            // only numbers that are not finite get here: the solve has to tell so
+            s.fill(f64::NAN);
+        }
+        values.clear();
+        values.extend(s.iter().map(|&x| T::from_f64(x)));
+    }
+
+    /// Finds which vectors share a row.
+    fn lay_out(&mut self, ones: &RankOnes<T>) {
+        self.laid_out = [ones.rows.clone(), ones.start.clone()];
+        self.by_row.clear();
+        for vector in 0..ones.len() {
+            let own = ones.range(vector).map(|e| [ones.rows[e], vector as u32, e as u32]);
+            self.by_row.extend(own);
+        }
+        self.by_row.sort_unstable();
         let Profile { first, start, .. } = &mut self.factor;
         first.clear();
-        first.extend(0..g as u32);
-        for own in by_row.chunk_by(|a, b| a[0] == b[0]) {
+        first.extend(0..ones.len() as u32);
+        for own in self.by_row.chunk_by(|a, b| a[0] == b[0]) {
             for of in own {
                 let to = &mut first[of[1] as usize];
                 *to = own[0][1].min(*to);
@@ -179,167 +225,44 @@ impl<T: Scalar> Correction<T> {
         for (row, first) in first.iter().enumerate() {
             start.push(start[row] + row as u32 + 1 - first);
         }
-        let at = |i: usize, j: usize| (start[i] + j as u32 - first[i]) as usize;
-        let s = &mut self.values;
-        s.clear();
-        s.resize(start[g] as usize, 0.0);
-        for i in 0..g {
-            s[at(i, i)] = 1.0;
-        }
-        let mut scaled = Vec::new();
-        let mut piece = 0;
-        for own in by_row.chunk_by(|a, b| a[0] == b[0]) {
-            let row = own[0][0] as usize;
-            while pattern.pieces[piece].rows.end <= row {
-                piece += 1;
-            }
-            let local = row - pattern.pieces[piece].rows.start;
-            let factor = &jacobi.pieces[piece];
-            scaled.clear();
-            scaled.extend(own.iter().map(|e| factor.apply_row(local, ones.entries[e[2] as usize])));
-            for (a, of_a) in own.iter().enumerate() {
-                let b = ones.entries[of_a[2] as usize];
-                for (of_b, scaled) in own[..=a].iter().zip(&scaled) {
-                    let dot: f64 = (0..3).map(|k| b[k].to_f64() * scaled[k].to_f64()).sum();
-                    s[at(of_a[1] as usize, of_b[1] as usize)] += dot;
-                }
-            }
-        }
-        if !vectorised(Factorise(s, first, start)) {
-            // only numbers that are not finite get here: the solve has to tell so
-            s.fill(f64::NAN);
-        }
-        self.factor.values.clear();
-        self.factor.values.extend(s.iter().map(|&x| T::from_f64(x)));
-        self.coarse.clear();
-        self.coarse_start.clear();
-        if let Some(coarse) = coarse {
-            self.restrict(ones, coarse);
-        }
     }
 
-    /// Forces of all vectors on the motions of aggregates.
-    fn restrict(&mut self, ones: &RankOnes<T>, coarse: &CoarseSpace<T>) {
-        let Self { coarse: to, coarse_start, .. } = self;
-        coarse_start.push(0);
-        let mut own: Vec<(u32, [T; 8])> = Vec::new();
-        for vector in 0..ones.len() {
-            own.clear();
-            for entry in ones.range(vector) {
-                let row = ones.rows[entry] as usize;
-                let aggregate = coarse.aggregates_of(row..row + 1).start as u32;
-                let at = own.iter().position(|(a, _)| *a == aggregate).unwrap_or_else(|| {
-                    own.push((aggregate, [T::ZERO; 8]));
-                    own.len() - 1
-                });
-                let force = std::slice::from_mut(&mut own[at].1);
-                coarse.restrict(row, &ones.entries[entry..=entry], aggregate as usize, force);
-            }
-            to.extend_from_slice(&own);
-            coarse_start.push(to.len() as u32);
-        }
-    }
-
-    /// `D^-1 B^T S^-1 x`, piece by piece.
-    pub fn restore(
-        &mut self,
-        ones: &RankOnes<T>,
-        pattern: &Pattern,
-        jacobi: &IncompleteCholesky<T>,
-        x: &mut [T],
-        mut to: impl FnMut(usize, [T; 4]),
-    ) {
+    /// `D^-1 B^T S^-1 x`, entry by entry.
+    pub fn restore(&self, ones: &RankOnes<T>, x: &mut [T], rows: usize) -> Vec<[T; 4]> {
+        let mut way = vec![[T::ZERO; 4]; rows];
         vectorised(Solve(&self.factor, x));
-        self.spread(ones, pattern, x);
-        for (piece, own) in pattern.pieces.iter().zip(&jacobi.pieces) {
-            for (local, row) in piece.rows.clone().enumerate() {
-                to(row, own.apply_row(local, self.w[row]));
-            }
-        }
-    }
-
-    /// `B^T x` into `w`.
-    fn spread(&mut self, ones: &RankOnes<T>, pattern: &Pattern, x: &[T]) {
-        self.w.clear();
-        self.w.resize(pattern.len(), [T::ZERO; 4]);
-        for (vector, &x) in x.iter().enumerate() {
-            let range = ones.range(vector);
-            for (&row, b) in ones.rows[range.clone()].iter().zip(&ones.entries[range]) {
-                let w = &mut self.w[row as usize];
-                *w = add4(*w, scale4(*b, x));
-            }
-        }
-    }
-
-    fn coarse_of(&self, vector: usize) -> &[(u32, [T; 8])] {
-        match self.coarse_start.get(vector + 1) {
-            Some(&end) => &self.coarse[self.coarse_start[vector] as usize..end as usize],
-            None => &[],
-        }
+        vectorised(Spread(ones, &self.scaled, x, &mut way));
+        way
     }
 
     /// Multiplications of 3x3 blocks, about, of one use.
     pub fn work(&self) -> f64 {
-        4.0 * self.factor.values.len() as f64 / 9.0
+        (4 * self.factor.values.len() + 12 * self.scaled.len()) as f64 / 9.0
     }
 
-    /// Turns `D^-1 r` into `P r`: `z` holds it, piece by piece, `motions` the forces `R^T r` and then the
-    /// motions of aggregates. Returns what `r . P r` has more than `r . D^-1 r`.
-    pub fn apply(
-        &mut self,
-        (ones, places): (&RankOnes<T>, &Places),
-        pattern: &Pattern,
-        jacobi: &IncompleteCholesky<T>,
-        coarse: Option<&mut CoarseSpace<T>>,
-        z: &mut [&mut [[T; 4]]],
-        motions: &mut [[T; 8]],
-    ) -> f64 {
-        let g = ones.len();
-        let (mut u, mut s) = (std::mem::take(&mut self.u), std::mem::take(&mut self.s));
-        u.clear();
-        for vector in 0..g {
-            let range = ones.range(vector);
-            let own = places[range.clone()].iter().zip(&ones.entries[range]);
-            let mut sum = [0.0; 4];
-            for (&[piece, row], b) in own {
-                accumulate(&mut sum, z[piece as usize][row as usize], *b);
-            }
-            u.push(T::from_f64(sum.iter().sum()));
-        }
-        s.clone_from(&u);
-        vectorised(Solve(&self.factor, &mut s));
-        let lost: f64 = u.iter().zip(&s).map(|(u, s)| u.to_f64() * s.to_f64()).sum();
-        let mut more = -lost;
-        if let Some(coarse) = coarse {
-            for (vector, &s) in s.iter().enumerate() {
-                for (aggregate, force) in self.coarse_of(vector) {
-                    let to = &mut motions[*aggregate as usize];
-                    for k in 0..6 {
-                        to[k] -= s * force[k];
-                    }
-                }
-            }
-            more += coarse.solve(motions);
-            for (vector, u) in u.iter_mut().enumerate() {
-                let change = |(aggregate, force): &(u32, [T; 8])| -> f64 {
-                    let x = &motions[*aggregate as usize];
-                    (0..6).map(|k| force[k].to_f64() * x[k].to_f64()).sum()
-                };
-                *u = T::from_f64(self.coarse_of(vector).iter().map(change).sum());
-            }
-            vectorised(Solve(&self.factor, &mut u));
-            s.iter_mut().zip(&u).for_each(|(s, more)| *s += *more);
-        }
-        self.spread(ones, pattern, &s);
-        for ((piece, own), z) in pattern.pieces.iter().zip(&jacobi.pieces).zip(z) {
-            self.z.resize(piece.rows.len(), [T::ZERO; 4]);
-            own.apply(&self.w[piece.rows.clone()], &mut self.z);
-            for (z, less) in z.iter_mut().zip(&self.z) {
-                *z = sub4(*z, *less);
-            }
-        }
-        (self.u, self.s) = (u, s);
-        more
+    /// Puts `B^T B p` in place of `p`; returns `p . B^T B p`.
+    pub fn multiply(&mut self, ones: &RankOnes<T>) -> f64 {
+        vectorised(Dots(ones, &ones.entries, &self.rows, &mut self.u));
+        self.rows.fill([T::ZERO; 4]);
+        vectorised(Spread(ones, &ones.entries, &self.u, &mut self.rows));
+        self.u.iter().map(|u| u.to_f64() * u.to_f64()).sum()
+    }
+
+    /// Puts `Q^T r` in place of `r`; has to come before [`complete`](Self::complete).
+    pub fn project(&mut self, ones: &RankOnes<T>) {
+        vectorised(Dots(ones, &self.scaled, &self.rows, &mut self.s));
+        vectorised(Solve(&self.factor, &mut self.s));
+        self.u.clear();
+        self.u.extend(self.s.iter().map(|&s| -s));
+        vectorised(Spread(ones, &ones.entries, &self.u, &mut self.rows));
+    }
+
+    /// Puts `P r` in place of what `M^-1` and the aggregates make of `Q^T r`.
+    pub fn complete(&mut self, ones: &RankOnes<T>) {
+        vectorised(Dots(ones, &ones.entries, &self.rows, &mut self.u));
+        self.u.iter_mut().zip(&self.s).for_each(|(u, s)| *u = *s - *u);
+        vectorised(Solve(&self.factor, &mut self.u));
+        vectorised(Spread(ones, &self.scaled, &self.u, &mut self.rows));
     }
 }
 

@@ -14,7 +14,7 @@ use sinew::engine::mesh::check::Severity;
 use sinew::engine::mesh::{CheckOptions, CheckReport, CheckedMesh, FindingCode, Mesh, check};
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::models::body::sheet::{MembraneModel, MembraneSettings, PlaneState};
-use sinew::models::body::{BodyDescription, MassRule, Model};
+use sinew::models::body::{BodyDescription, MassRule, Model, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use std::sync::Arc;
 
@@ -64,7 +64,8 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
     if let Some(membrane) = &membrane {
         count_membrane_vertices(&mut checked, membrane);
     }
-    warn_of_findings(&body.name, &checked.report, material, thin.is_some(), &mut built.warnings);
+    let locks = thin.is_none() && body.volume == VolumeRule::Elements;
+    warn_of_findings(&body.name, &checked.report, material, locks, &mut built.warnings);
     let field = |quantity: &str, name: &Option<String>| {
         let key = key.at("material").at(format!("{quantity}_field"));
         cell_data(&key, name.as_ref(), &checked.mesh)
@@ -121,6 +122,7 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
         preset: entry.preset.clone(),
         model: body.model,
         evaluation: body.evaluation,
+        volume: body.volume,
         springs: rule,
         axes,
     })
@@ -229,12 +231,13 @@ pub fn count_membrane_vertices(checked: &mut CheckedMesh, membrane: &BuiltMembra
     }
 }
 
-/// Adds what checks of the mesh and of the material of a body found; `thin` for a sheet in plane stress.
+/// Adds what checks of the mesh and of the material of a body found; `locks` where elements keep their volume one by
+/// one, as sheets in plane stress do not.
 pub fn warn_of_findings(
     body: &str,
     report: &CheckReport,
     material: YoungPoisson,
-    thin: bool,
+    locks: bool,
     warnings: &mut Vec<Warning>,
 ) {
     let subject = format!("body `{body}`");
@@ -256,8 +259,7 @@ pub fn warn_of_findings(
         material
             .findings()
             .into_iter()
-            // sheets in plane stress do not lock
-            .filter(|f| !(thin && f.code == "material.poisson.locking"))
+            .filter(|f| locks || f.code != "material.poisson.locking")
             .map(|f| Warning::new(f.code, Level::Warning, &subject, f.message, f.remedy)),
     );
 }

@@ -36,6 +36,7 @@ pub use touch::{BuiltContact, BuiltPull, BuiltTool};
 use crate::error::SceneError;
 use crate::scene::LoadedScene;
 use crate::warning::{Level, Warning};
+use sinew::models::body::VolumeRule;
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::workers::{Workers, WorkersError};
 use sinew::simulation::{Readback, Simulation, SimulationError, SimulationOptions};
@@ -90,7 +91,30 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     let checked = built.simulation.check_backend();
     checked.map_err(|source| of_simulation(loaded, source))?;
     warn_of_long_runs(&mut built);
+    warn_of_small_steps(&mut built);
     Ok(built)
+}
+
+/// Tells of explicit steps through nearly incompressible bodies.
+fn warn_of_small_steps(built: &mut BuiltScene) {
+    let explicit = built.plan.settings.integrator.facts().explicit;
+    for body in built.bodies.iter().filter(|body| explicit && body.volume == VolumeRule::Clusters) {
+        let lame = body.material.lame();
+        let Some(ratio) = lame.ok().map(|l| ((l.lambda + 2.0 * l.mu) / (3.0 * l.mu)).sqrt()) else {
+            continue;
+        };
+        if ratio > 2.0 {
+            built.warnings.push(Warning::new(
+                "scene.explicit.volume",
+                Level::Warning,
+                format!("body `{}`", body.name),
+                format!(
+                    "explicit steps have to resolve pressure waves: up to {ratio:.0} times as many as at nu = 0.25"
+                ),
+                "take an implicit integrator, such as \"safe\"",
+            ));
+        }
+    }
 }
 
 /// Tells what a run takes at least, where that is long.

@@ -192,6 +192,7 @@ impl RunFacts<'_> {
             material: body.material,
             model: body.model,
             evaluation: body.evaluation,
+            volume_rule: body.volume,
             element_method: body.springs,
             membrane: body.membrane.as_ref().map(|m| MembraneSummary {
                 triangles: m.triangles.len(),

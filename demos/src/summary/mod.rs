@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use sinew::models::axes::description::{AxesDescription, AxisForm};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
-use sinew::models::body::{Evaluation, Model};
+use sinew::models::body::{Evaluation, Model, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use sinew::solvers::settings::SolverSettings;
 use std::collections::BTreeMap;
@@ -228,6 +228,8 @@ pub struct BodySummary {
     pub model: Model,
     /// Evaluation.
     pub evaluation: Evaluation,
+    /// What keeps its volume.
+    pub volume_rule: VolumeRule,
     /// Where constants of lumped springs come from, where the scene says so.
     pub element_method: Option<SpringRule>,
     /// Membrane.
@@ -611,6 +613,9 @@ pub struct VolumeSummary {
     pub inverted_max: u64,
     /// Tetrahedra with J <= 0 at the end.
     pub inverted_final: u64,
+    /// Largest magnitude of the mean of J - 1 over a cluster, of all steps; none without clusters.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub largest_mean_change: Option<f64>,
 }
 
 /// Name of a model in a scene file.

@@ -5,7 +5,7 @@ use crate::build::ResectionSummary;
 use crate::text::{Block, counted, pressure, seconds, short, write_blocks};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
-use sinew::models::body::{Evaluation, Model};
+use sinew::models::body::{Evaluation, Model, VolumeRule};
 use std::fmt;
 
 impl fmt::Display for RunSummary {
@@ -244,6 +244,12 @@ impl RunSummary {
                 v.inverted_final
             ),
         );
+        if let Some(change) = v.largest_mean_change {
+            block.line(
+                "volume of clusters",
+                format!("changes by at most {}; single elements need not keep theirs", short(change)),
+            );
+        }
         block.line("state hash", &self.final_state_hash);
         block
     }
@@ -343,10 +349,14 @@ impl BodySummary {
             let preset =
                 self.preset.as_ref().map_or(String::new(), |name| format!(" (preset {name})"));
             let springs = self.element_method.filter(|_| self.model == Model::MassSpring);
+            let clusters = match self.volume_rule {
+                VolumeRule::Elements => "",
+                VolumeRule::Clusters => ", volume by clusters",
+            };
             block.line(
                 "",
                 format!(
-                    "E = {}, nu = {}, {} kg/m^3{preset}; model {}, {}",
+                    "E = {}, nu = {}, {} kg/m^3{preset}; model {}, {}{clusters}",
                     pressure(m.young_modulus),
                     m.poisson_ratio,
                     short(m.density),

@@ -27,7 +27,11 @@ use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
 use sinew_engine::law::{EvaluationRequest, LawBuffers, RecoveringBodies};
 use sinew_engine::matrix::{LowRank, LowRankPattern, PredictedValues};
 use sinew_engine::scalar::{Real, Scalar, mat_vec};
-use sinew_engine::schedule::{Evaluation, ForceSystems, activate_systems, declare_inputs};
+use sinew_engine::report::VolumeReport;
+use sinew_engine::schedule::{
+    Evaluation, ForceSystems, StepSchedule, StepSystems, activate_systems, declare_inputs,
+};
+use sinew_engine::step::{StepFailure, measure_volume_ratios};
 use sinew_engine::vertex::{BodyId, Displacement};
 use sinew_engine::workers::Workers;
 
@@ -115,6 +119,9 @@ pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(
         schedule.add_systems(measure::<L, S>.in_set(ForceSystems::Measure));
     });
     if new {
+        world.resource_mut::<Schedules>().entry(StepSchedule).add_systems(
+            report::<L, S>.in_set(StepSystems::Report).after(measure_volume_ratios::<S>),
+        );
         // what it writes follows from the displacements and what the law itself declares
         declare_inputs(world, name, &[]);
     }
@@ -176,6 +183,11 @@ impl Sums {
         self.volume += volume;
         self.change += volume * change;
         self.modulus += volume * (lambda - own_part(lambda, mu));
+    }
+
+    /// m_c; 0 where all elements are gone.
+    fn mean(&self) -> f64 {
+        if self.volume > 0.0 { self.change / self.volume } else { 0.0 }
     }
 
     /// lambda_c/V_c (Pa/m^3); 0 where all elements are gone.
@@ -242,6 +254,22 @@ impl<L: TetrahedronLaw, S: Scalar> Clusters<L, S> {
         let start = start.collect();
         let rows = rows.iter().map(|entry| entry[1]).collect();
         self.pattern = Arc::new(LowRankPattern { start, rows });
+    }
+
+    /// Sums over the elements of every cluster.
+    fn sum(&mut self, columns: &TetrahedronColumns<'_, S>, workers: &Workers) {
+        let n = self.cluster.len();
+        self.change.resize(n, S::ZERO);
+        workers.for_chunks(&mut self.change, CHUNK, 8 * n, |first, own| {
+            workers.dispatch(Changes { columns, first, own });
+        });
+        self.sums.clear();
+        self.sums.resize(self.body.len(), Sums::default());
+        for (i, &cluster) in self.cluster.iter().enumerate() {
+            let moduli = [columns.lambda[i].to_f64(), columns.mu[i].to_f64()];
+            let (volume, change) = (columns.volume[i].to_f64(), self.change[i].to_f64());
+            self.sums[cluster as usize].add(volume, change, moduli);
+        }
     }
 
     /// Pressures (Pa) for the tangent.
@@ -314,23 +342,13 @@ fn measure<L: TetrahedronLaw, S: Scalar>(
     clusters.lay_out(index, data.0, bodies);
     let columns = &TetrahedronColumns::new(u, data);
     let tangent = request.tangent.is_some();
-    let n = index.len();
-    clusters.change.resize(n, S::ZERO);
-    workers.for_chunks(&mut clusters.change, CHUNK, 8 * n, |first, own| {
-        workers.dispatch(Changes { columns, first, own });
-    });
+    clusters.sum(columns, &workers);
     if tangent {
+        let n = index.len();
         clusters.area.resize(n, [S::ZERO; 9]);
         workers.for_chunks(&mut clusters.area, CHUNK, 20 * n, |first, own| {
             workers.dispatch(Areas { columns, first, own });
         });
-    }
-    clusters.sums.clear();
-    clusters.sums.resize(clusters.body.len(), Sums::default());
-    for (i, &cluster) in clusters.cluster.iter().enumerate() {
-        let moduli = [columns.lambda[i].to_f64(), columns.mu[i].to_f64()];
-        let (volume, change) = (columns.volume[i].to_f64(), clusters.change[i].to_f64());
-        clusters.sums[cluster as usize].add(volume, change, moduli);
     }
     let found: Vec<S> = clusters.sums.iter().map(|sums| S::from_f64(sums.pressure())).collect();
     // not a change that anybody has to look for: it follows from what the law declares
@@ -359,6 +377,25 @@ fn measure<L: TetrahedronLaw, S: Scalar>(
             values,
         });
     }
+}
+
+/// Tells the largest change of volume of a cluster, at the end of a step.
+fn report<L: TetrahedronLaw, S: Scalar>(
+    mut clusters: ResMut<Clusters<L, S>>,
+    (workers, failure): (Res<Workers>, Res<StepFailure>),
+    mut volumes: ResMut<VolumeReport>,
+    vertices: Query<&Displacement<S>>,
+    elements: Query<(TetrahedronData<S>, &ClusterIndex, &BodyId), With<ByClusters<L>>>,
+) {
+    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
+    let Some((data, index, bodies)) = single_table(elements.contiguous_iter()) else { return };
+    if failure.0.is_some() {
+        return;
+    }
+    clusters.lay_out(index, data.0, bodies);
+    clusters.sum(&TetrahedronColumns::new(u, data), &workers);
+    let of_clusters = clusters.sums.iter().map(|sums| sums.mean().abs());
+    volumes.largest_mean_change = of_clusters.fold(volumes.largest_mean_change, f64::max);
 }
 
 /// `J - 1` of the elements from `first` on.

@@ -262,11 +262,13 @@ impl YoungPoisson {
                 remedy: "check the unit: it is Pa; model bone or metal as pinned or rigid nodes",
             });
         }
-        if nu > 0.49 {
+        if nu >= 0.47 {
             findings.push(MaterialFinding {
                 code: "material.poisson.locking",
-                message: format!("Poisson's ratio {nu}: linear tetrahedra lock above 0.49"),
-                remedy: "use 0.45 to 0.49, or compare with a finer mesh before trusting the result",
+                message: format!(
+                    "Poisson's ratio {nu}: elements that keep their volume one by one lock, they bend far too little"
+                ),
+                remedy: "set volume = \"clusters\" with model = \"svk_volume\" or \"neo_hookean\", or use 0.45",
             });
         } else if nu < 0.0 {
             findings.push(MaterialFinding {

@@ -113,7 +113,7 @@ impl<S: Scalar> Step<'_, S> {
     /// elements by straight motions and changes their volumes to second order; times a large modulus, that would be
     /// a pressure of no meaning, for which the line search would shorten the step.
     fn bend(&mut self, searches: &mut [LineSearch]) {
-        let Self { world, scratch, bodies, report, .. } = self;
+        let Self { world, scratch, bodies, .. } = self;
         if world.resource::<Tangent<S>>().low_rank.is_empty() {
             return;
         }
@@ -136,8 +136,8 @@ impl<S: Scalar> Step<'_, S> {
             for (body, _) in &open {
                 scratch.set_trial(&bodies[*body], 1.0);
             }
-            evaluate(world, &scratch.trial, true, false, None);
-            report.evaluations += 1;
+            // the values come with every evaluation: nothing else is asked for
+            evaluate(world, &scratch.trial, false, false, None);
             let now = &world.resource::<ElasticEnergy>().values;
             let parts = &world.resource::<Tangent<S>>().low_rank;
             open.retain(|(body, predicted)| {
