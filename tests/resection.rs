@@ -38,8 +38,12 @@ fn build(
     let poisson_ratio =
         if volume == VolumeRule::Clusters { 0.4999 } else { MATERIAL.poisson_ratio };
     let material = YoungPoisson { poisson_ratio, ..MATERIAL };
-    let description =
-        BodyDescription { model, evaluation, volume, ..BodyDescription::new("body", mesh, material) };
+    let description = BodyDescription {
+        model,
+        evaluation,
+        volume,
+        ..BodyDescription::new("body", mesh, material)
+    };
     let body = simulation.add_body(&description).unwrap();
     simulation.integrate_by(Integrator::Safe);
     (simulation, body)
@@ -371,7 +375,9 @@ fn a_piece_cut_off_falls_freely() {
         }
         let u = simulation.displacements(body);
         let held = vertices(&mesh.points, |p| p.x < 0.14);
-        assert!(held.iter().all(|&v| u[v as usize].length() < 0.1));
+        // what does not lock bends further under its weight; what fell is at 0.8 m
+        let reach = if kind.2 == VolumeRule::Clusters { 0.25 } else { 0.1 };
+        assert!(held.iter().all(|&v| u[v as usize].length() < reach), "{kind:?}");
         assert!(simulation.verify_against_fresh(body).unwrap().largest() < 1e-12);
 
         // without inertia the loose half has no equilibrium

@@ -78,6 +78,7 @@ fn every_shipped_scene_has_a_test_here() {
         "fibre_bar",
         "fit_bar",
         "grasp",
+        "incompressible",
         "liver",
         "liver_resection",
         "membrane_drum",
@@ -136,6 +137,23 @@ fn other_elements_fall_alike() {
     assert!(table.column("hammock.min_area_ratio (-)").iter().all(|&r| r > 0.9));
     assert_eq!(summary.volume.inverted_max, 0, "{summary}");
     says(&summary.to_string(), &["320 hexahedra", "160 quadrilaterals"]);
+}
+
+/// What keeps its volume one by one locks; what keeps it together falls as far as it should.
+#[test]
+fn clusters_bend_where_tetrahedra_lock() {
+    let (summary, table) = run_whole("incompressible", Some(20));
+    let end =
+        |name: &str| table.vector(&format!("tip_{name}.mean_displacement"), "m").last().unwrap().z;
+    let (locked, clusters) = (end("locked"), end("clusters"));
+    assert!(locked > -0.02, "{locked}");
+    assert!(clusters < -0.1, "{clusters}");
+    assert!(summary.volume.largest_mean_change.is_some_and(|change| change < 1e-3), "{summary}");
+    assert_eq!(summary.volume.inverted_max, 0, "{summary}");
+    let warned: Vec<_> = summary.warnings.iter().map(|w| (&*w.code, &*w.subject)).collect();
+    assert!(warned.contains(&("material.poisson.locking", "body `locked`")), "{warned:?}");
+    assert!(!warned.contains(&("material.poisson.locking", "body `clusters`")), "{warned:?}");
+    says(&summary.to_string(), &["volume by clusters", "volume of clusters"]);
 }
 
 #[test]

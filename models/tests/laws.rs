@@ -17,7 +17,7 @@ use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, ElasticForce};
 use sinew_models::axes::description::{AxesDescription, AxisForm};
 use sinew_models::body::sheet::{MembraneDescription, MembraneModel};
-use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, spawn_body};
+use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, VolumeRule, spawn_body};
 use sinew_models::element::tetrahedron::{Element, TetrahedronTangent};
 use sinew_models::frame::tetrahedra::TetrahedronLaw;
 use sinew_models::laws::linear::Linear;
@@ -139,7 +139,9 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
         let told: Vec<_> =
             world.resource::<ElasticEnergy>().by_law.iter().map(|(name, _)| *name).collect();
         assert_eq!(told, active, "told in the order of the table");
-        let known = |name: &&str| LAWS.iter().any(|row| row.info.name == *name);
+        let known = |name: &&str| {
+            LAWS.iter().any(|row| row.info.name == *name || row.measure == Some(name))
+        };
         let laws = &world.resource::<ActiveLaws>().0;
         assert!(laws.iter().all(|name| known(name) || *name == "edge changes"), "{laws:?}");
     }
@@ -159,7 +161,12 @@ fn walk_all<S: Scalar>() {
                     && (mesh.hexahedra.is_empty() || model.serves_hexahedra())
                 {
                     let body = BodyDescription::new("body", mesh, material());
-                    walk::<S>(&BodyDescription { model, evaluation, ..body }, true, &mut reached);
+                    let body = BodyDescription { model, evaluation, ..body };
+                    walk::<S>(&body, true, &mut reached);
+                    if model.keeps_mean_volume() {
+                        let volume = VolumeRule::Clusters;
+                        walk::<S>(&BodyDescription { volume, ..body }, true, &mut reached);
+                    }
                 }
             }
         }

@@ -307,13 +307,15 @@ impl<T: Scalar> ConjugateGradients<T> {
     /// values behind its vectors; false, where there are none.
     pub fn restore<S: Scalar>(&self, excess: &[f64], way: &mut [[S; 4]]) -> bool {
         let Self { matrix, correction, .. } = self;
-        let Some(correction) = correction.as_ref().filter(|_| matrix.low_rank.len() == excess.len())
+        let Some(correction) =
+            correction.as_ref().filter(|_| matrix.low_rank.len() == excess.len())
         else {
             return false;
         };
         let mut x: Vec<T> = excess.iter().map(|&x| T::from_f64(x)).collect();
         let factor = -matrix.factor.sqrt();
-        for (to, z) in way.iter_mut().zip(correction.restore(&matrix.low_rank, &mut x, way.len())) {
+        let found = correction.restore(&matrix.low_rank, &mut x, way.len());
+        for (to, z) in way.iter_mut().zip(found) {
             for k in 0..3 {
                 to[k] += S::from_f64(factor * z[k].to_f64());
             }

@@ -16,7 +16,7 @@
 
 use crate::cholesky::IncompleteCholesky;
 use crate::simd::{Kernel, vectorised};
-use crate::system::{Pattern, SystemMatrix, accumulate, add4, scale4, sub4};
+use crate::system::{Pattern, SystemMatrix, accumulate, add4, scale4};
 use serde::{Deserialize, Serialize};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::FixedAxes;

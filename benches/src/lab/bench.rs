@@ -80,6 +80,9 @@ pub struct StabilityArguments {
     /// Only this energy; may be given several times.
     #[arg(long = "model", value_parser = choice::<Model>)]
     models: Vec<Model>,
+    /// Volume by clusters, with energies that have it.
+    #[arg(long)]
+    clusters: bool,
     /// Without recovery from inversion.
     #[arg(long)]
     no_recovery: bool,
@@ -142,6 +145,7 @@ fn stability(arguments: &StabilityArguments) -> Outcome {
         precision: arguments.precision.into(),
         integrators: arguments.integrators.clone(),
         models: arguments.models.clone(),
+        clusters: arguments.clusters,
         no_recovery: arguments.no_recovery,
         groups: arguments.groups.clone(),
     };

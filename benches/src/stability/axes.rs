@@ -8,6 +8,7 @@ use glam::DVec3;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
+use sinew::models::body::VolumeRule;
 use sinew::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -95,6 +96,7 @@ fn bar<'a>(
     let description = BodyDescription {
         axes: Some(axes(slanted)),
         model: if base { setting.column.model } else { Model::Axes },
+        volume: if base { setting.column.volume } else { VolumeRule::Elements },
         ..BodyDescription::new("bar", mesh, tissue(SOFT, 0.3))
     };
     let mut run = Run::with(setting, mesh, &description)?;

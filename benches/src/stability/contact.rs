@@ -304,6 +304,7 @@ fn stack(setting: &Setting, mesh: &Mesh) -> Outcome {
         upper.points.iter_mut().for_each(|x| *x += i * DVec3::new(0.002, 0.003, size));
         let upper = BodyDescription {
             model: setting.column.model,
+            volume: setting.column.volume,
             ..BodyDescription::new(name, &upper, tissue(2e4, 0.45))
         };
         bodies.push(run.simulation.add_body(&upper)?);

@@ -26,6 +26,7 @@ use runner::{Case, Scope, Setting};
 use serde::Serialize;
 use sinew::engine::lanes::{InstructionSet, InstructionSetError};
 use sinew::engine::mesh::MeshError;
+use sinew::models::body::VolumeRule;
 use sinew::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -37,14 +38,20 @@ pub struct Column {
     pub integrator: Integrator,
     /// Energy.
     pub model: Model,
+    /// What keeps the volume of bodies.
+    pub volume: VolumeRule,
     /// Recovery from inversion switched on; not every integrator has it.
     pub recovery: bool,
 }
 
 impl Column {
     /// The default setting.
-    pub const DEFAULT: Self =
-        Self { integrator: Integrator::Auto, model: Model::CompressibleStVK, recovery: true };
+    pub const DEFAULT: Self = Self {
+        integrator: Integrator::Auto,
+        model: Model::CompressibleStVK,
+        volume: VolumeRule::Elements,
+        recovery: true,
+    };
 
     /// Whether the suite must pass with it: the integrators that are meant for anything, with the
     /// energy that undoes inversion and recovery as by default. The others are shown for comparison.
@@ -62,6 +69,9 @@ impl Column {
         let mut name = self.integrator.name().to_string();
         if self.model != Self::DEFAULT.model {
             name = format!("{name} {}", self.model.name());
+        }
+        if self.volume == VolumeRule::Clusters {
+            name += ", clusters";
         }
         if self.integrator.recovers() && !self.recovery {
             name += ", no recovery";
@@ -247,6 +257,8 @@ pub struct SuiteOptions {
     pub integrators: Vec<Integrator>,
     /// Models; with none, the default one and others beside it for comparison.
     pub models: Vec<Model>,
+    /// Volume by clusters, with models that have it.
+    pub clusters: bool,
     /// Recovery from inversion switched off, also where it is on by default.
     pub no_recovery: bool,
     /// Groups; all when empty.
@@ -260,7 +272,12 @@ impl SuiteOptions {
     pub fn columns(&self) -> Vec<Column> {
         let recovery = !self.no_recovery;
         let default = Column { recovery, ..Column::DEFAULT };
-        let with = |integrator, model| Column { integrator, model, recovery };
+        let volume = |model: Model| match self.clusters && model.keeps_mean_volume() {
+            true => VolumeRule::Clusters,
+            false => VolumeRule::Elements,
+        };
+        let with =
+            |integrator, model| Column { integrator, model, volume: volume(model), recovery };
         if self.integrators.is_empty() && self.models.is_empty() {
             let safe = Column { integrator: Integrator::Safe, ..default };
             if self.quick {
@@ -275,6 +292,9 @@ impl SuiteOptions {
             columns.extend(others.map(|&integrator| Column { integrator, ..default }));
             let models = Model::ALL.into_iter().filter(|m| *m != default.model);
             columns.extend(models.map(|model| Column { model, ..default }));
+            let clusters =
+                Column { model: Model::NeoHookean, volume: VolumeRule::Clusters, ..default };
+            columns.push(clusters);
             return columns;
         }
         fn or<T: Copy>(named: &[T], default: T) -> Vec<T> {
@@ -296,6 +316,9 @@ impl SuiteOptions {
         }
         if self.precision == Precision::F32 {
             words.push("--precision f32".into());
+        }
+        if self.clusters {
+            words.push("--clusters".into());
         }
         words.extend(self.integrators.iter().map(|i| format!("--integrator {}", i.name())));
         words.extend(self.models.iter().map(|m| format!("--model {}", m.name())));

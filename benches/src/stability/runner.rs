@@ -146,8 +146,8 @@ impl<'a> Run<'a> {
         mesh: &'a Mesh,
         description: &BodyDescription,
     ) -> Result<Self, Problem> {
-        let model = setting.column.model;
-        Self::with(setting, mesh, &BodyDescription { model, ..description.clone() })
+        let Column { model, volume, .. } = setting.column;
+        Self::with(setting, mesh, &BodyDescription { model, volume, ..description.clone() })
     }
 
     /// The same with the energy that the description names.

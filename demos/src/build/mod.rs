@@ -36,9 +36,9 @@ pub use touch::{BuiltContact, BuiltPull, BuiltTool};
 use crate::error::SceneError;
 use crate::scene::LoadedScene;
 use crate::warning::{Level, Warning};
-use sinew::models::body::VolumeRule;
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::workers::{Workers, WorkersError};
+use sinew::models::body::VolumeRule;
 use sinew::simulation::{Readback, Simulation, SimulationError, SimulationOptions};
 use sinew::solvers::settings::Integrator;
 use std::collections::HashSet;
@@ -91,14 +91,28 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     let checked = built.simulation.check_backend();
     checked.map_err(|source| of_simulation(loaded, source))?;
     warn_of_long_runs(&mut built);
-    warn_of_small_steps(&mut built);
+    warn_of_volume(&mut built);
     Ok(built)
 }
 
-/// Tells of explicit steps through nearly incompressible bodies.
-fn warn_of_small_steps(built: &mut BuiltScene) {
-    let explicit = built.plan.settings.integrator.facts().explicit;
-    for body in built.bodies.iter().filter(|body| explicit && body.volume == VolumeRule::Clusters) {
+/// Tells of integrators that nearly incompressible bodies are not for.
+fn warn_of_volume(built: &mut BuiltScene) {
+    let integrator = built.plan.settings.integrator;
+    let explicit = integrator.facts().explicit;
+    for body in built.bodies.iter().filter(|body| body.volume == VolumeRule::Clusters) {
+        let hexahedra = body.element_count(ElementKind::Hexahedron) > 0;
+        if hexahedra && !explicit && !integrator.converges() && body.material.poisson_ratio > 0.49 {
+            built.warnings.push(Warning::new(
+                "scene.volume.hexahedra",
+                Level::Warning,
+                format!("body `{}`", body.name),
+                "steps of one linearisation turn hexahedra by straight motions: above nu = 0.49 that damps their swing",
+                "use tetrahedra, 0.49, or the integrator \"newton\"",
+            ));
+        }
+        if !explicit {
+            continue;
+        }
         let lame = body.material.lame();
         let Some(ratio) = lame.ok().map(|l| ((l.lambda + 2.0 * l.mu) / (3.0 * l.mu)).sqrt()) else {
             continue;

@@ -24,7 +24,7 @@ struct Entry {
     words: &'static str,
 }
 
-const ENTRIES: [Entry; 18] = [
+const ENTRIES: [Entry; 19] = [
     Entry {
         scene: "liver",
         at: 2.0,
@@ -102,6 +102,13 @@ const ENTRIES: [Entry; 18] = [
         quantity: Quantity::Strain,
         camera: "25,16",
         words: "A ventricle with helical fibres at the peak of its beat.",
+    },
+    Entry {
+        scene: "incompressible",
+        at: 0.24,
+        quantity: Quantity::Displacement,
+        camera: "55,20",
+        words: "Two beams of a gel of Poisson's ratio 0.4999: plain tetrahedra lock, clusters of them bend.",
     },
     Entry {
         scene: "palpation",

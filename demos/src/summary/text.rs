@@ -247,7 +247,10 @@ impl RunSummary {
         if let Some(change) = v.largest_mean_change {
             block.line(
                 "volume of clusters",
-                format!("changes by at most {}; single elements need not keep theirs", short(change)),
+                format!(
+                    "changes by at most {}; single elements need not keep theirs",
+                    short(change)
+                ),
             );
         }
         block.line("state hash", &self.final_state_hash);

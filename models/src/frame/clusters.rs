@@ -26,8 +26,8 @@ use sinew_engine::element::{TetrahedronVertices, displacement_gradient, volume_c
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
 use sinew_engine::law::{EvaluationRequest, LawBuffers, RecoveringBodies};
 use sinew_engine::matrix::{LowRank, LowRankPattern, PredictedValues};
-use sinew_engine::scalar::{Real, Scalar, mat_vec};
 use sinew_engine::report::VolumeReport;
+use sinew_engine::scalar::{Real, Scalar, mat_vec};
 use sinew_engine::schedule::{
     Evaluation, ForceSystems, StepSchedule, StepSystems, activate_systems, declare_inputs,
 };
