@@ -35,8 +35,15 @@ impl<L: Send + Sync + 'static, const V: usize> Default for AtPoints<L, V> {
     }
 }
 
-/// Elements of `V` vertices, as many Gauss points and `P` pairs of vertices, in `D` local coordinates.
-pub(crate) struct GaussElements<'a, S: Scalar, const V: usize, const D: usize, const P: usize> {
+/// Elements of `V` vertices, `Q` Gauss points and `P` pairs of vertices, in `D` local coordinates.
+pub(crate) struct GaussElements<
+    'a,
+    S: Scalar,
+    const V: usize,
+    const D: usize,
+    const P: usize,
+    const Q: usize,
+> {
     /// Displacement of every vertex row (m).
     pub displacement: &'a [[S; 4]],
     /// Vertex rows.
@@ -44,10 +51,12 @@ pub(crate) struct GaussElements<'a, S: Scalar, const V: usize, const D: usize, c
     /// Tangent blocks of the pairs.
     pub blocks: &'a [[u32; P]],
     /// Derivatives of the shape functions.
-    pub derivatives: Derivatives<S, V, D>,
+    pub derivatives: Derivatives<S, V, D, Q>,
 }
 
-impl<S: Scalar, const V: usize, const D: usize, const P: usize> GaussElements<'_, S, V, D, P> {
+impl<S: Scalar, const V: usize, const D: usize, const P: usize, const Q: usize>
+    GaussElements<'_, S, V, D, P, Q>
+{
     /// Displacements (m) of the vertices of an element.
     #[inline(always)]
     pub fn displacements(&self, element: usize) -> [[S; 3]; V] {
@@ -56,15 +65,20 @@ impl<S: Scalar, const V: usize, const D: usize, const P: usize> GaussElements<'_
 }
 
 /// What a law makes of such elements. Mark implementations `#[inline(always)]`.
-pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: usize>:
-    Sync
+pub(crate) trait GaussLaw<
+    S: Scalar,
+    const V: usize,
+    const D: usize,
+    const P: usize,
+    const Q: usize,
+>: Sync
 {
     /// As [`Kernel::WIDE`](sinew_engine::lanes::Kernel::WIDE).
     const WIDE: bool;
     /// What stands for some points, with their displacements.
     type Points<L: Lanes<Scalar = S>>;
     /// All elements.
-    fn elements(&self) -> &GaussElements<'_, S, V, D, P>;
+    fn elements(&self) -> &GaussElements<'_, S, V, D, P, Q>;
     /// The points from `first` on of an element whose vertices have the displacements `u` (m).
     fn points<L: Lanes<Scalar = S>>(
         &self,
@@ -73,7 +87,7 @@ pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: us
         first: usize,
     ) -> Self::Points<L>;
     /// Energy (J).
-    fn energy<L: Lanes<Scalar = S>>(points: &Self::Points<L>) -> L;
+    fn energy<L: Lanes<Scalar = S>>(&self, points: &Self::Points<L>) -> L;
     /// Forces (N) on the vertices that move, `None` when there are none in any lane.
     fn forces<L: Lanes<Scalar = S>>(points: &Self::Points<L>) -> Option<[[L; 3]; D]>;
     /// Tangent (N/m) of these vertices.
@@ -90,12 +104,19 @@ pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: us
 }
 
 /// The passes over a [`GaussLaw`].
-pub(crate) struct GaussColumns<'a, C, const V: usize, const D: usize, const P: usize>(pub &'a C);
+pub(crate) struct GaussColumns<
+    'a,
+    C,
+    const V: usize,
+    const D: usize,
+    const P: usize,
+    const Q: usize,
+>(pub &'a C);
 
-impl<S: Scalar, C, const V: usize, const D: usize, const P: usize> LawColumns<S>
-    for GaussColumns<'_, C, V, D, P>
+impl<S: Scalar, C, const V: usize, const D: usize, const P: usize, const Q: usize> LawColumns<S>
+    for GaussColumns<'_, C, V, D, P, Q>
 where
-    C: GaussLaw<S, V, D, P>,
+    C: GaussLaw<S, V, D, P, Q>,
 {
     const WIDE: bool = C::WIDE;
     const LANES_ARE_POINTS: bool = true;
@@ -103,8 +124,8 @@ where
     #[inline(always)]
     fn add_energy<L: Lanes<Scalar = S>>(&self, i: usize, sums: &mut [f64; MAX_LANES]) {
         let u = self.0.elements().displacements(i);
-        for first in (0..V).step_by(L::COUNT) {
-            C::energy(&self.0.points::<L>(i, &u, first)).accumulate(sums);
+        for first in (0..Q).step_by(L::COUNT) {
+            self.0.energy(&self.0.points::<L>(i, &u, first)).accumulate(sums);
         }
     }
 
@@ -113,7 +134,7 @@ where
         let elements = self.0.elements();
         let u = elements.displacements(i);
         let mut sum = [[L::ZERO; 3]; V];
-        for first in (0..V).step_by(L::COUNT) {
+        for first in (0..Q).step_by(L::COUNT) {
             let Some(f) = C::forces(&self.0.points::<L>(i, &u, first)) else { continue };
             for a in 0..V {
                 for j in 0..D {
@@ -138,7 +159,7 @@ where
         let u = elements.displacements(i);
         let mut sum = Blocks::<L, V, P>::ZERO;
         let mut any = false;
-        for first in (0..V).step_by(L::COUNT) {
+        for first in (0..Q).step_by(L::COUNT) {
             let points = self.0.points::<L>(i, &u, first);
             if to.kind == TangentKind::Projected {
                 any |= L::any(C::is_clamped(&points));
@@ -183,10 +204,10 @@ impl<L: Lanes, const V: usize, const P: usize> Blocks<L, V, P> {
 
     /// Adds what the tangents of some points give.
     #[inline(always)]
-    pub(crate) fn add<const D: usize>(
+    pub(crate) fn add<const D: usize, const Q: usize>(
         &mut self,
         inner: &[[[L; 9]; D]; D],
-        derivatives: &Derivatives<L::Scalar, V, D>,
+        derivatives: &Derivatives<L::Scalar, V, D, Q>,
         first: usize,
     ) {
         let mut d = [[L::ZERO; D]; V];
@@ -264,12 +285,15 @@ fn place<const V: usize>(a: usize, b: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sinew_engine::isoparametric::{HEXAHEDRON_PAIRS, QUAD_PAIRS};
+    use sinew_engine::isoparametric::{HEXAHEDRON_PAIRS, QUAD_PAIRS, TETRAHEDRON10_PAIRS};
 
     #[test]
     fn places_count_the_pairs() {
         for (i, [a, b]) in HEXAHEDRON_PAIRS.into_iter().enumerate() {
             assert_eq!(place::<8>(a, b), i);
+        }
+        for (i, [a, b]) in TETRAHEDRON10_PAIRS.into_iter().enumerate() {
+            assert_eq!(place::<10>(a, b), i);
         }
         for (i, [a, b]) in QUAD_PAIRS.into_iter().enumerate() {
             assert_eq!(place::<4>(a, b), i);

@@ -57,7 +57,9 @@ pub struct StVKFem;
 
 /// Row of its tetrahedra in the table of laws.
 pub static TETRAHEDRA: LawRow =
-    LawRow::tetrahedra::<StVKFem>().with_hexahedra(&crate::laws::svk::HEXAHEDRA);
+    LawRow::tetrahedra::<StVKFem>()
+        .with_hexahedra(&crate::laws::svk::HEXAHEDRA)
+        .with_tetrahedra10(&crate::laws::svk::TETRAHEDRA10);
 
 impl TetrahedronLaw for StVKFem {
     const WIDE: bool = false;
