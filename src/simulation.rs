@@ -10,8 +10,7 @@ use sinew_engine::columns::single_table;
 use sinew_engine::element::{ShapeGradients, TetrahedronVertices};
 use sinew_engine::isoparametric::{
     Derivatives, HexahedronIndex, HexahedronRest, HexahedronVertices, QuadIndex, QuadRest,
-    Tetrahedron10Rest, Tetrahedron10Vertices,
-    QuadVertices,
+    QuadVertices, Tetrahedron10Rest, Tetrahedron10Vertices,
 };
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
@@ -24,8 +23,8 @@ use sinew_engine::schedule::{Executor, ForceSchedule};
 #[cfg(feature = "gpu")]
 use sinew_engine::step::ColumnsBehind;
 use sinew_engine::step::{
-    Gravity, StepClock, StepError, point_ratios, install_engine, measure_area_ratios,
-    measure_volume_ratios, quad_ratios, run_step,
+    Gravity, StepClock, StepError, install_engine, measure_area_ratios, measure_volume_ratios,
+    point_ratios, quad_ratios, run_step,
 };
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{
@@ -853,8 +852,8 @@ fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Ve
     }
     let mut hexahedra =
         world.query::<(&HexahedronVertices, &HexahedronRest<S>, &HexahedronIndex, &BodyId)>();
-    let mut tens =
-        world.query::<(&Tetrahedron10Vertices, &Tetrahedron10Rest<S>, &TetrahedronIndex, &BodyId)>();
+    let mut tens = world
+        .query::<(&Tetrahedron10Vertices, &Tetrahedron10Rest<S>, &TetrahedronIndex, &BodyId)>();
     let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
     macro_rules! at_points {
         ($elements:expr, $derivatives:expr, $first:expr) => {
@@ -870,236 +869,6 @@ fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Ve
     }
     at_points!(hexahedra, Derivatives::hexahedron(), first);
     at_points!(tens, Derivatives::tetrahedron10(), 0);
-    result
-}
-
-fn area_ratios(&mut self, body: BodyHandle) -> Vec<f64> {
-        by_precision!(self.precision, area_ratios(self, body))
-    }
-
-    /// Calls `with` with every vertex that elements use or used, by its index in the user's mesh, and its deformed
-    /// position (m): [`Simulation::positions`] into whatever memory a host has.
-    pub fn each_position(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
-        by_precision!(
-            self.precision,
-            each_row(self.world_mut(), body.0, |vertex, x| with(vertex, x.5.0 + x.0.get()))
-        );
-    }
-
-    /// Likewise with its displacement (m).
-    pub fn each_displacement(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
-        by_precision!(
-            self.precision,
-            each_row(self.world_mut(), body.0, |vertex, x| with(vertex, x.0.get()))
-        );
-    }
-
-    /// Likewise with its velocity (m/s).
-    pub fn each_velocity(&mut self, body: BodyHandle, mut with: impl FnMut(usize, DVec3)) {
-        by_precision!(
-            self.precision,
-            each_row(self.world_mut(), body.0, |vertex, x| with(vertex, x.1.get()))
-        );
-    }
-
-    /// Sets displacements (m) and velocities (m/s) in the user's order.
-    ///
-    /// # Errors
-    /// When the lengths differ from the number of vertices.
-    pub fn set_state(
-        &mut self,
-        body: BodyHandle,
-        displacements: &[DVec3],
-        velocities: &[DVec3],
-    ) -> Result<(), SimulationError> {
-        let rows = self.topology().bodies[body.0].clone();
-        let expected = rows.row_of_vertex.len();
-        for (what, values) in [("displacements", displacements), ("velocities", velocities)] {
-            if values.len() != expected {
-                let body = rows.name;
-                return Err(SimulationError::Length { what, body, expected, given: values.len() });
-            }
-        }
-        Ok(by_precision!(self.precision, write_state(self, &rows, displacements, velocities))?)
-    }
-
-    /// Evaluates elastic energy (J) and forces at the current state, outside a step.
-    ///
-    /// # Panics
-    /// When components of element entities were added or removed from outside; [`Simulation::step`]
-    /// answers that with an error.
-    pub fn evaluate(&mut self) -> f64 {
-        let world = self.world_mut();
-        world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: None });
-        world.run_schedule(ForceSchedule);
-        world.resource::<ElasticEnergy>().elastic()
-    }
-
-    /// Whether the constraints of the first step hold every body against all motions that deform no element, as
-    /// an equilibrium needs: rigid motions of its pieces, and those of parts about hinges.
-    ///
-    /// # Errors
-    /// When a body can move so.
-    pub fn check_support(&mut self) -> Result<(), StepError> {
-        by_precision!(self.precision, check_support(self.world_mut()))
-    }
-
-    /// Force (N) that a constraint exerts on the body at the current state: what is needed at its
-    /// held unknowns to balance elastic and external forces. Inertia and damping of the held vertices
-    /// are left out, and unknowns that two constraints hold count in both. Call
-    /// [`Simulation::evaluate`] first; zero when there is no such constraint.
-    pub fn reaction(&mut self, constraint: Entity) -> DVec3 {
-        self.reaction_about(constraint, DVec3::ZERO)[0]
-    }
-
-    /// The force (N) of [`Simulation::reaction`], and its torque (N m) about a point (m).
-    pub fn reaction_about(&mut self, constraint: Entity, point: DVec3) -> [DVec3; 2] {
-        by_precision!(self.precision, reaction(self, constraint, point))
-    }
-
-    /// Takes a constraint, a load or a pressure away; whether there was one. What it held is free from the next step
-    /// on.
-    pub fn remove_load_or_constraint(&mut self, entity: Entity) -> bool {
-        self.fetch();
-        let world = &mut self.world;
-        let pressure = world.get::<Pressure>(entity).is_some();
-        let known = pressure
-            || world.get::<Constraint>(entity).is_some()
-            || world.get::<Load>(entity).is_some();
-        let gone = known && world.despawn(entity);
-        if pressure {
-            // its faces go at once
-            by_precision!(self.precision, activate_pressure(world));
-        }
-        gone
-    }
-
-    /// 64-bit FNV-1a hash of displacements and velocities, in the user's order: equal hashes mean
-    /// equal results bit for bit.
-    pub fn state_hash(&mut self) -> u64 {
-        state_hash(self.world_mut())
-    }
-}
-
-/// [`Simulation::state_hash`] of a world, such as that of a Bevy app with [`crate::SinewPlugins`].
-pub fn state_hash(world: &mut World) -> u64 {
-    let Some(&precision) = world.get_resource::<Precision>() else { return 0xcbf2_9ce4_8422_2325 };
-    by_precision!(precision, hash_rows(world))
-}
-
-fn hash_rows<S: Scalar>(world: &mut World) -> u64 {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    for body in 0..world.resource::<Topology>().bodies.len() {
-        let u = read_rows::<S>(world, body, |x| x.0.get());
-        let v = read_rows::<S>(world, body, |x| x.1.get());
-        for x in u.iter().chain(&v).flat_map(|x| x.to_array()) {
-            for byte in x.to_bits().to_le_bytes() {
-                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-            }
-        }
-    }
-    hash
-}
-
-#[cfg(feature = "gpu")]
-use sinew_gpu::{fetch_state, install_gpu as install_on_gpu};
-
-/// The vertex columns that can be read from outside.
-type Vertex<S> =
-    (Displacement<S>, Velocity<S>, ElasticForce<S>, ExternalForce<S>, Mass<S>, RestPosition);
-
-/// One value per vertex of the user's mesh, zero where there is no row.
-fn read_rows<S: Scalar>(
-    world: &mut World,
-    body: usize,
-    pick: fn(&Vertex<S>) -> DVec3,
-) -> Vec<DVec3> {
-    let mut result =
-        vec![DVec3::ZERO; world.resource::<Topology>().bodies[body].row_of_vertex.len()];
-    each_row(world, body, |vertex, x: &Vertex<S>| result[vertex] = pick(x));
-    result
-}
-
-/// Calls `with` with every row of a body, by its vertex in the user's mesh.
-fn each_row<S: Scalar>(world: &mut World, body: usize, mut with: impl FnMut(usize, &Vertex<S>)) {
-    let mut query = world.query::<(
-        &Displacement<S>,
-        &Velocity<S>,
-        &ElasticForce<S>,
-        &ExternalForce<S>,
-        &Mass<S>,
-        &RestPosition,
-    )>();
-    let world = &*world;
-    let rows = &world.resource::<Topology>().bodies[body];
-    if let Some((u, v, f, e, m, x)) = single_table(query.contiguous_iter(world)) {
-        let (first, n) = (rows.vertices.start as usize, rows.vertex_order.len());
-        let (u, v, f) = (&u[first..][..n], &v[first..][..n], &f[first..][..n]);
-        let (e, m, x) = (&e[first..][..n], &m[first..][..n], &x[first..][..n]);
-        for (i, &vertex) in rows.vertex_order[..n].iter().enumerate() {
-            with(vertex as usize, &(u[i], v[i], f[i], e[i], m[i], x[i]));
-        }
-    }
-}
-
-fn write_state<S: Scalar>(
-    simulation: &mut Simulation,
-    rows: &BodyRows,
-    displacements: &[DVec3],
-    velocities: &[DVec3],
-) -> Result<(), StepError> {
-    let world = simulation.world_mut();
-    let mut query = world.query::<(&mut Displacement<S>, &mut Velocity<S>)>();
-    if let Some((mut u, mut v)) = single_table(query.contiguous_iter_mut(world)) {
-        // every look through such a column marks all of its rows as changed
-        let (u, v) = (&mut *u, &mut *v);
-        for (local, &vertex) in rows.vertex_order.iter().enumerate() {
-            let row = rows.vertices.start as usize + local;
-            u[row].set(displacements[vertex as usize]);
-            v[row].set(velocities[vertex as usize]);
-        }
-    }
-    // what the solver does with a state must not depend on the state before
-    forget_steps::<S>(world);
-    let failed = |error: &dyn std::fmt::Display| StepError::InvalidSetting(error.to_string());
-    if world.contains_resource::<AreaReport>() {
-        world.run_system_cached(measure_area_ratios::<S>).map_err(|e| failed(&e))?;
-    }
-    world.run_system_cached(measure_volume_ratios::<S>).map_err(|e| failed(&e))
-}
-
-fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Vec<f64> {
-    use sinew_engine::element::{TetrahedronIndex, displacement_gradient, volume_change};
-    use sinew_engine::scalar::xyz;
-    use sinew_engine::vertex::BodyId;
-    let rows = &simulation.topology().bodies[body.0];
-    let first = rows.tetrahedron_order.len();
-    let mut result = vec![1.0; first + rows.hexahedra.len()];
-    let world = simulation.world_mut();
-    let mut vertices = world.query::<&Displacement<S>>();
-    let mut tetrahedra =
-        world.query::<(&TetrahedronVertices, ShapeGradients<S>, &TetrahedronIndex, &BodyId)>();
-    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
-    for (nodes, (d1, d2, d3), index, of) in tetrahedra.iter(world) {
-        if of.0 as usize == body.0 {
-            let gradients =
-                [[d1.0.0, d1.1.0, d1.2.0], [d2.0.0, d2.1.0, d2.2.0], [d3.0.0, d3.1.0, d3.2.0]];
-            let local = nodes.0.map(|v| xyz(u[v as usize].0));
-            let change = volume_change(&displacement_gradient(&gradients, &local));
-            result[index.0 as usize] = 1.0 + change.to_f64();
-        }
-    }
-    let derivatives = &Derivatives::hexahedron();
-    let mut hexahedra =
-        world.query::<(&HexahedronVertices, &HexahedronRest<S>, &HexahedronIndex, &BodyId)>();
-    let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
-    for (nodes, rest, index, of) in hexahedra.iter(world) {
-        if of.0 as usize == body.0 {
-            let ratios = point_ratios(derivatives, u, *nodes, rest);
-            let smallest = ratios.into_iter().fold(f64::INFINITY, f64::min);
-            result[first + index.0 as usize] = smallest;
-        }
-    }
     result
 }
 

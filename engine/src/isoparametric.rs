@@ -416,8 +416,7 @@ impl<const Q: usize> RestPoints<Q> {
     fn put(&mut self, q: usize, [a, b, c]: [[f64; 3]; 3], weight: f64) {
         let volume = dot(a, cross(b, c));
         self.volume[q] = weight * volume;
-        self.gradients[q] =
-            [cross(b, c), cross(c, a), cross(a, b)].map(|d| scale(d, 1.0 / volume));
+        self.gradients[q] = [cross(b, c), cross(c, a), cross(a, b)].map(|d| scale(d, 1.0 / volume));
     }
 
     /// Volume (m^3), that of hexahedra exact: the integrand is of second degree in each coordinate. So is that of ten-node
@@ -551,7 +550,9 @@ pub fn folded_tetrahedron(points: &[[f64; 3]; 10]) -> Option<(&'static str, f64)
     let ratio = |place: usize| {
         let l = match place {
             0..4 => std::array::from_fn(|i| f64::from(u8::from(i == place))),
-            4..10 => std::array::from_fn(|i| if MIDDLES[place - 4].contains(&i) { 0.5 } else { 0.0 }),
+            4..10 => {
+                std::array::from_fn(|i| if MIDDLES[place - 4].contains(&i) { 0.5 } else { 0.0 })
+            }
             _ => TETRAHEDRON_POINTS[place - 10],
         };
         let [a, b, c] = edges_of(tetrahedron10_derivatives(l), points);

@@ -248,9 +248,9 @@ impl Cells {
             .iter()
             .flat_map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| sorted3(t[a], t[b], t[c])))
             .chain(
-                tetrahedra10.iter().flat_map(|t| {
-                    TETRAHEDRON10_FACES.map(|[a, b, c]| sorted3(t[a], t[b], t[c]))
-                }),
+                tetrahedra10
+                    .iter()
+                    .flat_map(|t| TETRAHEDRON10_FACES.map(|[a, b, c]| sorted3(t[a], t[b], t[c]))),
             )
             .chain(membrane.iter().copied())
             .collect();

@@ -2,7 +2,8 @@
 
 use super::Mesh;
 use super::cell::{
-    for_equal_cells, hexahedron_faces, quad_triangles, second_order_faces, sorted, tetrahedron_faces,
+    for_equal_cells, hexahedron_faces, quad_triangles, second_order_faces, sorted,
+    tetrahedron_faces,
 };
 use glam::DVec3;
 

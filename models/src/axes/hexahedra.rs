@@ -15,7 +15,7 @@ use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::isoparametric::{
     AxisHexahedronBlocks, AxisHexahedronVertices, Derivatives, HexahedronRest, RestHexahedron,
-    point_differences, load_weights,
+    load_weights, point_differences,
 };
 use sinew_engine::lanes::Lanes;
 use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};

@@ -239,10 +239,13 @@ fn check_tetrahedra10(body: &BodyDescription) -> Result<(), BodyError> {
     let problem = if all != given {
         format!("but {given} of {all} tetrahedra have vertices on their edges: give all or none")
     } else if body.axes.is_some() {
-        "which take no axes yet: give it linear tetrahedra or hexahedra, or leave the axes out".into()
+        "which take no axes yet: give it linear tetrahedra or hexahedra, or leave the axes out"
+            .into()
     } else if !body.model.serves_tetrahedra10() {
         let name = body.model.name();
-        format!("which model \"{name}\" is not made for: take \"svk_comp\", or a mesh of first order")
+        format!(
+            "which model \"{name}\" is not made for: take \"svk_comp\", or a mesh of first order"
+        )
     } else if body.evaluation != Evaluation::Fused {
         "which pooled springs cannot sum up: take evaluation = \"fused\"".into()
     } else if body.clusters.is_some() {

@@ -65,13 +65,8 @@ impl<S: Scalar, const V: usize, const D: usize, const P: usize, const Q: usize>
 }
 
 /// What a law makes of such elements. Mark implementations `#[inline(always)]`.
-pub(crate) trait GaussLaw<
-    S: Scalar,
-    const V: usize,
-    const D: usize,
-    const P: usize,
-    const Q: usize,
->: Sync
+pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: usize, const Q: usize>:
+    Sync
 {
     /// As [`Kernel::WIDE`](sinew_engine::lanes::Kernel::WIDE).
     const WIDE: bool;

@@ -385,8 +385,7 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<f64>
             let mut sum = Blocks::<L, V, P>::ZERO;
             let mut any = false;
             for first in (0..Q).step_by(L::COUNT) {
-                let (e, u) =
-                    points::<FusedStVK, L, V, Q>(derivatives, &rest, moduli, &u, first);
+                let (e, u) = points::<FusedStVK, L, V, Q>(derivatives, &rest, moduli, &u, first);
                 let g = displacement_gradient(&e.gradients, &u);
                 let (clamped, core) = projection::projected_blocks(&e, &g);
                 let mut inner = inner_blocks(&tetrahedron::tangent_parts(&e, &u, true, true));

@@ -246,10 +246,15 @@ impl LawRow {
     pub const fn hexahedra<L: TetrahedronLaw>(name: &'static str) -> Self {
         Self {
             spawn: Some([spawn_hexahedra::<L, f64>, spawn_hexahedra::<L, f32>]),
-            ..Self::at_points::<L>(name, Elements::Hexahedra, [mark::<Hexahedral<L>>; 2], [
-                hexahedra::activate::<L, Brick, f64, 8, 28, 8, false>,
-                hexahedra::activate::<L, Brick, f32, 8, 28, 8, false>,
-            ])
+            ..Self::at_points::<L>(
+                name,
+                Elements::Hexahedra,
+                [mark::<Hexahedral<L>>; 2],
+                [
+                    hexahedra::activate::<L, Brick, f64, 8, 28, 8, false>,
+                    hexahedra::activate::<L, Brick, f32, 8, 28, 8, false>,
+                ],
+            )
         }
     }
 
@@ -257,10 +262,15 @@ impl LawRow {
     pub const fn hexahedra_by_mean<L: TetrahedronLaw>(name: &'static str) -> Self {
         Self {
             spawn: Some([spawn_hexahedra::<ByMean<L>, f64>, spawn_hexahedra::<ByMean<L>, f32>]),
-            ..Self::at_points::<L>(name, Elements::Hexahedra, [mark::<Hexahedral<ByMean<L>>>; 2], [
-                hexahedra::activate::<L, Brick, f64, 8, 28, 8, true>,
-                hexahedra::activate::<L, Brick, f32, 8, 28, 8, true>,
-            ])
+            ..Self::at_points::<L>(
+                name,
+                Elements::Hexahedra,
+                [mark::<Hexahedral<ByMean<L>>>; 2],
+                [
+                    hexahedra::activate::<L, Brick, f64, 8, 28, 8, true>,
+                    hexahedra::activate::<L, Brick, f32, 8, 28, 8, true>,
+                ],
+            )
         }
     }
 
@@ -268,10 +278,15 @@ impl LawRow {
     pub const fn tetrahedra10<L: TetrahedronLaw>(name: &'static str) -> Self {
         Self {
             spawn: Some([spawn_tetrahedra10::<L, f64>, spawn_tetrahedra10::<L, f32>]),
-            ..Self::at_points::<L>(name, Elements::Tetrahedra10, [mark::<Quadratic<L>>; 2], [
-                hexahedra::activate::<L, TenNodes, f64, 10, 45, 4, false>,
-                hexahedra::activate::<L, TenNodes, f32, 10, 45, 4, false>,
-            ])
+            ..Self::at_points::<L>(
+                name,
+                Elements::Tetrahedra10,
+                [mark::<Quadratic<L>>; 2],
+                [
+                    hexahedra::activate::<L, TenNodes, f64, 10, 45, 4, false>,
+                    hexahedra::activate::<L, TenNodes, f32, 10, 45, 4, false>,
+                ],
+            )
         }
     }
 
@@ -283,10 +298,15 @@ impl LawRow {
                 spawn_tetrahedra10::<ByMean<L>, f64>,
                 spawn_tetrahedra10::<ByMean<L>, f32>,
             ]),
-            ..Self::at_points::<L>(name, Elements::Tetrahedra10, mark, [
-                hexahedra::activate::<L, TenNodes, f64, 10, 45, 4, true>,
-                hexahedra::activate::<L, TenNodes, f32, 10, 45, 4, true>,
-            ])
+            ..Self::at_points::<L>(
+                name,
+                Elements::Tetrahedra10,
+                mark,
+                [
+                    hexahedra::activate::<L, TenNodes, f64, 10, 45, 4, true>,
+                    hexahedra::activate::<L, TenNodes, f32, 10, 45, 4, true>,
+                ],
+            )
         }
     }
 
@@ -501,8 +521,7 @@ impl LawTable {
     /// # Errors
     /// When another law has the name.
     pub fn add(&mut self, row: &'static LawRow) -> Result<(), LawError> {
-        let more =
-            [row.hexahedra, row.by_mean, row.by_clusters, row.tetrahedra10, row.by_mean10];
+        let more = [row.hexahedra, row.by_mean, row.by_clusters, row.tetrahedra10, row.by_mean10];
         for row in std::iter::once(row).chain(more.into_iter().flatten()) {
             match self.find(row.info.name) {
                 None => self.0.push(row),

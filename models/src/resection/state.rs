@@ -133,7 +133,8 @@ impl<'a, S: Scalar> State<'a, S> {
         let rest_of = |v| self.vertices.rest(v);
         let matter = self.soft.matter(elements, &rest_of);
         let has_row = "an element that is left has a row";
-        let at_points = |points: &mut [(Element<f64>, [[f64; 3]; 4])], with: &mut dyn FnMut(Point)| {
+        let at_points = |points: &mut [(Element<f64>, [[f64; 3]; 4])],
+                         with: &mut dyn FnMut(Point)| {
             if mean {
                 hexahedra::by_mean(points);
             }

@@ -130,7 +130,9 @@ fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, Vec<usize
         tetrahedra: tetrahedra.clone().map(|t| corners(t).map(user)).collect(),
         middles: match rows.tetrahedra10.is_empty() {
             true => Vec::new(),
-            false => tetrahedra.map(|t| [4, 5, 6, 7, 8, 9].map(|i| user(rows.tetrahedra10[t][i]))).collect(),
+            false => tetrahedra
+                .map(|t| [4, 5, 6, 7, 8, 9].map(|i| user(rows.tetrahedra10[t][i])))
+                .collect(),
         },
         hexahedra: hexahedra.map(|h| rows.hexahedra[h].map(user)).collect(),
         triangles: left(ElementKind::Triangle).map(|t| rows.membrane[t].map(user)).collect(),

@@ -342,12 +342,11 @@ impl Sound {
             tetrahedra: match mesh.middles.len() == mesh.tetrahedra.len() {
                 true => {
                     let cells = mesh.tetrahedra.iter().zip(&mesh.middles);
-                    let cells: Vec<[u32; 10]> = cells.map(|(&t, &middles)| ten(t, middles)).collect();
+                    let cells: Vec<[u32; 10]> =
+                        cells.map(|(&t, &middles)| ten(t, middles)).collect();
                     indices(mesh, &cells, "tetrahedron", &lines.tetrahedra, found)
                 }
-                false => {
-                    indices(mesh, &mesh.tetrahedra, "tetrahedron", &lines.tetrahedra, found)
-                }
+                false => indices(mesh, &mesh.tetrahedra, "tetrahedron", &lines.tetrahedra, found),
             },
             hexahedra: indices(mesh, &mesh.hexahedra, "hexahedron", &lines.hexahedra, found),
             triangles: indices(mesh, &mesh.triangles, "triangle", &lines.triangles, found),
@@ -484,7 +483,9 @@ fn mixed_order(mesh: &mut Mesh, found: &mut Findings) {
             FindingCode::MixedOrder,
             Severity::Error,
             Tally { count, named: Vec::new() },
-            |count| format!("{count} of {all} tetrahedra have no vertices on their edges, others have"),
+            |count| {
+                format!("{count} of {all} tetrahedra have no vertices on their edges, others have")
+            },
             "mesh all of the body in one order, or read it with the vertices of its corners alone",
         );
     }

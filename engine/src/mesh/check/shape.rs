@@ -231,9 +231,10 @@ pub(super) fn shapes(
                     true => super::ten(tet, mirrored_middles(mesh.middles[i])),
                     false => ten,
                 };
-                shape.folded = folded_tetrahedron(&ten.map(|v| p(v).to_array())).map(|(place, ratio)| {
-                    format!("Jacobian {ratio:.1e} times that of its corners at {place}")
-                });
+                shape.folded =
+                    folded_tetrahedron(&ten.map(|v| p(v).to_array())).map(|(place, ratio)| {
+                        format!("Jacobian {ratio:.1e} times that of its corners at {place}")
+                    });
             }
             let name = || cell_name("tetrahedron", i, tet, &mesh.lines.tetrahedra);
             judge.add(&shape, &name);

@@ -1,8 +1,8 @@
 //! Collects the cells and groups that a reader finds.
 
 use super::scan::Cursor;
-use crate::mesh::error::MeshError;
 use crate::mesh::cell::second_order_triangles;
+use crate::mesh::error::MeshError;
 use crate::mesh::{CellData, Group, LINEAR, Mesh, SkippedCells};
 use std::ops::{Deref, Range};
 
@@ -253,9 +253,7 @@ impl Builder {
             }
             CellUse::Triangle if kind == CellKind::TRIANGLE6 => {
                 let parts = vertices.try_into().map_or([[0; 3]; 4], second_order_triangles);
-                parts
-                    .iter()
-                    .all(|t| push(&mut mesh.triangles, &mut lines.triangles, t, line))
+                parts.iter().all(|t| push(&mut mesh.triangles, &mut lines.triangles, t, line))
             }
             CellUse::Hexahedron => push(&mut mesh.hexahedra, &mut lines.hexahedra, vertices, line),
             CellUse::Triangle => push(&mut mesh.triangles, &mut lines.triangles, vertices, line),
