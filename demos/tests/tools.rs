@@ -74,7 +74,7 @@ fn meshes_survive_every_format() {
     let mut last = liver.clone();
     for name in ["liver.vtu", "liver.vtk", "liver.msh"] {
         let next = file(name);
-        convert(&last, &next, 1.0).unwrap();
+        convert(&last, &next, 1.0, false).unwrap();
         last = next;
     }
     let (first, end) = (Mesh::read(&liver).unwrap(), Mesh::read(&last).unwrap());
@@ -84,7 +84,7 @@ fn meshes_survive_every_format() {
         let vertices = |mesh: &Mesh| mesh.group(name).map(|g| g.vertices.clone());
         assert_eq!(vertices(&first), vertices(&end), "{name}");
     }
-    let half = convert(&liver, &file("half.vtu"), 0.5).unwrap();
+    let half = convert(&liver, &file("half.vtu"), 0.5, false).unwrap();
     assert!((half.volume / MeshInfo::of(&first).volume - 0.125).abs() < 1e-12);
 }
 
@@ -115,10 +115,10 @@ fn generated_shapes_have_their_volume_and_groups() {
 #[test]
 fn unknown_formats_and_scales_are_refused() {
     let liver = scene_folder().join("../meshes/liver.msh");
-    let error = convert(&liver, &file("liver.stp"), 1.0).unwrap_err();
+    let error = convert(&liver, &file("liver.stp"), 1.0, false).unwrap_err();
     assert!(matches!(error, ConvertError::Format { .. }) && error.to_string().contains(".vtu"));
     assert!(matches!(
-        convert(&liver, &file("x.vtu"), f64::NAN).unwrap_err(),
+        convert(&liver, &file("x.vtu"), f64::NAN, false).unwrap_err(),
         ConvertError::Scale { .. }
     ));
 }
@@ -129,7 +129,7 @@ fn hexahedra_and_quadrilaterals_are_counted_and_converted() {
     let names = ["hexes.msh", "hexes.vtu", "hexes.vtk", "hexes2.msh"].map(file);
     write(&names[0], &hexes).unwrap();
     for pair in names.windows(2) {
-        convert(&pair[0], &pair[1], 1.0).unwrap();
+        convert(&pair[0], &pair[1], 1.0, false).unwrap();
     }
     let mesh = Mesh::read(&names[3]).unwrap();
     assert_eq!((&mesh.hexahedra, &mesh.quads), (&hexes.hexahedra, &hexes.quads));
