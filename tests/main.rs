@@ -19,5 +19,6 @@ mod recovery;
 mod reference;
 mod resection;
 mod schedule;
+mod second_order;
 mod snapshot;
 mod units;
