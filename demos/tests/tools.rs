@@ -89,6 +89,33 @@ fn meshes_survive_every_format() {
 }
 
 #[test]
+fn linear_meshes_become_second_order_ones_that_survive_every_format() {
+    let liver = scene_folder().join("../meshes/liver.msh");
+    let linear = Mesh::read(&liver).unwrap();
+    let mut last = liver.clone();
+    for name in ["liver10.vtu", "liver10.msh", "liver10.vtk"] {
+        let next = file(name);
+        // what is of second order already stays as it is
+        let info = convert(&last, &next, 1.0, true).unwrap();
+        assert!(info.second_order && info.to_string().contains("of second order"), "{info}");
+        last = next;
+    }
+    let (made, read) = (linear.with_second_order(), Mesh::read(&last).unwrap());
+    assert_eq!((&made.points, &made.tetrahedra), (&read.points, &read.tetrahedra));
+    assert_eq!((&made.middles, &made.triangles), (&read.middles, &read.triangles));
+    for name in ["ligament", "tool", "surface", "body"] {
+        let vertices = |mesh: &Mesh| mesh.group(name).map(|g| g.vertices.clone());
+        assert_eq!(vertices(&made), vertices(&read), "{name}");
+    }
+    assert!((made.total_volume() / linear.total_volume() - 1.0).abs() < 1e-12);
+    let sheet = file("sheet.vtu");
+    let triangles = Mesh { triangles: vec![[0, 1, 2]], points: linear.points, ..Mesh::default() };
+    write(&sheet, &triangles).unwrap();
+    let error = convert(&sheet, &file("sheet10.vtu"), 1.0, true).unwrap_err();
+    assert!(matches!(error, ConvertError::NoTetrahedra { .. }), "{error}");
+}
+
+#[test]
 fn generated_shapes_have_their_volume_and_groups() {
     let cylinder = CylinderShape {
         radius: 0.01,
