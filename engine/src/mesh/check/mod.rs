@@ -96,7 +96,7 @@ pub enum FindingCode {
     ImplausibleSize,
     /// Cells of kinds that the engine cannot use.
     SkippedCells,
-    /// Tetrahedra of four and of ten vertices in one mesh.
+    /// Tetrahedra of four and of ten vertices in one mesh, or hexahedra beside the latter.
     MixedOrder,
 }
 
@@ -489,6 +489,20 @@ fn mixed_order(mesh: &mut Mesh, found: &mut Findings) {
             "mesh all of the body in one order, or read it with the vertices of its corners alone",
         );
     }
+    found.push(
+        FindingCode::MixedOrder,
+        Severity::Warning,
+        Tally {
+            count: if mesh.is_second_order() { mesh.hexahedra.len() } else { 0 },
+            named: Vec::new(),
+        },
+        |count| {
+            format!(
+                "{count} hexahedra, which are of first order, beside tetrahedra of second order"
+            )
+        },
+        "faces between them gape and count as surface: split the hexahedra into tetrahedra before",
+    );
 }
 
 fn no_cells(mesh: &Mesh, found: &mut Findings) {
