@@ -82,6 +82,8 @@ impl<S: Scalar> PlainArrays<S> {
             lambda: &self.moduli[0],
             mu: &self.moduli[1],
             compression: &self.moduli[2],
+            pressure: &[],
+            predicted: &[],
         };
         let request = EvaluationRequest { force: true, ..Default::default() };
         evaluate_columns::<FusedStVK, S>(&columns, &request, &self.workers, &mut self.buffer);

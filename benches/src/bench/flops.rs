@@ -133,6 +133,7 @@ impl ElementFlops {
             mu: Counted(plain.mu),
             compression: Counted(plain.compression),
             pressure: Counted(plain.pressure),
+            quartic: Counted(plain.quartic),
         };
         let squeezed = corner.map(|x| [-0.1, -0.2, 0.1].map(|s| Counted(s * (x[0] + x[1] - x[2]))));
         Self {
