@@ -7,8 +7,8 @@
 //! ```
 
 use bevy_ecs::prelude::*;
-use sinew_engine::isoparametric::{Derivatives, load_points, rows_of};
-use sinew_engine::lanes::{Lanes, MAX_LANES};
+use sinew_engine::isoparametric::{Derivatives, load_points, load_weights, rows_of};
+use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
 use sinew_engine::law::{Span, TangentKind};
 use sinew_engine::scalar::{Real, Scalar};
 
@@ -90,9 +90,11 @@ pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: us
         points: &Self::Points<L>,
         kind: TangentKind,
     ) -> [[[L; 9]; D]; D];
-    /// Adds what a tangent has that belongs to an element as a whole.
+    /// What a tangent has that belongs to an element as a whole: `factor b b^T` of a factor and the vectors of its vertices.
     #[inline(always)]
-    fn add_whole<L: Lanes<Scalar = S>>(&self, _: usize, _: &[[S; 3]; V], _: &mut Blocks<L, V, P>) {}
+    fn whole<L: Lanes<Scalar = S>>(&self, _: usize, _: &[[S; 3]; V]) -> Option<(S, [[S; 3]; V])> {
+        None
+    }
     /// Where the projected tangent differs from the exact one; nowhere among the points that only fill the
     /// register.
     fn is_clamped<L: Lanes<Scalar = S>>(points: &Self::Points<L>) -> L::Mask;
@@ -152,18 +154,91 @@ where
     fn add_tangent<L: Lanes<Scalar = S>>(&self, i: usize, to: &mut TangentSum<S>) {
         let elements = self.0.elements();
         let u = elements.displacements(i);
-        let mut sum = Blocks::<L, V, P>::ZERO;
+        let mut inner = PointTangents::ZERO;
         let mut any = false;
         for first in (0..Q).step_by(L::COUNT) {
             let points = self.0.points::<L>(i, &u, first);
             if to.kind == TangentKind::Projected {
                 any |= L::any(C::is_clamped(&points));
             }
-            sum.add(&C::tangent(&points, to.kind), &elements.derivatives, first);
+            inner.store(&C::tangent(&points, to.kind), first);
         }
         to.clamped[0] += f64::from(u8::from(any));
-        self.0.add_whole(i, &u, &mut sum);
-        sum.write(to.span, &elements.nodes[i], &elements.blocks[i]);
+        L::apart(Assemble {
+            inner: &inner,
+            derivatives: &elements.derivatives,
+            whole: self.0.whole::<L>(i, &u),
+            span: &mut *to.span,
+            nodes: &elements.nodes[i],
+            blocks: &elements.blocks[i],
+        });
+    }
+}
+
+/// Tangents (N/m) of the vertices that move at all points of an element: `[i][j][entry][point]`.
+pub(crate) struct PointTangents<T, const D: usize, const Q: usize>([[[[T; Q]; 9]; D]; D]);
+
+impl<T: Scalar, const D: usize, const Q: usize> PointTangents<T, D, Q> {
+    pub(crate) const ZERO: Self = Self([[[[T::ZERO; Q]; 9]; D]; D]);
+
+    /// Takes those of the points from `first` on.
+    #[inline(always)]
+    pub(crate) fn store<L: Lanes<Scalar = T>>(&mut self, of: &[[[L; 9]; D]; D], first: usize) {
+        let count = L::COUNT.min(Q - first);
+        let mut lanes = [T::ZERO; MAX_LANES];
+        for i in 0..D {
+            for j in 0..D {
+                for k in 0..9 {
+                    of[i][j][k].store(&mut lanes);
+                    self.0[i][j][k][first..first + count].copy_from_slice(&lanes[..count]);
+                }
+            }
+        }
+    }
+}
+
+/// Adds the tangent of an element to a range. The larger part of the work and of the code, and the same for every law: it
+/// is compiled once for each kind of elements ([`Lanes::apart`]).
+pub(crate) struct Assemble<
+    'a,
+    T: Scalar,
+    S: Scalar,
+    const V: usize,
+    const D: usize,
+    const P: usize,
+    const Q: usize,
+> {
+    pub inner: &'a PointTangents<T, D, Q>,
+    pub derivatives: &'a Derivatives<T, V, D, Q>,
+    /// As [`GaussLaw::whole`].
+    pub whole: Option<(T, [[T; 3]; V])>,
+    pub span: &'a mut Span<S>,
+    pub nodes: &'a [u32; V],
+    pub blocks: &'a [u32; P],
+}
+
+impl<T: Scalar, S: Scalar, const V: usize, const D: usize, const P: usize, const Q: usize> Kernel<T>
+    for Assemble<'_, T, S, V, D, P, Q>
+{
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = T>>(self) {
+        let mut sum = Blocks::<L, V, P>::ZERO;
+        for first in (0..Q).step_by(L::COUNT) {
+            let mut inner = [[[L::ZERO; 9]; D]; D];
+            for i in 0..D {
+                for j in 0..D {
+                    for k in 0..9 {
+                        inner[i][j][k] = load_weights(&self.inner.0[i][j][k], first);
+                    }
+                }
+            }
+            sum.add(&inner, self.derivatives, first);
+        }
+        if let Some((factor, b)) = &self.whole {
+            sum.add_outer(*factor, b);
+        }
+        sum.write(self.span, self.nodes, self.blocks);
     }
 }
 
@@ -189,17 +264,17 @@ fn summed<L: Lanes, S: Scalar>(block: &[L; 9]) -> [S; 9] {
 }
 
 /// Upper half of the `V` x `V` blocks of an element, one Gauss point per lane until they are summed.
-pub(crate) struct Blocks<L, const V: usize, const P: usize> {
+struct Blocks<L, const V: usize, const P: usize> {
     diagonal: [[L; 9]; V],
     off: [[L; 9]; P],
 }
 
 impl<L: Lanes, const V: usize, const P: usize> Blocks<L, V, P> {
-    pub(crate) const ZERO: Self = Self { diagonal: [[L::ZERO; 9]; V], off: [[L::ZERO; 9]; P] };
+    const ZERO: Self = Self { diagonal: [[L::ZERO; 9]; V], off: [[L::ZERO; 9]; P] };
 
     /// Adds what the tangents of some points give.
     #[inline(always)]
-    pub(crate) fn add<const D: usize, const Q: usize>(
+    fn add<const D: usize, const Q: usize>(
         &mut self,
         inner: &[[[L; 9]; D]; D],
         derivatives: &Derivatives<L::Scalar, V, D, Q>,
@@ -235,7 +310,7 @@ impl<L: Lanes, const V: usize, const P: usize> Blocks<L, V, P> {
 
     /// Adds `factor b b^T`.
     #[inline(always)]
-    pub(crate) fn add_outer(&mut self, factor: L::Scalar, b: &[[L::Scalar; 3]; V]) {
+    fn add_outer(&mut self, factor: L::Scalar, b: &[[L::Scalar; 3]; V]) {
         let first = |value| {
             let mut lanes = [L::Scalar::ZERO; MAX_LANES];
             lanes[0] = value;
@@ -256,7 +331,7 @@ impl<L: Lanes, const V: usize, const P: usize> Blocks<L, V, P> {
 
     /// Sums the points and adds the blocks to a range.
     #[inline(always)]
-    pub(crate) fn write<S: Scalar>(&self, span: &mut Span<S>, nodes: &[u32; V], blocks: &[u32; P]) {
+    fn write<S: Scalar>(&self, span: &mut Span<S>, nodes: &[u32; V], blocks: &[u32; P]) {
         for a in 0..V {
             let mut block = summed(&self.diagonal[a]);
             symmetrise(&mut block);

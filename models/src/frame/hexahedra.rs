@@ -36,7 +36,9 @@ use sinew_engine::workers::Workers;
 use std::marker::PhantomData;
 
 use super::columns::{evaluate_span, work};
-use super::gauss::{AtPoints, Blocks, GaussColumns, GaussElements, GaussLaw, total};
+use super::gauss::{
+    Assemble, AtPoints, GaussColumns, GaussElements, GaussLaw, PointTangents, total,
+};
 use super::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
 use crate::element::projection;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
@@ -219,9 +221,9 @@ where
         inner_blocks(&Law::tangent(e, u, kind))
     }
     #[inline(always)]
-    fn add_whole<L: Lanes<Scalar = S>>(&self, i: usize, u: &[[S; 3]; V], to: &mut Blocks<L, V, P>) {
+    fn whole<L: Lanes<Scalar = S>>(&self, i: usize, u: &[[S; 3]; V]) -> Option<(S, [[S; 3]; V])> {
         if !self.takes_mean() {
-            return;
+            return None;
         }
         let columns = self.columns;
         let (derivatives, rest) = (&columns.elements.derivatives, &columns.rest[i]);
@@ -245,7 +247,7 @@ where
         // a material with nu < 0 would make this negative
         let [lambda, ..] = columns.moduli(i);
         let factor = S::from_f64(lambda.to_f64().max(0.0) / volume);
-        to.add_outer(factor, &sum.map(|row| row.map(total)));
+        Some((factor, sum.map(|row| row.map(total))))
     }
     #[inline(always)]
     fn is_clamped<L: Lanes<Scalar = S>>((e, u): &Point<L>) -> L::Mask {
@@ -382,7 +384,7 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<f64>
                     u[a][x] = narrow[a][x].to_f64();
                 }
             }
-            let mut sum = Blocks::<L, V, P>::ZERO;
+            let mut all = PointTangents::ZERO;
             let mut any = false;
             for first in (0..Q).step_by(L::COUNT) {
                 let (e, u) = points::<FusedStVK, L, V, Q>(derivatives, &rest, moduli, &u, first);
@@ -401,10 +403,12 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<f64>
                         }
                     }
                 }
-                sum.add(&inner, derivatives, first);
+                all.store(&inner, first);
             }
             span.clamped += u64::from(any);
-            sum.write(span, &columns.elements.nodes[i], &columns.elements.blocks[i]);
+            let (nodes, blocks) = (&columns.elements.nodes[i], &columns.elements.blocks[i]);
+            let span = &mut *span;
+            L::apart(Assemble { inner: &all, derivatives, whole: None, span, nodes, blocks });
         }
     }
 }
