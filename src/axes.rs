@@ -7,9 +7,11 @@ use sinew_engine::columns::single_table;
 use sinew_engine::element::{
     RestVolume, ShapeGradients, TetrahedronVertices, displacement_gradient, volume_change,
 };
-use sinew_engine::isoparametric::{Derivatives, HexahedronRest, HexahedronVertices};
+use sinew_engine::isoparametric::{
+    Derivatives, HexahedronRest, HexahedronVertices, Tetrahedron10Rest, Tetrahedron10Vertices,
+};
 use sinew_engine::scalar::{Scalar, xyz};
-use sinew_engine::step::hexahedron_ratios;
+use sinew_engine::step::point_ratios;
 use sinew_engine::vertex::{BodyId, Displacement};
 use sinew_models::axes::change::set_axis_modulus;
 use sinew_models::axes::description::AxesError;
@@ -97,15 +99,22 @@ fn volume<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> f64 {
             sum += rest.0.to_f64() * (1.0 + change);
         }
     }
-    let derivatives = &Derivatives::hexahedron();
     let mut hexahedra = world.query::<(&HexahedronVertices, &HexahedronRest<S>, &BodyId)>();
+    let mut tens = world.query::<(&Tetrahedron10Vertices, &Tetrahedron10Rest<S>, &BodyId)>();
     let Some(u) = single_table(vertices.contiguous_iter(world)) else { return sum };
-    for (nodes, rest, of) in hexahedra.iter(world) {
-        if of.0 as usize == body.0 {
-            let ratios = hexahedron_ratios(derivatives, u, *nodes, rest);
-            let points = ratios.iter().zip(&rest.volume);
-            sum += points.map(|(ratio, volume)| ratio * volume.to_f64()).sum::<f64>();
-        }
+    macro_rules! at_points {
+        ($elements:expr, $derivatives:expr) => {
+            let derivatives = &$derivatives;
+            for (nodes, rest, of) in $elements.iter(world) {
+                if of.0 as usize == body.0 {
+                    let ratios = point_ratios(derivatives, u, &nodes.0, rest);
+                    let points = ratios.iter().zip(&rest.volume);
+                    sum += points.map(|(ratio, volume)| ratio * volume.to_f64()).sum::<f64>();
+                }
+            }
+        };
     }
+    at_points!(hexahedra, Derivatives::hexahedron());
+    at_points!(tens, Derivatives::tetrahedron10());
     sum
 }

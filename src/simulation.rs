@@ -10,7 +10,7 @@ use sinew_engine::columns::single_table;
 use sinew_engine::element::{ShapeGradients, TetrahedronVertices};
 use sinew_engine::isoparametric::{
     Derivatives, HexahedronIndex, HexahedronRest, HexahedronVertices, QuadIndex, QuadRest,
-    QuadVertices,
+    QuadVertices, Tetrahedron10Rest, Tetrahedron10Vertices,
 };
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest};
@@ -23,8 +23,8 @@ use sinew_engine::schedule::{Executor, ForceSchedule};
 #[cfg(feature = "gpu")]
 use sinew_engine::step::ColumnsBehind;
 use sinew_engine::step::{
-    Gravity, StepClock, StepError, hexahedron_ratios, install_engine, measure_area_ratios,
-    measure_volume_ratios, quad_ratios, run_step,
+    Gravity, StepClock, StepError, install_engine, measure_area_ratios, measure_volume_ratios,
+    point_ratios, quad_ratios, run_step,
 };
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::{
@@ -834,7 +834,7 @@ fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Ve
     use sinew_engine::scalar::xyz;
     use sinew_engine::vertex::BodyId;
     let rows = &simulation.topology().bodies[body.0];
-    let first = rows.tetrahedra.len();
+    let first = rows.tetrahedron_order.len();
     let mut result = vec![1.0; first + rows.hexahedra.len()];
     let world = simulation.world_mut();
     let mut vertices = world.query::<&Displacement<S>>();
@@ -850,17 +850,25 @@ fn volume_ratios<S: Scalar>(simulation: &mut Simulation, body: BodyHandle) -> Ve
             result[index.0 as usize] = 1.0 + change.to_f64();
         }
     }
-    let derivatives = &Derivatives::hexahedron();
     let mut hexahedra =
         world.query::<(&HexahedronVertices, &HexahedronRest<S>, &HexahedronIndex, &BodyId)>();
+    let mut tens = world
+        .query::<(&Tetrahedron10Vertices, &Tetrahedron10Rest<S>, &TetrahedronIndex, &BodyId)>();
     let Some(u) = single_table(vertices.contiguous_iter(world)) else { return result };
-    for (nodes, rest, index, of) in hexahedra.iter(world) {
-        if of.0 as usize == body.0 {
-            let ratios = hexahedron_ratios(derivatives, u, *nodes, rest);
-            let smallest = ratios.into_iter().fold(f64::INFINITY, f64::min);
-            result[first + index.0 as usize] = smallest;
-        }
+    macro_rules! at_points {
+        ($elements:expr, $derivatives:expr, $first:expr) => {
+            let derivatives = &$derivatives;
+            for (nodes, rest, index, of) in $elements.iter(world) {
+                if of.0 as usize == body.0 {
+                    let ratios = point_ratios(derivatives, u, &nodes.0, rest);
+                    let smallest = ratios.into_iter().fold(f64::INFINITY, f64::min);
+                    result[$first + index.0 as usize] = smallest;
+                }
+            }
+        };
     }
+    at_points!(hexahedra, Derivatives::hexahedron(), first);
+    at_points!(tens, Derivatives::tetrahedron10(), 0);
     result
 }
 

@@ -20,5 +20,6 @@ mod recovery;
 mod reference;
 mod resection;
 mod schedule;
+mod second_order;
 mod snapshot;
 mod units;

@@ -231,6 +231,9 @@ enum MeshCommand {
         /// Factor on all coordinates (0.001 for a mesh in millimetres).
         #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
         scale: f64,
+        /// A vertex in the middle of every edge: linear tetrahedra become ten-node ones.
+        #[arg(long)]
+        second_order: bool,
     },
     /// The springs of tetrahedra or triangles that are St Venant-Kirchhoff elasticity: 21 of a tetrahedron, 6 of
     /// a triangle (Delingette 2008).
@@ -474,8 +477,8 @@ fn mesh(command: MeshCommand) -> Outcome {
                 say!("{info}");
             }
         }
-        MeshCommand::Convert { from, to, scale } => {
-            let info = convert(&from, &to, scale)?;
+        MeshCommand::Convert { from, to, scale, second_order } => {
+            let info = convert(&from, &to, scale, second_order)?;
             say!("{info}");
             sayln!("written to {}", to.display());
         }

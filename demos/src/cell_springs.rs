@@ -35,6 +35,14 @@ pub enum SpringsError {
         /// How many there are.
         count: usize,
     },
+    /// Springs are those of linear tetrahedra.
+    #[error(
+        "{source_name}: springs are for tetrahedra of four vertices, these have ten; take a mesh of first order"
+    )]
+    SecondOrder {
+        /// File.
+        source_name: String,
+    },
     /// A sheet has no stiffness without one.
     #[error("the thickness is {value} m; triangles need a positive one (--thickness)")]
     Thickness {
@@ -124,6 +132,9 @@ impl SpringTable {
         cells: &[usize],
     ) -> Result<Self, SpringsError> {
         let mesh = check(mesh, &CheckOptions::default())?.mesh;
+        if mesh.is_second_order() {
+            return Err(SpringsError::SecondOrder { source_name: mesh.source.clone() });
+        }
         let solid = mesh.is_solid();
         let (kind, count) = match solid {
             true => ("tetrahedron", mesh.tetrahedra.len()),

@@ -26,6 +26,14 @@ pub enum ConvertError {
         /// Path of the file.
         path: PathBuf,
     },
+    /// Second order is for tetrahedra.
+    #[error(
+        "{path}: there are no tetrahedra to make second-order ones of; leave --second-order out"
+    )]
+    NoTetrahedra {
+        /// Path of the file.
+        path: PathBuf,
+    },
     /// A coordinate is not finite, or beyond what volumes can be computed of.
     #[error(
         "{path}: vertex {vertex} (counted from 0) lies at {at:?} m: coordinates must be finite and at most \
@@ -61,6 +69,8 @@ pub struct MeshInfo {
     pub vertices: usize,
     /// Tetrahedra.
     pub tetrahedra: usize,
+    /// Whether they have a vertex on every edge.
+    pub second_order: bool,
     /// Hexahedra.
     pub hexahedra: usize,
     /// Triangles in the file.
@@ -126,6 +136,7 @@ impl MeshInfo {
             source: mesh.source.clone(),
             vertices: mesh.points.len(),
             tetrahedra: mesh.tetrahedra.len(),
+            second_order: mesh.is_second_order(),
             hexahedra: mesh.hexahedra.len(),
             triangles: mesh.triangles.len(),
             quads: mesh.quads.len(),
@@ -156,7 +167,8 @@ impl fmt::Display for MeshInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.source)?;
         writeln!(f, "  vertices    {}", self.vertices)?;
-        writeln!(f, "  tetrahedra  {}", self.tetrahedra)?;
+        let order = if self.second_order { " of second order" } else { "" };
+        writeln!(f, "  tetrahedra  {}{order}", self.tetrahedra)?;
         if self.hexahedra > 0 {
             writeln!(f, "  hexahedra   {}", self.hexahedra)?;
         }
@@ -243,11 +255,17 @@ pub fn write(path: &Path, mesh: &Mesh) -> Result<(), ConvertError> {
     }
 }
 
-/// Reads one file and writes another, with every coordinate multiplied by `scale`.
+/// Reads one file and writes another, with every coordinate multiplied by `scale` and, if asked for, a vertex in the middle of
+/// every edge of a tetrahedron.
 ///
 /// # Errors
 /// When one of the files or the scale cannot be used.
-pub fn convert(from: &Path, to: &Path, scale: f64) -> Result<MeshInfo, ConvertError> {
+pub fn convert(
+    from: &Path,
+    to: &Path,
+    scale: f64,
+    second_order: bool,
+) -> Result<MeshInfo, ConvertError> {
     if !(scale > 0.0 && scale.is_finite()) {
         return Err(ConvertError::Scale { scale });
     }
@@ -255,6 +273,12 @@ pub fn convert(from: &Path, to: &Path, scale: f64) -> Result<MeshInfo, ConvertEr
     if scale != 1.0 {
         mesh.points.iter_mut().for_each(|p| *p *= scale);
         check_points(from, &mesh)?;
+    }
+    if second_order {
+        if mesh.tetrahedra.is_empty() {
+            return Err(ConvertError::NoTetrahedra { path: from.into() });
+        }
+        mesh = mesh.with_second_order();
     }
     write(to, &mesh)?;
     Ok(MeshInfo::of(&mesh))

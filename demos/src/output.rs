@@ -9,6 +9,7 @@ use crate::warning::{Level, Warning};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::engine::connectivity::{ByKind, ElementKind};
+use sinew::engine::mesh::LINEAR;
 use sinew::engine::mesh::io::{VtuData, write_pvd, write_vtu};
 use sinew::engine::mesh::{CellData, MeshError};
 use sinew::models::axes::field::to_cell_data;
@@ -118,6 +119,8 @@ pub struct Writer {
     csv_length: u64,
     points: Vec<DVec3>,
     tetrahedra: Vec<[u32; 4]>,
+    /// Vertices on the edges of each where some body is of second order.
+    middles: Vec<[u32; 6]>,
     hexahedra: Vec<[u32; 8]>,
     /// Those of membranes.
     triangles: Vec<[u32; 3]>,
@@ -222,11 +225,18 @@ impl Writer {
     ) -> Self {
         let (mut points, mut tetrahedra, mut hexahedra) = (Vec::new(), Vec::new(), Vec::new());
         let (mut triangles, mut quads, mut start) = (Vec::new(), Vec::new(), Vec::new());
+        let mut middles = Vec::new();
         for b in &built.bodies {
             let first = points.len() as u32;
             start.push(ByKind([tetrahedra.len(), triangles.len(), hexahedra.len(), quads.len()]));
             points.extend_from_slice(&b.mesh.points);
             tetrahedra.extend(b.mesh.tetrahedra.iter().map(|t| t.map(|v| v + first)));
+            if b.mesh.is_second_order() {
+                middles.resize(tetrahedra.len() - b.mesh.tetrahedra.len(), LINEAR);
+                middles.extend(b.mesh.middles.iter().map(|m| m.map(|v| v + first)));
+            } else if !middles.is_empty() {
+                middles.resize(tetrahedra.len(), LINEAR);
+            }
             hexahedra.extend(b.mesh.hexahedra.iter().map(|h| h.map(|v| v + first)));
             triangles.extend(b.membrane_triangles().iter().map(|t| t.map(|v| v + first)));
             quads.extend(b.membrane_quads().iter().map(|q| q.map(|v| v + first)));
@@ -244,6 +254,7 @@ impl Writer {
             csv_length: 0,
             points,
             tetrahedra,
+            middles,
             hexahedra,
             triangles,
             quads,
@@ -313,6 +324,10 @@ impl Writer {
             }
         }
         let tetrahedra = picked(&self.tetrahedra, &left[ElementKind::Tetrahedron]);
+        let middles = match self.middles.is_empty() {
+            true => Vec::new(),
+            false => picked(&self.middles, &left[ElementKind::Tetrahedron]),
+        };
         let hexahedra = picked(&self.hexahedra, &left[ElementKind::Hexahedron]);
         let triangles = picked(&self.triangles, &left[ElementKind::Triangle]);
         let quads = picked(&self.quads, &left[ElementKind::Quad]);
@@ -331,6 +346,7 @@ impl Writer {
         let data = VtuData {
             points: &points,
             tetrahedra: &tetrahedra,
+            middles: &middles,
             hexahedra: &hexahedra,
             triangles: &triangles,
             quads: &quads,

@@ -302,6 +302,25 @@ fn static_beam_agrees_with_beam_theory() {
 }
 
 #[test]
+fn six_cells_of_second_order_bend_like_theory() {
+    let text = std::fs::read_to_string(shipped_scene("static_beam")).unwrap();
+    let text = text.replacen("[[body]]\n", "[[body]]\nsecond_order = true\n", 1);
+    let text = text.replacen("cells = [60, 6, 6]", "cells = [6, 1, 1]", 1);
+    let out = folder("second_order");
+    let scene = LoadedScene::parse(&text, &shipped_scene("static_beam")).unwrap();
+    let options = RunOptions { out: Some(out.clone()), ..RunOptions::default() };
+    let summary = run(&scene, &options, &mut Silent).unwrap();
+    assert!(summary.completed, "{summary}");
+    let frames = std::fs::read_dir(out.join("frames")).unwrap().map(|file| file.unwrap().path());
+    let mesh = Mesh::read(&frames.max().unwrap()).unwrap();
+    assert_eq!((mesh.tetrahedra.len(), mesh.middles.len()), (36, 36));
+    let end = |p: &DVec3| (p.x - 0.2).abs() < 0.01;
+    let tip: Vec<f64> = mesh.points.iter().filter(|p| end(p)).map(|p| p.z - 0.01).collect();
+    let sink = -tip.iter().sum::<f64>() / tip.len() as f64;
+    assert!((sink / 0.02 - 1.0).abs() < 0.04, "{sink}");
+}
+
+#[test]
 fn threads_change_no_bit_and_single_precision_little() {
     let scene = LoadedScene::read(&shipped_scene("liver")).unwrap();
     let result = |threads, precision| {

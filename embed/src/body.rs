@@ -120,6 +120,7 @@ impl Embedding {
         let own = BodyDescription {
             points: &checked.mesh.points,
             tetrahedra: &checked.mesh.tetrahedra,
+            middles: &checked.mesh.middles,
             hexahedra: &checked.mesh.hexahedra,
             ..description.clone()
         };

@@ -3,7 +3,7 @@
 
 use crate::element::TETRAHEDRON_FACES;
 pub use crate::element_kind::{ByKind, ElementKind};
-use crate::isoparametric::HEXAHEDRON_FACES;
+use crate::isoparametric::{HEXAHEDRON_FACES, TETRAHEDRON10_FACES};
 use crate::layout::{BodyElements, Cells, UNUSED, starts};
 use crate::topology::{BodyRows, pieces, root};
 
@@ -39,6 +39,18 @@ impl Incidence {
     /// Number of elements round every item.
     fn counts(&self) -> Vec<u32> {
         self.start.windows(2).map(|w| w[1] - w[0]).collect()
+    }
+}
+
+/// Incidence of tetrahedra, of which there is one order only.
+fn of_tetrahedra<const N: usize, const M: usize>(
+    count: usize,
+    linear: &[[u32; N]],
+    quadratic: &[[u32; M]],
+) -> Incidence {
+    match quadratic.is_empty() {
+        true => Incidence::new(count, linear),
+        false => Incidence::new(count, quadratic),
     }
 }
 
@@ -146,18 +158,22 @@ impl Connectivity {
         let cells = Cells::new(n, &body.elements());
         let edges = cells.edges.len();
         let round_vertex = ByKind([
-            Incidence::new(n, &body.tetrahedra),
+            of_tetrahedra(n, &body.tetrahedra, &body.tetrahedra10),
             Incidence::new(n, &body.membrane),
             Incidence::new(n, &body.hexahedra),
             Incidence::new(n, &body.quads),
         ]);
         let round_edge = ByKind([
-            Incidence::new(edges, &cells.tetrahedron_edges),
+            of_tetrahedra(edges, &cells.tetrahedron_edges, &cells.tetrahedron10_edges),
             Incidence::new(edges, &cells.membrane_edges),
             Incidence::new(edges, &cells.hexahedron_edges),
             Incidence::new(edges, &cells.quad_edges),
         ]);
-        let round_triangle = Incidence::new(cells.triangles.len(), &cells.tetrahedron_triangles);
+        let round_triangle = of_tetrahedra(
+            cells.triangles.len(),
+            &cells.tetrahedron_triangles,
+            &cells.tetrahedron10_triangles,
+        );
         let triangle_count = round_triangle.counts();
         let round_face = Incidence::new(cells.faces.len(), &cells.hexahedron_faces);
         let face_count = round_face.counts();
@@ -165,8 +181,7 @@ impl Connectivity {
         for (t, &triangle) in (0..).zip(&cells.membrane_triangles) {
             membrane_at[triangle as usize] = t;
         }
-        let counts =
-            [body.tetrahedra.len(), body.membrane.len(), body.hexahedra.len(), body.quads.len()];
+        let counts = ElementKind::ALL.map(|kind| body.order(kind).len());
         Self {
             present: ByKind(counts.map(|count| vec![true; count])),
             remaining: ByKind(counts),
@@ -248,15 +263,17 @@ impl Connectivity {
 
     /// Triangles of the surface of the solid, outward, each with the element behind it; in no particular
     /// order, but the same one for the same removals. Faces of hexahedra are cut along the diagonal from
-    /// their lowest vertex row.
+    /// their lowest vertex row, those of ten-node tetrahedra into [four](TETRAHEDRON10_FACES).
     pub fn surface(&self) -> impl Iterator<Item = ([u32; 3], ElementKind, u32)> + '_ {
         let triangles = self.surface.items.iter().map(|&triangle| {
             let round = self.round_triangle.of(triangle);
             let t = self.left(ElementKind::Tetrahedron, round).next().unwrap_or(0);
-            let faces = &self.cells.tetrahedron_triangles[t as usize];
+            let faces = self.cells.triangles_of(t);
             let face = faces.iter().position(|&f| f == triangle).unwrap_or(0);
-            let vertices = self.ordered.tetrahedra[t as usize];
-            (TETRAHEDRON_FACES[face].map(|v| vertices[v]), ElementKind::Tetrahedron, t)
+            let vertices = self.ordered.nodes(ElementKind::Tetrahedron, t);
+            let linear = vertices.len() == 4;
+            let local = if linear { TETRAHEDRON_FACES[face] } else { TETRAHEDRON10_FACES[face] };
+            (local.map(|v| vertices[v]), ElementKind::Tetrahedron, t)
         });
         let quads = self.open_faces.items.iter().flat_map(|&face| {
             let round = self.round_face.of(face);
@@ -283,7 +300,7 @@ impl Connectivity {
                 touched.edges.extend_from_slice(self.edges(kind, e));
                 match kind {
                     ElementKind::Tetrahedron => {
-                        for f in self.cells.tetrahedron_triangles[e as usize] {
+                        for &f in self.cells.triangles_of(e) {
                             self.triangle_count[f as usize] -= 1;
                             touched.triangles.push(f);
                         }
@@ -443,6 +460,7 @@ mod tests {
         }
         let lists = ElementLists {
             tetrahedra: &mesh.tetrahedra,
+            tetrahedra10: &[],
             hexahedra: &hexahedra,
             membrane: &membrane,
             quads: &quads,
@@ -488,6 +506,7 @@ mod tests {
                 let quads: Vec<_> = left(ElementKind::Quad).map(|q| body.quads[q]).collect();
                 let lists = ElementLists {
                     tetrahedra: &tetrahedra,
+                    tetrahedra10: &[],
                     hexahedra: &hexahedra,
                     membrane: &membrane,
                     quads: &quads,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Kinds of elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum ElementKind {
-    /// Tetrahedron.
+    /// Tetrahedron of first or of second order; a body has those of one order only.
     Tetrahedron,
     /// Membrane triangle.
     Triangle,

@@ -1,5 +1,6 @@
-//! Components of elements with curved coordinates: hexahedra with trilinear and membrane
-//! quadrilaterals with bilinear shape functions, in the node order of Gmsh and VTK.
+//! Components of elements with curved coordinates: hexahedra with trilinear, membrane quadrilaterals with
+//! bilinear and ten-node tetrahedra with quadratic shape functions, the first two in the node order of Gmsh and VTK,
+//! the last in that of VTK.
 //!
 //! ```text
 //!        7-------6            3-------2        corner a of the hexahedron lies at
@@ -11,18 +12,25 @@
 //!                                               +--xi
 //! ```
 //!
-//! Energies are sums over 2x2x2 (2x2) Gauss points, each of weight 1. With `N_a` the shape functions,
+//! Energies are sums over 2x2x2 (2x2) Gauss points, each of weight 1, of ten-node tetrahedra over the
+//! [four points](TETRAHEDRON_POINTS) of degree 2, each of weight 1/24. With `N_a` the shape functions,
 //! `u_xi = sum_a dN_a/dxi u_a` and so on, and the rest edges `X_xi = sum_a dN_a/dxi X_a`, such a point
 //! deforms as a tetrahedron (triangle) with the edges `X_xi, X_eta, X_zeta` whose first vertex stays in place
 //! and whose others move by `u_xi, u_eta, u_zeta`. So every law that is written for those serves
-//! quadrature points, with `det(X_xi, X_eta, X_zeta)` for its volume (`|X_xi x X_eta|` for its area).
+//! quadrature points, with `det(X_xi, X_eta, X_zeta)` times the weight for its volume (`|X_xi x X_eta|` for its area).
+//!
+//! # Ten-node tetrahedra
+//!
+//! Vertices 0 to 3 are those of a [tetrahedron](crate::element), 4 to 9 lie on its edges 01, 12, 02, 03, 13, 23. With
+//! barycentric coordinates `L` a corner has the shape function `L_a (2 L_a - 1)`, the middle of `ab` `4 L_a L_b`; local
+//! coordinates are `L_1, L_2, L_3`. Positions have these shape functions too, so edges and faces may be curved.
 
 #![allow(
     clippy::multiple_bound_locations,
     reason = "the derive macros of bytemuck repeat the bound on S"
 )]
 
-use crate::element::{index_columns, row_columns};
+use crate::element::{TETRAHEDRON_FACES, index_columns, row_columns};
 use crate::lanes::{Lanes, MAX_LANES};
 use crate::scalar::{Real, Scalar, cross, dot, scale, sub};
 use bevy_ecs::prelude::Component;
@@ -30,6 +38,43 @@ use bytemuck::TransparentWrapper;
 
 /// Pairs of local vertices of a hexahedron: all, in lexicographic order.
 pub const HEXAHEDRON_PAIRS: [[usize; 2]; 28] = pairs();
+
+/// Pairs of local vertices of a ten-node tetrahedron: all, in lexicographic order.
+pub const TETRAHEDRON10_PAIRS: [[usize; 2]; 45] = pairs();
+
+/// Ends of the edge on which each of the vertices 4 to 9 of a ten-node tetrahedron lies.
+pub const MIDDLES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
+
+/// The faces of a ten-node tetrahedron cut into flat triangles, four for each face of
+/// [`TETRAHEDRON_FACES`](crate::element::TETRAHEDRON_FACES): three at its corners, then the one between its middles;
+/// outward.
+pub const TETRAHEDRON10_FACES: [[usize; 3]; 16] = {
+    let mut result = [[0; 3]; 16];
+    let mut face = 0;
+    while face < 4 {
+        let [a, b, c] = TETRAHEDRON_FACES[face];
+        let [ab, bc, ca] = [middle_of(a, b), middle_of(b, c), middle_of(c, a)];
+        result[4 * face] = [a, ab, ca];
+        result[4 * face + 1] = [b, bc, ab];
+        result[4 * face + 2] = [c, ca, bc];
+        result[4 * face + 3] = [ab, bc, ca];
+        face += 1;
+    }
+    result
+};
+
+/// Local vertex of a ten-node tetrahedron in the middle of the edge between two corners.
+pub const fn middle_of(a: usize, b: usize) -> usize {
+    let mut i = 0;
+    while i < 6 {
+        let [c, d] = MIDDLES[i];
+        if (a == c && b == d) || (a == d && b == c) {
+            return 4 + i;
+        }
+        i += 1;
+    }
+    a
+}
 
 /// Pairs of local vertices of a quadrilateral: all, in lexicographic order.
 pub const QUAD_PAIRS: [[usize; 2]; 6] = pairs();
@@ -130,17 +175,75 @@ pub const fn gauss_point(q: usize) -> [f64; 3] {
     [GAUSS * x, GAUSS * y, GAUSS * z]
 }
 
+/// Barycentric coordinates of the points of a ten-node tetrahedron: `5/20 + 3 sqrt 5/20` at the vertex of its number and
+/// `5/20 - sqrt 5/20` at the others, exact for polynomials of second degree (Zienkiewicz & Taylor, The Finite Element
+/// Method, table of quadrature for tetrahedra).
+pub const TETRAHEDRON_POINTS: [[f64; 4]; 4] = {
+    const NEAR: f64 = 0.585_410_196_624_968_5;
+    const FAR: f64 = 0.138_196_601_125_010_5;
+    let mut points = [[FAR; 4]; 4];
+    let mut q = 0;
+    while q < 4 {
+        points[q][q] = NEAR;
+        q += 1;
+    }
+    points
+};
+
+/// Shape functions of a ten-node tetrahedron at barycentric coordinates `l`.
+pub const fn tetrahedron10_shape(l: [f64; 4]) -> [f64; 10] {
+    let mut result = [0.0; 10];
+    let mut a = 0;
+    while a < 10 {
+        result[a] = if a < 4 {
+            l[a] * (2.0 * l[a] - 1.0)
+        } else {
+            4.0 * l[MIDDLES[a - 4][0]] * l[MIDDLES[a - 4][1]]
+        };
+        a += 1;
+    }
+    result
+}
+
+/// Derivatives of the shape functions of a ten-node tetrahedron by `L_1, L_2, L_3` at barycentric coordinates `l`.
+pub const fn tetrahedron10_derivatives(l: [f64; 4]) -> [[f64; 3]; 10] {
+    let mut result = [[0.0; 3]; 10];
+    let mut a = 0;
+    while a < 10 {
+        // by all four coordinates, of which the first is 1 minus the others
+        let mut by = [0.0; 4];
+        if a < 4 {
+            by[a] = 4.0 * l[a] - 1.0;
+        } else {
+            let [i, j] = MIDDLES[a - 4];
+            by[i] = 4.0 * l[j];
+            by[j] = 4.0 * l[i];
+        }
+        result[a] = [by[1] - by[0], by[2] - by[0], by[3] - by[0]];
+        a += 1;
+    }
+    result
+}
+
+/// Parts of the mass of a ten-node tetrahedron that its corners and its middles get: the diagonal of its consistent mass
+/// matrix with straight edges, scaled to the whole mass (Hinton, Rock & Zienkiewicz 1976, diagonal scaling). Row sums would
+/// give corners minus a twentieth each, and no step in time can be taken with masses that are not positive.
+pub const TETRAHEDRON10_MASSES: [f64; 10] = {
+    let (corner, middle) = (1.0 / 36.0, 4.0 / 27.0);
+    let m = middle;
+    [corner, corner, corner, corner, m, m, m, m, m, m]
+};
+
 /// Derivatives of shape functions at all quadrature points: `[vertex][direction][point]`.
 #[derive(Clone, Copy, Debug)]
-pub struct Derivatives<S, const N: usize, const D: usize>(pub [[[S; N]; D]; N]);
+pub struct Derivatives<S, const N: usize, const D: usize, const Q: usize>(pub [[[S; Q]; D]; N]);
 
-impl<S: Scalar> Derivatives<S, 8, 3> {
-    /// Of hexahedra.
-    pub fn hexahedron() -> Self {
-        let mut table = [[[S::ZERO; 8]; 3]; 8];
-        for q in 0..8 {
-            for (a, d) in hexahedron_derivatives(gauss_point(q)).iter().enumerate() {
-                for j in 0..3 {
+impl<S: Scalar, const N: usize, const D: usize, const Q: usize> Derivatives<S, N, D, Q> {
+    fn of(at: impl Fn(usize) -> [[f64; D]; N]) -> Self {
+        let mut table = [[[S::ZERO; Q]; D]; N];
+        for q in 0..Q {
+            for (a, d) in at(q).iter().enumerate() {
+                for j in 0..D {
                     table[a][j][q] = S::from_f64(d[j]);
                 }
             }
@@ -149,19 +252,27 @@ impl<S: Scalar> Derivatives<S, 8, 3> {
     }
 }
 
-impl<S: Scalar> Derivatives<S, 4, 2> {
+impl<S: Scalar> Derivatives<S, 8, 3, 8> {
+    /// Of hexahedra.
+    pub fn hexahedron() -> Self {
+        Self::of(|q| hexahedron_derivatives(gauss_point(q)))
+    }
+}
+
+impl<S: Scalar> Derivatives<S, 10, 3, 4> {
+    /// Of ten-node tetrahedra.
+    pub fn tetrahedron10() -> Self {
+        Self::of(|q| tetrahedron10_derivatives(TETRAHEDRON_POINTS[q]))
+    }
+}
+
+impl<S: Scalar> Derivatives<S, 4, 2, 4> {
     /// Of quadrilaterals.
     pub fn quad() -> Self {
-        let mut table = [[[S::ZERO; 4]; 2]; 4];
-        for q in 0..4 {
+        Self::of(|q| {
             let [x, y, _] = gauss_point(q);
-            for (a, d) in quad_derivatives([x, y]).iter().enumerate() {
-                for j in 0..2 {
-                    table[a][j][q] = S::from_f64(d[j]);
-                }
-            }
-        }
-        Self(table)
+            quad_derivatives([x, y])
+        })
     }
 }
 
@@ -192,6 +303,10 @@ row_columns! {
     HexahedronVertices([u32; 8]),
     /// Tangent blocks (edge-graph indices) of a hexahedron in the order of [`HEXAHEDRON_PAIRS`].
     HexahedronBlocks([u32; 28]),
+    /// Vertex rows of a ten-node tetrahedron.
+    Tetrahedron10Vertices([u32; 10]),
+    /// Tangent blocks (edge-graph indices) of a ten-node tetrahedron in the order of [`TETRAHEDRON10_PAIRS`].
+    Tetrahedron10Blocks([u32; 45]),
     /// Vertex rows of the hexahedron in which an axis lies.
     AxisHexahedronVertices([u32; 8]),
     /// Tangent blocks of that hexahedron, in the order of its pairs.
@@ -211,18 +326,23 @@ index_columns! {
     QuadIndex,
 }
 
-/// Rest shape of a hexahedron at its Gauss points.
+/// Rest shape of a solid element at its `Q` Gauss points.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 #[component(summary_tick)]
-pub struct HexahedronRest<S: Scalar> {
+pub struct PointsRest<S: Scalar, const Q: usize> {
     /// Entry `3 i + x` is component `x` of `D_i`, the gradient (1/m) of local coordinate `i` at every point:
     /// the shape vectors of the tetrahedra that stand for the points.
-    pub gradients: [[S; 8]; 9],
+    pub gradients: [[S; Q]; 9],
     /// Volume (m^3) that each point stands for; 0 once the element is removed.
-    pub volume: [S; 8],
+    pub volume: [S; Q],
 }
 
-impl<S: Scalar> HexahedronRest<S> {
+/// Rest shape of a hexahedron at its Gauss points.
+pub type HexahedronRest<S> = PointsRest<S, 8>;
+/// Rest shape of a ten-node tetrahedron at its Gauss points.
+pub type Tetrahedron10Rest<S> = PointsRest<S, 4>;
+
+impl<S: Scalar, const Q: usize> PointsRest<S, Q> {
     /// Shape vectors of the points from `first` on.
     #[inline(always)]
     pub fn gradients<L: Lanes<Scalar = S>>(&self, first: usize) -> [[L; 3]; 3] {
@@ -234,9 +354,17 @@ impl<S: Scalar> HexahedronRest<S> {
         }
         d
     }
+
+    /// In `f64`.
+    pub fn in_f64(&self) -> PointsRest<f64, Q> {
+        PointsRest {
+            gradients: self.gradients.map(|row| row.map(S::to_f64)),
+            volume: self.volume.map(S::to_f64),
+        }
+    }
 }
 
-/// A hexahedron or quadrilateral whose rest shape cannot be used.
+/// A hexahedron, ten-node tetrahedron or quadrilateral whose rest shape cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum RestShapeError {
     /// Somewhere the element is turned inside out or flat.
@@ -250,18 +378,79 @@ pub enum RestShapeError {
         /// Jacobian there over the product of the three (two) edge lengths.
         ratio: f64,
     },
+    /// Somewhere a ten-node tetrahedron is turned inside out or flat.
+    #[error(
+        "its curved rest shape is folded or flat at {place} (Jacobian {ratio:.2e} times that of its corners): move \
+         the vertices on its edges towards their middles, list them in the order of the file format, or straighten \
+         the edges"
+    )]
+    Folded {
+        /// Where.
+        place: &'static str,
+        /// Jacobian there over six times the volume of the tetrahedron of its corners.
+        ratio: f64,
+    },
     /// A coordinate is no number.
     #[error("a coordinate of its vertices is not finite")]
     NotFinite,
 }
 
-/// Rest shape of a hexahedron in `f64`.
+/// Rest shape of a solid element with `Q` Gauss points in `f64`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RestHexahedron {
+pub struct RestPoints<const Q: usize> {
     /// Gradients (1/m) of the local coordinates at the Gauss points.
-    pub gradients: [[[f64; 3]; 3]; 8],
+    pub gradients: [[[f64; 3]; 3]; Q],
     /// Volume (m^3) that each Gauss point stands for.
-    pub volume: [f64; 8],
+    pub volume: [f64; Q],
+}
+
+/// Rest shape of a hexahedron in `f64`.
+pub type RestHexahedron = RestPoints<8>;
+/// Rest shape of a ten-node tetrahedron in `f64`.
+pub type RestTetrahedron10 = RestPoints<4>;
+
+impl<const Q: usize> RestPoints<Q> {
+    const NOTHING: Self = Self { gradients: [[[0.0; 3]; 3]; Q], volume: [0.0; Q] };
+
+    /// Takes a point with the edges (m) and the weight.
+    fn put(&mut self, q: usize, [a, b, c]: [[f64; 3]; 3], weight: f64) {
+        let volume = dot(a, cross(b, c));
+        self.volume[q] = weight * volume;
+        self.gradients[q] = [cross(b, c), cross(c, a), cross(a, b)].map(|d| scale(d, 1.0 / volume));
+    }
+
+    /// Volume (m^3), that of hexahedra exact: the integrand is of second degree in each coordinate. So is that of ten-node
+    /// tetrahedra with straight edges.
+    pub fn total_volume(&self) -> f64 {
+        self.volume.iter().sum()
+    }
+
+    /// As a component.
+    pub fn component<S: Scalar>(&self) -> PointsRest<S, Q> {
+        let mut rest = PointsRest { gradients: [[S::ZERO; Q]; 9], volume: [S::ZERO; Q] };
+        for q in 0..Q {
+            rest.volume[q] = S::from_f64(self.volume[q]);
+            for i in 0..3 {
+                for x in 0..3 {
+                    rest.gradients[3 * i + x][q] = S::from_f64(self.gradients[q][i][x]);
+                }
+            }
+        }
+        rest
+    }
+}
+
+/// Edges `X_xi, X_eta, X_zeta` (m) from derivatives of shape functions and positions (m).
+fn edges_of<const N: usize>(derivatives: [[f64; 3]; N], points: &[[f64; 3]; N]) -> [[f64; 3]; 3] {
+    let mut edges = [[0.0; 3]; 3];
+    for (d, p) in derivatives.iter().zip(points) {
+        for j in 0..3 {
+            for x in 0..3 {
+                edges[j][x] += d[j] * (p[x] - points[0][x]);
+            }
+        }
+    }
+    edges
 }
 
 /// Smallest Jacobian over the product of edge lengths that counts as a shape.
@@ -276,21 +465,11 @@ impl RestHexahedron {
         if points.iter().flatten().any(|x| !x.is_finite()) {
             return Err(RestShapeError::NotFinite);
         }
-        let edges = |at: [f64; 3]| {
-            let mut edges = [[0.0; 3]; 3];
-            for (d, p) in hexahedron_derivatives(at).iter().zip(&points) {
-                for j in 0..3 {
-                    for x in 0..3 {
-                        edges[j][x] += d[j] * (p[x] - points[0][x]);
-                    }
-                }
-            }
-            edges
-        };
-        let mut rest = Self { gradients: [[[0.0; 3]; 3]; 8], volume: [0.0; 8] };
+        let mut rest = Self::NOTHING;
         for q in 0..8 {
             for (at, inside) in [(CORNERS[q], false), (gauss_point(q), true)] {
-                let [a, b, c] = edges(at);
+                let edges = edges_of(hexahedron_derivatives(at), &points);
+                let [a, b, c] = edges;
                 let volume = dot(a, cross(b, c));
                 let lengths = (dot(a, a) * dot(b, b) * dot(c, c)).sqrt();
                 let ratio = if lengths > 0.0 { volume / lengths } else { 0.0 };
@@ -298,18 +477,11 @@ impl RestHexahedron {
                     return Err(RestShapeError::Degenerate { corner: q, ratio });
                 }
                 if inside {
-                    rest.volume[q] = volume;
-                    rest.gradients[q] =
-                        [cross(b, c), cross(c, a), cross(a, b)].map(|d| scale(d, 1.0 / volume));
+                    rest.put(q, edges, 1.0);
                 }
             }
         }
         Ok(rest)
-    }
-
-    /// Volume (m^3): exact, the integrand is of second degree in each coordinate.
-    pub fn total_volume(&self) -> f64 {
-        self.volume.iter().sum()
     }
 
     /// Volume (m^3) of every vertex, `int N_a dV` (row sums of the mass matrix over the density).
@@ -322,33 +494,87 @@ impl RestHexahedron {
         }
         volumes
     }
+}
 
-    /// As a component.
-    pub fn component<S: Scalar>(&self) -> HexahedronRest<S> {
-        let mut rest = HexahedronRest { gradients: [[S::ZERO; 8]; 9], volume: [S::ZERO; 8] };
-        for q in 0..8 {
-            rest.volume[q] = S::from_f64(self.volume[q]);
-            for i in 0..3 {
-                for x in 0..3 {
-                    rest.gradients[3 * i + x][q] = S::from_f64(self.gradients[q][i][x]);
-                }
-            }
+impl RestTetrahedron10 {
+    /// From the vertices (m), in the order of VTK.
+    ///
+    /// # Errors
+    /// When the Jacobian is not positive at some vertex or Gauss point.
+    pub fn new(points: [[f64; 3]; 10]) -> Result<Self, RestShapeError> {
+        if points.iter().flatten().any(|x| !x.is_finite()) {
+            return Err(RestShapeError::NotFinite);
         }
-        rest
+        if let Some((place, ratio)) = folded_tetrahedron(&points) {
+            return Err(RestShapeError::Folded { place, ratio });
+        }
+        let mut rest = Self::NOTHING;
+        for (q, l) in TETRAHEDRON_POINTS.into_iter().enumerate() {
+            rest.put(q, edges_of(tetrahedron10_derivatives(l), &points), 1.0 / 24.0);
+        }
+        Ok(rest)
     }
+
+    /// Volume (m^3) of every vertex as masses are lumped: [`TETRAHEDRON10_MASSES`] of the whole.
+    pub fn vertex_volumes(&self) -> [f64; 10] {
+        let whole = self.total_volume();
+        TETRAHEDRON10_MASSES.map(|share| share * whole)
+    }
+}
+
+/// Places at which the Jacobian of a ten-node tetrahedron is looked at beside its vertices.
+const PLACES: [&str; 14] = [
+    "corner 0",
+    "corner 1",
+    "corner 2",
+    "corner 3",
+    "the vertex on edge 01",
+    "the vertex on edge 12",
+    "the vertex on edge 02",
+    "the vertex on edge 03",
+    "the vertex on edge 13",
+    "the vertex on edge 23",
+    "Gauss point 0",
+    "Gauss point 1",
+    "Gauss point 2",
+    "Gauss point 3",
+];
+
+/// Where a ten-node tetrahedron with these vertices (m) is folded, if it is: the place with the smallest Jacobian, and that over
+/// six times the volume of the tetrahedron of its corners. Where that volume is 0, edges are measured instead.
+pub fn folded_tetrahedron(points: &[[f64; 3]; 10]) -> Option<(&'static str, f64)> {
+    let [a, b, c] = [1, 2, 3].map(|i| sub(points[i], points[0]));
+    let whole = dot(a, cross(b, c));
+    let lengths = (dot(a, a) * dot(b, b) * dot(c, c)).sqrt();
+    let whole = if whole > FLAT * lengths { whole } else { lengths };
+    let ratio = |place: usize| {
+        let l = match place {
+            0..4 => std::array::from_fn(|i| f64::from(u8::from(i == place))),
+            4..10 => {
+                std::array::from_fn(|i| if MIDDLES[place - 4].contains(&i) { 0.5 } else { 0.0 })
+            }
+            _ => TETRAHEDRON_POINTS[place - 10],
+        };
+        let [a, b, c] = edges_of(tetrahedron10_derivatives(l), points);
+        if whole > 0.0 { dot(a, cross(b, c)) / whole } else { 0.0 }
+    };
+    let (place, ratio) = (0..PLACES.len())
+        .map(|place| (PLACES[place], ratio(place)))
+        .min_by(|a, b| a.1.total_cmp(&b.1))?;
+    (ratio.is_nan() || ratio <= FLAT).then_some((place, ratio))
 }
 
 /// Derivatives by the local coordinates of a nodal field at the points from `first` on, in the form of the
 /// tetrahedra that stand for the points: entry 0 is 0. `u` is taken relative to its first row, so that
 /// a translation costs no digits.
 #[inline(always)]
-pub fn hexahedron_differences<L: Lanes>(
-    derivatives: &Derivatives<L::Scalar, 8, 3>,
-    u: &[[L::Scalar; 3]; 8],
+pub fn point_differences<L: Lanes, const N: usize, const Q: usize>(
+    derivatives: &Derivatives<L::Scalar, N, 3, Q>,
+    u: &[[L::Scalar; 3]; N],
     first: usize,
 ) -> [[L; 3]; 4] {
     let mut result = [[L::ZERO; 3]; 4];
-    for a in 1..8 {
+    for a in 1..N {
         let relative = sub(u[a], u[0]).map(L::splat);
         for j in 0..3 {
             let d: L = load_points(&derivatives.0[a][j], first);
@@ -467,10 +693,10 @@ impl RestQuad {
 }
 
 /// Derivatives by the local coordinates of a nodal field at the points from `first` on, in the form of the
-/// triangles that stand for the points; as [`hexahedron_differences`].
+/// triangles that stand for the points; as [`point_differences`].
 #[inline(always)]
 pub fn quad_differences<L: Lanes>(
-    derivatives: &Derivatives<L::Scalar, 4, 2>,
+    derivatives: &Derivatives<L::Scalar, 4, 2, 4>,
     u: &[[L::Scalar; 3]; 4],
     first: usize,
 ) -> [[L; 3]; 3] {

@@ -74,6 +74,9 @@ pub trait Lanes: Real {
     /// When there is no room.
     fn store(self, to: &mut [Self::Scalar]);
 
+    /// Runs a kernel with these registers as a function of its own, for parts that many kernels share and that are large.
+    fn apart<K: Kernel<Self::Scalar>>(kernel: K) -> K::Output;
+
     /// First three entries of the rows `of[lane][local]`.
     #[inline(always)]
     fn load_rows<const M: usize>(
@@ -405,6 +408,10 @@ macro_rules! one_lane {
             fn store(self, to: &mut [Self]) {
                 to[0] = self;
             }
+            #[inline(always)]
+            fn apart<K: Kernel<Self>>(kernel: K) -> K::Output {
+                run_portable(kernel)
+            }
         }
     };
 }
@@ -438,11 +445,13 @@ mod x86 {
     use std::mem::transmute;
     use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
+    #[inline(never)]
     #[target_feature(enable = "avx2,fma")]
     fn run_avx2<L: Lanes, K: Kernel<L::Scalar>>(kernel: K) -> K::Output {
         kernel.run::<L>()
     }
 
+    #[inline(never)]
     #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
     fn run_avx512<L: Lanes, K: Kernel<L::Scalar>>(kernel: K) -> K::Output {
         kernel.run::<L>()
@@ -651,7 +660,11 @@ mod x86 {
 
     /// The first part of [`Lanes`]: one number per lane.
     macro_rules! numbers {
-        ($s:ident, $n:literal, $set1:ident, $load:ident, $store:ident) => {
+        ($s:ident, $n:literal, $set1:ident, $load:ident, $store:ident, $run:ident) => {
+            #[inline(always)]
+            fn apart<K: Kernel<$s>>(kernel: K) -> K::Output {
+                vector!($run::<Self, K>(kernel))
+            }
             type Scalar = $s;
             const COUNT: usize = $n;
             #[inline(always)]
@@ -689,7 +702,7 @@ mod x86 {
     }
 
     impl Lanes for F64x8 {
-        numbers!(f64, 8, _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd);
+        numbers!(f64, 8, _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, run_avx512);
         #[inline(always)]
         fn load_rows<const M: usize>(
             rows: &[[f64; 4]],
@@ -816,7 +829,7 @@ mod x86 {
     }
 
     impl Lanes for F32x16 {
-        numbers!(f32, 16, _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps);
+        numbers!(f32, 16, _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, run_avx512);
         #[inline(always)]
         fn load_rows<const M: usize>(
             rows: &[[f32; 4]],
@@ -949,7 +962,7 @@ mod x86 {
     }
 
     impl Lanes for F64x4 {
-        numbers!(f64, 4, _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd);
+        numbers!(f64, 4, _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, run_avx2);
         #[inline(always)]
         fn load_rows<const M: usize>(
             rows: &[[f64; 4]],
@@ -999,7 +1012,7 @@ mod x86 {
     }
 
     impl Lanes for F32x8 {
-        numbers!(f32, 8, _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps);
+        numbers!(f32, 8, _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, run_avx2);
         #[inline(always)]
         fn load_rows<const M: usize>(
             rows: &[[f32; 4]],

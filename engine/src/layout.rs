@@ -7,7 +7,9 @@
 
 use crate::element::{TETRAHEDRON_EDGES, TETRAHEDRON_FACES};
 use crate::element_kind::ElementKind;
-use crate::isoparametric::{HEXAHEDRON_FACES, HEXAHEDRON_PAIRS, QUAD_PAIRS};
+use crate::isoparametric::{
+    HEXAHEDRON_FACES, HEXAHEDRON_PAIRS, QUAD_PAIRS, TETRAHEDRON10_FACES, TETRAHEDRON10_PAIRS,
+};
 use std::ops::Deref;
 
 /// Row that stands for "not part of the body".
@@ -18,6 +20,8 @@ pub const UNUSED: u32 = u32::MAX;
 pub struct ElementLists<'a> {
     /// Tetrahedra.
     pub tetrahedra: &'a [[u32; 4]],
+    /// Ten-node tetrahedra; a body has tetrahedra of one order only.
+    pub tetrahedra10: &'a [[u32; 10]],
     /// Hexahedra.
     pub hexahedra: &'a [[u32; 8]],
     /// Membrane triangles.
@@ -35,7 +39,9 @@ impl ElementLists<'_> {
             self.tetrahedra.iter().flat_map(|t| TETRAHEDRON_EDGES.map(|[a, b]| [t[a], t[b]]));
         let hexahedra =
             self.hexahedra.iter().flat_map(|h| HEXAHEDRON_PAIRS.map(|[a, b]| [h[a], h[b]]));
-        sheets.chain(quads).chain(tetrahedra).chain(hexahedra)
+        let tens = self.tetrahedra10.iter();
+        let tens = tens.flat_map(|t| TETRAHEDRON10_PAIRS.map(|[a, b]| [t[a], t[b]]));
+        sheets.chain(quads).chain(tetrahedra).chain(tens).chain(hexahedra)
     }
 }
 
@@ -49,7 +55,10 @@ pub struct BodyElements {
     /// Vertex rows of the tetrahedra. Local vertices are renumbered, orientation kept, so that the
     /// lowest row comes first and the next lowest second.
     pub tetrahedra: Vec<[u32; 4]>,
-    /// Tetrahedron row -> index in the user's mesh.
+    /// Vertex rows of the ten-node tetrahedra, in the user's local order. They are tetrahedra as far as
+    /// [`ElementKind`] goes, and a body has one of the two lists only.
+    pub tetrahedra10: Vec<[u32; 10]>,
+    /// Tetrahedron row -> index in the user's mesh, of either order.
     pub tetrahedron_order: Vec<u32>,
     /// Vertex rows of the membrane triangles, ascending. They are no faces by themselves: an edge or a
     /// face that a membrane shares with a tetrahedron is there once.
@@ -74,7 +83,9 @@ impl BodyElements {
         for (row, &v) in vertex_order.iter().enumerate() {
             row_of_vertex[v as usize] = row as u32;
         }
-        let (tetrahedron_order, tetrahedra) = ordered(elements.tetrahedra, &row_of_vertex);
+        let (mut tetrahedron_order, tetrahedra) = ordered(elements.tetrahedra, &row_of_vertex);
+        let (order, tetrahedra10) = ordered(elements.tetrahedra10, &row_of_vertex);
+        tetrahedron_order.extend(order);
         let (membrane_order, membrane) = ordered(elements.membrane, &row_of_vertex);
         let (hexahedron_order, hexahedra) = ordered(elements.hexahedra, &row_of_vertex);
         let (quad_order, quads) = ordered(elements.quads, &row_of_vertex);
@@ -82,6 +93,7 @@ impl BodyElements {
             vertex_order,
             row_of_vertex,
             tetrahedra: tetrahedra.into_iter().map(lowest_first).collect(),
+            tetrahedra10,
             tetrahedron_order,
             membrane: membrane.into_iter().map(|[a, b, c]| sorted3(a, b, c)).collect(),
             membrane_order,
@@ -96,6 +108,7 @@ impl BodyElements {
     pub fn elements(&self) -> ElementLists<'_> {
         ElementLists {
             tetrahedra: &self.tetrahedra,
+            tetrahedra10: &self.tetrahedra10,
             hexahedra: &self.hexahedra,
             membrane: &self.membrane,
             quads: &self.quads,
@@ -125,6 +138,7 @@ impl BodyElements {
     pub fn nodes(&self, kind: ElementKind, element: u32) -> &[u32] {
         let i = element as usize;
         match kind {
+            ElementKind::Tetrahedron if !self.tetrahedra10.is_empty() => &self.tetrahedra10[i],
             ElementKind::Tetrahedron => &self.tetrahedra[i],
             ElementKind::Triangle => &self.membrane[i],
             ElementKind::Hexahedron => &self.hexahedra[i],
@@ -198,6 +212,10 @@ pub struct Cells {
     pub edges: Vec<[u32; 2]>,
     /// Edge rows of the tetrahedra in local edge order.
     pub tetrahedron_edges: Vec<[u32; 6]>,
+    /// Edge rows of the ten-node tetrahedra in the order of [`TETRAHEDRON10_PAIRS`].
+    pub tetrahedron10_edges: Vec<[u32; 45]>,
+    /// Triangle rows of the ten-node tetrahedra in the order of [`TETRAHEDRON10_FACES`].
+    pub tetrahedron10_triangles: Vec<[u32; 16]>,
     /// Vertex rows of the triangles, ascending, sorted.
     pub triangles: Vec<[u32; 3]>,
     /// Edge rows of the triangles, edge `i` opposite vertex `i`.
@@ -222,13 +240,18 @@ impl Cells {
     /// Of elements given by their vertex rows, below `vertex_count`; those of membrane triangles
     /// ascending.
     pub fn new(vertex_count: usize, elements: &ElementLists) -> Self {
-        let ElementLists { tetrahedra, hexahedra, membrane, quads } = *elements;
+        let ElementLists { tetrahedra, tetrahedra10, hexahedra, membrane, quads } = *elements;
         let mut edges: Vec<[u32; 2]> = elements.pairs().map(|[a, b]| sorted2(a, b)).collect();
         edges.sort_unstable();
         edges.dedup();
         let mut triangles: Vec<[u32; 3]> = tetrahedra
             .iter()
             .flat_map(|t| TETRAHEDRON_FACES.map(|[a, b, c]| sorted3(t[a], t[b], t[c])))
+            .chain(
+                tetrahedra10
+                    .iter()
+                    .flat_map(|t| TETRAHEDRON10_FACES.map(|[a, b, c]| sorted3(t[a], t[b], t[c]))),
+            )
             .chain(membrane.iter().copied())
             .collect();
         triangles.sort_unstable();
@@ -264,6 +287,14 @@ impl Cells {
                 .iter()
                 .map(|t| TETRAHEDRON_EDGES.map(|[a, b]| edge_row(t[a], t[b])))
                 .collect(),
+            tetrahedron10_edges: tetrahedra10
+                .iter()
+                .map(|t| TETRAHEDRON10_PAIRS.map(|[a, b]| edge_row(t[a], t[b])))
+                .collect(),
+            tetrahedron10_triangles: tetrahedra10
+                .iter()
+                .map(|t| TETRAHEDRON10_FACES.map(|[a, b, c]| triangle_row(t[a], t[b], t[c])))
+                .collect(),
             triangle_edges: triangles.iter().map(opposite).collect(),
             tetrahedron_triangles: tetrahedra
                 .iter()
@@ -291,10 +322,23 @@ impl Cells {
     pub fn edges_of(&self, kind: ElementKind, element: u32) -> &[u32] {
         let i = element as usize;
         match kind {
+            ElementKind::Tetrahedron if !self.tetrahedron10_edges.is_empty() => {
+                &self.tetrahedron10_edges[i]
+            }
             ElementKind::Tetrahedron => &self.tetrahedron_edges[i],
             ElementKind::Triangle => &self.membrane_edges[i],
             ElementKind::Hexahedron => &self.hexahedron_edges[i],
             ElementKind::Quad => &self.quad_edges[i],
+        }
+    }
+
+    /// Triangles on the surface of a tetrahedron of either order.
+    #[inline]
+    pub fn triangles_of(&self, tetrahedron: u32) -> &[u32] {
+        let i = tetrahedron as usize;
+        match self.tetrahedron10_triangles.is_empty() {
+            true => &self.tetrahedron_triangles[i],
+            false => &self.tetrahedron10_triangles[i],
         }
     }
 }

@@ -74,9 +74,13 @@ pub fn fits(what: &str, needed: impl FnOnce() -> u64) -> Result<(), TooLarge> {
 }
 
 /// Memory (bytes) that a body takes while it is built and simulated, by its numbers of tetrahedra, hexahedra,
-/// membrane triangles and quadrilaterals: measured per element, with matrices and preconditioner.
-pub fn of_body([tetrahedra, hexahedra, triangles, quads]: [usize; 4]) -> u64 {
-    1500 * tetrahedra as u64 + 6000 * hexahedra as u64 + 600 * (triangles + 2 * quads) as u64
+/// membrane triangles and quadrilaterals, and how many of the tetrahedra are of second order: measured per element, with
+/// matrices and preconditioner.
+pub fn of_body([tetrahedra, hexahedra, triangles, quads]: [usize; 4], second_order: usize) -> u64 {
+    10_000 * second_order as u64
+        + 1500 * tetrahedra as u64
+        + 6000 * hexahedra as u64
+        + 600 * (triangles + 2 * quads) as u64
 }
 
 /// Reads a file that is one: not a folder, a pipe or a device, and no larger than fits into the memory three times.

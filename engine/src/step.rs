@@ -6,8 +6,9 @@ use crate::element::{
     TetrahedronVertices, area_ratio, displacement_gradient, volume_change,
 };
 use crate::isoparametric::{
-    Derivatives, HexahedronRest, HexahedronVertices, QuadRest, QuadVertices,
-    hexahedron_differences, load_points, quad_differences, rows_of,
+    Derivatives, HexahedronRest, HexahedronVertices, PointsRest, QuadRest, QuadVertices,
+    Tetrahedron10Rest, Tetrahedron10Vertices, load_points, point_differences, quad_differences,
+    rows_of,
 };
 use crate::lanes::{Batch, Batches, Kernel, Lanes, MAX_LANES, padded};
 use crate::load::{Constraint, Load, LoadTime, Pressure, apply_constraints, apply_loads};
@@ -321,6 +322,7 @@ pub fn measure_volume_ratios<S: Scalar>(
     vertices: Query<&Displacement<S>>,
     tetrahedra: Query<(&TetrahedronVertices, ShapeGradients<S>, &BodyId)>,
     hexahedra: Query<(&HexahedronVertices, &HexahedronRest<S>, &BodyId)>,
+    tens: Query<(&Tetrahedron10Vertices, &Tetrahedron10Rest<S>, &BodyId)>,
     mut partial: Local<Vec<Vec<(BodyId, f64, u64, u64)>>>,
 ) {
     const CHUNK: usize = 4096;
@@ -353,34 +355,40 @@ pub fn measure_volume_ratios<S: Scalar>(
             report.add(body, smallest, inverted, count);
         }
     }
-    for (nodes, rest, bodies) in
-        hexahedra.contiguous_iter().expect("element components are stored in tables")
-    {
-        let mut ratios = vec![[f64::INFINITY; 8]; nodes.len()];
-        let derivatives = &Derivatives::hexahedron();
-        workers.for_chunks(&mut ratios, CHUNK, nodes.len() * 200, |first, ratios| {
-            for (i, ratios) in (first..).zip(ratios) {
-                *ratios = hexahedron_ratios(derivatives, u, nodes[i], &rest[i]);
+    macro_rules! at_points {
+        ($elements:expr, $derivatives:expr) => {
+            for (nodes, rest, bodies) in
+                $elements.contiguous_iter().expect("element components are stored in tables")
+            {
+                let mut ratios = vec![f64::INFINITY; nodes.len()];
+                let derivatives = &$derivatives;
+                workers.for_chunks(&mut ratios, CHUNK, nodes.len() * 200, |first, ratios| {
+                    for (i, ratio) in (first..).zip(ratios) {
+                        let all = point_ratios(derivatives, u, &nodes[i].0, &rest[i]);
+                        *ratio = all.into_iter().fold(f64::INFINITY, f64::min);
+                    }
+                });
+                for (&smallest, body) in ratios.iter().zip(bodies) {
+                    report.add(*body, smallest, u64::from(smallest <= 0.0), 1);
+                }
             }
-        });
-        for (ratios, body) in ratios.iter().zip(bodies) {
-            let smallest = ratios.iter().copied().fold(f64::INFINITY, f64::min);
-            report.add(*body, smallest, u64::from(smallest <= 0.0), 1);
-        }
+        };
     }
+    at_points!(hexahedra, Derivatives::hexahedron());
+    at_points!(tens, Derivatives::tetrahedron10());
     times.add("volume ratios", start.elapsed());
 }
 
-/// Ratio `J` of deformed to rest volume at the Gauss points of a hexahedron; 1 for a removed one.
-pub fn hexahedron_ratios<S: Scalar>(
-    derivatives: &Derivatives<S, 8, 3>,
+/// Ratio `J` of deformed to rest volume at the Gauss points of a solid element; 1 for a removed one.
+pub fn point_ratios<S: Scalar, const N: usize, const Q: usize>(
+    derivatives: &Derivatives<S, N, 3, Q>,
     displacement: &[Displacement<S>],
-    nodes: HexahedronVertices,
-    rest: &HexahedronRest<S>,
-) -> [f64; 8] {
-    let u = rows_of(Displacement::peel_slice(displacement), &nodes.0);
+    nodes: &[u32; N],
+    rest: &PointsRest<S, Q>,
+) -> [f64; Q] {
+    let u = rows_of(Displacement::peel_slice(displacement), nodes);
     std::array::from_fn(|q| {
-        let at = hexahedron_differences::<S::One>(derivatives, &u, q);
+        let at = point_differences::<S::One, N, Q>(derivatives, &u, q);
         let d = rest.gradients::<S::One>(q);
         let mut ratio = [S::ZERO];
         (<S::One as Real>::ONE + volume_change(&displacement_gradient(&d, &at))).store(&mut ratio);
@@ -485,7 +493,7 @@ pub fn measure_area_ratios<S: Scalar>(
 
 /// Deformed over rest area at the Gauss points of a membrane quadrilateral.
 pub fn quad_ratios<S: Scalar>(
-    derivatives: &Derivatives<S, 4, 2>,
+    derivatives: &Derivatives<S, 4, 2, 4>,
     displacement: &[Displacement<S>],
     nodes: QuadVertices,
     rest: &QuadRest<S>,

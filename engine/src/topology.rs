@@ -4,7 +4,9 @@
 use crate::element::{
     AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges,
 };
-use crate::isoparametric::{AxisHexahedronVertices, HexahedronVertices, QuadVertices};
+use crate::isoparametric::{
+    AxisHexahedronVertices, HexahedronVertices, QuadVertices, Tetrahedron10Vertices,
+};
 use crate::layout::{BodyElements, starts};
 use crate::vertex::RestPosition;
 use bevy_ecs::archetype::ArchetypeId;
@@ -185,6 +187,7 @@ impl ElementTables {
             world.component_id::<TetrahedronVertices>(),
             world.component_id::<MembraneVertices>(),
             world.component_id::<HexahedronVertices>(),
+            world.component_id::<Tetrahedron10Vertices>(),
             world.component_id::<QuadVertices>(),
             world.component_id::<AxisHexahedronVertices>(),
             world.component_id::<AxisVertices>(),

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use sinew_engine::mesh::io::*;
-use sinew_engine::mesh::{CellData, FileLines, Group, Mesh, MeshError, check};
+use sinew_engine::mesh::{CellData, FileLines, FindingCode, Group, LINEAR, Mesh, MeshError, check};
 
 /// A hexahedron, two tetrahedra on its top, and faces of both kinds beside and apart from them.
 fn mixed() -> Mesh {
@@ -213,4 +213,69 @@ fn data_of_the_wrong_length_are_refused() {
     let short = [0.0; 6];
     let file = VtuData { cell_scalars: &[("J", &short)], ..VtuData::of_mesh(&mesh) };
     assert!(matches!(encode_vtu(&file), Err(MeshError::LengthMismatch { expected: 7, .. })));
+}
+
+/// A unit tetrahedron of second order as other programs list it, one of its faces with six vertices.
+const CORNERS_AND_MIDDLES: &str =
+    "0 0 0\n1 0 0\n0 1 0\n0 0 1\n.5 0 0\n.5 .5 0\n0 .5 0\n0 0 .5\n.5 0 .5\n0 .5 .5\n";
+
+#[test]
+fn second_order_cells_in_the_orders_of_gmsh_and_vtk() {
+    let nodes: String =
+        (1..).zip(CORNERS_AND_MIDDLES.lines()).map(|(i, line)| format!("{i} {line}\n")).collect();
+    let gmsh = format!(
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n2 1 \"base\"\n3 2 \"flesh\"\n\
+         $EndPhysicalNames\n$Nodes\n10\n{nodes}$EndNodes\n$Elements\n2\n1 9 2 1 1 1 3 2 7 6 5\n\
+         2 11 2 2 1 1 2 3 4 5 6 7 8 10 9\n$EndElements\n\
+         $ElementData\n1\n\"f\"\n1\n0.0\n3\n0\n1\n2\n1 2.5\n2 3.5\n$EndElementData\n"
+    );
+    let mesh = read_gmsh(gmsh.as_bytes(), "").unwrap();
+    assert_eq!(
+        (&mesh.tetrahedra[..], &mesh.middles[..]),
+        (&[[0, 1, 2, 3]][..], &[[4, 5, 6, 7, 8, 9]][..])
+    );
+    assert_eq!(mesh.triangles, [[0, 6, 4], [2, 5, 6], [1, 4, 5], [6, 5, 4]]);
+    let base = mesh.group("base").unwrap();
+    assert_eq!(
+        (&base.vertices[..], &base.triangles[..]),
+        (&[0, 1, 2, 4, 5, 6][..], &[0, 1, 2, 3][..])
+    );
+    assert_eq!(mesh.group("flesh").unwrap().vertices, (0..10).collect::<Vec<u32>>());
+    let data = mesh.data("f").unwrap();
+    assert_eq!((&data.triangles[..], &data.tetrahedra[..]), (&[2.5; 4][..], &[3.5][..]));
+    assert!((mesh.total_volume() - 1.0 / 6.0).abs() < 1e-15);
+    let report = check(&mesh, &Default::default()).unwrap().report;
+    assert!(report.finding(FindingCode::NonConvexCell).is_none(), "{report}");
+
+    let vtk = format!(
+        "# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 10 double\n\
+         {CORNERS_AND_MIDDLES}CELLS 2 18\n6 0 2 1 6 5 4\n10 0 1 2 3 4 5 6 7 8 9\nCELL_TYPES 2\n22\n24\n"
+    );
+    let other = read_vtk(vtk.as_bytes(), "").unwrap();
+    assert_eq!((&other.middles, &other.triangles), (&mesh.middles, &mesh.triangles));
+
+    // all formats give the same back; a second body of the first order is kept apart by the check alone
+    let mut both = mesh.clone();
+    both.points.extend([2.0, 3.0].map(|x| DVec3::new(x, 0.0, 0.0)));
+    both.points.extend([DVec3::new(2.0, 1.0, 0.0), DVec3::new(2.0, 0.0, 1.0)]);
+    both.tetrahedra.push([10, 11, 12, 13]);
+    both.middles.push(LINEAR);
+    both.cell_data[0].tetrahedra.push(4.5);
+    for mesh in [&mesh, &both] {
+        let formats = [
+            read_gmsh(encode_gmsh(mesh).as_bytes(), ""),
+            read_vtk(&encode_vtk(&VtuData::of_mesh(mesh), true).unwrap(), ""),
+            read_vtk(&encode_vtk(&VtuData::of_mesh(mesh), false).unwrap(), ""),
+            read_vtu(&encode_vtu(&VtuData::of_mesh(mesh)).unwrap(), ""),
+        ];
+        for read in formats {
+            let read = read.unwrap();
+            assert_eq!((&read.tetrahedra, &read.middles), (&mesh.tetrahedra, &mesh.middles));
+            assert_eq!((&read.triangles, &read.points), (&mesh.triangles, &mesh.points));
+            assert_eq!(read.group("base").unwrap().vertices, mesh.group("base").unwrap().vertices);
+            assert_eq!(read.data("f").unwrap().tetrahedra, mesh.data("f").unwrap().tetrahedra);
+        }
+    }
+    let error = check(&both, &Default::default()).unwrap_err().to_string();
+    assert!(error.contains("mixed-order") && error.contains("1 of 2"), "{error}");
 }

@@ -285,6 +285,9 @@ pub fn scene_hash<S: Scalar>(world: &mut World) -> u64 {
                 sum.numbers(body.order(kind));
             }
             sum.numbers(body.tetrahedra.as_flattened());
+            if !body.tetrahedra10.is_empty() {
+                sum.numbers(body.tetrahedra10.as_flattened());
+            }
             sum.numbers(body.hexahedra.as_flattened());
             sum.numbers(body.membrane.as_flattened());
             sum.numbers(body.quads.as_flattened());

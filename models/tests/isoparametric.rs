@@ -1,14 +1,18 @@
-//! Hexahedra and quadrilaterals: reference vectors, derivatives, rigid motions, definite tangents, and the
+//! Hexahedra, ten-node tetrahedra and quadrilaterals: reference vectors, derivatives, rigid motions, definite tangents, and the
 //! same through every instruction set and number of threads.
 
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::Value;
 use sinew_engine::columns::single_table;
-use sinew_engine::isoparametric::CORNERS;
+use sinew_engine::isoparametric::{
+    CORNERS, MIDDLES, TETRAHEDRON_POINTS, tetrahedron10_derivatives, tetrahedron10_shape,
+};
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, TangentKind};
 use sinew_engine::matrix::Tangent;
+use sinew_engine::mesh::Mesh;
+use sinew_engine::mesh::generate::irregular_box_tets;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{Executor, ForceSchedule, install};
 use sinew_engine::topology::Topology;
@@ -16,7 +20,7 @@ use sinew_engine::vertex::{Displacement, ElasticForce, Mass};
 use sinew_engine::workers::Workers;
 use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
 use sinew_models::body::sheet::{MembraneDescription, MembraneError, MembraneModel, PlaneState};
-use sinew_models::body::{BodyDescription, BodyError, Model, VolumeRule, spawn_body};
+use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, VolumeRule, spawn_body};
 use sinew_models::material::YoungPoisson;
 
 /// Models of a material that hexahedra have.
@@ -53,6 +57,17 @@ fn bricks() -> (Vec<DVec3>, Vec<[u32; 8]>) {
     };
     let points = (0..12).map(|i| point(i) + 0.15 * DVec3::new(next(), next(), next())).collect();
     (points, vec![[0, 1, 4, 3, 6, 7, 10, 9], [1, 2, 5, 4, 7, 8, 11, 10]])
+}
+
+/// Two ten-node tetrahedra that share a face, their edges curved.
+fn tens() -> Mesh {
+    let mut next = noise(9);
+    let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.1], [0.1, 0.2, 1.0], [0.9, 0.8, 0.9]];
+    let points = corners.map(DVec3::from_array).to_vec();
+    let tetrahedra = vec![[0, 1, 2, 3], [1, 4, 2, 3]];
+    let mut mesh = Mesh { points, tetrahedra, ..Mesh::default() }.with_second_order();
+    mesh.points.iter_mut().for_each(|p| *p += 0.05 * DVec3::new(next(), next(), next()));
+    mesh
 }
 
 /// Two quadrilaterals that share a side, warped a little.
@@ -177,6 +192,16 @@ fn for_bodies(mut check: impl FnMut(&BodyDescription, &str, bool)) {
                 ..BodyDescription::from_parts("body", &points, &[], material(nu))
             };
             check(&body, &format!("{}, mean volume, {nu}", model.name()), false);
+        }
+    }
+    let mesh = tens();
+    for model in Model::ALL.into_iter().filter(|model| model.serves_tetrahedra10()) {
+        let body = BodyDescription { model, ..BodyDescription::new("body", &mesh, material(0.4)) };
+        check(&body, &format!("{}, ten nodes", model.name()), false);
+        if model.keeps_mean_volume() {
+            let material = material(0.49);
+            let body = BodyDescription { volume: VolumeRule::Clusters, material, ..body };
+            check(&body, &format!("{}, ten nodes, mean volume", model.name()), false);
         }
     }
     // six tetrahedra round a diagonal of each, in clusters that share a face
@@ -450,6 +475,175 @@ fn masses_are_row_sums() {
     let mut plate = world::<f64>(&body, InstructionSet::Portable);
     let at = respond::<f64>(&mut plate, &[DVec3::ZERO; 6], TangentKind::Exact);
     assert!(at.masses.iter().all(|m| *m > 0.0));
+}
+
+/// Places and weights of a rule on a tetrahedron exact to degree 7 and more: Gauss points on a cube that is drawn together to a
+/// tetrahedron.
+fn fine_rule() -> Vec<([f64; 4], f64)> {
+    let (a, b) = (
+        (3.0f64 / 7.0 - 2.0 / 7.0 * 1.2f64.sqrt()).sqrt(),
+        (3.0f64 / 7.0 + 2.0 / 7.0 * 1.2f64.sqrt()).sqrt(),
+    );
+    let (wa, wb) = ((18.0 + 30f64.sqrt()) / 36.0, (18.0 - 30f64.sqrt()) / 36.0);
+    let line = [(a, wa), (-a, wa), (b, wb), (-b, wb)].map(|(x, w)| (0.5 + 0.5 * x, 0.5 * w));
+    let mut rule = Vec::new();
+    for (x, wx) in line {
+        for (y, wy) in line {
+            for (z, wz) in line {
+                let l = [x, (1.0 - x) * y, (1.0 - x) * (1.0 - y) * z];
+                let weight = wx * wy * wz * (1.0 - x) * (1.0 - x) * (1.0 - y);
+                rule.push(([1.0 - l[0] - l[1] - l[2], l[0], l[1], l[2]], weight));
+            }
+        }
+    }
+    rule
+}
+
+#[test]
+fn shape_functions_of_ten_node_tetrahedra() {
+    let at = |a: usize| -> [f64; 4] {
+        let ends = if a < 4 { [a, a] } else { MIDDLES[a - 4] };
+        std::array::from_fn(|i| 0.5 * ends.iter().filter(|e| **e == i).count() as f64)
+    };
+    for a in 0..10 {
+        let shape = tetrahedron10_shape(at(a));
+        assert!((0..10).all(|b| shape[b] == f64::from(u8::from(a == b))), "{a}: {shape:?}");
+    }
+    for (l, _) in fine_rule() {
+        let shape = tetrahedron10_shape(l);
+        assert!((shape.iter().sum::<f64>() - 1.0).abs() < 1e-14);
+        for j in 0..3 {
+            let h = 1e-6;
+            let moved = [h, -h].map(|h| {
+                let mut l = l;
+                (l[j + 1], l[0]) = (l[j + 1] + h, l[0] - h);
+                tetrahedron10_shape(l)
+            });
+            for (a, d) in tetrahedron10_derivatives(l).iter().enumerate() {
+                let slope = (moved[0][a] - moved[1][a]) / (2.0 * h);
+                assert!((slope - d[j]).abs() < 1e-9, "{a} {j}: {slope} {}", d[j]);
+            }
+        }
+    }
+    // the four points are exact for squares of coordinates
+    for (i, j) in [(0, 0), (1, 3)] {
+        let four = TETRAHEDRON_POINTS.iter().map(|l| l[i] * l[j] / 24.0).sum::<f64>();
+        let fine = fine_rule().iter().map(|(l, w)| w * l[i] * l[j]).sum::<f64>();
+        assert!((four - fine).abs() < 1e-15, "{four} {fine}");
+    }
+}
+
+/// At small strain the energy of straight elements is of second degree, which the four points integrate exactly.
+#[test]
+fn small_strain_energy_of_ten_node_tetrahedra_is_exact() {
+    let corners = [[0.0; 3], [1.0, 0.1, 0.0], [0.2, 0.9, 0.1], [0.1, 0.2, 1.1]];
+    let points = corners.map(DVec3::from_array).to_vec();
+    let linear = Mesh { points, tetrahedra: vec![[0, 1, 2, 3]], ..Mesh::default() };
+    let mesh = linear.with_second_order();
+    let u = displacements(10, 1e-7, 31);
+    let lame = material(0.4).lame().unwrap();
+    let sum = |l: [f64; 4]| {
+        let d = tetrahedron10_derivatives(l);
+        let by = |field: &[DVec3]| {
+            let along = |j: usize| field.iter().zip(&d).map(|(p, d)| *p * d[j]).sum::<DVec3>();
+            DMat3::from_cols(along(0), along(1), along(2))
+        };
+        let edges = by(&mesh.points);
+        let g = by(&u) * edges.inverse();
+        let strain = (g + g.transpose()) * 0.5;
+        let squares: f64 = strain.to_cols_array().iter().map(|e| e * e).sum();
+        let trace = strain.x_axis.x + strain.y_axis.y + strain.z_axis.z;
+        edges.determinant() * (lame.mu * squares + 0.5 * lame.lambda * trace * trace)
+    };
+    let exact: f64 = fine_rule().into_iter().map(|(l, w)| w * sum(l)).sum();
+    for model in Model::ALL.into_iter().filter(|model| model.serves_tetrahedra10()) {
+        let body = BodyDescription { model, ..BodyDescription::new("body", &mesh, material(0.4)) };
+        let mut world = world::<f64>(&body, InstructionSet::Portable);
+        let own = respond::<f64>(&mut world, &u, TangentKind::Exact).energy;
+        assert!((own - exact).abs() < 1e-5 * exact, "{}: {own} {exact}", model.name());
+    }
+}
+
+/// An affine displacement is in equilibrium inside a distorted mesh, whatever the law, edges straight or curved.
+#[test]
+fn ten_node_tetrahedra_pass_the_patch_test() {
+    let whole = irregular_box_tets(DVec3::ONE, [2, 2, 2], 0.15, 3).unwrap().with_second_order();
+    let on_surface = |p: &DVec3| p.to_array().iter().any(|x| *x < 1e-9 || *x > 1.0 - 1e-9);
+    let inside: Vec<bool> = whole.points.iter().map(|p| !on_surface(p)).collect();
+    let mut curved = whole.clone();
+    let mut next = noise(8);
+    for (p, inside) in curved.points.iter_mut().zip(&inside) {
+        if *inside {
+            *p += 0.02 * DVec3::new(next(), next(), next());
+        }
+    }
+    let f = DMat3::from_cols(
+        DVec3::new(1.1, 0.1, -0.05),
+        DVec3::new(0.2, 0.9, 0.1),
+        DVec3::new(0.0, -0.1, 1.05),
+    );
+    for mesh in [&whole, &curved] {
+        let u: Vec<DVec3> = mesh.points.iter().map(|x| f * *x - *x).collect();
+        for model in Model::ALL.into_iter().filter(|model| model.serves_tetrahedra10()) {
+            for volume in [VolumeRule::Elements, VolumeRule::Clusters] {
+                if volume == VolumeRule::Clusters && !model.keeps_mean_volume() {
+                    continue;
+                }
+                let body = BodyDescription {
+                    model,
+                    volume,
+                    ..BodyDescription::new("body", mesh, material(0.4))
+                };
+                let mut world = world::<f64>(&body, InstructionSet::Portable);
+                let at = respond::<f64>(&mut world, &u, TangentKind::Exact);
+                assert!(at.masses.iter().all(|m| *m > 0.0));
+                assert!((at.masses.iter().sum::<f64>() - 1.0).abs() < 1e-3);
+                let largest = at.forces.iter().fold(0.0, |m: f64, f| m.max(f.length()));
+                // the rule of four points is exact for constant stress only where edges are straight
+                let exact = std::ptr::eq(mesh, &whole);
+                let bound = if exact { 1e-13 } else { 1e-2 };
+                for (f, _) in at.forces.iter().zip(&inside).filter(|(_, inside)| **inside) {
+                    let name = model.name();
+                    assert!(
+                        f.length() < bound * largest,
+                        "{name} {volume:?} {exact}: {f} of {largest}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_ten_node_tetrahedra_do_not_have_is_refused_by_name() {
+    let mesh = tens();
+    let refused = |change: &dyn Fn(&mut BodyDescription)| {
+        let mut body = BodyDescription::new("liver", &mesh, material(0.3));
+        change(&mut body);
+        let mut world = World::new();
+        install::<f64>(&mut world, Executor::SingleThreaded);
+        spawn_body(&mut world, &body).unwrap_err().to_string()
+    };
+    let error = refused(&|body| body.model = Model::MassSpring);
+    assert!(error.contains("liver") && error.contains("mass_spring"), "{error}");
+    let error = refused(&|body| body.evaluation = Evaluation::Pooled);
+    assert!(error.contains("fused"), "{error}");
+    let error = refused(&|body| body.axes = Some(AxesDescription::default()));
+    assert!(error.contains("axes"), "{error}");
+    let error = refused(&|body| body.middles = &body.middles[1..]);
+    assert!(error.contains("1 of 2"), "{error}");
+    let wrong = [mesh.middles[0], [99, 1, 2, 3, 4, 5]];
+    let mut body =
+        BodyDescription { middles: &wrong, ..BodyDescription::new("liver", &mesh, material(0.3)) };
+    let mut world = World::new();
+    install::<f64>(&mut world, Executor::SingleThreaded);
+    let error = spawn_body(&mut world, &body).unwrap_err();
+    assert!(matches!(error, BodyError::Index { tetrahedron: 1, .. }), "{error}");
+    let [a, b, c, d, e, f] = mesh.middles[1];
+    let turned = [mesh.middles[0], [a, b, c, d, f, e]];
+    body.middles = &turned;
+    let error = spawn_body(&mut world, &body).unwrap_err();
+    assert!(matches!(error, BodyError::Tetrahedron10 { tetrahedron: 1, .. }), "{error}");
 }
 
 #[test]

@@ -102,7 +102,9 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
     }
     disturb::<S>(&mut world);
     let counts = |elements| match elements {
-        Elements::Tetrahedra | Elements::PooledTetrahedra => Some(body.tetrahedra.len()),
+        Elements::Tetrahedra | Elements::PooledTetrahedra | Elements::Tetrahedra10 => {
+            Some(body.tetrahedra.len())
+        }
         Elements::Hexahedra => Some(body.hexahedra.len()),
         Elements::Triangles => Some(body.membrane.unwrap().triangles.len()),
         Elements::Quads => Some(body.membrane.unwrap().quads.len()),
@@ -123,7 +125,11 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
             }
             let whole = matches!(
                 row.elements,
-                Elements::Tetrahedra | Elements::Hexahedra | Elements::Triangles | Elements::Quads
+                Elements::Tetrahedra
+                    | Elements::Tetrahedra10
+                    | Elements::Hexahedra
+                    | Elements::Triangles
+                    | Elements::Quads
             );
             if whole && row.forces && !name.contains("compression") {
                 assert!(buffer.energy() > 0.0, "{name}: {}", buffer.energy());
@@ -140,7 +146,7 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
             world.resource::<ElasticEnergy>().by_law.iter().map(|(name, _)| *name).collect();
         assert_eq!(told, active, "told in the order of the table");
         let known = |name: &&str| {
-            LAWS.iter().any(|row| row.info.name == *name || row.measure == Some(name))
+            LAWS.iter().any(|row| row.info.name == *name || row.measure == Some(*name))
         };
         let laws = &world.resource::<ActiveLaws>().0;
         assert!(laws.iter().all(|name| known(name) || *name == "edge changes"), "{laws:?}");
@@ -148,7 +154,7 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
 }
 
 fn walk_all<S: Scalar>() {
-    let (tets, hexes) = (&tetrahedra(), &hexahedra());
+    let (tets, hexes, tens) = (&tetrahedra(), &hexahedra(), &tetrahedra().with_second_order());
     let (triangles, quads) = (
         triangle_grid(DVec2::splat(0.1), [3, 3]).unwrap(),
         quad_grid(DVec2::splat(0.1), [3, 3]).unwrap(),
@@ -161,12 +167,21 @@ fn walk_all<S: Scalar>() {
                     && (mesh.hexahedra.is_empty() || model.serves_hexahedra())
                 {
                     let body = BodyDescription::new("body", mesh, material());
-                    let body = BodyDescription { model, evaluation, ..body };
-                    walk::<S>(&body, true, &mut reached);
-                    if model.keeps_mean_volume() {
-                        let volume = VolumeRule::Clusters;
-                        walk::<S>(&BodyDescription { volume, ..body }, true, &mut reached);
-                    }
+                    walk::<S>(&BodyDescription { model, evaluation, ..body }, true, &mut reached);
+                }
+            }
+        }
+    }
+    for model in Model::ALL {
+        for volume in [VolumeRule::Elements, VolumeRule::Clusters] {
+            for mesh in [tets, hexes, tens] {
+                let served = match volume {
+                    VolumeRule::Elements => mesh.is_second_order() && model.serves_tetrahedra10(),
+                    VolumeRule::Clusters => model.keeps_mean_volume(),
+                };
+                if served {
+                    let body = BodyDescription::new("body", mesh, material());
+                    walk::<S>(&BodyDescription { model, volume, ..body }, false, &mut reached);
                 }
             }
         }
@@ -224,7 +239,10 @@ fn every_row_of_the_table_is_reached_in_single_precision() {
 fn names_are_unique() {
     let names: BTreeSet<_> = LAWS.iter().map(|row| row.info.name).collect();
     assert_eq!(names.len(), LAWS.len());
-    for row in LAWS.iter().filter_map(|row| row.hexahedra) {
+    let others = |row: &&'static LawRow| {
+        [row.hexahedra, row.by_mean, row.by_clusters, row.tetrahedra10, row.by_mean10]
+    };
+    for row in LAWS.iter().flat_map(others).flatten() {
         assert!(LAWS.contains(&row), "{} is a row of its own", row.info.name);
     }
 }

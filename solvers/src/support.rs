@@ -142,6 +142,7 @@ impl RigidParts {
         };
         let lists = body.elements();
         let solids = lists.tetrahedra.iter().map(|c| &c[..]);
+        let solids = solids.chain(lists.tetrahedra10.iter().map(|c| &c[..]));
         let solids = solids.chain(lists.hexahedra.iter().map(|c| &c[..]));
         let sheets = lists.membrane.iter().map(|c| &c[..]);
         let sheets = sheets.chain(lists.quads.iter().map(|c| &c[..]));

@@ -35,7 +35,19 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
     let material = |mesh: &Mesh| material(&key.at("material"), entry, thin(mesh).is_some());
     let mesh_key = meshes::source(key, body);
     let prepared = key.loaded.prepared_mesh(
-        || format!("{:?}", (&body.mesh, &body.generate, body.scale, &body.rotate, body.translate)),
+        || {
+            format!(
+                "{:?}",
+                (
+                    &body.mesh,
+                    &body.generate,
+                    body.scale,
+                    &body.rotate,
+                    body.translate,
+                    body.second_order
+                )
+            )
+        },
         || {
             let placed = meshes::placed(key, body)?;
             material(&placed)?;
@@ -207,7 +219,7 @@ fn springs(
 
 /// Mass (kg) of the solid elements of a mesh with a density (kg/m^3) each.
 fn mass_of(mesh: &Mesh, density: &[f64]) -> f64 {
-    let tetrahedra = mesh.tetrahedra.iter().map(|&t| mesh.signed_volume(t));
+    let tetrahedra = (0..mesh.tetrahedra.len()).map(|i| mesh.tetrahedron_volume(i));
     let hexahedra = mesh.hexahedra.iter().map(|&h| mesh.hexahedron_volume(h));
     let volumes = tetrahedra.chain(hexahedra).map(|volume| volume.unwrap_or(0.0));
     volumes.zip(density).map(|(volume, rho)| rho * volume).sum()
@@ -217,6 +229,7 @@ fn mass_of(mesh: &Mesh, density: &[f64]) -> f64 {
 pub fn count_membrane_vertices(checked: &mut CheckedMesh, membrane: &BuiltMembrane) {
     let used = &mut checked.used_vertices;
     *used = checked.mesh.tetrahedra.as_flattened().to_vec();
+    used.extend(checked.mesh.middles.as_flattened());
     used.extend(checked.mesh.hexahedra.as_flattened());
     used.extend(membrane.triangles.as_flattened());
     used.extend(membrane.quads.as_flattened());

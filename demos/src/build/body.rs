@@ -87,7 +87,9 @@ impl BuiltBody {
         let points = self.deformed(simulation);
         let left = |kind| simulation.remaining(self.handle, kind).into_iter().map(|e| e as usize);
         let tetrahedra = left(ElementKind::Tetrahedron).map(|e| self.mesh.tetrahedra[e]).collect();
+        let middles = left(ElementKind::Tetrahedron);
+        let middles = middles.filter_map(|e| self.mesh.middles.get(e).copied()).collect();
         let hexahedra = left(ElementKind::Hexahedron).map(|e| self.mesh.hexahedra[e]).collect();
-        Mesh { points, tetrahedra, hexahedra, ..Mesh::default() }.total_volume()
+        Mesh { points, tetrahedra, middles, hexahedra, ..Mesh::default() }.total_volume()
     }
 }

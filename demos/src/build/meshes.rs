@@ -108,5 +108,13 @@ pub(super) fn placed(key: &Key, body: &Body) -> Result<Mesh, SceneError> {
         None => DQuat::IDENTITY,
     };
     let translation = key.at("translate").finite(body.translate.unwrap_or_default())?;
-    Ok(mesh.transformed(scale, rotation, translation))
+    let mesh = mesh.transformed(scale, rotation, translation);
+    if !body.second_order {
+        return Ok(mesh);
+    }
+    if mesh.tetrahedra.is_empty() {
+        let remedy = "leave it out, or give a mesh of tetrahedra";
+        return Err(key.at("second_order").value("there are no tetrahedra", remedy));
+    }
+    Ok(mesh.with_second_order())
 }

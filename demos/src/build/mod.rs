@@ -100,14 +100,15 @@ fn warn_of_volume(built: &mut BuiltScene) {
     let integrator = built.plan.settings.integrator;
     let explicit = integrator.facts().explicit;
     for body in built.bodies.iter().filter(|body| body.volume == VolumeRule::Clusters) {
-        let hexahedra = body.element_count(ElementKind::Hexahedron) > 0;
-        if hexahedra && !explicit && !integrator.converges() && body.material.poisson_ratio > 0.49 {
+        let means = body.element_count(ElementKind::Hexahedron) > 0 || body.mesh.is_second_order();
+        if means && !explicit && !integrator.converges() && body.material.poisson_ratio > 0.49 {
             built.warnings.push(Warning::new(
-                "scene.volume.hexahedra",
+                "scene.volume.means",
                 Level::Warning,
                 format!("body `{}`", body.name),
-                "steps of one linearisation turn hexahedra by straight motions: above nu = 0.49 that damps their swing",
-                "use tetrahedra, 0.49, or the integrator \"newton\"",
+                "steps of one linearisation turn hexahedra and ten-node tetrahedra by straight motions: above nu = 0.49 \
+                 that damps their swing",
+                "use linear tetrahedra, 0.49, or the integrator \"newton\"",
             ));
         }
         if !explicit {

@@ -1,7 +1,7 @@
 //! The surface of what is left of a body, with the element behind every face.
 
 use glam::DVec3;
-use sinew::engine::isoparametric::HEXAHEDRON_FACES;
+use sinew::engine::isoparametric::{HEXAHEDRON_FACES, TETRAHEDRON10_FACES};
 use sinew::engine::mesh::Mesh;
 use std::collections::HashMap;
 
@@ -37,6 +37,14 @@ pub(crate) fn boundary(
         if let Some(t) = mesh.tetrahedra.get(e as usize) {
             let [a, b, c, d] = t.map(point);
             let turned = inverted(a, b, c, d);
+            if let Some(ten) = mesh.second_order(e as usize) {
+                for f in TETRAHEDRON10_FACES {
+                    let [a, b, c] = f.map(|k| ten[k]);
+                    let face = if turned { [a, c, b, u32::MAX] } else { [a, b, c, u32::MAX] };
+                    faces.push((face, e));
+                }
+                continue;
+            }
             for f in TETRAHEDRON_FACES {
                 let [a, b, c] = f.map(|k| t[k]);
                 let face = if turned { [a, c, b, u32::MAX] } else { [a, b, c, u32::MAX] };

@@ -2,7 +2,10 @@
 
 use crate::build::BuiltBody;
 use glam::{DMat3, DVec3};
-use sinew::engine::isoparametric::{RestHexahedron, gauss_point, hexahedron_derivatives};
+use sinew::engine::isoparametric::{
+    RestHexahedron, RestPoints, RestTetrahedron10, TETRAHEDRON_POINTS, gauss_point,
+    hexahedron_derivatives, tetrahedron10_derivatives,
+};
 use sinew::models::body::sheet::PlaneState;
 use sinew::models::element::precompute::RestTetrahedron;
 use sinew::models::material::{LameParameters, YoungPoisson};
@@ -53,6 +56,21 @@ fn lame(material: YoungPoisson) -> LameParameters {
     material.lame().unwrap_or(LameParameters { lambda: 0.0, mu: 0.0 })
 }
 
+/// The points of an element from its rest shape and the derivatives of its shape functions at them.
+fn solid_points<const V: usize, const Q: usize>(
+    rest: &RestPoints<Q>,
+    derivatives: impl Fn(usize) -> [[f64; 3]; V],
+) -> Vec<SolidPoint> {
+    let gradient = |q: usize, d: &[f64; 3]| -> DVec3 {
+        d.iter().zip(&rest.gradients[q]).map(|(d, g)| DVec3::from_array(*g) * *d).sum()
+    };
+    let point = |q: usize| SolidPoint {
+        gradients: derivatives(q).iter().map(|d| gradient(q, d)).collect(),
+        volume: rest.volume[q],
+    };
+    (0..Q).map(point).collect()
+}
+
 impl Measured {
     /// Of a body at rest.
     pub(crate) fn new(body: &BuiltBody, moduli: &Moduli) -> Self {
@@ -68,6 +86,13 @@ impl Measured {
         };
         let mut solids = Vec::with_capacity(mesh.tetrahedra.len() + mesh.hexahedra.len());
         for (e, t) in mesh.tetrahedra.iter().enumerate() {
+            if let Some(t) = mesh.second_order(e) {
+                let at = |q: usize| tetrahedron10_derivatives(TETRAHEDRON_POINTS[q]);
+                let points = RestTetrahedron10::new(t.map(point))
+                    .map_or(Vec::new(), |rest| solid_points(&rest, at));
+                solids.push(Solid { vertices: t.to_vec(), points, lame: of(e) });
+                continue;
+            }
             let points = RestTetrahedron::new(t.map(point)).map_or(Vec::new(), |rest| {
                 let gradients = rest.gradients.map(DVec3::from_array).to_vec();
                 vec![SolidPoint { gradients, volume: rest.volume }]
@@ -75,19 +100,9 @@ impl Measured {
             solids.push(Solid { vertices: t.to_vec(), points, lame: of(e) });
         }
         for (e, h) in mesh.hexahedra.iter().enumerate() {
-            let points = RestHexahedron::new(h.map(point)).map_or(Vec::new(), |rest| {
-                let point = |q: usize| SolidPoint {
-                    gradients: hexahedron_derivatives(gauss_point(q))
-                        .iter()
-                        .map(|d| {
-                            let terms = d.iter().zip(&rest.gradients[q]);
-                            terms.map(|(d, g)| DVec3::from_array(*g) * *d).sum()
-                        })
-                        .collect(),
-                    volume: rest.volume[q],
-                };
-                (0..8).map(point).collect()
-            });
+            let at = |q: usize| hexahedron_derivatives(gauss_point(q));
+            let points = RestHexahedron::new(h.map(point))
+                .map_or(Vec::new(), |rest| solid_points(&rest, at));
             let lame = of(mesh.tetrahedra.len() + e);
             solids.push(Solid { vertices: h.to_vec(), points, lame });
         }

@@ -26,6 +26,10 @@ pub struct Body {
     pub rotate: Option<Rotation>,
     /// Translation (m), after scaling and rotating.
     pub translate: Option<[f64; 3]>,
+    /// Puts a vertex in the middle of every edge of linear tetrahedra: ten-node tetrahedra, for accuracy in bending and near
+    /// incompressibility (with `volume = "clusters"`).
+    #[serde(default)]
+    pub second_order: bool,
     /// Material.
     pub material: Material,
     /// Energy; names are those of [`Model`].

@@ -84,6 +84,8 @@ pub(super) fn plane_state(entry: &Entry) -> Result<PlaneState, CaseError> {
 #[derive(Clone, Copy)]
 pub(super) enum Cells<'a> {
     Tetrahedra(&'a [[u32; 4]]),
+    /// Of ten nodes: corners, and the nodes on the edges.
+    Tetrahedra10(&'a [[u32; 4]], &'a [[u32; 6]]),
     Hexahedra(&'a [[u32; 8]]),
     Triangles(&'a [[u32; 3]]),
     Quads(&'a [[u32; 4]]),
@@ -103,7 +105,9 @@ impl<'a> Cells<'a> {
 
     pub fn len(self) -> usize {
         match self {
-            Cells::Tetrahedra(cells) | Cells::Quads(cells) => cells.len(),
+            Cells::Tetrahedra(cells) | Cells::Tetrahedra10(cells, _) | Cells::Quads(cells) => {
+                cells.len()
+            }
             Cells::Hexahedra(cells) => cells.len(),
             Cells::Triangles(cells) => cells.len(),
         }
@@ -113,6 +117,7 @@ impl<'a> Cells<'a> {
     pub fn nodes(self) -> usize {
         match self {
             Cells::Tetrahedra(_) | Cells::Quads(_) => 4,
+            Cells::Tetrahedra10(..) => 10,
             Cells::Hexahedra(_) => 8,
             Cells::Triangles(_) => 3,
         }
@@ -122,6 +127,7 @@ impl<'a> Cells<'a> {
     pub fn kind(self) -> &'static str {
         match self {
             Cells::Tetrahedra(_) => "tet",
+            Cells::Tetrahedra10(..) => "tet10",
             Cells::Hexahedra(_) => "hex",
             Cells::Triangles(_) => "tri",
             Cells::Quads(_) => "quad",
@@ -152,6 +158,9 @@ impl Law {
         };
         let found = match kind {
             "tet" => by_mean().or_else(solid),
+            "tet10" => by_mean().or_else(|| {
+                solid().filter(|law| matches!(law, Law::Solid(m, _) if m.serves_tetrahedra10()))
+            }),
             "hex" => by_mean().or_else(|| {
                 solid().filter(|law| matches!(law, Law::Solid(m, _) if m.serves_hexahedra()))
             }),
@@ -202,7 +211,11 @@ impl Body<'_> {
         let plain = BodyDescription::from_parts("body", self.points, &[], self.material.base);
         let description = match (self.law, self.cells) {
             (Law::Solid(model, volume), cells) => BodyDescription {
-                tetrahedra: if let Cells::Tetrahedra(cells) = cells { cells } else { &[] },
+                tetrahedra: match cells {
+                    Cells::Tetrahedra(cells) | Cells::Tetrahedra10(cells, _) => cells,
+                    _ => &[],
+                },
+                middles: if let Cells::Tetrahedra10(_, middles) = cells { middles } else { &[] },
                 hexahedra: if let Cells::Hexahedra(cells) = cells { cells } else { &[] },
                 young_modulus: self.material.young_modulus.as_deref(),
                 poisson_ratio: self.material.poisson_ratio.as_deref(),

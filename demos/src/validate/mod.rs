@@ -10,6 +10,7 @@ mod clusters;
 mod compare;
 mod contact;
 mod law;
+mod quadratic;
 mod read;
 mod report;
 mod trajectory;

@@ -1,5 +1,6 @@
 //! Vertices, edges, faces and volumes of single cells, and cells that share all their vertices.
 
+use crate::isoparametric::TETRAHEDRON10_FACES;
 use glam::DVec3;
 
 /// Faces of a tetrahedron, outward when its signed volume is positive.
@@ -29,9 +30,43 @@ pub(crate) fn hexahedron_faces(hexahedron: [u32; 8]) -> [[u32; 4]; 6] {
     HEXAHEDRON_FACES.map(|face| face.map(|corner| hexahedron[corner]))
 }
 
-/// Calls `visit` with both ends of every edge of a tetrahedron.
-pub(crate) fn tetrahedron_edges([a, b, c, d]: [u32; 4], mut visit: impl FnMut(u32, u32)) {
-    [[a, b], [a, c], [a, d], [b, c], [b, d], [c, d]].into_iter().for_each(|[i, j]| visit(i, j));
+/// Calls `visit` with both ends of every edge of a tetrahedron, of both halves of an edge that has a vertex in
+/// its middle.
+pub(crate) fn tetrahedron_edges(
+    [a, b, c, d]: [u32; 4],
+    middles: Option<&[u32; 6]>,
+    mut visit: impl FnMut(u32, u32),
+) {
+    let edges = [[a, b], [b, c], [a, c], [a, d], [b, d], [c, d]];
+    for (k, [i, j]) in edges.into_iter().enumerate() {
+        match middles {
+            None => visit(i, j),
+            Some(middles) => {
+                visit(i, middles[k]);
+                visit(middles[k], j);
+            }
+        }
+    }
+}
+
+/// Vertices of a tetrahedron of second order.
+pub(crate) fn ten([a, b, c, d]: [u32; 4], [e, f, g, h, i, j]: [u32; 6]) -> [u32; 10] {
+    [a, b, c, d, e, f, g, h, i, j]
+}
+
+/// Faces of a tetrahedron of second order, four triangles each, outward when its signed volume is positive.
+pub(crate) fn second_order_faces(cell: [u32; 10]) -> [[u32; 3]; 16] {
+    TETRAHEDRON10_FACES.map(|face| face.map(|corner| cell[corner]))
+}
+
+/// A triangle of second order in four parts: vertices are its corners, then those on the edges 01, 12 and 20.
+pub(crate) fn second_order_triangles([a, b, c, ab, bc, ca]: [u32; 6]) -> [[u32; 3]; 4] {
+    [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]
+}
+
+/// Vertices on the edges of a tetrahedron whose last two corners change places.
+pub(crate) fn mirrored_middles([ab, bc, ac, ad, bd, cd]: [u32; 6]) -> [u32; 6] {
+    [ab, bd, ad, ac, bc, cd]
 }
 
 /// Calls `visit` with both ends of every edge of a hexahedron.

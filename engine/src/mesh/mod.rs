@@ -25,12 +25,17 @@
 //!
 //! Its faces turn outward as `0321`, `4567`, `0154`, `1265`, `2376`, `3047`; its volume is that of the
 //! trilinear map of a cube, which bends warped faces into hyperbolic paraboloids.
+//!
+//! A mesh of second order has six more vertices for each tetrahedron, on its edges `ab`, `bc`, `ac`, `ad`, `bd`, `cd` (the
+//! order of VTK; readers and writers of Gmsh exchange the last two), so that edges and faces may be curved. Their faces are
+//! handed on as four flat triangles each.
 
 pub(crate) mod cell;
 pub mod check;
 pub mod error;
 pub mod generate;
 pub mod io;
+mod second_order;
 mod split;
 mod surface;
 
@@ -56,6 +61,9 @@ pub struct Mesh {
     pub points: Vec<DVec3>,
     /// Four vertex indices per tetrahedron, in file order.
     pub tetrahedra: Vec<[u32; 4]>,
+    /// The vertices on the edges of each tetrahedron in a mesh of second order, none in one of first order; see the
+    /// [order of the vertices](self). [`LINEAR`] stands for a tetrahedron without them, which the check refuses.
+    pub middles: Vec<[u32; 6]>,
     /// Eight vertex indices per hexahedron, in file order; see the [order of the vertices](self).
     pub hexahedra: Vec<[u32; 8]>,
     /// Three vertex indices per triangle: surface triangles or membranes as found in the file.
@@ -71,6 +79,9 @@ pub struct Mesh {
     /// Lines of the file on which vertices and cells stand, where a reader knows them.
     pub lines: FileLines,
 }
+
+/// Stands for the vertices on the edges of a linear tetrahedron beside others of second order.
+pub const LINEAR: [u32; 6] = [u32::MAX; 6];
 
 /// A named set of vertices and cells.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -155,12 +166,13 @@ impl Mesh {
     /// [`MeshError::TooLarge`] with the estimate.
     pub fn fits_into_memory(&self) -> Result<(), MeshError> {
         let counts = [self.tetrahedra.len(), self.hexahedra.len()];
+        let second_order = self.middles.len();
         let sheets =
             if self.is_solid() { [0; 2] } else { [self.triangles.len(), self.quads.len()] };
         let what =
             format!("{} ({} cells)", self.source, counts.iter().chain(&sheets).sum::<usize>());
         let [t, h] = counts;
-        Ok(memory::fits(&what, || memory::of_body([t, h, sheets[0], sheets[1]]))?)
+        Ok(memory::fits(&what, || memory::of_body([t, h, sheets[0], sheets[1]], second_order))?)
     }
 
     /// Reads a mesh as [`Mesh::read`] does, from files that `open` gives in place of the file system: an
@@ -231,7 +243,7 @@ impl Mesh {
     /// # Ok::<(), sinew_engine::mesh::MeshError>(())
     /// ```
     pub fn total_volume(&self) -> f64 {
-        let tets = self.tetrahedra.iter().filter_map(|&tet| self.signed_volume(tet));
+        let tets = (0..self.tetrahedra.len()).filter_map(|i| self.tetrahedron_volume(i));
         let hexes = self.hexahedra.iter().filter_map(|&hex| self.hexahedron_volume(hex));
         // From 0: the sum of nothing is -0.
         tets.chain(hexes).fold(0.0, |sum, volume| sum + volume)
@@ -260,12 +272,14 @@ impl Mesh {
     }
 
     /// Edges of the volume cells, or of the faces in a mesh without them: smaller index first, in the
-    /// order of the cells, once for each cell that has them.
+    /// order of the cells, once for each cell that has them. Edges of second order come as two halves.
     pub fn edges(&self) -> Vec<[u32; 2]> {
         let mut edges = Vec::new();
         let mut push = |i: u32, j: u32| edges.push([i.min(j), i.max(j)]);
         if self.is_solid() {
-            self.tetrahedra.iter().for_each(|&tet| cell::tetrahedron_edges(tet, &mut push));
+            for (i, &tet) in self.tetrahedra.iter().enumerate() {
+                cell::tetrahedron_edges(tet, self.middles.get(i), &mut push);
+            }
             self.hexahedra.iter().for_each(|hex| cell::hexahedron_edges(hex, &mut push));
         } else {
             self.triangles.iter().for_each(|face| cell::face_edges(face, &mut push));

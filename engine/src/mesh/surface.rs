@@ -1,13 +1,16 @@
 //! Faces that bound the volume cells of a mesh.
 
 use super::Mesh;
-use super::cell::{for_equal_cells, hexahedron_faces, quad_triangles, sorted, tetrahedron_faces};
+use super::cell::{
+    for_equal_cells, hexahedron_faces, quad_triangles, second_order_faces, sorted,
+    tetrahedron_faces,
+};
 use glam::DVec3;
 
 /// Faces that bound the volume cells, turned outward.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Surface {
-    /// Faces of tetrahedra, in their order.
+    /// Faces of tetrahedra, in their order; of those of second order in four parts.
     pub triangles: Vec<[u32; 3]>,
     /// Faces of hexahedra, in their order.
     pub quads: Vec<[u32; 4]>,
@@ -44,8 +47,10 @@ impl Mesh {
     pub fn surface(&self) -> Surface {
         let n = self.points.len() as u64;
         let inside = |cell: &[u32]| cell.iter().all(|&v| u64::from(v) < n);
-        let tets: Vec<[u32; 4]> =
-            self.tetrahedra.iter().copied().filter(|cell| inside(cell)).collect();
+        let tets: Vec<usize> = (0..self.tetrahedra.len())
+            .filter(|&i| inside(&self.tetrahedra[i]))
+            .filter(|&i| self.second_order(i).is_none_or(|ten| inside(&ten)))
+            .collect();
         let hexes: Vec<[u32; 8]> =
             self.hexahedra.iter().copied().filter(|cell| inside(cell)).collect();
         self.faces(&tets, &hexes).boundary
@@ -64,14 +69,18 @@ impl Mesh {
         self.surface().quads
     }
 
-    /// Sorts the faces of some cells of this mesh, whose indices must be in range.
-    pub(crate) fn faces(&self, tets: &[[u32; 4]], hexes: &[[u32; 8]]) -> Faces {
+    /// Sorts the faces of some cells of this mesh, tetrahedra by their numbers; indices must be in range.
+    pub(crate) fn faces(&self, tets: &[usize], hexes: &[[u32; 8]]) -> Faces {
         let n_points = self.points.len();
         let mut triangles = Vec::with_capacity(tets.len().saturating_mul(4));
-        for &tet in tets {
+        for &i in tets {
+            let tet = self.tetrahedra[i];
             let inverted = self.signed_volume(tet).is_some_and(|volume| volume < 0.0);
-            for [a, b, c] in tetrahedron_faces(tet) {
-                triangles.push(if inverted { [a, c, b] } else { [a, b, c] });
+            let mut add =
+                |[a, b, c]: [u32; 3]| triangles.push(if inverted { [a, c, b] } else { [a, b, c] });
+            match self.second_order(i) {
+                Some(ten) => second_order_faces(ten).into_iter().for_each(&mut add),
+                None => tetrahedron_faces(tet).into_iter().for_each(&mut add),
             }
         }
         let mut quads = Vec::with_capacity(hexes.len().saturating_mul(6));
@@ -231,7 +240,7 @@ mod tests {
         mesh.tetrahedra.pop();
         let surface = mesh.surface();
         assert_eq!((surface.triangles.len(), surface.quads.len()), (4, 6));
-        let faces = mesh.faces(&mesh.tetrahedra, &mesh.hexahedra);
+        let faces = mesh.faces(&[0], &mesh.hexahedra);
         assert_eq!(faces.mixed, [sorted(top)]);
     }
 

@@ -15,7 +15,7 @@ use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::isoparametric::{
     AxisHexahedronBlocks, AxisHexahedronVertices, Derivatives, HexahedronRest, RestHexahedron,
-    hexahedron_differences, load_weights,
+    load_weights, point_differences,
 };
 use sinew_engine::lanes::Lanes;
 use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
@@ -38,7 +38,7 @@ pub(crate) fn shares(rest: &RestHexahedron) -> RestHexahedron {
 
 /// Derivative (1/m) of the stretched axis `axis` at Gauss point `q` by the displacements of the vertices.
 pub(crate) fn shape_of(
-    derivatives: &Derivatives<f64, 8, 3>,
+    derivatives: &Derivatives<f64, 8, 3, 8>,
     rest: &RestHexahedron,
     q: usize,
     axis: DVec3,
@@ -71,7 +71,7 @@ pub static VOLUMES: LawRow = LawRow::of_systems(
 
 /// What all tables of axes in hexahedra have.
 pub(crate) struct Shared<'a, S: Scalar> {
-    elements: GaussElements<'a, S, 8, 3, 28>,
+    elements: GaussElements<'a, S, 8, 3, 28, 8>,
     rest: &'a [HexahedronRest<S>],
 }
 
@@ -286,11 +286,11 @@ struct Axes<'a, C>(&'a C);
 /// Elements at Gauss points, their shares of the volume and displacements (m).
 type Points<E, L> = (E, L, [[L; 3]; 4]);
 
-impl<S: Scalar, C: HexahedronColumns<S>> GaussLaw<S, 8, 3, 28> for Axes<'_, C> {
+impl<S: Scalar, C: HexahedronColumns<S>> GaussLaw<S, 8, 3, 28, 8> for Axes<'_, C> {
     const WIDE: bool = false;
     type Points<L: Lanes<Scalar = S>> = Points<C::Element<L>, L>;
     #[inline(always)]
-    fn elements(&self) -> &GaussElements<'_, S, 8, 3, 28> {
+    fn elements(&self) -> &GaussElements<'_, S, 8, 3, 28, 8> {
         &self.0.shared().elements
     }
     #[inline(always)]
@@ -301,12 +301,12 @@ impl<S: Scalar, C: HexahedronColumns<S>> GaussLaw<S, 8, 3, 28> for Axes<'_, C> {
         first: usize,
     ) -> Points<C::Element<L>, L> {
         let shared = self.0.shared();
-        let u = hexahedron_differences::<L>(&shared.elements.derivatives, u, first);
+        let u = point_differences::<L, 8, 8>(&shared.elements.derivatives, u, first);
         let share = load_weights::<L, 8>(&shared.rest[i].volume, first);
         (self.0.element::<L>(i, first, share), share, u)
     }
     #[inline(always)]
-    fn energy<L: Lanes<Scalar = S>>((e, _, u): &Points<C::Element<L>, L>) -> L {
+    fn energy<L: Lanes<Scalar = S>>(&self, (e, _, u): &Points<C::Element<L>, L>) -> L {
         e.energy(u)
     }
     #[inline(always)]
@@ -336,7 +336,7 @@ pub(crate) fn energy_at_points<E: AxisElement<f64>>(
     let derivatives = &Derivatives::hexahedron();
     (0..8)
         .map(|q| {
-            let u = hexahedron_differences::<f64>(derivatives, u, q);
+            let u = point_differences::<f64, 8, 8>(derivatives, u, q);
             element(rest.gradients::<f64>(q), rest.volume[q]).energy(&u)
         })
         .sum()

@@ -11,7 +11,6 @@ use super::damper::AxialDamper;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
 use super::hexahedra::energy_at_points;
 use super::printed_system::PrintedAxes;
-use crate::resection::state::in_f64;
 
 /// Numbers in columns of an entity; 0 where it has no such column.
 macro_rules! numbers {
@@ -97,7 +96,7 @@ pub(crate) fn hexahedron_energy<S: Scalar>(
     }
     // dampers have none
     let Some(rest) = e.get::<HexahedronRest<S>>() else { return 0.0 };
-    let rest = in_f64(rest);
+    let rest = rest.in_f64();
     if e.contains::<FibreActive<S>>() {
         let own = fibre::<S>(&e);
         return energy_at_points(&rest, u, |d, share| Fibre {

@@ -139,7 +139,7 @@ fn spawn_in_hexahedra<S: Scalar>(
     let mut fibres: Vec<(HexahedronPlace<S>, FibreMade<S>)> = Vec::new();
     let mut volumes: Vec<(HexahedronPlace<S>, VolumeStiffness<S>, VolumeAlone)> = Vec::new();
     let mut dampers: Vec<(HexahedronRows, AxialDamper<8>)> = Vec::new();
-    let derivatives = Derivatives::<f64, 8, 3>::hexahedron();
+    let derivatives = Derivatives::<f64, 8, 3, 8>::hexahedron();
     for (row, &original) in part.layout.hexahedron_order.iter().enumerate() {
         let rows = hexahedron_rows(part, row);
         let rest = &part.rest.hexahedra[row];

@@ -57,7 +57,7 @@ fn change<S: Scalar>(
     field: &MaterialField,
 ) -> Result<(), FieldError> {
     let rows = world.resource::<Topology>().bodies[body].clone();
-    let lame = field.lame(rows.tetrahedra.len(), rows.hexahedra.len())?;
+    let lame = field.lame(rows.tetrahedron_order.len(), rows.hexahedra.len())?;
     let mut query = world.query::<(Entity, &SoftBody)>();
     let found = query.iter(world).find(|(_, soft)| soft.index == body);
     let Some((entity, mut soft)) = found.map(|(entity, soft)| (entity, soft.clone())) else {
@@ -79,7 +79,7 @@ fn change<S: Scalar>(
     let mut masses = matter.masses(Items::All(rest.len()), &left);
     soft.masses.apply(&mut masses);
     before_edit::<S>(world);
-    set_moduli::<S>(world, body, soft.model, (&lame, rows.tetrahedra.len()));
+    set_moduli::<S>(world, body, soft.model, (&lame, rows.tetrahedron_order.len()));
     if matter.is_pooled() || !springs.is_empty() {
         set_springs::<S>(world, body, (&matter, &springs), (&left, &lame));
     }

@@ -12,7 +12,7 @@ use crate::material::{LameParameters, YoungPoisson};
 use glam::DVec3;
 use sinew_engine::connectivity::{ByKind, ElementKind};
 use sinew_engine::element::TETRAHEDRON_FACES;
-use sinew_engine::isoparametric::{RestHexahedron, RestQuad};
+use sinew_engine::isoparametric::{RestHexahedron, RestQuad, RestTetrahedron10};
 use sinew_engine::layout::{BodyElements, Cells};
 use sinew_engine::scalar::sub;
 use sinew_identify::mass::{MassLumping, lumped_masses};
@@ -99,6 +99,7 @@ macro_rules! rest_shapes {
 impl Matter<'_> {
     rest_shapes! {
         tetrahedron, tetrahedra, RestTetrahedron;
+        tetrahedron10, tetrahedra10, RestTetrahedron10;
         hexahedron, hexahedra, RestHexahedron;
         triangle, membrane, RestTriangle;
         quad, quads, RestQuad;
@@ -108,7 +109,7 @@ impl Matter<'_> {
     pub fn place(&self, kind: ElementKind, element: u32) -> usize {
         let user = self.ordered.order(kind)[element as usize] as usize;
         let hexahedron = kind == ElementKind::Hexahedron;
-        user + if hexahedron { self.ordered.tetrahedra.len() } else { 0 }
+        user + if hexahedron { self.ordered.tetrahedron_order.len() } else { 0 }
     }
 
     /// Material of a solid element.
@@ -148,8 +149,9 @@ impl Matter<'_> {
         shares.try_into().ok()
     }
 
-    /// Masses (kg) of vertices, summed over elements: a quarter or third of each simplex, and the row sums of
-    /// the mass matrix of others, or what nodal quadrature gives them.
+    /// Masses (kg) of vertices, summed over elements: a quarter or third of each linear simplex, the
+    /// [shares](sinew_engine::isoparametric::TETRAHEDRON10_MASSES) of ten-node tetrahedra, and the row sums of the mass matrix
+    /// of others, or what nodal quadrature gives them.
     pub fn masses(&self, vertices: Items, elements: &Chosen) -> Vec<f64> {
         let mut mass = vec![0.0; vertices.count()];
         let mut add = |nodes: &[u32], shares: &[f64]| {
@@ -160,7 +162,14 @@ impl Matter<'_> {
             }
         };
         let density = |kind, e| self.material(kind, e).density;
-        for &t in &elements[ElementKind::Tetrahedron] {
+        let tens = !self.ordered.tetrahedra10.is_empty();
+        for &t in elements[ElementKind::Tetrahedron].iter().filter(|_| tens) {
+            let density = density(ElementKind::Tetrahedron, t);
+            let volumes = self.tetrahedron10(t).vertex_volumes();
+            let nodes = self.ordered.tetrahedra10[t as usize];
+            add(&nodes, &volumes.map(|volume| density * volume));
+        }
+        for &t in elements[ElementKind::Tetrahedron].iter().filter(|_| !tens) {
             let share = density(ElementKind::Tetrahedron, t) * self.tetrahedron(t).volume / 4.0;
             add(&self.ordered.tetrahedra[t as usize], &[share; 4]);
         }

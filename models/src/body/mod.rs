@@ -31,7 +31,9 @@ use crate::material::YoungPoisson;
 use crate::material::field::{FieldError, MaterialArrays, MaterialField};
 
 use self::spawn::spawn;
-pub(crate) use self::spawn::{SolidPart, spawn_clustered, spawn_hexahedra, spawn_tetrahedra};
+pub(crate) use self::spawn::{
+    SolidPart, spawn_clustered, spawn_hexahedra, spawn_tetrahedra, spawn_tetrahedra10,
+};
 use self::surface::read_surface;
 pub use crate::laws::models::{Evaluation, Model, VolumeRule};
 use sinew_engine::surface::SurfaceReader;
@@ -45,6 +47,12 @@ pub struct BodyDescription<'a> {
     pub points: &'a [DVec3],
     /// Tetrahedra, positively oriented ([`sinew_engine::mesh`]'s check repairs orientation).
     pub tetrahedra: &'a [[u32; 4]],
+    /// Vertices on the edges of every tetrahedron ([`Mesh::middles`]), which make them ten-node tetrahedra, integrated over four
+    /// points; none for linear ones. Gravity acts by masses, that is by [their shares][TETRAHEDRON10_MASSES], and a pressure on
+    /// four flat triangles for each face: both sum up as they should but are not what the shape functions give.
+    ///
+    /// [TETRAHEDRON10_MASSES]: sinew_engine::isoparametric::TETRAHEDRON10_MASSES
+    pub middles: &'a [[u32; 6]],
     /// Hexahedra in the node order of Gmsh and VTK, positively oriented; integrated over 2x2x2 points.
     pub hexahedra: &'a [[u32; 8]],
     /// Material of the whole body.
@@ -82,7 +90,7 @@ impl<'a> BodyDescription<'a> {
     /// A body of all tetrahedra and hexahedra of a mesh, with the default model and evaluation.
     pub fn new(name: &'a str, mesh: &'a Mesh, material: YoungPoisson) -> Self {
         let tetrahedra = Self::from_parts(name, &mesh.points, &mesh.tetrahedra, material);
-        Self { hexahedra: &mesh.hexahedra, ..tetrahedra }
+        Self { hexahedra: &mesh.hexahedra, middles: &mesh.middles, ..tetrahedra }
     }
 
     /// A body of these points (m) and tetrahedra, with the default model and evaluation.
@@ -96,6 +104,7 @@ impl<'a> BodyDescription<'a> {
             name,
             points,
             tetrahedra,
+            middles: &[],
             hexahedra: &[],
             material,
             young_modulus: None,
@@ -200,6 +209,24 @@ pub enum BodyError {
         /// What is wrong.
         source: RestTetrahedronError,
     },
+    /// A ten-node tetrahedron without a usable rest shape.
+    #[error("body `{body}`, tetrahedron {tetrahedron}: {source}")]
+    Tetrahedron10 {
+        /// Name of the body.
+        body: String,
+        /// Index in the user's mesh.
+        tetrahedron: usize,
+        /// What is wrong.
+        source: RestShapeError,
+    },
+    /// Something that ten-node tetrahedra do not have.
+    #[error("body `{body}` is of ten-node tetrahedra, {problem}")]
+    Tetrahedra10 {
+        /// Name of the body.
+        body: String,
+        /// What does not fit, and what to do.
+        problem: String,
+    },
     /// A tetrahedron names a vertex that does not exist, or one twice.
     #[error(
         "body `{body}`, tetrahedron {tetrahedron} has vertices {vertices:?} of {count}: \
@@ -211,7 +238,7 @@ pub enum BodyError {
         /// Index in the user's mesh.
         tetrahedron: usize,
         /// Its vertices.
-        vertices: [u32; 4],
+        vertices: Vec<u32>,
         /// Number of vertices in the mesh.
         count: usize,
     },
@@ -410,7 +437,7 @@ pub fn spawn_body(world: &mut World, body: &BodyDescription) -> Result<Entity, B
     let (triangles, quads) =
         body.membrane.as_ref().map_or((0, 0), |m| (m.triangles.len(), m.quads.len()));
     let counts = [body.tetrahedra.len(), body.hexahedra.len(), triangles, quads];
-    memory::fits(&format!("body `{}`", body.name), || memory::of_body(counts))?;
+    memory::fits(&format!("body `{}`", body.name), || memory::of_body(counts, body.middles.len()))?;
     match world.get_resource::<Precision>() {
         Some(&precision) => {
             world.insert_resource(SurfaceReader(read_surface));

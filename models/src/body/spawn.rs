@@ -11,7 +11,8 @@ use sinew_engine::element::{
 };
 use sinew_engine::isoparametric::{
     HEXAHEDRON_PAIRS, HexahedronBlocks, HexahedronIndex, HexahedronRest, HexahedronVertices,
-    RestHexahedron,
+    RestHexahedron, RestTetrahedron10, Tetrahedron10Blocks, Tetrahedron10Rest,
+    Tetrahedron10Vertices,
 };
 use sinew_engine::law::{BodiesWithoutRecovery, partition_laws};
 use sinew_engine::layout::{BodyLayout, ElementLists};
@@ -34,7 +35,7 @@ use crate::axes::spawn_printed::{check_chords, spawn_printed};
 use crate::axes::systems::AxesOnly;
 use crate::element::precompute::{RestTetrahedron, SpringConstants};
 use crate::frame::clusters::{ClusterIndex, ClusterPressure, PredictedPressure};
-use crate::frame::hexahedra::Hexahedral;
+use crate::frame::hexahedra::{Hexahedral, Quadratic};
 use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::laws::pooled::{
     self, AngularStiffness, TensileStiffness, TensileTension, TriangleVertices, VolumetricStiffness,
@@ -52,8 +53,11 @@ pub(super) fn spawn<S: Scalar>(
     let name = || body.name.to_string();
     let of_membrane = |source| BodyError::Membrane { body: name(), source };
     let (membrane, user_lame) = check(world, body)?;
+    let tens = body.tetrahedra.iter().zip(body.middles);
+    let tens: Vec<[u32; 10]> = tens.map(|(corners, middles)| ten(corners, middles)).collect();
     let lists = ElementLists {
-        tetrahedra: body.tetrahedra,
+        tetrahedra: if tens.is_empty() { body.tetrahedra } else { &[] },
+        tetrahedra10: &tens,
         hexahedra: body.hexahedra,
         membrane: membrane.map_or(&[][..], |m| m.triangles),
         quads: membrane.map_or(&[][..], |m| m.quads),
@@ -101,6 +105,7 @@ pub(super) fn spawn<S: Scalar>(
             let own = layout.tetrahedron_order.iter().map(|&t| given[t as usize]);
             clusters::number(&own.collect::<Vec<_>>())
         }
+        (_, None) if layout.tetrahedra.is_empty() => Vec::new(),
         (_, None) => clusters::grow(layout.vertex_order.len(), &layout.tetrahedra, &lame[0]),
     };
     let part =
@@ -179,6 +184,9 @@ fn check<'a>(
         return Err(BodyError::Empty { body: name() });
     }
     check_indices(body)?;
+    if !body.middles.is_empty() {
+        check_tetrahedra10(body)?;
+    }
     if let Model::Own(law) = body.model {
         let of_law = |source| BodyError::Law { body: name(), source };
         if law.elements != Elements::Tetrahedra {
@@ -225,11 +233,42 @@ fn check_clusters(body: &BodyDescription, lame: &[LameParameters]) -> Result<(),
     Err(BodyError::Volume { body: body.name.to_string(), problem })
 }
 
+/// What ten-node tetrahedra need.
+fn check_tetrahedra10(body: &BodyDescription) -> Result<(), BodyError> {
+    let (all, given) = (body.tetrahedra.len(), body.middles.len());
+    let problem = if all != given {
+        format!("but {given} of {all} tetrahedra have vertices on their edges: give all or none")
+    } else if body.axes.is_some() {
+        "which take no axes yet: give it linear tetrahedra or hexahedra, or leave the axes out"
+            .into()
+    } else if !body.model.serves_tetrahedra10() {
+        let name = body.model.name();
+        format!(
+            "which model \"{name}\" is not made for: take \"svk_comp\", or a mesh of first order"
+        )
+    } else if body.evaluation != Evaluation::Fused {
+        "which pooled springs cannot sum up: take evaluation = \"fused\"".into()
+    } else if body.clusters.is_some() {
+        "each of which keeps its own mean volume: leave the list of clusters out".into()
+    } else {
+        return Ok(());
+    };
+    Err(BodyError::Tetrahedra10 { body: body.name.to_string(), problem })
+}
+
+/// Vertices of a ten-node tetrahedron.
+fn ten(&[a, b, c, d]: &[u32; 4], &[e, f, g, h, i, j]: &[u32; 6]) -> [u32; 10] {
+    [a, b, c, d, e, f, g, h, i, j]
+}
+
 fn check_indices(body: &BodyDescription) -> Result<(), BodyError> {
     let (name, count) = (|| body.name.to_string(), body.points.len());
-    for (tetrahedron, &vertices) in body.tetrahedra.iter().enumerate() {
-        let distinct = (0..4).all(|i| (0..i).all(|j| vertices[i] != vertices[j]));
+    for (tetrahedron, corners) in body.tetrahedra.iter().enumerate() {
+        let middles = body.middles.get(tetrahedron).map(|middles| ten(corners, middles));
+        let vertices = middles.as_ref().map_or(&corners[..], |ten| &ten[..]);
+        let distinct = (0..vertices.len()).all(|i| !vertices[..i].contains(&vertices[i]));
         if !distinct || vertices.iter().any(|&v| v as usize >= count) {
+            let vertices = vertices.to_vec();
             return Err(BodyError::Index { body: name(), tetrahedron, vertices, count });
         }
     }
@@ -332,6 +371,7 @@ impl Offsets {
 /// Rest shapes of the solid elements of a body, in the order of its layout.
 pub(crate) struct RestShapes {
     pub tetrahedra: Vec<RestTetrahedron>,
+    pub tetrahedra10: Vec<RestTetrahedron10>,
     pub hexahedra: Vec<RestHexahedron>,
 }
 
@@ -348,6 +388,13 @@ impl RestShapes {
                 BodyError::Tetrahedron { body: name.to_string(), tetrahedron, source }
             })
         });
+        let tens = layout.tetrahedra10.iter().zip(&layout.tetrahedron_order);
+        let tens = tens.map(|(t, &original)| {
+            let tetrahedron = original as usize;
+            RestTetrahedron10::new(t.map(|row| rest_of(row).to_array())).map_err(|source| {
+                BodyError::Tetrahedron10 { body: name.to_string(), tetrahedron, source }
+            })
+        });
         let hexahedra = layout.hexahedra.iter().zip(&layout.hexahedron_order);
         let hexahedra = hexahedra.map(|(h, &original)| {
             let hexahedron = original as usize;
@@ -355,8 +402,11 @@ impl RestShapes {
                 BodyError::Hexahedron { body: name.to_string(), hexahedron, source }
             })
         });
-        let tetrahedra = tetrahedra.collect::<Result<_, _>>()?;
-        Ok(Self { tetrahedra, hexahedra: hexahedra.collect::<Result<_, _>>()? })
+        Ok(Self {
+            tetrahedra: tetrahedra.collect::<Result<_, _>>()?,
+            tetrahedra10: tens.collect::<Result<_, _>>()?,
+            hexahedra: hexahedra.collect::<Result<_, _>>()?,
+        })
     }
 }
 
@@ -392,6 +442,17 @@ type HexahedronBundle<S> = (
     HexahedronIndex,
     BodyId,
     HexahedronRest<S>,
+    RestVolume<S>,
+    Moduli<S>,
+);
+
+/// Components of a ten-node tetrahedron, likewise.
+type Tetrahedron10Bundle<S> = (
+    Tetrahedron10Vertices,
+    Tetrahedron10Blocks,
+    TetrahedronIndex,
+    BodyId,
+    Tetrahedron10Rest<S>,
     RestVolume<S>,
     Moduli<S>,
 );
@@ -455,6 +516,24 @@ impl SolidPart<'_> {
         })
     }
 
+    fn tetrahedra10<S: Scalar>(&self) -> impl Iterator<Item = Tetrahedron10Bundle<S>> {
+        let Self { layout, model, at, .. } = self;
+        let elements = layout.tetrahedra10.iter().zip(&layout.cells.tetrahedron10_edges);
+        let numbers = self.rest.tetrahedra10.iter().zip(&self.lame[0]);
+        let elements = elements.zip(&layout.tetrahedron_order).zip(numbers);
+        elements.map(move |(((t, e), &original), (rest, &lame))| {
+            (
+                Tetrahedron10Vertices(at.vertices(t)),
+                Tetrahedron10Blocks(at.blocks(e)),
+                TetrahedronIndex(original),
+                at.body,
+                rest.component::<S>(),
+                RestVolume(S::from_f64(rest.total_volume())),
+                moduli_bundle::<S>(lame, *model),
+            )
+        })
+    }
+
     /// Spawns the elements with the mark of their law.
     fn spawn<S: Scalar>(
         &self,
@@ -479,6 +558,12 @@ impl SolidPart<'_> {
                 }
                 None => spawn_tetrahedra::<AxesOnly, S>(world, self),
             }
+        }
+        // what has no such law was refused before
+        if !self.rest.tetrahedra10.is_empty()
+            && let Some(law) = law.and_then(|law| law.in_tetrahedra10(volume))
+        {
+            laws::in_table(world, law).1.spawn::<S>(world, self);
         }
         if !self.rest.hexahedra.is_empty() {
             match law {
@@ -617,6 +702,15 @@ pub(crate) fn spawn_hexahedra<L: Send + Sync + 'static, S: Scalar>(
     part: &SolidPart,
 ) {
     part.spawn_marked_hexahedra::<Hexahedral<L>, S>(world);
+}
+
+/// Spawns the ten-node tetrahedra of a body with the mark of law `L`.
+pub(crate) fn spawn_tetrahedra10<L: Send + Sync + 'static, S: Scalar>(
+    world: &mut World,
+    part: &SolidPart,
+) {
+    let marked = part.tetrahedra10::<S>().map(|t| (t, Quadratic::<L>::default()));
+    world.spawn_batch(marked.collect::<Vec<_>>());
 }
 
 /// Columns of the moduli of a solid element.

@@ -7,8 +7,8 @@
 //! ```
 
 use bevy_ecs::prelude::*;
-use sinew_engine::isoparametric::{Derivatives, load_points, rows_of};
-use sinew_engine::lanes::{Lanes, MAX_LANES};
+use sinew_engine::isoparametric::{Derivatives, load_points, load_weights, rows_of};
+use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
 use sinew_engine::law::{Span, TangentKind};
 use sinew_engine::scalar::{Real, Scalar};
 
@@ -35,8 +35,15 @@ impl<L: Send + Sync + 'static, const V: usize> Default for AtPoints<L, V> {
     }
 }
 
-/// Elements of `V` vertices, as many Gauss points and `P` pairs of vertices, in `D` local coordinates.
-pub(crate) struct GaussElements<'a, S: Scalar, const V: usize, const D: usize, const P: usize> {
+/// Elements of `V` vertices, `Q` Gauss points and `P` pairs of vertices, in `D` local coordinates.
+pub(crate) struct GaussElements<
+    'a,
+    S: Scalar,
+    const V: usize,
+    const D: usize,
+    const P: usize,
+    const Q: usize,
+> {
     /// Displacement of every vertex row (m).
     pub displacement: &'a [[S; 4]],
     /// Vertex rows.
@@ -44,10 +51,12 @@ pub(crate) struct GaussElements<'a, S: Scalar, const V: usize, const D: usize, c
     /// Tangent blocks of the pairs.
     pub blocks: &'a [[u32; P]],
     /// Derivatives of the shape functions.
-    pub derivatives: Derivatives<S, V, D>,
+    pub derivatives: Derivatives<S, V, D, Q>,
 }
 
-impl<S: Scalar, const V: usize, const D: usize, const P: usize> GaussElements<'_, S, V, D, P> {
+impl<S: Scalar, const V: usize, const D: usize, const P: usize, const Q: usize>
+    GaussElements<'_, S, V, D, P, Q>
+{
     /// Displacements (m) of the vertices of an element.
     #[inline(always)]
     pub fn displacements(&self, element: usize) -> [[S; 3]; V] {
@@ -56,7 +65,7 @@ impl<S: Scalar, const V: usize, const D: usize, const P: usize> GaussElements<'_
 }
 
 /// What a law makes of such elements. Mark implementations `#[inline(always)]`.
-pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: usize>:
+pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: usize, const Q: usize>:
     Sync
 {
     /// As [`Kernel::WIDE`](sinew_engine::lanes::Kernel::WIDE).
@@ -64,7 +73,7 @@ pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: us
     /// What stands for some points, with their displacements.
     type Points<L: Lanes<Scalar = S>>;
     /// All elements.
-    fn elements(&self) -> &GaussElements<'_, S, V, D, P>;
+    fn elements(&self) -> &GaussElements<'_, S, V, D, P, Q>;
     /// The points from `first` on of an element whose vertices have the displacements `u` (m).
     fn points<L: Lanes<Scalar = S>>(
         &self,
@@ -73,7 +82,7 @@ pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: us
         first: usize,
     ) -> Self::Points<L>;
     /// Energy (J).
-    fn energy<L: Lanes<Scalar = S>>(points: &Self::Points<L>) -> L;
+    fn energy<L: Lanes<Scalar = S>>(&self, points: &Self::Points<L>) -> L;
     /// Forces (N) on the vertices that move, `None` when there are none in any lane.
     fn forces<L: Lanes<Scalar = S>>(points: &Self::Points<L>) -> Option<[[L; 3]; D]>;
     /// Tangent (N/m) of these vertices.
@@ -81,21 +90,30 @@ pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: us
         points: &Self::Points<L>,
         kind: TangentKind,
     ) -> [[[L; 9]; D]; D];
-    /// Adds what a tangent has that belongs to an element as a whole.
+    /// What a tangent has that belongs to an element as a whole: `factor b b^T` of a factor and the vectors of its vertices.
     #[inline(always)]
-    fn add_whole<L: Lanes<Scalar = S>>(&self, _: usize, _: &[[S; 3]; V], _: &mut Blocks<L, V, P>) {}
+    fn whole<L: Lanes<Scalar = S>>(&self, _: usize, _: &[[S; 3]; V]) -> Option<(S, [[S; 3]; V])> {
+        None
+    }
     /// Where the projected tangent differs from the exact one; nowhere among the points that only fill the
     /// register.
     fn is_clamped<L: Lanes<Scalar = S>>(points: &Self::Points<L>) -> L::Mask;
 }
 
 /// The passes over a [`GaussLaw`].
-pub(crate) struct GaussColumns<'a, C, const V: usize, const D: usize, const P: usize>(pub &'a C);
+pub(crate) struct GaussColumns<
+    'a,
+    C,
+    const V: usize,
+    const D: usize,
+    const P: usize,
+    const Q: usize,
+>(pub &'a C);
 
-impl<S: Scalar, C, const V: usize, const D: usize, const P: usize> LawColumns<S>
-    for GaussColumns<'_, C, V, D, P>
+impl<S: Scalar, C, const V: usize, const D: usize, const P: usize, const Q: usize> LawColumns<S>
+    for GaussColumns<'_, C, V, D, P, Q>
 where
-    C: GaussLaw<S, V, D, P>,
+    C: GaussLaw<S, V, D, P, Q>,
 {
     const WIDE: bool = C::WIDE;
     const LANES_ARE_POINTS: bool = true;
@@ -103,8 +121,8 @@ where
     #[inline(always)]
     fn add_energy<L: Lanes<Scalar = S>>(&self, i: usize, sums: &mut [f64; MAX_LANES]) {
         let u = self.0.elements().displacements(i);
-        for first in (0..V).step_by(L::COUNT) {
-            C::energy(&self.0.points::<L>(i, &u, first)).accumulate(sums);
+        for first in (0..Q).step_by(L::COUNT) {
+            self.0.energy(&self.0.points::<L>(i, &u, first)).accumulate(sums);
         }
     }
 
@@ -113,7 +131,7 @@ where
         let elements = self.0.elements();
         let u = elements.displacements(i);
         let mut sum = [[L::ZERO; 3]; V];
-        for first in (0..V).step_by(L::COUNT) {
+        for first in (0..Q).step_by(L::COUNT) {
             let Some(f) = C::forces(&self.0.points::<L>(i, &u, first)) else { continue };
             for a in 0..V {
                 for j in 0..D {
@@ -136,18 +154,91 @@ where
     fn add_tangent<L: Lanes<Scalar = S>>(&self, i: usize, to: &mut TangentSum<S>) {
         let elements = self.0.elements();
         let u = elements.displacements(i);
-        let mut sum = Blocks::<L, V, P>::ZERO;
+        let mut inner = PointTangents::ZERO;
         let mut any = false;
-        for first in (0..V).step_by(L::COUNT) {
+        for first in (0..Q).step_by(L::COUNT) {
             let points = self.0.points::<L>(i, &u, first);
             if to.kind == TangentKind::Projected {
                 any |= L::any(C::is_clamped(&points));
             }
-            sum.add(&C::tangent(&points, to.kind), &elements.derivatives, first);
+            inner.store(&C::tangent(&points, to.kind), first);
         }
         to.clamped[0] += f64::from(u8::from(any));
-        self.0.add_whole(i, &u, &mut sum);
-        sum.write(to.span, &elements.nodes[i], &elements.blocks[i]);
+        L::apart(Assemble {
+            inner: &inner,
+            derivatives: &elements.derivatives,
+            whole: self.0.whole::<L>(i, &u),
+            span: &mut *to.span,
+            nodes: &elements.nodes[i],
+            blocks: &elements.blocks[i],
+        });
+    }
+}
+
+/// Tangents (N/m) of the vertices that move at all points of an element: `[i][j][entry][point]`.
+pub(crate) struct PointTangents<T, const D: usize, const Q: usize>([[[[T; Q]; 9]; D]; D]);
+
+impl<T: Scalar, const D: usize, const Q: usize> PointTangents<T, D, Q> {
+    pub(crate) const ZERO: Self = Self([[[[T::ZERO; Q]; 9]; D]; D]);
+
+    /// Takes those of the points from `first` on.
+    #[inline(always)]
+    pub(crate) fn store<L: Lanes<Scalar = T>>(&mut self, of: &[[[L; 9]; D]; D], first: usize) {
+        let count = L::COUNT.min(Q - first);
+        let mut lanes = [T::ZERO; MAX_LANES];
+        for i in 0..D {
+            for j in 0..D {
+                for k in 0..9 {
+                    of[i][j][k].store(&mut lanes);
+                    self.0[i][j][k][first..first + count].copy_from_slice(&lanes[..count]);
+                }
+            }
+        }
+    }
+}
+
+/// Adds the tangent of an element to a range. The larger part of the work and of the code, and the same for every law: it
+/// is compiled once for each kind of elements ([`Lanes::apart`]).
+pub(crate) struct Assemble<
+    'a,
+    T: Scalar,
+    S: Scalar,
+    const V: usize,
+    const D: usize,
+    const P: usize,
+    const Q: usize,
+> {
+    pub inner: &'a PointTangents<T, D, Q>,
+    pub derivatives: &'a Derivatives<T, V, D, Q>,
+    /// As [`GaussLaw::whole`].
+    pub whole: Option<(T, [[T; 3]; V])>,
+    pub span: &'a mut Span<S>,
+    pub nodes: &'a [u32; V],
+    pub blocks: &'a [u32; P],
+}
+
+impl<T: Scalar, S: Scalar, const V: usize, const D: usize, const P: usize, const Q: usize> Kernel<T>
+    for Assemble<'_, T, S, V, D, P, Q>
+{
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = T>>(self) {
+        let mut sum = Blocks::<L, V, P>::ZERO;
+        for first in (0..Q).step_by(L::COUNT) {
+            let mut inner = [[[L::ZERO; 9]; D]; D];
+            for i in 0..D {
+                for j in 0..D {
+                    for k in 0..9 {
+                        inner[i][j][k] = load_weights(&self.inner.0[i][j][k], first);
+                    }
+                }
+            }
+            sum.add(&inner, self.derivatives, first);
+        }
+        if let Some((factor, b)) = &self.whole {
+            sum.add_outer(*factor, b);
+        }
+        sum.write(self.span, self.nodes, self.blocks);
     }
 }
 
@@ -173,20 +264,20 @@ fn summed<L: Lanes, S: Scalar>(block: &[L; 9]) -> [S; 9] {
 }
 
 /// Upper half of the `V` x `V` blocks of an element, one Gauss point per lane until they are summed.
-pub(crate) struct Blocks<L, const V: usize, const P: usize> {
+struct Blocks<L, const V: usize, const P: usize> {
     diagonal: [[L; 9]; V],
     off: [[L; 9]; P],
 }
 
 impl<L: Lanes, const V: usize, const P: usize> Blocks<L, V, P> {
-    pub(crate) const ZERO: Self = Self { diagonal: [[L::ZERO; 9]; V], off: [[L::ZERO; 9]; P] };
+    const ZERO: Self = Self { diagonal: [[L::ZERO; 9]; V], off: [[L::ZERO; 9]; P] };
 
     /// Adds what the tangents of some points give.
     #[inline(always)]
-    pub(crate) fn add<const D: usize>(
+    fn add<const D: usize, const Q: usize>(
         &mut self,
         inner: &[[[L; 9]; D]; D],
-        derivatives: &Derivatives<L::Scalar, V, D>,
+        derivatives: &Derivatives<L::Scalar, V, D, Q>,
         first: usize,
     ) {
         let mut d = [[L::ZERO; D]; V];
@@ -219,7 +310,7 @@ impl<L: Lanes, const V: usize, const P: usize> Blocks<L, V, P> {
 
     /// Adds `factor b b^T`.
     #[inline(always)]
-    pub(crate) fn add_outer(&mut self, factor: L::Scalar, b: &[[L::Scalar; 3]; V]) {
+    fn add_outer(&mut self, factor: L::Scalar, b: &[[L::Scalar; 3]; V]) {
         let first = |value| {
             let mut lanes = [L::Scalar::ZERO; MAX_LANES];
             lanes[0] = value;
@@ -240,7 +331,7 @@ impl<L: Lanes, const V: usize, const P: usize> Blocks<L, V, P> {
 
     /// Sums the points and adds the blocks to a range.
     #[inline(always)]
-    pub(crate) fn write<S: Scalar>(&self, span: &mut Span<S>, nodes: &[u32; V], blocks: &[u32; P]) {
+    fn write<S: Scalar>(&self, span: &mut Span<S>, nodes: &[u32; V], blocks: &[u32; P]) {
         for a in 0..V {
             let mut block = summed(&self.diagonal[a]);
             symmetrise(&mut block);
@@ -264,12 +355,15 @@ fn place<const V: usize>(a: usize, b: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sinew_engine::isoparametric::{HEXAHEDRON_PAIRS, QUAD_PAIRS};
+    use sinew_engine::isoparametric::{HEXAHEDRON_PAIRS, QUAD_PAIRS, TETRAHEDRON10_PAIRS};
 
     #[test]
     fn places_count_the_pairs() {
         for (i, [a, b]) in HEXAHEDRON_PAIRS.into_iter().enumerate() {
             assert_eq!(place::<8>(a, b), i);
+        }
+        for (i, [a, b]) in TETRAHEDRON10_PAIRS.into_iter().enumerate() {
+            assert_eq!(place::<10>(a, b), i);
         }
         for (i, [a, b]) in QUAD_PAIRS.into_iter().enumerate() {
             assert_eq!(place::<4>(a, b), i);

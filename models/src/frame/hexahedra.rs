@@ -1,13 +1,14 @@
-//! Laws on hexahedra with trilinear shape functions, integrated over 2x2x2 Gauss points.
+//! Laws on solid elements with Gauss points: hexahedra with trilinear shape functions over 2x2x2 points, ten-node
+//! tetrahedra with quadratic ones over four.
 //!
 //! A Gauss point deforms as a tetrahedron whose edges are the derivatives of the positions by the local
 //! coordinates ([`super::gauss`]), so every [`TetrahedronLaw`] that is a density of the displacement gradient
-//! serves here; eight points fill a register (laws for comparison are compiled without registers: each set costs
-//! compile time).
+//! serves here; eight points fill a register, four half of one (laws for comparison and those of ten-node tetrahedra are
+//! not compiled for AVX-512: each set costs compile time and size).
 //!
 //! # Mean dilatation
 //!
-//! Near incompressibility the eight volume ratios of a hexahedron are more than its vertices can hold. Laws whose
+//! Near incompressibility the volume ratios of all points are more than the vertices can hold. Laws whose
 //! volume term is one in `J - 1` ([`TAKES_PRESSURE`](TetrahedronLaw::TAKES_PRESSURE)) can have all of `lambda` act on
 //! its mean over the element, with `v_q` the volumes of the points and `V` their sum (Nagtegaal, Parks & Rice 1974 as an
 //! energy):
@@ -22,8 +23,8 @@ use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use sinew_engine::element::{displacement_gradient, volume_change};
 use sinew_engine::isoparametric::{
-    Derivatives, HexahedronBlocks, HexahedronRest, HexahedronVertices, hexahedron_differences,
-    load_points, load_weights,
+    Derivatives, HexahedronBlocks, HexahedronVertices, PointsRest, Tetrahedron10Blocks,
+    Tetrahedron10Vertices, load_points, load_weights, point_differences,
 };
 use sinew_engine::lanes::{Kernel, Lanes};
 use sinew_engine::law::{EvaluationRequest, LawBuffer, Span, TangentKind};
@@ -35,30 +36,70 @@ use sinew_engine::workers::Workers;
 use std::marker::PhantomData;
 
 use super::columns::{evaluate_span, work};
-use super::gauss::{AtPoints, Blocks, GaussColumns, GaussElements, GaussLaw, total};
+use super::gauss::{
+    Assemble, AtPoints, GaussColumns, GaussElements, GaussLaw, PointTangents, total,
+};
 use super::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
 use crate::element::projection;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
 use crate::laws::corotational::Corotational;
 use crate::laws::svk::FusedStVK;
-use crate::laws::{LawRow, activate_elements};
+use crate::laws::{ElementRows, LawRow, activate_elements};
 
 /// Law `L` at the Gauss points of hexahedra; also the mark of its hexahedra.
 pub type Hexahedral<L> = AtPoints<L, 8>;
+/// Law `L` at the Gauss points of ten-node tetrahedra; also the mark of its tetrahedra.
+pub type Quadratic<L> = AtPoints<L, 10>;
 
 /// Law `L` with its volume term by the mean of an element.
 #[derive(Clone, Copy, Debug)]
 pub struct ByMean<L>(PhantomData<fn() -> L>);
 
-/// Columns of hexahedra, as slices.
-struct Columns<'a, S: Scalar> {
-    elements: GaussElements<'a, S, 8, 3, 28>,
-    rest: &'a [HexahedronRest<S>],
+/// A kind of solid elements with `V` vertices, `P` pairs of them and `Q` Gauss points.
+pub(crate) trait Shape<const V: usize, const P: usize, const Q: usize>: 'static {
+    /// Column of vertex rows.
+    type Vertices: ElementRows + TransparentWrapper<[u32; V]>;
+    /// Column of tangent blocks.
+    type Blocks: Component + TransparentWrapper<[u32; P]>;
+    /// As [`Kernel::WIDE`], where the law says so too.
+    const WIDE: bool;
+    /// Derivatives of the shape functions.
+    fn derivatives<S: Scalar>() -> Derivatives<S, V, 3, Q>;
+}
+
+/// Hexahedra.
+pub(crate) struct Brick;
+
+impl Shape<8, 28, 8> for Brick {
+    type Vertices = HexahedronVertices;
+    type Blocks = HexahedronBlocks;
+    const WIDE: bool = true;
+    fn derivatives<S: Scalar>() -> Derivatives<S, 8, 3, 8> {
+        Derivatives::hexahedron()
+    }
+}
+
+/// Ten-node tetrahedra.
+pub(crate) struct TenNodes;
+
+impl Shape<10, 45, 4> for TenNodes {
+    type Vertices = Tetrahedron10Vertices;
+    type Blocks = Tetrahedron10Blocks;
+    const WIDE: bool = false;
+    fn derivatives<S: Scalar>() -> Derivatives<S, 10, 3, 4> {
+        Derivatives::tetrahedron10()
+    }
+}
+
+/// Columns of elements, as slices.
+struct Columns<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> {
+    elements: GaussElements<'a, S, V, 3, P, Q>,
+    rest: &'a [PointsRest<S, Q>],
     /// lambda, mu and that of the compression term (Pa).
     moduli: [&'a [S]; 3],
 }
 
-impl<S: Scalar> Columns<'_, S> {
+impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Columns<'_, S, V, P, Q> {
     #[inline(always)]
     fn moduli(&self, element: usize) -> [S; 3] {
         let [lambda, mu, compression] = self.moduli;
@@ -69,17 +110,17 @@ impl<S: Scalar> Columns<'_, S> {
 /// A tetrahedron that stands for a Gauss point, and its displacements (m).
 type Point<L> = (Element<L>, [[L; 3]; 4]);
 
-/// The tetrahedra that stand for the Gauss points from `first` on of a hexahedron, and their displacements (m).
+/// The tetrahedra that stand for the Gauss points from `first` on of an element, and their displacements (m).
 #[inline(always)]
-fn points<Law: TetrahedronLaw, L: Lanes>(
-    derivatives: &Derivatives<L::Scalar, 8, 3>,
-    rest: &HexahedronRest<L::Scalar>,
+fn points<Law: TetrahedronLaw, L: Lanes, const V: usize, const Q: usize>(
+    derivatives: &Derivatives<L::Scalar, V, 3, Q>,
+    rest: &PointsRest<L::Scalar, Q>,
     moduli: [L::Scalar; 3],
-    u: &[[L::Scalar; 3]; 8],
+    u: &[[L::Scalar; 3]; V],
     first: usize,
 ) -> Point<L> {
-    let u = hexahedron_differences::<L>(derivatives, u, first);
-    let volume = load_weights::<L, 8>(&rest.volume, first);
+    let u = point_differences::<L, V, Q>(derivatives, u, first);
+    let volume = load_weights::<L, Q>(&rest.volume, first);
     let gradients = rest.gradients::<L>(first);
     let [lambda, mu, compression] = moduli.map(L::splat);
     let (pressure, quartic) = (L::ZERO, L::ZERO);
@@ -91,17 +132,17 @@ fn points<Law: TetrahedronLaw, L: Lanes>(
     (Element { gradients, volume, lambda, mu, compression, pressure, quartic }, u)
 }
 
-/// Volume (m^3) of a hexahedron, and the mean of `J - 1` over it.
+/// Volume (m^3) of an element, and the mean of `J - 1` over it.
 #[inline(always)]
-fn mean_change<L: Lanes>(
-    derivatives: &Derivatives<L::Scalar, 8, 3>,
-    rest: &HexahedronRest<L::Scalar>,
-    u: &[[L::Scalar; 3]; 8],
+fn mean_change<L: Lanes, const V: usize, const Q: usize>(
+    derivatives: &Derivatives<L::Scalar, V, 3, Q>,
+    rest: &PointsRest<L::Scalar, Q>,
+    u: &[[L::Scalar; 3]; V],
 ) -> [f64; 2] {
     let (mut volume, mut change) = (0.0, 0.0);
-    for first in (0..8).step_by(L::COUNT) {
-        let own = load_weights::<L, 8>(&rest.volume, first);
-        let u = hexahedron_differences::<L>(derivatives, u, first);
+    for first in (0..Q).step_by(L::COUNT) {
+        let own = load_weights::<L, Q>(&rest.volume, first);
+        let u = point_differences::<L, V, Q>(derivatives, u, first);
         let g = displacement_gradient(&rest.gradients::<L>(first), &u);
         volume += total(own).to_f64();
         change += total(own * volume_change(&g)).to_f64();
@@ -121,40 +162,53 @@ pub(crate) fn inner_blocks<R: Real>(t: &TetrahedronTangent<R>) -> [[[R; 9]; 3]; 
     inner
 }
 
-/// Hexahedra that follow law `Law`, with its volume term at the points or by the mean.
-struct OfLaw<'a, 'b, Law, S: Scalar, const MEAN: bool> {
-    columns: &'a Columns<'b, S>,
-    law: PhantomData<fn() -> Law>,
+/// Elements that follow law `Law`. Whether its volume term acts at the points or by their mean is told at run time, so that
+/// kernels are there once for both.
+struct OfLaw<'a, 'b, Law, E, S: Scalar, const V: usize, const P: usize, const Q: usize> {
+    columns: &'a Columns<'b, S, V, P, Q>,
+    by_mean: bool,
+    law: PhantomData<fn() -> (Law, E)>,
 }
 
-impl<Law: TetrahedronLaw, S: Scalar, const MEAN: bool> GaussLaw<S, 8, 3, 28>
-    for OfLaw<'_, '_, Law, S, MEAN>
+impl<Law: TetrahedronLaw, E, S: Scalar, const V: usize, const P: usize, const Q: usize>
+    OfLaw<'_, '_, Law, E, S, V, P, Q>
 {
-    const WIDE: bool = Law::WIDE;
+    #[inline(always)]
+    fn takes_mean(&self) -> bool {
+        Law::TAKES_PRESSURE && self.by_mean
+    }
+}
+
+impl<Law: TetrahedronLaw, E, S: Scalar, const V: usize, const P: usize, const Q: usize>
+    GaussLaw<S, V, 3, P, Q> for OfLaw<'_, '_, Law, E, S, V, P, Q>
+where
+    E: Shape<V, P, Q>,
+{
+    const WIDE: bool = Law::WIDE && E::WIDE;
     type Points<L: Lanes<Scalar = S>> = Point<L>;
     #[inline(always)]
-    fn elements(&self) -> &GaussElements<'_, S, 8, 3, 28> {
+    fn elements(&self) -> &GaussElements<'_, S, V, 3, P, Q> {
         &self.columns.elements
     }
     #[inline(always)]
-    fn points<L: Lanes<Scalar = S>>(&self, i: usize, u: &[[S; 3]; 8], first: usize) -> Point<L> {
+    fn points<L: Lanes<Scalar = S>>(&self, i: usize, u: &[[S; 3]; V], first: usize) -> Point<L> {
         let columns = self.columns;
         let (derivatives, rest) = (&columns.elements.derivatives, &columns.rest[i]);
-        let [lambda, mu, compression] = columns.moduli(i);
-        if !MEAN {
-            return points::<Law, L>(derivatives, rest, [lambda, mu, compression], u, first);
+        let [mut lambda, mu, compression] = columns.moduli(i);
+        let mut pressure = S::ZERO;
+        if self.takes_mean() {
+            let [_, mean] = mean_change::<L, V, Q>(derivatives, rest, u);
+            (pressure, lambda) = (lambda * S::from_f64(mean), S::ZERO);
         }
-        let [_, mean] = mean_change::<L>(derivatives, rest, u);
-        let shape = [S::ZERO, mu, compression];
-        let (e, u) = points::<Law, L>(derivatives, rest, shape, u, first);
-        let pressure = L::splat(lambda * S::from_f64(mean));
+        let moduli = [lambda, mu, compression];
+        let (e, u) = points::<Law, L, V, Q>(derivatives, rest, moduli, u, first);
         let folded = if Law::FOLDS_VOLUME { load_weights(&rest.volume, first) } else { L::ONE };
-        (Element { pressure: pressure * folded, ..e }, u)
+        (Element { pressure: L::splat(pressure) * folded, ..e }, u)
     }
     #[inline(always)]
-    fn energy<L: Lanes<Scalar = S>>((e, u): &Point<L>) -> L {
+    fn energy<L: Lanes<Scalar = S>>(&self, (e, u): &Point<L>) -> L {
         // V lambda/2 m^2 = sum_q v_q p/2 (J_q - 1)
-        let pressure = if MEAN { L::splat(S::from_f64(0.5)) * e.pressure } else { e.pressure };
+        let pressure = L::splat(S::from_f64(0.5)) * e.pressure;
         Law::energy(&Element { pressure, ..*e }, u)
     }
     #[inline(always)]
@@ -167,26 +221,21 @@ impl<Law: TetrahedronLaw, S: Scalar, const MEAN: bool> GaussLaw<S, 8, 3, 28>
         inner_blocks(&Law::tangent(e, u, kind))
     }
     #[inline(always)]
-    fn add_whole<L: Lanes<Scalar = S>>(
-        &self,
-        i: usize,
-        u: &[[S; 3]; 8],
-        to: &mut Blocks<L, 8, 28>,
-    ) {
-        if !MEAN {
-            return;
+    fn whole<L: Lanes<Scalar = S>>(&self, i: usize, u: &[[S; 3]; V]) -> Option<(S, [[S; 3]; V])> {
+        if !self.takes_mean() {
+            return None;
         }
         let columns = self.columns;
         let (derivatives, rest) = (&columns.elements.derivatives, &columns.rest[i]);
-        let (mut sum, mut volume) = ([[L::ZERO; 3]; 8], 0.0);
-        for first in (0..8).step_by(L::COUNT) {
-            let own = load_weights::<L, 8>(&rest.volume, first);
+        let (mut sum, mut volume) = ([[L::ZERO; 3]; V], 0.0);
+        for first in (0..Q).step_by(L::COUNT) {
+            let own = load_weights::<L, Q>(&rest.volume, first);
             volume += total(own).to_f64();
             let gradients = rest.gradients::<L>(first);
-            let differences = hexahedron_differences::<L>(derivatives, u, first);
+            let differences = point_differences::<L, V, Q>(derivatives, u, first);
             let cof = tetrahedron::cofactor(&displacement_gradient(&gradients, &differences));
             let d = gradients.map(|d| mat_vec(&cof, d).map(|x| own * x));
-            for a in 0..8 {
+            for a in 0..V {
                 for j in 0..3 {
                     let share: L = load_points(&derivatives.0[a][j], first);
                     for x in 0..3 {
@@ -198,7 +247,7 @@ impl<Law: TetrahedronLaw, S: Scalar, const MEAN: bool> GaussLaw<S, 8, 3, 28>
         // a material with nu < 0 would make this negative
         let [lambda, ..] = columns.moduli(i);
         let factor = S::from_f64(lambda.to_f64().max(0.0) / volume);
-        to.add_outer(factor, &sum.map(|row| row.map(total)));
+        Some((factor, sum.map(|row| row.map(total))))
     }
     #[inline(always)]
     fn is_clamped<L: Lanes<Scalar = S>>((e, u): &Point<L>) -> L::Mask {
@@ -206,42 +255,67 @@ impl<Law: TetrahedronLaw, S: Scalar, const MEAN: bool> GaussLaw<S, 8, 3, 28>
     }
 }
 
-/// Query data of hexahedra.
-type Data<S> = (
-    &'static HexahedronVertices,
-    &'static HexahedronBlocks,
-    &'static HexahedronRest<S>,
+/// Query data of elements.
+type Data<S, A, B, const Q: usize> = (
+    &'static A,
+    &'static B,
+    &'static PointsRest<S, Q>,
     &'static FirstLameParameter<S>,
     &'static ShearModulus<S>,
     &'static CompressionModulus<S>,
 );
 
 /// Slices of [`Data`].
-type Slices<'a, S> = <Data<S> as ContiguousQueryData>::Contiguous<'a, 'a>;
+type Slices<'a, S, A, B, const Q: usize> =
+    <Data<S, A, B, Q> as ContiguousQueryData>::Contiguous<'a, 'a>;
 
-/// Puts `L` on hexahedra into the force schedule, with its volume term at the points or by the mean.
-pub(crate) fn activate<L: TetrahedronLaw, S: Scalar, const MEAN: bool>(
+/// Puts `L` on elements of a kind into the force schedule, with its volume term at the points or by the mean.
+pub(crate) fn activate<
+    L: TetrahedronLaw,
+    E: Shape<V, P, Q>,
+    S: Scalar,
+    const V: usize,
+    const P: usize,
+    const Q: usize,
+    const MEAN: bool,
+>(
     world: &mut World,
     row: &'static LawRow,
     place: usize,
 ) {
     const { assert!(L::TAKES_PRESSURE || !MEAN) };
-    let evaluate = evaluate::<L, S, MEAN>;
-    activate_elements::<HexahedronVertices, S, Data<S>>(world, row, place, evaluate);
+    let evaluate = |with: Evaluation,
+                    displacement: &[Displacement<S>],
+                    slices: Slices<'_, S, E::Vertices, E::Blocks, Q>,
+                    buffer: &mut LawBuffer<S>| {
+        evaluate::<L, E, S, V, P, Q>(with, displacement, slices, MEAN, buffer);
+    };
+    activate_elements::<E::Vertices, S, Data<S, E::Vertices, E::Blocks, Q>>(
+        world, row, place, evaluate,
+    );
 }
 
-fn evaluate<L: TetrahedronLaw, S: Scalar, const MEAN: bool>(
+#[inline(never)]
+fn evaluate<
+    L: TetrahedronLaw,
+    E: Shape<V, P, Q>,
+    S: Scalar,
+    const V: usize,
+    const P: usize,
+    const Q: usize,
+>(
     Evaluation { request, workers, recovering }: Evaluation,
     displacement: &[Displacement<S>],
-    (nodes, blocks, rest, lambda, mu, compression): Slices<'_, S>,
+    (nodes, blocks, rest, lambda, mu, compression): Slices<'_, S, E::Vertices, E::Blocks, Q>,
+    by_mean: bool,
     buffer: &mut LawBuffer<S>,
 ) {
     let columns = Columns {
         elements: GaussElements {
             displacement: Displacement::peel_slice(displacement),
-            nodes: HexahedronVertices::peel_slice(nodes),
-            blocks: HexahedronBlocks::peel_slice(blocks),
-            derivatives: Derivatives::hexahedron(),
+            nodes: E::Vertices::peel_slice(nodes),
+            blocks: E::Blocks::peel_slice(blocks),
+            derivatives: E::derivatives(),
         },
         rest,
         moduli: [
@@ -250,67 +324,70 @@ fn evaluate<L: TetrahedronLaw, S: Scalar, const MEAN: bool>(
             CompressionModulus::peel_slice(compression),
         ],
     };
-    let work = rest.len() * work(request, [400, 500, 3000]);
+    let work = rest.len() * work(request, [50 * Q, 60 * Q, 400 * Q]);
     workers.for_each(&mut buffer.spans, work, |_, span| {
         if recovering.contains(span.body) {
-            evaluate_law::<Corotational, S, false>(&columns, request, workers, span);
+            evaluate_law::<Corotational, E, S, V, P, Q>(&columns, request, workers, false, span);
         } else {
-            evaluate_law::<L, S, MEAN>(&columns, request, workers, span);
+            evaluate_law::<L, E, S, V, P, Q>(&columns, request, workers, by_mean, span);
         }
     });
 }
 
-fn evaluate_law<L: TetrahedronLaw, S: Scalar, const MEAN: bool>(
-    columns: &Columns<S>,
+fn evaluate_law<
+    L: TetrahedronLaw,
+    E: Shape<V, P, Q>,
+    S: Scalar,
+    const V: usize,
+    const P: usize,
+    const Q: usize,
+>(
+    columns: &Columns<S, V, P, Q>,
     request: &EvaluationRequest,
     workers: &Workers,
+    by_mean: bool,
     span: &mut Span<S>,
 ) {
     let of_stress = L::STRESS_PROJECTION && request.tangent == Some(TangentKind::Projected);
     let tangent = if of_stress { None } else { request.tangent };
-    let law = OfLaw::<L, S, MEAN> { columns, law: PhantomData };
+    let law = OfLaw::<L, E, S, V, P, Q> { columns, by_mean, law: PhantomData };
     evaluate_span(&GaussColumns(&law), &EvaluationRequest { tangent, ..*request }, workers, span);
     if of_stress {
         span.clear_tangent();
-        workers.dispatch(ProjectedPass { columns, span });
+        workers.dispatch(ProjectedPass { columns, derivatives: &E::derivatives(), span });
     }
 }
 
 /// Projected tangents of the laws whose stress is that of St Venant-Kirchhoff with the compression term,
 /// in `f64` whatever the simulation's type.
-struct ProjectedPass<'a, 'b, S: Scalar> {
-    columns: &'a Columns<'b, S>,
+struct ProjectedPass<'a, 'b, S: Scalar, const V: usize, const P: usize, const Q: usize> {
+    columns: &'a Columns<'b, S, V, P, Q>,
+    derivatives: &'a Derivatives<f64, V, 3, Q>,
     span: &'a mut Span<S>,
 }
 
-impl<S: Scalar> Kernel<f64> for ProjectedPass<'_, '_, S> {
+impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<f64>
+    for ProjectedPass<'_, '_, S, V, P, Q>
+{
     type Output = ();
     const WIDE: bool = false;
     #[inline(always)]
     fn run<L: Lanes<Scalar = f64>>(self) {
-        let Self { columns, span } = self;
-        let derivatives = Derivatives::<f64, 8, 3>::hexahedron();
+        let Self { columns, derivatives, span } = self;
         for i in span.elements.clone() {
-            let own = &columns.rest[i];
-            let mut rest = HexahedronRest { gradients: [[0.0; 8]; 9], volume: [0.0; 8] };
-            for q in 0..8 {
-                rest.volume[q] = own.volume[q].to_f64();
-                for k in 0..9 {
-                    rest.gradients[k][q] = own.gradients[k][q].to_f64();
-                }
-            }
+            let rest = columns.rest[i].in_f64();
             let moduli = columns.moduli(i).map(S::to_f64);
             let narrow = columns.elements.displacements(i);
-            let mut u = [[0.0; 3]; 8];
-            for a in 0..8 {
+            let mut u = [[0.0; 3]; V];
+            for a in 0..V {
                 for x in 0..3 {
                     u[a][x] = narrow[a][x].to_f64();
                 }
             }
-            let mut sum = Blocks::<L, 8, 28>::ZERO;
+            let mut all = PointTangents::ZERO;
             let mut any = false;
-            for first in (0..8).step_by(L::COUNT) {
-                let (e, u) = points::<FusedStVK, L>(&derivatives, &rest, moduli, &u, first);
+            for first in (0..Q).step_by(L::COUNT) {
+                let (e, u) = points::<FusedStVK, L, V, Q>(derivatives, &rest, moduli, &u, first);
                 let g = displacement_gradient(&e.gradients, &u);
                 let (clamped, core) = projection::projected_blocks(&e, &g);
                 let mut inner = inner_blocks(&tetrahedron::tangent_parts(&e, &u, true, true));
@@ -326,16 +403,18 @@ impl<S: Scalar> Kernel<f64> for ProjectedPass<'_, '_, S> {
                         }
                     }
                 }
-                sum.add(&inner, &derivatives, first);
+                all.store(&inner, first);
             }
             span.clamped += u64::from(any);
-            sum.write(span, &columns.elements.nodes[i], &columns.elements.blocks[i]);
+            let (nodes, blocks) = (&columns.elements.nodes[i], &columns.elements.blocks[i]);
+            let span = &mut *span;
+            L::apart(Assemble { inner: &all, derivatives, whole: None, span, nodes, blocks });
         }
     }
 }
 
-/// Takes the volume terms of the points of a hexahedron as that of its mean: their energies then add up to its own.
-pub(crate) fn by_mean(points: &mut [(Element<f64>, [[f64; 3]; 4]); 8]) {
+/// Takes the volume terms of the points of an element as that of its mean: their energies then add up to its own.
+pub(crate) fn by_mean(points: &mut [(Element<f64>, [[f64; 3]; 4])]) {
     let change =
         |(e, u): &(Element<f64>, _)| volume_change(&displacement_gradient(&e.gradients, u));
     let volume: f64 = points.iter().map(|(e, _)| e.volume).sum();
@@ -345,16 +424,16 @@ pub(crate) fn by_mean(points: &mut [(Element<f64>, [[f64; 3]; 4]); 8]) {
     }
 }
 
-/// The tetrahedra that stand for the Gauss points of a hexahedron, whose volumes add up to its own, with
+/// The tetrahedra that stand for the Gauss points of an element, whose volumes add up to its own, with
 /// their displacements (m); moduli (Pa) lambda, mu and that of the compression term.
-pub(crate) fn tetrahedra(
-    rest: &HexahedronRest<f64>,
+pub(crate) fn tetrahedra<const V: usize, const Q: usize>(
+    derivatives: &Derivatives<f64, V, 3, Q>,
+    rest: &PointsRest<f64, Q>,
     [lambda, mu, compression]: [f64; 3],
-    u: &[[f64; 3]; 8],
-) -> [(Element<f64>, [[f64; 3]; 4]); 8] {
-    let derivatives = &Derivatives::hexahedron();
+    u: &[[f64; 3]; V],
+) -> [(Element<f64>, [[f64; 3]; 4]); Q] {
     std::array::from_fn(|q| {
-        let u = hexahedron_differences::<f64>(derivatives, u, q);
+        let u = point_differences::<f64, V, Q>(derivatives, u, q);
         let (gradients, volume) = (rest.gradients::<f64>(q), rest.volume[q]);
         let (pressure, quartic) = (0.0, 0.0);
         (Element { gradients, volume, lambda, mu, compression, pressure, quartic }, u)

@@ -34,7 +34,7 @@ type Point<L> = (Element<L>, [[L; 3]; 3]);
 /// (m).
 #[inline(always)]
 fn points<L: Lanes>(
-    derivatives: &Derivatives<L::Scalar, 4, 2>,
+    derivatives: &Derivatives<L::Scalar, 4, 2, 4>,
     rest: &QuadRest<L::Scalar>,
     moduli: [L::Scalar; 3],
     u: &[[L::Scalar; 3]; 4],
@@ -51,18 +51,18 @@ fn points<L: Lanes>(
 
 /// Columns of quadrilaterals that follow law `Law`, as slices.
 struct Columns<'a, Law, S: Scalar> {
-    elements: GaussElements<'a, S, 4, 2, 6>,
+    elements: GaussElements<'a, S, 4, 2, 6, 4>,
     rest: &'a [QuadRest<S>],
     /// lambda, mu and that of the compression term (N/m).
     moduli: [&'a [S]; 3],
     law: PhantomData<fn() -> Law>,
 }
 
-impl<Law: TriangleLaw, S: Scalar> GaussLaw<S, 4, 2, 6> for Columns<'_, Law, S> {
+impl<Law: TriangleLaw, S: Scalar> GaussLaw<S, 4, 2, 6, 4> for Columns<'_, Law, S> {
     const WIDE: bool = Law::WIDE;
     type Points<L: Lanes<Scalar = S>> = Point<L>;
     #[inline(always)]
-    fn elements(&self) -> &GaussElements<'_, S, 4, 2, 6> {
+    fn elements(&self) -> &GaussElements<'_, S, 4, 2, 6, 4> {
         &self.elements
     }
     #[inline(always)]
@@ -72,7 +72,7 @@ impl<Law: TriangleLaw, S: Scalar> GaussLaw<S, 4, 2, 6> for Columns<'_, Law, S> {
         points(&self.elements.derivatives, &self.rest[i], moduli, u, first)
     }
     #[inline(always)]
-    fn energy<L: Lanes<Scalar = S>>((e, u): &Point<L>) -> L {
+    fn energy<L: Lanes<Scalar = S>>(&self, (e, u): &Point<L>) -> L {
         Law::energy(e, u)
     }
     #[inline(always)]

@@ -291,9 +291,14 @@ fn inverse<R: Real>(s: &[R; 6]) -> [R; 6] {
 pub struct Corotational;
 
 /// Row of its tetrahedra in the table of laws.
-pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<Corotational>().with_hexahedra(&HEXAHEDRA);
+pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<Corotational>()
+    .with_hexahedra(&HEXAHEDRA)
+    .with_tetrahedra10(&TETRAHEDRA10);
 /// Row of its hexahedra in the table of laws.
 pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<Corotational>("corotational hexahedra");
+/// Row of its ten-node tetrahedra in the table of laws.
+pub static TETRAHEDRA10: LawRow =
+    LawRow::tetrahedra10::<Corotational>("corotational ten-node tetrahedra");
 
 /// Stiffness warping: [`Corotational`] with the tangent `R K0 R^T` in place of every kind; also the mark
 /// of its tetrahedra.

@@ -26,17 +26,21 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::query::{ContiguousQueryData, QueryBuilder, ReadOnlyQueryData};
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices};
-use sinew_engine::isoparametric::{AxisHexahedronVertices, HexahedronVertices, QuadVertices};
+use sinew_engine::isoparametric::{
+    AxisHexahedronVertices, HexahedronVertices, QuadVertices, Tetrahedron10Vertices,
+};
 use sinew_engine::law::{LawBuffer, LawInfo, Partition, TangentKind};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ElementLaw, Evaluate, activate_law};
 use sinew_engine::topology::Topology;
 
 use crate::axes::{damper, hexahedra as axes_in_hexahedra, printed_system, systems as axes};
-use crate::body::{SolidPart, spawn_clustered, spawn_hexahedra, spawn_tetrahedra};
+use crate::body::{
+    SolidPart, spawn_clustered, spawn_hexahedra, spawn_tetrahedra, spawn_tetrahedra10,
+};
 use crate::element::tetrahedron::Element;
 use crate::frame::clusters::ByClusters;
-use crate::frame::hexahedra::{ByMean, Hexahedral};
+use crate::frame::hexahedra::{Brick, ByMean, Hexahedral, Quadratic, TenNodes};
 use crate::frame::quads::Quadrilateral;
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::frame::triangles::TriangleLaw;
@@ -56,6 +60,8 @@ pub enum Elements {
     PooledEdges,
     /// Hexahedra, at their Gauss points.
     Hexahedra,
+    /// Ten-node tetrahedra, at their Gauss points.
+    Tetrahedra10,
     /// Membrane triangles.
     Triangles,
     /// Membrane quadrilaterals, at their Gauss points.
@@ -110,6 +116,10 @@ pub struct LawRow {
     pub hexahedra: Option<&'static LawRow>,
     /// The same law in hexahedra, its volume term by the mean of each.
     pub by_mean: Option<&'static LawRow>,
+    /// The same law in ten-node tetrahedra.
+    pub tetrahedra10: Option<&'static LawRow>,
+    /// The same law in ten-node tetrahedra, its volume term by the mean of each.
+    pub by_mean10: Option<&'static LawRow>,
     /// The same law in tetrahedra, its volume term by clusters of them.
     pub by_clusters: Option<&'static LawRow>,
     /// Name of the system that runs before the law, if there is one.
@@ -157,6 +167,8 @@ impl LawRow {
             energy: None,
             hexahedra: None,
             by_mean: None,
+            tetrahedra10: None,
+            by_mean10: None,
             by_clusters: None,
             measure: None,
             mark,
@@ -232,26 +244,75 @@ impl LawRow {
 
     /// Law `L` of tetrahedra at the Gauss points of hexahedra, under another name.
     pub const fn hexahedra<L: TetrahedronLaw>(name: &'static str) -> Self {
-        let activate: [Activate; 2] =
-            [hexahedra::activate::<L, f64, false>, hexahedra::activate::<L, f32, false>];
         Self {
             spawn: Some([spawn_hexahedra::<L, f64>, spawn_hexahedra::<L, f32>]),
-            ..Self::at_points::<L>(name, [mark::<Hexahedral<L>>; 2], activate)
+            ..Self::at_points::<L>(
+                name,
+                Elements::Hexahedra,
+                [mark::<Hexahedral<L>>; 2],
+                [
+                    hexahedra::activate::<L, Brick, f64, 8, 28, 8, false>,
+                    hexahedra::activate::<L, Brick, f32, 8, 28, 8, false>,
+                ],
+            )
         }
     }
 
     /// The same with its volume term by the mean of each hexahedron.
     pub const fn hexahedra_by_mean<L: TetrahedronLaw>(name: &'static str) -> Self {
-        let activate: [Activate; 2] =
-            [hexahedra::activate::<L, f64, true>, hexahedra::activate::<L, f32, true>];
         Self {
             spawn: Some([spawn_hexahedra::<ByMean<L>, f64>, spawn_hexahedra::<ByMean<L>, f32>]),
-            ..Self::at_points::<L>(name, [mark::<Hexahedral<ByMean<L>>>; 2], activate)
+            ..Self::at_points::<L>(
+                name,
+                Elements::Hexahedra,
+                [mark::<Hexahedral<ByMean<L>>>; 2],
+                [
+                    hexahedra::activate::<L, Brick, f64, 8, 28, 8, true>,
+                    hexahedra::activate::<L, Brick, f32, 8, 28, 8, true>,
+                ],
+            )
+        }
+    }
+
+    /// Law `L` of tetrahedra at the Gauss points of ten-node tetrahedra, under another name.
+    pub const fn tetrahedra10<L: TetrahedronLaw>(name: &'static str) -> Self {
+        Self {
+            spawn: Some([spawn_tetrahedra10::<L, f64>, spawn_tetrahedra10::<L, f32>]),
+            ..Self::at_points::<L>(
+                name,
+                Elements::Tetrahedra10,
+                [mark::<Quadratic<L>>; 2],
+                [
+                    hexahedra::activate::<L, TenNodes, f64, 10, 45, 4, false>,
+                    hexahedra::activate::<L, TenNodes, f32, 10, 45, 4, false>,
+                ],
+            )
+        }
+    }
+
+    /// The same with its volume term by the mean of each ten-node tetrahedron.
+    pub const fn tetrahedra10_by_mean<L: TetrahedronLaw>(name: &'static str) -> Self {
+        let mark: [Mark; 2] = [mark::<Quadratic<ByMean<L>>>; 2];
+        Self {
+            spawn: Some([
+                spawn_tetrahedra10::<ByMean<L>, f64>,
+                spawn_tetrahedra10::<ByMean<L>, f32>,
+            ]),
+            ..Self::at_points::<L>(
+                name,
+                Elements::Tetrahedra10,
+                mark,
+                [
+                    hexahedra::activate::<L, TenNodes, f64, 10, 45, 4, true>,
+                    hexahedra::activate::<L, TenNodes, f32, 10, 45, 4, true>,
+                ],
+            )
         }
     }
 
     const fn at_points<L: TetrahedronLaw>(
         name: &'static str,
+        elements: Elements,
         mark: [Mark; 2],
         activate: [Activate; 2],
     ) -> Self {
@@ -259,8 +320,18 @@ impl LawRow {
             tangent: L::contributes,
             recovery: InRecovery::StandIn,
             energy: Some(|e, u| L::energy(e, u)),
-            ..Self::of_systems(LawInfo::elastic(name), Elements::Hexahedra, mark, activate)
+            ..Self::of_systems(LawInfo::elastic(name), elements, mark, activate)
         }
+    }
+
+    /// This law with the row of the same law in ten-node tetrahedra.
+    pub const fn with_tetrahedra10(self, row: &'static LawRow) -> Self {
+        Self { tetrahedra10: Some(row), ..self }
+    }
+
+    /// This law with the row of the same law in ten-node tetrahedra, its volume term by the mean of each.
+    pub const fn with_mean10(self, row: &'static LawRow) -> Self {
+        Self { by_mean10: Some(row), ..self }
     }
 
     /// This law with the row of the same law in hexahedra.
@@ -283,6 +354,14 @@ impl LawRow {
         match volume {
             VolumeRule::Elements => Some(self),
             VolumeRule::Clusters => self.by_clusters,
+        }
+    }
+
+    /// The same law in the ten-node tetrahedra of a body with this rule.
+    pub fn in_tetrahedra10(&self, volume: VolumeRule) -> Option<&'static LawRow> {
+        match volume {
+            VolumeRule::Elements => self.tetrahedra10,
+            VolumeRule::Clusters => self.by_mean10,
         }
     }
 
@@ -370,6 +449,12 @@ pub static LAWS: &[&LawRow] = &[
     &svk_volume::HEXAHEDRA_BY_MEAN,
     &neo_hookean::BY_CLUSTERS,
     &svk_volume::BY_CLUSTERS,
+    &svk::TETRAHEDRA10,
+    &corotational::TETRAHEDRA10,
+    &neo_hookean::TETRAHEDRA10,
+    &svk_volume::TETRAHEDRA10,
+    &neo_hookean::TETRAHEDRA10_BY_MEAN,
+    &svk_volume::TETRAHEDRA10_BY_MEAN,
     &membranes::BIQUADRATIC_QUADS,
     &membranes::LINEAR_QUADS,
     &membranes::COROTATIONAL_QUADS,
@@ -430,13 +515,13 @@ impl LawTable {
         self.0.iter().copied().enumerate().find(|(_, row)| row.info.name == name)
     }
 
-    /// Adds a law, and its row of hexahedra if it has one, unless they are there. Spawning a body with
+    /// Adds a law, and its rows of other elements if it has some, unless they are there. Spawning a body with
     /// [`Model::Own`](crate::laws::models::Model::Own) does this.
     ///
     /// # Errors
     /// When another law has the name.
     pub fn add(&mut self, row: &'static LawRow) -> Result<(), LawError> {
-        let more = [row.hexahedra, row.by_mean, row.by_clusters];
+        let more = [row.hexahedra, row.by_mean, row.by_clusters, row.tetrahedra10, row.by_mean10];
         for row in std::iter::once(row).chain(more.into_iter().flatten()) {
             match self.find(row.info.name) {
                 None => self.0.push(row),
@@ -511,6 +596,7 @@ element_rows!(
     TriangleVertices,
     TetrahedronVertices,
     HexahedronVertices,
+    Tetrahedron10Vertices,
     MembraneVertices,
     QuadVertices,
     AxisVertices,

@@ -100,6 +100,11 @@ impl Model {
         }
     }
 
+    /// Whether ten-node tetrahedra have it.
+    pub fn serves_tetrahedra10(self) -> bool {
+        self.law().is_some_and(|row| row.tetrahedra10.is_some())
+    }
+
     /// Whether its volume term can act on means of several elements or points ([`VolumeRule::Clusters`]).
     pub fn keeps_mean_volume(self) -> bool {
         self.law().is_some_and(|row| row.by_mean.is_some())
@@ -116,10 +121,10 @@ impl Model {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum VolumeRule {
-    /// Every element, a hexahedron at each of its points (default): it locks towards nu = 0.5.
+    /// Every element, a hexahedron or ten-node tetrahedron at each of its points (default): it locks towards nu = 0.5.
     #[default]
     Elements,
-    /// Means: that of the points of a hexahedron ([`crate::frame::hexahedra`]).
+    /// Means: that of the points of a hexahedron or a ten-node tetrahedron ([`crate::frame::hexahedra`]).
     Clusters,
 }
 

@@ -56,8 +56,9 @@ fn stress<R: Real>(e: &Element<R>, strain: &[R; 9]) -> [R; 9] {
 pub struct StVKFem;
 
 /// Row of its tetrahedra in the table of laws.
-pub static TETRAHEDRA: LawRow =
-    LawRow::tetrahedra::<StVKFem>().with_hexahedra(&crate::laws::svk::HEXAHEDRA);
+pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<StVKFem>()
+    .with_hexahedra(&crate::laws::svk::HEXAHEDRA)
+    .with_tetrahedra10(&crate::laws::svk::TETRAHEDRA10);
 
 impl TetrahedronLaw for StVKFem {
     const WIDE: bool = false;

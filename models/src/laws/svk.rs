@@ -100,9 +100,13 @@ impl TetrahedronLaw for PooledProjection {
 }
 
 /// Rows of these laws in the table.
-pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<FusedStVK>().with_hexahedra(&HEXAHEDRA);
+pub static TETRAHEDRA: LawRow =
+    LawRow::tetrahedra::<FusedStVK>().with_hexahedra(&HEXAHEDRA).with_tetrahedra10(&TETRAHEDRA10);
 /// As [`TETRAHEDRA`].
 pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<FusedStVK>("St Venant-Kirchhoff hexahedra");
+/// Row of its ten-node tetrahedra in the table of laws.
+pub static TETRAHEDRA10: LawRow =
+    LawRow::tetrahedra10::<FusedStVK>("St Venant-Kirchhoff ten-node tetrahedra");
 /// As [`TETRAHEDRA`].
 pub static COMPRESSION: LawRow = LawRow::pooled_tetrahedra::<Compression>();
 /// As [`TETRAHEDRA`].

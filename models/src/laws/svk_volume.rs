@@ -99,7 +99,9 @@ pub struct StVKVolume;
 /// Row of its tetrahedra in the table of laws.
 pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<StVKVolume>()
     .with_hexahedra(&HEXAHEDRA)
+    .with_tetrahedra10(&TETRAHEDRA10)
     .with_mean(&HEXAHEDRA_BY_MEAN)
+    .with_mean10(&TETRAHEDRA10_BY_MEAN)
     .with_clusters(&BY_CLUSTERS);
 /// Row of its tetrahedra in clusters.
 pub static BY_CLUSTERS: LawRow = LawRow::tetrahedra_by_clusters::<StVKVolume>(
@@ -109,6 +111,13 @@ pub static BY_CLUSTERS: LawRow = LawRow::tetrahedra_by_clusters::<StVKVolume>(
 /// Row of its hexahedra in the table of laws.
 pub static HEXAHEDRA: LawRow =
     LawRow::hexahedra::<StVKVolume>("St Venant-Kirchhoff hexahedra, volume in J");
+/// Row of its ten-node tetrahedra in the table of laws.
+pub static TETRAHEDRA10: LawRow =
+    LawRow::tetrahedra10::<StVKVolume>("St Venant-Kirchhoff ten-node tetrahedra, volume in J");
+/// Row of its ten-node tetrahedra whose volume term acts on the mean of each.
+pub static TETRAHEDRA10_BY_MEAN: LawRow = LawRow::tetrahedra10_by_mean::<StVKVolume>(
+    "St Venant-Kirchhoff ten-node tetrahedra, mean volume",
+);
 /// Row of its hexahedra whose volume term acts on the mean of each.
 pub static HEXAHEDRA_BY_MEAN: LawRow =
     LawRow::hexahedra_by_mean::<StVKVolume>("St Venant-Kirchhoff hexahedra, mean volume");

@@ -5,7 +5,7 @@ use bevy_ecs::archetype::ArchetypeId;
 use bevy_ecs::prelude::*;
 use bytemuck::{Pod, Zeroable};
 use sinew_engine::element::{MembraneEdge, RestArea, RestEdge, RestVolume, ShapeGradient};
-use sinew_engine::isoparametric::{HexahedronRest, QuadRest};
+use sinew_engine::isoparametric::{HexahedronRest, QuadRest, Tetrahedron10Rest};
 use sinew_engine::scalar::Scalar;
 
 use crate::axes::columns::*;
@@ -86,6 +86,8 @@ quantities! {
     Cleared "moduli" Fixed: [FirstLameParameter<S>, ShearModulus<S>, CompressionModulus<S>] 0;
     Cleared "gradients of hexahedra" Fixed: [HexahedronRest<S>] gradients;
     Cleared "volumes of Gauss points" Fixed: [HexahedronRest<S>] volume;
+    Cleared "gradients of ten-node tetrahedra" Fixed: [Tetrahedron10Rest<S>] gradients;
+    Cleared "volumes of their Gauss points" Fixed: [Tetrahedron10Rest<S>] volume;
     Kept "membrane edges" Edges: [
         MembraneEdge<S, 1, 0>, MembraneEdge<S, 1, 1>, MembraneEdge<S, 1, 2>,
         MembraneEdge<S, 2, 0>, MembraneEdge<S, 2, 1>, MembraneEdge<S, 2, 2>] 0;

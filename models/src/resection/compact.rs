@@ -14,6 +14,7 @@ use sinew_engine::element::{
 };
 use sinew_engine::isoparametric::{
     AxisHexahedron, AxisHexahedronBlocks, HexahedronBlocks, HexahedronIndex, QuadBlocks, QuadIndex,
+    Tetrahedron10Blocks,
 };
 use sinew_engine::law::partition_laws;
 use sinew_engine::layout::{UNUSED, starts};
@@ -75,7 +76,7 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
         )+};
     }
     renumber!(block: TetrahedronBlocks, MembraneBlocks, HexahedronBlocks, QuadBlocks);
-    renumber!(block: AxisBlocks, AxisHexahedronBlocks);
+    renumber!(block: Tetrahedron10Blocks, AxisBlocks, AxisHexahedronBlocks);
     for mut own in world.query::<&mut EdgeBlock>().iter_mut(world) {
         own.0 = block[own.0 as usize];
     }

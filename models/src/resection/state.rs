@@ -5,7 +5,7 @@ use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{RestVolume, ShapeGradients, displacement_gradient, volume_change};
-use sinew_engine::isoparametric::HexahedronRest;
+use sinew_engine::isoparametric::{Derivatives, HexahedronRest, Tetrahedron10Rest};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use sinew_engine::vertex::{Displacement, RestPosition};
@@ -65,6 +65,7 @@ pub(super) type ModuliData<S> =
     (&'static FirstLameParameter<S>, &'static ShearModulus<S>, &'static CompressionModulus<S>);
 type TetrahedronData<S> = (ShapeGradients<S>, &'static RestVolume<S>, ModuliData<S>);
 type HexahedronData<S> = (&'static HexahedronRest<S>, ModuliData<S>);
+type Tetrahedron10Data<S> = (&'static Tetrahedron10Rest<S>, ModuliData<S>);
 
 /// A simplex that stands for an element or one of its Gauss points, with the displacements (m) of its vertices.
 pub(super) enum Point<'a> {
@@ -79,11 +80,17 @@ pub(super) struct Queries<S: Scalar> {
     vertices: VertexQuery<S>,
     tetrahedra: QueryState<TetrahedronData<S>>,
     hexahedra: QueryState<HexahedronData<S>>,
+    tens: QueryState<Tetrahedron10Data<S>>,
 }
 
 impl<S: Scalar> Queries<S> {
     pub fn new(world: &mut World) -> Self {
-        Self { vertices: world.query(), tetrahedra: world.query(), hexahedra: world.query() }
+        Self {
+            vertices: world.query(),
+            tetrahedra: world.query(),
+            hexahedra: world.query(),
+            tens: world.query(),
+        }
     }
 }
 
@@ -95,6 +102,7 @@ pub(super) struct State<'a, S: Scalar> {
     pub vertices: Vertices<'a, S>,
     tetrahedra: &'a QueryState<TetrahedronData<S>>,
     hexahedra: &'a QueryState<HexahedronData<S>>,
+    tens: &'a QueryState<Tetrahedron10Data<S>>,
 }
 
 impl<'a, S: Scalar> State<'a, S> {
@@ -104,9 +112,9 @@ impl<'a, S: Scalar> State<'a, S> {
         soft: &'a SoftBody,
         queries: &'a mut Queries<S>,
     ) -> Self {
-        let Queries { vertices, tetrahedra, hexahedra } = queries;
+        let Queries { vertices, tetrahedra, hexahedra, tens } = queries;
         let vertices = Vertices::of(vertices, world, soft.index);
-        Self { own, world, soft, vertices, tetrahedra, hexahedra }
+        Self { own, world, soft, vertices, tetrahedra, hexahedra, tens }
     }
 
     /// Does something with all points of an element, each with the stress that is its own.
@@ -125,7 +133,21 @@ impl<'a, S: Scalar> State<'a, S> {
         let rest_of = |v| self.vertices.rest(v);
         let matter = self.soft.matter(elements, &rest_of);
         let has_row = "an element that is left has a row";
+        let at_points = |points: &mut [(Element<f64>, [[f64; 3]; 4])],
+                         with: &mut dyn FnMut(Point)| {
+            if mean {
+                hexahedra::by_mean(points);
+            }
+            points.iter().for_each(|(e, u)| with(Point::Solid(e, u)));
+        };
         match kind {
+            ElementKind::Tetrahedron if !elements.tetrahedra10.is_empty() => {
+                let (rest, moduli) = self.tens.get_manual(self.world, entity).expect(has_row);
+                let u = self.vertices.displacements(elements.tetrahedra10[e]);
+                let (derivatives, moduli) = (Derivatives::tetrahedron10(), numbers(moduli));
+                let points = &mut hexahedra::tetrahedra(&derivatives, &rest.in_f64(), moduli, &u);
+                at_points(points, &mut with);
+            }
             ElementKind::Tetrahedron => {
                 let columns = self.tetrahedra.get_manual(self.world, entity).expect(has_row);
                 let u = self.vertices.displacements(elements.tetrahedra[e]);
@@ -134,11 +156,9 @@ impl<'a, S: Scalar> State<'a, S> {
             ElementKind::Hexahedron => {
                 let (rest, moduli) = self.hexahedra.get_manual(self.world, entity).expect(has_row);
                 let u = self.vertices.displacements(elements.hexahedra[e]);
-                let mut points = hexahedra::tetrahedra(&in_f64(rest), numbers(moduli), &u);
-                if mean {
-                    hexahedra::by_mean(&mut points);
-                }
-                points.iter().for_each(|(e, u)| with(Point::Solid(e, u)));
+                let (derivatives, moduli) = (Derivatives::hexahedron(), numbers(moduli));
+                let points = &mut hexahedra::tetrahedra(&derivatives, &rest.in_f64(), moduli, &u);
+                at_points(points, &mut with);
             }
             ElementKind::Triangle => {
                 let u = self.vertices.displacements(elements.membrane[e]);
@@ -166,6 +186,9 @@ impl<'a, S: Scalar> State<'a, S> {
         for kind in IN_SUMS {
             let law = match kind {
                 ElementKind::Hexahedron => soft.law.and_then(|law| law.in_hexahedra(soft.volume)),
+                ElementKind::Tetrahedron if !own.connectivity.ordered.tetrahedra10.is_empty() => {
+                    soft.law.and_then(|law| law.in_tetrahedra10(soft.volume))
+                }
                 _ => soft.law.and_then(|law| law.in_tetrahedra(soft.volume)),
             };
             let law = law.and_then(|row| row.energy);
@@ -222,14 +245,6 @@ pub(super) fn numbers<S: Scalar>(
     (lambda, mu, compression): (&FirstLameParameter<S>, &ShearModulus<S>, &CompressionModulus<S>),
 ) -> [f64; 3] {
     [lambda.0, mu.0, compression.0].map(|x| x.to_f64())
-}
-
-/// Rest shape of a hexahedron in `f64`.
-pub(crate) fn in_f64<S: Scalar>(rest: &HexahedronRest<S>) -> HexahedronRest<f64> {
-    HexahedronRest {
-        gradients: rest.gradients.map(|row| row.map(|x| x.to_f64())),
-        volume: rest.volume.map(|x| x.to_f64()),
-    }
 }
 
 /// A tetrahedron from its columns.

@@ -18,7 +18,9 @@ use sinew_engine::connectivity::ElementKind;
 use sinew_engine::element::{
     AxisVertices, EdgeVertices, MembraneVertices, TetrahedronIndex, TetrahedronVertices,
 };
-use sinew_engine::isoparametric::{AxisHexahedronVertices, HexahedronVertices, QuadVertices};
+use sinew_engine::isoparametric::{
+    AxisHexahedronVertices, HexahedronVertices, QuadVertices, Tetrahedron10Vertices,
+};
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, RecoveringBodies, TangentKind};
 use sinew_engine::load::{LoadTime, Pressure};
 use sinew_engine::matrix::Tangent;
@@ -115,13 +117,23 @@ fn what_is_left(world: &World, body: usize, rows: &BodyRows) -> (Mesh, Vec<usize
     };
     let user = |v: u32| rows.vertex_order[v as usize];
     let (tetrahedra, hexahedra) = (left(ElementKind::Tetrahedron), left(ElementKind::Hexahedron));
-    let first = rows.tetrahedra.len();
+    let first = rows.tetrahedron_order.len();
     let index = tetrahedra.clone().map(|t| rows.tetrahedron_order[t] as usize);
     let index =
         index.chain(hexahedra.clone().map(|h| first + rows.hexahedron_order[h] as usize)).collect();
+    let corners = |t: usize| match rows.tetrahedra10.get(t) {
+        Some(&[a, b, c, d, ..]) => [a, b, c, d],
+        None => rows.tetrahedra[t],
+    };
     let mesh = Mesh {
         points: vec![DVec3::ZERO; rows.row_of_vertex.len()],
-        tetrahedra: tetrahedra.map(|t| rows.tetrahedra[t].map(user)).collect(),
+        tetrahedra: tetrahedra.clone().map(|t| corners(t).map(user)).collect(),
+        middles: match rows.tetrahedra10.is_empty() {
+            true => Vec::new(),
+            false => tetrahedra
+                .map(|t| [4, 5, 6, 7, 8, 9].map(|i| user(rows.tetrahedra10[t][i])))
+                .collect(),
+        },
         hexahedra: hexahedra.map(|h| rows.hexahedra[h].map(user)).collect(),
         triangles: left(ElementKind::Triangle).map(|t| rows.membrane[t].map(user)).collect(),
         quads: left(ElementKind::Quad).map(|q| rows.quads[q].map(user)).collect(),
@@ -319,6 +331,7 @@ fn snapshot<S: Scalar>(world: &mut World, body: usize) -> Snapshot {
     of.add::<TriangleVertices, ()>(world, "triangle", &mut all);
     of.add::<TetrahedronVertices, ()>(world, "tetrahedron", &mut all);
     of.add::<HexahedronVertices, ()>(world, "hexahedron", &mut all);
+    of.add::<Tetrahedron10Vertices, ()>(world, "ten-node tetrahedron", &mut all);
     of.add::<MembraneVertices, ()>(world, "membrane triangle", &mut all);
     of.add::<QuadVertices, ()>(world, "membrane quadrilateral", &mut all);
     of.add_axes::<AxisVertices, S>(world, &mut all);

@@ -30,6 +30,14 @@ pub enum FitError {
     /// A mesh that cannot be simulated.
     #[error(transparent)]
     Check(#[from] CheckError),
+    /// Springs are for linear elements.
+    #[error(
+        "{source_name}: springs are fitted to tetrahedra of four vertices, these have ten; take a mesh of first order"
+    )]
+    SecondOrder {
+        /// File.
+        source_name: String,
+    },
     /// An element, a material or a method.
     #[error(transparent)]
     Identify(#[from] IdentifyError),
@@ -181,6 +189,9 @@ pub fn fit_file(path: &std::path::Path, request: &FitRequest) -> Result<FittedBo
 /// ```
 pub fn fit_mesh(mesh: &Mesh, request: &FitRequest) -> Result<FittedBody, FitError> {
     let checked = check(mesh, &CheckOptions::default())?.mesh;
+    if checked.is_second_order() {
+        return Err(FitError::SecondOrder { source_name: mesh.source.clone() });
+    }
     let solid = checked.is_solid();
     if !solid {
         request.section.check()?;

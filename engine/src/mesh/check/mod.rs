@@ -7,8 +7,8 @@ mod places;
 mod shape;
 mod topology;
 
-use super::cell::{face_edges, hexahedron_edges, tetrahedron_edges};
-use super::{Mesh, sorted};
+use super::cell::{face_edges, hexahedron_edges, ten, tetrahedron_edges};
+use super::{LINEAR, Mesh, sorted};
 use serde::Serialize;
 use std::fmt;
 
@@ -71,8 +71,8 @@ pub enum FindingCode {
     Sliver,
     /// A tetrahedron or hexahedron of negative volume.
     InvertedWinding,
-    /// A hexahedron or quadrilateral that is folded somewhere: its Jacobian determinant is not positive
-    /// at a corner or at a Gauss point.
+    /// A hexahedron, quadrilateral or curved tetrahedron that is folded somewhere: its Jacobian determinant is not
+    /// positive at a vertex or at a Gauss point.
     NonConvexCell,
     /// A quadrilateral far from flat.
     WarpedCell,
@@ -96,6 +96,8 @@ pub enum FindingCode {
     ImplausibleSize,
     /// Cells of kinds that the engine cannot use.
     SkippedCells,
+    /// Tetrahedra of four and of ten vertices in one mesh, or hexahedra beside the latter.
+    MixedOrder,
 }
 
 impl fmt::Display for FindingCode {
@@ -120,6 +122,7 @@ impl fmt::Display for FindingCode {
             FindingCode::PoorQuality => "poor-quality",
             FindingCode::ImplausibleSize => "implausible-size",
             FindingCode::SkippedCells => "skipped-cells",
+            FindingCode::MixedOrder => "mixed-order",
         })
     }
 }
@@ -336,7 +339,15 @@ impl Sound {
     fn of(mesh: &Mesh, found: &mut Findings) -> Sound {
         let lines = &mesh.lines;
         Sound {
-            tetrahedra: indices(mesh, &mesh.tetrahedra, "tetrahedron", &lines.tetrahedra, found),
+            tetrahedra: match mesh.middles.len() == mesh.tetrahedra.len() {
+                true => {
+                    let cells = mesh.tetrahedra.iter().zip(&mesh.middles);
+                    let cells: Vec<[u32; 10]> =
+                        cells.map(|(&t, &middles)| ten(t, middles)).collect();
+                    indices(mesh, &cells, "tetrahedron", &lines.tetrahedra, found)
+                }
+                false => indices(mesh, &mesh.tetrahedra, "tetrahedron", &lines.tetrahedra, found),
+            },
             hexahedra: indices(mesh, &mesh.hexahedra, "hexahedron", &lines.hexahedra, found),
             triangles: indices(mesh, &mesh.triangles, "triangle", &lines.triangles, found),
             quads: indices(mesh, &mesh.quads, "quadrilateral", &lines.quads, found),
@@ -362,7 +373,10 @@ impl Sound {
     /// Calls `visit` with the vertices of every cell that counts: volumes, or faces without volumes.
     fn for_cells(&self, mesh: &Mesh, mut visit: impl FnMut(&[u32])) {
         if mesh.is_solid() {
-            self.tetrahedra(mesh).for_each(|(_, cell)| visit(cell));
+            self.tetrahedra(mesh).for_each(|(i, cell)| match mesh.second_order(i) {
+                Some(ten) => visit(&ten),
+                None => visit(cell),
+            });
             self.hexahedra(mesh).for_each(|(_, cell)| visit(cell));
         } else {
             self.triangles(mesh).for_each(|(_, cell)| visit(cell));
@@ -373,7 +387,8 @@ impl Sound {
     /// Calls `visit` with both ends of every edge of these cells, more than once where cells share it.
     fn for_edges(&self, mesh: &Mesh, mut visit: impl FnMut(u32, u32)) {
         if mesh.is_solid() {
-            self.tetrahedra(mesh).for_each(|(_, &tet)| tetrahedron_edges(tet, &mut visit));
+            self.tetrahedra(mesh)
+                .for_each(|(i, &tet)| tetrahedron_edges(tet, mesh.middles.get(i), &mut visit));
             self.hexahedra(mesh).for_each(|(_, hex)| hexahedron_edges(hex, &mut visit));
         } else {
             self.triangles(mesh).for_each(|(_, face)| face_edges(face, &mut visit));
@@ -400,6 +415,7 @@ pub fn check(mesh: &Mesh, options: &CheckOptions) -> Result<CheckedMesh, CheckEr
     };
 
     no_cells(&mesh, &mut found);
+    mixed_order(&mut mesh, &mut found);
     let cells = Sound::of(&mesh, &mut found);
 
     let n = mesh.points.len();
@@ -432,7 +448,7 @@ pub fn check(mesh: &Mesh, options: &CheckOptions) -> Result<CheckedMesh, CheckEr
     size(&mesh, &used_vertices, options, &mut statistics, &mut found);
     skipped(&mesh, &mut found);
 
-    let tets = cells.tetrahedra(&mesh).filter_map(|(_, &tet)| mesh.signed_volume(tet));
+    let tets = cells.tetrahedra(&mesh).filter_map(|(i, _)| mesh.tetrahedron_volume(i));
     let hexes = cells.hexahedra(&mesh).filter_map(|(_, &hex)| mesh.hexahedron_volume(hex));
     let volumes = tets.chain(hexes).filter(|volume| volume.is_finite());
     // From 0: the sum of nothing is -0.
@@ -456,6 +472,39 @@ fn sound<'a, const N: usize>(
     cells.iter().enumerate().zip(ok).filter_map(|(cell, &ok)| ok.then_some(cell))
 }
 
+/// Tetrahedra of both orders do not fit together; the others are then looked at as linear ones.
+fn mixed_order(mesh: &mut Mesh, found: &mut Findings) {
+    let (all, given) = (mesh.tetrahedra.len(), mesh.middles.len());
+    let linear = mesh.middles.iter().filter(|middles| **middles == LINEAR).count();
+    let count = linear + all.abs_diff(given);
+    if given > 0 && count > 0 {
+        mesh.middles.clear();
+        found.push(
+            FindingCode::MixedOrder,
+            Severity::Error,
+            Tally { count, named: Vec::new() },
+            |count| {
+                format!("{count} of {all} tetrahedra have no vertices on their edges, others have")
+            },
+            "mesh all of the body in one order, or read it with the vertices of its corners alone",
+        );
+    }
+    found.push(
+        FindingCode::MixedOrder,
+        Severity::Warning,
+        Tally {
+            count: if mesh.is_second_order() { mesh.hexahedra.len() } else { 0 },
+            named: Vec::new(),
+        },
+        |count| {
+            format!(
+                "{count} hexahedra, which are of first order, beside tetrahedra of second order"
+            )
+        },
+        "faces between them gape and count as surface: split the hexahedra into tetrahedra before",
+    );
+}
+
 fn no_cells(mesh: &Mesh, found: &mut Findings) {
     if !mesh.is_solid() && mesh.triangles.is_empty() && mesh.quads.is_empty() {
         let kinds: Vec<&str> = mesh.skipped.iter().map(|s| s.kind.as_str()).collect();
@@ -470,7 +519,7 @@ fn no_cells(mesh: &Mesh, found: &mut Findings) {
                     format!("the mesh has only cells that cannot be used: {}", kinds.join(", "))
                 }
             },
-            "mesh the body with linear tetrahedra, hexahedra, triangles or quadrilaterals",
+            "mesh the body with tetrahedra of first or second order, or with linear hexahedra, triangles or quadrilaterals",
         );
     }
 }
@@ -579,6 +628,7 @@ fn skipped(mesh: &Mesh, found: &mut Findings) {
         severity,
         Tally { count, named: Vec::new() },
         |count| format!("{count} cells are of kinds that the engine does not use: {list}"),
-        "mesh these parts with linear tetrahedra, hexahedra, triangles or quadrilaterals if they should take part",
+        "mesh these parts with tetrahedra of first or second order, or with linear hexahedra, triangles or \
+         quadrilaterals, if they should take part",
     );
 }

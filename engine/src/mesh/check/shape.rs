@@ -3,10 +3,11 @@
 use super::{
     CheckOptions, FindingCode, Findings, MeshStatistics, Severity, Sound, Tally, cell_name,
 };
+use crate::isoparametric::folded_tetrahedron;
 use crate::mesh::Mesh;
 use crate::mesh::cell::{
     HEXAHEDRON_EDGES, HEXAHEDRON_FACES, corner_jacobian, determinant, gauss_determinants,
-    mirrored_hexahedron,
+    mirrored_hexahedron, mirrored_middles,
 };
 use glam::DVec3;
 
@@ -220,7 +221,21 @@ pub(super) fn shapes(
     let (mut turn_tets, mut turn_hexes) = (Vec::new(), Vec::new());
     if solid {
         for (i, tet) in cells.tetrahedra(mesh) {
-            let shape = tetrahedron_shape(tet.map(p));
+            let mut shape = tetrahedron_shape(tet.map(p));
+            if let Some(ten) = mesh.second_order(i) {
+                // of a cell that will be turned round, as it is then
+                let turned = shape.relative <= -ZERO;
+                let [corners @ .., c, d] = *tet;
+                let tet = if turned { [corners[0], corners[1], d, c] } else { *tet };
+                let ten = match turned {
+                    true => super::ten(tet, mirrored_middles(mesh.middles[i])),
+                    false => ten,
+                };
+                shape.folded =
+                    folded_tetrahedron(&ten.map(|v| p(v).to_array())).map(|(place, ratio)| {
+                        format!("Jacobian {ratio:.1e} times that of its corners at {place}")
+                    });
+            }
             let name = || cell_name("tetrahedron", i, tet, &mesh.lines.tetrahedra);
             judge.add(&shape, &name);
             if shape.relative <= -ZERO {
@@ -265,7 +280,8 @@ pub(super) fn shapes(
         Severity::Error,
         judge.folded,
         |count| format!("{count} cells are folded or have a corner without angle"),
-        "move their vertices, or check whether these are listed in the order of Gmsh and VTK",
+        "move their vertices, or check whether these are listed in the order of Gmsh and VTK (which list the last two \
+         edges of a ten-node tetrahedron differently)",
     );
     found.push(
         FindingCode::Sliver,
@@ -315,6 +331,9 @@ pub(super) fn shapes(
     if !options.strict {
         for i in turn_tets {
             mesh.tetrahedra[i].swap(2, 3);
+            if let Some(middles) = mesh.middles.get_mut(i) {
+                *middles = mirrored_middles(*middles);
+            }
         }
         for i in turn_hexes {
             mesh.hexahedra[i] = mirrored_hexahedron(mesh.hexahedra[i]);

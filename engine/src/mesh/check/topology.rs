@@ -49,7 +49,7 @@ fn face_name(vertices: &[u32]) -> String {
 
 pub(super) fn manifold(mesh: &Mesh, cells: &Sound, found: &mut Findings) {
     let surface = if mesh.is_solid() {
-        let tets: Vec<[u32; 4]> = cells.tetrahedra(mesh).map(|(_, &cell)| cell).collect();
+        let tets: Vec<usize> = cells.tetrahedra(mesh).map(|(i, _)| i).collect();
         let hexes: Vec<[u32; 8]> = cells.hexahedra(mesh).map(|(_, &cell)| cell).collect();
         let faces = mesh.faces(&tets, &hexes);
         let mut tally = Tally::default();

@@ -1,8 +1,10 @@
 //! Collects the cells and groups that a reader finds.
 
 use super::scan::Cursor;
+use crate::mesh::cell::second_order_triangles;
 use crate::mesh::error::MeshError;
-use crate::mesh::{CellData, Group, Mesh, SkippedCells};
+use crate::mesh::{CellData, Group, LINEAR, Mesh, SkippedCells};
+use std::ops::{Deref, Range};
 
 /// What a cell of a file becomes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,15 +138,58 @@ impl CellKind {
     pub const HEXAHEDRON: CellKind = CellKind::new("8-node hexahedron", 3, 8);
     pub const TRIANGLE: CellKind = CellKind::new("triangle", 2, 3);
     pub const QUAD: CellKind = CellKind::new("4-node quadrilateral", 2, 4);
+    /// Its vertices in the order of VTK.
+    pub const TETRAHEDRON10: CellKind = CellKind::new("10-node tetrahedron", 3, 10);
+    /// Kept as four triangles.
+    pub const TRIANGLE6: CellKind = CellKind::new("6-node triangle", 2, 6);
 
     pub fn used_as(self) -> CellUse {
         match (self.dimension, self.vertices) {
+            _ if self == Self::TETRAHEDRON10 => CellUse::Tetrahedron,
+            (2, 6) => CellUse::Triangle,
             (3, 4) => CellUse::Tetrahedron,
             (3, 8) => CellUse::Hexahedron,
             (2, 3) => CellUse::Triangle,
             (2, 4) => CellUse::Quad,
             _ => CellUse::Skipped,
         }
+    }
+
+    /// Number of cells that one of the file becomes.
+    pub fn parts(self) -> usize {
+        if self == Self::TRIANGLE6 { 4 } else { 1 }
+    }
+}
+
+/// Vertices of a cell that a writer lists.
+pub(crate) struct CellVertices {
+    list: [u32; 10],
+    count: usize,
+}
+
+impl CellVertices {
+    pub fn of(vertices: &[u32]) -> Self {
+        let mut list = [0; 10];
+        let count = vertices.len().min(10);
+        list[..count].copy_from_slice(&vertices[..count]);
+        Self { list, count }
+    }
+
+    /// Of a tetrahedron, with the vertices on its edges if it has them.
+    pub fn of_tetrahedron(corners: &[u32; 4], middles: Option<&[u32; 6]>) -> Self {
+        let mut own = Self::of(corners);
+        if let Some(middles) = middles.filter(|middles| **middles != LINEAR) {
+            own.list[4..].copy_from_slice(middles);
+            own.count = 10;
+        }
+        own
+    }
+}
+
+impl Deref for CellVertices {
+    type Target = [u32];
+    fn deref(&self) -> &[u32] {
+        &self.list[..self.count]
     }
 }
 
@@ -199,7 +244,16 @@ impl Builder {
         let lines = &mut mesh.lines;
         let kept = match cell {
             CellUse::Tetrahedron => {
-                push(&mut mesh.tetrahedra, &mut lines.tetrahedra, vertices, line)
+                let (corners, middles) = vertices.split_at(vertices.len().min(4));
+                if let Ok(middles) = middles.try_into() {
+                    mesh.middles.resize(mesh.tetrahedra.len(), LINEAR);
+                    mesh.middles.push(middles);
+                }
+                push(&mut mesh.tetrahedra, &mut lines.tetrahedra, corners, line)
+            }
+            CellUse::Triangle if kind == CellKind::TRIANGLE6 => {
+                let parts = vertices.try_into().map_or([[0; 3]; 4], second_order_triangles);
+                parts.iter().all(|t| push(&mut mesh.triangles, &mut lines.triangles, t, line))
             }
             CellUse::Hexahedron => push(&mut mesh.hexahedra, &mut lines.hexahedra, vertices, line),
             CellUse::Triangle => push(&mut mesh.triangles, &mut lines.triangles, vertices, line),
@@ -215,16 +269,16 @@ impl Builder {
                 }
             }
         }
-        self.join(cell, index, vertices, groups);
+        self.join(cell, index..index + kind.parts(), vertices, groups);
     }
 
-    /// Makes an existing cell a member of more groups.
-    pub fn join(&mut self, cell: CellUse, index: usize, vertices: &[u32], groups: &[usize]) {
+    /// Makes existing cells members of more groups.
+    pub fn join(&mut self, cell: CellUse, cells: Range<usize>, vertices: &[u32], groups: &[usize]) {
         for &slot in groups {
             let group = &mut self.mesh.groups[slot];
             group.vertices.extend_from_slice(vertices);
             if let Some(members) = cell.members_mut(group) {
-                members.push(index as u32);
+                members.extend(cells.clone().map(|index| index as u32));
             }
         }
     }
@@ -244,6 +298,9 @@ impl Builder {
     }
 
     pub fn finish(mut self) -> Mesh {
+        if !self.mesh.middles.is_empty() {
+            self.mesh.middles.resize(self.mesh.tetrahedra.len(), LINEAR);
+        }
         let counts = CellUse::KEPT.map(|cell| cell.count(&self.mesh));
         for data in &mut self.mesh.cell_data {
             fill(data, counts);

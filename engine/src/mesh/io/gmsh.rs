@@ -14,6 +14,16 @@ use crate::mesh::Mesh;
 use crate::mesh::error::{MeshError, shown};
 use glam::DVec3;
 use std::collections::HashMap;
+use std::ops::Range;
+
+/// Gmsh lists the last two edges of a ten-node tetrahedron the other way round.
+fn in_order_of_vtk(kind: CellKind, vertices: &mut [u32]) {
+    if kind == CellKind::TETRAHEDRON10
+        && let [.., y, z] = vertices
+    {
+        std::mem::swap(y, z);
+    }
+}
 
 /// Cells of the format by type number.
 fn cell_kind(number: i64) -> Option<CellKind> {
@@ -27,9 +37,9 @@ fn cell_kind(number: i64) -> Option<CellKind> {
         6 => kind("6-node prism", 3, 6),
         7 => kind("5-node pyramid", 3, 5),
         8 => kind("3-node line", 1, 3),
-        9 => kind("6-node triangle", 2, 6),
+        9 => CellKind::TRIANGLE6,
         10 => kind("9-node quadrilateral", 2, 9),
-        11 => kind("10-node tetrahedron", 3, 10),
+        11 => CellKind::TETRAHEDRON10,
         12 => kind("27-node hexahedron", 3, 27),
         13 => kind("18-node prism", 3, 18),
         14 => kind("14-node pyramid", 3, 14),
@@ -82,10 +92,10 @@ struct Reader<'a> {
     /// Group positions by dimension and physical tag.
     groups: HashMap<(u8, i64), usize>,
     /// Used cells of version 2 by vertices and geometric entity: position and first physical tag.
-    seen: HashMap<([u32; 8], i64), (usize, i64)>,
+    seen: HashMap<([u32; 10], i64), (usize, i64)>,
     vertices: Vec<u32>,
     /// Used cells by element number.
-    elements: HashMap<i64, (CellUse, usize)>,
+    elements: HashMap<i64, (CellUse, Range<usize>)>,
     has_nodes: bool,
     has_elements: bool,
 }
@@ -382,7 +392,8 @@ impl<'a> Reader<'a> {
         [physical, elementary]: [i64; 2],
         line: usize,
     ) -> Result<(), MeshError> {
-        let vertices = std::mem::take(&mut self.vertices);
+        let mut vertices = std::mem::take(&mut self.vertices);
+        in_order_of_vtk(kind, &mut vertices);
         let slot = match physical {
             0 => None,
             tag => Some(self.group(kind.dimension.min(3), tag.saturating_abs())),
@@ -396,17 +407,20 @@ impl<'a> Reader<'a> {
         // An element in several groups stands in the file once for each of them.
         let mut known = None;
         if cell != CellUse::Skipped && physical != 0 && self.version == Version::Two {
-            let mut key = [u32::MAX; 8];
+            let mut key = [u32::MAX; 10];
             key[..vertices.len()].copy_from_slice(&vertices);
             let &mut (index, first) =
                 self.seen.entry((key, elementary)).or_insert((next, physical));
             known = (first != physical).then_some(index);
         }
         if cell != CellUse::Skipped {
-            self.elements.insert(number, (cell, known.unwrap_or(next)));
+            let first = known.unwrap_or(next);
+            self.elements.insert(number, (cell, first..first + kind.parts()));
         }
         match known {
-            Some(index) => self.builder.join(cell, index, &vertices, groups),
+            Some(index) => {
+                self.builder.join(cell, index..index + kind.parts(), &vertices, groups);
+            }
             None if kind == UNKNOWN_KIND => self.builder.cell(kind, &[], groups, 0),
             None => self.builder.cell(kind, &vertices, groups, line),
         }
@@ -562,12 +576,12 @@ impl<'a> Reader<'a> {
                     values.push(self.cursor.real(fields.next().unwrap_or(b""), "a value")?);
                 }
             }
-            let Some(&(cell, index)) = self.elements.get(&number) else { continue };
+            let Some((cell, cells)) = self.elements.get(&number).cloned() else { continue };
             for (place, &value) in places.iter().zip(&values) {
                 let data = place.and_then(|place| self.builder.mesh.cell_data.get_mut(place));
-                let slot = data.and_then(|data| cell.values_mut(data)?.get_mut(index));
-                if let Some(slot) = slot {
-                    *slot = value;
+                let slots = data.and_then(|data| cell.values_mut(data)?.get_mut(cells.clone()));
+                if let Some(slots) = slots {
+                    slots.fill(value);
                 }
             }
         }

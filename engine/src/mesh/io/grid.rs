@@ -38,9 +38,9 @@ fn cell_kind(number: i64) -> CellKind {
         15 => kind("pentagonal prism", 3, 10),
         16 => kind("hexagonal prism", 3, 12),
         21 => kind("3-node line", 1, 3),
-        22 => kind("6-node triangle", 2, 6),
+        22 => CellKind::TRIANGLE6,
         23 => kind("8-node quadrilateral", 2, 8),
-        24 => kind("10-node tetrahedron", 3, 10),
+        24 => CellKind::TETRAHEDRON10,
         25 => kind("20-node hexahedron", 3, 20),
         26 => kind("15-node prism", 3, 15),
         27 => kind("13-node pyramid", 3, 13),
@@ -345,10 +345,10 @@ impl Assembly {
             let index = cell.count(&self.builder.mesh);
             self.builder.cell(kind, &vertices, &groups, 0);
             if let Some((_, list)) = numbers.iter_mut().find(|(kept, _)| *kept == cell) {
-                list.push(number);
+                list.extend(std::iter::repeat_n(number, kind.parts()));
             }
             // The vertices of a written group come from its point array.
-            self.builder.join(cell, index, &[], &exact);
+            self.builder.join(cell, index..index + kind.parts(), &[], &exact);
         }
         for (name, array) in self.data_arrays(piece) {
             let found = self.builder.mesh.cell_data.iter_mut().find(|data| data.name == *name);

@@ -90,7 +90,7 @@ fn nodes(
                 .integer(field(&fields, attributes.saturating_add(4)), "a boundary marker")?;
             if marker != 0 {
                 let slot = group(builder, groups, 0, format!("marker {marker}"));
-                builder.join(CellUse::Skipped, 0, &[(numbering.len() - 1) as u32], &[slot]);
+                builder.join(CellUse::Skipped, 0..0, &[(numbering.len() - 1) as u32], &[slot]);
             }
         }
     }
@@ -131,7 +131,7 @@ fn tetrahedra(
     let count = cursor.count(field(&head, 0), "the number of tetrahedra")?;
     let kind = match field(&head, 1) {
         b"4" => CellKind::TETRAHEDRON,
-        b"10" => CellKind::new("10-node tetrahedron", 3, 10),
+        b"10" => CellKind::new("10-node tetrahedron of TetGen", 3, 10),
         other => return Err(cursor.invalid(other, "4 or 10 nodes per tetrahedron")),
     };
     let attributes = if head.len() > 2 {

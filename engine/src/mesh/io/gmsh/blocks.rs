@@ -2,7 +2,7 @@
 
 use super::super::cells::{CellUse, too_many};
 use super::super::scan::words;
-use super::{CellKind, Reader, SAVE_AGAIN, UNKNOWN_KIND, cell_kind};
+use super::{CellKind, Reader, SAVE_AGAIN, UNKNOWN_KIND, cell_kind, in_order_of_vtk};
 use crate::mesh::error::MeshError;
 
 impl<'a> Reader<'a> {
@@ -215,9 +215,10 @@ impl<'a> Reader<'a> {
                 let cell = kind.used_as();
                 let index = cell.count(&self.builder.mesh);
                 if cell != CellUse::Skipped {
-                    self.elements.insert(number, (cell, index));
+                    self.elements.insert(number, (cell, index..index + kind.parts()));
                 }
-                let vertices = std::mem::take(&mut self.vertices);
+                let mut vertices = std::mem::take(&mut self.vertices);
+                in_order_of_vtk(kind, &mut vertices);
                 let line = if self.cursor.binary { 0 } else { self.cursor.line };
                 self.builder.cell(kind, &vertices, &groups, line);
                 self.vertices = vertices;

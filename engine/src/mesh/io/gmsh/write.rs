@@ -1,6 +1,6 @@
 //! Writes Gmsh 2.2 text.
 
-use super::super::cells::{CellUse, Column, columns};
+use super::super::cells::{CellUse, CellVertices, Column, columns};
 use crate::mesh::error::MeshError;
 use crate::mesh::{CellData, Mesh};
 use std::fmt::Write as _;
@@ -13,6 +13,9 @@ const KINDS: [(CellUse, u8); 4] = [
     (CellUse::Tetrahedron, 4),
     (CellUse::Hexahedron, 5),
 ];
+
+/// Type of tetrahedra of second order.
+const TETRAHEDRON10: u8 = 11;
 
 /// Writes a mesh with its groups as Gmsh 2.2 text.
 ///
@@ -39,7 +42,7 @@ pub fn encode_gmsh(mesh: &Mesh) -> String {
             for &index in cell.members(group) {
                 if let Some(tags) = tags_of.get_mut(index as usize) {
                     tags.push(tag);
-                    covered.extend(vertices(mesh, cell, index as usize));
+                    covered.extend(vertices(mesh, cell, index as usize).iter());
                 }
             }
         }
@@ -70,7 +73,9 @@ pub fn encode_gmsh(mesh: &Mesh) -> String {
     let mut numbers = [const { Vec::new() }; 4];
     for (((cell, kind), tags_of), numbers) in KINDS.into_iter().zip(&tags_of).zip(&mut numbers) {
         for (index, tags) in tags_of.iter().enumerate() {
-            elements.push_each(kind, tags, vertices(mesh, cell, index));
+            let vertices = vertices(mesh, cell, index);
+            let kind = if vertices.len() == 10 { TETRAHEDRON10 } else { kind };
+            elements.push_each(kind, tags, &vertices);
             numbers.push(elements.count);
         }
     }
@@ -155,16 +160,21 @@ impl Elements {
     }
 }
 
-/// Vertices of a cell of the mesh; none for one that it does not have.
-fn vertices(mesh: &Mesh, cell: CellUse, index: usize) -> &[u32] {
+/// Vertices of a cell of the mesh in the order of Gmsh; none for one that it does not have.
+fn vertices(mesh: &Mesh, cell: CellUse, index: usize) -> CellVertices {
     let found: Option<&[u32]> = match cell {
-        CellUse::Tetrahedron => mesh.tetrahedra.get(index).map(|c| &c[..]),
+        CellUse::Tetrahedron => {
+            let Some(corners) = mesh.tetrahedra.get(index) else { return CellVertices::of(&[]) };
+            let middles = mesh.middles.get(index).copied();
+            let middles = middles.map(|[ab, bc, ac, ad, bd, cd]| [ab, bc, ac, ad, cd, bd]);
+            return CellVertices::of_tetrahedron(corners, middles.as_ref());
+        }
         CellUse::Hexahedron => mesh.hexahedra.get(index).map(|c| &c[..]),
         CellUse::Triangle => mesh.triangles.get(index).map(|c| &c[..]),
         CellUse::Quad => mesh.quads.get(index).map(|c| &c[..]),
         CellUse::Skipped => None,
     };
-    found.unwrap_or(&[])
+    CellVertices::of(found.unwrap_or(&[]))
 }
 
 /// Edges that exactly one triangle or quadrilateral has.

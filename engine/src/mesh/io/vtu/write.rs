@@ -1,15 +1,12 @@
 //! Writes VTU files and the index of a time series.
 
-use super::super::cells::{CellUse, Column, all_values, columns};
+use super::super::cells::{CellUse, CellVertices, Column, all_values, columns};
 use super::super::grid::{array_name, cell_mask, mask};
 use crate::mesh::error::MeshError;
-use crate::mesh::{CellData, Group, Mesh};
+use crate::mesh::{CellData, Group, LINEAR, Mesh};
 use glam::DVec3;
 use std::fmt::Write as _;
 use std::path::Path;
-
-/// Vertices of a cell of each kind, in the order of the writers.
-const CORNERS: [usize; 4] = [4, 8, 3, 4];
 
 /// What the VTU and VTK writers write; lengths must match the points or cells.
 #[derive(Clone, Copy, Debug, Default)]
@@ -18,6 +15,8 @@ pub struct VtuData<'a> {
     pub points: &'a [DVec3],
     /// Tetrahedra, the first cells of the file.
     pub tetrahedra: &'a [[u32; 4]],
+    /// Vertices on the edges of tetrahedra of second order, as in [`Mesh::middles`]; none otherwise.
+    pub middles: &'a [[u32; 6]],
     /// Hexahedra, the cells after the tetrahedra.
     pub hexahedra: &'a [[u32; 8]],
     /// Triangles, the cells after the hexahedra.
@@ -46,6 +45,7 @@ impl<'a> VtuData<'a> {
         VtuData {
             points: &mesh.points,
             tetrahedra: &mesh.tetrahedra,
+            middles: &mesh.middles,
             hexahedra: &mesh.hexahedra,
             triangles: &mesh.triangles,
             quads: &mesh.quads,
@@ -66,25 +66,38 @@ impl<'a> VtuData<'a> {
 
     /// Number of the vertices of all cells together.
     pub(in crate::mesh::io) fn n_corners(&self) -> usize {
-        self.counts().iter().zip(CORNERS).map(|(n, corners)| n * corners).sum()
+        self.cells().map(|cell| cell.len()).sum()
     }
 
     /// The vertices of every cell in the order of the file.
-    pub(in crate::mesh::io) fn cells(&self) -> impl Iterator<Item = &[u32]> {
-        let tets = self.tetrahedra.iter().map(|cell| &cell[..]);
-        let hexes = self.hexahedra.iter().map(|cell| &cell[..]);
-        let triangles = self.triangles.iter().map(|cell| &cell[..]);
-        tets.chain(hexes).chain(triangles).chain(self.quads.iter().map(|cell| &cell[..]))
+    pub(in crate::mesh::io) fn cells(&self) -> impl Iterator<Item = CellVertices> {
+        let of = |i: usize| CellVertices::of_tetrahedron(&self.tetrahedra[i], self.middles.get(i));
+        let tets = (0..self.tetrahedra.len()).map(of);
+        let hexes = self.hexahedra.iter().map(|cell| CellVertices::of(cell));
+        let triangles = self.triangles.iter().map(|cell| CellVertices::of(cell));
+        let quads = self.quads.iter().map(|cell| CellVertices::of(cell));
+        tets.chain(hexes).chain(triangles).chain(quads)
     }
 
     /// The VTK type of every cell in the order of the file.
     pub(in crate::mesh::io) fn cell_types(&self) -> impl Iterator<Item = u8> {
-        let kinds = self.counts().into_iter().zip([10, 12, 5, 9]);
-        kinds.flat_map(|(n, kind)| std::iter::repeat_n(kind, n))
+        let n = self.tetrahedra.len();
+        let tets = (0..n).map(|i| match self.middles.get(i) {
+            Some(middles) if *middles != LINEAR => 24,
+            _ => 10,
+        });
+        let [_, hexes, triangles, quads] = self.counts();
+        let others = [(hexes, 12), (triangles, 5), (quads, 9)].into_iter();
+        tets.chain(others.flat_map(|(n, kind)| std::iter::repeat_n(kind, n)))
     }
 
     pub(in crate::mesh::io) fn check_lengths(&self) -> Result<(), MeshError> {
         let (n_points, n_cells) = (self.points.len(), self.n_cells());
+        let (expected, found) = (self.tetrahedra.len(), self.middles.len());
+        if found != 0 && found != expected {
+            let (what, entities) = ("vertices on edges".to_owned(), "tetrahedra");
+            return Err(MeshError::LengthMismatch { what, entities, expected, found });
+        }
         let vectors =
             self.point_vectors.iter().map(|(name, v)| (name, v.len(), n_points, "points"));
         let scalars =
@@ -175,8 +188,10 @@ pub fn encode_vtu(data: &VtuData<'_>) -> Result<Vec<u8>, MeshError> {
     out.xml.push_str("</CellData>\n<Points>\n");
     out.reals("Points", 3, data.points.iter().flat_map(|p| p.to_array()));
     out.xml.push_str("</Points>\n<Cells>\n");
-    let vertices = data.cells().flatten();
-    let bytes: Vec<u8> = vertices.flat_map(|&v| i64::from(v).to_le_bytes()).collect();
+    let mut bytes = Vec::new();
+    for cell in data.cells() {
+        cell.iter().for_each(|&v| bytes.extend(i64::from(v).to_le_bytes()));
+    }
     out.array("Int64", "connectivity", 1, &bytes);
     let mut end = 0;
     let ends = data.cells().flat_map(|cell| {
