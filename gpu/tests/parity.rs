@@ -70,9 +70,13 @@ parity! {
 fn every_row_of_the_table_has_a_twin() {
     // formed from the tensions of edges by the twins of the springs; for comparison on the processor alone
     let without = ["spring forces", "axes, printed form", "axes in hexahedra, printed form"];
+    // curved elements, and volumes that are kept by means
+    let more = ["ten-node", "mean volume", "volume by clusters"];
     for row in sinew::models::laws::LAWS {
-        let twins = sinew_gpu::laws::all().filter(|law| law.row == *row).count();
-        assert_eq!(twins, usize::from(!without.contains(&row.info.name)), "{}", row.info.name);
+        let (name, twins) =
+            (row.info.name, sinew_gpu::laws::all().filter(|law| law.row == *row).count());
+        let without = without.contains(&name) || more.iter().any(|words| name.contains(words));
+        assert_eq!(twins, usize::from(!without), "{name}");
     }
 }
 

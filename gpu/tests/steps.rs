@@ -3,9 +3,10 @@
 use crate::common::*;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
+use sinew::engine::mesh::generate::box_hexahedra;
 use sinew::engine::report::StepReport;
 use sinew::models::axes::description::{AxesDescription, AxisForm};
-use sinew::models::body::Evaluation;
+use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
@@ -395,6 +396,24 @@ fn what_has_no_twin_is_refused_by_name() {
     let error = simulation.step().unwrap_err().to_string();
     for word in ["second", "axes", "no twin", "\"cpu\""] {
         assert!(error.contains(word), "{error}");
+    }
+    let volume = VolumeRule::Clusters;
+    let (bricks, curved) =
+        (box_hexahedra(DVec3::splat(0.1), [2, 2, 2]).unwrap(), mesh.with_second_order());
+    for (mesh, volume, words) in [
+        (&mesh, volume, "volume by clusters"),
+        (&bricks, volume, "mean volume"),
+        (&curved, VolumeRule::Elements, "ten-node"),
+    ] {
+        let Some(mut simulation) = on_device(&GpuOptions::default()) else { return };
+        let of = BodyDescription::new("tissue", mesh, MATERIAL);
+        let of = BodyDescription { model: Model::NeoHookean, volume, ..of };
+        simulation.add_body(&of).unwrap();
+        simulation.set_solver(settings());
+        let error = simulation.step().unwrap_err().to_string();
+        for word in ["tissue", words, "no twin", "\"cpu\""] {
+            assert!(error.contains(word), "{error}");
+        }
     }
 }
 

@@ -614,7 +614,6 @@ pub struct VolumeSummary {
     /// Tetrahedra with J <= 0 at the end.
     pub inverted_final: u64,
     /// Largest magnitude of the mean of J - 1 over a cluster, of all steps; none without clusters.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
     pub largest_mean_change: Option<f64>,
 }
 
