@@ -20,8 +20,8 @@ use sinew_engine::step::{
     IntegratorInstalled, StepClock, StepError, StepFailure, VolumesReported, not_finite,
 };
 use sinew_engine::topology::{BodyRows, Topology};
-use sinew_models::axes::description::AxisForm;
-use sinew_models::body::SoftBody;
+use sinew_models::axes::description::{AxesDescription, AxisForm};
+use sinew_models::body::{SoftBody, VolumeRule};
 use sinew_solvers::recovery::{BodyState, Shape, load_measures};
 use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
 use sinew_solvers::state::{NodeState, Rows, read_rest, write_displacement, write_state};
@@ -193,8 +193,11 @@ fn preconditioner(settings: &SolverSettings, vertices: u32) -> Preconditioner {
 
 /// The first part of a body without a twin on the device.
 fn missing(soft: &SoftBody) -> Option<&'static str> {
-    let axes = &soft.axes.as_ref()?.description;
-    (axes.form != AxisForm::EnergyConsistent).then_some("axes in their printed form")
+    let printed = |axes: &AxesDescription| axes.form != AxisForm::EnergyConsistent;
+    if soft.axes.as_ref().is_some_and(|axes| printed(&axes.description)) {
+        return Some("axes in their printed form");
+    }
+    (soft.volume == VolumeRule::Clusters).then_some("volume kept by clusters")
 }
 
 /// The one system of [`StepSystems::Integrate`].

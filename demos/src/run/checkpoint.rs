@@ -118,7 +118,8 @@ pub(crate) fn found(folder: &Path) -> Vec<(u64, PathBuf)> {
 /// A number of the scene as it was written, with what options of the command replace of it, but for what results do not
 /// depend on.
 fn scene_number(loaded: &LoadedScene, built: &BuiltScene) -> u64 {
-    let bodies: Vec<_> = loaded.scene.bodies.iter().map(|b| (b.model, b.evaluation, b.volume)).collect();
+    let bodies: Vec<_> =
+        loaded.scene.bodies.iter().map(|b| (b.model, b.evaluation, b.volume)).collect();
     let plan = (built.plan.dt, &built.plan.settings, built.simulation.precision());
     checksum(format!("{} {bodies:?} {plan:?}", loaded.text).as_bytes())
 }
