@@ -4,10 +4,12 @@ use super::step::{BodyStep, ImplicitScratch, Mode, Rejected, Step, noise};
 use super::touch::At;
 use crate::state::{dot3, evaluate};
 use bevy_ecs::prelude::World;
+use glam::{DMat3, DVec3};
 use sinew_contact::set::Limits;
 use sinew_engine::law::ElasticEnergy;
 use sinew_engine::matrix::{LowRank, Tangent};
 use sinew_engine::scalar::Scalar;
+use std::ops::Range;
 
 /// Armijo constant.
 const ARMIJO: f64 = 1e-4;
@@ -155,6 +157,9 @@ impl<S: Scalar> Step<'_, S> {
                     && scratch.linear.restore(own, &excess, &mut scratch.bend[rows.clone()])
             });
         }
+        for search in &*searches {
+            scratch.keep_momentum(bodies[search.body].rows.clone());
+        }
         let mut damped = Vec::new();
         if !scratch.damping.diagonal.is_empty() {
             damped.resize(scratch.bend.len(), [S::ZERO; 4]);
@@ -210,6 +215,37 @@ impl<S: Scalar> Step<'_, S> {
 }
 
 impl<S: Scalar> ImplicitScratch<S> {
+    /// Takes from the bend of a body its mean motion along axes that nothing holds, and its mean turn where nothing holds
+    /// it at all: a bend is no force from outside.
+    fn keep_momentum(&mut self, rows: Range<usize>) {
+        let Self { node, bend, rest, iterate, .. } = self;
+        let own = || rows.clone().map(|row| (row, node.mass[row].to_f64()));
+        let vector = |of: &[S; 4]| DVec3::from_array([0, 1, 2].map(|k| of[k].to_f64()));
+        let held = [0, 1, 2].map(|k| rows.clone().any(|row| !node.free(row, k)));
+        let mass: f64 = own().map(|(_, m)| m).sum();
+        let mean: DVec3 = own().map(|(row, m)| m / mass * vector(&bend[row])).sum();
+        let place = |row: usize| rest[row] + vector(&iterate[row]);
+        let mut turn = DVec3::ZERO;
+        let centre: DVec3 = own().map(|(row, m)| m / mass * place(row)).sum();
+        if held == [false; 3] {
+            let (mut inertia, mut spin) = (DMat3::ZERO, DVec3::ZERO);
+            for (row, m) in own() {
+                let arm = place(row) - centre;
+                spin += m * arm.cross(vector(&bend[row]));
+                let [x, y, z] = (m * arm).to_array().map(|along| along * arm);
+                inertia += DMat3::from_diagonal(DVec3::splat(m * arm.length_squared()));
+                inertia -= DMat3::from_cols(x, y, z);
+            }
+            turn = inertia.inverse() * spin;
+        }
+        for row in rows.clone() {
+            let lost = mean + turn.cross(place(row) - centre);
+            for k in (0..3).filter(|&k| !held[k] && lost.is_finite()) {
+                bend[row][k] -= S::from_f64(lost[k]);
+            }
+        }
+    }
+
     /// What the bend of a body adds to its potential, of second, third and fourth order in the fraction taken; `damped`
     /// is the damping matrix times the bend.
     fn bent(&self, body: &BodyStep, damped: &[[S; 4]]) -> [f64; 3] {
