@@ -46,7 +46,7 @@ pub const TETRAHEDRON10_PAIRS: [[usize; 2]; 45] = pairs();
 pub const MIDDLES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
 
 /// The faces of a ten-node tetrahedron cut into flat triangles, four for each face of
-/// [`TETRAHEDRON_FACES`](crate::element::TETRAHEDRON_FACES): three at its corners, then the one between its middles;
+/// [`TETRAHEDRON_FACES`]: three at its corners, then the one between its middles;
 /// outward.
 pub const TETRAHEDRON10_FACES: [[usize; 3]; 16] = {
     let mut result = [[0; 3]; 16];

@@ -16,7 +16,7 @@
 //! `lambda_c` is the mean by volume. The quartic term acts on both signs and keeps single elements from collapsing, since
 //! only means are held. The vectors `b_c` are part of the tangent as they are ([`LowRank`]), never added up.
 //!
-//! Three systems share the work: [`measure`] finds the mean of every cluster before the laws run, and writes its
+//! Three systems share the work: `measure` finds the mean of every cluster before the laws run, and writes its
 //! pressure to its elements; the law reads that column; its buffer carries the vectors.
 
 use bevy_ecs::prelude::*;
