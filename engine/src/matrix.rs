@@ -58,7 +58,8 @@ pub struct LowRank<S> {
 }
 
 /// Values (J^1/2) of the vectors of [`LowRank`] matrices, body by body, that the next tangents are to take for the
-/// curvature that goes with them. Where a body's are missing, its tangent is the second derivative of the energy.
+/// curvature that goes with them. Where a body's are missing, its tangent is the second derivative of the energy; so it is
+/// where several laws have such vectors in one body.
 ///
 /// A linear step turns elements by straight motions, which changes their volumes to second order; times a large modulus that
 /// is a pressure of no meaning. What the last step *predicted* has none of it: this is Newton's iteration with the pressures

@@ -221,8 +221,9 @@ pub struct VolumeReport {
     pub smallest_by_body: Vec<f64>,
     /// Tetrahedra and hexahedra of each body.
     pub elements_by_body: Vec<u64>,
-    /// Largest magnitude of the mean of `J - 1` over a cluster of tetrahedra that keep their volume together; 0 without
-    /// any. Of such elements only means are kept: the ratios above need not be near 1.
+    /// Largest magnitude of the mean of `J - 1` over a cluster: tetrahedra that keep their volume together, or one element
+    /// that keeps the mean of its points; 0 without any. Of such elements only means are kept: the ratios above need not be
+    /// near 1.
     pub largest_mean_change: f64,
 }
 

@@ -95,25 +95,12 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     Ok(built)
 }
 
-/// Tells of integrators that nearly incompressible bodies are not for.
+/// Tells of explicit steps through nearly incompressible bodies.
 fn warn_of_volume(built: &mut BuiltScene) {
-    let integrator = built.plan.settings.integrator;
-    let explicit = integrator.facts().explicit;
+    if !built.plan.settings.integrator.facts().explicit {
+        return;
+    }
     for body in built.bodies.iter().filter(|body| body.volume == VolumeRule::Clusters) {
-        let means = body.element_count(ElementKind::Hexahedron) > 0 || body.mesh.is_second_order();
-        if means && !explicit && !integrator.converges() && body.material.poisson_ratio > 0.49 {
-            built.warnings.push(Warning::new(
-                "scene.volume.means",
-                Level::Warning,
-                format!("body `{}`", body.name),
-                "steps of one linearisation turn hexahedra and ten-node tetrahedra by straight motions: above nu = 0.49 \
-                 that damps their swing",
-                "use linear tetrahedra, 0.49, or the integrator \"newton\"",
-            ));
-        }
-        if !explicit {
-            continue;
-        }
         let lame = body.material.lame();
         let Some(ratio) = lame.ok().map(|l| ((l.lambda + 2.0 * l.mu) / (3.0 * l.mu)).sqrt()) else {
             continue;

@@ -34,8 +34,8 @@ use crate::axes::spawn::spawn_axes;
 use crate::axes::spawn_printed::{check_chords, spawn_printed};
 use crate::axes::systems::AxesOnly;
 use crate::element::precompute::{RestTetrahedron, SpringConstants};
-use crate::frame::clusters::{ClusterIndex, ClusterPressure, PredictedPressure};
-use crate::frame::hexahedra::{Hexahedral, Quadratic};
+use crate::frame::clusters::ClusterIndex;
+use crate::frame::means::Pressures;
 use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::laws::pooled::{
     self, AngularStiffness, TensileStiffness, TensileTension, TriangleVertices, VolumetricStiffness,
@@ -574,16 +574,11 @@ impl SolidPart<'_> {
                     }
                 }
                 None if self.model == Model::MassSpring => {
-                    self.spawn_marked_hexahedra::<MassSpring, S>(world);
+                    spawn_hexahedra::<MassSpring, S>(world, self);
                 }
-                None => self.spawn_marked_hexahedra::<AxesOnly, S>(world),
+                None => spawn_hexahedra::<AxesOnly, S>(world, self),
             }
         }
-    }
-
-    fn spawn_marked_hexahedra<M: Component + Default, S: Scalar>(&self, world: &mut World) {
-        let marked = self.hexahedra::<S>().map(|h| (h, M::default()));
-        world.spawn_batch(marked.collect::<Vec<_>>());
     }
 
     /// Spawns pooled tetrahedra; `edge_rows` are the edge-table rows of the edges of the layout.
@@ -689,27 +684,30 @@ pub(crate) fn spawn_clustered<M: Component + Default, S: Scalar>(
 ) {
     let taken = world.query::<&ClusterIndex>().iter(world).map(|own| own.0 + 1).max();
     let first = taken.unwrap_or(0);
-    let marked = part.tetrahedra::<S>().zip(&part.clusters).map(|(t, &own)| {
-        let pressures = (ClusterPressure::<S>(S::ZERO), PredictedPressure::<S>(S::ZERO));
-        (t, ClusterIndex(first + own), pressures, M::default())
-    });
+    let marked = part
+        .tetrahedra::<S>()
+        .zip(&part.clusters)
+        .map(|(t, &own)| (t, ClusterIndex(first + own), Pressures::<S>::default(), M::default()));
     world.spawn_batch(marked.collect::<Vec<_>>());
 }
 
-/// Spawns the hexahedra of a body with the mark of law `L`.
-pub(crate) fn spawn_hexahedra<L: Send + Sync + 'static, S: Scalar>(
-    world: &mut World,
-    part: &SolidPart,
-) {
-    part.spawn_marked_hexahedra::<Hexahedral<L>, S>(world);
+/// Spawns the hexahedra of a body with `M`, the mark of their law and columns of its own.
+pub(crate) fn spawn_hexahedra<M, S>(world: &mut World, part: &SolidPart)
+where
+    M: Bundle<Effect: NoBundleEffect> + Default,
+    S: Scalar,
+{
+    let marked = part.hexahedra::<S>().map(|h| (h, M::default()));
+    world.spawn_batch(marked.collect::<Vec<_>>());
 }
 
-/// Spawns the ten-node tetrahedra of a body with the mark of law `L`.
-pub(crate) fn spawn_tetrahedra10<L: Send + Sync + 'static, S: Scalar>(
-    world: &mut World,
-    part: &SolidPart,
-) {
-    let marked = part.tetrahedra10::<S>().map(|t| (t, Quadratic::<L>::default()));
+/// Spawns the ten-node tetrahedra of a body, likewise.
+pub(crate) fn spawn_tetrahedra10<M, S>(world: &mut World, part: &SolidPart)
+where
+    M: Bundle<Effect: NoBundleEffect> + Default,
+    S: Scalar,
+{
+    let marked = part.tetrahedra10::<S>().map(|t| (t, M::default()));
     world.spawn_batch(marked.collect::<Vec<_>>());
 }
 

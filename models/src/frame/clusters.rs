@@ -15,31 +15,20 @@
 //! The clusters cover the body once, so that the continuum law does not depend on `lambda_e`; where materials meet,
 //! `lambda_c` is the mean by volume. The quartic term acts on both signs and keeps single elements from collapsing, since
 //! only means are held. The vectors `b_c` are part of the tangent as they are ([`LowRank`]), never added up.
-//!
-//! Three systems share the work: `measure` finds the mean of every cluster before the laws run, and writes its
-//! pressure to its elements; the law reads that column; its buffer carries the vectors.
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
-use sinew_engine::columns::single_table;
 use sinew_engine::element::{TetrahedronVertices, displacement_gradient, volume_change};
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
-use sinew_engine::law::{EvaluationRequest, LawBuffers, RecoveringBodies};
-use sinew_engine::matrix::{LowRank, LowRankPattern, PredictedValues};
-use sinew_engine::report::VolumeReport;
 use sinew_engine::scalar::{Real, Scalar, mat_vec};
-use sinew_engine::schedule::{
-    Evaluation, ForceSystems, StepSchedule, StepSystems, activate_systems, declare_inputs,
-};
-use sinew_engine::step::{StepFailure, measure_volume_ratios};
-use sinew_engine::vertex::{BodyId, Displacement};
+use sinew_engine::schedule::Evaluation;
+use sinew_engine::vertex::Displacement;
 use sinew_engine::workers::Workers;
 
-use std::collections::BTreeMap;
 use std::marker::PhantomData;
-use std::sync::Arc;
 
-use super::columns::scalar_columns;
+use super::means::{self, ClusterPressure, KeptByMean, MeanLaw, PredictedPressure};
 use super::tetrahedra::{
     TetrahedronColumns, TetrahedronData, TetrahedronLaw, evaluate_spans, for_batches,
 };
@@ -51,13 +40,6 @@ use crate::laws::{LawRow, activate_elements};
 #[component(summary_tick)]
 #[repr(transparent)]
 pub struct ClusterIndex(pub u32);
-
-scalar_columns! {
-    /// Pressure of the cluster of a tetrahedron (Pa), positive in expansion; found anew by every evaluation.
-    ClusterPressure,
-    /// The same as tangents take it ([`PredictedValues`]).
-    PredictedPressure,
-}
 
 /// Law `L` with the large part of its volume term by clusters; also the mark of its tetrahedra.
 #[derive(Component, Clone, Copy, Debug)]
@@ -73,6 +55,11 @@ impl<L: Send + Sync + 'static> Default for ByClusters<L> {
 #[inline(always)]
 fn own_part<R: Real>(lambda: R, mu: R) -> R {
     lambda.min(R::from_f64(0.25) * mu)
+}
+
+/// Part of `lambda` that acts on the mean of the cluster.
+pub(crate) fn shared_part(lambda: f64, mu: f64) -> f64 {
+    lambda - own_part(lambda, mu)
 }
 
 /// An element as the laws see it: without the part of `lambda` that its cluster has. `lambda/mu` is 9 at nu = 0.45.
@@ -111,291 +98,42 @@ pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(
             evaluate_spans::<L, S>(&columns, with, buffer);
         },
     );
-    let Some(name) = row.measure else { return };
-    let law = row.info.name;
-    let state: Clusters<L, S> = Clusters { law, ..Clusters::default() };
-    world.insert_resource(state);
-    let new = activate_systems(world, name, |schedule| {
-        schedule.add_systems(measure::<L, S>.in_set(ForceSystems::Measure));
-    });
-    if new {
-        world.resource_mut::<Schedules>().entry(StepSchedule).add_systems(
-            report::<L, S>.in_set(StepSystems::Report).after(measure_volume_ratios::<S>),
-        );
-        // what it writes follows from the displacements and what the law itself declares
-        declare_inputs(world, name, &[]);
+    means::activate::<ByClusters<L>, S, 4>(world, row);
+}
+
+/// Tetrahedra in clusters, as slices.
+pub(crate) struct Clustered<'a, S>(TetrahedronColumns<'a, S>, &'a [ClusterIndex]);
+
+impl<L: TetrahedronLaw, S: Scalar> MeanLaw<S, 4> for ByClusters<L> {
+    type Mark = Self;
+    type Data = (TetrahedronData<S>, &'static ClusterIndex);
+    type Columns<'a> = Clustered<'a, S>;
+    fn columns<'a>(
+        displacement: &'a [Displacement<S>],
+        (data, index): <Self::Data as ContiguousQueryData>::Contiguous<'a, 'a>,
+    ) -> Clustered<'a, S> {
+        Clustered(TetrahedronColumns::new(displacement, data), index)
     }
 }
 
-/// The clusters of a law.
-#[derive(Resource, Debug)]
-struct Clusters<L: TetrahedronLaw, S: Scalar> {
-    /// Name of the law.
-    law: &'static str,
-    /// What the rest was found for.
-    index: Vec<ClusterIndex>,
-    nodes: Vec<TetrahedronVertices>,
-    /// Cluster of every element, counted from 0 in the order of their first elements.
-    cluster: Vec<u32>,
-    /// Place of the vertices of every element among the entries of its cluster.
-    slot: Vec<[u32; 4]>,
-    /// Body of every cluster.
-    body: Vec<u32>,
-    pattern: Arc<LowRankPattern>,
-    /// `m_t`, and `V_t cof F_t D_a` (m^2) of the vertices 1 to 3.
-    change: Vec<S>,
-    area: Vec<[S; 9]>,
-    sums: Vec<Sums>,
-    of: PhantomData<fn() -> L>,
-}
-
-impl<L: TetrahedronLaw, S: Scalar> Default for Clusters<L, S> {
-    fn default() -> Self {
-        Self {
-            law: "",
-            index: Vec::new(),
-            nodes: Vec::new(),
-            cluster: Vec::new(),
-            slot: Vec::new(),
-            body: Vec::new(),
-            pattern: Arc::default(),
-            change: Vec::new(),
-            area: Vec::new(),
-            sums: Vec::new(),
-            of: PhantomData,
-        }
+impl<S: Scalar> KeptByMean<S, 4> for Clustered<'_, S> {
+    fn nodes(&self) -> &[[u32; 4]] {
+        self.0.shapes.nodes
     }
-}
-
-/// What is summed over the elements of a cluster.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Sums {
-    /// V_c (m^3).
-    volume: f64,
-    /// sum V_t m_t (m^3).
-    change: f64,
-    /// sum V_t lambda_c,t (N m).
-    modulus: f64,
-}
-
-impl Sums {
-    pub fn add(&mut self, volume: f64, change: f64, [lambda, mu]: [f64; 2]) {
-        self.volume += volume;
-        self.change += volume * change;
-        self.modulus += volume * (lambda - own_part(lambda, mu));
+    fn clusters(&self) -> Option<&[ClusterIndex]> {
+        Some(self.1)
     }
-
-    /// m_c; 0 where all elements are gone.
-    fn mean(&self) -> f64 {
-        if self.volume > 0.0 { self.change / self.volume } else { 0.0 }
+    fn share(&self, element: usize) -> [f64; 2] {
+        let [volume, lambda, mu] =
+            [self.0.volume, self.0.lambda, self.0.mu].map(|column| column[element].to_f64());
+        [volume, shared_part(lambda, mu)]
     }
-
-    /// lambda_c/V_c (Pa/m^3); 0 where all elements are gone.
-    fn stiffness(&self) -> f64 {
-        if self.volume > 0.0 { self.modulus / (self.volume * self.volume) } else { 0.0 }
+    fn changes(&self, workers: &Workers, first: usize, own: &mut [S]) {
+        workers.dispatch(Changes { columns: &self.0, first, own });
     }
-
-    /// p_c (Pa).
-    fn pressure(&self) -> f64 {
-        self.stiffness() * self.change
+    fn areas(&self, workers: &Workers, first: usize, own: &mut [[[S; 3]; 4]]) {
+        workers.dispatch(Areas { columns: &self.0, first, own });
     }
-
-    /// (V_c lambda_c)^1/2 m_c (J^1/2).
-    fn value(&self) -> f64 {
-        self.stiffness().sqrt() * self.change
-    }
-
-    /// V_c lambda_c/2 m_c^2 (J).
-    pub fn energy(&self) -> f64 {
-        0.5 * self.pressure() * self.change
-    }
-}
-
-impl<L: TetrahedronLaw, S: Scalar> Clusters<L, S> {
-    /// Finds the entries of all clusters, unless they are those of these columns.
-    fn lay_out(
-        &mut self,
-        index: &[ClusterIndex],
-        nodes: &[TetrahedronVertices],
-        bodies: &[BodyId],
-    ) {
-        if self.index == index && self.nodes == nodes {
-            return;
-        }
-        self.index = index.to_vec();
-        self.nodes = nodes.to_vec();
-        let mut number = BTreeMap::new();
-        self.body.clear();
-        self.cluster.clear();
-        for (index, body) in index.iter().zip(bodies) {
-            let next = number.len() as u32;
-            let own = *number.entry(index.0).or_insert(next);
-            if own == next {
-                self.body.push(body.0);
-            }
-            self.cluster.push(own);
-        }
-        let mut rows: Vec<[u32; 2]> = Vec::with_capacity(4 * nodes.len());
-        for (&cluster, nodes) in self.cluster.iter().zip(nodes) {
-            rows.extend(nodes.0.map(|row| [cluster, row]));
-        }
-        rows.sort_unstable();
-        rows.dedup();
-        let place = |cluster, row| {
-            let found = rows.binary_search(&[cluster, row]);
-            found.expect("every vertex of its elements is an entry of a cluster") as u32
-        };
-        self.slot.clear();
-        for (&cluster, nodes) in self.cluster.iter().zip(nodes) {
-            self.slot.push(nodes.0.map(|row| place(cluster, row)));
-        }
-        let count = self.body.len() as u32;
-        let start = (0..=count).map(|c| rows.partition_point(|entry| entry[0] < c) as u32);
-        let start = start.collect();
-        let rows = rows.iter().map(|entry| entry[1]).collect();
-        self.pattern = Arc::new(LowRankPattern { start, rows });
-    }
-
-    /// Sums over the elements of every cluster.
-    fn sum(&mut self, columns: &TetrahedronColumns<'_, S>, workers: &Workers) {
-        let n = self.cluster.len();
-        self.change.resize(n, S::ZERO);
-        workers.for_chunks(&mut self.change, CHUNK, 8 * n, |first, own| {
-            workers.dispatch(Changes { columns, first, own });
-        });
-        self.sums.clear();
-        self.sums.resize(self.body.len(), Sums::default());
-        for (i, &cluster) in self.cluster.iter().enumerate() {
-            let moduli = [columns.lambda[i].to_f64(), columns.mu[i].to_f64()];
-            let (volume, change) = (columns.volume[i].to_f64(), self.change[i].to_f64());
-            self.sums[cluster as usize].add(volume, change, moduli);
-        }
-    }
-
-    /// Pressures (Pa) for the tangent.
-    fn predicted(&self, known: &PredictedValues) -> Vec<f64> {
-        let mut pressures = Vec::with_capacity(self.sums.len());
-        let of_bodies = self.body.chunk_by(|a, b| a == b);
-        for own in of_bodies {
-            let sums = &self.sums[pressures.len()..pressures.len() + own.len()];
-            match known.0.get(own[0] as usize).filter(|values| values.len() == own.len()) {
-                Some(values) => {
-                    let both = sums.iter().zip(values);
-                    pressures.extend(both.map(|(sums, value)| sums.stiffness().sqrt() * value));
-                }
-                None => pressures.extend(sums.iter().map(Sums::pressure)),
-            }
-        }
-        pressures
-    }
-
-    /// Vectors of the tangent (N^1/2 m^-1/2); zero for bodies that recover.
-    fn vectors(&self, recovering: &RecoveringBodies) -> Vec<[S; 4]> {
-        let mut vectors = vec![[S::ZERO; 4]; self.pattern.rows.len()];
-        for (slot, area) in self.slot.iter().zip(&self.area) {
-            for k in 0..3 {
-                let [a, b, c] = [area[k], area[3 + k], area[6 + k]];
-                vectors[slot[0] as usize][k] -= a + b + c;
-                vectors[slot[1] as usize][k] += a;
-                vectors[slot[2] as usize][k] += b;
-                vectors[slot[3] as usize][k] += c;
-            }
-        }
-        for (cluster, sums) in self.sums.iter().enumerate() {
-            let silent = recovering.contains(self.body[cluster] as usize);
-            let factor = if silent { 0.0 } else { sums.stiffness().sqrt() };
-            let factor = S::from_f64(factor);
-            for vector in &mut vectors[self.pattern.entries(cluster)] {
-                *vector = vector.map(|x| x * factor);
-            }
-        }
-        vectors
-    }
-}
-
-/// Elements that one task measures.
-const CHUNK: usize = 2048;
-
-/// Finds the mean of every cluster, the pressure of its elements and, where a tangent is asked for, the vectors that
-/// belong to it.
-fn measure<L: TetrahedronLaw, S: Scalar>(
-    mut clusters: ResMut<Clusters<L, S>>,
-    (request, workers): (Res<EvaluationRequest>, Res<Workers>),
-    (buffers, recovering): (Res<LawBuffers<S>>, Res<RecoveringBodies>),
-    known: Res<PredictedValues>,
-    vertices: Query<&Displacement<S>>,
-    mut elements: Query<
-        (
-            TetrahedronData<S>,
-            &ClusterIndex,
-            &BodyId,
-            &mut ClusterPressure<S>,
-            &mut PredictedPressure<S>,
-        ),
-        With<ByClusters<L>>,
-    >,
-) {
-    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let Some(rows) = single_table(elements.contiguous_iter_mut()) else { return };
-    let (data, index, bodies, mut pressure, mut predicted) = rows;
-    let clusters = &mut *clusters;
-    clusters.lay_out(index, data.0, bodies);
-    let columns = &TetrahedronColumns::new(u, data);
-    let tangent = request.tangent.is_some();
-    clusters.sum(columns, &workers);
-    if tangent {
-        let n = index.len();
-        clusters.area.resize(n, [S::ZERO; 9]);
-        workers.for_chunks(&mut clusters.area, CHUNK, 20 * n, |first, own| {
-            workers.dispatch(Areas { columns, first, own });
-        });
-    }
-    let found: Vec<S> = clusters.sums.iter().map(|sums| S::from_f64(sums.pressure())).collect();
-    // not a change that anybody has to look for: it follows from what the law declares
-    let pressure = ClusterPressure::peel_slice_mut(pressure.bypass_change_detection());
-    for (pressure, &cluster) in pressure.iter_mut().zip(&clusters.cluster) {
-        *pressure = found[cluster as usize];
-    }
-    if tangent {
-        let found = clusters.predicted(&known);
-        let predicted = PredictedPressure::peel_slice_mut(predicted.bypass_change_detection());
-        for (predicted, &cluster) in predicted.iter_mut().zip(&clusters.cluster) {
-            *predicted = S::from_f64(found[cluster as usize]);
-        }
-    }
-    let values = clusters.sums.iter().zip(&clusters.body);
-    let values = values.map(|(sums, &body)| match recovering.contains(body as usize) {
-        true => 0.0,
-        false => sums.value(),
-    });
-    let values: Vec<f64> = values.collect();
-    if let Some(mut buffer) = buffers.get(clusters.law) {
-        buffer.values.clone_from(&values);
-        buffer.low_rank = tangent.then(|| LowRank {
-            pattern: clusters.pattern.clone(),
-            vectors: clusters.vectors(&recovering),
-            values,
-        });
-    }
-}
-
-/// Tells the largest change of volume of a cluster, at the end of a step.
-fn report<L: TetrahedronLaw, S: Scalar>(
-    mut clusters: ResMut<Clusters<L, S>>,
-    (workers, failure): (Res<Workers>, Res<StepFailure>),
-    mut volumes: ResMut<VolumeReport>,
-    vertices: Query<&Displacement<S>>,
-    elements: Query<(TetrahedronData<S>, &ClusterIndex, &BodyId), With<ByClusters<L>>>,
-) {
-    let Some(u) = single_table(vertices.contiguous_iter()) else { return };
-    let Some((data, index, bodies)) = single_table(elements.contiguous_iter()) else { return };
-    if failure.0.is_some() {
-        return;
-    }
-    clusters.lay_out(index, data.0, bodies);
-    clusters.sum(&TetrahedronColumns::new(u, data), &workers);
-    let of_clusters = clusters.sums.iter().map(|sums| sums.mean().abs());
-    volumes.largest_mean_change = of_clusters.fold(volumes.largest_mean_change, f64::max);
 }
 
 /// `J - 1` of the elements from `first` on.
@@ -429,7 +167,7 @@ impl<S: Scalar> Kernel<S> for Changes<'_, '_, S> {
 struct Areas<'a, 'b, S> {
     columns: &'a TetrahedronColumns<'b, S>,
     first: usize,
-    own: &'a mut [[S; 9]],
+    own: &'a mut [[[S; 3]; 4]],
 }
 
 impl<S: Scalar> Kernel<S> for Areas<'_, '_, S> {
@@ -443,19 +181,18 @@ impl<S: Scalar> Kernel<S> for Areas<'_, '_, S> {
             let g = displacement_gradient(&gradients, &columns.shapes.displacements::<L>(at));
             let cof = cofactor(&g);
             let volume = L::load(&columns.volume[at..]);
-            let mut values = [[S::ZERO; MAX_LANES]; 9];
+            let mut values = [[[S::ZERO; MAX_LANES]; 3]; 3];
             for a in 0..3 {
                 let area = mat_vec(&cof, gradients[a]);
                 for k in 0..3 {
-                    (volume * area[k]).store(&mut values[3 * a + k]);
+                    (volume * area[k]).store(&mut values[a][k]);
                 }
             }
             let to = &mut own[first - from..];
             let count = to.len().min(L::COUNT);
             for (lane, to) in to[..count].iter_mut().enumerate() {
-                for k in 0..9 {
-                    to[k] = values[k][lane];
-                }
+                let [a, b, c] = [0, 1, 2].map(|a| [0, 1, 2].map(|k| values[a][k][lane]));
+                *to = [[0, 1, 2].map(|k| -(a[k] + b[k] + c[k])), a, b, c];
             }
         });
     }

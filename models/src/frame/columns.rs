@@ -12,7 +12,7 @@ use sinew_engine::workers::Workers;
 macro_rules! scalar_columns {
     ($($(#[$doc:meta])* $name:ident $(<$index:ident>)?),+ $(,)?) => {$(
         $(#[$doc])*
-        #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
+        #[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper)]
         #[component(summary_tick)]
         #[repr(transparent)]
         pub struct $name<S: Scalar $(, const $index: usize)?>(pub S);

@@ -81,6 +81,16 @@ pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: us
         u: &[[S; 3]; V],
         first: usize,
     ) -> Self::Points<L>;
+    /// The same for tangents.
+    #[inline(always)]
+    fn tangent_points<L: Lanes<Scalar = S>>(
+        &self,
+        element: usize,
+        u: &[[S; 3]; V],
+        first: usize,
+    ) -> Self::Points<L> {
+        self.points(element, u, first)
+    }
     /// Energy (J).
     fn energy<L: Lanes<Scalar = S>>(&self, points: &Self::Points<L>) -> L;
     /// Forces (N) on the vertices that move, `None` when there are none in any lane.
@@ -90,11 +100,6 @@ pub(crate) trait GaussLaw<S: Scalar, const V: usize, const D: usize, const P: us
         points: &Self::Points<L>,
         kind: TangentKind,
     ) -> [[[L; 9]; D]; D];
-    /// What a tangent has that belongs to an element as a whole: `factor b b^T` of a factor and the vectors of its vertices.
-    #[inline(always)]
-    fn whole<L: Lanes<Scalar = S>>(&self, _: usize, _: &[[S; 3]; V]) -> Option<(S, [[S; 3]; V])> {
-        None
-    }
     /// Where the projected tangent differs from the exact one; nowhere among the points that only fill the
     /// register.
     fn is_clamped<L: Lanes<Scalar = S>>(points: &Self::Points<L>) -> L::Mask;
@@ -157,7 +162,7 @@ where
         let mut inner = PointTangents::ZERO;
         let mut any = false;
         for first in (0..Q).step_by(L::COUNT) {
-            let points = self.0.points::<L>(i, &u, first);
+            let points = self.0.tangent_points::<L>(i, &u, first);
             if to.kind == TangentKind::Projected {
                 any |= L::any(C::is_clamped(&points));
             }
@@ -167,7 +172,6 @@ where
         L::apart(Assemble {
             inner: &inner,
             derivatives: &elements.derivatives,
-            whole: self.0.whole::<L>(i, &u),
             span: &mut *to.span,
             nodes: &elements.nodes[i],
             blocks: &elements.blocks[i],
@@ -210,8 +214,6 @@ pub(crate) struct Assemble<
 > {
     pub inner: &'a PointTangents<T, D, Q>,
     pub derivatives: &'a Derivatives<T, V, D, Q>,
-    /// As [`GaussLaw::whole`].
-    pub whole: Option<(T, [[T; 3]; V])>,
     pub span: &'a mut Span<S>,
     pub nodes: &'a [u32; V],
     pub blocks: &'a [u32; P],
@@ -234,9 +236,6 @@ impl<T: Scalar, S: Scalar, const V: usize, const D: usize, const P: usize, const
                 }
             }
             sum.add(&inner, self.derivatives, first);
-        }
-        if let Some((factor, b)) = &self.whole {
-            sum.add_outer(*factor, b);
         }
         sum.write(self.span, self.nodes, self.blocks);
     }
@@ -302,27 +301,6 @@ impl<L: Lanes, const V: usize, const P: usize> Blocks<L, V, P> {
                 for i in 0..D {
                     for k in 0..9 {
                         own[k] = d[a][i].mul_add(column[i][k], own[k]);
-                    }
-                }
-            }
-        }
-    }
-
-    /// Adds `factor b b^T`.
-    #[inline(always)]
-    fn add_outer(&mut self, factor: L::Scalar, b: &[[L::Scalar; 3]; V]) {
-        let first = |value| {
-            let mut lanes = [L::Scalar::ZERO; MAX_LANES];
-            lanes[0] = value;
-            L::load(&lanes)
-        };
-        for c in 0..V {
-            for a in 0..=c {
-                let own =
-                    if a == c { &mut self.diagonal[a] } else { &mut self.off[place::<V>(a, c)] };
-                for i in 0..3 {
-                    for j in 0..3 {
-                        own[3 * i + j] += first(factor * b[a][i] * b[c][j]);
                     }
                 }
             }

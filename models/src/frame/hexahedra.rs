@@ -17,6 +17,8 @@
 //! W = sum_q v_q shape(F_q) + V lambda/2 m^2       m = 1/V sum_q v_q (J_q - 1)       p = lambda m
 //! f_a = - sum_q v_q (P_shape + p cof F_q) D_qa    K = sum_q K_q(p) + lambda/V b b^T,  b_a = sum_q v_q cof F_q D_qa
 //! ```
+//!
+//! The means are those of clusters of one element ([`super::means`]).
 
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::ContiguousQueryData;
@@ -35,10 +37,12 @@ use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
 
+use super::clusters::ClusterIndex;
 use super::columns::{evaluate_span, work};
 use super::gauss::{
     Assemble, AtPoints, GaussColumns, GaussElements, GaussLaw, PointTangents, total,
 };
+use super::means::{self, ClusterPressure, KeptByMean, MeanLaw, PredictedPressure};
 use super::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
 use crate::element::projection;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
@@ -92,11 +96,13 @@ impl Shape<10, 45, 4> for TenNodes {
 }
 
 /// Columns of elements, as slices.
-struct Columns<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> {
+pub(crate) struct Columns<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> {
     elements: GaussElements<'a, S, V, 3, P, Q>,
     rest: &'a [PointsRest<S, Q>],
     /// lambda, mu and that of the compression term (Pa).
     moduli: [&'a [S]; 3],
+    /// Pressures (Pa) for forces and for tangents, where elements keep means of their volumes; otherwise empty.
+    pressures: [&'a [S]; 2],
 }
 
 impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Columns<'_, S, V, P, Q> {
@@ -132,24 +138,6 @@ fn points<Law: TetrahedronLaw, L: Lanes, const V: usize, const Q: usize>(
     (Element { gradients, volume, lambda, mu, compression, pressure, quartic }, u)
 }
 
-/// Volume (m^3) of an element, and the mean of `J - 1` over it.
-#[inline(always)]
-fn mean_change<L: Lanes, const V: usize, const Q: usize>(
-    derivatives: &Derivatives<L::Scalar, V, 3, Q>,
-    rest: &PointsRest<L::Scalar, Q>,
-    u: &[[L::Scalar; 3]; V],
-) -> [f64; 2] {
-    let (mut volume, mut change) = (0.0, 0.0);
-    for first in (0..Q).step_by(L::COUNT) {
-        let own = load_weights::<L, Q>(&rest.volume, first);
-        let u = point_differences::<L, V, Q>(derivatives, u, first);
-        let g = displacement_gradient(&rest.gradients::<L>(first), &u);
-        volume += total(own).to_f64();
-        change += total(own * volume_change(&g)).to_f64();
-    }
-    [volume, change / volume]
-}
-
 /// Blocks of the vertices 1, 2 and 3 of a tetrahedron.
 #[inline(always)]
 pub(crate) fn inner_blocks<R: Real>(t: &TetrahedronTangent<R>) -> [[[R; 9]; 3]; 3] {
@@ -173,9 +161,26 @@ struct OfLaw<'a, 'b, Law, E, S: Scalar, const V: usize, const P: usize, const Q:
 impl<Law: TetrahedronLaw, E, S: Scalar, const V: usize, const P: usize, const Q: usize>
     OfLaw<'_, '_, Law, E, S, V, P, Q>
 {
+    /// The points from `first` on, with the pressures for forces (0) or for tangents (1).
     #[inline(always)]
-    fn takes_mean(&self) -> bool {
-        Law::TAKES_PRESSURE && self.by_mean
+    fn with_pressure<L: Lanes<Scalar = S>>(
+        &self,
+        i: usize,
+        u: &[[S; 3]; V],
+        first: usize,
+        which: usize,
+    ) -> Point<L> {
+        let columns = self.columns;
+        let (derivatives, rest) = (&columns.elements.derivatives, &columns.rest[i]);
+        let [mut lambda, mu, compression] = columns.moduli(i);
+        let mut pressure = S::ZERO;
+        if Law::TAKES_PRESSURE && self.by_mean {
+            (pressure, lambda) = (columns.pressures[which][i], S::ZERO);
+        }
+        let moduli = [lambda, mu, compression];
+        let (e, u) = points::<Law, L, V, Q>(derivatives, rest, moduli, u, first);
+        let folded = if Law::FOLDS_VOLUME { load_weights(&rest.volume, first) } else { L::ONE };
+        (Element { pressure: L::splat(pressure) * folded, ..e }, u)
     }
 }
 
@@ -192,18 +197,16 @@ where
     }
     #[inline(always)]
     fn points<L: Lanes<Scalar = S>>(&self, i: usize, u: &[[S; 3]; V], first: usize) -> Point<L> {
-        let columns = self.columns;
-        let (derivatives, rest) = (&columns.elements.derivatives, &columns.rest[i]);
-        let [mut lambda, mu, compression] = columns.moduli(i);
-        let mut pressure = S::ZERO;
-        if self.takes_mean() {
-            let [_, mean] = mean_change::<L, V, Q>(derivatives, rest, u);
-            (pressure, lambda) = (lambda * S::from_f64(mean), S::ZERO);
-        }
-        let moduli = [lambda, mu, compression];
-        let (e, u) = points::<Law, L, V, Q>(derivatives, rest, moduli, u, first);
-        let folded = if Law::FOLDS_VOLUME { load_weights(&rest.volume, first) } else { L::ONE };
-        (Element { pressure: L::splat(pressure) * folded, ..e }, u)
+        self.with_pressure(i, u, first, 0)
+    }
+    #[inline(always)]
+    fn tangent_points<L: Lanes<Scalar = S>>(
+        &self,
+        i: usize,
+        u: &[[S; 3]; V],
+        first: usize,
+    ) -> Point<L> {
+        self.with_pressure(i, u, first, 1)
     }
     #[inline(always)]
     fn energy<L: Lanes<Scalar = S>>(&self, (e, u): &Point<L>) -> L {
@@ -219,35 +222,6 @@ where
     #[inline(always)]
     fn tangent<L: Lanes<Scalar = S>>((e, u): &Point<L>, kind: TangentKind) -> [[[L; 9]; 3]; 3] {
         inner_blocks(&Law::tangent(e, u, kind))
-    }
-    #[inline(always)]
-    fn whole<L: Lanes<Scalar = S>>(&self, i: usize, u: &[[S; 3]; V]) -> Option<(S, [[S; 3]; V])> {
-        if !self.takes_mean() {
-            return None;
-        }
-        let columns = self.columns;
-        let (derivatives, rest) = (&columns.elements.derivatives, &columns.rest[i]);
-        let (mut sum, mut volume) = ([[L::ZERO; 3]; V], 0.0);
-        for first in (0..Q).step_by(L::COUNT) {
-            let own = load_weights::<L, Q>(&rest.volume, first);
-            volume += total(own).to_f64();
-            let gradients = rest.gradients::<L>(first);
-            let differences = point_differences::<L, V, Q>(derivatives, u, first);
-            let cof = tetrahedron::cofactor(&displacement_gradient(&gradients, &differences));
-            let d = gradients.map(|d| mat_vec(&cof, d).map(|x| own * x));
-            for a in 0..V {
-                for j in 0..3 {
-                    let share: L = load_points(&derivatives.0[a][j], first);
-                    for x in 0..3 {
-                        sum[a][x] = share.mul_add(d[j][x], sum[a][x]);
-                    }
-                }
-            }
-        }
-        // a material with nu < 0 would make this negative
-        let [lambda, ..] = columns.moduli(i);
-        let factor = S::from_f64(lambda.to_f64().max(0.0) / volume);
-        Some((factor, sum.map(|row| row.map(total))))
     }
     #[inline(always)]
     fn is_clamped<L: Lanes<Scalar = S>>((e, u): &Point<L>) -> L::Mask {
@@ -269,7 +243,7 @@ type Data<S, A, B, const Q: usize> = (
 type Slices<'a, S, A, B, const Q: usize> =
     <Data<S, A, B, Q> as ContiguousQueryData>::Contiguous<'a, 'a>;
 
-/// Puts `L` on elements of a kind into the force schedule, with its volume term at the points or by the mean.
+/// Puts `L` on elements of a kind into the force schedule.
 pub(crate) fn activate<
     L: TetrahedronLaw,
     E: Shape<V, P, Q>,
@@ -277,26 +251,23 @@ pub(crate) fn activate<
     const V: usize,
     const P: usize,
     const Q: usize,
-    const MEAN: bool,
 >(
     world: &mut World,
     row: &'static LawRow,
     place: usize,
 ) {
-    const { assert!(L::TAKES_PRESSURE || !MEAN) };
-    let evaluate = |with: Evaluation,
-                    displacement: &[Displacement<S>],
-                    slices: Slices<'_, S, E::Vertices, E::Blocks, Q>,
-                    buffer: &mut LawBuffer<S>| {
-        evaluate::<L, E, S, V, P, Q>(with, displacement, slices, MEAN, buffer);
-    };
     activate_elements::<E::Vertices, S, Data<S, E::Vertices, E::Blocks, Q>>(
-        world, row, place, evaluate,
+        world,
+        row,
+        place,
+        |with, u, data, buffer| {
+            evaluate::<L, E, S, V, P, Q>(with, &columns::<E, S, V, P, Q>(u, data), buffer);
+        },
     );
 }
 
-#[inline(never)]
-fn evaluate<
+/// The same with its volume term by the mean of each element.
+pub(crate) fn activate_by_mean<
     L: TetrahedronLaw,
     E: Shape<V, P, Q>,
     S: Scalar,
@@ -304,13 +275,31 @@ fn evaluate<
     const P: usize,
     const Q: usize,
 >(
-    Evaluation { request, workers, recovering }: Evaluation,
-    displacement: &[Displacement<S>],
-    (nodes, blocks, rest, lambda, mu, compression): Slices<'_, S, E::Vertices, E::Blocks, Q>,
-    by_mean: bool,
-    buffer: &mut LawBuffer<S>,
+    world: &mut World,
+    row: &'static LawRow,
+    place: usize,
 ) {
-    let columns = Columns {
+    const { assert!(L::TAKES_PRESSURE) };
+    type Read<S> = (&'static ClusterPressure<S>, &'static PredictedPressure<S>);
+    activate_elements::<E::Vertices, S, (Data<S, E::Vertices, E::Blocks, Q>, Read<S>)>(
+        world,
+        row,
+        place,
+        |with, u, (data, (pressure, predicted)), buffer| {
+            let pressure = ClusterPressure::peel_slice(pressure);
+            let pressures = [pressure, PredictedPressure::peel_slice(predicted)];
+            let columns = Columns { pressures, ..columns::<E, S, V, P, Q>(u, data) };
+            evaluate::<L, E, S, V, P, Q>(with, &columns, buffer);
+        },
+    );
+    means::activate::<Means<L, E, P, Q>, S, V>(world, row);
+}
+
+fn columns<'a, E: Shape<V, P, Q>, S: Scalar, const V: usize, const P: usize, const Q: usize>(
+    displacement: &'a [Displacement<S>],
+    (nodes, blocks, rest, lambda, mu, compression): Slices<'a, S, E::Vertices, E::Blocks, Q>,
+) -> Columns<'a, S, V, P, Q> {
+    Columns {
         elements: GaussElements {
             displacement: Displacement::peel_slice(displacement),
             nodes: E::Vertices::peel_slice(nodes),
@@ -323,15 +312,141 @@ fn evaluate<
             ShearModulus::peel_slice(mu),
             CompressionModulus::peel_slice(compression),
         ],
-    };
-    let work = rest.len() * work(request, [50 * Q, 60 * Q, 400 * Q]);
+        pressures: [&[], &[]],
+    }
+}
+
+#[inline(never)]
+fn evaluate<
+    L: TetrahedronLaw,
+    E: Shape<V, P, Q>,
+    S: Scalar,
+    const V: usize,
+    const P: usize,
+    const Q: usize,
+>(
+    Evaluation { request, workers, recovering }: Evaluation,
+    columns: &Columns<'_, S, V, P, Q>,
+    buffer: &mut LawBuffer<S>,
+) {
+    let by_mean = !columns.pressures[0].is_empty();
+    let work = columns.rest.len() * work(request, [50 * Q, 60 * Q, 400 * Q]);
     workers.for_each(&mut buffer.spans, work, |_, span| {
         if recovering.contains(span.body) {
-            evaluate_law::<Corotational, E, S, V, P, Q>(&columns, request, workers, false, span);
+            evaluate_law::<Corotational, E, S, V, P, Q>(columns, request, workers, false, span);
         } else {
-            evaluate_law::<L, E, S, V, P, Q>(&columns, request, workers, by_mean, span);
+            evaluate_law::<L, E, S, V, P, Q>(columns, request, workers, by_mean, span);
         }
     });
+}
+
+/// Law `L` on elements of kind `E`, by means.
+pub(crate) struct Means<L, E, const P: usize, const Q: usize>(PhantomData<fn() -> (L, E)>);
+
+impl<L, E, S: Scalar, const V: usize, const P: usize, const Q: usize> MeanLaw<S, V>
+    for Means<L, E, P, Q>
+where
+    L: TetrahedronLaw,
+    E: Shape<V, P, Q>,
+{
+    type Mark = AtPoints<ByMean<L>, V>;
+    type Data = Data<S, E::Vertices, E::Blocks, Q>;
+    type Columns<'a> = Columns<'a, S, V, P, Q>;
+    fn columns<'a>(
+        displacement: &'a [Displacement<S>],
+        data: Slices<'a, S, E::Vertices, E::Blocks, Q>,
+    ) -> Columns<'a, S, V, P, Q> {
+        columns::<E, S, V, P, Q>(displacement, data)
+    }
+}
+
+impl<S: Scalar, const V: usize, const P: usize, const Q: usize> KeptByMean<S, V>
+    for Columns<'_, S, V, P, Q>
+{
+    fn nodes(&self) -> &[[u32; V]] {
+        self.elements.nodes
+    }
+    fn clusters(&self) -> Option<&[ClusterIndex]> {
+        None
+    }
+    fn share(&self, element: usize) -> [f64; 2] {
+        let volume = self.rest[element].volume.iter().map(|v| v.to_f64()).sum();
+        [volume, self.moduli[0][element].to_f64()]
+    }
+    fn changes(&self, workers: &Workers, first: usize, own: &mut [S]) {
+        workers.dispatch(Changes { columns: self, first, own });
+    }
+    fn areas(&self, workers: &Workers, first: usize, own: &mut [[[S; 3]; V]]) {
+        workers.dispatch(Areas { columns: self, first, own });
+    }
+}
+
+/// Means of `J - 1` over the elements from `first` on.
+struct Changes<'a, 'b, S: Scalar, const V: usize, const P: usize, const Q: usize> {
+    columns: &'a Columns<'b, S, V, P, Q>,
+    first: usize,
+    own: &'a mut [S],
+}
+
+impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<S>
+    for Changes<'_, '_, S, V, P, Q>
+{
+    type Output = ();
+    const WIDE: bool = false;
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = S>>(self) {
+        let elements = &self.columns.elements;
+        for (i, to) in (self.first..).zip(self.own) {
+            let (rest, u) = (&self.columns.rest[i], elements.displacements(i));
+            let (mut volume, mut change) = (0.0, 0.0);
+            for first in (0..Q).step_by(L::COUNT) {
+                let own = load_weights::<L, Q>(&rest.volume, first);
+                let u = point_differences::<L, V, Q>(&elements.derivatives, &u, first);
+                let g = displacement_gradient(&rest.gradients::<L>(first), &u);
+                volume += total(own).to_f64();
+                change += total(own * volume_change(&g)).to_f64();
+            }
+            *to = S::from_f64(change / volume);
+        }
+    }
+}
+
+/// `sum_q v_q cof F_q D_qa` of the elements from `first` on.
+struct Areas<'a, 'b, S: Scalar, const V: usize, const P: usize, const Q: usize> {
+    columns: &'a Columns<'b, S, V, P, Q>,
+    first: usize,
+    own: &'a mut [[[S; 3]; V]],
+}
+
+impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<S>
+    for Areas<'_, '_, S, V, P, Q>
+{
+    type Output = ();
+    const WIDE: bool = false;
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = S>>(self) {
+        let elements = &self.columns.elements;
+        for (i, to) in (self.first..).zip(self.own) {
+            let (rest, u) = (&self.columns.rest[i], elements.displacements(i));
+            let mut sum = [[L::ZERO; 3]; V];
+            for first in (0..Q).step_by(L::COUNT) {
+                let own = load_weights::<L, Q>(&rest.volume, first);
+                let gradients = rest.gradients::<L>(first);
+                let u = point_differences::<L, V, Q>(&elements.derivatives, &u, first);
+                let cof = tetrahedron::cofactor(&displacement_gradient(&gradients, &u));
+                let d = gradients.map(|d| mat_vec(&cof, d).map(|x| own * x));
+                for a in 0..V {
+                    for j in 0..3 {
+                        let share: L = load_points(&elements.derivatives.0[a][j], first);
+                        for x in 0..3 {
+                            sum[a][x] = share.mul_add(d[j][x], sum[a][x]);
+                        }
+                    }
+                }
+            }
+            *to = sum.map(|row| row.map(total));
+        }
+    }
 }
 
 fn evaluate_law<
@@ -408,7 +523,7 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<f64>
             span.clamped += u64::from(any);
             let (nodes, blocks) = (&columns.elements.nodes[i], &columns.elements.blocks[i]);
             let span = &mut *span;
-            L::apart(Assemble { inner: &all, derivatives, whole: None, span, nodes, blocks });
+            L::apart(Assemble { inner: &all, derivatives, span, nodes, blocks });
         }
     }
 }

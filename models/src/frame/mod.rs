@@ -5,6 +5,7 @@ pub mod clusters;
 pub(crate) mod columns;
 pub mod gauss;
 pub mod hexahedra;
+pub mod means;
 pub mod quads;
 pub mod tetrahedra;
 pub mod triangles;

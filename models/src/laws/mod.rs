@@ -41,6 +41,7 @@ use crate::body::{
 use crate::element::tetrahedron::Element;
 use crate::frame::clusters::ByClusters;
 use crate::frame::hexahedra::{Brick, ByMean, Hexahedral, Quadratic, TenNodes};
+use crate::frame::means::Pressures;
 use crate::frame::quads::Quadrilateral;
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::frame::triangles::TriangleLaw;
@@ -245,30 +246,40 @@ impl LawRow {
     /// Law `L` of tetrahedra at the Gauss points of hexahedra, under another name.
     pub const fn hexahedra<L: TetrahedronLaw>(name: &'static str) -> Self {
         Self {
-            spawn: Some([spawn_hexahedra::<L, f64>, spawn_hexahedra::<L, f32>]),
+            spawn: Some([
+                spawn_hexahedra::<Hexahedral<L>, f64>,
+                spawn_hexahedra::<Hexahedral<L>, f32>,
+            ]),
             ..Self::at_points::<L>(
                 name,
                 Elements::Hexahedra,
                 [mark::<Hexahedral<L>>; 2],
                 [
-                    hexahedra::activate::<L, Brick, f64, 8, 28, 8, false>,
-                    hexahedra::activate::<L, Brick, f32, 8, 28, 8, false>,
+                    hexahedra::activate::<L, Brick, f64, 8, 28, 8>,
+                    hexahedra::activate::<L, Brick, f32, 8, 28, 8>,
                 ],
             )
         }
     }
 
-    /// The same with its volume term by the mean of each hexahedron.
-    pub const fn hexahedra_by_mean<L: TetrahedronLaw>(name: &'static str) -> Self {
+    /// The same with its volume term by the mean of each hexahedron; `measure` as for clusters.
+    pub const fn hexahedra_by_mean<L: TetrahedronLaw>(
+        name: &'static str,
+        measure: &'static str,
+    ) -> Self {
         Self {
-            spawn: Some([spawn_hexahedra::<ByMean<L>, f64>, spawn_hexahedra::<ByMean<L>, f32>]),
+            measure: Some(measure),
+            spawn: Some([
+                spawn_hexahedra::<(Hexahedral<ByMean<L>>, Pressures<f64>), f64>,
+                spawn_hexahedra::<(Hexahedral<ByMean<L>>, Pressures<f32>), f32>,
+            ]),
             ..Self::at_points::<L>(
                 name,
                 Elements::Hexahedra,
                 [mark::<Hexahedral<ByMean<L>>>; 2],
                 [
-                    hexahedra::activate::<L, Brick, f64, 8, 28, 8, true>,
-                    hexahedra::activate::<L, Brick, f32, 8, 28, 8, true>,
+                    hexahedra::activate_by_mean::<L, Brick, f64, 8, 28, 8>,
+                    hexahedra::activate_by_mean::<L, Brick, f32, 8, 28, 8>,
                 ],
             )
         }
@@ -277,34 +288,41 @@ impl LawRow {
     /// Law `L` of tetrahedra at the Gauss points of ten-node tetrahedra, under another name.
     pub const fn tetrahedra10<L: TetrahedronLaw>(name: &'static str) -> Self {
         Self {
-            spawn: Some([spawn_tetrahedra10::<L, f64>, spawn_tetrahedra10::<L, f32>]),
+            spawn: Some([
+                spawn_tetrahedra10::<Quadratic<L>, f64>,
+                spawn_tetrahedra10::<Quadratic<L>, f32>,
+            ]),
             ..Self::at_points::<L>(
                 name,
                 Elements::Tetrahedra10,
                 [mark::<Quadratic<L>>; 2],
                 [
-                    hexahedra::activate::<L, TenNodes, f64, 10, 45, 4, false>,
-                    hexahedra::activate::<L, TenNodes, f32, 10, 45, 4, false>,
+                    hexahedra::activate::<L, TenNodes, f64, 10, 45, 4>,
+                    hexahedra::activate::<L, TenNodes, f32, 10, 45, 4>,
                 ],
             )
         }
     }
 
-    /// The same with its volume term by the mean of each ten-node tetrahedron.
-    pub const fn tetrahedra10_by_mean<L: TetrahedronLaw>(name: &'static str) -> Self {
+    /// The same with its volume term by the mean of each ten-node tetrahedron; `measure` as for clusters.
+    pub const fn tetrahedra10_by_mean<L: TetrahedronLaw>(
+        name: &'static str,
+        measure: &'static str,
+    ) -> Self {
         let mark: [Mark; 2] = [mark::<Quadratic<ByMean<L>>>; 2];
         Self {
+            measure: Some(measure),
             spawn: Some([
-                spawn_tetrahedra10::<ByMean<L>, f64>,
-                spawn_tetrahedra10::<ByMean<L>, f32>,
+                spawn_tetrahedra10::<(Quadratic<ByMean<L>>, Pressures<f64>), f64>,
+                spawn_tetrahedra10::<(Quadratic<ByMean<L>>, Pressures<f32>), f32>,
             ]),
             ..Self::at_points::<L>(
                 name,
                 Elements::Tetrahedra10,
                 mark,
                 [
-                    hexahedra::activate::<L, TenNodes, f64, 10, 45, 4, true>,
-                    hexahedra::activate::<L, TenNodes, f32, 10, 45, 4, true>,
+                    hexahedra::activate_by_mean::<L, TenNodes, f64, 10, 45, 4>,
+                    hexahedra::activate_by_mean::<L, TenNodes, f32, 10, 45, 4>,
                 ],
             )
         }

@@ -179,11 +179,15 @@ pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<NeoHookean>("neo-Hookean hexa
 pub static TETRAHEDRA10: LawRow =
     LawRow::tetrahedra10::<NeoHookean>("neo-Hookean ten-node tetrahedra");
 /// Row of its ten-node tetrahedra whose volume term acts on the mean of each.
-pub static TETRAHEDRA10_BY_MEAN: LawRow =
-    LawRow::tetrahedra10_by_mean::<NeoHookean>("neo-Hookean ten-node tetrahedra, mean volume");
+pub static TETRAHEDRA10_BY_MEAN: LawRow = LawRow::tetrahedra10_by_mean::<NeoHookean>(
+    "neo-Hookean ten-node tetrahedra, mean volume",
+    "means of neo-Hookean ten-node tetrahedra",
+);
 /// Row of its hexahedra whose volume term acts on the mean of each.
-pub static HEXAHEDRA_BY_MEAN: LawRow =
-    LawRow::hexahedra_by_mean::<NeoHookean>("neo-Hookean hexahedra, mean volume");
+pub static HEXAHEDRA_BY_MEAN: LawRow = LawRow::hexahedra_by_mean::<NeoHookean>(
+    "neo-Hookean hexahedra, mean volume",
+    "means of neo-Hookean hexahedra",
+);
 
 impl TetrahedronLaw for NeoHookean {
     const WIDE: bool = false;

@@ -117,10 +117,13 @@ pub static TETRAHEDRA10: LawRow =
 /// Row of its ten-node tetrahedra whose volume term acts on the mean of each.
 pub static TETRAHEDRA10_BY_MEAN: LawRow = LawRow::tetrahedra10_by_mean::<StVKVolume>(
     "St Venant-Kirchhoff ten-node tetrahedra, mean volume",
+    "means of St Venant-Kirchhoff ten-node tetrahedra",
 );
 /// Row of its hexahedra whose volume term acts on the mean of each.
-pub static HEXAHEDRA_BY_MEAN: LawRow =
-    LawRow::hexahedra_by_mean::<StVKVolume>("St Venant-Kirchhoff hexahedra, mean volume");
+pub static HEXAHEDRA_BY_MEAN: LawRow = LawRow::hexahedra_by_mean::<StVKVolume>(
+    "St Venant-Kirchhoff hexahedra, mean volume",
+    "means of St Venant-Kirchhoff hexahedra",
+);
 
 impl TetrahedronLaw for StVKVolume {
     const NAME: &'static str = "St Venant-Kirchhoff, volume in J";

@@ -10,7 +10,8 @@ use super::state::State;
 use crate::body::SoftBody;
 use crate::body::clusters::{FEW, neighbours, pieces};
 use crate::body::matter::Chosen;
-use crate::frame::clusters::{ClusterIndex, Sums};
+use crate::frame::clusters::ClusterIndex;
+use crate::frame::means::Sums;
 
 /// Tetrahedra.
 const KIND: ElementKind = ElementKind::Tetrahedron;

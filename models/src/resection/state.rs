@@ -17,7 +17,8 @@ use crate::body::sheet::MembraneModel;
 use crate::body::{SoftBody, VolumeRule};
 use crate::element::membrane;
 use crate::element::tetrahedron::Element;
-use crate::frame::clusters::Sums;
+use crate::frame::clusters::shared_part;
+use crate::frame::means::Sums;
 use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::frame::{hexahedra, quads};
 use crate::material::LameParameters;
@@ -217,7 +218,7 @@ impl<'a, S: Scalar> State<'a, S> {
         self.visit(ElementKind::Tetrahedron, element, |point| {
             if let Point::Solid(e, u) = point {
                 let change = volume_change(&displacement_gradient(&e.gradients, u));
-                sums.add(e.volume, change, [e.lambda, e.mu]);
+                sums.add([e.volume, shared_part(e.lambda, e.mu)], change);
             }
         });
     }

@@ -106,17 +106,14 @@ impl<S: Scalar> Step<'_, S> {
             for step in bodies.iter_mut() {
                 let taken = std::mem::take(&mut step.taken);
                 for body in step.bodies.clone().filter(|_| taken > 0.0) {
+                    let own = &mut known.0[body];
+                    own.clear();
                     for part in &world.resource::<Tangent<S>>().low_rank {
-                        let own = part.pattern.of_rows(&rows[body]);
-                        if own.is_empty() {
-                            continue;
-                        }
-                        let value = |vector: usize| {
+                        own.extend(part.pattern.of_rows(&rows[body]).map(|vector| {
                             part.values[vector] + taken * part.product(vector, &scratch.direction)
-                        };
-                        known.0[body] = own.map(value).collect();
-                        scratch.predicted[body].clone_from(&known.0[body]);
+                        }));
                     }
+                    scratch.predicted[body].clone_from(own);
                 }
             }
         });
