@@ -321,17 +321,24 @@ impl<T: Scalar> Kernel for Solve<'_, T> {
     }
 }
 
-/// Scalar product in sixteen partial sums, so that registers are filled whatever their width.
+/// Scalar product in sixteen partial sums, so that registers are filled whatever their width; what is left over fills
+/// registers of four as long as it can.
 #[inline(always)]
 fn dot<T: Scalar>(a: &[T], b: &[T]) -> T {
     let mut sums = [T::ZERO; 16];
     let (a, b) = (a.chunks_exact(16), b.chunks_exact(16));
+    let (few, of_few) = (a.remainder().chunks_exact(4), b.remainder().chunks_exact(4));
     let mut rest = T::ZERO;
-    for (x, y) in a.remainder().iter().zip(b.remainder()) {
+    for (x, y) in few.remainder().iter().zip(of_few.remainder()) {
         rest += *x * *y;
     }
     for (x, y) in a.zip(b) {
         for k in 0..16 {
+            sums[k] += x[k] * y[k];
+        }
+    }
+    for (x, y) in few.zip(of_few) {
+        for k in 0..4 {
             sums[k] += x[k] * y[k];
         }
     }

@@ -32,7 +32,8 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
     let thin = |mesh: &Mesh| {
         body.membrane.as_ref().filter(|m| !mesh.is_solid() && m.plane == PlaneState::Stress)
     };
-    let material = |mesh: &Mesh| material(&key.at("material"), entry, thin(mesh).is_some());
+    let material =
+        |mesh: &Mesh| material(&key.at("material"), entry, thin(mesh).is_some(), body.volume);
     let mesh_key = meshes::source(key, body);
     let prepared = key.loaded.prepared_mesh(
         || {
@@ -285,7 +286,10 @@ fn membrane(
     base: YoungPoisson,
 ) -> Result<BuiltMembrane, SceneError> {
     let material = match &entry.material {
-        Some(own) => material(&key.at("material"), own, entry.plane == PlaneState::Stress)?,
+        Some(own) => {
+            let thin = entry.plane == PlaneState::Stress;
+            material(&key.at("material"), own, thin, VolumeRule::Elements)?
+        }
         None => base,
     };
     key.at("thickness").positive(entry.thickness, "the thickness", "m")?;

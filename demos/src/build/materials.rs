@@ -3,6 +3,7 @@
 use crate::error::SceneError;
 use crate::scene::{Key, Material};
 use sinew::engine::mesh::Mesh;
+use sinew::models::body::VolumeRule;
 use sinew::models::material::field::FieldError;
 use sinew::models::material::{MaterialError, YoungPoisson, preset};
 
@@ -23,15 +24,23 @@ fn material_key(error: &MaterialError) -> &'static str {
     }
 }
 
-/// The material of an entry, of a thin sheet or of a solid.
+/// The material of an entry, of a thin sheet or of a solid that keeps its volume so; presets of solids that do not lock are
+/// nearly incompressible.
 pub(super) fn material(
     key: &Key,
     entry: &Material,
     thin: bool,
+    volume: VolumeRule,
 ) -> Result<YoungPoisson, SceneError> {
     let error = |name: &str, source| SceneError::Material { place: key.at(name).place(), source };
     let base = match &entry.preset {
-        Some(name) => Some(preset(name).map_err(|source| error("preset", source))?.material),
+        Some(name) => {
+            let preset = preset(name).map_err(|source| error("preset", source))?;
+            Some(match volume {
+                VolumeRule::Clusters => preset.nearly_incompressible(),
+                VolumeRule::Elements => preset.material,
+            })
+        }
         None => None,
     };
     let pick = |name: &str, value: Option<f64>, of: fn(YoungPoisson) -> f64| {

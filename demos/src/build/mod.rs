@@ -95,12 +95,22 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
     Ok(built)
 }
 
-/// Tells of explicit steps through nearly incompressible bodies.
+/// Tells of explicit steps through nearly incompressible bodies, and of damping that leaves their volume out.
 fn warn_of_volume(built: &mut BuiltScene) {
-    if !built.plan.settings.integrator.facts().explicit {
-        return;
-    }
+    let explicit = built.plan.settings.integrator.facts().explicit;
     for body in built.bodies.iter().filter(|body| body.volume == VolumeRule::Clusters) {
+        if built.plan.settings.stiffness_damping > 0.0 {
+            built.warnings.push(Warning::new(
+                "scene.damping.volume",
+                Level::Note,
+                format!("body `{}`", body.name),
+                "`stiffness_damping` leaves out the stiffness of clusters: it damps shear, not changes of volume",
+                "nothing, if that is meant: volume hardly changes",
+            ));
+        }
+        if !explicit {
+            continue;
+        }
         let lame = body.material.lame();
         let Some(ratio) = lame.ok().map(|l| ((l.lambda + 2.0 * l.mu) / (3.0 * l.mu)).sqrt()) else {
             continue;
