@@ -5,7 +5,8 @@
 //! The budget is the mean wall time per displayed frame, a frame being the `dt` of the scene file (two
 //! half steps make one frame); of a static scene it is the wall time to the equilibrium. The error is
 //! the largest distance of a vertex from where a converged run of the same scene has it, at any time
-//! of comparison, over the largest displacement of that run.
+//! of comparison, over the largest displacement of that run. That is the error of the solver; what the mesh adds is searched
+//! apart, over other elements ([`cuts`]), where a largest one is asked for.
 
 use crate::machine::{Load, MachineNotes, Watch};
 use crate::measures::{displacement_error, front, quantile};
@@ -20,6 +21,9 @@ use sinew_demos::error::SceneError;
 use sinew_demos::scene::{LoadedScene, Mode, PrecisionName};
 use sinew_demos::summary::{evaluation_name, model_name};
 use std::time::Instant;
+
+pub mod cuts;
+use cuts::Cuts;
 
 /// Name and version of the JSON.
 pub const SCHEMA: &str = "sinew-advise/1";
@@ -46,8 +50,10 @@ pub enum AdviseError {
 pub struct Request {
     /// Wall time (s) per frame, or to the equilibrium.
     pub budget_s: f64,
-    /// Error (a share, not percent).
+    /// Error of the solver (a share, not percent).
     pub error: f64,
+    /// Error of the mesh (a share); the scene keeps its elements without.
+    pub mesh_error: Option<f64>,
 }
 
 /// Reads a time such as `16ms`, `0.5 s`, `800us` or a rate such as `60fps`; in seconds.
@@ -200,6 +206,8 @@ pub struct Advice {
     pub horizon_s: f64,
     /// Whether the scene goes on after that.
     pub shortened: bool,
+    /// Other elements that were tried, where an error of the mesh was asked for; everything below is of the one chosen.
+    pub cuts: Option<Cuts>,
     /// How the converged run was made.
     pub truth: String,
     /// Estimate of its own error (%).
@@ -215,6 +223,7 @@ pub struct Advice {
 }
 
 /// A scene being searched.
+#[derive(Clone, Copy)]
 struct Search<'a> {
     loaded: &'a LoadedScene,
     request: Request,
@@ -256,20 +265,17 @@ pub fn advise(
     mut tell: impl FnMut(&str),
 ) -> Result<Advice, AdviseError> {
     let watch = Watch::start();
-    let plan = build(loaded, &BuildOptions::default())?.plan;
-    let fixed = plan.mode == Mode::Static;
-    let mut search = Search { loaded, request, frames: plan.steps, every: 1, dt: plan.dt, fixed };
-    if !fixed {
-        // how much of the scene can be afforded
-        let probe = Search { frames: plan.steps.min(10), ..search };
-        let trial = probe.run(&Choice::default(), None)?;
-        let frame = trial.frames.iter().sum::<f64>() / trial.frames.len().max(1) as f64;
-        let affordable = (HORIZON_SECONDS / frame.max(1e-6)) as u64;
-        search.frames = plan.steps.min(affordable.max(20));
-        search.every = (search.frames / 50).max(1);
-        search.frames -= search.frames % search.every;
+    let (mut cuts, mut own) = (None, loaded.clone());
+    if let Some(largest) = request.mesh_error {
+        // converged steps on finer meshes take many times as long
+        let (search, _) = Search::of(loaded, request, HORIZON_SECONDS / 8.0)?;
+        let found = search.cuts(largest, &mut tell)?;
+        own = found.chosen(loaded);
+        cuts = Some(found);
     }
-    let search = search;
+    let loaded = &own;
+    let (search, all_frames) = Search::of(loaded, request, HORIZON_SECONDS)?;
+    let fixed = search.fixed;
     tell("converged run");
     let (truth, how, own) = search.truth(&mut tell)?;
 
@@ -322,7 +328,8 @@ pub fn advise(
         load: watch.finish(),
         request,
         horizon_s: if fixed { 0.0 } else { search.frames as f64 * search.dt },
-        shortened: !fixed && search.frames + search.every <= plan.steps,
+        shortened: !fixed && search.frames + search.every <= all_frames,
+        cuts,
         truth: how,
         truth_error_percent: 100.0 * own,
         rows,
@@ -356,6 +363,32 @@ fn mark(rows: &mut [Row]) {
     let on_front = front(&pairs, 0.01);
     for (i, row) in rows.iter_mut().enumerate() {
         row.pareto = on_front.contains(&i);
+    }
+}
+
+impl<'a> Search<'a> {
+    /// The part of a scene that takes about so long (s of wall time) with the settings of the scene, and the frames of all
+    /// of it.
+    fn of(
+        loaded: &'a LoadedScene,
+        request: Request,
+        seconds: f64,
+    ) -> Result<(Self, u64), AdviseError> {
+        let plan = build(loaded, &BuildOptions::default())?.plan;
+        let fixed = plan.mode == Mode::Static;
+        let mut search =
+            Search { loaded, request, frames: plan.steps, every: 1, dt: plan.dt, fixed };
+        if !fixed {
+            // how much of the scene can be afforded
+            let probe = Search { frames: plan.steps.min(10), ..search };
+            let trial = probe.run(&Choice::default(), None)?;
+            let frame = trial.frames.iter().sum::<f64>() / trial.frames.len().max(1) as f64;
+            let affordable = (seconds / frame.max(1e-6)) as u64;
+            search.frames = plan.steps.min(affordable.max(20));
+            search.every = (search.frames / 50).max(1);
+            search.frames -= search.frames % search.every;
+        }
+        Ok((search, plan.steps))
     }
 }
 
@@ -668,7 +701,17 @@ impl Advice {
         }
         let best = &self.rows[self.best];
         let frame = if self.horizon_s > 0.0 { "per frame" } else { "to the equilibrium" };
-        let mut text = format!("{}\n\n{}\n", self.machine.line(), table.text());
+        let mut text = format!("{}\n\n", self.machine.line());
+        if let Some(cuts) = &self.cuts {
+            text += &format!(
+                "{}\nErrors of meshes are against {} elements ({}), both with converged steps of the scene.\n\n",
+                cuts.table(&self.scene, if self.horizon_s > 0.0 { "frame ms" } else { "total ms" })
+                    .text(),
+                cuts.finest_elements,
+                cuts.finest,
+            );
+        }
+        text += &format!("{}\n", table.text());
         text += &format!(
             "Errors are against {}, whose own error is about {} %",
             self.truth,
@@ -690,6 +733,21 @@ impl Advice {
             three_digits(self.again_ms),
             best.error_percent.map_or("unknown".into(), three_digits),
         );
+        text += &match &self.cuts {
+            None => "The error of the mesh is not in these figures: --mesh-error 5% searches other elements too.\n".into(),
+            Some(cuts) => {
+                let chosen = &cuts.rows[cuts.best];
+                let words = match &chosen.keys[..] {
+                    "" => "the scene as it is".to_string(),
+                    keys => format!("in the scene file, for its bodies: {keys}"),
+                };
+                format!(
+                    "Mesh (*): {words}; error {} %{}.\n",
+                    chosen.error_percent.map_or("unknown".into(), three_digits),
+                    if cuts.met { "" } else { ", which is MORE than asked for; no other was nearer" },
+                )
+            }
+        };
         text += &format!("\n  sinew run {} {}\n", self.scene, best.options);
         if let Some(warning) = self.load.warning(self.machine.cores) {
             text += &format!("\nWARNING: {warning}\n");
@@ -736,7 +794,7 @@ mod tests {
     #[test]
     fn a_generous_request_is_met_and_an_absurd_one_is_not() {
         let scene = LoadedScene::parse(SCENE, Path::new("small.toml")).unwrap();
-        let generous = Request { budget_s: 1.0, error: 0.02 };
+        let generous = Request { budget_s: 1.0, error: 0.02, mesh_error: None };
         let advice = advise(&scene, generous, |_| {}).unwrap();
         let best = &advice.rows[advice.best];
         assert!(advice.met && best.error_percent.unwrap() <= 2.0, "{}", advice.text(true));
@@ -746,8 +804,29 @@ mod tests {
         best.choice.apply(&mut again);
         assert_eq!(again.scene.dt, best.choice.dt);
 
-        let absurd = Request { budget_s: 1e-9, error: 0.02 };
+        let absurd = Request { budget_s: 1e-9, error: 0.02, mesh_error: None };
         let advice = advise(&scene, absurd, |_| {}).unwrap();
         assert!(!advice.met && advice.text(false).contains("CANNOT"));
+    }
+
+    #[test]
+    fn a_mesh_that_bends_is_found() {
+        let scene = SCENE.replace("cells = [2, 1, 1] }", "cells = [4, 2, 2] }");
+        let scene = scene.replace("0.4, density", "0.49, density");
+        let scene = scene.replace("name = \"beam\"", "name = \"beam\"\nmodel = \"neo_hookean\"");
+        let scene = LoadedScene::parse(&scene, Path::new("small.toml")).unwrap();
+        let request = Request { budget_s: 1.0, error: 0.05, mesh_error: Some(0.05) };
+        let advice = advise(&scene, request, |_| {}).unwrap();
+        let cuts = advice.cuts.as_ref().unwrap();
+        let text = advice.text(false);
+        let of = |keys: &str| {
+            let row = cuts.rows.iter().find(|row| row.keys == keys).unwrap();
+            row.error_percent.unwrap()
+        };
+        // linear tetrahedra lock, clusters do so less, ten-node tetrahedra do not
+        assert!(of("") > 1.2 * of("volume = \"clusters\""), "{text}");
+        let quadratic = of("second_order = true, volume = \"clusters\"");
+        assert!(quadratic < 5.0 && of("") > 4.0 * quadratic, "{text}");
+        assert!(cuts.met && text.contains(&cuts.rows[cuts.best].keys), "{text}");
     }
 }

@@ -6,7 +6,7 @@ use sinew::prelude::{Integrator, Model};
 use sinew_benches::bench::{BenchOptions, Part, run};
 use sinew_benches::contact::ContactOptions;
 use sinew_benches::resection::ResectionOptions;
-use sinew_benches::stability::SuiteOptions;
+use sinew_benches::stability::{Cells, SuiteOptions};
 use sinew_cli::{Outcome, PrecisionArgument, choice, print};
 use std::fmt::Display;
 use std::path::PathBuf;
@@ -83,6 +83,9 @@ pub struct StabilityArguments {
     /// Volume by clusters, with energies that have it.
     #[arg(long)]
     clusters: bool,
+    /// What solids are cut into: tetrahedra, tetrahedra10 or hexahedra; the last where they are boxes.
+    #[arg(long, value_parser = choice::<Cells>, default_value_t)]
+    cells: Cells,
     /// Without recovery from inversion.
     #[arg(long)]
     no_recovery: bool,
@@ -146,6 +149,7 @@ fn stability(arguments: &StabilityArguments) -> Outcome {
         integrators: arguments.integrators.clone(),
         models: arguments.models.clone(),
         clusters: arguments.clusters,
+        cells: arguments.cells,
         no_recovery: arguments.no_recovery,
         groups: arguments.groups.clone(),
     };

@@ -11,7 +11,7 @@ use sinew::engine::mesh::generate::{box_tets, irregular_box_tets, sphere_tets, t
 use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::material::field::MaterialField;
-use sinew::models::resection::{MassPolicy, Region, Removal};
+use sinew::models::resection::{MassPolicy, Removal};
 use sinew::prelude::*;
 use std::sync::Arc;
 
@@ -375,6 +375,9 @@ fn rolls(setting: &Setting, mesh: &Mesh) -> Outcome {
 
 /// Pressed by 5 mm, dragged by 20 mm, held; one half of the block is stiffer by a factor.
 fn rough(setting: &Setting, mesh: &Mesh, contrast: f64) -> Outcome {
+    if contrast > 1.0 {
+        setting.of_tetrahedra()?;
+    }
     let press = |setting: &Setting, tight: bool| -> Result<(Run, Hand), Problem> {
         let mut run = held(setting, mesh, &["z0"])?;
         let x = |t: &[u32; 4]| t.iter().map(|&v| mesh.points[v as usize].x).sum::<f64>() / 4.0;
@@ -428,7 +431,7 @@ fn removed(setting: &Setting, mesh: &Mesh, parts: usize) -> Outcome {
     let above = DVec3::new(0.04, 0.05, 0.071);
     let mut hand = Hand::ball(&mut run, RADIUS, above)?;
     hand.go(&mut run, above - DVec3::Z * 0.009, 0.05, STEP)?;
-    let mut all: Vec<u32> = (0..mesh.tetrahedra.len() as u32).collect();
+    let mut all: Vec<u32> = (0..run.elements() as u32).collect();
     let mut random = Random(0x2345_6789_abcd_ef01);
     let half = all.len() / 2;
     for i in 0..half {
@@ -436,7 +439,7 @@ fn removed(setting: &Setting, mesh: &Mesh, parts: usize) -> Outcome {
         all.swap(i, i + (random.number() * rest) as usize);
     }
     for some in all[..half].chunks(half.div_ceil(parts)) {
-        let region = Region::Tetrahedra(some.to_vec());
+        let region = run.region(some);
         run.remove(&Removal { region, mass: MassPolicy::Recompute })?;
         hand.shift(&mut run, DVec3::X * 5e-4)?;
         run.step()?;
@@ -565,6 +568,7 @@ fn thin(
 }
 
 fn thin_on_block(setting: &Setting, mesh: &Mesh) -> Outcome {
+    setting.of_tetrahedra()?;
     let mut run = held(setting, mesh, &["z0"])?;
     let inside = |run: &mut Run, at: DVec3| {
         let x = run.simulation.positions(run.body);

@@ -22,14 +22,47 @@ mod shape;
 mod spin;
 
 use rayon::prelude::*;
-use runner::{Case, Scope, Setting};
-use serde::Serialize;
+use runner::{Case, OtherCells, Scope, Setting};
+use serde::{Deserialize, Serialize};
 use sinew::engine::lanes::{InstructionSet, InstructionSetError};
 use sinew::engine::mesh::MeshError;
 use sinew::models::body::VolumeRule;
 use sinew::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
+
+/// What solids are cut into.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Cells {
+    /// Linear tetrahedra.
+    #[default]
+    Tetrahedra,
+    /// Ten-node tetrahedra: the same ones with vertices in the middle of their edges.
+    Tetrahedra10,
+    /// Hexahedra: the cells that the tetrahedra of boxes are cut from.
+    Hexahedra,
+}
+
+impl Cells {
+    /// All kinds.
+    pub const ALL: [Self; 3] = [Self::Tetrahedra, Self::Tetrahedra10, Self::Hexahedra];
+
+    /// Name in tables and commands.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tetrahedra => "tetrahedra",
+            Self::Tetrahedra10 => "tetrahedra10",
+            Self::Hexahedra => "hexahedra",
+        }
+    }
+}
+
+impl std::fmt::Display for Cells {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
 
 /// A column of the pass table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -40,6 +73,8 @@ pub struct Column {
     pub model: Model,
     /// What keeps the volume of bodies.
     pub volume: VolumeRule,
+    /// What solids are cut into.
+    pub cells: Cells,
     /// Recovery from inversion switched on; not every integrator has it.
     pub recovery: bool,
 }
@@ -50,13 +85,14 @@ impl Column {
         integrator: Integrator::Auto,
         model: Model::CompressibleStVK,
         volume: VolumeRule::Elements,
+        cells: Cells::Tetrahedra,
         recovery: true,
     };
 
     /// Whether the suite must pass with it: the integrators that are meant for anything, with the
     /// energy that undoes inversion and recovery as by default. The others are shown for comparison.
     pub fn required(self) -> bool {
-        self.recovers() && self.model == Model::CompressibleStVK
+        self.recovers() && self.model == Model::CompressibleStVK && self.cells == Cells::Tetrahedra
     }
 
     /// Whether bodies with many inverted elements recover by another energy.
@@ -69,6 +105,9 @@ impl Column {
         let mut name = self.integrator.name().to_string();
         if self.model != Self::DEFAULT.model {
             name = format!("{name} {}", self.model.name());
+        }
+        if self.cells != Cells::Tetrahedra {
+            name = format!("{name}, {}", self.cells);
         }
         if self.volume == VolumeRule::Clusters {
             name += ", clusters";
@@ -259,6 +298,8 @@ pub struct SuiteOptions {
     pub models: Vec<Model>,
     /// Volume by clusters, with models that have it.
     pub clusters: bool,
+    /// What solids are cut into.
+    pub cells: Cells,
     /// Recovery from inversion switched off, also where it is on by default.
     pub no_recovery: bool,
     /// Groups; all when empty.
@@ -271,13 +312,19 @@ impl SuiteOptions {
     /// of which the quick selection has one each.
     pub fn columns(&self) -> Vec<Column> {
         let recovery = !self.no_recovery;
-        let default = Column { recovery, ..Column::DEFAULT };
+        let cells = self.cells;
+        let default = Column { recovery, cells, ..Column::DEFAULT };
         let volume = |model: Model| match self.clusters && model.keeps_mean_volume() {
             true => VolumeRule::Clusters,
             false => VolumeRule::Elements,
         };
-        let with =
-            |integrator, model| Column { integrator, model, volume: volume(model), recovery };
+        let with = |integrator, model| Column {
+            integrator,
+            model,
+            volume: volume(model),
+            cells,
+            recovery,
+        };
         if self.integrators.is_empty() && self.models.is_empty() {
             let safe = Column { integrator: Integrator::Safe, ..default };
             if self.quick {
@@ -319,6 +366,9 @@ impl SuiteOptions {
         }
         if self.clusters {
             words.push("--clusters".into());
+        }
+        if self.cells != Cells::default() {
+            words.push(format!("--cells {}", self.cells));
         }
         words.extend(self.integrators.iter().map(|i| format!("--integrator {}", i.name())));
         words.extend(self.models.iter().map(|m| format!("--model {}", m.name())));
@@ -483,11 +533,14 @@ pub fn run(
         tell(done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
         row
     };
-    let mut rows: Vec<Row> = jobs.par_iter().map(run).collect();
+    let mut rows: Vec<Option<Row>> = jobs.par_iter().map(run).collect();
     // one after the other: a thread that waits for another pool would take up further cases meanwhile
     for (job, row) in jobs.iter().zip(&mut rows).filter(|(job, _)| job.sampled) {
-        job.repeat(options.precision, row);
+        if let Some(row) = row {
+            job.repeat(options.precision, row);
+        }
     }
+    let mut rows: Vec<Row> = rows.into_iter().flatten().collect();
     rows.sort_by_key(|row| row.part.group);
     Ok(Suite {
         schema: "sinew-stability/3",
@@ -563,7 +616,8 @@ impl Job<'_> {
         }
     }
 
-    fn run(&self, precision: Precision) -> Row {
+    /// Runs the case; none, where it cannot be cut into the cells of the column.
+    fn run(&self, precision: Precision) -> Option<Row> {
         let start = Instant::now();
         let setting = self.setting(precision, 1);
         let mut row = Row {
@@ -585,10 +639,11 @@ impl Job<'_> {
                 }
                 (row.figures, row.checks) = (figures, checks);
             }
+            Err(problem) if problem.is::<OtherCells>() => return None,
             Err(problem) => row.note = problem.to_string(),
         }
         row.seconds = start.elapsed().as_secs_f64();
-        row
+        Some(row)
     }
 }
 

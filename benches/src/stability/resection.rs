@@ -79,7 +79,7 @@ fn fresh(run: &mut Run, setting: &Setting, policy: MassPolicy) -> Result<Check, 
 /// Takes away elements of a list in so many parts, with a step after each.
 fn cut(run: &mut Run, policy: MassPolicy, gone: &[u32], parts: usize) -> Result<(), Problem> {
     for some in gone.chunks(gone.len().div_ceil(parts)) {
-        let removal = Removal { region: Region::Tetrahedra(some.to_vec()), mass: policy };
+        let removal = Removal { region: run.region(some), mass: policy };
         run.remove(&removal)?;
         run.step()?;
     }
@@ -90,7 +90,7 @@ fn remove(setting: &Setting, mesh: &Mesh, policy: MassPolicy, parts: usize, dt: 
     let mut run = loaded(setting, mesh, dt)?;
     let scale = weight(&mut run);
     run.steps(20)?;
-    let mut all: Vec<u32> = (0..mesh.tetrahedra.len() as u32).collect();
+    let mut all: Vec<u32> = (0..run.elements() as u32).collect();
     let mut random = Random(0x6789_abcd_ef12_3456);
     let count = if parts == 1 { all.len() * 3 / 10 } else { parts };
     for i in 0..count {
@@ -105,6 +105,7 @@ fn remove(setting: &Setting, mesh: &Mesh, policy: MassPolicy, parts: usize, dt: 
 
 /// A held block and one more element that shares so many vertices with it.
 fn hang(setting: &Setting, mesh: &Mesh, policy: MassPolicy, shared: usize, dt: f64) -> Outcome {
+    setting.of_tetrahedra()?;
     let mut run = loaded(setting, mesh, dt)?;
     let scale = weight(&mut run);
     run.steps(10)?;
@@ -128,6 +129,7 @@ fn hang(setting: &Setting, mesh: &Mesh, policy: MassPolicy, shared: usize, dt: f
 
 /// All elements round a corner go.
 fn orphan(setting: &Setting, mesh: &Mesh, policy: MassPolicy, dt: f64) -> Outcome {
+    setting.of_tetrahedra()?;
     let mut run = loaded(setting, mesh, dt)?;
     let scale = weight(&mut run);
     let vertex = nearest(&mesh.points, BAR);

@@ -1,12 +1,14 @@
 //! One simulated case: a body, its clock and the books of its energy.
 
-use super::{Check, Column, Figures, Part};
+use super::{Cells, Check, Column, Figures, Part};
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
-use sinew::engine::mesh::Mesh;
+use sinew::engine::mesh::{Group, Mesh};
 use sinew::engine::report::{Fallbacks, StepReport};
-use sinew::models::resection::{Removal, RemovalReport};
+use sinew::models::resection::{Region, Removal, RemovalReport};
 use sinew::prelude::*;
+use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Why a case could not be run to its end.
@@ -24,6 +26,11 @@ pub(super) struct Setting {
 }
 
 impl Setting {
+    /// Refuses a case that has to do with four-node tetrahedra.
+    pub fn of_tetrahedra(&self) -> Result<(), Problem> {
+        if self.column.cells == Cells::Tetrahedra { Ok(()) } else { Err(OtherCells.into()) }
+    }
+
     /// A limit that single precision may miss by a factor of ten.
     pub fn loose(&self, limit: f64) -> f64 {
         self.pick(limit, 10.0 * limit)
@@ -42,6 +49,49 @@ impl Setting {
     fn energy_limit(&self) -> f64 {
         if self.column.integrator.recovers() { self.loose(1e-6) } else { 0.05 }
     }
+}
+
+/// A case that is there for other cells only.
+#[derive(Debug, thiserror::Error)]
+#[error("this case is there for other cells only")]
+pub(super) struct OtherCells;
+
+impl Cells {
+    /// A mesh of tetrahedra, cut into these cells.
+    fn of<'a>(self, mesh: &'a Mesh) -> Result<Cow<'a, Mesh>, Problem> {
+        match self {
+            _ if !mesh.is_solid() => Ok(Cow::Borrowed(mesh)),
+            Self::Tetrahedra => Ok(Cow::Borrowed(mesh)),
+            Self::Tetrahedra10 => Ok(Cow::Owned(mesh.with_second_order())),
+            Self::Hexahedra => Ok(Cow::Owned(cells_of(mesh).ok_or(OtherCells)?)),
+        }
+    }
+}
+
+/// The hexahedra that a box was cut from, six tetrahedra each; none of other meshes.
+fn cells_of(mesh: &Mesh) -> Option<Mesh> {
+    let (cells, rest) = mesh.tetrahedra.as_chunks::<6>();
+    let hexahedron = |cell: &[[u32; 4]; 6]| {
+        // ascending, corners are in the order of x, y and z
+        let corners: BTreeSet<u32> = cell.iter().flatten().copied().collect();
+        let corners: Vec<u32> = corners.into_iter().collect();
+        let [a, b, c, d, e, f, g, h] = <[u32; 8]>::try_from(corners).ok()?;
+        Some([a, e, g, c, b, f, h, d])
+    };
+    let hexahedra: Option<Vec<_>> = cells.iter().map(hexahedron).collect();
+    let hexahedra = hexahedra.filter(|_| rest.is_empty() && !cells.is_empty())?;
+    let (points, groups) = (mesh.points.clone(), mesh.groups.clone());
+    let mut boxes = Mesh { hexahedra, points, groups, ..Mesh::default() };
+    // groups of cells are those of tetrahedra
+    boxes.groups.iter_mut().for_each(|group| {
+        *group = Group {
+            name: std::mem::take(&mut group.name),
+            vertices: std::mem::take(&mut group.vertices),
+            dimension: group.dimension,
+            ..Group::default()
+        };
+    });
+    Some(boxes)
 }
 
 /// Which columns a case concerns.
@@ -99,7 +149,9 @@ impl Cases {
         run: impl Fn(&Setting, &Mesh) -> Outcome + Send + Sync + 'static,
     ) {
         let mesh = Arc::clone(mesh);
-        let run = Box::new(move |setting: &Setting| run(setting, &mesh));
+        let run = Box::new(move |setting: &Setting| {
+            run(setting, setting.column.cells.of(&mesh)?.as_ref())
+        });
         self.0.push(Case { part, name, quick, scope, run });
     }
 }
@@ -273,6 +325,19 @@ impl<'a> Run<'a> {
         let report = self.simulation.remove_elements(self.body, removal)?;
         self.outside -= report.elastic_energy + report.kinetic_energy;
         Ok(report)
+    }
+
+    /// Solid elements of its mesh.
+    pub fn elements(&self) -> usize {
+        self.mesh.tetrahedra.len() + self.mesh.hexahedra.len()
+    }
+
+    /// The region of some of them.
+    pub fn region(&self, elements: &[u32]) -> Region {
+        match self.mesh.hexahedra.is_empty() {
+            true => Region::Tetrahedra(elements.to_vec()),
+            false => Region::Hexahedra(elements.to_vec()),
+        }
     }
 
     /// Several steps.

@@ -73,6 +73,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
         for (nu, dt) in [0.3, 0.45].into_iter().flat_map(|nu| both.map(|dt| (nu, dt))) {
             let (name, young) = (format!("{name}, nu {nu} h {dt:.4}"), Arc::clone(&young));
             let run = move |s: &Setting, mesh: &Mesh| {
+                s.of_tetrahedra()?;
                 let young_modulus = Some(&young[..]);
                 let body = BodyDescription::new("body", mesh, tissue(1e4, nu));
                 hang(s, mesh, &BodyDescription { young_modulus, ..body }, dt, 1.0)
