@@ -234,6 +234,10 @@ enum MeshCommand {
         /// A vertex in the middle of every edge: linear tetrahedra become ten-node ones.
         #[arg(long)]
         second_order: bool,
+        /// Mesh or surface file on which the vertices on edges of the surface are put: elements are curved as the body is. Takes
+        /// the same scale.
+        #[arg(long, value_name = "FILE")]
+        onto: Option<PathBuf>,
     },
     /// The springs of tetrahedra or triangles that are St Venant-Kirchhoff elasticity: 21 of a tetrahedron, 6 of
     /// a triangle (Delingette 2008).
@@ -477,8 +481,8 @@ fn mesh(command: MeshCommand) -> Outcome {
                 say!("{info}");
             }
         }
-        MeshCommand::Convert { from, to, scale, second_order } => {
-            let info = convert(&from, &to, scale, second_order)?;
+        MeshCommand::Convert { from, to, scale, second_order, onto } => {
+            let info = convert(&from, &to, scale, second_order, onto.as_deref())?;
             say!("{info}");
             sayln!("written to {}", to.display());
         }

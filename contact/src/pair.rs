@@ -5,6 +5,7 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_engine::order::Order;
+use sinew_engine::surface::closest_point;
 
 /// Two bodies that may touch each other: vertices of either surface against the faces of the other, half of the area
 /// each. Bodies that touch share one solve.
@@ -69,47 +70,6 @@ pub struct BodyContactReport {
     pub slipping: u32,
 }
 
-/// Closest point of a triangle to `p` as barycentric coordinates (Ericson, Real-Time Collision Detection, 2005,
-/// section 5.1.5).
-pub(crate) fn closest(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
-    let (ab, ac, ap) = (b - a, c - a, p - a);
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return [1.0, 0.0, 0.0];
-    }
-    let bp = p - b;
-    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return [0.0, 1.0, 0.0];
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        let t = d1 / (d1 - d3);
-        return [1.0 - t, t, 0.0];
-    }
-    let cp = p - c;
-    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return [0.0, 0.0, 1.0];
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        let t = d2 / (d2 - d6);
-        return [1.0 - t, 0.0, t];
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
-        let t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        return [0.0, 1.0 - t, t];
-    }
-    let sum = va + vb + vc;
-    if sum <= 0.0 || sum.is_nan() {
-        // a face that was drawn out to a line or point
-        return [1.0, 0.0, 0.0];
-    }
-    [va / sum, vb / sum, vc / sum]
-}
-
 /// A point beside some faces.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Beside {
@@ -134,7 +94,7 @@ pub(crate) fn beside(
     let mut best: Option<(f64, [u32; 3], [f64; 3], DVec3)> = None;
     for &face in faces {
         let corners = face.map(x);
-        let weights = closest(p, corners);
+        let weights = closest_point(p, corners);
         let at = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
         let distance = p.distance(at);
         if best.as_ref().is_none_or(|(least, ..)| distance < *least) {
@@ -148,7 +108,7 @@ pub(crate) fn beside(
     let interior = weights.iter().all(|w| *w > 1e-9);
     for &other in faces.iter().filter(|other| !interior || **other == face) {
         let corners = other.map(x);
-        let w = closest(p, corners);
+        let w = closest_point(p, corners);
         let there = corners[0] * w[0] + corners[1] * w[1] + corners[2] * w[2];
         if there.distance(at) > 1e-9 * size {
             continue;
@@ -197,7 +157,7 @@ mod tests {
         ) {
             let p = DVec3::from_array(p);
             let corners = [0, 3, 6].map(|i| DVec3::new(t[i], t[i + 1], t[i + 2]));
-            let w = closest(p, corners);
+            let w = closest_point(p, corners);
             prop_assert!((w.iter().sum::<f64>() - 1.0).abs() < 1e-12 && w.iter().all(|w| *w >= 0.0));
             let at = |w: [f64; 3]| corners[0] * w[0] + corners[1] * w[1] + corners[2] * w[2];
             let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::Serialize;
 use sinew::engine::mesh::io::{VtuData, write_gmsh, write_vtk, write_vtu};
-use sinew::engine::mesh::{Mesh, MeshError};
+use sinew::engine::mesh::{Mesh, MeshError, PutOnSurface};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -31,6 +31,18 @@ pub enum ConvertError {
         "{path}: there are no tetrahedra to make second-order ones of; leave --second-order out"
     )]
     NoTetrahedra {
+        /// Path of the file.
+        path: PathBuf,
+    },
+    /// Only vertices in the middle of edges are put on a surface.
+    #[error("{path}: linear elements have no vertices to put there; add --second-order")]
+    NotSecondOrder {
+        /// Path of the surface.
+        path: PathBuf,
+    },
+    /// A file without a surface.
+    #[error("{path}: there is no surface to put vertices on; give triangles, or solid elements")]
+    NoSurface {
         /// Path of the file.
         path: PathBuf,
     },
@@ -71,6 +83,9 @@ pub struct MeshInfo {
     pub tetrahedra: usize,
     /// Whether they have a vertex on every edge.
     pub second_order: bool,
+    /// What became of these where they were put on a surface.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub put_on_surface: Option<PutOnSurface>,
     /// Hexahedra.
     pub hexahedra: usize,
     /// Triangles in the file.
@@ -137,6 +152,7 @@ impl MeshInfo {
             vertices: mesh.points.len(),
             tetrahedra: mesh.tetrahedra.len(),
             second_order: mesh.is_second_order(),
+            put_on_surface: None,
             hexahedra: mesh.hexahedra.len(),
             triangles: mesh.triangles.len(),
             quads: mesh.quads.len(),
@@ -169,6 +185,19 @@ impl fmt::Display for MeshInfo {
         writeln!(f, "  vertices    {}", self.vertices)?;
         let order = if self.second_order { " of second order" } else { "" };
         writeln!(f, "  tetrahedra  {}{order}", self.tetrahedra)?;
+        if let Some(put) = self.put_on_surface {
+            let PutOnSurface { moved, far, folded, largest } = put;
+            writeln!(
+                f,
+                "  curved      {moved} vertices put on the surface, {largest:.3e} m at most"
+            )?;
+            if far + folded > 0 {
+                writeln!(
+                    f,
+                    "  straight    {far} edges, the surface is farther than a quarter of them; {folded}, elements would fold"
+                )?;
+            }
+        }
         if self.hexahedra > 0 {
             writeln!(f, "  hexahedra   {}", self.hexahedra)?;
         }
@@ -265,6 +294,7 @@ pub fn convert(
     to: &Path,
     scale: f64,
     second_order: bool,
+    onto: Option<&Path>,
 ) -> Result<MeshInfo, ConvertError> {
     if !(scale > 0.0 && scale.is_finite()) {
         return Err(ConvertError::Scale { scale });
@@ -280,6 +310,23 @@ pub fn convert(
         }
         mesh = mesh.with_second_order();
     }
+    let put = match onto {
+        Some(path) if !mesh.is_second_order() => {
+            return Err(ConvertError::NotSecondOrder { path: path.into() });
+        }
+        Some(path) => {
+            let mut surface = read(path)?;
+            if scale != 1.0 {
+                surface.points.iter_mut().for_each(|p| *p *= scale);
+            }
+            check_points(path, &surface)?;
+            if surface.surface_triangles().is_empty() {
+                return Err(ConvertError::NoSurface { path: path.into() });
+            }
+            Some(mesh.put_middles_on(&surface))
+        }
+        None => None,
+    };
     write(to, &mesh)?;
-    Ok(MeshInfo::of(&mesh))
+    Ok(MeshInfo { put_on_surface: put, ..MeshInfo::of(&mesh) })
 }

@@ -74,7 +74,7 @@ fn meshes_survive_every_format() {
     let mut last = liver.clone();
     for name in ["liver.vtu", "liver.vtk", "liver.msh"] {
         let next = file(name);
-        convert(&last, &next, 1.0, false).unwrap();
+        convert(&last, &next, 1.0, false, None).unwrap();
         last = next;
     }
     let (first, end) = (Mesh::read(&liver).unwrap(), Mesh::read(&last).unwrap());
@@ -84,7 +84,7 @@ fn meshes_survive_every_format() {
         let vertices = |mesh: &Mesh| mesh.group(name).map(|g| g.vertices.clone());
         assert_eq!(vertices(&first), vertices(&end), "{name}");
     }
-    let half = convert(&liver, &file("half.vtu"), 0.5, false).unwrap();
+    let half = convert(&liver, &file("half.vtu"), 0.5, false, None).unwrap();
     assert!((half.volume / MeshInfo::of(&first).volume - 0.125).abs() < 1e-12);
 }
 
@@ -96,7 +96,7 @@ fn linear_meshes_become_second_order_ones_that_survive_every_format() {
     for name in ["liver10.vtu", "liver10.msh", "liver10.vtk"] {
         let next = file(name);
         // what is of second order already stays as it is
-        let info = convert(&last, &next, 1.0, true).unwrap();
+        let info = convert(&last, &next, 1.0, true, None).unwrap();
         assert!(info.second_order && info.to_string().contains("of second order"), "{info}");
         last = next;
     }
@@ -111,7 +111,7 @@ fn linear_meshes_become_second_order_ones_that_survive_every_format() {
     let sheet = file("sheet.vtu");
     let triangles = Mesh { triangles: vec![[0, 1, 2]], points: linear.points, ..Mesh::default() };
     write(&sheet, &triangles).unwrap();
-    let error = convert(&sheet, &file("sheet10.vtu"), 1.0, true).unwrap_err();
+    let error = convert(&sheet, &file("sheet10.vtu"), 1.0, true, None).unwrap_err();
     assert!(matches!(error, ConvertError::NoTetrahedra { .. }), "{error}");
 }
 
@@ -142,10 +142,10 @@ fn generated_shapes_have_their_volume_and_groups() {
 #[test]
 fn unknown_formats_and_scales_are_refused() {
     let liver = scene_folder().join("../meshes/liver.msh");
-    let error = convert(&liver, &file("liver.stp"), 1.0, false).unwrap_err();
+    let error = convert(&liver, &file("liver.stp"), 1.0, false, None).unwrap_err();
     assert!(matches!(error, ConvertError::Format { .. }) && error.to_string().contains(".vtu"));
     assert!(matches!(
-        convert(&liver, &file("x.vtu"), f64::NAN, false).unwrap_err(),
+        convert(&liver, &file("x.vtu"), f64::NAN, false, None).unwrap_err(),
         ConvertError::Scale { .. }
     ));
 }
@@ -156,7 +156,7 @@ fn hexahedra_and_quadrilaterals_are_counted_and_converted() {
     let names = ["hexes.msh", "hexes.vtu", "hexes.vtk", "hexes2.msh"].map(file);
     write(&names[0], &hexes).unwrap();
     for pair in names.windows(2) {
-        convert(&pair[0], &pair[1], 1.0, false).unwrap();
+        convert(&pair[0], &pair[1], 1.0, false, None).unwrap();
     }
     let mesh = Mesh::read(&names[3]).unwrap();
     assert_eq!((&mesh.hexahedra, &mesh.quads), (&hexes.hexahedra, &hexes.quads));

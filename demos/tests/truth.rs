@@ -183,11 +183,11 @@ fn special_files_and_odd_points_are_refused() {
     }
     let file = folder.join("nan.obj");
     std::fs::write(&file, "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-    let error = convert(&file, &folder.join("out.vtu"), 1.0, false).unwrap_err().to_string();
+    let error = convert(&file, &folder.join("out.vtu"), 1.0, false, None).unwrap_err().to_string();
     says(&error, &["nan.obj", "vertex 0", "NaN"]);
     assert!(!folder.join("out.vtu").exists());
     std::fs::write(&file, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-    assert!(convert(&file, &folder.join("out.vtu"), 1e300, false).is_err());
+    assert!(convert(&file, &folder.join("out.vtu"), 1e300, false, None).is_err());
     let empty = folder.join("empty.stl");
     std::fs::write(&empty, "solid nothing\nendsolid nothing\n").unwrap();
     says(&read(&empty).unwrap_err().to_string(), &["empty.stl", "no vertices"]);

@@ -2,6 +2,7 @@
 //! says how to find that out; nothing is computed before somebody asks.
 
 use bevy_ecs::prelude::{Resource, World};
+use glam::DVec3;
 
 /// The surface of what is left of a body. Rows are relative to the first vertex row of the body.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,3 +19,44 @@ pub struct BodySurface {
 /// Finds the surface of a body, by its index in [`Topology::bodies`](crate::topology::Topology::bodies).
 #[derive(Resource, Clone, Copy, Debug)]
 pub struct SurfaceReader(pub fn(&mut World, usize) -> BodySurface);
+
+/// Closest point of a triangle to `p` as barycentric coordinates (Ericson, Real-Time Collision Detection, 2005,
+/// section 5.1.5).
+pub fn closest_point(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return [1.0, 0.0, 0.0];
+    }
+    let bp = p - b;
+    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
+    if d3 >= 0.0 && d4 <= d3 {
+        return [0.0, 1.0, 0.0];
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        let t = d1 / (d1 - d3);
+        return [1.0 - t, t, 0.0];
+    }
+    let cp = p - c;
+    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
+    if d6 >= 0.0 && d5 <= d6 {
+        return [0.0, 0.0, 1.0];
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        let t = d2 / (d2 - d6);
+        return [1.0 - t, 0.0, t];
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        let t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+        return [0.0, 1.0 - t, t];
+    }
+    let sum = va + vb + vc;
+    if sum <= 0.0 || sum.is_nan() {
+        // a face that was drawn out to a line or point
+        return [1.0, 0.0, 0.0];
+    }
+    [va / sum, vb / sum, vc / sum]
+}

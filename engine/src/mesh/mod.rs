@@ -36,6 +36,7 @@ pub mod error;
 pub mod generate;
 pub mod io;
 mod second_order;
+pub use second_order::PutOnSurface;
 mod split;
 mod surface;
 

@@ -2,9 +2,26 @@
 
 use super::cell::{second_order_triangles, ten};
 use super::{CellData, Group, LINEAR, Mesh};
-use crate::isoparametric::{MIDDLES, TETRAHEDRON_POINTS, tetrahedron10_derivatives};
+use crate::isoparametric::{
+    MIDDLES, TETRAHEDRON_POINTS, folded_tetrahedron, tetrahedron10_derivatives,
+};
+use crate::surface::closest_point;
 use glam::DVec3;
-use std::collections::HashMap;
+use serde::Serialize;
+use std::collections::{BTreeMap, HashMap};
+
+/// What became of the vertices on edges of the surface that were put on another one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct PutOnSurface {
+    /// Vertices that lie on it now.
+    pub moved: usize,
+    /// Vertices that stayed, because it is farther away than a quarter of their edge.
+    pub far: usize,
+    /// Vertices that stayed, because an element would have folded.
+    pub folded: usize,
+    /// Longest way (m) of a vertex.
+    pub largest: f64,
+}
 
 impl Mesh {
     /// Whether its tetrahedra have a vertex on every edge.
@@ -116,6 +133,79 @@ impl Mesh {
         mesh.lines.points.clear();
         mesh
     }
+
+    /// Puts the vertices on the edges of the surface of a mesh of second order on the nearest points of a finer surface, that of
+    /// `onto`, so that elements are curved as the body is. Corners stay.
+    ///
+    /// A vertex stays in the middle where the surface is farther away than a quarter of its edge, and where an element would
+    /// fold.
+    pub fn put_middles_on(&mut self, onto: &Mesh) -> PutOnSurface {
+        let on_surface = self.surface_triangles();
+        let mut edges: BTreeMap<u32, [u32; 2]> = BTreeMap::new();
+        for (t, middles) in self.tetrahedra.iter().zip(&self.middles) {
+            for (&middle, [a, b]) in middles.iter().zip(MIDDLES) {
+                edges.insert(middle, [t[a], t[b]]);
+            }
+        }
+        let triangles: Vec<([DVec3; 3], DVec3, f64)> = onto
+            .surface_triangles()
+            .iter()
+            .map(|t| {
+                let corners = t.map(|v| onto.points[v as usize]);
+                let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+                (corners, centre, corners.iter().map(|x| x.distance(centre)).fold(0.0, f64::max))
+            })
+            .collect();
+        let mut done = PutOnSurface::default();
+        let mut moved: BTreeMap<u32, DVec3> = BTreeMap::new();
+        let mut own: Vec<u32> = on_surface.into_iter().flatten().collect();
+        own.sort_unstable();
+        own.dedup();
+        for (v, [a, b]) in own.into_iter().filter_map(|v| Some((v, *edges.get(&v)?))) {
+            let [x, a, b] = [v, a, b].map(|v| self.points[v as usize]);
+            let (mut nearest, mut way) = (x, 0.25 * a.distance(b));
+            let mut found = false;
+            for (corners, centre, radius) in &triangles {
+                if x.distance(*centre) - radius > way {
+                    continue;
+                }
+                let w = closest_point(x, *corners);
+                let at: DVec3 = (0..3).map(|k| w[k] * corners[k]).sum();
+                if at.distance(x) <= way {
+                    (nearest, way, found) = (at, at.distance(x), true);
+                }
+            }
+            if found {
+                moved.insert(v, std::mem::replace(&mut self.points[v as usize], nearest));
+            } else {
+                done.far += 1;
+            }
+        }
+        // one that goes back may fold a neighbour: until none does
+        loop {
+            let folds = |i: &usize| {
+                let vertices = self.second_order(*i);
+                let points = vertices.map(|ten| ten.map(|v| self.points[v as usize].to_array()));
+                points.is_some_and(|points| folded_tetrahedron(&points).is_some())
+            };
+            let folded = (0..self.tetrahedra.len()).filter(folds);
+            let back: Vec<u32> = folded.flat_map(|i| self.middles[i]).collect();
+            let before = done.folded;
+            for v in back {
+                if let Some(x) = moved.remove(&v) {
+                    self.points[v as usize] = x;
+                    done.folded += 1;
+                }
+            }
+            if done.folded == before {
+                break;
+            }
+        }
+        let way = |(v, x): (&u32, &DVec3)| self.points[*v as usize].distance(*x);
+        done.largest = moved.iter().map(way).fold(0.0, f64::max);
+        done.moved = moved.len();
+        done
+    }
 }
 
 #[cfg(test)]
@@ -178,5 +268,42 @@ mod tests {
         mixed.middles.pop();
         let error = check(&mixed, &CheckOptions::default()).unwrap_err();
         assert!(error.report.finding(FindingCode::MixedOrder).is_some(), "{error}");
+    }
+
+    #[test]
+    fn middles_are_put_on_a_finer_surface() {
+        let ball = |shells| crate::mesh::generate::sphere_tets(0.05, shells).unwrap();
+        let (coarse, fine) = (ball(2), ball(16));
+        let exact = 4.0 / 3.0 * std::f64::consts::PI * 0.05_f64.powi(3);
+        let mut mesh = coarse.with_second_order();
+        let done = mesh.put_middles_on(&fine);
+        assert!(done.moved > 40 && done.folded == 0 && done.far == 0, "{done:?}");
+        // corners stay, what moved lies on the ball, the volume is that of the ball to a part of what was missing
+        assert_eq!(mesh.points[..coarse.points.len()], coarse.points[..]);
+        let missing = |mesh: &Mesh| 1.0 - mesh.total_volume() / exact;
+        assert!(missing(&mesh).abs() < 0.1 * missing(&coarse), "{}", missing(&mesh));
+        let found = check(mesh, &CheckOptions::default()).unwrap();
+        assert!(found.report.findings.iter().all(|f| f.code != FindingCode::DegenerateElement));
+        // a surface that is nowhere near leaves everything as it is
+        let mut mesh = coarse.with_second_order();
+        let mut away = fine;
+        away.points.iter_mut().for_each(|x| x.x += 1.0);
+        let done = mesh.put_middles_on(&away);
+        assert_eq!((done.moved, mesh), (0, coarse.with_second_order()));
+    }
+
+    #[test]
+    fn what_would_fold_stays() {
+        // a surface that turns a slim element inside out within a quarter of its edges
+        let mut linear = box_tets(DVec3::new(1.0, 1.0, 0.1), [1, 1, 1]).unwrap();
+        linear.groups.clear();
+        let mut onto = box_tets(DVec3::new(1.0, 1.0, 0.1), [4, 4, 1]).unwrap();
+        for x in onto.points.iter_mut().filter(|x| x.z > 0.05) {
+            x.z = -0.05;
+        }
+        let mut mesh = linear.with_second_order();
+        let done = mesh.put_middles_on(&onto);
+        assert!(done.folded > 0, "{done:?}");
+        assert!(check(mesh, &CheckOptions::default()).is_ok());
     }
 }
