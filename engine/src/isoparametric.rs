@@ -311,6 +311,10 @@ row_columns! {
     AxisHexahedronVertices([u32; 8]),
     /// Tangent blocks of that hexahedron, in the order of its pairs.
     AxisHexahedronBlocks([u32; 28]),
+    /// Vertex rows of the ten-node tetrahedron in which an axis lies.
+    AxisTetrahedron10Vertices([u32; 10]),
+    /// Tangent blocks of that tetrahedron, in the order of its pairs.
+    AxisTetrahedron10Blocks([u32; 45]),
     /// Vertex rows of a membrane quadrilateral, counter-clockwise.
     QuadVertices([u32; 4]),
     /// Tangent blocks (edge-graph indices) of a membrane quadrilateral in the order of [`QUAD_PAIRS`].

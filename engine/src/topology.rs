@@ -5,7 +5,8 @@ use crate::element::{
     AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices, TriangleEdges,
 };
 use crate::isoparametric::{
-    AxisHexahedronVertices, HexahedronVertices, QuadVertices, Tetrahedron10Vertices,
+    AxisHexahedronVertices, AxisTetrahedron10Vertices, HexahedronVertices, QuadVertices,
+    Tetrahedron10Vertices,
 };
 use crate::layout::{BodyElements, starts};
 use crate::vertex::RestPosition;
@@ -190,6 +191,7 @@ impl ElementTables {
             world.component_id::<Tetrahedron10Vertices>(),
             world.component_id::<QuadVertices>(),
             world.component_id::<AxisHexahedronVertices>(),
+            world.component_id::<AxisTetrahedron10Vertices>(),
             world.component_id::<AxisVertices>(),
         ];
         let is_element =

@@ -1,9 +1,10 @@
 //! Axes in tetrahedra and at the Gauss points of hexahedra: twins of [`sinew_models::axes::systems`] and
-//! [`sinew_models::axes::hexahedra`]. They are silent while their body recovers.
+//! [`sinew_models::axes::points`]. They are silent while their body recovers.
 
+use sinew_engine::isoparametric::{AxisHexahedronBlocks, AxisHexahedronVertices};
 use sinew_engine::scalar::{Scalar, dot};
 use sinew_models::axes::columns::{FibreData, TriadData, VolumeData};
-use sinew_models::axes::{hexahedra as bricks, systems};
+use sinew_models::axes::{points as bricks, systems};
 use sinew_models::laws::LawRow;
 
 use super::solid::HEXAHEDRA;
@@ -139,7 +140,7 @@ fn triads<S: Scalar>(search: Search<'_>) -> ElementColumns {
 
 /// Triads in hexahedra of a body.
 fn hexahedron_triads<S: Scalar>(search: Search<'_>) -> ElementColumns {
-    type Data<S> = bricks::TriadData<S>;
+    type Data<S> = bricks::TriadData<S, AxisHexahedronVertices, AxisHexahedronBlocks, 8>;
     search.columns::<Data<S>, 8>(|((nodes, _, rest), axes, axial, angular, volume), data| {
         let triad = triad!(axes, axial, angular, volume);
         for (d, share) in points(rest) {
@@ -167,13 +168,15 @@ fn fibres<S: Scalar>(search: Search<'_>) -> ElementColumns {
 
 /// Fibres in hexahedra of a body.
 fn hexahedron_fibres<S: Scalar>(search: Search<'_>) -> ElementColumns {
-    search.columns::<bricks::FibreData<S>, 8>(|((nodes, _, rest), a, fibre), data| {
-        let (a, fibre) = (three!(a), fibre!(fibre));
-        for (d, share) in points(rest) {
-            push(data, fibre_rows(fibre, a, d.map(|d| dot(d, a)), share));
-        }
-        nodes.0
-    })
+    search.columns::<bricks::FibreData<S, AxisHexahedronVertices, AxisHexahedronBlocks, 8>, 8>(
+        |((nodes, _, rest), a, fibre), data| {
+            let (a, fibre) = (three!(a), fibre!(fibre));
+            for (d, share) in points(rest) {
+                push(data, fibre_rows(fibre, a, d.map(|d| dot(d, a)), share));
+            }
+            nodes.0
+        },
+    )
 }
 
 /// Terms of volume in tetrahedra of a body.
@@ -187,10 +190,12 @@ fn volumes<S: Scalar>(search: Search<'_>) -> ElementColumns {
 
 /// Terms of volume in hexahedra of a body.
 fn hexahedron_volumes<S: Scalar>(search: Search<'_>) -> ElementColumns {
-    search.columns::<bricks::VolumeData<S>, 8>(|((nodes, _, rest), volume), data| {
-        for (d, share) in points(rest) {
-            push(data, volume_rows(d, volume.0.to_f64() * share));
-        }
-        nodes.0
-    })
+    search.columns::<bricks::VolumeData<S, AxisHexahedronVertices, AxisHexahedronBlocks, 8>, 8>(
+        |((nodes, _, rest), volume), data| {
+            for (d, share) in points(rest) {
+                push(data, volume_rows(d, volume.0.to_f64() * share));
+            }
+            nodes.0
+        },
+    )
 }

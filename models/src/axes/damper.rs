@@ -16,7 +16,7 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::AxisVertices;
-use sinew_engine::isoparametric::AxisHexahedronVertices;
+use sinew_engine::isoparametric::{AxisHexahedronVertices, AxisTetrahedron10Vertices};
 use sinew_engine::law::{LawInfo, ViscousRequest};
 use sinew_engine::scalar::{Scalar, dot, scale};
 use sinew_engine::schedule::{ElementLaw, activate_dampers};
@@ -115,6 +115,17 @@ pub static IN_HEXAHEDRA: LawRow = LawRow::of_dampers(
     Elements::AxesInHexahedra,
     [mark::<AxialDamper<8>>; 2],
     [activate::<f64, 8, AxisHexahedronVertices>, activate::<f32, 8, AxisHexahedronVertices>],
+);
+
+/// Dampers in ten-node tetrahedra.
+pub static IN_TETRAHEDRA10: LawRow = LawRow::of_dampers(
+    LawInfo::elastic("axial dampers in ten-node tetrahedra"),
+    Elements::AxesInTetrahedra10,
+    [mark::<AxialDamper<10>>; 2],
+    [
+        activate::<f64, 10, AxisTetrahedron10Vertices>,
+        activate::<f32, 10, AxisTetrahedron10Vertices>,
+    ],
 );
 
 fn activate<S: Scalar, const N: usize, V: AxisSite<N>>(

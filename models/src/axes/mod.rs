@@ -5,7 +5,7 @@
 //! |---|---|
 //! | [`element`] | energy, force and tangents of axes in a tetrahedron, with moduli in Pa |
 //! | [`columns`], [`systems`] | the same over all elements, several at a time |
-//! | [`hexahedra`] | the same at the Gauss points of hexahedra |
+//! | [`points`] | the same at the Gauss points of hexahedra and of ten-node tetrahedra |
 //! | [`description`] | axes of a body as the user states them |
 //! | [`field`] | fibre fields: where the directions come from |
 //! | [`muscle`] | active fibres |
@@ -21,8 +21,8 @@ pub mod description;
 pub mod element;
 pub mod field;
 mod formula;
-pub mod hexahedra;
 pub mod muscle;
+pub mod points;
 pub mod printed;
 pub mod printed_system;
 pub(crate) mod removal;

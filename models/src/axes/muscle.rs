@@ -14,6 +14,10 @@
 use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::single_table;
+use sinew_engine::isoparametric::{
+    AxisHexahedronBlocks, AxisHexahedronVertices, AxisTetrahedron10Blocks,
+    AxisTetrahedron10Vertices,
+};
 use sinew_engine::law::{EvaluationRequest, LawBuffers};
 use sinew_engine::load::Curve;
 use sinew_engine::scalar::Scalar;
@@ -22,7 +26,8 @@ use sinew_engine::step::StepClock;
 use sinew_engine::vertex::Displacement;
 
 use super::columns::*;
-use super::{hexahedra, systems};
+use super::{points, systems};
+use crate::frame::hexahedra::{Brick, TenNodes};
 
 /// What activation does to fibres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -346,7 +351,11 @@ pub(crate) fn copy_activations<S: Scalar>(world: &mut World, activations: &[(Str
 fn energy<S: Scalar>(world: &mut World) -> f64 {
     let mut vertices = world.query::<&Displacement<S>>();
     let mut fibres = world.query::<FibreData<S>>();
-    let mut in_hexahedra = world.query::<hexahedra::FibreData<S>>();
+    let mut in_hexahedra =
+        world.query::<points::FibreData<S, AxisHexahedronVertices, AxisHexahedronBlocks, 8>>();
+    let mut in_tetrahedra10 =
+        world
+            .query::<points::FibreData<S, AxisTetrahedron10Vertices, AxisTetrahedron10Blocks, 4>>();
     let request = EvaluationRequest { energy: true, force: false, tangent: None };
     let with =
         Evaluation { request: &request, workers: world.resource(), recovering: world.resource() };
@@ -359,10 +368,16 @@ fn energy<S: Scalar>(world: &mut World) -> f64 {
         systems::evaluate(&FibreColumns::new(u, data), with, &mut buffer);
         energy += buffer.energy();
     }
-    if let Some(mut buffer) = buffers.get(hexahedra::FIBRES.info.name)
+    if let Some(mut buffer) = buffers.get(points::FIBRES.info.name)
         && let Some(data) = single_table(in_hexahedra.contiguous_iter(world))
     {
-        hexahedra::evaluate(&hexahedra::FibreColumns::new(u, data), with, &mut buffer);
+        points::evaluate(&points::FibreColumns::new::<Brick>(u, data), with, &mut buffer);
+        energy += buffer.energy();
+    }
+    if let Some(mut buffer) = buffers.get(points::FIBRES10.info.name)
+        && let Some(data) = single_table(in_tetrahedra10.contiguous_iter(world))
+    {
+        points::evaluate(&points::FibreColumns::new::<TenNodes>(u, data), with, &mut buffer);
         energy += buffer.energy();
     }
     energy

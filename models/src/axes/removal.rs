@@ -2,15 +2,16 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::ShapeGradient;
-use sinew_engine::isoparametric::HexahedronRest;
+use sinew_engine::isoparametric::PointsRest;
 use sinew_engine::scalar::{Scalar, dot};
 
 use super::change::AxisSource;
 use super::columns::*;
 use super::damper::AxialDamper;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
-use super::hexahedra::energy_at_points;
+use super::points::energy_at_points;
 use super::printed_system::PrintedAxes;
+use crate::frame::hexahedra::Shape;
 
 /// Numbers in columns of an entity; 0 where it has no such column.
 macro_rules! numbers {
@@ -84,22 +85,26 @@ pub(crate) fn energy<S: Scalar>(world: &World, entity: Entity, u: &[[f64; 3]; 4]
     own.energy(u)
 }
 
-/// Energy (J) of the axes of an entity at displacements (m) of their hexahedron.
-pub(crate) fn hexahedron_energy<S: Scalar>(
+/// Energy (J) of the axes of an entity at displacements (m) of their hexahedron or ten-node tetrahedron.
+pub(crate) fn energy_at<S, E, const V: usize, const P: usize, const Q: usize>(
     world: &World,
     entity: Entity,
-    u: &[[f64; 3]; 8],
-) -> f64 {
+    u: &[[f64; 3]; V],
+) -> f64
+where
+    S: Scalar,
+    E: Shape<V, P, Q>,
+{
     let e = world.entity(entity);
-    if let Some(printed) = e.get::<PrintedAxes<8>>() {
+    if let Some(printed) = e.get::<PrintedAxes<V>>() {
         return printed.energy(u);
     }
     // dampers have none
-    let Some(rest) = e.get::<HexahedronRest<S>>() else { return 0.0 };
+    let Some(rest) = e.get::<PointsRest<S, Q>>() else { return 0.0 };
     let rest = rest.in_f64();
     if e.contains::<FibreActive<S>>() {
         let own = fibre::<S>(&e);
-        return energy_at_points(&rest, u, |d, share| Fibre {
+        return energy_at_points::<E, _, V, P, Q>(&rest, u, |d, share| Fibre {
             shape: d.map(|d| dot(d, own.axis)),
             stiffness: own.stiffness * share,
             active: own.active * share,
@@ -107,7 +112,7 @@ pub(crate) fn hexahedron_energy<S: Scalar>(
         });
     }
     let own = triad::<S>(&e);
-    energy_at_points(&rest, u, |gradients, share| Triad {
+    energy_at_points::<E, _, V, P, Q>(&rest, u, |gradients, share| Triad {
         gradients,
         axial: own.axial.map(|y| y * share),
         angular: own.angular.map(|g| g * share),
@@ -125,5 +130,6 @@ pub(crate) fn clear(axes: &mut EntityWorldMut) {
             }
         )+};
     }
-    clear![PrintedAxes<4>, PrintedAxes<8>, AxialDamper<4>, AxialDamper<8>, AxisSource];
+    clear![PrintedAxes<4>, PrintedAxes<8>, AxisSource];
+    clear![AxialDamper<4>, AxialDamper<8>, AxialDamper<10>];
 }

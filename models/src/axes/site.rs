@@ -1,8 +1,11 @@
-//! Tables of axes in tetrahedra and in hexahedra, for what is written once for both.
+//! Tables of axes in tetrahedra of either order and in hexahedra, for what is written once for all.
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::{AxisBlocks, AxisVertices, TETRAHEDRON_EDGES};
-use sinew_engine::isoparametric::{AxisHexahedronBlocks, AxisHexahedronVertices, HEXAHEDRON_PAIRS};
+use sinew_engine::isoparametric::{
+    AxisHexahedronBlocks, AxisHexahedronVertices, AxisTetrahedron10Blocks,
+    AxisTetrahedron10Vertices, HEXAHEDRON_PAIRS, TETRAHEDRON10_PAIRS,
+};
 use sinew_engine::law::Span;
 use sinew_engine::scalar::{Scalar, xyz};
 
@@ -39,6 +42,17 @@ impl AxisSite<8> for AxisHexahedronVertices {
         &self.0
     }
     fn blocks(blocks: &AxisHexahedronBlocks) -> &[u32] {
+        &blocks.0
+    }
+}
+
+impl AxisSite<10> for AxisTetrahedron10Vertices {
+    type Blocks = AxisTetrahedron10Blocks;
+    const PAIRS: &'static [[usize; 2]] = &TETRAHEDRON10_PAIRS;
+    fn rows(&self) -> &[u32; 10] {
+        &self.0
+    }
+    fn blocks(blocks: &AxisTetrahedron10Blocks) -> &[u32] {
         &blocks.0
     }
 }

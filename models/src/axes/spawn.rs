@@ -7,7 +7,8 @@ use sinew_engine::element::{
     AxisBlocks, AxisTetrahedron, AxisVertices, ShapeGradientBundle, shape_gradient_bundle,
 };
 use sinew_engine::isoparametric::{
-    AxisHexahedron, AxisHexahedronBlocks, AxisHexahedronVertices, Derivatives, HexahedronRest,
+    AxisHexahedron, AxisHexahedronBlocks, AxisHexahedronVertices, AxisTetrahedron10Blocks,
+    AxisTetrahedron10Vertices, PointsRest, RestPoints,
 };
 use sinew_engine::scalar::Scalar;
 use sinew_engine::vertex::BodyId;
@@ -16,10 +17,11 @@ use super::change::AxisSource;
 use super::columns::*;
 use super::damper::{self, AxialDamper};
 use super::description::{AxesDescription, AxisFamily, AxisGroup};
-use super::hexahedra;
 use super::muscle::{self, Muscle, Muscles};
+use super::points;
 use super::systems;
 use crate::body::SolidPart;
+use crate::frame::hexahedra::{Brick, Shape, TenNodes};
 use crate::laws::{self, LawRow};
 
 /// Rows and blocks of a tetrahedron, and where it comes from.
@@ -27,7 +29,9 @@ pub(super) type Place = (AxisVertices, AxisBlocks, AxisTetrahedron, BodyId);
 /// The same of a hexahedron.
 pub(super) type HexahedronRows =
     (AxisHexahedronVertices, AxisHexahedronBlocks, AxisHexahedron, BodyId);
-type HexahedronPlace<S> = (HexahedronRows, HexahedronRest<S>);
+/// The same of a ten-node tetrahedron.
+type Tetrahedron10Rows =
+    (AxisTetrahedron10Vertices, AxisTetrahedron10Blocks, AxisTetrahedron, BodyId);
 /// Directions and moduli of a triad.
 type TriadMade<S> = (
     (DirectionBundle<S, 0>, DirectionBundle<S, 1>, DirectionBundle<S, 2>),
@@ -72,6 +76,17 @@ pub(super) fn hexahedron_rows(part: &SolidPart, row: usize) -> HexahedronRows {
     )
 }
 
+/// Of a ten-node tetrahedron of the layout.
+fn tetrahedron10_rows(part: &SolidPart, row: usize) -> Tetrahedron10Rows {
+    let SolidPart { layout, at, .. } = part;
+    (
+        AxisTetrahedron10Vertices(at.vertices(&layout.tetrahedra10[row])),
+        AxisTetrahedron10Blocks(at.blocks(&layout.cells.tetrahedron10_edges[row])),
+        AxisTetrahedron(layout.tetrahedron_order[row]),
+        at.body,
+    )
+}
+
 /// Spawns the axes of a body, element by element in the order of the layout.
 pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, part: &SolidPart) {
     let groups = axes.pack();
@@ -81,9 +96,9 @@ pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, p
     let mut volumes: Vec<(Place, ShapeGradientBundle<S>, VolumeStiffness<S>, VolumeAlone)> =
         Vec::new();
     let mut dampers: Vec<(Place, AxialDamper<4>)> = Vec::new();
-    for (row, &original) in part.layout.tetrahedron_order.iter().enumerate() {
+    for (row, shape) in part.rest.tetrahedra.iter().enumerate() {
         let place = tetrahedron_place(part, row);
-        let (shape, t) = (&part.rest.tetrahedra[row], original as usize);
+        let t = part.layout.tetrahedron_order[row] as usize;
         for (axis, viscosity) in viscous(axes, t, shape.volume) {
             let shape = shape.gradients.map(|d| DVec3::from_array(d).dot(axis));
             dampers.push((place, AxialDamper::new(axis.to_array(), shape, viscosity)));
@@ -114,7 +129,28 @@ pub(crate) fn spawn_axes<S: Scalar>(world: &mut World, axes: &AxesDescription, p
     spawn_rows::<S, _>(world, fibres, &systems::FIBRES);
     spawn_rows::<S, _>(world, volumes, &systems::VOLUMES);
     spawn_rows::<S, _>(world, dampers, &damper::IN_TETRAHEDRA);
-    spawn_in_hexahedra::<S>(world, axes, (&groups, &muscles), part);
+    let in_hexahedra = AtPoints {
+        rest: &part.rest.hexahedra,
+        rows: |row| hexahedron_rows(part, row),
+        // directions of hexahedra follow those of tetrahedra
+        element: |row| {
+            part.layout.tetrahedron_order.len() + part.layout.hexahedron_order[row] as usize
+        },
+        laws: [&points::TRIADS, &points::FIBRES, &points::VOLUMES, &damper::IN_HEXAHEDRA],
+    };
+    spawn_at_points::<S, Brick, _, 8, 28, 8>(world, axes, (&groups, &muscles), &in_hexahedra);
+    let in_tetrahedra10 = AtPoints {
+        rest: &part.rest.tetrahedra10,
+        rows: |row| tetrahedron10_rows(part, row),
+        element: |row| part.layout.tetrahedron_order[row] as usize,
+        laws: [&points::TRIADS10, &points::FIBRES10, &points::VOLUMES10, &damper::IN_TETRAHEDRA10],
+    };
+    spawn_at_points::<S, TenNodes, _, 10, 45, 4>(
+        world,
+        axes,
+        (&groups, &muscles),
+        &in_tetrahedra10,
+    );
 }
 
 /// Spawns entities, if there are any, and puts their law into the schedule.
@@ -129,27 +165,41 @@ pub(super) fn spawn_rows<S: Scalar, B: Bundle<Effect: NoBundleEffect>>(
     }
 }
 
-fn spawn_in_hexahedra<S: Scalar>(
+/// Elements of a kind in which axes lie at points.
+struct AtPoints<'a, Rows, Element, const Q: usize> {
+    rest: &'a [RestPoints<Q>],
+    /// Rows and blocks of an element of the layout.
+    rows: Rows,
+    /// Its number in lists of directions.
+    element: Element,
+    /// Laws of triads, fibres, terms of volume and dampers.
+    laws: [&'static LawRow; 4],
+}
+
+fn spawn_at_points<S, E, R, const V: usize, const P: usize, const Q: usize>(
     world: &mut World,
     axes: &AxesDescription,
     (groups, muscles): (&[AxisGroup], &[u32]),
-    part: &SolidPart,
-) {
-    let mut triads: Vec<(HexahedronPlace<S>, TriadMade<S>)> = Vec::new();
-    let mut fibres: Vec<(HexahedronPlace<S>, FibreMade<S>)> = Vec::new();
-    let mut volumes: Vec<(HexahedronPlace<S>, VolumeStiffness<S>, VolumeAlone)> = Vec::new();
-    let mut dampers: Vec<(HexahedronRows, AxialDamper<8>)> = Vec::new();
-    let derivatives = Derivatives::<f64, 8, 3, 8>::hexahedron();
-    for (row, &original) in part.layout.hexahedron_order.iter().enumerate() {
-        let rows = hexahedron_rows(part, row);
-        let rest = &part.rest.hexahedra[row];
-        let place = (rows, hexahedra::shares(rest).component::<S>());
+    of: &AtPoints<'_, impl Fn(usize) -> R, impl Fn(usize) -> usize, Q>,
+) where
+    S: Scalar,
+    E: Shape<V, P, Q>,
+    R: Bundle<Effect: NoBundleEffect> + Copy,
+{
+    type Placed<R, S, const Q: usize> = (R, PointsRest<S, Q>);
+    let mut triads: Vec<(Placed<R, S, Q>, TriadMade<S>)> = Vec::new();
+    let mut fibres: Vec<(Placed<R, S, Q>, FibreMade<S>)> = Vec::new();
+    let mut volumes: Vec<(Placed<R, S, Q>, VolumeStiffness<S>, VolumeAlone)> = Vec::new();
+    let mut dampers: Vec<(R, AxialDamper<V>)> = Vec::new();
+    let derivatives = E::derivatives::<f64>();
+    for (row, rest) in of.rest.iter().enumerate() {
+        let rows = (of.rows)(row);
+        let place = (rows, points::shares(rest).component::<S>());
         let volume = rest.total_volume();
-        // directions of hexahedra follow those of tetrahedra
-        let e = part.layout.tetrahedra.len() + original as usize;
-        for q in 0..8 {
+        let e = (of.element)(row);
+        for q in 0..Q {
             for (axis, viscosity) in viscous(axes, e, rest.volume[q]) {
-                let shape = hexahedra::shape_of(&derivatives, rest, q, axis);
+                let shape = points::shape_of(&derivatives, rest, q, axis);
                 dampers.push((rows, AxialDamper::new(axis.to_array(), shape, viscosity)));
             }
         }
@@ -169,10 +219,11 @@ fn spawn_in_hexahedra<S: Scalar>(
             }
         }
     }
-    spawn_rows::<S, _>(world, triads, &hexahedra::TRIADS);
-    spawn_rows::<S, _>(world, fibres, &hexahedra::FIBRES);
-    spawn_rows::<S, _>(world, volumes, &hexahedra::VOLUMES);
-    spawn_rows::<S, _>(world, dampers, &damper::IN_HEXAHEDRA);
+    let [of_triads, of_fibres, of_volumes, of_dampers] = of.laws;
+    spawn_rows::<S, _>(world, triads, of_triads);
+    spawn_rows::<S, _>(world, fibres, of_fibres);
+    spawn_rows::<S, _>(world, volumes, of_volumes);
+    spawn_rows::<S, _>(world, dampers, of_dampers);
 }
 
 /// Axes and viscosities times `v` (m^3, of an element or of a part of it) of the viscous families in an

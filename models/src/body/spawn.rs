@@ -238,10 +238,11 @@ fn check_tetrahedra10(body: &BodyDescription) -> Result<(), BodyError> {
     let (all, given) = (body.tetrahedra.len(), body.middles.len());
     let problem = if all != given {
         format!("but {given} of {all} tetrahedra have vertices on their edges: give all or none")
-    } else if body.axes.is_some() {
-        "which take no axes yet: give it linear tetrahedra or hexahedra, or leave the axes out"
+    } else if body.axes.as_ref().is_some_and(|axes| axes.form != AxisForm::EnergyConsistent) {
+        "which have no axes in a printed form: give it linear tetrahedra, or axes of the form \
+         \"energy-consistent\""
             .into()
-    } else if !body.model.serves_tetrahedra10() {
+    } else if !body.model.serves_tetrahedra10() && body.model != Model::Axes {
         let name = body.model.name();
         format!(
             "which model \"{name}\" is not made for: take \"svk_comp\", or a mesh of first order"
@@ -559,11 +560,16 @@ impl SolidPart<'_> {
                 None => spawn_tetrahedra::<AxesOnly, S>(world, self),
             }
         }
-        // what has no such law was refused before
-        if !self.rest.tetrahedra10.is_empty()
-            && let Some(law) = law.and_then(|law| law.in_tetrahedra10(volume))
-        {
-            laws::in_table(world, law).1.spawn::<S>(world, self);
+        if !self.rest.tetrahedra10.is_empty() {
+            match law {
+                // without one it was refused before
+                Some(law) => {
+                    if let Some(law) = law.in_tetrahedra10(volume) {
+                        laws::in_table(world, law).1.spawn::<S>(world, self);
+                    }
+                }
+                None => spawn_tetrahedra10::<AxesOnly, S>(world, self),
+            }
         }
         if !self.rest.hexahedra.is_empty() {
             match law {

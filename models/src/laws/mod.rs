@@ -27,14 +27,15 @@ use bevy_ecs::query::{ContiguousQueryData, QueryBuilder, ReadOnlyQueryData};
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{AxisVertices, EdgeVertices, MembraneVertices, TetrahedronVertices};
 use sinew_engine::isoparametric::{
-    AxisHexahedronVertices, HexahedronVertices, QuadVertices, Tetrahedron10Vertices,
+    AxisHexahedronVertices, AxisTetrahedron10Vertices, HexahedronVertices, QuadVertices,
+    Tetrahedron10Vertices,
 };
 use sinew_engine::law::{LawBuffer, LawInfo, Partition, TangentKind};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::schedule::{ElementLaw, Evaluate, activate_law};
 use sinew_engine::topology::Topology;
 
-use crate::axes::{damper, hexahedra as axes_in_hexahedra, printed_system, systems as axes};
+use crate::axes::{damper, points as axes_at_points, printed_system, systems as axes};
 use crate::body::{
     SolidPart, spawn_clustered, spawn_hexahedra, spawn_tetrahedra, spawn_tetrahedra10,
 };
@@ -73,6 +74,8 @@ pub enum Elements {
     AxesInTetrahedra,
     /// Axes of anisotropy in hexahedra.
     AxesInHexahedra,
+    /// Axes of anisotropy in ten-node tetrahedra.
+    AxesInTetrahedra10,
     /// Faces under pressure.
     Faces,
 }
@@ -476,11 +479,15 @@ pub static LAWS: &[&LawRow] = &[
     &membranes::BIQUADRATIC_QUADS,
     &membranes::LINEAR_QUADS,
     &membranes::COROTATIONAL_QUADS,
-    &axes_in_hexahedra::TRIADS,
-    &axes_in_hexahedra::FIBRES,
-    &axes_in_hexahedra::VOLUMES,
+    &axes_at_points::TRIADS,
+    &axes_at_points::FIBRES,
+    &axes_at_points::VOLUMES,
     &damper::IN_HEXAHEDRA,
     &printed_system::IN_HEXAHEDRA,
+    &axes_at_points::TRIADS10,
+    &axes_at_points::FIBRES10,
+    &axes_at_points::VOLUMES10,
+    &damper::IN_TETRAHEDRA10,
 ];
 
 /// The laws that a world knows: [`LAWS`], then those that its users added.
@@ -619,6 +626,7 @@ element_rows!(
     QuadVertices,
     AxisVertices,
     AxisHexahedronVertices,
+    AxisTetrahedron10Vertices,
 );
 
 /// Cuts the elements of kind `C` that have the component `mark` into the ranges of a law's buffer.

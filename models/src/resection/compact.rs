@@ -13,8 +13,8 @@ use sinew_engine::element::{
     MembraneIndex, TetrahedronBlocks, TetrahedronEdges, TetrahedronIndex, TriangleEdges,
 };
 use sinew_engine::isoparametric::{
-    AxisHexahedron, AxisHexahedronBlocks, HexahedronBlocks, HexahedronIndex, QuadBlocks, QuadIndex,
-    Tetrahedron10Blocks,
+    AxisHexahedron, AxisHexahedronBlocks, AxisTetrahedron10Blocks, HexahedronBlocks,
+    HexahedronIndex, QuadBlocks, QuadIndex, Tetrahedron10Blocks,
 };
 use sinew_engine::law::partition_laws;
 use sinew_engine::layout::{UNUSED, starts};
@@ -76,7 +76,7 @@ pub(super) fn compact<S: Scalar>(world: &mut World, resection: &mut Resection) -
         )+};
     }
     renumber!(block: TetrahedronBlocks, MembraneBlocks, HexahedronBlocks, QuadBlocks);
-    renumber!(block: Tetrahedron10Blocks, AxisBlocks, AxisHexahedronBlocks);
+    renumber!(block: Tetrahedron10Blocks, AxisBlocks, AxisHexahedronBlocks, AxisTetrahedron10Blocks);
     for mut own in world.query::<&mut EdgeBlock>().iter_mut(world) {
         own.0 = block[own.0 as usize];
     }

@@ -18,6 +18,7 @@ use crate::body::{SoftBody, VolumeRule};
 use crate::element::membrane;
 use crate::element::tetrahedron::Element;
 use crate::frame::clusters::shared_part;
+use crate::frame::hexahedra::{Brick, TenNodes};
 use crate::frame::means::Sums;
 use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::frame::{hexahedra, quads};
@@ -225,12 +226,16 @@ impl<'a, S: Scalar> State<'a, S> {
 
     fn axes_energy(&self, kind: ElementKind, e: u32, axes: Entity) -> f64 {
         let elements = &self.own.connectivity.ordered;
+        if kind == ElementKind::Tetrahedron && !elements.tetrahedra10.is_empty() {
+            let u = self.vertices.displacements(elements.tetrahedra10[e as usize]);
+            return axes::removal::energy_at::<S, TenNodes, 10, 45, 4>(self.world, axes, &u);
+        }
         if kind == ElementKind::Tetrahedron {
             let u = self.vertices.displacements(elements.tetrahedra[e as usize]);
             return axes::removal::energy::<S>(self.world, axes, &u);
         }
         let u = self.vertices.displacements(elements.hexahedra[e as usize]);
-        axes::removal::hexahedron_energy::<S>(self.world, axes, &u)
+        axes::removal::energy_at::<S, Brick, 8, 28, 8>(self.world, axes, &u)
     }
 }
 

@@ -19,7 +19,8 @@ use sinew_engine::element::{
     AxisVertices, EdgeVertices, MembraneVertices, TetrahedronIndex, TetrahedronVertices,
 };
 use sinew_engine::isoparametric::{
-    AxisHexahedronVertices, HexahedronVertices, QuadVertices, Tetrahedron10Vertices,
+    AxisHexahedronVertices, AxisTetrahedron10Vertices, HexahedronVertices, QuadVertices,
+    Tetrahedron10Vertices,
 };
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, RecoveringBodies, TangentKind};
 use sinew_engine::load::{LoadTime, Pressure};
@@ -336,6 +337,7 @@ fn snapshot<S: Scalar>(world: &mut World, body: usize) -> Snapshot {
     of.add::<QuadVertices, ()>(world, "membrane quadrilateral", &mut all);
     of.add_axes::<AxisVertices, S>(world, &mut all);
     of.add_axes::<AxisHexahedronVertices, S>(world, &mut all);
+    of.add_axes::<AxisTetrahedron10Vertices, S>(world, &mut all);
     all
 }
 

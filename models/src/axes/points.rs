@@ -1,21 +1,22 @@
-//! Axes in hexahedra: the energies of [`super::element`] at the 2x2x2 Gauss points, each of which deforms as
-//! a tetrahedron ([`sinew_engine::isoparametric`]), so that axes resist whatever bends the element and
+//! Axes in hexahedra and in ten-node tetrahedra: the energies of [`super::element`] at the Gauss points, each of which deforms
+//! as a tetrahedron ([`sinew_engine::isoparametric`]), so that axes resist whatever bends the element and
 //! three of them with their angles and volume equal a material there too.
 //!
-//! Bourguignon & Cani 2000, section 4, has one set of springs through the barycentre instead, which leaves
+//! Bourguignon & Cani 2000, section 4, has one set of springs through the barycentre of a hexahedron instead, which leaves
 //! 18 motions of an element without resistance, radial springs 10 to 11; that is
 //! [`printed`](super::printed).
 //!
 //! An entity has the columns of an axis in a tetrahedron, moduli times the volume of the whole element, and a
-//! [`HexahedronRest`] whose volumes are the shares of the points in it.
+//! [`PointsRest`] whose volumes are the shares of the points in it.
 
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use sinew_engine::isoparametric::{
-    AxisHexahedronBlocks, AxisHexahedronVertices, Derivatives, HexahedronRest, RestHexahedron,
-    load_weights, point_differences,
+    AxisHexahedronBlocks, AxisHexahedronVertices, AxisTetrahedron10Blocks,
+    AxisTetrahedron10Vertices, Derivatives, PointsRest, RestPoints, load_weights,
+    point_differences,
 };
 use sinew_engine::lanes::Lanes;
 use sinew_engine::law::{LawBuffer, LawInfo, TangentKind};
@@ -25,24 +26,45 @@ use sinew_engine::vertex::Displacement;
 
 use super::columns::*;
 use super::element::{AxisElement, Fibre, Triad, VolumeTerm};
+use super::site::AxisSite;
 use crate::frame::columns::{self, work};
 use crate::frame::gauss::{GaussColumns, GaussElements, GaussLaw};
-use crate::frame::hexahedra::inner_blocks;
+use crate::frame::hexahedra::{Brick, Shape, TenNodes, inner_blocks};
 use crate::laws::{Elements, LawRow, activate_elements, mark};
 
-/// Rest shape of a hexahedron in `f64`, with shares of the volume in place of volumes.
-pub(crate) fn shares(rest: &RestHexahedron) -> RestHexahedron {
-    let whole = rest.total_volume();
-    RestHexahedron { gradients: rest.gradients, volume: rest.volume.map(|v| v / whole) }
+/// A kind of elements in which axes lie at points.
+pub(crate) trait AxisShape<const V: usize, const P: usize, const Q: usize>:
+    Shape<V, P, Q>
+{
+    /// Column of vertex rows of an axis.
+    type AxisVertices: AxisSite<V> + TransparentWrapper<[u32; V]>;
+    /// Column of its tangent blocks.
+    type AxisBlocks: Component + TransparentWrapper<[u32; P]>;
+}
+
+impl AxisShape<8, 28, 8> for Brick {
+    type AxisVertices = AxisHexahedronVertices;
+    type AxisBlocks = AxisHexahedronBlocks;
+}
+
+impl AxisShape<10, 45, 4> for TenNodes {
+    type AxisVertices = AxisTetrahedron10Vertices;
+    type AxisBlocks = AxisTetrahedron10Blocks;
+}
+
+/// Rest shape of an element in `f64`, with shares of the volume in place of volumes.
+pub(crate) fn shares<const Q: usize>(rest: &RestPoints<Q>) -> RestPoints<Q> {
+    let whole: f64 = rest.volume.iter().sum();
+    RestPoints { gradients: rest.gradients, volume: rest.volume.map(|v| v / whole) }
 }
 
 /// Derivative (1/m) of the stretched axis `axis` at Gauss point `q` by the displacements of the vertices.
-pub(crate) fn shape_of(
-    derivatives: &Derivatives<f64, 8, 3, 8>,
-    rest: &RestHexahedron,
+pub(crate) fn shape_of<const V: usize, const Q: usize>(
+    derivatives: &Derivatives<f64, V, 3, Q>,
+    rest: &RestPoints<Q>,
     q: usize,
     axis: DVec3,
-) -> [f64; 8] {
+) -> [f64; V] {
     let along = rest.gradients[q].map(|d| DVec3::from_array(d).dot(axis));
     std::array::from_fn(|a| (0..3).map(|j| derivatives.0[a][j][q] * along[j]).sum())
 }
@@ -52,57 +74,80 @@ pub static TRIADS: LawRow = LawRow::of_systems(
     LawInfo::elastic("axes in hexahedra"),
     Elements::AxesInHexahedra,
     [mark::<AxisAngleStiffness<f64, 0>>, mark::<AxisAngleStiffness<f32, 0>>],
-    [triads::<f64>, triads::<f32>],
+    [triads::<f64, Brick, 8, 28, 8>, triads::<f32, Brick, 8, 28, 8>],
 );
 /// Single fibres in hexahedra, passive and active.
 pub static FIBRES: LawRow = LawRow::of_systems(
     LawInfo::elastic("fibres in hexahedra"),
     Elements::AxesInHexahedra,
     [mark::<FibreActive<f64>>, mark::<FibreActive<f32>>],
-    [fibres::<f64>, fibres::<f32>],
+    [fibres::<f64, Brick, 8, 28, 8>, fibres::<f32, Brick, 8, 28, 8>],
 );
 /// The term of volume of hexahedra without axes.
 pub static VOLUMES: LawRow = LawRow::of_systems(
     LawInfo::elastic("volume preservation of hexahedra"),
     Elements::AxesInHexahedra,
     [mark::<VolumeAlone>; 2],
-    [volumes::<f64>, volumes::<f32>],
+    [volumes::<f64, Brick, 8, 28, 8>, volumes::<f32, Brick, 8, 28, 8>],
 );
 
-/// What all tables of axes in hexahedra have.
-pub(crate) struct Shared<'a, S: Scalar> {
-    elements: GaussElements<'a, S, 8, 3, 28, 8>,
-    rest: &'a [HexahedronRest<S>],
+/// Triads of axes in ten-node tetrahedra, likewise.
+pub static TRIADS10: LawRow = LawRow::of_systems(
+    LawInfo::elastic("axes in ten-node tetrahedra"),
+    Elements::AxesInTetrahedra10,
+    [mark::<AxisAngleStiffness<f64, 0>>, mark::<AxisAngleStiffness<f32, 0>>],
+    [triads::<f64, TenNodes, 10, 45, 4>, triads::<f32, TenNodes, 10, 45, 4>],
+);
+/// Single fibres in ten-node tetrahedra, passive and active.
+pub static FIBRES10: LawRow = LawRow::of_systems(
+    LawInfo::elastic("fibres in ten-node tetrahedra"),
+    Elements::AxesInTetrahedra10,
+    [mark::<FibreActive<f64>>, mark::<FibreActive<f32>>],
+    [fibres::<f64, TenNodes, 10, 45, 4>, fibres::<f32, TenNodes, 10, 45, 4>],
+);
+/// The term of volume of ten-node tetrahedra without axes.
+pub static VOLUMES10: LawRow = LawRow::of_systems(
+    LawInfo::elastic("volume preservation of ten-node tetrahedra"),
+    Elements::AxesInTetrahedra10,
+    [mark::<VolumeAlone>; 2],
+    [volumes::<f64, TenNodes, 10, 45, 4>, volumes::<f32, TenNodes, 10, 45, 4>],
+);
+
+/// What all tables of axes at points have.
+pub(crate) struct Shared<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> {
+    elements: GaussElements<'a, S, V, 3, P, Q>,
+    rest: &'a [PointsRest<S, Q>],
 }
 
 /// Query data of vertex rows, tangent blocks and rest shapes, with shares of the points in place of volumes.
-pub type SharedData<S> =
-    (&'static AxisHexahedronVertices, &'static AxisHexahedronBlocks, &'static HexahedronRest<S>);
+pub type SharedData<S, A, B, const Q: usize> = (&'static A, &'static B, &'static PointsRest<S, Q>);
 
 /// Slices of the query data `D`.
 type Slices<'a, D> = <D as ContiguousQueryData>::Contiguous<'a, 'a>;
 
-impl<'a, S: Scalar> Shared<'a, S> {
-    fn new(
+impl<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> Shared<'a, S, V, P, Q> {
+    fn new<E: AxisShape<V, P, Q>>(
         displacement: &'a [Displacement<S>],
-        (nodes, blocks, rest): Slices<'a, SharedData<S>>,
+        (nodes, blocks, rest): Slices<'a, SharedData<S, E::AxisVertices, E::AxisBlocks, Q>>,
     ) -> Self {
         let elements = GaussElements {
             displacement: Displacement::peel_slice(displacement),
-            nodes: AxisHexahedronVertices::peel_slice(nodes),
-            blocks: AxisHexahedronBlocks::peel_slice(blocks),
-            derivatives: Derivatives::hexahedron(),
+            nodes: E::AxisVertices::peel_slice(nodes),
+            blocks: E::AxisBlocks::peel_slice(blocks),
+            derivatives: E::derivatives(),
         };
         Self { elements, rest }
     }
 }
 
 /// Columns of one table, as slices.
-pub(crate) trait HexahedronColumns<S: Scalar>: Sync {
+pub(crate) trait PointColumns<S: Scalar, const V: usize, const P: usize, const Q: usize>:
+    Sync
+{
     /// Elements at Gauss points.
     type Element<L: Lanes<Scalar = S>>: AxisElement<L>;
     /// What all tables have.
-    fn shared(&self) -> &Shared<'_, S>;
+    fn shared(&self) -> &Shared<'_, S, V, P, Q>;
     /// The Gauss points from `first` on of entity `i`, whose shares of the volume are `share`.
     fn element<L: Lanes<Scalar = S>>(&self, i: usize, first: usize, share: L) -> Self::Element<L>;
 }
@@ -120,21 +165,23 @@ type Angular3<S> = (
 );
 
 /// Query data of triads.
-pub type TriadData<S> =
-    (SharedData<S>, Axes3<S>, Axial3<S>, Angular3<S>, &'static VolumeStiffness<S>);
+pub type TriadData<S, A, B, const Q: usize> =
+    (SharedData<S, A, B, Q>, Axes3<S>, Axial3<S>, Angular3<S>, &'static VolumeStiffness<S>);
 
-struct TriadColumns<'a, S: Scalar> {
-    shared: Shared<'a, S>,
+struct TriadColumns<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> {
+    shared: Shared<'a, S, V, P, Q>,
     axes: Slices<'a, Axes3<S>>,
     axial: Slices<'a, Axial3<S>>,
     angular: Slices<'a, Angular3<S>>,
     volumetric: &'a [VolumeStiffness<S>],
 }
 
-impl<S: Scalar> HexahedronColumns<S> for TriadColumns<'_, S> {
+impl<S: Scalar, const V: usize, const P: usize, const Q: usize> PointColumns<S, V, P, Q>
+    for TriadColumns<'_, S, V, P, Q>
+{
     type Element<L: Lanes<Scalar = S>> = Triad<L>;
     #[inline(always)]
-    fn shared(&self) -> &Shared<'_, S> {
+    fn shared(&self) -> &Shared<'_, S, V, P, Q> {
         &self.shared
     }
     #[inline(always)]
@@ -175,27 +222,30 @@ type FibreConstants<S> = (
 );
 
 /// Query data of fibres.
-pub type FibreData<S> = (SharedData<S>, Direction<S, 0>, FibreConstants<S>);
+pub type FibreData<S, A, B, const Q: usize> =
+    (SharedData<S, A, B, Q>, Direction<S, 0>, FibreConstants<S>);
 
-pub(crate) struct FibreColumns<'a, S: Scalar> {
-    shared: Shared<'a, S>,
+pub(crate) struct FibreColumns<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> {
+    shared: Shared<'a, S, V, P, Q>,
     axis: DirectionColumns<'a, S, 0>,
     constants: Slices<'a, FibreConstants<S>>,
 }
 
-impl<'a, S: Scalar> FibreColumns<'a, S> {
-    pub(crate) fn new(
+impl<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> FibreColumns<'a, S, V, P, Q> {
+    pub(crate) fn new<E: AxisShape<V, P, Q>>(
         displacement: &'a [Displacement<S>],
-        (shared, axis, constants): Slices<'a, FibreData<S>>,
+        (shared, axis, constants): Slices<'a, FibreData<S, E::AxisVertices, E::AxisBlocks, Q>>,
     ) -> Self {
-        Self { shared: Shared::new(displacement, shared), axis, constants }
+        Self { shared: Shared::new::<E>(displacement, shared), axis, constants }
     }
 }
 
-impl<S: Scalar> HexahedronColumns<S> for FibreColumns<'_, S> {
+impl<S: Scalar, const V: usize, const P: usize, const Q: usize> PointColumns<S, V, P, Q>
+    for FibreColumns<'_, S, V, P, Q>
+{
     type Element<L: Lanes<Scalar = S>> = Fibre<L>;
     #[inline(always)]
-    fn shared(&self) -> &Shared<'_, S> {
+    fn shared(&self) -> &Shared<'_, S, V, P, Q> {
         &self.shared
     }
     #[inline(always)]
@@ -217,17 +267,20 @@ impl<S: Scalar> HexahedronColumns<S> for FibreColumns<'_, S> {
 }
 
 /// Query data of terms of volume; the filter is [`VolumeAlone`].
-pub type VolumeData<S> = (SharedData<S>, &'static VolumeStiffness<S>);
+pub type VolumeData<S, A, B, const Q: usize> =
+    (SharedData<S, A, B, Q>, &'static VolumeStiffness<S>);
 
-struct VolumeColumns<'a, S: Scalar> {
-    shared: Shared<'a, S>,
+struct VolumeColumns<'a, S: Scalar, const V: usize, const P: usize, const Q: usize> {
+    shared: Shared<'a, S, V, P, Q>,
     volumetric: &'a [VolumeStiffness<S>],
 }
 
-impl<S: Scalar> HexahedronColumns<S> for VolumeColumns<'_, S> {
+impl<S: Scalar, const V: usize, const P: usize, const Q: usize> PointColumns<S, V, P, Q>
+    for VolumeColumns<'_, S, V, P, Q>
+{
     type Element<L: Lanes<Scalar = S>> = VolumeTerm<L>;
     #[inline(always)]
-    fn shared(&self) -> &Shared<'_, S> {
+    fn shared(&self) -> &Shared<'_, S, V, P, Q> {
         &self.shared
     }
     #[inline(always)]
@@ -237,47 +290,65 @@ impl<S: Scalar> HexahedronColumns<S> for VolumeColumns<'_, S> {
     }
 }
 
-fn triads<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    activate_elements::<AxisHexahedronVertices, S, TriadData<S>>(
+fn triads<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize, const Q: usize>(
+    world: &mut World,
+    row: &'static LawRow,
+    place: usize,
+) {
+    activate_elements::<E::AxisVertices, S, TriadData<S, E::AxisVertices, E::AxisBlocks, Q>>(
         world,
         row,
         place,
         |with, u, (shared, axes, axial, angular, volumetric), buffer| {
-            let shared = Shared::new(u, shared);
+            let shared = Shared::new::<E>(u, shared);
             evaluate(&TriadColumns { shared, axes, axial, angular, volumetric }, with, buffer);
         },
     );
 }
 
-fn fibres<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    activate_elements::<AxisHexahedronVertices, S, FibreData<S>>(
+fn fibres<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize, const Q: usize>(
+    world: &mut World,
+    row: &'static LawRow,
+    place: usize,
+) {
+    activate_elements::<E::AxisVertices, S, FibreData<S, E::AxisVertices, E::AxisBlocks, Q>>(
         world,
         row,
         place,
-        |with, u, data, buffer| evaluate(&FibreColumns::new(u, data), with, buffer),
+        |with, u, data, buffer| evaluate(&FibreColumns::new::<E>(u, data), with, buffer),
     );
 }
 
-fn volumes<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
-    activate_elements::<AxisHexahedronVertices, S, VolumeData<S>>(
+fn volumes<S: Scalar, E: AxisShape<V, P, Q>, const V: usize, const P: usize, const Q: usize>(
+    world: &mut World,
+    row: &'static LawRow,
+    place: usize,
+) {
+    activate_elements::<E::AxisVertices, S, VolumeData<S, E::AxisVertices, E::AxisBlocks, Q>>(
         world,
         row,
         place,
         |with, u, (shared, volumetric), buffer| {
-            let shared = Shared::new(u, shared);
+            let shared = Shared::new::<E>(u, shared);
             evaluate(&VolumeColumns { shared, volumetric }, with, buffer);
         },
     );
 }
 
 /// Energy, force and tangent of every range into its private arrays, as far as they are asked for.
-pub(crate) fn evaluate<S: Scalar, C: HexahedronColumns<S>>(
+pub(crate) fn evaluate<
+    S: Scalar,
+    C: PointColumns<S, V, P, Q>,
+    const V: usize,
+    const P: usize,
+    const Q: usize,
+>(
     columns: &C,
     with: Evaluation,
     buffer: &mut LawBuffer<S>,
 ) {
-    let work = columns.shared().rest.len() * work(with.request, [300, 400, 3000]);
-    columns::evaluate(&GaussColumns(&Axes(columns)), with, work, buffer);
+    let work = columns.shared().rest.len() * work(with.request, [40 * Q, 50 * Q, 400 * Q]);
+    columns::evaluate(&GaussColumns::<_, V, 3, P, Q>(&Axes(columns)), with, work, buffer);
 }
 
 /// A table as a law at Gauss points.
@@ -286,23 +357,27 @@ struct Axes<'a, C>(&'a C);
 /// Elements at Gauss points, their shares of the volume and displacements (m).
 type Points<E, L> = (E, L, [[L; 3]; 4]);
 
-impl<S: Scalar, C: HexahedronColumns<S>> GaussLaw<S, 8, 3, 28, 8> for Axes<'_, C> {
+impl<S: Scalar, C, const V: usize, const P: usize, const Q: usize> GaussLaw<S, V, 3, P, Q>
+    for Axes<'_, C>
+where
+    C: PointColumns<S, V, P, Q>,
+{
     const WIDE: bool = false;
     type Points<L: Lanes<Scalar = S>> = Points<C::Element<L>, L>;
     #[inline(always)]
-    fn elements(&self) -> &GaussElements<'_, S, 8, 3, 28, 8> {
+    fn elements(&self) -> &GaussElements<'_, S, V, 3, P, Q> {
         &self.0.shared().elements
     }
     #[inline(always)]
     fn points<L: Lanes<Scalar = S>>(
         &self,
         i: usize,
-        u: &[[S; 3]; 8],
+        u: &[[S; 3]; V],
         first: usize,
     ) -> Points<C::Element<L>, L> {
         let shared = self.0.shared();
-        let u = point_differences::<L, 8, 8>(&shared.elements.derivatives, u, first);
-        let share = load_weights::<L, 8>(&shared.rest[i].volume, first);
+        let u = point_differences::<L, V, Q>(&shared.elements.derivatives, u, first);
+        let share = load_weights::<L, Q>(&shared.rest[i].volume, first);
         (self.0.element::<L>(i, first, share), share, u)
     }
     #[inline(always)]
@@ -328,15 +403,19 @@ impl<S: Scalar, C: HexahedronColumns<S>> GaussLaw<S, 8, 3, 28, 8> for Axes<'_, C
 }
 
 /// Energy (J) of the axes of an entity in `f64`, from its columns as one element and its rest shape.
-pub(crate) fn energy_at_points<E: AxisElement<f64>>(
-    rest: &HexahedronRest<f64>,
-    u: &[[f64; 3]; 8],
+pub(crate) fn energy_at_points<S, E, const V: usize, const P: usize, const Q: usize>(
+    rest: &PointsRest<f64, Q>,
+    u: &[[f64; 3]; V],
     element: impl Fn([[f64; 3]; 3], f64) -> E,
-) -> f64 {
-    let derivatives = &Derivatives::hexahedron();
-    (0..8)
+) -> f64
+where
+    S: Shape<V, P, Q>,
+    E: AxisElement<f64>,
+{
+    let derivatives = &S::derivatives();
+    (0..Q)
         .map(|q| {
-            let u = point_differences::<f64, 8, 8>(derivatives, u, q);
+            let u = point_differences::<f64, V, Q>(derivatives, u, q);
             element(rest.gradients::<f64>(q), rest.volume[q]).energy(&u)
         })
         .sum()
