@@ -555,6 +555,10 @@ class Volume:
     elements_by_body: list[int]
     """Tetrahedra and hexahedra of each body."""
 
+    largest_mean_change: float
+    """Largest magnitude of the mean of J - 1 over what keeps its volume as a mean (``volume="clusters"``): clusters of
+    tetrahedra, or single hexahedra and ten-node tetrahedra; 0 without any."""
+
 
 @dataclass(frozen=True)
 class Report:
