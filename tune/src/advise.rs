@@ -14,11 +14,11 @@ use crate::table::{Table, three_digits};
 use crate::table_of;
 use glam::DVec3;
 use serde::Serialize;
-use sinew::models::body::Evaluation;
+use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::prelude::*;
 use sinew_demos::build::{BuildOptions, build};
 use sinew_demos::error::SceneError;
-use sinew_demos::scene::{LoadedScene, Mode, PrecisionName};
+use sinew_demos::scene::{Body, LoadedScene, Mode, PrecisionName};
 use sinew_demos::summary::{evaluation_name, model_name};
 use std::time::Instant;
 
@@ -434,10 +434,15 @@ impl Search<'_> {
     }
 
     fn neighbours(&self, choice: &Choice, cores: usize) -> Vec<Choice> {
-        let mut all = vec![
-            Choice { precision: Some(Precision::F32), ..choice.clone() },
-            Choice { evaluation: Some(Evaluation::Pooled), ..choice.clone() },
-        ];
+        let mut all = vec![Choice { precision: Some(Precision::F32), ..choice.clone() }];
+        let bodies = &self.loaded.scene.bodies;
+        let pooled = |body: &Body| {
+            let plain = body.volume == VolumeRule::Elements && !body.second_order;
+            plain && choice.model.unwrap_or(body.model).supports(Evaluation::Pooled)
+        };
+        if bodies.iter().all(pooled) {
+            all.push(Choice { evaluation: Some(Evaluation::Pooled), ..choice.clone() });
+        }
         if cores > 1 {
             all.push(Choice { threads: Some(cores), ..choice.clone() });
         }
