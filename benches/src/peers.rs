@@ -13,18 +13,20 @@
 //! A ball pressed into a block compares contact ([`TouchRow`]).
 
 mod beam;
-mod mujoco;
+pub(crate) mod mujoco;
 #[cfg(feature = "rapier")]
-mod rapier;
-mod sinew_rows;
+pub(crate) mod rapier;
+pub(crate) mod sinew_rows;
 mod touch;
 
 use crate::bench::error::BenchError;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use sinew::models::body::VolumeRule;
 use sinew::prelude::*;
 
 pub use beam::Beam;
+use mujoco::Freedom;
 pub use touch::TouchRow;
 
 /// Mass-proportional damping (1/s) while a beam settles.
@@ -116,15 +118,16 @@ pub struct PeerReport {
 }
 
 /// A beam with its truth.
-struct Case {
-    beam: Beam,
+pub(crate) struct Case {
+    /// The beam.
+    pub(crate) beam: Beam,
     /// Equilibrium displacements (m).
-    truth: Vec<DVec3>,
+    pub(crate) truth: Vec<DVec3>,
 }
 
 impl Case {
     fn new(beam: Beam) -> Result<Self, BenchError> {
-        let truth = sinew_rows::equilibrium(&beam, Model::StVK)?;
+        let truth = sinew_rows::equilibrium(&beam, Model::StVK, VolumeRule::Elements)?;
         Ok(Self { beam, truth })
     }
 
@@ -189,7 +192,7 @@ fn milliseconds(seconds: f64) -> String {
 }
 
 /// Adds a sentence to a note.
-fn say(note: &mut String, text: impl AsRef<str>) {
+pub(crate) fn say(note: &mut String, text: impl AsRef<str>) {
     if !note.is_empty() {
         note.push_str("; ");
     }
@@ -197,9 +200,20 @@ fn say(note: &mut String, text: impl AsRef<str>) {
 }
 
 /// One engine in one setting: timed in turns with the others, then settled.
-trait Rival {
+pub(crate) trait Rival {
     /// Times undamped steps (ms each) from the case's start.
     fn time(&mut self, case: &Case, steps: usize) -> Result<Vec<f64>, BenchError>;
+    /// Displacements (m) after every `every` of undamped steps from the shape at rest.
+    fn swing(
+        &mut self,
+        case: &Case,
+        steps: usize,
+        every: usize,
+    ) -> Result<Vec<Vec<DVec3>>, BenchError>;
+    /// Linear iterations per timed step, where the engine tells them.
+    fn linear_iterations(&self) -> Option<f64> {
+        None
+    }
     /// Seconds of one evaluation of the elastic forces, where it can be told.
     fn force(&mut self, case: &Case) -> Result<Option<f64>, BenchError>;
     /// Settles and returns the displacements (m).
@@ -331,7 +345,7 @@ fn run_beams(
             let case = Case::new(Beam::mujoco(cells, poisson_ratio)?)?;
             let mut rivals = sinew_rows::rivals(options.threads, &[1e-3, 1e-2, 1.0 / 30.0], true);
             if let Some(mujoco) = mujoco.as_deref_mut() {
-                match mujoco.rivals(&case, &[1e-3, 1e-2, 1.0 / 30.0]) {
+                match mujoco.rivals(&case, &[1e-3, 1e-2, 1.0 / 30.0], Freedom::Full) {
                     Ok(more) => rivals.extend(more),
                     Err(error) => {
                         report.skipped.push(format!("MuJoCo flex on {}: {error}", case.beam.name));
@@ -383,7 +397,7 @@ fn run_rapier(options: &PeerOptions, report: &mut PeerReport) -> Result<(), Benc
             for gravity in [9.81, 0.981] {
                 let case = Case::new(Beam::rapier(cells, poisson_ratio, gravity)?)?;
                 let mut rivals = sinew_rows::rivals(options.threads, &[1.0 / 60.0], gravity > 1.0);
-                rivals.extend(rapier::rivals(&case));
+                rivals.extend(rapier::rivals(&case, rapier::STEP));
                 compete(&case, &mut rivals, options.quick, report);
             }
         }

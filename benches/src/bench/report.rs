@@ -156,6 +156,10 @@ impl Report {
     /// When one cannot be drawn.
     pub fn charts(&self) -> Result<Vec<Chart>, BenchError> {
         let mut charts = Vec::new();
+        let elements = self.accuracy.iter().flat_map(|a| &a.elements);
+        for elements in elements.filter(|e| !e.rows.is_empty()) {
+            charts.extend(elements.charts()?);
+        }
         if let Some(accuracy) = self.accuracy.as_ref().filter(|a| !a.points.is_empty()) {
             charts.push(overview(accuracy)?);
             for case in &accuracy.cases {
