@@ -13,6 +13,7 @@
 //! A ball pressed into a block compares contact ([`TouchRow`]).
 
 mod beam;
+mod charts;
 pub(crate) mod mujoco;
 #[cfg(feature = "rapier")]
 pub(crate) mod rapier;
@@ -58,7 +59,7 @@ impl Default for PeerOptions {
 }
 
 /// One engine in one setting on one scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PeerRow {
     /// Engine.
     pub engine: String,
