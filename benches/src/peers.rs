@@ -21,6 +21,7 @@ pub(crate) mod sinew_rows;
 mod touch;
 
 use crate::bench::error::BenchError;
+use crate::bench::table::three_digits;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::models::body::VolumeRule;
@@ -419,7 +420,12 @@ fn aims(rows: &[PeerRow]) -> Vec<PeerAim> {
     let mut aims = Vec::new();
     let at_least = |aim: String, ours: f64, theirs: f64, factor: f64| PeerAim {
         aim,
-        measured: format!("{:.2} times ({ours:.4} against {theirs:.4})", theirs / ours),
+        measured: format!(
+            "{} times ({} against {})",
+            three_digits(theirs / ours),
+            three_digits(ours),
+            three_digits(theirs)
+        ),
         met: theirs / ours >= factor,
     };
     let mut scenes: Vec<&str> = rows.iter().map(|r| r.scene.as_str()).collect();
@@ -431,7 +437,7 @@ fn aims(rows: &[PeerRow]) -> Vec<PeerAim> {
         let force =
             |engine| of(engine).filter_map(|r| r.force_ns_per_element).min_by(f64::total_cmp);
         if let (Some(ours), Some(theirs)) = (force("Sinew"), force("MuJoCo")) {
-            let aim = format!("{scene}: elastic forces at least 6 times as fast as MuJoCo's");
+            let aim = format!("elastic forces at least 6 times as fast as MuJoCo's: {scene}");
             aims.push(at_least(aim, ours, theirs, 6.0));
         }
         for (engine, factor, setting) in
@@ -454,10 +460,10 @@ fn aims(rows: &[PeerRow]) -> Vec<PeerAim> {
                     (r.engine == "Sinew" && r.scene == scene && as_good)
                         .then_some(r.cost_per_simulated_second)?
                 });
+                let cap = rival.setting.split(", ").find(|part| part.starts_with("at most"));
                 let aim = format!(
-                    "{scene}: simulated seconds at no larger error at least {factor} times as fast \
-                     as {engine} ({})",
-                    rival.setting
+                    "at least {factor} times as fast as {engine} ({}) at no larger error: {scene}",
+                    cap.unwrap_or(&rival.setting)
                 );
                 aims.push(match ours {
                     Some((_, ours)) => at_least(aim, ours, theirs, factor),

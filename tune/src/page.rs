@@ -171,12 +171,14 @@ const STYLE: &str = "\
 body { margin: 0; background: #fff; color: #222; font: 15px/1.45 system-ui, sans-serif; }
 main { max-width: 1180px; margin: 0 auto; padding: 20px 24px; overflow-wrap: break-word; }
 h1 { font-size: 26px; margin: 0 0 4px; }
-h2 { font-size: 21px; margin: 36px 0 8px; }
+h2 { font-size: 21px; margin: 28px 0 8px; }
+.machine + h2, .warning + h2 { margin-top: 12px; }
 h3 { font-size: 17px; margin: 28px 0 6px; }
 h4 { font-size: 14px; margin: 18px 0 4px; }
 p { margin: 6px 0; max-width: 90ch; }
 .machine, .note { color: #444; font-size: 13px; }
-.warning { background: #fff3d6; border-left: 4px solid #d98e00; padding: 6px 10px; }
+.machine { max-width: none; }
+.warning { background: #fff3d6; border-left: 4px solid #d98e00; padding: 4px 10px; font-size: 13px; max-width: none; }
 code { background: #f2f2f2; padding: 1px 4px; border-radius: 3px; overflow-wrap: anywhere; }
 nav { margin: 12px 0; font-size: 14px; }
 nav a { margin-right: 12px; color: #0059a8; }
@@ -185,10 +187,10 @@ figure svg { max-width: 100%; height: auto; border: 1px solid #e2e2e2; }
 .charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 370px), 1fr)); gap: 8px; margin: 12px 0; }
 .charts:has(> :nth-child(4):last-child) { grid-template-columns: repeat(auto-fit, minmax(min(100%, 480px), 1fr)); }
 .charts figure { margin: 0; max-width: 640px; }
-.charts figure svg { width: 100%; }
+.charts figure svg { width: 100%; box-sizing: border-box; }
 .verdicts { list-style: none; margin: 6px 0; padding: 0; columns: 2 480px; column-gap: 24px; font-size: 13px; line-height: 1.35; }
 .verdicts li { display: flex; gap: 8px; padding: 3px 0; break-inside: avoid; }
-.verdicts b { flex: 0 0 58px; align-self: flex-start; text-align: center; border-radius: 3px; font-size: 12px; padding: 1px 0; }
+.verdicts b { flex: 0 0 62px; align-self: flex-start; text-align: center; border-radius: 3px; font-size: 12px; padding: 1px 0; }
 .verdicts .met b { background: #dcefdc; color: #145214; }
 .verdicts .missed b { background: #fbdcd3; color: #8a1c00; }
 .scroll { overflow-x: auto; }

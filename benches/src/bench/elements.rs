@@ -194,6 +194,9 @@ impl Kind {
     }
 }
 
+/// Colours of [`KINDS`]: a rival's elements have that of ours of the same kind.
+const COLOURS: [usize; 8] = [0, 1, 2, 3, 0, 2, 3, 6];
+
 /// Names in the order of the chart: ours, then the rivals with as many iterations as they need.
 const KINDS: [&str; 8] = [
     "linear tetrahedra",
@@ -231,12 +234,7 @@ impl Places {
     }
 
     /// Error (%) of states of these points against those of the mesh, at the vertices that both have.
-    fn error(
-        &self,
-        points: &[DVec3],
-        found: &[Vec<DVec3>],
-        truth: &[Vec<DVec3>],
-    ) -> Option<f64> {
+    fn error(&self, points: &[DVec3], found: &[Vec<DVec3>], truth: &[Vec<DVec3>]) -> Option<f64> {
         let pairs = self.pairs(points);
         let picked = |states: &[Vec<DVec3>], side: usize| -> Vec<Vec<DVec3>> {
             let pick = |u: &Vec<DVec3>| pairs.iter().map(|pair| u[pair[side]]).collect();
@@ -261,11 +259,7 @@ fn halved(cells: [usize; 3]) -> [usize; 3] {
 
 impl Truth {
     /// The equilibrium on `cells` and, for its order, on half and a quarter; the swing on `moving` and on half.
-    fn new(
-        poisson_ratio: f64,
-        cells: [usize; 3],
-        moving: [usize; 3],
-    ) -> Result<Self, BenchError> {
+    fn new(poisson_ratio: f64, cells: [usize; 3], moving: [usize; 3]) -> Result<Self, BenchError> {
         let start = Instant::now();
         let kind = Kind::TenNode;
         let still = |cells| -> Result<(Beam, Vec<Vec<DVec3>>), BenchError> {
@@ -677,6 +671,18 @@ fn time_within(curve: &[[f64; 2]], error: f64) -> Option<f64> {
     measured.into_iter().chain(between).min_by(f64::total_cmp)
 }
 
+/// The same points, cheapest first, no error smaller than that of a dearer one: a coarse mesh may come near by chance, where
+/// the error changes its sign.
+fn without_luck(mut curve: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    curve.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut worst = 0.0_f64;
+    for p in curve.iter_mut().rev() {
+        worst = worst.max(p[1]);
+        p[1] = worst;
+    }
+    curve
+}
+
 /// Most that a safe step with clusters at 0.4999 may cost over a plain one at 0.45.
 const CLUSTER_STEP: f64 = 1.5;
 /// Most iterations by which clusters at 0.49 and 0.4999 may differ.
@@ -742,12 +748,19 @@ impl ElementReport {
         }
         for nu in self.ratios() {
             for engine in ["MuJoCo", "Rapier"] {
-                let theirs = self.rows.iter().filter(|r| r.poisson_ratio == nu && r.engine == engine);
+                let theirs =
+                    self.rows.iter().filter(|r| r.poisson_ratio == nu && r.engine == engine);
+                // as exact as no finer mesh of its kind contradicts
+                let sure = |r: &ElementRow| {
+                    let [ms, _] = r.point()?;
+                    let curve = without_luck(self.curve(&r.kind, nu));
+                    curve.into_iter().find(|p| p[0] == ms)
+                };
                 let best = theirs
-                    .filter_map(|r| r.point().map(|p| (r, p)))
+                    .filter_map(|r| sure(r).map(|p| (r, p)))
                     .min_by(|a, b| a.1[1].total_cmp(&b.1[1]));
                 let Some((row, [ms, error])) = best else { continue };
-                let curves = Kind::ALL.map(|k| self.curve(k.name(), nu));
+                let curves = Kind::ALL.map(|k| without_luck(self.curve(k.name(), nu)));
                 let least = |of: &dyn Fn(&Vec<[f64; 2]>) -> Option<f64>| {
                     curves.iter().filter_map(of).min_by(f64::total_cmp)
                 };
@@ -814,19 +827,19 @@ impl ElementReport {
         )
         .note(
             "our ms: the cheapest of our kinds with at most this error, measured or on the line between two meshes; none \
-             where no mesh of ours is as exact. Errors above some 50 % say that the body hardly moves.",
+             where no mesh of ours is as exact. A mesh of ours counts as no more exact than the finer ones of its kind: \
+             coarse ones may come near by chance. Errors above some 50 % say that the body hardly moves.",
         );
         vec![rows, equal, truths]
     }
 
     /// Every rival's row with its time and error, and our cheapest elements that are as exact.
-    fn at_equal_error(
-        &self,
-    ) -> impl Iterator<Item = (&ElementRow, [f64; 2], Option<(Kind, f64)>)> {
+    fn at_equal_error(&self) -> impl Iterator<Item = (&ElementRow, [f64; 2], Option<(Kind, f64)>)> {
         let rivals = self.rows.iter().filter(|r| r.engine != "Sinew");
         rivals.filter_map(|r| r.point().map(|p| (r, p))).map(|(r, p)| {
             let ours = Kind::ALL.into_iter().filter_map(|kind| {
-                time_within(&self.curve(kind.name(), r.poisson_ratio), p[1]).map(|t| (kind, t))
+                let curve = without_luck(self.curve(kind.name(), r.poisson_ratio));
+                time_within(&curve, p[1]).map(|t| (kind, t))
             });
             (r, p, ours.min_by(|a, b| a.1.total_cmp(&b.1)))
         })
@@ -841,7 +854,9 @@ impl ElementReport {
             name: format!("{NAME}-{nu}"),
             title: format!("Static error against time of a step, nu {nu}"),
             series: (KINDS.iter().enumerate())
-                .map(|(i, kind)| Series::new(*kind, self.curve(kind, nu), i).hollow(i >= 4))
+                .map(|(i, kind)| {
+                    Series::new(*kind, self.curve(kind, nu), COLOURS[i]).hollow(i >= 4)
+                })
                 .collect(),
         };
         let panels: Vec<Panel> = self.ratios().into_iter().map(panel).collect();
@@ -894,6 +909,11 @@ mod tests {
         assert!((time_within(&curve, 2.0).unwrap() - 5.0).abs() < 1e-12);
         assert_eq!(time_within(&curve, 20.0), Some(1.0));
         assert_eq!(time_within(&curve, 0.02), None);
+        // a coarse mesh that is near by chance counts as the finer one
+        let lucky = without_luck(vec![[10.0, 8.0], [1.0, 2.0], [100.0, 4.0]]);
+        assert_eq!(lucky, [[1.0, 8.0], [10.0, 8.0], [100.0, 4.0]]);
+        assert_eq!(time_within(&lucky, 2.0), None);
+        assert_eq!(time_within(&lucky, 8.0), Some(1.0));
     }
 
     #[test]
@@ -963,7 +983,8 @@ mod tests {
             let own = equilibrium(&beam, ENERGY, kind.volume()).unwrap();
             truth.still.0.error(&beam.mesh.points, &[own], &truth.still.1).unwrap()
         };
-        let [plain, clusters, ten] = [Kind::Linear, Kind::Clusters, Kind::TenNode].map(|k| error(k, [10, 2, 2]));
+        let [plain, clusters, ten] =
+            [Kind::Linear, Kind::Clusters, Kind::TenNode].map(|k| error(k, [10, 2, 2]));
         assert!(ten < 0.2 * clusters && clusters < 0.7 * plain, "{plain} {clusters} {ten}");
     }
 }

@@ -289,7 +289,10 @@ pub struct Panel {
 }
 
 /// Width and height of a panel without its legend: legible on a telephone.
-const PANEL: [u32; 2] = [470, 370];
+const PANEL: [u32; 2] = [400, 330];
+
+/// Errors (%) below this are drawn on the floor of panels.
+const PANEL_FLOOR: f64 = 1e-4;
 
 /// Error (%) over cost, both logarithmic, of several cases on the same scales: every case by itself, then, when there
 /// are several, all in one picture of two columns with this name.
@@ -305,17 +308,17 @@ pub fn panels(
     let points = || panels.iter().flat_map(|p| &p.series).flat_map(|s| &s.points);
     let range = |k: usize, floor: f64| {
         let values = points().map(|p| p[k]).filter(|x| x.is_finite() && *x > 0.0);
-        let ends = values.fold([f64::INFINITY, 0.0_f64], |[low, high], x| {
-            [low.min(x), high.max(x)]
-        });
+        let ends =
+            values.fold([f64::INFINITY, 0.0_f64], |[low, high], x| [low.min(x), high.max(x)]);
         (ends[0] <= ends[1]).then(|| ends[0].max(floor) / 1.5..ends[1].max(floor) * 1.5)
     };
-    let (Some(xs), Some(ys)) = (range(0, 0.0), range(1, FLOOR)) else {
+    let (Some(xs), Some(ys)) = (range(0, 0.0), range(1, PANEL_FLOOR)) else {
         return Err(BenchError::Chart(format!("{name}: no points")));
     };
     let draw = |panel: &Panel, area: &Area<'_>| -> Result<(), BenchError> {
         let raised = |s: &Series| {
-            let points = s.points.iter().map(|&[x, y]| [x, if y < FLOOR { FLOOR } else { y }]);
+            let points =
+                s.points.iter().map(|&[x, y]| [x, if y < PANEL_FLOOR { PANEL_FLOOR } else { y }]);
             Series::new(&*s.name, points.collect(), s.colour).hollow(s.hollow)
         };
         let series: Vec<Series> = panel.series.iter().map(raised).collect();
@@ -354,7 +357,8 @@ pub fn panels(
                 draw(panel, area)?;
             }
             for (i, s) in names.iter().enumerate() {
-                let at = ((i % places) as i32 * 228 + 12, (i / places) as i32 * 21 + 10);
+                let width = PANEL[0] as i32 / 2 - 4;
+                let at = ((i % places) as i32 * width + 8, (i / places) as i32 * 21 + 10);
                 entry(&legend, at, &s.name, lines.then(|| s.line()), s.mark(), s.hollow)?;
             }
             Ok(())

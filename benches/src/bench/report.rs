@@ -19,9 +19,6 @@ use sinew_tune::table_of;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Charts of a group that a page shows at once.
-const LEADING: usize = 4;
-
 /// Name and version of the JSON; the number grows when a reader would have to change.
 pub const SCHEMA: &str = "sinew-bench/1";
 
@@ -153,15 +150,16 @@ impl Report {
         )
     }
 
-    /// Charts that a page begins with, those side by side together; the last of each may be all of them in one picture.
-    fn leading_charts(&self) -> Result<Vec<Vec<Chart>>, BenchError> {
+    /// Charts that a page begins with, those side by side together, and how many of them are shown at once; the last of
+    /// several is all of them in one picture.
+    fn leading_charts(&self) -> Result<Vec<(Vec<Chart>, usize)>, BenchError> {
         let mut groups = Vec::new();
         let elements = self.accuracy.iter().flat_map(|a| &a.elements);
         for elements in elements.filter(|e| !e.rows.is_empty()) {
-            groups.push(elements.charts()?);
+            groups.push((elements.charts()?, usize::MAX));
         }
         if let Some(peers) = &self.peers {
-            groups.extend(peers.charts()?);
+            groups.push(peers.charts()?);
         }
         Ok(groups)
     }
@@ -171,7 +169,8 @@ impl Report {
     /// # Errors
     /// When one cannot be drawn.
     pub fn charts(&self) -> Result<Vec<Chart>, BenchError> {
-        let mut charts: Vec<Chart> = self.leading_charts()?.into_iter().flatten().collect();
+        let mut charts: Vec<Chart> =
+            self.leading_charts()?.into_iter().flat_map(|(charts, _)| charts).collect();
         if let Some(accuracy) = self.accuracy.as_ref().filter(|a| !a.points.is_empty()) {
             charts.push(overview(accuracy)?);
             for case in &accuracy.cases {
@@ -331,26 +330,27 @@ impl Report {
         for warning in &self.warnings {
             page.paragraph("warning", warning);
         }
+        page.verdicts(&self.verdicts());
+        let mut drawn = Vec::new();
+        for (group, leading) in self.leading_charts()? {
+            // what is in the picture of all stands there by itself
+            let single = &group[..if group.len() > 1 { group.len() - 1 } else { group.len() }];
+            let (shown, folded) = single.split_at(leading.min(single.len()));
+            page.charts(shown);
+            if !folded.is_empty() {
+                page.add(format_args!("<details><summary>{} more charts</summary>", folded.len()));
+                page.charts(folded);
+                page.add("</details>");
+            }
+            drawn.extend(group.into_iter().map(|chart| chart.name));
+        }
         page.add(format_args!(
-            "<p>Made by <code>{}</code>{}. Every figure is a median of repeats in which the variants \
+            "<p class=\"note\">Made by <code>{}</code>{}. Every figure is a median of repeats in which the variants \
              took turns; quartiles and minima stand beside it. The same data are in \
              <code>report.json</code> and in one CSV file per table.</p>",
             escape(&self.command),
             if self.quick { " (cut-down sizes and repeats)" } else { "" }
         ));
-        page.verdicts(&self.verdicts());
-        let mut drawn = Vec::new();
-        for group in self.leading_charts()? {
-            // what is in a picture of all is there already
-            let single = if group.len() > 1 { group.len() - 1 } else { 1 };
-            page.charts(group.iter().take(single.min(LEADING)));
-            if single > LEADING {
-                page.add(format_args!("<details><summary>{} more</summary>", single - LEADING));
-                page.charts(&group[LEADING..single]);
-                page.add("</details>");
-            }
-            drawn.extend(group.into_iter().map(|chart| chart.name));
-        }
         let verdicts = ["aims", "peer-aims"];
         let mut tables = self.tables();
         tables.retain(|t| !verdicts.contains(&t.name));
@@ -368,7 +368,9 @@ impl Report {
                 }
                 "peers-touch" => page.grouped(table, None, &["setting", "note"], str::to_owned),
                 "elements" | "elements-equal" => {
-                    page.grouped(table, Some("nu"), &["note"], |nu| format!("Poisson's ratio {nu}"));
+                    page.grouped(table, Some("nu"), &["note"], |nu| {
+                        format!("Poisson's ratio {nu}")
+                    });
                 }
                 _ => page.table(table),
             }

@@ -38,7 +38,9 @@ fn name(row: &PeerRow) -> Option<&'static str> {
 fn series<'a>(points: impl Iterator<Item = (&'a str, Option<f64>, Option<f64>)>) -> Vec<Series> {
     let mut all: Vec<Series> = COLOURS
         .iter()
-        .map(|(name, colour)| Series::new(*name, Vec::new(), *colour).hollow(!name.starts_with("Sinew")))
+        .map(|(name, colour)| {
+            Series::new(*name, Vec::new(), *colour).hollow(!name.starts_with("Sinew"))
+        })
         .collect();
     for (name, cost, error) in points {
         if let Some((place, point)) =
@@ -52,13 +54,19 @@ fn series<'a>(points: impl Iterator<Item = (&'a str, Option<f64>, Option<f64>)>)
 }
 
 impl PeerReport {
-    /// Charts of the beams, the largest of each rival first, and one of the ball; those side by side together.
+    /// Charts of the largest beam of each rival and of the ball, which a page shows at once, and how many these are; then
+    /// of the other beams, and of all beams in one picture.
     ///
     /// # Errors
     /// When one cannot be drawn.
-    pub fn charts(&self) -> Result<Vec<Vec<Chart>>, BenchError> {
+    pub fn charts(&self) -> Result<(Vec<Chart>, usize), BenchError> {
         let mut scenes: Vec<&PeerRow> = Vec::new();
-        for row in &self.rows {
+        // rows without a point make no chart
+        let points = self
+            .rows
+            .iter()
+            .filter(|r| name(r).and(r.cost_per_simulated_second).and(r.error_percent).is_some());
+        for row in points {
             if scenes.iter().all(|s| s.scene != row.scene) {
                 scenes.push(row);
             }
@@ -71,6 +79,7 @@ impl PeerReport {
             let known = first.iter().any(|s| beam(s) == beam(scene));
             if known { rest.push(scene) } else { first.push(scene) }
         }
+        let leading = first.len();
         let beams: Vec<Panel> = first
             .into_iter()
             .chain(rest)
@@ -89,7 +98,11 @@ impl PeerReport {
             })
             .collect();
         let touched = self.touch.iter().filter_map(|r| {
-            let row = PeerRow { engine: r.engine.clone(), setting: r.setting.clone(), ..PeerRow::default() };
+            let row = PeerRow {
+                engine: r.engine.clone(),
+                setting: r.setting.clone(),
+                ..PeerRow::default()
+            };
             // contact has settings of its own: all of ours that take steps are one line of the legend
             let name = if r.engine == "Sinew" { Some("Sinew safe") } else { name(&row) };
             name.map(|n| (n, r.cost_per_simulated_second, r.error_percent))
@@ -99,16 +112,52 @@ impl PeerReport {
             title: "Ball on a block: error of the held force".into(),
             series: series(touched),
         };
-        let cost = "s of computation per simulated s";
-        let mut groups = Vec::new();
+        let axes = ["s of computation per simulated s", "error (%), below 1e-4 at the floor"];
         let drawn = |panel: &Panel| panel.series.iter().any(|s| !s.points.is_empty());
-        let beams: Vec<Panel> = beams.into_iter().filter(drawn).collect();
-        if !beams.is_empty() {
-            groups.push(panels("peers-beams", [cost, "static error (%)"], &beams, true)?);
+        let mut charts = match beams.is_empty() {
+            true => Vec::new(),
+            false => panels("peers-beams", axes, &beams, false)?,
+        };
+        if !drawn(&ball) {
+            return Ok((charts, leading));
         }
-        if drawn(&ball) {
-            groups.push(panels("peers-touch", [cost, "error of the force (%)"], &[ball], false)?);
-        }
-        Ok(groups)
+        charts.splice(leading..leading, panels("peers-ball", axes, &[ball], false)?);
+        Ok((charts, leading + 1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_beams_and_the_ball_come_first() {
+        let row = |engine: &str, setting: &str, scene: &str, elements| PeerRow {
+            engine: engine.into(),
+            setting: setting.into(),
+            scene: scene.into(),
+            elements,
+            cost_per_simulated_second: Some(0.1),
+            error_percent: Some(1.0),
+            ..PeerRow::default()
+        };
+        let mut report = PeerReport::default();
+        report.rows = vec![
+            row("Sinew", "safe, StVK, h = 10 ms", "a, 10 tetrahedra", 10),
+            row("MuJoCo", "flex, at most 1000 iterations", "a, 20 tetrahedra", 20),
+            row("Rapier", "FEM, at most 20 CG iterations", "b, 5 tetrahedra", 5),
+            row("Sinew", "quasi-static Newton, StVK", "c, 1 tetrahedra", 1),
+        ];
+        let names =
+            |charts: &[Chart]| -> Vec<String> { charts.iter().map(|c| c.name.clone()).collect() };
+        let (charts, leading) = report.charts().unwrap();
+        // an equilibrium has no cost per simulated second: its scene has no chart
+        assert_eq!(names(&charts), ["peers-beam-1", "peers-beam-2", "peers-beam-3", "peers-beams"]);
+        assert_eq!(leading, 2);
+        assert!(
+            charts[0].svg.contains("MuJoCo, converged") && charts[0].svg.contains("20 tetrahedra")
+        );
+        assert!(charts[1].svg.contains("Rapier, its cap"));
+        assert!(PeerReport::default().charts().unwrap().0.is_empty());
     }
 }

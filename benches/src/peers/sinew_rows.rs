@@ -111,7 +111,17 @@ impl Run {
         h: Option<f64>,
     ) -> Self {
         let (volume, precision) = (VolumeRule::Elements, Precision::F64);
-        Self { name, model, volume, precision, threads: 1, settings, h, world: None, counted: [0; 2] }
+        Self {
+            name,
+            model,
+            volume,
+            precision,
+            threads: 1,
+            settings,
+            h,
+            world: None,
+            counted: [0; 2],
+        }
     }
 
     /// With another rule for what keeps its volume.
@@ -173,7 +183,9 @@ impl Rival for Run {
             simulation.step()?;
             if simulation.report().unconverged {
                 let name = &case.beam.name;
-                return Err(BenchError::Rival(format!("{name}: Newton does not converge at step {i}")));
+                return Err(BenchError::Rival(format!(
+                    "{name}: Newton does not converge at step {i}"
+                )));
             }
             if i % every == 0 {
                 states.push(simulation.displacements(*body));
