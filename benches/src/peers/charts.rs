@@ -141,13 +141,13 @@ mod tests {
             error_percent: Some(1.0),
             ..PeerRow::default()
         };
-        let mut report = PeerReport::default();
-        report.rows = vec![
+        let rows = vec![
             row("Sinew", "safe, StVK, h = 10 ms", "a, 10 tetrahedra", 10),
             row("MuJoCo", "flex, at most 1000 iterations", "a, 20 tetrahedra", 20),
             row("Rapier", "FEM, at most 20 CG iterations", "b, 5 tetrahedra", 5),
             row("Sinew", "quasi-static Newton, StVK", "c, 1 tetrahedra", 1),
         ];
+        let report = PeerReport { rows, ..PeerReport::default() };
         let names =
             |charts: &[Chart]| -> Vec<String> { charts.iter().map(|c| c.name.clone()).collect() };
         let (charts, leading) = report.charts().unwrap();
