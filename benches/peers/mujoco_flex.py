@@ -3,18 +3,21 @@
 Every answer is one JSON line on standard output; {"error": ...} when a request fails. Requests:
 
   {"op": "version"}
-  {"op": "load", "mesh": PATH, "young": Pa, "poisson": -, "gravity": m/s^2}
-  {"op": "time", "h": s, "steps": n, "iterations": n, "start": PATH or null}
-  {"op": "settle", "h": s, "steps": n, "iterations": n, "damping": 1/s,
+  {"op": "load", "key": "full", "trilinear" or "quadratic", "cells": [n, n, n] or null, "mesh": PATH,
+   "young": Pa, "poisson": -, "gravity": m/s^2}
+  {"op": "time", "key": name, "h": s, "steps": n, "iterations": n, "start": PATH or null}
+  {"op": "settle", "key": name, "h": s, "steps": n, "iterations": n, "damping": 1/s,
    "start": PATH or null}
-  {"op": "force", "repeats": n}
+  {"op": "swing", "key": name, "h": s, "steps": n, "every": n, "iterations": n, "start": PATH or null}
+  {"op": "force", "key": name, "repeats": n}
   {"op": "touch-load", "key": name, "mesh": PATH, "young": Pa, "poisson": -, "gravity": m/s^2,
    "damping": 1/s, "h": s, "option": {attribute: value}, "contact": {attribute: value},
    "friction": -, "radius": m, "at": [x, y, z]}
   {"op": "touch", "key": name, "places": [[x, y, z], ...]}
 
 `touch` makes a step per place of the ball and answers with its force in each. PATH of `load` is the JSON that Sinew writes: points, tetrahedra, fixed, masses. `start` is a JSON
-list of displacements, three per vertex. Needs `pip install mujoco` (version 4 or later).
+list of displacements, three per vertex. `load` with cells makes a flex that the nodes of a grid move; these must be
+the vertices of the mesh, in its order. `swing` answers with the displacements after every `every` steps. Needs `pip install mujoco` (version 4 or later).
 """
 
 import json
@@ -25,8 +28,8 @@ import mujoco
 import numpy as np
 
 
-# blocks under a ball, by key
-TOUCHES = {}
+# beams by what moves them, and blocks under a ball, by key
+BEAMS, TOUCHES = {}, {}
 
 
 def words(array):
@@ -55,9 +58,12 @@ class Beam:
             raise RuntimeError(
                 "this MuJoCo has no discrete integrator: pip install --upgrade mujoco (4 or later)"
             )
+        cells = request.get("cells")
+        dof = request["key"] if cells else "full"
+        grid = f'dof="{dof}" cellcount="{" ".join(map(str, cells))}"' if cells else 'dof="full"'
         xml = f"""<mujoco><option integrator="discrete" gravity="0 0 {-request["gravity"]!r}" {self.option}/>
 <size memory="8G"/><worldbody>{self.ball}
-<flexcomp name="beam" type="direct" dim="3" dof="full" mass="{float(masses.sum())!r}" radius="{self.radius!r}"
+<flexcomp name="beam" type="direct" dim="3" {grid} mass="{float(masses.sum())!r}" radius="{self.radius!r}"
  point="{words(self.points)}" element="{words(elements)}">
 <elasticity young="{request["young"]!r}" poisson="{request["poisson"]!r}"/>
 {self.contact}<pin id="{words(fixed)}"/></flexcomp>
@@ -65,11 +71,22 @@ class Beam:
         start = time.perf_counter()
         self.model = mujoco.MjModel.from_xml_string(xml)
         self.iterations = int(self.model.opt.iterations)
-        # flexcomp gives every vertex the same mass; ours are lumped from the elements
-        body = self.model.flex_vertbodyid
+        if cells:
+            # it shares all the mass out among the free nodes: a part of it belongs to the held ones
+            body = self.model.flex_nodebodyid
+            share = (6 if dof == "quadratic" else 2) * cells[0]
+            masses[self.free] = self.model.body_mass[body[self.free]] * (1 - 1 / share)
+        else:
+            # flexcomp gives every vertex the same mass; ours are lumped from the elements
+            body = self.model.flex_vertbodyid
         self.model.body_mass[body[self.free]] = masses[self.free]
         self.data = mujoco.MjData(self.model)
         mujoco.mj_setConst(self.model, self.data)
+        if cells:
+            mujoco.mj_kinematics(self.model, self.data)
+            off = np.setdiff1d(self.free, np.arange(len(body)))
+            if len(off) or np.abs(self.data.xpos[body] - self.points)[self.free].max() > 1e-9:
+                raise RuntimeError("the nodes of the grid are not the vertices of the mesh")
         # one body with three slides per free vertex
         adr = self.model.body_dofadr[body[self.free]]
         if not np.all(self.model.body_dofnum[body[self.free]] == 3):
@@ -97,6 +114,13 @@ class Beam:
             mujoco.mj_step(self.model, self.data)
             milliseconds.append((time.perf_counter() - start) * 1e3)
         return milliseconds
+
+    def swing(self, n, every):
+        states = []
+        for _ in range(n // every):
+            self.steps(every)
+            states.append(self.displacements().tolist())
+        return states
 
     def displacements(self):
         mujoco.mj_kinematics(self.model, self.data)
@@ -178,11 +202,11 @@ class Touch(Beam):
         return milliseconds, forces
 
 
-def answer(beam, request, warnings):
+def answer(request, warnings):
     op = request["op"]
     if op == "touch-load":
         block = TOUCHES[request["key"]] = Touch(request)
-        return beam, {
+        return {
             "iterations": block.iterations,
             "nodes": len(block.points),
             "elements": block.n_elements,
@@ -195,17 +219,18 @@ def answer(beam, request, warnings):
             raise FloatingPointError("the state is not finite")
         u = block.displacements().tolist()
         reply = {"milliseconds": milliseconds, "forces": forces, "displacements": u}
-        return beam, reply | {"warnings": list(warnings)}
+        return reply | {"warnings": list(warnings)}
     if op == "version":
-        return beam, {"version": mujoco.__version__}
+        return {"version": mujoco.__version__}
     if op == "load":
-        beam = Beam(request)
-        return beam, {
+        beam = BEAMS[request["key"]] = Beam(request)
+        return {
             "iterations": beam.iterations,
             "nodes": len(beam.points),
             "elements": beam.n_elements,
             "seconds": beam.seconds,
         }
+    beam = BEAMS[request["key"]]
     if op == "time":
         beam.reset(request, 0.0)
         reply = {"milliseconds": beam.steps(request["steps"])}
@@ -214,6 +239,9 @@ def answer(beam, request, warnings):
         beam.steps(request["steps"])
         reply = {"displacements": beam.displacements().tolist()}
         reply["speed"] = float(np.abs(beam.data.qvel).max())
+    elif op == "swing":
+        beam.reset(request, 0.0)
+        reply = {"states": beam.swing(request["steps"], request["every"])}
     elif op == "force":
         passive, kinematics = beam.force(request["repeats"])
         reply = {"passive_seconds": passive, "kinematics_seconds": kinematics}
@@ -222,17 +250,16 @@ def answer(beam, request, warnings):
     if not np.isfinite(beam.data.qpos).all():
         raise FloatingPointError("the state is not finite")
     reply["warnings"] = list(warnings)
-    return beam, reply
+    return reply
 
 
 def main():
     warnings = []
     mujoco.set_mju_user_warning(lambda text: warnings.append(str(text)))
-    beam = None
     for line in sys.stdin:
         warnings.clear()
         try:
-            beam, reply = answer(beam, json.loads(line), warnings)
+            reply = answer(json.loads(line), warnings)
         except Exception as error:  # the caller prints it beside the row that is missing
             reply = {"error": f"{type(error).__name__}: {error}"}
         print(json.dumps(reply), flush=True)

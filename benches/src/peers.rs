@@ -13,18 +13,22 @@
 //! A ball pressed into a block compares contact ([`TouchRow`]).
 
 mod beam;
-mod mujoco;
+mod charts;
+pub(crate) mod mujoco;
 #[cfg(feature = "rapier")]
-mod rapier;
-mod sinew_rows;
+pub(crate) mod rapier;
+pub(crate) mod sinew_rows;
 mod touch;
 
 use crate::bench::error::BenchError;
+use crate::bench::table::three_digits;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use sinew::models::body::VolumeRule;
 use sinew::prelude::*;
 
 pub use beam::Beam;
+use mujoco::Freedom;
 pub use touch::TouchRow;
 
 /// Mass-proportional damping (1/s) while a beam settles.
@@ -56,7 +60,7 @@ impl Default for PeerOptions {
 }
 
 /// One engine in one setting on one scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PeerRow {
     /// Engine.
     pub engine: String,
@@ -116,15 +120,16 @@ pub struct PeerReport {
 }
 
 /// A beam with its truth.
-struct Case {
-    beam: Beam,
+pub(crate) struct Case {
+    /// The beam.
+    pub(crate) beam: Beam,
     /// Equilibrium displacements (m).
-    truth: Vec<DVec3>,
+    pub(crate) truth: Vec<DVec3>,
 }
 
 impl Case {
     fn new(beam: Beam) -> Result<Self, BenchError> {
-        let truth = sinew_rows::equilibrium(&beam, Model::StVK)?;
+        let truth = sinew_rows::equilibrium(&beam, Model::StVK, VolumeRule::Elements)?;
         Ok(Self { beam, truth })
     }
 
@@ -189,7 +194,7 @@ fn milliseconds(seconds: f64) -> String {
 }
 
 /// Adds a sentence to a note.
-fn say(note: &mut String, text: impl AsRef<str>) {
+pub(crate) fn say(note: &mut String, text: impl AsRef<str>) {
     if !note.is_empty() {
         note.push_str("; ");
     }
@@ -197,9 +202,20 @@ fn say(note: &mut String, text: impl AsRef<str>) {
 }
 
 /// One engine in one setting: timed in turns with the others, then settled.
-trait Rival {
+pub(crate) trait Rival {
     /// Times undamped steps (ms each) from the case's start.
     fn time(&mut self, case: &Case, steps: usize) -> Result<Vec<f64>, BenchError>;
+    /// Displacements (m) after every `every` of undamped steps from the shape at rest.
+    fn swing(
+        &mut self,
+        case: &Case,
+        steps: usize,
+        every: usize,
+    ) -> Result<Vec<Vec<DVec3>>, BenchError>;
+    /// Linear iterations per timed step, where the engine tells them.
+    fn linear_iterations(&self) -> Option<f64> {
+        None
+    }
     /// Seconds of one evaluation of the elastic forces, where it can be told.
     fn force(&mut self, case: &Case) -> Result<Option<f64>, BenchError>;
     /// Settles and returns the displacements (m).
@@ -331,7 +347,7 @@ fn run_beams(
             let case = Case::new(Beam::mujoco(cells, poisson_ratio)?)?;
             let mut rivals = sinew_rows::rivals(options.threads, &[1e-3, 1e-2, 1.0 / 30.0], true);
             if let Some(mujoco) = mujoco.as_deref_mut() {
-                match mujoco.rivals(&case, &[1e-3, 1e-2, 1.0 / 30.0]) {
+                match mujoco.rivals(&case, &[1e-3, 1e-2, 1.0 / 30.0], Freedom::Full) {
                     Ok(more) => rivals.extend(more),
                     Err(error) => {
                         report.skipped.push(format!("MuJoCo flex on {}: {error}", case.beam.name));
@@ -383,7 +399,7 @@ fn run_rapier(options: &PeerOptions, report: &mut PeerReport) -> Result<(), Benc
             for gravity in [9.81, 0.981] {
                 let case = Case::new(Beam::rapier(cells, poisson_ratio, gravity)?)?;
                 let mut rivals = sinew_rows::rivals(options.threads, &[1.0 / 60.0], gravity > 1.0);
-                rivals.extend(rapier::rivals(&case));
+                rivals.extend(rapier::rivals(&case, rapier::STEP));
                 compete(&case, &mut rivals, options.quick, report);
             }
         }
@@ -404,7 +420,12 @@ fn aims(rows: &[PeerRow]) -> Vec<PeerAim> {
     let mut aims = Vec::new();
     let at_least = |aim: String, ours: f64, theirs: f64, factor: f64| PeerAim {
         aim,
-        measured: format!("{:.2} times ({ours:.4} against {theirs:.4})", theirs / ours),
+        measured: format!(
+            "{} times ({} against {})",
+            three_digits(theirs / ours),
+            three_digits(ours),
+            three_digits(theirs)
+        ),
         met: theirs / ours >= factor,
     };
     let mut scenes: Vec<&str> = rows.iter().map(|r| r.scene.as_str()).collect();
@@ -416,7 +437,7 @@ fn aims(rows: &[PeerRow]) -> Vec<PeerAim> {
         let force =
             |engine| of(engine).filter_map(|r| r.force_ns_per_element).min_by(f64::total_cmp);
         if let (Some(ours), Some(theirs)) = (force("Sinew"), force("MuJoCo")) {
-            let aim = format!("{scene}: elastic forces at least 6 times as fast as MuJoCo's");
+            let aim = format!("elastic forces at least 6 times as fast as MuJoCo's: {scene}");
             aims.push(at_least(aim, ours, theirs, 6.0));
         }
         for (engine, factor, setting) in
@@ -439,10 +460,10 @@ fn aims(rows: &[PeerRow]) -> Vec<PeerAim> {
                     (r.engine == "Sinew" && r.scene == scene && as_good)
                         .then_some(r.cost_per_simulated_second)?
                 });
+                let cap = rival.setting.split(", ").find(|part| part.starts_with("at most"));
                 let aim = format!(
-                    "{scene}: simulated seconds at no larger error at least {factor} times as fast \
-                     as {engine} ({})",
-                    rival.setting
+                    "at least {factor} times as fast as {engine} ({}) at no larger error: {scene}",
+                    cap.unwrap_or(&rival.setting)
                 );
                 aims.push(match ours {
                     Some((_, ours)) => at_least(aim, ours, theirs, factor),

@@ -3,7 +3,7 @@
 use crate::bench::error::BenchError;
 use crate::bench::table::Table;
 use serde::Serialize;
-pub use sinew_tune::page::{Chart, Page};
+pub use sinew_tune::page::{Chart, Page, Verdict};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 

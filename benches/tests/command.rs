@@ -94,6 +94,7 @@ fn bad_bench_arguments_are_named() {
     check(&["bench", "--help"], 0, "kernels", "");
     check(&["bench", "kernels", "--tets", "3"], 1, "", "between 24 and");
     check(&["bench", "accuracy", "--quick", "--case", "fold"], 1, "", "cantilever");
+    check(&["bench", "accuracy", "--quick", "--case", "fold"], 1, "", "liver pull, elements");
     check(&["run", "liver.toml"], 2, "", "Usage");
     // each command names the other
     check(&["--help"], 0, "cargo run --release`", "");

@@ -1,6 +1,7 @@
 //! Speed against error: every method on every case is a point (cost, error).
 
 use super::cases::{Case, Kind, Method, Outcome, Truth, cases};
+use super::elements::{self, ElementOptions, ElementReport};
 use super::error::BenchError;
 use super::stats::{Rounds, Spread, interleave};
 use super::table::Table;
@@ -20,6 +21,8 @@ pub struct AccuracyOptions {
     pub rounds: Rounds,
     /// Only these cases; all when empty.
     pub only: Vec<String>,
+    /// Python with the package `mujoco`, for the rivals of the elements.
+    pub python: String,
 }
 
 /// One method on one mesh.
@@ -102,6 +105,9 @@ pub struct AccuracyReport {
     pub truths: Vec<TruthRow>,
     /// The points.
     pub points: Vec<Point>,
+    /// Kinds of elements.
+    #[serde(default)]
+    pub elements: Option<ElementReport>,
 }
 
 /// Runs all cases; `tell` hears what is going on.
@@ -115,19 +121,21 @@ pub fn run(
 ) -> Result<AccuracyReport, BenchError> {
     let mut report = AccuracyReport::default();
     let all = cases(options.quick)?;
-    let known: Vec<&str> = all.iter().map(|c| c.name).collect();
+    let known: Vec<&str> = all.iter().map(|c| c.name).chain([elements::NAME]).collect();
     if let Some(name) = options.only.iter().find(|name| !known.contains(&name.as_str())) {
         return Err(BenchError::Request {
             what: format!("there is no case `{name}`"),
             remedy: format!("choose among {}", known.join(", ")),
         });
     }
-    for case in all {
-        if !options.only.is_empty() && !options.only.iter().any(|name| name == case.name) {
-            continue;
-        }
+    let wanted = |name: &str| options.only.is_empty() || options.only.iter().any(|n| n == name);
+    for case in all.iter().filter(|case| wanted(case.name)) {
         tell(&format!("accuracy: {}", case.name));
-        run_case(&case, options, &mut report)?;
+        run_case(case, options, &mut report)?;
+    }
+    if wanted(elements::NAME) {
+        let options = ElementOptions { quick: options.quick, python: options.python.clone() };
+        report.elements = Some(elements::run(&options, &mut tell)?);
     }
     Ok(report)
 }
@@ -410,6 +418,7 @@ impl AccuracyReport {
              third of the difference is stated. mesh error: distance from the converged solution of \
              the refined mesh, which has the most tetrahedra of its case.",
         );
-        vec![fronts, truths, points]
+        let cases = [fronts, truths, points].into_iter().filter(|t| !t.rows.is_empty());
+        self.elements.iter().flat_map(ElementReport::tables).chain(cases).collect()
     }
 }

@@ -1,6 +1,7 @@
 //! What the project aims at, and whether this run met it.
 
 use super::accuracy::AccuracyReport;
+use super::elements::ElementReport;
 use super::kernels::KernelReport;
 use super::step::{StepReport, StepRow};
 use super::table::Table;
@@ -185,6 +186,7 @@ pub fn accuracy(report: &AccuracyReport) -> Vec<Aim> {
         let what = "error of equilibria with default tolerances (quasi-static, f64, 4 load steps), worst case";
         aims.push(Aim::at_most(what, 1.0, "%", found));
     }
+    aims.extend(report.elements.iter().flat_map(ElementReport::aims));
     aims
 }
 

@@ -4,6 +4,7 @@ pub mod accuracy;
 pub mod aims;
 pub mod arrays;
 pub mod cases;
+pub mod elements;
 pub mod error;
 pub mod flops;
 pub mod integrators;
@@ -118,7 +119,8 @@ pub fn run(
             Part::Accuracy => {
                 let rounds = rounds([3, 5], [1, 1], [0.05, 0.5]);
                 let only = options.cases.clone();
-                let accuracy = accuracy::AccuracyOptions { quick, rounds, only };
+                let python = options.python.clone().unwrap_or(PeerOptions::default().python);
+                let accuracy = accuracy::AccuracyOptions { quick, rounds, only, python };
                 report.accuracy = Some(accuracy::run(&accuracy, &mut tell)?);
             }
             Part::Integrators => {

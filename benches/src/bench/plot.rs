@@ -94,7 +94,7 @@ fn failed(error: impl std::fmt::Display) -> BenchError {
 fn svg(
     name: &str,
     size: (u32, u32),
-    draw: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>) -> Result<(), BenchError>,
+    draw: impl FnOnce(&Area<'_>) -> Result<(), BenchError>,
 ) -> Result<Chart, BenchError> {
     let mut svg = String::new();
     {
@@ -237,32 +237,141 @@ impl Plot<'_> {
     }
 
     /// The legend; series of one name share a place.
-    fn name(&self, legend: &DrawingArea<SVGBackend<'_>, Shift>) -> Result<(), BenchError> {
+    fn name(&self, legend: &Area<'_>) -> Result<(), BenchError> {
         let series = self.series;
         let first = |i: &usize| series[..*i].iter().all(|s| s.name != series[*i].name);
         let mut y = 52;
-        let mut entry = |name: &str, line: Option<ShapeStyle>, mark: ShapeStyle, dashed: bool| {
-            let dashes = if dashed { &[[5, 10], [14, 19]][..] } else { &[[5, 19]] };
-            match line {
-                Some(line) => dashes.iter().try_for_each(|ends| {
-                    legend.draw(&PathElement::new(ends.map(|x| (x, y)).to_vec(), line))
-                }),
-                None => legend.draw(&Circle::new((12, y), 4, mark)),
-            }
-            .map_err(failed)?;
-            legend.draw(&Text::new(name.to_string(), (24, y - 7), words(13))).map_err(failed)?;
+        let mut next = || {
             y += 21;
-            Ok(())
+            (0, y - 21)
         };
         for s in (0..series.len()).filter(first).map(|i| &series[i]) {
-            entry(&s.name, self.lines.then(|| s.line()), s.mark(), s.hollow)?;
+            entry(legend, next(), &s.name, self.lines.then(|| s.line()), s.mark(), s.hollow)?;
         }
         if self.fronts.is_empty() {
             return Ok(());
         }
         let style = INK.mix(0.45).stroke_width(1);
-        entry("Pareto front", Some(style), style, false)
+        entry(legend, next(), "Pareto front", Some(style), style, false)
     }
+}
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// A line of a legend, its left end at a place.
+fn entry(
+    legend: &Area<'_>,
+    (x, y): (i32, i32),
+    name: &str,
+    line: Option<ShapeStyle>,
+    mark: ShapeStyle,
+    dashed: bool,
+) -> Result<(), BenchError> {
+    let dashes = if dashed { &[[5, 10], [14, 19]][..] } else { &[[5, 19]] };
+    match line {
+        Some(line) => dashes.iter().try_for_each(|ends| {
+            legend.draw(&PathElement::new(ends.map(|end| (x + end, y)).to_vec(), line))
+        }),
+        None => legend.draw(&Circle::new((x + 12, y), 4, mark)),
+    }
+    .map_err(failed)?;
+    legend.draw(&Text::new(name.to_string(), (x + 24, y - 7), words(13))).map_err(failed)
+}
+
+/// One of several charts with the same axes and names.
+pub struct Panel {
+    /// Name of its file.
+    pub name: String,
+    /// Heading.
+    pub title: String,
+    /// Its points, joined by lines in their order.
+    pub series: Vec<Series>,
+}
+
+/// Width and height of a panel without its legend: legible on a telephone.
+const PANEL: [u32; 2] = [400, 330];
+
+/// Errors (%) below this are drawn on the floor of panels.
+const PANEL_FLOOR: f64 = 1e-4;
+
+/// Error (%) over cost, both logarithmic, of several cases on the same scales: every case by itself, then, when there
+/// are several, all in one picture of two columns with this name.
+///
+/// # Errors
+/// When they cannot be drawn.
+pub fn panels(
+    name: &str,
+    axes: [&str; 2],
+    panels: &[Panel],
+    lines: bool,
+) -> Result<Vec<Chart>, BenchError> {
+    let points = || panels.iter().flat_map(|p| &p.series).flat_map(|s| &s.points);
+    let range = |k: usize, floor: f64| {
+        let values = points().map(|p| p[k]).filter(|x| x.is_finite() && *x > 0.0);
+        let ends =
+            values.fold([f64::INFINITY, 0.0_f64], |[low, high], x| [low.min(x), high.max(x)]);
+        (ends[0] <= ends[1]).then(|| ends[0].max(floor) / 1.5..ends[1].max(floor) * 1.5)
+    };
+    let (Some(xs), Some(ys)) = (range(0, 0.0), range(1, PANEL_FLOOR)) else {
+        return Err(BenchError::Chart(format!("{name}: no points")));
+    };
+    let draw = |panel: &Panel, area: &Area<'_>| -> Result<(), BenchError> {
+        let raised = |s: &Series| {
+            let points =
+                s.points.iter().map(|&[x, y]| [x, if y < PANEL_FLOOR { PANEL_FLOOR } else { y }]);
+            Series::new(&*s.name, points.collect(), s.colour).hollow(s.hollow)
+        };
+        let series: Vec<Series> = panel.series.iter().map(raised).collect();
+        let plot = Plot {
+            title: &panel.title,
+            axes,
+            series: &series,
+            fronts: Vec::new(),
+            ranges: [xs.clone(), ys.clone()],
+            labels: [sparse_label; 2],
+            logarithmic: true,
+            lines,
+            points: true,
+            marks: false,
+        };
+        let mut chart = ChartBuilder::on(area);
+        chart.caption(plot.title, words(16)).margin(8);
+        chart.x_label_area_size(42).y_label_area_size(58);
+        let chart = chart.build_cartesian_2d(xs.clone().log_scale(), ys.clone().log_scale());
+        plot.fill(chart.map_err(failed)?)
+    };
+    let picture = |name: &str, panels: &[&Panel]| {
+        let mut names: Vec<&Series> = Vec::new();
+        for s in panels.iter().flat_map(|p| &p.series) {
+            if !s.points.is_empty() && names.iter().all(|n| n.name != s.name) {
+                names.push(s);
+            }
+        }
+        let columns = panels.len().min(2);
+        let (rows, places) = (panels.len().div_ceil(columns), 2 * columns);
+        let [width, height] = [columns as u32 * PANEL[0], rows as u32 * PANEL[1]];
+        let legend = 10 + 21 * names.len().div_ceil(places) as u32;
+        svg(name, (width, height + legend), |area| {
+            let (charts, legend) = area.split_vertically(height);
+            for (area, panel) in charts.split_evenly((rows, columns)).iter().zip(panels) {
+                draw(panel, area)?;
+            }
+            for (i, s) in names.iter().enumerate() {
+                let width = PANEL[0] as i32 / 2 - 4;
+                let at = ((i % places) as i32 * width + 8, (i / places) as i32 * 21 + 10);
+                entry(&legend, at, &s.name, lines.then(|| s.line()), s.mark(), s.hollow)?;
+            }
+            Ok(())
+        })
+    };
+    let mut charts = Vec::with_capacity(panels.len() + 1);
+    for panel in panels {
+        charts.push(picture(&panel.name, &[panel])?);
+    }
+    if panels.len() > 1 {
+        charts.push(picture(name, &panels.iter().collect::<Vec<_>>())?);
+    }
+    Ok(charts)
 }
 
 /// Error (%) over cost (s), both logarithmic, with lines through the points that nothing beats.
@@ -470,6 +579,29 @@ mod tests {
         assert_eq!(text.matches("<circle").count(), 4);
         assert!(!text.contains("NaN"));
         assert!(speed_against_error("n", "t", axes, &[], &[]).is_err());
+    }
+
+    #[test]
+    fn panels_share_their_scales_and_one_legend() {
+        let panel = |name: &str, points: Vec<[f64; 2]>| Panel {
+            name: name.into(),
+            title: name.into(),
+            series: vec![Series::new("kind", points, 0), Series::new("absent", Vec::new(), 1)],
+        };
+        let both = [
+            panel("one", vec![[1.0, 10.0], [10.0, 1.0]]),
+            panel("two", vec![[2.0, 0.0], [1000.0, 0.5]]),
+        ];
+        let charts = panels("all", ["ms", "%"], &both, true).unwrap();
+        let names: Vec<&str> = charts.iter().map(|c| c.name.as_str()).collect();
+        assert_eq!(names, ["one", "two", "all"]);
+        assert_eq!(charts[2].svg.matches("<circle").count(), 4);
+        assert_eq!(charts[2].svg.matches(">\nkind\n<").count(), 1, "{}", charts[2].svg);
+        assert!(charts.iter().all(|c| !c.svg.contains("absent") && !c.svg.contains("NaN")));
+        // the tick of 1000 ms is there without a point near it
+        assert!(charts[0].svg.contains("\n1000\n"), "{}", charts[0].svg);
+        assert_eq!(panels("all", ["ms", "%"], &both[..1], true).unwrap().len(), 1);
+        assert!(panels("all", ["ms", "%"], &[], true).is_err());
     }
 
     #[test]

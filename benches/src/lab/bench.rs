@@ -17,7 +17,8 @@ pub enum BenchCommand {
     Kernels(BenchArguments),
     /// Whole steps, loading and building.
     Step(BenchArguments),
-    /// Speed against error of every method on every scene, with Pareto fronts.
+    /// Speed against error of every method on every scene, with Pareto fronts; and of kinds of elements from
+    /// compressible to nearly incompressible, beside MuJoCo flex (see --python) and Rapier (build with --features rapier).
     Accuracy(BenchArguments),
     /// Integrators beside each other: order, work against error, spin.
     Integrators(BenchArguments),
@@ -57,8 +58,8 @@ pub struct BenchArguments {
     /// Sizes of the beams of kernels and steps in tetrahedra, such as 5000,50000.
     #[arg(long, value_name = "N", value_delimiter = ',')]
     tets: Vec<usize>,
-    /// Only this case of the accuracy part, kind of contact, or of `peers` `beam` or `touch`; may be given several
-    /// times.
+    /// Only this case of the accuracy part (`elements` are the kinds of elements), kind of contact, or of `peers`
+    /// `beam` or `touch`; may be given several times.
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
     /// Python with the package `mujoco` [default: python3].

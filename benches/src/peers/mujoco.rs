@@ -28,6 +28,8 @@ pub(super) struct Reply {
     pub elements: usize,
     pub milliseconds: Vec<f64>,
     pub displacements: Vec<f64>,
+    /// Displacements (m) at each time of comparison.
+    pub states: Vec<Vec<f64>>,
     pub speed: f64,
     pub passive_seconds: f64,
     pub kinematics_seconds: f64,
@@ -114,15 +116,37 @@ impl Drop for Process {
     }
 }
 
+/// What moves a flex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Freedom {
+    /// Every vertex of linear tetrahedra.
+    Full,
+    /// Trilinear cells of a grid whose nodes are the vertices.
+    Trilinear([usize; 3]),
+    /// Cells of second order of a grid whose nodes, three along each edge of a cell, are the vertices.
+    Quadratic([usize; 3]),
+}
+
+impl Freedom {
+    /// Its name in MuJoCo, and cells of the grid.
+    fn words(self) -> (&'static str, Option<[usize; 3]>) {
+        match self {
+            Self::Full => ("full", None),
+            Self::Trilinear(cells) => ("trilinear", Some(cells)),
+            Self::Quadratic(cells) => ("quadratic", Some(cells)),
+        }
+    }
+}
+
 /// MuJoCo, running.
-pub(super) struct MuJoCo {
+pub(crate) struct MuJoCo {
     process: Rc<RefCell<Process>>,
     version: String,
 }
 
 impl MuJoCo {
     /// Starts the script, or says why not and what to do.
-    pub(super) fn start(python: &str) -> Result<Self, String> {
+    pub(crate) fn start(python: &str) -> Result<Self, String> {
         let remedy = "install it with `python3 -m pip install mujoco` and name that Python";
         let skip = |why: &dyn std::fmt::Display| {
             format!("MuJoCo flex: not run with `{python}` ({why}); {remedy}")
@@ -160,20 +184,25 @@ impl MuJoCo {
         Ok(Process { child, input: Some(input), output, folder: folder.into() })
     }
 
-    /// Loads the beam; rows for each step with its own iteration cap, and one with enough iterations.
-    pub(super) fn rivals(
+    /// Loads the beam; rows for each step with its own iteration cap, and one with enough iterations. Those of one
+    /// freedom hold until another beam is loaded with it.
+    pub(crate) fn rivals(
         &mut self,
         case: &Case,
         steps: &[f64],
+        freedom: Freedom,
     ) -> Result<Vec<Box<dyn Rival>>, BenchError> {
+        let (key, cells) = freedom.words();
         let process = self.process.borrow_mut();
-        let mesh = process.write("mesh.json", &case.beam.file())?;
+        let mesh = process.write(&format!("{key}-mesh.json"), &case.beam.file())?;
         let flat = |u: &[DVec3]| u.iter().flat_map(|x| x.to_array()).collect::<Vec<f64>>();
-        let start = process.write("start.json", &flat(&case.start()))?;
-        let truth = process.write("truth.json", &flat(&case.truth))?;
+        let start = process.write(&format!("{key}-start.json"), &flat(&case.start()))?;
+        let truth = process.write(&format!("{key}-truth.json"), &flat(&case.truth))?;
         drop(process);
         let loaded = self.process.borrow_mut().ask(&json!({
             "op": "load",
+            "key": key,
+            "cells": cells,
             "mesh": mesh,
             "young": case.beam.material.young_modulus,
             "poisson": case.beam.material.poisson_ratio,
@@ -189,6 +218,7 @@ impl MuJoCo {
                 Box::new(Run {
                     process: self.process.clone(),
                     version: self.version.clone(),
+                    key,
                     h,
                     iterations,
                     default_cap: iterations == loaded.iterations,
@@ -306,6 +336,8 @@ impl Finger for Press {
 struct Run {
     process: Rc<RefCell<Process>>,
     version: String,
+    /// What moves it, under which name it is loaded.
+    key: &'static str,
     h: f64,
     iterations: u32,
     default_cap: bool,
@@ -316,7 +348,8 @@ struct Run {
 }
 
 impl Run {
-    fn ask(&mut self, request: serde_json::Value) -> Result<Reply, BenchError> {
+    fn ask(&mut self, mut request: serde_json::Value) -> Result<Reply, BenchError> {
+        request["key"] = self.key.into();
         let reply = self.process.borrow_mut().ask(&request)?;
         warned(&mut self.remark, &reply);
         Ok(reply)
@@ -367,9 +400,31 @@ impl Rival for Run {
         to_vectors(&reply.displacements, case.beam.mesh.points.len())
     }
 
+    fn swing(
+        &mut self,
+        case: &Case,
+        steps: usize,
+        every: usize,
+    ) -> Result<Vec<Vec<DVec3>>, BenchError> {
+        let request = json!({
+            "op": "swing", "h": self.h, "steps": steps, "every": every, "start": null,
+            "iterations": self.iterations,
+        });
+        let states = self.ask(request)?.states;
+        if states.len() != steps / every {
+            let (given, wanted) = (states.len(), steps / every);
+            return Err(BenchError::Rival(format!("MuJoCo flex: {given} states of {wanted}")));
+        }
+        states.iter().map(|u| to_vectors(u, case.beam.mesh.points.len())).collect()
+    }
+
     fn row(&self, case: &Case) -> PeerRow {
+        let kind = match self.key {
+            "full" => String::new(),
+            cells => format!("{cells} cells, "),
+        };
         let setting = format!(
-            "flex StVK, discrete, h = {}, at most {} iterations{}",
+            "flex StVK, {kind}discrete, h = {}, at most {} iterations{}",
             super::milliseconds(self.h),
             self.iterations,
             if self.default_cap { " (its default)" } else { "" }

@@ -11,14 +11,14 @@ use sinew::prelude::{Model, YoungPoisson};
 use std::time::Instant;
 
 /// Its default step (s).
-const STEP: f64 = 1.0 / 60.0;
+pub(crate) const STEP: f64 = 1.0 / 60.0;
 
 /// Version in `Cargo.toml`; the crate does not tell its own.
 const VERSION: &str = "0.36";
 
 /// The constraint solver (its default), the finite-element solver with its default 20 iterations and
-/// with 300.
-pub(super) fn rivals(case: &Case) -> Vec<Box<dyn Rival>> {
+/// with 300, in steps of `h` (s).
+pub(crate) fn rivals(case: &Case, h: f64) -> Vec<Box<dyn Rival>> {
     let default = SoftFemParameters::default().max_linear_iterations;
     let settings = [
         (SoftBodySolver::Constraints, default),
@@ -29,7 +29,7 @@ pub(super) fn rivals(case: &Case) -> Vec<Box<dyn Rival>> {
     settings
         .into_iter()
         .map(|(solver, iterations)| -> Box<dyn Rival> {
-            Box::new(Run { solver, iterations, masses: masses.clone() })
+            Box::new(Run { solver, iterations, h, masses: masses.clone() })
         })
         .collect()
 }
@@ -38,6 +38,8 @@ struct Run {
     solver: SoftBodySolver,
     /// Cap on conjugate-gradient iterations per substep.
     iterations: usize,
+    /// Step (s).
+    h: f64,
     masses: Vec<f32>,
 }
 
@@ -54,13 +56,13 @@ fn double(x: Vector) -> DVec3 {
     DVec3::new(x.x.into(), x.y.into(), x.z.into()) / UNIT
 }
 
-/// A setting in words.
-fn setting(solver: SoftBodySolver, iterations: usize) -> String {
+/// A setting with steps of `h` (s), in words.
+fn setting(solver: SoftBodySolver, iterations: usize, h: f64) -> String {
     let solver = match solver {
         SoftBodySolver::Constraints => "constraints (its default)".to_owned(),
         SoftBodySolver::Fem => format!("FEM, at most {iterations} CG iterations"),
     };
-    format!("corotational, {solver}, h = {} in its 4 substeps", super::milliseconds(STEP))
+    format!("corotational, {solver}, h = {} in its 4 substeps", super::milliseconds(h))
 }
 
 /// A body of corotational tetrahedra that stays awake.
@@ -89,7 +91,7 @@ impl Run {
         let beam = &case.beam;
         let mut world = PhysicsWorld::new();
         world.gravity = single(DVec3::Z * -beam.gravity);
-        world.integration_parameters.dt = STEP as f32;
+        world.integration_parameters.dt = self.h as f32;
         world.integration_parameters.soft_bodies.fem.max_linear_iterations = self.iterations;
         let builder = soft_body(&beam.mesh, &self.masses, &beam.material, beam.fixed())
             .solver(self.solver)
@@ -101,6 +103,18 @@ impl Run {
             body.set_particle_position(i, single(*p + *u));
         }
         (world, handle)
+    }
+}
+
+/// Displacements (m) of a body that stayed finite.
+fn displacements(case: &Case, body: &SoftBody) -> Result<Vec<DVec3>, BenchError> {
+    let u: Vec<DVec3> = (case.beam.mesh.points.iter().zip(body.particle_positions()))
+        .map(|(p, x)| double(x) - *p)
+        .collect();
+    if u.iter().all(|u| u.is_finite()) {
+        Ok(u)
+    } else {
+        Err(BenchError::Rival("Rapier: the state is not finite".into()))
     }
 }
 
@@ -126,22 +140,30 @@ impl Rival for Run {
     fn settle(&mut self, case: &Case) -> Result<Vec<DVec3>, BenchError> {
         let rest = vec![DVec3::ZERO; case.truth.len()];
         let (mut world, handle) = self.world(case, &rest, DAMPING);
-        for _ in 0..case.settling(STEP).0 {
+        for _ in 0..case.settling(self.h).0 {
             world.step();
         }
-        let body = &world.soft_bodies[handle];
-        let u: Vec<DVec3> = (case.beam.mesh.points.iter().zip(body.particle_positions()))
-            .map(|(p, x)| double(x) - *p)
-            .collect();
-        if u.iter().all(|u| u.is_finite()) {
-            Ok(u)
-        } else {
-            Err(BenchError::Rival("Rapier: the state is not finite".into()))
-        }
+        displacements(case, &world.soft_bodies[handle])
+    }
+
+    fn swing(
+        &mut self,
+        case: &Case,
+        steps: usize,
+        every: usize,
+    ) -> Result<Vec<Vec<DVec3>>, BenchError> {
+        let rest = vec![DVec3::ZERO; case.beam.mesh.points.len()];
+        let (mut world, handle) = self.world(case, &rest, 0.0);
+        (0..steps / every)
+            .map(|_| {
+                (0..every).for_each(|_| world.step());
+                displacements(case, &world.soft_bodies[handle])
+            })
+            .collect()
     }
 
     fn row(&self, case: &Case) -> PeerRow {
-        let setting = setting(self.solver, self.iterations);
+        let setting = setting(self.solver, self.iterations, self.h);
         let mut row = case.row("Rapier", VERSION, setting);
         row.precision = "f32".into();
         row.note =
@@ -152,7 +174,7 @@ impl Rival for Run {
     }
 
     fn step(&self) -> Option<f64> {
-        Some(STEP)
+        Some(self.h)
     }
 }
 
@@ -198,7 +220,7 @@ impl Press {
 
 impl Finger for Press {
     fn row(&self, block: &Block) -> TouchRow {
-        let setting = setting(self.solver, self.iterations);
+        let setting = setting(self.solver, self.iterations, STEP);
         let row = block.row("Rapier", VERSION, setting);
         let note = "its energy is corotational; it does not tell all of its contact force: that is what the clamp \
                     feels, with the momentum of the block"

@@ -5,6 +5,7 @@ use crate::bench::error::BenchError;
 use glam::DVec3;
 use sinew::engine::law::EvaluationRequest;
 use sinew::engine::schedule::ForceSchedule;
+use sinew::models::body::VolumeRule;
 use sinew::prelude::*;
 use std::time::Instant;
 
@@ -12,13 +13,14 @@ use std::time::Instant;
 fn simulation(
     beam: &Beam,
     model: Model,
+    volume: VolumeRule,
     precision: Precision,
     threads: usize,
 ) -> Result<(Simulation, BodyHandle), BenchError> {
     let mut simulation =
         Simulation::new(SimulationOptions { precision, threads, ..Default::default() })?;
-    let description =
-        BodyDescription { model, ..BodyDescription::new("beam", &beam.mesh, beam.material) };
+    let body = BodyDescription::new("beam", &beam.mesh, beam.material);
+    let description = BodyDescription { model, volume, ..body };
     let body = simulation.add_body(&description)?;
     let rows = simulation.rows(body, "clamp", &beam.fixed())?;
     simulation.add_constraint(Constraint::hold("clamp", rows));
@@ -30,11 +32,17 @@ fn simulation(
 ///
 /// # Errors
 /// When Newton stops before it has converged.
-pub(super) fn equilibrium(beam: &Beam, model: Model) -> Result<Vec<DVec3>, BenchError> {
-    let (mut simulation, body) = simulation(beam, model, Precision::F64, 0)?;
+pub(crate) fn equilibrium(
+    beam: &Beam,
+    model: Model,
+    volume: VolumeRule,
+) -> Result<Vec<DVec3>, BenchError> {
+    let (mut simulation, body) = simulation(beam, model, volume, Precision::F64, 0)?;
     simulation.set_solver(SolverSettings {
         integrator: Integrator::QuasiStatic,
         linear_tolerance: 1e-8,
+        // elements that lock take thousands
+        max_linear_iterations: 50_000,
         ..Default::default()
     });
     simulation.set_dt(1.0);
@@ -51,10 +59,11 @@ pub(super) fn equilibrium(beam: &Beam, model: Model) -> Result<Vec<DVec3>, Bench
 }
 
 /// One setting of Sinew.
-struct Run {
+pub(crate) struct Run {
     /// Name of the setting.
     name: &'static str,
     model: Model,
+    volume: VolumeRule,
     precision: Precision,
     threads: usize,
     settings: SolverSettings,
@@ -62,6 +71,8 @@ struct Run {
     h: Option<f64>,
     /// Built by the first use.
     world: Option<(Simulation, BodyHandle)>,
+    /// Timed steps so far, and the linear iterations they took.
+    counted: [u64; 2],
 }
 
 /// The settings that run beside the rivals. `all` adds the equilibrium and the explicit ones.
@@ -69,7 +80,7 @@ pub(super) fn rivals(threads: usize, steps: &[f64], all: bool) -> Vec<Box<dyn Ri
     let safe = |name, model, precision, linear_tolerance, h| -> Box<dyn Rival> {
         let settings =
             SolverSettings { integrator: Integrator::Safe, linear_tolerance, ..Default::default() };
-        Box::new(Run { name, model, precision, threads, settings, h: Some(h), world: None })
+        Box::new(Run { precision, threads, ..Run::new(name, model, settings, Some(h)) })
     };
     let mut runs = Vec::new();
     let default = SolverSettings::default().linear_tolerance;
@@ -85,17 +96,45 @@ pub(super) fn rivals(threads: usize, steps: &[f64], all: bool) -> Vec<Box<dyn Ri
             ("explicit Störmer-Verlet, StVK", Integrator::StormerVerlet, Some(middle)),
         ] {
             let settings = SolverSettings { integrator, ..Default::default() };
-            let (model, precision, world) = (Model::StVK, Precision::F64, None);
-            runs.push(Box::new(Run { name, model, precision, threads, settings, h, world }));
+            runs.push(Box::new(Run { threads, ..Run::new(name, Model::StVK, settings, h) }));
         }
     }
     runs
 }
 
 impl Run {
+    /// A setting in `f64` on one thread, every element keeping its own volume.
+    pub(crate) fn new(
+        name: &'static str,
+        model: Model,
+        settings: SolverSettings,
+        h: Option<f64>,
+    ) -> Self {
+        let (volume, precision) = (VolumeRule::Elements, Precision::F64);
+        Self {
+            name,
+            model,
+            volume,
+            precision,
+            threads: 1,
+            settings,
+            h,
+            world: None,
+            counted: [0; 2],
+        }
+    }
+
+    /// With another rule for what keeps its volume.
+    #[must_use]
+    pub(crate) fn with_volume(self, volume: VolumeRule) -> Self {
+        Self { volume, ..self }
+    }
+
     fn world(&mut self, case: &Case) -> Result<&mut (Simulation, BodyHandle), BenchError> {
         if self.world.is_none() {
-            self.world = Some(simulation(&case.beam, self.model, self.precision, self.threads)?);
+            let (model, volume) = (self.model, self.volume);
+            let world = simulation(&case.beam, model, volume, self.precision, self.threads)?;
+            self.world = Some(world);
         }
         Ok(self.world.as_mut().expect("built above"))
     }
@@ -119,12 +158,45 @@ impl Rival for Run {
         self.prepare(case, &start, 0.0)?;
         let (simulation, _) = self.world(case)?;
         let mut times = Vec::with_capacity(steps);
+        let mut iterations = 0;
         for _ in 0..steps {
             let begin = Instant::now();
             simulation.step()?;
             times.push(begin.elapsed().as_secs_f64() * 1e3);
+            iterations += u64::from(simulation.report().cg_iterations);
         }
+        self.counted = [self.counted[0] + steps as u64, self.counted[1] + iterations];
         Ok(times)
+    }
+
+    fn swing(
+        &mut self,
+        case: &Case,
+        steps: usize,
+        every: usize,
+    ) -> Result<Vec<Vec<DVec3>>, BenchError> {
+        let rest = vec![DVec3::ZERO; case.beam.mesh.points.len()];
+        self.prepare(case, &rest, 0.0)?;
+        let (simulation, body) = self.world(case)?;
+        let mut states = Vec::with_capacity(steps / every);
+        for i in 1..=steps {
+            simulation.step()?;
+            if simulation.report().unconverged {
+                let name = &case.beam.name;
+                return Err(BenchError::Rival(format!(
+                    "{name}: Newton does not converge at step {i}"
+                )));
+            }
+            if i % every == 0 {
+                states.push(simulation.displacements(*body));
+            }
+        }
+        Ok(states)
+    }
+
+    fn linear_iterations(&self) -> Option<f64> {
+        let [steps, iterations] = self.counted;
+        (steps > 0).then(|| iterations as f64 / steps as f64)
     }
 
     fn force(&mut self, case: &Case) -> Result<Option<f64>, BenchError> {
@@ -152,7 +224,8 @@ impl Rival for Run {
     }
 
     fn truth(&self, case: &Case) -> Result<Option<Vec<DVec3>>, BenchError> {
-        (self.model != Model::StVK).then(|| equilibrium(&case.beam, self.model)).transpose()
+        let own = || equilibrium(&case.beam, self.model, self.volume);
+        (self.model != Model::StVK).then(own).transpose()
     }
 
     fn row(&self, case: &Case) -> PeerRow {

@@ -1,0 +1,163 @@
+//! Speed against error of the rivals, a chart for each scene.
+
+use super::{PeerReport, PeerRow};
+use crate::bench::error::BenchError;
+use crate::bench::plot::{Panel, Series, panels};
+use crate::report::Chart;
+
+/// Places in the list of colours of Sinew, and of the first and second setting of a rival.
+const COLOURS: [(&str, usize); 8] = [
+    ("Sinew safe", 0),
+    ("Sinew default", 5),
+    ("Sinew explicit", 7),
+    ("MuJoCo, its cap", 4),
+    ("MuJoCo, converged", 1),
+    ("Rapier constraints", 6),
+    ("Rapier, its cap", 3),
+    ("Rapier, converged", 2),
+];
+
+/// What a row counts as in the legend; none for equilibria, which have no steps.
+fn name(row: &PeerRow) -> Option<&'static str> {
+    let has = |word: &str| row.setting.contains(word);
+    let capped = has("its default") || has("at most 20 CG");
+    Some(match (row.engine.as_str(), capped) {
+        ("Sinew", _) if has("default") => "Sinew default",
+        ("Sinew", _) if has("safe") => "Sinew safe",
+        ("Sinew", _) if has("explicit") => "Sinew explicit",
+        ("MuJoCo", true) => "MuJoCo, its cap",
+        ("MuJoCo", false) => "MuJoCo, converged",
+        ("Rapier", _) if has("constraints") => "Rapier constraints",
+        ("Rapier", true) => "Rapier, its cap",
+        ("Rapier", false) => "Rapier, converged",
+        _ => return None,
+    })
+}
+
+/// Points of the rows that have both figures, by name, cheapest first.
+fn series<'a>(points: impl Iterator<Item = (&'a str, Option<f64>, Option<f64>)>) -> Vec<Series> {
+    let mut all: Vec<Series> = COLOURS
+        .iter()
+        .map(|(name, colour)| {
+            Series::new(*name, Vec::new(), *colour).hollow(!name.starts_with("Sinew"))
+        })
+        .collect();
+    for (name, cost, error) in points {
+        if let Some((place, point)) =
+            all.iter().position(|s| s.name == name).zip(cost.zip(error.map(f64::abs)))
+        {
+            all[place].points.push([point.0, point.1]);
+        }
+    }
+    all.iter_mut().for_each(|s| s.points.sort_by(|a, b| a[0].total_cmp(&b[0])));
+    all
+}
+
+impl PeerReport {
+    /// Charts of the largest beam of each rival and of the ball, which a page shows at once, and how many these are; then
+    /// of the other beams, and of all beams in one picture.
+    ///
+    /// # Errors
+    /// When one cannot be drawn.
+    pub fn charts(&self) -> Result<(Vec<Chart>, usize), BenchError> {
+        let mut scenes: Vec<&PeerRow> = Vec::new();
+        // rows without a point make no chart
+        let points = self
+            .rows
+            .iter()
+            .filter(|r| name(r).and(r.cost_per_simulated_second).and(r.error_percent).is_some());
+        for row in points {
+            if scenes.iter().all(|s| s.scene != row.scene) {
+                scenes.push(row);
+            }
+        }
+        // the largest of each beam, then of the rest the largest first
+        scenes.sort_by_key(|s| std::cmp::Reverse(s.elements));
+        let beam = |s: &PeerRow| s.scene.split(',').next().map(str::to_owned);
+        let (mut first, mut rest): (Vec<&PeerRow>, Vec<&PeerRow>) = (Vec::new(), Vec::new());
+        for scene in scenes {
+            let known = first.iter().any(|s| beam(s) == beam(scene));
+            if known { rest.push(scene) } else { first.push(scene) }
+        }
+        let leading = first.len();
+        let beams: Vec<Panel> = first
+            .into_iter()
+            .chain(rest)
+            .enumerate()
+            .map(|(i, scene)| {
+                let rows = self.rows.iter().filter(|r| r.scene == scene.scene);
+                let point = |r: &'_ PeerRow| {
+                    name(r).map(|n| (n, r.cost_per_simulated_second, r.error_percent))
+                };
+                let title = scene.scene.split_once(", ").map_or(&*scene.scene, |(_, rest)| rest);
+                Panel {
+                    name: format!("peers-beam-{}", i + 1),
+                    title: format!("Beam, {title}"),
+                    series: series(rows.filter_map(point)),
+                }
+            })
+            .collect();
+        let touched = self.touch.iter().filter_map(|r| {
+            let row = PeerRow {
+                engine: r.engine.clone(),
+                setting: r.setting.clone(),
+                ..PeerRow::default()
+            };
+            // contact has settings of its own: all of ours that take steps are one line of the legend
+            let name = if r.engine == "Sinew" { Some("Sinew safe") } else { name(&row) };
+            name.map(|n| (n, r.cost_per_simulated_second, r.error_percent))
+        });
+        let ball = Panel {
+            name: "peers-ball".into(),
+            title: "Ball on a block: error of the held force".into(),
+            series: series(touched),
+        };
+        let axes = ["s of computation per simulated s", "error (%), below 1e-4 at the floor"];
+        let drawn = |panel: &Panel| panel.series.iter().any(|s| !s.points.is_empty());
+        let mut charts = match beams.is_empty() {
+            true => Vec::new(),
+            false => panels("peers-beams", axes, &beams, false)?,
+        };
+        if !drawn(&ball) {
+            return Ok((charts, leading));
+        }
+        charts.splice(leading..leading, panels("peers-ball", axes, &[ball], false)?);
+        Ok((charts, leading + 1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_beams_and_the_ball_come_first() {
+        let row = |engine: &str, setting: &str, scene: &str, elements| PeerRow {
+            engine: engine.into(),
+            setting: setting.into(),
+            scene: scene.into(),
+            elements,
+            cost_per_simulated_second: Some(0.1),
+            error_percent: Some(1.0),
+            ..PeerRow::default()
+        };
+        let rows = vec![
+            row("Sinew", "safe, StVK, h = 10 ms", "a, 10 tetrahedra", 10),
+            row("MuJoCo", "flex, at most 1000 iterations", "a, 20 tetrahedra", 20),
+            row("Rapier", "FEM, at most 20 CG iterations", "b, 5 tetrahedra", 5),
+            row("Sinew", "quasi-static Newton, StVK", "c, 1 tetrahedra", 1),
+        ];
+        let report = PeerReport { rows, ..PeerReport::default() };
+        let names =
+            |charts: &[Chart]| -> Vec<String> { charts.iter().map(|c| c.name.clone()).collect() };
+        let (charts, leading) = report.charts().unwrap();
+        // an equilibrium has no cost per simulated second: its scene has no chart
+        assert_eq!(names(&charts), ["peers-beam-1", "peers-beam-2", "peers-beam-3", "peers-beams"]);
+        assert_eq!(leading, 2);
+        assert!(
+            charts[0].svg.contains("MuJoCo, converged") && charts[0].svg.contains("20 tetrahedra")
+        );
+        assert!(charts[1].svg.contains("Rapier, its cap"));
+        assert!(PeerReport::default().charts().unwrap().0.is_empty());
+    }
+}
