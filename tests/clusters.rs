@@ -3,11 +3,13 @@
 use crate::common::{Shortcuts, alone, clamp, drive, jittered_box, max_distance, max_length};
 use crate::common::{options, solver};
 use glam::DVec3;
+use sinew::engine::connectivity::ElementKind;
 use sinew::engine::element::{TetrahedronIndex, TetrahedronVertices};
 use sinew::engine::mesh::Mesh;
-use sinew::engine::mesh::generate::box_tets;
+use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
 use sinew::models::body::VolumeRule;
 use sinew::models::frame::clusters::ClusterIndex;
+use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
 use std::collections::BTreeMap;
@@ -184,11 +186,45 @@ fn no_cluster_falls_into_pieces() {
             1 + 3 * (round % 3),
             round as u64,
         );
-        let region = sinew::models::resection::Region::Tetrahedra(chosen);
-        simulation.remove_elements(own, &sinew::models::resection::Removal::new(region)).unwrap();
+        let region = Region::Tetrahedra(chosen);
+        simulation.remove_elements(own, &Removal::new(region)).unwrap();
         most = most.max(check(&mut simulation));
     }
     assert!(most > before, "nothing was split: {before} clusters");
+}
+
+/// Single hexahedra and ten-node tetrahedra keep means, too: what is cut away leaves a body that moves on, and is that which
+/// would be built of the rest.
+#[test]
+fn means_of_single_elements_outlive_cuts() {
+    let size = DVec3::from_array(BAR);
+    let tens = jittered_box(BAR, [6, 2, 2]).with_second_order();
+    let hexahedra = box_hexahedra(size, [8, 3, 3]).unwrap();
+    for (mesh, model) in [&tens, &hexahedra].into_iter().flat_map(|m| MODELS.map(|o| (m, o))) {
+        let (mut simulation, own) =
+            alone(options(Precision::F64, 1), &clustered(mesh, model, 0.4999));
+        clamp(&mut simulation, own, mesh, "x0");
+        simulation.integrate_by(Integrator::Safe);
+        simulation.set_dt(0.01);
+        simulation.steps(5);
+        for round in 0..8 {
+            let kind = match mesh.hexahedra.is_empty() {
+                true => ElementKind::Tetrahedron,
+                false => ElementKind::Hexahedron,
+            };
+            let chosen = crate::common::pick(simulation.remaining(own, kind), 2, round);
+            let region = match kind {
+                ElementKind::Hexahedron => Region::Hexahedra(chosen),
+                _ => Region::Tetrahedra(chosen),
+            };
+            simulation.remove_elements(own, &Removal::new(region)).unwrap();
+            simulation.step().unwrap();
+            let difference = simulation.verify_against_fresh(own).unwrap();
+            assert!(difference.largest() < 1e-12, "{model:?} {round}: {difference:?}");
+            let change = simulation.volume_report().largest_mean_change;
+            assert!(change > 0.0 && change < 0.01, "{model:?} {round}: {change}");
+        }
+    }
 }
 
 /// One thread or two, and twice the same: the same bits.

@@ -406,7 +406,8 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<S>
                 volume += total(own).to_f64();
                 change += total(own * volume_change(&g)).to_f64();
             }
-            *to = S::from_f64(change / volume);
+            // a removed element has no volume
+            *to = S::from_f64(if volume > 0.0 { change / volume } else { 0.0 });
         }
     }
 }

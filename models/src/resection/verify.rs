@@ -46,9 +46,11 @@ pub struct FreshDifference {
 }
 
 impl FreshDifference {
-    /// Largest difference, masses left out.
+    /// Largest difference, masses left out; not a number, where one is none.
     pub fn largest(&self) -> f64 {
-        self.others.iter().map(|(_, x)| *x).fold(0.0, f64::max)
+        let larger = |most: f64, (_, x): &(_, f64)| if *x <= most { most } else { *x };
+        // a comparison with what is no number is false: it stays
+        self.others.iter().fold(0.0, |most, x| if most.is_nan() { most } else { larger(most, x) })
     }
 }
 

@@ -244,21 +244,36 @@ impl Search<'_> {
                 cut: *cut,
             });
         }
+        let by_chance = |row: &CutRow| row.error_percent.is_some_and(|own| error(&rows, row) > own);
+        let by_chance: Vec<bool> = rows.iter().map(by_chance).collect();
+        for (row, by_chance) in rows.iter_mut().zip(by_chance) {
+            if by_chance {
+                row.note = "near by chance: finer ones of its kind are farther away".into();
+            }
+        }
         let (best, met) = choose(&rows, largest);
         let finest_elements = truth.elements;
         Ok(Cuts { finest: cut.keys(), finest_elements, rows, best, met })
     }
 }
 
+/// Error (%) that a row counts with: no mesh is nearer than finer ones of its kind but by chance, where errors cancel.
+fn error(rows: &[CutRow], row: &CutRow) -> f64 {
+    let kind = |row: &CutRow| Cut { finer: 0, ..row.cut };
+    let finer = rows.iter().filter(|r| kind(r) == kind(row) && r.cut.finer > row.cut.finer);
+    let own = row.error_percent.unwrap_or(f64::INFINITY);
+    finer.filter_map(|row| row.error_percent).fold(own, f64::max)
+}
+
 /// The fastest that is near enough, or the nearest; and which it is.
 fn choose(rows: &[CutRow], largest: f64) -> (usize, bool) {
-    let error = |row: &CutRow| row.error_percent.unwrap_or(f64::INFINITY);
-    let near = (0..rows.len()).filter(|&i| error(&rows[i]) <= 100.0 * largest);
+    let errors: Vec<f64> = rows.iter().map(|row| error(rows, row)).collect();
+    let near = (0..rows.len()).filter(|&i| errors[i] <= 100.0 * largest);
     match near.min_by(|&a, &b| rows[a].frame_ms.total_cmp(&rows[b].frame_ms)) {
         Some(best) => (best, true),
         None => {
             let all = 0..rows.len();
-            let nearest = all.min_by(|&a, &b| error(&rows[a]).total_cmp(&error(&rows[b])));
+            let nearest = all.min_by(|&a, &b| errors[a].total_cmp(&errors[b]));
             (nearest.unwrap_or(0), false)
         }
     }
@@ -326,6 +341,13 @@ mod tests {
         assert_eq!(choose(&rows, 0.05), (2, true));
         assert_eq!(choose(&rows, 0.03), (1, true));
         assert_eq!(choose(&rows, 0.01), (1, false));
+        // one that is nearer than a finer one of its kind is so by chance
+        let finer = |row: CutRow| CutRow { cut: Cut { finer: 1, ..row.cut }, ..row };
+        let rows = [row(1.0, Some(2.0)), finer(row(2.0, Some(10.0))), row(3.0, Some(3.0))];
+        let other = Cut { hexahedra: true, ..Cut::default() };
+        let [chance, fine, hexahedra] = rows;
+        let rows = [chance, fine, CutRow { cut: other, ..hexahedra }];
+        assert_eq!(choose(&rows, 0.05), (2, true));
     }
 
     #[test]
