@@ -14,7 +14,7 @@
 //!
 //! The clusters cover the body once, so that the continuum law does not depend on `lambda_e`; where materials meet,
 //! `lambda_c` is the mean by volume. The quartic term acts on both signs and keeps single elements from collapsing, since
-//! only means are held. The vectors `b_c` are part of the tangent as they are ([`LowRank`]), never added up.
+//! only means are held. The vectors `b_c` are part of the tangent as they are (`LowRank`, [`means`]), never added up.
 
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::ContiguousQueryData;
