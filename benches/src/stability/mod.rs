@@ -95,6 +95,11 @@ impl Column {
         self.recovers() && self.model == Model::CompressibleStVK && self.cells == Cells::Tetrahedra
     }
 
+    /// Whether the elements of solids, or what keeps their volume, are not the default ones.
+    pub fn other_elements(self) -> bool {
+        self.cells != Self::DEFAULT.cells || self.volume != Self::DEFAULT.volume
+    }
+
     /// Whether bodies with many inverted elements recover by another energy.
     pub fn recovers(self) -> bool {
         self.recovery && self.integrator.recovers()
@@ -586,7 +591,8 @@ fn jobs<'a>(cases: &'a [Case], columns: &[Column]) -> Vec<Job<'a>> {
                 .filter(|i| i.is_explicit())
                 .for_each(|&integrator| add(Some(Column { integrator, ..Column::DEFAULT }), true)),
             Scope::Robust => {
-                columns.iter().filter(|c| c.required()).for_each(|&c| add(Some(c), true))
+                let concerned = |c: &&Column| c.required() || c.recovers() && c.other_elements();
+                columns.iter().filter(concerned).for_each(|&c| add(Some(c), c.required()));
             }
             Scope::Every | Scope::Integrators => {
                 columns.iter().filter(|c| wanted(c)).for_each(|&c| add(Some(c), c.required()))

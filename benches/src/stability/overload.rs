@@ -1,4 +1,4 @@
-//! Group 12: loads far beyond what the material can hold, on every law, clamped and free.
+//! Group 12: loads far beyond what the material can hold, on every law and kind of element, clamped and free.
 //!
 //! Whatever the load, a run stays finite, its books balance, and it ends at rest or fails by name. Recovery
 //! from inversion, which is for bodies that were crushed and are let go, must not make anything worse.
@@ -10,6 +10,7 @@ use sinew::engine::load::Pressure;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, cup_hexahedra, triangle_grid};
 use sinew::engine::mesh::{Mesh, MeshError};
 use sinew::engine::step::StepError;
+use sinew::models::body::VolumeRule;
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::prelude::*;
 use std::sync::Arc;
@@ -59,7 +60,21 @@ struct Subject {
     name: String,
     mesh: Arc<Mesh>,
     model: Model,
+    volume: VolumeRule,
     membrane: bool,
+}
+
+impl Subject {
+    fn new(name: &str, mesh: &Arc<Mesh>, model: Model) -> Self {
+        let (name, mesh) = (name.to_string(), Arc::clone(mesh));
+        Self { name, mesh, model, volume: VolumeRule::Elements, membrane: false }
+    }
+
+    /// The volume is kept by the means of clusters or of elements.
+    fn with_means(mut self) -> Self {
+        self.name += " means";
+        Self { volume: VolumeRule::Clusters, ..self }
+    }
 }
 
 fn subjects() -> Result<Vec<Subject>, MeshError> {
@@ -74,18 +89,18 @@ fn subjects() -> Result<Vec<Subject>, MeshError> {
         Model::Corotational,
         Model::QuadraticSprings,
     ];
-    let of = |name: String, mesh: &Arc<Mesh>, model, membrane| Subject {
-        name,
-        mesh: Arc::clone(mesh),
-        model,
-        membrane,
-    };
-    let mut subjects: Vec<Subject> =
-        models.iter().map(|&model| of(model.name().to_string(), &bar, model, false)).collect();
+    let mut subjects = models.map(|model| Subject::new(model.name(), &bar, model)).to_vec();
+    let curved = Arc::new(bar.with_second_order());
     for model in [Model::CompressibleStVK, Model::NeoHookean] {
-        subjects.push(of(format!("hexahedra {}", model.name()), &blocks, model, false));
+        for (cells, mesh) in [("hexahedra", &blocks), ("tetrahedra10", &curved)] {
+            subjects.push(Subject::new(&format!("{cells} {}", model.name()), mesh, model));
+        }
     }
-    subjects.push(of("membrane".into(), &sheet, Model::CompressibleStVK, true));
+    let kept = |s: &&Subject| s.model.keeps_mean_volume();
+    let kept: Vec<Subject> = subjects.iter().filter(kept).cloned().collect();
+    subjects.extend(kept.into_iter().map(Subject::with_means));
+    let sheet = Subject::new("membrane", &sheet, Model::CompressibleStVK);
+    subjects.push(Subject { membrane: true, ..sheet });
     Ok(subjects)
 }
 
@@ -133,8 +148,7 @@ pub(super) fn cases() -> Result<Cases, MeshError> {
         ("cup", &heart, Model::CompressibleStVK, -1e6, 0.0),
         ("cup", &heart, Model::CompressibleStVK, 1e9, 0.0),
     ] {
-        let mesh = Arc::clone(mesh);
-        let subject = Subject { name: name.into(), mesh, model, membrane: false };
+        let subject = Subject::new(name, mesh, model);
         let quick = pressure == 5e4 || pressure == 1e5;
         add(&subject, Overload::Pressure(pressure, ramp), true, quick);
     }
@@ -152,6 +166,8 @@ struct End {
 }
 
 fn overload(setting: &Setting, subject: &Subject, load: Overload, clamped: bool) -> Outcome {
+    // the subjects have cells of their own
+    setting.of_tetrahedra()?;
     let mut run = start(setting, subject, load, clamped)?;
     let end = go(&mut run);
     let recovers = setting.column.recovers();
@@ -177,7 +193,7 @@ fn overload(setting: &Setting, subject: &Subject, load: Overload, clamped: bool)
         1e-3,
     ));
     if let Some(Ok(reference)) = reference {
-        let elements = (subject.mesh.tetrahedra.len() + subject.mesh.hexahedra.len()).max(1) as f64;
+        let elements = run.elements().max(1) as f64;
         let more = (end.inverted as f64 - reference.inverted as f64) / elements;
         checks.push(Check::at_most("more inverted than without recovery", more, 0.02));
         let higher = (end.potential - reference.potential) / end.work;
@@ -201,7 +217,8 @@ fn start<'a>(
             ..BodyDescription::from_parts("sheet", &mesh.points, &[], material)
         }
     } else {
-        BodyDescription { model: subject.model, ..BodyDescription::new("body", mesh, material) }
+        let Subject { model, volume, .. } = *subject;
+        BodyDescription { model, volume, ..BodyDescription::new("body", mesh, material) }
     };
     let mut run = Run::with(setting, mesh, &description)?;
     run.solver(|s| s.mass_damping = DAMPING);

@@ -60,8 +60,9 @@ impl Cells {
     /// A mesh of tetrahedra, cut into these cells.
     fn of<'a>(self, mesh: &'a Mesh) -> Result<Cow<'a, Mesh>, Problem> {
         match self {
-            _ if !mesh.is_solid() => Ok(Cow::Borrowed(mesh)),
             Self::Tetrahedra => Ok(Cow::Borrowed(mesh)),
+            // a sheet is the same, whatever solids are cut into
+            _ if !mesh.is_solid() => Err(OtherCells.into()),
             Self::Tetrahedra10 => Ok(Cow::Owned(mesh.with_second_order())),
             Self::Hexahedra => Ok(Cow::Owned(cells_of(mesh).ok_or(OtherCells)?)),
         }
@@ -101,7 +102,7 @@ pub(super) enum Scope {
     Every,
     /// All integrators with the default energy.
     Integrators,
-    /// Those that must pass: the integrators that are meant for anything.
+    /// Those of the integrators that are meant for anything, with the default energy or other elements.
     Robust,
     /// The explicit integrators, whatever the columns; both must pass.
     Explicit,
