@@ -93,6 +93,9 @@ pub struct StabilityArguments {
     /// Only this group, 1 to 13; may be given several times.
     #[arg(long = "group", value_name = "N")]
     groups: Vec<u8>,
+    /// Only cases whose names contain this; may be given several times.
+    #[arg(long = "case", value_name = "TEXT")]
+    cases: Vec<String>,
     /// File for the JSON form; `-` prints it instead of the tables.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -153,6 +156,7 @@ fn stability(arguments: &StabilityArguments) -> Outcome {
         cells: arguments.cells,
         no_recovery: arguments.no_recovery,
         groups: arguments.groups.clone(),
+        cases: arguments.cases.clone(),
     };
     let tell = |done: usize, all: usize| {
         if done == all || done.is_multiple_of(100) {

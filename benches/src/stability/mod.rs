@@ -309,6 +309,8 @@ pub struct SuiteOptions {
     pub no_recovery: bool,
     /// Groups; all when empty.
     pub groups: Vec<u8>,
+    /// Parts of the names of cases; all cases when empty.
+    pub cases: Vec<String>,
 }
 
 impl SuiteOptions {
@@ -381,6 +383,7 @@ impl SuiteOptions {
             words.push("--no-recovery".into());
         }
         words.extend(self.groups.iter().map(|g| format!("--group {g}")));
+        words.extend(self.cases.iter().map(|name| format!("--case '{name}'")));
         words.join(" ")
     }
 }
@@ -395,6 +398,11 @@ pub enum SuiteError {
     /// There is no such group.
     #[error("there is no group {0}: choose one of 1 to 13")]
     Group(u8),
+    /// Nothing is left to run.
+    #[error(
+        "no case is left: leave out --case or --quick, or take a part of a name that --json writes"
+    )]
+    NoCase,
     /// An integrator that finds equilibria cannot run a suite of motion.
     #[error("quasi-static finds equilibria, the hard cases are motion: choose another integrator")]
     QuasiStatic,
@@ -529,7 +537,15 @@ pub fn run(
     let instruction_set = InstructionSet::default_set()?;
     let mut cases = all_cases()?;
     let wanted = |group: u8| options.groups.is_empty() || options.groups.contains(&group);
-    cases.retain(|case| wanted(case.part.group) && (case.quick || !options.quick));
+    let named = |name: &str| {
+        options.cases.is_empty() || options.cases.iter().any(|part| name.contains(part))
+    };
+    cases.retain(|case| {
+        wanted(case.part.group) && named(&case.name) && (case.quick || !options.quick)
+    });
+    if cases.is_empty() {
+        return Err(SuiteError::NoCase);
+    }
     let columns = options.columns();
     let jobs: Vec<Job> = jobs(&cases, &columns);
     let done = AtomicUsize::new(0);

@@ -90,7 +90,8 @@ fn subjects() -> Result<Vec<Subject>, MeshError> {
         Model::QuadraticSprings,
     ];
     let mut subjects = models.map(|model| Subject::new(model.name(), &bar, model)).to_vec();
-    let curved = Arc::new(bar.with_second_order());
+    // about as many vertices as the bar
+    let curved = Arc::new(box_tets(SIZE, [3, 1, 1])?.with_second_order());
     for model in [Model::CompressibleStVK, Model::NeoHookean] {
         for (cells, mesh) in [("hexahedra", &blocks), ("tetrahedra10", &curved)] {
             subjects.push(Subject::new(&format!("{cells} {}", model.name()), mesh, model));

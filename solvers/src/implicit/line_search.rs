@@ -1,6 +1,6 @@
 //! Armijo backtracking along the Newton step, body by body, with one evaluation for all of them a try.
 
-use super::step::{BodyStep, ImplicitScratch, Mode, Rejected, Step, noise};
+use super::step::{BodyStep, ImplicitScratch, Mode, Rejected, Step, largest_entry, noise};
 use super::touch::At;
 use crate::state::{dot3, evaluate};
 use bevy_ecs::prelude::World;
@@ -158,7 +158,15 @@ impl<S: Scalar> Step<'_, S> {
             });
         }
         for search in &*searches {
-            scratch.keep_momentum(bodies[search.body].rows.clone());
+            let rows = bodies[search.body].rows.clone();
+            // where the step is absurd, so is what would make its predictions true
+            let ImplicitScratch { bend, direction, .. } = &mut **scratch;
+            let (bend, direction) = (&mut bend[rows.clone()], &direction[rows.clone()]);
+            let short = largest_entry(bend) <= largest_entry(direction);
+            if !short || bend.iter().flatten().any(|x| !x.to_f64().is_finite()) {
+                bend.fill([S::ZERO; 4]);
+            }
+            scratch.keep_momentum(rows);
         }
         let mut damped = Vec::new();
         if !scratch.damping.diagonal.is_empty() {
