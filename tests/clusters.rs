@@ -93,6 +93,29 @@ fn a_crushed_cube_keeps_its_volume() {
     }
 }
 
+/// Loads far beyond the material ask for steps that no bend makes true; the body has to move all the same.
+#[test]
+fn overloaded_bodies_move() {
+    let mesh = box_tets(BAR.into(), [8, 2, 2]).unwrap();
+    for model in MODELS {
+        for gravity in [1e5, 1e6] {
+            let (mut simulation, own) =
+                alone(SimulationOptions::default(), &clustered(&mesh, model, 0.4));
+            clamp(&mut simulation, own, &mesh, "x0");
+            simulation.set_gravity(-gravity * DVec3::Z);
+            simulation.integrate_by(Integrator::Safe);
+            simulation.set_dt(0.01);
+            for _ in 0..20 {
+                simulation.step().unwrap();
+                let report = simulation.report();
+                assert_eq!(report.line_search_failures, 0, "{model:?} {gravity:e}");
+                let far = max_length(&simulation.displacements(own));
+                assert!(far > 1e-3 && far.is_finite(), "{model:?} {gravity:e} {far}");
+            }
+        }
+    }
+}
+
 /// The complete factor adds up what iterations never do.
 #[test]
 fn every_preconditioner_and_the_complete_factor_agree() {
