@@ -112,18 +112,28 @@ impl Shape {
             let (distance, now) = self.distance(from + way * along);
             gradient = now;
             if distance >= -1e-12 * size {
-                break;
+                return (way, gradient);
             }
             // near the surface the distance along a slanting ray is longer than the way to the surface
             let slope = now.dot(along);
             let newton = if slope > 0.1 { -distance / slope } else { -distance };
             let (beyond, at) = self.distance(from + (way + newton) * along);
             if beyond.abs() < 1e-12 * size {
-                way += newton;
-                gradient = at;
-                break;
+                return (way + newton, at);
             }
             way += if beyond < 0.0 { newton } else { -distance };
+        }
+        // a ray that leaves at a small angle to the surface: the steps have become too short, so halve a bracket
+        let ahead = |way: f64| self.distance(from + way * along);
+        let step = -ahead(way).0;
+        let outside =
+            (0..60).map(|i| way + step * f64::from(i).exp2()).find(|&w| ahead(w).0 >= 0.0);
+        if let Some(mut outside) = outside {
+            for _ in 0..100 {
+                let middle = 0.5 * (way + outside);
+                if ahead(middle).0 < 0.0 { way = middle } else { outside = middle }
+            }
+            (way, gradient) = (outside, ahead(outside).1);
         }
         (way, gradient)
     }
