@@ -126,8 +126,8 @@ impl Shape {
         // a ray that leaves at a small angle to the surface: the steps have become too short, so halve a bracket
         let ahead = |way: f64| self.distance(from + way * along);
         let step = -ahead(way).0;
-        let outside =
-            (0..60).map(|i| way + step * f64::from(i).exp2()).find(|&w| ahead(w).0 >= 0.0);
+        let farther = std::iter::successors(Some(step), |step| Some(2.0 * step)).take(60);
+        let outside = farther.map(|step| way + step).find(|&way| ahead(way).0 >= 0.0);
         if let Some(mut outside) = outside {
             for _ in 0..100 {
                 let middle = 0.5 * (way + outside);
