@@ -264,6 +264,11 @@ impl<S: Scalar> Derivatives<S, 10, 3, 4> {
     pub fn tetrahedron10() -> Self {
         Self::of(|q| tetrahedron10_derivatives(TETRAHEDRON_POINTS[q]))
     }
+
+    /// The same at the corners, of which each is next to the point of its number.
+    pub fn tetrahedron10_corners() -> Self {
+        Self::of(|q| tetrahedron10_derivatives([0, 1, 2, 3].map(|i| f64::from(u8::from(i == q)))))
+    }
 }
 
 impl<S: Scalar> Derivatives<S, 4, 2, 4> {

@@ -4,7 +4,9 @@
 use glam::DVec3;
 use sinew_engine::report::StepReport;
 use sinew_engine::topology::{BodyRows, Topology};
-use sinew_solvers::recovery::{BodyState, Plan, RecoveryUnending, Shape, SwapEnergies, is_crushed};
+use sinew_solvers::recovery::{
+    BodyState, LEAVE_STRAIN, Plan, RecoveryUnending, Shape, SwapEnergies, is_crushed,
+};
 
 use crate::body::{DeviceBody, StepUniform};
 use crate::context::Context;
@@ -43,7 +45,7 @@ impl Decision<'_> {
             body.recovering = false;
             return Ok(was);
         }
-        let mut plan = state.plan(&self.shape, || self.largest_strain());
+        let mut plan = state.plan(&self.shape, || self.largest_strain() <= LEAVE_STRAIN);
         if was || plan == Plan::Begin {
             let mut energies = |recovering| {
                 body.recovering = recovering;

@@ -212,6 +212,7 @@ fn check_digits<L: TetrahedronLaw>(
         compression: 0.0,
         pressure: 0.0,
         quartic: 0.0,
+        slack: 0.0,
     };
     let f = L::forces(&wide, &u).unwrap();
     let g = L::forces(&narrow, &u.map(|x| x.map(|x| x as f32))).unwrap();

@@ -21,7 +21,7 @@ use sinew_engine::workers::Workers;
 use sinew_models::axes::description::{AxesDescription, AxisAngle, AxisFamily, AxisForm};
 use sinew_models::body::sheet::{MembraneDescription, MembraneError, MembraneModel, PlaneState};
 use sinew_models::body::{BodyDescription, BodyError, Evaluation, Model, VolumeRule, spawn_body};
-use sinew_models::material::YoungPoisson;
+use sinew_models::material::{LameParameters, YoungPoisson};
 
 /// Models of a material that hexahedra have.
 fn solids() -> impl Iterator<Item = Model> {
@@ -277,7 +277,8 @@ fn derivatives_of_energy_and_force() {
     for_bodies(|body, name, _| {
         let mut world = world::<f64>(body, InstructionSet::Portable);
         let n = body.points.len();
-        for (size, seed) in [(0.05, 1), (0.3, 2)] {
+        // the last has points that are turned over
+        for (size, seed) in [(0.05, 1), (0.3, 2), (0.7, 3)] {
             let u = displacements(n, size, seed);
             let at = respond::<f64>(&mut world, &u, TangentKind::Exact);
             let scale = sizes(&at.tangent);
@@ -304,6 +305,42 @@ fn derivatives_of_energy_and_force() {
             }
         }
     });
+}
+
+/// In an even compression the mean is that of every point: what is left is the term that holds points.
+#[test]
+fn points_that_lost_half_their_volume_are_held() {
+    let (corners, hexahedra) = bricks();
+    let (even, tens) = (corners.iter().map(|x| x.round()).collect::<Vec<_>>(), tens());
+    for (model, nu, ratio) in [Model::NeoHookean, Model::StVKVolume].into_iter().flat_map(|model| {
+        [0.0, 0.3, 0.4999]
+            .into_iter()
+            .flat_map(move |nu| [0.8, 0.5, 0.2, 0.0, -0.5_f64].map(|j| (model, nu, j)))
+    }) {
+        let LameParameters { lambda, mu } = material(nu).lame().unwrap();
+        let flat = 0.5 * (lambda + mu).min(10.0 * mu);
+        let held = flat * ((0.5 - ratio).max(0.0) / 0.5).powi(4);
+        let bricks = BodyDescription {
+            hexahedra: &hexahedra,
+            ..BodyDescription::from_parts("body", &even, &[], material(nu))
+        };
+        for body in [bricks, BodyDescription::new("body", &tens, material(nu))] {
+            let energies = [VolumeRule::Elements, VolumeRule::Clusters].map(|volume| {
+                let body = BodyDescription { model, volume, ..body.clone() };
+                let u: Vec<DVec3> =
+                    body.points.iter().map(|x| (ratio - 1.0) * x.x * DVec3::X).collect();
+                let mut world = world::<f64>(&body, InstructionSet::Portable);
+                let Response { energy, masses, .. } =
+                    respond::<f64>(&mut world, &u, TangentKind::Exact);
+                energy / masses.iter().sum::<f64>()
+            });
+            let error = energies[1] - energies[0] - held;
+            assert!(
+                error.abs() < 1e-12 * energies[1].max(1.0),
+                "{model:?} {nu} {ratio}: {error:e}"
+            );
+        }
+    }
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! Recovery from inversion. The energy of biquadratic springs with compression term untangles folded and
 //! mirrored bodies, but one that was collapsed to a point or scrambled may end wound around itself.
 //! The corotational energy has no such states, so a body of which more than [`ENTER`] of the elements
-//! are inverted moves by it, with safe steps, until no element has `J` below [`LEAVE_RATIO`], no edge is
-//! strained beyond [`LEAVE_STRAIN`], and its own energy is no more than it was when recovery began.
+//! are inverted moves by it, with safe steps, until no element has `J` below [`LEAVE_RATIO`], no ten-node
+//! tetrahedron is folded anywhere, no edge is strained beyond [`LEAVE_STRAIN`], and its own energy is no more
+//! than it was when recovery began.
 //!
 //! The corotational energy grows with the square of the strain only. So that what a recovering body minimises
 //! stays bounded below, follower pressure, whose potential may fall with the third power, is silent meanwhile
@@ -21,6 +22,7 @@ use crate::state::{NodeState, Rows, evaluate, read_force};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use sinew_engine::isoparametric::folded_tetrahedron;
 use sinew_engine::law::{BodiesWithoutRecovery, ElasticEnergy, RecoveringBodies};
 use sinew_engine::report::{StepReport, VolumeReport};
 use sinew_engine::scalar::Scalar;
@@ -136,9 +138,10 @@ impl BodyState {
         if self == Self::Own { None } else { mark_of_hold(node, rows) }
     }
 
-    /// What the shape asks for; counts steps. `strain` is the largest relative change of length of an edge.
-    pub fn plan(&mut self, shape: &Shape, strain: impl Fn() -> f64) -> Plan {
-        let in_shape = || shape.smallest_ratio > LEAVE_RATIO && strain() <= LEAVE_STRAIN;
+    /// What the shape asks for; counts steps. `in_order` says whether edges and curved elements are as they are to be
+    /// when recovery ends.
+    pub fn plan(&mut self, shape: &Shape, in_order: impl Fn() -> bool) -> Plan {
+        let in_shape = || shape.smallest_ratio > LEAVE_RATIO && in_order();
         if let Self::GivenUp(hold) = *self {
             if shape.hold == Some(hold) && !in_shape() {
                 return Plan::Stay;
@@ -281,8 +284,11 @@ impl Recovery {
         let shapes: Vec<Shape> = self.bodies.iter().enumerate().map(shape).collect();
         let without = world.resource::<BodiesWithoutRecovery>();
         let plan = |(i, state): (usize, &mut BodyState)| {
-            let strain = || largest_strain(topology, node, rest, i);
-            if without.contains(i) { Plan::Stay } else { state.plan(&shapes[i], strain) }
+            let in_order = || {
+                largest_strain(topology, node, rest, i) <= LEAVE_STRAIN
+                    && !has_folds(topology, node, rest, i)
+            };
+            if without.contains(i) { Plan::Stay } else { state.plan(&shapes[i], in_order) }
         };
         let mut plans: Vec<Plan> = self.bodies.iter_mut().enumerate().map(plan).collect();
         if plans.contains(&Plan::Begin) || self.bodies.iter().any(|body| body.recovers()) {
@@ -444,6 +450,22 @@ fn energies<S: Scalar>(
     evaluate(world, &node.u, true, false, None);
     let energy = world.resource::<ElasticEnergy>();
     Energies { by_body: energy.by_body.clone(), elastic: energy.elastic() }
+}
+
+/// Whether a ten-node tetrahedron of a body is folded, where its Gauss points may miss it.
+fn has_folds<S: Scalar>(
+    topology: &Topology,
+    node: &NodeState<S>,
+    rest: &[DVec3],
+    body: usize,
+) -> bool {
+    let body = &topology.bodies[body];
+    let position = |local: u32| {
+        let row = (body.vertices.start + local) as usize;
+        (rest[row] + DVec3::from_array([0, 1, 2].map(|k| node.u[row][k].to_f64()))).to_array()
+    };
+    let folded = |nodes: &[u32; 10]| folded_tetrahedron(&nodes.map(position)).is_some();
+    body.tetrahedra10.iter().any(folded)
 }
 
 /// Largest relative change of length of the edges of a body.

@@ -134,6 +134,7 @@ impl ElementFlops {
             compression: Counted(plain.compression),
             pressure: Counted(plain.pressure),
             quartic: Counted(plain.quartic),
+            slack: Counted(plain.slack),
         };
         let squeezed = corner.map(|x| [-0.1, -0.2, 0.1].map(|s| Counted(s * (x[0] + x[1] - x[2]))));
         Self {

@@ -59,29 +59,41 @@ pub struct Element<S> {
     /// Pressure (Pa, positive in expansion) that acts on `J - 1` besides that of the element: that of the elements whose
     /// mean volume is kept. 0 without; only laws with [`TAKES_PRESSURE`](crate::frame::tetrahedra::TetrahedronLaw) read it.
     pub pressure: S,
-    /// Modulus (Pa) of a term `kappa/2 (J - 1)^4`; 0 without, and read by the same laws.
+    /// Modulus `kappa` (Pa) of a term `kappa/2 x^4`; 0 without, and read by the same laws.
     pub quartic: S,
+    /// Where that term begins: `x = J - 1` where this is 0, else `x = min(J - 1 + slack, 0)`, which is nothing until so large
+    /// a part of the volume is lost.
+    pub slack: S,
 }
 
 impl<R: Real> Element<R> {
+    /// `x` of the quartic term at `m = J - 1`.
+    #[inline(always)]
+    fn beyond_slack(&self, m: R) -> R {
+        R::select(R::less(R::ZERO, self.slack), (m + self.slack).min(R::ZERO), m)
+    }
+
     /// What pressure and quartic term add to the slope of the volume energy at `m = J - 1`.
     #[inline(always)]
     pub(crate) fn more_slope(&self, m: R) -> R {
+        let x = self.beyond_slack(m);
         let twice = self.quartic + self.quartic;
-        (twice * m * m).mul_add(m, self.pressure)
+        (twice * x * x).mul_add(x, self.pressure)
     }
 
-    /// What they add to that energy over `m`.
+    /// Density (Pa) of the quartic term.
     #[inline(always)]
-    pub(crate) fn more_energy(&self, m: R) -> R {
-        let half = R::from_f64(0.5) * self.quartic;
-        (half * m * m).mul_add(m, self.pressure)
+    pub(crate) fn quartic_density(&self, m: R) -> R {
+        let x = self.beyond_slack(m);
+        let square = x * x;
+        R::from_f64(0.5) * self.quartic * square * square
     }
 
     /// `lambda` with what the quartic term adds to the curvature.
     #[inline(always)]
     pub(crate) fn volume_curvature(&self, m: R) -> R {
-        (R::from_f64(6.0) * self.quartic * m).mul_add(m, self.lambda)
+        let x = self.beyond_slack(m);
+        (R::from_f64(6.0) * self.quartic * x).mul_add(x, self.lambda)
     }
 }
 
@@ -103,6 +115,7 @@ impl<S: Scalar> Element<S> {
             compression: S::from_f64(kappa),
             pressure: S::ZERO,
             quartic: S::ZERO,
+            slack: S::ZERO,
         }
     }
 
@@ -117,6 +130,7 @@ impl<S: Scalar> Element<S> {
             compression: self.compression.to_f64(),
             pressure: self.pressure.to_f64(),
             quartic: self.quartic.to_f64(),
+            slack: self.slack.to_f64(),
         }
     }
 }

@@ -18,7 +18,15 @@
 //! f_a = - sum_q v_q (P_shape + p cof F_q) D_qa    K = sum_q K_q(p) + lambda/V b b^T,  b_a = sum_q v_q cof F_q D_qa
 //! ```
 //!
-//! The means are those of clusters of one element ([`super::means`]).
+//! The means are those of clusters of one element ([`super::means`]). They leave single points free, so a point that has lost
+//! half of its volume is held by a term of its own. Flat, it costs what the compression term of `svk_comp` makes it
+//! cost, `(lambda + mu)/2`, and no more than the quartic term of [`super::clusters`] does, `5 mu`:
+//!
+//! ```text
+//! W += sum_q v_q kappa/2 x_q^4      x_q = min(J_q - 1/2, 0)      kappa = 16 min(lambda + mu, 10 mu)
+//! ```
+//!
+//! Nothing is added before: the solved problems of `sinew validate` have no point below `J` = 0.8, and the same equilibria.
 
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::ContiguousQueryData;
@@ -69,6 +77,10 @@ pub(crate) trait Shape<const V: usize, const P: usize, const Q: usize>: 'static 
     const WIDE: bool;
     /// Derivatives of the shape functions.
     fn derivatives<S: Scalar>() -> Derivatives<S, V, 3, Q>;
+    /// Derivatives where a body that recovers has the points of its elements.
+    fn recovery_derivatives<S: Scalar>() -> Derivatives<S, V, 3, Q> {
+        Self::derivatives()
+    }
 }
 
 /// Hexahedra.
@@ -92,6 +104,10 @@ impl Shape<10, 45, 4> for TenNodes {
     const WIDE: bool = false;
     fn derivatives<S: Scalar>() -> Derivatives<S, 10, 3, 4> {
         Derivatives::tetrahedron10()
+    }
+    /// At the corners: folded elements can be at rest with all of their Gauss points in order.
+    fn recovery_derivatives<S: Scalar>() -> Derivatives<S, 10, 3, 4> {
+        Derivatives::tetrahedron10_corners()
     }
 }
 
@@ -128,14 +144,18 @@ fn points<Law: TetrahedronLaw, L: Lanes, const V: usize, const Q: usize>(
     let u = point_differences::<L, V, Q>(derivatives, u, first);
     let volume = load_weights::<L, Q>(&rest.volume, first);
     let gradients = rest.gradients::<L>(first);
-    let [lambda, mu, compression] = moduli.map(L::splat);
-    let (pressure, quartic) = (L::ZERO, L::ZERO);
-    if Law::FOLDS_VOLUME {
-        let [lambda, mu, compression] = [lambda * volume, mu * volume, compression * volume];
-        let volume = L::ONE;
-        return (Element { gradients, volume, lambda, mu, compression, pressure, quartic }, u);
-    }
-    (Element { gradients, volume, lambda, mu, compression, pressure, quartic }, u)
+    let (folded, volume) = if Law::FOLDS_VOLUME { (volume, L::ONE) } else { (L::ONE, volume) };
+    let [lambda, mu, compression] = moduli.map(|x| L::splat(x) * folded);
+    let (pressure, quartic, slack) = (L::ZERO, L::ZERO, L::ZERO);
+    (Element { gradients, volume, lambda, mu, compression, pressure, quartic, slack }, u)
+}
+
+/// A point as the laws see it where the mean of its element has all of `lambda`.
+#[inline(always)]
+fn held_by_mean<R: Real>(e: Element<R>, pressure: R) -> Element<R> {
+    let flat = (e.lambda + e.mu).min(R::from_f64(10.0) * e.mu);
+    let (quartic, slack) = (R::from_f64(16.0) * flat, R::from_f64(0.5));
+    Element { lambda: R::ZERO, pressure, quartic, slack, ..e }
 }
 
 /// Blocks of the vertices 1, 2 and 3 of a tetrahedron.
@@ -172,15 +192,13 @@ impl<Law: TetrahedronLaw, E, S: Scalar, const V: usize, const P: usize, const Q:
     ) -> Point<L> {
         let columns = self.columns;
         let (derivatives, rest) = (&columns.elements.derivatives, &columns.rest[i]);
-        let [mut lambda, mu, compression] = columns.moduli(i);
-        let mut pressure = S::ZERO;
-        if Law::TAKES_PRESSURE && self.by_mean {
-            (pressure, lambda) = (columns.pressures[which][i], S::ZERO);
+        let (e, u) = points::<Law, L, V, Q>(derivatives, rest, columns.moduli(i), u, first);
+        if !(Law::TAKES_PRESSURE && self.by_mean) {
+            return (e, u);
         }
-        let moduli = [lambda, mu, compression];
-        let (e, u) = points::<Law, L, V, Q>(derivatives, rest, moduli, u, first);
         let folded = if Law::FOLDS_VOLUME { load_weights(&rest.volume, first) } else { L::ONE };
-        (Element { pressure: L::splat(pressure) * folded, ..e }, u)
+        let pressure = L::splat(columns.pressures[which][i]) * folded;
+        (held_by_mean(e, pressure), u)
     }
 }
 
@@ -331,9 +349,18 @@ fn evaluate<
 ) {
     let by_mean = !columns.pressures[0].is_empty();
     let work = columns.rest.len() * work(request, [50 * Q, 60 * Q, 400 * Q]);
+    let derivatives = E::recovery_derivatives();
+    let in_recovery =
+        Columns { elements: GaussElements { derivatives, ..columns.elements }, ..*columns };
     workers.for_each(&mut buffer.spans, work, |_, span| {
         if recovering.contains(span.body) {
-            evaluate_law::<Corotational, E, S, V, P, Q>(columns, request, workers, false, span);
+            evaluate_law::<Corotational, E, S, V, P, Q>(
+                &in_recovery,
+                request,
+                workers,
+                false,
+                span,
+            );
         } else {
             evaluate_law::<L, E, S, V, P, Q>(columns, request, workers, by_mean, span);
         }
@@ -536,7 +563,7 @@ pub(crate) fn by_mean(points: &mut [(Element<f64>, [[f64; 3]; 4])]) {
     let volume: f64 = points.iter().map(|(e, _)| e.volume).sum();
     let mean = points.iter().map(|point| point.0.volume * change(point)).sum::<f64>() / volume;
     for (e, _) in points {
-        (e.pressure, e.lambda) = (0.5 * e.lambda * mean, 0.0);
+        *e = held_by_mean(*e, 0.5 * e.lambda * mean);
     }
 }
 
@@ -551,7 +578,7 @@ pub(crate) fn tetrahedra<const V: usize, const Q: usize>(
     std::array::from_fn(|q| {
         let u = point_differences::<f64, V, Q>(derivatives, u, q);
         let (gradients, volume) = (rest.gradients::<f64>(q), rest.volume[q]);
-        let (pressure, quartic) = (0.0, 0.0);
-        (Element { gradients, volume, lambda, mu, compression, pressure, quartic }, u)
+        let (pressure, quartic, slack) = (0.0, 0.0, 0.0);
+        (Element { gradients, volume, lambda, mu, compression, pressure, quartic, slack }, u)
     })
 }

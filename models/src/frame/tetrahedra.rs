@@ -173,6 +173,7 @@ impl<'a, S: Scalar> TetrahedronColumns<'a, S> {
             compression: L::load(&self.compression[first..]),
             pressure: L::ZERO,
             quartic: L::ZERO,
+            slack: L::ZERO,
         };
         let e = if Law::TAKES_PRESSURE && !self.pressure.is_empty() {
             let pressure = L::load(&self.pressure[first..]);
@@ -601,6 +602,7 @@ fn projection_batch<S: Scalar, L: Lanes<Scalar = f64>>(
         compression: L::load(&moduli[2]),
         pressure: L::ZERO,
         quartic: L::ZERO,
+        slack: L::ZERO,
     };
     let mut u = [[L::ZERO; 3]; 4];
     for a in 0..4 {

@@ -212,8 +212,9 @@ impl TetrahedronLaw for NeoHookean {
         let shape = R::select(near, shape, q - (m + m));
         let half = R::from_f64(0.5);
         let excess = R::from_f64(2.0 / 3.0) * excess_over_logarithm(R::from_f64(0.25) * q);
-        let slope = (half * bulk(e)).mul_add(m, e.more_energy(m));
-        e.volume * slope.mul_add(m, e.mu * (half * shape + excess))
+        let slope = (half * bulk(e)).mul_add(m, e.pressure);
+        let quadratic = slope.mul_add(m, e.mu * (half * shape + excess));
+        e.volume * (quadratic + e.quartic_density(m))
     }
     #[inline(always)]
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {

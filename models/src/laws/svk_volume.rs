@@ -138,8 +138,8 @@ impl TetrahedronLaw for StVKVolume {
         let shear = dot([yz, xz, xy], [yz, xz, xy]);
         let squares = dot([xx, yy, zz], [xx, yy, zz]) + (shear + shear);
         let m = volume_change(&g);
-        let slope = (R::from_f64(0.5) * e.lambda).mul_add(m, e.more_energy(m));
-        e.volume * slope.mul_add(m, e.mu * squares)
+        let slope = (R::from_f64(0.5) * e.lambda).mul_add(m, e.pressure);
+        e.volume * (slope.mul_add(m, e.mu * squares) + e.quartic_density(m))
     }
     #[inline(always)]
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
