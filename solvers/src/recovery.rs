@@ -22,12 +22,13 @@ use crate::state::{NodeState, Rows, evaluate, read_force};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use sinew_engine::isoparametric::folded_tetrahedron;
+use sinew_engine::isoparametric::{Tetrahedron10Rest, Tetrahedron10Vertices, folded_tetrahedron};
 use sinew_engine::law::{BodiesWithoutRecovery, ElasticEnergy, RecoveringBodies};
 use sinew_engine::report::{StepReport, VolumeReport};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepClock, StepError, measure_volume_ratios};
 use sinew_engine::topology::{BodyRows, Topology};
+use sinew_engine::vertex::BodyId;
 use std::ops::Range;
 
 /// Part of a body's elements with `J <= 0` above which it recovers.
@@ -286,7 +287,7 @@ impl Recovery {
         let plan = |(i, state): (usize, &mut BodyState)| {
             let in_order = || {
                 largest_strain(topology, node, rest, i) <= LEAVE_STRAIN
-                    && !has_folds(topology, node, rest, i)
+                    && !has_folds(world, node, rest, i)
             };
             if without.contains(i) { Plan::Stay } else { state.plan(&shapes[i], in_order) }
         };
@@ -453,19 +454,19 @@ fn energies<S: Scalar>(
 }
 
 /// Whether a ten-node tetrahedron of a body is folded, where its Gauss points may miss it.
-fn has_folds<S: Scalar>(
-    topology: &Topology,
-    node: &NodeState<S>,
-    rest: &[DVec3],
-    body: usize,
-) -> bool {
-    let body = &topology.bodies[body];
-    let position = |local: u32| {
-        let row = (body.vertices.start + local) as usize;
-        (rest[row] + DVec3::from_array([0, 1, 2].map(|k| node.u[row][k].to_f64()))).to_array()
+fn has_folds<S: Scalar>(world: &World, node: &NodeState<S>, rest: &[DVec3], body: usize) -> bool {
+    type Ten<S> = (&'static Tetrahedron10Vertices, &'static Tetrahedron10Rest<S>, &'static BodyId);
+    let Some(mut elements) = world.try_query::<Ten<S>>() else { return false };
+    let position = |row: u32| {
+        let u = DVec3::from_array([0, 1, 2].map(|k| node.u[row as usize][k].to_f64()));
+        (rest[row as usize] + u).to_array()
     };
-    let folded = |nodes: &[u32; 10]| folded_tetrahedron(&nodes.map(position)).is_some();
-    body.tetrahedra10.iter().any(folded)
+    elements.iter(world).any(|(nodes, shape, of)| {
+        // removed elements have no volume
+        of.0 as usize == body
+            && shape.volume.iter().any(|&v| v > S::ZERO)
+            && folded_tetrahedron(&nodes.0.map(position)).is_some()
+    })
 }
 
 /// Largest relative change of length of the edges of a body.

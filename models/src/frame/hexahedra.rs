@@ -105,7 +105,8 @@ impl Shape<10, 45, 4> for TenNodes {
     fn derivatives<S: Scalar>() -> Derivatives<S, 10, 3, 4> {
         Derivatives::tetrahedron10()
     }
-    /// At the corners: folded elements can be at rest with all of their Gauss points in order.
+    /// At the corners: folded elements can be at rest with all of their Gauss points in order. Rest gradients stay those of the
+    /// points, which are the same unless edges are curved.
     fn recovery_derivatives<S: Scalar>() -> Derivatives<S, 10, 3, 4> {
         Derivatives::tetrahedron10_corners()
     }
