@@ -130,6 +130,13 @@ impl Topology {
         !self.unused_edges.get(edge).copied().unwrap_or(false)
     }
 
+    /// The edges of a body that some element uses, as vertex rows.
+    pub fn used_edges(&self, body: usize) -> impl Iterator<Item = [u32; 2]> {
+        let blocks = self.bodies[body].blocks.clone();
+        let used = blocks.map(|edge| edge as usize).filter(|&edge| self.uses_edge(edge));
+        used.map(|edge| self.edges[edge])
+    }
+
     /// Index of the edge between two vertex rows, `None` when the edge graph has none.
     pub fn find_edge(&self, a: u32, b: u32) -> Option<usize> {
         self.block(a, b).map(|block| block as usize)

@@ -79,15 +79,14 @@ impl Decision<'_> {
     /// Largest relative change of length of the edges.
     fn largest_strain(&self) -> f64 {
         let rows: &BodyRows = &self.topology.bodies[self.index];
-        let edges = &self.topology.edges[rows.blocks.start as usize..rows.blocks.end as usize];
         let vector = |u: &[f32; 4]| DVec3::new(u[0].into(), u[1].into(), u[2].into());
-        let strain = |edge: &[u32; 2]| {
+        let strain = |edge: [u32; 2]| {
             let [a, b] = edge.map(|row| (row - rows.vertices.start) as usize);
             let way = self.rest[a] - self.rest[b];
             let moved = vector(&self.u[a]) - vector(&self.u[b]);
             ((way + moved).length() / way.length() - 1.0).abs()
         };
-        edges.iter().map(strain).fold(0.0, f64::max)
+        self.topology.used_edges(self.index).map(strain).fold(0.0, f64::max)
     }
 }
 

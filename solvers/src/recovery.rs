@@ -477,13 +477,11 @@ fn largest_strain<S: Scalar>(
     body: usize,
 ) -> f64 {
     let vector = |u: &[S; 4]| DVec3::new(u[0].to_f64(), u[1].to_f64(), u[2].to_f64());
-    let blocks = topology.bodies[body].blocks.clone();
-    let edges = &topology.edges[blocks.start as usize..blocks.end as usize];
-    let strain = |[a, b]: &[u32; 2]| {
-        let [a, b] = [*a as usize, *b as usize];
+    let strain = |edge: [u32; 2]| {
+        let [a, b] = edge.map(|row| row as usize);
         let way = rest[a] - rest[b];
         let moved = vector(&node.u[a]) - vector(&node.u[b]);
         ((way + moved).length() / way.length() - 1.0).abs()
     };
-    edges.iter().map(strain).fold(0.0, f64::max)
+    topology.used_edges(body).map(strain).fold(0.0, f64::max)
 }

@@ -100,7 +100,9 @@ pub fn simulate(
     model: Model,
     evaluation: Evaluation,
 ) -> (Simulation, BodyHandle) {
-    simulation(options, &mesh.points, &mesh.tetrahedra, material, model, evaluation)
+    let body =
+        BodyDescription { model, evaluation, ..BodyDescription::new("body", mesh, material) };
+    alone(options, &body)
 }
 
 /// A simulation with one body, and nothing beside it.
