@@ -132,7 +132,10 @@ def test_time_of_calls():
     assert step_none < 500
 
 
-def test_ctrl_c_ends_between_steps():
+def test_ctrl_c_ends_between_steps(request):
+    # a shell starts its background jobs with this signal ignored, and Python leaves it so
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
     sim, _ = block((4, 4, 4))
     timer = threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT))
     timer.start()
