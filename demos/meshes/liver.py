@@ -5,7 +5,9 @@ The shape is our own: three ellipsoids blended into one body, a large ball
 pressed into the underside, a notch in the front rim.  It comes from no scan,
 atlas or other mesh, and is not anatomy.
 
-    python liver.py [OUT.msh]        (default: liver.msh beside this file)
+    python liver.py [OUT.msh [N]]    (default: liver.msh beside this file; N
+                                      vertices of the surface, 505 or so)
+    python liver.py liver_coarse.msh 150
 
 Steps: marching cubes of the implicit shape on a 1.6 mm lattice; uniform
 remeshing (ACVD clustering); edge flips and tangential smoothing with the
@@ -40,7 +42,7 @@ import pyacvd
 import pyvista as pv
 from skimage.measure import marching_cubes
 
-N_SURFACE = 505          # vertices asked of the surface remesher
+N_SURFACE = 505          # default of vertices asked of the surface remesher
 EDGE_FACTOR = 0.785      # inner tet size over mean surface edge length
 RIM = np.array([0.0, -0.6, -0.8])       # which way the free rim looks
 
@@ -177,13 +179,13 @@ def flip_delaunay(v, t, sweeps=10):
     return np.array(t)
 
 
-def coarse_surface():
+def coarse_surface(vertices):
     v, t = fine_surface()
     t = outward(v, t)
     m = pv.PolyData(v, np.column_stack([np.full(len(t), 3), t]).ravel())
     c = pyacvd.Clustering(m)
     c.subdivide(1)
-    c.cluster(N_SURFACE)
+    c.cluster(vertices)
     r = c.create_mesh()
     v = project(np.asarray(r.points, float))
     t = outward(v, np.asarray(r.faces).reshape(-1, 4)[:, 1:])
@@ -352,7 +354,7 @@ def write(path, x, k, f, g):
 def main():
     out = sys.argv[1] if len(sys.argv) > 1 else os.path.join(
         os.path.dirname(os.path.abspath(__file__)), "liver.msh")
-    v, t = coarse_surface()
+    v, t = coarse_surface(int(sys.argv[2]) if len(sys.argv) > 2 else N_SURFACE)
     x, k = tetrahedralise(v, t)
     x = relax(x, k)
     f = boundary(k)
