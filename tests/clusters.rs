@@ -14,7 +14,10 @@ use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
 use std::collections::BTreeMap;
 
+/// Volume terms in J.
 const MODELS: [Model; 2] = [Model::NeoHookean, Model::StVKVolume];
+/// And in the trace of a strain, which is the change of volume at small strain.
+const ALL: [Model; 4] = [Model::NeoHookean, Model::StVKVolume, Model::Corotational, Model::Linear];
 
 fn body(mesh: &Mesh, model: Model, volume: VolumeRule, nu: f64) -> BodyDescription<'_> {
     let material = YoungPoisson { young_modulus: 1e4, poisson_ratio: nu, density: 1000.0 };
@@ -32,7 +35,7 @@ const BAR: [f64; 3] = [0.12, 0.03, 0.03];
 #[test]
 fn energy_never_rises_in_a_free_swing() {
     let mesh = jittered_box(BAR, [8, 2, 2]);
-    for model in MODELS {
+    for model in ALL {
         for precision in [Precision::F64, Precision::F32] {
             let (mut simulation, own) =
                 alone(options(precision, 1), &clustered(&mesh, model, 0.4999));
@@ -119,7 +122,7 @@ fn overloaded_bodies_move() {
 #[test]
 fn every_preconditioner_and_the_complete_factor_agree() {
     let mesh = jittered_box(BAR, [6, 2, 2]);
-    for model in MODELS {
+    for model in ALL {
         let run = |preconditioner| {
             let (mut simulation, own) =
                 alone(SimulationOptions::default(), &clustered(&mesh, model, 0.4999));
@@ -222,7 +225,10 @@ fn means_of_single_elements_outlive_cuts() {
     let size = DVec3::from_array(BAR);
     let tens = jittered_box(BAR, [6, 2, 2]).with_second_order();
     let hexahedra = box_hexahedra(size, [8, 3, 3]).unwrap();
-    for (mesh, model) in [&tens, &hexahedra].into_iter().flat_map(|m| MODELS.map(|o| (m, o))) {
+    for (mesh, model) in [&tens, &hexahedra].into_iter().flat_map(|m| ALL.map(|o| (m, o))) {
+        if mesh.is_second_order() && !model.serves_tetrahedra10() {
+            continue;
+        }
         let (mut simulation, own) =
             alone(options(Precision::F64, 1), &clustered(mesh, model, 0.4999));
         clamp(&mut simulation, own, mesh, "x0");
@@ -244,7 +250,10 @@ fn means_of_single_elements_outlive_cuts() {
             let difference = simulation.verify_against_fresh(own).unwrap();
             assert!(difference.largest() < 1e-12, "{model:?} {round}: {difference:?}");
             let change = simulation.volume_report().largest_mean_change;
-            assert!(change > 0.0 && change < 0.01, "{model:?} {round}: {change}");
+            assert!(change > 0.0 && change.is_finite(), "{model:?} {round}: {change}");
+            // a trace is a change of volume at small strain only, and single steps may leave some of it
+            let bounded = MODELS.contains(&model);
+            assert!(!bounded || change < 0.01, "{model:?} {round}: {change}");
         }
     }
 }
@@ -273,7 +282,7 @@ fn threads_do_not_matter() {
 fn what_clusters_cannot_serve_is_refused() {
     let mesh = jittered_box(BAR, [4, 1, 1]);
     let mut simulation = Simulation::new(SimulationOptions::default()).unwrap();
-    for model in [Model::StVK, Model::CompressibleStVK, Model::Corotational, Model::MassSpring] {
+    for model in [Model::StVK, Model::CompressibleStVK, Model::WarpedStiffness, Model::MassSpring] {
         let error = simulation.add_body(&clustered(&mesh, model, 0.4)).unwrap_err().to_string();
         assert!(error.contains("neo_hookean") && error.contains("body"), "{error}");
     }

@@ -190,6 +190,8 @@ fn every_material_gives_way_to_the_corotational_energy() {
         (Model::NeoHookean, Evaluation::Fused, each),
         (Model::NeoHookean, Evaluation::Fused, VolumeRule::Clusters),
         (Model::StVKVolume, Evaluation::Fused, VolumeRule::Clusters),
+        (Model::Corotational, Evaluation::Fused, VolumeRule::Clusters),
+        (Model::Linear, Evaluation::Fused, VolumeRule::Clusters),
         (Model::WarpedStiffness, Evaluation::Fused, each),
         (Model::MassSpring, Evaluation::Fused, each),
         (Model::Axes, Evaluation::Fused, each),

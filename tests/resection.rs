@@ -18,7 +18,7 @@ const MATERIAL: YoungPoisson =
 type Kind = (Model, Evaluation, VolumeRule);
 
 /// Every energy.
-const BODIES: [Kind; 8] = [
+const BODIES: [Kind; 10] = [
     (Model::CompressibleStVK, Evaluation::Fused, VolumeRule::Elements),
     (Model::CompressibleStVK, Evaluation::Pooled, VolumeRule::Elements),
     (Model::StVK, Evaluation::Fused, VolumeRule::Elements),
@@ -27,6 +27,8 @@ const BODIES: [Kind; 8] = [
     (Model::MassSpring, Evaluation::Fused, VolumeRule::Elements),
     (Model::NeoHookean, Evaluation::Fused, VolumeRule::Clusters),
     (Model::StVKVolume, Evaluation::Fused, VolumeRule::Clusters),
+    (Model::Corotational, Evaluation::Fused, VolumeRule::Clusters),
+    (Model::Linear, Evaluation::Fused, VolumeRule::Clusters),
 ];
 
 fn build(

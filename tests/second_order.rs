@@ -44,6 +44,7 @@ fn coarse_bars_bend_like_fine_ones_and_do_not_lock() {
         (Model::CompressibleStVK, VolumeRule::Elements, SOFT),
         (Model::NeoHookean, VolumeRule::Clusters, SOFT),
         (Model::StVKVolume, VolumeRule::Clusters, STIFF_IN_VOLUME),
+        (Model::Corotational, VolumeRule::Clusters, STIFF_IN_VOLUME),
     ] {
         let sink = |mesh: &Mesh| {
             let description =
@@ -128,6 +129,7 @@ fn what_is_left_equals_a_fresh_build() {
         (Model::Corotational, VolumeRule::Elements),
         (Model::NeoHookean, VolumeRule::Clusters),
         (Model::StVKVolume, VolumeRule::Clusters),
+        (Model::Corotational, VolumeRule::Clusters),
     ] {
         let membrane = Some(MembraneDescription::new(&skin, 1e-3, SOFT));
         let description =

@@ -74,9 +74,6 @@ pub trait Lanes: Real {
     /// When there is no room.
     fn store(self, to: &mut [Self::Scalar]);
 
-    /// Runs a kernel with these registers as a function of its own, for parts that many kernels share and that are large.
-    fn apart<K: Kernel<Self::Scalar>>(kernel: K) -> K::Output;
-
     /// First three entries of the rows `of[lane][local]`.
     #[inline(always)]
     fn load_rows<const M: usize>(
@@ -408,10 +405,6 @@ macro_rules! one_lane {
             fn store(self, to: &mut [Self]) {
                 to[0] = self;
             }
-            #[inline(always)]
-            fn apart<K: Kernel<Self>>(kernel: K) -> K::Output {
-                run_portable(kernel)
-            }
         }
     };
 }
@@ -441,6 +434,7 @@ mod no_registers {
 #[cfg(target_arch = "x86_64")]
 mod x86 {
     use super::{Kernel, Lanes, Real, Registers};
+    use crate::scalar::Calculation;
     use std::arch::x86_64::*;
     use std::mem::transmute;
     use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -455,6 +449,18 @@ mod x86 {
     #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
     fn run_avx512<L: Lanes, K: Kernel<L::Scalar>>(kernel: K) -> K::Output {
         kernel.run::<L>()
+    }
+
+    #[inline(never)]
+    #[target_feature(enable = "avx2,fma")]
+    fn apart_avx2<R: Real, C: Calculation<R>>(calculation: C) -> C::Output {
+        calculation.run()
+    }
+
+    #[inline(never)]
+    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
+    fn apart_avx512<R: Real, C: Calculation<R>>(calculation: C) -> C::Output {
+        calculation.run()
     }
 
     macro_rules! registers {
@@ -527,7 +533,11 @@ mod x86 {
 
     /// What is the same in every [`Real`].
     macro_rules! real {
-        ($s:ident, $n:literal, $fma:ident, $sqrt:ident, $min:ident, $max:ident) => {
+        ($s:ident, $n:literal, $apart:ident, $fma:ident, $sqrt:ident, $min:ident, $max:ident) => {
+            #[inline(always)]
+            fn apart<C: Calculation<Self>>(calculation: C) -> C::Output {
+                vector!($apart(calculation))
+            }
             const ZERO: Self = {
                 // SAFETY: a register is plain bits of the same size.
                 unsafe { transmute::<[$s; $n], Self>([0.0; $n]) }
@@ -615,7 +625,7 @@ mod x86 {
     }
 
     impl Real for F64x8 {
-        real!(f64, 8, _mm512_fmadd_pd, _mm512_sqrt_pd, _mm512_min_pd, _mm512_max_pd);
+        real!(f64, 8, apart_avx512, _mm512_fmadd_pd, _mm512_sqrt_pd, _mm512_min_pd, _mm512_max_pd);
         comparisons!(bits u8, _mm512_cmp_pd_mask, _mm512_mask_blend_pd);
         #[inline(always)]
         fn recip(self) -> Self {
@@ -635,7 +645,7 @@ mod x86 {
         }
     }
     impl Real for F32x16 {
-        real!(f32, 16, _mm512_fmadd_ps, _mm512_sqrt_ps, _mm512_min_ps, _mm512_max_ps);
+        real!(f32, 16, apart_avx512, _mm512_fmadd_ps, _mm512_sqrt_ps, _mm512_min_ps, _mm512_max_ps);
         comparisons!(bits u16, _mm512_cmp_ps_mask, _mm512_mask_blend_ps);
         #[inline(always)]
         fn recip(self) -> Self {
@@ -650,21 +660,17 @@ mod x86 {
         }
     }
     impl Real for F64x4 {
-        real!(f64, 4, _mm256_fmadd_pd, _mm256_sqrt_pd, _mm256_min_pd, _mm256_max_pd);
+        real!(f64, 4, apart_avx2, _mm256_fmadd_pd, _mm256_sqrt_pd, _mm256_min_pd, _mm256_max_pd);
         comparisons!(lanes _mm256_cmp_pd, _mm256_blendv_pd, _mm256_movemask_pd, _mm256_and_pd, _mm256_or_pd);
     }
     impl Real for F32x8 {
-        real!(f32, 8, _mm256_fmadd_ps, _mm256_sqrt_ps, _mm256_min_ps, _mm256_max_ps);
+        real!(f32, 8, apart_avx2, _mm256_fmadd_ps, _mm256_sqrt_ps, _mm256_min_ps, _mm256_max_ps);
         comparisons!(lanes _mm256_cmp_ps, _mm256_blendv_ps, _mm256_movemask_ps, _mm256_and_ps, _mm256_or_ps);
     }
 
     /// The first part of [`Lanes`]: one number per lane.
     macro_rules! numbers {
-        ($s:ident, $n:literal, $set1:ident, $load:ident, $store:ident, $run:ident) => {
-            #[inline(always)]
-            fn apart<K: Kernel<$s>>(kernel: K) -> K::Output {
-                vector!($run::<Self, K>(kernel))
-            }
+        ($s:ident, $n:literal, $set1:ident, $load:ident, $store:ident) => {
             type Scalar = $s;
             const COUNT: usize = $n;
             #[inline(always)]
@@ -702,7 +708,7 @@ mod x86 {
     }
 
     impl Lanes for F64x8 {
-        numbers!(f64, 8, _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, run_avx512);
+        numbers!(f64, 8, _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd);
         #[inline(always)]
         fn load_rows<const M: usize>(
             rows: &[[f64; 4]],
@@ -829,7 +835,7 @@ mod x86 {
     }
 
     impl Lanes for F32x16 {
-        numbers!(f32, 16, _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, run_avx512);
+        numbers!(f32, 16, _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps);
         #[inline(always)]
         fn load_rows<const M: usize>(
             rows: &[[f32; 4]],
@@ -962,7 +968,7 @@ mod x86 {
     }
 
     impl Lanes for F64x4 {
-        numbers!(f64, 4, _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, run_avx2);
+        numbers!(f64, 4, _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd);
         #[inline(always)]
         fn load_rows<const M: usize>(
             rows: &[[f64; 4]],
@@ -1012,7 +1018,7 @@ mod x86 {
     }
 
     impl Lanes for F32x8 {
-        numbers!(f32, 8, _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, run_avx2);
+        numbers!(f32, 8, _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps);
         #[inline(always)]
         fn load_rows<const M: usize>(
             rows: &[[f32; 4]],

@@ -68,6 +68,21 @@ pub trait Real:
     fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// Where either mask holds.
     fn either(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Carries out a calculation as a function of its own.
+    fn apart<C: Calculation<Self>>(calculation: C) -> C::Output;
+}
+
+/// A calculation that many kernels share and that is long: compiled once for each type of number ([`Real::apart`]).
+pub trait Calculation<R: Real> {
+    /// Result.
+    type Output;
+    /// Does it; mark implementations `#[inline(always)]`.
+    fn run(self) -> Self::Output;
+}
+
+#[inline(never)]
+fn run_apart<R: Real, C: Calculation<R>>(calculation: C) -> C::Output {
+    calculation.run()
 }
 
 /// A floating-point type in which a simulation can be carried out.
@@ -98,6 +113,10 @@ macro_rules! scalar {
             type Mask = bool;
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
+            #[inline(always)]
+            fn apart<C: Calculation<Self>>(calculation: C) -> C::Output {
+                run_apart(calculation)
+            }
             #[inline(always)]
             fn from_f64(x: f64) -> Self {
                 x as $t

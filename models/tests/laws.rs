@@ -146,7 +146,8 @@ fn walk<S: Scalar>(body: &BodyDescription, pressed: bool, reached: &mut BTreeSet
             world.resource::<ElasticEnergy>().by_law.iter().map(|(name, _)| *name).collect();
         assert_eq!(told, active, "told in the order of the table");
         let known = |name: &&str| {
-            LAWS.iter().any(|row| row.info.name == *name || row.measure == Some(*name))
+            LAWS.iter()
+                .any(|row| row.info.name == *name || row.measure.is_some_and(|m| m.name == *name))
         };
         let laws = &world.resource::<ActiveLaws>().0;
         assert!(laws.iter().all(|name| known(name) || *name == "edge changes"), "{laws:?}");
@@ -176,10 +177,10 @@ fn walk_all<S: Scalar>() {
         for volume in [VolumeRule::Elements, VolumeRule::Clusters] {
             for mesh in [tets, hexes, tens] {
                 let served = match volume {
-                    VolumeRule::Elements => mesh.is_second_order() && model.serves_tetrahedra10(),
+                    VolumeRule::Elements => mesh.is_second_order(),
                     VolumeRule::Clusters => model.keeps_mean_volume(),
                 };
-                if served {
+                if served && (!mesh.is_second_order() || model.serves_tetrahedra10()) {
                     let body = BodyDescription::new("body", mesh, material());
                     walk::<S>(&BodyDescription { model, volume, ..body }, false, &mut reached);
                 }

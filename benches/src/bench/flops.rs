@@ -3,7 +3,7 @@
 //! a fused
 //! multiply-add two, comparisons and sign changes nothing.
 
-use sinew::engine::scalar::Real;
+use sinew::engine::scalar::{Calculation, Real};
 use sinew::models::element::precompute::RestTetrahedron;
 use sinew::models::element::tetrahedron::{self, Element};
 use sinew::models::material::YoungPoisson;
@@ -100,6 +100,9 @@ impl Real for Counted {
     }
     fn either(a: bool, b: bool) -> bool {
         a | b
+    }
+    fn apart<C: Calculation<Self>>(calculation: C) -> C::Output {
+        calculation.run()
     }
 }
 

@@ -220,7 +220,7 @@ fn check<'a>(
 fn check_clusters(body: &BodyDescription, lame: &[LameParameters]) -> Result<(), BodyError> {
     let given = body.clusters.map_or(body.tetrahedra.len(), <[u32]>::len);
     let problem = if !body.model.keeps_mean_volume() {
-        "needs a model with a volume term in J: take \"svk_volume\" or \"neo_hookean\""
+        "needs a model whose volume term can act on means: take \"svk_volume\" or \"neo_hookean\""
     } else if body.evaluation != Evaluation::Fused {
         "cannot be summed by pooled springs: take \"fused\""
     } else if given != body.tetrahedra.len() {

@@ -16,7 +16,7 @@
 //! derived for this energy, and checked against numerical eigenvalues in the tests.
 
 use sinew_engine::element::volume_change;
-use sinew_engine::scalar::{Real, cross, dot, scale, sub};
+use sinew_engine::scalar::{Calculation, Real, cross, dot, scale, sub};
 
 use crate::element::matrix::{deformation, rows, symmetrise};
 use crate::element::tetrahedron::{CORE, Element, green_strain, second_piola_kirchhoff};
@@ -224,6 +224,21 @@ const MAX_SWEEPS: usize = 30;
 /// digits. Any finite `F` will do; missing directions of a singular one are filled in.
 #[inline(always)]
 pub(crate) fn signed_svd<R: Real>(f: &[[R; 3]; 3]) -> Svd<R> {
+    R::apart(SignedSvd(*f))
+}
+
+struct SignedSvd<R>([[R; 3]; 3]);
+
+impl<R: Real> Calculation<R> for SignedSvd<R> {
+    type Output = Svd<R>;
+    #[inline(always)]
+    fn run(self) -> Svd<R> {
+        svd_of(&self.0)
+    }
+}
+
+#[inline(always)]
+fn svd_of<R: Real>(f: &[[R; 3]; 3]) -> Svd<R> {
     let epsilon = rounding::<R>();
     // Columns of F V and of V; V stays a rotation.
     let mut b = [column(f, 0), column(f, 1), column(f, 2)];
@@ -276,10 +291,22 @@ pub(crate) fn signed_svd<R: Real>(f: &[[R; 3]; 3]) -> Svd<R> {
 /// Eigenvalues and eigenvectors (columns) of symmetric matrices by cyclic Jacobi rotations, where
 /// `wanted` holds; elsewhere the values mean nothing.
 #[inline(always)]
-pub(crate) fn symmetric_eigen<R: Real>(
-    mut a: [[R; 3]; 3],
-    wanted: R::Mask,
-) -> ([R; 3], [[R; 3]; 3]) {
+pub(crate) fn symmetric_eigen<R: Real>(a: [[R; 3]; 3], wanted: R::Mask) -> ([R; 3], [[R; 3]; 3]) {
+    R::apart(SymmetricEigen(a, wanted))
+}
+
+struct SymmetricEigen<R: Real>([[R; 3]; 3], R::Mask);
+
+impl<R: Real> Calculation<R> for SymmetricEigen<R> {
+    type Output = ([R; 3], [[R; 3]; 3]);
+    #[inline(always)]
+    fn run(self) -> ([R; 3], [[R; 3]; 3]) {
+        eigen_of(self.0, self.1)
+    }
+}
+
+#[inline(always)]
+fn eigen_of<R: Real>(mut a: [[R; 3]; 3], wanted: R::Mask) -> ([R; 3], [[R; 3]; 3]) {
     let (o, l) = (R::ZERO, R::ONE);
     let mut v = [[l, o, o], [o, l, o], [o, o, l]];
     for _sweep in 0..MAX_SWEEPS {

@@ -57,7 +57,7 @@ pub struct Element<S> {
     /// Modulus `kappa` of the compression term, Pa: `lambda + mu`, or 0 to leave the term out.
     pub compression: S,
     /// Pressure (Pa, positive in expansion) that acts on `J - 1` besides that of the element: that of the elements whose
-    /// mean volume is kept. 0 without; only laws with [`TAKES_PRESSURE`](crate::frame::tetrahedra::TetrahedronLaw) read it.
+    /// mean volume is kept. 0 without; only laws with [`VOLUME`](crate::frame::tetrahedra::TetrahedronLaw) read it.
     pub pressure: S,
     /// Modulus `kappa` (Pa) of a term `kappa/2 x^4`; 0 without, and read by the same laws.
     pub quartic: S,
@@ -394,6 +394,19 @@ pub(crate) fn elastic_density<S: Real>(e: &Element<S>, strain: &[S; 6]) -> S {
     let shear = dot([yz, xz, xy], [yz, xz, xy]);
     let squares = dot([xx, yy, zz], [xx, yy, zz]) + (shear + shear);
     (S::from_f64(0.5) * e.lambda * trace).mul_add(trace, e.mu * squares)
+}
+
+/// [`elastic_density`] of a strain whose trace is the change of volume, with the pressure that acts on it besides.
+#[inline(always)]
+pub(crate) fn small_strain_density<S: Real>(e: &Element<S>, strain: &[S; 6]) -> S {
+    e.pressure.mul_add(strain[0] + strain[1] + strain[2], elastic_density(e, strain))
+}
+
+/// The stress (Pa) that belongs to it.
+#[inline(always)]
+pub(crate) fn small_strain_stress<S: Real>(e: &Element<S>, strain: &[S; 6]) -> [S; 6] {
+    let [xx, yy, zz, yz, xz, xy] = second_piola_kirchhoff(e, strain);
+    [xx + e.pressure, yy + e.pressure, zz + e.pressure, yz, xz, xy]
 }
 
 /// `kappa/2 m^4`, Pa.

@@ -14,12 +14,13 @@
 //!
 //! The clusters cover the body once, so that the continuum law does not depend on `lambda_e`; where materials meet,
 //! `lambda_c` is the mean by volume. The quartic term acts on both signs and keeps single elements from collapsing, since
-//! only means are held. The vectors `b_c` are part of the tangent as they are (`LowRank`, [`means`]), never added up.
+//! only means are held. Laws whose volume term takes the trace of a strain for `m` ([`VolumeMeasure`]) have its slope in
+//! place of `cof F`, and no quartic term: their shape holds flat elements. The vectors `b_c` are part of the tangent as they are (`LowRank`, [`means`]), never added up.
 
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
-use sinew_engine::element::{TetrahedronVertices, displacement_gradient, volume_change};
+use sinew_engine::element::{TetrahedronVertices, displacement_gradient};
 use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
 use sinew_engine::scalar::{Real, Scalar, mat_vec};
 use sinew_engine::schedule::Evaluation;
@@ -28,11 +29,11 @@ use sinew_engine::workers::Workers;
 
 use std::marker::PhantomData;
 
-use super::means::{self, ClusterPressure, KeptByMean, MeanLaw, PredictedPressure};
+use super::means::{self, ClusterPressure, KeptByMean, MeanLaw, PredictedPressure, VolumeMeasure};
 use super::tetrahedra::{
     TetrahedronColumns, TetrahedronData, TetrahedronLaw, evaluate_spans, for_batches,
 };
-use crate::element::tetrahedron::{Element, cofactor};
+use crate::element::tetrahedron::Element;
 use crate::laws::{LawRow, activate_elements};
 
 /// Cluster that a tetrahedron belongs to; numbers are unique in a world and otherwise without meaning.
@@ -84,7 +85,7 @@ pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(
     row: &'static LawRow,
     place: usize,
 ) {
-    const { assert!(L::TAKES_PRESSURE) };
+    const { assert!(L::VOLUME.is_some()) };
     activate_elements::<TetrahedronVertices, S, Data<S>>(
         world,
         row,
@@ -95,7 +96,7 @@ pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(
             let plain = TetrahedronColumns::new(u, data);
             let columns = TetrahedronColumns { pressure, predicted, ..plain };
             let with = Evaluation { request, workers, recovering };
-            evaluate_spans::<L, S>(&columns, with, buffer);
+            evaluate_spans::<L, S>(&columns, with, |kind| kind, buffer);
         },
     );
     means::activate::<ByClusters<L>, S, 4>(world, row);
@@ -128,17 +129,24 @@ impl<S: Scalar> KeptByMean<S, 4> for Clustered<'_, S> {
             [self.0.volume, self.0.lambda, self.0.mu].map(|column| column[element].to_f64());
         [volume, shared_part(lambda, mu)]
     }
-    fn changes(&self, workers: &Workers, first: usize, own: &mut [S]) {
-        workers.dispatch(Changes { columns: &self.0, first, own });
+    fn changes(&self, measure: VolumeMeasure, workers: &Workers, first: usize, own: &mut [S]) {
+        workers.dispatch(Changes { columns: &self.0, measure, first, own });
     }
-    fn areas(&self, workers: &Workers, first: usize, own: &mut [[[S; 3]; 4]]) {
-        workers.dispatch(Areas { columns: &self.0, first, own });
+    fn areas(
+        &self,
+        measure: VolumeMeasure,
+        workers: &Workers,
+        first: usize,
+        own: &mut [[[S; 3]; 4]],
+    ) {
+        workers.dispatch(Areas { columns: &self.0, measure, first, own });
     }
 }
 
-/// `J - 1` of the elements from `first` on.
+/// `m` of the elements from `first` on.
 struct Changes<'a, 'b, S> {
     columns: &'a TetrahedronColumns<'b, S>,
+    measure: VolumeMeasure,
     first: usize,
     own: &'a mut [S],
 }
@@ -148,14 +156,14 @@ impl<S: Scalar> Kernel<S> for Changes<'_, '_, S> {
     const WIDE: bool = false;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
-        let Self { columns, first: from, own } = self;
+        let Self { columns, measure, first: from, own } = self;
         for_batches!(L, columns, from..from + own.len(), |columns, at, first| {
             let g = displacement_gradient(
                 &columns.shapes.gradients::<L>(at),
                 &columns.shapes.displacements::<L>(at),
             );
             let mut values = [S::ZERO; MAX_LANES];
-            volume_change(&g).store(&mut values);
+            measure.change(&g).store(&mut values);
             let to = &mut own[first - from..];
             let count = to.len().min(L::COUNT);
             to[..count].copy_from_slice(&values[..count]);
@@ -163,9 +171,10 @@ impl<S: Scalar> Kernel<S> for Changes<'_, '_, S> {
     }
 }
 
-/// `V cof F D_a` of the elements from `first` on.
+/// `V dm/dF D_a` of the elements from `first` on.
 struct Areas<'a, 'b, S> {
     columns: &'a TetrahedronColumns<'b, S>,
+    measure: VolumeMeasure,
     first: usize,
     own: &'a mut [[[S; 3]; 4]],
 }
@@ -175,15 +184,15 @@ impl<S: Scalar> Kernel<S> for Areas<'_, '_, S> {
     const WIDE: bool = false;
     #[inline(always)]
     fn run<L: Lanes<Scalar = S>>(self) {
-        let Self { columns, first: from, own } = self;
+        let Self { columns, measure, first: from, own } = self;
         for_batches!(L, columns, from..from + own.len(), |columns, at, first| {
             let gradients = columns.shapes.gradients::<L>(at);
             let g = displacement_gradient(&gradients, &columns.shapes.displacements::<L>(at));
-            let cof = cofactor(&g);
+            let slope = measure.slope(&g);
             let volume = L::load(&columns.volume[at..]);
             let mut values = [[[S::ZERO; MAX_LANES]; 3]; 3];
             for a in 0..3 {
-                let area = mat_vec(&cof, gradients[a]);
+                let area = mat_vec(&slope, gradients[a]);
                 for k in 0..3 {
                     (volume * area[k]).store(&mut values[a][k]);
                 }

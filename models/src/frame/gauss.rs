@@ -8,9 +8,9 @@
 
 use bevy_ecs::prelude::*;
 use sinew_engine::isoparametric::{Derivatives, load_points, load_weights, rows_of};
-use sinew_engine::lanes::{Kernel, Lanes, MAX_LANES};
+use sinew_engine::lanes::{Lanes, MAX_LANES};
 use sinew_engine::law::{Span, TangentKind};
-use sinew_engine::scalar::{Real, Scalar};
+use sinew_engine::scalar::{Calculation, Real, Scalar};
 
 use std::marker::PhantomData;
 
@@ -202,7 +202,7 @@ impl<T: Scalar, const D: usize, const Q: usize> PointTangents<T, D, Q> {
 }
 
 /// Adds the tangent of an element to a range. The larger part of the work and of the code, and the same for every law: it
-/// is compiled once for each kind of elements ([`Lanes::apart`]).
+/// is compiled once for each kind of elements ([`Real::apart`]).
 pub(crate) struct Assemble<
     'a,
     T: Scalar,
@@ -219,12 +219,12 @@ pub(crate) struct Assemble<
     pub blocks: &'a [u32; P],
 }
 
-impl<T: Scalar, S: Scalar, const V: usize, const D: usize, const P: usize, const Q: usize> Kernel<T>
-    for Assemble<'_, T, S, V, D, P, Q>
+impl<L: Lanes, S: Scalar, const V: usize, const D: usize, const P: usize, const Q: usize>
+    Calculation<L> for Assemble<'_, L::Scalar, S, V, D, P, Q>
 {
     type Output = ();
     #[inline(always)]
-    fn run<L: Lanes<Scalar = T>>(self) {
+    fn run(self) {
         let mut sum = Blocks::<L, V, P>::ZERO;
         for first in (0..Q).step_by(L::COUNT) {
             let mut inner = [[[L::ZERO; 9]; D]; D];

@@ -9,7 +9,7 @@
 //! # Mean dilatation
 //!
 //! Near incompressibility the volume ratios of all points are more than the vertices can hold. Laws whose
-//! volume term is one in `J - 1` ([`TAKES_PRESSURE`](TetrahedronLaw::TAKES_PRESSURE)) can have all of `lambda` act on
+//! volume term is one in `J - 1` or in the trace of a strain ([`VOLUME`](TetrahedronLaw::VOLUME)) can have all of `lambda` act on
 //! its mean over the element, with `v_q` the volumes of the points and `V` their sum (Nagtegaal, Parks & Rice 1974 as an
 //! energy):
 //!
@@ -31,7 +31,7 @@
 use bevy_ecs::prelude::*;
 use bevy_ecs::query::ContiguousQueryData;
 use bytemuck::TransparentWrapper;
-use sinew_engine::element::{displacement_gradient, volume_change};
+use sinew_engine::element::displacement_gradient;
 use sinew_engine::isoparametric::{
     Derivatives, HexahedronBlocks, HexahedronVertices, PointsRest, Tetrahedron10Blocks,
     Tetrahedron10Vertices, load_points, load_weights, point_differences,
@@ -50,7 +50,7 @@ use super::columns::{evaluate_span, work};
 use super::gauss::{
     Assemble, AtPoints, GaussColumns, GaussElements, GaussLaw, PointTangents, total,
 };
-use super::means::{self, ClusterPressure, KeptByMean, MeanLaw, PredictedPressure};
+use super::means::{self, ClusterPressure, KeptByMean, MeanLaw, PredictedPressure, VolumeMeasure};
 use super::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus, TetrahedronLaw};
 use crate::element::projection;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
@@ -194,7 +194,7 @@ impl<Law: TetrahedronLaw, E, S: Scalar, const V: usize, const P: usize, const Q:
         let columns = self.columns;
         let (derivatives, rest) = (&columns.elements.derivatives, &columns.rest[i]);
         let (e, u) = points::<Law, L, V, Q>(derivatives, rest, columns.moduli(i), u, first);
-        if !(Law::TAKES_PRESSURE && self.by_mean) {
+        if !(Law::VOLUME.is_some() && self.by_mean) {
             return (e, u);
         }
         let folded = if Law::FOLDS_VOLUME { load_weights(&rest.volume, first) } else { L::ONE };
@@ -298,7 +298,7 @@ pub(crate) fn activate_by_mean<
     row: &'static LawRow,
     place: usize,
 ) {
-    const { assert!(L::TAKES_PRESSURE) };
+    const { assert!(L::VOLUME.is_some()) };
     type Read<S> = (&'static ClusterPressure<S>, &'static PredictedPressure<S>);
     activate_elements::<E::Vertices, S, (Data<S, E::Vertices, E::Blocks, Q>, Read<S>)>(
         world,
@@ -401,17 +401,24 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> KeptByMean<S, V>
         let volume = self.rest[element].volume.iter().map(|v| v.to_f64()).sum();
         [volume, self.moduli[0][element].to_f64()]
     }
-    fn changes(&self, workers: &Workers, first: usize, own: &mut [S]) {
-        workers.dispatch(Changes { columns: self, first, own });
+    fn changes(&self, measure: VolumeMeasure, workers: &Workers, first: usize, own: &mut [S]) {
+        workers.dispatch(Changes { columns: self, measure, first, own });
     }
-    fn areas(&self, workers: &Workers, first: usize, own: &mut [[[S; 3]; V]]) {
-        workers.dispatch(Areas { columns: self, first, own });
+    fn areas(
+        &self,
+        measure: VolumeMeasure,
+        workers: &Workers,
+        first: usize,
+        own: &mut [[[S; 3]; V]],
+    ) {
+        workers.dispatch(Areas { columns: self, measure, first, own });
     }
 }
 
-/// Means of `J - 1` over the elements from `first` on.
+/// Means of `m` over the elements from `first` on.
 struct Changes<'a, 'b, S: Scalar, const V: usize, const P: usize, const Q: usize> {
     columns: &'a Columns<'b, S, V, P, Q>,
+    measure: VolumeMeasure,
     first: usize,
     own: &'a mut [S],
 }
@@ -432,7 +439,7 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<S>
                 let u = point_differences::<L, V, Q>(&elements.derivatives, &u, first);
                 let g = displacement_gradient(&rest.gradients::<L>(first), &u);
                 volume += total(own).to_f64();
-                change += total(own * volume_change(&g)).to_f64();
+                change += total(own * self.measure.change(&g)).to_f64();
             }
             // a removed element has no volume
             *to = S::from_f64(if volume > 0.0 { change / volume } else { 0.0 });
@@ -440,9 +447,10 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<S>
     }
 }
 
-/// `sum_q v_q cof F_q D_qa` of the elements from `first` on.
+/// `sum_q v_q dm/dF_q D_qa` of the elements from `first` on.
 struct Areas<'a, 'b, S: Scalar, const V: usize, const P: usize, const Q: usize> {
     columns: &'a Columns<'b, S, V, P, Q>,
+    measure: VolumeMeasure,
     first: usize,
     own: &'a mut [[[S; 3]; V]],
 }
@@ -462,8 +470,8 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<S>
                 let own = load_weights::<L, Q>(&rest.volume, first);
                 let gradients = rest.gradients::<L>(first);
                 let u = point_differences::<L, V, Q>(&elements.derivatives, &u, first);
-                let cof = tetrahedron::cofactor(&displacement_gradient(&gradients, &u));
-                let d = gradients.map(|d| mat_vec(&cof, d).map(|x| own * x));
+                let slope = self.measure.slope(&displacement_gradient(&gradients, &u));
+                let d = gradients.map(|d| mat_vec(&slope, d).map(|x| own * x));
                 for a in 0..V {
                     for j in 0..3 {
                         let share: L = load_points(&elements.derivatives.0[a][j], first);
@@ -558,9 +566,9 @@ impl<S: Scalar, const V: usize, const P: usize, const Q: usize> Kernel<f64>
 }
 
 /// Takes the volume terms of the points of an element as that of its mean: their energies then add up to its own.
-pub(crate) fn by_mean(points: &mut [(Element<f64>, [[f64; 3]; 4])]) {
+pub(crate) fn by_mean(points: &mut [(Element<f64>, [[f64; 3]; 4])], measure: VolumeMeasure) {
     let change =
-        |(e, u): &(Element<f64>, _)| volume_change(&displacement_gradient(&e.gradients, u));
+        |(e, u): &(Element<f64>, _)| measure.change(&displacement_gradient(&e.gradients, u));
     let volume: f64 = points.iter().map(|(e, _)| e.volume).sum();
     let mean = points.iter().map(|point| point.0.volume * change(point)).sum::<f64>() / volume;
     for (e, _) in points {

@@ -1,7 +1,7 @@
 //! Volumes that are kept as means: of clusters of tetrahedra ([`super::clusters`]), of single hexahedra and of single ten-node
 //! tetrahedra ([`super::hexahedra`]). This module has what these share, whatever the elements.
 //!
-//! With `m_t` the mean of `J - 1` over element `t`, `lambda_c` the part of `lambda` that acts on means, and clusters `c` of
+//! With `m_t` the mean over element `t` of what its law takes for the change of volume ([`VolumeMeasure`]), `lambda_c` the part of `lambda` that acts on means, and clusters `c` of
 //! one element or more:
 //!
 //! ```text
@@ -17,10 +17,11 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::query::{ContiguousQueryData, ReadOnlyQueryData};
 use bytemuck::TransparentWrapper;
 use sinew_engine::columns::single_table;
-use sinew_engine::law::{EvaluationRequest, LawBuffers, RecoveringBodies};
+use sinew_engine::element::volume_change;
+use sinew_engine::law::{EvaluationRequest, LawBuffer, LawBuffers, RecoveringBodies};
 use sinew_engine::matrix::{LowRank, LowRankPattern, PredictedValues};
 use sinew_engine::report::VolumeReport;
-use sinew_engine::scalar::Scalar;
+use sinew_engine::scalar::{Real, Scalar};
 use sinew_engine::schedule::{
     ForceSystems, StepSchedule, StepSystems, activate_systems, declare_inputs,
 };
@@ -30,11 +31,14 @@ use sinew_engine::workers::Workers;
 
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
-use std::sync::Arc;
+use std::sync::{Arc, MutexGuard};
 
 use super::clusters::ClusterIndex;
 use super::columns::scalar_columns;
-use crate::laws::LawRow;
+use crate::element::matrix::add_identity;
+use crate::element::tetrahedron::cofactor;
+use crate::laws::corotational::{Polar, rotation};
+use crate::laws::{LawRow, Measure};
 
 scalar_columns! {
     /// Pressure of the cluster of an element (Pa), positive in expansion; found anew by every evaluation.
@@ -46,6 +50,43 @@ scalar_columns! {
 /// The columns of pressures.
 pub type Pressures<S> = (ClusterPressure<S>, PredictedPressure<S>);
 
+/// The change of volume `m` that the volume term of a law is a function of, from `G = F - I`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VolumeMeasure {
+    /// `J - 1`.
+    Jacobian,
+    /// `tr G`, which the turning of an element changes.
+    TraceOfStrain,
+    /// `tr S - 3` with the polar decomposition `F = R S`.
+    TraceOfStretch,
+}
+
+impl VolumeMeasure {
+    /// `m`.
+    #[inline(always)]
+    pub fn change<R: Real>(self, g: &[R; 9]) -> R {
+        match self {
+            Self::Jacobian => volume_change(g),
+            Self::TraceOfStrain => g[0] + g[4] + g[8],
+            Self::TraceOfStretch => Polar::new(g).trace(),
+        }
+    }
+
+    /// `dm/dF`, row-major.
+    #[inline(always)]
+    pub fn slope<R: Real>(self, g: &[R; 9]) -> [R; 9] {
+        match self {
+            Self::Jacobian => cofactor(g),
+            Self::TraceOfStrain => {
+                let mut identity = [R::ZERO; 9];
+                add_identity(&mut identity, R::ONE);
+                identity
+            }
+            Self::TraceOfStretch => rotation(g),
+        }
+    }
+}
+
 /// Elements of `V` vertices that keep means of their volumes, as slices.
 pub(crate) trait KeptByMean<S: Scalar, const V: usize>: Sync {
     /// Vertex rows.
@@ -54,10 +95,16 @@ pub(crate) trait KeptByMean<S: Scalar, const V: usize>: Sync {
     fn clusters(&self) -> Option<&[ClusterIndex]>;
     /// Volume (m^3) of an element, and the part of its `lambda` (Pa) that acts on the mean.
     fn share(&self, element: usize) -> [f64; 2];
-    /// Means of `J - 1` over the elements from `first` on.
-    fn changes(&self, workers: &Workers, first: usize, own: &mut [S]);
+    /// `m_t` of the elements from `first` on.
+    fn changes(&self, measure: VolumeMeasure, workers: &Workers, first: usize, own: &mut [S]);
     /// Derivatives (m^2) of `V_t m_t` by the displacements of their vertices.
-    fn areas(&self, workers: &Workers, first: usize, own: &mut [[[S; 3]; V]]);
+    fn areas(
+        &self,
+        measure: VolumeMeasure,
+        workers: &Workers,
+        first: usize,
+        own: &mut [[[S; 3]; V]],
+    );
 }
 
 /// A law and the kind of its elements.
@@ -80,8 +127,8 @@ pub(crate) fn activate<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
     world: &mut World,
     row: &'static LawRow,
 ) {
-    let Some(name) = row.measure else { return };
-    let means = Means { law: row.info.name, ..Means::<S, V>::default() };
+    let Some(Measure { name, volume }) = row.measure else { return };
+    let means = Means { law: row.info.name, volume, ..Means::<S, V>::default() };
     world.insert_resource(MeansOf::<L, S, V>(means, PhantomData));
     let new = activate_systems(world, name, |schedule| {
         schedule.add_systems(measure::<L, S, V>.in_set(ForceSystems::Measure));
@@ -104,6 +151,7 @@ struct MeansOf<L: MeanLaw<S, V>, S: Scalar, const V: usize>(Means<S, V>, Phantom
 struct Means<S, const V: usize> {
     /// Name of the law.
     law: &'static str,
+    volume: VolumeMeasure,
     /// What the rest was found for.
     index: Vec<ClusterIndex>,
     nodes: Vec<[u32; V]>,
@@ -124,6 +172,7 @@ impl<S, const V: usize> Default for Means<S, V> {
     fn default() -> Self {
         Self {
             law: "",
+            volume: VolumeMeasure::Jacobian,
             index: Vec::new(),
             nodes: Vec::new(),
             cluster: Vec::new(),
@@ -184,7 +233,7 @@ impl Sums {
 
 impl<S: Scalar, const V: usize> Means<S, V> {
     /// Finds the entries of all clusters, unless they are those of these columns.
-    fn lay_out(&mut self, elements: &impl KeptByMean<S, V>, bodies: &[BodyId]) {
+    fn lay_out(&mut self, elements: &dyn KeptByMean<S, V>, bodies: &[BodyId]) {
         let (index, nodes) = (elements.clusters(), elements.nodes());
         if self.index == index.unwrap_or_default() && self.nodes == nodes {
             return;
@@ -225,17 +274,71 @@ impl<S: Scalar, const V: usize> Means<S, V> {
     }
 
     /// Sums over the elements of every cluster.
-    fn sum(&mut self, elements: &impl KeptByMean<S, V>, workers: &Workers) {
-        let n = self.cluster.len();
+    fn sum(&mut self, elements: &dyn KeptByMean<S, V>, workers: &Workers) {
+        let (n, volume) = (self.cluster.len(), self.volume);
         self.change.resize(n, S::ZERO);
         workers.for_chunks(&mut self.change, CHUNK, 2 * V * n, |first, own| {
-            elements.changes(workers, first, own);
+            elements.changes(volume, workers, first, own);
         });
         self.sums.clear();
         self.sums.resize(self.body.len(), Sums::default());
         for (i, &cluster) in self.cluster.iter().enumerate() {
             self.sums[cluster as usize].add(elements.share(i), self.change[i].to_f64());
         }
+    }
+
+    /// Pressures of all elements and, with the values that are known for a tangent, its vectors. A function of its own, so
+    /// that it is compiled once for all laws.
+    fn measure(
+        &mut self,
+        elements: &dyn KeptByMean<S, V>,
+        bodies: &[BodyId],
+        (workers, recovering, known): (&Workers, &RecoveringBodies, Option<&PredictedValues>),
+        [pressure, predicted]: [&mut [S]; 2],
+        buffer: Option<MutexGuard<LawBuffer<S>>>,
+    ) {
+        self.lay_out(elements, bodies);
+        self.sum(elements, workers);
+        let spread = |to: &mut [S], found: &[f64], cluster: &[u32]| {
+            for (to, &cluster) in to.iter_mut().zip(cluster) {
+                *to = S::from_f64(found[cluster as usize]);
+            }
+        };
+        let found: Vec<f64> = self.sums.iter().map(Sums::pressure).collect();
+        spread(pressure, &found, &self.cluster);
+        if let Some(known) = known {
+            let (n, volume) = (bodies.len(), self.volume);
+            self.area.resize(n, [[S::ZERO; 3]; V]);
+            workers.for_chunks(&mut self.area, CHUNK, 5 * V * n, |first, own| {
+                elements.areas(volume, workers, first, own);
+            });
+            spread(predicted, &self.predicted(known), &self.cluster);
+        }
+        let Some(mut buffer) = buffer else { return };
+        let values = self.sums.iter().zip(&self.body);
+        let values = values.map(|(sums, &body)| match recovering.contains(body as usize) {
+            true => 0.0,
+            false => sums.value(),
+        });
+        let values: Vec<f64> = values.collect();
+        buffer.values.clone_from(&values);
+        buffer.low_rank = known.is_some().then(|| LowRank {
+            pattern: self.pattern.clone(),
+            vectors: self.vectors(recovering),
+            values,
+        });
+    }
+
+    /// Largest mean change of volume of a cluster.
+    fn largest_change(
+        &mut self,
+        elements: &dyn KeptByMean<S, V>,
+        bodies: &[BodyId],
+        workers: &Workers,
+    ) -> f64 {
+        self.lay_out(elements, bodies);
+        self.sum(elements, workers);
+        self.sums.iter().map(|sums| sums.mean().abs()).fold(0.0, f64::max)
     }
 
     /// Pressures (Pa) for the tangent.
@@ -297,44 +400,15 @@ fn measure<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
     let Some(u) = single_table(vertices.contiguous_iter()) else { return };
     let Some(rows) = single_table(elements.contiguous_iter_mut()) else { return };
     let (data, bodies, mut pressure, mut predicted) = rows;
-    let (means, elements) = (&mut means.0, L::columns(u, data));
-    means.lay_out(&elements, bodies);
-    let tangent = request.tangent.is_some();
-    means.sum(&elements, &workers);
-    if tangent {
-        let n = bodies.len();
-        means.area.resize(n, [[S::ZERO; 3]; V]);
-        workers.for_chunks(&mut means.area, CHUNK, 5 * V * n, |first, own| {
-            elements.areas(&workers, first, own);
-        });
-    }
-    let found: Vec<S> = means.sums.iter().map(|sums| S::from_f64(sums.pressure())).collect();
     // not a change that anybody has to look for: it follows from what the law declares
-    let pressure = ClusterPressure::peel_slice_mut(pressure.bypass_change_detection());
-    for (pressure, &cluster) in pressure.iter_mut().zip(&means.cluster) {
-        *pressure = found[cluster as usize];
-    }
-    if tangent {
-        let found = means.predicted(&known);
-        let predicted = PredictedPressure::peel_slice_mut(predicted.bypass_change_detection());
-        for (predicted, &cluster) in predicted.iter_mut().zip(&means.cluster) {
-            *predicted = S::from_f64(found[cluster as usize]);
-        }
-    }
-    let values = means.sums.iter().zip(&means.body);
-    let values = values.map(|(sums, &body)| match recovering.contains(body as usize) {
-        true => 0.0,
-        false => sums.value(),
-    });
-    let values: Vec<f64> = values.collect();
-    if let Some(mut buffer) = buffers.get(means.law) {
-        buffer.values.clone_from(&values);
-        buffer.low_rank = tangent.then(|| LowRank {
-            pattern: means.pattern.clone(),
-            vectors: means.vectors(&recovering),
-            values,
-        });
-    }
+    let pressures = [
+        ClusterPressure::peel_slice_mut(pressure.bypass_change_detection()),
+        PredictedPressure::peel_slice_mut(predicted.bypass_change_detection()),
+    ];
+    let tangent = request.tangent.is_some();
+    let with = (&*workers, &*recovering, tangent.then_some(&*known));
+    let buffer = buffers.get(means.0.law);
+    means.0.measure(&L::columns(u, data), bodies, with, pressures, buffer);
 }
 
 /// Tells the largest mean change of volume of a cluster, at the end of a step.
@@ -350,9 +424,6 @@ fn report<L: MeanLaw<S, V>, S: Scalar, const V: usize>(
     if failure.0.is_some() {
         return;
     }
-    let (means, elements) = (&mut means.0, L::columns(u, data));
-    means.lay_out(&elements, bodies);
-    means.sum(&elements, &workers);
-    let of_clusters = means.sums.iter().map(|sums| sums.mean().abs());
-    volumes.largest_mean_change = of_clusters.fold(volumes.largest_mean_change, f64::max);
+    let largest = means.0.largest_change(&L::columns(u, data), bodies, &workers);
+    volumes.largest_mean_change = volumes.largest_mean_change.max(largest);
 }

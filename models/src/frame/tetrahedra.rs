@@ -22,6 +22,7 @@ use std::marker::PhantomData;
 
 use super::clusters;
 use super::columns::{self, LawProducts, add_vertices, scalar_columns, sum, work};
+use super::means::VolumeMeasure;
 use crate::element::projection;
 use crate::element::tetrahedron::{self, Element, TetrahedronTangent};
 use crate::laws::corotational::Corotational;
@@ -79,8 +80,9 @@ pub trait TetrahedronLaw: Send + Sync + 'static {
     const WIDE: bool = true;
     /// Whether the volume is multiplied into the moduli beforehand and elements come with volume 1.
     const FOLDS_VOLUME: bool = true;
-    /// Whether it reads [`Element::pressure`]: the volume part of such a law can be that of several elements or points.
-    const TAKES_PRESSURE: bool = false;
+    /// What its volume term is a function of, if it reads [`Element::pressure`]: the volume part of such a law can be that of
+    /// several elements or points.
+    const VOLUME: Option<VolumeMeasure> = None;
     /// Whether `Projected` clamps the eigenvalues of the St Venant-Kirchhoff stress; otherwise
     /// [`tangent`](Self::tangent) has a semidefinite form of its own.
     const STRESS_PROJECTION: bool = true;
@@ -102,7 +104,20 @@ pub(crate) fn activate<L: TetrahedronLaw, S: Scalar>(
         row,
         place,
         |with, u, data, buffer| {
-            evaluate_spans::<L, S>(&TetrahedronColumns::new(u, data), with, buffer);
+            evaluate_spans::<L, S>(&TetrahedronColumns::new(u, data), with, |kind| kind, buffer);
+        },
+    );
+}
+
+/// The same for [`WarpedStiffness`](crate::laws::corotational::WarpedStiffness), by the kernels of the corotational law.
+pub(crate) fn activate_warped<S: Scalar>(world: &mut World, row: &'static LawRow, place: usize) {
+    activate_elements::<TetrahedronVertices, S, TetrahedronData<S>>(
+        world,
+        row,
+        place,
+        |with, u, data, buffer| {
+            let columns = TetrahedronColumns::new(u, data);
+            evaluate_spans::<Corotational, S>(&columns, with, |_| TangentKind::GaussNewton, buffer);
         },
     );
 }
@@ -175,7 +190,7 @@ impl<'a, S: Scalar> TetrahedronColumns<'a, S> {
             quartic: L::ZERO,
             slack: L::ZERO,
         };
-        let e = if Law::TAKES_PRESSURE && !self.pressure.is_empty() {
+        let e = if Law::VOLUME.is_some() && !self.pressure.is_empty() {
             let pressure = L::load(&self.pressure[first..]);
             clusters::in_cluster(Element { pressure, ..plain })
         } else {
@@ -256,19 +271,22 @@ pub fn evaluate_columns<L: TetrahedronLaw, S: Scalar>(
     buffer: &mut LawBuffer<S>,
 ) {
     let recovering = &RecoveringBodies::default();
-    evaluate_spans::<L, S>(columns, Evaluation { request, workers, recovering }, buffer);
+    let with = Evaluation { request, workers, recovering };
+    evaluate_spans::<L, S>(columns, with, |kind| kind, buffer);
 }
 
-/// [`evaluate_columns`] with the corotational energy for bodies that recover.
+/// [`evaluate_columns`] with the corotational energy for bodies that recover; `by` is the kind of tangent that takes the
+/// place of one that is asked for.
 pub(super) fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
     columns: &TetrahedronColumns<S>,
     Evaluation { request, workers, recovering }: Evaluation,
+    by: fn(TangentKind) -> TangentKind,
     buffer: &mut LawBuffer<S>,
 ) {
     let own = EvaluationRequest {
         energy: L::FORCES && request.energy,
         force: L::FORCES && request.force,
-        tangent: request.tangent.filter(|&kind| L::contributes(kind)),
+        tangent: request.tangent.filter(|&kind| L::contributes(kind)).map(by),
     };
     let projected = own.tangent == Some(TangentKind::Projected);
     let work = work(&own, [5, 8, if projected { 120 } else { 50 }]);
@@ -280,7 +298,8 @@ pub(super) fn evaluate_spans<L: TetrahedronLaw, S: Scalar>(
             }
             evaluate_span::<L, S>(columns, &own, workers, span);
         } else if L::STANDS_IN {
-            evaluate_span::<Corotational, S>(columns, request, workers, span);
+            let alone = TetrahedronColumns { pressure: &[], predicted: &[], ..*columns };
+            evaluate_span::<Corotational, S>(&alone, request, workers, span);
         } else {
             span.silence();
         }

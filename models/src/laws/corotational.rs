@@ -55,9 +55,10 @@ use crate::element::projection::{
     Svd, is_positive_definite, rounding, signed_svd, symmetric_eigen,
 };
 use crate::element::tetrahedron::{
-    CORE, Element, TetrahedronTangent, assemble, cofactor, elastic_density, green_strain,
-    nodal_forces, second_piola_kirchhoff,
+    CORE, Element, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
+    small_strain_density, small_strain_stress,
 };
+use crate::frame::means::VolumeMeasure;
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::laws::LawRow;
 
@@ -74,7 +75,12 @@ impl<R: Real> Polar<R> {
     /// Of `F = I + G`.
     #[inline(always)]
     pub fn new(g: &[R; 9]) -> Self {
-        let rotation = rotation(g);
+        Self::with(rotation(g), g)
+    }
+
+    /// The same with a rotation that is known.
+    #[inline(always)]
+    fn with(rotation: [R; 9], g: &[R; 9]) -> Self {
         let (one, f) = (R::ONE, deformation(g));
         // S = R^T F to rounding of its largest entry
         let entry = |i: usize, j: usize| {
@@ -122,7 +128,7 @@ impl<R: Real> Polar<R> {
 
     /// `tr e`.
     #[inline(always)]
-    fn trace(&self) -> R {
+    pub fn trace(&self) -> R {
         self.strain[0] + self.strain[1] + self.strain[2]
     }
 
@@ -293,9 +299,27 @@ pub struct Corotational;
 /// Row of its tetrahedra in the table of laws.
 pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<Corotational>()
     .with_hexahedra(&HEXAHEDRA)
-    .with_tetrahedra10(&TETRAHEDRA10);
+    .with_tetrahedra10(&TETRAHEDRA10)
+    .with_mean(&HEXAHEDRA_BY_MEAN)
+    .with_mean10(&TETRAHEDRA10_BY_MEAN)
+    .with_clusters(&BY_CLUSTERS);
+/// Row of its tetrahedra in clusters.
+pub static BY_CLUSTERS: LawRow = LawRow::tetrahedra_by_clusters::<Corotational>(
+    "corotational, volume by clusters",
+    "clusters of corotational tetrahedra",
+);
 /// Row of its hexahedra in the table of laws.
 pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<Corotational>("corotational hexahedra");
+/// Row of its hexahedra whose volume term acts on the mean of each.
+pub static HEXAHEDRA_BY_MEAN: LawRow = LawRow::hexahedra_by_mean::<Corotational>(
+    "corotational hexahedra, mean volume",
+    "means of corotational hexahedra",
+);
+/// Row of its ten-node tetrahedra whose volume term acts on the mean of each.
+pub static TETRAHEDRA10_BY_MEAN: LawRow = LawRow::tetrahedra10_by_mean::<Corotational>(
+    "corotational ten-node tetrahedra, mean volume",
+    "means of corotational ten-node tetrahedra",
+);
 /// Row of its ten-node tetrahedra in the table of laws.
 pub static TETRAHEDRA10: LawRow =
     LawRow::tetrahedra10::<Corotational>("corotational ten-node tetrahedra");
@@ -306,22 +330,23 @@ pub static TETRAHEDRA10: LawRow =
 pub struct WarpedStiffness;
 
 /// Row of its tetrahedra in the table of laws.
-pub static WARPED_TETRAHEDRA: LawRow = LawRow::tetrahedra::<WarpedStiffness>();
+pub static WARPED_TETRAHEDRA: LawRow = LawRow::tetrahedra::<WarpedStiffness>().warped();
 
 impl TetrahedronLaw for Corotational {
     const WIDE: bool = false;
     const NAME: &'static str = "corotational";
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
+    const VOLUME: Option<VolumeMeasure> = Some(VolumeMeasure::TraceOfStretch);
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
         let polar = Polar::new(&displacement_gradient(&e.gradients, u));
-        e.volume * elastic_density(e, &polar.strain)
+        e.volume * small_strain_density(e, &polar.strain)
     }
     #[inline(always)]
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
         let polar = Polar::new(&displacement_gradient(&e.gradients, u));
-        let stress = second_piola_kirchhoff(e, &polar.strain);
+        let stress = small_strain_stress(e, &polar.strain);
         Some(nodal_forces(e, &polar.turned(&stress)))
     }
     /// See the table of the module.
@@ -331,16 +356,18 @@ impl TetrahedronLaw for Corotational {
         u: &[[R; 3]; 4],
         kind: TangentKind,
     ) -> TetrahedronTangent<R> {
-        let polar = Polar::new(&displacement_gradient(&e.gradients, u));
+        let g = displacement_gradient(&e.gradients, u);
+        let rotation = rotation(&g);
         let (lambda, two_mu) = (e.lambda * e.volume, (e.mu + e.mu) * e.volume);
         let mut rd = [[R::ZERO; 3]; 3];
         for a in 0..3 {
-            rd[a] = mat_vec(&polar.rotation, e.gradients[a]);
+            rd[a] = mat_vec(&rotation, e.gradients[a]);
         }
         if kind == TangentKind::GaussNewton {
             return assemble(&warped(&rd, lambda, e.mu * e.volume));
         }
-        let c = e.lambda.mul_add(polar.trace(), -(e.mu + e.mu));
+        let polar = Polar::with(rotation, &g);
+        let c = e.lambda.mul_add(polar.trace(), e.pressure - (e.mu + e.mu));
         let sums = polar.sums();
         let mut h = inverse(&sums);
         if kind == TangentKind::Projected {
@@ -389,7 +416,7 @@ impl TetrahedronLaw for Corotational {
     #[inline(always)]
     fn is_clamped<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R::Mask {
         let polar = Polar::new(&displacement_gradient(&e.gradients, u));
-        let c = e.lambda.mul_add(polar.trace(), -(e.mu + e.mu));
+        let c = e.lambda.mul_add(polar.trace(), e.pressure - (e.mu + e.mu));
         clamped(e, c, &polar.sums())
     }
 }

@@ -11,6 +11,8 @@
 //! one step. The law does not know rotations: a turn by the angle `t` is a strain of `cos(t) - 1`, and
 //! a body that turns swells. It is the model of the finite element references and of modal analysis,
 //! not one for large motion. Turning an element inside out costs what the displacement costs.
+//!
+//! With volume by clusters the means are those of `tr eps` ([`VolumeMeasure`]).
 
 use bevy_ecs::prelude::*;
 use sinew_engine::element::displacement_gradient;
@@ -19,8 +21,9 @@ use sinew_engine::scalar::Real;
 
 use crate::element::matrix::symmetric;
 use crate::element::tetrahedron::{
-    Element, TetrahedronTangent, assemble, elastic_density, nodal_forces, second_piola_kirchhoff,
+    Element, TetrahedronTangent, assemble, nodal_forces, small_strain_density, small_strain_stress,
 };
+use crate::frame::means::VolumeMeasure;
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::laws::LawRow;
 use crate::laws::corotational::warped;
@@ -38,22 +41,36 @@ fn strain<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [R; 6] {
 pub struct Linear;
 
 /// Row of its tetrahedra in the table of laws.
-pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<Linear>().with_hexahedra(&HEXAHEDRA);
+pub static TETRAHEDRA: LawRow = LawRow::tetrahedra::<Linear>()
+    .with_hexahedra(&HEXAHEDRA)
+    .with_mean(&HEXAHEDRA_BY_MEAN)
+    .with_clusters(&BY_CLUSTERS);
+/// Row of its tetrahedra in clusters.
+pub static BY_CLUSTERS: LawRow = LawRow::tetrahedra_by_clusters::<Linear>(
+    "linear elasticity, volume by clusters",
+    "clusters of linear elasticity",
+);
 /// Row of its hexahedra in the table of laws.
 pub static HEXAHEDRA: LawRow = LawRow::hexahedra::<Linear>("linear hexahedra");
+/// Row of its hexahedra whose volume term acts on the mean of each.
+pub static HEXAHEDRA_BY_MEAN: LawRow = LawRow::hexahedra_by_mean::<Linear>(
+    "linear hexahedra, mean volume",
+    "means of linear hexahedra",
+);
 
 impl TetrahedronLaw for Linear {
     const WIDE: bool = false;
     const NAME: &'static str = "linear elasticity";
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
+    const VOLUME: Option<VolumeMeasure> = Some(VolumeMeasure::TraceOfStrain);
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
-        e.volume * elastic_density(e, &strain(e, u))
+        e.volume * small_strain_density(e, &strain(e, u))
     }
     #[inline(always)]
     fn forces<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> Option<[[R; 3]; 4]> {
-        Some(nodal_forces(e, &symmetric(second_piola_kirchhoff(e, &strain(e, u)))))
+        Some(nodal_forces(e, &symmetric(small_strain_stress(e, &strain(e, u)))))
     }
     #[inline(always)]
     fn tangent<R: Real>(e: &Element<R>, _: &[[R; 3]; 4], _: TangentKind) -> TetrahedronTangent<R> {

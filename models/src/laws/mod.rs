@@ -42,7 +42,7 @@ use crate::body::{
 use crate::element::tetrahedron::Element;
 use crate::frame::clusters::ByClusters;
 use crate::frame::hexahedra::{Brick, ByMean, Hexahedral, Quadratic, TenNodes};
-use crate::frame::means::Pressures;
+use crate::frame::means::{Pressures, VolumeMeasure};
 use crate::frame::quads::Quadrilateral;
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::frame::triangles::TriangleLaw;
@@ -99,6 +99,25 @@ pub type Activate = fn(&mut World, &'static LawRow, usize);
 /// Energy (J) of a tetrahedron at the displacements (m) of its vertices.
 pub type TetrahedronEnergy = fn(&Element<f64>, &[[f64; 3]; 4]) -> f64;
 
+/// The measuring of means of volumes ([`crate::frame::means`]).
+#[derive(Clone, Copy, Debug)]
+pub struct Measure {
+    /// Name of its system.
+    pub name: &'static str,
+    /// What it measures.
+    pub volume: VolumeMeasure,
+}
+
+impl Measure {
+    /// Of a law with a volume term that takes a pressure.
+    const fn of<L: TetrahedronLaw>(name: &'static str) -> Option<Self> {
+        match L::VOLUME {
+            Some(volume) => Some(Self { name, volume }),
+            None => None,
+        }
+    }
+}
+
 /// One law.
 #[derive(Clone, Copy, Debug)]
 pub struct LawRow {
@@ -126,8 +145,8 @@ pub struct LawRow {
     pub by_mean10: Option<&'static LawRow>,
     /// The same law in tetrahedra, its volume term by clusters of them.
     pub by_clusters: Option<&'static LawRow>,
-    /// Name of the system that runs before the law, if there is one.
-    pub measure: Option<&'static str>,
+    /// What runs before the law, if anything does.
+    pub measure: Option<Measure>,
     mark: [Mark; 2],
     activate: [Activate; 2],
     spawn: Option<[fn(&mut World, &SolidPart); 2]>,
@@ -212,6 +231,14 @@ impl LawRow {
         }
     }
 
+    /// This law by the kernels of the corotational one, with the tangent that holds rotations.
+    const fn warped(self) -> Self {
+        Self {
+            activate: [tetrahedra::activate_warped::<f64>, tetrahedra::activate_warped::<f32>],
+            ..self
+        }
+    }
+
     /// Law `L` of tetrahedra with its volume term by clusters ([`clusters`]), under another name; `measure` is that of
     /// the system that finds their means.
     pub const fn tetrahedra_by_clusters<L: TetrahedronLaw>(
@@ -227,7 +254,7 @@ impl LawRow {
                 spawn_clustered::<ByClusters<L>, f64>,
                 spawn_clustered::<ByClusters<L>, f32>,
             ]),
-            measure: Some(measure),
+            measure: Measure::of::<L>(measure),
             ..Self::of_systems(LawInfo::elastic(name), Elements::Tetrahedra, mark, activate)
         }
     }
@@ -271,7 +298,7 @@ impl LawRow {
         measure: &'static str,
     ) -> Self {
         Self {
-            measure: Some(measure),
+            measure: Measure::of::<L>(measure),
             spawn: Some([
                 spawn_hexahedra::<(Hexahedral<ByMean<L>>, Pressures<f64>), f64>,
                 spawn_hexahedra::<(Hexahedral<ByMean<L>>, Pressures<f32>), f32>,
@@ -314,7 +341,7 @@ impl LawRow {
     ) -> Self {
         let mark: [Mark; 2] = [mark::<Quadratic<ByMean<L>>>; 2];
         Self {
-            measure: Some(measure),
+            measure: Measure::of::<L>(measure),
             spawn: Some([
                 spawn_tetrahedra10::<(Quadratic<ByMean<L>>, Pressures<f64>), f64>,
                 spawn_tetrahedra10::<(Quadratic<ByMean<L>>, Pressures<f32>), f32>,
@@ -466,14 +493,19 @@ pub static LAWS: &[&LawRow] = &[
     &corotational::HEXAHEDRA,
     &neo_hookean::HEXAHEDRA,
     &svk_volume::HEXAHEDRA,
+    &linear::HEXAHEDRA_BY_MEAN,
+    &corotational::HEXAHEDRA_BY_MEAN,
     &neo_hookean::HEXAHEDRA_BY_MEAN,
     &svk_volume::HEXAHEDRA_BY_MEAN,
+    &linear::BY_CLUSTERS,
+    &corotational::BY_CLUSTERS,
     &neo_hookean::BY_CLUSTERS,
     &svk_volume::BY_CLUSTERS,
     &svk::TETRAHEDRA10,
     &corotational::TETRAHEDRA10,
     &neo_hookean::TETRAHEDRA10,
     &svk_volume::TETRAHEDRA10,
+    &corotational::TETRAHEDRA10_BY_MEAN,
     &neo_hookean::TETRAHEDRA10_BY_MEAN,
     &svk_volume::TETRAHEDRA10_BY_MEAN,
     &membranes::BIQUADRATIC_QUADS,

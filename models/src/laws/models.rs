@@ -107,7 +107,7 @@ impl Model {
 
     /// Whether its volume term can act on means of several elements or points ([`VolumeRule::Clusters`]).
     pub fn keeps_mean_volume(self) -> bool {
-        self.law().is_some_and(|row| row.by_mean.is_some())
+        self.law().is_some_and(|row| row.by_clusters.is_some())
     }
 
     /// Whether the energy can be summed this way. [`Evaluation::Fused`] always can; for

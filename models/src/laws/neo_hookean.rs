@@ -57,6 +57,7 @@ use crate::element::projection::{Spectrum, Svd, clamped_blocks, signed_svd};
 use crate::element::tetrahedron::{
     CORE, Element, TetrahedronTangent, assemble, cofactor, green_strain, nodal_forces,
 };
+use crate::frame::means::VolumeMeasure;
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::laws::LawRow;
 
@@ -194,7 +195,7 @@ impl TetrahedronLaw for NeoHookean {
     const NAME: &'static str = "stable neo-Hookean";
     type Mark = Self;
     const STRESS_PROJECTION: bool = false;
-    const TAKES_PRESSURE: bool = true;
+    const VOLUME: Option<VolumeMeasure> = Some(VolumeMeasure::Jacobian);
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
         let g = displacement_gradient(&e.gradients, u);

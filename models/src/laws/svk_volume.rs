@@ -48,6 +48,7 @@ use crate::element::tetrahedron::{
     CORE, Element, TetrahedronTangent, assemble, cofactor, elastic_stress, green_strain,
     nodal_forces, second_piola_kirchhoff,
 };
+use crate::frame::means::VolumeMeasure;
 use crate::frame::tetrahedra::TetrahedronLaw;
 use crate::laws::LawRow;
 
@@ -130,7 +131,7 @@ impl TetrahedronLaw for StVKVolume {
     type Mark = Self;
     const WIDE: bool = false;
     const STRESS_PROJECTION: bool = false;
-    const TAKES_PRESSURE: bool = true;
+    const VOLUME: Option<VolumeMeasure> = Some(VolumeMeasure::Jacobian);
     #[inline(always)]
     fn energy<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> R {
         let g = displacement_gradient(&e.gradients, u);

@@ -4,7 +4,7 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::connectivity::ElementKind;
-use sinew_engine::element::{RestVolume, ShapeGradients, displacement_gradient, volume_change};
+use sinew_engine::element::{RestVolume, ShapeGradients, displacement_gradient};
 use sinew_engine::isoparametric::{Derivatives, HexahedronRest, Tetrahedron10Rest};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
@@ -12,14 +12,14 @@ use sinew_engine::vertex::{Displacement, RestPosition};
 
 use super::{BodyResection, Chosen, IN_SUMS, RemovalReport};
 use crate::axes;
+use crate::body::SoftBody;
 use crate::body::matter::Matter;
 use crate::body::sheet::MembraneModel;
-use crate::body::{SoftBody, VolumeRule};
 use crate::element::membrane;
 use crate::element::tetrahedron::Element;
 use crate::frame::clusters::shared_part;
 use crate::frame::hexahedra::{Brick, TenNodes};
-use crate::frame::means::Sums;
+use crate::frame::means::{Sums, VolumeMeasure};
 use crate::frame::tetrahedra::{CompressionModulus, FirstLameParameter, ShearModulus};
 use crate::frame::{hexahedra, quads};
 use crate::material::LameParameters;
@@ -121,15 +121,27 @@ impl<'a, S: Scalar> State<'a, S> {
 
     /// Does something with all points of an element, each with the stress that is its own.
     pub fn visit(&self, kind: ElementKind, element: u32, with: impl FnMut(Point)) {
-        self.visit_by(kind, element, false, with);
+        self.visit_by(kind, element, None, with);
     }
 
     /// The same with energies that add up to that of the element.
     fn visit_shares(&self, kind: ElementKind, element: u32, with: impl FnMut(Point)) {
-        self.visit_by(kind, element, self.soft.volume == VolumeRule::Clusters, with);
+        self.visit_by(kind, element, self.measure(), with);
     }
 
-    fn visit_by(&self, kind: ElementKind, element: u32, mean: bool, mut with: impl FnMut(Point)) {
+    /// How volumes are measured that are kept as means.
+    fn measure(&self) -> Option<VolumeMeasure> {
+        let law = self.soft.law.and_then(|law| law.in_tetrahedra(self.soft.volume));
+        law.and_then(|row| row.measure).map(|measure| measure.volume)
+    }
+
+    fn visit_by(
+        &self,
+        kind: ElementKind,
+        element: u32,
+        mean: Option<VolumeMeasure>,
+        mut with: impl FnMut(Point),
+    ) {
         let (e, elements) = (element as usize, &self.own.connectivity.ordered);
         let entity = self.own.rows.elements[kind][e];
         let rest_of = |v| self.vertices.rest(v);
@@ -137,8 +149,8 @@ impl<'a, S: Scalar> State<'a, S> {
         let has_row = "an element that is left has a row";
         let at_points = |points: &mut [(Element<f64>, [[f64; 3]; 4])],
                          with: &mut dyn FnMut(Point)| {
-            if mean {
-                hexahedra::by_mean(points);
+            if let Some(measure) = mean {
+                hexahedra::by_mean(points, measure);
             }
             points.iter().for_each(|(e, u)| with(Point::Solid(e, u)));
         };
@@ -216,9 +228,10 @@ impl<'a, S: Scalar> State<'a, S> {
 
     /// Adds a tetrahedron to what is summed over its cluster.
     pub fn add_to(&self, sums: &mut Sums, element: u32) {
+        let Some(measure) = self.measure() else { return };
         self.visit(ElementKind::Tetrahedron, element, |point| {
             if let Point::Solid(e, u) = point {
-                let change = volume_change(&displacement_gradient(&e.gradients, u));
+                let change = measure.change(&displacement_gradient(&e.gradients, u));
                 sums.add([e.volume, shared_part(e.lambda, e.mu)], change);
             }
         });
