@@ -28,6 +28,7 @@ use sinew::models::body::VolumeRule;
 use sinew::prelude::*;
 
 pub use beam::Beam;
+pub(crate) use beam::at_zero;
 use mujoco::Freedom;
 pub use touch::TouchRow;
 

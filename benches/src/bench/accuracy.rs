@@ -1,7 +1,7 @@
 //! Speed against error: every method on every case is a point (cost, error).
 
 use super::cases::{Case, Kind, Method, Outcome, Truth, cases};
-use super::elements::{self, ElementOptions, ElementReport};
+use super::elements::{self, Body, ElementOptions, ElementReport};
 use super::error::BenchError;
 use super::stats::{Rounds, Spread, interleave};
 use super::table::Table;
@@ -105,9 +105,9 @@ pub struct AccuracyReport {
     pub truths: Vec<TruthRow>,
     /// The points.
     pub points: Vec<Point>,
-    /// Kinds of elements.
+    /// Kinds of elements, of one body each.
     #[serde(default)]
-    pub elements: Option<ElementReport>,
+    pub elements: Vec<ElementReport>,
 }
 
 /// Runs all cases; `tell` hears what is going on.
@@ -121,7 +121,7 @@ pub fn run(
 ) -> Result<AccuracyReport, BenchError> {
     let mut report = AccuracyReport::default();
     let all = cases(options.quick)?;
-    let known: Vec<&str> = all.iter().map(|c| c.name).chain([elements::NAME]).collect();
+    let known: Vec<&str> = all.iter().map(|c| c.name).chain(Body::ALL.map(Body::name)).collect();
     if let Some(name) = options.only.iter().find(|name| !known.contains(&name.as_str())) {
         return Err(BenchError::Request {
             what: format!("there is no case `{name}`"),
@@ -133,9 +133,9 @@ pub fn run(
         tell(&format!("accuracy: {}", case.name));
         run_case(case, options, &mut report)?;
     }
-    if wanted(elements::NAME) {
+    for body in Body::ALL.into_iter().filter(|body| wanted(body.name())) {
         let options = ElementOptions { quick: options.quick, python: options.python.clone() };
-        report.elements = Some(elements::run(&options, &mut tell)?);
+        report.elements.push(elements::run(body, &options, &mut tell)?);
     }
     Ok(report)
 }

@@ -1,6 +1,6 @@
-//! Speed against error of kinds of elements: one clamped beam under its own weight, from compressible to nearly
+//! Speed against error of kinds of elements: a clamped body under its own weight, from compressible to nearly
 //! incompressible, by linear tetrahedra, clusters of them, hexahedra and ten-node tetrahedra, beside the rivals that
-//! can run it.
+//! can run it. The bodies are a beam and a liver that hangs from its ligament ([`Body`]).
 //!
 //! * **Static error**: the equilibrium of the method on its mesh (rivals: the settled state) against the converged
 //!   continuum, largest distance of a vertex over the largest displacement.
@@ -11,14 +11,16 @@
 
 mod report;
 
+use super::cases::demo_mesh;
 use super::error::BenchError;
+use super::refine::refined;
 use super::stats::{Rounds, Spread, interleave};
 use super::table::three_digits;
 use crate::peers::mujoco::{Freedom, MuJoCo};
 #[cfg(feature = "rapier")]
 use crate::peers::rapier;
 use crate::peers::sinew_rows::{Run, equilibrium};
-use crate::peers::{Beam, Case, Rival, say};
+use crate::peers::{Beam, Case, Rival, at_zero, say};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::engine::mesh::Mesh;
@@ -30,8 +32,107 @@ use std::collections::HashMap;
 use std::rc::Rc;
 use std::time::Instant;
 
-/// Name among the cases of the accuracy part.
-pub const NAME: &str = "elements";
+/// What is bent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Body {
+    /// A box, clamped at one end.
+    #[default]
+    Beam,
+    /// The coarse liver of the demos in its flat facets, whose meshes are ladders of that one: the same body on all.
+    Liver,
+}
+
+impl Body {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Beam, Self::Liver];
+
+    /// Names of its tables: the rows, what rivals take at equal error, the continuum.
+    fn tables(self) -> [&'static str; 3] {
+        match self {
+            Self::Beam => ["elements", "elements-equal", "elements-truth"],
+            Self::Liver => ["elements-liver", "elements-liver-equal", "elements-liver-truth"],
+        }
+    }
+
+    /// Name among the cases of the accuracy part.
+    pub fn name(self) -> &'static str {
+        self.tables()[0]
+    }
+
+    /// In words.
+    fn words(self) -> &'static str {
+        ["a clamped beam under its weight", "a liver that hangs from its ligament under its weight"]
+            [self as usize]
+    }
+
+    /// Young's modulus (Pa), and gravity (m/s^2): of the beam that of [`GRAVITY`]; of the liver such that it sinks by as
+    /// large a part of its length, with a first mode near that of the beam.
+    fn load(self) -> [f64; 2] {
+        [[YOUNG, GRAVITY], [LIVER_YOUNG, LIVER_GRAVITY]][self as usize]
+    }
+
+    /// Places that are nearer than this (m) are one.
+    fn spacing(self) -> DVec3 {
+        match self {
+            Self::Beam => SIZE / DVec3::from_array(FINEST.map(|n| n as f64)),
+            Self::Liver => DVec3::splat(1e-7),
+        }
+    }
+
+    /// Cells of the box, or parts of an edge of the liver.
+    fn cells(self, level: usize) -> [usize; 3] {
+        match self {
+            Self::Beam => LEVELS[level],
+            Self::Liver => [1 << level; 3],
+        }
+    }
+
+    /// A mesh in words.
+    fn grid(self, level: usize) -> String {
+        match self {
+            Self::Beam => grid(self.cells(level)),
+            Self::Liver => format!("edges/{}", 1 << level),
+        }
+    }
+
+    /// The mesh of a level, and its clamped vertices.
+    fn mesh(self, kind: Kind, level: usize) -> Result<(Mesh, Vec<u32>), BenchError> {
+        let linear = match self {
+            Self::Beam if kind == Kind::Hexahedra => box_hexahedra(SIZE, self.cells(level))?,
+            Self::Beam => box_tets(SIZE, self.cells(level))?,
+            Self::Liver => {
+                let first = demo_mesh("liver_coarse.msh")?;
+                (0..level).fold(first, |mesh, _| refined(&mesh))
+            }
+        };
+        let mesh = if kind == Kind::TenNode { linear.with_second_order() } else { linear };
+        let fixed = match self {
+            Self::Beam => at_zero(&mesh),
+            Self::Liver => {
+                mesh.group("ligament").map_or(Vec::new(), |group| group.vertices.clone())
+            }
+        };
+        Ok((mesh, fixed))
+    }
+
+    /// Kinds that run on a level: ten-node tetrahedra have the vertices of the next one, and on the finest mesh only those
+    /// run that the verdicts compare at equal error.
+    fn kinds(self, level: usize, poisson_ratio: f64) -> Vec<Kind> {
+        // levels of the liver count from that of the beam with as many tetrahedra
+        let level = if self == Self::Liver { level + 1 } else { level };
+        let here = |kind: &Kind| match (level, kind) {
+            (_, Kind::Hexahedra) if self == Self::Liver => false,
+            (4, Kind::Linear) => poisson_ratio == 0.3,
+            (4, Kind::Clusters) => poisson_ratio == 0.4999,
+            (4, _) => false,
+            (3, Kind::TenNode) => false,
+            // it locks: the meshes before show that, and a step takes seconds
+            (3, Kind::Linear) => poisson_ratio < 0.4999,
+            _ => true,
+        };
+        Kind::ALL.into_iter().filter(here).collect()
+    }
+}
 
 /// Size of the beam (m): slender enough to bend, so that elements that are too stiff in shear or volume show it.
 const SIZE: DVec3 = DVec3::new(0.10, 0.02, 0.02);
@@ -43,6 +144,10 @@ const DENSITY: f64 = 1000.0;
 /// Gravity (m/s^2), a twenty-fifth of the earth's: the end sinks by 4 % of the length at strains of at most 1.5 %, where
 /// neo-Hookean, St Venant-Kirchhoff and corotational bodies are nearly one ([`ElementTruth::energies_percent`]).
 const GRAVITY: f64 = 0.4;
+/// Young's modulus (Pa) of the liver: that of the organ, within its spread.
+const LIVER_YOUNG: f64 = 4e3;
+/// Gravity (m/s^2) on the liver, a tenth of the earth's.
+const LIVER_GRAVITY: f64 = 1.0;
 /// Step (s) of all methods.
 const H: f64 = 0.01;
 /// Steps of the swing.
@@ -75,8 +180,10 @@ pub struct ElementRow {
     pub kind: String,
     /// `"Sinew"` or the rival.
     pub engine: String,
-    /// Cells of the box along its edges.
-    pub cells: [usize; 3],
+    /// Level of the mesh, coarse to fine.
+    pub level: usize,
+    /// The mesh in words.
+    pub mesh: String,
     /// Elements.
     pub elements: usize,
     /// Vertices.
@@ -100,17 +207,17 @@ pub struct ElementRow {
 }
 
 /// The converged continuum for one Poisson's ratio.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ElementTruth {
     /// Poisson's ratio.
     pub poisson_ratio: f64,
-    /// Cells of the mesh of ten-node tetrahedra that carries the equilibrium.
-    pub cells: [usize; 3],
+    /// The mesh of ten-node tetrahedra that carries the equilibrium.
+    pub mesh: String,
     /// Its largest displacement (m).
     pub largest: f64,
     /// Distance (%) of the equilibrium on half as many cells along each edge.
     pub coarser_percent: f64,
-    /// Order at which these distances fall, from three meshes.
+    /// Order at which these distances fall, from three meshes; 1 where there are only two.
     pub order: f64,
     /// Estimate of its own error (%), by Richardson from both.
     pub own_percent: f64,
@@ -129,6 +236,9 @@ pub struct ElementTruth {
 /// All rows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ElementReport {
+    /// What is bent.
+    #[serde(default)]
+    pub body: Body,
     /// The converged solutions.
     pub truths: Vec<ElementTruth>,
     /// One row per Poisson's ratio, kind and mesh.
@@ -153,14 +263,6 @@ impl Kind {
         KINDS[self as usize]
     }
 
-    fn mesh(self, cells: [usize; 3]) -> Result<Mesh, BenchError> {
-        Ok(match self {
-            Self::Linear | Self::Clusters => box_tets(SIZE, cells)?,
-            Self::Hexahedra => box_hexahedra(SIZE, cells)?,
-            Self::TenNode => box_tets(SIZE, cells)?.with_second_order(),
-        })
-    }
-
     fn volume(self) -> VolumeRule {
         match self {
             Self::Linear => VolumeRule::Elements,
@@ -168,10 +270,13 @@ impl Kind {
         }
     }
 
-    fn beam(self, cells: [usize; 3], poisson_ratio: f64) -> Result<Beam, BenchError> {
-        let material = YoungPoisson { young_modulus: YOUNG, poisson_ratio, density: DENSITY };
-        let name = format!("beam of {} {}, nu {poisson_ratio}", grid(cells), self.name());
-        Ok(Beam { name, mesh: self.mesh(cells)?, material, gravity: GRAVITY })
+    fn beam(self, body: Body, level: usize, poisson_ratio: f64) -> Result<Beam, BenchError> {
+        let [young_modulus, gravity] = body.load();
+        let material = YoungPoisson { young_modulus, poisson_ratio, density: DENSITY };
+        let name =
+            format!("{} of {} {}, nu {poisson_ratio}", body.name(), body.grid(level), self.name());
+        let (mesh, fixed) = body.mesh(self, level)?;
+        Ok(Beam { name, mesh, fixed, material, gravity })
     }
 
     /// Steps of 10 ms.
@@ -212,23 +317,22 @@ fn grid([x, y, z]: [usize; 3]) -> String {
     format!("{x}x{y}x{z}")
 }
 
-/// Where the vertices of a mesh lie on the finest grid.
-struct Places(HashMap<[i32; 3], usize>);
+/// Where the vertices of a mesh of a body lie.
+struct Places(Body, HashMap<[i32; 3], usize>);
 
 impl Places {
-    fn new(points: &[DVec3]) -> Self {
-        Self(points.iter().enumerate().map(|(i, p)| (Self::at(*p), i)).collect())
+    fn new(body: Body, points: &[DVec3]) -> Self {
+        Self(body, points.iter().enumerate().map(|(i, p)| (Self::at(body, *p), i)).collect())
     }
 
-    fn at(point: DVec3) -> [i32; 3] {
-        let cell = SIZE / DVec3::from_array(FINEST.map(|n| n as f64));
-        (point / cell).round().as_ivec3().to_array()
+    fn at(body: Body, point: DVec3) -> [i32; 3] {
+        (point / body.spacing()).round().as_ivec3().to_array()
     }
 
     /// Pairs of vertices at one place: of these points, and of the mesh.
     fn pairs(&self, points: &[DVec3]) -> Vec<[usize; 2]> {
         let points = points.iter().enumerate();
-        points.filter_map(|(i, p)| self.0.get(&Self::at(*p)).map(|&j| [i, j])).collect()
+        points.filter_map(|(i, p)| self.1.get(&Self::at(self.0, *p)).map(|&j| [i, j])).collect()
     }
 
     /// Error (%) of states of these points against those of the mesh, at the vertices that both have.
@@ -250,49 +354,52 @@ struct Truth {
     row: ElementTruth,
 }
 
-/// Half as many cells along each edge.
-fn halved(cells: [usize; 3]) -> [usize; 3] {
-    cells.map(|n| n / 2)
-}
-
 impl Truth {
-    /// The equilibrium on `cells` and, for its order, on half and a quarter; the swing on `moving` and on half.
-    fn new(poisson_ratio: f64, cells: [usize; 3], moving: [usize; 3]) -> Result<Self, BenchError> {
+    /// The equilibrium on level `finest` and, for its order, on the two before; the swing on `moving` and the one before.
+    fn new(
+        body: Body,
+        poisson_ratio: f64,
+        finest: usize,
+        moving: usize,
+    ) -> Result<Self, BenchError> {
         let start = Instant::now();
         let kind = Kind::TenNode;
-        let still = |cells| -> Result<(Beam, Vec<Vec<DVec3>>), BenchError> {
-            let beam = kind.beam(cells, poisson_ratio)?;
+        let still = |level| -> Result<(Beam, Vec<Vec<DVec3>>), BenchError> {
+            let beam = kind.beam(body, level, poisson_ratio)?;
             let u = equilibrium(&beam, ENERGY, kind.volume())?;
             Ok((beam, vec![u]))
         };
-        let places = |beam: &Beam| Places::new(&beam.mesh.points);
+        let places = |beam: &Beam| Places::new(body, &beam.mesh.points);
         let missing = || BenchError::NoTruth {
-            case: format!("{NAME}, nu {poisson_ratio}"),
+            case: format!("{}, nu {poisson_ratio}", body.name()),
             reason: "the states have no vertex in common or are not finite".into(),
         };
-        let (finest, u) = still(cells)?;
-        let (middle, v) = still(halved(cells))?;
-        let (coarsest, w) = still(halved(halved(cells)))?;
-        let at = places(&finest);
+        let (beam, u) = still(finest)?;
+        let (middle, v) = still(finest - 1)?;
+        let at = places(&beam);
         let coarser_percent = at.error(&middle.mesh.points, &v, &u).ok_or_else(missing)?;
-        // the distance of both on the vertices of the coarsest, so that the order compares the same ones
-        let near = places(&coarsest);
-        let common = |beam: &Beam, states: &[Vec<DVec3>]| -> Vec<Vec<DVec3>> {
-            let pairs = near.pairs(&beam.mesh.points);
-            let mut rows = vec![DVec3::ZERO; coarsest.mesh.points.len()];
-            pairs.iter().for_each(|&[i, j]| rows[j] = states[0][i]);
-            vec![rows]
-        };
-        let (u0, v0) = (common(&finest, &u), common(&middle, &v));
-        let distance = |a: &[Vec<DVec3>], b: &[Vec<DVec3>]| {
-            displacement_error(a, b, coarsest.mesh.points.len()).ok_or_else(missing)
-        };
-        let order = (distance(&w, &v0)? / distance(&v0, &u0)?).log2();
+        let mut order = 1.0;
+        if finest > 1 {
+            let (coarsest, w) = still(finest - 2)?;
+            // the distance of both on the vertices of the coarsest, so that the order compares the same ones
+            let near = places(&coarsest);
+            let common = |beam: &Beam, states: &[Vec<DVec3>]| -> Vec<Vec<DVec3>> {
+                let pairs = near.pairs(&beam.mesh.points);
+                let mut rows = vec![DVec3::ZERO; coarsest.mesh.points.len()];
+                pairs.iter().for_each(|&[i, j]| rows[j] = states[0][i]);
+                vec![rows]
+            };
+            let (u0, v0) = (common(&beam, &u), common(&middle, &v));
+            let distance = |a: &[Vec<DVec3>], b: &[Vec<DVec3>]| {
+                displacement_error(a, b, coarsest.mesh.points.len()).ok_or_else(missing)
+            };
+            order = (distance(&w, &v0)? / distance(&v0, &u0)?).log2();
+        }
         // below first order there is nothing to trust: the distance itself is the estimate
         let beyond = 1.0 / (2f64.powf(order.clamp(1.0, 4.0)) - 1.0);
 
-        let swing = |cells, h: f64| -> Result<(Beam, Vec<Vec<DVec3>>), BenchError> {
-            let case = Case { beam: kind.beam(cells, poisson_ratio)?, truth: Vec::new() };
+        let swing = |level, h: f64| -> Result<(Beam, Vec<Vec<DVec3>>), BenchError> {
+            let case = Case { beam: kind.beam(body, level, poisson_ratio)?, truth: Vec::new() };
             let parts = (H / h).round() as usize;
             let mut run = kind.converged(Integrator::TrBdf2, h);
             let states = run.swing(&case, STEPS * parts, EVERY * parts)?;
@@ -300,14 +407,14 @@ impl Truth {
         };
         let (mover, fine) = swing(moving, 0.5 * H)?;
         let (_, long) = swing(moving, H)?;
-        let (small, coarse) = swing(halved(moving), H)?;
+        let (small, coarse) = swing(moving - 1, H)?;
         let moved = places(&mover);
         let long_percent = moved.error(&mover.mesh.points, &long, &fine).ok_or_else(missing)?;
         let swing_coarser_percent =
             moved.error(&small.mesh.points, &coarse, &long).ok_or_else(missing)?;
 
         // the same elements for all three: means need an energy in J, which two of them are not
-        let small = kind.beam(halved(halved(cells)), poisson_ratio)?;
+        let small = kind.beam(body, finest.saturating_sub(2), poisson_ratio)?;
         let plain = |model| equilibrium(&small, model, VolumeRule::Elements).ok();
         let own = plain(ENERGY);
         let energies_percent = [Model::StVK, Model::Corotational].map(|model| {
@@ -316,7 +423,7 @@ impl Truth {
         });
         let row = ElementTruth {
             poisson_ratio,
-            cells,
+            mesh: body.grid(finest),
             largest: u[0].iter().map(|x| x.length()).fold(0.0, f64::max),
             coarser_percent,
             order,
@@ -350,12 +457,13 @@ struct Entry {
 }
 
 impl ElementRow {
-    fn failed(kind: Kind, poisson_ratio: f64, cells: [usize; 3], error: &BenchError) -> Self {
+    fn failed(kind: Kind, at: &Level, error: &BenchError) -> Self {
         Self {
-            poisson_ratio,
+            poisson_ratio: at.poisson_ratio,
             kind: kind.name().into(),
             engine: "Sinew".into(),
-            cells,
+            level: at.level,
+            mesh: at.body.grid(at.level),
             threads: 1,
             precision: "f64".into(),
             note: format!("failed: {error}"),
@@ -368,7 +476,7 @@ impl Entry {
     fn new(
         name: &str,
         kind: Option<Kind>,
-        cells: [usize; 3],
+        at: &Level,
         case: &Rc<Case>,
         rival: Box<dyn Rival>,
     ) -> Self {
@@ -378,7 +486,8 @@ impl Entry {
             poisson_ratio: case.beam.material.poisson_ratio,
             kind: name.into(),
             engine: given.engine,
-            cells,
+            level: at.level,
+            mesh: at.body.grid(at.level),
             elements: mesh.tetrahedra.len() + mesh.hexahedra.len(),
             vertices: mesh.points.len(),
             threads: given.threads,
@@ -466,10 +575,11 @@ const LEVELS: [[usize; 3]; 5] = [[5, 1, 1], [10, 2, 2], [20, 4, 4], [40, 8, 8], 
 /// # Errors
 /// When a mesh cannot be made or the continuum does not converge. A method that fails keeps its row with the reason.
 pub fn run(
+    body: Body,
     options: &ElementOptions,
     mut tell: impl FnMut(&str),
 ) -> Result<ElementReport, BenchError> {
-    let mut report = ElementReport::default();
+    let mut report = ElementReport { body, ..ElementReport::default() };
     let mut mujoco = match MuJoCo::start(&options.python) {
         Ok(found) => Some(found),
         Err(why) => {
@@ -479,26 +589,32 @@ pub fn run(
     };
     #[cfg(not(feature = "rapier"))]
     report.skipped.push("Rapier: not built in; build with `--features rapier`".into());
-    let ratios: &[f64] = if options.quick { &[0.3, 0.4999] } else { &[0.3, 0.45, 0.49, 0.4999] };
-    let levels = if options.quick { 0..2 } else { 0..4 };
-    // on finer meshes than any that is measured
-    let (truth_level, swing_level) = if options.quick { (2, 1) } else { (3, 2) };
-    for &poisson_ratio in ratios {
-        tell(&format!("accuracy: {NAME}, nu {poisson_ratio}: the continuum"));
-        let truth = Truth::new(poisson_ratio, LEVELS[truth_level], LEVELS[swing_level])?;
-        let level = |level: usize| Level { poisson_ratio, level, quick: options.quick };
-        for at in levels.clone() {
-            tell(&format!("accuracy: {NAME}, nu {poisson_ratio}, {}", grid(LEVELS[at])));
-            level(at).run(&truth, mujoco.as_mut(), &mut report)?;
-        }
-        if !options.quick && [0.3, 0.4999].contains(&poisson_ratio) {
-            tell(&format!("accuracy: {NAME}, nu {poisson_ratio}, {}", grid(FINEST)));
-            level(LEVELS.len() - 1).run(&truth, None, &mut report)?;
+    let all: &[f64] = match (body, options.quick) {
+        (Body::Beam, false) => &[0.3, 0.45, 0.49, 0.4999],
+        _ => &[0.3, 0.4999],
+    };
+    // ten-node tetrahedra on finer meshes than any that is measured
+    let (levels, truth_level, swing_level) = match (body, options.quick) {
+        (Body::Beam, false) => (5, 3, 2),
+        (Body::Beam, true) => (2, 2, 1),
+        (Body::Liver, false) => (4, 2, 1),
+        (Body::Liver, true) => (1, 1, 1),
+    };
+    let name = body.name();
+    for &poisson_ratio in all {
+        tell(&format!("accuracy: {name}, nu {poisson_ratio}: the continuum"));
+        let truth = Truth::new(body, poisson_ratio, truth_level, swing_level)?;
+        for level in 0..levels {
+            let at = Level { body, poisson_ratio, level, quick: options.quick };
+            if !body.kinds(level, poisson_ratio).is_empty() {
+                tell(&format!("accuracy: {name}, nu {poisson_ratio}, {}", body.grid(level)));
+                at.run(&truth, mujoco.as_mut(), &mut report)?;
+            }
         }
         report.truths.push(truth.row);
     }
     let place = |kind: &str| KINDS.iter().position(|k| *k == kind).unwrap_or(KINDS.len());
-    let key = |r: &ElementRow| (place(&r.kind), r.kind.clone(), r.cells);
+    let key = |r: &ElementRow| (place(&r.kind), r.kind.clone(), r.level);
     report.rows.sort_by(|a, b| {
         a.poisson_ratio.total_cmp(&b.poisson_ratio).then_with(|| key(a).cmp(&key(b)))
     });
@@ -507,26 +623,17 @@ pub fn run(
 
 /// One mesh of one Poisson's ratio.
 struct Level {
+    body: Body,
     poisson_ratio: f64,
-    /// Place in [`LEVELS`].
     level: usize,
     quick: bool,
 }
 
 impl Level {
-    /// Kinds that run here: ten-node tetrahedra have the vertices of the next level, and on the finest mesh only those
-    /// run that the verdicts compare at equal error.
-    fn kinds(&self) -> Vec<Kind> {
-        let here = |kind: &Kind| match (self.level, kind) {
-            (4, Kind::Linear) => self.poisson_ratio == 0.3,
-            (4, Kind::Clusters) => self.poisson_ratio == 0.4999,
-            (4, _) => false,
-            (3, Kind::TenNode) => false,
-            // it locks: the meshes before show that, and a step takes seconds
-            (3, Kind::Linear) => self.poisson_ratio < 0.4999,
-            _ => true,
-        };
-        Kind::ALL.into_iter().filter(here).collect()
+    /// Whether the mesh is so fine that it runs only for verdicts at equal error: without rivals, whose steps take seconds,
+    /// and without converged steps, which would take longer than all the rest.
+    fn is_finest(&self) -> bool {
+        self.level >= if self.body == Body::Beam { 4 } else { 2 }
     }
 
     fn run(
@@ -535,22 +642,21 @@ impl Level {
         mujoco: Option<&mut MuJoCo>,
         report: &mut ElementReport,
     ) -> Result<(), BenchError> {
-        let cells = LEVELS[self.level];
         let mut entries: Vec<Entry> = Vec::new();
-        for kind in self.kinds() {
-            let beam = kind.beam(cells, self.poisson_ratio)?;
+        for kind in self.body.kinds(self.level, self.poisson_ratio) {
+            let beam = kind.beam(self.body, self.level, self.poisson_ratio)?;
             match equilibrium(&beam, ENERGY, kind.volume()) {
                 Ok(own) => {
                     let case = Rc::new(Case { beam, truth: own });
                     let run = Box::new(kind.run(Integrator::Safe, H));
-                    entries.push(Entry::new(kind.name(), Some(kind), cells, &case, run));
+                    entries.push(Entry::new(kind.name(), Some(kind), self, &case, run));
                 }
                 Err(error) => {
-                    report.rows.push(ElementRow::failed(kind, self.poisson_ratio, cells, &error));
+                    report.rows.push(ElementRow::failed(kind, self, &error));
                 }
             }
         }
-        if self.level < 4 {
+        if !self.is_finest() {
             self.rivals(truth, mujoco, &mut entries, report)?;
         }
         let rounds = match self.quick {
@@ -558,8 +664,7 @@ impl Level {
             false => Rounds { most: 6, least: 2, seconds: 1.5 },
         };
         interleave(&mut entries, rounds, |entry| Ok::<f64, BenchError>(entry.time(10)))?;
-        // converged steps of the finest mesh would take longer than all the rest
-        let newton = self.level < 4;
+        let newton = !self.is_finest();
         report.rows.extend(entries.into_iter().map(|entry| entry.finish(truth, newton)));
         Ok(())
     }
@@ -573,31 +678,31 @@ impl Level {
         entries: &mut Vec<Entry>,
         report: &mut ElementReport,
     ) -> Result<(), BenchError> {
-        let cells = LEVELS[self.level];
-        let linear = |cells| Kind::Linear.beam(cells, self.poisson_ratio);
+        let cells = self.body.cells(self.level);
+        let linear = |level| Kind::Linear.beam(self.body, level, self.poisson_ratio);
         let own = entries.iter().find(|e| e.kind == Some(Kind::Linear)).map(|e| e.case.clone());
         let tetrahedra = match own {
             Some(case) => case,
             None => {
-                let beam = linear(cells)?;
+                let beam = linear(self.level)?;
                 Rc::new(Case { truth: truth.at(&beam.mesh.points), beam })
             }
         };
-        let free = |cells| -> Result<Rc<Case>, BenchError> {
-            let beam = linear(cells)?;
+        let free = |level| -> Result<Rc<Case>, BenchError> {
+            let beam = linear(level)?;
             Ok(Rc::new(Case { truth: truth.at(&beam.mesh.points), beam }))
         };
         // settings that end before they have converged are compared on small meshes, where they still matter
         let capped = self.level < 3 && !self.quick;
         if let Some(mujoco) = mujoco {
-            let mut bodies = vec![
-                (4, Freedom::Full, tetrahedra.clone()),
-                (5, Freedom::Trilinear(cells), free(cells)?),
-            ];
-            if self.level < if self.quick { 1 } else { 3 } {
-                // nodes in the middle of edges: the vertices of the next level
-                let case = free(LEVELS[self.level + 1])?;
-                bodies.push((6, Freedom::Quadratic(cells), case));
+            let mut bodies = vec![(4, Freedom::Full, tetrahedra.clone())];
+            // its cells fill boxes
+            if self.body == Body::Beam {
+                bodies.push((5, Freedom::Trilinear(cells), free(self.level)?));
+                if self.level < if self.quick { 1 } else { 3 } {
+                    // nodes in the middle of edges: the vertices of the next level
+                    bodies.push((6, Freedom::Quadratic(cells), free(self.level + 1)?));
+                }
             }
             for (name, freedom, case) in bodies {
                 let found = match mujoco.rivals(&case, &[H], freedom) {
@@ -614,7 +719,7 @@ impl Level {
                         0 => continue,
                         _ => KINDS[name].to_owned(),
                     };
-                    let mut entry = Entry::new(&kind, None, cells, &case, rival);
+                    let mut entry = Entry::new(&kind, None, self, &case, rival);
                     if freedom != Freedom::Full {
                         // the tetrahedra between the nodes carry nothing
                         entry.row.elements = cells.iter().product();
@@ -631,7 +736,7 @@ impl Level {
                 2 => KINDS[7].to_owned(),
                 _ => continue,
             };
-            entries.push(Entry::new(&kind, None, cells, &tetrahedra, rival));
+            entries.push(Entry::new(&kind, None, self, &tetrahedra, rival));
         }
         Ok(())
     }
@@ -643,34 +748,37 @@ mod tests {
 
     #[test]
     fn vertices_are_compared_at_their_places() {
-        let fine = box_tets(SIZE, [20, 4, 4]).unwrap();
         let field = |points: &[DVec3]| points.iter().map(|p| DVec3::Z * p.x * p.x).collect();
-        let places = Places::new(&fine.points);
-        let truth: Vec<Vec<DVec3>> = vec![field(&fine.points)];
-        for kind in Kind::ALL {
-            let mesh = kind.mesh([10, 2, 2]).unwrap();
-            assert_eq!(places.pairs(&mesh.points).len(), mesh.points.len(), "{kind:?}");
+        for (body, kind) in Body::ALL.into_iter().flat_map(|b| Kind::ALL.map(|k| (b, k))) {
+            let (fine, fixed) = body.mesh(Kind::Linear, 2).unwrap();
+            let places = Places::new(body, &fine.points);
+            let truth: Vec<Vec<DVec3>> = vec![field(&fine.points)];
+            let (mesh, own) = body.mesh(kind, 1).unwrap();
+            assert!(!own.is_empty() && own.len() <= fixed.len(), "{body:?} {kind:?}");
+            assert_eq!(places.pairs(&mesh.points).len(), mesh.points.len(), "{body:?} {kind:?}");
             let found: Vec<Vec<DVec3>> = vec![field(&mesh.points)];
-            assert!(places.error(&mesh.points, &found, &truth).unwrap() < 1e-12, "{kind:?}");
+            assert!(
+                places.error(&mesh.points, &found, &truth).unwrap() < 1e-12,
+                "{body:?} {kind:?}"
+            );
             let off: Vec<Vec<DVec3>> = vec![found[0].iter().map(|u| *u * 1.1).collect()];
             let error = places.error(&mesh.points, &off, &truth).unwrap();
-            assert!((error - 10.0).abs() < 1e-9, "{kind:?}: {error}");
+            assert!((error - 10.0).abs() < 1e-9, "{body:?} {kind:?}: {error}");
         }
     }
 
     /// The finer the mesh the nearer to the continuum, and ten-node elements before linear ones.
     #[test]
     fn elements_converge_to_the_continuum() {
-        let truth = Truth::new(0.4999, [20, 4, 4], [10, 2, 2]).unwrap();
+        let truth = Truth::new(Body::Beam, 0.4999, 2, 1).unwrap();
         assert!(truth.row.own_percent > 0.0 && truth.row.own_percent < 1.0, "{:?}", truth.row);
         assert!(truth.row.energies_percent[0].unwrap() < 1.0, "{:?}", truth.row);
-        let error = |kind: Kind, cells| {
-            let beam = kind.beam(cells, 0.4999).unwrap();
+        let error = |kind: Kind| {
+            let beam = kind.beam(Body::Beam, 1, 0.4999).unwrap();
             let own = equilibrium(&beam, ENERGY, kind.volume()).unwrap();
             truth.still.0.error(&beam.mesh.points, &[own], &truth.still.1).unwrap()
         };
-        let [plain, clusters, ten] =
-            [Kind::Linear, Kind::Clusters, Kind::TenNode].map(|k| error(k, [10, 2, 2]));
+        let [plain, clusters, ten] = [Kind::Linear, Kind::Clusters, Kind::TenNode].map(error);
         assert!(ten < 0.2 * clusters && clusters < 0.7 * plain, "{plain} {clusters} {ten}");
     }
 }

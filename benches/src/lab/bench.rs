@@ -58,7 +58,7 @@ pub struct BenchArguments {
     /// Sizes of the beams of kernels and steps in tetrahedra, such as 5000,50000.
     #[arg(long, value_name = "N", value_delimiter = ',')]
     tets: Vec<usize>,
-    /// Only this case of the accuracy part (`elements` are the kinds of elements), kind of contact, or of `peers`
+    /// Only this case of the accuracy part (`elements` and `elements-liver` are the kinds of elements), kind of contact, or of `peers`
     /// `beam` or `touch`; may be given several times.
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,

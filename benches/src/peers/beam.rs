@@ -7,13 +7,15 @@ use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;
 use sinew::prelude::*;
 
-/// A clamped beam under its own weight.
+/// A clamped body under its own weight: a beam, or one of another shape.
 #[derive(Clone, Debug)]
 pub struct Beam {
     /// Scene in words.
     pub name: String,
-    /// Mesh; the beam lies along x from the clamp at x = 0.
+    /// Mesh; a beam lies along x from the clamp at x = 0.
     pub mesh: Mesh,
+    /// Vertices of the clamp.
+    pub fixed: Vec<u32>,
     /// Material.
     pub material: YoungPoisson,
     /// Gravity (m/s^2) against z.
@@ -71,14 +73,7 @@ impl Beam {
             mesh.tetrahedra.len(),
             material.poisson_ratio
         );
-        Self { name, mesh, material, gravity }
-    }
-
-    /// Vertices of the clamp.
-    pub fn fixed(&self) -> Vec<u32> {
-        (0..self.mesh.points.len() as u32)
-            .filter(|&v| self.mesh.points[v as usize].x == 0.0)
-            .collect()
+        Self { name, fixed: at_zero(&mesh), mesh, material, gravity }
     }
 
     /// Lumped masses (kg): a quarter of each tetrahedron to each of its vertices.
@@ -97,8 +92,13 @@ impl Beam {
 
     /// The form that rivals in other processes read.
     pub(super) fn file(&self) -> BodyFile<'_> {
-        BodyFile::new(&self.mesh, self.material.density, self.fixed())
+        BodyFile::new(&self.mesh, self.material.density, self.fixed.clone())
     }
+}
+
+/// Vertices of a mesh at x = 0.
+pub(crate) fn at_zero(mesh: &Mesh) -> Vec<u32> {
+    (0..mesh.points.len() as u32).filter(|&v| mesh.points[v as usize].x == 0.0).collect()
 }
 
 /// Lumped masses (kg): a quarter of each tetrahedron to each of its vertices.

@@ -93,7 +93,7 @@ impl Run {
         world.gravity = single(DVec3::Z * -beam.gravity);
         world.integration_parameters.dt = self.h as f32;
         world.integration_parameters.soft_bodies.fem.max_linear_iterations = self.iterations;
-        let builder = soft_body(&beam.mesh, &self.masses, &beam.material, beam.fixed())
+        let builder = soft_body(&beam.mesh, &self.masses, &beam.material, beam.fixed.clone())
             .solver(self.solver)
             .linear_damping(damping as f32)
             .no_surface_collider();

@@ -22,7 +22,7 @@ fn simulation(
     let body = BodyDescription::new("beam", &beam.mesh, beam.material);
     let description = BodyDescription { model, volume, ..body };
     let body = simulation.add_body(&description)?;
-    let rows = simulation.rows(body, "clamp", &beam.fixed())?;
+    let rows = simulation.rows(body, "clamp", &beam.fixed)?;
     simulation.add_constraint(Constraint::hold("clamp", rows));
     simulation.set_gravity(DVec3::new(0.0, 0.0, -beam.gravity));
     Ok((simulation, body))

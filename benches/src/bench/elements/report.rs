@@ -1,14 +1,14 @@
 //! What the rows of the kinds of elements say: verdicts, tables, charts.
 
-use super::{
-    CAPPED, DENSITY, ElementReport, ElementRow, GRAVITY, KINDS, Kind, NAME, SIZE, YOUNG, grid,
-};
+use super::ElementTruth;
+use super::{Body, CAPPED, DENSITY, ElementReport, ElementRow, KINDS, Kind, SIZE};
 use crate::bench::aims::Aim;
 use crate::bench::error::BenchError;
 use crate::bench::plot::{self, Panel, Series};
 use crate::bench::table::{Table, three_digits};
 use crate::report::Chart;
 use sinew_tune::table_of;
+use std::collections::BTreeSet;
 
 /// Colours of [`KINDS`]: a rival's elements have that of ours of the same kind.
 const COLOURS: [usize; 8] = [0, 1, 2, 3, 0, 2, 3, 6];
@@ -73,6 +73,8 @@ const CLUSTER_STEP: f64 = 1.5;
 const CLUSTER_ITERATIONS: f64 = 2.0;
 /// Largest share of the time of linear tetrahedra that ten-node tetrahedra may take at equal static error.
 const TEN_NODE_SHARE: f64 = 0.2;
+/// Errors are compared that are so many times what the continuum is known to.
+const SURE: f64 = 2.0;
 /// Largest share of the time of a rival that the best kind of ours may take at equal static error.
 const RIVAL_SHARE: f64 = 0.2;
 
@@ -95,11 +97,20 @@ impl ElementReport {
         });
         let rows: Vec<(&ElementRow, [f64; 2])> =
             settings.filter_map(|r| r.point().map(|p| (r, p))).collect();
-        let mut meshes: Vec<[usize; 3]> = rows.iter().map(|(r, _)| r.cells).collect();
-        meshes.sort_unstable();
-        meshes.dedup();
-        let of = |cells| rows.iter().filter(|(r, _)| r.cells == cells).copied().collect();
-        meshes.into_iter().filter_map(|m| cheapest_of_best(of(m)).map(|(_, p)| p)).collect()
+        let levels: BTreeSet<usize> = rows.iter().map(|(r, _)| r.level).collect();
+        let of = |level| rows.iter().filter(|(r, _)| r.level == level).copied().collect();
+        levels.into_iter().filter_map(|l| cheapest_of_best(of(l)).map(|(_, p)| p)).collect()
+    }
+
+    /// What follows the name of a mesh, where it is not that of the beam.
+    fn of_body(&self) -> &'static str {
+        ["", " of the liver"][self.body as usize]
+    }
+
+    /// How well (%) the converged continuum is known.
+    fn own_percent(&self, poisson_ratio: f64) -> Option<f64> {
+        let of = |t: &&ElementTruth| t.poisson_ratio == poisson_ratio;
+        self.truths.iter().find(of).map(|t| t.own_percent)
     }
 
     fn ratios(&self) -> Vec<f64> {
@@ -113,19 +124,20 @@ impl ElementReport {
     pub fn aims(&self) -> Vec<Aim> {
         let mut aims = Vec::new();
         let [linear, clusters, _, ten_node] = Kind::ALL.map(Kind::name);
-        let on = |kind, nu, cells| self.of(kind, nu).find(move |r| r.cells == cells);
+        let on = |kind, nu, level| self.of(kind, nu).find(move |r| r.level == level);
+        let body = self.of_body();
         for r in self.of(clusters, 0.4999) {
-            let plain = on(linear, 0.45, r.cells).and_then(|p| p.ms);
+            let plain = on(linear, 0.45, r.level).and_then(|p| p.ms);
             if let Some((ms, plain)) = r.ms.zip(plain) {
                 let what = format!(
-                    "safe step with clusters at nu 0.4999 over the plain one at 0.45, {}",
-                    grid(r.cells)
+                    "safe step with clusters at nu 0.4999 over the plain one at 0.45, {}{body}",
+                    r.mesh
                 );
                 aims.push(Aim::at_most(what, CLUSTER_STEP, "x", ms.median / plain.median));
             }
         }
         let differences = self.of(clusters, 0.4999).filter_map(|r| {
-            let other = on(clusters, 0.49, r.cells)?.iterations?;
+            let other = on(clusters, 0.49, r.level)?.iterations?;
             Some((r.iterations? - other).abs())
         });
         if let Some(found) = differences.reduce(f64::max) {
@@ -136,11 +148,15 @@ impl ElementReport {
             let curve = self.curve(other, nu);
             for r in self.of(ten_node, nu) {
                 let Some([ms, error]) = r.point() else { continue };
+                // the continuum is known no better
+                if self.own_percent(nu).is_some_and(|own| error < SURE * own) {
+                    continue;
+                }
                 let Some((time, outside)) = time_at_error(&curve, error) else { continue };
                 let what = format!(
-                    "ten-node tetrahedra over {other} at an equal static error of {} %, nu {nu}, {}{}",
+                    "ten-node tetrahedra over {other} at an equal static error of {} %, nu {nu}, {}{body}{}",
                     three_digits(error),
-                    grid(r.cells),
+                    r.mesh,
                     if outside { " (extrapolated)" } else { "" }
                 );
                 aims.push(Aim::at_most(what, TEN_NODE_SHARE, "x", ms / time));
@@ -165,9 +181,9 @@ impl ElementReport {
                 let ours = least(&|curve| time_within(curve, error));
                 let beyond = least(&|curve| time_at_error(curve, error).map(|(t, _)| t));
                 let what = format!(
-                    "our best elements over {} {} at its least error of {} %, nu {nu}{}",
+                    "our best elements over {} {}{body} at its least error of {} %, nu {nu}{}",
                     row.kind,
-                    grid(row.cells),
+                    row.mesh,
                     three_digits(error),
                     if ours.is_some() { "" } else { " (extrapolated)" }
                 );
@@ -181,9 +197,15 @@ impl ElementReport {
 
     /// Tables: the rows, the converged solutions.
     pub fn tables(&self) -> Vec<Table> {
-        let title = "Kinds of elements: a clamped beam under its weight, steps of 10 ms";
-        let mut rows = table_of!("elements", title; for r in &self.rows;
-            "nu" => r.poisson_ratio.to_string(), "kind" => &r.kind, "cells" => grid(r.cells),
+        let ([name, name_equal, name_truth], shape) = (self.body.tables(), self.body.words());
+        let [young, gravity] = self.body.load();
+        let title = format!("Kinds of elements: {shape}, steps of 10 ms");
+        let size = match self.body {
+            Body::Beam => format!("Beam {} x {} x {} m", SIZE.x, SIZE.y, SIZE.z),
+            Body::Liver => "Liver of 0.20 m, coarse mesh of the demos, edges in parts".into(),
+        };
+        let mut rows = table_of!(name, title; for r in &self.rows;
+            "nu" => r.poisson_ratio.to_string(), "kind" => &r.kind, "mesh" => &r.mesh,
             "elements" => r.elements, "vertices" => r.vertices, "ms/step" => r.ms.map(|m| m.median),
             "least ms" => r.ms.map(|m| m.minimum), "its/step" => r.iterations,
             "static error %" => r.static_percent, "step error %" => r.step_percent,
@@ -191,9 +213,9 @@ impl ElementReport {
             "note" => &r.note,
         )
         .note(format!(
-            "Beam {} x {} x {} m, E {} kPa, density {DENSITY} kg/m^3, gravity {GRAVITY} m/s^2. Sinew: neo-Hookean, safe \
+            "{size}, E {} kPa, density {DENSITY} kg/m^3, gravity {gravity} m/s^2. Sinew: neo-Hookean, safe \
              steps, linear residual 1e-3. ms/step: undamped steps from half the equilibrium, in turns.",
-            SIZE.x, SIZE.y, SIZE.z, YOUNG / 1e3
+            young / 1e3
         ))
         .note(
             "static error: largest distance of a vertex of the equilibrium (of a rival: of its settled state) from the \
@@ -204,8 +226,8 @@ impl ElementReport {
         for reason in &self.skipped {
             rows = rows.note(format!("Not run: {reason}"));
         }
-        let truths = table_of!("elements-truth", "The converged continuum"; for t in &self.truths;
-            "nu" => t.poisson_ratio.to_string(), "cells" => grid(t.cells), "largest mm" => 1e3 * t.largest,
+        let truths = table_of!(name_truth, format!("The converged continuum: {shape}"); for t in &self.truths;
+            "nu" => t.poisson_ratio.to_string(), "mesh" => &t.mesh, "largest mm" => 1e3 * t.largest,
             "coarser by %" => t.coarser_percent, "order" => t.order, "own error %" => t.own_percent,
             "swing's own %" => t.swing_own_percent, "swing coarser by %" => t.swing_coarser_percent,
             "StVK off %" => t.energies_percent[0], "corotational off %" => t.energies_percent[1],
@@ -217,9 +239,9 @@ impl ElementReport {
              error: a third of what steps of 10 ms change, and by the same order what the mesh leaves. StVK and corotational: distance of these equilibria from the neo-Hookean \
              one, all on the same ten-node tetrahedra.",
         );
-        let equal = table_of!("elements-equal", "What rivals take at equal static error";
+        let equal = table_of!(name_equal, format!("What rivals take at equal static error: {shape}");
             for (r, [ms, error], best) in self.at_equal_error();
-            "nu" => r.poisson_ratio.to_string(), "rival" => &r.kind, "cells" => grid(r.cells),
+            "nu" => r.poisson_ratio.to_string(), "rival" => &r.kind, "mesh" => &r.mesh,
             "static error %" => error, "its ms" => ms, "our ms" => best.map(|(_, t)| t),
             "its over ours" => best.map(|(_, t)| ms / t), "our elements" => best.map(|(kind, _)| kind.name()),
         )
@@ -249,8 +271,8 @@ impl ElementReport {
     /// When it cannot be drawn.
     pub fn charts(&self) -> Result<Vec<Chart>, BenchError> {
         let panel = |nu: f64| Panel {
-            name: format!("{NAME}-{nu}"),
-            title: format!("Static error against time of a step, nu {nu}"),
+            name: format!("{}-{nu}", self.body.name()),
+            title: format!("Static error against time of a step{}, nu {nu}", self.of_body()),
             series: (KINDS.iter().enumerate())
                 .map(|(i, kind)| {
                     Series::new(*kind, self.drawn(kind, nu), COLOURS[i]).hollow(i >= 4)
@@ -259,7 +281,7 @@ impl ElementReport {
         };
         let panels: Vec<Panel> = self.ratios().into_iter().map(panel).collect();
         let axes = ["ms per step of 10 ms, one thread", "static error (%)"];
-        plot::panels(NAME, axes, &panels, true)
+        plot::panels(self.body.name(), axes, &panels, true)
     }
 }
 
@@ -275,13 +297,14 @@ mod tests {
     use super::*;
     use crate::bench::stats::Spread;
 
-    fn row(kind: &str, nu: f64, cells: [usize; 3], ms: f64, error: f64) -> ElementRow {
+    fn row(kind: &str, nu: f64, level: usize, ms: f64, error: f64) -> ElementRow {
         let engine = kind.split(' ').next().filter(|e| ["MuJoCo", "Rapier"].contains(e));
         ElementRow {
             poisson_ratio: nu,
             kind: kind.into(),
             engine: engine.unwrap_or("Sinew").into(),
-            cells,
+            level,
+            mesh: format!("mesh {level}"),
             ms: Spread::of(&[ms]),
             iterations: Some(ms),
             static_percent: Some(error),
@@ -318,7 +341,7 @@ mod tests {
     #[test]
     fn verdicts_compare_what_they_say() {
         let [linear, clusters, _, ten_node] = Kind::ALL.map(Kind::name);
-        let (a, b) = ([10, 2, 2], [20, 4, 4]);
+        let (a, b) = (1, 2);
         let mut report = ElementReport {
             rows: vec![
                 row(linear, 0.3, a, 1.0, 20.0),
@@ -342,7 +365,14 @@ mod tests {
         assert!(report.aims()[4].what.ends_with("nu 0.3 (extrapolated)"));
         // an extrapolation says so
         report.rows[5].static_percent = Some(2.5);
-        assert!(report.aims()[2].what.ends_with("10x2x2 (extrapolated)"));
+        assert_eq!(report.aims().len(), 5);
+        // an error that is not known well enough is not compared
+        let own_percent = 1.3;
+        report.truths =
+            vec![ElementTruth { poisson_ratio: 0.3, own_percent, ..Default::default() }];
+        assert_eq!(report.aims().len(), 4);
+        report.truths.clear();
+        assert!(report.aims()[2].what.ends_with("mesh 1 (extrapolated)"));
         // a cap that gives the same error is what counts, one that does not is not
         let capped = format!("Rapier tetrahedra{CAPPED}");
         report.rows.push(row(&capped, 0.3, b, 40.0, 1.26));
