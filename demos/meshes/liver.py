@@ -7,7 +7,7 @@ atlas or other mesh, and is not anatomy.
 
     python liver.py [OUT.msh [N]]    (default: liver.msh beside this file; N
                                       vertices of the surface, 505 or so)
-    python liver.py liver_coarse.msh 150
+    python liver.py liver_coarse.msh 60
 
 Steps: marching cubes of the implicit shape on a 1.6 mm lattice; uniform
 remeshing (ACVD clustering); edge flips and tangential smoothing with the

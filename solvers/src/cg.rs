@@ -419,8 +419,11 @@ impl<T: Scalar> ConjugateGradients<T> {
         });
         let mut curvature: f64 = self.product.iter().map(|p| p.curvature).sum();
         if let Some(correction) = &mut self.correction {
-            correction.rows.fill([T::ZERO; 4]);
-            curvature += correction.multiply(&self.matrix.low_rank, beta);
+            correction.rows.clear();
+            for (piece, own) in pattern.pieces.iter().zip(&self.product) {
+                correction.rows.extend_from_slice(&own.p[..piece.rows.len()]);
+            }
+            curvature += correction.multiply(&self.matrix.low_rank);
             for (piece, own) in pattern.pieces.iter().zip(&mut self.product) {
                 for (q, more) in own.q.iter_mut().zip(&correction.rows[piece.rows.clone()]) {
                     *q = add4(*q, *more);
@@ -459,9 +462,6 @@ impl<T: Scalar> ConjugateGradients<T> {
         if alpha.is_none() {
             for own in product.iter_mut() {
                 own.p.fill([T::ZERO; 4]);
-            }
-            if let Some(correction) = correction {
-                correction.restart(&matrix.low_rank);
             }
         }
         let product = &*product;

@@ -136,10 +136,9 @@ pub struct Correction<T> {
     by_row: Vec<[u32; 3]>,
     /// Numbers of `S` while it is formed.
     values: Vec<f64>,
-    /// One number per vector: `S^-1 B D^-1 r`, then `B z`; another; `B p` of the direction.
+    /// One number per vector: `S^-1 B D^-1 r`, and another.
     s: Vec<T>,
     u: Vec<T>,
-    along: Vec<T>,
     /// One 3-vector per row, for what the vectors act on.
     pub rows: Vec<[T; 4]>,
 }
@@ -241,18 +240,12 @@ impl<T: Scalar> Correction<T> {
         (4 * self.factor.values.len() + 12 * self.scaled.len()) as f64 / 9.0
     }
 
-    /// Forgets the direction.
-    pub fn restart(&mut self, ones: &RankOnes<T>) {
-        self.along.clear();
-        self.along.resize(ones.len(), T::ZERO);
-    }
-
-    /// Adds `B^T B p` for the direction `p = z + beta p` to zero rows; returns `p . B^T B p`. `B p` follows from `B z`, which
-    /// the preconditioner knows.
-    pub fn multiply(&mut self, ones: &RankOnes<T>, beta: T) -> f64 {
-        self.along.iter_mut().zip(&self.s).for_each(|(p, z)| *p = *z + beta * *p);
-        vectorised(Spread(ones, &ones.entries, &self.along, &mut self.rows));
-        self.along.iter().map(|x| x.to_f64() * x.to_f64()).sum()
+    /// Puts `B^T B p` in place of `p`; returns `p . B^T B p`.
+    pub fn multiply(&mut self, ones: &RankOnes<T>) -> f64 {
+        vectorised(Dots(ones, &ones.entries, &self.rows, &mut self.u));
+        self.rows.fill([T::ZERO; 4]);
+        vectorised(Spread(ones, &ones.entries, &self.u, &mut self.rows));
+        self.u.iter().map(|u| u.to_f64() * u.to_f64()).sum()
     }
 
     /// Puts `Q^T r` in place of `r`; has to come before [`complete`](Self::complete).
@@ -270,8 +263,6 @@ impl<T: Scalar> Correction<T> {
         self.u.iter_mut().zip(&self.s).for_each(|(u, s)| *u = *s - *u);
         vectorised(Solve(&self.factor, &mut self.u));
         vectorised(Spread(ones, &self.scaled, &self.u, &mut self.rows));
-        // B z = B y + (S - 1) u, and S u = s - B y
-        self.s.iter_mut().zip(&self.u).for_each(|(s, u)| *s = *s - *u);
     }
 }
 
