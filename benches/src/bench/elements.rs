@@ -81,18 +81,10 @@ impl Body {
         }
     }
 
-    /// Cells of the box, or parts of an edge of the liver.
-    fn cells(self, level: usize) -> [usize; 3] {
-        match self {
-            Self::Beam => LEVELS[level],
-            Self::Liver => [1 << level; 3],
-        }
-    }
-
     /// A mesh in words.
     fn grid(self, level: usize) -> String {
         match self {
-            Self::Beam => grid(self.cells(level)),
+            Self::Beam => grid(LEVELS[level]),
             Self::Liver => format!("edges/{}", 1 << level),
         }
     }
@@ -100,8 +92,8 @@ impl Body {
     /// The mesh of a level, and its clamped vertices.
     fn mesh(self, kind: Kind, level: usize) -> Result<(Mesh, Vec<u32>), BenchError> {
         let linear = match self {
-            Self::Beam if kind == Kind::Hexahedra => box_hexahedra(SIZE, self.cells(level))?,
-            Self::Beam => box_tets(SIZE, self.cells(level))?,
+            Self::Beam if kind == Kind::Hexahedra => box_hexahedra(SIZE, LEVELS[level])?,
+            Self::Beam => box_tets(SIZE, LEVELS[level])?,
             Self::Liver => {
                 let mut first = demo_mesh("liver_coarse.msh")?;
                 let above = |&v: &u32| first.points[v as usize].z > LIVER_HELD;
@@ -603,16 +595,14 @@ pub fn run(
     mut tell: impl FnMut(&str),
 ) -> Result<ElementReport, BenchError> {
     let mut report = ElementReport { body, ..ElementReport::default() };
-    let mut mujoco = match MuJoCo::start(&options.python) {
-        _ if body != Body::Beam => None,
-        Ok(found) => Some(found),
-        Err(why) => {
-            report.skipped.push(why);
-            None
-        }
-    };
-    #[cfg(not(feature = "rapier"))]
+    // rivals run on the beam only ([`Level::is_full`])
+    let mut mujoco = None;
     if body == Body::Beam {
+        match MuJoCo::start(&options.python) {
+            Ok(found) => mujoco = Some(found),
+            Err(why) => report.skipped.push(why),
+        }
+        #[cfg(not(feature = "rapier"))]
         report.skipped.push("Rapier: not built in; build with `--features rapier`".into());
     }
     let all: &[f64] = match (body, options.quick) {
@@ -705,7 +695,7 @@ impl Level {
         entries: &mut Vec<Entry>,
         report: &mut ElementReport,
     ) -> Result<(), BenchError> {
-        let cells = self.body.cells(self.level);
+        let cells = LEVELS[self.level];
         let linear = |level| Kind::Linear.beam(self.body, level, self.poisson_ratio);
         let own = entries.iter().find(|e| e.kind == Some(Kind::Linear)).map(|e| e.case.clone());
         let tetrahedra = match own {
