@@ -1,5 +1,5 @@
 //! Whole bodies against reference vectors: pooled constants and sums, tangent products, single
-//! implicit steps. Trajectories and static fields are in `demos/tests/validation.rs`.
+//! implicit steps. Trajectories and static fields are in `demos/scene/tests/validation.rs`.
 
 use crate::common::*;
 use glam::DVec3;

@@ -8,7 +8,7 @@ use super::table::Table;
 use serde::{Deserialize, Serialize};
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
-use sinew_demos::summary::{evaluation_name, model_name};
+use sinew_scene::summary::{evaluation_name, model_name};
 use sinew_tune::measures::{displacement_error, front};
 use sinew_tune::table_of;
 

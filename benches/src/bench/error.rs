@@ -8,9 +8,9 @@ use sinew::models::element::membrane::RestTriangleError;
 use sinew::models::element::precompute::RestTetrahedronError;
 use sinew::models::material::MaterialError;
 use sinew::simulation::SimulationError;
-use sinew_demos::error::{RunError, SceneError};
 use sinew_identify::IdentifyError;
 use sinew_identify::virtual_test::VirtualTestError;
+use sinew_scene::error::{RunError, SceneError};
 use sinew_tune::fit::FitError;
 use std::path::PathBuf;
 

@@ -492,7 +492,7 @@ impl Subject {
         KernelRow {
             kernel,
             quantity: quantity.name().into(),
-            model: sinew_demos::summary::model_name(self.model).into(),
+            model: sinew_scene::summary::model_name(self.model).into(),
             tetrahedra,
             precision: self.precision.into(),
             error: self.error(quantity),

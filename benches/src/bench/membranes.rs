@@ -125,7 +125,7 @@ fn rows_of<S: Scalar>(mesh: &Mesh, rounds: Rounds) -> Result<Vec<MembraneRow>, B
         let own = (subject.model == MembraneModel::MassSpring).then_some(1.0);
         rows.push(MembraneRow {
             model: subject.model.name().into(),
-            evaluation: sinew_demos::summary::evaluation_name(subject.evaluation).into(),
+            evaluation: sinew_scene::summary::evaluation_name(subject.evaluation).into(),
             quantity: QUANTITIES[quantity].0.into(),
             triangles: mesh.triangles.len(),
             precision: S::NAME.into(),

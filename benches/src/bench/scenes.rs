@@ -3,10 +3,10 @@
 use super::error::BenchError;
 use super::table::Table;
 use serde::{Deserialize, Serialize};
-use sinew_demos::build::BuildOptions;
-use sinew_demos::run::{RunOptions, Silent, run as run_scene};
-use sinew_demos::scene::LoadedScene;
-use sinew_demos::scene_folder;
+use sinew_scene::assemble::BuildOptions;
+use sinew_scene::run::{RunOptions, Silent, run as run_scene};
+use sinew_scene::scene::LoadedScene;
+use sinew_scene::scene_folder;
 use sinew_tune::table_of;
 
 /// One scene.
@@ -70,7 +70,7 @@ pub fn run(
         let scene = LoadedScene::read(&file)?;
         tell(&format!("scene: {}", scene.scene.name));
         // the plan says how many steps there are
-        let planned = sinew_demos::build::build(&scene, &BuildOptions::default())?.plan.steps;
+        let planned = sinew_scene::assemble::build(&scene, &BuildOptions::default())?.plan.steps;
         let steps = quick_steps.map(|n| n.min(planned));
         let options = RunOptions {
             build: BuildOptions { steps, ..BuildOptions::default() },

@@ -436,7 +436,7 @@ fn build(mesh: &Mesh, rounds: Rounds) -> Result<BuildRow, BenchError> {
     let path = folder.join("beam.msh");
     let write = |reason: String| BenchError::Write { path: path.clone(), reason };
     std::fs::create_dir_all(&folder).map_err(|e| write(e.to_string()))?;
-    sinew_demos::mesh_tool::write(&path, mesh).map_err(|e| write(e.to_string()))?;
+    sinew_scene::mesh_tool::write(&path, mesh).map_err(|e| write(e.to_string()))?;
     let mut times = [const { Vec::new() }; 4];
     let rounds = Rounds { most: rounds.most.min(5), ..rounds };
     let measured = interleave(&mut [()], rounds, |()| {

@@ -174,8 +174,8 @@ fn pictures(
 ) -> Result<Vec<(String, Vec<u8>)>, BenchError> {
     #[cfg(feature = "render")]
     if wanted {
-        use sinew_demos::picture::{RenderJobError, papers};
         use sinew_render::{RenderError, adapter::AdapterRequest, image::Packing};
+        use sinew_scene::picture::{RenderJobError, papers};
         tell("models side by side, as a picture");
         let request = AdapterRequest::default();
         let drawn = match paper {

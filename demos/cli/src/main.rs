@@ -1,0 +1,529 @@
+//! The `sinew` command. Results go to stdout, progress and errors to stderr; the exit code is 0 when
+//! all went well, 1 for bad input or a failed run, 2 for a wrong command line, 3 for a sweep with failed runs.
+#![allow(clippy::print_stderr, reason = "a command speaks to its terminal")]
+
+mod advise;
+mod fit;
+mod fit_data;
+mod progress;
+#[cfg(feature = "render")]
+mod render;
+mod sweep;
+
+use advise::{AdviseArguments, advise_scene};
+use clap::{Args, Parser, Subcommand};
+use fit::{FitArguments, fit};
+use progress::Progress;
+use sinew::engine::lanes::InstructionSet;
+use sinew::engine::schedule::Executor;
+use sinew::models::body::Evaluation;
+use sinew::models::material::YoungPoisson;
+use sinew::prelude::{Integrator, Model};
+use sinew::simulation::{Backend, Precision};
+use sinew_cli::{Outcome, PrecisionArgument, choice, exit_code, print};
+use sinew_scene::assemble::{BuildOptions, generate};
+use sinew_scene::cell_springs::SpringTable;
+use sinew_scene::check::check_file;
+use sinew_scene::mesh_tool::{MeshInfo, convert, read, write};
+use sinew_scene::run::{LogOptions, Observer, RunOptions, Silent, replay, run};
+use sinew_scene::scene::{
+    BackendName, BoxShape, CylinderShape, ExecutorName, Generate, LoadedScene, SheetCells,
+    SheetShape, SolidCells, SphereShape,
+};
+use sinew_scene::validate::{ValidateOptions, validate};
+use sinew_tune::advise::Choice;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+macro_rules! say {
+    ($($argument:tt)*) => { print(format_args!($($argument)*))? };
+}
+
+macro_rules! sayln {
+    ($($argument:tt)*) => { print(format_args!("{}\n", format_args!($($argument)*)))? };
+}
+
+/// Soft tissue: simulate scenes, check meshes, validate against reference solutions, fit, advise.
+#[derive(Parser)]
+#[command(
+    name = "sinew",
+    version,
+    about,
+    after_help = "Benches, hard cases, papers and rivals are the other command: `sinew-lab`, that is `cargo run \
+                  --release -p sinew-benches -- --help`."
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Simulate a scene and report what happened.
+    Run(RunArguments),
+    /// Simulate a scene and make pictures, a film or a page of it, without a window.
+    #[cfg(feature = "render")]
+    Render(Box<render::RenderArguments>),
+    /// Do again what `sinew run --record` wrote, and stop at the first state that differs.
+    Replay(ReplayArguments),
+    /// Check a scene or a mesh without simulating it.
+    Check(CheckArguments),
+    /// Run reference cases and compare with their stored truth.
+    Validate(ValidateArguments),
+    /// Find the settings that run a scene within a budget of time and error on this machine.
+    Advise(AdviseArguments),
+    /// Find the springs of a mesh and say what they are worth, or, with --data, the material constants of a
+    /// static scene from measured displacements or forces.
+    Fit(FitArguments),
+    /// Run a scene many times with other values: plan, run in parts on any machines, merge into one table.
+    #[command(subcommand)]
+    Sweep(sweep::SweepCommand),
+    /// Look at, convert or generate a mesh.
+    #[command(subcommand)]
+    Mesh(MeshCommand),
+}
+
+#[derive(Args)]
+struct RunArguments {
+    /// Scene file (TOML).
+    scene: PathBuf,
+    /// Folder for frames (VTU, PVD), probes (CSV) and summary (JSON).
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// File for the JSON summary; `-` prints it instead of the report.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Threads, 0 for one per core; results do not depend on it.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Independent systems run one after another (single) or side by side (multi); results do not depend on it.
+    #[arg(long, value_parser = choice::<ExecutorName>)]
+    executor: Option<ExecutorName>,
+    /// Instruction set: portable (the same bits on every machine), avx2 or avx512; the best there is without.
+    #[arg(long, value_parser = choice::<InstructionSet>)]
+    instruction_set: Option<InstructionSet>,
+    /// Number type of the state.
+    #[arg(long)]
+    precision: Option<PrecisionArgument>,
+    /// Where steps are computed: cpu, or gpu in a build with that feature (the environment variable
+    /// SINEW_ADAPTER names an adapter).
+    #[arg(long, value_parser = choice::<BackendName>)]
+    backend: Option<BackendName>,
+    /// Time integrator.
+    #[arg(long, value_parser = choice::<Integrator>)]
+    integrator: Option<Integrator>,
+    /// Step (s) of a dynamic scene.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    dt: Option<f64>,
+    /// Parts in which a static scene applies its loads.
+    #[arg(long, value_name = "N")]
+    load_steps: Option<u32>,
+    /// Relative residual at which a linear system counts as solved.
+    #[arg(long, value_name = "X")]
+    linear_tolerance: Option<f64>,
+    /// Newton step over body size at which Newton has converged.
+    #[arg(long, value_name = "X")]
+    newton_tolerance: Option<f64>,
+    /// Evaluation of all bodies: fused or pooled.
+    #[arg(long, value_parser = choice::<Evaluation>)]
+    evaluation: Option<Evaluation>,
+    #[arg(long, value_parser = choice::<Model>, help = format!("Energy of all bodies: {}", models()))]
+    model: Option<Model>,
+    /// Carry out this many steps instead of the whole scene.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+    /// Leave a checkpoint in the folder of --out every so much simulated time, such as 0.5s or 20ms; the last two are
+    /// kept until the run is complete.
+    #[arg(long, value_name = "TIME", value_parser = simulated_time)]
+    checkpoint: Option<f64>,
+    /// Go on from the last checkpoint in the folder of --out, as if the run had never stopped; from the beginning where
+    /// there is none.
+    #[arg(long)]
+    resume: bool,
+    /// Write every input and hashes of the state to a file, for `sinew replay`.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Steps between the hashes of --record.
+    #[arg(long, value_name = "N", default_value_t = 10, requires = "record", value_parser = clap::value_parser!(u64).range(1..))]
+    hash_every: u64,
+    /// No progress bar and no report.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+#[derive(Args)]
+struct ReplayArguments {
+    /// Log that `sinew run --record` wrote.
+    log: PathBuf,
+    /// Where the scene file is, if it is no more where it was.
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// Threads, 0 for one per core; results do not depend on it.
+    #[arg(long)]
+    threads: Option<usize>,
+}
+
+/// A time such as `2s`, `0.5s` or `20ms`, in seconds.
+fn simulated_time(text: &str) -> Result<f64, String> {
+    let (number, unit) = match text.strip_suffix("ms") {
+        Some(number) => (number, 1e-3),
+        None => (text.strip_suffix('s').unwrap_or(text), 1.0),
+    };
+    match number.trim().parse::<f64>() {
+        Ok(time) if time > 0.0 && time.is_finite() => Ok(time * unit),
+        _ => Err("give a positive time, such as 0.5s or 20ms".into()),
+    }
+}
+
+/// Names of models that every body can have.
+fn models() -> String {
+    Model::ALL.map(Model::name).join(", ")
+}
+
+#[derive(Args)]
+struct CheckArguments {
+    /// Scene (.toml) or mesh (.msh, .vtk, .vtu, .node, .ele, .obj, .stl).
+    file: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+struct ValidateArguments {
+    /// Case files (JSON) or folders of them [default: the cases that come with Sinew, demos/reference].
+    cases: Vec<PathBuf>,
+    /// File for the JSON report; `-` prints it instead of the table.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Relative difference at which a case passes [default: 1e-6 static, 1e-8 trajectories].
+    #[arg(long, value_name = "X")]
+    tolerance: Option<f64>,
+    /// Folder with the meshes of the cases [default: meshes beside the case or its folder].
+    #[arg(long, value_name = "DIR")]
+    meshes: Option<PathBuf>,
+    /// Sum the energy spring by spring instead of tetrahedron by tetrahedron.
+    #[arg(long)]
+    pooled: bool,
+    /// Threads, 0 for one per core.
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+}
+
+#[derive(Subcommand)]
+enum MeshCommand {
+    /// What is in a mesh file.
+    Info {
+        /// Mesh file.
+        file: PathBuf,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// From one format to another; extensions tell which.
+    Convert {
+        /// Mesh file to read.
+        from: PathBuf,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        to: PathBuf,
+        /// Factor on all coordinates (0.001 for a mesh in millimetres).
+        #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+        scale: f64,
+        /// A vertex in the middle of every edge: linear tetrahedra become ten-node ones.
+        #[arg(long)]
+        second_order: bool,
+        /// Mesh or surface file on which the vertices on edges of the surface are put: elements are curved as the body is. Takes
+        /// the same scale.
+        #[arg(long, value_name = "FILE")]
+        onto: Option<PathBuf>,
+    },
+    /// The springs of tetrahedra or triangles that are St Venant-Kirchhoff elasticity: 21 of a tetrahedron, 6 of
+    /// a triangle (Delingette 2008).
+    Springs {
+        /// Mesh file.
+        file: PathBuf,
+        /// Young's modulus (Pa).
+        #[arg(long, allow_negative_numbers = true)]
+        young: f64,
+        /// Poisson's ratio.
+        #[arg(long, allow_negative_numbers = true)]
+        poisson: f64,
+        /// Thickness (m) of triangles, in plane stress.
+        #[arg(long, allow_negative_numbers = true)]
+        thickness: Option<f64>,
+        /// Which cell, counted from 0; may be given several times.
+        #[arg(long, default_values_t = [0])]
+        cell: Vec<usize>,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// A simple shape; lengths in metres.
+    Generate {
+        #[command(subcommand)]
+        shape: Shape,
+    },
+}
+
+#[derive(Subcommand)]
+enum Shape {
+    /// A box with one corner at the origin; groups x0, x1, y0, y1, z0, z1, body.
+    Box {
+        /// Edge lengths X Y Z (m).
+        #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], required = true, allow_negative_numbers = true)]
+        size: Vec<f64>,
+        /// Cells along each edge; six tetrahedra or one hexahedron in each.
+        #[arg(long, num_args = 3, value_names = ["NX", "NY", "NZ"], required = true)]
+        cells: Vec<usize>,
+        /// tetrahedra, hexahedra or irregular (tetrahedra without a preferred direction).
+        #[arg(long, default_value = "tetrahedra", value_parser = choice::<SolidCells>)]
+        elements: SolidCells,
+        /// Which of the irregular meshes.
+        #[arg(long)]
+        seed: Option<u64>,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        #[arg(long, short, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// A cylinder along x from the origin; groups x0, x1, side, body.
+    Cylinder {
+        /// Radius (m).
+        #[arg(long, allow_negative_numbers = true)]
+        radius: f64,
+        /// Length (m).
+        #[arg(long, allow_negative_numbers = true)]
+        length: f64,
+        /// Rings around the axis.
+        #[arg(long, default_value_t = 3)]
+        rings: usize,
+        /// Layers along the axis.
+        #[arg(long, default_value_t = 20)]
+        layers: usize,
+        /// tetrahedra, hexahedra or irregular (tetrahedra moved at random).
+        #[arg(long, default_value = "tetrahedra", value_parser = choice::<SolidCells>)]
+        elements: SolidCells,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        #[arg(long, short, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// A rectangle at z = 0 with one corner at the origin; groups x0, x1, y0, y1, body.
+    Sheet {
+        /// Edge lengths X Y (m).
+        #[arg(long, num_args = 2, value_names = ["X", "Y"], required = true, allow_negative_numbers = true)]
+        size: Vec<f64>,
+        /// Cells along each edge.
+        #[arg(long, num_args = 2, value_names = ["NX", "NY"], required = true)]
+        cells: Vec<usize>,
+        /// triangles or quads.
+        #[arg(long, default_value = "triangles", value_parser = choice::<SheetCells>)]
+        elements: SheetCells,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        #[arg(long, short, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// A ball around the origin; groups surface, body.
+    Sphere {
+        /// Radius (m).
+        #[arg(long, allow_negative_numbers = true)]
+        radius: f64,
+        /// Shells from centre to surface.
+        #[arg(long, default_value_t = 6)]
+        shells: usize,
+        /// Mesh file to write (.msh, .vtk, .vtu).
+        #[arg(long, short, value_name = "FILE")]
+        out: PathBuf,
+    },
+}
+
+fn main() -> ExitCode {
+    exit_code(match Cli::parse().command {
+        Command::Run(arguments) => run_scene(arguments),
+        #[cfg(feature = "render")]
+        Command::Render(arguments) => render::render_scene(*arguments),
+        Command::Replay(arguments) => replay_log(&arguments),
+        Command::Check(arguments) => check_scene_or_mesh(&arguments),
+        Command::Validate(arguments) => validate_cases(arguments),
+        Command::Advise(arguments) => advise_scene(&arguments),
+        Command::Mesh(command) => mesh(command),
+        Command::Fit(arguments) => fit(&arguments),
+        Command::Sweep(command) => return sweep::sweep(command),
+    })
+}
+
+fn run_scene(arguments: RunArguments) -> Outcome {
+    let mut scene = LoadedScene::read(&arguments.scene)?;
+    let replaced = Choice {
+        integrator: arguments.integrator,
+        dt: arguments.dt,
+        load_steps: arguments.load_steps,
+        linear_tolerance: arguments.linear_tolerance,
+        newton_tolerance: arguments.newton_tolerance,
+        evaluation: arguments.evaluation,
+        model: arguments.model,
+        // these have options of their own
+        precision: None,
+        threads: None,
+    };
+    replaced.apply(&mut scene);
+    let options = [
+        ("dt", "--dt", arguments.dt.is_some()),
+        ("load_steps", "--load-steps", arguments.load_steps.is_some()),
+        ("threads", "--threads", arguments.threads.is_some()),
+        ("solver.integrator", "--integrator", arguments.integrator.is_some()),
+        ("solver.linear_tolerance", "--linear-tolerance", arguments.linear_tolerance.is_some()),
+        ("solver.newton_tolerance", "--newton-tolerance", arguments.newton_tolerance.is_some()),
+    ];
+    options.into_iter().filter(|o| o.2).for_each(|(key, option, _)| scene.replaced_by(key, option));
+    let print_json = arguments.json.as_deref().is_some_and(|path| path.as_os_str() == "-");
+    let options = RunOptions {
+        build: BuildOptions {
+            precision: arguments.precision.map(Precision::from),
+            backend: arguments.backend.map(Backend::from),
+            threads: arguments.threads,
+            steps: arguments.steps,
+            executor: arguments.executor.map(Executor::from),
+            instruction_set: arguments.instruction_set,
+        },
+        out: arguments.out,
+        json: arguments.json.filter(|_| !print_json),
+        interrupt: Some(interrupt()?),
+        checkpoint: arguments.checkpoint,
+        resume: arguments.resume,
+        record: arguments.record.map(|path| LogOptions { path, hash_every: arguments.hash_every }),
+    };
+    let mut progress = Progress::default();
+    let observer: &mut dyn Observer = if arguments.quiet { &mut Silent } else { &mut progress };
+    let summary = run(&scene, &options, observer)?;
+    if print_json {
+        sayln!("{}", serde_json::to_string_pretty(&summary)?);
+    } else if !arguments.quiet {
+        say!("{summary}");
+    }
+    if let Some(failure) = &summary.failure {
+        eprintln!("error: {}: {failure}", arguments.scene.display());
+    }
+    Ok(summary.completed)
+}
+
+fn replay_log(arguments: &ReplayArguments) -> Outcome {
+    let done = replay(&arguments.log, arguments.scene.as_deref(), arguments.threads)?;
+    sayln!(
+        "{} steps with {} inputs repeated, {} of {} hashes equal; last state {:016x}",
+        done.steps,
+        done.inputs,
+        done.hashes,
+        done.hashes,
+        done.hash
+    );
+    if !done.whole {
+        eprintln!(
+            "warning: {} has no last line: the program that wrote it died",
+            arguments.log.display()
+        );
+    }
+    Ok(true)
+}
+
+/// Set when the user or the system asks the command to end. A second time it ends at once.
+fn interrupt() -> Result<Arc<AtomicBool>, ctrlc::Error> {
+    let asked = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&asked);
+    ctrlc::set_handler(move || {
+        if told.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    })?;
+    Ok(asked)
+}
+
+fn validate_cases(arguments: ValidateArguments) -> Outcome {
+    let options = ValidateOptions {
+        tolerance: arguments.tolerance,
+        meshes: arguments.meshes,
+        evaluation: if arguments.pooled { Evaluation::Pooled } else { Evaluation::Fused },
+        threads: arguments.threads,
+    };
+    let report =
+        validate(&arguments.cases, &options, |row| eprintln!("{}: {}", row.case, row.law))?;
+    let text = serde_json::to_string_pretty(&report)?;
+    match arguments.json {
+        Some(path) if path.as_os_str() == "-" => sayln!("{text}"),
+        json => {
+            say!("{report}");
+            if let Some(path) = json {
+                std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+                sayln!("written to {}", path.display());
+            }
+        }
+    }
+    Ok(report.passed())
+}
+
+fn check_scene_or_mesh(arguments: &CheckArguments) -> Outcome {
+    let summary = check_file(&arguments.file);
+    if arguments.json {
+        sayln!("{}", serde_json::to_string_pretty(&summary)?);
+    } else {
+        say!("{summary}");
+    }
+    Ok(summary.usable)
+}
+
+fn mesh(command: MeshCommand) -> Outcome {
+    match command {
+        MeshCommand::Info { file, json } => {
+            let info = MeshInfo::of(&read(&file)?);
+            if json {
+                sayln!("{}", serde_json::to_string_pretty(&info)?);
+            } else {
+                say!("{info}");
+            }
+        }
+        MeshCommand::Convert { from, to, scale, second_order, onto } => {
+            let info = convert(&from, &to, scale, second_order, onto.as_deref())?;
+            say!("{info}");
+            sayln!("written to {}", to.display());
+        }
+        MeshCommand::Springs { file, young, poisson, thickness, cell, json } => {
+            let material =
+                YoungPoisson { young_modulus: young, poisson_ratio: poisson, density: 1000.0 };
+            let table = SpringTable::of(&read(&file)?, material, thickness, &cell)?;
+            if json {
+                sayln!("{}", serde_json::to_string_pretty(&table)?);
+            } else {
+                say!("{table}");
+            }
+        }
+        MeshCommand::Generate { shape } => {
+            let (shape, out) = match shape {
+                Shape::Box { size, cells, elements, seed, out } => {
+                    let size = [size[0], size[1], size[2]];
+                    let cells = [cells[0], cells[1], cells[2]];
+                    let cuboid = Some(BoxShape { size, cells, elements, seed });
+                    (Generate { cuboid, ..Generate::default() }, out)
+                }
+                Shape::Cylinder { radius, length, rings, layers, elements, out } => {
+                    let cylinder = Some(CylinderShape { radius, length, rings, layers, elements });
+                    (Generate { cylinder, ..Generate::default() }, out)
+                }
+                Shape::Sheet { size, cells, elements, out } => {
+                    let (size, cells) = ([size[0], size[1]], [cells[0], cells[1]]);
+                    let sheet = Some(SheetShape { size, cells, elements });
+                    (Generate { sheet, ..Generate::default() }, out)
+                }
+                Shape::Sphere { radius, shells, out } => {
+                    let sphere = Some(SphereShape { radius, shells });
+                    (Generate { sphere, ..Generate::default() }, out)
+                }
+            };
+            if let Some(mesh) = generate(&shape)? {
+                write(&out, &mesh)?;
+                say!("{}", MeshInfo::of(&mesh));
+                sayln!("written to {}", out.display());
+            }
+        }
+    }
+    Ok(true)
+}

@@ -1,0 +1,332 @@
+//! The command as a user meets it: exit codes, and what goes to stdout and stderr.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn sinew(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_sinew")).args(arguments).output().unwrap()
+}
+
+fn check(arguments: &[&str], code: i32, stdout: &str, stderr: &str) {
+    let output = sinew(arguments);
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let (out, err) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {out}{err}");
+    assert!(out.contains(stdout), "{arguments:?}: `{stdout}` is not in {out}");
+    assert!(err.contains(stderr), "{arguments:?}: `{stderr}` is not in {err}");
+}
+
+fn shipped(name: &str) -> String {
+    sinew_scene::shipped_scene(name).display().to_string()
+}
+
+fn file(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
+}
+
+#[test]
+fn a_run_reports_on_stdout_and_returns_zero() {
+    let liver = shipped("liver");
+    check(&["run", &liver, "--steps", "3"], 0, "What was simulated", "");
+    let quiet = sinew(&["run", &liver, "--steps", "3", "--quiet"]);
+    assert!(quiet.status.success() && quiet.stdout.is_empty() && quiet.stderr.is_empty());
+    let json = sinew(&["run", &liver, "--steps", "3", "--json", "-", "--precision", "f32"]);
+    let value: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!(
+        (&value["schema"], &value["settings"]["precision"]),
+        (&"sinew-run/1".into(), &"f32".into())
+    );
+}
+
+#[test]
+fn bad_input_returns_one_and_a_wrong_command_line_two() {
+    check(&["run", "nowhere.toml"], 1, "", "error: nowhere.toml");
+    check(&["check", "nowhere.msh"], 1, "CANNOT", "");
+    check(&["mesh", "info", "nowhere.msh"], 1, "", "nowhere.msh");
+    check(&["run"], 2, "", "Usage");
+    check(&["run", &shipped("liver"), "--steps", "0"], 2, "", "--steps");
+    check(&["simulate"], 2, "", "Usage");
+    check(&["run", &shipped("liver"), "--integrator", "magic"], 2, "", "newton");
+    // each command names the other
+    check(&["bench"], 2, "", "Usage");
+    check(&["--help"], 0, "sinew-lab", "");
+}
+
+#[test]
+fn a_run_that_fails_on_the_way_reports_and_returns_one() {
+    let scene = std::fs::read_to_string(shipped("cantilever")).unwrap();
+    let scene = scene
+        .replace("integrator = \"safe\"", "integrator = \"symplectic-euler\"\nmax_substeps = 2");
+    let path = file("too_few_substeps.toml");
+    std::fs::write(&path, scene).unwrap();
+    let path = path.display().to_string();
+    check(&["run", &path], 1, "FAILED after 0 of 300 steps", "substeps");
+}
+
+#[test]
+fn checks_and_meshes() {
+    check(&["check", &shipped("crush")], 0, "can be simulated", "");
+    check(&["check", &shipped("crush"), "--json"], 0, "\"sinew-check/1\"", "");
+    let out = file("box.vtu").display().to_string();
+    let size = ["mesh", "generate", "box", "--size", "0.1", "0.2", "0.3", "--cells", "1", "2", "3"];
+    check(&[&size[..], &["-o", &out]].concat(), 0, "tetrahedra  36", "");
+    let msh = file("box.msh").display().to_string();
+    check(&["mesh", "convert", &out, &msh, "--scale", "0.5"], 0, "written to", "");
+    check(&["mesh", "info", &msh, "--json"], 0, "\"tetrahedra\": 36", "");
+    let stp = file("box.stp").display().to_string();
+    check(&["mesh", "convert", &out, &stp], 1, "", ".vtu");
+}
+
+#[test]
+fn advice_can_be_followed_and_impossible_requests_fail() {
+    let scene = file("advise.toml");
+    let text = r#"
+        name = "small"
+        dt = 0.02
+        duration = 0.1
+        [[body]]
+        name = "beam"
+        generate = { box = { size = [0.1, 0.05, 0.05], cells = [2, 1, 1] } }
+        material = { young_modulus = 2e5, poisson_ratio = 0.4, density = 1000.0 }
+        [[constraint]]
+        name = "clamp"
+        select = { group = "x0" }
+    "#;
+    std::fs::write(&scene, text).unwrap();
+    let scene = scene.display().to_string();
+    let output = sinew(&["advise", &scene, "--budget", "1s", "--error", "3%"]);
+    let advice = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && advice.contains("Recommended"), "{advice}");
+    let command = advice.lines().find_map(|l| l.trim().strip_prefix("sinew ")).unwrap();
+    let mut words: Vec<&str> = command.split_whitespace().collect();
+    words.push("--quiet");
+    assert!(sinew(&words).status.success(), "{command}");
+    check(&["advise", &scene, "--budget", "1us", "--error", "3%"], 1, "CANNOT be met", "");
+    check(&["advise", &scene, "--budget", "16", "--error", "3%"], 2, "", "16ms");
+    check(&["advise", &scene, "--budget", "16ms", "--error", "3"], 2, "", "percentage");
+    check(&["advise", "nowhere.toml", "--budget", "16ms", "--error", "3%"], 1, "", "nowhere");
+}
+
+#[test]
+fn a_scene_is_fitted_to_data() {
+    let scene = shipped("fit_bar");
+    let data = scene.replace(".toml", ".csv");
+    let fit = ["fit", "--data", &data, "--fit", "young", "--fit", "poisson", &scene];
+    check(&fit, 0, "95 % within", "");
+    let output = sinew(&[&fit[..], &["--json"]].concat());
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(value["schema"], "sinew-fit-data/1");
+    assert_eq!(value["converged"], true);
+    let liver = shipped("liver");
+    let dynamic = ["fit", "--data", &data, "--fit", "young", &liver];
+    check(&dynamic, 1, "", "mode = \"static\"");
+    check(&["fit", "--data", &data, &scene], 2, "", "--fit");
+    check(&["fit", "--data", "nowhere.csv", "--fit", "young", &scene], 1, "", "nowhere.csv");
+}
+
+#[test]
+fn a_fit_reports_writes_and_names_what_is_wrong() {
+    let mesh = file("fit.msh").display().to_string();
+    let size = ["--size", "0.06", "0.02", "0.02", "--cells", "3", "1", "1"];
+    let shape = ["mesh", "generate", "box", "--elements", "hexahedra", "-o", &mesh];
+    check(&[&shape[..], &size[..]].concat(), 0, "written to", "");
+    let fit = ["fit", &mesh, "--young", "1e4", "--poisson", "0.3"];
+    let with = |more: &[&'static str]| [&fit[..], more].concat();
+    check(&with(&[]), 0, "central springs cannot hold a free Poisson's ratio", "");
+    check(&with(&["--element-method", "block"]), 0, "element_method = \"block\"", "");
+    let output = sinew(&with(&["--json", "--element-method", "nonnegative"]));
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(
+        (&value["schema"], &value["method"]),
+        (&"sinew-body/1".into(), &"nonnegative".into())
+    );
+    assert_eq!(value["report"]["negative_edges"], 0);
+    assert_eq!(value["assessment"]["tests"].as_array().unwrap().len(), 4);
+    assert!(value["assessment"]["moduli"]["young_modulus"].as_f64().unwrap() > 0.0);
+    assert_eq!(value["masses"].as_array().unwrap().len(), 16);
+    let body = file("fit.csv").display().to_string();
+    check(&[&with(&["--out"])[..], &[&body]].concat(), 0, "e_rms %", "written to");
+    assert!(std::fs::read_to_string(&body).unwrap().starts_with("record,first,second,value"));
+    check(&with(&["--element-method", "lloyd"]), 1, "", "hexahedron 0");
+    check(&with(&["--element-method", "best"]), 2, "", "two-norm");
+    check(&with(&["--held", "foot"]), 1, "", "no group `foot`");
+    check(&with(&["--out", "body.txt"]), 1, "", ".json or .csv");
+    check(&["fit", &mesh, "--young", "1e4", "--poisson", "0.5"], 1, "", "Poisson");
+    check(&["fit", "nowhere.msh", "--young", "1e4", "--poisson", "0.3"], 1, "", "nowhere.msh");
+}
+
+#[cfg(feature = "render")]
+#[test]
+fn render_writes_a_page_and_refuses_what_it_cannot_draw() {
+    let (bar, page) = (shipped("fibre_bar"), file("fibre_bar.html"));
+    let path = page.display().to_string();
+    check(&["render", &bar, "--steps", "4", "--frames", "3", "--html", &path], 0, &path, "");
+    let text = std::fs::read_to_string(&page).unwrap();
+    assert!(text.contains("Fibre bar") && text.contains("\"time\":0.04"));
+    check(&["render", &bar], 1, "", "--png DIR");
+    check(&["render", &bar, "--png", "x", "--size", "huge"], 2, "", "WIDTHxHEIGHT");
+    check(&["render", &bar, "--png", "x", "--camera", "up"], 2, "", "AZIMUTH");
+    check(&["render", &bar, "--png", "x", "--color", "heat"], 2, "", "displacement");
+    check(&["render", &bar, "--beside", "none.toml", "--png", "x"], 1, "", "none.toml");
+    check(&["render", &bar, "--models", "svk,jelly", "--png", "x"], 2, "", "jelly");
+    let adapter = ["render", &bar, "--png", "x", "--adapter", "no such adapter"];
+    check(&adapter, 1, "", "graphics adapter");
+    check(&["render"], 2, "", "Usage");
+}
+
+/// A run that takes long, its folder, and its first rows on the way.
+#[cfg(unix)]
+fn under_way(name: &str) -> (std::process::Child, PathBuf) {
+    let (scene, out) = (file(&format!("{name}.toml")), file(name));
+    let _ = std::fs::remove_dir_all(&out);
+    let text = "name = \"long\"\ndt = 0.001\nduration = 1000.0\n[output]\nevery = 5\n[[body]]\nname = \"b\"\n\
+                generate = { box = { size = [0.1, 0.1, 0.1], cells = [2, 2, 2] } }\n\
+                material = { preset = \"liver\" }\n[[constraint]]\nname = \"c\"\nselect = { group = \"x0\" }\n";
+    std::fs::write(&scene, text).unwrap();
+    let child = Command::new(env!("CARGO_BIN_EXE_sinew"))
+        .args(["run", "--quiet", "--out"])
+        .args([&out, &scene])
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let rows = || std::fs::read_to_string(out.join("long.csv")).unwrap_or_default();
+    for _ in 0..600 {
+        if rows().lines().count() > 20 {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    assert!(rows().lines().count() > 20, "no rows after 12 s");
+    (child, out)
+}
+
+#[cfg(unix)]
+fn kill(child: &mut std::process::Child, signal: &str) -> Option<i32> {
+    let killed = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    child.wait().unwrap().code()
+}
+
+/// Every frame that the index names is there and can be read, and every row is whole.
+#[cfg(unix)]
+fn is_whole(out: &Path) -> usize {
+    let index = std::fs::read_to_string(out.join("long.pvd")).unwrap();
+    assert!(index.trim_end().ends_with("</VTKFile>"), "{index}");
+    let names: Vec<&str> =
+        index.split("file=\"").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
+    for name in &names {
+        sinew::engine::mesh::Mesh::read(&out.join(name)).unwrap();
+    }
+    let rows = std::fs::read_to_string(out.join("long.csv")).unwrap();
+    let columns = |row: &str| row.split(',').count();
+    let first = columns(rows.lines().next().unwrap());
+    assert!(rows.ends_with('\n') && rows.lines().all(|row| columns(row) == first));
+    names.len()
+}
+
+#[cfg(unix)]
+#[test]
+fn signals_leave_whole_files_and_a_summary() {
+    for signal in ["-TERM", "-INT", "-HUP"] {
+        let (mut child, out) = under_way("signal");
+        assert_eq!(kill(&mut child, signal), Some(1), "{signal}");
+        assert!(is_whole(&out) > 3);
+        let summary = std::fs::read_to_string(out.join("summary.json")).unwrap();
+        assert!(
+            summary.contains("interrupted after step") && summary.contains("\"completed\": false")
+        );
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_killed_run_leaves_what_the_next_one_understands() {
+    let (mut child, out) = under_way("killed");
+    assert_eq!(kill(&mut child, "-KILL"), None);
+    assert!(is_whole(&out) > 3 && !out.join("summary.json").exists());
+    let frames = || std::fs::read_dir(out.join("frames")).unwrap().count();
+    let before = frames();
+    let [scene, folder] = [file("killed.toml"), out.clone()].map(|p| p.display().to_string());
+    check(&["run", "--steps", "2", "--out", &folder, &scene], 0, "that was cut short", "");
+    assert!(frames() < before && is_whole(&out) == frames());
+    check(&["run", "--steps", "2", "--out", &folder, &scene], 0, "of an earlier run were", "");
+}
+
+/// As on a full disk: the rows find no more room, what is there is whole, and the summary says so.
+#[cfg(unix)]
+#[test]
+fn a_run_without_room_ends_by_name() {
+    let (mut child, out) = under_way("full");
+    kill(&mut child, "-KILL");
+    let limited =
+        "trap '' XFSZ; ulimit -f 32; exec \"$0\" run --quiet --steps 2000 --out \"$1\" \"$2\"";
+    let output = Command::new("bash")
+        .args(["-c", limited, env!("CARGO_BIN_EXE_sinew")])
+        .args([&out, &file("full.toml")])
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("interrupted in step") && told.contains("has room"), "{told}");
+    assert!(is_whole(&out) > 3 && !out.join("frames/unfinished").exists());
+    let summary = std::fs::read_to_string(out.join("summary.json")).unwrap();
+    assert!(summary.contains("interrupted in step") && summary.contains("\"completed\": false"));
+}
+
+/// What a run wrote that does not depend on how long it took.
+#[cfg(unix)]
+fn results(out: &Path) -> (String, String, String) {
+    let read = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+    let rows = read("grasp.csv");
+    let times = rows.lines().next().unwrap().split(',').position(|c| c == "step_ms").unwrap();
+    let without = |row: &str| {
+        let cells = row.split(',').enumerate().filter(|(i, _)| *i != times);
+        cells.map(|(_, cell)| cell).collect::<Vec<_>>().join(",")
+    };
+    let mut summary: serde_json::Value = serde_json::from_str(&read("summary.json")).unwrap();
+    summary["timing"] = serde_json::Value::Null;
+    let summary = summary.to_string().replace(&out.display().to_string(), "OUT");
+    (rows.lines().map(without).collect(), summary, read("grasp.pvd"))
+}
+
+/// Killed again and again at any moment, also while it writes a checkpoint, it goes on every time.
+#[cfg(unix)]
+#[test]
+fn a_run_that_is_killed_goes_on() {
+    let (scene, whole, cut) = (shipped("grasp"), file("killed_whole"), file("killed_cut"));
+    let _ = (std::fs::remove_dir_all(&whole), std::fs::remove_dir_all(&cut));
+    let run = |out: &Path, more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sinew"));
+        command.args(["run", &scene, "--steps", "150", "--threads", "1", "--out"]).arg(out);
+        command.args(more).stderr(std::process::Stdio::null()).stdout(std::process::Stdio::null());
+        command
+    };
+    let start = std::time::Instant::now();
+    assert!(run(&whole, &[]).status().unwrap().success());
+    let whole_ms = start.elapsed().as_millis() as u64;
+    let going_on = ["--checkpoint", "50ms", "--resume"];
+    let mut seed = u64::from(std::process::id());
+    for _ in 0..20 {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        // long enough now and then to get somewhere
+        let wait = (seed >> 33) % (whole_ms / 6).max(20);
+        let mut child = run(&cut, &going_on).spawn().unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(wait));
+        kill(&mut child, "-KILL");
+    }
+    assert!(run(&cut, &going_on).status().unwrap().success());
+    assert_eq!(results(&cut), results(&whole));
+}
+
+#[test]
+fn a_log_is_recorded_and_repeated() {
+    let log = file("run.jsonl").display().to_string();
+    let run = ["run", &shipped("muscle_bar"), "--steps", "12", "--record", &log, "--quiet"];
+    let portable = ["--instruction-set", "portable", "--hash-every", "4"];
+    check(&[&run[..], &portable].concat(), 0, "", "");
+    check(&["replay", &log], 0, "12 steps with", "");
+    check(&["replay", "nowhere.jsonl"], 1, "", "nowhere.jsonl");
+    check(&["run", &shipped("liver"), "--checkpoint", "1s"], 1, "", "give --out DIR");
+    check(&["run", &shipped("liver"), "--checkpoint", "soon"], 2, "", "0.5s or 20ms");
+    check(&["run", &shipped("liver"), "--hash-every", "3"], 2, "", "--record");
+}

@@ -1,0 +1,472 @@
+//! VTU frames with their PVD index, and the CSV of probes. All bodies of a scene are in one frame;
+//! the cell field `body` tells them apart.
+
+use crate::assemble::{BuiltBody, BuiltScene};
+use crate::error::RunError;
+use crate::probe;
+use crate::run::checkpoint;
+use crate::warning::{Level, Warning};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use sinew::engine::connectivity::{ByKind, ElementKind};
+use sinew::engine::mesh::LINEAR;
+use sinew::engine::mesh::io::{VtuData, write_pvd, write_vtu};
+use sinew::engine::mesh::{CellData, MeshError};
+use sinew::models::axes::field::to_cell_data;
+use std::io::{Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// Columns of every CSV file, before those of the probes.
+pub const COMMON_COLUMNS: [&str; 13] = [
+    "step",
+    "time_s",
+    "elastic_energy_J",
+    "kinetic_energy_J",
+    "load_work_J",
+    "constraint_work_J",
+    "recovery_J",
+    "dissipated_J",
+    "smallest_J",
+    "inverted",
+    "newton_iterations",
+    "cg_iterations",
+    "step_ms",
+];
+
+/// Columns after these of a scene in which something touches.
+pub const CONTACT_COLUMNS: [&str; 6] = [
+    "contact_work_J",
+    "contact_energy_J",
+    "friction_J",
+    "contact_points",
+    "contact_depth_m",
+    "inner_iterations",
+];
+
+/// Cell data that every frame has.
+const FRAME_CELL_DATA: [&str; 2] = ["J", "body"];
+
+/// Kinds of cells in the order of VTU files.
+const KINDS: [ElementKind; 4] =
+    [ElementKind::Tetrahedron, ElementKind::Hexahedron, ElementKind::Triangle, ElementKind::Quad];
+
+/// The fibres of a body as cell data: unit vectors at rest, `NAME_x`, `NAME_y` and `NAME_z`.
+fn fibre_data(body: &BuiltBody) -> Vec<CellData> {
+    let count = body.mesh.tetrahedra.len() + body.mesh.hexahedra.len();
+    let families = body.axes.iter().flat_map(|axes| &axes.families);
+    families
+        .flat_map(|family| {
+            let all = match family.directions.len() {
+                1 => vec![family.directions[0]; count],
+                _ => family.directions.to_vec(),
+            };
+            to_cell_data(&family.name, &all, &body.mesh)
+        })
+        .collect()
+}
+
+/// Cell data of all bodies, one after another, on tetrahedra and hexahedra; arrays of a frame's own names
+/// are left out.
+fn joined_cell_data(built: &BuiltScene) -> Vec<CellData> {
+    let mut joined: Vec<CellData> = Vec::new();
+    // fibres come before data of the file that have their name: these are their source
+    let of_bodies: Vec<Vec<CellData>> = built
+        .bodies
+        .iter()
+        .map(|b| {
+            let mut data = fibre_data(b);
+            data.extend(b.mesh.cell_data.iter().cloned());
+            data
+        })
+        .collect();
+    for data in of_bodies.iter().flatten() {
+        if !FRAME_CELL_DATA.contains(&data.name.as_str())
+            && joined.iter().all(|known| known.name != data.name)
+        {
+            let name = data.name.clone();
+            joined.push(CellData { name, integer: true, ..CellData::default() });
+        }
+    }
+    for array in &mut joined {
+        for (body, own) in built.bodies.iter().zip(&of_bodies) {
+            let data = own.iter().find(|data| data.name == array.name);
+            array.integer &= data.is_some_and(|data| data.integer);
+            let length = array.tetrahedra.len() + body.mesh.tetrahedra.len();
+            array.tetrahedra.extend(data.iter().flat_map(|data| &data.tetrahedra));
+            array.tetrahedra.resize(length, f64::NAN);
+            let length = array.hexahedra.len() + body.mesh.hexahedra.len();
+            array.hexahedra.extend(data.iter().flat_map(|data| &data.hexahedra));
+            array.hexahedra.resize(length, f64::NAN);
+            // membranes have no data of their own
+            let sheets = (body.membrane_triangles().len(), body.membrane_quads().len());
+            array.triangles.resize(array.triangles.len() + sheets.0, f64::NAN);
+            array.quads.resize(array.quads.len() + sheets.1, f64::NAN);
+        }
+    }
+    joined
+}
+
+/// Writes the files of a run into one folder.
+pub struct Writer {
+    folder: PathBuf,
+    stem: String,
+    frames: Vec<(f64, String)>,
+    /// What was found in the folder at the start.
+    note: Option<Warning>,
+    csv: std::fs::File,
+    csv_path: PathBuf,
+    /// Length of its whole rows (bytes).
+    csv_length: u64,
+    points: Vec<DVec3>,
+    tetrahedra: Vec<[u32; 4]>,
+    /// Vertices on the edges of each where some body is of second order.
+    middles: Vec<[u32; 6]>,
+    hexahedra: Vec<[u32; 8]>,
+    /// Those of membranes.
+    triangles: Vec<[u32; 3]>,
+    quads: Vec<[u32; 4]>,
+    /// Cell data of the mesh files; NaN for bodies without it.
+    cell_data: Vec<CellData>,
+    /// Smallest altitude of a cell at rest (m).
+    smallest: f64,
+    /// First cell of every kind of each body, among those of its kind.
+    start: Vec<ByKind<usize>>,
+}
+
+/// The name of a scene as that of files.
+fn stem(name: &str) -> String {
+    let kept = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
+    name.chars().map(|c| if kept(c) { c } else { '_' }).collect()
+}
+
+fn write_error(path: &Path) -> impl Fn(std::io::Error) -> RunError + '_ {
+    |source| RunError::Write { path: path.into(), source }
+}
+
+/// What a writer has written, for checkpoints.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct WriterState {
+    csv_length: u64,
+    frames: Vec<(f64, String)>,
+    /// What was found in the folder at the start.
+    note: Option<Warning>,
+}
+
+impl Writer {
+    /// Goes on where another writer of the scene was; what that one wrote later goes.
+    ///
+    /// # Errors
+    /// When its rows are no longer there, or the folder cannot be written to.
+    pub fn resume(
+        folder: &Path,
+        name: &str,
+        built: &mut BuiltScene,
+        state: WriterState,
+    ) -> Result<Self, RunError> {
+        let csv_path = folder.join(format!("{}.csv", stem(name)));
+        let path = csv_path.clone();
+        let error = write_error(&path);
+        let mut csv = std::fs::OpenOptions::new().write(true).open(&csv_path).map_err(&error)?;
+        if csv.metadata().map_err(&error)?.len() < state.csv_length {
+            let message =
+                "rows that were written before it are gone from the CSV file: run the scene anew";
+            return Err(RunError::Checkpoint { path: csv_path, message });
+        }
+        csv.set_len(state.csv_length).map_err(&error)?;
+        csv.seek(SeekFrom::End(0)).map_err(&error)?;
+        // half of a summary, or that of an interrupted run
+        let _ = std::fs::remove_file(folder.join("summary.json"));
+        built.warnings.extend(state.note.clone());
+        let WriterState { csv_length, frames, note } = state;
+        Ok(Self { csv_length, frames, note, ..Self::of(folder, name, built, csv, csv_path) })
+    }
+
+    /// What it has written.
+    pub fn state(&self) -> WriterState {
+        let Self { csv_length, frames, note, .. } = self;
+        WriterState { csv_length: *csv_length, frames: frames.clone(), note: note.clone() }
+    }
+
+    /// Makes the folder, takes away what an earlier run of the scene left in it, which becomes a note of the scene if it
+    /// `tells` of that, and
+    /// starts the CSV file.
+    ///
+    /// # Errors
+    /// When the folder cannot be made or written to.
+    pub fn new(
+        folder: &Path,
+        name: &str,
+        built: &mut BuiltScene,
+        tells: bool,
+    ) -> Result<Self, RunError> {
+        let frames = folder.join("frames");
+        std::fs::create_dir_all(&frames).map_err(write_error(&frames))?;
+        let stem = stem(name);
+        let note = remove_old(folder, &stem)?.filter(|_| tells);
+        built.warnings.extend(note.clone());
+        let csv_path = folder.join(format!("{stem}.csv"));
+        let csv = std::fs::File::create(&csv_path).map_err(write_error(&csv_path))?;
+        let of_contact: &[&str] = if built.touches() { &CONTACT_COLUMNS } else { &[] };
+        let columns = COMMON_COLUMNS.iter().chain(of_contact).map(|c| (*c).to_string());
+        let header: Vec<String> =
+            columns.chain(probe::columns(&built.probes)).map(|c| header_cell(&c)).collect();
+        let mut writer = Self { note, ..Self::of(folder, name, built, csv, csv_path) };
+        writer.line(&header.join(","))?;
+        Ok(writer)
+    }
+
+    /// One that has written nothing.
+    fn of(
+        folder: &Path,
+        name: &str,
+        built: &BuiltScene,
+        csv: std::fs::File,
+        csv_path: PathBuf,
+    ) -> Self {
+        let (mut points, mut tetrahedra, mut hexahedra) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut triangles, mut quads, mut start) = (Vec::new(), Vec::new(), Vec::new());
+        let mut middles = Vec::new();
+        for b in &built.bodies {
+            let first = points.len() as u32;
+            start.push(ByKind([tetrahedra.len(), triangles.len(), hexahedra.len(), quads.len()]));
+            points.extend_from_slice(&b.mesh.points);
+            tetrahedra.extend(b.mesh.tetrahedra.iter().map(|t| t.map(|v| v + first)));
+            if b.mesh.is_second_order() {
+                middles.resize(tetrahedra.len() - b.mesh.tetrahedra.len(), LINEAR);
+                middles.extend(b.mesh.middles.iter().map(|m| m.map(|v| v + first)));
+            } else if !middles.is_empty() {
+                middles.resize(tetrahedra.len(), LINEAR);
+            }
+            hexahedra.extend(b.mesh.hexahedra.iter().map(|h| h.map(|v| v + first)));
+            triangles.extend(b.membrane_triangles().iter().map(|t| t.map(|v| v + first)));
+            quads.extend(b.membrane_quads().iter().map(|q| q.map(|v| v + first)));
+        }
+        let cell_data = joined_cell_data(built);
+        let smallest = built.bodies.iter().map(|b| b.report.statistics.smallest_altitude);
+        let smallest = smallest.fold(f64::INFINITY, f64::min);
+        Self {
+            folder: folder.to_path_buf(),
+            stem: stem(name),
+            frames: Vec::new(),
+            note: None,
+            csv,
+            csv_path,
+            csv_length: 0,
+            points,
+            tetrahedra,
+            middles,
+            hexahedra,
+            triangles,
+            quads,
+            cell_data,
+            smallest,
+            start,
+        }
+    }
+
+    /// Adds a line to the CSV file, whole or not at all.
+    fn line(&mut self, text: &str) -> Result<(), RunError> {
+        let line = format!("{text}\n");
+        self.csv.write_all(line.as_bytes()).map_err(|source| {
+            // best effort: the disk may be full, and the error is told anyway
+            let _ = self.csv.set_len(self.csv_length);
+            write_error(&self.csv_path)(source)
+        })?;
+        self.csv_length += line.len() as u64;
+        Ok(())
+    }
+
+    /// Adds a row to the CSV file.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn row(&mut self, step: u64, values: &[f64]) -> Result<(), RunError> {
+        let cells = values.iter().map(|value| Cell(*value).to_string());
+        self.line(&std::iter::once(step.to_string()).chain(cells).collect::<Vec<_>>().join(","))
+    }
+
+    /// Writes the current state as a frame.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn frame(&mut self, built: &mut BuiltScene) -> Result<(), RunError> {
+        let simulation = &mut built.simulation;
+        let time = simulation.time();
+        let (mut u, mut v) = (Vec::new(), Vec::new());
+        let mut ratios = Vec::new();
+        let mut held = vec![0.0; self.points.len()];
+        for (i, body) in built.bodies.iter().enumerate() {
+            let first = u.len();
+            u.extend(simulation.displacements(body.handle));
+            v.extend(simulation.velocities(body.handle));
+            // of a membrane the ratio of areas
+            let mut solid = simulation.volume_ratios(body.handle);
+            let mut sheet = simulation.area_ratios(body.handle);
+            let hexahedra = solid.split_off(body.element_count(ElementKind::Tetrahedron));
+            let quads = sheet.split_off(body.element_count(ElementKind::Triangle));
+            ratios.push(ByKind([solid, sheet, hexahedra, quads]));
+            for c in built.constraints.iter().filter(|c| c.body == i && c.acts(time)) {
+                c.vertices.iter().for_each(|&vertex| held[first + vertex as usize] = 1.0);
+            }
+        }
+        let points: Vec<DVec3> = self.points.iter().zip(&u).map(|(x, u)| x + u).collect();
+        // only what is left
+        let mut left = ByKind::<Vec<usize>>::default();
+        let (mut j, mut of_body, mut index) = (Vec::new(), Vec::new(), Vec::new());
+        for kind in KINDS {
+            for (i, body) in built.bodies.iter().enumerate() {
+                for e in simulation.remaining(body.handle, kind) {
+                    left[kind].push(self.start[i][kind] + e as usize);
+                    j.push(ratios[i][kind][e as usize]);
+                    of_body.push(i as f64);
+                    index.push(f64::from(e));
+                }
+            }
+        }
+        let tetrahedra = picked(&self.tetrahedra, &left[ElementKind::Tetrahedron]);
+        let middles = match self.middles.is_empty() {
+            true => Vec::new(),
+            false => picked(&self.middles, &left[ElementKind::Tetrahedron]),
+        };
+        let hexahedra = picked(&self.hexahedra, &left[ElementKind::Hexahedron]);
+        let triangles = picked(&self.triangles, &left[ElementKind::Triangle]);
+        let quads = picked(&self.quads, &left[ElementKind::Quad]);
+        let cell_data: Vec<CellData> = self
+            .cell_data
+            .iter()
+            .map(|data| CellData {
+                tetrahedra: picked(&data.tetrahedra, &left[ElementKind::Tetrahedron]),
+                hexahedra: picked(&data.hexahedra, &left[ElementKind::Hexahedron]),
+                triangles: picked(&data.triangles, &left[ElementKind::Triangle]),
+                quads: picked(&data.quads, &left[ElementKind::Quad]),
+                ..data.clone()
+            })
+            .collect();
+        let name = format!("frames/{}_{:05}.vtu", self.stem, self.frames.len());
+        let data = VtuData {
+            points: &points,
+            tetrahedra: &tetrahedra,
+            middles: &middles,
+            hexahedra: &hexahedra,
+            triangles: &triangles,
+            quads: &quads,
+            point_vectors: &[("displacement", &u), ("velocity", &v)],
+            point_scalars: &[("held", &held)],
+            cell_scalars: &[("J", &j), ("body", &of_body), ("index", &index)],
+            cell_data: &cell_data,
+            single_precision: fit_in_f32(&points, self.smallest) && fit_in_f32(&v, f64::INFINITY),
+            ..VtuData::default()
+        };
+        self.appear(&name, |path| write_vtu(path, &data))?;
+        self.frames.push((time, name));
+        // the index is written again and again, so that a run that is killed has one
+        let often = self.frames.len() < 1000 || self.frames.len().is_multiple_of(100);
+        if often { self.index().map(|_| ()) } else { Ok(()) }
+    }
+
+    /// Writes the index of the frames.
+    fn index(&self) -> Result<PathBuf, RunError> {
+        self.appear(&format!("{}.pvd", self.stem), |path| write_pvd(path, &self.frames))
+    }
+
+    /// Writes a file of the folder under another name and renames it, so that it is whole or not there.
+    fn appear(
+        &self,
+        name: &str,
+        write: impl FnOnce(&Path) -> Result<(), MeshError>,
+    ) -> Result<PathBuf, RunError> {
+        let (partial, path) = (self.folder.join("frames/unfinished"), self.folder.join(name));
+        write(&partial).inspect_err(|_| drop(std::fs::remove_file(&partial)))?;
+        std::fs::rename(&partial, &path).map_err(write_error(&path))?;
+        Ok(path)
+    }
+
+    /// Writes the index of the last frames; returns what was written.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn finish(self) -> Result<Vec<String>, RunError> {
+        let index = self.index()?;
+        Ok(vec![
+            format!("{} (open in ParaView; {} frames)", index.display(), self.frames.len()),
+            format!("{} (energies and probes)", self.csv_path.display()),
+        ])
+    }
+}
+
+/// Whether `f32` rounds vectors by at most a thousandth of a length and does not overflow.
+fn fit_in_f32(vectors: &[DVec3], length: f64) -> bool {
+    let most = (1e-3 * length / f64::from(f32::EPSILON)).min(f64::from(f32::MAX));
+    vectors.iter().all(|x| x.abs().max_element() <= most)
+}
+
+/// Takes away what an earlier run left under the same name, which this one would be mixed up with, and says so.
+fn remove_old(folder: &Path, stem: &str) -> Result<Option<Warning>, RunError> {
+    let frames = folder.join("frames");
+    let [summary, index, rows, unfinished] = [
+        folder.join("summary.json"),
+        folder.join(format!("{stem}.pvd")),
+        folder.join(format!("{stem}.csv")),
+        frames.join("unfinished"),
+    ];
+    // a run that was killed has rows but no summary
+    let cut_short = rows.exists() && !summary.exists();
+    let mut old = vec![summary, index, rows, unfinished];
+    for entry in std::fs::read_dir(&frames).map_err(write_error(&frames))? {
+        let path = entry.map_err(write_error(&frames))?.path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let number = name.strip_prefix(stem).and_then(|rest| rest.strip_prefix('_'));
+        let number = number.and_then(|rest| rest.strip_suffix(".vtu"));
+        if number.is_some_and(|n| n.len() >= 5 && n.bytes().all(|b| b.is_ascii_digit())) {
+            old.push(path);
+        }
+    }
+    old.extend(checkpoint::found(folder).into_iter().map(|(_, path)| path));
+    let mut count = 0;
+    for path in old {
+        match std::fs::remove_file(&path) {
+            Ok(()) => count += 1,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+            Err(error) => return Err(write_error(&path)(error)),
+        }
+    }
+    let what = if cut_short { "an earlier run that was cut short" } else { "an earlier run" };
+    Ok((count > 0).then(|| {
+        Warning::new(
+            "run.output.replaced",
+            Level::Note,
+            "output",
+            format!("{count} files of {what} were taken away from {}", folder.display()),
+            "nothing to do; give another folder to keep them",
+        )
+    }))
+}
+
+/// A cell of the header: quoted where its text asks for it, and no formula for a spreadsheet.
+fn header_cell(text: &str) -> String {
+    let text = match text.starts_with(['=', '+', '-', '@']) {
+        true => format!("'{text}"),
+        false => text.to_string(),
+    };
+    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
+}
+
+fn picked<T: Copy>(from: &[T], which: &[usize]) -> Vec<T> {
+    which.iter().map(|&i| from[i]).collect()
+}
+
+/// A number of the CSV file, with nine digits.
+struct Cell(f64);
+
+impl std::fmt::Display for Cell {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        // nothing to tell, such as volume ratios of a membrane
+        if !self.0.is_finite() {
+            Ok(())
+        } else if self.0 == self.0.trunc() && self.0.abs() < 1e9 {
+            write!(f, "{}", self.0)
+        } else {
+            write!(f, "{:.8e}", self.0)
+        }
+    }
+}

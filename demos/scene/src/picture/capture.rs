@@ -1,0 +1,688 @@
+//! Makes a recording of a scene while it runs: an observer that copies what pictures need.
+
+use super::boundary::{Face, boundary};
+use super::measure::{Measured, Moduli};
+use super::quantity::Quantity;
+use super::tools::Tools;
+use crate::assemble::{BuiltBody, BuiltScene};
+use crate::run::Observer;
+use crate::scene::{LoadedScene, Mode, Scene};
+use bevy_ecs::entity::Entity;
+use glam::{DVec3, Vec3};
+use sinew::engine::connectivity::ElementKind;
+use sinew::engine::load::{Load, Pressure};
+use sinew::engine::report::SystemTimes;
+use sinew::engine::topology::BodyRows;
+use sinew::touch::pull::{Pull, PullReport};
+use sinew_render::colour::{ColourMap, Rgb};
+use sinew_render::scene::{Arrow, Ball, Frame, Recording, Rod};
+use sinew_render::skin::{CREASE_ANGLE, Facet, Skin};
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Held vertices.
+const HELD: Rgb = [58, 70, 90];
+/// Moved vertices, and the forces that move them.
+const MOVED: Rgb = [222, 112, 30];
+/// Tools that cut.
+const CUTTER: Rgb = [168, 176, 186];
+/// Loads.
+const LOAD: Rgb = [196, 48, 58];
+/// Fibres over the map whose colours are dark or saturated, and over all else.
+const FIBRE: [Rgb; 2] = [[248, 248, 244], [44, 30, 44]];
+
+/// What is recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CaptureOptions {
+    /// Frames in all, first and last included; those of the scene's output without.
+    pub frames: Option<usize>,
+    /// Scalars, in this order.
+    pub quantities: Vec<Quantity>,
+    /// Angle (degrees) between faces above which edges stay sharp.
+    pub crease: f32,
+    /// Steps of this run in one of the run whose frames it must meet; 1 for a run of its own.
+    pub substeps: u64,
+}
+
+impl Default for CaptureOptions {
+    fn default() -> Self {
+        Self {
+            frames: None,
+            quantities: vec![Quantity::Displacement],
+            crease: CREASE_ANGLE,
+            substeps: 1,
+        }
+    }
+}
+
+/// A body and where its points are among all.
+struct Part {
+    first: usize,
+    measured: Option<Measured>,
+    faces: Vec<Face>,
+    /// Solids, triangles and quadrilaterals left at the last look.
+    left: [usize; 4],
+}
+
+/// A force on bodies, until all frames are known and arrows get their lengths.
+pub(super) struct Force {
+    /// Where it acts (m).
+    pub at: Vec3,
+    /// The force (N).
+    pub force: Vec3,
+    /// Whether its arrow ends there, else it begins there.
+    pub ends: bool,
+    /// Colour.
+    pub colour: Rgb,
+}
+
+impl Force {
+    /// Pushes towards `centre` end where they act, pulls away from it begin there.
+    fn new(at: Vec3, force: Vec3, centre: Vec3, colour: Rgb) -> Self {
+        Self { at, force, ends: force.dot(at - centre) < 0.0, colour }
+    }
+}
+
+/// Pressure (Pa) along the normal of a face, at its middle.
+type Push = (Vec3, f32, Vec3);
+
+/// Arrows of a pressure.
+const PUSHES: usize = 40;
+
+/// An observer that records; pass another one on to be told as well.
+pub struct Recorder<'a> {
+    scene: &'a LoadedScene,
+    options: CaptureOptions,
+    inner: &'a mut dyn Observer,
+    parts: Vec<Part>,
+    /// Place of each point of the scene among those recorded.
+    place: Vec<u32>,
+    kept: Vec<u32>,
+    wanted: Vec<u64>,
+    skin: Arc<Skin>,
+    radius: f32,
+    recording: Recording,
+    forces: Vec<Vec<Force>>,
+    tools: Tools,
+    pushes: Vec<Vec<Push>>,
+    /// Of every pressure: its faces at the last look, and those with an arrow.
+    pushed: HashMap<Entity, (usize, Vec<usize>)>,
+    seconds: f64,
+}
+
+impl<'a> Recorder<'a> {
+    /// For a run of `scene`.
+    pub fn new(
+        scene: &'a LoadedScene,
+        options: CaptureOptions,
+        inner: &'a mut dyn Observer,
+    ) -> Self {
+        let recording = Recording {
+            title: String::new(),
+            subtitle: String::new(),
+            is_static: scene.scene.mode == Mode::Static,
+            falling: !scene.scene.resections.is_empty(),
+            up: Vec3::Z,
+            rest: Vec::new(),
+            rest_skin: Arc::default(),
+            fields: options.quantities.iter().filter_map(|q| q.field()).collect(),
+            bodies: Vec::new(),
+            shapes: Vec::new(),
+            arrow_key: None,
+            interval: 0.0,
+            frames: Vec::new(),
+        };
+        Self {
+            scene,
+            options,
+            inner,
+            parts: Vec::new(),
+            place: Vec::new(),
+            kept: Vec::new(),
+            wanted: Vec::new(),
+            skin: Arc::default(),
+            radius: 0.0,
+            tools: Tools::new(recording.fields.first()),
+            recording,
+            forces: Vec::new(),
+            pushes: Vec::new(),
+            pushed: HashMap::new(),
+            seconds: 0.0,
+        }
+    }
+
+    /// The recording, with colour ranges and lengths of arrows that suit all its frames, and the host time (s)
+    /// that it took.
+    pub fn finish(mut self) -> (Recording, f64) {
+        let start = Instant::now();
+        let largest = self.forces.iter().flatten().map(|f| f.force.length()).fold(0.0, f32::max);
+        let scale = 0.2 * self.recording.size() / largest.max(f32::MIN_POSITIVE);
+        for (frame, forces) in self.recording.frames.iter_mut().zip(&self.forces) {
+            for &Force { at, force, ends, colour } in forces {
+                let along = force * scale;
+                // an arrow shorter than its head says nothing
+                if force.length() > 0.02 * largest {
+                    let to = if ends { at } else { at + along };
+                    let (to, along) = (to.to_array(), along.to_array());
+                    frame.arrows.push(Arrow { to, along, colour });
+                }
+            }
+        }
+        let pushes = self.pushes.iter().flatten();
+        let largest = pushes.map(|p| p.1.abs()).fold(0.0, f32::max);
+        let scale = 0.06 * self.recording.size() / largest.max(f32::MIN_POSITIVE);
+        for (frame, pushes) in self.recording.frames.iter_mut().zip(&self.pushes) {
+            for &(at, push, normal) in pushes.iter().filter(|p| p.1.abs() > 0.1 * largest) {
+                let along = normal * (push * scale);
+                // suction begins at the surface
+                let to = if push > 0.0 { at } else { at + along };
+                let (to, along) = (to.to_array(), along.to_array());
+                frame.arrows.push(Arrow { to, along, colour: LOAD });
+            }
+        }
+        if let [first, .., last] = &self.recording.frames[..]
+            && !self.recording.is_static
+        {
+            let intervals = self.recording.frames.len() - 1;
+            self.recording.interval = (last.time - first.time) / intervals as f64;
+        }
+        set_ranges(&mut self.recording);
+        self.tools.finish(&mut self.recording);
+        self.seconds += start.elapsed().as_secs_f64();
+        (self.recording, self.seconds)
+    }
+
+    fn prepare(&mut self, built: &mut BuiltScene) {
+        let r = &mut self.recording;
+        r.up = -built.plan.gravity.normalize_or_zero().as_vec3();
+        if r.up == Vec3::ZERO {
+            r.up = Vec3::Z;
+        }
+        (r.title, r.subtitle) = titles(self.scene, built);
+        let needs_measures = self.options.quantities.iter().any(|q| q.index().is_some());
+        let cutting = !built.resections.is_empty();
+        let mut points = Vec::new();
+        for (i, body) in built.bodies.iter().enumerate() {
+            let entry = &self.scene.scene.bodies[i].material;
+            let field = |name: &Option<String>| {
+                let data = body.mesh.data(name.as_ref()?)?;
+                Some(data.tetrahedra.iter().chain(&data.hexahedra).copied().collect())
+            };
+            let moduli = Moduli {
+                young_modulus: field(&entry.young_modulus_field),
+                poisson_ratio: field(&entry.poisson_ratio_field),
+            };
+            let fibres = body.axes.as_ref().is_some_and(|axes| !axes.families.is_empty());
+            let measured = (needs_measures || fibres).then(|| Measured::new(body, &moduli));
+            let (first, faces, left) = (points.len(), Vec::new(), [usize::MAX; 4]);
+            self.parts.push(Part { first, measured, faces, left });
+            points.extend(body.mesh.points.iter().map(|p| p.as_vec3().to_array()));
+            r.bodies.push(body.name.clone());
+        }
+        self.faces(built);
+        let r = &mut self.recording;
+        // only what can be seen, unless removals open new surfaces
+        let mut kept = vec![cutting; points.len()];
+        for part in &self.parts {
+            for v in part.faces.iter().flat_map(|f| f.vertices) {
+                kept[part.first + v as usize] = true;
+            }
+        }
+        self.place = vec![u32::MAX; points.len()];
+        for (i, _) in kept.iter().enumerate().filter(|(_, kept)| **kept) {
+            self.place[i] = self.kept.len() as u32;
+            self.kept.push(i as u32);
+        }
+        r.rest = self.kept.iter().map(|&i| points[i as usize]).collect();
+        self.skin = self.new_skin();
+        let r = &mut self.recording;
+        r.rest_skin = self.skin.clone();
+        let skin = &self.skin;
+        let at = |v: u32| Vec3::from_array(r.rest[skin.points[v as usize] as usize]);
+        let mut lengths: Vec<f32> =
+            skin.triangles.iter().map(|&[a, b, _]| at(a).distance(at(b))).collect();
+        lengths.sort_unstable_by(f32::total_cmp);
+        let typical = lengths.get(lengths.len() / 2).copied().unwrap_or(0.0);
+        self.radius = (0.22 * typical).clamp(0.003 * r.size(), 0.0085 * r.size());
+        let substeps = self.options.substeps.max(1);
+        let steps = built.plan.steps / substeps;
+        let every = (built.plan.frame_every / substeps).max(1);
+        self.wanted = match self.options.frames {
+            Some(frames) => {
+                let last = frames.max(2) as u64 - 1;
+                (0..=last).map(|i| (i * steps + last / 2) / last).collect()
+            }
+            None => (0..=steps).filter(|step| *step == steps || step % every == 0).collect(),
+        };
+        self.wanted.iter_mut().for_each(|step| *step *= substeps);
+        self.wanted.dedup();
+    }
+
+    /// Looks for removed elements; returns whether there are any new ones.
+    fn faces(&mut self, built: &BuiltScene) -> bool {
+        let mut changed = false;
+        for (part, body) in self.parts.iter_mut().zip(&built.bodies) {
+            let simulation = &built.simulation;
+            let left = |kind| simulation.remaining(body.handle, kind);
+            // counts are enough: elements never come back
+            let lists = [
+                left(ElementKind::Tetrahedron),
+                left(ElementKind::Hexahedron),
+                left(ElementKind::Triangle),
+                left(ElementKind::Quad),
+            ];
+            let counts = [0, 1, 2, 3].map(|k| lists[k].len());
+            if counts == part.left {
+                continue;
+            }
+            part.left = counts;
+            let solids = solid_indices(body, &lists[0], &lists[1]);
+            let triangles: Vec<_> =
+                lists[2].iter().map(|&e| body.membrane_triangles()[e as usize]).collect();
+            let quads: Vec<_> =
+                lists[3].iter().map(|&e| body.membrane_quads()[e as usize]).collect();
+            part.faces = boundary(&body.mesh, &solids, &triangles, &quads);
+            changed = true;
+        }
+        changed
+    }
+
+    fn new_skin(&self) -> Arc<Skin> {
+        let facets: Vec<Facet> = self
+            .parts
+            .iter()
+            .enumerate()
+            .flat_map(|(body, part)| {
+                let place = |v: u32| self.place[part.first + v as usize];
+                part.faces.iter().map(move |f| (f.vertices.map(place), body as u16))
+            })
+            .collect();
+        Arc::new(Skin::new(&facets, &self.recording.rest, self.options.crease))
+    }
+
+    fn record(&mut self, built: &mut BuiltScene, step: u64) {
+        let start = Instant::now();
+        let time = built.simulation.time();
+        if step > 0 && !built.resections.is_empty() && self.faces(built) {
+            self.skin = self.new_skin();
+        }
+        let mut points = Vec::with_capacity(self.kept.len());
+        let mut fields = vec![Vec::with_capacity(self.kept.len()); self.recording.fields.len()];
+        let (mut balls, mut rods) = (Vec::new(), Vec::new());
+        let mut displacements = Vec::new();
+        for (part, body) in self.parts.iter().zip(&built.bodies) {
+            let u = built.simulation.displacements(body.handle);
+            let pressed = self.options.quantities.contains(&Quantity::Pressure);
+            let pressures =
+                if pressed { built.simulation.contact_pressures(body.handle) } else { Vec::new() };
+            let measures = part.measured.as_ref().map(|measured| {
+                let left = |kind| built.simulation.remaining(body.handle, kind);
+                let solids = solid_indices(
+                    body,
+                    &left(ElementKind::Tetrahedron),
+                    &left(ElementKind::Hexahedron),
+                );
+                let triangles = left(ElementKind::Triangle);
+                let quads = left(ElementKind::Quad);
+                let count = body.membrane_triangles().len();
+                measured.at_vertices(&u, &solids, &|e| {
+                    if e < count {
+                        triangles.binary_search(&(e as u32)).is_ok()
+                    } else {
+                        quads.binary_search(&((e - count) as u32)).is_ok()
+                    }
+                })
+            });
+            for (v, (x, u)) in body.mesh.points.iter().zip(&u).enumerate() {
+                if self.place[part.first + v] == u32::MAX {
+                    continue;
+                }
+                points.push((*x + *u).as_vec3().to_array());
+                let quantities = self.options.quantities.iter().filter(|q| q.field().is_some());
+                for (values, quantity) in fields.iter_mut().zip(quantities) {
+                    values.push(match (quantity.index(), &measures) {
+                        (Some(k), Some(measures)) => measures[v][k] as f32,
+                        _ if *quantity == Quantity::Pressure => pressures[v] as f32,
+                        _ => u.length() as f32,
+                    });
+                }
+            }
+            let dark = self.recording.fields.first().is_none_or(|f| f.map != ColourMap::Viridis);
+            fibres(part, body, &u, FIBRE[usize::from(dark)], &mut rods);
+            displacements.push(u);
+        }
+        let now = Now::new(built, step, displacements);
+        self.balls(built, &now, &points, &mut balls);
+        let mut forces = forces(&self.scene.scene, built, &now);
+        let world = built.simulation.world_mut();
+        let (tools, own) = self.tools.record(world, step > 0, time);
+        forces.extend(own);
+        self.forces.push(forces);
+        let pushes = self.pushes(built, &now);
+        self.pushes.push(pushes);
+        let note = note(built, step);
+        let (skin, arrows) = (self.skin.clone(), Vec::new());
+        let frame = Frame { step, time, points, skin, fields, balls, arrows, rods, tools, note };
+        self.recording.frames.push(frame);
+        self.seconds += start.elapsed().as_secs_f64();
+    }
+
+    /// Held and moved vertices, and tools that cut.
+    fn balls(&self, built: &BuiltScene, now: &Now, points: &[[f32; 3]], balls: &mut Vec<Ball>) {
+        let scene = &self.scene.scene;
+        for (c, entry) in built.constraints.iter().zip(&scene.constraints) {
+            if !c.acts(now.time) {
+                continue;
+            }
+            let colour = if entry.motion.is_some() { MOVED } else { HELD };
+            let first = self.parts[c.body].first;
+            for &v in &c.vertices {
+                let place = self.place[first + v as usize];
+                if place != u32::MAX {
+                    let centre = points[place as usize];
+                    balls.push(Ball { centre, radius: self.radius, colour });
+                }
+            }
+        }
+        for tool in scene.resections.iter().filter_map(|r| r.tool.as_ref()) {
+            let (path, time) = (&tool.path, now.time);
+            if let Some(i) = path.windows(2).position(|w| time >= w[0][0] && time <= w[1][0]) {
+                let ([t0, a @ ..], [t1, b @ ..]) = (path[i], path[i + 1]);
+                let s = (time - t0) / (t1 - t0);
+                let centre = DVec3::from_array(a).lerp(DVec3::from_array(b), s);
+                let centre = centre.as_vec3().to_array();
+                balls.push(Ball { centre, radius: tool.radius as f32, colour: CUTTER });
+            }
+        }
+    }
+
+    /// Pressures on a few faces of each.
+    fn pushes(&mut self, built: &mut BuiltScene, now: &Now) -> Vec<Push> {
+        let BuiltScene { simulation, bodies, .. } = built;
+        let world = simulation.world_mut();
+        let mut pushes: Vec<Push> = Vec::new();
+        for (entity, pressure) in world.query::<(Entity, &Pressure)>().iter(world) {
+            let push = (pressure.pressure * pressure.curve.value(now.time)) as f32;
+            let count = pressure.faces.len();
+            let chosen = self.pushed.entry(entity).or_default();
+            if chosen.0 != count {
+                let middle = |face: &[u32; 3]| {
+                    let places = face.iter().filter_map(|&row| now.place(row));
+                    let points = places.map(|(body, v)| bodies[body].mesh.points[v as usize]);
+                    points.sum::<DVec3>() / 3.0
+                };
+                let middles: Vec<DVec3> = pressure.faces.iter().map(middle).collect();
+                *chosen = (count, spread(&middles, PUSHES));
+            }
+            for &face in &chosen.1 {
+                let [a, b, c] = pressure.faces[face].map(|row| {
+                    // pressures act on vertices
+                    let place = now.place(row);
+                    place.map_or(Vec3::ZERO, |(body, v)| now.points[body][v as usize].as_vec3())
+                });
+                pushes.push(((a + b + c) / 3.0, push, (b - a).cross(c - a).normalize_or_zero()));
+            }
+        }
+        pushes
+    }
+}
+
+impl Observer for Recorder<'_> {
+    fn built(&mut self, scene: &mut BuiltScene) {
+        self.inner.built(scene);
+        let start = Instant::now();
+        self.prepare(scene);
+        self.seconds += start.elapsed().as_secs_f64();
+        self.record(scene, 0);
+    }
+
+    fn start(&mut self, name: &str, steps: u64) {
+        self.inner.start(name, steps);
+    }
+
+    fn step(&mut self, done: u64, time: f64, scene: &mut BuiltScene) {
+        self.inner.step(done, time, scene);
+        if self.wanted.binary_search(&done).is_ok() {
+            self.record(scene, done);
+        }
+    }
+
+    fn finish(&mut self) {
+        self.inner.finish();
+    }
+}
+
+/// Where everything is at a step.
+struct Now {
+    time: f64,
+    step: u64,
+    /// Of every body: its points, and the middle of those that elements use (m).
+    points: Vec<Vec<DVec3>>,
+    centres: Vec<DVec3>,
+    rows: Vec<BodyRows>,
+}
+
+impl Now {
+    fn new(built: &BuiltScene, step: u64, displacements: Vec<Vec<DVec3>>) -> Self {
+        let moved = |(body, u): (&BuiltBody, Vec<DVec3>)| -> Vec<DVec3> {
+            body.mesh.points.iter().zip(u).map(|(x, u)| *x + u).collect()
+        };
+        let points: Vec<_> = built.bodies.iter().zip(displacements).map(moved).collect();
+        let middle = |(body, points): (&BuiltBody, &Vec<DVec3>)| {
+            let used = &body.used_vertices;
+            used.iter().map(|&v| points[v as usize]).sum::<DVec3>() / used.len().max(1) as f64
+        };
+        let centres = built.bodies.iter().zip(&points).map(middle).collect();
+        let rows = built.simulation.topology().bodies.to_vec();
+        Self { time: built.simulation.time(), step, points, centres, rows }
+    }
+
+    /// Body and vertex of a row.
+    fn place(&self, row: u32) -> Option<(usize, u32)> {
+        let body = self.rows.iter().position(|b| b.vertices.contains(&row))?;
+        let own = &self.rows[body];
+        Some((body, own.vertex_order[(row - own.vertices.start) as usize]))
+    }
+}
+
+/// Reactions of what moves at its middle, loads, and pulls.
+fn forces(scene: &Scene, built: &mut BuiltScene, now: &Now) -> Vec<Force> {
+    let BuiltScene { simulation, constraints, .. } = built;
+    let mut forces = Vec::new();
+    for (c, entry) in constraints.iter().zip(&scene.constraints) {
+        if now.step == 0 || entry.motion.is_none() || !c.acts(now.time) {
+            continue;
+        }
+        let times = simulation.world().get_resource::<SystemTimes>().cloned();
+        simulation.evaluate();
+        if let Some(times) = times {
+            simulation.world_mut().insert_resource(times);
+        }
+        let force = simulation.reaction(c.entity).as_vec3();
+        let at: DVec3 = c.vertices.iter().map(|&v| now.points[c.body][v as usize]).sum();
+        let at = (at / c.vertices.len().max(1) as f64).as_vec3();
+        forces.push(Force::new(at, force, now.centres[c.body].as_vec3(), MOVED));
+    }
+    let world = simulation.world_mut();
+    for load in world.query::<&Load>().iter(world) {
+        let (mut at, mut force, mut centre) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        for &(row, f) in &load.forces {
+            let Some((body, v)) = now.place(row) else { continue };
+            at += now.points[body][v as usize];
+            force += f;
+            centre = now.centres[body];
+        }
+        let at = at / load.forces.len().max(1) as f64;
+        let force = force * load.curve.value(now.time);
+        forces.push(Force::new(at.as_vec3(), force.as_vec3(), centre.as_vec3(), LOAD));
+    }
+    for (pull, report) in world.query::<(&Pull, &PullReport)>().iter(world) {
+        let (mut at, mut weights) = (DVec3::ZERO, 0.0);
+        for (&row, weight) in pull.rows.iter().zip(&pull.weights) {
+            let Some((body, v)) = now.place(row) else { continue };
+            at += *weight * now.points[body][v as usize];
+            weights += weight;
+        }
+        let (at, force) = ((at / weights).as_vec3(), -report.force.as_vec3());
+        forces.push(Force { at, force, ends: false, colour: MOVED });
+    }
+    forces
+}
+
+/// Indices of at most `count` points that are far from each other: the first, then each time the one furthest
+/// from those before.
+fn spread(points: &[DVec3], count: usize) -> Vec<usize> {
+    let mut chosen = Vec::new();
+    let mut distance = vec![f64::INFINITY; points.len()];
+    let mut next = 0;
+    while chosen.len() < count.min(points.len()) {
+        chosen.push(next);
+        let from = points[next];
+        for (d, p) in distance.iter_mut().zip(points) {
+            *d = d.min(p.distance_squared(from));
+        }
+        next = (0..points.len()).fold(0, |b, i| if distance[i] > distance[b] { i } else { b });
+    }
+    chosen
+}
+
+/// Indices among tetrahedra and then hexahedra.
+fn solid_indices(body: &BuiltBody, tetrahedra: &[u32], hexahedra: &[u32]) -> Vec<u32> {
+    let first = body.mesh.tetrahedra.len() as u32;
+    tetrahedra.iter().copied().chain(hexahedra.iter().map(|&h| first + h)).collect()
+}
+
+/// A short rod along the deformed direction of every family in every element at the surface.
+fn fibres(part: &Part, body: &BuiltBody, u: &[DVec3], colour: Rgb, rods: &mut Vec<Rod>) {
+    let (Some(axes), Some(measured)) = (&body.axes, &part.measured) else { return };
+    for family in &axes.families {
+        for face in part.faces.iter().filter(|f| !f.second) {
+            let Some(element) = face.element else { continue };
+            let of = |list: &[DVec3]| list[if list.len() == 1 { 0 } else { element as usize }];
+            let rest = of(&family.directions).normalize_or_zero();
+            if family.share.as_ref().is_some_and(|share| share[element as usize] == 0.0) {
+                continue;
+            }
+            let [a, b, c] = face.vertices.map(|v| body.mesh.points[v as usize] + u[v as usize]);
+            let area = (b - a).cross(c - a);
+            let quad = body.mesh.tetrahedra.len() <= element as usize;
+            // the middle of a quadrilateral is that of its diagonal
+            let middle = if quad { 0.5 * (a + c) } else { (a + b + c) / 3.0 };
+            let size = area.length().sqrt() * if quad { 1.0 } else { 0.8 };
+            let along = measured.deformation(element as usize, u) * rest * (0.36 * size);
+            // where they leave the surface, as at cut faces, they would stick out
+            if along.dot(area).abs() > 0.5 * along.length() * area.length() {
+                continue;
+            }
+            let lift = area.normalize_or_zero() * (0.02 * size);
+            let ends =
+                [middle + lift - along, middle + lift + along].map(|p| p.as_vec3().to_array());
+            rods.push(Rod { ends, colour });
+        }
+    }
+}
+
+/// First and second line of the caption.
+fn titles(loaded: &LoadedScene, built: &BuiltScene) -> (String, String) {
+    let scene = &loaded.scene;
+    let mut title = scene.name.replace('_', " ");
+    if let Some(first) = title.get(..1) {
+        title = first.to_uppercase() + &title[1..];
+    }
+    let mut models: Vec<String> = Vec::new();
+    for body in &built.bodies {
+        let solid = body.mesh.is_solid();
+        let model = match (&body.membrane, solid) {
+            (Some(membrane), false) => word(&membrane.settings.model),
+            _ => word(&body.model),
+        };
+        if !models.contains(&model) {
+            models.push(model);
+        }
+    }
+    let elements: usize = built
+        .bodies
+        .iter()
+        .map(|b| {
+            let solids = b.mesh.tetrahedra.len() + b.mesh.hexahedra.len();
+            solids + b.membrane_triangles().len() + b.membrane_quads().len()
+        })
+        .sum();
+    let settings = &built.plan.settings;
+    let step = match built.plan.mode {
+        Mode::Dynamic => format!(", {:.3} ms", 1e3 * built.plan.dt),
+        Mode::Static => String::new(),
+    };
+    let step = if step.contains('.') {
+        let (number, unit) = step.split_at(step.len() - 3);
+        format!("{}{unit}", number.trim_end_matches('0').trim_end_matches('.'))
+    } else {
+        step
+    };
+    let integrator = settings.integrator.resolve().name();
+    let subtitle = format!("{} · {integrator}{step} · {elements} elements", models.join(", "));
+    (title, subtitle)
+}
+
+/// The word of a choice in scene files.
+fn word<T: serde::Serialize>(value: &T) -> String {
+    let value = serde_json::to_value(value).unwrap_or_default();
+    value.as_str().unwrap_or_default().to_string()
+}
+
+/// What the caption says about a step.
+fn note(built: &BuiltScene, step: u64) -> String {
+    let report = built.simulation.report();
+    if step == 0 {
+        return "at rest".into();
+    }
+    let mut parts = vec![format!("step {step}")];
+    if report.newton_step > 0.0 {
+        parts.push(format!("Newton step {:.0e}", report.newton_step));
+    } else if report.cg_residual > 0.0 {
+        parts.push(format!("residual {:.0e}", report.cg_residual));
+    }
+    if report.substeps > 0 {
+        parts.push(format!("{} substeps", report.substeps));
+    }
+    parts.join(" · ").replace("e-", "e−")
+}
+
+/// Ranges of the colour bars from what is seen in all frames; single peaks, as at clamped corners, are cut off.
+pub(crate) fn set_ranges(recording: &mut Recording) {
+    let size = recording.size();
+    for (i, field) in recording.fields.iter_mut().enumerate() {
+        let mut values: Vec<f32> = recording
+            .frames
+            .iter()
+            .flat_map(|frame| frame.skin.points.iter().map(move |&v| frame.fields[i][v as usize]))
+            .filter(|x| x.is_finite())
+            .map(|x| if field.map == ColourMap::Diverging { (x - 1.0).abs() } else { x.abs() })
+            .collect();
+        if field.lies_under_tools() {
+            // most of a surface is not touched
+            values.retain(|x| *x > 0.0);
+        }
+        values.sort_unstable_by(f32::total_cmp);
+        let share = match &*field.name {
+            "displacement" => 1.0,
+            // blows are short
+            "pressure" => 0.99,
+            _ => 0.998,
+        };
+        let at = ((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1));
+        let mut largest = values.get(at).copied().filter(|x| *x > 0.0).unwrap_or(1.0);
+        if recording.falling && field.unit == "m" {
+            // what falls goes further than anything else, and out of the picture
+            largest = largest.min(0.35 * size);
+        }
+        field.range = match field.map {
+            ColourMap::Diverging => {
+                let reach = largest.min(1.0);
+                [1.0 - reach, 1.0 + reach]
+            }
+            _ => [0.0, largest],
+        };
+    }
+}

@@ -1,0 +1,449 @@
+//! The summary of a run as text.
+
+use super::{AxesSummary, BodySummary, MembraneSummary, RunSummary, Warning, evaluation_name};
+use crate::assemble::ResectionSummary;
+use crate::text::{Block, counted, pressure, seconds, short, write_blocks};
+use sinew::models::body::lumped::SpringRule;
+use sinew::models::body::sheet::MembraneModel;
+use sinew::models::body::{Evaluation, Model, VolumeRule};
+use std::fmt;
+
+impl fmt::Display for RunSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}: {}", self.scene.name, self.headline())?;
+        if let Some(failure) = &self.failure {
+            writeln!(f, "  error: {failure}")?;
+        }
+        write_blocks(f, &[self.what(), self.speed(), self.accuracy()])?;
+        if !self.final_probes.is_empty() {
+            writeln!(f, "\nResults at the end")?;
+        }
+        let width = self.final_probes.iter().map(|(name, _)| name.chars().count()).max();
+        for (name, value) in &self.final_probes {
+            writeln!(f, "  {name:<0$}  {1:>9}", width.unwrap_or(0), short(*value))?;
+        }
+        writeln!(f, "\nWarnings")?;
+        for Warning { code, level, subject, message, remedy } in &self.warnings {
+            writeln!(f, "  {} [{code}] {subject}: {message}\n    -> {remedy}", level.name())?;
+        }
+        if self.warnings.is_empty() {
+            writeln!(f, "  none")?;
+        }
+        writeln!(f, "\nFiles")?;
+        for file in &self.files {
+            writeln!(f, "  {file}")?;
+        }
+        if self.files.is_empty() {
+            let advice = "use --out DIR for frames and probes, --json FILE for the figures";
+            writeln!(f, "  none; {advice}")?;
+        }
+        Ok(())
+    }
+}
+
+impl RunSummary {
+    fn headline(&self) -> String {
+        let total = seconds(self.timing.total_s);
+        match (self.completed, self.timing.real_time_factor) {
+            (false, _) => {
+                let steps = self.settings.steps;
+                format!("FAILED after {} of {steps} steps", self.timing.step.count)
+            }
+            (true, Some(_)) => format!("{} simulated in {total}", seconds(self.timing.simulated_s)),
+            (true, None) => format!("equilibrium found in {total}"),
+        }
+    }
+
+    fn what(&self) -> Block {
+        let mut block = Block::new("What was simulated");
+        block.line("scene", format!("{} ({})", self.scene.file, self.scene.mode));
+        self.bodies.iter().for_each(|body| body.describe(&mut block));
+        for c in &self.constraints {
+            let window = match (c.from, c.until) {
+                (None, None) => String::new(),
+                (Some(a), None) => format!(", from {a} s"),
+                (None, Some(b)) => format!(", until {b} s"),
+                (Some(a), Some(b)) => format!(", from {a} s to {b} s"),
+            };
+            let force = c.largest_reaction;
+            let force =
+                force.map_or(String::new(), |r| format!("; largest reaction {} N", short(r)));
+            block.line(
+                format!("hold {}", c.name),
+                format!(
+                    "{} vertices of {} along {}, {}{window}{force}",
+                    c.vertices, c.body, c.axes, c.motion
+                ),
+            );
+        }
+        for p in &self.pressures {
+            block.line(
+                format!("pressure {}", p.name),
+                format!("{} on {} triangles of {}", pressure(p.pressure), p.triangles, p.body),
+            );
+        }
+        for load in &self.loads {
+            let [x, y, z] = load.force.map(short);
+            block.line(
+                format!("load {}", load.name),
+                format!("[{x}, {y}, {z}] N on {} vertices of {}", load.vertices, load.body),
+            );
+        }
+        self.touch.iter().for_each(|touch| touch.describe(&mut block));
+        self.resections.iter().for_each(|resection| describe_resection(resection, &mut block));
+        let (s, steps) = (&self.settings.solver, self.settings.steps);
+        let integrator = s.integrator.resolve().name();
+        if self.scene.mode == "static" {
+            block.line("integrator", format!("{integrator}, {steps} load step(s)"));
+        } else {
+            block.line(
+                "integrator",
+                format!(
+                    "{integrator}, dt = {}, {} steps, {} simulated",
+                    seconds(self.settings.dt),
+                    self.timing.step.count,
+                    seconds(self.timing.simulated_s)
+                ),
+            );
+            let (mass, stiffness) = (s.mass_damping, s.stiffness_damping);
+            block.line("damping", format!("mass {mass} 1/s, stiffness {stiffness} s"));
+        }
+        block
+    }
+
+    fn speed(&self) -> Block {
+        let mut block = Block::new("How fast");
+        let step = &self.timing.step;
+        let [median, p99, longest] = [step.median_ms, step.p99_ms, step.max_ms].map(short);
+        block.line(
+            "per step",
+            format!("{median} ms median, {p99} ms 99th percentile, {longest} ms longest"),
+        );
+        if let Some(factor) = self.timing.real_time_factor {
+            block.line("real time", format!("{} times real time", short(factor)));
+        }
+        let (machine, settings) = (&self.machine, &self.settings);
+        let processor = machine.processor.as_deref().unwrap_or(machine.architecture);
+        block.line("on", format!("{processor}, {} cores, {}", machine.cores, machine.os));
+        block.line(
+            "with",
+            format!(
+                "{} thread(s), {}, instruction set {}, executor {}",
+                settings.threads, settings.precision, settings.instruction_set, settings.executor
+            ),
+        );
+        self.describe_gpu(&mut block);
+        let stages: Vec<String> = self
+            .timing
+            .stages
+            .iter()
+            .map(|s| format!("{} {} ({:.0} %)", s.name, seconds(s.total_s), 100.0 * s.share))
+            .collect();
+        block.line("time went to", stages.join(", "));
+        let names = self.timing.systems.iter().map(|s| s.name.chars().count());
+        let width = names.max().unwrap_or(0);
+        for (i, system) in self.timing.systems.iter().enumerate() {
+            block.line(
+                if i == 0 { "time per system" } else { "" },
+                format!(
+                    "{:<width$} {:>8} ms per step, {:>3.0} % of the steps, {} runs",
+                    system.name,
+                    short(system.per_step_ms),
+                    100.0 * system.share,
+                    system.runs
+                ),
+            );
+        }
+        let s = &self.solver;
+        let per_step = |total: u64| short(total as f64 / step.count.max(1) as f64);
+        if s.newton_iterations > 0 {
+            block.line(
+                "iterations",
+                format!(
+                    "CG {} per step (most {}), Newton {} per step (most {})",
+                    per_step(s.cg_iterations),
+                    s.cg_iterations_max,
+                    per_step(s.newton_iterations),
+                    s.newton_iterations_max
+                ),
+            );
+        }
+        if s.substeps > 0 {
+            let stable = s
+                .stable_step
+                .map_or(String::new(), |h| format!(", smallest stable step {}", seconds(h)));
+            block.line("substeps", format!("{} per step{stable}", per_step(s.substeps)));
+        }
+        block
+    }
+
+    fn describe_gpu(&self, block: &mut Block) {
+        let Some(gpu) = &self.gpu else { return };
+        let device: f64 = gpu.device_s.iter().map(|(_, s)| s).sum();
+        let parts: Vec<_> =
+            gpu.device_s.iter().map(|(n, s)| format!("{n} {}", seconds(*s))).collect();
+        let software = if gpu.software { "no measure of speed; " } else { "" };
+        block.line(
+            "gpu",
+            format!(
+                "{}; steps in f32; {software}device {} ({}), host {}; {:.1} MB up, {:.1} MB down",
+                gpu.adapter,
+                seconds(device),
+                parts.join(", "),
+                seconds(gpu.host_s),
+                gpu.bytes_up as f64 * 1e-6,
+                gpu.bytes_down as f64 * 1e-6
+            ),
+        );
+    }
+
+    fn accuracy(&self) -> Block {
+        let mut block = Block::new("How accurately");
+        let s = &self.solver;
+        if s.newton_iterations > 0 {
+            block.line(
+                "linear systems",
+                format!(
+                    "worst relative residual {:.1e} (tolerance {:.0e}), {} at the iteration cap; \
+                     preconditioner {}, computed {} times",
+                    s.worst_residual,
+                    self.settings.solver.linear_tolerance,
+                    s.cg_caps,
+                    s.preconditioner,
+                    s.preconditioner_refreshes
+                ),
+            );
+            self.describe_newton(&mut block);
+        }
+        self.touch.iter().for_each(|touch| touch.describe_accuracy(&mut block));
+        let safeguards = [
+            (s.projections, "tangents projected"),
+            (s.gradient_fallbacks, "gradient fallbacks"),
+            (s.backtracks, "backtracks"),
+            (s.line_search_failures, "failed line searches"),
+            (s.energy_caps, "energy caps"),
+            (s.refinements, "refinements"),
+        ];
+        let used = safeguards.iter().filter(|(count, _)| *count > 0);
+        let used: Vec<String> = used.map(|(count, name)| format!("{count} {name}")).collect();
+        block
+            .line("safeguards", if used.is_empty() { "none used".into() } else { used.join(", ") });
+        block.line("energy (J)", self.energy_balance());
+        let v = &self.volume;
+        let when = match self.scene.mode {
+            "static" => String::new(),
+            _ => format!(" at {} s", short(v.smallest_j_time)),
+        };
+        block.line(
+            "volume ratio J",
+            format!(
+                "smallest {}{when}, {} at the end; inverted elements: at most {}, {} at the end",
+                short(v.smallest_j),
+                short(v.final_smallest_j),
+                v.inverted_max,
+                v.inverted_final
+            ),
+        );
+        if let Some(change) = v.largest_mean_change {
+            block.line(
+                "volume of clusters",
+                format!(
+                    "changes by at most {}; single elements need not keep theirs",
+                    short(change)
+                ),
+            );
+        }
+        block.line("state hash", &self.final_state_hash);
+        block
+    }
+
+    fn describe_newton(&self, block: &mut Block) {
+        let s = &self.solver;
+        if self.settings.solver.integrator.converges() {
+            let (step, unconverged) = (s.worst_newton_step, s.unconverged_steps);
+            block.line(
+                "Newton",
+                format!(
+                    "largest last step {step:.1e} of the body size, {unconverged} steps unconverged"
+                ),
+            );
+            return;
+        }
+        let [start, indefinite, shortened, energy, inverted, waiting] = s.fallbacks;
+        if s.second_order_steps > 0 {
+            block.line(
+                "linearised BDF2",
+                format!(
+                    "{} steps; safe steps: {start} at a start, {indefinite} indefinite, \
+                     {shortened} shortened, {energy} energy, {inverted} inverted, {waiting} waiting",
+                    s.second_order_steps
+                ),
+            );
+        }
+        block.line(
+            "linearisation",
+            format!(
+                "energy decrease off its prediction by {:.1e} in the mean, {:.1e} at most",
+                s.linearisation_error_mean, s.linearisation_error_max
+            ),
+        );
+    }
+
+    /// Where energy came from and where it went.
+    fn energy_balance(&self) -> String {
+        let e = &self.energy;
+        let Some(dissipated) = e.dissipated else {
+            return format!("{} elastic", short(e.elastic));
+        };
+        let contact = e.contact.unwrap_or_default();
+        let unless_zero = |sign: &str, value: f64, name: &str| match value {
+            0.0 => String::new(),
+            value => format!(" {sign} {} {name}", short(value)),
+        };
+        format!(
+            "{} initial + {} loads + {} constraints{}{}{}{} = {} elastic + {} kinetic{}{} + {} damped + {} \
+             by the integrator",
+            short(e.initial),
+            short(e.load_work),
+            short(e.constraint_work),
+            unless_zero("+", contact.work, "tools"),
+            unless_zero("+", e.activation_work, "muscles"),
+            unless_zero("+", e.recovery, "recovery"),
+            unless_zero("-", e.removed, "removed"),
+            short(e.elastic),
+            short(e.kinetic),
+            unless_zero("+", contact.stored, "in contacts"),
+            unless_zero("+", contact.friction, "friction"),
+            short(e.damping),
+            short(dissipated - e.damping - contact.friction)
+        )
+    }
+}
+
+/// How an energy is evaluated, or for lumped springs how their constants are found.
+fn evaluated(evaluation: Evaluation, springs: Option<SpringRule>) -> String {
+    let method = match springs {
+        None => return format!("{} evaluation", evaluation_name(evaluation)),
+        Some(SpringRule::Uniform(uniform)) => {
+            return format!("springs of {} N/m each", short(uniform.constant));
+        }
+        Some(SpringRule::Fitted(method)) => method,
+    };
+    let recalled =
+        if method.recalled() { " (formula recalled, not read in the original)" } else { "" };
+    format!("springs by {}{recalled}", method.name())
+}
+
+impl BodySummary {
+    fn describe(&self, block: &mut Block) {
+        let [x, y, z] = self.extent.map(|length| short(100.0 * length));
+        block.line(
+            format!("body {}", self.name),
+            format!(
+                "{} vertices, {}, {x} x {y} x {z} cm, {} kg; {}",
+                self.vertices,
+                counted(&[("tetrahedra", self.tetrahedra), ("hexahedra", self.hexahedra)]),
+                short(self.mass),
+                self.source,
+            ),
+        );
+        if self.tetrahedra + self.hexahedra > 0 {
+            let m = &self.material;
+            let preset =
+                self.preset.as_ref().map_or(String::new(), |name| format!(" (preset {name})"));
+            let springs = self.element_method.filter(|_| self.model == Model::MassSpring);
+            let clusters = match self.volume_rule {
+                VolumeRule::Elements => "",
+                VolumeRule::Clusters => ", volume by clusters",
+            };
+            block.line(
+                "",
+                format!(
+                    "E = {}, nu = {}, {} kg/m^3{preset}; model {}, {}{clusters}",
+                    pressure(m.young_modulus),
+                    m.poisson_ratio,
+                    short(m.density),
+                    self.model.name(),
+                    evaluated(self.evaluation, springs),
+                ),
+            );
+        }
+        if let Some(axes) = &self.axes {
+            axes.describe(block);
+        }
+        if let Some(membrane) = &self.membrane {
+            membrane.describe(block);
+        }
+    }
+}
+
+impl AxesSummary {
+    fn describe(&self, block: &mut Block) {
+        for family in &self.families {
+            let viscous = match family.viscosity {
+                0.0 => String::new(),
+                viscosity => format!(", viscosity {} Pa s", short(viscosity)),
+            };
+            let active = family.peak_stress.map_or(String::new(), |stress| {
+                let activation = short(family.activation.unwrap_or(0.0));
+                let stress = pressure(stress);
+                format!(", active stress up to {stress}, activation {activation} at the end")
+            });
+            let modulus = pressure(family.modulus);
+            block.line(format!("  fibres {}", family.name), format!("{modulus}{viscous}{active}"));
+        }
+        let [smallest, largest, last] = self.volume_ratio.map(short);
+        block.line(
+            "  axes",
+            format!(
+                "{} angle(s), volume modulus {}; volume over rest from {smallest} to {largest}, \
+                 {last} at the end",
+                self.angles,
+                pressure(self.volume_modulus),
+            ),
+        );
+    }
+}
+
+impl MembraneSummary {
+    fn describe(&self, block: &mut Block) {
+        let m = &self.material;
+        let springs = self.element_method.filter(|_| self.model == MembraneModel::MassSpring);
+        block.line(
+            "  membrane",
+            format!(
+                "{}, {} cm^2, {} mm; E = {}, nu = {}, {} kg/m^3; model {}, {}",
+                counted(&[("triangles", self.triangles), ("quadrilaterals", self.quads)]),
+                short(self.area * 1e4),
+                short(self.thickness * 1e3),
+                pressure(m.young_modulus),
+                m.poisson_ratio,
+                short(m.density),
+                self.model.name(),
+                evaluated(self.evaluation, springs),
+            ),
+        );
+    }
+}
+
+fn describe_resection(r: &ResectionSummary, block: &mut Block) {
+    let kinds = ["tetrahedra", "hexahedra", "triangles", "quadrilaterals"];
+    let count = |of: [usize; 4]| counted(&std::array::from_fn::<_, 4, _>(|k| (kinds[k], of[k])));
+    let removed = count([r.removed, r.removed_hexahedra, r.removed_triangles, r.removed_quads]);
+    let left =
+        count([r.remaining, r.remaining_hexahedra, r.remaining_triangles, r.remaining_quads]);
+    block.line(
+        format!("resect {}", r.name),
+        format!(
+            "{removed} of {} ({left} left in {} piece(s), {} vertices without any), {} kg, {} J; {} in \
+             all, {} longest",
+            r.body,
+            r.pieces,
+            r.orphans,
+            short(r.mass),
+            short(r.energy),
+            seconds(r.total_s),
+            seconds(r.longest_s)
+        ),
+    );
+}

@@ -1,0 +1,308 @@
+//! Contact in a summary: of tools, pulls and bodies with each other.
+
+use crate::assemble::BuiltScene;
+use crate::text::{Block, short};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use sinew::engine::report::ContactFigures;
+use sinew::simulation::Simulation;
+
+/// What touched in a run.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct TouchSummary {
+    /// Tools in the order of the file.
+    pub tools: Vec<ToolSummary>,
+    /// Pulls in the order of the file.
+    pub pulls: Vec<PullSummary>,
+    /// Contacts of bodies in the order of the file.
+    pub contacts: Vec<PairSummary>,
+    /// Most points in contact at the end of a step, and those at the end of the run.
+    pub points_max: u32,
+    /// See there.
+    pub points_final: u32,
+    /// Iterations of the inner loop: linear systems with the contact of the last iterate.
+    pub inner_iterations: u64,
+    /// Their mean over the steps.
+    pub inner_iterations_mean: f64,
+    /// Most in one step.
+    pub inner_iterations_max: u32,
+    /// Inner loops that ended at their cap.
+    pub unconverged: u64,
+    /// Largest penetration (m), and the largest over the mean edge of its surface.
+    pub depth: f64,
+    /// See there.
+    pub depth_over_edge: f64,
+    /// Parts in which steps were made because a tool was fast, and most in one step; 0 without such steps.
+    pub substeps: u64,
+    /// See there.
+    pub substeps_max: u32,
+    /// Steps of tools that did not reach their target, and by how much (m) at most.
+    pub lagging: u64,
+    /// See there.
+    pub lag: f64,
+    /// Parts of tools that appeared inside of bodies and were drawn in.
+    pub drawn_in: u64,
+    /// Points that were too deep inside of another body to tell its sides, and were left out, summed over steps.
+    pub buried: u64,
+    /// Steps of bodies that took the safe step because of an impact.
+    pub impacts: u64,
+}
+
+/// The largest force that something felt, and the last one.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct ForceSummary {
+    /// Largest magnitude (N).
+    pub peak: f64,
+    /// When (s).
+    pub peak_time: f64,
+    /// At the end (N).
+    pub end: [f64; 3],
+}
+
+impl ForceSummary {
+    fn add(&mut self, force: DVec3, time: f64) {
+        if force.length() > self.peak {
+            (self.peak, self.peak_time) = (force.length(), time);
+        }
+        self.end = force.to_array();
+    }
+
+    fn words(&self) -> String {
+        let [x, y, z] = self.end.map(short);
+        format!(
+            "force up to {} N at {} s, [{x}, {y}, {z}] N at the end",
+            short(self.peak),
+            short(self.peak_time)
+        )
+    }
+}
+
+/// A tool of a run.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct ToolSummary {
+    /// Name.
+    pub name: String,
+    /// What it is and how it moves.
+    pub what: String,
+    /// Coefficient of friction.
+    pub mu: f64,
+    /// Force on the tool.
+    pub force: ForceSummary,
+    /// Forces on its parts; empty for a tool of one part.
+    #[serde(skip_serializing_if = "Vec::is_empty", skip_deserializing)]
+    pub parts: Vec<ForceSummary>,
+    /// Torque (N m) on it about its origin at the end.
+    pub torque: [f64; 3],
+    /// Work (J) that it did on bodies.
+    pub work: f64,
+    /// Energy (J) that friction took.
+    pub dissipation: f64,
+    /// Largest penetration (m).
+    pub depth: f64,
+    /// Largest way (m) that it stayed behind its target.
+    pub lag: f64,
+}
+
+/// A pull of a run.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct PullSummary {
+    /// Name.
+    pub name: String,
+    /// Body.
+    pub body: String,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Stiffness (N/m) of all of them together.
+    pub stiffness: f64,
+    /// How the hand moves.
+    pub motion: String,
+    /// Force on the hand.
+    pub force: ForceSummary,
+    /// Work (J) of the hand.
+    pub work: f64,
+}
+
+/// A contact between bodies of a run.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct PairSummary {
+    /// Name.
+    pub name: String,
+    /// Bodies.
+    pub bodies: [String; 2],
+    /// Coefficient of friction.
+    pub mu: f64,
+    /// Force on the first body; 0 for one that touches itself.
+    pub force: ForceSummary,
+    /// Largest area (m^2) in contact.
+    pub area: f64,
+    /// Largest penetration (m).
+    pub depth: f64,
+    /// Energy (J) that friction took.
+    pub dissipation: f64,
+}
+
+/// Energies of contact (J).
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct TouchEnergy {
+    /// Energy that moving tools and pulls put in: an upper bound of their work.
+    pub work: f64,
+    /// Stored in contacts and pulls at the end.
+    pub stored: f64,
+    /// What friction took; a part of what is dissipated.
+    pub friction: f64,
+}
+
+impl TouchSummary {
+    /// Of a scene before its first step; `None` where nothing touches.
+    pub(crate) fn new(built: &BuiltScene) -> Option<Self> {
+        if !built.touches() {
+            return None;
+        }
+        let body = |index: usize| built.bodies[index].name.clone();
+        let tools = built.tools.iter().map(|tool| ToolSummary {
+            name: tool.name.clone(),
+            what: tool.words.clone(),
+            mu: tool.friction,
+            parts: if tool.parts > 1 { vec![ForceSummary::default(); tool.parts] } else { vec![] },
+            ..ToolSummary::default()
+        });
+        let pulls = built.pulls.iter().map(|pull| PullSummary {
+            name: pull.name.clone(),
+            body: body(pull.body),
+            vertices: pull.rows.len(),
+            stiffness: pull.stiffness,
+            motion: pull.motion.clone(),
+            ..PullSummary::default()
+        });
+        let contacts = built.contacts.iter().map(|contact| PairSummary {
+            name: contact.name.clone(),
+            bodies: contact.bodies.map(body),
+            mu: contact.friction,
+            ..PairSummary::default()
+        });
+        Some(Self {
+            tools: tools.collect(),
+            pulls: pulls.collect(),
+            contacts: contacts.collect(),
+            ..Self::default()
+        })
+    }
+
+    /// Adds a step, the `steps`th.
+    pub(crate) fn add_step(&mut self, built: &BuiltScene, steps: u64) {
+        let simulation = &built.simulation;
+        self.add(&simulation.report().contact, steps);
+        let time = simulation.time();
+        for (own, tool) in self.tools.iter_mut().zip(&built.tools) {
+            let now = tool.report(simulation);
+            own.force.add(now.force, time);
+            for (i, part) in own.parts.iter_mut().enumerate() {
+                part.add(now.parts.get(i).map_or(DVec3::ZERO, |part| part.force), time);
+            }
+            (own.work, own.dissipation) = (now.work, now.dissipation);
+            own.torque = now.torque.to_array();
+            (own.depth, own.lag) = (own.depth.max(now.depth), own.lag.max(now.lag));
+        }
+        for (own, pull) in self.pulls.iter_mut().zip(&built.pulls) {
+            let now = pull.report(simulation);
+            own.force.add(now.force, time);
+            own.work = now.work;
+        }
+        self.add_contacts(built, simulation, time);
+    }
+
+    fn add_contacts(&mut self, built: &BuiltScene, simulation: &Simulation, time: f64) {
+        for (own, contact) in self.contacts.iter_mut().zip(&built.contacts) {
+            let Some(now) = simulation.body_contact_report(contact.entity) else { continue };
+            own.force.add(now.force, time);
+            own.dissipation = now.dissipation;
+            (own.area, own.depth) = (own.area.max(now.area), own.depth.max(now.depth));
+        }
+    }
+
+    fn add(&mut self, now: &ContactFigures, steps: u64) {
+        self.points_max = self.points_max.max(now.points);
+        self.points_final = now.points;
+        self.inner_iterations += u64::from(now.inner_iterations);
+        self.inner_iterations_mean = self.inner_iterations as f64 / steps.max(1) as f64;
+        self.inner_iterations_max = self.inner_iterations_max.max(now.inner_iterations);
+        self.unconverged += u64::from(now.unconverged);
+        self.depth = self.depth.max(now.depth);
+        self.depth_over_edge = self.depth_over_edge.max(now.depth_over_edge);
+        self.substeps += u64::from(now.substeps);
+        self.substeps_max = self.substeps_max.max(now.substeps);
+        self.lagging += u64::from(now.lagging);
+        self.lag = self.lag.max(now.lag);
+        self.drawn_in += u64::from(now.drawn_in);
+        self.buried += u64::from(now.buried);
+        self.impacts += u64::from(now.impacts);
+    }
+
+    /// A line for every tool, pull and contact.
+    pub(super) fn describe(&self, block: &mut Block) {
+        for tool in &self.tools {
+            let words = format!("{}; mu = {}; {}", tool.what, short(tool.mu), tool.force.words());
+            block.line(format!("tool {}", tool.name), words);
+            for (i, part) in tool.parts.iter().enumerate() {
+                block.line(format!("  part {i}"), part.words());
+            }
+        }
+        for pull in &self.pulls {
+            let words = format!(
+                "{} vertices of {}, {} N/m, {}; {}",
+                pull.vertices,
+                pull.body,
+                short(pull.stiffness),
+                pull.motion,
+                pull.force.words()
+            );
+            block.line(format!("pull {}", pull.name), words);
+        }
+        for contact in &self.contacts {
+            let [a, b] = &contact.bodies;
+            let of = if a == b { format!("{a} with itself") } else { format!("{a} with {b}") };
+            let words = format!(
+                "{of}; mu = {}; up to {} cm^2; {}",
+                short(contact.mu),
+                short(contact.area * 1e4),
+                contact.force.words()
+            );
+            block.line(format!("contact {}", contact.name), words);
+        }
+    }
+
+    /// How well contact was resolved.
+    pub(super) fn describe_accuracy(&self, block: &mut Block) {
+        block.line(
+            "contact",
+            format!(
+                "at most {} points; {} inner iterations per step (most {}), {} loops unconverged; deepest {} mm, {} \
+                 of an edge",
+                self.points_max,
+                short(self.inner_iterations_mean),
+                self.inner_iterations_max,
+                self.unconverged,
+                short(self.depth * 1e3),
+                short(self.depth_over_edge)
+            ),
+        );
+        let odd = [
+            (self.substeps, format!("{} substeps (most {})", self.substeps, self.substeps_max)),
+            (
+                self.lagging,
+                format!(
+                    "behind its path in {} steps, by {} mm at most",
+                    self.lagging,
+                    short(self.lag * 1e3)
+                ),
+            ),
+            (self.drawn_in, format!("{} drawn in", self.drawn_in)),
+            (self.impacts, format!("{} impacts", self.impacts)),
+        ];
+        let used: Vec<String> =
+            odd.into_iter().filter(|(count, _)| *count > 0).map(|(_, words)| words).collect();
+        if !used.is_empty() {
+            block.line("fast tools", used.join(", "));
+        }
+    }
+}

@@ -1,0 +1,561 @@
+//! Whatever is wrong with a scene is said before the first step: where, what, and what to do.
+
+use crate::common::says;
+use glam::DVec3;
+use sinew::engine::mesh::CellData;
+use sinew::engine::mesh::generate::box_tets;
+use sinew::models::axes::field::to_cell_data;
+use sinew::models::body::Model;
+use sinew::models::body::sheet::MembraneModel;
+use sinew_scene::assemble::{BuildOptions, build};
+use sinew_scene::error::SceneError;
+use sinew_scene::mesh_tool::write;
+use sinew_scene::probe::PROBES;
+use sinew_scene::scene::{LoadedScene, Scene};
+use sinew_scene::scene_folder;
+use std::collections::BTreeSet;
+
+const GOOD: &str = r#"name = "beam"
+gravity = [0.0, 0.0, -9.81]
+dt = 0.01
+duration = 0.1
+
+[solver]
+integrator = "safe"
+
+[[body]]
+name = "beam"
+generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }
+material = { young_modulus = 1e5, poisson_ratio = 0.4, density = 1000.0 }
+
+[[constraint]]
+name = "clamp"
+select = { group = "x0" }
+
+[[load]]
+name = "end"
+select = { group = "x1" }
+force = [0.0, 0.0, -0.1]
+curve = { ramp = [0.0, 0.05] }
+
+[[probe]]
+name = "tip"
+select = { group = "x1" }
+record = ["mean_displacement"]
+"#;
+
+fn attempt(text: &str) -> Result<(), SceneError> {
+    let file = scene_folder().join("bad.toml");
+    let scene = LoadedScene::parse(text, &file)?;
+    build(&scene, &BuildOptions { threads: Some(1), ..Default::default() }).map(|_| ())
+}
+
+/// Replaces one piece of the good scene; the error is of the given kind, stands on the line of the
+/// replacement (0: no line) and has all the words.
+fn check(from: &str, to: &str, kind: fn(&SceneError) -> bool, line: usize, words: &[&str]) {
+    assert_eq!(GOOD.matches(from).count(), 1, "`{from}` must occur once");
+    let text = GOOD.replace(from, to);
+    let error = attempt(&text).expect_err(to);
+    let message = error.to_string();
+    assert!(kind(&error), "{to}: unexpected kind of error: {error:?}");
+    assert!(message.contains("bad.toml"), "{message}");
+    if line > 0 {
+        assert!(
+            message.contains(&format!("line {line},"))
+                || message.contains(&format!("line {line}:")),
+            "{to}: line {line} is not in: {message}"
+        );
+    }
+    says(&format!("{to}: {message}"), words);
+}
+
+#[test]
+fn the_good_scene_is_good() {
+    attempt(GOOD).unwrap();
+}
+
+macro_rules! bad {
+    ($($name:ident: $from:expr => $to:expr, $kind:pat, $line:expr, $words:expr;)*) => {$(
+        #[test]
+        fn $name() {
+            check($from, $to, |e| matches!(e, $kind), $line, &$words);
+        }
+    )*};
+}
+
+use SceneError::*;
+
+const MATERIAL: &str = "{ young_modulus = 1e5, poisson_ratio = 0.4, density = 1000.0 }";
+
+bad! {
+    unknown_key_at_the_top: "dt = 0.01" => "dt = 0.01\ngravitiy = [0.0, 0.0, 0.0]",
+        Unknown { .. }, 4, ["`gravitiy`", "did you mean `gravity`?"];
+    unknown_key_of_a_material: "young_modulus" => "youngs_modulus",
+        Unknown { .. }, 12, ["`body[0].material`", "`youngs_modulus`", "did you mean `young_modulus`?"];
+    unknown_key_of_a_constraint: "select = { group = \"x0\" }" => "selection = { group = \"x0\" }",
+        Unknown { .. }, 16, ["`constraint[0]`", "`selection`", "did you mean `select`?"];
+    unknown_integrator: "\"safe\"" => "\"netwon\"",
+        Unknown { .. }, 7, ["`netwon`", "did you mean `newton`?"];
+    unknown_executor: "dt = 0.01" => "dt = 0.01\nexecutor = \"mutli\"",
+        Unknown { .. }, 4, ["`mutli`", "did you mean `multi`?"];
+    unknown_instruction_set: "dt = 0.01" => "dt = 0.01\ninstruction_set = \"avx\"",
+        Unknown { .. }, 4, ["`avx`", "did you mean `avx2`"];
+    negative_modulus_of_an_angle: "[[constraint]]"
+        => "[[body.fibres]]\nname = \"a\"\nmodulus = 1.0\ndirection = [1, 0, 0]\n\
+            [[body.fibres]]\nname = \"b\"\nmodulus = 1.0\ndirection = [0, 1, 0]\n[body.axes]\n\
+            angles = [{ between = [\"a\", \"b\"], modulus = 1.0 },\n\
+            { between = [\"b\", \"a\"], modulus = -1.0 }]\n[[constraint]]",
+        Axes { .. }, 24, ["`body[0].axes.angles[1].modulus`", "-1 Pa"];
+    negative_modulus_of_volume: "[[constraint]]"
+        => "[body.axes]\nvolume_modulus = -2.0\n[[constraint]]",
+        Axes { .. }, 15, ["`body[0].axes.volume_modulus`", "-2 Pa"];
+    pressure_named_twice: "[[probe]]"
+        => "[[pressure]]\nname = \"p\"\non = { surface = true }\npressure = 1.0\n\
+            [[pressure]]\nname = \"p\"\non = { surface = true }\npressure = 1.0\n[[probe]]",
+        Duplicate { .. }, 29, ["`p`", "pressure"];
+    unknown_quantity: "[\"mean_displacement\"]" => "[\"displacement\"]",
+        Unknown { .. }, 27, ["`mean_displacement`"];
+    not_toml: "dt = 0.01" => "dt = = 0.01", Syntax { .. }, 3, ["extra `=`"];
+    wrong_type: "dt = 0.01" => "dt = \"fast\"", Syntax { .. }, 3, ["`dt`", "string", "a number"];
+    vector_too_short: "gravity = [0.0, 0.0, -9.81]" => "gravity = [0.0, 0.0]",
+        Syntax { .. }, 2, ["`gravity`", "length 2"];
+    no_name: "name = \"beam\"\ngravity" => "gravity", Missing { .. }, 1, ["key `name`"];
+    no_name_of_a_body: "[[body]]\nname = \"beam\"" => "[[body]]",
+        Missing { .. }, 9, ["`body[0]`", "key `name`"];
+    misspelt_group: "\"x0\"" => "\"xx0\"",
+        Unknown { .. }, 16, ["did you mean `x0`", "groups of the mesh"];
+    no_dt: "dt = 0.01\n" => "", Missing { .. }, 0, ["dt", "step length"];
+    zero_dt: "dt = 0.01" => "dt = 0.0", Value { .. }, 3, ["dt is 0 s", "positive"];
+    nan_dt: "dt = 0.01" => "dt = nan", Value { .. }, 3, ["NaN", "positive"];
+    dt_longer_than_duration: "dt = 0.01" => "dt = 1.0", Value { .. }, 3, ["longer", "shorter step"];
+    infinite_duration: "duration = 0.1" => "duration = inf", Value { .. }, 4, ["duration"];
+    infinite_gravity: "-9.81" => "-inf", Value { .. }, 2, ["gravity", "finite"];
+    missing_mesh: "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }"
+        => "mesh = \"nowhere.msh\"", Mesh { .. }, 11, ["nowhere.msh", "check that the path exists"];
+    no_mesh: "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }\n" => "",
+        Missing { .. }, 9, ["mesh", "generate"];
+    not_a_mesh: "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }"
+        => "mesh = \"README.md\"", Mesh { .. }, 11, ["README.md", "format"];
+    flat_box: "0.2, 0.04, 0.04" => "0.2, 0.0, 0.04", Mesh { .. }, 11, ["size.y = 0"];
+    box_without_cells: "[4, 1, 1]" => "[4, 0, 1]", Mesh { .. }, 11, ["cells[1]"];
+    two_shapes: "{ box =" => "{ sphere = { radius = 1.0, shells = 2 }, box =",
+        Value { .. }, 11, ["exactly one shape"];
+    resection_of_nothing: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\n\n[[probe]]", Value { .. }, 24, ["exactly one kind of resection"];
+    resection_of_two_kinds: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\nstrain = 0.5\nstress = 1e3\n\n[[probe]]", Value { .. }, 24, ["exactly one kind of resection"];
+    resection_of_a_tetrahedron_that_is_not_there: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\ntetrahedra = [3, 24]\n\n[[probe]]", Value { .. }, 26, ["no tetrahedron 24", "it has 24"];
+    resection_of_a_tetrahedron_twice: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\ntetrahedra = [3, 3]\n\n[[probe]]", Value { .. }, 26, ["tetrahedron 3 comes twice"];
+    resection_of_a_triangle_without_membrane: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\ntriangles = [0]\n\n[[probe]]", Value { .. }, 26, ["no membrane triangle 0", "it has 0"];
+    resection_with_a_bad_limit: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\nstrain = -1.0\n\n[[probe]]", Value { .. }, 26, ["strain is -1", "positive"];
+    resection_with_a_path_back_in_time: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\ntool = { radius = 0.01, path = [[1.0, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0]] }\n\n[[probe]]", Value { .. }, 26, ["follows time 1 s", "ascending"];
+    resection_with_an_end_that_never_counts: "[[probe]]"
+        => "[[resection]]\nname = \"cut\"\ntetrahedra = [3]\nuntil = 1.0\n\n[[probe]]", Value { .. }, 27, ["`until`", "leave it out"];
+    negative_young_modulus: "1e5" => "-1e5",
+        Material { .. }, 12, ["young_modulus", "-100000 Pa", "positive"];
+    incompressible: "poisson_ratio = 0.4" => "poisson_ratio = 0.5",
+        Material { .. }, 12, ["poisson_ratio", "below 0.5"];
+    no_density: "1000.0" => "0.0", Material { .. }, 12, ["density is 0", "positive"];
+    incomplete_material: MATERIAL => "{ young_modulus = 1e5, density = 1000.0 }",
+        Missing { .. }, 12, ["poisson_ratio", "preset"];
+    unknown_preset: MATERIAL => "{ preset = \"livre\" }",
+        Material { .. }, 12, ["'livre'", "did you mean 'liver'?"];
+    unknown_group: "\"x0\"" => "\"left\"",
+        Unknown { .. }, 16, ["group `left`", "x0", "x1", "z1"];
+    empty_selection: "{ group = \"x0\" }" => "{ sphere = { centre = [9.0, 0.0, 0.0], radius = 0.1 } }",
+        EmptySelection { .. }, 16, ["beam", "reaches from"];
+    crossed_box: "{ group = \"x0\" }" => "{ box = { min = [1.0, 0.0, 0.0], max = [0.0, 1.0, 1.0] } }",
+        Value { .. }, 16, ["exchange"];
+    two_selections: "{ group = \"x0\" }" => "{ group = \"x0\", all = true }",
+        Value { .. }, 16, ["exactly one"];
+    index_out_of_range: "{ group = \"x0\" }" => "{ vertices = [0, 20] }",
+        VertexIndex { .. }, 16, ["vertex 20", "20 vertices"];
+    negative_index: "{ group = \"x0\" }" => "{ vertices = [-1] }", Syntax { .. }, 16, ["-1"];
+    unknown_body: "name = \"clamp\"" => "name = \"clamp\"\nbody = \"baem\"",
+        Unknown { .. }, 16, ["body `baem`", "did you mean `beam`?"];
+    overlapping_names: "name = \"end\"" => "name = \"clamp\"", Duplicate { .. }, 19, ["`clamp`"];
+    curve_backwards: "[0.0, 0.05]" => "[0.05, 0.05]",
+        Value { .. }, 22, ["ramp", "ascending"];
+    two_curves: "{ ramp = [0.0, 0.05] }" => "{ ramp = [0.0, 0.05], hold = 1.0 }",
+        Value { .. }, 22, ["exactly one"];
+    curve_without_motion: "name = \"clamp\"" => "name = \"clamp\"\ncurve = { hold = 1.0 }",
+        Value { .. }, 16, ["motion"];
+    never_active: "name = \"clamp\"" => "name = \"clamp\"\nfrom = 2.0\nuntil = 1.0",
+        Value { .. }, 17, ["later"];
+    unknown_axis: "name = \"clamp\"" => "name = \"clamp\"\naxes = \"xw\"",
+        Value { .. }, 16, ["\"xw\""];
+    rotation_without_axis: "name = \"clamp\""
+        => "name = \"clamp\"\nmotion = { rotate = { centre = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 0.0], \
+            degrees = 90.0 } }",
+        Value { .. }, 16, ["axis", "direction"];
+    infinite_force: "-0.1]" => "nan]", Value { .. }, 21, ["force", "finite"];
+    negative_tolerance: "integrator = \"safe\"" => "linear_tolerance = -1.0",
+        Setting { .. }, 7, ["linear_tolerance = -1"];
+    damped_explicit: "integrator = \"safe\""
+        => "stiffness_damping = 0.1\nintegrator = \"symplectic-euler\"",
+        Setting { .. }, 7, ["stiffness_damping", "mass_damping"];
+    reaction_of_nothing: "[\"mean_displacement\"]" => "[\"reaction\"]",
+        Missing { .. }, 24, ["constraint"];
+    nothing_recorded: "[\"mean_displacement\"]" => "[]", Value { .. }, 27, ["nothing to record"];
+    load_steps_in_a_dynamic_scene: "dt = 0.01" => "dt = 0.01\nload_steps = 3",
+        Value { .. }, 4, ["load_steps", "static"];
+    dt_in_a_static_scene: "name = \"beam\"\ngravity" => "name = \"beam\"\nmode = \"static\"\ngravity",
+        Value { .. }, 4, ["dt", "leave it out"];
+    no_body: GOOD => "name = \"empty\"\ndt = 0.1\nduration = 1.0\n", Missing { .. }, 0, ["[[body]]"];
+}
+
+const STATIC: &str = r#"name = "beam"
+mode = "static"
+
+[[body]]
+name = "beam"
+generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }
+material = { preset = "liver" }
+"#;
+
+#[test]
+fn a_static_scene_must_be_held_and_has_no_time() {
+    let error = attempt(STATIC).unwrap_err();
+    assert!(matches!(error, NotHeld { .. }));
+    let message = error.to_string();
+    assert!(message.contains("line 5") && message.contains("x, y, z"), "{message}");
+
+    let clamp = "[[constraint]]\nname = \"clamp\"\nselect = { group = \"x0\" }\n";
+    attempt(&format!("{STATIC}{clamp}")).unwrap();
+    let only_z = format!("{STATIC}{clamp}axes = \"z\"\n");
+    assert!(attempt(&only_z).unwrap_err().to_string().contains("along x, y;"));
+    let one_vertex = format!("{STATIC}{clamp}").replace("group = \"x0\"", "vertices = [0]");
+    assert!(attempt(&one_vertex).unwrap_err().to_string().contains("rotation"));
+    let timed = format!("{STATIC}{clamp}until = 1.0\n");
+    assert!(attempt(&timed).unwrap_err().to_string().contains("static scene"));
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named() {
+    let error = LoadedScene::read("no/such/scene.toml".as_ref()).unwrap_err();
+    assert!(matches!(error, Io { .. }));
+    assert!(error.to_string().contains("no/such/scene.toml"));
+}
+
+#[test]
+fn what_is_repaired_or_unintended_is_a_warning() {
+    let text = GOOD.replace("young_modulus = 1e5", "young_modulus = 25.0").replace(
+        "[[load]]",
+        "[[constraint]]\nname = \"again\"\nselect = { vertices = [0] }\n\
+             motion = { translate = [0.0, 0.0, 0.1] }\n\n[[load]]",
+    );
+    let file = scene_folder().join("odd.toml");
+    let scene = LoadedScene::parse(&text, &file).unwrap();
+    let built = build(&scene, &BuildOptions::default()).unwrap();
+    let codes: Vec<&str> = built.warnings.iter().map(|w| w.code.as_str()).collect();
+    for code in ["material.young.kilopascal", "scene.constraint.overlap", "scene.motion.jump"] {
+        assert!(codes.contains(&code), "{codes:?}");
+    }
+    assert!(built.warnings.iter().all(|w| !w.remedy.is_empty()));
+}
+
+/// Keys that the model knows at a place: an unknown one makes serde list them.
+fn keys_of(text: &str) -> BTreeSet<String> {
+    let message = toml::from_str::<Scene>(text).unwrap_err().message().to_string();
+    assert!(message.starts_with("unknown field `zzz`"), "{text}: {message}");
+    message.split('`').skip(3).step_by(2).map(str::to_owned).collect()
+}
+
+#[test]
+fn the_readme_lists_exactly_the_keys_that_exist() {
+    let body = "name = \"a\"\n[[body]]\nname = \"b\"\n";
+    let fibres = format!("{body}[[body.fibres]]\nname = \"c\"\n");
+    let constraint = "name = \"a\"\n[[constraint]]\nname = \"b\"\n";
+    let load = "name = \"a\"\n[[load]]\nname = \"b\"\n";
+    let pressure = "name = \"a\"\n[[pressure]]\nname = \"b\"\n";
+    let resection = "name = \"a\"\n[[resection]]\nname = \"b\"\n";
+    let tool = "name = \"a\"\n[[tool]]\nname = \"b\"\n";
+    let sections = [
+        ("scene", "zzz = 1".to_string()),
+        ("[solver]", "name = \"a\"\n[solver]\nzzz = 1".into()),
+        ("[[body]]", format!("{body}zzz = 1")),
+        ("generate", format!("{body}generate = {{ zzz = 1 }}")),
+        ("generate.box", format!("{body}generate = {{ box = {{ zzz = 1 }} }}")),
+        ("generate.cylinder", format!("{body}generate = {{ cylinder = {{ zzz = 1 }} }}")),
+        ("generate.sphere", format!("{body}generate = {{ sphere = {{ zzz = 1 }} }}")),
+        ("generate.sheet", format!("{body}generate = {{ sheet = {{ zzz = 1 }} }}")),
+        ("generate.specimen", format!("{body}generate = {{ specimen = {{ zzz = 1 }} }}")),
+        ("generate.disc", format!("{body}generate = {{ disc = {{ zzz = 1 }} }}")),
+        ("generate.balloon", format!("{body}generate = {{ balloon = {{ zzz = 1 }} }}")),
+        ("generate.cup", format!("{body}generate = {{ cup = {{ zzz = 1 }} }}")),
+        ("[[body.fibres]]", format!("{fibres}zzz = 1")),
+        ("azimuth_elevation", format!("{fibres}azimuth_elevation = {{ zzz = 1 }}")),
+        ("laplace", format!("{fibres}laplace = {{ zzz = 1 }}")),
+        ("circular", format!("{fibres}circular = {{ zzz = 1 }}")),
+        ("hemicircular", format!("{fibres}hemicircular = {{ zzz = 1 }}")),
+        ("helicoidal", format!("{fibres}helicoidal = {{ zzz = 1 }}")),
+        ("random", format!("{fibres}random = {{ zzz = 1 }}")),
+        ("muscle", format!("{fibres}muscle = {{ zzz = 1 }}")),
+        ("[body.axes]", format!("{body}[body.axes]\nzzz = 1")),
+        ("angles", format!("{body}[body.axes]\nangles = [{{ zzz = 1 }}]")),
+        ("membrane", format!("{body}membrane = {{ zzz = 1 }}")),
+        ("[[pressure]]", format!("{pressure}zzz = 1")),
+        ("on", format!("{pressure}on = {{ zzz = 1 }}")),
+        ("rotate", format!("{body}rotate = {{ zzz = 1 }}")),
+        ("material", format!("{body}material = {{ zzz = 1 }}")),
+        ("select", format!("{constraint}select = {{ zzz = 1 }}")),
+        ("select.box", format!("{constraint}select = {{ box = {{ zzz = 1 }} }}")),
+        ("select.sphere", format!("{constraint}select = {{ sphere = {{ zzz = 1 }} }}")),
+        ("[[constraint]]", format!("{constraint}zzz = 1")),
+        ("motion", format!("{constraint}motion = {{ zzz = 1 }}")),
+        ("motion.rotate", format!("{constraint}motion = {{ rotate = {{ zzz = 1 }} }}")),
+        ("[[load]]", format!("{load}zzz = 1")),
+        ("curve", format!("{load}curve = {{ zzz = 1 }}")),
+        ("curve.sine", format!("{load}curve = {{ sine = {{ zzz = 1 }} }}")),
+        ("[[tool]]", format!("{tool}zzz = 1")),
+        ("tool.parts", format!("{tool}parts = [{{ zzz = 1 }}]")),
+        ("tool.on", format!("{tool}on = {{ zzz = 1 }}")),
+        ("[[pull]]", "name = \"a\"\n[[pull]]\nname = \"b\"\nzzz = 1".into()),
+        ("[[contact]]", "name = \"a\"\n[[contact]]\nname = \"b\"\nzzz = 1".into()),
+        ("[[resection]]", format!("{resection}zzz = 1")),
+        ("tool", format!("{resection}tool = {{ zzz = 1 }}")),
+        ("[[probe]]", "name = \"a\"\n[[probe]]\nzzz = 1".into()),
+        ("[output]", "name = \"a\"\n[output]\nzzz = 1".into()),
+    ];
+    let readme = std::fs::read_to_string(scene_folder().join("README.md")).unwrap();
+    let documented = |title: &str| -> BTreeSet<String> {
+        let heading = format!("### `{title}`\n");
+        let start = readme.find(&heading).unwrap_or_else(|| panic!("no section {title}"));
+        let text = &readme[start + heading.len()..];
+        let text = &text[..text.find("\n### ").unwrap_or(text.len())];
+        let rows = text.lines().filter_map(|line| line.strip_prefix("| `"));
+        rows.map(|row| row.split('`').next().unwrap().to_owned()).collect()
+    };
+    let probes = PROBES.iter().map(|probe| probe.key);
+    for name in
+        probes.chain(Model::ALL.map(Model::name)).chain(MembraneModel::ALL.map(MembraneModel::name))
+    {
+        assert!(
+            readme.contains(&format!("`\"{name}\"`")),
+            "{name} is not in demos/scenes/README.md"
+        );
+    }
+    for (title, text) in &sections {
+        assert_eq!(documented(title), keys_of(text), "section {title} of demos/scenes/README.md");
+    }
+    assert_eq!(readme.matches("\n### `").count(), sections.len());
+}
+
+/// The good scene with fibres and axes after its body.
+fn with_fibres(fibres: &str) -> String {
+    GOOD.replace("[[constraint]]", &format!("[[body.fibres]]\n{fibres}\n\n[[constraint]]"))
+}
+
+const FIBRES: &str = "name = \"a\"\nmodulus = 1e4\ndirection = [1.0, 0.0, 0.0]";
+
+#[test]
+fn fibres_that_cannot_be_used_are_named_with_line_and_key() {
+    attempt(&with_fibres(FIBRES)).unwrap();
+    let twice = format!("{FIBRES}\n[[body.fibres]]\n{FIBRES}");
+    let angle = |between: &str| {
+        format!("{FIBRES}\n[body.axes]\nangles = [{{ between = {between}, modulus = 1e3 }}]")
+    };
+    let direction = |text: &str| FIBRES.replace("direction = [1.0, 0.0, 0.0]", text);
+    let muscle = |text: &str| format!("{FIBRES}\nmuscle = {{ {text} }}");
+    // line 14 is `[[body.fibres]]`
+    let radial =
+        |form: &str| format!("{FIBRES}\n[body.axes]\nform = \"{form}\"\nvolume_viscosity = 2.0");
+    let bricks = with_fibres(&radial("printed"))
+        .replace("cells = [4, 1, 1] }", "cells = [4, 1, 1], elements = \"hexahedra\" }");
+    attempt(&bricks).unwrap();
+    attempt(&bricks.replace("\"safe\"", "\"symplectic-euler\"")).unwrap();
+    let cases: [(String, usize, &[&str]); 32] = [
+        (radial("printed"), 20, &["radial springs of hexahedra"]),
+        (radial("energy_consistent"), 20, &["radial springs", "printed_balanced"]),
+        (radial("printed").replace("2.0", "-2.0"), 20, &["-2 Pa s"]),
+        (direction("azimuth_elevation = {}"), 17, &["not exactly one kind of angles"]),
+        (direction("azimuth_elevation = { data = [\"a\", \"e\"] }"), 17, &["cell data `a`", "VTU"]),
+        (
+            direction("azimuth_elevation = { formula = [\"x\", \"2*w\"] }"),
+            17,
+            &["formula of elevation", "variables"],
+        ),
+        (
+            direction("azimuth_elevation = { formula = [\"0\", \"1/0\"] }"),
+            17,
+            &["element 0", "finite"],
+        ),
+        (
+            direction("azimuth_elevation = { formula = [\"0\", \"0\"], axis = [0, 0, 0] }"),
+            17,
+            &["axis", "not zero"],
+        ),
+        (
+            direction("azimuth_elevation = { formula = [\"0\", \"0\"], zero = [0, 0, 2] }"),
+            17,
+            &["azimuth 0", "not along the axis"],
+        ),
+        (direction(""), 14, &["not exactly one kind of direction"]),
+        (direction("direction = [1, 0, 0]\nrandom = { seed = 1 }"), 14, &["not exactly one"]),
+        (direction("direction = [0.0, 0.0, 0.0]"), 17, &["no length"]),
+        (direction("direction = [nan, 0.0, 0.0]"), 17, &["not finite"]),
+        (direction("direction = [1.0, 0.0]"), 17, &["length 2"]),
+        (direction("data = \"fibre\""), 17, &["fibre_x", "VTU"]),
+        (direction("formula = [\"x\", \"2*w\", \"0\"]"), 17, &["variables", "use x, y and z"]),
+        (direction("formula = [\"0\", \"0\", \"0\"]"), 17, &["element 0", "no direction"]),
+        (direction("laplace = { from = \"x0\", to = \"xx1\" }"), 17, &["did you mean `x1`"]),
+        (direction("laplace = { from = \"x0\", to = \"y0\" }"), 17, &["both surfaces"]),
+        (direction("laplace = { from = \"x0\", to = \"x1\", helix = [60, -60] }"), 17, &["`axis`"]),
+        (
+            direction("laplace = { from = \"x0\", to = \"x1\", helix = [0, 0], axis = [1, 0, 0] }"),
+            17,
+            &["helix rule", "no direction"],
+        ),
+        (
+            direction("circular = { centre = [0, 0, 0], axis = [0, 0, 0] }"),
+            17,
+            &["axis", "not zero"],
+        ),
+        (
+            direction("helicoidal = { centre = [0, 0, 0], axis = [1, 0, 0], degrees = inf }"),
+            17,
+            &["helix", "finite"],
+        ),
+        (FIBRES.replace("1e4", "-1e4"), 16, &["family `a`", "-10000 Pa"]),
+        (format!("{FIBRES}\nviscosity = -1.0"), 18, &["family `a`", "-1 Pa s"]),
+        (twice, 19, &["two families `a`"]),
+        (angle("[\"a\", \"b\"]"), 19, &["`b`", "did you mean `a`?"]),
+        (angle("[\"a\", \"a\"]"), 19, &["two different"]),
+        (muscle("peak_stress = -1.0"), 18, &["`peak_stress` is -1"]),
+        (muscle("width = 0.0"), 18, &["`width` is 0"]),
+        (muscle("curve = { points = [[1.0, 0.0], [0.0, 1.0]] }"), 18, &["ascending"]),
+        (
+            format!("{FIBRES}\nmuscle = {{ peak_stress = 1.0 }}\n[body.axes]\nform = \"printed\""),
+            20,
+            &["family `a` is active"],
+        ),
+    ];
+    for (fibres, line, words) in cases {
+        let message = attempt(&with_fibres(&fibres)).expect_err(&fibres).to_string();
+        assert!(
+            message.contains(&format!("line {line}, ")),
+            "{fibres}: {line} is not in {message}"
+        );
+        says(&format!("{fibres}: {message}"), words);
+    }
+    let viscous = with_fibres(&format!("{FIBRES}\nviscosity = 5.0"));
+    attempt(&viscous).unwrap();
+    attempt(&viscous.replace("\"safe\"", "\"stormer-verlet\"")).unwrap();
+    let at_rest = viscous.replace("dt = 0.01\nduration = 0.1", "mode = \"static\"");
+    let message = attempt(&at_rest.replace("\"safe\"", "\"auto\"")).unwrap_err().to_string();
+    assert!(message.contains("viscosity") && message.contains("static"), "{message}");
+    let alone = GOOD.replace("[[constraint]]", "model = \"axes\"\n\n[[constraint]]");
+    let message = attempt(&alone).unwrap_err().to_string();
+    assert!(message.contains("line 14, `body[0].model`") && message.contains("axes"), "{message}");
+    let cavity = GOOD.replace("[\"mean_displacement\"]", "[\"enclosed_volume\"]");
+    attempt(&cavity).unwrap();
+    let whole = cavity.replace("name = \"tip\"\nselect = { group = \"x1\" }", "name = \"tip\"");
+    let message = attempt(&whole).unwrap_err().to_string();
+    assert!(message.contains("group of faces"), "{message}");
+}
+
+#[test]
+fn fibre_vectors_of_other_lengths_are_a_warning() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("fibre_lengths");
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut mesh = box_tets(DVec3::new(0.2, 0.04, 0.04), [4, 1, 1]).unwrap();
+    let mut vectors = vec![DVec3::X; mesh.tetrahedra.len()];
+    vectors[3] *= 2.0;
+    let data = to_cell_data("fibre", &vectors, &mesh);
+    mesh.cell_data.extend(data);
+    write(&folder.join("beam.vtu"), &mesh).unwrap();
+    let text = with_fibres(&FIBRES.replace("direction = [1.0, 0.0, 0.0]", "data = \"fibre\""))
+        .replace(
+            "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }",
+            "mesh = \"beam.vtu\"",
+        )
+        .replace("{ group = \"x0\" }", "{ vertices = [0, 1, 2] }")
+        .replace("{ group = \"x1\" }", "{ vertices = [4] }");
+    let scene = LoadedScene::parse(&text, &folder.join("scene.toml")).unwrap();
+    let built = build(&scene, &BuildOptions::default()).unwrap();
+    let warning = built.warnings.iter().find(|w| w.code == "scene.fibres.length").unwrap();
+    assert!(warning.message.starts_with("1 vectors"), "{warning}");
+    let wrong = LoadedScene::parse(
+        &text.replace("data = \"fibre\"", "data = \"fibres\""),
+        &folder.join("scene.toml"),
+    );
+    let message = build(&wrong.unwrap(), &BuildOptions::default()).err().unwrap().to_string();
+    assert!(message.contains("did you mean `fibre`?"), "{message}");
+}
+
+/// Two maps in the file, and the same two as formulas, are directions by the documented convention.
+#[test]
+fn azimuth_and_elevation_are_read_from_the_mesh_file() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("azimuth_elevation");
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut mesh = box_tets(DVec3::new(0.2, 0.04, 0.04), [4, 1, 1]).unwrap();
+    let middle = |t: &[u32; 4]| t.iter().map(|&v| mesh.points[v as usize]).sum::<DVec3>() / 4.0;
+    let centres: Vec<DVec3> = mesh.tetrahedra.iter().map(middle).collect();
+    let map = |name: &str, of: &dyn Fn(&DVec3) -> f64| CellData {
+        name: name.to_string(),
+        integer: false,
+        tetrahedra: centres.iter().map(of).collect(),
+        hexahedra: Vec::new(),
+        triangles: vec![f64::NAN; mesh.triangles.len()],
+        quads: Vec::new(),
+    };
+    let maps = [map("azimuth", &|x| 900.0 * x.x), map("elevation", &|x| 30.0 - 2e3 * x.z)];
+    mesh.cell_data.extend(maps);
+    write(&folder.join("beam.vtu"), &mesh).unwrap();
+    let built = |angles: &str| {
+        let fibres =
+            format!("azimuth_elevation = {{ {angles}, axis = [2, 0, 0], zero = [1, 0, 3] }}");
+        let text = with_fibres(&FIBRES.replace("direction = [1.0, 0.0, 0.0]", &fibres))
+            .replace(
+                "generate = { box = { size = [0.2, 0.04, 0.04], cells = [4, 1, 1] } }",
+                "mesh = \"beam.vtu\"",
+            )
+            .replace("{ group = \"x0\" }", "{ vertices = [0, 1, 2] }")
+            .replace("{ group = \"x1\" }", "{ vertices = [4] }");
+        let scene = LoadedScene::parse(&text, &folder.join("scene.toml")).unwrap();
+        build(&scene, &BuildOptions::default()).map(|built| {
+            let axes = built.bodies[0].axes.clone().unwrap();
+            axes.families[0].directions.to_vec()
+        })
+    };
+    let data = built("data = [\"azimuth\", \"elevation\"]").unwrap();
+    let formula = built("formula = [\"900*x\", \"30 - 2000*z\"]").unwrap();
+    for ((data, formula), x) in data.iter().zip(&formula).zip(&centres) {
+        let (a, e) = ((900.0 * x.x).to_radians(), (30.0 - 2e3 * x.z).to_radians());
+        // the axis is x, azimuth 0 is z, and x cross z is -y
+        let expected = DVec3::new(e.sin(), -e.cos() * a.sin(), e.cos() * a.cos());
+        assert!((*data - expected).length() < 1e-12, "{data} beside {expected}");
+        assert!((*formula - expected).length() < 1e-12, "{formula} beside {expected}");
+    }
+    let message = built("data = [\"azimut\", \"elevation\"]").unwrap_err().to_string();
+    assert!(message.contains("did you mean `azimuth`?"), "{message}");
+    assert!(message.contains("azimuth_elevation.data"), "{message}");
+}
+
+#[test]
+fn uniform_springs_need_their_constant() {
+    let with = |keys: &str| {
+        let body = format!("model = \"mass_spring\"\n{keys}\n\n[[constraint]]");
+        attempt(&GOOD.replacen("[[constraint]]", &body, 1))
+    };
+    let uniform = "element_method = \"uniform\"\nspring_constant = 20.0";
+    with(&format!("{uniform}\nhexahedron_springs = 16\nmasses = \"equal\"")).unwrap();
+    let cases: [(&str, &[&str]); 7] = [
+        ("element_method = \"uniform\"", &["`body[0].spring_constant`", "N/m"]),
+        (&uniform.replace("20.0", "0.0"), &["line 16", "0 N/m", "positive"]),
+        (&uniform.replace("20.0", "inf"), &["line 16", "not finite"]),
+        ("spring_constant = 20.0", &["line 15", "element_method = \"uniform\""]),
+        (&format!("{uniform}\nhexahedron_springs = 12"), &["line 17", "12 springs", "16"]),
+        ("element_method = \"unifrom\"", &["line 15", "`uniform`"]),
+        ("masses = \"equals\"", &["line 15", "`equal`"]),
+    ];
+    for (keys, words) in cases {
+        let message = with(keys).expect_err(keys).to_string();
+        says(&format!("{keys}: {message}"), words);
+    }
+}

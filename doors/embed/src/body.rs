@@ -1,0 +1,531 @@
+//! Bodies: adding, reading, changing.
+
+use crate::embedding::Embedding;
+use crate::error::{InputError, Result};
+use crate::handle::{Handle, Kind, Target};
+use crate::mesh::{group, in_range, vectors_of};
+use glam::DVec3;
+use sinew::engine::connectivity::ElementKind;
+use sinew::engine::mesh::{CheckOptions, Mesh, check};
+use sinew::engine::surface::SurfaceReader;
+use sinew::models::body::sheet::{MembraneSettings, PlaneState};
+use sinew::models::body::{BodyDescription, MassRule, SoftBody, VolumeRule};
+use sinew::models::material::YoungPoisson;
+use sinew::models::material::field::{MaterialArrays, MaterialField};
+use sinew::models::resection::{MassPolicy, Region, Removal, RemovalReport};
+use sinew::simulation::{BodyHandle, MaterialChange, Simulation};
+use sinew_scene::assemble::{BuiltBody, BuiltMembrane, count_membrane_vertices, warn_of_findings};
+use std::collections::HashSet;
+
+/// Vectors of a body in the user's order, as of an epoch.
+#[derive(Clone, Debug, Default)]
+struct Buffer {
+    epoch: u64,
+    values: Vec<[f64; 3]>,
+}
+
+/// What a body lends out.
+#[derive(Clone, Debug)]
+pub(crate) struct Buffers {
+    /// Positions, displacements, velocities.
+    vectors: [Buffer; 3],
+    surface: Vec<[u32; 3]>,
+    revision: u64,
+    /// Count of removals that the surface is of.
+    changes: u64,
+    /// The epoch in which the count was looked at.
+    looked: u64,
+}
+
+impl Buffers {
+    pub fn new(mesh: &Mesh) -> Self {
+        let rest = mesh.points.iter().map(|x| x.to_array()).collect();
+        let zero = || Buffer { epoch: 0, values: vec![[0.0; 3]; mesh.points.len()] };
+        // vertices that no element ever used keep their place
+        let vectors = [Buffer { epoch: 0, values: rest }, zero(), zero()];
+        Self { vectors, surface: Vec::new(), revision: 0, changes: u64::MAX, looked: 0 }
+    }
+
+    /// Has the surface looked at anew.
+    pub fn forget_surface(&mut self) {
+        (self.changes, self.looked) = (u64::MAX, 0);
+    }
+}
+
+/// Triangles of the outside of a body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Surface<'a> {
+    /// Outside of what is left of the solid, outward, then membranes that do not lie on it; faces of four corners are cut in
+    /// two. Indices of the user's mesh.
+    pub triangles: &'a [[u32; 3]],
+    /// Changes whenever they do, and never comes again.
+    pub revision: u64,
+}
+
+/// Which vectors.
+#[derive(Clone, Copy, Debug)]
+enum Quantity {
+    Position = 0,
+    Displacement = 1,
+    Velocity = 2,
+}
+
+/// Calls `with` with every vector of a body.
+fn each(
+    simulation: &mut Simulation,
+    body: usize,
+    quantity: Quantity,
+    with: impl FnMut(usize, DVec3),
+) {
+    match quantity {
+        Quantity::Position => simulation.each_position(BodyHandle(body), with),
+        Quantity::Displacement => simulation.each_displacement(BodyHandle(body), with),
+        Quantity::Velocity => simulation.each_velocity(BodyHandle(body), with),
+    }
+}
+
+impl Embedding {
+    /// Adds a body: points and solid elements of a mesh, everything else from a description. As in scenes the mesh is checked
+    /// first, cells of wrong winding are turned, and findings become [`Embedding::warnings`].
+    ///
+    /// # Errors
+    /// When mesh, material, membrane or axes cannot be used; nothing is added then.
+    pub fn add_body(&mut self, mesh: &Mesh, description: &BodyDescription) -> Result<Handle> {
+        let name = description.name;
+        self.name_is_free(Kind::Body, name)?;
+        mesh.fits_into_memory()?;
+        let mut checked = check(mesh, &CheckOptions::default())?;
+        let settings = description.membrane.map(|m| MembraneSettings {
+            thickness: m.thickness,
+            material: m.material,
+            plane: m.plane,
+            model: m.model,
+            evaluation: m.evaluation,
+            springs: m.springs,
+        });
+        let thin = !mesh.is_solid() && settings.is_some_and(|m| m.plane == PlaneState::Stress);
+        let locks = !thin && description.volume == VolumeRule::Elements;
+        let material = match settings {
+            // the material of the solid means nothing then
+            Some(own) if !mesh.is_solid() => own.material,
+            _ => description.material,
+        };
+        let membrane = match (description.membrane, settings) {
+            (Some(cells), Some(settings)) => Some(membrane(&checked.mesh, cells, settings)?),
+            _ => None,
+        };
+        if let Some(membrane) = &membrane {
+            count_membrane_vertices(&mut checked, membrane);
+        }
+        let own = BodyDescription {
+            points: &checked.mesh.points,
+            tetrahedra: &checked.mesh.tetrahedra,
+            middles: &checked.mesh.middles,
+            hexahedra: &checked.mesh.hexahedra,
+            ..description.clone()
+        };
+        let simulation = &mut self.built.simulation;
+        let handle = simulation.add_body(&own)?;
+        let (report, used_vertices) = (checked.report, checked.used_vertices);
+        warn_of_findings(name, &report, material, locks, &mut self.built.warnings);
+        let mass = match description.masses {
+            MassRule::Volume if description.density.is_none() => {
+                let sheet = membrane.as_ref().map_or(0.0, |m| m.area * m.settings.surface().1);
+                report.statistics.total_volume * material.density + sheet
+            }
+            _ => simulation.masses(handle).iter().sum(),
+        };
+        self.buffers.push(Buffers::new(&checked.mesh));
+        self.built.bodies.push(BuiltBody {
+            name: name.into(),
+            handle,
+            mesh: checked.mesh,
+            report,
+            used_vertices,
+            material,
+            mass,
+            membrane,
+            preset: None,
+            model: description.model,
+            evaluation: description.evaluation,
+            volume: description.volume,
+            springs: description.springs,
+            axes: description.axes.clone().map(|axes| axes.into_owned()),
+        });
+        self.epoch += 1;
+        Ok(self.handles.add(Kind::Body, name, Target::Body(handle.0)))
+    }
+
+    /// Index of a body.
+    pub(crate) fn body(&self, body: Handle) -> Result<usize> {
+        match self.handles.get(body, Kind::Body)? {
+            Target::Body(index) => Ok(index),
+            Target::Entity(_) | Target::ScenePull(_) => unreachable!("bodies are no entities"),
+        }
+    }
+
+    /// The mesh of a body, in place and repaired.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn mesh(&self, body: Handle) -> Result<&Mesh> {
+        Ok(&self.built.bodies[self.body(body)?].mesh)
+    }
+
+    /// Number of vertices of its mesh: length of every list of vertices.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn vertex_count(&self, body: Handle) -> Result<usize> {
+        Ok(self.mesh(body)?.points.len())
+    }
+
+    /// Vertices of a group of its mesh.
+    ///
+    /// # Errors
+    /// When there is no such body or group.
+    pub fn group(&self, body: Handle, name: &str) -> Result<Vec<u32>> {
+        Ok(group(self.mesh(body)?, name)?.vertices.clone())
+    }
+
+    /// Names of its groups.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn groups(&self, body: Handle) -> Result<Vec<String>> {
+        Ok(self.mesh(body)?.groups.iter().map(|g| g.name.clone()).collect())
+    }
+
+    fn buffer(&mut self, body: Handle, quantity: Quantity) -> Result<&[[f64; 3]]> {
+        let (body, epoch) = (self.body(body)?, self.epoch);
+        let Buffer { epoch: of, values } = &mut self.buffers[body].vectors[quantity as usize];
+        if *of != epoch {
+            each(&mut self.built.simulation, body, quantity, |vertex, x| {
+                values[vertex] = x.to_array();
+            });
+            *of = epoch;
+        }
+        Ok(values)
+    }
+
+    /// Deformed positions (m) of all vertices of the mesh; those that no element ever used stay where they were.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn positions(&mut self, body: Handle) -> Result<&[[f64; 3]]> {
+        self.buffer(body, Quantity::Position)
+    }
+
+    /// Displacements (m), likewise.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn displacements(&mut self, body: Handle) -> Result<&[[f64; 3]]> {
+        self.buffer(body, Quantity::Displacement)
+    }
+
+    /// Velocities (m/s), likewise.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn velocities(&mut self, body: Handle) -> Result<&[[f64; 3]]> {
+        self.buffer(body, Quantity::Velocity)
+    }
+
+    fn read(&mut self, body: Handle, quantity: Quantity, out: &mut [f64]) -> Result<()> {
+        let body = self.body(body)?;
+        let mesh = &self.built.bodies[body].mesh;
+        let (given, needed) = (out.len(), 3 * mesh.points.len());
+        let (rows, _) = out.as_chunks_mut::<3>();
+        if given != needed {
+            let expected = format!("3 x {}", mesh.points.len());
+            return Err(InputError::Count { what: "buffer", given, expected }.into());
+        }
+        if self.built.bodies[body].used_vertices.len() < rows.len() {
+            let rest = mesh.points.iter().map(|x| match quantity {
+                Quantity::Position => x.to_array(),
+                _ => [0.0; 3],
+            });
+            rows.iter_mut().zip(rest).for_each(|(row, rest)| *row = rest);
+        }
+        each(&mut self.built.simulation, body, quantity, |vertex, x| rows[vertex] = x.to_array());
+        Ok(())
+    }
+
+    /// Writes positions (m) into memory of the caller, three numbers a vertex.
+    ///
+    /// # Errors
+    /// When there is no such body, or the length does not fit.
+    pub fn read_positions(&mut self, body: Handle, out: &mut [f64]) -> Result<()> {
+        self.read(body, Quantity::Position, out)
+    }
+
+    /// Writes displacements (m), likewise.
+    ///
+    /// # Errors
+    /// As [`Embedding::read_positions`].
+    pub fn read_displacements(&mut self, body: Handle, out: &mut [f64]) -> Result<()> {
+        self.read(body, Quantity::Displacement, out)
+    }
+
+    /// Writes velocities (m/s), likewise.
+    ///
+    /// # Errors
+    /// As [`Embedding::read_positions`].
+    pub fn read_velocities(&mut self, body: Handle, out: &mut [f64]) -> Result<()> {
+        self.read(body, Quantity::Velocity, out)
+    }
+
+    /// Writes positions (m) as three `f32` a vertex into a vertex buffer of a host: that of vertex `i` begins at byte `i *
+    /// stride`, and nothing else is written. The machine's byte order.
+    ///
+    /// # Errors
+    /// When there is no such body, the stride is less than 12 bytes, or the buffer too short.
+    pub fn positions_f32(&mut self, body: Handle, out: &mut [u8], stride: usize) -> Result<()> {
+        let count = self.vertex_count(body)?;
+        if stride < 12 {
+            let problem = format!("a stride of {stride} bytes; three 32-bit numbers need 12");
+            return Err(InputError::invalid("vertex buffer", problem).into());
+        }
+        let needed =
+            if count == 0 { 0 } else { stride.saturating_mul(count - 1).saturating_add(12) };
+        if out.len() < needed {
+            let expected = format!("at least {needed} bytes for {count} vertices");
+            let (what, given) = ("vertex buffer", out.len());
+            return Err(InputError::Count { what, given, expected }.into());
+        }
+        for (row, x) in out.chunks_mut(stride).zip(self.positions(body)?) {
+            for (bytes, x) in row.as_chunks_mut::<4>().0.iter_mut().zip(x) {
+                *bytes = (*x as f32).to_ne_bytes();
+            }
+        }
+        Ok(())
+    }
+
+    /// Sets displacements (m) and velocities (m/s), three numbers a vertex of the mesh.
+    ///
+    /// # Errors
+    /// When there is no such body, a length does not fit or a number is not finite.
+    pub fn set_state(
+        &mut self,
+        body: Handle,
+        displacements: &[f64],
+        velocities: &[f64],
+    ) -> Result<()> {
+        let count = self.vertex_count(body)?;
+        let u = vectors_of("displacements", displacements, count)?;
+        let v = vectors_of("velocities", velocities, count)?;
+        let body = BodyHandle(self.body(body)?);
+        self.built.simulation.set_state(body, &u, &v)?;
+        self.epoch += 1;
+        Ok(())
+    }
+
+    /// Masses (kg) of its vertices.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn masses(&mut self, body: Handle) -> Result<Vec<f64>> {
+        let body = BodyHandle(self.body(body)?);
+        Ok(self.built.simulation.masses(body))
+    }
+
+    /// Elastic forces (N) on its vertices at the state as it is.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn elastic_forces(&mut self, body: Handle) -> Result<Vec<[f64; 3]>> {
+        let body = BodyHandle(self.body(body)?);
+        self.evaluate();
+        Ok(arrays(self.built.simulation.elastic_forces(body)))
+    }
+
+    /// Forces (N) of gravity and loads on its vertices in the last step.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn external_forces(&mut self, body: Handle) -> Result<Vec<[f64; 3]>> {
+        let body = BodyHandle(self.body(body)?);
+        Ok(arrays(self.built.simulation.external_forces(body)))
+    }
+
+    /// Forces (N) of tools, contact and pulls on its vertices at the end of the last step.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn contact_forces(&self, body: Handle) -> Result<Vec<[f64; 3]>> {
+        Ok(arrays(self.built.simulation.contact_forces(BodyHandle(self.body(body)?))))
+    }
+
+    /// Pressures (Pa) of contact at its vertices at the end of the last step.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn contact_pressures(&self, body: Handle) -> Result<Vec<f64>> {
+        Ok(self.built.simulation.contact_pressures(BodyHandle(self.body(body)?)))
+    }
+
+    /// Volume (m^3) of its solid elements as they are; inverted ones count negative.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn volume(&mut self, body: Handle) -> Result<f64> {
+        let body = BodyHandle(self.body(body)?);
+        Ok(self.built.simulation.volume(body))
+    }
+
+    /// Volume over that at rest of every tetrahedron, then of every hexahedron (the smallest of its Gauss points).
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn volume_ratios(&mut self, body: Handle) -> Result<Vec<f64>> {
+        let body = BodyHandle(self.body(body)?);
+        Ok(self.built.simulation.volume_ratios(body))
+    }
+
+    /// Area over that at rest of every triangle of its membrane, then of every quadrilateral.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn area_ratios(&mut self, body: Handle) -> Result<Vec<f64>> {
+        let body = BodyHandle(self.body(body)?);
+        Ok(self.built.simulation.area_ratios(body))
+    }
+
+    /// Triangles to draw it by. They are made anew only after removals.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn surface(&mut self, body: Handle) -> Result<Surface<'_>> {
+        let (body, epoch) = (self.body(body)?, self.epoch);
+        let own = &mut self.buffers[body];
+        if own.looked != epoch {
+            own.looked = epoch;
+            let rows = &self.built.simulation.topology().bodies[body];
+            if rows.changes != own.changes {
+                own.changes = rows.changes;
+                let triangles = outside(&mut self.built.simulation, body);
+                if own.revision == 0 || triangles != own.surface {
+                    own.surface = triangles;
+                    own.revision += 1;
+                }
+            }
+        }
+        Ok(Surface { triangles: &own.surface, revision: own.revision })
+    }
+
+    /// Elements of a kind that are left, by their indices in the mesh, ascending.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn remaining(&self, body: Handle, kind: ElementKind) -> Result<Vec<u32>> {
+        Ok(self.built.simulation.remaining(BodyHandle(self.body(body)?), kind))
+    }
+
+    /// Its material: constants, and what replaces them element by element.
+    ///
+    /// # Errors
+    /// When there is no such body.
+    pub fn material(&mut self, body: Handle) -> Result<(YoungPoisson, MaterialArrays)> {
+        let index = self.body(body)?;
+        let world = self.built.simulation.world_mut();
+        let own = world.query::<&SoftBody>().iter(world).find(|own| own.index == index);
+        let kept = own.map(|own| (own.material, own.arrays.clone()));
+        Ok(kept.unwrap_or_else(|| (self.built.bodies[index].material, MaterialArrays::default())))
+    }
+
+    /// Gives it another material from the next step on, uniform or by element; what that did to its energies.
+    ///
+    /// # Errors
+    /// When there is no such body or the material cannot be used; nothing is changed then.
+    pub fn set_material(&mut self, body: Handle, field: MaterialField) -> Result<MaterialChange> {
+        let index = self.body(body)?;
+        let change = self.built.simulation.set_material(BodyHandle(index), field)?;
+        self.built.bodies[index].material = field.material;
+        self.epoch += 1;
+        Ok(change)
+    }
+
+    /// Removes elements from now on.
+    ///
+    /// # Errors
+    /// When there is no such body, or the region cannot be used or names what is not there; nothing is changed then.
+    pub fn remove_elements(
+        &mut self,
+        body: Handle,
+        region: Region,
+        mass: MassPolicy,
+    ) -> Result<RemovalReport> {
+        let body = BodyHandle(self.body(body)?);
+        let report = self.built.simulation.remove_elements(body, &Removal { region, mass })?;
+        self.epoch += 1;
+        Ok(report)
+    }
+
+    /// Sets the activation (0 to 1) of an active family of fibres from the next step on.
+    ///
+    /// # Errors
+    /// When there is no such body or family, it follows a curve, or the value is out of range.
+    pub fn set_activation(&mut self, body: Handle, family: &str, activation: f64) -> Result<()> {
+        let body = BodyHandle(self.body(body)?);
+        Ok(self.built.simulation.set_activation(body, family, activation)?)
+    }
+
+    /// Gives a family of fibres another modulus (Pa); by how much (J) that changes the elastic energy.
+    ///
+    /// # Errors
+    /// When there is no such body or family, or the modulus cannot be used.
+    pub fn set_axis_modulus(&mut self, body: Handle, family: &str, modulus: f64) -> Result<f64> {
+        let body = BodyHandle(self.body(body)?);
+        let change = self.built.simulation.set_axis_modulus(body, family, modulus)?;
+        self.epoch += 1;
+        Ok(change)
+    }
+}
+
+pub(crate) fn arrays(vectors: Vec<DVec3>) -> Vec<[f64; 3]> {
+    vectors.into_iter().map(|x| x.to_array()).collect()
+}
+
+/// The membrane that a description gives a mesh.
+fn membrane(
+    mesh: &Mesh,
+    cells: sinew::models::body::sheet::MembraneDescription,
+    settings: MembraneSettings,
+) -> Result<BuiltMembrane> {
+    let count = mesh.points.len();
+    in_range("triangles of the membrane", cells.triangles.as_flattened(), count)?;
+    in_range("quadrilaterals of the membrane", cells.quads.as_flattened(), count)?;
+    let twice = |corners: &[u32]| {
+        let sides = (0..corners.len()).map(|i| {
+            let [a, b] = [corners[i], corners[(i + 1) % corners.len()]];
+            mesh.points[a as usize].cross(mesh.points[b as usize])
+        });
+        sides.sum::<DVec3>().length()
+    };
+    let areas =
+        cells.triangles.iter().map(|t| twice(t)).chain(cells.quads.iter().map(|q| twice(q)));
+    Ok(BuiltMembrane {
+        area: 0.5 * areas.sum::<f64>(),
+        triangles: cells.triangles.to_vec(),
+        quads: cells.quads.to_vec(),
+        settings,
+    })
+}
+
+/// Triangles of the outside of a body in the user's order; see [`Surface`].
+fn outside(simulation: &mut Simulation, body: usize) -> Vec<[u32; 3]> {
+    let world = simulation.world_mut();
+    let Some(read) = world.get_resource::<SurfaceReader>().copied() else { return Vec::new() };
+    let surface = (read.0)(world, body);
+    let order = &simulation.topology().bodies[body].vertex_order;
+    let user = |t: &[u32; 3]| t.map(|v| order[v as usize]);
+    let mut triangles: Vec<[u32; 3]> = surface.triangles.iter().map(user).collect();
+    let sorted = |mut t: [u32; 3]| {
+        t.sort_unstable();
+        t
+    };
+    let known: HashSet<[u32; 3]> = triangles.iter().map(|&t| sorted(t)).collect();
+    triangles.extend(surface.sheets.iter().map(user).filter(|&t| !known.contains(&sorted(t))));
+    triangles
+}

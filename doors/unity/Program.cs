@@ -1,0 +1,99 @@
+// A console program that steps an organ from C#, and checks what it gets:
+//     mcs -out:sample.exe doors/unity/Sinew.cs doors/unity/Program.cs && LD_LIBRARY_PATH=target/binding mono sample.exe demos/meshes/liver.msh
+using System;
+using System.Runtime.InteropServices;
+using Sinew;
+
+static class Program
+{
+    static void Demand(bool right, string what)
+    {
+        if (!right) { Console.Error.WriteLine("wrong: " + what); Environment.Exit(1); }
+    }
+
+    static ulong Run(string path, bool tell)
+    {
+        using (var mesh = MeshHandle.FromFile(path))
+        using (var simulation = new Simulation(0.01, new Vec3(0.0, 0.0, -9.81), 1))
+        {
+            simulation.Solver = "mass_damping = 4.0";
+            var liver = simulation.AddBody("liver", mesh, "liver", 0.0);
+            simulation.Hold(liver, "ligament", simulation.Group(liver, "ligament"));
+            var tool = simulation.Hold(liver, "tool", simulation.Group(liver, "tool"));
+            for (int i = 1; i <= 20; i++)
+            {
+                simulation.MoveConstraint(tool, new Vec3(0.001 * i, 0.0, 0.001 * i));
+                simulation.Step(1);
+            }
+            var force = simulation.Reaction(tool);
+            Demand(Math.Abs(simulation.Time - 0.2) < 1e-12, "the time");
+            Demand(force.Length > 0.01 && force.Length < 100.0, "the force, " + force.Length + " N");
+            // positions as doubles and straight into a buffer are the same
+            var exact = simulation.Read(liver, Quantity.Positions);
+            var floats = new float[exact.Length];
+            var pin = GCHandle.Alloc(floats, GCHandleType.Pinned);
+            simulation.Positions(liver, pin.AddrOfPinnedObject(), floats.Length / 3, 12);
+            pin.Free();
+            for (int i = 0; i < exact.Length; i++) { Demand((float)exact[i] == floats[i], "position " + i); }
+            // a ray from above, a pull, a ball, a cut
+            var at = new Vec3(exact[0], exact[1], exact[2]);
+            double low = double.MaxValue, high = double.MinValue, x = 0.0, y = 0.0;
+            for (int i = 0; i < exact.Length; i += 3)
+            {
+                if (exact[i + 2] > high) { high = exact[i + 2]; x = exact[i]; y = exact[i + 1]; }
+                low = Math.Min(low, exact[i + 2]);
+            }
+            var pick = simulation.Ray(new Vec3(x, y, high + 1.0), new Vec3(1e-6, 1e-6, -1.0));
+            if (pick.Hit)
+            {
+                var pull = simulation.AddPull("hand", pick, 20.0, 0.1);
+                simulation.MovePull(pull, new Vec3(0.0, 0.0, 0.01));
+                simulation.Step(2);
+                simulation.Remove(pull);
+            }
+            var ball = simulation.AddBall("finger", new Vec3(x, y, high + 0.05), 0.01, 0.1);
+            simulation.MoveTool(ball, new Vec3(x, y, high + 0.005));
+            simulation.Step(1);
+            Demand(simulation.Feel(ball).Depth >= 0.0, "the depth");
+            // back by bytes and before a cut, and the same cut again
+            var before = simulation.SurfaceRevision(liver);
+            using (var start = simulation.Snapshot())
+            using (var read = SnapshotHandle.FromBytes(start.ToBytes()))
+            {
+                simulation.Step(1);
+                simulation.Restore(read);
+                simulation.RemoveBall(liver, at, 0.03);
+                simulation.Step(1);
+                var after = simulation.Hash;
+                simulation.Restore(start);
+                Demand(simulation.RemoveBall(liver, at, 0.03) > 0, "elements after going back");
+                simulation.Step(1);
+                Demand(simulation.Hash == after, "the state after going back");
+                simulation.Restore(start);
+                before = simulation.SurfaceRevision(liver);
+            }
+            var cut = simulation.RemoveBall(liver, at, 0.03);
+            Demand(cut > 0 && simulation.SurfaceRevision(liver) == before + 1, "the cut");
+            Demand(simulation.Surface(liver).Length % 3 == 0, "the surface");
+            simulation.Step(1);
+            try { simulation.Remove(12345); Demand(false, "a wrong handle"); }
+            catch (SinewException error)
+            {
+                Demand(error.Code == Code.Handle && error.Message.Contains("12345"), "the text of an error");
+            }
+            if (tell) { Console.WriteLine("{0:F3} N, {1} elements cut, state {2:x16}", force.Length, cut, simulation.Hash); }
+            return simulation.Hash;
+        }
+    }
+
+    static int Main(string[] arguments)
+    {
+        var path = arguments.Length > 0 ? arguments[0] : "demos/meshes/liver.msh";
+        Demand(Run(path, true) == Run(path, false), "two runs, two results");
+        var corner = MeshHandle.FromArrays(new double[] { 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1 }, new uint[] { 0, 1, 2, 3 });
+        corner.Dispose();
+        try { MeshHandle.FromFile("no.msh"); Demand(false, "a file that is not there"); }
+        catch (SinewException error) { Demand(error.Code == Code.Io, "its code"); }
+        return 0;
+    }
+}
