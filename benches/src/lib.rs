@@ -1,5 +1,5 @@
-//! The laboratory, command `sinew-lab`: the bench (speed against error, `bench`), the rivals (`bench peers`),
-//! the suite of hard cases (`bench stability`), and the figures of papers made again (`reproduce`).
+//! The laboratory, command `sinew-lab`: the bench (speed against error, `bench`), the rivals (`bench peers`)
+//! and the suite of hard cases (`bench stability`).
 
 pub mod beam;
 pub mod bench;
@@ -8,6 +8,5 @@ pub mod contact;
 pub mod gpu;
 pub mod peers;
 pub mod report;
-pub mod reproduce;
 pub mod resection;
 pub mod stability;

@@ -1,4 +1,4 @@
-//! What every report is made of, tables, charts and findings, and the one writer of files.
+//! What every report is made of, tables and charts, and the one writer of files.
 
 use crate::bench::error::BenchError;
 use crate::bench::table::Table;
@@ -6,43 +6,6 @@ use serde::Serialize;
 pub use sinew_tune::page::{Chart, Page, Verdict};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
-
-/// A statement of a paper held against the numbers of this run.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Finding {
-    /// Whether they agree.
-    pub agrees: bool,
-    /// The statement and the numbers.
-    pub text: String,
-}
-
-impl Finding {
-    /// Whether the numbers agree; [`Finding::says`] adds what they say.
-    pub fn of(agrees: bool) -> Self {
-        Self { agrees, text: String::new() }
-    }
-
-    /// With the statement and the numbers.
-    #[must_use]
-    pub fn says(self, text: impl Into<String>) -> Self {
-        Self { text: text.into(), ..self }
-    }
-}
-
-/// A figure or table of a paper, made again.
-#[derive(Default)]
-pub struct Figure {
-    /// How it was made: sizes and settings that the paper does not print.
-    pub setting: String,
-    /// What agrees with the paper and what does not.
-    pub findings: Vec<Finding>,
-    /// What people read.
-    pub tables: Vec<Table>,
-    /// All numbers, for files only.
-    pub numbers: Vec<Table>,
-    /// Charts.
-    pub charts: Vec<Chart>,
-}
 
 /// Files of a report by name.
 #[derive(Default)]

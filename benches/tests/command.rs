@@ -76,18 +76,6 @@ fn steps_with_contact_stand_beside_those_without() {
 }
 
 #[test]
-fn figures_of_a_paper_are_made_again() {
-    let folder = file("paper-a");
-    let out = folder.display().to_string();
-    check(&["reproduce", "paper-a", "--only", "a,f", "--out", &out], 0, "DIFFERS", "11 files");
-    let page = std::fs::read_to_string(folder.join("paper-a.html")).unwrap();
-    assert!(page.contains("<svg") && page.contains("(f) Resection of a liver in real time"));
-    let csv = std::fs::read_to_string(folder.join("a-force.csv")).unwrap();
-    assert!(csv.starts_with("nu,altitude ratio") && csv.lines().count() == 1 + 4 * 171);
-    check(&["reproduce", "paper-a", "--only", "z"], 1, "", "a, b, c");
-}
-
-#[test]
 fn bad_bench_arguments_are_named() {
     check(&["bench"], 2, "", "Usage");
     check(&["bench", "everything"], 2, "", "'everything'");
@@ -98,12 +86,4 @@ fn bad_bench_arguments_are_named() {
     check(&["run", "liver.toml"], 2, "", "Usage");
     // each command names the other
     check(&["--help"], 0, "cargo run --release`", "");
-}
-
-#[test]
-fn the_tables_of_a_paper() {
-    check(&["reproduce", "paper-b", "--only", "d"], 0, "nu_out does not follow nu_in", "figure 9");
-    check(&["reproduce", "paper-b", "--only", "x"], 1, "", "choose of a, b, c, d, e, f");
-    let nowhere = ["reproduce", "paper-b", "--only", "d", "--meshes", "nowhere"];
-    check(&nowhere, 1, "", "b_cube_hex.msh");
 }

@@ -123,12 +123,18 @@ pub struct KernelReport {
 
 /// What a kernel computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Quantity {
+pub enum Quantity {
+    /// The energy.
     Energy,
+    /// Forces.
     Force,
+    /// A tangent, assembled.
     Tangent(TangentKind),
+    /// The assembled tangent times a vector.
     Product,
+    /// The tangent times a vector, element by element.
     MatrixFree,
+    /// Adding up the forces of the laws.
     Gather,
 }
 
@@ -294,20 +300,16 @@ struct Work {
 }
 
 /// A product of a tangent and a vector without a matrix.
-pub(crate) type Free<S> = fn(&mut World, &[[S; 4]], &mut [[S; 4]]);
+pub type Free<S> = fn(&mut World, &[[S; 4]], &mut [[S; 4]]);
 
 /// That of a law of tetrahedra, with its exact tangent.
-pub(crate) fn free<L: TetrahedronLaw, S: Scalar>(
-    world: &mut World,
-    x: &[[S; 4]],
-    y: &mut [[S; 4]],
-) {
+pub fn free<L: TetrahedronLaw, S: Scalar>(world: &mut World, x: &[[S; 4]], y: &mut [[S; 4]]) {
     let done = tetrahedra::multiply::<L, S>(world, TangentKind::Exact, x, y);
     debug_assert!(done.is_ok(), "exact tangents have a product");
 }
 
 /// A body whose kernels are timed.
-pub(crate) struct Timed<S: Scalar> {
+pub struct Timed<S: Scalar> {
     simulation: Simulation,
     /// Vertex of every row.
     order: Vec<u32>,
@@ -320,7 +322,7 @@ pub(crate) struct Timed<S: Scalar> {
 }
 
 /// [`Timed`], whatever its number type.
-pub(crate) trait Timing {
+pub trait Timing {
     /// Seconds of one repetition.
     fn measure(&mut self, quantity: Quantity, repetitions: usize) -> f64;
     /// The body's world.
@@ -328,14 +330,14 @@ pub(crate) trait Timing {
 }
 
 /// Repetitions of a kernel that take about so many seconds; its second run counts.
-pub(crate) fn repetitions(timed: &mut dyn Timing, quantity: Quantity, seconds: f64) -> usize {
+pub fn repetitions(timed: &mut dyn Timing, quantity: Quantity, seconds: f64) -> usize {
     timed.measure(quantity, 1);
     (seconds / timed.measure(quantity, 1).max(1e-6)).ceil().clamp(1.0, 1000.0) as usize
 }
 
 impl<S: Scalar> Timed<S> {
     /// A body in the state that is set.
-    pub(crate) fn new(mut simulation: Simulation, body: BodyHandle, free: Option<Free<S>>) -> Self {
+    pub fn new(mut simulation: Simulation, body: BodyHandle, free: Option<Free<S>>) -> Self {
         let order = simulation.topology().bodies[body.0].vertex_order.clone();
         let direction = directions(order.len());
         let row = |&vertex: &u32| {
@@ -356,13 +358,13 @@ impl<S: Scalar> Timed<S> {
     }
 
     /// Largest difference of the forces evaluated last from true ones.
-    pub(crate) fn force_error(&mut self, body: BodyHandle, truth: &[DVec3]) -> f64 {
+    pub fn force_error(&mut self, body: BodyHandle, truth: &[DVec3]) -> f64 {
         let forces = self.simulation.elastic_forces(body);
         largest_difference(forces.into_iter().zip(truth.iter().copied()))
     }
 
     /// Largest difference of a product from the true one, by vertex.
-    pub(crate) fn product_error(&mut self, quantity: Quantity, truth: &[DVec3]) -> f64 {
+    pub fn product_error(&mut self, quantity: Quantity, truth: &[DVec3]) -> f64 {
         self.measure(quantity, 1);
         let by_vertex = self.order.iter().zip(&self.y).map(|(&vertex, y)| {
             (DVec3::from_array([0, 1, 2].map(|k| y[k].to_f64())), truth[vertex as usize])
@@ -650,11 +652,12 @@ fn isotropic_triad(rest: &RestTetrahedron, lame: LameParameters) -> Triad<f64> {
 }
 
 /// Plain `f64` sums over elements, without columns, ranges, lanes or springs.
-pub(crate) struct Reference {
+pub struct Reference {
     energy: f64,
-    pub(crate) forces: Vec<DVec3>,
-    /// Of the exact tangent with [`directions`].
-    pub(crate) product: Vec<DVec3>,
+    /// By vertex (N).
+    pub forces: Vec<DVec3>,
+    /// Of the exact tangent with the vectors that [`Timed`] multiplies it with.
+    pub product: Vec<DVec3>,
     projected_product: Vec<DVec3>,
 }
 
@@ -681,7 +684,10 @@ impl Reference {
     }
 
     /// At displacements `u` (m), of [`MATERIAL`].
-    pub(crate) fn of(mesh: &Mesh, u: &[DVec3], model: Model) -> Result<Self, BenchError> {
+    ///
+    /// # Errors
+    /// When an element has no volume.
+    pub fn of(mesh: &Mesh, u: &[DVec3], model: Model) -> Result<Self, BenchError> {
         let lame = MATERIAL.lame()?;
         let v = directions(mesh.points.len());
         let mut sum = Self::zero(mesh.points.len());

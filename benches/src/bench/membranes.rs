@@ -60,7 +60,7 @@ const SUBJECTS: [(MembraneModel, Evaluation, Option<f64>); 5] = [
 ];
 
 /// What is timed of membranes and, in the figures of Delingette 2008, of solids.
-pub(crate) const QUANTITIES: [(&str, Quantity); 4] = [
+pub const QUANTITIES: [(&str, Quantity); 4] = [
     ("force", Quantity::Force),
     ("exact tangent", Quantity::Tangent(TangentKind::Exact)),
     ("product, assembled", Quantity::Product),
@@ -72,14 +72,15 @@ const MATERIAL: YoungPoisson =
 const THICKNESS: f64 = 1e-3;
 
 /// A sheet of one formulation.
-pub(crate) struct Subject {
-    pub(crate) timed: Box<dyn Timing>,
+pub struct Subject {
+    /// What is timed.
+    pub timed: Box<dyn Timing>,
     model: MembraneModel,
     evaluation: Evaluation,
     /// How many of [`QUANTITIES`] it can compute.
-    pub(crate) quantities: usize,
+    pub quantities: usize,
     /// Errors of force and product.
-    pub(crate) errors: [f64; 2],
+    pub errors: [f64; 2],
 }
 
 /// Measures all formulations on a jittered sheet of about so many triangles, bent and stretched.
@@ -94,7 +95,10 @@ pub fn run(triangles: usize, rounds: Rounds) -> Result<Vec<MembraneRow>, BenchEr
 }
 
 /// A jittered sheet of about so many triangles.
-pub(crate) fn sheet(triangles: usize) -> Result<Mesh, BenchError> {
+///
+/// # Errors
+/// When there are too many.
+pub fn sheet(triangles: usize) -> Result<Mesh, BenchError> {
     let n = ((triangles as f64 / 2.0).sqrt().round() as usize).max(2);
     Ok(jitter_interior(&triangle_grid(DVec2::splat(0.1), [n, n])?, 0.2, 1)?)
 }
@@ -143,7 +147,11 @@ fn free<L: TriangleLaw, S: Scalar>(world: &mut World, x: &[[S; 4]], y: &mut [[S;
 }
 
 impl Subject {
-    pub(crate) fn new<S: Scalar>(
+    /// That sheet, bent and stretched.
+    ///
+    /// # Errors
+    /// When its simulation cannot be built.
+    pub fn new<S: Scalar>(
         mesh: &Mesh,
         model: MembraneModel,
         evaluation: Evaluation,

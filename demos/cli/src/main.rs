@@ -51,7 +51,7 @@ macro_rules! sayln {
     name = "sinew",
     version,
     about,
-    after_help = "Benches, hard cases, papers and rivals are the other command: `sinew-lab`, that is `cargo run \
+    after_help = "Benches, hard cases and rivals are the other command: `sinew-lab`, that is `cargo run \
                   --release -p sinew-benches -- --help`."
 )]
 struct Cli {

@@ -18,8 +18,7 @@ pub struct RenderArguments {
     /// Scene file (TOML).
     #[arg(required_unless_present = "gallery")]
     scene: Option<PathBuf>,
-    /// Instead of a scene: draw every scene that ships and a picture for every paper into a folder, and write a
-    /// page in Markdown beside it.
+    /// Instead of a scene: draw every scene that ships into a folder, and write a page in Markdown beside it.
     #[arg(long, value_name = "DIR", conflicts_with = "scene")]
     gallery: Option<PathBuf>,
     /// Folder for one PNG per frame.

@@ -1,7 +1,6 @@
-//! The gallery: a small picture for every scene that ships and for every paper, and a page that shows them.
+//! The gallery: a small picture for every scene that ships, and a page that shows them.
 
 use super::job::{RenderJob, RenderJobError, render};
-use super::papers;
 use super::quantity::Quantity;
 use crate::error::RunError;
 use crate::run::Silent;
@@ -9,7 +8,6 @@ use crate::scene::LoadedScene;
 use crate::shipped_scene;
 use sinew_render::RenderError;
 use sinew_render::adapter::AdapterRequest;
-use sinew_render::image::Packing;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -205,30 +203,6 @@ pub fn gallery(
             page,
             "\n## {scene}\n\n{words} Scene: [`{scene}.toml`](../demos/scenes/{scene}.toml).\n\n\
              ![{scene}]({name}/{scene}.png)\n"
-        );
-        files.push(path);
-    }
-    let papers: [(&str, &str, fn(&AdapterRequest) -> _); 3] = [
-        (
-            "paper-a",
-            "Delingette 2008: a cylinder under its weight by four energies.",
-            papers::paper_a,
-        ),
-        (
-            "paper-b",
-            "Natsupakpong & Cavusoglu 2010: finite elements and springs found from them.",
-            papers::paper_b,
-        ),
-        ("paper-c", "Bourguignon & Cani 2000: fibres at five angles.", papers::paper_c),
-    ];
-    for (paper, words, draw) in papers {
-        tell(paper);
-        let path = folder.join(format!("{paper}.png"));
-        draw(adapter)?.write_png(&path, Packing::Small)?;
-        let _ = write!(
-            page,
-            "\n## {paper}\n\n{words} `sinew-lab reproduce {paper} --out DIR` writes it too.\n\n\
-             ![{paper}]({name}/{paper}.png)\n"
         );
         files.push(path);
     }

@@ -135,7 +135,10 @@ pub enum RenderJobError {
 
 /// Runs a scene and records it; returns the recording, the summary and the host times (s) of the run and of
 /// copying frames.
-pub(crate) fn record(
+///
+/// # Errors
+/// When the scene cannot be built.
+pub fn record(
     scene: &LoadedScene,
     build: BuildOptions,
     capture: CaptureOptions,
@@ -352,7 +355,7 @@ fn compare_steps(recording: &mut Recording, finer: &Recording) {
 }
 
 /// The frame nearest to a time, the last without.
-pub(crate) fn nearest(recording: &Recording, at: Option<f64>) -> usize {
+pub fn nearest(recording: &Recording, at: Option<f64>) -> usize {
     let last = recording.frames.len() - 1;
     let Some(at) = at else { return last };
     let distance = |i: usize| (recording.frames[i].time - at).abs();

@@ -5,11 +5,10 @@ mod capture;
 mod gallery;
 mod job;
 mod measure;
-pub mod papers;
 mod quantity;
 mod tools;
 
 pub use capture::{CaptureOptions, Recorder};
 pub use gallery::gallery;
-pub use job::{RenderJob, RenderJobError, RenderReport, Variant, render};
+pub use job::{RenderJob, RenderJobError, RenderReport, Variant, nearest, record, render};
 pub use quantity::Quantity;

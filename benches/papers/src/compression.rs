@@ -1,12 +1,12 @@
 //! Delingette 2008, figure 2, left: one tetrahedron, a vertex moved towards the opposite face.
 
-use crate::bench::error::BenchError;
-use crate::bench::plot::{Scales, Series, lines};
-use crate::report::{Figure, Finding};
+use crate::figure::{Figure, Finding};
 use sinew::engine::scalar::dot;
 use sinew::models::element::precompute::RestTetrahedron;
 use sinew::models::element::tetrahedron::{Element, forces};
 use sinew::prelude::YoungPoisson;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::plot::{Scales, Series, lines};
 use sinew_tune::table_of;
 
 const RATIOS: [f64; 4] = [0.0, 0.3, 0.45, 0.49];
@@ -139,7 +139,7 @@ fn findings(all: &[Resistance]) -> Vec<Finding> {
     ]
 }
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure, BenchError> {
     let curves = RATIOS.map(curve).into_iter().collect::<Result<Vec<Curve>, _>>()?;
     let all: Vec<Resistance> = curves.iter().map(Resistance::of).collect();
     let points = curves.iter().flat_map(|c| c.points.iter().map(|p| (c.nu, *p)));
@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn forces_are_those_of_the_reference_curves() {
         let file =
-            concat!(env!("CARGO_MANIFEST_DIR"), "/../models/tests/data/compression_curve.json");
+            concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/tests/data/compression_curve.json");
         let file: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
         let number = |v: &Value| v.as_f64().unwrap();
         let mut compared = 0;

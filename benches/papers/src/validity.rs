@@ -3,15 +3,16 @@
 //! discussion: quadratic springs below about 10 % strain).
 
 use super::frame::{self, Stride, clamp, equilibrium, world};
-use crate::bench::error::BenchError;
-use crate::bench::plot::{Scales, Series, lines};
-use crate::bench::table::{Cell, Table};
-use crate::report::{Chart, Figure, Finding};
+use crate::figure::{Figure, Finding};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
 use sinew::prelude::*;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::plot::{Scales, Series, lines};
+use sinew_benches::bench::table::{Cell, Table};
+use sinew_benches::report::Chart;
 use sinew_tune::table_of;
 
 /// Strains at which laws are compared.
@@ -224,7 +225,7 @@ const SMALL: f64 = 0.1;
 /// Error (%) below which one law stands in for another.
 const SAME: f64 = 2.0;
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure, BenchError> {
     let mut rows = Vec::new();
     for nu in POISSON_RATIOS {
         rows.extend(measure(nu, &Mode::ALL, &STRAINS)?);

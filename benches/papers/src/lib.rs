@@ -1,6 +1,5 @@
-//! `sinew-lab reproduce`: the figures of a paper made again with this engine, as charts and numbers, with a
-//! paragraph each that says what agrees and what does not. The paragraphs are worked out from the
-//! numbers of the run.
+//! The figures of three papers made again with this engine, command `sinew-papers`: charts and numbers, with a paragraph
+//! each that says what agrees and what does not. The paragraphs are worked out from the numbers of the run.
 
 mod axis_cost;
 mod between;
@@ -11,10 +10,13 @@ mod drawing;
 mod elements;
 mod equivalence;
 mod fibres;
+pub mod figure;
 mod fit_cost;
 mod frame;
 mod lumped;
 mod overlay;
+#[cfg(feature = "render")]
+mod picture;
 mod relaxed;
 mod resection;
 mod shapes;
@@ -26,11 +28,12 @@ mod validity;
 mod ventricle;
 mod volume;
 
-use crate::bench::error::BenchError;
-use crate::bench::machine::MachineNotes;
-use crate::bench::table::escape;
-use crate::report::{Figure, Files, Finding, Page};
+use figure::{Figure, Finding};
 use lumped::Meshes;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::machine::MachineNotes;
+use sinew_benches::bench::table::escape;
+use sinew_benches::report::{Files, Page};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -44,16 +47,16 @@ pub struct Options {
 }
 
 /// What a figure is made with.
-struct Means {
+struct Setup {
     meshes: Meshes,
     quick: bool,
 }
 
-type Make = fn(&Means) -> Result<Figure, BenchError>;
+type Make = fn(&Setup) -> Result<Figure, BenchError>;
 
 /// A paper that can be made again.
 pub struct Source {
-    /// Its name on the command line and in files.
+    /// Its name in files.
     pub name: &'static str,
     /// Authors, year, title.
     pub reference: &'static str,
@@ -91,11 +94,11 @@ pub static PAPER_B: Source = Source {
     picture: 'a',
     figures: &[
         ("Objects in tension (tables 1 and 3)", elements::figure),
-        ("Time to find spring constants (table 2)", |means| fit_cost::figure(means.quick)),
+        ("Time to find spring constants (table 2)", |setup| fit_cost::figure(setup.quick)),
         ("The tensile specimen (tables 4 and 5)", specimen::figure),
         ("One square of springs (figure 9)", |_| square::figure()),
         ("Squares and cubes in shear (table 6), and solids in torsion", shear::figure),
-        ("The ventricle floor (section 3.5)", |means| ventricle::figure(means.quick)),
+        ("The ventricle floor (section 3.5)", |setup| ventricle::figure(setup.quick)),
     ],
 };
 
@@ -133,17 +136,17 @@ impl Source {
                 remedy: format!("choose of {}", known.join(", ")),
             });
         }
-        let means = Means { meshes: Meshes::find(options)?, quick: options.quick };
+        let setup = Setup { meshes: Meshes::find(options)?, quick: options.quick };
         let wanted = |letter: char| only.is_empty() || only.contains(&letter);
         let mut figures = Vec::new();
         for (letter, (title, make)) in letters.into_iter().zip(self.figures) {
             if wanted(letter) {
                 tell(&format!("{letter}: {title}"));
-                figures.push((letter, *title, make(&means)?));
+                figures.push((letter, *title, make(&setup)?));
             }
         }
         let pictures = pictures(self.name, wanted(self.picture) && !options.quick, &mut tell)?;
-        let meshes = (self.name == PAPER_B.name).then(|| means.meshes.source());
+        let meshes = (self.name == PAPER_B.name).then(|| setup.meshes.source());
         Ok(Paper { source: self, machine: MachineNotes::now(), meshes, figures, pictures })
     }
 }
@@ -175,13 +178,13 @@ fn pictures(
     #[cfg(feature = "render")]
     if wanted {
         use sinew_render::{RenderError, adapter::AdapterRequest, image::Packing};
-        use sinew_scene::picture::{RenderJobError, papers};
+        use sinew_scene::picture::RenderJobError;
         tell("models side by side, as a picture");
         let request = AdapterRequest::default();
         let drawn = match paper {
-            "paper-a" => papers::paper_a(&request),
-            "paper-b" => papers::paper_b(&request),
-            _ => papers::paper_c(&request),
+            "paper-a" => picture::paper_a(&request),
+            "paper-b" => picture::paper_b(&request),
+            _ => picture::paper_c(&request),
         };
         let name = format!("{paper}-models");
         return match drawn {

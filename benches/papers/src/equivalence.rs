@@ -3,10 +3,7 @@
 //! triangles nothing but edges at a Poisson's ratio of 1/3.
 
 use super::frame::world;
-use crate::bench::error::BenchError;
-use crate::bench::membranes::sheet;
-use crate::bench::plot::{Scales, Series, lines};
-use crate::report::{Chart, Figure, Finding};
+use crate::figure::{Figure, Finding};
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
@@ -15,6 +12,10 @@ use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::element::membrane::{RestTriangle, SpringConstants, plane_stress};
 use sinew::models::material::LameParameters;
 use sinew::prelude::*;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::membranes::sheet;
+use sinew_benches::bench::plot::{Scales, Series, lines};
+use sinew_benches::report::Chart;
 use sinew_tune::table_of;
 
 /// Ordinary constants: the paper prints none for these statements.
@@ -247,7 +248,7 @@ fn ratios() -> impl Iterator<Item = f64> {
     (-900..1000).map(|i| 1e-3 * f64::from(i))
 }
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure, BenchError> {
     let (differences, pulls) = (differences()?, pulls()?);
     let mut scan = Vec::new();
     for nu in ratios() {

@@ -2,11 +2,11 @@
 //! Natsupakpong & Cavusoglu 2010 show them. Drawn as SVG text; bodies in space are seen from above and aside.
 
 use super::lumped::{Meshes, Specimen, printed_name};
-use crate::bench::error::BenchError;
-use crate::bench::table::escape;
-use crate::report::Chart;
 use glam::{DVec2, DVec3};
 use sinew::engine::mesh::Mesh;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::table::escape;
+use sinew_benches::report::Chart;
 use sinew_identify::ElementMethod::{Frobenius, TwoNorm};
 use sinew_tune::fit::assess::against;
 use sinew_tune::fit::rig::Reading;
@@ -87,7 +87,7 @@ fn words(x: f64, y: f64, size: u32, text: &str) -> String {
 ///
 /// # Errors
 /// When a mesh cannot be had or fitted.
-pub(super) fn chart(
+pub(crate) fn chart(
     meshes: &Meshes,
     name: &str,
     title: &str,

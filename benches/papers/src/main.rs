@@ -1,23 +1,27 @@
-//! `sinew-lab reproduce`.
+//! The `sinew-papers` command. Results go to stdout, progress and errors to stderr; exit codes are those of `sinew`.
+#![allow(clippy::print_stderr, reason = "a command speaks to its terminal")]
 
-use clap::{Args, Subcommand};
-use sinew_benches::reproduce::{Options, PAPER_A, PAPER_B, PAPER_C};
+use clap::{Args, Parser};
 use sinew_cli::{Outcome, print};
+use sinew_papers::{Options, PAPER_A, PAPER_B, PAPER_C};
 use std::path::PathBuf;
+use std::process::ExitCode;
 
-#[derive(Subcommand)]
-pub enum ReproduceCommand {
+/// Makes the figures and tables of a paper again and says what agrees.
+#[derive(Parser)]
+#[command(name = "sinew-papers", version, about)]
+enum Cli {
     /// Delingette 2008, Biquadratic and Quadratic Springs for Modeling St Venant Kirchhoff Materials.
-    PaperA(ReproduceArguments),
+    A(PaperArguments),
     /// Natsupakpong & Cavusoglu 2010, Determination of elasticity parameters in lumped element
     /// (mass-spring) models of deformable objects.
-    PaperB(PaperBArguments),
+    B(PaperBArguments),
     /// Bourguignon & Cani 2000, Controlling Anisotropy in Mass-Spring Systems.
-    PaperC(ReproduceArguments),
+    C(PaperArguments),
 }
 
 #[derive(Args)]
-pub struct ReproduceArguments {
+struct PaperArguments {
     /// Only these figures, by letter: a, b, ... [default: all].
     #[arg(long, value_name = "LETTERS", value_delimiter = ',')]
     only: Vec<char>,
@@ -27,9 +31,9 @@ pub struct ReproduceArguments {
 }
 
 #[derive(Args)]
-pub struct PaperBArguments {
+struct PaperBArguments {
     #[command(flatten)]
-    common: ReproduceArguments,
+    common: PaperArguments,
     /// Folder with meshes b_*.msh of your own, with the groups `fixed` and `loaded` [default: meshes generated to the
     /// printed counts].
     #[arg(long, value_name = "DIR")]
@@ -37,13 +41,13 @@ pub struct PaperBArguments {
 }
 
 /// Figures that differ from the paper are a result, not a failure.
-pub fn reproduce(command: &ReproduceCommand) -> Outcome {
+fn run(command: Cli) -> Outcome {
     let (source, common, meshes) = match command {
-        ReproduceCommand::PaperA(common) => (&PAPER_A, common, &None),
-        ReproduceCommand::PaperB(PaperBArguments { common, meshes }) => (&PAPER_B, common, meshes),
-        ReproduceCommand::PaperC(common) => (&PAPER_C, common, &None),
+        Cli::A(common) => (&PAPER_A, common, None),
+        Cli::B(PaperBArguments { common, meshes }) => (&PAPER_B, common, meshes),
+        Cli::C(common) => (&PAPER_C, common, None),
     };
-    let options = Options { meshes: meshes.clone(), quick: false };
+    let options = Options { meshes, quick: false };
     let paper = source.make(&common.only, &options, |what| eprintln!("{what}"))?;
     print(format_args!("{}", paper.text()))?;
     if let Some(folder) = &common.out {
@@ -51,4 +55,8 @@ pub fn reproduce(command: &ReproduceCommand) -> Outcome {
         eprintln!("{} files written to {}", files.len(), folder.display());
     }
     Ok(true)
+}
+
+fn main() -> ExitCode {
+    sinew_cli::exit_code(run(Cli::parse()))
 }

@@ -4,10 +4,10 @@
 
 use super::Options;
 use super::shapes;
-use crate::bench::error::BenchError;
-use crate::bench::table::{Cell, Table};
-use crate::report::Finding;
+use crate::figure::Finding;
 use sinew::engine::mesh::Mesh;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::table::{Cell, Table};
 use sinew_identify::error_metrics::PositionErrors;
 use sinew_identify::mesh::{FittedSprings, fit_elements};
 use sinew_identify::virtual_test::{Loading, SpringOptions};
@@ -21,24 +21,24 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 /// Paper B's material: 10 kPa, 0.3.
-pub(super) const MATERIAL: LinearMaterial =
+pub(crate) const MATERIAL: LinearMaterial =
     LinearMaterial { youngs_modulus: 1e4, poissons_ratio: 0.3 };
 /// Plane stress, per metre of thickness.
-pub(super) const SECTION: Section = Section { plane: Plane::Stress, thickness: 1.0 };
+pub(crate) const SECTION: Section = Section { plane: Plane::Stress, thickness: 1.0 };
 
 /// A printed error and one of ours count as the same within this factor: the printed meshes and loads
 /// are not known.
-pub(super) const ALIKE: f64 = 1.5;
+pub(crate) const ALIKE: f64 = 1.5;
 
 /// Where meshes come from.
-pub(super) struct Meshes {
+pub(crate) struct Meshes {
     folder: Option<PathBuf>,
     /// Those asked for before.
     made: RefCell<BTreeMap<String, Rc<Specimen>>>,
 }
 
 /// A mesh in the machine.
-pub(super) struct Specimen {
+pub(crate) struct Specimen {
     /// Mesh and ends.
     pub rig: Rig,
     /// Nodes and elements.
@@ -129,7 +129,7 @@ impl Specimen {
 /// Errors of springs against finite elements in several readings; `None` where springs find no
 /// equilibrium.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Ours {
+pub(crate) struct Ours {
     /// Linear springs, consistent traction.
     pub traction: Option<PositionErrors>,
     /// Linear springs, equal nodal forces.
@@ -173,17 +173,17 @@ impl Ours {
 }
 
 /// Whether two numbers are within a factor of [`ALIKE`].
-pub(super) fn alike(ours: f64, printed: f64) -> bool {
+pub(crate) fn alike(ours: f64, printed: f64) -> bool {
     (ours / printed).ln().abs() <= ALIKE.ln()
 }
 
 /// Whether e_rms and e_max both are.
-pub(super) fn both_alike(ours: Option<PositionErrors>, [rms, max]: [f64; 2]) -> bool {
+pub(crate) fn both_alike(ours: Option<PositionErrors>, [rms, max]: [f64; 2]) -> bool {
     ours.is_some_and(|e| alike(e.rms_percent, rms) && alike(e.max_percent, max))
 }
 
 /// A table held against the print, once for each reading of the load: rows by name, with what is printed.
-pub(super) fn against_print(table: &str, rows: &[(String, Ours, [f64; 2])]) -> Vec<Finding> {
+pub(crate) fn against_print(table: &str, rows: &[(String, Ours, [f64; 2])]) -> Vec<Finding> {
     let one = |reading: usize| {
         let judged = rows.iter().map(|(name, ours, printed)| {
             let own = ours.readings()[reading].1;
@@ -201,7 +201,7 @@ pub(super) fn against_print(table: &str, rows: &[(String, Ours, [f64; 2])]) -> V
 }
 
 /// `rms / max` with two digits, as printed.
-pub(super) fn percents(errors: Option<PositionErrors>) -> Cell {
+pub(crate) fn percents(errors: Option<PositionErrors>) -> Cell {
     match errors {
         Some(e) => pair([e.rms_percent, e.max_percent]),
         None => "no equilibrium".into(),
@@ -209,7 +209,7 @@ pub(super) fn percents(errors: Option<PositionErrors>) -> Cell {
 }
 
 /// `rms / max` as printed.
-pub(super) fn pair(both: [f64; 2]) -> Cell {
+pub(crate) fn pair(both: [f64; 2]) -> Cell {
     words(both).into()
 }
 
@@ -218,7 +218,7 @@ fn words([rms, max]: [f64; 2]) -> String {
 }
 
 /// A mesh and a method of a table of the paper, measured.
-pub(super) struct Row {
+pub(crate) struct Row {
     pub mesh: &'static str,
     /// Element or object.
     pub what: &'static str,
@@ -237,7 +237,7 @@ impl Row {
 }
 
 /// Table of errors against those printed; `what` heads the columns of element or object and of method.
-pub(super) fn error_table(name: &'static str, title: &str, what: [&str; 2], rows: &[Row]) -> Table {
+pub(crate) fn error_table(name: &'static str, title: &str, what: [&str; 2], rows: &[Row]) -> Table {
     table_of!(name, title; for r in rows;
         what[0] => r.what, what[1] => printed_name(r.method), "printed" => r.printed.map(pair),
         "linear, traction" => percents(r.ours.traction),
@@ -249,7 +249,7 @@ pub(super) fn error_table(name: &'static str, title: &str, what: [&str; 2], rows
 }
 
 /// Names of methods in the paper.
-pub(super) fn printed_name(method: ElementMethod) -> &'static str {
+pub(crate) fn printed_name(method: ElementMethod) -> &'static str {
     match method {
         ElementMethod::Frobenius => "F-norm",
         ElementMethod::TwoNorm => "2-norm",
@@ -262,7 +262,7 @@ pub(super) fn printed_name(method: ElementMethod) -> &'static str {
 }
 
 /// One statement about all rows of a table: how many are alike, and which are not.
-pub(super) fn rows_alike(
+pub(crate) fn rows_alike(
     table: &str,
     rows: impl Iterator<Item = (String, bool)>,
     what: &str,

@@ -1,14 +1,14 @@
 //! What the scenes of the figures share: a body in a world of its own, settings of equilibria, and ways to them.
 
-use crate::bench::error::BenchError;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::models::axes::description::{AxesDescription, AxisForm};
 use sinew::models::body::lumped::{HexahedronSprings, SpringRule, UniformSprings};
 use sinew::prelude::*;
+use sinew_benches::bench::error::BenchError;
 
 /// A body in a world of its own, without gravity, on one thread.
-pub(super) fn world(
+pub(crate) fn world(
     body: &BodyDescription,
     solver: SolverSettings,
 ) -> Result<(Simulation, BodyHandle), BenchError> {
@@ -21,7 +21,7 @@ pub(super) fn world(
 }
 
 /// Holds a side of the mesh for good, along all axes.
-pub(super) fn clamp(
+pub(crate) fn clamp(
     simulation: &mut Simulation,
     body: BodyHandle,
     mesh: &Mesh,
@@ -33,7 +33,7 @@ pub(super) fn clamp(
 }
 
 /// Settings for an equilibrium.
-pub(super) fn equilibrium() -> SolverSettings {
+pub(crate) fn equilibrium() -> SolverSettings {
     SolverSettings {
         integrator: Integrator::QuasiStatic,
         linear_tolerance: 1e-6,
@@ -47,7 +47,7 @@ pub(super) fn equilibrium() -> SolverSettings {
 ///
 /// # Errors
 /// When there is none.
-pub(super) fn settle(
+pub(crate) fn settle(
     simulation: &mut Simulation,
     parts: u32,
     case: &str,
@@ -64,7 +64,7 @@ pub(super) fn settle(
 }
 
 /// Settings of Bourguignon & Cani 2000, section 5: Störmer's method, with mass damping (1/s) where motion is to stop.
-pub(super) fn stormer(mass_damping: f64) -> SolverSettings {
+pub(crate) fn stormer(mass_damping: f64) -> SolverSettings {
     SolverSettings {
         integrator: Integrator::StormerVerlet,
         mass_damping,
@@ -74,7 +74,7 @@ pub(super) fn stormer(mass_damping: f64) -> SolverSettings {
 
 /// Axes of an isotropic material along x, y and z with dampers (Pa s) along all of them, and in hexahedra of the
 /// printed forms beside the springs of volume.
-pub(super) fn damped_axes(
+pub(crate) fn damped_axes(
     material: YoungPoisson,
     form: AxisForm,
     viscosity: f64,
@@ -89,13 +89,13 @@ pub(super) fn damped_axes(
 }
 
 /// Plain springs of one constant (N/m), 16 in a hexahedron, as in that paper.
-pub(super) fn uniform(constant: f64) -> Option<SpringRule> {
+pub(crate) fn uniform(constant: f64) -> Option<SpringRule> {
     let hexahedron = HexahedronSprings::EdgesAndDiagonals;
     Some(SpringRule::Uniform(UniformSprings { constant, hexahedron }))
 }
 
 /// A part of the way from one strain to the next.
-pub(super) struct Stride {
+pub(crate) struct Stride {
     pub before: f64,
     pub strain: f64,
     /// Number of the part, from 1, and how many there are.
@@ -105,7 +105,7 @@ pub(super) struct Stride {
 
 /// Equilibria at growing strains, each reached from the one before in parts of at most `stride` by motions of
 /// some vertex rows; `None` from where there is none.
-pub(super) fn path<T>(
+pub(crate) fn path<T>(
     simulation: &mut Simulation,
     rows: &[u32],
     strains: &[f64],

@@ -5,15 +5,16 @@
 
 use super::drawing::{Panel, bodies};
 use super::frame::{clamp, damped_axes, equilibrium, settle, stormer, uniform, world};
-use crate::bench::error::BenchError;
-use crate::bench::plot::{Scales, Series, lines};
-use crate::report::{Chart, Figure, Finding};
+use crate::figure::{Figure, Finding};
 use rayon::prelude::*;
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::models::axes::description::{AxesDescription, AxisForm};
 use sinew::models::axes::field::{FibreError, helicoidal, hemicircular, random};
 use sinew::models::body::MassRule;
 use sinew::prelude::*;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::plot::{Scales, Series, lines};
+use sinew_benches::report::Chart;
 use sinew_tune::table_of;
 use std::borrow::Cow;
 use std::f64::consts::FRAC_PI_4;
@@ -626,7 +627,7 @@ impl Measured {
     }
 }
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure, BenchError> {
     let measured = measure()?;
     let mut rows = Vec::new();
     for (blocks, fields) in measured.blocks.iter().zip(&measured.fields) {

@@ -1,12 +1,12 @@
 //! Natsupakpong & Cavusoglu 2010, tables 1 and 3: soft tissue, cylinders and cubes in tension, springs
 //! against finite elements.
 
-use super::Means;
+use super::Setup;
 use super::lumped::{Meshes, Ours, Row, against_print, error_table, rows_alike};
 use super::overlay;
 use super::shapes::printed;
-use crate::bench::error::BenchError;
-use crate::report::{Figure, Finding};
+use crate::figure::{Figure, Finding};
+use sinew_benches::bench::error::BenchError;
 use sinew_identify::ElementMethod::{Block, Frobenius, TwoNorm};
 
 /// Mesh, name in the paper, printed errors (rms, max) of the 2-norm and the Frobenius norm.
@@ -99,9 +99,9 @@ fn findings(first: &[Row], third: &[Row]) -> Vec<Finding> {
 }
 
 /// Quick: the cube of hexahedra only, for tests.
-pub(super) fn figure(means: &Means) -> Result<Figure, BenchError> {
-    let meshes = &means.meshes;
-    let keep = |t: &&Printed| !means.quick || t.0 == "cube_hex";
+pub(crate) fn figure(setup: &Setup) -> Result<Figure, BenchError> {
+    let meshes = &setup.meshes;
+    let keep = |t: &&Printed| !setup.quick || t.0 == "cube_hex";
     let own: Vec<Printed> = TABLE_1.iter().filter(keep).copied().collect();
     let first = measure(meshes, &own, STRETCH_1)?;
     let wanted: Vec<_> = TABLE_3.iter().filter(keep).copied().collect();
@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn the_cube_is_the_printed_one_and_wrong_numbers_differ() {
-        let figure = figure(&Means { meshes: Meshes::new(None), quick: true }).unwrap();
+        let figure = figure(&Setup { meshes: Meshes::new(None), quick: true }).unwrap();
         let [rms, max] = [&figure.findings[0], &figure.findings[1]];
         assert!(rms.agrees && rms.text.contains("14.98 here"), "{rms:?}");
         assert!(!max.agrees && max.text.contains("25.58 here"), "{max:?}");

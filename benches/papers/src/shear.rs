@@ -1,12 +1,12 @@
 //! Natsupakpong & Cavusoglu 2010, table 6: squares and cubes in shear; and torsion, which the paper mentions.
 
-use super::Means;
+use super::Setup;
 use super::lumped::{
     MATERIAL, Meshes, Ours, Row, against_print, error_table, percents, printed_name,
 };
-use crate::bench::error::BenchError;
-use crate::report::{Figure, Finding};
+use crate::figure::{Figure, Finding};
 use glam::DVec3;
+use sinew_benches::bench::error::BenchError;
 use sinew_identify::ElementMethod::{self, Baudet, Frobenius, Lloyd, TwoNorm, VanGelder};
 use sinew_identify::error_metrics::PositionErrors;
 use sinew_identify::virtual_test::SpringOptions;
@@ -103,9 +103,9 @@ fn twist(meshes: &Meshes, quick: bool) -> Result<Vec<Twisted>, BenchError> {
 }
 
 /// Quick: the squares and one cylinder only, for tests.
-pub(super) fn figure(means: &Means) -> Result<Figure, BenchError> {
-    let rows = measure(&means.meshes, means.quick)?;
-    let twisted = twist(&means.meshes, means.quick)?;
+pub(crate) fn figure(setup: &Setup) -> Result<Figure, BenchError> {
+    let rows = measure(&setup.meshes, setup.quick)?;
+    let twisted = twist(&setup.meshes, setup.quick)?;
     let title = "Table 6: errors in shear";
     let torsion = table_of!("e-torsion", "Torsion"; for r in &twisted;
         "object" => r.what, "fit" => printed_name(r.method),

@@ -1,18 +1,17 @@
 //! A picture for each of the papers: several models side by side.
 
-use super::capture::CaptureOptions;
-use super::job::{RenderJobError, Variant, nearest, record};
-use super::quantity::Quantity;
-use crate::assemble::BuildOptions;
-use crate::run::Silent;
-use crate::scene::LoadedScene;
-use crate::shipped_scene;
 use sinew::models::body::Model;
 use sinew_render::RenderError;
 use sinew_render::adapter::{AdapterRequest, open};
 use sinew_render::camera::CameraRequest;
 use sinew_render::compare::{Comparison, Grid, Layout, Panel};
 use sinew_render::image::Image;
+use sinew_scene::assemble::BuildOptions;
+use sinew_scene::error::RunError;
+use sinew_scene::picture::{CaptureOptions, Quantity, RenderJobError, Variant, nearest, record};
+use sinew_scene::run::Silent;
+use sinew_scene::scene::{LoadedScene, SpringMethod};
+use sinew_scene::shipped_scene;
 
 /// What to draw of all of them.
 struct Plan<'a> {
@@ -28,8 +27,7 @@ struct Plan<'a> {
 
 /// A scene that ships, cut down to its first body.
 fn first_body(name: &str) -> Result<LoadedScene, RenderJobError> {
-    let mut scene =
-        LoadedScene::read(&shipped_scene(name)).map_err(crate::error::RunError::from)?;
+    let mut scene = LoadedScene::read(&shipped_scene(name)).map_err(RunError::from)?;
     let s = &mut scene.scene;
     let body = s.bodies.first().map(|b| b.name.clone());
     s.bodies.truncate(1);
@@ -119,7 +117,7 @@ pub fn paper_b(adapter: &AdapterRequest) -> Result<Image, RenderJobError> {
         let mut scene = scene.clone();
         if fit.is_some() {
             scene.scene.bodies[0].model = Model::MassSpring;
-            scene.scene.bodies[0].element_method = fit.map(crate::scene::SpringMethod::Fitted);
+            scene.scene.bodies[0].element_method = fit.map(SpringMethod::Fitted);
         }
         Variant { label: label.into(), scene }
     });

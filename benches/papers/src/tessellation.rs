@@ -2,10 +2,7 @@
 //! tessellations. A square sheet is stretched and sheared on both and held against a fine solution.
 
 use super::frame::{self, Stride, clamp, equilibrium, world};
-use crate::beam::sheet as sheet_body;
-use crate::bench::error::BenchError;
-use crate::bench::plot::{Scales, Series, lines};
-use crate::report::{Chart, Figure, Finding};
+use crate::figure::{Figure, Finding};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use sinew::engine::mesh::Mesh;
@@ -13,6 +10,10 @@ use sinew::engine::mesh::generate::{jitter_interior, triangle_grid};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::prelude::*;
+use sinew_benches::beam::sheet as sheet_body;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::plot::{Scales, Series, lines};
+use sinew_benches::report::Chart;
 use sinew_tune::table_of;
 
 /// Side (m) and thickness (m) of the sheet.
@@ -410,7 +411,7 @@ fn percent(strain: f64) -> String {
     format!("{:.0} %", 100.0 * strain)
 }
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure, BenchError> {
     let rows = measure(&SIZES)?;
     let plain = plain_springs(SIZES.compared[1])?;
     let middle = SIZES.compared[SIZES.compared.len() / 2];

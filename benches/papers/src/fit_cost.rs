@@ -1,9 +1,9 @@
 //! Natsupakpong & Cavusoglu 2010, table 2: time to find the constants of one element.
 
 use super::lumped::{MATERIAL, SECTION, printed_name};
-use crate::bench::error::BenchError;
-use crate::bench::stats::Spread;
-use crate::report::{Figure, Finding};
+use crate::figure::{Figure, Finding};
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::stats::Spread;
 use sinew_identify::ElementMethod::{self, Block, Frobenius, TwoNorm};
 use sinew_identify::{ElementGeometry, ElementKind, fit_element};
 use sinew_tune::fit::FitError;
@@ -146,7 +146,7 @@ fn findings(rows: &[Row]) -> Vec<Finding> {
 }
 
 /// `quick`: few elements, for tests.
-pub(super) fn figure(quick: bool) -> Result<Figure, BenchError> {
+pub(crate) fn figure(quick: bool) -> Result<Figure, BenchError> {
     let count = if quick { 3 } else { ELEMENTS };
     let rows = measure(count)?;
     let title = "Table 2: time for the constants of one element";

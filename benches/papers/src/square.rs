@@ -2,12 +2,13 @@
 //! went in.
 
 use super::lumped::{SECTION, printed_name};
-use crate::bench::error::BenchError;
-use crate::bench::plot::{Scales, Series, lines};
-use crate::bench::table::{Cell, Table};
-use crate::report::{Chart, Figure, Finding};
+use crate::figure::{Figure, Finding};
 use glam::DVec2;
 use sinew::engine::mesh::generate::quad_grid;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::plot::{Scales, Series, lines};
+use sinew_benches::bench::table::{Cell, Table};
+use sinew_benches::report::Chart;
 use sinew_identify::ElementMethod::{self, Baudet, Block, Frobenius, TwoNorm};
 use sinew_identify::LinearMaterial;
 use sinew_identify::mesh::fit_elements;
@@ -121,7 +122,7 @@ fn number(x: Option<f64>) -> Cell {
     x.map(|x| format!("{x:.3}")).into()
 }
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure, BenchError> {
     let points = measure()?;
     let mut table = Table::new(
         "d-square",

@@ -7,7 +7,7 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// A simplex; the last place of a triangle is [`NONE`].
-pub(super) type Cell = [u32; 4];
+pub(crate) type Cell = [u32; 4];
 const NONE: u32 = u32::MAX;
 
 /// Turns of relaxation.
@@ -26,7 +26,7 @@ const REACHES: [f64; 4] = [0.2, 0.1, 0.05, 0.02];
 const SKIN: f64 = 1e-3;
 
 /// What is meshed.
-pub(super) struct Region<'a> {
+pub(crate) struct Region<'a> {
     /// 2 for triangles in the plane z = 0, 3 for tetrahedra.
     pub dimension: usize,
     /// Lower and upper corner (m) of a box round the region.
@@ -143,7 +143,7 @@ fn fold(p: &[DVec3], cell: Cell, [k, l]: [usize; 2]) -> f64 {
 }
 
 /// Smallest and largest angle (degrees) at the corners of a triangle, or between the faces of a tetrahedron.
-pub(super) fn angles(p: &[DVec3], cell: Cell, dimension: usize) -> [f64; 2] {
+pub(crate) fn angles(p: &[DVec3], cell: Cell, dimension: usize) -> [f64; 2] {
     let at = |i: usize| p[cell[i] as usize];
     let mut cosines = [1.0_f64, -1.0_f64];
     let mut add = |cosine: f64| {

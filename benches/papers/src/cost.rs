@@ -1,14 +1,7 @@
 //! Delingette 2008, figure 3, top: time of force and matrix-vector product of the formulations, for
 //! membranes and tetrahedra.
 
-use crate::beam::{beam, bend, bent, cells_for, precision_of};
-use crate::bench::error::BenchError;
-use crate::bench::kernels::{Free, Reference, Timed, Timing, free, quartiles, repetitions};
-use crate::bench::membranes::{self, QUANTITIES, sheet};
-use crate::bench::plot::{Bar, bars};
-use crate::bench::stats::{Rounds, Spread, interleave};
-use crate::bench::table::Table;
-use crate::report::{Chart, Figure, Finding};
+use crate::figure::{Figure, Finding};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::scalar::Scalar;
@@ -18,6 +11,14 @@ use sinew::models::laws::corotational::{Corotational, WarpedStiffness};
 use sinew::models::laws::quadratic::QuadraticSprings;
 use sinew::models::laws::svk::FusedStVK;
 use sinew::prelude::*;
+use sinew_benches::beam::{beam, bend, bent, cells_for, precision_of};
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::kernels::{Free, Reference, Timed, Timing, free, quartiles, repetitions};
+use sinew_benches::bench::membranes::{self, QUANTITIES, sheet};
+use sinew_benches::bench::plot::{Bar, bars};
+use sinew_benches::bench::stats::{Rounds, Spread, interleave};
+use sinew_benches::bench::table::Table;
+use sinew_benches::report::Chart;
 use sinew_tune::table_of;
 
 /// Places in [`QUANTITIES`].
@@ -194,7 +195,7 @@ fn measure(elements: usize, turns: usize) -> Result<(Vec<Subject>, f64), BenchEr
     Ok((subjects, ratios.into_iter().fold(f64::NEG_INFINITY, f64::max)))
 }
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure, BenchError> {
     let (subjects, largest_ratio) = measure(ELEMENTS, TURNS)?;
     let count = |element| subjects.iter().find(|s| s.element == element).map_or(0, |s| s.elements);
     Ok(Figure {

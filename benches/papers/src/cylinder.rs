@@ -1,13 +1,13 @@
 //! Delingette 2008, figure 2, right: a soft cylinder clamped at one end bends under its weight.
 
 use super::frame::{clamp, world};
-use crate::bench::error::BenchError;
-use crate::bench::plot::{Scales, Series, lines};
-use crate::report::{Figure, Finding};
+use crate::figure::{Figure, Finding};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::cylinder_tets;
 use sinew::prelude::*;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::plot::{Scales, Series, lines};
 use sinew_tune::table_of;
 
 const RADIUS: f64 = 0.005;
@@ -142,7 +142,7 @@ fn findings(rests: &[Rest]) -> Vec<Finding> {
     findings
 }
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure, BenchError> {
     let mesh = cylinder_tets(RADIUS, LENGTH, 2, 24)?;
     let mut rests = Vec::new();
     for young_modulus in YOUNG_MODULI {

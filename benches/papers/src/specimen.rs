@@ -1,15 +1,15 @@
 //! Natsupakpong & Cavusoglu 2010, tables 4 and 5: the tensile specimen measured as in a testing machine,
 //! and the errors of several methods in tension.
 
-use super::Means;
+use super::Setup;
 use super::lumped::{
     MATERIAL, Meshes, Ours, Specimen, against_print, pair, percents, printed_name, rows_alike,
 };
 use super::overlay;
 use super::shapes::WIDTH;
-use crate::bench::error::BenchError;
-use crate::bench::table::Cell;
-use crate::report::{Figure, Finding};
+use crate::figure::{Figure, Finding};
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::table::Cell;
 use sinew_identify::ElementMethod::{self, Baudet, Frobenius, Lloyd, TwoNorm, VanGelder};
 use sinew_identify::baselines::baudet_tension_correction;
 use sinew_identify::virtual_test::Loading;
@@ -246,10 +246,10 @@ fn findings(four: &[Fourth], five: &[Fifth]) -> Vec<Finding> {
 }
 
 /// Quick: triangles only, for tests.
-pub(super) fn figure(means: &Means) -> Result<Figure, BenchError> {
-    let keep = |mesh: &str| !means.quick || mesh.ends_with("tri");
-    let four = fourth(&means.meshes, &keep)?;
-    let five = fifth(&means.meshes, &keep)?;
+pub(crate) fn figure(setup: &Setup) -> Result<Figure, BenchError> {
+    let keep = |mesh: &str| !setup.quick || mesh.ends_with("tri");
+    let four = fourth(&setup.meshes, &keep)?;
+    let five = fifth(&setup.meshes, &keep)?;
     let title = "Table 4: moduli of the specimen (Pa, ratio)";
     let table_4 = table_of!("c-table-4", title; for r in &four;
         where { let m = r.measured.as_ref(); }
@@ -273,7 +273,7 @@ pub(super) fn figure(means: &Means) -> Result<Figure, BenchError> {
     );
     let shapes: Vec<_> = TABLE_4.iter().filter(|t| keep(t.0)).map(|t| (t.0, t.1)).collect();
     let title = "The tensile specimen";
-    let chart = overlay::chart(&means.meshes, "c-shapes", title, &shapes, STRETCH)?;
+    let chart = overlay::chart(&setup.meshes, "c-shapes", title, &shapes, STRETCH)?;
     Ok(Figure {
         setting: "Straight part of 1 x 2 cm (1 cm thick in space), grips of 3 cm, 16 cm long; one end held, the other \
                   loaded; moduli under a consistent traction; linear springs unless said."
@@ -291,7 +291,7 @@ mod tests {
 
     #[test]
     fn the_specimen_of_triangles() {
-        let figure = figure(&Means { meshes: Meshes::new(None), quick: true }).unwrap();
+        let figure = figure(&Setup { meshes: Meshes::new(None), quick: true }).unwrap();
         assert!(figure.findings[0].agrees, "{:?}", figure.findings[0]);
         assert_eq!((figure.tables[0].rows.len(), figure.tables[1].rows.len()), (2, 3));
         let stiff = figure.findings.iter().find(|f| f.text.contains("Van Gelder's")).unwrap();

@@ -9,17 +9,17 @@
 //! Grids: of the numbers of cells within 4 % of the printed counts, those whose cells are nearest to squares and cubes.
 
 use super::relaxed::Region;
-use crate::bench::error::BenchError;
 use glam::{DVec2, DVec3};
 use sinew::engine::mesh::generate::{
     box_hexahedra, cylinder_hexahedra, jitter_interior, quad_grid, specimen_hexahedra,
     specimen_quads,
 };
 use sinew::engine::mesh::{Group, Mesh};
+use sinew_benches::bench::error::BenchError;
 use std::f64::consts::TAU;
 
 /// Width of the straight part of the specimen and thickness of the solid one (m).
-pub(super) const WIDTH: f64 = 0.01;
+pub(crate) const WIDTH: f64 = 0.01;
 /// Radius and length of the cylinder, radius of the empty sphere, side of cube and square (m).
 const RADIUS: f64 = 0.01;
 const SIDE: f64 = 0.02;
@@ -28,7 +28,7 @@ const HOLE: f64 = 0.006;
 const TISSUE: DVec2 = DVec2::new(0.06, 0.02);
 
 /// Name, printed vertices and elements.
-pub(super) const PRINTED: [(&str, [usize; 2]); 13] = [
+pub(crate) const PRINTED: [(&str, [usize; 2]); 13] = [
     ("tissue_tri", [210, 366]),
     ("tissue_quad", [445, 405]),
     ("square_tri", [101, 168]),
@@ -45,7 +45,7 @@ pub(super) const PRINTED: [(&str, [usize; 2]); 13] = [
 ];
 
 /// The printed counts of a mesh.
-pub(super) fn printed(name: &str) -> Option<[usize; 2]> {
+pub(crate) fn printed(name: &str) -> Option<[usize; 2]> {
     PRINTED.iter().find(|p| p.0 == name).map(|p| p.1)
 }
 
@@ -53,7 +53,7 @@ pub(super) fn printed(name: &str) -> Option<[usize; 2]> {
 ///
 /// # Errors
 /// When the name is not there.
-pub(super) fn mesh(name: &str) -> Result<Mesh, BenchError> {
+pub(crate) fn mesh(name: &str) -> Result<Mesh, BenchError> {
     let Some([count, _]) = printed(name) else {
         let names: Vec<&str> = PRINTED.iter().map(|p| p.0).collect();
         return Err(BenchError::Request {

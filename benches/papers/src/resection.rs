@@ -1,13 +1,13 @@
 //! Delingette 2008, figure 3, bottom: interactive resection of a liver.
 
-use crate::bench::cases::demo_mesh;
-use crate::bench::error::BenchError;
-use crate::bench::plot::{Scales, Series, lines};
-use crate::bench::table::Table;
-use crate::report::{Figure, Finding};
-use crate::resection::{FRAME, Frame, Organ, Run, at_random, cut};
+use crate::figure::{Figure, Finding};
 use sinew::models::resection::Region;
 use sinew::prelude::*;
+use sinew_benches::bench::cases::demo_mesh;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::plot::{Scales, Series, lines};
+use sinew_benches::bench::table::Table;
+use sinew_benches::resection::{FRAME, Frame, Organ, Run, at_random, cut};
 use sinew_tune::table_of;
 
 /// Frames while single tetrahedra are taken out.
@@ -48,7 +48,7 @@ fn measure(frames: [usize; 2]) -> Result<Vec<Case>, BenchError> {
     Ok(vec![Case { name: "lobe cut off", run: lobe }, Case { name: "one a frame", run: single }])
 }
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure, BenchError> {
     let cases = measure([STROKES * STROKE, FRAMES])?;
     let series = |name: &str, case: &Case, colour, hollow, pick: fn(&Frame) -> f64| {
         let mut times: Vec<f64> = case.run.frames.iter().map(pick).collect();

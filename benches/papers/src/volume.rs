@@ -3,9 +3,7 @@
 
 use super::drawing::{Panel, bodies};
 use super::frame::{clamp, damped_axes, equilibrium, settle, stormer, uniform, world};
-use crate::bench::error::BenchError;
-use crate::bench::plot::{Scales, Series, lines};
-use crate::report::{Figure, Finding};
+use crate::figure::{Figure, Finding};
 use rayon::prelude::*;
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
@@ -13,6 +11,8 @@ use sinew::models::axes::description::{AxesDescription, AxisForm};
 use sinew::models::body::MassRule;
 use sinew::models::body::lumped::SpringRule;
 use sinew::prelude::*;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::plot::{Scales, Series, lines};
 use sinew_tune::table_of;
 
 /// Side of the cube (m) and cells along it: the numbers of masses and tetrahedra of the paper's table 1.
@@ -289,7 +289,7 @@ fn findings_on_sags([material, axes, edges, energy]: [f64; 4]) -> [Finding; 2] {
     ]
 }
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure, BenchError> {
     let steps = (SECONDS / STEP).round() as usize;
     let in_tetrahedra = on_tables(&tetrahedra()?, "tetrahedra", steps)?;
     let cube = box_hexahedra(DVec3::splat(SIDE), CELLS)?;

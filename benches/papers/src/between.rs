@@ -1,13 +1,13 @@
 //! What Bourguignon & Cani 2000 leave open: how stiff a body of axes is in directions between them.
 
 use super::frame::{equilibrium, settle, world};
-use crate::bench::error::BenchError;
-use crate::bench::plot::{Scales, Series, lines};
-use crate::report::{Figure, Finding};
+use crate::figure::{Figure, Finding};
 use sinew::engine::mesh::generate::box_hexahedra;
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::axes::description::{AxesDescription, AxisFamily};
 use sinew::prelude::*;
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::plot::{Scales, Series, lines};
 use sinew_tune::table_of;
 use std::borrow::Cow;
 
@@ -73,7 +73,7 @@ fn pulled_cube(angle: f64) -> Result<f64, BenchError> {
 }
 
 /// Stiffness between the axes.
-pub(super) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure, BenchError> {
     let mut rows = Vec::new();
     for angle in ANGLES {
         let (found, exact) = (pulled_cube(angle.to_radians())?, closed_form(angle.to_radians())?);

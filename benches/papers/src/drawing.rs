@@ -1,13 +1,13 @@
 //! Deformed bodies as plain SVG: the edges of the surface that the viewer sees, and fibres on it.
 
-use crate::bench::table::escape;
-use crate::report::Chart;
 use glam::{DMat3, DVec2, DVec3};
 use sinew::engine::mesh::Mesh;
+use sinew_benches::bench::table::escape;
+use sinew_benches::report::Chart;
 use std::fmt::Write;
 
 /// A body as it is drawn.
-pub(super) struct Panel<'a> {
+pub(crate) struct Panel<'a> {
     /// What it is.
     pub title: String,
     /// Its mesh at rest.
@@ -97,7 +97,7 @@ impl Panel<'_> {
 }
 
 /// Bodies side by side, `columns` in a row, all to one scale and with the tops of their boxes at one height.
-pub(super) fn bodies(name: &str, title: &str, panels: &[Panel], columns: usize) -> Chart {
+pub(crate) fn bodies(name: &str, title: &str, panels: &[Panel], columns: usize) -> Chart {
     let drawn: Vec<Vec<Face>> = panels.iter().map(Panel::faces).collect();
     let bounds = |faces: &[Face]| {
         let corners = || faces.iter().flat_map(|f| &f.corners);

@@ -7,10 +7,7 @@
 //! solved for together, and nothing has to be iterated between them.
 
 use super::frame::{clamp, world};
-use crate::beam::{relative_distance, sheet};
-use crate::bench::error::BenchError;
-use crate::bench::plot::{Scales, Series, lines};
-use crate::report::{Figure, Finding};
+use crate::figure::{Figure, Finding};
 use glam::{DVec2, DVec3};
 use sinew::engine::load::Pressure;
 use sinew::engine::mesh::{Group, Mesh};
@@ -18,6 +15,9 @@ use sinew::engine::vertex::Mass;
 use sinew::models::body::sheet::{MembraneDescription, MembraneModel};
 use sinew::models::resection::{Region, Removal, RemovalError};
 use sinew::prelude::*;
+use sinew_benches::beam::{relative_distance, sheet};
+use sinew_benches::bench::error::BenchError;
+use sinew_benches::bench::plot::{Scales, Series, lines};
 use sinew_identify::ElementMethod;
 use sinew_tune::measures::quantile;
 use sinew_tune::table_of;
@@ -313,7 +313,7 @@ fn rates(frames: &[Frame]) -> [f64; 3] {
     [0.5, 0.95, 1.0].map(|share| 1.0 / quantile(&seconds, share))
 }
 
-pub(super) fn figure(quick: bool) -> Result<Figure, BenchError> {
+pub(crate) fn figure(quick: bool) -> Result<Figure, BenchError> {
     let (alone, surrounded) = (Whole::alone(), Whole::surrounded());
     let springs = edges(&alone.mesh);
     let (run, around) = (run(&alone)?, run(&surrounded)?);

@@ -1,14 +1,14 @@
 //! Bourguignon & Cani 2000, table 1: seconds of computing per second of motion, with the springs of the paper.
 
 use super::frame::{damped_axes, stormer, uniform, world};
-use crate::bench::error::BenchError;
-use crate::report::{Figure, Finding};
+use crate::figure::{Figure, Finding};
 use sinew::engine::element::EdgeVertices;
 use sinew::engine::mesh::generate::{box_hexahedra, irregular_box_tets};
 use sinew::engine::vertex::FixedAxes;
 use sinew::models::axes::description::AxisForm;
 use sinew::models::body::MassRule;
 use sinew::prelude::*;
+use sinew_benches::bench::error::BenchError;
 use sinew_tune::table_of;
 use std::time::Instant;
 
@@ -168,7 +168,7 @@ fn finding_of_ratio(what: &str, own: f64, paper: f64) -> Finding {
     ))
 }
 
-pub(super) fn figure() -> Result<Figure, BenchError> {
+pub(crate) fn figure() -> Result<Figure, BenchError> {
     let measured: Vec<Measured> = LINES.iter().map(measure).collect::<Result<_, _>>()?;
     let title = "Seconds of computing per second of motion, one thread";
     let rows = LINES.iter().zip(&measured);
