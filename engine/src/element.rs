@@ -35,7 +35,7 @@ macro_rules! row_columns {
     ($($(#[$doc:meta])* $name:ident($rows:ty),)+) => {$(
         $(#[$doc])*
         #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-        #[component(summary_tick)]
+        #[component(summary_tick, clone_behavior = Ignore)]
         #[repr(transparent)]
         pub struct $name(pub $rows);
     )+};
@@ -45,6 +45,7 @@ macro_rules! index_columns {
     ($($(#[$doc:meta])* $name:ident,)+) => {$(
         $(#[$doc])*
         #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+        #[component(clone_behavior = Ignore)]
         #[repr(transparent)]
         pub struct $name(pub u32);
     )+};
@@ -56,7 +57,7 @@ macro_rules! number_columns {
     ($($(#[$doc:meta])* $name:ident $(<$($index:ident),+>)?,)+) => {$(
         $(#[$doc])*
         #[derive(Component, Clone, Copy, Debug, PartialEq, TransparentWrapper)]
-        #[component(summary_tick)]
+        #[component(summary_tick, clone_behavior = Ignore)]
         #[repr(transparent)]
         pub struct $name<S: Scalar $($(, const $index: usize)+)?>(pub S);
     )+};
@@ -228,11 +229,13 @@ impl<'a, S: Scalar> EdgeShapes<'a, S> {
 
 /// Change of squared length (m^2), `|x_a - x_b|^2 - L^2`.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper)]
+#[component(clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct EdgeChange<S: Scalar>(pub S);
 
 /// Edge tension (N/m): derivative of the energy with respect to the change of squared length.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper)]
+#[component(clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct EdgeTension<S: Scalar>(pub S);
 

@@ -337,7 +337,7 @@ index_columns! {
 
 /// Rest shape of a solid element at its `Q` Gauss points.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
-#[component(summary_tick)]
+#[component(summary_tick, clone_behavior = Ignore)]
 pub struct PointsRest<S: Scalar, const Q: usize> {
     /// Entry `3 i + x` is component `x` of `D_i`, the gradient (1/m) of local coordinate `i` at every point:
     /// the shape vectors of the tetrahedra that stand for the points.
@@ -597,7 +597,7 @@ pub fn point_differences<L: Lanes, const N: usize, const Q: usize>(
 
 /// Rest shape of a membrane quadrilateral at its Gauss points.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
-#[component(summary_tick)]
+#[component(summary_tick, clone_behavior = Ignore)]
 pub struct QuadRest<S: Scalar> {
     /// Entry `3 j + x` is component `x` of the rest edge `X_xi` (`j = 0`) or `X_eta` (m) at every point.
     pub edges: [[S; 4]; 6],

@@ -57,6 +57,7 @@ macro_rules! rows {
     ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {$(
         $(#[$doc])*
         #[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper, Pod, Zeroable)]
+        #[component(clone_behavior = Ignore)]
         #[repr(transparent)]
         pub struct $name<S: Scalar>(pub [S; 4]);
 
@@ -112,16 +113,19 @@ rows! {
 
 /// Rest position (m).
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+#[component(clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct RestPosition(pub DVec3);
 
 /// Deformed position (m), written at the end of every step for readers outside.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+#[component(clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct Position(pub DVec3);
 
 /// Lumped mass (kg).
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper, Pod, Zeroable)]
+#[component(clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct Mass<S: Scalar>(pub S);
 
@@ -159,10 +163,12 @@ impl FixedAxes {
 
 /// Index of the vertex in the mesh that the user gave.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[component(clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct VertexIndex(pub u32);
 
 /// Body that a vertex or element belongs to: index into [`crate::topology::Topology::bodies`].
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[component(clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct BodyId(pub u32);

@@ -14,6 +14,7 @@ use crate::edits::{Edit, before_edit, log_edit};
 /// Which families the axial springs of an axis entity belong to, and what their moduli (Pa) are multiplied
 /// by: share times rest volume (m^3), over the squared chord (m) for printed springs.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[component(clone_behavior = Ignore)]
 pub struct AxisSource {
     /// Index of the family of each axis, [`NO_FAMILY`] where there is no spring.
     pub family: [u32; 3],

@@ -50,6 +50,7 @@ number_columns! {
 /// Muscle that a fibre belongs to: index into [`Muscles`](super::muscle::Muscles);
 /// [`NO_MUSCLE`] for passive fibres.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[component(clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct MuscleIndex(pub u32);
 
@@ -281,6 +282,7 @@ impl<S: Scalar> AxisColumns<S> for FibreColumns<'_, S> {
 
 /// Marks axis entities that have a term of volume and no axes.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct VolumeAlone;
 
 /// Columns of the table of terms of volume.

@@ -31,7 +31,7 @@ use crate::laws::{Elements, LawRow, mark, partition};
 
 /// A damper along an axis of an element of `N` vertices.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
-#[component(summary_tick)]
+#[component(summary_tick, clone_behavior = Ignore)]
 pub struct AxialDamper<const N: usize> {
     /// Unit vector at rest.
     pub axis: [f64; 3],

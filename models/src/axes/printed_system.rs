@@ -36,7 +36,7 @@ pub static IN_HEXAHEDRA: LawRow = LawRow::of_systems(
 
 /// Printed springs of up to three axes in an element of `N` vertices.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
-#[component(summary_tick)]
+#[component(summary_tick, clone_behavior = Ignore)]
 pub struct PrintedAxes<const N: usize> {
     /// Rest positions of the vertices relative to the barycentre (m).
     pub rest: Nodes<N>,

@@ -16,6 +16,7 @@ use crate::laws::{Elements, LawRow, activate_elements, mark};
 
 /// Marks tetrahedra of bodies that consist of axes alone: no law of a material acts on them.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct AxesOnly;
 
 /// Triads of axes with their angles and the term of volume.

@@ -38,12 +38,13 @@ use crate::laws::{LawRow, activate_elements};
 
 /// Cluster that a tetrahedron belongs to; numbers are unique in a world and otherwise without meaning.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
-#[component(summary_tick)]
+#[component(summary_tick, clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct ClusterIndex(pub u32);
 
 /// Law `L` with the large part of its volume term by clusters; also the mark of its tetrahedra.
 #[derive(Component, Clone, Copy, Debug)]
+#[component(clone_behavior = Ignore)]
 pub struct ByClusters<L: Send + Sync + 'static>(PhantomData<fn() -> L>);
 
 impl<L: Send + Sync + 'static> Default for ByClusters<L> {

@@ -13,7 +13,7 @@ macro_rules! scalar_columns {
     ($($(#[$doc:meta])* $name:ident $(<$index:ident>)?),+ $(,)?) => {$(
         $(#[$doc])*
         #[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper)]
-        #[component(summary_tick)]
+        #[component(summary_tick, clone_behavior = Ignore)]
         #[repr(transparent)]
         pub struct $name<S: Scalar $(, const $index: usize)?>(pub S);
     )+};

@@ -294,6 +294,7 @@ fn inverse<R: Real>(s: &[R; 6]) -> [R; 6] {
 
 /// Corotational elasticity with its exact tangent; also the mark of its tetrahedra.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct Corotational;
 
 /// Row of its tetrahedra in the table of laws.
@@ -327,6 +328,7 @@ pub static TETRAHEDRA10: LawRow =
 /// Stiffness warping: [`Corotational`] with the tangent `R K0 R^T` in place of every kind; also the mark
 /// of its tetrahedra.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct WarpedStiffness;
 
 /// Row of its tetrahedra in the table of laws.

@@ -38,6 +38,7 @@ fn strain<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> [R; 6] {
 
 /// Linear elasticity; also the mark of its tetrahedra.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct Linear;
 
 /// Row of its tetrahedra in the table of laws.

@@ -15,26 +15,32 @@ use crate::frame::triangles::TriangleLaw;
 
 /// Biquadratic springs (TRBS), one triangle at a time; also the mark of its triangles.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct BiquadraticMembrane;
 
 /// Quadratic springs (TRQS); also the mark of its triangles.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct QuadraticMembrane;
 
 /// Constant-strain triangles; also the mark of its triangles.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct LinearMembrane;
 
 /// Corotational triangles; also the mark of its triangles.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct CorotationalMembrane;
 
 /// Projected tangent of pooled membranes; also the mark of their triangles.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct PooledMembrane;
 
 /// The compression term of pooled membranes, an independent law beside their springs.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct MembraneCompression;
 
 /// Row of [`BiquadraticMembrane`] in the table of laws.

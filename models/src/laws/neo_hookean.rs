@@ -160,6 +160,7 @@ fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6])
 
 /// Stable neo-Hookean elasticity; also the mark of its tetrahedra.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct NeoHookean;
 
 /// Row of its tetrahedra in the table of laws.

@@ -54,6 +54,7 @@ use crate::laws::{ElementRows, Elements, LawRow, mark, partition};
 
 /// Vertex rows of a triangle, ascending.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, TransparentWrapper)]
+#[component(clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct TriangleVertices(pub [u32; 3]);
 
@@ -70,6 +71,7 @@ scalar_columns! {
 
 /// Tension (N/m) of the tensile spring of an edge.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, TransparentWrapper)]
+#[component(clone_behavior = Ignore)]
 #[repr(transparent)]
 pub struct TensileTension<S: Scalar>(pub S);
 

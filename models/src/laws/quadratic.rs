@@ -184,6 +184,7 @@ fn matrix<R: Real>(e: &Element<R>) -> [[R; 6]; 6] {
 /// Tetrahedral quadratic springs, one tetrahedron at a time, the 21 constants taken from shape vectors and
 /// moduli; also the mark of its tetrahedra. `compression` plays no part.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct QuadraticSprings;
 
 /// Row of its tetrahedra in the table of laws.
@@ -294,6 +295,7 @@ impl TetrahedronLaw for QuadraticSprings {
 
 /// Springs on edges only; also the mark of edges and tetrahedra of such bodies.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct MassSpring;
 
 /// Row of the springs on edges in the table of laws.

@@ -53,6 +53,7 @@ fn stress<R: Real>(e: &Element<R>, strain: &[R; 9]) -> [R; 9] {
 /// St Venant-Kirchhoff elasticity by the textbook; also the mark of its tetrahedra. `Projected` tangents
 /// are those of [`crate::laws::svk::FusedStVK`].
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct StVKFem;
 
 /// Row of its tetrahedra in the table of laws.

@@ -37,6 +37,7 @@ macro_rules! tangents {
 /// Fused evaluation: St Venant-Kirchhoff plus compression term, all in one pass; also the mark of its
 /// tetrahedra.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct FusedStVK;
 
 impl TetrahedronLaw for FusedStVK {

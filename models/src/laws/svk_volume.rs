@@ -95,6 +95,7 @@ fn projected<R: Real>(e: &Element<R>, u: &[[R; 3]; 4]) -> (R::Mask, [[R; 9]; 6])
 
 /// St Venant-Kirchhoff shear with a volume term in `J`; also the mark of its tetrahedra.
 #[derive(Component, Clone, Copy, Debug, Default)]
+#[component(clone_behavior = Ignore)]
 pub struct StVKVolume;
 
 /// Row of its tetrahedra in the table of laws.
