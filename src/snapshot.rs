@@ -42,8 +42,8 @@ use std::sync::Arc;
 
 /// First bytes of a snapshot.
 const MAGIC: &[u8; 8] = b"SinewSnp";
-/// Number of the format. It is raised whenever something that is stored changes; the one before is still read for one
-/// minor version.
+/// Number of the format. It is raised whenever something that is stored changes, which a stored snapshot in the tests
+/// notices; other numbers are refused by name.
 const FORMAT: u32 = 1;
 
 /// A snapshot that cannot be taken, read or restored. The simulation is what it was before.
@@ -59,7 +59,7 @@ pub enum SnapshotError {
         /// What does not fit.
         what: &'static str,
     },
-    /// It was written by a newer or a much older version.
+    /// It was written by a version that stores something else.
     #[error(
         "the snapshot has format {found}, written by Sinew {version}; this is Sinew {} and reads format {FORMAT}: use \
          the version that wrote it", env!("CARGO_PKG_VERSION")

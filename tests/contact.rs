@@ -73,11 +73,17 @@ const CELLS: [usize; 3] = [6, 6, 3];
 const ABOVE: DVec3 = DVec3::new(0.03, 0.03, 0.05);
 
 /// Presses a ball of radius 20 mm 4 mm deep within 0.1 s, then waits; the force at the end.
-fn press(integrator: Integrator, precision: Precision, h: f64, wait: f64, mu: f64) -> ToolReport {
+fn press(
+    integrator: Integrator,
+    precision: Precision,
+    h: f64,
+    wait: f64,
+    friction: f64,
+) -> ToolReport {
     let mut block = Block::held(SLAB, CELLS, SimulationOptions { precision, ..one_thread() });
     block.simulation.set_solver(SolverSettings { mass_damping: 20.0, ..settings(integrator) });
     block.simulation.set_dt(h);
-    let ball = Tool::new("ball", Shape::Sphere { radius: 0.02 }, ABOVE).with_friction(mu);
+    let ball = Tool::new("ball", Shape::Sphere { radius: 0.02 }, ABOVE).with_friction(friction);
     let ball = block.simulation.add_tool(ball).unwrap();
     let steps = ((0.1 + wait) / h).round() as u32;
     for step in 1..=steps {
@@ -218,7 +224,7 @@ fn impulse_is_change_of_momentum_and_spheres_feel_no_torque() {
 #[test]
 fn energy_never_rises_while_tools_rest() {
     for h in [0.002, 0.01, 0.033] {
-        for mu in [0.0, 0.5] {
+        for friction in [0.0, 0.5] {
             let gravity = DVec3::new(3.0, 1.0, -9.0);
             let mut block = Block::new(SLAB, [4, 4, 2], one_thread());
             block.simulation.set_gravity(gravity);
@@ -227,8 +233,8 @@ fn energy_never_rises_while_tools_rest() {
             let n = block.mesh.points.len();
             let fall = vec![DVec3::new(0.3, 0.0, -1.0); n];
             block.simulation.set_state(block.body, &vec![DVec3::ZERO; n], &fall).unwrap();
-            let table =
-                Tool::ground("table", DVec3::new(0.0, 0.0, -0.002), DVec3::Z).with_friction(mu);
+            let table = Tool::ground("table", DVec3::new(0.0, 0.0, -0.002), DVec3::Z)
+                .with_friction(friction);
             block.simulation.add_tool(table).unwrap();
             block.step();
             let mut last = block.energy(gravity);
@@ -236,7 +242,7 @@ fn energy_never_rises_while_tools_rest() {
             for _ in 0..60 {
                 block.step();
                 let now = block.energy(gravity);
-                assert!(now <= last + 1e-10 * start, "h {h} mu {mu}: {last} to {now}");
+                assert!(now <= last + 1e-10 * start, "h {h} friction {friction}: {last} to {now}");
                 let report = block.simulation.report();
                 assert!(report.dissipation >= -1e-9 * start, "{report:?}");
                 touched |= report.contact.points > 0;
@@ -249,14 +255,14 @@ fn energy_never_rises_while_tools_rest() {
 
 #[test]
 fn a_block_sticks_below_the_angle_of_friction_and_slides_above() {
-    let mu = 0.3;
+    let friction = 0.3;
     for (integrator, h) in
         [(Integrator::Auto, 0.01), (Integrator::Safe, 0.002), (Integrator::Safe, 0.033)]
     {
         let mut block = Block::new(DVec3::new(0.04, 0.04, 0.02), [4, 4, 2], one_thread());
         block.simulation.set_dt(h);
         block.simulation.set_solver(settings(integrator));
-        let table = Tool::ground("table", DVec3::ZERO, DVec3::Z).with_friction(mu);
+        let table = Tool::ground("table", DVec3::ZERO, DVec3::Z).with_friction(friction);
         let table = block.simulation.add_tool(table).unwrap();
         let tilted = |slope: f64| {
             let angle = libm::atan(slope);
@@ -268,7 +274,7 @@ fn a_block_sticks_below_the_angle_of_friction_and_slides_above() {
             x.iter().sum::<DVec3>().x / x.len() as f64
         };
         for step in 0..tilt {
-            let slope = 0.99 * mu * (1.5 * f64::from(step) / f64::from(tilt)).min(1.0);
+            let slope = 0.99 * friction * (1.5 * f64::from(step) / f64::from(tilt)).min(1.0);
             block.simulation.set_gravity(tilted(slope));
             block.step();
         }
@@ -277,7 +283,7 @@ fn a_block_sticks_below_the_angle_of_friction_and_slides_above() {
         (0..hold).for_each(|_| block.step());
         let drift = place(&mut block) - held;
         assert!(drift.abs() < 1e-6, "{}: {drift} m in 1 s", integrator.name());
-        block.simulation.set_gravity(tilted(1.1 * mu));
+        block.simulation.set_gravity(tilted(1.1 * friction));
         (0..hold / 2).for_each(|_| block.step());
         let v0 = block.simulation.report().momentum[0];
         (0..hold / 4).for_each(|_| block.step());
@@ -285,11 +291,11 @@ fn a_block_sticks_below_the_angle_of_friction_and_slides_above() {
         let mass = block.mass();
         let acceleration =
             (block.simulation.report().momentum[0] - v0) / (mass * f64::from(hold / 4) * h);
-        let angle = libm::atan(1.1 * mu);
-        let exact = 9.81 * (libm::sin(angle) - mu * libm::cos(angle));
+        let angle = libm::atan(1.1 * friction);
+        let exact = 9.81 * (libm::sin(angle) - friction * libm::cos(angle));
         assert!((acceleration / exact - 1.0).abs() < 2e-3, "{h}: {acceleration} {exact}");
         let ratio = report.friction.length() / report.normal.length();
-        assert!((ratio / mu - 1.0).abs() < 1e-4, "{h}: {ratio}");
+        assert!((ratio / friction - 1.0).abs() < 1e-4, "{h}: {ratio}");
         assert_eq!(report.sticking, 0);
     }
 }
@@ -809,12 +815,12 @@ fn the_local_stiffness_is_the_derivative_of_the_force() {
 }
 
 /// A strap held at its ends over a drum that turns under it: the tensions of its two ends, in full slip. Every row of
-/// vertices that lies on the drum is in balance with a force in the direction of normal plus `mu` times tangent, so that
+/// vertices that lies on the drum is in balance with a force in the direction of normal plus `f` times tangent (`f`: friction), so that
 /// `T' / T = (e x f) / (e' x f)` with the directions `e`, `e'` of the strap before and after it. Where the normal halves
-/// the angle that is `(cos a/2 - mu sin a/2) / (cos a/2 + mu sin a/2)`, and in the limit of small ones `exp(-mu a)`.
+/// the angle that is `(cos a/2 - f sin a/2) / (cos a/2 + f sin a/2)`, and in the limit of small ones `exp(-f a)`.
 #[test]
 fn a_strap_over_a_drum_holds_as_the_capstan_equation_says() {
-    let (segments, mu, radius) = (48_u32, 0.3, 0.02);
+    let (segments, friction, radius) = (48_u32, 0.3, 0.02);
     let (mut points, mut triangles) = (Vec::new(), Vec::new());
     for i in 0..=segments {
         let x = 0.12 * (f64::from(i) / f64::from(segments) - 0.5);
@@ -843,7 +849,7 @@ fn a_strap_over_a_drum_holds_as_the_capstan_equation_says() {
         opening: 0.0,
     };
     let drum = Shape::Capsule { half_length: 0.05, radius };
-    let mut drum = Tool::new("drum", drum, DVec3::ZERO).with_friction(mu);
+    let mut drum = Tool::new("drum", drum, DVec3::ZERO).with_friction(friction);
     (drum.start, drum.points) = (pose(-0.001, 0.0), Points::Vertex);
     let drum = s.add_tool(drum).unwrap();
     for i in 1..=50 {
@@ -865,13 +871,17 @@ fn a_strap_over_a_drum_holds_as_the_capstan_equation_says() {
         let arm = rows[i] - report.position;
         if arm.length() < radius {
             let normal = arm.normalize();
-            let force = normal + mu * DVec3::Y.cross(normal);
+            let force = normal + friction * DVec3::Y.cross(normal);
             ratio *= way(i - 1).cross(force).y / way(i).cross(force).y;
             angle += libm::acos(way(i - 1).dot(way(i)));
         }
     }
     let [left, right] = ends.map(|end| s.reaction(end).length());
     assert!((right / left / ratio - 1.0).abs() < 1e-3, "{} {ratio}", right / left);
-    assert!((right / left / libm::exp(-mu * angle) - 1.0).abs() < 0.01, "{} {angle}", right / left);
+    assert!(
+        (right / left / libm::exp(-friction * angle) - 1.0).abs() < 0.01,
+        "{} {angle}",
+        right / left
+    );
     assert!(angle > 0.5, "{angle}");
 }

@@ -743,6 +743,42 @@ fn what_does_not_fit_is_told() {
     );
 }
 
+/// A snapshot of earlier is read and goes on: what is stored has not changed without a new number of the format.
+/// `SINEW_GOLDEN=write` stores it again.
+#[test]
+fn stored_snapshots_are_read() {
+    let mesh = box_tets(DVec3::new(0.06, 0.06, 0.02), [1, 1, 1]).unwrap();
+    let build = || {
+        let instruction_set = Some(InstructionSet::Portable);
+        let options = SimulationOptions { instruction_set, ..threads(1) };
+        alone(options, &BodyDescription::new("block", &mesh, soft(1e4, 0.35))).0
+    };
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/stored.sinew-snap");
+    if std::env::var("SINEW_GOLDEN").as_deref() == Ok("write") {
+        let mut simulation = build();
+        let ball = Shape::Sphere { radius: 0.01 };
+        let ball = Tool::new("ball", ball, DVec3::new(0.03, 0.03, 0.029)).with_friction(0.3);
+        simulation.add_tool(ball).unwrap();
+        simulation.add_constraint(Constraint::hold("foot", vec![0, 1, 2]));
+        simulation.steps(3);
+        simulation
+            .remove_elements(BodyHandle(0), &Removal::new(Region::Tetrahedra(vec![1])))
+            .unwrap();
+        simulation.steps(2);
+        std::fs::write(path, simulation.snapshot().unwrap().to_bytes()).unwrap();
+    }
+    let stored = Snapshot::from_bytes(&std::fs::read(path).unwrap())
+        .expect("what is stored has changed: raise FORMAT, and store this snapshot again");
+    assert_eq!((stored.header().step, stored.header().instruction_set.name()), (5, "portable"));
+    let mut simulation = build();
+    let restored = simulation.restore(&stored).unwrap();
+    assert_eq!(restored.spawned.len(), 2);
+    assert_eq!(simulation.remaining_tetrahedra(BodyHandle(0)).len(), mesh.tetrahedra.len() - 1);
+    let before = simulation.state_hash();
+    simulation.steps(1);
+    assert_ne!(simulation.state_hash(), before);
+}
+
 fn simulation_set(simulation: &Simulation) -> InstructionSet {
     simulation.world().resource::<sinew::engine::workers::Workers>().instruction_set()
 }

@@ -153,18 +153,18 @@ class Touch(Beam):
     radius = 1e-6
 
     def __init__(self, request):
-        mu = request["friction"]
+        friction = request["friction"]
         soft = attributes(request["contact"])
-        how = f'condim="{3 if mu else 1}" friction="{mu!r} 0 0" {soft}'
+        how = f'condim="{3 if friction else 1}" friction="{friction!r} 0 0" {soft}'
         self.option = f'timestep="{request["h"]!r}" {attributes(request["option"])}'
         self.contact = f'<contact selfcollide="none" {how}/>'
         self.at = np.array(request["at"])
         slides = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
-        self.ball = f"""<body name="ball" pos="{words(self.at)}" {"" if mu else 'mocap="true"'}>{slides if mu else ""}
+        self.ball = f"""<body name="ball" pos="{words(self.at)}" {"" if friction else 'mocap="true"'}>{slides if friction else ""}
 <geom name="ball" type="sphere" size="{request["radius"]!r}" mass="10" {how}/></body>"""
         super().__init__(request)
         body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "ball")
-        self.dof = self.model.body_dofadr[body] if mu else None
+        self.dof = self.model.body_dofadr[body] if friction else None
         self.model.dof_damping[self.dofs] = request["damping"] * self.dof_mass
         # the solver's tolerance is relative to it: that of the block alone
         self.model.stat.meaninertia = float(self.dof_mass.mean())

@@ -266,7 +266,8 @@ fn substep<S: Scalar>(
     contact: Option<&ContactSet>,
 ) -> Result<Option<ContactSet>, StepError> {
     let clock = *world.resource::<StepClock>();
-    let contact = contact.map(|contact| prepare(contact, world, scratch)).transpose()?;
+    let prepared = |contact| prepare(contact, world, scratch, settings.integrator);
+    let contact = contact.map(prepared).transpose()?;
     scratch.within.read(world, &scratch.node.u, &scratch.node.prescribed, &scratch.node.fixed);
     let elastic = recall(world, report, scratch);
     let limit = scratch.limit.get(world, &scratch.node, &scratch.force, &mut report.evaluations);
@@ -315,18 +316,14 @@ fn prepare<S: Scalar>(
     contact: &ContactSet,
     world: &mut World,
     scratch: &ExplicitScratch<S>,
+    integrator: Integrator,
 ) -> Result<ContactSet, StepError> {
     let mut contact = contact.clone();
     let x = position(&scratch.rest, &scratch.node.u);
     let v = |row: u32| vector(&scratch.node.v[row as usize]);
     contact.prepare(world, &scratch.rest, &x, &v, false)?;
-    match contact.exact_tool() {
-        None => Ok(contact),
-        Some(name) => Err(StepError::InvalidContact {
-            name: name.into(),
-            problem: "exact contact is for integrator = \"newton\" and \"quasi-static\"".into(),
-        }),
-    }
+    integrator.check_contact(&contact)?;
+    Ok(contact)
 }
 
 /// Forces of contact at displacements `u`, when the share `of_rest` of what is left of the step has passed; `h` (s) is

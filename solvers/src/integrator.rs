@@ -2,6 +2,8 @@
 //! row here, its code, and its line in `Step::run` ([`crate::implicit`]) or in [`crate::explicit`].
 
 use serde::{Deserialize, Serialize};
+use sinew_contact::set::ContactSet;
+use sinew_engine::step::StepError;
 
 /// What is known of an integrator: a row of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +27,8 @@ pub struct IntegratorFacts {
     /// The total energy may rise, within bounds, without outside work. Otherwise it rises by rounding and the
     /// tolerances of the solves only.
     pub energy_swings: bool,
+    /// Can iterate contact until nothing is left of the penetration ([`Tool::exact`](sinew_contact::tool::Tool::exact)).
+    pub exact_contact: bool,
     /// Runs on the device too.
     pub device: bool,
     /// What its user must know: a sentence without a full stop.
@@ -41,6 +45,7 @@ const NEWTON: IntegratorFacts = IntegratorFacts {
     multistep: false,
     recovers: false,
     energy_swings: false,
+    exact_contact: false,
     device: false,
     caution: None,
 };
@@ -101,7 +106,7 @@ integrators! {
     /// safe step instead. Second order as long as the tests pass.
     LinearisedBdf2: LINEARISED_BDF2;
     /// Implicit Euler solved to convergence. First order.
-    Newton: NEWTON;
+    Newton: IntegratorFacts { exact_contact: true, ..NEWTON };
     /// BDF2 solved to convergence. Second order, damps high frequencies.
     Bdf2: IntegratorFacts { name: "bdf2", order: 2, multistep: true, ..NEWTON };
     /// TR-BDF2 solved to convergence, two solves a step. Second order, damps high frequencies, and
@@ -118,7 +123,9 @@ integrators! {
         ..NEWTON
     };
     /// Equilibrium at the loads and constraints of the step's end; no inertia.
-    QuasiStatic: IntegratorFacts { name: "quasi-static", dynamic: false, order: 0, ..NEWTON };
+    QuasiStatic: IntegratorFacts {
+        name: "quasi-static", dynamic: false, order: 0, exact_contact: true, ..NEWTON
+    };
     /// Symplectic Euler, substepped below the stability limit.
     SymplecticEuler: SYMPLECTIC_EULER;
     /// Störmer-Verlet (velocity form), substepped below the stability limit.
@@ -145,6 +152,24 @@ impl Integrator {
     /// ([`SolverSettings::recovery`](crate::settings::SolverSettings::recovery)).
     pub fn recovers(self) -> bool {
         self.facts().recovers
+    }
+
+    /// What is wrong with a tool that wants no penetration, if anything.
+    pub fn exact_contact_problem(self) -> Option<String> {
+        let can = |integrator: &Self| integrator.facts().exact_contact;
+        (!can(&self)).then(|| {
+            let names = Self::ALL.iter().filter(|i| can(i)).map(|i| i.name());
+            let names = names.collect::<Vec<_>>().join(" and ");
+            format!("exact contact is for the integrators {names}, not {}", self.name())
+        })
+    }
+
+    /// Refuses contact that it does not resolve.
+    pub(crate) fn check_contact(self, contact: &ContactSet) -> Result<(), StepError> {
+        match contact.exact_tool().zip(self.exact_contact_problem()) {
+            None => Ok(()),
+            Some((name, problem)) => Err(StepError::InvalidContact { name: name.into(), problem }),
+        }
     }
 
     /// Whether it solves a nonlinear system to convergence.

@@ -432,7 +432,7 @@ fn peer_tables(report: &PeerReport) -> Vec<Table> {
         "s per s" => r.cost_per_simulated_second, "error %" => r.error_percent,
         "off faces %" => r.off_faces_percent, "force N" => r.force, "depth mm" => r.depth_mm,
         "with friction ms" => r.ms_with_friction, "ripple %" => r.ripple_percent,
-        "friction/(mu N)" => r.friction_ratio, "precision" => &r.precision, "threads" => r.threads,
+        "friction over its limit" => r.friction_ratio, "precision" => &r.precision, "threads" => r.threads,
         "tets" => r.elements, "setting" => &r.setting, "note" => &r.note,
     )
     .note(

@@ -447,7 +447,7 @@ fn figures(
                 let ratio = -x / (FRICTION * z);
                 say(
                     &mut row.note,
-                    format!("does not tell friction: sideways over mu times upward {ratio:.3}"),
+                    format!("does not tell friction: sideways over its limit {ratio:.3}"),
                 );
             }
         }
@@ -648,7 +648,7 @@ mod tests {
         let row = TouchRow { force: Some(1.0), ..TouchRow::default() };
         let truths = [Truth { model: Model::StVK, row }];
         let mut fingers: Vec<Box<dyn Finger>> = vec![Box::new(finger)];
-        let [smooth, rough] = [0.0, FRICTION].map(|mu| run(&block, &mut fingers, mu));
+        let [smooth, rough] = [0.0, FRICTION].map(|friction| run(&block, &mut fingers, friction));
         let mut row = fingers[0].row(&block);
         let faces = TouchRow { force: Some(1.2), ..TouchRow::default() };
         figures(&mut row, fingers[0].as_ref(), &truths, &faces, [&smooth[0], &rough[0]], Some(1.1));

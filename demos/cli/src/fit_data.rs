@@ -3,7 +3,7 @@
 use clap::Args;
 use sinew_cli::{Outcome, print};
 use sinew_scene::scene::LoadedScene;
-use sinew_tune::fit_data::{self, FitRequest};
+use sinew_tune::fit_data::{self, DataFitRequest};
 use std::path::{Path, PathBuf};
 
 /// Options of the form with data.
@@ -33,7 +33,7 @@ pub struct FitDataOptions {
 pub fn fit_data(scene: &Path, options: &FitDataOptions, json: bool) -> Outcome {
     let loaded = LoadedScene::read(scene)?;
     let FitDataOptions { data, fit, bounds, check_gradient, threads } = options.clone();
-    let request = FitRequest { data, fit, bounds, check_gradient, threads };
+    let request = DataFitRequest { data, fit, bounds, check_gradient, threads };
     let report = fit_data::fit(&loaded, &request)?;
     if json {
         print(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;

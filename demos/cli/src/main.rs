@@ -263,12 +263,12 @@ enum MeshCommand {
     /// A simple shape; lengths in metres.
     Generate {
         #[command(subcommand)]
-        shape: Shape,
+        shape: ShapeOptions,
     },
 }
 
 #[derive(Subcommand)]
-enum Shape {
+enum ShapeOptions {
     /// A box with one corner at the origin; groups x0, x1, y0, y1, z0, z1, body.
     Box {
         /// Edge lengths X Y Z (m).
@@ -498,22 +498,22 @@ fn mesh(command: MeshCommand) -> Outcome {
         }
         MeshCommand::Generate { shape } => {
             let (shape, out) = match shape {
-                Shape::Box { size, cells, elements, seed, out } => {
+                ShapeOptions::Box { size, cells, elements, seed, out } => {
                     let size = [size[0], size[1], size[2]];
                     let cells = [cells[0], cells[1], cells[2]];
                     let cuboid = Some(BoxShape { size, cells, elements, seed });
                     (Generate { cuboid, ..Generate::default() }, out)
                 }
-                Shape::Cylinder { radius, length, rings, layers, elements, out } => {
+                ShapeOptions::Cylinder { radius, length, rings, layers, elements, out } => {
                     let cylinder = Some(CylinderShape { radius, length, rings, layers, elements });
                     (Generate { cylinder, ..Generate::default() }, out)
                 }
-                Shape::Sheet { size, cells, elements, out } => {
+                ShapeOptions::Sheet { size, cells, elements, out } => {
                     let (size, cells) = ([size[0], size[1]], [cells[0], cells[1]]);
                     let sheet = Some(SheetShape { size, cells, elements });
                     (Generate { sheet, ..Generate::default() }, out)
                 }
-                Shape::Sphere { radius, shells, out } => {
+                ShapeOptions::Sphere { radius, shells, out } => {
                     let sphere = Some(SphereShape { radius, shells });
                     (Generate { sphere, ..Generate::default() }, out)
                 }

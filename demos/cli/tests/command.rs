@@ -1,20 +1,8 @@
 //! The command as a user meets it: exit codes, and what goes to stdout and stderr.
 
+use crate::common::{check, sinew};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-fn sinew(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sinew")).args(arguments).output().unwrap()
-}
-
-fn check(arguments: &[&str], code: i32, stdout: &str, stderr: &str) {
-    let output = sinew(arguments);
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    let (out, err) = (text(&output.stdout), text(&output.stderr));
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {out}{err}");
-    assert!(out.contains(stdout), "{arguments:?}: `{stdout}` is not in {out}");
-    assert!(err.contains(stderr), "{arguments:?}: `{stderr}` is not in {err}");
-}
+use std::process::Command;
 
 fn shipped(name: &str) -> String {
     sinew_scene::shipped_scene(name).display().to_string()

@@ -1,21 +1,16 @@
 //! `sinew sweep`: the same table for every division of the runs, and after every death of a process.
 
+use crate::common;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
 fn sinew(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sinew")).arg("sweep").args(arguments).output().unwrap()
+    common::sinew(&[&["sweep"][..], arguments].concat())
 }
 
 fn check(arguments: &[&str], code: i32, stdout: &str, stderr: &str) -> String {
-    let output = sinew(arguments);
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    let (out, err) = (text(&output.stdout), text(&output.stderr));
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {out}{err}");
-    assert!(out.contains(stdout), "{arguments:?}: `{stdout}` is not in {out}");
-    assert!(err.contains(stderr), "{arguments:?}: `{stderr}` is not in {err}");
-    out
+    common::check(&[&["sweep"][..], arguments].concat(), code, stdout, stderr)
 }
 
 /// An empty folder.

@@ -43,20 +43,24 @@ pub struct Grid<'a> {
 /// Ground between the pictures.
 const PAPER: [u8; 3] = [250, 251, 252];
 
-/// Places (pixels).
+/// Places (pixels) of the panels of a picture.
 #[derive(Clone, Copy, Debug)]
-struct Plan {
-    columns: u32,
-    panel: [u32; 2],
-    whole: [u32; 2],
+pub struct GridPlan {
+    /// Panels side by side.
+    pub columns: u32,
+    /// Size of a panel.
+    pub panel: [u32; 2],
+    /// Size of the picture.
+    pub whole: [u32; 2],
     /// Size of letters.
     letter: f32,
     gap: u32,
     head: u32,
 }
 
-impl Plan {
-    fn new(layout: Layout, count: usize, bar: bool) -> Self {
+impl GridPlan {
+    /// For so many panels, with a colour bar beside them or without.
+    pub fn new(layout: Layout, count: usize, bar: bool) -> Self {
         let [width, height] = match layout {
             Layout::Panels(columns, panel) => {
                 return Self::of_panels(columns.clamp(1, count), panel, count, bar);
@@ -88,7 +92,8 @@ impl Plan {
         best
     }
 
-    fn of_panels(columns: usize, [width, height]: [u32; 2], count: usize, bar: bool) -> Self {
+    /// Of panels of this size in so many columns.
+    pub fn of_panels(columns: usize, [width, height]: [u32; 2], count: usize, bar: bool) -> Self {
         // letters of a panel are those of the picture
         let letter = letters(height).max(13.0);
         let (gap, head) = ((0.5 * letter) as u32, (5.0 * letter) as u32);
@@ -99,7 +104,7 @@ impl Plan {
     }
 
     /// Corner of a panel.
-    fn corner(&self, i: usize) -> [u32; 2] {
+    pub fn corner(&self, i: usize) -> [u32; 2] {
         let (row, column) = (i as u32 / self.columns, i as u32 % self.columns);
         let [width, height] = self.panel;
         [self.gap + column * (width + self.gap), self.head + row * (height + self.gap)]
@@ -111,7 +116,7 @@ impl Plan {
 pub struct Comparison {
     panels: Vec<Panel>,
     title: String,
-    plan: Plan,
+    plan: GridPlan,
     renderer: Renderer,
     camera: Camera,
     field: Option<Field>,
@@ -136,7 +141,7 @@ impl Comparison {
                 return Err(RenderError::Index { frame: 0, what: "field", index, count });
             }
         }
-        let plan = Plan::new(grid.layout, panels.len(), grid.field.is_some());
+        let plan = GridPlan::new(grid.layout, panels.len(), grid.field.is_some());
         let [width, height] = plan.panel;
         let renderer = Renderer::new(gpu, width, height)?;
         let bare = Captions { title: false, note: false, bar: false };
@@ -236,31 +241,4 @@ fn common_field(panels: &[Panel], i: usize) -> Field {
         field.range = [field.range[0].min(low), field.range[1].max(high)];
     }
     field
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_whole_picture_is_filled_by_its_panels() {
-        for size in [[1280, 720], [720, 1280], [600, 338], [1920, 1080]] {
-            for count in 1..=7 {
-                for bar in [false, true] {
-                    let plan = Plan::new(Layout::Whole(size), count, bar);
-                    let [x, y] = plan.corner(count - 1);
-                    assert!(x + plan.panel[0] <= size[0] && y + plan.panel[1] <= size[1]);
-                    let inner = Plan::of_panels(plan.columns as usize, plan.panel, count, bar);
-                    for (inner, whole) in inner.whole.into_iter().zip(size) {
-                        assert!(inner <= whole && inner + 2 * count as u32 > whole, "{plan:?}");
-                    }
-                }
-            }
-        }
-        let columns = |size, count| Plan::new(Layout::Whole(size), count, true).columns;
-        assert_eq!(columns([1280, 720], 2), 2);
-        assert_eq!(columns([1280, 720], 3), 3);
-        assert_eq!(columns([720, 1280], 2), 1);
-        assert_eq!(columns([1280, 720], 6), 3);
-    }
 }

@@ -9,10 +9,10 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 /// A film that is being written.
 pub struct Film {
     path: PathBuf,
-    kind: Kind,
+    kind: FilmKind,
 }
 
-enum Kind {
+enum FilmKind {
     Ffmpeg { child: Child, pipe: Option<ChildStdin> },
     Png(Box<png::Writer<std::io::BufWriter<std::fs::File>>>),
 }
@@ -39,7 +39,11 @@ impl Film {
         Self::start_with(path, [width, height], frames, rate, has_ffmpeg())
     }
 
-    fn start_with(
+    /// As [`Film::start`], whether there is `ffmpeg` or not.
+    ///
+    /// # Errors
+    /// As [`Film::start`].
+    pub fn start_with(
         path: &Path,
         [width, height]: [u32; 2],
         frames: u32,
@@ -69,7 +73,7 @@ impl Film {
                 .spawn();
             let mut child = child.map_err(|e| film(path, e.to_string()))?;
             let pipe = child.stdin.take();
-            return Ok(Self { path: path.into(), kind: Kind::Ffmpeg { child, pipe } });
+            return Ok(Self { path: path.into(), kind: FilmKind::Ffmpeg { child, pipe } });
         }
         let path = if animated { path.to_path_buf() } else { path.with_extension("png") };
         let error = |reason: String| RenderError::Write { path: path.clone(), reason };
@@ -84,7 +88,7 @@ impl Film {
         });
         prepared.map_err(|e| error(e.to_string()))?;
         let writer = encoder.write_header().map_err(|e| error(e.to_string()))?;
-        Ok(Self { path, kind: Kind::Png(Box::new(writer)) })
+        Ok(Self { path, kind: FilmKind::Png(Box::new(writer)) })
     }
 
     /// The file that is written: for an animated PNG in place of a film the name asked for with the ending
@@ -95,7 +99,7 @@ impl Film {
 
     /// Whether it is an animated PNG.
     pub fn is_png(&self) -> bool {
-        matches!(self.kind, Kind::Png(_))
+        matches!(self.kind, FilmKind::Png(_))
     }
 
     /// Adds a picture, which must have the size of the film.
@@ -104,21 +108,23 @@ impl Film {
     /// When it cannot be written.
     pub fn add(&mut self, image: &Image) -> Result<(), RenderError> {
         let written = match &mut self.kind {
-            Kind::Ffmpeg { pipe, .. } => match pipe {
+            FilmKind::Ffmpeg { pipe, .. } => match pipe {
                 Some(pipe) => pipe.write_all(&image.rgb()).map_err(|e| e.to_string()),
                 None => Err("it has stopped".into()),
             },
-            Kind::Png(writer) => writer.write_image_data(&image.rgb()).map_err(|e| e.to_string()),
+            FilmKind::Png(writer) => {
+                writer.write_image_data(&image.rgb()).map_err(|e| e.to_string())
+            }
         };
         match written {
             Ok(()) => Ok(()),
             // ffmpeg knows better why it went away than the broken pipe
             Err(reason) => match &mut self.kind {
-                Kind::Ffmpeg { child, pipe } => {
+                FilmKind::Ffmpeg { child, pipe } => {
                     drop(pipe.take());
                     Err(film(&self.path, words(child).unwrap_or(reason)))
                 }
-                Kind::Png(_) => Err(RenderError::Write { path: self.path.clone(), reason }),
+                FilmKind::Png(_) => Err(RenderError::Write { path: self.path.clone(), reason }),
             },
         }
     }
@@ -129,7 +135,7 @@ impl Film {
     /// When it cannot be ended.
     pub fn finish(self) -> Result<PathBuf, RenderError> {
         match self.kind {
-            Kind::Ffmpeg { mut child, pipe } => {
+            FilmKind::Ffmpeg { mut child, pipe } => {
                 drop(pipe);
                 let said = words(&mut child);
                 let status = child.wait().map_err(|e| film(&self.path, e.to_string()))?;
@@ -138,7 +144,7 @@ impl Film {
                     return Err(film(&self.path, reason));
                 }
             }
-            Kind::Png(writer) => {
+            FilmKind::Png(writer) => {
                 let error = |reason| RenderError::Write { path: self.path.clone(), reason };
                 writer.finish().map_err(|e| error(e.to_string()))?;
             }
@@ -156,58 +162,4 @@ fn words(child: &mut Child) -> Option<String> {
     let mut text = String::new();
     child.stderr.take()?.read_to_string(&mut text).ok()?;
     text.lines().rfind(|line| !line.trim().is_empty()).map(|line| line.trim().to_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn pictures() -> Vec<Image> {
-        (0..5).map(|i| Image::filled(33, 17, [40 * i, 100, 200 - 30 * i])).collect()
-    }
-
-    fn temporary(name: &str) -> PathBuf {
-        std::env::temp_dir().join(format!("sinew-film-{}-{name}", std::process::id()))
-    }
-
-    #[test]
-    fn an_animated_png_stands_in_for_a_film() {
-        let path = temporary("stand-in.mp4");
-        let mut film = Film::start_with(&path, [33, 17], 5, 25.0, false).unwrap();
-        assert!(film.is_png());
-        for picture in pictures() {
-            film.add(&picture).unwrap();
-        }
-        let path = film.finish().unwrap();
-        assert_eq!(path.extension().unwrap(), "png");
-        let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
-        let reader = png::Decoder::new(file).read_info().unwrap();
-        assert_eq!(reader.info().animation_control().unwrap().num_frames, 5);
-        std::fs::remove_file(path).unwrap();
-    }
-
-    #[test]
-    fn ffmpeg_makes_a_film_or_says_why_not() {
-        if !has_ffmpeg() {
-            let mut err = std::io::stderr();
-            let _ = writeln!(err, "skipped: no ffmpeg on the path");
-            return;
-        }
-        let path = temporary("real.mp4");
-        let mut film = Film::start(&path, [33, 17], 5, 25.0).unwrap();
-        for picture in pictures() {
-            film.add(&picture).unwrap();
-        }
-        let bytes = std::fs::read(film.finish().unwrap()).unwrap();
-        assert!(bytes.len() > 500 && &bytes[4..8] == b"ftyp");
-        std::fs::remove_file(path).unwrap();
-        let wrong = temporary("wrong.nonsense");
-        let mut film = Film::start(&wrong, [33, 17], 5, 25.0).unwrap();
-        let results: Vec<_> = pictures().iter().map(|p| film.add(p)).collect();
-        let error = match results.into_iter().find_map(Result::err) {
-            Some(error) => error,
-            None => film.finish().unwrap_err(),
-        };
-        assert!(error.to_string().contains("nonsense"), "{error}");
-    }
 }

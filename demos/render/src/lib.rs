@@ -4,7 +4,7 @@
 //! here knows laws, integrators or entities.
 //!
 //! * [`skin`]: surfaces with smooth normals and sharp edges.
-//! * [`rigid`]: shapes of tools.
+//! * [`rigid`], [`solids`]: shapes of tools; balls, rods and cones.
 //! * [`camera`]: a camera that fits the whole run.
 //! * [`colour`], [`overlay`]: colour maps, text and colour bars.
 //! * [`renderer`]: frames to pixels through `wgpu`, several in flight.
@@ -27,7 +27,7 @@ pub mod renderer;
 pub mod rigid;
 pub mod scene;
 pub mod skin;
-mod solids;
+pub mod solids;
 
 pub use error::RenderError;
 pub use sinew_adapter as adapter;

@@ -89,7 +89,7 @@ pub(crate) struct Pipelines {
 }
 
 /// What distinguishes pipelines.
-struct Kind<'a> {
+struct PipelineKind<'a> {
     vertex: &'a str,
     fragment: Option<&'a str>,
     buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
@@ -100,7 +100,7 @@ struct Kind<'a> {
     multisample: u32,
 }
 
-impl<'a> Kind<'a> {
+impl<'a> PipelineKind<'a> {
     /// Draws into the picture.
     fn picture(
         [vertex, fragment]: [&'a str; 2],
@@ -137,7 +137,7 @@ struct Shader<'a> {
 }
 
 impl Shader<'_> {
-    fn pipeline(&self, layout: &wgpu::BindGroupLayout, kind: Kind) -> wgpu::RenderPipeline {
+    fn pipeline(&self, layout: &wgpu::BindGroupLayout, kind: PipelineKind) -> wgpu::RenderPipeline {
         let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
             bind_group_layouts: &[Some(layout)],
@@ -323,7 +323,7 @@ impl Pipelines {
         let (written, read) = (depth(true, less), depth(false, less));
         let back = Some(wgpu::Face::Back);
 
-        let light = Kind {
+        let light = PipelineKind {
             vertex: "light_vertex",
             fragment: None,
             buffers: &place,
@@ -333,16 +333,19 @@ impl Pipelines {
             cull: None,
             multisample: 1,
         };
-        let contact = Kind::shade(["contact_vertex", "contact_fragment"], &place, largest);
-        let cast = Kind::shade(["cast_vertex", "cast_fragment"], &place, largest);
-        let blur = |fragment| Kind::shade(["screen_vertex", fragment], &[], None);
-        let ground = Kind::picture(["screen_vertex", "ground_fragment"], &[], depth(false, always));
-        let skin = Kind::picture(["skin_vertex", "skin_fragment"], &corner, written.clone());
-        let ghost = Kind::picture(["ghost_vertex", "ghost_fragment"], &corner, read.clone());
+        let contact = PipelineKind::shade(["contact_vertex", "contact_fragment"], &place, largest);
+        let cast = PipelineKind::shade(["cast_vertex", "cast_fragment"], &place, largest);
+        let blur = |fragment| PipelineKind::shade(["screen_vertex", fragment], &[], None);
+        let ground =
+            PipelineKind::picture(["screen_vertex", "ground_fragment"], &[], depth(false, always));
+        let skin =
+            PipelineKind::picture(["skin_vertex", "skin_fragment"], &corner, written.clone());
+        let ghost =
+            PipelineKind::picture(["ghost_vertex", "ghost_fragment"], &corner, read.clone());
         let behind = depth(false, wgpu::CompareFunction::Greater);
-        let hidden = Kind::picture(["solid_vertex", "hidden_fragment"], &solid, behind);
-        let glass = Kind::picture(["skin_vertex", "glass_fragment"], &corner, read);
-        let solid = Kind::picture(["solid_vertex", "solid_fragment"], &solid, written);
+        let hidden = PipelineKind::picture(["solid_vertex", "hidden_fragment"], &solid, behind);
+        let glass = PipelineKind::picture(["skin_vertex", "glass_fragment"], &corner, read);
+        let solid = PipelineKind::picture(["solid_vertex", "solid_fragment"], &solid, written);
         Self {
             light: shader.pipeline(&light_layout, light),
             contact: shader.pipeline(&light_layout, contact),
@@ -351,10 +354,10 @@ impl Pipelines {
                 .map(|fragment| shader.pipeline(&blur_layout, blur(fragment))),
             ground: shader.pipeline(&layout, ground),
             skin: shader.pipeline(&layout, skin),
-            ghost: shader.pipeline(&layout, Kind { blend: over, cull: back, ..ghost }),
-            solid: shader.pipeline(&layout, Kind { cull: back, ..solid }),
-            glass: shader.pipeline(&layout, Kind { blend: over, cull: back, ..glass }),
-            hidden: shader.pipeline(&layout, Kind { blend: over, cull: back, ..hidden }),
+            ghost: shader.pipeline(&layout, PipelineKind { blend: over, cull: back, ..ghost }),
+            solid: shader.pipeline(&layout, PipelineKind { cull: back, ..solid }),
+            glass: shader.pipeline(&layout, PipelineKind { blend: over, cull: back, ..glass }),
+            hidden: shader.pipeline(&layout, PipelineKind { blend: over, cull: back, ..hidden }),
             light_group,
             blur_groups: [across, upright],
             group,

@@ -211,7 +211,7 @@ impl DeviceSolid {
 }
 
 /// A picture under way.
-struct Pending {
+struct PendingFrame {
     buffer: wgpu::Buffer,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
 }
@@ -233,7 +233,7 @@ pub struct Renderer {
     /// Rods and cones of arrows that shine through what is before them.
     shining: [Range<u32>; 2],
     map: Option<ColourMap>,
-    pending: VecDeque<Pending>,
+    pending: VecDeque<PendingFrame>,
     free: Vec<wgpu::Buffer>,
 }
 
@@ -324,7 +324,7 @@ impl Renderer {
         let (sender, mapped) = mpsc::channel();
         // the other end may be gone after an error
         read.map_async(wgpu::MapMode::Read, .., move |result| _ = sender.send(result));
-        self.pending.push_back(Pending { buffer: read, mapped });
+        self.pending.push_back(PendingFrame { buffer: read, mapped });
         if self.pending.len() >= IN_FLIGHT { self.take().map(Some) } else { Ok(None) }
     }
 

@@ -16,7 +16,7 @@ use std::fmt;
 /// Constants that cannot be given.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum SpringsError {
+pub enum CellSpringsError {
     /// The mesh has errors.
     #[error(transparent)]
     Check(#[from] CheckError),
@@ -69,7 +69,7 @@ pub enum SpringsError {
 
 /// A spring on one edge, or between two.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Spring {
+pub struct CellSpring {
     /// `"tensile"`, `"angular"` or `"volumetric"`.
     pub kind: &'static str,
     /// Its edge, or both, by vertices of the mesh.
@@ -91,7 +91,7 @@ pub struct CellSprings {
     /// Its vertices, in the order that the check leaves them in.
     pub vertices: Vec<u32>,
     /// The springs, tensile ones first.
-    pub springs: Vec<Spring>,
+    pub springs: Vec<CellSpring>,
 }
 
 /// Springs of some cells of a mesh.
@@ -130,10 +130,10 @@ impl SpringTable {
         material: YoungPoisson,
         thickness: Option<f64>,
         cells: &[usize],
-    ) -> Result<Self, SpringsError> {
+    ) -> Result<Self, CellSpringsError> {
         let mesh = check(mesh, &CheckOptions::default())?.mesh;
         if mesh.is_second_order() {
-            return Err(SpringsError::SecondOrder { source_name: mesh.source.clone() });
+            return Err(CellSpringsError::SecondOrder { source_name: mesh.source.clone() });
         }
         let solid = mesh.is_solid();
         let (kind, count) = match solid {
@@ -145,7 +145,7 @@ impl SpringTable {
             true => triangle(&mesh, cell, material, thickness.unwrap_or(0.0)),
             false => {
                 let source_name = mesh.source.clone();
-                Err(SpringsError::NoCell { source_name, kind, cell, count })
+                Err(CellSpringsError::NoCell { source_name, kind, cell, count })
             }
         });
         Ok(Self {
@@ -162,10 +162,10 @@ fn tetrahedron(
     mesh: &Mesh,
     cell: usize,
     material: YoungPoisson,
-) -> Result<CellSprings, SpringsError> {
+) -> Result<CellSprings, CellSpringsError> {
     let vertices = mesh.tetrahedra[cell];
     let rest = RestTetrahedron::new(vertices.map(|v| mesh.points[v as usize].to_array()))
-        .map_err(|source| SpringsError::Tetrahedron { cell, source })?;
+        .map_err(|source| CellSpringsError::Tetrahedron { cell, source })?;
     let constants = precompute::SpringConstants::new(&rest, material.lame()?);
     let pairs = [
         ("angular", &constants.angular[..], &ADJACENT_EDGES[..]),
@@ -180,14 +180,14 @@ fn triangle(
     cell: usize,
     material: YoungPoisson,
     thickness: f64,
-) -> Result<CellSprings, SpringsError> {
+) -> Result<CellSprings, CellSpringsError> {
     material.validate_sheet()?;
     if !(thickness > 0.0 && thickness.is_finite()) {
-        return Err(SpringsError::Thickness { value: thickness });
+        return Err(CellSpringsError::Thickness { value: thickness });
     }
     let vertices = mesh.triangles[cell];
     let rest = RestTriangle::new(vertices.map(|v| mesh.points[v as usize].to_array()))
-        .map_err(|source| SpringsError::Triangle { cell, source })?;
+        .map_err(|source| CellSpringsError::Triangle { cell, source })?;
     let moduli = plane_stress(material.young_modulus * thickness, material.poisson_ratio);
     let constants = membrane::SpringConstants::new(&rest, moduli);
     // edge i lies opposite vertex i, and a pair between the two edges that meet there
@@ -204,7 +204,7 @@ fn springs(
     edges: &[[usize; 2]],
     tensile: &[f64],
     pairs: &[(&'static str, &[f64], &[[usize; 2]])],
-) -> Vec<Spring> {
+) -> Vec<CellSpring> {
     let edge = |e: usize| edges[e].map(|local| vertices[local]);
     let length = |e: usize| {
         let [a, b] = edge(e).map(|v| mesh.points[v as usize]);
@@ -213,7 +213,7 @@ fn springs(
     let spring = |kind, own: &[usize], biquadratic: f64| {
         let (first, last) = (own[0], own[own.len() - 1]);
         let quadratic = 4.0 * length(first) * length(last) * biquadratic;
-        Spring { kind, edges: own.iter().map(|&e| edge(e)).collect(), biquadratic, quadratic }
+        CellSpring { kind, edges: own.iter().map(|&e| edge(e)).collect(), biquadratic, quadratic }
     };
     let on_edges = tensile.iter().enumerate().map(|(e, &k)| spring("tensile", &[e], k));
     let between = pairs.iter().flat_map(|(kind, constants, places)| {
@@ -252,60 +252,5 @@ impl fmt::Display for SpringTable {
             }
         }
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use sinew::engine::mesh::generate::{box_tets, triangle_grid};
-
-    const MATERIAL: YoungPoisson =
-        YoungPoisson { young_modulus: 1e4, poisson_ratio: 1.0 / 3.0, density: 1000.0 };
-
-    /// All 21 together give the energy of a strain: a uniform stretch by `s` of a tetrahedron stores
-    /// `V (9/2 lambda + 3 mu) ((s^2 - 1)/2)^2`.
-    #[test]
-    fn the_springs_of_a_tetrahedron_store_the_energy_of_the_material() {
-        let mesh = box_tets([1.0, 2.0, 0.5].into(), [1, 1, 1]).unwrap();
-        let table = SpringTable::of(&mesh, MATERIAL, None, &[2]).unwrap();
-        let cell = &table.cells[0];
-        let strain: f64 = 0.5 * (1.1 * 1.1 - 1.0);
-        let change = |e: [u32; 2]| {
-            let [a, b] = e.map(|v| mesh.points[v as usize]);
-            2.0 * strain * a.distance_squared(b)
-        };
-        let energy = |s: &Spring| match &s.edges[..] {
-            [e] => 0.25 * s.biquadratic * change(*e).powi(2),
-            [e, f] => 0.5 * s.biquadratic * change(*e) * change(*f),
-            _ => unreachable!(),
-        };
-        let found: f64 = cell.springs.iter().map(energy).sum();
-        let lame = MATERIAL.lame().unwrap();
-        let volume = 1.0 / 6.0;
-        let expected = volume * (4.5 * lame.lambda + 3.0 * lame.mu) * strain * strain;
-        assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
-        let text = table.to_string();
-        assert!(text.contains("volumetric") && text.lines().count() == 2 + 2 + 21, "{text}");
-    }
-
-    /// On equilateral triangles at a Poisson's ratio of 1/3 nothing but the edges is left.
-    #[test]
-    fn sheets_have_springs_too() {
-        let mut mesh = triangle_grid([1.0, 1.0].into(), [1, 1]).unwrap();
-        mesh.points =
-            vec![glam::DVec3::ZERO, glam::DVec3::X, glam::DVec3::new(0.5, 0.75_f64.sqrt(), 0.0)];
-        mesh.triangles = vec![[0, 1, 2]];
-        mesh.groups.clear();
-        let table = SpringTable::of(&mesh, MATERIAL, Some(0.001), &[0]).unwrap();
-        let springs = &table.cells[0].springs;
-        let size = |kind: &str| {
-            let own = springs.iter().filter(|s| s.kind == kind).map(|s| s.biquadratic.abs());
-            own.fold(0.0, f64::max)
-        };
-        assert_eq!(springs.len(), 6);
-        assert!(size("angular") < 1e-12 * size("tensile"), "{springs:?}");
-        let error = SpringTable::of(&mesh, MATERIAL, None, &[0]).unwrap_err().to_string();
-        assert!(error.contains("--thickness"), "{error}");
     }
 }

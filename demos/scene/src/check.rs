@@ -1,7 +1,7 @@
 //! `sinew check`: everything that is looked at before the first step, and no step.
 
 use crate::assemble::{BuildOptions, build};
-use crate::error::SceneError;
+use crate::error::{SceneError, SceneProblem};
 use crate::scene::LoadedScene;
 use crate::text::{counted, short};
 use crate::warning::{Level, Warning};
@@ -60,7 +60,7 @@ fn check_scene(path: &Path, summary: &mut CheckSummary) -> Result<(), SceneError
     let loaded = LoadedScene::read(path)?;
     let options = BuildOptions { threads: Some(1), ..BuildOptions::default() };
     let mut built = build(&loaded, &options).inspect_err(|error| {
-        if let SceneError::Check { source, .. } = error {
+        if let SceneError::At { problem: SceneProblem::Check(source), .. } = error {
             summary.meshes.push((*source.report).clone());
         }
     })?;

@@ -49,19 +49,26 @@ pub enum SceneError {
         /// What the operating system said.
         source: std::io::Error,
     },
-    /// The file is not TOML, or a value has the wrong type.
-    #[error("{place}: {message}; see demos/scenes/README.md for every key")]
-    Syntax {
+    /// Something at a key.
+    #[error("{place}: {problem}")]
+    At {
         /// Where.
         place: Box<Place>,
-        /// What the parser said.
-        message: String,
+        /// What is wrong.
+        problem: SceneProblem,
     },
+}
+
+/// What is wrong at a key of a scene.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SceneProblem {
+    /// The file is not TOML, or a value has the wrong type.
+    #[error("{0}; see demos/scenes/README.md for every key")]
+    Syntax(String),
     /// A key or a choice that does not exist.
-    #[error("{place}: unknown {kind} `{name}`; {hint}")]
+    #[error("unknown {kind} `{name}`; {hint}")]
     Unknown {
-        /// Where.
-        place: Box<Place>,
         /// What was looked for: a key, group, body ...
         kind: &'static str,
         /// What was given.
@@ -70,40 +77,32 @@ pub enum SceneError {
         hint: String,
     },
     /// A required key is absent.
-    #[error("{place}: {what} is missing; {remedy}")]
+    #[error("{what} is missing; {remedy}")]
     Missing {
-        /// Where it should stand.
-        place: Box<Place>,
         /// What is missing.
         what: String,
         /// What to write.
         remedy: String,
     },
     /// A value out of range.
-    #[error("{place}: {found}; {remedy}")]
+    #[error("{found}; {remedy}")]
     Value {
-        /// Where.
-        place: Box<Place>,
         /// What was given.
         found: String,
         /// What is valid.
         remedy: String,
     },
-    /// Two entries with the same name.
-    #[error("{place}: the name `{name}` is used by another {kind}; names must be unique")]
+    /// Two entries with the same name; this is the second one.
+    #[error("the name `{name}` is used by another {kind}; names must be unique")]
     Duplicate {
-        /// Where the second one stands.
-        place: Box<Place>,
         /// What the entries are.
         kind: &'static str,
         /// The name.
         name: String,
     },
     /// A selection without vertices.
-    #[error("{place}: no vertex of body `{body}` is selected; {remedy}")]
+    #[error("no vertex of body `{body}` is selected; {remedy}")]
     EmptySelection {
-        /// Where.
-        place: Box<Place>,
         /// Name of the body.
         body: String,
         /// What to do.
@@ -111,12 +110,9 @@ pub enum SceneError {
     },
     /// A vertex index beyond the mesh.
     #[error(
-        "{place}: vertex {vertex} does not exist, body `{body}` has {count} vertices; indices count \
-         from 0 in the order of the mesh"
+        "vertex {vertex} does not exist, body `{body}` has {count} vertices; indices count from 0 in the order of the mesh"
     )]
     VertexIndex {
-        /// Where.
-        place: Box<Place>,
         /// Name of the body.
         body: String,
         /// The index.
@@ -126,102 +122,67 @@ pub enum SceneError {
     },
     /// A static body that could float away.
     #[error(
-        "{place}: body `{body}` of a static scene is not held against {motion}; without that it has \
-         no equilibrium, add a [[constraint]]"
+        "body `{body}` of a static scene is not held against {motion}; without that it has no equilibrium, add a \
+         [[constraint]]"
     )]
     NotHeld {
-        /// Where the body stands.
-        place: Box<Place>,
         /// Name of the body.
         body: String,
         /// The free motion.
         motion: String,
     },
     /// A mesh file or a generated shape.
-    #[error("{place}: {source}")]
-    Mesh {
-        /// Where.
-        place: Box<Place>,
-        /// What is wrong.
-        #[source]
-        source: Box<MeshError>,
-    },
+    #[error(transparent)]
+    Mesh(Box<MeshError>),
     /// A mesh with errors.
-    #[error("{place}: {source}")]
-    Check {
-        /// Where.
-        place: Box<Place>,
-        /// What is wrong.
-        #[source]
-        source: CheckError,
-    },
+    #[error(transparent)]
+    Check(#[from] CheckError),
     /// A material out of range, or an unknown preset.
-    #[error("{place}: {source}")]
-    Material {
-        /// Where.
-        place: Box<Place>,
-        /// What is wrong.
-        #[source]
-        source: MaterialError,
-    },
+    #[error(transparent)]
+    Material(#[from] MaterialError),
     /// Cell data of a mesh file that are no material.
-    #[error("{place}: cell data `{array}` of {mesh}, {source}")]
+    #[error("cell data `{array}` of {mesh}, {source}")]
     Field {
-        /// Where.
-        place: Box<Place>,
         /// The mesh file.
         mesh: String,
         /// Name of the data.
         array: String,
         /// What is wrong.
-        #[source]
         source: Box<FieldError>,
     },
     /// Fibres that cannot be made.
-    #[error("{place}: {source}")]
-    Fibres {
-        /// Where.
-        place: Box<Place>,
-        /// What is wrong.
-        #[source]
-        source: Box<FibreError>,
-    },
+    #[error(transparent)]
+    Fibres(Box<FibreError>),
     /// Axes that cannot be used.
-    #[error("{place}: {source}")]
-    Axes {
-        /// Where.
-        place: Box<Place>,
-        /// What is wrong.
-        #[source]
-        source: Box<AxesError>,
-    },
+    #[error(transparent)]
+    Axes(Box<AxesError>),
     /// A body that cannot be built.
-    #[error("{place}: {source}")]
-    Body {
-        /// Where.
-        place: Box<Place>,
-        /// What is wrong.
-        #[source]
-        source: Box<BodyError>,
-    },
+    #[error(transparent)]
+    Body(Box<BodyError>),
     /// A setting of the solver.
-    #[error("{place}: {source}")]
-    Setting {
-        /// Where.
-        place: Box<Place>,
-        /// What is wrong.
-        #[source]
-        source: StepError,
-    },
+    #[error(transparent)]
+    Setting(#[from] StepError),
     /// Anything else that the engine refuses.
-    #[error("{place}: {source}")]
-    Simulation {
-        /// Where.
-        place: Box<Place>,
-        /// What is wrong.
-        #[source]
-        source: Box<SimulationError>,
-    },
+    #[error(transparent)]
+    Simulation(Box<SimulationError>),
+}
+
+macro_rules! boxed {
+    ($($variant:ident: $error:ty;)*) => {$(
+        impl From<$error> for SceneProblem {
+            fn from(error: $error) -> Self {
+                Self::$variant(Box::new(error))
+            }
+        }
+    )*};
+}
+
+boxed! {
+    Mesh: MeshError;
+    Fibres: FibreError;
+    Axes: AxesError;
+    Body: BodyError;
+    Simulation: SimulationError;
 }
 
 /// A run that could not start, or whose results could not be written. A run that diverges is not an
@@ -293,7 +254,7 @@ pub fn hint<'a>(kind: &str, name: &str, candidates: impl IntoIterator<Item = &'a
             let candidate = c.to_lowercase();
             let part = wanted.len() >= 3
                 && (candidate.contains(&wanted) || wanted.contains(&candidate) && c.len() >= 3);
-            (if part { 0 } else { edit_distance(&wanted, &candidate) }, c)
+            (if part { 0 } else { strsim::osa_distance(&wanted, &candidate) }, c)
         })
         .filter(|&(distance, _)| distance <= limit)
         .collect();
@@ -308,38 +269,5 @@ pub fn hint<'a>(kind: &str, name: &str, candidates: impl IntoIterator<Item = &'a
             let names: Vec<&str> = near.iter().take(3).map(|n| n.1).collect();
             format!("did you mean {}?", quoted(&names))
         }
-    }
-}
-
-/// Least number of inserted, deleted, replaced or exchanged neighbouring characters.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
-    let mut rows = vec![(0..=b.len()).collect::<Vec<_>>()];
-    for i in 1..=a.len() {
-        let mut row = vec![i];
-        for j in 1..=b.len() {
-            let replaced = rows[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
-            let mut best = replaced.min(row[j - 1] + 1).min(rows[i - 1][j] + 1);
-            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                best = best.min(rows[i - 2][j - 2] + 1);
-            }
-            row.push(best);
-        }
-        rows.push(row);
-    }
-    rows[a.len()][b.len()]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn hints_name_the_nearest_or_all() {
-        let keys = ["young_modulus", "poisson_ratio", "density"];
-        assert_eq!(hint("key", "youngs_modulus", keys), "did you mean `young_modulus`?");
-        assert_eq!(hint("key", "desnity", keys), "did you mean `density`?");
-        assert_eq!(hint("group", "top", ["x0", "x1"]), "known: `x0`, `x1`");
-        assert_eq!(hint("group", "top", []), "there is no group to choose from");
     }
 }

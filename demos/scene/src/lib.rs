@@ -16,6 +16,7 @@
 //! * [`run`](mod@run): the loop over steps, with an observer for progress.
 //! * [`output`]: VTU frames, their PVD index and the CSV of probes.
 //! * [`summary`]: what a run reports, as data and as text.
+//! * [`text`]: numbers and hints in words.
 //! * [`check`], [`mesh_tool`], [`validate`](mod@validate): the other subcommands.
 //! * [`modes`](mod@modes): modes of free vibration.
 
@@ -33,7 +34,7 @@ pub mod run;
 pub mod scene;
 pub mod springs;
 pub mod summary;
-mod text;
+pub mod text;
 pub mod validate;
 pub mod warning;
 

@@ -4,7 +4,6 @@
 use crate::assemble::{BuiltBody, BuiltScene};
 use crate::error::RunError;
 use crate::probe;
-use crate::run::checkpoint;
 use crate::warning::{Level, Warning};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -133,6 +132,19 @@ pub struct Writer {
     start: Vec<ByKind<usize>>,
 }
 
+/// Checkpoints in a folder with their steps, ascending.
+pub(crate) fn checkpoints(folder: &Path) -> Vec<(u64, PathBuf)> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let step = |path: &Path| {
+        let name = path.file_name()?.to_str()?;
+        name.strip_prefix("checkpoint-")?.strip_suffix(".sinew")?.parse().ok()
+    };
+    let mut all: Vec<(u64, PathBuf)> =
+        entries.filter_map(|entry| Some((step(&entry.path())?, entry.path()))).collect();
+    all.sort();
+    all
+}
+
 /// The name of a scene as that of files.
 fn stem(name: &str) -> String {
     let kept = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
@@ -209,7 +221,7 @@ impl Writer {
         let of_contact: &[&str] = if built.touches() { &CONTACT_COLUMNS } else { &[] };
         let columns = COMMON_COLUMNS.iter().chain(of_contact).map(|c| (*c).to_string());
         let header: Vec<String> =
-            columns.chain(probe::columns(&built.probes)).map(|c| header_cell(&c)).collect();
+            columns.chain(probe::columns(&built.probes)).map(|c| csv_heading(&c)).collect();
         let mut writer = Self { note, ..Self::of(folder, name, built, csv, csv_path) };
         writer.line(&header.join(","))?;
         Ok(writer)
@@ -281,7 +293,7 @@ impl Writer {
     /// # Errors
     /// When it cannot be written.
     pub fn row(&mut self, step: u64, values: &[f64]) -> Result<(), RunError> {
-        let cells = values.iter().map(|value| Cell(*value).to_string());
+        let cells = values.iter().map(|value| CsvNumber(*value).to_string());
         self.line(&std::iter::once(step.to_string()).chain(cells).collect::<Vec<_>>().join(","))
     }
 
@@ -421,7 +433,7 @@ fn remove_old(folder: &Path, stem: &str) -> Result<Option<Warning>, RunError> {
             old.push(path);
         }
     }
-    old.extend(checkpoint::found(folder).into_iter().map(|(_, path)| path));
+    old.extend(checkpoints(folder).into_iter().map(|(_, path)| path));
     let mut count = 0;
     for path in old {
         match std::fs::remove_file(&path) {
@@ -442,13 +454,17 @@ fn remove_old(folder: &Path, stem: &str) -> Result<Option<Warning>, RunError> {
     }))
 }
 
-/// A cell of the header: quoted where its text asks for it, and no formula for a spreadsheet.
-fn header_cell(text: &str) -> String {
-    let text = match text.starts_with(['=', '+', '-', '@']) {
-        true => format!("'{text}"),
-        false => text.to_string(),
-    };
-    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
+/// A text that is no formula for a spreadsheet.
+pub fn no_formula(text: &str) -> String {
+    let formula = text.starts_with(['=', '+', '-', '@']);
+    if formula { format!("'{text}") } else { text.to_string() }
+}
+
+/// A heading of a CSV file: quoted where its text asks for it, and no formula for a spreadsheet.
+pub fn csv_heading(text: &str) -> String {
+    let text = no_formula(text);
+    let plain = !text.contains([',', '"', '\n', '\r']);
+    if plain { text } else { format!("\"{}\"", text.replace('"', "\"\"")) }
 }
 
 fn picked<T: Copy>(from: &[T], which: &[usize]) -> Vec<T> {
@@ -456,9 +472,9 @@ fn picked<T: Copy>(from: &[T], which: &[usize]) -> Vec<T> {
 }
 
 /// A number of the CSV file, with nine digits.
-struct Cell(f64);
+struct CsvNumber(f64);
 
-impl std::fmt::Display for Cell {
+impl std::fmt::Display for CsvNumber {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         // nothing to tell, such as volume ratios of a membrane
         if !self.0.is_finite() {

@@ -23,7 +23,7 @@ pub struct Probe {
     /// What an entry must say.
     pub needs: Needs,
     /// How it is found.
-    pub evaluate: Evaluate,
+    pub evaluate: ProbeValue,
 }
 
 /// What a quantity is about, and so what its entry must say.
@@ -49,14 +49,14 @@ pub enum Needs {
 
 /// A quantity of one column, or of three.
 #[derive(Clone, Copy, Debug)]
-pub enum Evaluate {
+pub enum ProbeValue {
     /// A number.
-    Scalar(fn(&mut Sampler, &Subject) -> f64),
+    Scalar(fn(&mut Sampler, &ProbeSubject) -> f64),
     /// A vector.
-    Vector(fn(&mut Sampler, &Subject) -> DVec3),
+    Vector(fn(&mut Sampler, &ProbeSubject) -> DVec3),
 }
 
-use Evaluate::{Scalar, Vector};
+use ProbeValue::{Scalar, Vector};
 
 /// Everything that probes can record.
 pub static PROBES: [Probe; 35] = [
@@ -139,7 +139,7 @@ const fn scalar(
     key: &'static str,
     unit: &'static str,
     needs: Needs,
-    evaluate: fn(&mut Sampler, &Subject) -> f64,
+    evaluate: fn(&mut Sampler, &ProbeSubject) -> f64,
 ) -> Probe {
     Probe { key, column: key, unit, needs, evaluate: Scalar(evaluate) }
 }
@@ -149,7 +149,7 @@ const fn vector(
     key: &'static str,
     unit: &'static str,
     needs: Needs,
-    evaluate: fn(&mut Sampler, &Subject) -> DVec3,
+    evaluate: fn(&mut Sampler, &ProbeSubject) -> DVec3,
 ) -> Probe {
     Probe { key, column: key, unit, needs, evaluate: Vector(evaluate) }
 }
@@ -214,7 +214,7 @@ impl<'a> Sampler<'a> {
 }
 
 /// What an entry is about.
-pub struct Subject<'a> {
+pub struct ProbeSubject<'a> {
     probe: &'a BuiltProbe,
     body: &'a BuiltBody,
     constraint: Option<&'a BuiltConstraint>,
@@ -238,7 +238,7 @@ pub struct Recorded<'a> {
     pub contacts: &'a [BuiltContact],
 }
 
-impl Subject<'_> {
+impl ProbeSubject<'_> {
     /// What the tool felt.
     fn tool(&self, now: &Sampler) -> ToolReport {
         self.tool.map_or_else(ToolReport::default, |tool| tool.report(now.simulation))
@@ -289,7 +289,7 @@ pub fn values(
 ) -> Vec<f64> {
     let mut values = Vec::new();
     for probe in probes {
-        let of = Subject {
+        let of = ProbeSubject {
             probe,
             body: &parts.bodies[probe.body],
             constraint: probe.constraint.map(|i| &parts.constraints[i]),

@@ -114,7 +114,7 @@ pub(crate) struct Matter {
 }
 
 /// A file of springs, and what is said of it.
-struct Reader<'a> {
+struct SpringsReader<'a> {
     key: &'a Key<'a>,
     name: String,
     mesh: &'a Mesh,
@@ -131,7 +131,7 @@ pub(crate) fn read(
     matter: &Matter,
 ) -> Result<Springs, SceneError> {
     let full = key.loaded.resolve(path);
-    let reader = Reader { key, name: full.display().to_string(), mesh };
+    let reader = SpringsReader { key, name: full.display().to_string(), mesh };
     let again = "write it with `sinew fit MESH --out FILE.json`";
     let bytes = key.loaded.read_bytes(path).map_err(|e| reader.fault(e.to_string(), again))?;
     let file: SpringFile =
@@ -153,7 +153,7 @@ fn pairs(nodes: &[u32]) -> impl Iterator<Item = [u32; 2]> {
         .flat_map(move |(i, &a)| nodes[i + 1..].iter().map(move |&b| [a.min(b), a.max(b)]))
 }
 
-impl Reader<'_> {
+impl SpringsReader<'_> {
     fn fault(&self, found: impl std::fmt::Display, remedy: &str) -> SceneError {
         self.key.value(format!("{}: {found}", self.name), remedy)
     }

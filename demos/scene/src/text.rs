@@ -53,12 +53,12 @@ pub fn seconds(x: f64) -> String {
 }
 
 /// Lines with labels under a title.
-pub(crate) struct Block {
+pub(crate) struct TextBlock {
     title: &'static str,
     lines: Vec<(String, String)>,
 }
 
-impl Block {
+impl TextBlock {
     /// Without lines, when nothing is printed.
     pub fn new(title: &'static str) -> Self {
         Self { title, lines: Vec::new() }
@@ -71,7 +71,7 @@ impl Block {
 }
 
 /// Writes blocks, their labels in one column.
-pub(crate) fn write_blocks(f: &mut fmt::Formatter<'_>, blocks: &[Block]) -> fmt::Result {
+pub(crate) fn write_blocks(f: &mut fmt::Formatter<'_>, blocks: &[TextBlock]) -> fmt::Result {
     let labels = blocks.iter().flat_map(|block| &block.lines).map(|(label, _)| label);
     let width = labels.map(|label| label.chars().count()).max().unwrap_or(0).min(35);
     for block in blocks.iter().filter(|block| !block.lines.is_empty()) {
@@ -81,19 +81,4 @@ pub(crate) fn write_blocks(f: &mut fmt::Formatter<'_>, blocks: &[Block]) -> fmt:
         }
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_are_short() {
-        let texts: Vec<String> =
-            [0.0, 1.0, 1060.0, 0.012345, 1234.5678, 3.2e-9, 1e7].map(short).into();
-        assert_eq!(texts, ["0", "1", "1060", "0.01235", "1235", "3.20e-9", "1.00e7"]);
-        assert_eq!(pressure(5000.0), "5 kPa");
-        assert_eq!(seconds(0.0166667), "16.7 ms");
-        assert_eq!(seconds(125.0), "2 min 05 s");
-    }
 }

@@ -8,7 +8,7 @@ use sinew::models::axes::field::to_cell_data;
 use sinew::models::body::Model;
 use sinew::models::body::sheet::MembraneModel;
 use sinew_scene::assemble::{BuildOptions, build};
-use sinew_scene::error::SceneError;
+use sinew_scene::error::{SceneError, SceneProblem};
 use sinew_scene::mesh_tool::write;
 use sinew_scene::probe::PROBES;
 use sinew_scene::scene::{LoadedScene, Scene};
@@ -52,12 +52,13 @@ fn attempt(text: &str) -> Result<(), SceneError> {
 
 /// Replaces one piece of the good scene; the error is of the given kind, stands on the line of the
 /// replacement (0: no line) and has all the words.
-fn check(from: &str, to: &str, kind: fn(&SceneError) -> bool, line: usize, words: &[&str]) {
+fn check(from: &str, to: &str, kind: fn(&SceneProblem) -> bool, line: usize, words: &[&str]) {
     assert_eq!(GOOD.matches(from).count(), 1, "`{from}` must occur once");
     let text = GOOD.replace(from, to);
     let error = attempt(&text).expect_err(to);
     let message = error.to_string();
-    assert!(kind(&error), "{to}: unexpected kind of error: {error:?}");
+    let SceneError::At { problem, .. } = error else { panic!("{to}: {error:?}") };
+    assert!(kind(&problem), "{to}: unexpected kind of error: {problem:?}");
     assert!(message.contains("bad.toml"), "{message}");
     if line > 0 {
         assert!(
@@ -83,7 +84,7 @@ macro_rules! bad {
     )*};
 }
 
-use SceneError::*;
+use SceneProblem::*;
 
 const MATERIAL: &str = "{ young_modulus = 1e5, poisson_ratio = 0.4, density = 1000.0 }";
 
@@ -221,7 +222,7 @@ material = { preset = "liver" }
 #[test]
 fn a_static_scene_must_be_held_and_has_no_time() {
     let error = attempt(STATIC).unwrap_err();
-    assert!(matches!(error, NotHeld { .. }));
+    assert!(matches!(error, SceneError::At { problem: NotHeld { .. }, .. }));
     let message = error.to_string();
     assert!(message.contains("line 5") && message.contains("x, y, z"), "{message}");
 
@@ -238,7 +239,7 @@ fn a_static_scene_must_be_held_and_has_no_time() {
 #[test]
 fn a_file_that_is_not_there_is_named() {
     let error = LoadedScene::read("no/such/scene.toml".as_ref()).unwrap_err();
-    assert!(matches!(error, Io { .. }));
+    assert!(matches!(error, SceneError::Io { .. }));
     assert!(error.to_string().contains("no/such/scene.toml"));
 }
 

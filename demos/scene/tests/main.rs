@@ -1,6 +1,9 @@
 //! Scene files and what runs them. In one binary: each would link, and in part compile, everything below for itself.
 
 mod bad_scenes;
+#[cfg(feature = "render")]
+mod boundary;
+mod cell_springs;
 mod checkpoints;
 mod common;
 mod fuzz;
@@ -8,8 +11,15 @@ mod fuzz;
 mod gpu_scenes;
 mod material_fields;
 #[cfg(feature = "render")]
+mod measure;
+mod modes;
+#[cfg(feature = "render")]
 mod pictures;
+mod read;
+mod removal;
 mod scenes;
+mod summary;
+mod text;
 mod tools;
 mod touch;
 mod truth;

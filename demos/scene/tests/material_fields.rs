@@ -6,7 +6,7 @@ use sinew::engine::mesh::generate::box_tets;
 use sinew::engine::mesh::io::{VtuData, write_gmsh, write_vtk, write_vtu};
 use sinew::engine::mesh::{CellData, Mesh};
 use sinew_scene::assemble::{BuildOptions, build};
-use sinew_scene::error::SceneError;
+use sinew_scene::error::{SceneError, SceneProblem};
 use sinew_scene::output::Writer;
 use sinew_scene::scene::LoadedScene;
 use std::path::Path;
@@ -88,7 +88,7 @@ fn fields_of_every_format_reach_the_body_and_the_frames() {
     says(&message, &["bar.toml, line 12", "`stifness`", "did you mean `stiffness`"]);
     let error =
         attempt(&folder, &scene("a.vtu", "density_field = \"bad\"")).map(|_| ()).unwrap_err();
-    assert!(matches!(error, SceneError::Field { .. }));
+    assert!(matches!(error, SceneError::At { problem: SceneProblem::Field { .. }, .. }));
     let message = error.to_string();
     says(
         &message,

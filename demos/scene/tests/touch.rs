@@ -4,6 +4,7 @@ use crate::common::says;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, sphere_triangles, triangle_grid};
+use sinew::touch::tool::{Tool, ToolPose};
 use sinew_scene::assemble::{BuildOptions, build};
 use sinew_scene::mesh_tool::write;
 use sinew_scene::run::{RunOptions, Silent, run};
@@ -276,6 +277,38 @@ fn a_static_scene_is_pressed_exactly() {
     assert!(last[2] > 0.05 && last[3] < 1e-8, "{last:?}");
 }
 
+#[test]
+fn the_old_name_of_friction_is_read_and_told() {
+    let check = |keys: &str| {
+        let text =
+            format!("{BLOCK}{BALL}{keys}\n[[contact]]\nname = \"c\"\nself = \"block\"\n{keys}");
+        let scene = LoadedScene::parse(&text, Path::new("friction.toml")).unwrap();
+        let built = build(&scene, &BuildOptions::default()).unwrap();
+        let told = built.warnings.iter().filter(|w| w.code == "scene.key.renamed");
+        ([built.tools[0].friction, built.contacts[0].friction], told.count())
+    };
+    assert_eq!(check("friction = 0.3"), ([0.3; 2], 0));
+    assert_eq!(check("mu = 0.3"), ([0.3; 2], 2));
+}
+
+#[test]
+fn turns_go_evenly_and_further_than_half_round() {
+    let tool = "[[tool]]\nname = \"jaws\"\nhinge = [0, 0, 0]\nhinge_axis = [1, 0, 0]\n\
+                parts = [{ shape = \"sphere\", radius = 0.1, jaw = 0.5 }]\n\
+                path = [[0.0, 0.0, 0.0, 1.0, 0.0], [4.0, 4.0, 0.0, 1.0, 90.0]]\n\
+                turns = [[1.0, 0.0, 0.0, 2.0, 0.0], [3.0, 0.0, 0.0, 1.0, 540.0]]\n";
+    let built = build(&loaded(&format!("{BLOCK}{tool}")), &BuildOptions::default()).unwrap();
+    let tool = built.simulation.world().get::<Tool>(built.tools[0].entity).unwrap();
+    for (time, degrees) in [(0.5, 0.0), (1.5, 135.0), (2.0, 270.0), (2.9, 513.0), (3.5, 540.0)] {
+        let pose = tool.wanted(time, ToolPose::default());
+        let angle = f64::to_radians(degrees);
+        let expected = DVec3::new(angle.cos(), angle.sin(), 0.0);
+        assert!((pose.rotation * DVec3::X - expected).length() < 1e-5, "{time}: {pose:?}");
+        assert!((pose.position - DVec3::new(time, 0.0, 1.0)).length() < 1e-12);
+        assert!((pose.opening - f64::to_radians(22.5 * time)).abs() < 1e-12);
+    }
+}
+
 /// Entries, the line of the error after those of [`BLOCK`], and words of it.
 #[test]
 fn what_cannot_touch_is_named_with_line_and_key() {
@@ -285,7 +318,9 @@ fn what_cannot_touch_is_named_with_line_and_key() {
     let pull = "[[pull]]\nname = \"hand\"\nselect = { group = \"z1\" }";
     let cases: Vec<((String, usize), &[&str])> = vec![
         (ball("radus = 1.0"), &["unknown key `radus`", "did you mean `radius`?"]),
-        (ball("mu = -0.3"), &["`tool[0].mu`", "coefficient of friction is -0.3", "0 or positive"]),
+        (ball("friction = -0.3"), &["`tool[0].friction`", "friction is -0.3", "0 or positive"]),
+        (ball("mu = -0.3"), &["`tool[0].mu`", "friction is -0.3", "0 or positive"]),
+        (ball("mu = 0.3\nfriction = 0.3"), &["`tool[0].mu`", "`friction` is given", "old name"]),
         (ball("exact = true"), &["`tool[0].exact`", "safe", "newton"]),
         (ball("stiffness = 0.0"), &["stiffness is 0", "positive"]),
         (ball("stiffness_absolute = 1e6\nstiffness = 1.0"), &["`stiffness` is given as well"]),
@@ -371,7 +406,10 @@ fn what_cannot_touch_is_named_with_line_and_key() {
             &["`path` is given"],
         ),
         (("[[contact]]\nname = \"c\"\nself = \"blok\"".into(), 3), &["body `blok`", "`block`"]),
-        (("[[contact]]\nname = \"c\"\nself = \"block\"\nmu = -1.0".into(), 4), &["friction is -1"]),
+        (
+            ("[[contact]]\nname = \"c\"\nself = \"block\"\nfriction = -1.0".into(), 4),
+            &["friction is -1"],
+        ),
         (("[[contact]]\nname = \"c\"".into(), 1), &["exactly one of `bodies` and `self`"]),
         (
             ("[[contact]]\nname = \"c\"\nbodies = [\"block\", \"block\"]".into(), 3),

@@ -18,7 +18,7 @@ use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::prelude::*;
 use sinew_scene::assemble::{BuildOptions, build};
 use sinew_scene::error::SceneError;
-use sinew_scene::scene::{Body, LoadedScene, Mode, PrecisionName};
+use sinew_scene::scene::{BodyEntry, LoadedScene, Mode, PrecisionName};
 use sinew_scene::summary::{evaluation_name, model_name};
 use std::time::Instant;
 
@@ -154,7 +154,7 @@ impl Choice {
 
 /// One run of the search.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct AdviceRow {
     /// Integrator.
     pub integrator: String,
     /// Step (s), or load steps of a static scene.
@@ -213,7 +213,7 @@ pub struct Advice {
     /// Estimate of its own error (%).
     pub truth_error_percent: f64,
     /// All runs.
-    pub rows: Vec<Row>,
+    pub rows: Vec<AdviceRow>,
     /// Index of the recommended row, or of the best trade-off when the request cannot be met.
     pub best: usize,
     /// Mean wall time per frame when it was measured again (ms).
@@ -224,7 +224,7 @@ pub struct Advice {
 
 /// A scene being searched.
 #[derive(Clone, Copy)]
-struct Search<'a> {
+struct AdviceSearch<'a> {
     loaded: &'a LoadedScene,
     request: Request,
     /// Frames of the horizon; load steps do not count.
@@ -236,7 +236,7 @@ struct Search<'a> {
 }
 
 /// A finished or given up run.
-struct Run {
+struct TimedRun {
     states: Vec<Vec<DVec3>>,
     frames: Vec<f64>,
     note: String,
@@ -268,21 +268,21 @@ pub fn advise(
     let (mut cuts, mut own) = (None, loaded.clone());
     if let Some(largest) = request.mesh_error {
         // converged steps on finer meshes take many times as long
-        let (search, _) = Search::of(loaded, request, HORIZON_SECONDS / 8.0)?;
+        let (search, _) = AdviceSearch::of(loaded, request, HORIZON_SECONDS / 8.0)?;
         let found = search.cuts(largest, &mut tell)?;
         own = found.chosen(loaded);
         cuts = Some(found);
     }
     let loaded = &own;
-    let (search, all_frames) = Search::of(loaded, request, HORIZON_SECONDS)?;
+    let (search, all_frames) = AdviceSearch::of(loaded, request, HORIZON_SECONDS)?;
     let fixed = search.fixed;
     tell("converged run");
     let (truth, how, own) = search.truth(&mut tell)?;
 
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut rows: Vec<Row> = Vec::new();
+    let mut rows: Vec<AdviceRow> = Vec::new();
     let mut tried: Vec<Choice> = Vec::new();
-    let mut attempt = |choice: Choice, rows: &mut Vec<Row>| -> Result<(), AdviseError> {
+    let mut attempt = |choice: Choice, rows: &mut Vec<AdviceRow>| -> Result<(), AdviseError> {
         if !tried.contains(&choice) {
             tell(&format!("trying {}", choice.options()));
             rows.push(search.row(&choice, &truth)?);
@@ -340,8 +340,8 @@ pub fn advise(
 }
 
 /// The fastest row that meets the request, or the one that misses it least; and which it is.
-fn choose(rows: &[Row], request: Request) -> Option<(usize, bool)> {
-    let excess = |row: &Row| {
+fn choose(rows: &[AdviceRow], request: Request) -> Option<(usize, bool)> {
+    let excess = |row: &AdviceRow| {
         let error = row.error_percent.map_or(f64::INFINITY, |e| e / 100.0 / request.error);
         (row.frame_ms * 1e-3 / request.budget_s).max(error)
     };
@@ -357,8 +357,8 @@ fn choose(rows: &[Row], request: Request) -> Option<(usize, bool)> {
     }
 }
 
-fn mark(rows: &mut [Row]) {
-    let pair = |r: &Row| [r.frame_ms, r.error_percent.unwrap_or(f64::NAN)];
+fn mark(rows: &mut [AdviceRow]) {
+    let pair = |r: &AdviceRow| [r.frame_ms, r.error_percent.unwrap_or(f64::NAN)];
     let pairs: Vec<[f64; 2]> = rows.iter().map(pair).collect();
     let on_front = front(&pairs, 0.01);
     for (i, row) in rows.iter_mut().enumerate() {
@@ -366,7 +366,7 @@ fn mark(rows: &mut [Row]) {
     }
 }
 
-impl<'a> Search<'a> {
+impl<'a> AdviceSearch<'a> {
     /// The part of a scene that takes about so long (s of wall time) with the settings of the scene, and the frames of all
     /// of it.
     fn of(
@@ -377,10 +377,10 @@ impl<'a> Search<'a> {
         let plan = build(loaded, &BuildOptions::default())?.plan;
         let fixed = plan.mode == Mode::Static;
         let mut search =
-            Search { loaded, request, frames: plan.steps, every: 1, dt: plan.dt, fixed };
+            AdviceSearch { loaded, request, frames: plan.steps, every: 1, dt: plan.dt, fixed };
         if !fixed {
             // how much of the scene can be afforded
-            let probe = Search { frames: plan.steps.min(10), ..search };
+            let probe = AdviceSearch { frames: plan.steps.min(10), ..search };
             let trial = probe.run(&Choice::default(), None)?;
             let frame = trial.frames.iter().sum::<f64>() / trial.frames.len().max(1) as f64;
             let affordable = (seconds / frame.max(1e-6)) as u64;
@@ -392,7 +392,7 @@ impl<'a> Search<'a> {
     }
 }
 
-impl Search<'_> {
+impl AdviceSearch<'_> {
     fn first_choices(&self) -> Vec<Choice> {
         let base =
             Choice { threads: Some(1), precision: Some(Precision::F64), ..Choice::default() };
@@ -436,7 +436,7 @@ impl Search<'_> {
     fn neighbours(&self, choice: &Choice, cores: usize) -> Vec<Choice> {
         let mut all = vec![Choice { precision: Some(Precision::F32), ..choice.clone() }];
         let bodies = &self.loaded.scene.bodies;
-        let pooled = |body: &Body| {
+        let pooled = |body: &BodyEntry| {
             let plain = body.volume == VolumeRule::Elements && !body.second_order;
             plain && choice.model.unwrap_or(body.model).supports(Evaluation::Pooled)
         };
@@ -466,14 +466,18 @@ impl Search<'_> {
     }
 
     /// Runs the horizon; stops when `limit` (s of wall time per frame) is exceeded by far.
-    fn run(&self, choice: &Choice, limit: Option<f64>) -> Result<Run, AdviseError> {
+    fn run(&self, choice: &Choice, limit: Option<f64>) -> Result<TimedRun, AdviseError> {
         let mut loaded = self.loaded.clone();
         choice.apply(&mut loaded);
         let mut scene = build(&loaded, &BuildOptions::default())?;
         let per_frame = if self.fixed { 1 } else { (self.dt / scene.plan.dt).round() as u64 };
         let frames = if self.fixed { scene.plan.steps } else { self.frames };
-        let mut run =
-            Run { states: Vec::new(), frames: Vec::new(), note: String::new(), finished: false };
+        let mut run = TimedRun {
+            states: Vec::new(),
+            frames: Vec::new(),
+            note: String::new(),
+            finished: false,
+        };
         let mut total = 0.0;
         for frame in 1..=frames {
             if self.fixed {
@@ -512,7 +516,7 @@ impl Search<'_> {
         Ok(run)
     }
 
-    fn row(&self, choice: &Choice, truth: &[Vec<DVec3>]) -> Result<Row, AdviseError> {
+    fn row(&self, choice: &Choice, truth: &[Vec<DVec3>]) -> Result<AdviceRow, AdviseError> {
         let run = self.run(choice, Some(HOPELESS * self.request.budget_s))?;
         let mut loaded = self.loaded.clone();
         choice.apply(&mut loaded);
@@ -535,7 +539,7 @@ impl Search<'_> {
             all.dedup();
             all.join("+")
         };
-        Ok(Row {
+        Ok(AdviceRow {
             integrator: integrator.name().into(),
             step: match (self.fixed, scene.dt) {
                 (false, Some(dt)) => format!("{} ms", three_digits(1e3 * dt)),
@@ -758,80 +762,5 @@ impl Advice {
             text += &format!("\nWARNING: {warning}\n");
         }
         text
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::path::Path;
-
-    #[test]
-    fn budgets_and_errors_are_read() {
-        assert_eq!(parse_budget("16ms"), Ok(0.016));
-        assert_eq!(parse_budget(" 0.5 s"), Ok(0.5));
-        assert_eq!(parse_budget("250us"), Ok(0.00025));
-        assert_eq!(parse_budget("50fps"), Ok(0.02));
-        assert_eq!(parse_error("2%"), Ok(0.02));
-        for bad in ["16", "ms", "-1ms", "0ms", "1h", "nan s", "", "0fps"] {
-            assert!(parse_budget(bad).unwrap_err().contains("16ms"), "{bad}");
-        }
-        for bad in ["2", "0%", "-1%", "%", "two%", "inf%", ""] {
-            assert!(parse_error(bad).unwrap_err().contains("2%"), "{bad}");
-        }
-    }
-
-    const SCENE: &str = r#"
-        name = "small"
-        dt = 0.02
-        duration = 0.2
-        [solver]
-        mass_damping = 5.0
-        [[body]]
-        name = "beam"
-        generate = { box = { size = [0.1, 0.05, 0.05], cells = [2, 1, 1] } }
-        material = { young_modulus = 2e5, poisson_ratio = 0.4, density = 1000.0 }
-        [[constraint]]
-        name = "clamp"
-        select = { group = "x0" }
-    "#;
-
-    #[test]
-    fn a_generous_request_is_met_and_an_absurd_one_is_not() {
-        let scene = LoadedScene::parse(SCENE, Path::new("small.toml")).unwrap();
-        let generous = Request { budget_s: 1.0, error: 0.02, mesh_error: None };
-        let advice = advise(&scene, generous, |_| {}).unwrap();
-        let best = &advice.rows[advice.best];
-        assert!(advice.met && best.error_percent.unwrap() <= 2.0, "{}", advice.text(true));
-        assert!(advice.text(false).contains(&best.options));
-        // the command makes the same choice
-        let mut again = scene.clone();
-        best.choice.apply(&mut again);
-        assert_eq!(again.scene.dt, best.choice.dt);
-
-        let absurd = Request { budget_s: 1e-9, error: 0.02, mesh_error: None };
-        let advice = advise(&scene, absurd, |_| {}).unwrap();
-        assert!(!advice.met && advice.text(false).contains("CANNOT"));
-    }
-
-    #[test]
-    fn a_mesh_that_bends_is_found() {
-        let scene = SCENE.replace("cells = [2, 1, 1] }", "cells = [4, 2, 2] }");
-        let scene = scene.replace("0.4, density", "0.49, density");
-        let scene = scene.replace("name = \"beam\"", "name = \"beam\"\nmodel = \"neo_hookean\"");
-        let scene = LoadedScene::parse(&scene, Path::new("small.toml")).unwrap();
-        let request = Request { budget_s: 1.0, error: 0.05, mesh_error: Some(0.05) };
-        let advice = advise(&scene, request, |_| {}).unwrap();
-        let cuts = advice.cuts.as_ref().unwrap();
-        let text = advice.text(false);
-        let of = |keys: &str| {
-            let row = cuts.rows.iter().find(|row| row.keys == keys).unwrap();
-            row.error_percent.unwrap()
-        };
-        // linear tetrahedra lock, clusters do so less, ten-node tetrahedra do not
-        assert!(of("") > 1.2 * of("volume = \"clusters\""), "{text}");
-        let quadratic = of("second_order = true, volume = \"clusters\"");
-        assert!(quadratic < 5.0 && of("") > 4.0 * quadratic, "{text}");
-        assert!(cuts.met && text.contains(&cuts.rows[cuts.best].keys), "{text}");
     }
 }

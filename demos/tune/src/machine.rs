@@ -1,7 +1,7 @@
 //! What the figures were measured on, and whether anything else ran meanwhile.
 
 use serde::{Deserialize, Serialize};
-use sinew_scene::summary::Versions;
+use sinew_scene::summary::{Machine, Versions};
 use std::fs::read_to_string;
 use std::time::{Instant, SystemTime};
 
@@ -33,22 +33,20 @@ pub struct MachineNotes {
 impl MachineNotes {
     /// This machine, now.
     pub fn now() -> Self {
-        let field = |file: &str, name: &str| {
-            let text = read_to_string(file).ok()?;
-            let line = text.lines().find(|line| line.starts_with(name))?.to_string();
-            Some(line.split_once(':')?.1.trim().to_string())
+        let memory = || {
+            let text = read_to_string("/proc/meminfo").ok()?;
+            let line = text.lines().find(|line| line.starts_with("MemTotal"))?;
+            line.split_whitespace().nth(1)?.parse::<f64>().ok()
         };
-        let kib = |text: &str| text.split_whitespace().next()?.parse::<f64>().ok();
-        let versions = Versions::this();
+        let (versions, machine) = (Versions::this(), Machine::this());
         let kernel = read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
         let system = format!("{} {}", std::env::consts::OS, kernel.trim());
         Self {
-            processor: field("/proc/cpuinfo", "model name"),
-            cores: std::thread::available_parallelism().map_or(1, usize::from),
+            processor: machine.processor,
+            cores: machine.cores,
             instruction_sets: instruction_sets(),
             caches_kib: caches_kib(),
-            memory_gib: field("/proc/meminfo", "MemTotal")
-                .and_then(|text| Some(kib(&text)? / 1024.0 / 1024.0)),
+            memory_gib: memory().map(|kib| kib / 1024.0 / 1024.0),
             system: system.trim().to_string(),
             target: versions.target.to_string(),
             sinew: versions.sinew.to_string(),
@@ -204,10 +202,13 @@ fn load_average() -> Option<f64> {
 
 /// Clock ticks of all cores together.
 #[derive(Clone, Copy, Debug)]
-struct CoreTimes {
-    busy: u64,
-    stolen: u64,
-    total: u64,
+pub struct CoreTimes {
+    /// In programs.
+    pub busy: u64,
+    /// Taken by other machines.
+    pub stolen: u64,
+    /// All.
+    pub total: u64,
 }
 
 impl CoreTimes {
@@ -215,8 +216,8 @@ impl CoreTimes {
         Self::parse(read_to_string("/proc/stat").ok()?.lines().next()?)
     }
 
-    /// `cpu user nice system idle iowait irq softirq steal ...`
-    fn parse(line: &str) -> Option<Self> {
+    /// From the line `cpu user nice system idle iowait irq softirq steal ...`.
+    pub fn parse(line: &str) -> Option<Self> {
         let fields: Vec<u64> =
             line.split_whitespace().skip(1).take(8).map_while(|x| x.parse().ok()).collect();
         let &[user, nice, system, idle, io, irq, soft, stolen] = fields.as_slice() else {
@@ -248,41 +249,4 @@ fn thread_times() -> Option<[u64; 2]> {
     let text = read_to_string("/proc/thread-self/schedstat").ok()?;
     let mut fields = text.split_whitespace().map(|x| x.parse().ok());
     Some([fields.next()??, fields.next()??])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_busy_machine_is_said_so() {
-        let quiet = Load {
-            wall_s: 1.0,
-            load_before: Some(0.1),
-            load_after: Some(1.0),
-            others: Some(0.01),
-            stolen: Some(0.0),
-            waiting: Some(0.001),
-        };
-        assert_eq!(quiet.warning(2), None);
-        let busy = Load { others: Some(0.5), waiting: Some(0.3), ..quiet };
-        let warning = busy.warning(2).unwrap();
-        assert!(warning.contains("1.00 of the 2 cores") && warning.contains("30 %"), "{warning}");
-        let untold = Load { others: None, stolen: None, waiting: None, ..quiet };
-        assert_eq!(untold.warning(2), None);
-    }
-
-    #[test]
-    fn core_times_are_read() {
-        let times = CoreTimes::parse("cpu  10 1 4 80 5 0 0 2 0 0").unwrap();
-        assert_eq!((times.busy, times.stolen, times.total), (15, 2, 102));
-        assert!(CoreTimes::parse("cpu 1 2").is_none());
-    }
-
-    #[test]
-    fn this_machine_has_a_line() {
-        let notes = MachineNotes::now();
-        assert!(notes.cores > 0 && notes.line().contains(&notes.sinew));
-        assert!(notes.date.starts_with("20"), "{}", notes.date);
-    }
 }

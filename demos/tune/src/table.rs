@@ -1,5 +1,6 @@
 //! Tables: one form for the terminal, CSV, Markdown and HTML.
 
+use sinew_scene::output::no_formula;
 use std::fmt::Write;
 
 /// One value of a table.
@@ -53,13 +54,25 @@ impl Cell {
         }
     }
 
-    /// For programs.
-    fn exact(&self) -> String {
+    /// For programs: all digits of a number.
+    pub fn exact(&self) -> String {
         match self {
             Self::Text(text) => text.clone(),
-            Self::Number(x) => x.to_string(),
+            Self::Number(x) => {
+                let digits = format!("{x:?}");
+                digits.strip_suffix(".0").map_or(digits.clone(), String::from)
+            }
             Self::Count(n) => n.to_string(),
             Self::Missing => String::new(),
+        }
+    }
+
+    /// Its value, if it is a number.
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            Self::Number(x) => Some(*x),
+            Self::Count(n) => Some(*n as f64),
+            Self::Text(_) | Self::Missing => None,
         }
     }
 
@@ -153,7 +166,7 @@ impl Table {
     }
 
     /// Whether a column holds words, which go to the left.
-    fn words(&self, column: usize) -> bool {
+    pub fn is_words(&self, column: usize) -> bool {
         self.rows.iter().any(|row| row[column].is_text())
     }
 
@@ -170,7 +183,7 @@ impl Table {
             let mut text = String::from(mark);
             for (c, cell) in cells.iter().enumerate() {
                 let pad = " ".repeat(widths[c].saturating_sub(cell.chars().count()));
-                let (before, after) = if self.words(c) { ("", &*pad) } else { (&*pad, "") };
+                let (before, after) = if self.is_words(c) { ("", &*pad) } else { (&*pad, "") };
                 let _ = write!(text, "  {before}{cell}{after}");
             }
             text.trim_end().to_string() + "\n"
@@ -192,7 +205,7 @@ impl Table {
     /// When memory cannot be written, which does not happen.
     pub fn csv(&self) -> Result<Vec<u8>, csv::Error> {
         let mut writer = csv::Writer::from_writer(Vec::new());
-        writer.write_record(&self.columns)?;
+        writer.write_record(self.columns.iter().map(|c| no_formula(c)))?;
         for row in &self.rows {
             writer.write_record(row.iter().map(Cell::exact))?;
         }
@@ -203,7 +216,7 @@ impl Table {
     pub fn markdown(&self) -> String {
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
         let mut text = line(self.columns.clone());
-        let rule = |c| if self.words(c) { "---" } else { "---:" }.to_string();
+        let rule = |c| if self.is_words(c) { "---" } else { "---:" }.to_string();
         text += &line((0..self.columns.len()).map(rule).collect());
         for row in &self.rows {
             text += &line(row.iter().map(|c| c.shown().replace('|', "\\|")).collect());
@@ -219,14 +232,14 @@ impl Table {
         }
         text += "<div class=\"scroll\"><table>\n<thead><tr>";
         for (c, column) in self.columns.iter().enumerate() {
-            let class = if self.words(c) { " class=\"words\"" } else { "" };
+            let class = if self.is_words(c) { " class=\"words\"" } else { "" };
             let _ = write!(text, "<th{class}>{}</th>", escape(column));
         }
         text += "</tr></thead>\n<tbody>\n";
         for (i, row) in self.rows.iter().enumerate() {
             text += if self.marked.contains(&i) { "<tr class=\"marked\">" } else { "<tr>" };
             for (c, cell) in row.iter().enumerate() {
-                let class = if self.words(c) { " class=\"words\"" } else { "" };
+                let class = if self.is_words(c) { " class=\"words\"" } else { "" };
                 let _ = write!(text, "<td{class}>{}</td>", escape(&cell.shown()));
             }
             text += "</tr>\n";
@@ -238,46 +251,4 @@ impl Table {
 /// Text safe inside HTML.
 pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn table() -> Table {
-        let mut table = Table::new("t", "A table", &["what", "ms"]).note("x < y");
-        table.row(vec!["a, \"b\"".into(), 1.23456.into()]);
-        table.row(vec!["long | name".into(), None::<f64>.into()]);
-        table.marked = vec![1];
-        table
-    }
-
-    #[test]
-    fn numbers_have_three_digits() {
-        let shown = [0.0, 12345.0, 123.4, 12.34, 1.234, 0.01234, 1e-9, 2.5e7, -3.456];
-        let text = ["0", "12345", "123", "12.3", "1.23", "0.0123", "1.0e-9", "2.5e7", "-3.46"];
-        assert_eq!(shown.map(three_digits), text);
-    }
-
-    #[test]
-    fn every_form_holds_every_cell() {
-        let table = table();
-        assert_eq!(
-            table.text(),
-            "A table\n   what           ms\n   a, \"b\"       1.23\n*  long | name     -\n  x < y\n"
-        );
-        assert_eq!(
-            String::from_utf8(table.csv().unwrap()).unwrap(),
-            "what,ms\n\"a, \"\"b\"\"\",1.23456\nlong | name,\n"
-        );
-        assert!(table.markdown().contains("| long \\| name | - |"));
-        let html = table.html();
-        assert!(html.contains("x &lt; y") && html.contains("<tr class=\"marked\">"));
-    }
-
-    #[test]
-    #[should_panic(expected = "row of table `t`")]
-    fn rows_must_fit() {
-        table().row(vec![Cell::Missing]);
-    }
 }

@@ -7,10 +7,10 @@ use sinew::engine::mesh::io::{VtuData, write_vtu};
 use sinew_scene::assemble::{BuildOptions, build};
 use sinew_scene::scene::LoadedScene;
 use sinew_scene::scene_folder;
-use sinew_tune::fit_data::error::FitError;
+use sinew_tune::fit_data::error::DataFitError;
 use sinew_tune::fit_data::gradient::Gradient;
-use sinew_tune::fit_data::report::FitReport;
-use sinew_tune::fit_data::{FitRequest, fit};
+use sinew_tune::fit_data::report::DataFitReport;
+use sinew_tune::fit_data::{DataFitRequest, fit};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -130,7 +130,11 @@ impl Noise {
 }
 
 /// Fits a scene to files with these texts.
-fn fit_texts(scene: &LoadedScene, texts: &[&str], what: &[&str]) -> Result<FitReport, FitError> {
+fn fit_texts(
+    scene: &LoadedScene,
+    texts: &[&str],
+    what: &[&str],
+) -> Result<DataFitReport, DataFitError> {
     let folder = scene.file.parent().unwrap();
     let data = texts
         .iter()
@@ -142,7 +146,8 @@ fn fit_texts(scene: &LoadedScene, texts: &[&str], what: &[&str]) -> Result<FitRe
         })
         .collect();
     let fit_what = what.iter().map(|w| w.to_string()).collect();
-    let request = FitRequest { data, fit: fit_what, check_gradient: true, ..Default::default() };
+    let request =
+        DataFitRequest { data, fit: fit_what, check_gradient: true, ..Default::default() };
     fit(scene, &request)
 }
 
@@ -150,7 +155,7 @@ fn near(value: f64, expected: f64, tolerance: f64) {
     assert!((value / expected - 1.0).abs() < tolerance, "{value} is not {expected}");
 }
 
-fn codes(report: &FitReport) -> Vec<&str> {
+fn codes(report: &DataFitReport) -> Vec<&str> {
     report.warnings.iter().map(|w| w.code.as_str()).filter(|c| c.starts_with("fit.")).collect()
 }
 
@@ -440,7 +445,7 @@ fn bad_data_and_parameters_are_named() {
     assert!(twice.contains("shares elements with `young`"), "{twice}");
     let corner = "x,y,z,ux\n0.2,0.04,0.04,0.1\n";
     let few = fit_texts(&scene, &[corner], &["young", "poisson"]);
-    assert!(matches!(few, Err(FitError::TooFew { observations: 1, parameters: 2 })));
+    assert!(matches!(few, Err(DataFitError::TooFew { observations: 1, parameters: 2 })));
     for (bounds, expected) in [
         ("young", "no `=`"),
         ("young=1..x", "no range"),
@@ -448,7 +453,7 @@ fn bad_data_and_parameters_are_named() {
         ("young=1..2", "starts `young` at 25000, outside"),
         ("poisson=0.1..0.2", "`poisson` is not fitted"),
     ] {
-        let request = FitRequest {
+        let request = DataFitRequest {
             data: vec![folder.join("data0.csv")],
             fit: vec!["young".into()],
             bounds: vec![bounds.into()],
@@ -475,7 +480,7 @@ fn bounds_hold_and_are_told() {
     let (table, _) = simulate(&bar(TRUE), &[1.0], 0.0);
     let data = folder.join("bounded.csv");
     std::fs::write(&data, table).unwrap();
-    let mut request = FitRequest {
+    let mut request = DataFitRequest {
         data: vec![data],
         fit: vec!["young".into(), "poisson".into()],
         bounds: vec!["young=5e3..5e4".into(), "poisson=0.1..0.45".into()],
@@ -494,7 +499,7 @@ fn bounds_hold_and_are_told() {
 #[test]
 fn the_example_is_fitted() {
     let scene = LoadedScene::read(&scene_folder().join("fit_bar.toml")).unwrap();
-    let request = FitRequest {
+    let request = DataFitRequest {
         data: vec![scene_folder().join("fit_bar.csv")],
         fit: vec!["young".into(), "poisson".into()],
         ..Default::default()

@@ -9,12 +9,14 @@ use sinew::engine::connectivity::ElementKind;
 use sinew::engine::mesh::{CheckOptions, Mesh, check};
 use sinew::engine::surface::SurfaceReader;
 use sinew::models::body::sheet::{MembraneSettings, PlaneState};
-use sinew::models::body::{BodyDescription, MassRule, SoftBody, VolumeRule};
+use sinew::models::body::{BodyDescription, SoftBody, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use sinew::models::material::field::{MaterialArrays, MaterialField};
 use sinew::models::resection::{MassPolicy, Region, Removal, RemovalReport};
 use sinew::simulation::{BodyHandle, MaterialChange, Simulation};
-use sinew_scene::assemble::{BuiltBody, BuiltMembrane, count_membrane_vertices, warn_of_findings};
+use sinew_scene::assemble::{
+    BuiltBody, BuiltMembrane, body_mass, count_membrane_vertices, warn_of_findings,
+};
 use std::collections::HashSet;
 
 /// Vectors of a body in the user's order, as of an epoch.
@@ -126,15 +128,9 @@ impl Embedding {
         };
         let simulation = &mut self.built.simulation;
         let handle = simulation.add_body(&own)?;
+        let mass = body_mass(&own, &checked, membrane.as_ref(), || simulation.masses(handle));
         let (report, used_vertices) = (checked.report, checked.used_vertices);
         warn_of_findings(name, &report, material, locks, &mut self.built.warnings);
-        let mass = match description.masses {
-            MassRule::Volume if description.density.is_none() => {
-                let sheet = membrane.as_ref().map_or(0.0, |m| m.area * m.settings.surface().1);
-                report.statistics.total_volume * material.density + sheet
-            }
-            _ => simulation.masses(handle).iter().sum(),
-        };
         self.buffers.push(Buffers::new(&checked.mesh));
         self.built.bodies.push(BuiltBody {
             name: name.into(),

@@ -17,7 +17,7 @@ use sinew::engine::workers::Workers;
 use sinew::simulation::{Backend, Readback, Simulation, SimulationOptions};
 use sinew::solvers::settings::SolverSettings;
 pub use sinew_scene::assemble::BuildOptions as Overrides;
-use sinew_scene::assemble::{BuiltScene, Plan, build};
+use sinew_scene::assemble::{BuiltScene, RunPlan, build};
 use sinew_scene::error::{SceneError, hint};
 use sinew_scene::scene::{LoadedScene, Mode};
 use sinew_scene::warning::Warning;
@@ -126,7 +126,7 @@ impl Embedding {
         simulation.set_dt(options.dt);
         simulation.set_gravity(gravity);
         simulation.set_solver(options.solver.clone());
-        let plan = Plan {
+        let plan = RunPlan {
             mode: Mode::Dynamic,
             dt: options.dt,
             steps: 0,

@@ -434,7 +434,7 @@ pub fn preset(name: &str) -> Result<&'static TissuePreset, MaterialError> {
     // Near misses: a misspelling, or a longer or shorter form of the name.
     let mut close = Vec::new();
     for preset in &PRESETS {
-        let distance = edit_distance(&wanted, preset.name);
+        let distance = strsim::levenshtein(&wanted, preset.name);
         let contains =
             wanted.len() >= 3 && (preset.name.contains(&*wanted) || wanted.contains(preset.name));
         if contains || distance <= 2 {
@@ -454,22 +454,6 @@ pub fn preset(name: &str) -> Result<&'static TissuePreset, MaterialError> {
         format!("known names: {}", suggestions.join(", "))
     };
     Err(MaterialError::UnknownPreset { name: name.to_owned(), suggestions, hint })
-}
-
-/// Least number of inserted, deleted or replaced characters that turns `a` into `b`.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for j in 0..b.len() {
-            let replaced = diagonal + usize::from(x != b[j]);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Contact between two bodies, or of a body with itself, and the distance of a point from deformed faces.
 
-use crate::tool::Stiffness;
+use crate::tool::{Stiffness, friction_problem};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -43,13 +43,7 @@ impl BodyContact {
         if let Some(body) = self.bodies.iter().find(|&&body| body >= bodies) {
             return Some(format!("there is no body number {body}"));
         }
-        if !(self.friction >= 0.0 && self.friction.is_finite()) {
-            return Some(format!(
-                "its friction is {}: the coefficient must be 0 or positive",
-                self.friction
-            ));
-        }
-        self.stiffness.problem()
+        friction_problem(self.friction).or_else(|| self.stiffness.problem())
     }
 }
 

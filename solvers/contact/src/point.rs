@@ -7,7 +7,7 @@
 //! * normal: `A k <-g>^2 / 2`, force `A p n`, tangent `A k n n^T`. What the curvature of the tool adds is left out: it
 //!   is small beside and negative.
 //! * friction: slip `t = P (e + x - x_tool)` since the point began to stick, `P` the projection on the tangent plane,
-//!   `l = |t|`, `A k l^2 / 2` while `k l` is below the limit `mu p`, else `A (mu p l - (mu p)^2 / (2 k))`.
+//!   `l = |t|`, `A k l^2 / 2` while `k l` is below the limit `f p` (`f`: friction), else `A (f p l - (f p)^2 / (2 k))`.
 
 use crate::pair::beside;
 use crate::set::Limits;
@@ -99,7 +99,7 @@ pub(crate) struct Point {
     /// Pressure over penetration (Pa/m); of pulls the stiffness (N/m).
     pub k: f64,
     /// Coefficient of friction, infinite for a grip.
-    pub mu: f64,
+    pub friction: f64,
     pub memory: Memory,
     /// Place (m) at the start of the step.
     pub start: DVec3,
@@ -269,9 +269,9 @@ impl Point {
                 Limits::Follow if !self.pressed => 0.0,
                 _ => active.pressure,
             };
-            let limit = match self.mu {
-                mu if mu.is_infinite() && (pressed || self.memory.gripped) => mu,
-                mu if mu > 0.0 && pressure > 0.0 => mu * pressure,
+            let limit = match self.friction {
+                friction if friction.is_infinite() && (pressed || self.memory.gripped) => friction,
+                friction if friction > 0.0 && pressure > 0.0 => friction * pressure,
                 _ => 0.0,
             };
             let halfway = limits == Limits::Approach && limit.is_finite();
@@ -442,7 +442,7 @@ mod tests {
         PartNow { shape, tool: 0, start, end, now: end, drawn_in: 0.0 }
     }
 
-    fn point(against: Against, mu: f64) -> Point {
+    fn point(against: Against, friction: f64) -> Point {
         Point {
             key: Key::default(),
             against,
@@ -450,7 +450,7 @@ mod tests {
             weights: [1.0, 0.0, 0.0],
             area: 0.3,
             k: 7.0,
-            mu,
+            friction,
             memory: Memory::default(),
             start: DVec3::ZERO,
             slip: DVec3::new(0.01, -0.02, 0.015),
@@ -517,9 +517,9 @@ mod tests {
         };
         for _ in 0..400 {
             for (shape, exact) in &shapes {
-                for mu in [0.0, 0.05, 5.0] {
+                for friction in [0.0, 0.05, 5.0] {
                     let parts = [part(shape.clone(), random())];
-                    let mut point = point(Against::Part(0), mu);
+                    let mut point = point(Against::Part(0), friction);
                     let mut places = [DVec3::ZERO; 5];
                     places[0] = 1.4 * DVec3::new(random(), random(), random());
                     if check(&mut point, &parts, places, *exact) {

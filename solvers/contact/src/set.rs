@@ -495,7 +495,7 @@ impl ContactSet {
 
     /// Whether friction acts anywhere.
     pub fn has_friction(&self) -> bool {
-        self.points.iter().any(|point| point.mu > 0.0)
+        self.points.iter().any(|point| point.friction > 0.0)
     }
 
     /// Name of a tool that wants exact contact.
@@ -663,7 +663,7 @@ fn sum_by_row<T: Copy + std::ops::AddAssign>(parts: &mut Vec<(u32, T)>) {
 
 /// What is kept of a point.
 fn remember(point: &Point, active: &Active) -> Memory {
-    let gripped = point.mu.is_infinite() && (active.pressure > 0.0 || point.memory.gripped);
+    let gripped = point.friction.is_infinite() && (active.pressure > 0.0 || point.memory.gripped);
     let side = point.memory.side;
     if active.pressure <= 0.0 && !gripped {
         return Memory { side, ..Memory::default() };

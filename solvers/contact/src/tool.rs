@@ -156,6 +156,12 @@ impl Stiffness {
     }
 }
 
+/// What is wrong with a coefficient of friction, if anything.
+pub fn friction_problem(coefficient: f64) -> Option<String> {
+    (!(coefficient >= 0.0 && coefficient.is_finite()))
+        .then(|| format!("its friction is {coefficient}: the coefficient must be 0 or positive"))
+}
+
 /// A tool: an entity that touches the bodies of its world. Its pose comes from its motion; it never feels forces, it
 /// reports them.
 #[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -354,11 +360,8 @@ impl Tool {
         if let Err(problem) = self.start.checked() {
             return Some(problem);
         }
-        if !(self.friction >= 0.0 && self.friction.is_finite()) {
-            return Some(format!(
-                "its friction is {}: the coefficient must be 0 or positive",
-                self.friction
-            ));
+        if let Some(problem) = friction_problem(self.friction) {
+            return Some(problem);
         }
         if let Points::Faces(n) = self.points
             && !(2..=MOST_POINTS).contains(&n)

@@ -124,17 +124,7 @@ fn prepare<S: Scalar>(
         DVec3::new(v[0].to_f64(), v[1].to_f64(), v[2].to_f64())
     };
     contact.prepare(world, &scratch.rest, &x, &v, true)?;
-    let iterated = matches!(settings.integrator, Integrator::Newton | Integrator::QuasiStatic);
-    match contact.exact_tool().filter(|_| !iterated) {
-        None => Ok(()),
-        Some(name) => Err(StepError::InvalidContact {
-            name: name.into(),
-            problem: format!(
-                "exact contact is for integrator = \"newton\" and \"quasi-static\", not \"{}\"",
-                settings.integrator.name()
-            ),
-        }),
-    }
+    settings.integrator.check_contact(contact)
 }
 
 impl<S: Scalar> Step<'_, S> {

@@ -5,8 +5,8 @@ use super::materials::cell_data;
 use super::select::group_vertices;
 use crate::error::SceneError;
 use crate::scene::{
-    AzimuthElevationEntry, Body, CircularEntry, FibreEntry, HelicoidalEntry, HemicircularEntry,
-    Key, LaplaceEntry, Mode, MuscleEntry,
+    AzimuthElevationEntry, BodyEntry, CircularEntry, FibreEntry, HelicoidalEntry,
+    HemicircularEntry, Key, LaplaceEntry, Mode, MuscleEntry,
 };
 use crate::warning::{Level, Warning};
 use sinew::engine::mesh::Mesh;
@@ -24,13 +24,12 @@ use std::borrow::Cow;
 /// The axes of a body, `None` where it has none.
 pub(super) fn axes(
     key: &Key,
-    body: &Body,
+    body: &BodyEntry,
     mesh: &Mesh,
     mode: Mode,
     warnings: &mut Vec<Warning>,
 ) -> Result<Option<AxesDescription<'static>>, SceneError> {
-    let error =
-        |key: Key, source| SceneError::Axes { place: key.place(), source: Box::new(source) };
+    let error = |key: Key, source: AxesError| key.error(source);
     if body.fibres.is_empty() && body.axes.is_none() {
         if body.model == Model::Axes && mesh.is_solid() {
             return Err(error(key.at("model"), AxesError::Missing));
@@ -85,7 +84,12 @@ pub(super) fn axes(
 }
 
 /// Key of what is wrong.
-fn wrong_key<'a>(key: &Key<'a>, body: &Body, axes: &AxesDescription, error: &AxesError) -> Key<'a> {
+fn wrong_key<'a>(
+    key: &Key<'a>,
+    body: &BodyEntry,
+    axes: &AxesDescription,
+    error: &AxesError,
+) -> Key<'a> {
     let of = |family: &str, what: &str| {
         // of two with the same name the second
         let at = body.fibres.iter().rposition(|f| f.name == family).unwrap_or(0);
@@ -134,8 +138,8 @@ fn directions(key: &Key, entry: &FibreEntry, mesh: &Mesh) -> Result<FibreField, 
                 `helicoidal` and `random`";
     key.exactly_one(&given, "direction", keys)?;
     let error = |name: &str| {
-        let place = key.at(name).place();
-        |source: FibreError| SceneError::Fibres { place, source: Box::new(source) }
+        let key = key.at(name);
+        move |source: FibreError| key.error(source)
     };
     let point = |name: &str, values: [f64; 3]| key.at(name).finite(values);
     if let Some(direction) = entry.direction {
@@ -185,8 +189,7 @@ fn by_angles(
     entry: &AzimuthElevationEntry,
     mesh: &Mesh,
 ) -> Result<FibreField, SceneError> {
-    let error =
-        |source: FibreError| SceneError::Fibres { place: key.place(), source: Box::new(source) };
+    let error = |source: FibreError| key.error(source);
     let given = [entry.data.is_some(), entry.formula.is_some()];
     key.exactly_one(&given, "angles", "`data` and `formula`")?;
     let axis = key.at("axis").finite(entry.axis.unwrap_or([0.0, 0.0, 1.0]))?;
@@ -207,8 +210,7 @@ fn by_angles(
 }
 
 fn by_laplace(key: &Key, rule: &LaplaceEntry, mesh: &Mesh) -> Result<FibreField, SceneError> {
-    let error =
-        |source: FibreError| SceneError::Fibres { place: key.place(), source: Box::new(source) };
+    let error = |source: FibreError| key.error(source);
     let inner = group_vertices(&key.at("from"), &rule.from, mesh)?;
     let outer = group_vertices(&key.at("to"), &rule.to, mesh)?;
     let (angles, axis) = match (rule.helix, rule.axis) {

@@ -6,7 +6,7 @@ use super::scene::BuiltScene;
 use super::select::group_cells;
 use super::{axes, meshes};
 use crate::error::SceneError;
-use crate::scene::{Body, Key, LoadedScene, Membrane, PreparedMesh, SpringMethod};
+use crate::scene::{BodyEntry, Key, MembraneEntry, PreparedMesh, SpringMethod};
 use crate::springs::{Matter, Springs};
 use crate::warning::{Level, Warning};
 use glam::DVec3;
@@ -18,16 +18,12 @@ use sinew::models::body::{BodyDescription, MassRule, Model, VolumeRule};
 use sinew::models::material::YoungPoisson;
 use std::sync::Arc;
 
-/// Adds the bodies of a scene.
-pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
-    for (i, entry) in loaded.scene.bodies.iter().enumerate() {
-        let body = body(&loaded.key("body").entry(i), entry, built)?;
-        built.bodies.push(body);
-    }
-    Ok(())
-}
-
-fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, SceneError> {
+/// A body of a scene.
+pub(super) fn body(
+    key: &Key,
+    body: &BodyEntry,
+    built: &mut BuiltScene,
+) -> Result<BuiltBody, SceneError> {
     let entry = &body.material;
     let thin = |mesh: &Mesh| {
         body.membrane.as_ref().filter(|m| !mesh.is_solid() && m.plane == PlaneState::Stress)
@@ -35,32 +31,13 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
     let material =
         |mesh: &Mesh| material(&key.at("material"), entry, thin(mesh).is_some(), body.volume);
     let mesh_key = meshes::source(key, body);
-    let prepared = key.loaded.prepared_mesh(
-        || {
-            format!(
-                "{:?}",
-                (
-                    &body.mesh,
-                    &body.generate,
-                    body.scale,
-                    &body.rotate,
-                    body.translate,
-                    body.second_order
-                )
-            )
-        },
-        || {
-            let placed = meshes::placed(key, body)?;
-            material(&placed)?;
-            placed.fits_into_memory().map_err(|source| SceneError::Mesh {
-                place: mesh_key.place(),
-                source: Box::new(source),
-            })?;
-            let checked = check(&placed, &CheckOptions::default())
-                .map_err(|source| SceneError::Check { place: mesh_key.place(), source })?;
-            Ok(PreparedMesh { placed, checked })
-        },
-    )?;
+    let prepared = key.loaded.prepared_mesh(body, || {
+        let placed = meshes::placed(key, body)?;
+        material(&placed)?;
+        placed.fits_into_memory().map_err(|e| mesh_key.error(e))?;
+        let checked = check(&placed, &CheckOptions::default()).map_err(|e| mesh_key.error(e))?;
+        Ok(PreparedMesh { placed, checked })
+    })?;
     let (thin, material) = (thin(&prepared.placed), material(&prepared.placed)?);
     let mut checked = Arc::unwrap_or_clone(prepared).checked;
     let membrane = match &body.membrane {
@@ -110,19 +87,9 @@ fn body(key: &Key, body: &Body, built: &mut BuiltScene) -> Result<BuiltBody, Sce
         .material_field()
         .validate(counts.0, counts.1)
         .map_err(|source| field_error(&key.at("material"), entry, &checked.mesh, source))?;
-    let solid = match description.density {
-        Some(density) => mass_of(&checked.mesh, density),
-        None => checked.report.statistics.total_volume * material.density,
-    };
-    let sheet = membrane.as_ref().map_or(0.0, |m| m.area * m.settings.surface().1);
-    let handle = built
-        .simulation
-        .add_body(&description)
-        .map_err(|source| SceneError::Body { place: mesh_key.place(), source: Box::new(source) })?;
-    let mass = match description.masses {
-        MassRule::Volume | MassRule::Equal => solid + sheet,
-        MassRule::Nodal => built.simulation.masses(handle).iter().sum(),
-    };
+    let handle = built.simulation.add_body(&description).map_err(|e| mesh_key.error(e))?;
+    let mass =
+        body_mass(&description, &checked, membrane.as_ref(), || built.simulation.masses(handle));
     Ok(BuiltBody {
         name: body.name.clone(),
         handle,
@@ -183,7 +150,7 @@ fn spring_rule(
 /// Springs that a file gives to the elements of a body.
 fn springs(
     key: &Key,
-    body: &Body,
+    body: &BodyEntry,
     mesh: &Mesh,
     material: YoungPoisson,
     membrane: Option<&BuiltMembrane>,
@@ -218,12 +185,27 @@ fn springs(
     }
 }
 
-/// Mass (kg) of the solid elements of a mesh with a density (kg/m^3) each.
-fn mass_of(mesh: &Mesh, density: &[f64]) -> f64 {
-    let tetrahedra = (0..mesh.tetrahedra.len()).map(|i| mesh.tetrahedron_volume(i));
-    let hexahedra = mesh.hexahedra.iter().map(|&h| mesh.hexahedron_volume(h));
-    let volumes = tetrahedra.chain(hexahedra).map(|volume| volume.unwrap_or(0.0));
-    volumes.zip(density).map(|(volume, rho)| rho * volume).sum()
+/// Mass (kg) of a body: that of its elements, or of its vertices, which `masses` gives, where quadrature makes these.
+pub fn body_mass(
+    description: &BodyDescription<'_>,
+    checked: &CheckedMesh,
+    membrane: Option<&BuiltMembrane>,
+    masses: impl FnOnce() -> Vec<f64>,
+) -> f64 {
+    if description.masses == MassRule::Nodal {
+        return masses().iter().sum();
+    }
+    let mesh = &checked.mesh;
+    let solid = match description.density {
+        Some(density) => {
+            let tetrahedra = (0..mesh.tetrahedra.len()).map(|i| mesh.tetrahedron_volume(i));
+            let hexahedra = mesh.hexahedra.iter().map(|&h| mesh.hexahedron_volume(h));
+            let volumes = tetrahedra.chain(hexahedra).map(|volume| volume.unwrap_or(0.0));
+            volumes.zip(density).map(|(volume, rho)| rho * volume).sum()
+        }
+        None => checked.report.statistics.total_volume * description.material.density,
+    };
+    solid + membrane.map_or(0.0, |m| m.area * m.settings.surface().1)
 }
 
 /// The check of a mesh does not know of the membrane: which vertices are used depends on it.
@@ -281,7 +263,7 @@ pub fn warn_of_findings(
 /// The membrane of a body: its triangles and quadrilaterals, and what they are made of.
 fn membrane(
     key: &Key,
-    entry: &Membrane,
+    entry: &MembraneEntry,
     mesh: &Mesh,
     base: YoungPoisson,
 ) -> Result<BuiltMembrane, SceneError> {
@@ -322,7 +304,7 @@ fn membrane(
     let areas = triangles.iter().map(|t| twice(t)).chain(quads.iter().map(|q| twice(q)));
     let area = 0.5 * areas.sum::<f64>();
     let springs = spring_rule(key, (entry.element_method, entry.spring_constant), None)?;
-    let Membrane { thickness, plane, model, evaluation, .. } = *entry;
+    let MembraneEntry { thickness, plane, model, evaluation, .. } = *entry;
     let settings = MembraneSettings { thickness, material, plane, model, evaluation, springs };
     Ok(BuiltMembrane { triangles, quads, settings, area })
 }

@@ -4,22 +4,14 @@ use super::conditions::BuiltConstraint;
 use super::curves::{factor, window};
 use super::scene::BuiltScene;
 use super::select::{select, which_body};
-use crate::error::SceneError;
+use crate::error::{SceneError, SceneProblem};
 use crate::scene::{ConstraintEntry, Key, LoadedScene, Mode, MotionEntry};
 use crate::warning::{Level, Warning};
 use sinew::engine::load::{Constraint, Curve, Motion};
 use sinew::engine::vertex::FixedAxes;
 
-/// Adds the constraints of a scene.
-pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
-    for (i, entry) in loaded.scene.constraints.iter().enumerate() {
-        let constraint = constraint(&loaded.key("constraint").entry(i), entry, built)?;
-        built.constraints.push(constraint);
-    }
-    Ok(())
-}
-
-fn constraint(
+/// A constraint of a scene.
+pub(super) fn constraint(
     key: &Key,
     entry: &ConstraintEntry,
     built: &mut BuiltScene,
@@ -38,7 +30,7 @@ fn constraint(
     let curve = factor(key, entry.curve.as_ref(), mode)?;
     let [from, until] = window(key, [entry.from, entry.until], mode)?;
     let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
-    let rows = built.simulation.rows(handle, &name, &vertices).map_err(|e| key.simulation(e))?;
+    let rows = built.simulation.rows(handle, &name, &vertices).map_err(|e| key.error(e))?;
     warn_of_jumps(&name, entry, (&motion, &curve), from, until, body, built);
     let mut constraint = Constraint::moving(name.clone(), rows, motion, curve);
     (constraint.axes, constraint.from, constraint.until) = (axes, from, until);
@@ -210,8 +202,8 @@ pub(super) fn check_all_held(loaded: &LoadedScene, built: &BuiltScene) -> Result
         } else {
             continue;
         };
-        let place = loaded.place(format!("body[{i}].name"));
-        return Err(SceneError::NotHeld { place, body: body.name.clone(), motion });
+        let key = loaded.key("body").entry(i).at("name");
+        return Err(key.error(SceneProblem::NotHeld { body: body.name.clone(), motion }));
     }
     Ok(())
 }

@@ -5,76 +5,71 @@ use super::curves::factor;
 use super::scene::BuiltScene;
 use super::select::{faces, select, which_body};
 use crate::error::SceneError;
-use crate::scene::LoadedScene;
+use crate::scene::{Key, LoadEntry, PressureEntry};
 use crate::warning::{Level, Warning};
 use sinew::engine::load::{Load, Pressure};
 use std::collections::HashMap;
 
-/// Adds the loads of a scene.
-pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
-    for (i, entry) in loaded.scene.loads.iter().enumerate() {
-        let key = loaded.key("load").entry(i);
-        let body = which_body(&key, entry.body.as_deref(), &built.bodies)?;
-        let vertices = select(&key.at("select"), &entry.select, &built.bodies[body])?;
-        let force = key.at("force").finite(entry.force)?;
-        let curve = factor(&key, entry.curve.as_ref(), built.plan.mode)?;
-        let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
-        let rows =
-            built.simulation.rows(handle, &name, &vertices).map_err(|e| key.simulation(e))?;
-        let share = force / rows.len() as f64;
-        let forces = rows.iter().map(|&row| (row, share)).collect();
-        let entity = built.simulation.add_load(Load { name: name.clone(), forces, curve });
-        built.loads.push(BuiltLoad { name, body, vertices: rows.len(), force, entity });
-    }
-    Ok(())
+/// A load of a scene.
+pub(super) fn load(
+    key: &Key,
+    entry: &LoadEntry,
+    built: &mut BuiltScene,
+) -> Result<BuiltLoad, SceneError> {
+    let body = which_body(key, entry.body.as_deref(), &built.bodies)?;
+    let vertices = select(&key.at("select"), &entry.select, &built.bodies[body])?;
+    let force = key.at("force").finite(entry.force)?;
+    let curve = factor(key, entry.curve.as_ref(), built.plan.mode)?;
+    let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
+    let rows = built.simulation.rows(handle, &name, &vertices).map_err(|e| key.error(e))?;
+    let share = force / rows.len() as f64;
+    let forces = rows.iter().map(|&row| (row, share)).collect();
+    let entity = built.simulation.add_load(Load { name: name.clone(), forces, curve });
+    Ok(BuiltLoad { name, body, vertices: rows.len(), force, entity })
 }
 
-/// Adds the pressures of a scene.
-pub(super) fn add_pressures(
-    loaded: &LoadedScene,
+/// A pressure of a scene.
+pub(super) fn pressure(
+    key: &Key,
+    entry: &PressureEntry,
     built: &mut BuiltScene,
-) -> Result<(), SceneError> {
-    for (i, entry) in loaded.scene.pressures.iter().enumerate() {
-        let key = loaded.key("pressure").entry(i);
-        let body = which_body(&key, entry.body.as_deref(), &built.bodies)?;
-        let on = key.at("on");
-        let (triangles, share) = faces(&on, &entry.on, &built.bodies[body])?;
-        key.at("pressure").finite([entry.pressure])?;
-        let curve = factor(&key, entry.curve.as_ref(), built.plan.mode)?;
-        let free = free_rim_edges(&triangles, share == 1.0, body, built);
-        if free > 0 {
-            built.warnings.push(Warning::new(
-                "scene.pressure.rim",
-                Level::Note,
-                format!("pressure `{}`", entry.name),
-                format!(
-                    "{free} edges of its rim are free to move: there it has no potential, and \
-                     energies of implicit steps are approximate"
-                ),
-                "hold the rim, or put it on a closed surface, for exact energies",
-            ));
-        }
-        let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
-        let faces =
-            built.simulation.face_rows(handle, &name, &triangles).map_err(|e| on.simulation(e))?;
-        let young = built.bodies[body].material.young_modulus;
-        let solid = built.bodies[body].membrane.is_none();
-        if solid && entry.pressure.abs() > young {
-            built.warnings.push(Warning::new(
-                "scene.pressure.range",
-                Level::Warning,
-                format!("pressure `{}`", entry.name),
-                format!("{} Pa is more than Young's modulus, {young} Pa", entry.pressure),
-                "check its unit; such a pressure crushes or bursts the body",
-            ));
-        }
-        let pressure = entry.pressure * share;
-        let own = Pressure { name: name.clone(), faces, pressure, curve };
-        let entity = built.simulation.add_pressure(own);
-        let (triangles, pressure) = (triangles.len(), entry.pressure);
-        built.pressures.push(BuiltPressure { name, body, triangles, pressure, entity });
+) -> Result<BuiltPressure, SceneError> {
+    let body = which_body(key, entry.body.as_deref(), &built.bodies)?;
+    let on = key.at("on");
+    let (triangles, share) = faces(&on, &entry.on, &built.bodies[body])?;
+    key.at("pressure").finite([entry.pressure])?;
+    let curve = factor(key, entry.curve.as_ref(), built.plan.mode)?;
+    let free = free_rim_edges(&triangles, share == 1.0, body, built);
+    if free > 0 {
+        built.warnings.push(Warning::new(
+            "scene.pressure.rim",
+            Level::Note,
+            format!("pressure `{}`", entry.name),
+            format!(
+                "{free} edges of its rim are free to move: there it has no potential, and \
+                 energies of implicit steps are approximate"
+            ),
+            "hold the rim, or put it on a closed surface, for exact energies",
+        ));
     }
-    Ok(())
+    let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
+    let faces = built.simulation.face_rows(handle, &name, &triangles).map_err(|e| on.error(e))?;
+    let young = built.bodies[body].material.young_modulus;
+    let solid = built.bodies[body].membrane.is_none();
+    if solid && entry.pressure.abs() > young {
+        built.warnings.push(Warning::new(
+            "scene.pressure.range",
+            Level::Warning,
+            format!("pressure `{}`", entry.name),
+            format!("{} Pa is more than Young's modulus, {young} Pa", entry.pressure),
+            "check its unit; such a pressure crushes or bursts the body",
+        ));
+    }
+    let pressure = entry.pressure * share;
+    let own = Pressure { name: name.clone(), faces, pressure, curve };
+    let entity = built.simulation.add_pressure(own);
+    let (triangles, pressure) = (triangles.len(), entry.pressure);
+    Ok(BuiltPressure { name, body, triangles, pressure, entity })
 }
 
 /// Edges of the rim of some triangles with an end that no constraint holds. Where every face comes `once`,

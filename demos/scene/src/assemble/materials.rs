@@ -1,7 +1,7 @@
 //! Materials, one for a body or one for every element.
 
-use crate::error::SceneError;
-use crate::scene::{Key, Material};
+use crate::error::{SceneError, SceneProblem};
+use crate::scene::{Key, MaterialEntry};
 use sinew::engine::mesh::Mesh;
 use sinew::models::body::VolumeRule;
 use sinew::models::material::field::FieldError;
@@ -28,11 +28,11 @@ fn material_key(error: &MaterialError) -> &'static str {
 /// nearly incompressible.
 pub(super) fn material(
     key: &Key,
-    entry: &Material,
+    entry: &MaterialEntry,
     thin: bool,
     volume: VolumeRule,
 ) -> Result<YoungPoisson, SceneError> {
-    let error = |name: &str, source| SceneError::Material { place: key.at(name).place(), source };
+    let error = |name: &str, source: MaterialError| key.at(name).error(source);
     let base = match &entry.preset {
         Some(name) => {
             let preset = preset(name).map_err(|source| error("preset", source))?;
@@ -82,7 +82,7 @@ pub(super) fn cell_data(
 /// A value of a field that cannot be used, with the array that it stands in.
 pub(super) fn field_error(
     key: &Key,
-    entry: &Material,
+    entry: &MaterialEntry,
     mesh: &Mesh,
     source: FieldError,
 ) -> SceneError {
@@ -97,10 +97,9 @@ pub(super) fn field_error(
         "poisson_ratio" => &entry.poisson_ratio_field,
         _ => &entry.density_field,
     };
-    SceneError::Field {
-        place: key.at(format!("{quantity}_field")).place(),
+    key.at(format!("{quantity}_field")).error(SceneProblem::Field {
         mesh: mesh.source.clone(),
         array: array.clone().unwrap_or_default(),
         source: Box::new(source),
-    }
+    })
 }

@@ -1,7 +1,7 @@
 //! Meshes: read or generated, and put in place.
 
 use crate::error::SceneError;
-use crate::scene::{Body, Generate, Key, Rotation, SheetCells, SolidCells};
+use crate::scene::{BodyEntry, Generate, Key, Rotation, SheetCells, SolidCells};
 use glam::{DQuat, DVec2, DVec3};
 use sinew::engine::load::rotation;
 use sinew::engine::mesh::generate::{
@@ -73,14 +73,14 @@ pub fn generate(shape: &Generate) -> Result<Option<Mesh>, MeshError> {
 }
 
 /// Key of what the mesh of a body comes from.
-pub(super) fn source<'a>(key: &Key<'a>, body: &Body) -> Key<'a> {
+pub(super) fn source<'a>(key: &Key<'a>, body: &BodyEntry) -> Key<'a> {
     key.at(if body.mesh.is_some() { "mesh" } else { "generate" })
 }
 
 /// Reads or generates the mesh of a body and puts it in place.
-pub(super) fn placed(key: &Key, body: &Body) -> Result<Mesh, SceneError> {
+pub(super) fn placed(key: &Key, body: &BodyEntry) -> Result<Mesh, SceneError> {
     let own = source(key, body);
-    let error = |source| SceneError::Mesh { place: own.place(), source: Box::new(source) };
+    let error = |source: MeshError| own.error(source);
     let mesh = match (&body.mesh, &body.generate) {
         (Some(path), None) => key.loaded.read_mesh(path).map_err(error)?,
         (None, Some(shape)) => generate(shape).map_err(error)?.ok_or_else(|| {

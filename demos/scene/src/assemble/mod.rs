@@ -23,17 +23,16 @@ mod select;
 mod tools;
 mod touch;
 
-pub use crate::probe::BuiltProbe;
-pub use bodies::{count_membrane_vertices, warn_of_findings};
+pub use bodies::{body_mass, count_membrane_vertices, warn_of_findings};
 pub use body::{BuiltBody, BuiltMembrane};
 pub use conditions::{BuiltConstraint, BuiltLoad, BuiltPressure};
 pub use memory::SceneSnapshot;
 pub use meshes::generate;
-pub use removal::{BuiltResection, ResectionSummary};
-pub use scene::{BuildOptions, BuiltScene, Plan};
+pub use removal::{BuiltResection, ResectionSummary, swept};
+pub use scene::{BuildOptions, BuiltScene, RunPlan};
 pub use touch::{BuiltContact, BuiltPull, BuiltTool};
 
-use crate::error::SceneError;
+use crate::error::{SceneError, SceneProblem};
 use crate::scene::LoadedScene;
 use crate::warning::{Level, Warning};
 use sinew::engine::connectivity::ElementKind;
@@ -73,15 +72,26 @@ pub fn build(loaded: &LoadedScene, options: &BuildOptions) -> Result<BuiltScene,
         plan,
         warnings: Vec::new(),
     };
-    bodies::add(loaded, &mut built)?;
-    constraints::add(loaded, &mut built)?;
-    loads::add(loaded, &mut built)?;
-    resections::add(loaded, &mut built)?;
-    loads::add_pressures(loaded, &mut built)?;
-    tools::add(loaded, &mut built)?;
-    pulls::add(loaded, &mut built)?;
-    pulls::add_contacts(loaded, &mut built)?;
-    probes::add(loaded, &mut built)?;
+    // one kind after another, each in the order of the file
+    macro_rules! add {
+        ($($key:literal $entries:ident: $make:path;)*) => {$(
+            for (i, entry) in scene.$entries.iter().enumerate() {
+                let own = $make(&loaded.key($key).entry(i), entry, &mut built)?;
+                built.$entries.push(own);
+            }
+        )*};
+    }
+    add! {
+        "body" bodies: bodies::body;
+        "constraint" constraints: constraints::constraint;
+        "load" loads: loads::load;
+        "resection" resections: resections::resection;
+        "pressure" pressures: loads::pressure;
+        "tool" tools: tools::tool;
+        "pull" pulls: pulls::pull;
+        "contact" contacts: pulls::contact;
+        "probe" probes: probes::probe;
+    }
     if built.plan.settings.integrator == Integrator::QuasiStatic {
         constraints::check_all_held(loaded, &built)?;
         built.simulation.check_support().map_err(|error| {
@@ -156,7 +166,7 @@ fn warn_of_long_runs(built: &mut BuiltScene) {
 fn empty_simulation(
     loaded: &LoadedScene,
     options: &BuildOptions,
-    plan: &Plan,
+    plan: &RunPlan,
 ) -> Result<Simulation, SceneError> {
     let scene = &loaded.scene;
     // whatever this run uses: a check runs on one thread
@@ -184,7 +194,7 @@ fn of_simulation(loaded: &LoadedScene, source: SimulationError) -> SceneError {
         SimulationError::Workers(_) => "threads",
         _ => "backend",
     };
-    loaded.key(key).simulation(source)
+    loaded.key(key).error(source)
 }
 
 /// Names are given and unique among entries of their kind; those of loads also among constraints.
@@ -223,7 +233,7 @@ fn check_names(loaded: &LoadedScene) -> Result<(), SceneError> {
                 _ => None,
             };
             if let Some(kind) = taken {
-                return Err(SceneError::Duplicate { place: key.place(), kind, name: name.into() });
+                return Err(key.error(SceneProblem::Duplicate { kind, name: name.into() }));
             }
         }
     }

@@ -1,12 +1,12 @@
 //! Steps, intervals and settings of the solver.
 
-use super::scene::{BuildOptions, Plan};
+use super::scene::{BuildOptions, RunPlan};
 use crate::error::SceneError;
 use crate::scene::{LoadedScene, Mode, Output};
 use sinew::solvers::settings::Integrator;
 
 /// Checks everything about time and the solver.
-pub(super) fn plan(loaded: &LoadedScene, options: &BuildOptions) -> Result<Plan, SceneError> {
+pub(super) fn plan(loaded: &LoadedScene, options: &BuildOptions) -> Result<RunPlan, SceneError> {
     let scene = &loaded.scene;
     let gravity = loaded.key("gravity").finite(scene.gravity)?;
     let mut settings = scene.solver.clone();
@@ -37,10 +37,10 @@ pub(super) fn plan(loaded: &LoadedScene, options: &BuildOptions) -> Result<Plan,
     settings.validate().map_err(|source| {
         let message = source.to_string();
         let key = message.split([' ', '=']).next().unwrap_or_default();
-        SceneError::Setting { place: loaded.place(format!("solver.{key}")), source }
+        loaded.key(format!("solver.{key}")).error(source)
     })?;
     check_dampers(loaded, settings.integrator)?;
-    Ok(Plan {
+    Ok(RunPlan {
         mode: scene.mode,
         dt,
         steps,

@@ -5,19 +5,15 @@ use super::scene::BuiltScene;
 use super::select::{group_cells, select, which_body};
 use crate::error::SceneError;
 use crate::probe::{BuiltProbe, Needs, PROBES, Probe};
-use crate::scene::{Key, LoadedScene, ProbeEntry};
+use crate::scene::{Key, ProbeEntry};
 use sinew::engine::mesh::Mesh;
 
-/// Adds the probes of a scene.
-pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
-    for (i, entry) in loaded.scene.probes.iter().enumerate() {
-        let probe = probe(&loaded.key("probe").entry(i), entry, built)?;
-        built.probes.push(probe);
-    }
-    Ok(())
-}
-
-fn probe(key: &Key, entry: &ProbeEntry, built: &BuiltScene) -> Result<BuiltProbe, SceneError> {
+/// A probe of a scene.
+pub(super) fn probe(
+    key: &Key,
+    entry: &ProbeEntry,
+    built: &BuiltScene,
+) -> Result<BuiltProbe, SceneError> {
     let BuiltScene { bodies, constraints, .. } = built;
     let record = recorded(&key.at("record"), &entry.record)?;
     let part = record.iter().any(|own| own.needs == Needs::Part);

@@ -6,9 +6,10 @@ use super::select::{select, which_body};
 use super::touch::{BuiltContact, BuiltPull, Way};
 use crate::error::SceneError;
 use crate::scene::{ContactEntry, Key, LoadedScene, PullEntry};
+use crate::warning::{Level, Warning};
 use sinew::simulation::Backend;
 use sinew::touch::pair::BodyContact;
-use sinew::touch::tool::Stiffness;
+use sinew::touch::tool::{Stiffness, friction_problem};
 
 /// Whether steps are computed where nothing can be touched: refuses tools, pulls and contacts there.
 pub(super) fn check(loaded: &LoadedScene, options: &BuildOptions) -> Result<(), SceneError> {
@@ -26,16 +27,12 @@ pub(super) fn check(loaded: &LoadedScene, options: &BuildOptions) -> Result<(), 
     Ok(())
 }
 
-/// Adds the pulls of a scene.
-pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
-    for (i, entry) in loaded.scene.pulls.iter().enumerate() {
-        let pull = pull(&loaded.key("pull").entry(i), entry, built)?;
-        built.pulls.push(pull);
-    }
-    Ok(())
-}
-
-fn pull(key: &Key, entry: &PullEntry, built: &BuiltScene) -> Result<BuiltPull, SceneError> {
+/// A pull of a scene.
+pub(super) fn pull(
+    key: &Key,
+    entry: &PullEntry,
+    built: &BuiltScene,
+) -> Result<BuiltPull, SceneError> {
     let body = which_body(key, entry.body.as_deref(), &built.bodies)?;
     let vertices = select(&key.at("select"), &entry.select, &built.bodies[body])?;
     let stiffness = key.at("stiffness").positive(entry.stiffness, "the stiffness", "N/m")?;
@@ -67,21 +64,13 @@ fn pull(key: &Key, entry: &PullEntry, built: &BuiltScene) -> Result<BuiltPull, S
     };
     let [from, until] = window(key, [entry.from, entry.until], mode)?;
     let (name, handle) = (entry.name.clone(), built.bodies[body].handle);
-    let rows = built.simulation.rows(handle, &name, &vertices).map_err(|e| key.simulation(e))?;
+    let rows = built.simulation.rows(handle, &name, &vertices).map_err(|e| key.error(e))?;
     let own = BuiltPull::new(name, body, rows, way, motion);
     Ok(BuiltPull { stiffness, damping, from, until, ..own })
 }
 
-/// Adds the contacts of a scene.
-pub(super) fn add_contacts(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
-    for (i, entry) in loaded.scene.contacts.iter().enumerate() {
-        let contact = contact(&loaded.key("contact").entry(i), entry, built)?;
-        built.contacts.push(contact);
-    }
-    Ok(())
-}
-
-fn contact(
+/// A contact of a scene.
+pub(super) fn contact(
     key: &Key,
     entry: &ContactEntry,
     built: &mut BuiltScene,
@@ -106,16 +95,38 @@ fn contact(
             return Err(key.value(found, "name two bodies, or one that may touch itself"));
         }
     };
-    let friction = friction(key, entry.mu)?;
+    let friction = friction(key, [entry.friction, entry.mu], &mut built.warnings)?;
     let mut contact = BodyContact::new(&entry.name, bodies).with_friction(friction);
     contact.stiffness = stiffness(key, entry.stiffness, entry.stiffness_absolute)?;
     let entity = built.simulation.add_body_contact(contact);
     Ok(BuiltContact { name: entry.name.clone(), bodies, friction, entity })
 }
 
-/// A coefficient of friction.
-pub(super) fn friction(key: &Key, mu: Option<f64>) -> Result<f64, SceneError> {
-    key.at("mu").not_negative(mu.unwrap_or(0.0), "the coefficient of friction", "")
+/// A coefficient of friction by its key and by the one that it had before.
+pub(super) fn friction(
+    key: &Key,
+    [friction, mu]: [Option<f64>; 2],
+    warnings: &mut Vec<Warning>,
+) -> Result<f64, SceneError> {
+    let old = key.at("mu");
+    if friction.is_some() && mu.is_some() {
+        return Err(old.value("`friction` is given as well", "keep that one: `mu` is its old name"));
+    }
+    let key = if mu.is_some() { old } else { key.at("friction") };
+    if mu.is_some() {
+        warnings.push(Warning::new(
+            "scene.key.renamed",
+            Level::Note,
+            format!("`{}`", key.path()),
+            "`mu` is now called `friction`",
+            "write `friction`; the next version does not know `mu`",
+        ));
+    }
+    let coefficient = friction.or(mu).unwrap_or(0.0);
+    match friction_problem(coefficient) {
+        Some(problem) => Err(key.value(problem, "correct it")),
+        None => key.finite([coefficient]).map(|_| coefficient),
+    }
 }
 
 /// A stiffness of contact, relative or absolute.

@@ -125,7 +125,7 @@ impl BuiltResection {
 }
 
 /// What a ball along `path` sweeps after `from` and up to `to` (s).
-fn swept(path: &[(f64, DVec3)], radius: f64, from: f64, to: f64) -> Vec<Region> {
+pub fn swept(path: &[(f64, DVec3)], radius: f64, from: f64, to: f64) -> Vec<Region> {
     let (first, last) = (path[0], path[path.len() - 1]);
     if to < first.0 || from >= last.0 {
         return Vec::new();
@@ -142,27 +142,4 @@ fn swept(path: &[(f64, DVec3)], radius: f64, from: f64, to: f64) -> Vec<Region> 
     let points: Vec<DVec3> = [at(from)].into_iter().chain(within).chain([at(to)]).collect();
     let capsule = |w: &[DVec3]| Region::Capsule { from: w[0], to: w[1], radius };
     points.windows(2).map(capsule).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_tool_sweeps_its_path_once() {
-        let path = [(1.0, DVec3::ZERO), (2.0, DVec3::X), (3.0, DVec3::new(1.0, 1.0, 0.0))];
-        assert!(swept(&path, 0.1, 0.0, 0.9).is_empty());
-        assert!(swept(&path, 0.1, 3.0, 3.5).is_empty());
-        let ends = |from, to| -> Vec<[DVec3; 2]> {
-            let ends = |r| match r {
-                Region::Capsule { from, to, .. } => [from, to],
-                _ => unreachable!("a tool sweeps capsules"),
-            };
-            swept(&path, 0.1, from, to).into_iter().map(ends).collect()
-        };
-        assert_eq!(ends(0.5, 1.5), [[DVec3::ZERO, DVec3::ZERO], [DVec3::ZERO, DVec3::X * 0.5]]);
-        let corner = [DVec3::X * 0.75, DVec3::X];
-        assert_eq!(ends(1.75, 2.25), [corner, [DVec3::X, DVec3::new(1.0, 0.25, 0.0)]]);
-        assert_eq!(ends(2.5, 4.0).last().unwrap()[1], DVec3::new(1.0, 1.0, 0.0));
-    }
 }

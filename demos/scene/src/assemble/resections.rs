@@ -5,38 +5,38 @@ use super::removal::{Action, BuiltResection, ResectionSummary};
 use super::scene::BuiltScene;
 use super::select::which_body;
 use crate::error::SceneError;
-use crate::scene::{CutterEntry, Key, LoadedScene, Mode, ResectionEntry};
+use crate::scene::{CutterEntry, Key, Mode, ResectionEntry};
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
 use sinew::models::resection::Region;
 
-/// Adds the resections of a scene.
-pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
-    for (i, entry) in loaded.scene.resections.iter().enumerate() {
-        let key = loaded.key("resection").entry(i);
-        if built.plan.mode == Mode::Static {
-            let remedy = "leave it out, or use mode = \"dynamic\"";
-            return Err(key.value("a resection in a static scene", remedy));
-        }
-        let body = &built.bodies[which_body(&key, entry.body.as_deref(), &built.bodies)?];
-        let action = action(&key, entry, body)?;
-        let [from, until] = window(&key, entry, &action)?;
-        // the first removal is then as quick as the others; the body exists
-        let _ = built.simulation.prepare_removals(body.handle);
-        let summary = ResectionSummary {
-            name: entry.name.clone(),
-            body: body.name.clone(),
-            remaining: body.element_count(ElementKind::Tetrahedron),
-            remaining_triangles: body.element_count(ElementKind::Triangle),
-            remaining_hexahedra: body.element_count(ElementKind::Hexahedron),
-            remaining_quads: body.element_count(ElementKind::Quad),
-            pieces: built.simulation.topology().bodies[body.handle.0].piece_count(),
-            ..ResectionSummary::default()
-        };
-        let (body, mass) = (body.handle, entry.mass);
-        built.resections.push(BuiltResection { body, action, mass, from, until, summary });
+/// A resection of a scene.
+pub(super) fn resection(
+    key: &Key,
+    entry: &ResectionEntry,
+    built: &mut BuiltScene,
+) -> Result<BuiltResection, SceneError> {
+    if built.plan.mode == Mode::Static {
+        let remedy = "leave it out, or use mode = \"dynamic\"";
+        return Err(key.value("a resection in a static scene", remedy));
     }
-    Ok(())
+    let body = &built.bodies[which_body(key, entry.body.as_deref(), &built.bodies)?];
+    let action = action(key, entry, body)?;
+    let [from, until] = window(key, entry, &action)?;
+    // the first removal is then as quick as the others; the body exists
+    let _ = built.simulation.prepare_removals(body.handle);
+    let summary = ResectionSummary {
+        name: entry.name.clone(),
+        body: body.name.clone(),
+        remaining: body.element_count(ElementKind::Tetrahedron),
+        remaining_triangles: body.element_count(ElementKind::Triangle),
+        remaining_hexahedra: body.element_count(ElementKind::Hexahedron),
+        remaining_quads: body.element_count(ElementKind::Quad),
+        pieces: built.simulation.topology().bodies[body.handle.0].piece_count(),
+        ..ResectionSummary::default()
+    };
+    let (body, mass) = (body.handle, entry.mass);
+    Ok(BuiltResection { body, action, mass, from, until, summary })
 }
 
 /// Times (s) between which it acts.

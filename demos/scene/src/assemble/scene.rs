@@ -54,7 +54,7 @@ pub struct BuiltScene {
     /// Probes in the order of the file.
     pub probes: Vec<BuiltProbe>,
     /// Steps and intervals.
-    pub plan: Plan,
+    pub plan: RunPlan,
     /// What was found and repaired, or looks unintended.
     pub warnings: Vec<Warning>,
 }
@@ -90,7 +90,7 @@ impl BuiltScene {
 
 /// Steps and intervals of a run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
+pub struct RunPlan {
     /// Kind of the scene.
     pub mode: Mode,
     /// Step length (s); of a static scene the fraction of the loads per step.

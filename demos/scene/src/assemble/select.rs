@@ -1,8 +1,8 @@
 //! Selections of vertices and faces.
 
 use super::body::BuiltBody;
-use crate::error::{SceneError, hint};
-use crate::scene::{Faces, Key, Selection};
+use crate::error::{SceneError, SceneProblem, hint};
+use crate::scene::{FacesEntry, Key, Selection};
 use glam::DVec3;
 use sinew::engine::mesh::{Group, Mesh};
 use std::collections::HashMap;
@@ -71,8 +71,8 @@ pub(super) fn select(
         return Err(key.value("`all = false` selects nothing", "give another selection"));
     };
     if chosen.is_empty() {
-        let (place, body) = (key.place(), body.name.clone());
-        return Err(SceneError::EmptySelection { place, body, remedy });
+        let body = body.name.clone();
+        return Err(key.error(SceneProblem::EmptySelection { body, remedy }));
     }
     Ok(chosen)
 }
@@ -81,8 +81,8 @@ pub(super) fn select(
 fn listed(key: &Key, vertices: &[u32], body: &BuiltBody) -> Result<Vec<u32>, SceneError> {
     let count = body.mesh.points.len();
     if let Some(&vertex) = vertices.iter().find(|&&v| v as usize >= count) {
-        let (place, body) = (key.place(), body.name.clone());
-        return Err(SceneError::VertexIndex { place, body, vertex, count });
+        let body = body.name.clone();
+        return Err(key.error(SceneProblem::VertexIndex { body, vertex, count }));
     }
     if let Some(vertex) = vertices.iter().find(|v| body.used_vertices.binary_search(v).is_err()) {
         let found = format!("no element uses vertex {vertex} of body `{}`", body.name);
@@ -117,7 +117,7 @@ fn groups<'m>(key: &Key, name: &str, mesh: &'m Mesh) -> Result<Vec<&'m Group>, S
         hint.push_str(&format!(" groups of the mesh: {}", all.join(", ")));
     }
     let name = name.to_string();
-    Err(SceneError::Unknown { place: key.place(), kind: "group", name, hint })
+    Err(key.error(SceneProblem::Unknown { kind: "group", name, hint }))
 }
 
 /// Vertices of the groups of that name, not sorted.
@@ -152,7 +152,7 @@ pub(super) fn group_cells(
 /// what its shape function gives it, and triangles come twice.
 pub(super) fn faces(
     key: &Key,
-    on: &Faces,
+    on: &FacesEntry,
     body: &BuiltBody,
 ) -> Result<(Vec<[u32; 3]>, f64), SceneError> {
     let inward = |[a, b, c]: [u32; 3]| [a, c, b];

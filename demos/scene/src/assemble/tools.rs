@@ -7,15 +7,12 @@ use super::scene::BuiltScene;
 use super::select::{group_cells, which_body};
 use super::touch::{BuiltTool, place};
 use crate::error::SceneError;
-use crate::scene::{
-    Key, LoadedScene, Mode, PartEntry, Rotation, ToolEntry, ToolShape, TouchedEntry,
-};
+use crate::scene::{Key, Mode, PartEntry, Rotation, ToolEntry, ToolShape, TouchedEntry};
 use crate::text::short;
 use crate::warning::{Level, Warning};
 use glam::{DQuat, DVec3};
 use sinew::engine::load::{Curve, rotation};
 use sinew::engine::mesh::MeshError;
-use sinew::solvers::settings::Integrator;
 use sinew::touch::field::{DistanceField, FieldError};
 use sinew::touch::shape::Shape;
 use sinew::touch::tool::{
@@ -32,23 +29,19 @@ const TURN: f64 = 0.1;
 /// Most degrees that a tool turns.
 const MOST_DEGREES: f64 = 36_000.0;
 
-/// Adds the tools of a scene.
-pub(super) fn add(loaded: &LoadedScene, built: &mut BuiltScene) -> Result<(), SceneError> {
-    for (i, entry) in loaded.scene.tools.iter().enumerate() {
-        let tool = tool(&loaded.key("tool").entry(i), entry, built)?;
-        built.tools.push(tool);
-    }
-    Ok(())
-}
-
-fn tool(key: &Key, entry: &ToolEntry, built: &mut BuiltScene) -> Result<BuiltTool, SceneError> {
+/// A tool of a scene.
+pub(super) fn tool(
+    key: &Key,
+    entry: &ToolEntry,
+    built: &mut BuiltScene,
+) -> Result<BuiltTool, SceneError> {
     let mode = built.plan.mode;
     let (parts, mut words) = parts(key, entry)?;
     let (start, motion, moves) = motion(key, entry, mode)?;
     let mut tool = Tool::of_parts(&entry.name, parts, start);
     tool.motion = motion;
     tool.hinge = hinge(key, entry, &tool.parts)?;
-    tool.friction = friction(key, entry.mu)?;
+    tool.friction = friction(key, [entry.friction, entry.mu], &mut built.warnings)?;
     tool.stiffness = stiffness(key, entry.stiffness, entry.stiffness_absolute)?;
     tool.exact = entry.exact;
     tool.points = points(&key.at("points"), entry)?;
@@ -61,16 +54,14 @@ fn tool(key: &Key, entry: &ToolEntry, built: &mut BuiltScene) -> Result<BuiltToo
         key.ascending(&[[from], [until]], "grip", "[from, until] (s)")?;
     }
     let integrator = built.plan.settings.integrator;
-    if entry.exact && !matches!(integrator, Integrator::Newton | Integrator::QuasiStatic) {
-        let found = format!("exact contact with integrator {}", integrator.name());
-        let remedy = "use integrator = \"newton\" or \"quasi-static\", or leave `exact` out";
-        return Err(key.at("exact").value(found, remedy));
+    if let Some(problem) = integrator.exact_contact_problem().filter(|_| entry.exact) {
+        return Err(key.at("exact").value(problem, "take one of them, or leave `exact` out"));
     }
     if let Some(on) = &entry.on {
         let (triangles, body) = touched(&key.at("on"), on, &built.bodies)?;
         let handle = built.bodies[body].handle;
         let faces = built.simulation.face_rows(handle, &entry.name, &triangles);
-        tool.faces = Some(faces.map_err(|e| key.at("on").simulation(e))?);
+        tool.faces = Some(faces.map_err(|e| key.at("on").error(e))?);
     }
     if mode == Mode::Dynamic && entry.translate.is_some() && entry.curve.is_none() {
         built.warnings.push(Warning::new(
@@ -257,8 +248,7 @@ fn shape(key: &Key, keys: &PartEntry) -> Result<(Shape, DQuat, String), SceneErr
 /// The distance field of a closed mesh in a file.
 fn field(key: &Key, file: &Path, scale: f64, spacing: Option<f64>) -> Result<Shape, SceneError> {
     let own = key.at("file");
-    let error =
-        |source: MeshError| SceneError::Mesh { place: own.place(), source: Box::new(source) };
+    let error = |source: MeshError| own.error(source);
     let mesh = key.loaded.read_mesh(file).map_err(error)?;
     let mesh = mesh.transformed(scale, DQuat::IDENTITY, DVec3::ZERO);
     let (mut triangles, quads) = match mesh.is_solid() {
@@ -499,33 +489,4 @@ fn touched(
 fn sorted(mut triangle: [u32; 3]) -> [u32; 3] {
     triangle.sort_unstable();
     triangle
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::LoadedScene;
-
-    #[test]
-    fn turns_go_evenly_and_further_than_half_round() {
-        let scene = LoadedScene::parse("name = \"a\"", Path::new("a.toml")).unwrap();
-        let key = scene.key("turns");
-        let rows = [[1.0, 0.0, 0.0, 2.0, 0.0], [3.0, 0.0, 0.0, 1.0, 540.0]];
-        let turns = turns(&key, &rows, Mode::Dynamic).unwrap();
-        let column = |a, b| Curve::Points(vec![[0.0, a], [4.0, b]]);
-        let path = [column(0.0, 4.0), column(0.0, 0.0), column(1.0, 1.0), column(0.0, 90.0)];
-        let poses = poses(ToolPose::default(), &path, &turns);
-        let motion = ToolMotion::Path(poses);
-        let mut tool = Tool::new("a", Shape::Sphere { radius: 1.0 }, DVec3::ZERO);
-        tool.motion = motion;
-        for (time, degrees) in [(0.5, 0.0), (1.5, 135.0), (2.0, 270.0), (2.9, 513.0), (3.5, 540.0)]
-        {
-            let pose = tool.wanted(time, ToolPose::default());
-            let angle = f64::to_radians(degrees);
-            let expected = DVec3::new(angle.cos(), angle.sin(), 0.0);
-            assert!((pose.rotation * DVec3::X - expected).length() < 1e-5, "{time}: {pose:?}");
-            assert!((pose.position - DVec3::new(time, 0.0, 1.0)).length() < 1e-12);
-            assert!((pose.opening - f64::to_radians(22.5 * time)).abs() < 1e-12);
-        }
-    }
 }

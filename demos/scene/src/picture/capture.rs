@@ -1,9 +1,9 @@
 //! Makes a recording of a scene while it runs: an observer that copies what pictures need.
 
 use super::boundary::{Face, boundary};
-use super::measure::{Measured, Moduli};
+use super::measure::{MeasuredBody, ModuliFields};
 use super::quantity::Quantity;
-use super::tools::Tools;
+use super::tools::{Force, Tools};
 use crate::assemble::{BuiltBody, BuiltScene};
 use crate::run::Observer;
 use crate::scene::{LoadedScene, Mode, Scene};
@@ -57,31 +57,12 @@ impl Default for CaptureOptions {
 }
 
 /// A body and where its points are among all.
-struct Part {
+struct BodyPart {
     first: usize,
-    measured: Option<Measured>,
+    measured: Option<MeasuredBody>,
     faces: Vec<Face>,
-    /// Solids, triangles and quadrilaterals left at the last look.
-    left: [usize; 4],
-}
-
-/// A force on bodies, until all frames are known and arrows get their lengths.
-pub(super) struct Force {
-    /// Where it acts (m).
-    pub at: Vec3,
-    /// The force (N).
-    pub force: Vec3,
-    /// Whether its arrow ends there, else it begins there.
-    pub ends: bool,
-    /// Colour.
-    pub colour: Rgb,
-}
-
-impl Force {
-    /// Pushes towards `centre` end where they act, pulls away from it begin there.
-    fn new(at: Vec3, force: Vec3, centre: Vec3, colour: Rgb) -> Self {
-        Self { at, force, ends: force.dot(at - centre) < 0.0, colour }
-    }
+    /// Count of changes of the body at the last look.
+    changes: Option<u64>,
 }
 
 /// Pressure (Pa) along the normal of a face, at its middle.
@@ -95,7 +76,7 @@ pub struct Recorder<'a> {
     scene: &'a LoadedScene,
     options: CaptureOptions,
     inner: &'a mut dyn Observer,
-    parts: Vec<Part>,
+    parts: Vec<BodyPart>,
     /// Place of each point of the scene among those recorded.
     place: Vec<u32>,
     kept: Vec<u32>,
@@ -209,14 +190,14 @@ impl<'a> Recorder<'a> {
                 let data = body.mesh.data(name.as_ref()?)?;
                 Some(data.tetrahedra.iter().chain(&data.hexahedra).copied().collect())
             };
-            let moduli = Moduli {
+            let moduli = ModuliFields {
                 young_modulus: field(&entry.young_modulus_field),
                 poisson_ratio: field(&entry.poisson_ratio_field),
             };
             let fibres = body.axes.as_ref().is_some_and(|axes| !axes.families.is_empty());
-            let measured = (needs_measures || fibres).then(|| Measured::new(body, &moduli));
-            let (first, faces, left) = (points.len(), Vec::new(), [usize::MAX; 4]);
-            self.parts.push(Part { first, measured, faces, left });
+            let measured = (needs_measures || fibres).then(|| MeasuredBody::new(body, &moduli));
+            let (first, faces, changes) = (points.len(), Vec::new(), None);
+            self.parts.push(BodyPart { first, measured, faces, changes });
             points.extend(body.mesh.points.iter().map(|p| p.as_vec3().to_array()));
             r.bodies.push(body.name.clone());
         }
@@ -260,29 +241,24 @@ impl<'a> Recorder<'a> {
     }
 
     /// Looks for removed elements; returns whether there are any new ones.
-    fn faces(&mut self, built: &BuiltScene) -> bool {
+    fn faces(&mut self, built: &mut BuiltScene) -> bool {
         let mut changed = false;
-        for (part, body) in self.parts.iter_mut().zip(&built.bodies) {
-            let simulation = &built.simulation;
-            let left = |kind| simulation.remaining(body.handle, kind);
-            // counts are enough: elements never come back
-            let lists = [
-                left(ElementKind::Tetrahedron),
-                left(ElementKind::Hexahedron),
-                left(ElementKind::Triangle),
-                left(ElementKind::Quad),
-            ];
-            let counts = [0, 1, 2, 3].map(|k| lists[k].len());
-            if counts == part.left {
+        let BuiltScene { simulation, bodies, .. } = built;
+        for (part, body) in self.parts.iter_mut().zip(&*bodies) {
+            let changes = Some(simulation.topology().bodies[body.handle.0].changes);
+            if changes == part.changes {
                 continue;
             }
-            part.left = counts;
-            let solids = solid_indices(body, &lists[0], &lists[1]);
+            part.changes = changes;
+            // there is such a body
+            let solid = simulation.surface(body.handle).unwrap_or_default();
+            let left = |kind| simulation.remaining(body.handle, kind).into_iter();
+            let triangles = left(ElementKind::Triangle);
             let triangles: Vec<_> =
-                lists[2].iter().map(|&e| body.membrane_triangles()[e as usize]).collect();
-            let quads: Vec<_> =
-                lists[3].iter().map(|&e| body.membrane_quads()[e as usize]).collect();
-            part.faces = boundary(&body.mesh, &solids, &triangles, &quads);
+                triangles.map(|e| body.membrane_triangles()[e as usize]).collect();
+            let quads = left(ElementKind::Quad);
+            let quads: Vec<_> = quads.map(|e| body.membrane_quads()[e as usize]).collect();
+            part.faces = boundary(&solid, &triangles, &quads);
             changed = true;
         }
         changed
@@ -554,11 +530,13 @@ fn solid_indices(body: &BuiltBody, tetrahedra: &[u32], hexahedra: &[u32]) -> Vec
 }
 
 /// A short rod along the deformed direction of every family in every element at the surface.
-fn fibres(part: &Part, body: &BuiltBody, u: &[DVec3], colour: Rgb, rods: &mut Vec<Rod>) {
+fn fibres(part: &BodyPart, body: &BuiltBody, u: &[DVec3], colour: Rgb, rods: &mut Vec<Rod>) {
     let (Some(axes), Some(measured)) = (&body.axes, &part.measured) else { return };
     for family in &axes.families {
         for face in part.faces.iter().filter(|f| !f.second) {
-            let Some(element) = face.element else { continue };
+            let Some((kind, element)) = face.element else { continue };
+            let quad = kind == ElementKind::Hexahedron;
+            let element = element + if quad { body.mesh.tetrahedra.len() as u32 } else { 0 };
             let of = |list: &[DVec3]| list[if list.len() == 1 { 0 } else { element as usize }];
             let rest = of(&family.directions).normalize_or_zero();
             if family.share.as_ref().is_some_and(|share| share[element as usize] == 0.0) {
@@ -566,7 +544,6 @@ fn fibres(part: &Part, body: &BuiltBody, u: &[DVec3], colour: Rgb, rods: &mut Ve
             }
             let [a, b, c] = face.vertices.map(|v| body.mesh.points[v as usize] + u[v as usize]);
             let area = (b - a).cross(c - a);
-            let quad = body.mesh.tetrahedra.len() <= element as usize;
             // the middle of a quadrilateral is that of its diagonal
             let middle = if quad { 0.5 * (a + c) } else { (a + b + c) / 3.0 };
             let size = area.length().sqrt() * if quad { 1.0 } else { 0.8 };

@@ -12,7 +12,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 /// A picture of a scene.
-struct Entry {
+struct GalleryEntry {
     scene: &'static str,
     /// Time (s), of a static scene share of the loads.
     at: f64,
@@ -22,8 +22,8 @@ struct Entry {
     words: &'static str,
 }
 
-const ENTRIES: [Entry; 19] = [
-    Entry {
+const ENTRIES: [GalleryEntry; 19] = [
+    GalleryEntry {
         scene: "liver",
         at: 2.0,
         quantity: Quantity::Displacement,
@@ -31,126 +31,126 @@ const ENTRIES: [Entry; 19] = [
         words: "A liver-like organ hangs from its ligament (dark) and is pulled by a tool (orange; the arrow \
                 is its force).",
     },
-    Entry {
+    GalleryEntry {
         scene: "liver_resection",
         at: 1.9,
         quantity: Quantity::None,
         camera: "35,14",
         words: "A tool cuts a lobe off; the surface is rebuilt as elements go.",
     },
-    Entry {
+    GalleryEntry {
         scene: "cantilever",
         at: 0.4,
         quantity: Quantity::Strain,
         camera: "25,12",
         words: "A soft beam, clamped at one end, falls and swings.",
     },
-    Entry {
+    GalleryEntry {
         scene: "static_beam",
         at: 1.0,
         quantity: Quantity::Stress,
         camera: "22,16",
         words: "Equilibrium under an end load: the stress falls linearly to the end.",
     },
-    Entry {
+    GalleryEntry {
         scene: "crush",
         at: 1.2,
         quantity: Quantity::Volume,
         camera: "28,10",
         words: "A cube pressed to half its height between sticky plates.",
     },
-    Entry {
+    GalleryEntry {
         scene: "slender_cylinder",
         at: 0.3,
         quantity: Quantity::Volume,
         camera: "25,10",
         words: "Two very soft cylinders, with (front) and without (back) the compression term.",
     },
-    Entry {
+    GalleryEntry {
         scene: "membrane_drum",
         at: 0.55,
         quantity: Quantity::Strain,
         camera: "20,24",
         words: "A drum skin blown up to a dome, and a block with a skin under a bell jar.",
     },
-    Entry {
+    GalleryEntry {
         scene: "elements",
         at: 1.5,
         quantity: Quantity::Displacement,
         camera: "38,24",
         words: "Hexahedra with finite elements, the same bar of springs, and a hammock of quadrilaterals.",
     },
-    Entry {
+    GalleryEntry {
         scene: "fibre_bar",
         at: 2.0,
         quantity: Quantity::Displacement,
         camera: "18,8",
         words: "Fibres at 45 degrees move a hanging bar sideways.",
     },
-    Entry {
+    GalleryEntry {
         scene: "muscle_bar",
         at: 0.5,
         quantity: Quantity::Strain,
         camera: "25,18",
         words: "A bar of muscle contracts; the ghost is its rest shape.",
     },
-    Entry {
+    GalleryEntry {
         scene: "ventricle",
         at: 0.68,
         quantity: Quantity::Strain,
         camera: "25,16",
         words: "A ventricle with helical fibres at the peak of its beat.",
     },
-    Entry {
+    GalleryEntry {
         scene: "incompressible",
         at: 0.24,
         quantity: Quantity::Displacement,
         camera: "55,20",
         words: "Two beams of a gel of Poisson's ratio 0.4999: plain tetrahedra lock, clusters of them bend.",
     },
-    Entry {
+    GalleryEntry {
         scene: "palpation",
         at: 2.0,
         quantity: Quantity::Pressure,
         camera: "25,28",
         words: "A finger slides over soft tissue that hides a stiff ball; the arrow is its force on the tissue.",
     },
-    Entry {
+    GalleryEntry {
         scene: "drag",
         at: 1.6,
         quantity: Quantity::Pressure,
         camera: "25,26",
         words: "A block, drawn as glass over the pressure that it exerts, is dragged over tissue with friction.",
     },
-    Entry {
+    GalleryEntry {
         scene: "grasp",
         at: 2.3,
         quantity: Quantity::Displacement,
         camera: "25,16",
         words: "Forceps hold the edge of a liver-like organ and lift it.",
     },
-    Entry {
+    GalleryEntry {
         scene: "press_flat",
         at: 2.8,
         quantity: Quantity::Pressure,
         camera: "25,18",
         words: "An organ between a table and a plate that presses it flat.",
     },
-    Entry {
+    GalleryEntry {
         scene: "two_organs",
         at: 0.35,
         quantity: Quantity::Displacement,
         camera: "25,18",
         words: "A soft ball has fallen on another one and rolls off; both lie on a table.",
     },
-    Entry {
+    GalleryEntry {
         scene: "probe_fast",
         at: 0.5,
         quantity: Quantity::Displacement,
         camera: "25,26",
         words: "A ball that came at 10 m/s rests in a slab.",
     },
-    Entry {
+    GalleryEntry {
         scene: "side_by_side",
         at: 0.4,
         quantity: Quantity::Displacement,

@@ -209,7 +209,7 @@ pub fn render(
             write_picture(path, &image, job, &mut report)?;
         }
         if job.png.is_some() || job.video.is_some() {
-            film(scene, job, recording, &mut report, Source::One(&mut painter))?;
+            film(scene, job, recording, &mut report, FilmSource::One(&mut painter))?;
         }
     } else {
         let title = common_words(&panels, |r| &r.title, " · ");
@@ -225,7 +225,7 @@ pub fn render(
             write_picture(path, &image, job, &mut report)?;
         }
         if job.png.is_some() || job.video.is_some() {
-            film(scene, job, &recording, &mut report, Source::Several(&mut comparison))?;
+            film(scene, job, &recording, &mut report, FilmSource::Several(&mut comparison))?;
         }
     }
     report.seconds[2] = start.elapsed().as_secs_f64();
@@ -363,7 +363,7 @@ pub fn nearest(recording: &Recording, at: Option<f64>) -> usize {
 }
 
 /// What draws a film.
-enum Source<'a> {
+enum FilmSource<'a> {
     One(&'a mut Painter),
     Several(&'a mut Comparison),
 }
@@ -374,7 +374,7 @@ fn film(
     job: &RenderJob,
     recording: &Recording,
     report: &mut RenderReport,
-    source: Source,
+    source: FilmSource,
 ) -> Result<(), RenderError> {
     if let Some(folder) = &job.png {
         std::fs::create_dir_all(folder)
@@ -399,8 +399,8 @@ fn film(
     }
     // a comparison has its overlay already
     let overlay = match &source {
-        Source::One(painter) => Some((painter.look.field, painter.captions)),
-        Source::Several(_) => None,
+        FilmSource::One(painter) => Some((painter.look.field, painter.captions)),
+        FilmSource::Several(_) => None,
     };
     let (sender, receiver) = mpsc::sync_channel::<(usize, Image)>(QUEUE);
     let encoded = std::thread::scope(|scope| {
@@ -425,8 +425,8 @@ fn film(
         let stopped = || RenderError::Device { reason: "the encoder has stopped".into() };
         let mut send = |i, image| sender.send((i, image)).map_err(|_| stopped());
         let drawn = match source {
-            Source::One(painter) => painter.film(recording, &frames, &mut send),
-            Source::Several(comparison) => {
+            FilmSource::One(painter) => painter.film(recording, &frames, &mut send),
+            FilmSource::Several(comparison) => {
                 frames.iter().try_for_each(|&i| send(i, beside(comparison, recording, i)?))
             }
         };

@@ -1,6 +1,5 @@
 //! Tools in recordings: their shapes, their poses and what they do to bodies.
 
-use super::capture::Force;
 use bevy_ecs::prelude::*;
 use glam::{DQuat, DVec3, Vec3};
 use sinew::touch::shape::Shape;
@@ -20,6 +19,25 @@ const FORCE: [Rgb; 2] = [[222, 112, 30], [28, 86, 196]];
 /// Forces below this share of what the largest pressure would be on all of the touching area are the rest of others
 /// that cancel, as of two jaws: they say nothing.
 const LEAST_SHARE: f64 = 0.01;
+
+/// A force on bodies, until all frames are known and arrows get their lengths.
+pub(super) struct Force {
+    /// Where it acts (m).
+    pub at: Vec3,
+    /// The force (N).
+    pub force: Vec3,
+    /// Whether its arrow ends there, else it begins there.
+    pub ends: bool,
+    /// Colour.
+    pub colour: Rgb,
+}
+
+impl Force {
+    /// Pushes towards `centre` end where they act, pulls away from it begin there.
+    pub fn new(at: Vec3, force: Vec3, centre: Vec3, colour: Rgb) -> Self {
+        Self { at, force, ends: force.dot(at - centre) < 0.0, colour }
+    }
+}
 
 /// The tools of a run so far.
 #[derive(Default)]

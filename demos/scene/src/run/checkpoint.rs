@@ -1,11 +1,11 @@
 //! Checkpoints: all that a run needs to go on after its process has died, so that what it writes is what it would have
 //! written otherwise, host times aside.
 
-use super::Run;
+use super::SceneRun;
 use super::totals::Totals;
 use crate::assemble::{BuiltScene, SceneSnapshot};
 use crate::error::RunError;
-use crate::output::WriterState;
+use crate::output::{WriterState, checkpoints};
 use crate::scene::LoadedScene;
 use crate::summary::{ForceSummary, TouchEnergy};
 use serde::{Deserialize, Serialize};
@@ -68,7 +68,7 @@ impl Checkpoints {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn after_step(&self, run: &mut Run, done: u64) -> Result<(), RunError> {
+    pub fn after_step(&self, run: &mut SceneRun, done: u64) -> Result<(), RunError> {
         if !done.is_multiple_of(self.every) {
             return Ok(());
         }
@@ -86,7 +86,7 @@ impl Checkpoints {
         });
         let written = written.and_then(|()| std::fs::rename(&partial, &path));
         written.map_err(|source| RunError::Write { path: path.clone(), source })?;
-        let all = found(&self.folder);
+        let all = checkpoints(&self.folder);
         for (_, old) in all.iter().take(all.len().saturating_sub(KEPT)) {
             // one that stays does no harm
             let _ = std::fs::remove_file(old);
@@ -96,23 +96,10 @@ impl Checkpoints {
 
     /// Takes the checkpoints of a run away that came to its end.
     pub fn remove(&self) {
-        for (_, path) in found(&self.folder) {
+        for (_, path) in checkpoints(&self.folder) {
             let _ = std::fs::remove_file(path);
         }
     }
-}
-
-/// Checkpoints in a folder with their steps, ascending.
-pub(crate) fn found(folder: &Path) -> Vec<(u64, PathBuf)> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let step = |path: &Path| {
-        let name = path.file_name()?.to_str()?;
-        name.strip_prefix("checkpoint-")?.strip_suffix(".sinew")?.parse().ok()
-    };
-    let mut all: Vec<(u64, PathBuf)> =
-        entries.filter_map(|entry| Some((step(&entry.path())?, entry.path()))).collect();
-    all.sort();
-    all
 }
 
 /// A number of the scene as it was written, with what options of the command replace of it, but for what results do not
@@ -135,7 +122,7 @@ pub(super) fn last(
     built: &BuiltScene,
 ) -> Result<(Option<RunState>, Vec<PathBuf>), RunError> {
     let mut damaged = Vec::new();
-    for (_, path) in found(folder).into_iter().rev() {
+    for (_, path) in checkpoints(folder).into_iter().rev() {
         let bytes =
             std::fs::read(&path).map_err(|source| RunError::Read { path: path.clone(), source })?;
         let state = bytes.split_last_chunk().and_then(|(state, sum)| {
@@ -171,7 +158,7 @@ impl RunState {
     }
 }
 
-impl Run<'_> {
+impl SceneRun<'_> {
     fn state(&mut self, scene: u64, done: u64) -> Result<RunState, RunError> {
         let mut totals = self.totals.clone();
         let contact = totals.energy.contact.take();

@@ -5,8 +5,8 @@ use crate::assemble::{BuiltBody, BuiltScene};
 use crate::scene::{LoadedScene, Mode};
 use crate::summary::{
     AxesSummary, BodySummary, ConstraintSummary, LoadSummary, Machine, MembraneSummary,
-    PressureSummary, RunSummary, SCHEMA, SceneSummary, Settings, Stage, SystemSummary, Timing,
-    Versions, Warning,
+    PressureSummary, RunSettings, RunSummary, RunTiming, SCHEMA, SceneSummary, Stage,
+    SystemSummary, Versions, Warning,
 };
 use sinew::engine::report::SystemTimes;
 use sinew::engine::schedule::Executor;
@@ -111,10 +111,10 @@ impl RunFacts<'_> {
         }
     }
 
-    fn settings(&self) -> Settings {
+    fn settings(&self) -> RunSettings {
         let (plan, simulation) = (&self.built.plan, &self.built.simulation);
         let workers = simulation.world().resource::<Workers>();
-        Settings {
+        RunSettings {
             dt: plan.dt,
             steps: plan.steps,
             precision: simulation.precision().name(),
@@ -126,7 +126,7 @@ impl RunFacts<'_> {
         }
     }
 
-    fn timing(&mut self) -> Timing {
+    fn timing(&mut self) -> RunTiming {
         let steps = self.steps().max(1) as f64;
         let stepping = self.totals.step_times.total();
         let total = self.start.elapsed().as_secs_f64();
@@ -153,7 +153,7 @@ impl RunFacts<'_> {
             per_step_ms: 1e3 * entry.seconds / steps,
             share: if stepping > 0.0 { entry.seconds / stepping } else { 0.0 },
         });
-        Timing {
+        RunTiming {
             total_s: total,
             simulated_s: simulated,
             real_time_factor: (self.is_dynamic() && stepping > 0.0).then(|| simulated / stepping),

@@ -1,6 +1,6 @@
 //! Runs a scene: steps, probes, frames, and the figures of the summary.
 
-pub(crate) mod checkpoint;
+mod checkpoint;
 mod facts;
 mod log;
 mod totals;
@@ -76,7 +76,7 @@ pub struct Silent;
 impl Observer for Silent {}
 
 /// A run on its way.
-struct Run<'a> {
+struct SceneRun<'a> {
     built: BuiltScene,
     totals: Totals,
     writer: Option<Writer>,
@@ -149,7 +149,7 @@ pub fn run(
     }
     failure = failure.or_else(|| untrue(&run.built, &run.totals));
 
-    let Run { built, mut totals, writer, probes, .. } = run;
+    let SceneRun { built, mut totals, writer, probes, .. } = run;
     let clock = Instant::now();
     let mut files = match writer.map(Writer::finish) {
         Some(Err(error)) if failure.is_none() => return Err(error),
@@ -190,7 +190,7 @@ fn begin<'a>(
     options: &RunOptions,
     mut built: BuiltScene,
     observer: &'a mut dyn Observer,
-) -> Result<(Run<'a>, u64), RunError> {
+) -> Result<(SceneRun<'a>, u64), RunError> {
     let name = &loaded.scene.name;
     if options.resume {
         let Some(folder) = &options.out else {
@@ -203,7 +203,7 @@ fn begin<'a>(
             let first = state.done + 1;
             let writer = Some(Writer::resume(folder, name, &mut built, state.writer.clone())?);
             let (totals, probes) = state.resume(&mut built)?;
-            return Ok((Run { built, totals, writer, observer, probes }, first));
+            return Ok((SceneRun { built, totals, writer, observer, probes }, first));
         }
     }
     let writer = match &options.out {
@@ -212,7 +212,7 @@ fn begin<'a>(
         None => None,
     };
     let totals = Totals::new(&mut built);
-    let mut run = Run { built, totals, writer, observer, probes: Vec::new() };
+    let mut run = SceneRun { built, totals, writer, observer, probes: Vec::new() };
     run.record(0)?;
     run.frame()?;
     Ok((run, 1))
@@ -248,7 +248,7 @@ fn untrue(built: &BuiltScene, totals: &Totals) -> Option<String> {
     })
 }
 
-impl Run<'_> {
+impl SceneRun<'_> {
     /// Carries out step `done` (counted from 1) with its removals, probes and frame, whether it is the `last`;
     /// why it failed, if it did.
     fn step(&mut self, done: u64, last: bool) -> Result<Option<String>, RunError> {

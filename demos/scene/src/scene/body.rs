@@ -13,7 +13,7 @@ use std::path::PathBuf;
 /// A body.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Body {
+pub struct BodyEntry {
     /// Name, unique in the scene.
     pub name: String,
     /// Mesh file, relative to the scene file; either this or `generate`.
@@ -31,7 +31,7 @@ pub struct Body {
     #[serde(default)]
     pub second_order: bool,
     /// Material.
-    pub material: Material,
+    pub material: MaterialEntry,
     /// Energy; names are those of [`Model`].
     #[serde(default)]
     pub model: Model,
@@ -56,12 +56,37 @@ pub struct Body {
     /// How the mass is shared out among the vertices: `"volume"` (default), `"nodal"` or `"equal"`.
     pub masses: Option<MassRule>,
     /// Membrane on or instead of the solid.
-    pub membrane: Option<Membrane>,
+    pub membrane: Option<MembraneEntry>,
     /// Families of fibres in the solid.
     #[serde(default)]
     pub fibres: Vec<FibreEntry>,
     /// Angles between them, volume and form.
     pub axes: Option<AxesEntry>,
+}
+
+/// All that decides what the mesh of a body is: bodies of the same have the same mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct MeshSource {
+    file: Option<PathBuf>,
+    shape: Option<Generate>,
+    scale: Option<f64>,
+    rotate: Option<Rotation>,
+    translate: Option<[f64; 3]>,
+    second_order: bool,
+}
+
+impl BodyEntry {
+    /// What its mesh is made of.
+    pub(super) fn mesh_source(&self) -> MeshSource {
+        MeshSource {
+            file: self.mesh.clone(),
+            shape: self.generate.clone(),
+            scale: self.scale,
+            rotate: self.rotate.clone(),
+            translate: self.translate,
+            second_order: self.second_order,
+        }
+    }
 }
 
 /// How the constants of springs are found.
@@ -108,7 +133,7 @@ impl<'de> Deserialize<'de> for SpringMethod {
 /// A membrane: triangles and quadrilaterals of the body's mesh with a thickness.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Membrane {
+pub struct MembraneEntry {
     /// Thickness (m).
     pub thickness: f64,
     /// Group of triangles or quadrilaterals; this or `surface` in a body with solid elements, all of the mesh
@@ -119,13 +144,13 @@ pub struct Membrane {
     /// `"stress"` (default): thin, free to become thinner; `"strain"`: a slice of a long body.
     #[serde(default)]
     pub plane: PlaneState,
-    /// As [`Body::element_method`], also `"van-gelder-full"`; without, `"paper-a"` for triangles and
+    /// As [`BodyEntry::element_method`], also `"van-gelder-full"`; without, `"paper-a"` for triangles and
     /// `"frobenius"` for quadrilaterals.
     pub element_method: Option<SpringMethod>,
-    /// As [`Body::spring_constant`].
+    /// As [`BodyEntry::spring_constant`].
     pub spring_constant: Option<f64>,
     /// Material; that of the body without it.
-    pub material: Option<Material>,
+    pub material: Option<MaterialEntry>,
     /// Energy; names are those of [`MembraneModel`].
     #[serde(default)]
     pub model: MembraneModel,
@@ -137,7 +162,7 @@ pub struct Membrane {
 /// A preset, single values, or a preset with some values replaced.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Material {
+pub struct MaterialEntry {
     /// Name of a tissue preset.
     pub preset: Option<String>,
     /// Young's modulus (Pa).

@@ -108,7 +108,7 @@ pub struct PressureEntry {
     /// Name of the body; may be left out when there is only one.
     pub body: Option<String>,
     /// Which triangles.
-    pub on: Faces,
+    pub on: FacesEntry,
     /// Pressure (Pa); negative for suction.
     pub pressure: f64,
     /// Factor over time; 1 without it. Dynamic scenes.
@@ -118,7 +118,7 @@ pub struct PressureEntry {
 /// Triangles of a body; exactly one key.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Faces {
+pub struct FacesEntry {
     /// A group of triangles: on faces of tetrahedra the pressure pushes into the body, on other
     /// membrane triangles along their normal.
     pub group: Option<String>,

@@ -1,6 +1,6 @@
 //! The top of a scene file.
 
-use super::body::Body;
+use super::body::BodyEntry;
 use super::conditions::{ConstraintEntry, LoadEntry, PressureEntry, Selection};
 use super::resection::ResectionEntry;
 use super::touch::{ContactEntry, PullEntry, ToolEntry};
@@ -52,7 +52,7 @@ pub struct Scene {
     pub solver: SolverSettings,
     /// Bodies.
     #[serde(default, rename = "body")]
-    pub bodies: Vec<Body>,
+    pub bodies: Vec<BodyEntry>,
     /// Held and moved vertices.
     #[serde(default, rename = "constraint")]
     pub constraints: Vec<ConstraintEntry>,

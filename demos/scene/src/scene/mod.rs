@@ -11,9 +11,9 @@ mod resection;
 mod shape;
 mod touch;
 
-pub use body::{Body, Material, Membrane, SpringMethod};
+pub use body::{BodyEntry, MaterialEntry, MembraneEntry, SpringMethod};
 pub use conditions::{
-    BoxRegion, ConstraintEntry, CurveEntry, Faces, LoadEntry, MotionEntry, PressureEntry,
+    BoxRegion, ConstraintEntry, CurveEntry, FacesEntry, LoadEntry, MotionEntry, PressureEntry,
     RotationAbout, Selection, Sine, SphereRegion,
 };
 pub use document::{BackendName, ExecutorName, Mode, Output, PrecisionName, ProbeEntry, Scene};

@@ -1,12 +1,12 @@
 //! Reading a scene file, with file, line and hint in every error.
 
+use super::body::{BodyEntry, MeshSource};
 use super::document::Scene;
-use crate::error::{Place, SceneError, hint};
+use crate::error::{Place, SceneError, SceneProblem, hint};
 use crate::text::short;
 use glam::DVec3;
 use sinew::engine::memory::read_file;
 use sinew::engine::mesh::{CheckedMesh, Mesh, MeshError};
-use sinew::simulation::SimulationError;
 use std::borrow::Cow;
 use std::cmp::Reverse;
 use std::collections::HashMap;
@@ -125,9 +125,9 @@ pub struct LoadedScene {
     /// The text that it was read from.
     pub text: Arc<str>,
     keys: Arc<KeySpans>,
-    files: Files,
-    /// Meshes that were prepared for a body, by what they are made of; `None` where none are kept.
-    prepared: Option<Arc<Mutex<HashMap<String, Arc<PreparedMesh>>>>>,
+    files: SceneFiles,
+    /// Meshes that were prepared for bodies; `None` where none are kept.
+    prepared: Option<Arc<Mutex<Vec<(MeshSource, Arc<PreparedMesh>)>>>>,
     /// Keys that options of the command replaced, with these.
     options: Vec<(Cow<'static, str>, Cow<'static, str>)>,
 }
@@ -144,9 +144,9 @@ pub(crate) struct PreparedMesh {
 
 /// How files that a scene names are read.
 #[derive(Clone)]
-struct Files(Arc<dyn Fn(&Path) -> std::io::Result<Vec<u8>> + Send + Sync>);
+struct SceneFiles(Arc<dyn Fn(&Path) -> std::io::Result<Vec<u8>> + Send + Sync>);
 
-impl fmt::Debug for Files {
+impl fmt::Debug for SceneFiles {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Files(..)")
     }
@@ -176,7 +176,7 @@ impl LoadedScene {
         let keys = Arc::new(KeySpans::new(text));
         match toml::from_str(text) {
             Ok(scene) => {
-                let files = Files(Arc::new(read_file));
+                let files = SceneFiles(Arc::new(read_file));
                 let (file, options) = (file.into(), Vec::new());
                 let text = text.into();
                 let loaded = Self { scene, file, text, keys, files, prepared: None, options };
@@ -223,7 +223,7 @@ impl LoadedScene {
         mut self,
         open: impl Fn(&Path) -> std::io::Result<Vec<u8>> + Send + Sync + 'static,
     ) -> Self {
-        self.files = Files(Arc::new(open));
+        self.files = SceneFiles(Arc::new(open));
         self
     }
 
@@ -252,16 +252,16 @@ impl LoadedScene {
         self
     }
 
-    /// The mesh of this name, from those that are kept, or as `make` makes it.
+    /// The mesh of a body, from those that are kept, or as `make` makes it.
     pub(crate) fn prepared_mesh<E>(
         &self,
-        name: impl FnOnce() -> String,
+        body: &BodyEntry,
         make: impl FnOnce() -> Result<PreparedMesh, E>,
     ) -> Result<Arc<PreparedMesh>, E> {
         let Some(kept) = &self.prepared else { return make().map(Arc::new) };
         let lock = || kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let name = name();
-        if let Some(mesh) = lock().get(&name) {
+        let source = body.mesh_source();
+        if let Some((_, mesh)) = lock().iter().find(|(kept, _)| *kept == source) {
             return Ok(Arc::clone(mesh));
         }
         let mesh = Arc::new(make()?);
@@ -269,7 +269,7 @@ impl LoadedScene {
         if kept.len() >= KEPT {
             kept.clear();
         }
-        kept.insert(name, Arc::clone(&mesh));
+        kept.push((source, Arc::clone(&mesh)));
         Ok(mesh)
     }
 
@@ -314,6 +314,11 @@ pub(crate) struct Key<'a> {
 }
 
 impl Key<'_> {
+    /// From the top of the scene.
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
     /// A key below it.
     pub fn at(&self, name: impl Display) -> Self {
         let path =
@@ -331,16 +336,16 @@ impl Key<'_> {
     }
 
     pub fn value(&self, found: impl Into<String>, remedy: impl Into<String>) -> SceneError {
-        SceneError::Value { place: self.place(), found: found.into(), remedy: remedy.into() }
+        self.error(SceneProblem::Value { found: found.into(), remedy: remedy.into() })
     }
 
     pub fn missing(&self, what: impl Into<String>, remedy: impl Into<String>) -> SceneError {
-        SceneError::Missing { place: self.place(), what: what.into(), remedy: remedy.into() }
+        self.error(SceneProblem::Missing { what: what.into(), remedy: remedy.into() })
     }
 
-    /// What the engine refuses.
-    pub fn simulation(&self, source: SimulationError) -> SceneError {
-        SceneError::Simulation { place: self.place(), source: Box::new(source) }
+    /// Something that is wrong here.
+    pub fn error(&self, problem: impl Into<SceneProblem>) -> SceneError {
+        SceneError::At { place: self.place(), problem: problem.into() }
     }
 
     /// A name that is not among those that exist.
@@ -351,7 +356,7 @@ impl Key<'_> {
         known: impl IntoIterator<Item = &'n str>,
     ) -> SceneError {
         let hint = hint(kind, name, known);
-        SceneError::Unknown { place: self.place(), kind, name: name.into(), hint }
+        self.error(SceneProblem::Unknown { kind, name: name.into(), hint })
     }
 
     /// Up to three finite numbers.
@@ -445,17 +450,16 @@ fn parse_error(text: &str, file: &Path, keys: &KeySpans, error: &toml::de::Error
             let names = quoted(rest);
             if let Some((name, known)) = names.split_first() {
                 let hint = hint(kind, name, known.iter().map(String::as_str));
-                return SceneError::Unknown { place, kind, name: name.clone(), hint };
+                let problem = SceneProblem::Unknown { kind, name: name.clone(), hint };
+                return SceneError::At { place, problem };
             }
         }
     }
     if let Some(name) = message.strip_prefix("missing field ") {
         // the span is that of the table
-        return SceneError::Missing {
-            place,
-            what: format!("key {name}"),
-            remedy: "add it; see demos/scenes/README.md for what it holds".into(),
-        };
+        let remedy = "add it; see demos/scenes/README.md for what it holds".into();
+        let problem = SceneProblem::Missing { what: format!("key {name}"), remedy };
+        return SceneError::At { place, problem };
     }
     let message = message
         .replace('\n', ", ")
@@ -464,22 +468,5 @@ fn parse_error(text: &str, file: &Path, keys: &KeySpans, error: &toml::de::Error
     let whole = ["expected u32", "expected u64", "expected usize"];
     let message =
         whole.iter().fold(message, |m, name| m.replace(name, "expected a whole number from 0 up"));
-    SceneError::Syntax { place, message }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lines_of_keys_are_found() {
-        let text = "name = \"a\"\n\n[[body]]\nname = \"b\"\nmaterial = { preset = \"liver\" }\n\n\
-                    [[body]]\nname = \"c\"\n[body.material]\npreset = \"fat\"\n";
-        let scene = LoadedScene::parse(text, Path::new("a.toml")).unwrap();
-        assert_eq!(scene.place("name").line, Some(1));
-        assert_eq!(scene.place("body[0].material.preset").line, Some(5));
-        assert_eq!(scene.place("body[1].material.preset").line, Some(10));
-        assert_eq!(scene.place("body[0].material.density").line, Some(5));
-        assert_eq!(scene.place("nothing").line, None);
-    }
+    SceneError::At { place, problem: SceneProblem::Syntax(message) }
 }

@@ -110,6 +110,8 @@ shaped! {
         /// Factor on it over time. Dynamic scenes.
         curve: Option<CurveEntry>,
         /// Coefficient of friction; default 0.
+        friction: Option<f64>,
+        /// Old name of `friction`.
         mu: Option<f64>,
         /// Times (s) from which until which it grips: what touches it does not slip. Dynamic scenes.
         grip: Option<[f64; 2]>,
@@ -188,6 +190,8 @@ pub struct ContactEntry {
     #[serde(rename = "self")]
     pub itself: Option<String>,
     /// Coefficient of friction; default 0.
+    pub friction: Option<f64>,
+    /// Old name of `friction`.
     pub mu: Option<f64>,
     /// Pressure over penetration, in Young's modulus over the mean edge of the softer one; default 50.
     pub stiffness: Option<f64>,

@@ -2,7 +2,7 @@
 
 use super::{AxesSummary, BodySummary, MembraneSummary, RunSummary, Warning, evaluation_name};
 use crate::assemble::ResectionSummary;
-use crate::text::{Block, counted, pressure, seconds, short, write_blocks};
+use crate::text::{TextBlock, counted, pressure, seconds, short, write_blocks};
 use sinew::models::body::lumped::SpringRule;
 use sinew::models::body::sheet::MembraneModel;
 use sinew::models::body::{Evaluation, Model, VolumeRule};
@@ -54,8 +54,8 @@ impl RunSummary {
         }
     }
 
-    fn what(&self) -> Block {
-        let mut block = Block::new("What was simulated");
+    fn what(&self) -> TextBlock {
+        let mut block = TextBlock::new("What was simulated");
         block.line("scene", format!("{} ({})", self.scene.file, self.scene.mode));
         self.bodies.iter().for_each(|body| body.describe(&mut block));
         for c in &self.constraints {
@@ -111,8 +111,8 @@ impl RunSummary {
         block
     }
 
-    fn speed(&self) -> Block {
-        let mut block = Block::new("How fast");
+    fn speed(&self) -> TextBlock {
+        let mut block = TextBlock::new("How fast");
         let step = &self.timing.step;
         let [median, p99, longest] = [step.median_ms, step.p99_ms, step.max_ms].map(short);
         block.line(
@@ -177,7 +177,7 @@ impl RunSummary {
         block
     }
 
-    fn describe_gpu(&self, block: &mut Block) {
+    fn describe_gpu(&self, block: &mut TextBlock) {
         let Some(gpu) = &self.gpu else { return };
         let device: f64 = gpu.device_s.iter().map(|(_, s)| s).sum();
         let parts: Vec<_> =
@@ -197,8 +197,8 @@ impl RunSummary {
         );
     }
 
-    fn accuracy(&self) -> Block {
-        let mut block = Block::new("How accurately");
+    fn accuracy(&self) -> TextBlock {
+        let mut block = TextBlock::new("How accurately");
         let s = &self.solver;
         if s.newton_iterations > 0 {
             block.line(
@@ -257,7 +257,7 @@ impl RunSummary {
         block
     }
 
-    fn describe_newton(&self, block: &mut Block) {
+    fn describe_newton(&self, block: &mut TextBlock) {
         let s = &self.solver;
         if self.settings.solver.integrator.converges() {
             let (step, unconverged) = (s.worst_newton_step, s.unconverged_steps);
@@ -335,7 +335,7 @@ fn evaluated(evaluation: Evaluation, springs: Option<SpringRule>) -> String {
 }
 
 impl BodySummary {
-    fn describe(&self, block: &mut Block) {
+    fn describe(&self, block: &mut TextBlock) {
         let [x, y, z] = self.extent.map(|length| short(100.0 * length));
         block.line(
             format!("body {}", self.name),
@@ -378,7 +378,7 @@ impl BodySummary {
 }
 
 impl AxesSummary {
-    fn describe(&self, block: &mut Block) {
+    fn describe(&self, block: &mut TextBlock) {
         for family in &self.families {
             let viscous = match family.viscosity {
                 0.0 => String::new(),
@@ -406,7 +406,7 @@ impl AxesSummary {
 }
 
 impl MembraneSummary {
-    fn describe(&self, block: &mut Block) {
+    fn describe(&self, block: &mut TextBlock) {
         let m = &self.material;
         let springs = self.element_method.filter(|_| self.model == MembraneModel::MassSpring);
         block.line(
@@ -426,7 +426,7 @@ impl MembraneSummary {
     }
 }
 
-fn describe_resection(r: &ResectionSummary, block: &mut Block) {
+fn describe_resection(r: &ResectionSummary, block: &mut TextBlock) {
     let kinds = ["tetrahedra", "hexahedra", "triangles", "quadrilaterals"];
     let count = |of: [usize; 4]| counted(&std::array::from_fn::<_, 4, _>(|k| (kinds[k], of[k])));
     let removed = count([r.removed, r.removed_hexahedra, r.removed_triangles, r.removed_quads]);

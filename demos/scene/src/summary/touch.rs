@@ -1,7 +1,7 @@
 //! Contact in a summary: of tools, pulls and bodies with each other.
 
 use crate::assemble::BuiltScene;
-use crate::text::{Block, short};
+use crate::text::{TextBlock, short};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew::engine::report::ContactFigures;
@@ -16,9 +16,9 @@ pub struct TouchSummary {
     pub pulls: Vec<PullSummary>,
     /// Contacts of bodies in the order of the file.
     pub contacts: Vec<PairSummary>,
-    /// Most points in contact at the end of a step, and those at the end of the run.
+    /// Most points in contact at the end of a step.
     pub points_max: u32,
-    /// See there.
+    /// Points in contact at the end of the run.
     pub points_final: u32,
     /// Iterations of the inner loop: linear systems with the contact of the last iterate.
     pub inner_iterations: u64,
@@ -28,17 +28,17 @@ pub struct TouchSummary {
     pub inner_iterations_max: u32,
     /// Inner loops that ended at their cap.
     pub unconverged: u64,
-    /// Largest penetration (m), and the largest over the mean edge of its surface.
+    /// Largest penetration (m).
     pub depth: f64,
-    /// See there.
+    /// Largest penetration over the mean edge of its surface.
     pub depth_over_edge: f64,
-    /// Parts in which steps were made because a tool was fast, and most in one step; 0 without such steps.
+    /// Parts in which steps were made because a tool was fast; 0 without such steps.
     pub substeps: u64,
-    /// See there.
+    /// Most such parts in one step.
     pub substeps_max: u32,
-    /// Steps of tools that did not reach their target, and by how much (m) at most.
+    /// Steps of tools that did not reach their target.
     pub lagging: u64,
-    /// See there.
+    /// Largest way (m) by which they did not reach it.
     pub lag: f64,
     /// Parts of tools that appeared inside of bodies and were drawn in.
     pub drawn_in: u64,
@@ -85,7 +85,7 @@ pub struct ToolSummary {
     /// What it is and how it moves.
     pub what: String,
     /// Coefficient of friction.
-    pub mu: f64,
+    pub friction: f64,
     /// Force on the tool.
     pub force: ForceSummary,
     /// Forces on its parts; empty for a tool of one part.
@@ -130,7 +130,7 @@ pub struct PairSummary {
     /// Bodies.
     pub bodies: [String; 2],
     /// Coefficient of friction.
-    pub mu: f64,
+    pub friction: f64,
     /// Force on the first body; 0 for one that touches itself.
     pub force: ForceSummary,
     /// Largest area (m^2) in contact.
@@ -162,7 +162,7 @@ impl TouchSummary {
         let tools = built.tools.iter().map(|tool| ToolSummary {
             name: tool.name.clone(),
             what: tool.words.clone(),
-            mu: tool.friction,
+            friction: tool.friction,
             parts: if tool.parts > 1 { vec![ForceSummary::default(); tool.parts] } else { vec![] },
             ..ToolSummary::default()
         });
@@ -177,7 +177,7 @@ impl TouchSummary {
         let contacts = built.contacts.iter().map(|contact| PairSummary {
             name: contact.name.clone(),
             bodies: contact.bodies.map(body),
-            mu: contact.friction,
+            friction: contact.friction,
             ..PairSummary::default()
         });
         Some(Self {
@@ -239,9 +239,10 @@ impl TouchSummary {
     }
 
     /// A line for every tool, pull and contact.
-    pub(super) fn describe(&self, block: &mut Block) {
+    pub(super) fn describe(&self, block: &mut TextBlock) {
         for tool in &self.tools {
-            let words = format!("{}; mu = {}; {}", tool.what, short(tool.mu), tool.force.words());
+            let friction = short(tool.friction);
+            let words = format!("{}; friction = {friction}; {}", tool.what, tool.force.words());
             block.line(format!("tool {}", tool.name), words);
             for (i, part) in tool.parts.iter().enumerate() {
                 block.line(format!("  part {i}"), part.words());
@@ -262,8 +263,8 @@ impl TouchSummary {
             let [a, b] = &contact.bodies;
             let of = if a == b { format!("{a} with itself") } else { format!("{a} with {b}") };
             let words = format!(
-                "{of}; mu = {}; up to {} cm^2; {}",
-                short(contact.mu),
+                "{of}; friction = {}; up to {} cm^2; {}",
+                short(contact.friction),
                 short(contact.area * 1e4),
                 contact.force.words()
             );
@@ -272,7 +273,7 @@ impl TouchSummary {
     }
 
     /// How well contact was resolved.
-    pub(super) fn describe_accuracy(&self, block: &mut Block) {
+    pub(super) fn describe_accuracy(&self, block: &mut TextBlock) {
         block.line(
             "contact",
             format!(

@@ -1,6 +1,6 @@
 //! The body of a case: its material, its elements and their law.
 
-use super::read::{Case, Entry};
+use super::read::{CaseEntry, ReferenceCase};
 use super::{CaseError, ValidateOptions};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// Material of a case: constants, and lists of one value per element in the order of the file.
 #[derive(Clone)]
-pub(super) struct Material {
+pub(super) struct CaseMaterial {
     /// That of the first element.
     base: YoungPoisson,
     young_modulus: Option<Vec<f64>>,
@@ -19,14 +19,14 @@ pub(super) struct Material {
     density: Option<Vec<f64>>,
 }
 
-impl Material {
+impl CaseMaterial {
     /// The same everywhere.
     pub fn uniform(base: YoungPoisson) -> Self {
         Self { base, young_modulus: None, poisson_ratio: None, density: None }
     }
 
     /// `E`, `nu` and `rho` (water's by default) of an object, each a number or a list of one per element.
-    pub fn read(entry: &Entry, elements: usize) -> Result<Self, CaseError> {
+    pub fn read(entry: &CaseEntry, elements: usize) -> Result<Self, CaseError> {
         let constant = |key: &str| {
             let entry = entry.get(key);
             if !entry.is_list() {
@@ -72,7 +72,7 @@ impl Material {
 }
 
 /// Which strains or stresses across a plane case vanish.
-pub(super) fn plane_state(entry: &Entry) -> Result<PlaneState, CaseError> {
+pub(super) fn plane_state(entry: &CaseEntry) -> Result<PlaneState, CaseError> {
     match entry.clone().given().map(|entry| entry.text()).transpose()? {
         None | Some("stress") => Ok(PlaneState::Stress),
         Some("strain") => Ok(PlaneState::Strain),
@@ -82,7 +82,7 @@ pub(super) fn plane_state(entry: &Entry) -> Result<PlaneState, CaseError> {
 
 /// Elements of one kind.
 #[derive(Clone, Copy)]
-pub(super) enum Cells<'a> {
+pub(super) enum CaseCells<'a> {
     Tetrahedra(&'a [[u32; 4]]),
     /// Of ten nodes: corners, and the nodes on the edges.
     Tetrahedra10(&'a [[u32; 4]], &'a [[u32; 6]]),
@@ -91,65 +91,65 @@ pub(super) enum Cells<'a> {
     Quads(&'a [[u32; 4]]),
 }
 
-impl<'a> Cells<'a> {
+impl<'a> CaseCells<'a> {
     /// Those of a mesh: solid elements before what may be their surface.
     pub fn of(mesh: &'a Mesh) -> Option<Self> {
         let kinds = [
-            Cells::Hexahedra(&mesh.hexahedra),
-            Cells::Tetrahedra(&mesh.tetrahedra),
-            Cells::Quads(&mesh.quads),
-            Cells::Triangles(&mesh.triangles),
+            CaseCells::Hexahedra(&mesh.hexahedra),
+            CaseCells::Tetrahedra(&mesh.tetrahedra),
+            CaseCells::Quads(&mesh.quads),
+            CaseCells::Triangles(&mesh.triangles),
         ];
         kinds.into_iter().find(|cells| cells.len() > 0)
     }
 
     pub fn len(self) -> usize {
         match self {
-            Cells::Tetrahedra(cells) | Cells::Tetrahedra10(cells, _) | Cells::Quads(cells) => {
-                cells.len()
-            }
-            Cells::Hexahedra(cells) => cells.len(),
-            Cells::Triangles(cells) => cells.len(),
+            CaseCells::Tetrahedra(cells)
+            | CaseCells::Tetrahedra10(cells, _)
+            | CaseCells::Quads(cells) => cells.len(),
+            CaseCells::Hexahedra(cells) => cells.len(),
+            CaseCells::Triangles(cells) => cells.len(),
         }
     }
 
     /// Nodes of an element.
     pub fn nodes(self) -> usize {
         match self {
-            Cells::Tetrahedra(_) | Cells::Quads(_) => 4,
-            Cells::Tetrahedra10(..) => 10,
-            Cells::Hexahedra(_) => 8,
-            Cells::Triangles(_) => 3,
+            CaseCells::Tetrahedra(_) | CaseCells::Quads(_) => 4,
+            CaseCells::Tetrahedra10(..) => 10,
+            CaseCells::Hexahedra(_) => 8,
+            CaseCells::Triangles(_) => 3,
         }
     }
 
     /// Name of the kind in case files.
     pub fn kind(self) -> &'static str {
         match self {
-            Cells::Tetrahedra(_) => "tet",
-            Cells::Tetrahedra10(..) => "tet10",
-            Cells::Hexahedra(_) => "hex",
-            Cells::Triangles(_) => "tri",
-            Cells::Quads(_) => "quad",
+            CaseCells::Tetrahedra(_) => "tet",
+            CaseCells::Tetrahedra10(..) => "tet10",
+            CaseCells::Hexahedra(_) => "hex",
+            CaseCells::Triangles(_) => "tri",
+            CaseCells::Quads(_) => "quad",
         }
     }
 }
 
 /// A law of solid elements or of membranes.
 #[derive(Clone, Copy)]
-pub(super) enum Law {
+pub(super) enum CaseLaw {
     Solid(Model, VolumeRule),
     Membrane(MembraneModel),
 }
 
-impl Law {
+impl CaseLaw {
     /// The law of a name for a kind of elements. Plane cases call the laws of membranes by those of solids.
     pub fn find(name: &str, kind: &str) -> Result<Self, CaseError> {
         let model = |name: &str| Model::ALL.into_iter().find(|m| m.name() == name);
-        let solid = || model(name).map(|model| Law::Solid(model, VolumeRule::Elements));
+        let solid = || model(name).map(|model| CaseLaw::Solid(model, VolumeRule::Elements));
         let by_mean = || {
             let model = model(name.strip_suffix("_cluster")?).filter(|m| m.keeps_mean_volume());
-            model.map(|model| Law::Solid(model, VolumeRule::Clusters))
+            model.map(|model| CaseLaw::Solid(model, VolumeRule::Clusters))
         };
         let membrane = || match name {
             "svk" => Some(MembraneModel::Biquadratic),
@@ -159,12 +159,12 @@ impl Law {
         let found = match kind {
             "tet" => by_mean().or_else(solid),
             "tet10" => by_mean().or_else(|| {
-                solid().filter(|law| matches!(law, Law::Solid(m, _) if m.serves_tetrahedra10()))
+                solid().filter(|law| matches!(law, CaseLaw::Solid(m, _) if m.serves_tetrahedra10()))
             }),
             "hex" => by_mean().or_else(|| {
-                solid().filter(|law| matches!(law, Law::Solid(m, _) if m.serves_hexahedra()))
+                solid().filter(|law| matches!(law, CaseLaw::Solid(m, _) if m.serves_hexahedra()))
             }),
-            "tri" | "quad" => membrane().map(Law::Membrane),
+            "tri" | "quad" => membrane().map(CaseLaw::Membrane),
             _ => return Err(CaseError::NotRun(format!("{kind} elements are not known"))),
         };
         let why = || CaseError::NotRun(format!("law `{name}` is not built yet"));
@@ -174,49 +174,53 @@ impl Law {
     /// Name in reports of trajectories.
     pub fn name(self) -> &'static str {
         match self {
-            Law::Solid(model, _) => model.name(),
-            Law::Membrane(model) => model.name(),
+            CaseLaw::Solid(model, _) => model.name(),
+            CaseLaw::Membrane(model) => model.name(),
         }
     }
 }
 
 /// A body of one kind of elements.
 #[derive(Clone, Copy)]
-pub(super) struct Body<'a> {
+pub(super) struct CaseBody<'a> {
     pub points: &'a [DVec3],
-    pub cells: Cells<'a>,
-    pub law: Law,
+    pub cells: CaseCells<'a>,
+    pub law: CaseLaw,
     /// Clusters of tetrahedra that keep their volume together, if the case names them.
     pub clusters: Option<&'a [u32]>,
-    pub material: &'a Material,
+    pub material: &'a CaseMaterial,
     /// Thickness of a membrane (m); moduli of plane cases are per unit thickness.
     pub thickness: f64,
     pub plane: PlaneState,
 }
 
-impl Body<'_> {
+impl CaseBody<'_> {
     /// A simulation of this body alone, without gravity.
     pub fn simulation(
         &self,
-        case: &Case,
+        case: &ReferenceCase,
         options: &ValidateOptions,
     ) -> Result<(Simulation, BodyHandle), CaseError> {
         let threads = options.threads;
         let mut simulation = Simulation::new(SimulationOptions { threads, ..Default::default() })
             .map_err(|e| case.simulation_error(e))?;
         let wanted = options.evaluation;
-        let simplices = matches!(self.cells, Cells::Tetrahedra(_) | Cells::Triangles(_));
+        let simplices = matches!(self.cells, CaseCells::Tetrahedra(_) | CaseCells::Triangles(_));
         let evaluation =
             |supported| if simplices && supported { wanted } else { Evaluation::Fused };
         let plain = BodyDescription::from_parts("body", self.points, &[], self.material.base);
         let description = match (self.law, self.cells) {
-            (Law::Solid(model, volume), cells) => BodyDescription {
+            (CaseLaw::Solid(model, volume), cells) => BodyDescription {
                 tetrahedra: match cells {
-                    Cells::Tetrahedra(cells) | Cells::Tetrahedra10(cells, _) => cells,
+                    CaseCells::Tetrahedra(cells) | CaseCells::Tetrahedra10(cells, _) => cells,
                     _ => &[],
                 },
-                middles: if let Cells::Tetrahedra10(_, middles) = cells { middles } else { &[] },
-                hexahedra: if let Cells::Hexahedra(cells) = cells { cells } else { &[] },
+                middles: if let CaseCells::Tetrahedra10(_, middles) = cells {
+                    middles
+                } else {
+                    &[]
+                },
+                hexahedra: if let CaseCells::Hexahedra(cells) = cells { cells } else { &[] },
                 young_modulus: self.material.young_modulus.as_deref(),
                 poisson_ratio: self.material.poisson_ratio.as_deref(),
                 density: self.material.density.as_deref(),
@@ -226,14 +230,14 @@ impl Body<'_> {
                 clusters: self.clusters,
                 ..plain
             },
-            (Law::Membrane(_), _) if self.material.varies() => {
+            (CaseLaw::Membrane(_), _) if self.material.varies() => {
                 let why = "a membrane has one material; values per element are for solid elements";
                 return Err(CaseError::NotRun(why.into()));
             }
-            (Law::Membrane(model), cells) => {
-                let triangles = if let Cells::Triangles(cells) = cells { cells } else { &[] };
+            (CaseLaw::Membrane(model), cells) => {
+                let triangles = if let CaseCells::Triangles(cells) = cells { cells } else { &[] };
                 let membrane = MembraneDescription {
-                    quads: if let Cells::Quads(cells) = cells { cells } else { &[] },
+                    quads: if let CaseCells::Quads(cells) = cells { cells } else { &[] },
                     model,
                     plane: self.plane,
                     evaluation: evaluation(model.supports(wanted)),
@@ -250,7 +254,7 @@ impl Body<'_> {
 
 /// The mesh that a case names, found in the folder of the options, or else in `meshes` beside the case or
 /// beside its folder.
-pub(super) fn mesh(case: &Case, options: &ValidateOptions) -> Result<Mesh, CaseError> {
+pub(super) fn mesh(case: &ReferenceCase, options: &ValidateOptions) -> Result<Mesh, CaseError> {
     let root = case.root();
     let name = root.get("mesh").text()?;
     let beside = case.path.parent().unwrap_or(Path::new("."));
@@ -261,7 +265,7 @@ pub(super) fn mesh(case: &Case, options: &ValidateOptions) -> Result<Mesh, CaseE
         return Err(CaseError::NoMesh { case: case.path.clone(), mesh: name.into(), searched });
     };
     let mesh = Mesh::read(&file)?;
-    let cells = Cells::of(&mesh).map_or(0, Cells::len);
+    let cells = CaseCells::of(&mesh).map_or(0, CaseCells::len);
     for (key, count) in [("nodes", mesh.points.len()), ("cells", cells)] {
         let given = root.get(key).given();
         if let Some(given) = given.filter(|g| g.index().ok() != u32::try_from(count).ok()) {

@@ -1,8 +1,8 @@
 //! Single elements, schema `sinew-fem-elements/1`: energies and forces at given displacements.
 
-use super::body::{Body, Cells, Law, Material};
+use super::body::{CaseBody, CaseCells, CaseLaw, CaseMaterial};
 use super::compare::{difference, largest, worst};
-use super::read::{Case, Entry};
+use super::read::{CaseEntry, ReferenceCase};
 use super::{CaseError, STATIC_TOLERANCE, Status, ValidateOptions, ValidationRow};
 use glam::DVec3;
 use sinew::engine::isoparametric::{gauss_point, quad_derivatives};
@@ -13,18 +13,21 @@ const KEYS: &str = "E cases name nu rho schema";
 /// Keys of an element; all others are names of laws.
 const ELEMENT_KEYS: [&str; 3] = ["cell", "points", "u"];
 /// An element of every kind, in the order of the table.
-const CELLS: [Cells; 4] = [
-    Cells::Tetrahedra(&[[0, 1, 2, 3]]),
-    Cells::Hexahedra(&[[0, 1, 2, 3, 4, 5, 6, 7]]),
-    Cells::Triangles(&[[0, 1, 2]]),
-    Cells::Quads(&[[0, 1, 2, 3]]),
+const CELLS: [CaseCells; 4] = [
+    CaseCells::Tetrahedra(&[[0, 1, 2, 3]]),
+    CaseCells::Hexahedra(&[[0, 1, 2, 3, 4, 5, 6, 7]]),
+    CaseCells::Triangles(&[[0, 1, 2]]),
+    CaseCells::Quads(&[[0, 1, 2, 3]]),
 ];
 
-pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
+pub(super) fn run(
+    case: &ReferenceCase,
+    options: &ValidateOptions,
+) -> Result<Vec<ValidationRow>, CaseError> {
     let root = case.root();
     root.refuse_unknown(KEYS)?;
-    let elements: Vec<Entry> = root.get("cases").list()?.collect();
-    let material = Material::read(&root, elements.len())?;
+    let elements: Vec<CaseEntry> = root.get("cases").list()?.collect();
+    let material = CaseMaterial::read(&root, elements.len())?;
     // kinds and laws that occur
     let mut groups: Vec<(usize, &str)> = Vec::new();
     for element in &elements {
@@ -43,7 +46,7 @@ pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<Validati
     for (kind, law) in groups {
         let cell = CELLS[kind];
         let of_kind =
-            |element: &Entry| element.get("cell").text().is_ok_and(|kind| kind == cell.kind());
+            |element: &CaseEntry| element.get("cell").text().is_ok_and(|kind| kind == cell.kind());
         let chosen = elements.iter().enumerate().filter(|(_, element)| of_kind(element));
         let chosen: Vec<_> = chosen.map(|(i, e)| (e, material.of_element(i))).collect();
         let mut row = ValidationRow::new(&case.name(), law, 0, chosen.len());
@@ -56,14 +59,14 @@ pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<Validati
 
 /// Energies and forces of single elements of one kind that have this law.
 fn run_cells(
-    case: &Case,
+    case: &ReferenceCase,
     law_name: &str,
-    elements: &[(&Entry, Material)],
-    cells: Cells,
+    elements: &[(&CaseEntry, CaseMaterial)],
+    cells: CaseCells,
     options: &ValidateOptions,
     row: &mut ValidationRow,
 ) -> Result<(), CaseError> {
-    let law = Law::find(law_name, cells.kind())?;
+    let law = CaseLaw::find(law_name, cells.kind())?;
     let nodes = cells.nodes();
     row.nodes = nodes * elements.len();
     (row.max_difference, row.rms_difference, row.energy_difference) = (0.0, 0.0, 0.0);
@@ -73,14 +76,22 @@ fn run_cells(
         let Some(truth) = element.get(law_name).given() else { continue };
         let points = element.get("points").field(nodes)?;
         let u = element.get("u").field(nodes)?;
-        if law_name == "svk_comp" && matches!(law, Law::Membrane(_)) && turns_over(&points, &u) {
+        if law_name == "svk_comp" && matches!(law, CaseLaw::Membrane(_)) && turns_over(&points, &u)
+        {
             // signed areas of the plane there; in space a membrane has no wrong side
             row.note.push_str("; one turned over left out");
             continue;
         }
         let plane = PlaneState::Stress;
-        let body =
-            Body { points: &points, cells, law, clusters: None, material, thickness: 1.0, plane };
+        let body = CaseBody {
+            points: &points,
+            cells,
+            law,
+            clusters: None,
+            material,
+            thickness: 1.0,
+            plane,
+        };
         let (mut simulation, body) = body.simulation(case, options)?;
         simulation
             .set_state(body, &u, &vec![DVec3::ZERO; nodes])

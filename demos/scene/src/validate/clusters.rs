@@ -1,9 +1,9 @@
 //! Small meshes in clusters, schema `sinew-locking-forces/1`: energies, forces and products of the tangent at given
 //! displacements.
 
-use super::body::{Body, Cells, Law, Material};
+use super::body::{CaseBody, CaseCells, CaseLaw, CaseMaterial};
 use super::compare::{difference, largest, worst};
-use super::read::Case;
+use super::read::ReferenceCase;
 use super::{CaseError, Status, ValidateOptions, ValidationRow};
 use glam::DVec3;
 use sinew::engine::law::{EvaluationRequest, TangentKind};
@@ -18,7 +18,10 @@ use std::time::Instant;
 
 const LAWS: [&str; 2] = ["neo_hookean_cluster", "svk_volume_cluster"];
 
-pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
+pub(super) fn run(
+    case: &ReferenceCase,
+    options: &ValidateOptions,
+) -> Result<Vec<ValidationRow>, CaseError> {
     let mut rows = Vec::new();
     for law in LAWS {
         let count = case.root().get("cases").list()?.count();
@@ -31,12 +34,12 @@ pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<Validati
 }
 
 fn run_law(
-    case: &Case,
+    case: &ReferenceCase,
     name: &str,
     options: &ValidateOptions,
     row: &mut ValidationRow,
 ) -> Result<(), CaseError> {
-    let law = Law::find(name, "tet")?;
+    let law = CaseLaw::find(name, "tet")?;
     (row.max_difference, row.rms_difference, row.energy_difference) = (0.0, 0.0, 0.0);
     let mut tangent_difference: f64 = 0.0;
     let start = Instant::now();
@@ -50,10 +53,10 @@ fn run_law(
         let nodes = mesh.get("nodes").list()?.count();
         let [points, u, v] = ["nodes", "u", "v"].map(|key| mesh.get(key).field(nodes));
         let (points, u, v) = (points?, u?, v?);
-        let material = Material::uniform(young_poisson(own + shared, mu));
-        let body = Body {
+        let material = CaseMaterial::uniform(young_poisson(own + shared, mu));
+        let body = CaseBody {
             points: &points,
-            cells: Cells::Tetrahedra(&cells),
+            cells: CaseCells::Tetrahedra(&cells),
             law,
             clusters: Some(&clusters),
             material: &material,

@@ -1,9 +1,9 @@
 //! Contact of tools, schema `sinew-contact-ref/1`: forces on tools and displacements at rest, along paths and in
 //! motion, from an independent program on the same mesh, with the same points and stiffness.
 
-use super::body::{Body, Cells, Law, Material, mesh};
+use super::body::{CaseBody, CaseCells, CaseLaw, CaseMaterial, mesh};
 use super::compare::worst;
-use super::read::{Case, Entry};
+use super::read::{CaseEntry, ReferenceCase};
 use super::{CaseError, STATIC_TOLERANCE, Status, ValidateOptions, ValidationRow};
 use bevy_ecs::prelude::Entity;
 use glam::{DMat3, DQuat, DVec3};
@@ -24,15 +24,15 @@ const INCREMENTS: u32 = 8;
 const FROM: f64 = 0.02;
 
 struct ContactCase<'a> {
-    case: &'a Case,
+    case: &'a ReferenceCase,
     options: &'a ValidateOptions,
     mesh: &'a Mesh,
-    law: Law,
-    material: Material,
+    law: CaseLaw,
+    material: CaseMaterial,
 }
 
 /// What a run ended with.
-struct Outcome {
+struct ContactOutcome {
     simulation: Simulation,
     body: BodyHandle,
     tools: Vec<Entity>,
@@ -42,14 +42,18 @@ struct Outcome {
     unconverged: u32,
 }
 
-pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
+pub(super) fn run(
+    case: &ReferenceCase,
+    options: &ValidateOptions,
+) -> Result<Vec<ValidationRow>, CaseError> {
     let root = case.root();
     root.refuse_unknown(KEYS)?;
     let mesh = read_mesh(case, options)?;
-    let cells = Cells::of(&mesh).ok_or_else(|| root.get("mesh").error("a mesh with elements"))?;
+    let cells =
+        CaseCells::of(&mesh).ok_or_else(|| root.get("mesh").error("a mesh with elements"))?;
     let name = root.get("material").get("law");
-    let law = Law::find(name.text()?, cells.kind())?;
-    let material = Material::read(&root.get("material"), cells.len())?;
+    let law = CaseLaw::find(name.text()?, cells.kind())?;
+    let material = CaseMaterial::read(&root.get("material"), cells.len())?;
     let contact = ContactCase { case, options, mesh: &mesh, law, material };
     let mut rows = Vec::new();
     let mut add = |label: &str, run: &dyn Fn(&mut ValidationRow) -> Result<(), CaseError>| {
@@ -87,12 +91,12 @@ fn points_of(name: &str) -> Option<Points> {
 }
 
 /// A mesh file of any kind, or `nodes` and `tets` in JSON.
-fn read_mesh(case: &Case, options: &ValidateOptions) -> Result<Mesh, CaseError> {
+fn read_mesh(case: &ReferenceCase, options: &ValidateOptions) -> Result<Mesh, CaseError> {
     let name = case.root().get("mesh").text()?;
     let file = case.path.parent().map(|folder| folder.join(name));
     match file.filter(|file| file.extension().is_some_and(|e| e == "json") && file.is_file()) {
         Some(file) => {
-            let mesh = Case::read(&file)?;
+            let mesh = ReferenceCase::read(&file)?;
             let root = mesh.root();
             let points = root.get("nodes").vectors()?;
             Ok(Mesh { points, tetrahedra: root.get("tets").cells()?, ..Mesh::default() })
@@ -109,8 +113,8 @@ impl ContactCase<'_> {
     /// The body, held as the case says.
     fn simulation(&self, settings: SolverSettings) -> Result<(Simulation, BodyHandle), CaseError> {
         let root = self.case.root();
-        let cells = Cells::of(self.mesh).ok_or_else(|| root.error("a mesh with elements"))?;
-        let body = Body {
+        let cells = CaseCells::of(self.mesh).ok_or_else(|| root.error("a mesh with elements"))?;
+        let body = CaseBody {
             points: &self.mesh.points,
             cells,
             law: self.law,
@@ -143,7 +147,7 @@ impl ContactCase<'_> {
     }
 
     /// Faces whose vertices rest at an extreme coordinate.
-    fn faces(&self, name: &Entry) -> Result<Vec<[u32; 3]>, CaseError> {
+    fn faces(&self, name: &CaseEntry) -> Result<Vec<[u32; 3]>, CaseError> {
         let text = name.text()?;
         let axis = ["x", "y", "z"].iter().position(|axis| text.starts_with(axis));
         let (Some(axis), Some(sign)) = (
@@ -172,7 +176,7 @@ impl ContactCase<'_> {
         let root = self.case.root();
         let entry = root.get("tools").at(index);
         let centre = entry.get("centre");
-        let place = |entry: Entry| {
+        let place = |entry: CaseEntry| {
             if entry.is_absent() { Ok(DVec3::ZERO) } else { entry.vector() }
         };
         let name = format!("tool {index}");
@@ -235,7 +239,7 @@ impl ContactCase<'_> {
         steps: usize,
         place: &dyn Fn(usize, usize) -> Result<DVec3, CaseError>,
         each: &mut dyn FnMut(usize, &mut Simulation, &[Entity]) -> Result<(), CaseError>,
-    ) -> Result<Outcome, CaseError> {
+    ) -> Result<ContactOutcome, CaseError> {
         let start = Instant::now();
         let mut entities = Vec::new();
         let turns: Vec<DQuat> = tools.iter().map(|tool| tool.start.rotation).collect();
@@ -257,12 +261,12 @@ impl ContactCase<'_> {
             each(step, &mut simulation, &entities)?;
         }
         let seconds = start.elapsed().as_secs_f64();
-        Ok(Outcome { simulation, body, tools: entities, seconds, newton, cg, unconverged })
+        Ok(ContactOutcome { simulation, body, tools: entities, seconds, newton, cg, unconverged })
     }
 
     fn at_rest(
         &self,
-        result: &Entry,
+        result: &CaseEntry,
         name: &str,
         points: Points,
         row: &mut ValidationRow,
@@ -356,7 +360,7 @@ impl ContactCase<'_> {
         let root = self.case.root();
         let (simulation, body) = self.simulation(Self::static_settings())?;
         let mut tool = self.tool(&simulation, body, 0, Points::Vertex)?;
-        let steps: Vec<Entry> = root.get("steps").list()?.collect();
+        let steps: Vec<CaseEntry> = root.get("steps").list()?.collect();
         tool.start.position = DVec3::Z * self.mesh.points.iter().map(|p| p.z).fold(0.0, f64::max);
         let place = |step: usize, _: usize| steps[step].get("point").vector();
         let (mut off, mut scale) = (0.0_f64, 0.0_f64);
@@ -462,8 +466,8 @@ impl ContactCase<'_> {
     /// Displacements `[node, x, y, z]` of some nodes.
     fn compare_field(
         &self,
-        outcome: &mut Outcome,
-        truth: &Entry,
+        outcome: &mut ContactOutcome,
+        truth: &CaseEntry,
         row: &mut ValidationRow,
     ) -> Result<(), CaseError> {
         let own = outcome.simulation.displacements(outcome.body);
@@ -478,7 +482,7 @@ impl ContactCase<'_> {
         Ok(())
     }
 
-    fn close(&self, outcome: &Outcome, row: &mut ValidationRow) -> Result<(), CaseError> {
+    fn close(&self, outcome: &ContactOutcome, row: &mut ValidationRow) -> Result<(), CaseError> {
         row.seconds = outcome.seconds;
         row.newton_iterations = outcome.newton;
         row.cg_iterations = outcome.cg;

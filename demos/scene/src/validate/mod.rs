@@ -10,6 +10,7 @@ mod clusters;
 mod compare;
 mod contact;
 mod law;
+mod problem;
 mod quadratic;
 mod read;
 mod report;
@@ -20,7 +21,7 @@ pub use read::reference_folder;
 pub use report::{Status, ValidationReport, ValidationRow};
 
 use crate::modes::ModesError;
-use read::{Case, case_files, file_stem};
+use read::{ReferenceCase, case_files, file_stem};
 use sinew::models::body::Evaluation;
 use sinew::simulation::SimulationError;
 use std::path::{Path, PathBuf};
@@ -163,7 +164,7 @@ pub fn validate(
 
 /// The rows of one file; what concerns it as a whole is one row.
 fn run(file: &Path, options: &ValidateOptions) -> Vec<ValidationRow> {
-    let rows = Case::read(file).and_then(|case| {
+    let rows = ReferenceCase::read(file).and_then(|case| {
         let root = case.root();
         match root.get("schema").given().map(|schema| schema.text()).transpose()? {
             Some("sinew-fem-ref/1") => law::run(&case, options),

@@ -1,9 +1,9 @@
 //! Ten-node tetrahedra on the mesh of a static case, each keeping its mean volume: `quadratic_mean_dilatation` of a result.
 
-use super::body::{Body, Cells, Law, Material};
+use super::body::{CaseBody, CaseCells, CaseLaw, CaseMaterial};
 use super::compare::{difference, largest};
-use super::law::{Held, Problem};
-use super::read::{Case, Entry};
+use super::problem::{Held, StaticProblem};
+use super::read::{CaseEntry, ReferenceCase};
 use super::{CaseError, Status, ValidateOptions, ValidationRow};
 use glam::DVec3;
 use sinew::engine::isoparametric::MIDDLES;
@@ -14,14 +14,14 @@ use std::collections::{BTreeMap, HashMap};
 const TOLERANCES: [f64; 2] = [1e-8, 2e-8];
 
 /// A mesh of second order made from the one of the case.
-struct Quadratic<'a> {
+struct SecondOrder<'a> {
     linear: &'a Mesh,
     mesh: Mesh,
     /// Vertex in the middle of an edge, the lower end first.
     middles: HashMap<[u32; 2], u32>,
 }
 
-impl<'a> Quadratic<'a> {
+impl<'a> SecondOrder<'a> {
     fn new(linear: &'a Mesh) -> Self {
         let mesh = linear.with_second_order();
         let mut middles = HashMap::new();
@@ -68,7 +68,7 @@ impl<'a> Quadratic<'a> {
     }
 
     /// Loads (N) that the shape functions make of those of the continuum.
-    fn loads(&self, root: &Entry) -> Result<Vec<(u32, DVec3)>, CaseError> {
+    fn loads(&self, root: &CaseEntry) -> Result<Vec<(u32, DVec3)>, CaseError> {
         let mut sums: BTreeMap<u32, DVec3> = BTreeMap::new();
         let Some(loads) = root.get("loads_continuum").given() else { return Ok(Vec::new()) };
         for load in loads.list()? {
@@ -109,19 +109,19 @@ impl<'a> Quadratic<'a> {
 
 /// Solves with ten-node tetrahedra and compares at the vertices of the case's mesh.
 pub(super) fn run(
-    case: &Case,
+    case: &ReferenceCase,
     law: &str,
-    (result, linear, corners): (&Entry, &Mesh, &Held),
+    (result, linear, corners): (&CaseEntry, &Mesh, &Held),
     options: &ValidateOptions,
     row: &mut ValidationRow,
 ) -> Result<(), CaseError> {
     let truth = result.get("quadratic_mean_dilatation");
-    let quadratic = Quadratic::new(linear);
+    let quadratic = SecondOrder::new(linear);
     let mesh = &quadratic.mesh;
     let root = case.root();
-    let cells = Cells::Tetrahedra10(&mesh.tetrahedra, &mesh.middles);
-    let law = Law::find(law, cells.kind())?;
-    let material = Material::read(&root.get("material"), cells.len())?;
+    let cells = CaseCells::Tetrahedra10(&mesh.tetrahedra, &mesh.middles);
+    let law = CaseLaw::find(law, cells.kind())?;
+    let material = CaseMaterial::read(&root.get("material"), cells.len())?;
     (row.nodes, row.cells) = (mesh.points.len(), cells.len());
     let nodes = truth.get("nodes");
     if nodes.index()? as usize != row.nodes {
@@ -129,8 +129,8 @@ pub(super) fn run(
     }
     let (points, plane) = (&mesh.points, Default::default());
     let body =
-        Body { points, cells, law, clusters: None, material: &material, thickness: 1.0, plane };
-    let problem = Problem {
+        CaseBody { points, cells, law, clusters: None, material: &material, thickness: 1.0, plane };
+    let problem = StaticProblem {
         held: quadratic.held(corners),
         loads: quadratic.loads(&root)?,
         pressure: None,

@@ -56,12 +56,12 @@ pub fn reference_folder() -> Result<PathBuf, CaseError> {
 }
 
 /// A case file.
-pub(super) struct Case {
+pub(super) struct ReferenceCase {
     pub path: PathBuf,
     value: Value,
 }
 
-impl Case {
+impl ReferenceCase {
     pub fn read(path: &Path) -> Result<Self, CaseError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| CaseError::Io { path: path.into(), source })?;
@@ -74,8 +74,8 @@ impl Case {
         self.value["name"].as_str().map_or_else(|| file_stem(&self.path), String::from)
     }
 
-    pub fn root(&self) -> Entry<'_> {
-        Entry { path: &self.path, key: String::new(), value: &self.value }
+    pub fn root(&self) -> CaseEntry<'_> {
+        CaseEntry { path: &self.path, key: String::new(), value: &self.value }
     }
 
     pub fn simulation_error(
@@ -96,13 +96,13 @@ const REMARKS: [&str; 8] =
 
 /// A value of a case file with the path of its key, such as `results.svk.u`.
 #[derive(Clone)]
-pub(super) struct Entry<'a> {
+pub(super) struct CaseEntry<'a> {
     path: &'a Path,
     key: String,
     value: &'a Value,
 }
 
-impl<'a> Entry<'a> {
+impl<'a> CaseEntry<'a> {
     /// What stands under a key; nothing when it is absent.
     pub fn get(&self, key: &str) -> Self {
         let dot = if self.key.is_empty() { "" } else { "." };

@@ -1,9 +1,9 @@
 //! Trajectories of an independent program: implicit Euler steps solved to convergence, and the motion
 //! converged in time.
 
-use super::body::{Body, Cells, Law, Material};
+use super::body::{CaseBody, CaseCells, CaseLaw, CaseMaterial};
 use super::compare::{difference, worst};
-use super::read::{Case, Entry};
+use super::read::{CaseEntry, ReferenceCase};
 use super::{CaseError, Status, TRAJECTORY_TOLERANCE, ValidateOptions, ValidationRow};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
@@ -18,7 +18,7 @@ const KEYS: &str = "E damping elements fine fixed_vertices gravity h hexahedra i
     masses model name nu quads rho tetrahedra thickness triangles vertices";
 
 /// Rest positions and elements.
-fn read_mesh(root: &Entry) -> Result<Mesh, CaseError> {
+fn read_mesh(root: &CaseEntry) -> Result<Mesh, CaseError> {
     let mut mesh = Mesh { points: root.get("vertices").vectors()?, ..Default::default() };
     let kind = root.get("elements");
     match kind.clone().given().map_or(Ok("tetrahedra"), |kind| kind.text())? {
@@ -32,24 +32,24 @@ fn read_mesh(root: &Entry) -> Result<Mesh, CaseError> {
 }
 
 /// The law that `model` describes: a name of a law, or words that begin with the name of a material.
-fn law(model: &Entry, cells: Cells) -> Result<Law, CaseError> {
+fn law(model: &CaseEntry, cells: CaseCells) -> Result<CaseLaw, CaseError> {
     let words = model.text()?;
-    let membrane = matches!(cells, Cells::Triangles(_) | Cells::Quads(_));
+    let membrane = matches!(cells, CaseCells::Triangles(_) | CaseCells::Quads(_));
     if words.starts_with("TRBS") && membrane {
-        Ok(Law::Membrane(MembraneModel::Biquadratic))
+        Ok(CaseLaw::Membrane(MembraneModel::Biquadratic))
     } else if words.starts_with("StVK") && !membrane {
         let compression = words.contains("+ compression");
         let model = if compression { Model::CompressibleStVK } else { Model::StVK };
-        Ok(Law::Solid(model, VolumeRule::Elements))
+        Ok(CaseLaw::Solid(model, VolumeRule::Elements))
     } else {
-        Law::find(words, cells.kind())
+        CaseLaw::find(words, cells.kind())
     }
 }
 
 /// A trajectory with its body.
 struct Trajectory<'a> {
-    case: &'a Case,
-    body: Body<'a>,
+    case: &'a ReferenceCase,
+    body: CaseBody<'a>,
     start_u: Vec<DVec3>,
     start_v: Vec<DVec3>,
     fixed: Vec<u32>,
@@ -58,19 +58,22 @@ struct Trajectory<'a> {
     h: f64,
 }
 
-pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
+pub(super) fn run(
+    case: &ReferenceCase,
+    options: &ValidateOptions,
+) -> Result<Vec<ValidationRow>, CaseError> {
     let root = case.root();
     root.refuse_unknown(KEYS)?;
     let mesh = read_mesh(&root)?;
     let n = mesh.points.len();
-    let cells = Cells::of(&mesh)
+    let cells = CaseCells::of(&mesh)
         .ok_or_else(|| root.get("elements").error("a kind of which there are some"))?;
     let law = law(&root.get("model"), cells)?;
     let thickness = match law {
-        Law::Membrane(_) => root.get("thickness").number()?,
-        Law::Solid(..) => 0.0,
+        CaseLaw::Membrane(_) => root.get("thickness").number()?,
+        CaseLaw::Solid(..) => 0.0,
     };
-    let material = Material::read(&root, cells.len())?;
+    let material = CaseMaterial::read(&root, cells.len())?;
     let plane = PlaneState::Stress;
     if let Some(damping) = root.get("damping").given().filter(|d| d.number().ok() != Some(0.0)) {
         return Err(damping.error("0: trajectories with damping are not run"));
@@ -79,7 +82,7 @@ pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<Validati
     start_u.iter_mut().zip(&mesh.points).for_each(|(x, rest)| *x -= *rest);
     let trajectory = Trajectory {
         case,
-        body: Body {
+        body: CaseBody {
             points: &mesh.points,
             cells,
             law,
@@ -215,7 +218,7 @@ impl Trajectory<'_> {
     }
 
     /// Displacements (m) of a list of positions.
-    fn displacements(&self, positions: &Entry) -> Result<Vec<DVec3>, CaseError> {
+    fn displacements(&self, positions: &CaseEntry) -> Result<Vec<DVec3>, CaseError> {
         let mut u = positions.field(self.body.points.len())?;
         u.iter_mut().zip(self.body.points).for_each(|(x, rest)| *x -= *rest);
         Ok(u)

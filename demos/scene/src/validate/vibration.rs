@@ -1,11 +1,11 @@
 //! Modes of free vibration, schema `sinew-fem-modes/1`: frequencies (energy column) and shapes
 //! (displacement columns).
 
-use super::body::{Body, Cells, Law, Material, mesh};
+use super::body::{CaseBody, CaseCells, CaseLaw, CaseMaterial, mesh};
 use super::compare::{difference, largest, nearest, worst};
-use super::read::Case;
+use super::read::ReferenceCase;
 use super::{CaseError, STATIC_TOLERANCE, Status, ValidateOptions, ValidationRow};
-use crate::modes::{Mode, modes};
+use crate::modes::{VibrationMode, modes};
 use sinew::models::body::VolumeRule;
 use sinew::models::body::sheet::PlaneState;
 use sinew::prelude::*;
@@ -14,21 +14,24 @@ use std::time::Instant;
 const KEYS: &str = "E cells fixed_group frequencies_hz lumped_mass mesh mode_shapes_first3 name nodes nu \
     rho total_mass";
 
-pub(super) fn run(case: &Case, options: &ValidateOptions) -> Result<Vec<ValidationRow>, CaseError> {
+pub(super) fn run(
+    case: &ReferenceCase,
+    options: &ValidateOptions,
+) -> Result<Vec<ValidationRow>, CaseError> {
     let mut row = ValidationRow::new(&case.name(), "linear, modes", 0, 0);
     let outcome = run_modes(case, options, &mut row);
     Ok(vec![row.ended(outcome)])
 }
 
 fn run_modes(
-    case: &Case,
+    case: &ReferenceCase,
     options: &ValidateOptions,
     row: &mut ValidationRow,
 ) -> Result<(), CaseError> {
     let root = case.root();
     root.refuse_unknown(KEYS)?;
     let mesh = mesh(case, options)?;
-    let cells = Cells::of(&mesh).filter(|_| mesh.is_solid());
+    let cells = CaseCells::of(&mesh).filter(|_| mesh.is_solid());
     let cells = cells.ok_or_else(|| CaseError::NotRun("the mesh has no solid elements".into()))?;
     (row.nodes, row.cells) = (mesh.points.len(), cells.len());
     let frequencies = root.get("frequencies_hz").numbers()?;
@@ -42,12 +45,12 @@ fn run_modes(
     }
     let group = root.get("fixed_group");
     let held = mesh.group(group.text()?).ok_or_else(|| group.error("a group of the mesh"))?;
-    let body = Body {
+    let body = CaseBody {
         points: &mesh.points,
         cells,
-        law: Law::Solid(Model::Linear, VolumeRule::Elements),
+        law: CaseLaw::Solid(Model::Linear, VolumeRule::Elements),
         clusters: None,
-        material: &Material::read(&root, cells.len())?,
+        material: &CaseMaterial::read(&root, cells.len())?,
         thickness: 1.0,
         plane: PlaneState::Stress,
     };
@@ -62,7 +65,7 @@ fn run_modes(
     (row.max_difference, row.rms_difference) = (0.0, 0.0);
     for (mode, truth) in found.iter().zip(&shapes) {
         // a mode has any length and sign, and modes of one frequency any mixture
-        let same = |other: &&Mode| (other.frequency / mode.frequency - 1.0).abs() < 1e-6;
+        let same = |other: &&VibrationMode| (other.frequency / mode.frequency - 1.0).abs() < 1e-6;
         let together = found.iter().filter(same).map(|m| m.shape.clone());
         let shape = nearest(together, truth);
         let (max, rms) = difference(&shape, truth, largest(truth));

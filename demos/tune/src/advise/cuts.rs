@@ -3,7 +3,7 @@
 //! The error of a mesh is that of its converged steps: the scene's `dt` by Newton's method, against the same on the finest cut,
 //! at the vertices that both have. The error of a solver has no part in it.
 
-use super::{AdviseError, Choice, Search};
+use super::{AdviceSearch, AdviseError, Choice};
 use crate::measures::displacement_error;
 use crate::table::Table;
 use crate::table_of;
@@ -13,20 +13,20 @@ use sinew::models::body::{Evaluation, VolumeRule};
 use sinew::models::material::preset;
 use sinew::prelude::*;
 use sinew_scene::assemble::{BuildOptions, build};
-use sinew_scene::scene::{Body, LoadedScene, SolidCells};
+use sinew_scene::scene::{BodyEntry, LoadedScene, SolidCells};
 use std::collections::HashMap;
 
 /// A way to cut the bodies of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cut {
     /// Ten-node tetrahedra in place of linear ones.
-    second_order: bool,
+    pub second_order: bool,
     /// Hexahedra in place of tetrahedra; boxes and cylinders.
-    hexahedra: bool,
+    pub hexahedra: bool,
     /// Volumes by clusters and means.
-    clusters: bool,
+    pub clusters: bool,
     /// Cells of boxes along each axis: half or twice as many (-1, 1), or as they are.
-    finer: i8,
+    pub finer: i8,
 }
 
 /// A way that was tried.
@@ -44,8 +44,9 @@ pub struct CutRow {
     pub error_percent: Option<f64>,
     /// What the reader must know.
     pub note: String,
+    /// The way.
     #[serde(skip)]
-    pub(super) cut: Cut,
+    pub cut: Cut,
 }
 
 /// What the search over cuts found.
@@ -84,7 +85,7 @@ impl Cut {
         open && loaded.scene.bodies != before
     }
 
-    fn change(self, body: &mut Body) -> bool {
+    fn change(self, body: &mut BodyEntry) -> bool {
         let Self { second_order, hexahedra, clusters, finer } = self;
         // springs, fibres and bare sheets are bound to their elements
         let bound = body.axes.is_some() || !body.fibres.is_empty() || body.springs.is_some();
@@ -165,18 +166,20 @@ impl Cut {
 }
 
 /// What a converged run of a cut gives.
-struct Motion {
+pub struct CutMotion {
     /// Body and rest position (m) of every vertex.
-    rest: Vec<(usize, DVec3)>,
+    pub rest: Vec<(usize, DVec3)>,
     /// Displacements (m) at the times of comparison.
-    states: Vec<Vec<DVec3>>,
-    elements: usize,
-    note: String,
+    pub states: Vec<Vec<DVec3>>,
+    /// Solid elements.
+    pub elements: usize,
+    /// What the reader must know.
+    pub note: String,
 }
 
-impl Search<'_> {
+impl AdviceSearch<'_> {
     /// The converged steps of the scene as it is cut.
-    fn converged(&self) -> Result<Motion, AdviseError> {
+    fn converged(&self) -> Result<CutMotion, AdviseError> {
         let built = build(self.loaded, &BuildOptions::default())?;
         let rest = built.bodies.iter().enumerate();
         let rest = rest.flat_map(|(i, body)| body.mesh.points.iter().map(move |&x| (i, x)));
@@ -196,7 +199,7 @@ impl Search<'_> {
         };
         let run = self.run(&choice, None)?;
         let note = if run.finished { run.note } else { format!("not finished: {}", run.note) };
-        Ok(Motion { rest, states: run.states, elements, note })
+        Ok(CutMotion { rest, states: run.states, elements, note })
     }
 
     /// Tries all ways to cut the scene; `tell` hears of each.
@@ -218,7 +221,7 @@ impl Search<'_> {
         let finest = (0..open.len()).max_by_key(|&i| order(&open[i].0)).unwrap_or(0);
         let (cut, loaded) = open.remove(finest);
         tell(&format!("mesh: the finest ({})", cut.keys()));
-        let truth = Search { loaded: &loaded, ..*self }.converged()?;
+        let truth = AdviceSearch { loaded: &loaded, ..*self }.converged()?;
         if !truth.note.is_empty() {
             let scene = self.loaded.scene.name.clone();
             let reason = format!("of the finest mesh ({}): {}", cut.keys(), truth.note);
@@ -228,7 +231,7 @@ impl Search<'_> {
         for (cut, loaded) in &open {
             let name = if *cut == Cut::default() { "as it is".into() } else { cut.keys() };
             tell(&format!("mesh: {name}"));
-            let search = Search { loaded, ..*self };
+            let search = AdviceSearch { loaded, ..*self };
             let motion = search.converged()?;
             let error = if motion.note.is_empty() { distance(&motion, &truth) } else { None };
             let frames = search.run(&Choice::default(), None)?.frames;
@@ -266,7 +269,7 @@ fn error(rows: &[CutRow], row: &CutRow) -> f64 {
 }
 
 /// The fastest that is near enough, or the nearest; and which it is.
-fn choose(rows: &[CutRow], largest: f64) -> (usize, bool) {
+pub fn choose(rows: &[CutRow], largest: f64) -> (usize, bool) {
     let errors: Vec<f64> = rows.iter().map(|row| error(rows, row)).collect();
     let near = (0..rows.len()).filter(|&i| errors[i] <= 100.0 * largest);
     match near.min_by(|&a, &b| rows[a].frame_ms.total_cmp(&rows[b].frame_ms)) {
@@ -280,7 +283,7 @@ fn choose(rows: &[CutRow], largest: f64) -> (usize, bool) {
 }
 
 /// Largest distance of a vertex from where the truth has it, over the largest true displacement of a vertex that both have.
-fn distance(found: &Motion, truth: &Motion) -> Option<f64> {
+pub fn distance(found: &CutMotion, truth: &CutMotion) -> Option<f64> {
     let low = truth.rest.iter().fold(DVec3::INFINITY, |low, (_, x)| low.min(*x));
     let high = truth.rest.iter().fold(DVec3::NEG_INFINITY, |high, (_, x)| high.max(*x));
     let size = (high - low).max_element();
@@ -322,46 +325,5 @@ impl Cuts {
         );
         table.marked.extend(order.iter().position(|&i| i == self.best));
         table
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn row(frame_ms: f64, error_percent: Option<f64>) -> CutRow {
-        let (keys, note) = (String::new(), String::new());
-        let cut = Cut::default();
-        CutRow { keys, elements: 1, vertices: 4, frame_ms, error_percent, note, cut }
-    }
-
-    #[test]
-    fn the_fastest_that_is_near_enough_is_chosen() {
-        let rows = [row(1.0, Some(30.0)), row(3.0, Some(2.0)), row(2.0, Some(4.0)), row(0.5, None)];
-        assert_eq!(choose(&rows, 0.05), (2, true));
-        assert_eq!(choose(&rows, 0.03), (1, true));
-        assert_eq!(choose(&rows, 0.01), (1, false));
-        // one that is nearer than a finer one of its kind is so by chance
-        let finer = |row: CutRow| CutRow { cut: Cut { finer: 1, ..row.cut }, ..row };
-        let rows = [row(1.0, Some(2.0)), finer(row(2.0, Some(10.0))), row(3.0, Some(3.0))];
-        let other = Cut { hexahedra: true, ..Cut::default() };
-        let [chance, fine, hexahedra] = rows;
-        let rows = [chance, fine, CutRow { cut: other, ..hexahedra }];
-        assert_eq!(choose(&rows, 0.05), (2, true));
-    }
-
-    #[test]
-    fn errors_are_measured_where_both_have_vertices() {
-        let motion = |rest: &[f64], u: &[f64]| Motion {
-            rest: rest.iter().map(|&x| (0, DVec3::X * x)).collect(),
-            states: vec![u.iter().map(|&u| DVec3::Z * u).collect()],
-            elements: 1,
-            note: String::new(),
-        };
-        let truth = motion(&[0.0, 0.5, 1.0], &[0.0, 1.0, 4.0]);
-        let coarse = motion(&[1.0, 0.0], &[3.0, 0.0]);
-        assert_eq!(distance(&coarse, &truth), Some(0.25));
-        let elsewhere = motion(&[0.3], &[1.0]);
-        assert_eq!(distance(&elsewhere, &truth), None);
     }
 }

@@ -47,7 +47,7 @@ pub struct TestOutcome {
 
 /// Moduli measured on the mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Moduli {
+pub struct BodyModuli {
     /// Young's modulus (Pa): that of the material times the strain of finite elements over that of the
     /// springs, in free tension, in the middle half of the body.
     pub young_modulus: f64,
@@ -70,7 +70,7 @@ pub struct Assessment {
     /// Tests in the order of [`Test::ALL`].
     pub tests: Vec<TestOutcome>,
     /// Measured moduli; none where the springs have no answer.
-    pub moduli: Option<Moduli>,
+    pub moduli: Option<BodyModuli>,
     /// Axis of the tests: x, y or z.
     pub axis: String,
     /// Nodes held and loaded.
@@ -85,7 +85,7 @@ pub struct Assessment {
 
 /// Springs under one loading.
 #[derive(Clone, Debug)]
-pub struct Against {
+pub struct SpringsAgainst {
     /// Errors against the reference.
     pub errors: PositionErrors,
     /// Displacements (m) of the springs.
@@ -117,7 +117,7 @@ pub fn against(
     loading: &Loading,
     fem: &[[f64; 3]],
     options: Option<SpringOptions>,
-) -> Result<Against, VirtualTestError> {
+) -> Result<SpringsAgainst, VirtualTestError> {
     let FittedSprings { edges, constants, .. } = springs;
     let (points, dimension) = (&rig.points, rig.dimension);
     let SpringSolution { displacements, definite, .. } = match options {
@@ -127,7 +127,7 @@ pub fn against(
         }
     };
     let errors = position_errors(points, &placed(points, fem), &placed(points, &displacements))?;
-    Ok(Against { errors, displacements, definite })
+    Ok(SpringsAgainst { errors, displacements, definite })
 }
 
 fn placed(points: &[[f64; 3]], u: &[[f64; 3]]) -> Vec<[f64; 3]> {
@@ -188,7 +188,7 @@ fn moduli(
     material: &LinearMaterial,
     springs: &FittedSprings,
     shear: Option<f64>,
-) -> Result<Option<Moduli>, FitError> {
+) -> Result<Option<BodyModuli>, FitError> {
     let stress = Rig::stress(material);
     for clamped in [false, true] {
         let loading =
@@ -198,7 +198,7 @@ fn moduli(
         let both = [rig.moduli(&fem, stress), rig.moduli(&own.displacements, stress)];
         let [Some(fem), Some(own)] = both else { continue };
         let shear_of_material = material.youngs_modulus / (2.0 * (1.0 + material.poissons_ratio));
-        let moduli = Moduli {
+        let moduli = BodyModuli {
             young_modulus: material.youngs_modulus * fem.strain / own.strain,
             poisson_ratio: own.poissons_ratio,
             poisson_ratio_of_fem: fem.poissons_ratio,
@@ -218,7 +218,7 @@ fn judge(
     material: &LinearMaterial,
     springs: &FittedSprings,
     tests: &[TestOutcome],
-    moduli: Option<&Moduli>,
+    moduli: Option<&BodyModuli>,
 ) -> (bool, Vec<String>) {
     let mut verdict = Vec::new();
     let good: Vec<&str> = tests.iter().filter(|t| t.fit).map(|t| t.test.as_str()).collect();

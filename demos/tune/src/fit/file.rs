@@ -160,9 +160,9 @@ fn to_csv(body: &FittedBody) -> Result<Vec<u8>, csv::Error> {
 
 /// Settings by name, as they were read.
 #[derive(Default)]
-struct Settings(Vec<(String, String, u64)>);
+struct FileSettings(Vec<(String, String, u64)>);
 
-impl Settings {
+impl FileSettings {
     fn get<T: FromStr>(&self, name: &str) -> Result<Option<T>, String> {
         let Some((_, value, line)) = self.0.iter().find(|s| s.0 == name) else { return Ok(None) };
         value.parse().map(Some).map_err(|_| format!("line {line}: `{value}` is no {name}"))
@@ -179,7 +179,7 @@ fn from_csv(bytes: &[u8]) -> Result<FittedBody, String> {
     if header != HEADER.as_slice() {
         return Err(format!("line 1 is not the header `{}`", HEADER.join(",")));
     }
-    let mut settings = Settings::default();
+    let mut settings = FileSettings::default();
     let (mut springs, mut masses) = (Vec::new(), Vec::new());
     let mut lists = ElementConstants::default();
     let zero = Residuals { mean: 0.0, worst: 0.0, worst_element: 0 };

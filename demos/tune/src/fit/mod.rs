@@ -4,8 +4,6 @@ pub mod assess;
 pub mod file;
 mod report;
 pub mod rig;
-#[cfg(test)]
-mod tests;
 
 use assess::{Assessment, assess};
 use glam::DVec3;

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// A fit that cannot be carried out.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum FitError {
+pub enum DataFitError {
     /// The scene.
     #[error(transparent)]
     Scene(#[from] SceneError),
@@ -134,7 +134,7 @@ pub enum FitError {
     Simulation(#[from] SimulationError),
 }
 
-impl FitError {
+impl DataFitError {
     /// An option that cannot be used.
     pub(super) fn option(option: String, found: String, remedy: String) -> Self {
         Self::Option { option, found, remedy }

@@ -1,7 +1,7 @@
 //! Equilibria of a scene at given load factors for given parameters.
 
-use super::error::FitError;
-use super::observe::{Measured, Observation};
+use super::error::DataFitError;
+use super::observe::{Observation, Observed};
 use super::parameter::{Constant, ElementMaterials, Parameter};
 use bevy_ecs::prelude::World;
 use glam::DVec3;
@@ -32,7 +32,7 @@ pub struct Equilibrium {
 
 /// Work that was done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Work {
+pub struct FitWork {
     /// Sets of parameters for which all equilibria were sought.
     pub evaluations: u64,
     /// Of these, sets for which one was not found.
@@ -63,7 +63,7 @@ pub struct Forward {
     /// Rest positions (m) of the vertex rows.
     pub(super) rest: Vec<DVec3>,
     pub(super) solver: LinearSolver<f64>,
-    pub(super) work: Work,
+    pub(super) work: FitWork,
 }
 
 impl Forward {
@@ -83,7 +83,7 @@ impl Forward {
         scene.simulation.set_solver(settings);
         let mut rest = Vec::new();
         read_rest(scene.simulation.world_mut(), &mut rest);
-        let (equilibria, fixed, work) = (Vec::new(), Vec::new(), Work::default());
+        let (equilibria, fixed, work) = (Vec::new(), Vec::new(), FitWork::default());
         let solver = LinearSolver::default();
         Self { scene, materials, loads, equilibria, fixed, rest, solver, work }
     }
@@ -93,7 +93,7 @@ impl Forward {
         &mut self,
         materials: &[ElementMaterials],
         parameters: &[Parameter],
-    ) -> Result<(), FitError> {
+    ) -> Result<(), DataFitError> {
         for (i, material) in materials.iter().enumerate() {
             if !parameters.iter().any(|p| p.body == i) {
                 continue;
@@ -119,8 +119,8 @@ impl Forward {
     /// Finds the equilibria for other parameters. On an error those of the earlier ones stay.
     ///
     /// # Errors
-    /// [`FitError::NoEquilibrium`], or what the engine refuses.
-    pub fn solve(&mut self, parameters: &[Parameter], values: &[f64]) -> Result<(), FitError> {
+    /// [`DataFitError::NoEquilibrium`], or what the engine refuses.
+    pub fn solve(&mut self, parameters: &[Parameter], values: &[f64]) -> Result<(), DataFitError> {
         let mut materials = self.materials.clone();
         for (parameter, &value) in parameters.iter().zip(values) {
             materials[parameter.body].set(parameter, value);
@@ -137,7 +137,7 @@ impl Forward {
                     let restored = self.apply(&materials, parameters);
                     self.materials = materials;
                     restored?;
-                    return Err(FitError::NoEquilibrium {
+                    return Err(DataFitError::NoEquilibrium {
                         load: self.loads[i],
                         parameters: described(parameters, values),
                         reason,
@@ -245,10 +245,10 @@ impl Forward {
             let Some(index) = self.index_of(o.load) else { return 0.0 };
             let at = &self.equilibria[index];
             match o.measured {
-                Measured::Displacement { body, vertex, axis } => {
+                Observed::Displacement { body, vertex, axis } => {
                     at.displacements[body][vertex as usize][axis]
                 }
-                Measured::Reaction { constraint, axis } => {
+                Observed::Reaction { constraint, axis } => {
                     let held = self.rows(constraint);
                     -held.map(|r| at.force[r][axis] + at.external[r][axis]).sum::<f64>()
                 }

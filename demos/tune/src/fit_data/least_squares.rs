@@ -1,6 +1,6 @@
 //! The least-squares problem as the crate `levenberg-marquardt` sees it.
 
-use super::error::FitError;
+use super::error::DataFitError;
 use super::forward::Forward;
 use super::observe::Observation;
 use super::parameter::Parameter;
@@ -20,7 +20,7 @@ const PATIENCE: usize = 50;
 const REFUSED: f64 = 1e3;
 
 /// Where the method ended.
-pub(super) struct Outcome {
+pub(super) struct FitOutcome {
     pub forward: Forward,
     pub values: Vec<f64>,
     pub iterations: u64,
@@ -29,7 +29,7 @@ pub(super) struct Outcome {
 }
 
 /// Parameters at which residuals and Jacobian are asked for.
-struct Problem<'a> {
+struct FitProblem<'a> {
     parameters: &'a [Parameter],
     observed: &'a [Observation],
     unknowns: DVector<f64>,
@@ -39,17 +39,17 @@ struct Problem<'a> {
     forward: RefCell<Forward>,
     jacobians: RefCell<u64>,
     /// What stopped the method.
-    error: RefCell<Option<FitError>>,
+    error: RefCell<Option<DataFitError>>,
 }
 
-impl Problem<'_> {
+impl FitProblem<'_> {
     fn values(&self) -> Vec<f64> {
         let all = self.parameters.iter().zip(self.unknowns.iter());
         all.map(|(p, &x)| p.value(x)).collect()
     }
 }
 
-impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
+impl LeastSquaresProblem<f64, Dyn, Dyn> for FitProblem<'_> {
     type ResidualStorage = Owned<f64, Dyn>;
     type JacobianStorage = Owned<f64, Dyn, Dyn>;
     type ParameterStorage = Owned<f64, Dyn>;
@@ -107,11 +107,11 @@ pub(super) fn minimise(
     mut forward: Forward,
     parameters: &[Parameter],
     observed: &[Observation],
-) -> Result<Outcome, FitError> {
+) -> Result<FitOutcome, DataFitError> {
     let start: Vec<f64> = parameters.iter().map(|p| p.start).collect();
     forward.solve(parameters, &start)?;
     let residual = DVector::from_vec(residuals(observed, &forward.predictions(observed)));
-    let problem = Problem {
+    let problem = FitProblem {
         parameters,
         observed,
         unknowns: DVector::from_element(parameters.len(), 1.0),
@@ -157,5 +157,5 @@ pub(super) fn minimise(
         other => (false, format!("{other:?}")),
     };
     let iterations = problem.jacobians.into_inner();
-    Ok(Outcome { forward, values, iterations, converged, termination })
+    Ok(FitOutcome { forward, values, iterations, converged, termination })
 }

@@ -21,13 +21,13 @@ pub mod statistics;
 mod least_squares;
 mod verdict;
 
-use error::FitError;
+use error::DataFitError;
 use forward::Forward;
 use gradient::Gradient;
 use nalgebra::DMatrix;
 use observe::{DataFile, Observation, Observations};
 use parameter::{ElementMaterials, Parameter};
-use report::{FitReport, GradientCheck, Misfit, ParameterFit, SCHEMA};
+use report::{DataFitReport, DataMisfit, GradientCheck, ParameterFit, SCHEMA};
 use sinew::models::body::Model;
 use sinew::simulation::Precision;
 use sinew_scene::assemble::{BuildOptions, build};
@@ -38,7 +38,7 @@ use std::time::Instant;
 
 /// What to fit, to which data.
 #[derive(Clone, Debug, Default)]
-pub struct FitRequest {
+pub struct DataFitRequest {
     /// Files of observations.
     pub data: Vec<PathBuf>,
     /// Parameters, such as `young`, `poisson:REGION` or `BODY/young:ARRAY`.
@@ -54,19 +54,19 @@ pub struct FitRequest {
 /// Fits parameters of a static scene.
 ///
 /// Data that do not determine a parameter, or a method that does not converge, are no error here: the
-/// report then has [`FitReport::failure`] or warnings.
+/// report then has [`DataFitReport::failure`] or warnings.
 ///
 /// # Errors
-/// [`FitError`] for scenes, data and parameters that cannot be used, and when the starting values have no
+/// [`DataFitError`] for scenes, data and parameters that cannot be used, and when the starting values have no
 /// stable equilibrium.
-pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitError> {
+pub fn fit(loaded: &LoadedScene, request: &DataFitRequest) -> Result<DataFitReport, DataFitError> {
     let clock = Instant::now();
     if loaded.scene.mode == Mode::Dynamic {
-        return Err(FitError::Dynamic { file: loaded.file.clone() });
+        return Err(DataFitError::Dynamic { file: loaded.file.clone() });
     }
     let scene = &loaded.scene;
     if !(scene.tools.is_empty() && scene.pulls.is_empty() && scene.contacts.is_empty()) {
-        return Err(FitError::Contact { file: loaded.file.clone() });
+        return Err(DataFitError::Contact { file: loaded.file.clone() });
     }
     let options = BuildOptions {
         precision: Some(Precision::F64),
@@ -75,7 +75,7 @@ pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitE
     };
     let mut scene = build(loaded, &options)?;
     if let Some(body) = scene.bodies.iter().find(|b| b.model == Model::WarpedStiffness) {
-        return Err(FitError::NoTangent { body: body.name.clone() });
+        return Err(DataFitError::NoTangent { body: body.name.clone() });
     }
     let materials = ElementMaterials::of(&mut scene);
     let elements = materials.iter().map(|m| m.young.len()).sum();
@@ -99,9 +99,9 @@ pub fn fit(loaded: &LoadedScene, request: &FitRequest) -> Result<FitReport, FitE
 
     if observed.len() < active.len() {
         let (observations, parameters) = (observed.len(), active.len());
-        return Err(FitError::TooFew { observations, parameters });
+        return Err(DataFitError::TooFew { observations, parameters });
     }
-    let report = FitReport {
+    let report = DataFitReport {
         schema: SCHEMA,
         scene: loaded.file.display().to_string(),
         elements,
@@ -147,12 +147,12 @@ struct Fit<'a> {
     active: Vec<usize>,
     values: Vec<f64>,
     standard: Vec<Option<f64>>,
-    report: FitReport,
+    report: DataFitReport,
 }
 
 impl Fit<'_> {
     /// Finds the active parameters, and what the derivatives there say about them.
-    fn minimise(&mut self, forward: Forward, check: bool) -> Result<Forward, FitError> {
+    fn minimise(&mut self, forward: Forward, check: bool) -> Result<Forward, DataFitError> {
         let (report, observed) = (&mut self.report, &self.observations.list);
         let chosen: Vec<Parameter> =
             self.active.iter().map(|&i| self.parameters[i].clone()).collect();
@@ -207,7 +207,7 @@ impl Fit<'_> {
     }
 
     /// The report, but for the time.
-    fn finish(self, forward: &Forward) -> FitReport {
+    fn finish(self, forward: &Forward) -> DataFitReport {
         let Self { loaded, observations, parameters, active, values, standard, mut report } = self;
         let predictions = forward.predictions(&observations.list);
         report.objective[1] = squares(&observations.list, &predictions);
@@ -240,7 +240,7 @@ fn correlations(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
 }
 
 /// How well the observations of every file are met.
-fn misfits(observations: &Observations, predictions: &[f64]) -> Vec<Misfit> {
+fn misfits(observations: &Observations, predictions: &[f64]) -> Vec<DataMisfit> {
     let misfit = |file: &DataFile| {
         let own = file.range.clone();
         let gap = |i: usize| predictions[i] - observations.list[i].value;
@@ -248,7 +248,7 @@ fn misfits(observations: &Observations, predictions: &[f64]) -> Vec<Misfit> {
         let rms = (squares / own.len() as f64).sqrt();
         let rms_percent = (file.largest > 0.0).then(|| 100.0 * rms / file.largest);
         let worst = own.map(|i| gap(i).abs()).fold(0.0, f64::max);
-        Misfit { file: file.clone(), rms, rms_percent, worst }
+        DataMisfit { file: file.clone(), rms, rms_percent, worst }
     };
     observations.files.iter().map(misfit).collect()
 }

@@ -1,6 +1,6 @@
 //! Observations: CSV files of displacements, or of reactions of constraints.
 
-use super::error::FitError;
+use super::error::DataFitError;
 use glam::DVec3;
 use serde::Serialize;
 use sinew_scene::assemble::{BuiltBody, BuiltScene};
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// What was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Measured {
+pub enum Observed {
     /// Displacement (m) of a vertex along an axis.
     Displacement {
         /// Index of the body.
@@ -32,7 +32,7 @@ pub enum Measured {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
     /// What was measured.
-    pub measured: Measured,
+    pub measured: Observed,
     /// Factor on the loads, 0 to 1.
     pub load: f64,
     /// What was found (m or N).
@@ -97,13 +97,13 @@ impl Observations {
     /// Reads files of observations for a scene.
     ///
     /// # Errors
-    /// [`FitError::Io`], [`FitError::Table`], [`FitError::Header`] or [`FitError::Cell`].
-    pub fn read(paths: &[PathBuf], scene: &BuiltScene) -> Result<Self, FitError> {
+    /// [`DataFitError::Io`], [`DataFitError::Table`], [`DataFitError::Header`] or [`DataFitError::Cell`].
+    pub fn read(paths: &[PathBuf], scene: &BuiltScene) -> Result<Self, DataFitError> {
         let mut all = Self::default();
         for (i, path) in paths.iter().enumerate() {
             let has_sigma = read_file(path, scene, &mut all)?;
             if i > 0 && has_sigma != all.has_sigma {
-                return Err(FitError::Header {
+                return Err(DataFitError::Header {
                     path: path.clone(),
                     found: "some files have a column `sigma` and others have none".into(),
                     remedy: "give standard deviations in all files or in none".into(),
@@ -122,14 +122,14 @@ const DISPLACEMENT_COLUMNS: &[&str] =
 const FORCE_COLUMNS: &[&str] = &["load", "force", "constraint", "axis", "weight", "sigma"];
 
 /// A file that is being read.
-struct Table<'a> {
+struct ObservedTable<'a> {
     path: &'a Path,
     header: Vec<String>,
     line: u64,
     record: csv::StringRecord,
 }
 
-impl Table<'_> {
+impl ObservedTable<'_> {
     fn has(&self, column: &str) -> bool {
         self.header.iter().any(|name| name == column)
     }
@@ -140,8 +140,13 @@ impl Table<'_> {
         self.record.get(at).map(str::trim).filter(|text| !text.is_empty())
     }
 
-    fn cell(&self, column: &str, found: impl Into<String>, remedy: impl Into<String>) -> FitError {
-        FitError::Cell {
+    fn cell(
+        &self,
+        column: &str,
+        found: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> DataFitError {
+        DataFitError::Cell {
             path: self.path.into(),
             line: self.line,
             column: column.into(),
@@ -150,7 +155,7 @@ impl Table<'_> {
         }
     }
 
-    fn number(&self, column: &str) -> Result<Option<f64>, FitError> {
+    fn number(&self, column: &str) -> Result<Option<f64>, DataFitError> {
         let Some(text) = self.text(column) else { return Ok(None) };
         match text.parse::<f64>() {
             Ok(value) if value.abs() <= 1e12 => Ok(Some(value)),
@@ -161,11 +166,11 @@ impl Table<'_> {
         }
     }
 
-    fn required(&self, column: &str, remedy: &str) -> Result<f64, FitError> {
+    fn required(&self, column: &str, remedy: &str) -> Result<f64, DataFitError> {
         self.number(column)?.ok_or_else(|| self.cell(column, "nothing is given", remedy))
     }
 
-    fn load(&self) -> Result<f64, FitError> {
+    fn load(&self) -> Result<f64, DataFitError> {
         let load = self.number("load")?.unwrap_or(1.0);
         if (0.0..=1.0).contains(&load) {
             return Ok(load);
@@ -175,7 +180,7 @@ impl Table<'_> {
     }
 
     /// Divisor of the residual over the scale of the file (1 with `sigma`, which is absolute).
-    fn scale(&self) -> Result<f64, FitError> {
+    fn scale(&self) -> Result<f64, DataFitError> {
         for column in ["sigma", "weight"] {
             if !self.has(column) {
                 continue;
@@ -192,12 +197,16 @@ impl Table<'_> {
 }
 
 /// Reads one file and returns whether it has standard deviations.
-fn read_file(path: &Path, scene: &BuiltScene, all: &mut Observations) -> Result<bool, FitError> {
+fn read_file(
+    path: &Path,
+    scene: &BuiltScene,
+    all: &mut Observations,
+) -> Result<bool, DataFitError> {
     let io = |source: csv::Error| {
         let path = path.into();
         match source.is_io_error() {
-            true => FitError::Io { path, source },
-            false => FitError::Table { path, source },
+            true => DataFitError::Io { path, source },
+            false => DataFitError::Table { path, source },
         }
     };
     let mut reader = csv::ReaderBuilder::new()
@@ -208,7 +217,7 @@ fn read_file(path: &Path, scene: &BuiltScene, all: &mut Observations) -> Result<
     let header: Vec<String> = reader.headers().map_err(io)?.iter().map(str::to_owned).collect();
     let has = |column: &str| header.iter().any(|name| name == column);
     let fault = |found: String, remedy: &str| {
-        Err(FitError::Header { path: path.into(), found, remedy: remedy.into() })
+        Err(DataFitError::Header { path: path.into(), found, remedy: remedy.into() })
     };
     let forces = has("force");
     let known = if forces { FORCE_COLUMNS } else { DISPLACEMENT_COLUMNS };
@@ -245,7 +254,7 @@ fn read_file(path: &Path, scene: &BuiltScene, all: &mut Observations) -> Result<
     let has_sigma = has("sigma");
     let first = all.list.len();
     let (mut rows, mut largest, mut farthest) = (0, 0.0_f64, 0.0_f64);
-    let mut table = Table { path, header, line: 0, record: csv::StringRecord::new() };
+    let mut table = ObservedTable { path, header, line: 0, record: csv::StringRecord::new() };
     while reader.read_record(&mut table.record).map_err(io)? {
         table.line = table.record.position().map_or(0, csv::Position::line);
         rows += 1;
@@ -261,7 +270,7 @@ fn read_file(path: &Path, scene: &BuiltScene, all: &mut Observations) -> Result<
         let mut length = 0.0;
         for (axis, column) in ["ux", "uy", "uz"].into_iter().enumerate() {
             let Some(value) = table.number(column)? else { continue };
-            let measured = Measured::Displacement { body, vertex, axis };
+            let measured = Observed::Displacement { body, vertex, axis };
             all.list.push(Observation { measured, load, value, scale });
             length = f64::hypot(length, value);
         }
@@ -285,7 +294,7 @@ fn read_file(path: &Path, scene: &BuiltScene, all: &mut Observations) -> Result<
 }
 
 /// The constraint, axis and force of a row.
-fn reaction(table: &Table, scene: &BuiltScene) -> Result<(Measured, f64), FitError> {
+fn reaction(table: &ObservedTable, scene: &BuiltScene) -> Result<(Observed, f64), DataFitError> {
     let name = table.text("constraint").unwrap_or_default();
     let names = || scene.constraints.iter().map(|c| c.name.as_str());
     let constraint = names().position(|known| known == name).ok_or_else(|| {
@@ -302,11 +311,11 @@ fn reaction(table: &Table, scene: &BuiltScene) -> Result<(Measured, f64), FitErr
         return Err(table.cell("axis", found, "give an axis that it holds"));
     }
     let value = table.required("force", "give the force (N) of the constraint on the body")?;
-    Ok((Measured::Reaction { constraint, axis }, value))
+    Ok((Observed::Reaction { constraint, axis }, value))
 }
 
 /// The body and vertex of a row, and how far (m) the vertex is from the given position.
-fn vertex(table: &Table, scene: &BuiltScene) -> Result<(usize, u32, f64), FitError> {
+fn vertex(table: &ObservedTable, scene: &BuiltScene) -> Result<(usize, u32, f64), DataFitError> {
     let names = || scene.bodies.iter().map(|b| b.name.as_str());
     let body = match table.text("body") {
         Some(name) => names().position(|known| known == name).ok_or_else(|| {

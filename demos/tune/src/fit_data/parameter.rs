@@ -1,7 +1,7 @@
 //! Parameters: which constants of which elements are fitted, and the smooth maps that keep them in
 //! range.
 
-use super::error::FitError;
+use super::error::DataFitError;
 use serde::Serialize;
 use sinew::models::body::SoftBody;
 use sinew::models::material::{MAX_POISSON_RATIO, YoungPoisson};
@@ -195,13 +195,13 @@ fn solids(body: &BuiltBody) -> std::ops::Range<u32> {
 /// `young:REGION=1e3..1e5`. An array of cell data stands for one parameter per value.
 ///
 /// # Errors
-/// [`FitError::Option`].
+/// [`DataFitError::Option`].
 pub fn parse(
     fit: &[String],
     bounds: &[String],
     scene: &BuiltScene,
     materials: &[ElementMaterials],
-) -> Result<Vec<Parameter>, FitError> {
+) -> Result<Vec<Parameter>, DataFitError> {
     let mut all: Vec<Parameter> = Vec::new();
     for text in fit {
         for parameter in parse_one(text, scene, materials)? {
@@ -213,14 +213,14 @@ pub fn parse(
             if let Some(other) = all.iter().find(same) {
                 let found = format!("it shares elements with `{}`", other.name);
                 let remedy = "fit every element at most once".into();
-                return Err(FitError::option(format!("--fit {text}"), found, remedy));
+                return Err(DataFitError::option(format!("--fit {text}"), found, remedy));
             }
             all.push(parameter);
         }
     }
     if all.is_empty() {
         let remedy = "give --fit young, --fit poisson, --fit young:REGION or --fit axis:FAMILY";
-        return Err(FitError::option(
+        return Err(DataFitError::option(
             "--fit".into(),
             "no parameter is given".into(),
             remedy.into(),
@@ -236,8 +236,8 @@ fn parse_one(
     text: &str,
     scene: &BuiltScene,
     materials: &[ElementMaterials],
-) -> Result<Vec<Parameter>, FitError> {
-    let fault = |found, remedy| FitError::option(format!("--fit {text}"), found, remedy);
+) -> Result<Vec<Parameter>, DataFitError> {
+    let fault = |found, remedy| DataFitError::option(format!("--fit {text}"), found, remedy);
     let (head, region) = match text.split_once(':') {
         Some((head, region)) => (head, Some(region)),
         None => (text, None),
@@ -362,8 +362,8 @@ fn elements_of(
 /// Most values of an array of cell data that is taken for one of regions.
 const MOST_REGIONS: usize = 64;
 
-fn set_bounds(text: &str, parameters: &mut [Parameter]) -> Result<(), FitError> {
-    let fault = |found, remedy| FitError::option(format!("--bounds {text}"), found, remedy);
+fn set_bounds(text: &str, parameters: &mut [Parameter]) -> Result<(), DataFitError> {
+    let fault = |found, remedy| DataFitError::option(format!("--bounds {text}"), found, remedy);
     let form = || "write PARAMETER=LOW..HIGH, such as young=1e3..1e5".to_string();
     let (name, range) =
         text.rsplit_once('=').ok_or_else(|| fault("there is no `=`".into(), form()))?;
@@ -394,34 +394,4 @@ fn set_bounds(text: &str, parameters: &mut [Parameter]) -> Result<(), FitError> 
         p.bounds = [low, high];
     }
     if found { Ok(()) } else { Err(fault(format!("`{name}` is not fitted"), known)) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn parameter(constant: Constant, start: f64, bounds: [f64; 2]) -> Parameter {
-        let (name, elements) = ("a".to_string(), vec![0]);
-        Parameter { name, constant, body: 0, family: 0, elements, start, varies: false, bounds }
-    }
-
-    #[test]
-    fn maps_start_at_the_scene_and_stay_in_bounds() {
-        let all = [
-            parameter(Constant::Young, 5e3, [0.0, f64::INFINITY]),
-            parameter(Constant::Axis, 5e3, [1e3, 1e5]),
-            parameter(Constant::Poisson, 0.45, [-0.99, 0.4999]),
-        ];
-        for p in &all {
-            assert!((p.value(1.0) / p.start - 1.0).abs() < 1e-13, "{p:?}");
-            for x in [-3.0, 0.0, 1.0, 2.5] {
-                let value = p.value(x);
-                assert!(p.bounds[0] < value && value < p.bounds[1], "{p:?} {value}");
-                let h = 1e-5;
-                let slope = (p.value(x + h) - p.value(x - h)) / (2.0 * h);
-                assert!((p.slope(x) / slope - 1.0).abs() < 1e-8, "{p:?} at {x}");
-            }
-        }
-        assert!(all[1].at_bound(1.0001e3) && !all[1].at_bound(2e3) && !all[0].at_bound(1.0));
-    }
 }

@@ -1,6 +1,6 @@
 //! What a fit found, as data and as text.
 
-use super::forward::Work;
+use super::forward::FitWork;
 use super::gradient::Gradient;
 use super::observe::{DataFile, DataKind};
 use super::parameter::Constant;
@@ -8,7 +8,7 @@ use serde::Serialize;
 use sinew_scene::summary::Warning;
 use std::fmt;
 
-/// Schema of [`FitReport`].
+/// Schema of [`DataFitReport`].
 pub const SCHEMA: &str = "sinew-fit-data/1";
 
 /// A fitted parameter.
@@ -38,7 +38,7 @@ pub struct ParameterFit {
 
 /// How well observations of one file are met.
 #[derive(Clone, Debug, Serialize)]
-pub struct Misfit {
+pub struct DataMisfit {
     /// The file.
     #[serde(flatten)]
     pub file: DataFile,
@@ -61,7 +61,7 @@ pub struct GradientCheck {
 
 /// A fit.
 #[derive(Clone, Debug, Serialize)]
-pub struct FitReport {
+pub struct DataFitReport {
     /// [`SCHEMA`].
     pub schema: &'static str,
     /// Scene file.
@@ -73,7 +73,7 @@ pub struct FitReport {
     /// Correlations of those that were fitted, in their order; none where the data do not determine them.
     pub correlation: Option<Vec<Vec<f64>>>,
     /// Residuals by file.
-    pub data: Vec<Misfit>,
+    pub data: Vec<DataMisfit>,
     /// Whether standard deviations were given with the data; otherwise errors follow from the residual.
     pub given_sigma: bool,
     /// Observed numbers.
@@ -96,7 +96,7 @@ pub struct FitReport {
     /// Steps of the least-squares method (Jacobians that it asked for).
     pub iterations: u64,
     /// Work.
-    pub work: Work,
+    pub work: FitWork,
     /// Wall time (s).
     pub seconds: f64,
     /// Whether the least-squares method has converged.
@@ -114,7 +114,7 @@ fn with_unit(value: f64, unit: &str) -> String {
     if unit == "-" { format!("{value:.6}") } else { format!("{value:.6e} {unit}") }
 }
 
-impl fmt::Display for FitReport {
+impl fmt::Display for DataFitReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "Fit of {} ({} solid elements)", self.scene, self.elements)?;
         writeln!(f, "\nParameters")?;

@@ -69,7 +69,7 @@ pub struct Manifest {
     pub runs: Vec<PlannedRun>,
 }
 
-type Files = BTreeMap<String, String>;
+type SceneInputs = BTreeMap<String, String>;
 
 /// Reads a study and writes the plan of its sweep into a folder, which is made. A folder that has a plan gets the new
 /// one; results of runs that are in both are kept.
@@ -106,7 +106,7 @@ pub fn plan(study: &Path, folder: &Path) -> Result<Manifest, SweepError> {
                     false => {
                         let scene = study.template.scene(&study.paths, values);
                         // what cannot be built becomes a row with its error
-                        scene.ok().map_or_else(Files::new, |scene| recorded(&scene).0)
+                        scene.ok().map_or_else(SceneInputs::new, |scene| recorded(&scene).0)
                     }
                 };
                 let hash = own.iter().fold(start, |hash, (name, of)| hash.and(name).and(of));
@@ -165,9 +165,9 @@ pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), SweepError> {
 }
 
 /// Builds a scene; the files it read with their hashes, and what building said.
-fn recorded(loaded: &LoadedScene) -> (Files, Result<Vec<String>, SweepError>) {
+fn recorded(loaded: &LoadedScene) -> (SceneInputs, Result<Vec<String>, SweepError>) {
     let folder = loaded.resolve(Path::new(""));
-    let read = Arc::new(Mutex::new(Files::new()));
+    let read = Arc::new(Mutex::new(SceneInputs::new()));
     let into = Arc::clone(&read);
     let scene = loaded.clone().with_files(move |path| {
         let bytes = read_file(path)?;
@@ -182,7 +182,7 @@ fn recorded(loaded: &LoadedScene) -> (Files, Result<Vec<String>, SweepError>) {
 }
 
 /// Files and columns of a scene that can be built.
-fn files_of(loaded: &LoadedScene) -> Result<(Files, Vec<String>), SweepError> {
+fn files_of(loaded: &LoadedScene) -> Result<(SceneInputs, Vec<String>), SweepError> {
     let (files, columns) = recorded(loaded);
     Ok((files, columns?))
 }

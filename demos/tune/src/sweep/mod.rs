@@ -10,17 +10,19 @@
 //!
 //! Who starts the parts is left to tools that do nothing else; `docs/sweep.md` has a line for each.
 
-mod claim;
+pub mod claim;
 mod error;
 mod hash;
 mod manifest;
 mod merge;
 mod page;
 #[cfg(feature = "parquet")]
-mod parquet;
-mod record;
+pub mod parquet;
+pub mod record;
 mod run;
+pub mod sampling;
 mod study;
+pub mod table;
 mod template;
 
 pub use claim::ClaimOptions;
@@ -31,14 +33,14 @@ pub use record::Shard;
 pub use run::{ShardReport, ShardRequest, run_shard};
 pub use study::Kept;
 
-use record::Results;
+use record::SweepResults;
 use serde::Serialize;
 use std::fmt;
 use std::path::Path;
 
 /// How far a sweep is.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Status {
+pub struct SweepStatus {
     /// Runs in the plan.
     pub runs: usize,
     /// Those with a result.
@@ -59,13 +61,13 @@ pub struct Status {
 ///
 /// # Errors
 /// A folder without a plan, a file that cannot be read, two results of one run that differ.
-pub fn status(folder: &Path) -> Result<Status, SweepError> {
+pub fn status(folder: &Path) -> Result<SweepStatus, SweepError> {
     let manifest = Manifest::read(folder)?;
-    let results = Results::read(folder, &manifest, None)?;
+    let results = SweepResults::read(folder, &manifest, None)?;
     let (runs, missing) = (manifest.runs.len(), results.missing().count());
     let held = record::held(folder)?;
     let held = held.into_iter().map(|(shard, holder)| format!("{shard}: {}", holder.name()));
-    Ok(Status {
+    Ok(SweepStatus {
         runs,
         done: runs - missing,
         failed: results.failed(),
@@ -76,7 +78,7 @@ pub fn status(folder: &Path) -> Result<Status, SweepError> {
     })
 }
 
-impl fmt::Display for Status {
+impl fmt::Display for SweepStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { runs, done, failed, missing, damaged_lines, strangers, held } = self;
         writeln!(

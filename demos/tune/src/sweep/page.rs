@@ -1,7 +1,7 @@
 //! The page of a sweep: failures with their texts, scatter plots, the table.
 
 use super::manifest::Manifest;
-use super::merge::{Cells, Column, SweepTable};
+use super::table::SweepTable;
 use crate::page::{Chart, Page};
 use crate::table::{Cell, Table, escape, three_digits};
 use std::collections::BTreeMap;
@@ -53,32 +53,17 @@ td.words { white-space: normal; min-width: 9em; max-width: 40em; overflow-wrap: 
 @media (max-width: 600px) { main { padding: 12px; } h1 { font-size: 22px; overflow-wrap: anywhere; } }
 ";
 
-fn column<'a>(table: &'a SweepTable, name: &str) -> Option<&'a Vec<Option<String>>> {
-    let own = table.columns.iter().find(|column| column.name == name)?;
-    match &own.cells {
-        Cells::Text(cells) => Some(cells),
-        Cells::Number(_) => None,
-    }
-}
-
-fn cell(column: &Column, row: usize) -> Cell {
-    match &column.cells {
-        Cells::Number(cells) => match cells[row] {
-            Some(x) if x.fract() == 0.0 && (0.0..1e9).contains(&x) => Cell::Count(x as u64),
-            x => x.into(),
-        },
-        Cells::Text(cells) => cells[row].clone().map_or(Cell::Missing, Cell::Text),
-    }
-}
-
 /// Failures, those whose texts differ in numbers alone together.
 fn failures(page: &mut Page, table: &SweepTable, runs: usize) {
-    let Some(errors) = column(table, "error") else { return };
+    let Some(column) = table.column("error") else { return };
+    let rows = &table.cells.rows;
+    let error = |row: usize| match &rows[row][column] {
+        Cell::Text(text) => text.as_str(),
+        _ => "",
+    };
     let mut alike: BTreeMap<String, Vec<usize>> = BTreeMap::new();
-    for (row, error) in errors.iter().enumerate().take(runs) {
-        if let Some(text) = error.as_deref().filter(|text| !text.is_empty()) {
-            alike.entry(without_numbers(text)).or_default().push(row);
-        }
+    for row in (0..runs).filter(|row| !error(*row).is_empty()) {
+        alike.entry(without_numbers(error(row))).or_default().push(row);
     }
     if alike.is_empty() {
         return;
@@ -87,27 +72,26 @@ fn failures(page: &mut Page, table: &SweepTable, runs: usize) {
     alike.sort_by_key(|(_, rows)| (std::cmp::Reverse(rows.len()), rows[0]));
     page.add("<h2 id=\"failures\">Failures</h2>");
     let texts = alike.len();
-    for (_, rows) in alike.into_iter().take(100) {
-        let text = errors[rows[0]].as_deref().unwrap_or_default();
-        let runs = if rows.len() == 1 {
+    for (_, same) in alike.into_iter().take(100) {
+        let text = error(same[0]);
+        let runs = if same.len() == 1 {
             "1 run".to_string()
         } else {
-            format!("{} runs like this", rows.len())
+            format!("{} runs like this", same.len())
         };
         page.add(format_args!("<div class=\"failure\"><p><b>{runs}</b>: {}</p>", escape(text)));
         let given = |row: usize| {
-            let own = &table.columns[table.parameters.clone()];
-            let values =
-                own.iter().map(|column| format!("{} = {}", column.name, cell(column, row).shown()));
+            let value = |c: usize| format!("{} = {}", table.cells.columns[c], rows[row][c].shown());
+            let values = table.parameters.clone().map(value);
             format!("run {row}: {}", values.collect::<Vec<_>>().join(", "))
         };
-        for &row in rows.iter().take(ALIKE) {
+        for &row in same.iter().take(ALIKE) {
             page.paragraph("note", &given(row));
         }
-        if rows.len() > ALIKE {
+        if same.len() > ALIKE {
             page.paragraph(
                 "note",
-                &format!("and {} more, listed in table.csv", rows.len() - ALIKE),
+                &format!("and {} more, listed in table.csv", same.len() - ALIKE),
             );
         }
         page.add("</div>");
@@ -129,9 +113,9 @@ fn plots(page: &mut Page, table: &SweepTable, runs: usize) {
         known.next().is_some_and(|first| known.any(|x| x != first))
     };
     let numbers = |range: std::ops::Range<usize>| {
-        table.columns[range].iter().filter_map(move |column| match &column.cells {
-            Cells::Number(cells) if varies(cells) => Some((&column.name, cells)),
-            _ => None,
+        range.filter_map(move |column| {
+            let cells = table.numbers(column).filter(|cells| varies(cells))?;
+            Some((&table.cells.columns[column], cells))
         })
     };
     let parameters: Vec<_> = numbers(table.parameters.clone()).collect();
@@ -257,21 +241,19 @@ fn scatter(points: &[(usize, f64, f64)], parameter: &str, result: &str) -> Optio
     Some(svg + "</g>\n</svg>")
 }
 
-/// The first rows, without ids and hashes.
+/// The first rows, without ids, hashes and columns that have nothing to say.
 fn rows(table: &SweepTable, runs: usize) -> Table {
-    let plain = |column: &&Column| match &column.cells {
-        // a column without anything to say
-        Cells::Text(cells) => {
-            !["id", "state_hash"].contains(&column.name.as_str())
-                && cells.iter().flatten().any(|text| !text.is_empty())
-        }
-        Cells::Number(_) => true,
+    let cells = &table.cells;
+    let silent = |cell: &Cell| matches!(cell, Cell::Missing) || *cell == Cell::from("");
+    let plain = |&column: &usize| {
+        !["id", "state_hash"].contains(&cells.columns[column].as_str())
+            && (table.numbers(column).is_some() || !cells.rows.iter().all(|r| silent(&r[column])))
     };
-    let shown: Vec<&Column> = table.columns.iter().filter(plain).collect();
-    let names: Vec<&str> = shown.iter().map(|column| column.name.as_str()).collect();
+    let shown: Vec<usize> = (0..cells.columns.len()).filter(plain).collect();
+    let names: Vec<&str> = shown.iter().map(|&column| cells.columns[column].as_str()).collect();
     let mut rows = Table::new("runs", "Runs", &names);
-    for row in 0..runs.min(ROWS) {
-        rows.row(shown.iter().map(|column| cell(column, row)).collect());
+    for row in &cells.rows[..runs.min(ROWS)] {
+        rows.row(shown.iter().map(|&column| row[column].clone()).collect());
     }
     rows
 }

@@ -47,7 +47,7 @@ impl Shard {
 /// Result of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Row {
+pub struct SweepRow {
     /// Id of the run.
     pub id: String,
     /// How often a failure was tried again before; the last counts.
@@ -72,7 +72,7 @@ struct Begun {
 }
 
 /// A line with its checksum as the last entry.
-fn line(value: &impl Serialize) -> String {
+pub fn line(value: &impl Serialize) -> String {
     let mut text = serde_json::to_string(value).unwrap_or_default();
     text.pop();
     let check = Hash::of(&text).short();
@@ -80,7 +80,7 @@ fn line(value: &impl Serialize) -> String {
 }
 
 /// What a line holds without its checksum; `None` when it is not as it was written.
-fn checked(line: &[u8]) -> Option<String> {
+pub fn checked(line: &[u8]) -> Option<String> {
     let line = std::str::from_utf8(line).ok()?.strip_suffix("\"}\n")?;
     let (text, check) = line.rsplit_once(",\"check\":\"")?;
     (Hash::of(text).short() == check).then(|| format!("{text}}}"))
@@ -128,7 +128,7 @@ impl ShardFile {
     }
 
     /// Adds a result.
-    pub fn end(&mut self, row: &Row) -> Result<(), SweepError> {
+    pub fn end(&mut self, row: &SweepRow) -> Result<(), SweepError> {
         self.append(&line(row))
     }
 
@@ -140,9 +140,9 @@ impl ShardFile {
 }
 
 /// What the files of a sweep hold.
-pub struct Results {
+pub struct SweepResults {
     /// A place for every run.
-    pub rows: Vec<Option<Row>>,
+    pub rows: Vec<Option<SweepRow>>,
     /// How often each run was begun.
     pub begun: Vec<u32>,
     /// Lines that are not whole.
@@ -151,7 +151,7 @@ pub struct Results {
     pub strangers: usize,
 }
 
-impl Results {
+impl SweepResults {
     /// Reads all results; with a shard, those that may hold runs of it.
     ///
     /// # Errors
@@ -201,7 +201,7 @@ impl Results {
             }
             return Ok(());
         }
-        let Ok(row) = serde_json::from_str::<Row>(&text) else {
+        let Ok(row) = serde_json::from_str::<SweepRow>(&text) else {
             self.damaged += 1;
             return Ok(());
         };
@@ -252,7 +252,7 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>, SweepError> {
 }
 
 /// The first difference between two results of one run.
-fn difference(a: &Row, b: &Row) -> Option<String> {
+fn difference(a: &SweepRow, b: &SweepRow) -> Option<String> {
     let values = || {
         let mut pairs = a.values.iter().zip(&b.values).enumerate();
         pairs.find(|(_, (a, b))| a != b).map(|(i, (a, b))| format!("value {i}: {a:?} and {b:?}"))
@@ -282,44 +282,4 @@ pub(super) fn held(folder: &Path) -> Result<Vec<(String, claim::Holder)>, SweepE
         }
     }
     Ok(held)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lines_are_read_back_and_damage_is_noticed() {
-        let row = Row {
-            id: "ab".into(),
-            attempt: 0,
-            error: Some("a \"quoted\"}\n line, \"check\":\"".into()),
-            warnings: String::new(),
-            steps: 5,
-            state: "cd".into(),
-            values: vec![Some(0.1 + 0.2), None, Some(-1e-300)],
-            file: None,
-        };
-        let text = line(&row);
-        let again: Row = serde_json::from_str(&checked(text.as_bytes()).unwrap()).unwrap();
-        assert_eq!(again, row);
-        assert_eq!(text.matches('\n').count(), 1);
-        for cut in 0..text.len() {
-            assert!(checked(&text.as_bytes()[..cut]).is_none(), "{cut}");
-        }
-        for place in 0..text.len() {
-            let mut bytes = text.clone().into_bytes();
-            bytes[place] ^= 1;
-            assert!(checked(&bytes).is_none(), "{place}");
-        }
-    }
-
-    #[test]
-    fn shards_are_read() {
-        assert_eq!("3/40".parse::<Shard>().unwrap(), Shard { index: 3, count: 40 });
-        for bad in ["", "3", "3/3", "-1/3", "1/0", "a/b", "1/2/3"] {
-            let error = bad.parse::<Shard>().unwrap_err().to_string();
-            assert!(error.contains("for example 3/40"), "{error}");
-        }
-    }
 }

@@ -3,11 +3,12 @@
 use super::claim::{Claim, ClaimOptions, HEARTBEAT};
 use super::error::{SweepError, io};
 use super::manifest::{Manifest, Opened};
-use super::record::{Results, Row, Shard, ShardFile, rows_path};
+use super::record::{Shard, ShardFile, SweepResults, SweepRow, rows_path};
 use super::study::Kept;
 use super::template::KeyPath;
 use sinew::engine::schedule::Executor;
 use sinew_scene::assemble::{BuildOptions, BuiltScene};
+use sinew_scene::output::csv_heading;
 use sinew_scene::run::{Observer, RunOptions, run};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -62,8 +63,8 @@ pub fn run_shard(
     let Some(claim) = Claim::take(folder, &shard.name(), request.claim, interrupt)? else {
         return Ok(report);
     };
-    let results = Results::read(folder, &manifest, Some(*shard))?;
-    let wanted = |row: &Option<Row>| match row {
+    let results = SweepResults::read(folder, &manifest, Some(*shard))?;
+    let wanted = |row: &Option<SweepRow>| match row {
         None => true,
         Some(row) => request.retry && row.error.is_some(),
     };
@@ -83,7 +84,7 @@ pub fn run_shard(
     }
     let paths = found_again(&manifest, &opened)?;
     let file = Mutex::new(ShardFile::new(folder, *shard, claim.number)?);
-    let work = Work {
+    let work = ShardWork {
         request,
         manifest: &manifest,
         opened: &opened,
@@ -112,7 +113,7 @@ pub fn run_shard(
     }
 }
 
-fn failed(results: &Results, index: usize) -> bool {
+fn failed(results: &SweepResults, index: usize) -> bool {
     results.rows[index].as_ref().is_some_and(|row| row.error.is_some())
 }
 
@@ -135,12 +136,12 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Work on a shard, shared by its threads.
-struct Work<'a> {
+struct ShardWork<'a> {
     request: &'a ShardRequest,
     manifest: &'a Manifest,
     opened: &'a Opened,
     paths: &'a [KeyPath],
-    results: &'a Results,
+    results: &'a SweepResults,
     pending: &'a [usize],
     next: AtomicUsize,
     file: &'a Mutex<ShardFile>,
@@ -152,7 +153,7 @@ struct Work<'a> {
     told: &'a (dyn Fn(usize, usize) + Sync),
 }
 
-impl Work<'_> {
+impl ShardWork<'_> {
     /// Runs all of it.
     fn all(&self) {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -234,11 +235,11 @@ impl Work<'_> {
     }
 
     /// Carries out a run.
-    fn row(&self, index: usize) -> Result<Row, SweepError> {
+    fn row(&self, index: usize) -> Result<SweepRow, SweepError> {
         let planned = &self.manifest.runs[index];
         let kept = self.manifest.header.probes;
         let columns = &self.manifest.header.columns;
-        let mut row = Row {
+        let mut row = SweepRow {
             id: planned.id.clone(),
             attempt: self.results.rows[index].as_ref().map_or(0, |row| row.attempt + 1),
             error: None,
@@ -257,7 +258,7 @@ impl Work<'_> {
             interrupt: Some(Arc::clone(&self.stop)),
             ..RunOptions::default()
         };
-        let mut seen = Seen { kept, ..Seen::default() };
+        let mut seen = SeenRows { kept, ..SeenRows::default() };
         let error = match self.opened.template.scene(self.paths, &planned.values) {
             Err((_, message)) => Some(message),
             Ok(scene) => match run(&scene, &options, &mut seen) {
@@ -282,7 +283,8 @@ impl Work<'_> {
             row.values = seen.values().iter().map(finite).collect();
             if kept == Kept::All {
                 let head = std::iter::once("step,time_s".to_string());
-                let head: Vec<String> = head.chain(columns.iter().map(|c| quoted(c))).collect();
+                let head: Vec<String> =
+                    head.chain(columns.iter().map(|c| csv_heading(c))).collect();
                 let text = head.join(",") + "\n" + &seen.rows;
                 let path = rows_path(&self.request.folder, &row.id);
                 write_rows(&path, &text)?;
@@ -291,14 +293,6 @@ impl Work<'_> {
         }
         Ok(row)
     }
-}
-
-/// A heading of a CSV file: quoted where its text asks for it, and no formula for a spreadsheet.
-pub(super) fn quoted(text: &str) -> String {
-    let formula = text.starts_with(['=', '+', '-', '@']);
-    let text = if formula { format!("'{text}") } else { text.to_string() };
-    let plain = !text.contains([',', '"', '\n', '\r']);
-    if plain { text } else { format!("\"{}\"", text.replace('"', "\"\"")) }
 }
 
 /// Writes the rows of a run; whole or not at all.
@@ -311,7 +305,7 @@ fn write_rows(path: &Path, text: &str) -> Result<(), SweepError> {
 
 /// What probes showed during a run.
 #[derive(Default)]
-struct Seen {
+struct SeenRows {
     kept: Kept,
     steps: u64,
     last: Vec<f64>,
@@ -321,7 +315,7 @@ struct Seen {
     rows: String,
 }
 
-impl Seen {
+impl SeenRows {
     /// What the table holds.
     fn values(&self) -> Vec<f64> {
         match self.kept {
@@ -333,7 +327,7 @@ impl Seen {
     }
 }
 
-impl Observer for Seen {
+impl Observer for SeenRows {
     fn step(&mut self, done: u64, _: f64, _: &mut BuiltScene) {
         self.steps = done;
     }

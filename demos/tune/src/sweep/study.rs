@@ -2,6 +2,7 @@
 
 use super::error::{SweepError, io};
 use super::hash::Hash;
+use super::sampling::{Axis, RangeScale, ValueRange, cell_value, grid_runs, hypercube_runs};
 use super::template::{KeyPath, Template};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -36,7 +37,7 @@ struct Document {
     #[serde(default)]
     parameters: BTreeMap<Spanned<String>, Spanned<toml::Value>>,
     #[serde(default)]
-    results: Results,
+    results: Keep,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -52,33 +53,9 @@ enum Sampling {
 
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Results {
+struct Keep {
     #[serde(default)]
     probes: Kept,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Range {
-    min: f64,
-    max: f64,
-    count: Option<usize>,
-    #[serde(default)]
-    scale: Scale,
-}
-
-#[derive(Clone, Copy, Default, PartialEq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Scale {
-    #[default]
-    Linear,
-    Log,
-}
-
-/// Values of a parameter.
-enum Axis {
-    Values(Vec<Value>),
-    Range { range: Range, whole: bool },
 }
 
 /// A study, read and checked.
@@ -96,12 +73,12 @@ pub struct Study {
 }
 
 /// Where in a study file something stands.
-struct Source<'a> {
+struct StudyFile<'a> {
     file: &'a Path,
     text: &'a str,
 }
 
-impl Source<'_> {
+impl StudyFile<'_> {
     fn line(&self, offset: usize) -> usize {
         1 + self.text.as_bytes().iter().take(offset).filter(|&&b| b == b'\n').count()
     }
@@ -130,7 +107,7 @@ impl Study {
     /// Everything that is wrong with the file, by line and key; [`SweepError::Scene`] when the scene cannot be read.
     pub fn read(file: &Path) -> Result<Self, SweepError> {
         let text = read_text(file)?;
-        let source = Source { file, text: &text };
+        let source = StudyFile { file, text: &text };
         let document: Document = toml::from_str(&text).map_err(|error| SweepError::Syntax {
             file: file.into(),
             line: source.line(error.span().map_or(0, |span| span.start)),
@@ -197,7 +174,7 @@ type Sampled = (Vec<String>, Vec<KeyPath>, Vec<Vec<Value>>);
 
 /// Runs of a grid or a latin hypercube.
 fn sampled(
-    source: &Source,
+    source: &StudyFile,
     document: &Document,
     template: &Template,
 ) -> Result<Sampled, SweepError> {
@@ -251,59 +228,6 @@ fn sampled(
     Ok((names, paths, runs))
 }
 
-/// The first parameter varies slowest.
-fn grid_runs(lists: &[Vec<Value>], count: usize) -> Vec<Vec<Value>> {
-    let run = |mut index: usize| {
-        let mut values = vec![Value::Null; lists.len()];
-        for (value, list) in values.iter_mut().zip(lists).rev() {
-            *value = list[index % list.len()].clone();
-            index /= list.len();
-        }
-        values
-    };
-    (0..count).map(run).collect()
-}
-
-/// Each parameter has its range cut into as many equal parts as there are runs, and visits each part once, in an
-/// order of its own (McKay, Beckman, Conover 1979). Its order depends on the seed and its name alone.
-fn hypercube_runs(axes: &[Axis], names: &[String], count: usize, seed: u64) -> Vec<Vec<Value>> {
-    let mut runs = vec![Vec::with_capacity(axes.len()); count];
-    for (axis, name) in axes.iter().zip(names) {
-        let start = Hash::of(seed.to_le_bytes()).and(name).short();
-        let mut random = Random(u64::from_str_radix(&start, 16).unwrap_or(seed));
-        let mut parts: Vec<usize> = (0..count).collect();
-        for i in (1..count).rev() {
-            parts.swap(i, random.below(i + 1));
-        }
-        for (run, part) in runs.iter_mut().zip(parts) {
-            run.push(axis.at((part as f64 + random.unit()) / count as f64));
-        }
-    }
-    runs
-}
-
-/// The splitmix64 sequence.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// From 0 to below 1.
-    fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// A whole number below `n`.
-    fn below(&mut self, n: usize) -> usize {
-        ((u128::from(self.next()) * n as u128) >> 64) as usize
-    }
-}
-
 /// Values of a parameter whose value in the scene is `present`.
 fn axis(value: &toml::Value, present: &Value, hypercube: bool) -> Result<Axis, (String, String)> {
     let remedy = |text: &str| text.to_string();
@@ -315,17 +239,17 @@ fn axis(value: &toml::Value, present: &Value, hypercube: bool) -> Result<Axis, (
             values.iter().map(plain).collect::<Result<_, _>>().map(Axis::Values)
         }
         toml::Value::Table(table) => {
-            let range = Range::deserialize(table.clone()).map_err(|error| {
+            let range = ValueRange::deserialize(table.clone()).map_err(|error| {
                 let text = error.message().replace('\n', ", ");
                 let remedy = "give a list of values or { min, max, count, scale }; a path with dots stands in quotes";
                 (text, remedy.to_string())
             })?;
-            let Range { min, max, count, scale } = range;
+            let ValueRange { min, max, count, scale } = range;
             let shown = format!("a range from {min} to {max}");
             if !(min < max && min.is_finite() && max.is_finite() && (max - min).is_finite()) {
                 return Err((shown, remedy("give finite ends, the smaller one first")));
             }
-            if scale == Scale::Log && min <= 0.0 {
+            if scale == RangeScale::Log && min <= 0.0 {
                 return Err((
                     format!("{shown} on a logarithmic scale"),
                     remedy("make both ends positive"),
@@ -367,41 +291,6 @@ fn plain(value: &toml::Value) -> Result<Value, (String, String)> {
             Value::Object(entries.collect::<Result<_, (String, String)>>()?)
         }
     })
-}
-
-impl Axis {
-    /// Points of a grid.
-    fn points(&self) -> Vec<Value> {
-        match self {
-            Self::Values(values) => values.clone(),
-            Self::Range { range, .. } => {
-                let last = range.count.unwrap_or(2) - 1;
-                (0..=last).map(|i| self.at(i as f64 / last as f64)).collect()
-            }
-        }
-    }
-
-    /// Value at a share of the range, from 0 to 1.
-    fn at(&self, share: f64) -> Value {
-        match self {
-            Self::Values(values) => {
-                let index = (share * values.len() as f64) as usize;
-                values[index.min(values.len() - 1)].clone()
-            }
-            Self::Range { range: Range { min, max, scale, .. }, whole } => {
-                let value = match scale {
-                    _ if share <= 0.0 => *min,
-                    _ if share >= 1.0 => *max,
-                    Scale::Linear => min + (max - min) * share,
-                    // the same bits on every machine
-                    Scale::Log => {
-                        libm::exp(libm::log(*min) * (1.0 - share) + libm::log(*max) * share)
-                    }
-                };
-                if *whole { (value.round() as i64).into() } else { value.into() }
-            }
-        }
-    }
 }
 
 /// Runs of a CSV file: a heading of keys, a row a run; an empty cell leaves what the scene has.
@@ -462,73 +351,4 @@ fn read_list(file: &Path, template: &Template) -> Result<Sampled, SweepError> {
         ));
     }
     Ok((names, paths, runs))
-}
-
-/// A cell by its looks; a word where the scene has a word.
-fn cell_value(cell: &str, present: &Value) -> Value {
-    if cell.is_empty() {
-        return Value::Null;
-    }
-    let parsed = match serde_json::from_str(cell) {
-        Ok(value) if !present.is_string() => Some(value),
-        _ => None,
-    };
-    let number = || cell.parse::<f64>().ok().filter(|x| x.is_finite() && !present.is_string());
-    parsed.or_else(|| number().map(Value::from)).unwrap_or_else(|| cell.into())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_hypercube_visits_every_part_once_and_parameters_do_not_disturb_each_other() {
-        let axis = || Axis::Range {
-            range: Range { min: 10.0, max: 20.0, count: None, scale: Scale::Linear },
-            whole: false,
-        };
-        let names = ["a".to_string(), "b".to_string()];
-        let two = hypercube_runs(&[axis(), axis()], &names, 50, 7);
-        for column in 0..2 {
-            let mut parts: Vec<i64> =
-                two.iter().map(|run| (run[column].as_f64().unwrap() * 5.0 - 50.0) as i64).collect();
-            parts.sort_unstable();
-            assert_eq!(parts, (0..50).collect::<Vec<_>>());
-        }
-        let one = hypercube_runs(&[axis()], &names[1..], 50, 7);
-        assert!(one.iter().zip(&two).all(|(one, two)| one[0] == two[1] && two[0] != two[1]));
-        assert_ne!(hypercube_runs(&[axis()], &names[..1], 50, 8)[0], [two[0][0].clone()]);
-    }
-
-    #[test]
-    fn grids_vary_the_last_parameter_fastest_and_ranges_keep_their_ends() {
-        let axis = |scale, whole| Axis::Range {
-            range: Range { min: 1.0, max: 100.0, count: Some(3), scale },
-            whole,
-        };
-        let log = axis(Scale::Log, false).points();
-        assert!((log[1].as_f64().unwrap() - 10.0).abs() < 1e-13, "{log:?}");
-        assert_eq!([&log[0], &log[2]], [&Value::from(1.0), &Value::from(100.0)]);
-        assert_eq!(axis(Scale::Linear, true).points(), [Value::from(1), 51.into(), 100.into()]);
-        let lists = [vec![1.into(), 2.into()], vec![Value::from("a"), "b".into()]];
-        let runs = grid_runs(&lists, 4);
-        assert_eq!(runs[1], [Value::from(1), "b".into()]);
-        assert_eq!(runs[2], [Value::from(2), "a".into()]);
-    }
-
-    #[test]
-    fn cells_are_what_they_look_like() {
-        let cases: [(&str, Value, Value); 7] = [
-            ("", Value::Null, 1.5.into()),
-            ("3", 3.into(), 1.5.into()),
-            ("4e3", 4000.0.into(), Value::Null),
-            (".5", 0.5.into(), Value::Null),
-            ("true", true.into(), Value::Null),
-            ("safe", "safe".into(), "auto".into()),
-            ("3", "3".into(), "auto".into()),
-        ];
-        for (cell, value, present) in cases {
-            assert_eq!(cell_value(cell, &present), value, "{cell}");
-        }
-    }
 }

@@ -2,16 +2,16 @@
 
 use serde_json::Value;
 use sinew::engine::lanes::InstructionSet;
-use sinew_scene::error::{SceneError, hint};
+use sinew_scene::error::{SceneError, SceneProblem, hint};
 use sinew_scene::scene::{LoadedScene, Scene};
 use std::path::Path;
 
 /// A key of a scene: names of tables and numbers of entries.
 #[derive(Clone, Debug, PartialEq)]
-pub struct KeyPath(Vec<Step>);
+pub struct KeyPath(Vec<KeyStep>);
 
 #[derive(Clone, Debug, PartialEq)]
-enum Step {
+enum KeyStep {
     Key(String),
     Entry(usize),
 }
@@ -76,9 +76,9 @@ impl KeyPath {
     /// In the spelling of messages, `body[0].material.density`.
     fn text(&self) -> String {
         self.0.iter().fold(String::new(), |text, step| match step {
-            Step::Entry(i) => format!("{text}[{i}]"),
-            Step::Key(key) if text.is_empty() => key.clone(),
-            Step::Key(key) => format!("{text}.{key}"),
+            KeyStep::Entry(i) => format!("{text}[{i}]"),
+            KeyStep::Key(key) if text.is_empty() => key.clone(),
+            KeyStep::Key(key) => format!("{text}.{key}"),
         })
     }
 }
@@ -93,11 +93,9 @@ impl Template {
         if read(&value).is_ok_and(|again| again == loaded.scene) {
             return Ok(Self { loaded, value });
         }
-        Err(SceneError::Value {
-            place: loaded.place(""),
-            found: "a number is not finite".into(),
-            remedy: "give finite numbers".into(),
-        })
+        let (found, remedy) = ("a number is not finite".into(), "give finite numbers".into());
+        let problem = SceneProblem::Value { found, remedy };
+        Err(SceneError::At { place: loaded.place(""), problem })
     }
 
     /// Names the instruction set of runs that do not name one.
@@ -130,7 +128,7 @@ impl Template {
                 Value::Object(keys) => match keys.get(name) {
                     Some(value) => {
                         at = value;
-                        Step::Key(name.into())
+                        KeyStep::Key(name.into())
                     }
                     None => {
                         let known = keys.keys().map(String::as_str);
@@ -144,7 +142,7 @@ impl Template {
                     match index.filter(|&i: &usize| i < entries.len()) {
                         Some(i) => {
                             at = &entries[i];
-                            Step::Entry(i)
+                            KeyStep::Entry(i)
                         }
                         None => {
                             let remedy = "give the number of an entry, counted from 0, or its name";
@@ -155,7 +153,7 @@ impl Template {
                     }
                 }
                 // a table that the scene does not have: values make it, and reading them tells what it may hold
-                Value::Null if name.parse::<usize>().is_err() => Step::Key(name.into()),
+                Value::Null if name.parse::<usize>().is_err() => KeyStep::Key(name.into()),
                 _ => {
                     let remedy = "name a single value, or a whole list";
                     return Err((
@@ -173,8 +171,8 @@ impl Template {
     /// Value of the scene at a path.
     pub fn value(&self, path: &KeyPath) -> &Value {
         path.0.iter().fold(&self.value, |at, step| match step {
-            Step::Key(key) => &at[key.as_str()],
-            Step::Entry(i) => &at[*i],
+            KeyStep::Key(key) => &at[key.as_str()],
+            KeyStep::Entry(i) => &at[*i],
         })
     }
 
@@ -224,16 +222,16 @@ impl Template {
     }
 }
 
-fn set(mut at: &mut Value, path: &[Step], value: Value) {
+fn set(mut at: &mut Value, path: &[KeyStep], value: Value) {
     for step in path {
         at = match step {
-            Step::Key(key) => {
+            KeyStep::Key(key) => {
                 if at.is_null() {
                     *at = Value::Object(serde_json::Map::new());
                 }
                 &mut at[key.as_str()]
             }
-            Step::Entry(i) => &mut at[*i],
+            KeyStep::Entry(i) => &mut at[*i],
         };
     }
     *at = value;

@@ -194,7 +194,7 @@ impl ContactSet {
                 let mut points = Vec::new();
                 self.collect(index, part, body, other, &mut points);
                 for mut point in points {
-                    point.mu = 0.0;
+                    point.friction = 0.0;
                     let active =
                         point.evaluate(&self.parts, &self.faces, x.now, x.start, Limits::Take);
                     force -= active.push;

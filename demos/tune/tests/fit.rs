@@ -1,12 +1,16 @@
 //! `sinew fit` from the mesh to the file and on into a simulation.
 
-use super::assess::limits;
-use super::rig::{Grips, Rig, Test};
-use super::*;
 use glam::DVec2;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets, quad_grid, sphere_tets};
 use sinew::prelude::*;
 use sinew_identify::error_metrics::position_errors;
+use sinew_identify::mass::MassLumping;
+use sinew_identify::{ElementMethod, LinearMaterial, Plane, Section};
+use sinew_tune::fit::assess::{self, limits};
+use sinew_tune::fit::rig::{Grips, Rig, Test};
+use sinew_tune::fit::{
+    BodySpring, ElementConstants, FitRequest, FittedBody, file, fit_file, fit_mesh,
+};
 
 fn request(method: ElementMethod, nu: f64) -> FitRequest {
     FitRequest {

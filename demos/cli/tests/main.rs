@@ -1,0 +1,5 @@
+//! The command. In one binary: each would link everything below for itself.
+
+mod command;
+mod common;
+mod sweep;
