@@ -19,6 +19,7 @@ use sinew_models::axes::muscle::{ActivationError, ActivationWork, Muscles};
 use sinew_solvers::explicit::forget_steps;
 use sinew_solvers::implicit::forget_matrices;
 
+/// # Fibres, muscles and volume
 impl Simulation {
     /// Sets the activation (0 to 1) of an active axis family of a body, from the next step on.
     ///

@@ -9,6 +9,7 @@ use sinew_contact::set::ContactSet;
 use sinew_contact::tool::{Tool, ToolError, ToolPose, ToolReport};
 use sinew_engine::load::Pose;
 
+/// # Tools, contact and pulls
 impl Simulation {
     /// Adds a tool; the entity identifies it. It touches all bodies from the next step on.
     ///

@@ -612,6 +612,7 @@ fn differs(simulation: &mut Simulation, line: &Line) -> ReplayError {
     ReplayError::Differs { step: line.step, body, vertex }
 }
 
+/// # Recording
 impl Simulation {
     /// Writes a log of this simulation from now on, with a hash every so many steps; `about` is for the program that
     /// will replay it, such as the path of a scene. Bodies must not be added while it is written.

@@ -9,6 +9,7 @@ use sinew_models::resection::{
     prepare_removals, remove_elements,
 };
 
+/// # Removal
 impl Simulation {
     /// Removes elements of a body, from now on; see [`sinew_models::resection`]. To do so from a
     /// schedule, spawn a [`RemovalRequest`](sinew_models::resection::RemovalRequest).

@@ -198,7 +198,37 @@ pub struct MaterialChange {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BodyHandle(pub usize);
 
-/// A world with bodies, and its clock.
+/// A world with bodies, and its clock: build it, step it, read it.
+///
+/// | build | step | read |
+/// |---|---|---|
+/// | [`new`](Self::new), [`add_body`](Self::add_body) | [`set_dt`](Self::set_dt), [`set_solver`](Self::set_solver) | [`positions`](Self::positions), [`each_position`](Self::each_position) |
+/// | [`group_rows`](Self::group_rows), [`add_constraint`](Self::add_constraint) | [`set_target`](Self::set_target), [`move_tool`](Self::move_tool) | [`tool_report`](Self::tool_report), [`surface`](Self::surface) |
+/// | [`add_load`](Self::add_load), [`add_pressure`](Self::add_pressure) | [`step`](Self::step) | [`evaluate`](Self::evaluate), then [`reaction`](Self::reaction) |
+/// | [`add_tool`](Self::add_tool), [`add_body_contact`](Self::add_body_contact) | [`remove_elements`](Self::remove_elements) | [`report`](Self::report), [`volume_report`](Self::volume_report) |
+///
+/// ```
+/// use sinew::engine::mesh::generate::box_tets;
+/// use sinew::prelude::*;
+///
+/// // build: a block of 0.5 kg that stands on a table
+/// let mesh = box_tets(DVec3::new(0.1, 0.1, 0.05), [4, 4, 2])?;
+/// let material = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 };
+/// let mut simulation = Simulation::new(SimulationOptions::default())?;
+/// let block = simulation.add_body(&BodyDescription::new("block", &mesh, material))?;
+/// let bottom = simulation.group_rows(block, &mesh, "z0")?;
+/// let table = simulation.add_constraint(Constraint::hold("table", bottom));
+/// // step: with this integrator one step is the equilibrium
+/// let integrator = Integrator::QuasiStatic;
+/// simulation.set_solver(SolverSettings { integrator, ..SolverSettings::default() });
+/// simulation.step()?;
+/// // read: it sags, and the table carries its weight
+/// let top = mesh.group("z1").unwrap().vertices[0] as usize;
+/// assert!((0.047..0.05).contains(&simulation.positions(block)[top].z));
+/// simulation.evaluate();
+/// assert!((simulation.reaction(table).z - 0.5 * 9.81).abs() < 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// Everything in it is ordinary ECS data: [`Simulation::world_mut`] gives access to it. It may be moved to
 /// another thread and stepped there. In a Bevy app use [`crate::SinewPlugins`] instead, which installs the
@@ -210,6 +240,7 @@ pub struct Simulation {
     recorder: Option<Recorder>,
 }
 
+/// # Build
 impl Simulation {
     /// An empty world. With [`Backend::Gpu`] the adapter is the best there is, or what the environment
     /// variable `SINEW_ADAPTER` names.
@@ -260,60 +291,6 @@ impl Simulation {
         world.insert_resource(workers);
         world.insert_resource(Backend::Cpu);
         Ok(Self { world, precision, history: History::default(), recorder: None })
-    }
-
-    /// Whether the backend has all that bodies and settings need; a step checks it too.
-    ///
-    /// # Errors
-    /// Names the first law, body or setting that the graphics processor does not have.
-    pub fn check_backend(&mut self) -> Result<(), SimulationError> {
-        #[cfg(feature = "gpu")]
-        if self.backend() == Backend::Gpu {
-            let world = &mut self.world;
-            let settings = world.resource::<SolverSettings>().clone();
-            sinew_gpu::check(world, &settings)?;
-        }
-        Ok(())
-    }
-
-    /// Where steps are computed.
-    pub fn backend(&self) -> Backend {
-        *self.world().resource()
-    }
-
-    /// The world. With [`Readback::OnDemand`] displacements, velocities and positions may be those of an earlier step:
-    /// [`Simulation::world_mut`] brings them up to date.
-    pub fn world(&self) -> &World {
-        &self.world
-    }
-
-    /// The world, writable, its columns up to date.
-    pub fn world_mut(&mut self) -> &mut World {
-        self.fetch();
-        &mut self.world
-    }
-
-    /// Brings the columns up to date.
-    #[cfg(feature = "gpu")]
-    fn fetch(&mut self) {
-        let world = &mut self.world;
-        by_precision!(self.precision, fetch_state(world));
-    }
-
-    #[cfg(not(feature = "gpu"))]
-    fn fetch(&mut self) {}
-
-    pub(crate) fn recorder_mut(&mut self) -> &mut Option<Recorder> {
-        &mut self.recorder
-    }
-
-    pub(crate) fn history_mut(&mut self) -> &mut History {
-        &mut self.history
-    }
-
-    /// Number type of the state.
-    pub fn precision(&self) -> Precision {
-        self.precision
     }
 
     /// Builds a body.
@@ -458,6 +435,23 @@ impl Simulation {
         entity
     }
 
+    /// Takes a constraint, a load or a pressure away; whether there was one. What it held is free from the next step
+    /// on.
+    pub fn remove_load_or_constraint(&mut self, entity: Entity) -> bool {
+        self.fetch();
+        let world = &mut self.world;
+        let pressure = world.get::<Pressure>(entity).is_some();
+        let known = pressure
+            || world.get::<Constraint>(entity).is_some()
+            || world.get::<Load>(entity).is_some();
+        let gone = known && world.despawn(entity);
+        if pressure {
+            // its faces go at once
+            by_precision!(self.precision, activate_pressure(world));
+        }
+        gone
+    }
+
     /// Gives a body another material, uniform ([`YoungPoisson`](sinew_models::material::YoungPoisson))
     /// or by tetrahedron ([`MaterialField`]), from the start of the next step on.
     ///
@@ -511,7 +505,10 @@ impl Simulation {
     pub fn set_gravity(&mut self, gravity: DVec3) {
         self.world_mut().insert_resource(Gravity(gravity));
     }
+}
 
+/// # Step
+impl Simulation {
     /// Sets the length of the steps to come (s). Positions and velocities are those of the last step's
     /// end; explicit integrators divide the new step anew, and no energy is added or taken.
     pub fn set_dt(&mut self, dt: f64) {
@@ -557,6 +554,36 @@ impl Simulation {
         result
     }
 
+    /// Sets displacements (m) and velocities (m/s) in the user's order.
+    ///
+    /// # Errors
+    /// When the lengths differ from the number of vertices.
+    pub fn set_state(
+        &mut self,
+        body: BodyHandle,
+        displacements: &[DVec3],
+        velocities: &[DVec3],
+    ) -> Result<(), SimulationError> {
+        let rows = self.topology().bodies[body.0].clone();
+        let expected = rows.row_of_vertex.len();
+        for (what, values) in [("displacements", displacements), ("velocities", velocities)] {
+            if values.len() != expected {
+                let body = rows.name;
+                return Err(SimulationError::Length { what, body, expected, given: values.len() });
+            }
+        }
+        Ok(by_precision!(self.precision, write_state(self, &rows, displacements, velocities))?)
+    }
+
+    /// Whether the constraints of the first step hold every body against all motions that deform no element, as
+    /// an equilibrium needs: rigid motions of its pieces, and those of parts about hinges.
+    ///
+    /// # Errors
+    /// When a body can move so.
+    pub fn check_support(&mut self) -> Result<(), StepError> {
+        by_precision!(self.precision, check_support(self.world_mut()))
+    }
+
     /// Largest stable explicit step (s) at the current state, from the largest eigenvalue by Lanczos
     /// steps; see [`sinew_solvers::stability`].
     pub fn stable_step(&mut self) -> f64 {
@@ -564,7 +591,10 @@ impl Simulation {
         let world = &mut self.world;
         by_precision!(self.precision, estimate_stable_step(world))
     }
+}
 
+/// # Read
+impl Simulation {
     /// Simulated time (s).
     pub fn time(&self) -> f64 {
         self.world().resource::<StepClock>().time
@@ -663,27 +693,6 @@ impl Simulation {
         );
     }
 
-    /// Sets displacements (m) and velocities (m/s) in the user's order.
-    ///
-    /// # Errors
-    /// When the lengths differ from the number of vertices.
-    pub fn set_state(
-        &mut self,
-        body: BodyHandle,
-        displacements: &[DVec3],
-        velocities: &[DVec3],
-    ) -> Result<(), SimulationError> {
-        let rows = self.topology().bodies[body.0].clone();
-        let expected = rows.row_of_vertex.len();
-        for (what, values) in [("displacements", displacements), ("velocities", velocities)] {
-            if values.len() != expected {
-                let body = rows.name;
-                return Err(SimulationError::Length { what, body, expected, given: values.len() });
-            }
-        }
-        Ok(by_precision!(self.precision, write_state(self, &rows, displacements, velocities))?)
-    }
-
     /// Evaluates elastic energy (J) and forces at the current state, outside a step.
     ///
     /// # Panics
@@ -694,15 +703,6 @@ impl Simulation {
         world.insert_resource(EvaluationRequest { energy: true, force: true, tangent: None });
         world.run_schedule(ForceSchedule);
         world.resource::<ElasticEnergy>().elastic()
-    }
-
-    /// Whether the constraints of the first step hold every body against all motions that deform no element, as
-    /// an equilibrium needs: rigid motions of its pieces, and those of parts about hinges.
-    ///
-    /// # Errors
-    /// When a body can move so.
-    pub fn check_support(&mut self) -> Result<(), StepError> {
-        by_precision!(self.precision, check_support(self.world_mut()))
     }
 
     /// Force (N) that a constraint exerts on the body at the current state: what is needed at its
@@ -718,27 +718,67 @@ impl Simulation {
         by_precision!(self.precision, reaction(self, constraint, point))
     }
 
-    /// Takes a constraint, a load or a pressure away; whether there was one. What it held is free from the next step
-    /// on.
-    pub fn remove_load_or_constraint(&mut self, entity: Entity) -> bool {
-        self.fetch();
-        let world = &mut self.world;
-        let pressure = world.get::<Pressure>(entity).is_some();
-        let known = pressure
-            || world.get::<Constraint>(entity).is_some()
-            || world.get::<Load>(entity).is_some();
-        let gone = known && world.despawn(entity);
-        if pressure {
-            // its faces go at once
-            by_precision!(self.precision, activate_pressure(world));
-        }
-        gone
-    }
-
     /// 64-bit FNV-1a hash of displacements and velocities, in the user's order: equal hashes mean
     /// equal results bit for bit.
     pub fn state_hash(&mut self) -> u64 {
         state_hash(self.world_mut())
+    }
+}
+
+/// # The world behind it
+impl Simulation {
+    /// Whether the backend has all that bodies and settings need; a step checks it too.
+    ///
+    /// # Errors
+    /// Names the first law, body or setting that the graphics processor does not have.
+    pub fn check_backend(&mut self) -> Result<(), SimulationError> {
+        #[cfg(feature = "gpu")]
+        if self.backend() == Backend::Gpu {
+            let world = &mut self.world;
+            let settings = world.resource::<SolverSettings>().clone();
+            sinew_gpu::check(world, &settings)?;
+        }
+        Ok(())
+    }
+
+    /// Where steps are computed.
+    pub fn backend(&self) -> Backend {
+        *self.world().resource()
+    }
+
+    /// The world. With [`Readback::OnDemand`] displacements, velocities and positions may be those of an earlier step:
+    /// [`Simulation::world_mut`] brings them up to date.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The world, writable, its columns up to date.
+    pub fn world_mut(&mut self) -> &mut World {
+        self.fetch();
+        &mut self.world
+    }
+
+    /// Brings the columns up to date.
+    #[cfg(feature = "gpu")]
+    fn fetch(&mut self) {
+        let world = &mut self.world;
+        by_precision!(self.precision, fetch_state(world));
+    }
+
+    #[cfg(not(feature = "gpu"))]
+    fn fetch(&mut self) {}
+
+    pub(crate) fn recorder_mut(&mut self) -> &mut Option<Recorder> {
+        &mut self.recorder
+    }
+
+    pub(crate) fn history_mut(&mut self) -> &mut History {
+        &mut self.history
+    }
+
+    /// Number type of the state.
+    pub fn precision(&self) -> Precision {
+        self.precision
     }
 }
 

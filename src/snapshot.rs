@@ -672,6 +672,7 @@ pub(crate) struct History {
     states: VecDeque<Snapshot>,
 }
 
+/// # Going back
 impl Simulation {
     /// Everything that the steps to come depend on; see the [module](crate::snapshot).
     ///

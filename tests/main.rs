@@ -8,6 +8,7 @@ mod comparison_models;
 mod contact;
 mod cross;
 mod determinism;
+mod documents;
 mod elements;
 mod explicit;
 mod host;

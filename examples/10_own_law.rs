@@ -1,5 +1,5 @@
 //! A law of one's own, in one's own crate: `W = V mu/2 |G|^2` of the displacement gradient `G`, beside a
-//! shipped one that is switched off and on. `cargo run --release --example own_law`
+//! shipped one that is switched off and on. `cargo run --release --example 10_own_law`
 //!
 //! A law is three functions of one tetrahedron, written for one number or a register of them alike; the engine
 //! runs them over all elements, in parallel, in either precision, with every integrator.
