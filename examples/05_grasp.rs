@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for frame in 0..300_u32 {
         // closes in 0.5 s to less than the width of the piece, then lifts by 3 cm in 1 s, then stays
         let (close, lift) = (frame.min(50), frame.clamp(50, 150) - 50);
-        let pose = pose(3e-4 * f64::from(lift), 0.4 - 0.0044 * f64::from(close));
+        let pose = pose(3e-4 * f64::from(lift), 0.4 - 0.0038 * f64::from(close));
         simulation.move_tool(forceps, pose)?;
         simulation.step()?;
         if frame % 50 == 49 {

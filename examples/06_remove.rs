@@ -17,8 +17,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let whole: f64 = simulation.masses(bar).iter().sum();
 
     // a blade swings through at half height: elements whose centres are in its way are gone
-    let (from, to) = (DVec3::new(-0.01, 0.01, 0.05), DVec3::new(0.03, 0.01, 0.05));
-    let blade = Region::Capsule { from, to, radius: 0.009 };
+    let (from, to) = (DVec3::new(-0.01, 0.01, 0.045), DVec3::new(0.03, 0.01, 0.045));
+    let blade = Region::Capsule { from, to, radius: 0.0085 };
     let cut = simulation.remove_elements(bar, &Removal::new(blade))?;
     println!("{} of {} elements removed", cut.tetrahedra.len(), mesh.tetrahedra.len());
     assert_eq!(cut.pieces, 2);
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for _ in 0..20 {
         simulation.step()?;
     }
-    let lower = |i: &usize| mesh.points[*i].z < 0.05;
+    let lower = |i: &usize| mesh.points[*i].z < 0.045;
     let speeds = simulation.velocities(bar);
     let momentum: f64 = (0..masses.len()).filter(lower).map(|i| masses[i] * speeds[i].z).sum();
     let mass: f64 = (0..masses.len()).filter(lower).map(|i| masses[i]).sum();
