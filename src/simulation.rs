@@ -8,6 +8,7 @@ use sinew_contact::set::ContactSet;
 use sinew_engine::by_precision;
 use sinew_engine::columns::single_table;
 use sinew_engine::element::{ShapeGradients, TetrahedronVertices};
+use sinew_engine::fnv::Fnv64;
 use sinew_engine::isoparametric::{
     Derivatives, HexahedronIndex, HexahedronRest, HexahedronVertices, QuadIndex, QuadRest,
     QuadVertices, Tetrahedron10Rest, Tetrahedron10Vertices,
@@ -784,22 +785,20 @@ impl Simulation {
 
 /// [`Simulation::state_hash`] of a world, such as that of a Bevy app with [`crate::SinewPlugins`].
 pub fn state_hash(world: &mut World) -> u64 {
-    let Some(&precision) = world.get_resource::<Precision>() else { return 0xcbf2_9ce4_8422_2325 };
+    let Some(&precision) = world.get_resource::<Precision>() else { return Fnv64::default().0 };
     by_precision!(precision, hash_rows(world))
 }
 
 fn hash_rows<S: Scalar>(world: &mut World) -> u64 {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let mut hash = Fnv64::default();
     for body in 0..world.resource::<Topology>().bodies.len() {
         let u = read_rows::<S>(world, body, |x| x.0.get());
         let v = read_rows::<S>(world, body, |x| x.1.get());
         for x in u.iter().chain(&v).flat_map(|x| x.to_array()) {
-            for byte in x.to_bits().to_le_bytes() {
-                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-            }
+            x.to_bits().to_le_bytes().into_iter().for_each(|byte| hash.add(byte.into()));
         }
     }
-    hash
+    hash.0
 }
 
 #[cfg(feature = "gpu")]

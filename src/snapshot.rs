@@ -17,6 +17,7 @@ use sinew_contact::shape::Shape;
 use sinew_contact::tool::{Tool, ToolReport};
 use sinew_engine::by_precision;
 use sinew_engine::columns::single_table;
+use sinew_engine::fnv::Fnv64;
 use sinew_engine::lanes::InstructionSet;
 use sinew_engine::law::{DisabledLaws, RecoveringBodies};
 use sinew_engine::load::{Constraint, Load, LoadTime, Pressure, SweptVolumes};
@@ -306,12 +307,14 @@ fn take<T: DeserializeOwned>(bytes: &mut &[u8]) -> Option<T> {
 
 /// FNV-1a over words of eight bytes, the last one filled up with zeros: what a snapshot ends with, over all before it.
 pub fn checksum(bytes: &[u8]) -> u64 {
-    bytes.chunks(8).fold(0xcbf2_9ce4_8422_2325, |sum: u64, chunk| {
+    let mut sum = Fnv64::default();
+    for chunk in bytes.chunks(8) {
         let mut word = [0; 8];
         word[..chunk.len()].copy_from_slice(chunk);
-        let sum = (sum ^ u64::from_le_bytes(word)).wrapping_mul(0x0000_0100_0000_01b3);
-        sum ^ (sum >> 29)
-    })
+        sum.add(u64::from_le_bytes(word));
+        sum.fold(29);
+    }
+    sum.0
 }
 
 /// The precision and the instruction set of a world that has snapshots.

@@ -5,7 +5,8 @@ use crate::element::TETRAHEDRON_FACES;
 pub use crate::element_kind::{ByKind, ElementKind};
 use crate::isoparametric::{HEXAHEDRON_FACES, TETRAHEDRON10_FACES};
 use crate::layout::{BodyElements, Cells, UNUSED, starts};
-use crate::topology::{BodyRows, pieces, root};
+use crate::sets::DisjointSets;
+use crate::topology::{BodyRows, pieces};
 
 /// Elements of one kind round vertices, edges or triangles, in ascending order.
 #[derive(Clone, Debug, Default)]
@@ -90,8 +91,8 @@ pub struct Connectivity {
     /// Triangles with one tetrahedron, and faces with one hexahedron.
     surface: OpenSet,
     open_faces: OpenSet,
-    /// Union-find over vertices, every one its own root between calls.
-    parent: Vec<u32>,
+    /// Of vertices; every one is alone between calls.
+    sets: DisjointSets,
 }
 
 /// A set of numbers in which every one knows its place.
@@ -191,7 +192,7 @@ impl Connectivity {
             open_faces: OpenSet::new(&face_count),
             triangle_count,
             face_count,
-            parent: (0..n as u32).collect(),
+            sets: DisjointSets::new(n),
             ordered: body.ordered.clone(),
             cells,
             round_vertex,
@@ -353,19 +354,18 @@ impl Connectivity {
     /// held together still hangs together through their neighbours: every way that led through them
     /// can then go round.
     fn may_split(&mut self, removed: &ByKind<Vec<u32>>, vertices: &[u32]) -> bool {
-        let mut parent = std::mem::take(&mut self.parent);
+        let mut sets = std::mem::take(&mut self.sets);
         let mut seen: Vec<u32> = vertices.to_vec();
-        let mut join = |parent: &mut [u32], vertices: &[u32]| {
+        let mut join = |sets: &mut DisjointSets, vertices: &[u32]| {
             for &v in vertices {
                 seen.push(v);
-                let (a, b) = (root(parent, vertices[0]), root(parent, v));
-                parent[a.max(b) as usize] = a.min(b);
+                sets.join(vertices[0], v);
             }
         };
         for &v in vertices {
             for kind in ElementKind::ALL {
                 for e in self.left(kind, self.round_vertex[kind].of(v)) {
-                    join(&mut parent, self.vertices(kind, e));
+                    join(&mut sets, self.vertices(kind, e));
                 }
             }
         }
@@ -373,7 +373,7 @@ impl Connectivity {
         let mut alive: Vec<u32> = vertices
             .iter()
             .filter(|&&v| self.vertex_count[v as usize] > 0)
-            .map(|&v| root(&mut parent, v))
+            .map(|&v| sets.root(v))
             .collect();
         alive.sort_unstable();
         alive.dedup();
@@ -381,22 +381,22 @@ impl Connectivity {
         let of_kind = |kind| removed[kind].iter().map(move |&e| this.vertices(kind, e));
         let gone: Vec<&[u32]> = ElementKind::ALL.into_iter().flat_map(of_kind).collect();
         for vertices in &gone {
-            join(&mut parent, vertices);
+            join(&mut sets, vertices);
         }
         // the removed elements must join none of them, and be joined to one each
-        let mut joined: Vec<u32> = alive.iter().map(|&v| root(&mut parent, v)).collect();
+        let mut joined: Vec<u32> = alive.iter().map(|&v| sets.root(v)).collect();
         joined.sort_unstable();
         let before = joined.len();
         joined.dedup();
         let vanished = gone.iter().any(|vertices| {
-            let own = root(&mut parent, vertices[0]);
+            let own = sets.root(vertices[0]);
             joined.binary_search(&own).is_err()
         });
         let may_split = joined.len() < before || vanished;
         for v in seen {
-            parent[v as usize] = v;
+            sets.release(v);
         }
-        self.parent = parent;
+        self.sets = sets;
         may_split
     }
 
@@ -405,9 +405,9 @@ impl Connectivity {
     pub fn pieces(&self) -> Vec<u32> {
         let edges = self.cells.edges.iter().zip(&self.edge_count);
         let used = edges.filter(|(_, count)| **count > 0).map(|(&edge, _)| edge);
-        let mut piece = pieces(self.parent.len(), used);
+        let mut piece = pieces(self.vertex_count.len(), used);
         // number the pieces with elements without gaps
-        let mut number = vec![UNUSED; self.parent.len()];
+        let mut number = vec![UNUSED; self.vertex_count.len()];
         let mut count = 0;
         for (p, &elements) in piece.iter_mut().zip(&self.vertex_count) {
             if elements == 0 {
@@ -563,7 +563,7 @@ mod tests {
                 for &v in &touched.orphans {
                     assert_eq!(now[v as usize], UNUSED);
                 }
-                assert!(connectivity.parent.iter().enumerate().all(|(i, &p)| i as u32 == p));
+                assert_eq!(connectivity.sets, DisjointSets::new(connectivity.vertex_count.len()));
             }
             assert!(splits > 0);
             assert!(connectivity.pieces().iter().all(|&p| p == UNUSED));

@@ -9,6 +9,7 @@ use crate::isoparametric::{
     Tetrahedron10Vertices,
 };
 use crate::layout::{BodyElements, starts};
+use crate::sets::DisjointSets;
 use crate::vertex::RestPosition;
 use bevy_ecs::archetype::ArchetypeId;
 use bevy_ecs::prelude::{Resource, World};
@@ -148,35 +149,13 @@ impl Topology {
     }
 }
 
-/// Representative of the set of `i` in a union-find forest.
-pub(crate) fn root(parent: &mut [u32], mut i: u32) -> u32 {
-    while parent[i as usize] != i {
-        parent[i as usize] = parent[parent[i as usize] as usize];
-        i = parent[i as usize];
-    }
-    i
-}
-
-/// Number of the connected piece of every vertex, by union-find along the edges.
+/// Number of the connected piece of every vertex.
 pub(crate) fn pieces(n: usize, edges: impl IntoIterator<Item = [u32; 2]>) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..n as u32).collect();
+    let mut sets = DisjointSets::new(n);
     for [a, b] in edges {
-        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
-        // the lower number stays root, so that pieces are numbered in row order
-        parent[a.max(b) as usize] = a.min(b);
+        sets.join(a, b);
     }
-    let mut number = vec![u32::MAX; n];
-    let mut count = 0;
-    (0..n as u32)
-        .map(|i| {
-            let r = root(&mut parent, i) as usize;
-            if number[r] == u32::MAX {
-                number[r] = count;
-                count += 1;
-            }
-            number[r]
-        })
-        .collect()
+    sets.count()
 }
 
 /// Archetypes of vertices and elements, with their entities, as the bodies were spawned. An entity

@@ -13,6 +13,7 @@ use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
 use sinew_engine::columns::TableImage;
 use sinew_engine::connectivity::{ByKind, ElementKind};
+use sinew_engine::fnv::Fnv64;
 use sinew_engine::law::partition_laws;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::{ElementTables, Topology};
@@ -307,29 +308,23 @@ pub fn scene_hash<S: Scalar>(world: &mut World) -> u64 {
                 sums[own.index].text(&format!("{volume:?}"));
             }
         }
-        let hashes = sums[known..].iter().map(|sum| sum.0);
+        let hashes = sums[known..].iter().map(|sum| sum.0.0);
         world.resource_mut::<EditLog>().hashes.extend(hashes);
     }
     let mut all = Sum::default();
     all.text(S::NAME);
     world.resource::<EditLog>().hashes.iter().for_each(|&hash| all.add(hash));
-    all.0
+    all.0.0
 }
 
-/// FNV-1a over words.
-struct Sum(u64);
-
-impl Default for Sum {
-    fn default() -> Self {
-        Self(0xcbf2_9ce4_8422_2325)
-    }
-}
+/// A hash over words.
+#[derive(Default)]
+struct Sum(Fnv64);
 
 impl Sum {
     fn add(&mut self, word: u64) {
-        self.0 = (self.0 ^ word).wrapping_mul(0x0000_0100_0000_01b3);
-        // the high half alone would never reach the low one
-        self.0 ^= self.0 >> 32;
+        self.0.add(word);
+        self.0.fold(32);
     }
 
     fn numbers(&mut self, list: &[u32]) {

@@ -6,6 +6,7 @@ use glam::DVec3;
 use sinew_engine::columns::single_table;
 use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::Scalar;
+use sinew_engine::sets::DisjointSets;
 use sinew_engine::step::StepError;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_engine::vertex::RestPosition;
@@ -95,7 +96,7 @@ fn check_parts(
     let mut gram = DMatrix::zeros(6 * parts.count);
     for (local, w) in held {
         if let Some(&part) = parts.at_vertex[*local].first() {
-            gram.add_square(&[(part, *w)]);
+            gram.add_square(&[(part as usize, *w)]);
         }
     }
     let mut hinge = None;
@@ -103,7 +104,8 @@ fn check_parts(
         for pair in parts.windows(2) {
             hinge = hinge.or(Some(local));
             for w in motions(body, rest, local) {
-                gram.add_square(&[(pair[0], w), (pair[1], w.map(|w| -w))]);
+                let [a, b] = [pair[0] as usize, pair[1] as usize];
+                gram.add_square(&[(a, w), (b, w.map(|w| -w))]);
             }
         }
     }
@@ -125,7 +127,7 @@ fn check_parts(
 struct RigidParts {
     count: usize,
     /// Parts at each vertex row (relative to the body's first), ascending.
-    at_vertex: Vec<Vec<usize>>,
+    at_vertex: Vec<Vec<u32>>,
 }
 
 impl RigidParts {
@@ -151,46 +153,34 @@ impl RigidParts {
             .chain(sheets.map(|cell| (cell, 2)))
             .filter(|(cell, _)| lives(cell))
             .collect();
-        let mut parents: Vec<usize> = (0..cells.len()).collect();
         let mut at_vertex = vec![Vec::new(); body.piece.len()];
-        for (i, (cell, _)) in cells.iter().enumerate() {
+        for (i, (cell, _)) in (0..).zip(&cells) {
             cell.iter().for_each(|&v| at_vertex[v as usize].push(i));
         }
         // cells that share so many vertices move together; parts that do so after that, likewise
-        loop {
-            let before = count_roots(&mut parents);
-            join(&cells, &at_vertex, &mut parents);
-            if count_roots(&mut parents) == before {
-                break;
-            }
-        }
-        let mut number = vec![usize::MAX; cells.len()];
-        let mut count = 0;
-        for i in 0..cells.len() {
-            let root = root(&mut parents, i);
-            if number[root] == usize::MAX {
-                number[root] = count;
-                count += 1;
-            }
-        }
+        let mut sets = DisjointSets::new(cells.len());
+        while join(&cells, &at_vertex, &mut sets) {}
+        let number = sets.count();
         for parts in &mut at_vertex {
-            parts.iter_mut().for_each(|i| *i = number[root(&mut parents, *i)]);
+            parts.iter_mut().for_each(|i| *i = number[*i as usize]);
             parts.sort_unstable();
             parts.dedup();
         }
+        let count = number.iter().max().map_or(0, |&last| last as usize + 1);
         Self { count, at_vertex }
     }
 }
 
-/// Joins the parts of cells that share enough vertices with another.
-fn join(cells: &[(&[u32], usize)], at_vertex: &[Vec<usize>], parents: &mut [usize]) {
-    let mut shared: HashMap<usize, usize> = HashMap::new();
-    for (i, (cell, enough)) in cells.iter().enumerate() {
+/// Joins the parts of cells that share enough vertices with another; whether there were any.
+fn join(cells: &[(&[u32], usize)], at_vertex: &[Vec<u32>], sets: &mut DisjointSets) -> bool {
+    let mut joined = false;
+    let mut shared: HashMap<u32, usize> = HashMap::new();
+    for (i, (cell, enough)) in (0..).zip(cells) {
         shared.clear();
-        let own = root(parents, i);
+        let own = sets.root(i);
         for &v in *cell {
-            let mut others: Vec<usize> =
-                at_vertex[v as usize].iter().map(|&other| root(parents, other)).collect();
+            let mut others: Vec<u32> =
+                at_vertex[v as usize].iter().map(|&other| sets.root(other)).collect();
             others.sort_unstable();
             others.dedup();
             others
@@ -199,24 +189,10 @@ fn join(cells: &[(&[u32], usize)], at_vertex: &[Vec<usize>], parents: &mut [usiz
                 .for_each(|o| *shared.entry(o).or_default() += 1);
         }
         for (&other, &count) in &shared {
-            if count >= *enough {
-                let (a, b) = (root(parents, i), root(parents, other));
-                parents[a.max(b)] = a.min(b);
-            }
+            joined |= count >= *enough && sets.join(i, other);
         }
     }
-}
-
-fn root(parents: &mut [usize], mut i: usize) -> usize {
-    while parents[i] != i {
-        parents[i] = parents[parents[i]];
-        i = parents[i];
-    }
-    i
-}
-
-fn count_roots(parents: &mut [usize]) -> usize {
-    (0..parents.len()).filter(|&i| root(parents, i) == i).count()
+    joined
 }
 
 /// A symmetric positive semidefinite matrix, row by row.

@@ -2,6 +2,7 @@
 
 use super::{FindingCode, Findings, MeshStatistics, Severity, Sound, Tally, cell_name};
 use crate::mesh::{Mesh, Surface, for_equal_cells};
+use crate::sets::DisjointSets;
 
 pub(super) fn duplicate_cells(mesh: &Mesh, cells: &Sound, found: &mut Findings) {
     fn repeats<'a, const N: usize>(
@@ -108,23 +109,13 @@ pub(super) fn components(
     statistics: &mut MeshStatistics,
     found: &mut Findings,
 ) {
-    fn root(parent: &mut [u32], mut v: u32) -> u32 {
-        while parent[v as usize] != v {
-            let up = parent[parent[v as usize] as usize];
-            parent[v as usize] = up;
-            v = up;
-        }
-        v
-    }
-    let mut parent: Vec<u32> = (0..mesh.points.len() as u32).collect();
+    let mut sets = DisjointSets::new(mesh.points.len());
     cells.for_edges(mesh, |i, j| {
-        let (a, b) = (root(&mut parent, i), root(&mut parent, j));
-        // The smaller index is the root: the part is named by its first vertex.
-        parent[a.max(b) as usize] = a.min(b);
+        sets.join(i, j);
     });
     let mut tally = Tally::default();
     for &v in used {
-        if root(&mut parent, v) == v {
+        if sets.root(v) == v {
             tally.add(|| format!("part of vertex {v}"));
         }
     }
