@@ -285,10 +285,10 @@ pub struct Row {
     pub counts: [Counts; 2],
     /// Largest force (N) of the run.
     pub force: f64,
-    /// Force of single steps against the converged step from the same state, over the largest force of the run (%):
-    /// implicit Euler by `newton`, and `bdf2`; the largest of those checked.
+    /// Force of single steps against the implicit Euler step by `newton` from the same state, over the largest force of
+    /// the run (%); the largest of those checked.
     pub off_newton: f64,
-    /// See there.
+    /// The same against the step by `bdf2`.
     pub off_bdf2: f64,
     /// Converged steps that did not converge: their differences say little.
     pub unconverged_truths: u32,

@@ -58,10 +58,9 @@ pub struct StepReport {
     pub recoveries_refused: u32,
     /// Bodies whose recovery took too long and was given up in this step; they move by their own law again.
     pub recoveries_given_up: u32,
-    /// Parts in which the equilibrium was found, and times a part was halved because Newton did not
-    /// converge or turned elements inside out.
+    /// Parts in which the equilibrium was found.
     pub load_parts: u32,
-    /// See there.
+    /// Times a part was halved because Newton did not converge or turned elements inside out.
     pub load_partings: u32,
     /// Explicit substeps.
     pub substeps: u32,
@@ -144,23 +143,23 @@ impl StepReport {
 /// What contact did in a step; all 0 in a world without.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactFigures {
-    /// Points in contact at the end of the step, and those of them that stick.
+    /// Points in contact at the end of the step.
     pub points: u32,
-    /// See there.
+    /// Points in contact that stick.
     pub sticking: u32,
     /// Iterations of the inner loop of all bodies: linear systems with the contact of the last iterate.
     pub inner_iterations: u32,
     /// Inner loops that ended at their cap.
     pub unconverged: u32,
-    /// Largest penetration (m), and the largest over the mean edge of its surface.
+    /// Largest penetration (m).
     pub depth: f64,
-    /// See there.
+    /// Largest penetration over the mean edge of its surface.
     pub depth_over_edge: f64,
     /// Parts in which the step was made because a tool was fast.
     pub substeps: u32,
-    /// Tools that did not reach their target, and by how much (m) the worst.
+    /// Tools that did not reach their target.
     pub lagging: u32,
-    /// See there.
+    /// Largest distance (m) of a tool from its target.
     pub lag: f64,
     /// Parts of tools that appeared inside of bodies and are drawn in until the bodies have made way.
     pub drawn_in: u32,

@@ -75,16 +75,16 @@
 // A contact between bodies.
 #define SINEW_CONTACT 7
 
-// Number types: 64 bits (default) or 32.
+// Number type of 64 bits (default).
 #define SINEW_F64 0
 
-// See there.
+// Number type of 32 bits.
 #define SINEW_F32 1
 
-// Where steps are computed: the processor (default) or a graphics processor.
+// Steps are computed on the processor (default).
 #define SINEW_CPU 0
 
-// See there.
+// Steps are computed on a graphics processor.
 #define SINEW_GPU 1
 
 // Motions of constraints: none; they can be given poses.

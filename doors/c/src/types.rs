@@ -51,13 +51,13 @@ pub const SINEW_PULL: u32 = 6;
 /// A contact between bodies.
 pub const SINEW_CONTACT: u32 = 7;
 
-/// Number types: 64 bits (default) or 32.
+/// Number type of 64 bits (default).
 pub const SINEW_F64: u32 = 0;
-/// See there.
+/// Number type of 32 bits.
 pub const SINEW_F32: u32 = 1;
-/// Where steps are computed: the processor (default) or a graphics processor.
+/// Steps are computed on the processor (default).
 pub const SINEW_CPU: u32 = 0;
-/// See there.
+/// Steps are computed on a graphics processor.
 pub const SINEW_GPU: u32 = 1;
 
 /// How a simulation is carried out. All 0 but `struct_size` and `dt` is fine; then there is no gravity.

@@ -534,11 +534,10 @@ pub struct SolverSummary {
     pub energy_caps: u64,
     /// Steps whose Newton iteration did not converge.
     pub unconverged_steps: u64,
-    /// Bodies' steps that linearised BDF2 took, and that it left to the safe step: no history, tangent
-    /// not positive definite, step shortened, energy over its budget, elements turned inside out, waiting
-    /// after one of these.
+    /// Bodies' steps that linearised BDF2 took.
     pub second_order_steps: u64,
-    /// See there.
+    /// Bodies' steps that it left to the safe step: no history, tangent not positive definite, step shortened, energy
+    /// over its budget, elements turned inside out, waiting after one of these.
     pub fallbacks: [u64; 6],
     /// Bodies' steps in recovery from inversion.
     pub recovering: u64,
