@@ -28,6 +28,7 @@ fn kind(error: &MeshError) -> &'static str {
 }
 
 #[test]
+#[allow(clippy::too_many_lines, reason = "a table of files and the errors that they give")]
 fn malformed_files_are_refused_at_the_right_place() {
     let f2 = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n";
     let n2 = format!("{f2}$Nodes\n2\n1 0 0 0\n2 1 0 0\n$EndNodes\n");

@@ -161,6 +161,40 @@ fn check_springs<const N: usize>(
     std::array::from_fn(|a| std::array::from_fn(|k| x[a][k] - rest[a][k]))
 }
 
+/// Volume springs of a hexahedron.
+fn check_hexahedron(case: &Value, worst: &mut Worst) {
+    let name = case["name"].as_str().unwrap();
+    let axes: [[f64; 3]; 3] = rows(&case["axes"]);
+    let volume = &case["volume"];
+    let compare = |worst: &mut Worst, what, found: &[f64], expected: &Value| {
+        let expected = flat(expected);
+        worst.note(what, max_difference(found, &expected), max_abs(&expected), name);
+    };
+    let rest: [[f64; 3]; 8] = rows(&case["rest"]);
+    let points = rest.map(DVec3::from_array);
+    let ends = axes.map(|a| attachment::hexahedron(points, a.into()).unwrap());
+    check_springs(case, ends, worst);
+    let (x, v) = (rows::<8, 3>(&case["deformed"]), rows::<8, 3>(&case["velocity"]));
+    let springs = RadialSprings {
+        rest: flat(&volume["rest_radii"]).try_into().unwrap(),
+        stiffness: volume["k"].as_f64().unwrap(),
+        damping: volume["kd"].as_f64().unwrap(),
+    };
+    let printed = springs.forces(&x, VolumeForm::Printed);
+    compare(worst, "volume, printed", printed.as_flattened(), &volume["forces_printed"]);
+    let balanced = springs.forces(&x, VolumeForm::Balanced);
+    compare(worst, "volume forces", balanced.as_flattened(), &volume["forces"]);
+    compare(worst, "volume energy", &[springs.energy(&x)], &volume["energy"]);
+    let damping = springs.damping_forces(&x, &v, VolumeForm::Printed);
+    let expected = &volume["forces_printed_damping"];
+    compare(worst, "volume damping", damping.as_flattened(), expected);
+    let damping = springs.damping_forces(&x, &v, VolumeForm::Balanced);
+    let expected = &volume["forces_damping_balanced"];
+    compare(worst, "volume damping", damping.as_flattened(), expected);
+    let tangent = dense(&springs.tangent(&x, Curvature::Exact));
+    compare(worst, "volume tangent", &tangent, &volume["hessian"]);
+}
+
 #[test]
 fn reference_elements() {
     let data = load();
@@ -177,34 +211,7 @@ fn reference_elements() {
         };
         if case["kind"] == "hex" {
             hexahedra += 1;
-            let rest: [[f64; 3]; 8] = rows(&case["rest"]);
-            let points = rest.map(DVec3::from_array);
-            let ends = axes.map(|a| attachment::hexahedron(points, a.into()).unwrap());
-            check_springs(case, ends, &mut worst);
-            let (x, v) = (rows::<8, 3>(&case["deformed"]), rows::<8, 3>(&case["velocity"]));
-            let springs = RadialSprings {
-                rest: flat(&volume["rest_radii"]).try_into().unwrap(),
-                stiffness: k,
-                damping: volume["kd"].as_f64().unwrap(),
-            };
-            let printed = springs.forces(&x, VolumeForm::Printed);
-            compare(
-                &mut worst,
-                "volume, printed",
-                printed.as_flattened(),
-                &volume["forces_printed"],
-            );
-            let balanced = springs.forces(&x, VolumeForm::Balanced);
-            compare(&mut worst, "volume forces", balanced.as_flattened(), &volume["forces"]);
-            compare(&mut worst, "volume energy", &[springs.energy(&x)], &volume["energy"]);
-            let damping = springs.damping_forces(&x, &v, VolumeForm::Printed);
-            let expected = &volume["forces_printed_damping"];
-            compare(&mut worst, "volume damping", damping.as_flattened(), expected);
-            let damping = springs.damping_forces(&x, &v, VolumeForm::Balanced);
-            let expected = &volume["forces_damping_balanced"];
-            compare(&mut worst, "volume damping", damping.as_flattened(), expected);
-            let tangent = dense(&springs.tangent(&x, Curvature::Exact));
-            compare(&mut worst, "volume tangent", &tangent, &volume["hessian"]);
+            check_hexahedron(case, &mut worst);
             continue;
         }
         tetrahedra += 1;

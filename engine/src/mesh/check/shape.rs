@@ -207,19 +207,21 @@ impl Judge {
     }
 }
 
-pub(super) fn shapes(
-    mesh: &mut Mesh,
-    cells: &Sound,
-    options: &CheckOptions,
-    statistics: &mut MeshStatistics,
-    found: &mut Findings,
-) {
-    let solid = mesh.is_solid();
+/// What the shapes of all cells come to.
+struct Judged {
+    judge: Judge,
+    inverted: Tally,
+    /// Tetrahedra and hexahedra with a negative volume.
+    turn_tets: Vec<usize>,
+    turn_hexes: Vec<usize>,
+}
+
+fn judge_cells(mesh: &Mesh, cells: &Sound) -> Judged {
     let mut judge = Judge::default();
     let mut inverted = Tally::default();
     let p = |v: u32| mesh.points[v as usize];
     let (mut turn_tets, mut turn_hexes) = (Vec::new(), Vec::new());
-    if solid {
+    if mesh.is_solid() {
         for (i, tet) in cells.tetrahedra(mesh) {
             let mut shape = tetrahedron_shape(tet.map(p));
             if let Some(ten) = mesh.second_order(i) {
@@ -262,6 +264,18 @@ pub(super) fn shapes(
             judge.add(&shape, &|| cell_name("quadrilateral", i, quad, &mesh.lines.quads));
         }
     }
+    Judged { judge, inverted, turn_tets, turn_hexes }
+}
+
+pub(super) fn shapes(
+    mesh: &mut Mesh,
+    cells: &Sound,
+    options: &CheckOptions,
+    statistics: &mut MeshStatistics,
+    found: &mut Findings,
+) {
+    let solid = mesh.is_solid();
+    let Judged { judge, inverted, turn_tets, turn_hexes } = judge_cells(mesh, cells);
     if judge.count > 0 {
         statistics.worst_quality = judge.worst;
         statistics.mean_quality = judge.sum / judge.count as f64;
