@@ -13,8 +13,9 @@ use sinew::engine::vertex::{ElasticForce, FixedAxes, Mass, RestPosition};
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
-use sinew::solvers::linear_solver::{CgOutcome, CgStatus, LinearOptions, LinearSolver};
-use sinew::solvers::settings::{LinearPrecision, Preconditioner};
+use sinew::solvers::cg::CgStatus;
+use sinew::solvers::linear_solver::{CgOutcome, LinearSolver};
+use sinew::solvers::settings::{LinearOptions, LinearPrecision, Preconditioner};
 use sinew::solvers::system::ShiftedTangent;
 
 const PRECONDITIONERS: [Preconditioner; 3] =

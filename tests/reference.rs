@@ -3,6 +3,7 @@
 
 use crate::common::*;
 use glam::DVec3;
+use serde_json::Value;
 use sinew::engine::columns::single_table;
 use sinew::engine::element::{EdgeVertices, TetrahedronIndex, TetrahedronVertices};
 use sinew::engine::law::TangentKind;
@@ -13,29 +14,91 @@ use sinew::models::laws::pooled::{
     AngularStiffnesses, TensileStiffness, TriangleVertices, VolumetricStiffnesses,
 };
 use sinew::prelude::*;
-use sinew::solvers::linear_solver::{CgStatus, LinearOptions, LinearSolver};
+use sinew::solvers::cg::CgStatus;
+use sinew::solvers::linear_solver::LinearSolver;
+use sinew::solvers::settings::LinearOptions;
 use sinew::solvers::system::ShiftedTangent;
+
+/// A reference file: from `SINEW_REFERENCE` (a folder with `reference/`),
+/// else from the project's own copy.
+fn reference(path: &str) -> Value {
+    let own = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data");
+    let folder = std::env::var("SINEW_REFERENCE").unwrap_or_else(|_| own.into());
+    let file = format!("{folder}/{path}");
+    let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{file}: {e}"));
+    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{file}: {e}"))
+}
+
+fn number(v: &Value) -> f64 {
+    v.as_f64().unwrap_or_else(|| panic!("number expected, found {v}"))
+}
+
+fn vectors(v: &Value) -> Vec<DVec3> {
+    v.as_array()
+        .expect("list of vectors")
+        .iter()
+        .map(|x| DVec3::new(number(&x[0]), number(&x[1]), number(&x[2])))
+        .collect()
+}
+
+fn numbers(v: &Value) -> Vec<f64> {
+    v.as_array().expect("list of numbers").iter().map(number).collect()
+}
+
+fn indices<const N: usize>(v: &Value) -> Vec<[u32; N]> {
+    v.as_array()
+        .expect("list of cells")
+        .iter()
+        .map(|c| std::array::from_fn(|i| c[i].as_u64().expect("index") as u32))
+        .collect()
+}
+
+fn list(v: &Value) -> Vec<u32> {
+    v.as_array().expect("list").iter().map(|i| i.as_u64().expect("index") as u32).collect()
+}
 
 const BOTH: [Evaluation; 2] = [Evaluation::Pooled, Evaluation::Fused];
 
-fn material(case: &serde_json::Value) -> YoungPoisson {
-    YoungPoisson {
-        young_modulus: number(&case["E"]),
-        poisson_ratio: number(&case["nu"]),
-        density: number(&case["rho"]),
+/// A body of a case.
+struct Case<'a> {
+    json: &'a Value,
+    name: &'a str,
+    rest: Vec<DVec3>,
+    tetrahedra: Vec<[u32; 4]>,
+}
+
+impl<'a> Case<'a> {
+    fn all(file: &'a Value) -> impl Iterator<Item = Self> {
+        file["cases"].as_array().unwrap().iter().map(|json| Self {
+            json,
+            name: json["name"].as_str().unwrap(),
+            rest: vectors(&json["rest"]),
+            tetrahedra: indices::<4>(&json["tets"]),
+        })
+    }
+
+    /// Displacements that lead to the positions `key`.
+    fn displacements(&self, key: &str) -> Vec<DVec3> {
+        vectors(&self.json[key]).iter().zip(&self.rest).map(|(x, r)| *x - *r).collect()
+    }
+
+    fn simulation(&self, model: Model, evaluation: Evaluation) -> (Simulation, BodyHandle) {
+        let material = YoungPoisson {
+            young_modulus: number(&self.json["E"]),
+            poisson_ratio: number(&self.json["nu"]),
+            density: number(&self.json["rho"]),
+        };
+        let options = SimulationOptions::default();
+        simulation(options, &self.rest, &self.tetrahedra, material, model, evaluation)
     }
 }
 
 #[test]
 fn pooled_constants_energies_forces_and_tangents() {
     let file = reference("reference/pooled_tet_meshes.json");
-    for case in file["cases"].as_array().unwrap() {
-        let name = case["name"].as_str().unwrap();
-        let rest = vectors(&case["rest"]);
-        let deformed = vectors(&case["deformed"]);
-        let tets = indices::<4>(&case["tets"]);
-        let u: Vec<DVec3> = deformed.iter().zip(&rest).map(|(x, r)| *x - *r).collect();
-        let zero = vec![DVec3::ZERO; u.len()];
+    for own in Case::all(&file) {
+        let (case, name) = (own.json, own.name);
+        let u = own.displacements("deformed");
         let volume: f64 = numbers(&case["lumped_mass"]).iter().sum::<f64>() / number(&case["rho"]);
         let modulus = number(&case["lambda"]).max(number(&case["mu"]));
         let (energy_unit, force_unit) = (modulus * volume, modulus * volume.powf(2.0 / 3.0));
@@ -43,10 +106,8 @@ fn pooled_constants_energies_forces_and_tangents() {
 
         for evaluation in BOTH {
             for model in [Model::StVK, Model::CompressibleStVK] {
-                let options = SimulationOptions::default();
-                let (mut simulation, body) =
-                    simulation(options, &rest, &tets, material(case), model, evaluation);
-                simulation.set_state(body, &u, &zero).unwrap();
+                let (mut simulation, body) = own.simulation(model, evaluation);
+                simulation.displace(body, &u);
                 let with = f64::from(u8::from(model == Model::CompressibleStVK));
                 let sum = |key: &str| -> Vec<DVec3> {
                     let (a, b) = match key {
@@ -76,9 +137,7 @@ fn pooled_constants_energies_forces_and_tangents() {
         }
 
         // the constants themselves, in the user's numbering
-        let options = SimulationOptions::default();
-        let (mut simulation, body) =
-            simulation(options, &rest, &tets, material(case), Model::StVK, Evaluation::Pooled);
+        let (mut simulation, body) = own.simulation(Model::StVK, Evaluation::Pooled);
         let order = simulation.topology().bodies[body.0].clone();
         let user = |rows: &[u32]| {
             let mut v: Vec<u64> =
@@ -150,10 +209,8 @@ fn pooled_constants_energies_forces_and_tangents() {
 fn linearised_implicit_steps() {
     let file = reference("reference/implicit_steps.json");
     let mut indefinite = 0;
-    for case in file["cases"].as_array().unwrap() {
-        let name = case["name"].as_str().unwrap();
-        let rest = vectors(&case["rest"]);
-        let x0 = vectors(&case["x0"]);
+    for own in Case::all(&file) {
+        let (case, name) = (own.json, own.name);
         let v0 = vectors(&case["v0"]);
         let (h, alpha, beta) = (number(&case["h"]), number(&case["alpha"]), number(&case["beta"]));
         let gravity = vectors(&serde_json::json!([case["gravity"]]))[0];
@@ -164,17 +221,8 @@ fn linearised_implicit_steps() {
                 (TangentKind::Exact, "linear_implicit_exact"),
                 (TangentKind::GaussNewton, "linear_implicit_gauss_newton"),
             ] {
-                let options = SimulationOptions::default();
-                let (mut simulation, body) = simulation(
-                    options,
-                    &rest,
-                    &indices::<4>(&case["tets"]),
-                    material(case),
-                    Model::CompressibleStVK,
-                    evaluation,
-                );
-                let u: Vec<DVec3> = x0.iter().zip(&rest).map(|(x, r)| *x - *r).collect();
-                simulation.set_state(body, &u, &v0).unwrap();
+                let (mut simulation, body) = own.simulation(Model::CompressibleStVK, evaluation);
+                simulation.set_state(body, &own.displacements("x0"), &v0).unwrap();
                 let energy = simulation.evaluate();
                 assert!((energy / number(&case["energy0"]) - 1.0).abs() < 1e-10, "{name}");
                 let force = simulation.elastic_forces(body);
@@ -182,7 +230,7 @@ fn linearised_implicit_steps() {
                 assert!(max_distance(&force, &expected) < 1e-10 * max_length(&expected), "{name}");
 
                 let kv = tangent_product(&mut simulation, body, kind, &v0);
-                let rhs: Vec<DVec3> = (0..rest.len())
+                let rhs: Vec<DVec3> = (0..v0.len())
                     .map(|i| {
                         let damping = v0[i] * alpha * mass[i] + kv[i] * beta;
                         (force[i] + gravity * mass[i] - damping - kv[i] * h) * h
@@ -257,22 +305,12 @@ fn linearised_implicit_steps() {
 #[test]
 fn converged_implicit_steps() {
     let file = reference("reference/implicit_steps.json");
-    for case in file["cases"].as_array().unwrap() {
-        let name = case["name"].as_str().unwrap();
-        let rest = vectors(&case["rest"]);
-        let x0 = vectors(&case["x0"]);
+    for own in Case::all(&file) {
+        let (case, name) = (own.json, own.name);
         let gravity = vectors(&serde_json::json!([case["gravity"]]))[0];
         for evaluation in BOTH {
-            let (mut simulation, body) = simulation(
-                SimulationOptions::default(),
-                &rest,
-                &indices::<4>(&case["tets"]),
-                material(case),
-                Model::CompressibleStVK,
-                evaluation,
-            );
-            let u: Vec<DVec3> = x0.iter().zip(&rest).map(|(x, r)| *x - *r).collect();
-            simulation.set_state(body, &u, &vectors(&case["v0"])).unwrap();
+            let (mut simulation, body) = own.simulation(Model::CompressibleStVK, evaluation);
+            simulation.set_state(body, &own.displacements("x0"), &vectors(&case["v0"])).unwrap();
             let rows = simulation.rows(body, "pins", &list(&case["pinned"])).unwrap();
             simulation.add_constraint(Constraint::hold("pins", rows));
             simulation.set_gravity(gravity);
@@ -286,9 +324,8 @@ fn converged_implicit_steps() {
             ));
             simulation.step().unwrap();
             assert!(!simulation.report().unconverged, "{name}: {:?}", simulation.report());
-            let x: Vec<DVec3> =
-                simulation.displacements(body).iter().zip(&rest).map(|(u, r)| *u + *r).collect();
-            let size = max_distance(&rest, &vec![rest[0]; rest.len()]);
+            let x = simulation.positions(body);
+            let size = max_distance(&own.rest, &vec![own.rest[0]; x.len()]);
             let error = max_distance(&x, &vectors(&case["newton"]["x1"])) / size;
             assert!(error < 1e-9, "{name} {evaluation:?}: {error:e}");
         }

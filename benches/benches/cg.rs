@@ -14,8 +14,8 @@ use sinew::engine::vertex::{ElasticForce, FixedAxes, Mass, RestPosition};
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
-use sinew::solvers::linear_solver::{LinearOptions, LinearSolver};
-use sinew::solvers::settings::Preconditioner;
+use sinew::solvers::linear_solver::LinearSolver;
+use sinew::solvers::settings::{LinearOptions, Preconditioner};
 use sinew::solvers::system::ShiftedTangent;
 
 const PRECONDITIONERS: [Preconditioner; 3] =

@@ -22,22 +22,21 @@ use sinew_engine::step::{
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_models::axes::description::{AxesDescription, AxisForm};
 use sinew_models::body::{SoftBody, VolumeRule};
-use sinew_solvers::recovery::{BodyState, Shape, load_measures};
+use sinew_solvers::explicit::Caution;
+use sinew_solvers::recovery::{BodyShape, BodyState, load_measures};
 use sinew_solvers::settings::{Integrator, Preconditioner, SolverSettings};
 use sinew_solvers::state::{NodeState, Rows, read_rest, write_displacement, write_state};
 use std::ops::Range;
 use std::time::Instant;
 
-use crate::body::{BodyParts, DeviceBody, Slot, VertexConstants};
-use crate::coarse::{CoarseParts, Kept};
+use crate::body::{BodyParts, DeviceBody, RowSlot, VertexConstants};
+use crate::coarse::{Coarse, CoarseParts, KeptInverse};
 use crate::context::Context;
 use crate::error::GpuError;
 use crate::laws;
-use crate::readback::Readback;
 use crate::recovery::{Decision, Refusal};
 use crate::report::{GpuReport, Phase};
 use crate::safe::{BodyInput, BodyOutput, SafeStep};
-use crate::substeps::Limit;
 
 /// How the device is chosen and used.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -60,7 +59,28 @@ pub struct GpuBackend {
     /// With matrix, with damping, with motions of aggregates: what the bodies were made for.
     made_for: [bool; 3],
     pub(crate) limit: Limit,
-    pub(crate) readback: Readback,
+    pub(crate) readback: ReadbackState,
+}
+
+/// Stability limit of explicit steps, kept as the processor keeps it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Limit {
+    /// Largest stable step (s), with the relative change of every squared edge length when it was found.
+    pub known: Option<(f64, Vec<f32>)>,
+    pub caution: Caution,
+}
+
+/// What is known of where the state is.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ReadbackState {
+    /// The state comes down when somebody asks for it.
+    pub on_demand: bool,
+    /// The columns are older than the state on the device.
+    pub behind: bool,
+    /// The device has the volume ratios of all bodies.
+    pub volumes: bool,
+    /// The device was lost when somebody asked.
+    pub lost: Option<GpuError>,
 }
 
 /// A body on the device, and what it was last told.
@@ -77,7 +97,7 @@ pub(crate) struct Resident {
     pub(crate) load: Vec<[f32; 4]>,
     pub(crate) iterations: u32,
     /// State of the preconditioner.
-    pub(crate) kept: Option<Kept>,
+    pub(crate) kept: Option<KeptInverse>,
     /// How it moves.
     pub(crate) recovery: BodyState,
     /// The device carries along what displacements of the last explicit step could not hold.
@@ -103,13 +123,19 @@ impl GpuBackend {
             rest: Vec::new(),
             made_for: [false; 3],
             limit: Limit::default(),
-            readback: Readback::default(),
+            readback: ReadbackState::default(),
         }
     }
 
     /// Whether passes are timed on the device.
     pub fn has_timestamps(&self) -> bool {
         self.context.gpu.timestamps
+    }
+
+    /// The device, and the coarse space of a body there; for tests.
+    #[doc(hidden)]
+    pub fn coarse(&self, body: usize) -> Option<(&Context, &Coarse)> {
+        Some((&self.context, self.bodies[body].body.coarse.as_ref()?))
     }
 
     /// What the adapter is.
@@ -241,6 +267,16 @@ pub(crate) fn refused(error: GpuError) -> StepError {
     StepError::Backend { backend: "gpu", reason: error.to_string() }
 }
 
+/// What the safe steps of all bodies of a world share.
+struct StepOfBodies<'a, S: Scalar> {
+    world: &'a mut World,
+    settings: &'a SolverSettings,
+    node: &'a NodeState<S>,
+    volumes: &'a VolumeReport,
+    /// New displacements and velocities come down.
+    read_back: bool,
+}
+
 impl GpuBackend {
     /// Bodies on the device, with the displacements in the columns.
     pub(crate) fn prepare<S: Scalar>(&mut self, world: &mut World) -> Result<(), GpuError> {
@@ -268,9 +304,9 @@ impl GpuBackend {
         &self,
         world: &mut World,
         node: &NodeState<S>,
-        shapes: &[Shape],
+        shapes: &[BodyShape],
     ) -> Vec<f64> {
-        let may_begin = |(shape, body): (&Shape, &Resident)| {
+        let may_begin = |(shape, body): (&BodyShape, &Resident)| {
             body.recovery == BodyState::Own && shape.is_out_of_shape()
         };
         if !shapes.iter().zip(&self.bodies).any(may_begin) {
@@ -301,7 +337,6 @@ impl GpuBackend {
         self.apply_pressures(world);
         let mut node = NodeState::<S>::default();
         node.read(world);
-        let dt = world.resource::<StepClock>().dt;
         let rows: Vec<_> = world
             .resource::<Topology>()
             .bodies
@@ -320,16 +355,14 @@ impl GpuBackend {
             self.bring_columns_up_to_date::<S>(world).map_err(refused)?;
             node.read(world);
         }
-        let behind = self.readback.behind;
-        let volumes_here = self.readback.volumes;
-        let read_back = !(self.readback.on_demand && volumes_here);
+        let read_back = !(self.readback.on_demand && self.readback.volumes);
         device.state_read = read_back;
-        let shapes: Vec<Shape> = rows
+        let shapes: Vec<BodyShape> = rows
             .iter()
             .enumerate()
             .map(|(i, rows)| {
                 let state = self.bodies[i].recovery;
-                Shape::of(&volumes, i, state.hold(&node, rows.clone()))
+                BodyShape::of(&volumes, i, state.hold(&node, rows.clone()))
             })
             .collect();
         let loads = match settings.recovery {
@@ -337,80 +370,104 @@ impl GpuBackend {
             false => vec![0.0; rows.len()],
         };
         let mut outputs: Vec<BodyOutput> = Vec::with_capacity(rows.len());
+        let mut step = StepOfBodies {
+            world: &mut *world,
+            settings,
+            node: &node,
+            volumes: &volumes,
+            read_back,
+        };
         for (i, rows) in rows.iter().enumerate() {
-            let inverted = volumes.inverted_by_body.get(i).is_some_and(|&count| count > 0);
-            let topology = world.resource::<Topology>();
-            let body = &topology.bodies[i];
-            let resident = &mut self.bodies[i];
-            let elements = &mut resident.body.elements;
-            elements.set_stiffness_damping(&self.context, settings.stiffness_damping);
-            let moves = resident.tell(&self.context, &node, rows.clone(), body, behind);
-            let mut own = StepReport::default();
-            // nothing that is decided needs it while the columns are behind
-            let [kinetic, load_potential] = match behind {
-                true => [0.0; 2],
-                false => [
-                    node.kinetic_energy(rows.clone(), &node.v)[0],
-                    node.load_potential(rows.clone(), &node.u),
-                ],
-            };
-            let decision = Decision {
-                index: i,
-                topology,
-                shape: shapes[i],
-                u: &resident.state[0],
-                rest: &self.rest[rows.clone()],
-                kinetic,
-                load_potential,
-                load: loads[i],
-            };
-            let (context, device_body) = (&self.context, &mut resident.body);
-            let on = settings.recovery && !world.resource::<BodiesWithoutRecovery>().contains(i);
-            let recovers = decision
-                .take(on, context, device_body, &mut resident.recovery, &mut own)
-                .map_err(|refusal| match refusal {
-                    Refusal::Device(error) => refused(error),
-                    Refusal::Unending(error) => error.of_body(world, i),
-                })?;
-            let input = BodyInput {
-                inverted: inverted || recovers,
-                moves,
-                free_pieces: free_pieces(body, &node, rows.start),
-                size: body.size,
-                iterations: resident.iterations,
-                read_back,
-                volumes: volumes_here,
-            };
-            let step = SafeStep {
-                context: &self.context,
-                body: &resident.body,
-                settings,
-                preconditioner: preconditioner(settings, resident.body.n),
-                dt,
-            };
-            let output = step.run(&input, &mut resident.kept, &mut own, device).map_err(refused)?;
-            resident.iterations = output.iterations;
-            if !output.finite {
-                // the device still has the old state; say which vertex, if it can be told
-                let bad = |x: &[f32; 4]| x.iter().any(|x| !x.is_finite());
-                let row = output.u.iter().position(bad).unwrap_or(0);
-                return Err(not_finite(
-                    world,
-                    rows.start + row,
-                    "new displacement",
-                    "the step was undone; the deformation is beyond the range of f32 or the step too \
-                     large: check material and loads, or use a smaller step or the CPU backend",
-                ));
-            }
-            add_angular(&mut own, resident.centre);
-            add(report, &own);
-            outputs.push(output);
+            let state = (shapes[i], loads[i]);
+            outputs.push(self.safe_step(&mut step, i, rows.clone(), state, report, device)?);
         }
         let work = report.load_work + report.constraint_work;
         report.dissipation += work - report.elastic_energy - report.kinetic_energy;
         self.report_volumes(world, &outputs);
         self.accept(world, node, rows, outputs, "accept");
         Ok(())
+    }
+
+    /// The safe step of body `i`, with its shape and the load on it over what its material can hold.
+    fn safe_step<S: Scalar>(
+        &mut self,
+        step: &mut StepOfBodies<'_, S>,
+        i: usize,
+        rows: Range<usize>,
+        (shape, load): (BodyShape, f64),
+        report: &mut StepReport,
+        device: &mut GpuReport,
+    ) -> Result<BodyOutput, StepError> {
+        let StepOfBodies { world, settings, node, volumes, read_back } = step;
+        let read_back = *read_back;
+        let ReadbackState { behind, volumes: volumes_here, .. } = self.readback;
+        let inverted = volumes.inverted_by_body.get(i).is_some_and(|&count| count > 0);
+        let topology = world.resource::<Topology>();
+        let body = &topology.bodies[i];
+        let resident = &mut self.bodies[i];
+        let elements = &mut resident.body.elements;
+        elements.set_stiffness_damping(&self.context, settings.stiffness_damping);
+        let moves = resident.tell(&self.context, node, rows.clone(), body, behind);
+        let mut own = StepReport::default();
+        // nothing that is decided needs it while the columns are behind
+        let [kinetic, load_potential] = match behind {
+            true => [0.0; 2],
+            false => [
+                node.kinetic_energy(rows.clone(), &node.v)[0],
+                node.load_potential(rows.clone(), &node.u),
+            ],
+        };
+        let decision = Decision {
+            index: i,
+            topology,
+            shape,
+            u: &resident.state[0],
+            rest: &self.rest[rows.clone()],
+            kinetic,
+            load_potential,
+            load,
+        };
+        let (context, device_body) = (&self.context, &mut resident.body);
+        let on = settings.recovery && !world.resource::<BodiesWithoutRecovery>().contains(i);
+        let recovers = decision
+            .take(on, context, device_body, &mut resident.recovery, &mut own)
+            .map_err(|refusal| match refusal {
+                Refusal::Device(error) => refused(error),
+                Refusal::Unending(error) => error.of_body(world, i),
+            })?;
+        let input = BodyInput {
+            inverted: inverted || recovers,
+            moves,
+            free_pieces: free_pieces(body, node, rows.start),
+            size: body.size,
+            iterations: resident.iterations,
+            read_back,
+            volumes: volumes_here,
+        };
+        let step = SafeStep {
+            context: &self.context,
+            body: &resident.body,
+            settings,
+            preconditioner: preconditioner(settings, resident.body.n),
+            dt: world.resource::<StepClock>().dt,
+        };
+        let output = step.run(&input, &mut resident.kept, &mut own, device).map_err(refused)?;
+        resident.iterations = output.iterations;
+        if !output.finite {
+            // the device still has the old state; say which vertex, if it can be told
+            let bad = |x: &[f32; 4]| x.iter().any(|x| !x.is_finite());
+            let row = output.u.iter().position(bad).unwrap_or(0);
+            return Err(not_finite(
+                world,
+                rows.start + row,
+                "new displacement",
+                "the step was undone; the deformation is beyond the range of f32 or the step too \
+                 large: check material and loads, or use a smaller step or the CPU backend",
+            ));
+        }
+        add_angular(&mut own, resident.centre);
+        add(report, &own);
+        Ok(output)
     }
 
     /// Makes the new state that of the device and of the columns.
@@ -449,6 +506,7 @@ impl GpuBackend {
         settings: &SolverSettings,
         device: &mut GpuReport,
     ) -> Result<(), GpuError> {
+        // what is on the device may still serve
         let revision = (world.id(), world.resource::<Topology>().revision);
         let with_matrix = !settings.integrator.is_explicit();
         let two_levels = settings.preconditioner != Preconditioner::BlockJacobi;
@@ -587,11 +645,11 @@ impl Resident {
             let [u, v] = &mut self.state;
             let now: Vec<_> = node.u[rows.clone()].iter().map(narrow).collect();
             self.carries_low &= now == *u;
-            refresh(Slot::U, u, now);
-            refresh(Slot::V, v, node.v[rows.clone()].iter().map(narrow).collect());
+            refresh(RowSlot::U, u, now);
+            refresh(RowSlot::V, v, node.v[rows.clone()].iter().map(narrow).collect());
         }
         refresh(
-            Slot::Load,
+            RowSlot::Load,
             &mut self.load,
             node.external[rows.clone()].iter().map(narrow).collect(),
         );
@@ -608,7 +666,7 @@ impl Resident {
             }
             target.push(own);
         }
-        refresh(Slot::Target, &mut self.target, target);
+        refresh(RowSlot::Target, &mut self.target, target);
         moves
     }
 }

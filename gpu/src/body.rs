@@ -5,17 +5,17 @@ use sinew_adapter::wgpu;
 use sinew_engine::law::TangentKind;
 
 use crate::coarse::{Coarse, CoarseBuffers, CoarseParts, CoarsePlan};
-use crate::context::{Context, GROUP, Pass, Pending, Recorder, groups_for};
-use crate::elements::Elements;
+use crate::context::{Context, GROUP, Pass, PassRecorder, PendingRead, groups_for};
+use crate::elements::DeviceElements;
 use crate::error::GpuError;
 use crate::laws::{DeviceLaw, ElementColumns};
-use crate::matrix::{MAX_GROUPS, Pattern, shift};
+use crate::matrix::{MAX_GROUPS, MatrixPattern, shift};
 use crate::report::Phase;
 
 /// Slots of vertex rows, as in prelude.wgsl.
 #[derive(Clone, Copy, Debug)]
 #[repr(u64)]
-pub(crate) enum Slot {
+pub enum RowSlot {
     U = 0,
     V = 1,
     Y = 2,
@@ -36,7 +36,7 @@ const SUMS: u32 = 3;
 /// `Step` of prelude.wgsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub(crate) struct StepUniform {
+pub struct StepUniform {
     pub n: u32,
     pub groups: u32,
     pub matrix_groups: u32,
@@ -62,7 +62,7 @@ pub(crate) struct StepUniform {
 }
 
 /// `kind` of a [`StepUniform`].
-pub(crate) fn kind_number(kind: TangentKind) -> u32 {
+pub fn kind_number(kind: TangentKind) -> u32 {
     match kind {
         TangentKind::Exact => 0,
         TangentKind::GaussNewton => 1,
@@ -73,7 +73,7 @@ pub(crate) fn kind_number(kind: TangentKind) -> u32 {
 /// `Vertex` of prelude.wgsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(crate) struct VertexConstants {
+pub struct VertexConstants {
     pub mass: f32,
     pub held: u32,
     pub piece: u32,
@@ -83,7 +83,7 @@ pub(crate) struct VertexConstants {
 /// `CgState` of cg.wgsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub(crate) struct CgState {
+pub struct CgState {
     pub phase: u32,
     pub iterations: u32,
     pub restarts: u32,
@@ -95,7 +95,7 @@ pub(crate) struct CgState {
 }
 
 /// What a body is built from.
-pub(crate) struct BodyParts<'a> {
+pub struct BodyParts<'a> {
     pub n: u32,
     pub edges: Vec<[u32; 2]>,
     pub laws: &'a [(DeviceLaw, ElementColumns)],
@@ -107,11 +107,11 @@ pub(crate) struct BodyParts<'a> {
     pub coarse: Option<CoarseParts<'a>>,
 }
 
-pub(crate) struct DeviceBody {
+pub struct DeviceBody {
     pub n: u32,
     /// Workgroups of kernels with sums.
     pub groups: u32,
-    pub elements: Elements,
+    pub elements: DeviceElements,
     pub matrix: Option<Matrix>,
     pub coarse: Option<Coarse>,
     /// Moves by the corotational energy.
@@ -127,8 +127,8 @@ pub(crate) struct DeviceBody {
     pub row_bind: wgpu::BindGroup,
 }
 
-pub(crate) struct Matrix {
-    pub pattern: Pattern,
+pub struct Matrix {
+    pub pattern: MatrixPattern,
     pub shifts: Vec<(wgpu::BindGroup, u32)>,
 }
 
@@ -141,11 +141,11 @@ impl DeviceBody {
         let vertices = context.storage("vertices", 16 * u64::from(n));
         let step = context.uniform("step", &StepUniform::default());
         let cg = context.filled("conjugate gradients", &[CgState::default()]);
-        let pattern = parts
-            .with_matrix
-            .then(|| Pattern::new(context, n, parts.edges.iter().copied(), parts.with_damping));
+        let pattern = parts.with_matrix.then(|| {
+            MatrixPattern::new(context, n, parts.edges.iter().copied(), parts.with_damping)
+        });
         let first_sum = SUMS * groups;
-        let elements = Elements::new(context, parts.laws, n, first_sum, pattern.as_ref());
+        let elements = DeviceElements::new(context, parts.laws, n, first_sum, pattern.as_ref());
         let sums = context.storage("sums", 16 * u64::from(first_sum + elements.energy_sums));
         let matrix_groups = pattern.as_ref().map_or(0, |p| p.groups);
         let plan = parts.coarse.as_ref().filter(|_| pattern.is_some());
@@ -186,7 +186,7 @@ impl DeviceBody {
             solver,
             row_bind,
         };
-        body.write_rows(context, Slot::Rest, &parts.rest);
+        body.write_rows(context, RowSlot::Rest, &parts.rest);
         Ok(body)
     }
 
@@ -197,11 +197,11 @@ impl DeviceBody {
         context.write(&self.step, 0, &[step]);
     }
 
-    fn offset(&self, slot: Slot) -> u64 {
+    fn offset(&self, slot: RowSlot) -> u64 {
         16 * slot as u64 * u64::from(self.n)
     }
 
-    pub fn write_rows(&self, context: &Context, slot: Slot, rows: &[[f32; 4]]) {
+    pub fn write_rows(&self, context: &Context, slot: RowSlot, rows: &[[f32; 4]]) {
         context.write(&self.rows, self.offset(slot), rows);
     }
 
@@ -210,23 +210,23 @@ impl DeviceBody {
     }
 
     /// Asks for a slot.
-    pub fn read_rows(&self, recorder: &mut Recorder<'_>, slot: Slot) -> Pending {
+    pub fn read_rows(&self, recorder: &mut PassRecorder<'_>, slot: RowSlot) -> PendingRead {
         recorder.read(&self.rows, self.offset(slot), 16 * u64::from(self.n))
     }
 
     /// Asks for the sums of a measurement that leaves `per_group` rows per workgroup.
-    pub fn read_sums(&self, recorder: &mut Recorder<'_>, per_group: u32) -> Pending {
+    pub fn read_sums(&self, recorder: &mut PassRecorder<'_>, per_group: u32) -> PendingRead {
         recorder.read(&self.sums, 0, 16 * u64::from(per_group * self.groups))
     }
 
     /// Asks for the energies of the elements.
-    pub fn read_energies(&self, recorder: &mut Recorder<'_>) -> Pending {
+    pub fn read_energies(&self, recorder: &mut PassRecorder<'_>) -> PendingRead {
         let count = u64::from(self.elements.energy_sums.max(1));
         let first = 16 * u64::from(SUMS * self.groups);
         recorder.read(&self.sums, first.min(self.sums.size() - 16), 16 * count)
     }
 
-    pub fn read_cg(&self, recorder: &mut Recorder<'_>) -> Pending {
+    pub fn read_cg(&self, recorder: &mut PassRecorder<'_>) -> PendingRead {
         recorder.read(&self.cg, 0, size_of::<CgState>() as u64)
     }
 
@@ -257,7 +257,7 @@ impl DeviceBody {
     }
 
     /// Begins to record with the state at the start of a step as the point of evaluation.
-    pub fn look_back<'c>(&self, context: &'c Context, step: StepUniform) -> Recorder<'c> {
+    pub fn look_back<'c>(&self, context: &'c Context, step: StepUniform) -> PassRecorder<'c> {
         self.set(context, step);
         let mut recorder = context.record();
         recorder.pass(Phase::Rows, |pass| self.each_row(pass, "look_back"));
@@ -277,33 +277,33 @@ impl DeviceBody {
     }
 
     /// Energies at the point of evaluation.
-    pub fn energies(&self, recorder: &mut Recorder<'_>) {
+    pub fn energies(&self, recorder: &mut PassRecorder<'_>) {
         recorder.pass(Phase::Forces, |pass| {
             self.elements.energies(self.recovering, &self.row_bind, pass);
         });
     }
 
     /// Volume ratios at the point of evaluation, in place of the energies.
-    pub fn volumes(&self, recorder: &mut Recorder<'_>) {
+    pub fn volumes(&self, recorder: &mut PassRecorder<'_>) {
         recorder.pass(Phase::Rows, |pass| self.elements.volumes(&self.row_bind, pass));
     }
 
     /// Forces at the point of evaluation.
-    pub fn forces(&self, recorder: &mut Recorder<'_>) {
+    pub fn forces(&self, recorder: &mut PassRecorder<'_>) {
         recorder.pass(Phase::Forces, |pass| {
             self.elements.forces(self.recovering, &self.row_bind, pass);
         });
     }
 
     /// Tangent at the point of evaluation, of the kind in the uniform.
-    pub fn tangent(&self, recorder: &mut Recorder<'_>, kind: TangentKind, damping: bool) {
+    pub fn tangent(&self, recorder: &mut PassRecorder<'_>, kind: TangentKind, damping: bool) {
         recorder.pass(Phase::Tangent, |pass| {
             self.elements.tangent(self.recovering, &self.row_bind, (kind, damping), pass);
         });
     }
 
     /// Tangent to system.
-    pub fn shift(&self, recorder: &mut Recorder<'_>) {
+    pub fn shift(&self, recorder: &mut PassRecorder<'_>) {
         if let Some(matrix) = &self.matrix {
             recorder.pass(Phase::Tangent, |pass| shift(&matrix.shifts, pass));
         }
@@ -311,6 +311,6 @@ impl DeviceBody {
 }
 
 /// Sum in `f64` of entry `k` of every row `at` of `per_group`.
-pub(crate) fn total(sums: &[[f32; 4]], per_group: usize, at: usize, k: usize) -> f64 {
+pub fn total(sums: &[[f32; 4]], per_group: usize, at: usize, k: usize) -> f64 {
     sums.iter().skip(at).step_by(per_group).map(|row| f64::from(row[k])).sum()
 }

@@ -15,9 +15,9 @@ use glam::DVec3;
 use sinew_adapter::wgpu;
 use sinew_solvers::coarse::Aggregates;
 
-use crate::context::{Context, Pass, Recorder, groups_for};
-use crate::elements::compressed;
-use crate::matrix::Pattern;
+use crate::context::{Context, Pass, PassRecorder, groups_for};
+use crate::lists::compressed;
+use crate::matrix::MatrixPattern;
 use crate::report::Phase;
 
 /// Vertices of an aggregate, about, while there are not too many.
@@ -42,7 +42,7 @@ struct CoarseUniform {
 }
 
 /// What the coarse space is made for: rows of a body.
-pub(crate) struct CoarseParts<'a> {
+pub struct CoarseParts<'a> {
     /// Rest positions (m).
     pub rest: &'a [DVec3],
     /// Connected piece of each row.
@@ -50,7 +50,7 @@ pub(crate) struct CoarseParts<'a> {
 }
 
 /// The buffers of a body that kernels of the coarse space work on.
-pub(crate) struct CoarseBuffers<'a> {
+pub struct CoarseBuffers<'a> {
     pub step: &'a wgpu::Buffer,
     pub rows: &'a wgpu::Buffer,
     pub vertices: &'a wgpu::Buffer,
@@ -59,9 +59,9 @@ pub(crate) struct CoarseBuffers<'a> {
 }
 
 /// Sizes, known before the buffers of the body.
-pub(crate) struct CoarsePlan {
-    aggregates: Aggregates,
-    stride: u32,
+pub struct CoarsePlan {
+    pub aggregates: Aggregates,
+    pub stride: u32,
     /// Partial sums that an application leaves.
     pub groups: u32,
 }
@@ -89,13 +89,13 @@ impl CoarsePlan {
 }
 
 /// Coarse space of a body on the device.
-pub(crate) struct Coarse {
+pub struct Coarse {
     aggregates: u32,
-    stride: u32,
+    pub stride: u32,
     /// Partial sums that an application leaves.
     pub groups: u32,
     blocks: u32,
-    inverse: wgpu::Buffer,
+    pub inverse: wgpu::Buffer,
     solver: wgpu::BindGroup,
     /// For each part of the matrix.
     galerkin: Vec<wgpu::BindGroup>,
@@ -107,7 +107,7 @@ impl Coarse {
     pub fn new(
         context: &Context,
         plan: CoarsePlan,
-        pattern: &Pattern,
+        pattern: &MatrixPattern,
         buffers: &CoarseBuffers<'_>,
     ) -> Self {
         let CoarsePlan { aggregates: Aggregates { of, arm, count }, stride, groups } = plan;
@@ -171,17 +171,13 @@ impl Coarse {
     }
 
     /// The inverse of the coarse matrix of the system at hand.
-    pub fn refresh(&self, recorder: &mut Recorder<'_>) {
+    pub fn refresh(&self, recorder: &mut PassRecorder<'_>) {
         recorder.encoder.clear_buffer(&self.inverse, 0, None);
         recorder.pass(Phase::Preconditioner, |pass| {
             let context = pass.context;
             let layouts = [&context.layouts.galerkin];
-            let source = crate::sources::galerkin;
-            let galerkin = context.pipeline("galerkin", source, "galerkin", &layouts);
-            let kernel = |entry| {
-                let layouts = [&context.layouts.inverse];
-                context.pipeline("inverse", crate::sources::inverse, entry, &layouts)
-            };
+            let galerkin = context.kernel("galerkin", "galerkin", &layouts);
+            let kernel = |entry| context.kernel("inverse", entry, &[&context.layouts.inverse]);
             let numbers = groups_for(36 * u64::from(self.blocks));
             for part in &self.galerkin {
                 pass.run(&galerkin, &[part], numbers);
@@ -210,23 +206,22 @@ impl Coarse {
     /// Runs a kernel over so many workgroups.
     pub fn dispatch(&self, entry: &'static str, groups: [u32; 2], pass: &mut Pass<'_>) {
         let layouts = [&pass.context.layouts.coarse];
-        let kernel = pass.context.pipeline("coarse", crate::sources::coarse, entry, &layouts);
+        let kernel = pass.context.kernel("coarse", entry, &layouts);
         pass.run(&kernel, &[&self.solver], groups);
     }
 }
 
 /// Smoother, restriction and motions at the start, in an iteration, and for the true residual.
-pub(crate) const START: [&str; 3] = ["smooth_start", "restrict_start", "move_start"];
-pub(crate) const ITERATION: [&str; 3] =
-    ["smooth_iteration", "restrict_iteration", "move_iteration"];
-pub(crate) const VERIFY: [&str; 3] = ["smooth_verify", "restrict_verify", "move_verify"];
+pub const START: [&str; 3] = ["smooth_start", "restrict_start", "move_start"];
+pub const ITERATION: [&str; 3] = ["smooth_iteration", "restrict_iteration", "move_iteration"];
+pub const VERIFY: [&str; 3] = ["smooth_verify", "restrict_verify", "move_verify"];
 
 /// Largest over smallest eigenvalue that the smoother is meant for; what is below is left to the motions.
-const SMOOTHED: f64 = 8.0;
+pub const SMOOTHED: f64 = 8.0;
 
 /// Factors of `D^-1 r` and `D^-1 A D^-1 r` in the smoother: the Chebyshev polynomial whose residual is smallest over
 /// eigenvalues of `D^-1 A` from `largest` down to an eighth of it. It is positive up to 9/8 of `largest`.
-pub(crate) fn smoother(largest: f64) -> [f32; 2] {
+pub fn smoother(largest: f64) -> [f32; 2] {
     let centre = 0.5 * largest * (1.0 + 1.0 / SMOOTHED);
     let half = 0.5 * largest * (1.0 - 1.0 / SMOOTHED);
     // 1 - T((centre - x)/half)/T(centre/half) over x, T the second polynomial
@@ -235,7 +230,7 @@ pub(crate) fn smoother(largest: f64) -> [f32; 2] {
 }
 
 /// Pairs of aggregates `a <= b` that share a block of the matrix: every aggregate with itself first.
-fn coupled(pattern: &Pattern, of: &[u32], count: usize) -> Vec<[u32; 2]> {
+fn coupled(pattern: &MatrixPattern, of: &[u32], count: usize) -> Vec<[u32; 2]> {
     let mut others: Vec<[u32; 2]> = Vec::new();
     for (row, &a) in of.iter().enumerate() {
         let own = pattern.row(row);
@@ -253,7 +248,7 @@ fn coupled(pattern: &Pattern, of: &[u32], count: usize) -> Vec<[u32; 2]> {
 
 /// For every pair the blocks of a part that belong to it: starts, and (vertex row, block) in their order.
 fn terms(
-    pattern: &Pattern,
+    pattern: &MatrixPattern,
     part: usize,
     of: &[u32],
     pairs: &[[u32; 2]],
@@ -281,7 +276,7 @@ fn terms(
 
 /// What the inverse was computed for, and how it did since; as the processor keeps its preconditioners.
 #[derive(Clone, Debug)]
-pub(crate) struct Kept {
+pub struct KeptInverse {
     /// Factors of masses and of stiffness damping in the matrix.
     factors: [f32; 3],
     /// Iterations per power of ten of the first solve after the refresh.
@@ -292,7 +287,7 @@ pub(crate) struct Kept {
     cost: f64,
 }
 
-impl Kept {
+impl KeptInverse {
     pub fn new(factors: [f32; 3], cost: f64) -> Self {
         Self { factors, fresh: None, excess: 0.0, cost }
     }
@@ -314,6 +309,3 @@ impl Kept {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

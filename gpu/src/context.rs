@@ -10,10 +10,10 @@ use sinew_adapter::wgpu::{self, BufferUsages};
 
 use crate::error::GpuError;
 use crate::report::Phase;
-use crate::sources::{self, Source};
+use crate::sources::{self, ShaderSource};
 
 /// Threads of a workgroup, as in prelude.wgsl.
-pub(crate) const GROUP: u32 = 256;
+pub const GROUP: u32 = 256;
 /// Workgroups a dimension of a dispatch may have.
 const MAX_GROUPS: u32 = 65_535;
 /// Passes of a step that can be timed; what comes after is counted but not timed.
@@ -21,7 +21,7 @@ const MAX_PASSES: u32 = 256;
 
 /// Kind of a binding.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Binding {
+pub enum Binding {
     Uniform,
     Read,
     Write,
@@ -31,7 +31,7 @@ use Binding::{Read, Uniform, Write};
 
 /// Bind-group layouts.
 #[derive(Debug)]
-pub(crate) struct Layouts {
+pub struct Layouts {
     /// Vertex rows, sums and the state of conjugate gradients.
     pub solver: wgpu::BindGroupLayout,
     /// A part of a matrix, for products.
@@ -55,7 +55,7 @@ pub(crate) struct Layouts {
 }
 
 /// An opened device with what was compiled for it.
-pub(crate) struct Context {
+pub struct Context {
     pub gpu: Gpu,
     pub layouts: Layouts,
     /// Largest binding (bytes); buffers of elements and matrices are cut to fit.
@@ -246,7 +246,7 @@ impl Context {
     pub fn pipeline(
         &self,
         name: &'static str,
-        source: impl FnOnce() -> Source,
+        source: impl FnOnce() -> ShaderSource,
         entry: &'static str,
         groups: &[&wgpu::BindGroupLayout],
     ) -> wgpu::ComputePipeline {
@@ -279,22 +279,32 @@ impl Context {
         pipeline
     }
 
+    /// A kernel of one of the modules without elements.
+    pub fn kernel(
+        &self,
+        module: &'static str,
+        entry: &'static str,
+        groups: &[&wgpu::BindGroupLayout],
+    ) -> wgpu::ComputePipeline {
+        self.pipeline(module, || sources::shared(module), entry, groups)
+    }
+
     /// A kernel over vertex rows, without a matrix.
     pub fn vector_kernel(&self, entry: &'static str) -> wgpu::ComputePipeline {
-        self.pipeline("solver", sources::solver, entry, &[&self.layouts.solver])
+        self.kernel("solver", entry, &[&self.layouts.solver])
     }
 
     /// A kernel with a part of a matrix.
     pub fn matrix_kernel(&self, entry: &'static str) -> wgpu::ComputePipeline {
         // a second name, since the layout differs
         let groups = [&self.layouts.solver, &self.layouts.part];
-        self.pipeline("matrix", sources::solver, entry, &groups)
+        self.pipeline("matrix", || sources::shared("solver"), entry, &groups)
     }
 
     /// Begins to record commands.
-    pub fn record(&self) -> Recorder<'_> {
+    pub fn record(&self) -> PassRecorder<'_> {
         let descriptor = wgpu::CommandEncoderDescriptor { label: None };
-        Recorder { context: self, encoder: self.gpu.device.create_command_encoder(&descriptor) }
+        PassRecorder { context: self, encoder: self.gpu.device.create_command_encoder(&descriptor) }
     }
 
     /// Bytes to the device, bytes back and submissions since this was last asked.
@@ -333,19 +343,19 @@ impl Context {
 }
 
 /// Workgroups for one thread each of `threads`.
-pub(crate) fn groups_for(threads: u64) -> [u32; 2] {
+pub fn groups_for(threads: u64) -> [u32; 2] {
     let groups = threads.div_ceil(u64::from(GROUP)).max(1);
     let rows = groups.div_ceil(u64::from(MAX_GROUPS));
     [groups.div_ceil(rows) as u32, rows as u32]
 }
 
 /// Commands being recorded.
-pub(crate) struct Recorder<'a> {
+pub struct PassRecorder<'a> {
     context: &'a Context,
     pub encoder: wgpu::CommandEncoder,
 }
 
-impl Recorder<'_> {
+impl PassRecorder<'_> {
     /// Records a compute pass of a phase.
     pub fn pass(&mut self, phase: Phase, dispatch: impl FnOnce(&mut Pass<'_>)) {
         let timer = self.context.timer.as_ref().and_then(|timer| {
@@ -366,7 +376,7 @@ impl Recorder<'_> {
     }
 
     /// Asks for part of a buffer as it is at this point.
-    pub fn read(&mut self, buffer: &wgpu::Buffer, offset: u64, bytes: u64) -> Pending {
+    pub fn read(&mut self, buffer: &wgpu::Buffer, offset: u64, bytes: u64) -> PendingRead {
         let staging = self.context.gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("read back"),
             size: bytes,
@@ -374,7 +384,7 @@ impl Recorder<'_> {
             mapped_at_creation: false,
         });
         self.encoder.copy_buffer_to_buffer(buffer, offset, &staging, 0, bytes);
-        Pending { staging }
+        PendingRead { staging }
     }
 
     /// Hands the commands to the device.
@@ -385,7 +395,7 @@ impl Recorder<'_> {
 }
 
 /// A compute pass being recorded.
-pub(crate) struct Pass<'a> {
+pub struct Pass<'a> {
     pub context: &'a Context,
     inner: wgpu::ComputePass<'a>,
 }
@@ -407,11 +417,11 @@ impl Pass<'_> {
 }
 
 /// Contents of a buffer on their way to the host.
-pub(crate) struct Pending {
+pub struct PendingRead {
     staging: wgpu::Buffer,
 }
 
-impl Pending {
+impl PendingRead {
     /// Waits for them.
     pub fn wait<T: Pod>(self, context: &Context) -> Result<Vec<T>, GpuError> {
         let (send, receive) = mpsc::channel();

@@ -8,8 +8,9 @@ use sinew_engine::law::TangentKind;
 use std::ops::Range;
 
 use crate::context::{Context, GROUP, Pass, groups_for};
-use crate::laws::{DeviceLaw, ElementColumns, ElementKind};
-use crate::matrix::{Pattern, TRANSPOSED};
+use crate::laws::{DeviceElement, DeviceLaw, ElementColumns};
+use crate::lists::compressed;
+use crate::matrix::MatrixPattern;
 
 /// Bytes of a tangent block of nine `f32`.
 const BLOCK_BYTES: u64 = 36;
@@ -37,7 +38,7 @@ struct GatherUniform {
 }
 
 /// Some elements of one law.
-pub(crate) struct Chunk {
+pub struct Chunk {
     pub law: DeviceLaw,
     pub count: u32,
     /// Workgroups of passes over its elements.
@@ -55,14 +56,14 @@ pub(crate) struct Chunk {
 
 /// Energies (J) of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Energies {
+pub struct BodyEnergies {
     /// Stored in its elements.
     pub elastic: f64,
     /// Potential of the loads that are laws.
     pub load: f64,
 }
 
-impl Energies {
+impl BodyEnergies {
     /// What solvers minimise.
     pub fn total(&self) -> f64 {
         self.elastic + self.load
@@ -78,7 +79,7 @@ struct Set {
 }
 
 /// All elements of a body, chunk by chunk in the order of their laws.
-pub(crate) struct Elements {
+pub struct DeviceElements {
     pub chunks: Vec<Chunk>,
     rows: u32,
     sets: Vec<Set>,
@@ -92,9 +93,9 @@ pub(crate) struct Elements {
     stiffness_damping: f64,
 }
 
-impl Elements {
+impl DeviceElements {
     /// Elements in a chunk at most.
-    fn chunk_size(context: &Context, kind: ElementKind, with_matrix: bool) -> usize {
+    fn chunk_size(context: &Context, kind: DeviceElement, with_matrix: bool) -> usize {
         let [slots, blocks] = work_bytes(&kind);
         let bytes = slots.max(4 * kind.constants as u64);
         let bytes = if with_matrix { bytes.max(blocks) } else { bytes };
@@ -108,7 +109,7 @@ impl Elements {
         laws: &[(DeviceLaw, ElementColumns)],
         n: u32,
         first_sum: u32,
-        pattern: Option<&Pattern>,
+        pattern: Option<&MatrixPattern>,
     ) -> Self {
         let with_matrix = pattern.is_some();
         let size = |law: &DeviceLaw| Self::chunk_size(context, law.kind, with_matrix);
@@ -119,12 +120,14 @@ impl Elements {
             });
             bytes.max().unwrap_or(0)
         };
+        // work space that all chunks share
         let slots = context.storage("forces of elements", largest(0));
         let block_bytes = if with_matrix { largest(1) } else { 0 };
         let blocks = context.storage("tangents of elements", block_bytes);
         let mut sums = first_sum;
         let mut chunks = Vec::new();
         let mut sets = Vec::with_capacity(laws.len());
+        // elements, cut into chunks, with their lists
         for (law, columns) in laws {
             let kind = &law.kind;
             let first_chunk = chunks.len();
@@ -178,6 +181,7 @@ impl Elements {
                 chunks: first_chunk..chunks.len(),
             });
         }
+        // which sums and rows belong to loads
         let energies = |chunks: &[Chunk]| chunks.iter().map(|c| c.energy_groups as usize).sum();
         let is_load = |chunk: &Chunk| chunk.law.is_load();
         let start = chunks.iter().position(is_load).unwrap_or(chunks.len());
@@ -251,11 +255,11 @@ impl Elements {
     }
 
     /// Elastic energy and potential of loads (J) from what a pass left.
-    pub fn sum_energies(&self, sums: &[[f32; 4]]) -> Energies {
+    pub fn sum_energies(&self, sums: &[[f32; 4]]) -> BodyEnergies {
         let add = |part: &[[f32; 4]]| part.iter().map(|sum| f64::from(sum[0])).sum::<f64>();
         let Range { start, end } = self.load_sums;
         let elastic = add(&sums[..start]) + add(&sums[end..]);
-        Energies { elastic, load: add(&sums[start..end]) }
+        BodyEnergies { elastic, load: add(&sums[start..end]) }
     }
 
     /// Vertices of the largest element, which bound the eigenvalues of a sum of element matrices against its diagonal
@@ -319,7 +323,7 @@ impl Elements {
         pass: &mut Pass<'_>,
     ) {
         let layouts = [&pass.context.layouts.rows, &pass.context.layouts.gather];
-        let kernel = pass.context.pipeline("gather", crate::sources::gather, entry, &layouts);
+        let kernel = pass.context.kernel("gather", entry, &layouts);
         pass.run(&kernel, &[rows, &chunk.gather], groups_for(u64::from(self.rows)));
     }
 
@@ -334,8 +338,7 @@ impl Elements {
     ) {
         let assemble = |chunk: &Chunk, entry, pass: &mut Pass<'_>| {
             let layouts = [&pass.context.layouts.assemble];
-            let source = crate::sources::assemble;
-            let kernel = pass.context.pipeline("assemble", source, entry, &layouts);
+            let kernel = pass.context.kernel("assemble", entry, &layouts);
             for (values, damping_values, entries) in &chunk.assemble {
                 let values = if damping { damping_values } else { values };
                 pass.run(&kernel, &[values], groups_for(9 * u64::from(*entries)));
@@ -371,7 +374,7 @@ fn kernel(context: &Context, law: &DeviceLaw, entry: &'static str) -> wgpu::Comp
 
 fn silence(context: &Context, entry: &'static str) -> wgpu::ComputePipeline {
     let layouts = [&context.layouts.rows, &context.layouts.chunk];
-    context.pipeline("silence", crate::sources::silence, entry, &layouts)
+    context.kernel("silence", entry, &layouts)
 }
 
 impl Chunk {
@@ -396,37 +399,11 @@ impl Chunk {
 }
 
 /// Bytes of the forces of an element, and of its tangent blocks.
-fn work_bytes(kind: &ElementKind) -> [u64; 2] {
+fn work_bytes(kind: &DeviceElement) -> [u64; 2] {
     [SLOT_BYTES * kind.vertices as u64, BLOCK_BYTES * kind.blocks() as u64]
 }
 
 /// Slots of the elements round each of `n` vertices, in the order of the elements: starts and slots.
 fn force_lists(nodes: &[u32], n: u32) -> (Vec<u32>, Vec<u32>) {
     compressed(n as usize, || nodes.iter().copied().zip(0..))
-}
-
-/// Compressed rows of (row, value) pairs, in the order in which they come.
-pub(crate) fn compressed<T: Copy + Default, I: Iterator<Item = (u32, T)>>(
-    rows: usize,
-    entries: impl Fn() -> I,
-) -> (Vec<u32>, Vec<T>) {
-    let mut starts = vec![0; rows + 1];
-    for (row, _) in entries() {
-        starts[row as usize + 1] += 1;
-    }
-    for row in 0..rows {
-        starts[row + 1] += starts[row];
-    }
-    let mut next = starts.clone();
-    let mut values = vec![T::default(); starts[rows] as usize];
-    for (row, value) in entries() {
-        values[next[row as usize] as usize] = value;
-        next[row as usize] += 1;
-    }
-    (starts, values)
-}
-
-/// Place of the block of local vertices `a`, `b` among those of an element, marked where it is the transpose.
-pub(crate) fn block_source(kind: &ElementKind, a: usize, b: usize) -> u32 {
-    if a > b { kind.block(b, a) as u32 | TRANSPOSED } else { kind.block(a, b) as u32 }
 }

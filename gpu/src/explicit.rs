@@ -6,18 +6,16 @@
 
 use sinew_engine::report::StepReport;
 use sinew_engine::substep::WithinStep;
+use sinew_solvers::explicit::{GROWTH, KickFactors};
 use sinew_solvers::settings::{Integrator, SolverSettings};
 use std::ops::Range;
 
-use crate::body::{DeviceBody, Slot, StepUniform, total};
+use crate::body::{DeviceBody, RowSlot, StepUniform, total};
 use crate::context::Context;
 use crate::error::GpuError;
 use crate::report::Phase;
 use crate::safe::BodyOutput;
 
-/// Energy growth (relative to the energies involved) at which a step counts as unstable, as on the CPU:
-/// symplectic Euler and Störmer-Verlet.
-const GROWTH: [f64; 2] = [0.25, 0.1];
 /// Substeps in one submission.
 const BATCH: u32 = 64;
 
@@ -56,24 +54,12 @@ impl ExplicitStep<'_> {
         let (context, body) = (self.context, self.body);
         let h = self.dt / f64::from(substeps);
         let verlet = self.settings.integrator == Integrator::StormerVerlet;
-        // damping is taken implicitly in every kick
-        let damped = |t: f64| 1.0 / (1.0 + self.settings.mass_damping * t);
-        let (whole, half) = (damped(h), damped(0.5 * h));
-        let uniform = |[keep, kick, drift]: [f64; 3]| StepUniform {
-            keep: keep as f32,
-            kick: kick as f32,
-            drift: drift as f32,
-            ..StepUniform::default()
-        };
-        // the two half kicks between drifts are one
-        let [first, middle] = if verlet {
-            let between = [half * half, 0.5 * h * (half * half + half), h];
-            [uniform([half, 0.5 * h * half, h]), uniform(between)]
-        } else {
-            [uniform([whole, h * whole, h]); 2]
-        };
-        let last = uniform([half, 0.5 * h * half, 0.0]);
+        let [first, middle, last] =
+            KickFactors::of(self.settings, h).map(|KickFactors { keep, kick, drift }| {
+                StepUniform { keep, kick, drift, ..StepUniform::default() }
+            });
 
+        // state and forces at the start
         let mut varying = Varying {
             load: self.load.to_vec(),
             place: self.place[0].to_vec(),
@@ -89,6 +75,7 @@ impl ExplicitStep<'_> {
         body.forces(&mut recorder);
         recorder.submit();
         report.evaluations += 1 + substeps;
+        // substeps
         let mut done = 0;
         while done < substeps {
             // the first has factors of its own; what varies comes with every substep
@@ -115,6 +102,7 @@ impl ExplicitStep<'_> {
             }
             done += count;
         }
+        // the last half kick, energies and the state
         body.set(context, last);
         let mut recorder = context.record();
         recorder.pass(Phase::Rows, |pass| {
@@ -126,13 +114,14 @@ impl ExplicitStep<'_> {
         let sums = body.read_sums(&mut recorder, 3);
         body.energies(&mut recorder);
         let energies = body.read_energies(&mut recorder);
-        let u = body.read_rows(&mut recorder, Slot::Y);
-        let v = body.read_rows(&mut recorder, Slot::Step);
+        let u = body.read_rows(&mut recorder, RowSlot::Y);
+        let v = body.read_rows(&mut recorder, RowSlot::Step);
         recorder.submit();
         let sums = sums.wait::<[f32; 4]>(context)?;
         let elastic = total(&energies.wait::<[f32; 4]>(context)?, 1, 0, 0);
         let (u, v) = (u.wait(context)?, v.wait(context)?);
 
+        // energy books
         let end = |at: usize, k: usize| total(&sums, 3, at, k);
         let (kinetic, held) = (end(0, 0), end(0, 1));
         let (constraint_work, load_work) = (end(0, 2), end(0, 3));
@@ -174,7 +163,7 @@ impl ExplicitStep<'_> {
                 }
             }
         }
-        self.body.write_rows(self.context, Slot::Load, &varying.load);
+        self.body.write_rows(self.context, RowSlot::Load, &varying.load);
     }
 
     /// Held unknowns when `part` of the step has passed.
@@ -190,6 +179,6 @@ impl ExplicitStep<'_> {
                 };
             }
         }
-        self.body.write_rows(self.context, Slot::Target, &varying.place);
+        self.body.write_rows(self.context, RowSlot::Target, &varying.place);
     }
 }

@@ -52,7 +52,7 @@
 //!
 //! The WGSL of a law is next to the file that names its columns, with functions named as in `sinew_models`. Common
 //! code is in `prelude.wgsl` and `elements.wgsl`, the code of a kind of element in a file of its own. A module is
-//! these files one after another ([`sources`]).
+//! these files one after another ([`shaders`]).
 //!
 //! ```
 //! use sinew_gpu::{GpuBackend, GpuError, GpuOptions};
@@ -65,17 +65,23 @@
 //! }
 //! // every law is a whole module
 //! assert!(sinew_gpu::laws::all().any(|law| law.name() == "linear elasticity"));
-//! assert!(sinew_gpu::sources::all().iter().all(|module| module.text.contains("@compute")));
+//! assert!(sinew_gpu::shaders().iter().all(|module| module.text.contains("@compute")));
 //! ```
 pub mod backend;
-mod body;
-mod coarse;
-mod context;
+// public for the tests of this crate, which look into the coarse space
+#[doc(hidden)]
+pub mod body;
+#[doc(hidden)]
+pub mod coarse;
+#[doc(hidden)]
+pub mod context;
 mod elements;
 mod error;
 mod explicit;
 pub mod laws;
-mod matrix;
+mod lists;
+#[doc(hidden)]
+pub mod matrix;
 pub mod measure;
 pub mod readback;
 mod recovery;
@@ -89,3 +95,9 @@ pub use error::GpuError;
 pub use measure::{DeviceEvaluation, DeviceVolumes, ForceTiming};
 pub use readback::{columns_needed, fetch_state};
 pub use report::GpuReport;
+
+/// Every module of WGSL, for validation without an adapter.
+pub fn shaders() -> Vec<sources::ShaderSource> {
+    let shared = sources::SHARED.iter().map(|(name, _)| sources::shared(name));
+    shared.chain(laws::all().map(|law| law.source())).collect()
+}

@@ -11,15 +11,13 @@ use bytemuck::{Pod, Zeroable};
 use sinew_adapter::wgpu;
 
 use crate::context::{Context, GROUP, Pass, groups_for};
-use crate::elements::{block_source, compressed};
-use crate::laws::ElementKind;
+use crate::laws::DeviceElement;
+use crate::lists::{TRANSPOSED, block_source, compressed};
 
-/// Marks a source block that is taken transposed, as in assemble.wgsl.
-pub(crate) const TRANSPOSED: u32 = 1 << 31;
 /// Bytes of a block.
 const BLOCK_BYTES: u64 = 36;
 /// Most workgroups of kernels that sum.
-pub(crate) const MAX_GROUPS: u32 = 512;
+pub const MAX_GROUPS: u32 = 512;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -31,7 +29,7 @@ struct PartUniform {
 }
 
 /// A range of rows whose values fit a binding.
-pub(crate) struct Part {
+pub struct MatrixPart {
     pub first: u32,
     pub count: u32,
     pub groups: u32,
@@ -48,15 +46,15 @@ pub(crate) struct Part {
 }
 
 /// Which blocks there are, and the parts.
-pub(crate) struct Pattern {
+pub struct MatrixPattern {
     row_start: Vec<u32>,
     columns: Vec<u32>,
-    pub parts: Vec<Part>,
+    pub parts: Vec<MatrixPart>,
     /// Partial sums that a product leaves.
     pub groups: u32,
 }
 
-impl Pattern {
+impl MatrixPattern {
     /// From the edges of a body, in rows relative to its first, lower first.
     pub fn new(
         context: &Context,
@@ -99,7 +97,7 @@ impl Pattern {
             let bind = |values| {
                 context.bind(&context.layouts.part, &[&uniform, &starts, &own_columns, values])
             };
-            parts.push(Part {
+            parts.push(MatrixPart {
                 first,
                 count: end - first,
                 groups,
@@ -131,8 +129,8 @@ impl Pattern {
     /// For every block of a part the blocks of the elements that make it up, in the order of the elements.
     pub fn block_lists(
         &self,
-        part: &Part,
-        kind: &ElementKind,
+        part: &MatrixPart,
+        kind: &DeviceElement,
         nodes: &[u32],
     ) -> (Vec<u32>, Vec<u32>) {
         let rows = part.first..part.first + part.count;
@@ -164,7 +162,7 @@ impl Pattern {
         vertices: &wgpu::Buffer,
         rows: &wgpu::Buffer,
     ) -> Vec<(wgpu::BindGroup, u32)> {
-        let bind = |part: &Part| {
+        let bind = |part: &MatrixPart| {
             let (starts, columns) = (&part.row_start, &part.columns);
             let (values, damping) = (&part.values, &part.damping);
             let buffers = [step, &part.uniform, vertices, starts, columns, values, damping, rows];
@@ -190,9 +188,9 @@ impl Pattern {
 }
 
 /// Tangent to system, with the inverse diagonal blocks.
-pub(crate) fn shift(shifts: &[(wgpu::BindGroup, u32)], pass: &mut Pass<'_>) {
+pub fn shift(shifts: &[(wgpu::BindGroup, u32)], pass: &mut Pass<'_>) {
     let layouts = [&pass.context.layouts.shift];
-    let kernel = pass.context.pipeline("shift", crate::sources::shift, "shift", &layouts);
+    let kernel = pass.context.kernel("shift", "shift", &layouts);
     for (bind, count) in shifts {
         pass.run(&kernel, &[bind], groups_for(u64::from(*count)));
     }

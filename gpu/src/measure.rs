@@ -6,7 +6,7 @@ use sinew_engine::scalar::Scalar;
 use std::time::Instant;
 
 use crate::backend::GpuBackend;
-use crate::body::{Slot, StepUniform, kind_number, total};
+use crate::body::{RowSlot, StepUniform, kind_number, total};
 use crate::error::GpuError;
 use crate::report::Phase;
 
@@ -57,7 +57,7 @@ impl GpuBackend {
             body.energies(&mut recorder);
             body.forces(&mut recorder);
             let energies = body.read_energies(&mut recorder);
-            let forces = body.read_rows(&mut recorder, Slot::Force);
+            let forces = body.read_rows(&mut recorder, RowSlot::Force);
             recorder.submit();
             let energies = energies.wait::<[f32; 4]>(context)?;
             result.energies.push(body.elements.sum_energies(&energies).total());
@@ -112,7 +112,7 @@ impl GpuBackend {
             let uniform = StepUniform { kind: kind_number(kind), ..StepUniform::default() };
             body.set(context, uniform);
             let rows = result.len()..result.len() + body.n as usize;
-            body.write_rows(context, Slot::P, &direction[rows]);
+            body.write_rows(context, RowSlot::P, &direction[rows]);
             let mut recorder = context.record();
             recorder.pass(Phase::Rows, |pass| body.each_row(pass, "look_back"));
             body.tangent(&mut recorder, kind, false);
@@ -120,7 +120,7 @@ impl GpuBackend {
                 body.product(pass, "product_plain", false);
                 body.each_row(pass, "complete_product");
             });
-            let product = body.read_rows(&mut recorder, Slot::Q);
+            let product = body.read_rows(&mut recorder, RowSlot::Q);
             recorder.submit();
             result.extend(product.wait::<[f32; 4]>(context)?);
         }

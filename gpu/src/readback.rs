@@ -29,22 +29,9 @@ use sinew_solvers::state::{NodeState, write_state};
 use std::ops::Range;
 
 use crate::backend::{GpuBackend, vertex_constants, widen};
-use crate::body::Slot;
+use crate::body::RowSlot;
 use crate::error::GpuError;
 use crate::safe::BodyOutput;
-
-/// What is known of where the state is.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Readback {
-    /// The state comes down when somebody asks for it.
-    pub on_demand: bool,
-    /// The columns are older than the state on the device.
-    pub behind: bool,
-    /// The device has the volume ratios of all bodies.
-    pub volumes: bool,
-    /// The device was lost when somebody asked.
-    pub lost: Option<GpuError>,
-}
 
 /// Brings displacements, velocities and positions in the columns up to date, if they are behind the device. Should the
 /// device be lost, the columns stay those of an earlier step and the next step says so.
@@ -101,7 +88,7 @@ impl GpuBackend {
             .bodies
             .iter()
             .map(|resident| {
-                [Slot::U, Slot::V].map(|slot| resident.body.read_rows(&mut recorder, slot))
+                [RowSlot::U, RowSlot::V].map(|slot| resident.body.read_rows(&mut recorder, slot))
             })
             .collect();
         recorder.submit();

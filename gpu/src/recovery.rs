@@ -5,19 +5,19 @@ use glam::DVec3;
 use sinew_engine::report::StepReport;
 use sinew_engine::topology::{BodyRows, Topology};
 use sinew_solvers::recovery::{
-    BodyState, LEAVE_STRAIN, Plan, RecoveryUnending, Shape, SwapEnergies, is_crushed,
+    BodyShape, BodyState, LEAVE_STRAIN, RecoveryPlan, RecoveryUnending, SwapEnergies, is_crushed,
 };
 
 use crate::body::{DeviceBody, StepUniform};
 use crate::context::Context;
-use crate::elements::Energies;
+use crate::elements::BodyEnergies;
 use crate::error::GpuError;
 
 /// What the decision for a body needs; its rows only.
 pub(crate) struct Decision<'a> {
     pub index: usize,
     pub topology: &'a Topology,
-    pub shape: Shape,
+    pub shape: BodyShape,
     /// Displacements (m), and rest positions (m).
     pub u: &'a [[f32; 4]],
     pub rest: &'a [DVec3],
@@ -46,28 +46,28 @@ impl Decision<'_> {
             return Ok(was);
         }
         let mut plan = state.plan(&self.shape, || self.largest_strain() <= LEAVE_STRAIN);
-        if was || plan == Plan::Begin {
+        if was || plan == RecoveryPlan::Begin {
             let mut energies = |recovering| {
                 body.recovering = recovering;
                 report.evaluations += 1;
                 elastic_energies(context, body)
             };
             let before = energies(was)?;
-            if plan == Plan::Begin && is_crushed(self.load, before.total()) {
-                plan = Plan::Stay;
+            if plan == RecoveryPlan::Begin && is_crushed(self.load, before.total()) {
+                plan = RecoveryPlan::Stay;
                 report.recoveries_refused += 1;
             }
-            if state.rests(self.kinetic, before.total()) && plan == Plan::Stay {
-                plan = Plan::GiveUp;
+            if state.rests(self.kinetic, before.total()) && plan == RecoveryPlan::Stay {
+                plan = RecoveryPlan::GiveUp;
             }
-            if plan != Plan::Stay {
-                let after = energies(plan == Plan::Begin)?;
+            if plan != RecoveryPlan::Stay {
+                let after = energies(plan == RecoveryPlan::Begin)?;
                 let other = self.kinetic - self.load_potential;
                 let (old, new) = (before.total(), after.total());
                 let swap = SwapEnergies { old, new, other };
                 if state.follow(plan, &self.shape, swap)? {
                     report.recovery_energy += after.elastic - before.elastic;
-                    report.recoveries_given_up += u32::from(plan == Plan::GiveUp);
+                    report.recoveries_given_up += u32::from(plan == RecoveryPlan::GiveUp);
                 }
             }
         }
@@ -95,7 +95,7 @@ pub(crate) fn elastic_energy(context: &Context, body: &DeviceBody) -> Result<f64
     Ok(elastic_energies(context, body)?.total())
 }
 
-fn elastic_energies(context: &Context, body: &DeviceBody) -> Result<Energies, GpuError> {
+fn elastic_energies(context: &Context, body: &DeviceBody) -> Result<BodyEnergies, GpuError> {
     let mut recorder = body.look_back(context, StepUniform::default());
     body.energies(&mut recorder);
     let energies = body.read_energies(&mut recorder);

@@ -9,10 +9,10 @@ use sinew_engine::law::TangentKind;
 use sinew_engine::report::StepReport;
 use sinew_solvers::settings::{Preconditioner, SolverSettings};
 
-use crate::body::{CgState, DeviceBody, Slot, StepUniform, kind_number, total};
-use crate::coarse::{self, Coarse, Kept};
-use crate::context::{Context, Pass, Pending, Recorder, groups_for};
-use crate::elements::Energies;
+use crate::body::{CgState, DeviceBody, RowSlot, StepUniform, kind_number, total};
+use crate::coarse::{self, Coarse, KeptInverse};
+use crate::context::{Context, Pass, PassRecorder, PendingRead, groups_for};
+use crate::elements::BodyEnergies;
 use crate::error::GpuError;
 use crate::report::{GpuReport, Phase};
 
@@ -82,14 +82,14 @@ pub(crate) struct SafeStep<'a> {
 
 /// How a linear solve ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Solve {
+enum SolveEnd {
     Solved,
     Indefinite,
     NotFinite,
 }
 
 /// Sums of a measurement of the line search.
-struct Search {
+struct SearchSums {
     linear: f64,
     quadratic: f64,
     slope: f64,
@@ -97,7 +97,7 @@ struct Search {
     largest: f64,
 }
 
-impl Search {
+impl SearchSums {
     /// The step leads downhill, or there is none to make.
     fn descends(&self) -> bool {
         self.slope < 0.0 || self.largest == 0.0
@@ -105,9 +105,9 @@ impl Search {
 }
 
 /// Energies (J) at the start of a step.
-struct Start {
+struct SafeStart {
     /// Before held vertices move.
-    before: Energies,
+    before: BodyEnergies,
     /// What is minimised, held vertices moved.
     elastic: f64,
     /// Kinetic energies of free and of held unknowns.
@@ -119,10 +119,10 @@ struct Start {
 }
 
 /// A step under way.
-struct Progress<'a, 's> {
+struct SafeProgress<'a, 's> {
     step: &'a SafeStep<'s>,
     input: &'a BodyInput,
-    kept: &'a mut Option<Kept>,
+    kept: &'a mut Option<KeptInverse>,
     report: &'a mut StepReport,
     device: &'a mut GpuReport,
     uniform: StepUniform,
@@ -130,13 +130,13 @@ struct Progress<'a, 's> {
     iterations: u32,
 }
 
-impl<'s> Progress<'_, 's> {
+impl<'s> SafeProgress<'_, 's> {
     /// The whole step.
     fn run(mut self) -> Result<BodyOutput, GpuError> {
         let before = self.begin();
         let (start, solved) = self.linearise(before)?;
         let finite = start.elastic.is_finite() && start.budget.is_finite();
-        if solved == Solve::NotFinite || !finite {
+        if solved == SolveEnd::NotFinite || !finite {
             return Ok(self.not_finite());
         }
         self.report.projections += u32::from(self.input.inverted);
@@ -152,13 +152,13 @@ impl<'s> Progress<'_, 's> {
     }
 
     /// Sets the constants of the kernels and begins to record.
-    fn record(&self) -> Recorder<'s> {
+    fn record(&self) -> PassRecorder<'s> {
         self.step.body.set(self.step.context, self.uniform);
         self.step.context.record()
     }
 
     /// The tangent of the damping, and the energies before held vertices move, if any do.
-    fn begin(&mut self) -> Option<Pending> {
+    fn begin(&mut self) -> Option<PendingRead> {
         let SafeStep { body, .. } = *self.step;
         if !self.input.moves && !self.step.damped() {
             return None;
@@ -180,7 +180,10 @@ impl<'s> Progress<'_, 's> {
     }
 
     /// Energies, residual and tangent with held vertices moved, and the first linear solve.
-    fn linearise(&mut self, before: Option<Pending>) -> Result<(Start, Solve), GpuError> {
+    fn linearise(
+        &mut self,
+        before: Option<PendingRead>,
+    ) -> Result<(SafeStart, SolveEnd), GpuError> {
         let SafeStep { body, .. } = *self.step;
         let kind = if self.input.inverted { TangentKind::Projected } else { TangentKind::Exact };
         self.uniform.kind = kind_number(kind);
@@ -206,10 +209,10 @@ impl<'s> Progress<'_, 's> {
     /// Opens the energy books.
     fn open_books(
         &mut self,
-        before: Option<Pending>,
-        energies: Pending,
-        sums: Pending,
-    ) -> Result<Start, GpuError> {
+        before: Option<PendingRead>,
+        energies: PendingRead,
+        sums: PendingRead,
+    ) -> Result<SafeStart, GpuError> {
         let SafeStep { context, body, .. } = *self.step;
         let at_start = body.elements.sum_energies(&energies.wait(context)?);
         let before = match before {
@@ -225,7 +228,7 @@ impl<'s> Progress<'_, 's> {
         let (loads, loads_moved) = (start(1, 0), start(0, 3));
         let budget = kinetic[0] + elastic - (loads + loads_moved) + damping;
         self.report.constraint_work += elastic + damping - before.total() - loads_moved;
-        Ok(Start { before, elastic, kinetic, loads, budget })
+        Ok(SafeStart { before, elastic, kinetic, loads, budget })
     }
 
     /// Factor of the damping matrix over the step length.
@@ -233,7 +236,7 @@ impl<'s> Progress<'_, 's> {
         self.step.body.elements.damping_factor() / self.step.dt
     }
 
-    fn solve(&mut self) -> Result<Solve, GpuError> {
+    fn solve(&mut self) -> Result<SolveEnd, GpuError> {
         let expected = self.iterations;
         let (kept, report) = (&mut *self.kept, &mut *self.report);
         let (solved, state) =
@@ -244,8 +247,11 @@ impl<'s> Progress<'_, 's> {
 
     /// A step that leads downhill, if need be by a definite tangent or along the preconditioned gradient;
     /// `None` when a number is not finite.
-    fn find_direction(&mut self, solved: Solve) -> Result<Option<(Search, Energies)>, GpuError> {
-        if solved == Solve::Solved {
+    fn find_direction(
+        &mut self,
+        solved: SolveEnd,
+    ) -> Result<Option<(SearchSums, BodyEnergies)>, GpuError> {
+        if solved == SolveEnd::Solved {
             let found = self.step.direction(self.input, &mut self.uniform)?;
             if found.0.descends() {
                 return Ok(Some(found));
@@ -253,14 +259,14 @@ impl<'s> Progress<'_, 's> {
         }
         if !self.input.inverted {
             match self.solve_projected()? {
-                Solve::NotFinite => return Ok(None),
-                Solve::Solved => {
+                SolveEnd::NotFinite => return Ok(None),
+                SolveEnd::Solved => {
                     let found = self.step.direction(self.input, &mut self.uniform)?;
                     if found.0.descends() {
                         return Ok(Some(found));
                     }
                 }
-                Solve::Indefinite => {}
+                SolveEnd::Indefinite => {}
             }
         }
         self.report.gradient_fallbacks += 1;
@@ -275,7 +281,7 @@ impl<'s> Progress<'_, 's> {
     }
 
     /// Solves again with the projected tangent.
-    fn solve_projected(&mut self) -> Result<Solve, GpuError> {
+    fn solve_projected(&mut self) -> Result<SolveEnd, GpuError> {
         let SafeStep { body, .. } = *self.step;
         self.uniform.kind = kind_number(TangentKind::Projected);
         self.uniform.warm = 0;
@@ -300,10 +306,10 @@ impl<'s> Progress<'_, 's> {
     /// their energies at the fraction accepted, none of the step where no fraction is.
     fn backtrack(
         &mut self,
-        start: &Start,
-        search: &Search,
-        mut energies: Energies,
-    ) -> Result<Energies, GpuError> {
+        start: &SafeStart,
+        search: &SearchSums,
+        mut energies: BodyEnergies,
+    ) -> Result<BodyEnergies, GpuError> {
         let report = &mut *self.report;
         report.newton_iterations += 1;
         report.newton_step = report.newton_step.max(search.largest / self.input.size);
@@ -335,7 +341,11 @@ impl<'s> Progress<'_, 's> {
     }
 
     /// The end: velocities, sums, the energy cap, the report.
-    fn finish(&mut self, start: &Start, energies: Energies) -> Result<BodyOutput, GpuError> {
+    fn finish(
+        &mut self,
+        start: &SafeStart,
+        energies: BodyEnergies,
+    ) -> Result<BodyOutput, GpuError> {
         let SafeStep { context, body, .. } = *self.step;
         let input = self.input;
         let mut recorder = self.record();
@@ -349,11 +359,12 @@ impl<'s> Progress<'_, 's> {
             body.volumes(&mut recorder);
         }
         let volumes = input.volumes.then(|| body.read_energies(&mut recorder));
-        let u = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Y));
-        let v = input.read_back.then(|| body.read_rows(&mut recorder, Slot::Step));
+        let u = input.read_back.then(|| body.read_rows(&mut recorder, RowSlot::Y));
+        let v = input.read_back.then(|| body.read_rows(&mut recorder, RowSlot::Step));
         recorder.submit();
         let mut sums = EndSums(sums.wait(context)?);
-        let rows = |pending: Option<Pending>| pending.map_or(Ok(Vec::new()), |p| p.wait(context));
+        let rows =
+            |pending: Option<PendingRead>| pending.map_or(Ok(Vec::new()), |p| p.wait(context));
         let (u, mut v) = (rows(u)?, rows(v)?);
         let volumes = match volumes {
             Some(pending) => {
@@ -397,7 +408,7 @@ impl<'s> Progress<'_, 's> {
 
     /// Multiplies the velocities by a factor; the sums of the end with them, and the velocities on their way
     /// to the host where they are asked for.
-    fn cap_energy(&mut self, factor: f64) -> Result<(EndSums, Option<Pending>), GpuError> {
+    fn cap_energy(&mut self, factor: f64) -> Result<(EndSums, Option<PendingRead>), GpuError> {
         let SafeStep { context, body, .. } = *self.step;
         self.uniform.scale = factor as f32;
         let mut recorder = self.record();
@@ -406,7 +417,7 @@ impl<'s> Progress<'_, 's> {
             body.summing(pass, "measure_end");
         });
         let sums = body.read_sums(&mut recorder, 3);
-        let velocities = self.input.read_back.then(|| body.read_rows(&mut recorder, Slot::Step));
+        let velocities = self.input.read_back.then(|| body.read_rows(&mut recorder, RowSlot::Step));
         recorder.submit();
         self.report.energy_caps += 1;
         Ok((EndSums(sums.wait(context)?), velocities))
@@ -457,13 +468,13 @@ impl SafeStep<'_> {
     pub fn run(
         &self,
         input: &BodyInput,
-        kept: &mut Option<Kept>,
+        kept: &mut Option<KeptInverse>,
         report: &mut StepReport,
         device: &mut GpuReport,
     ) -> Result<BodyOutput, GpuError> {
         let uniform = self.uniform();
         let iterations = input.iterations;
-        Progress { step: self, input, kept, report, device, uniform, iterations }.run()
+        SafeProgress { step: self, input, kept, report, device, uniform, iterations }.run()
     }
 
     /// Damping matrix times the way from the offset.
@@ -487,10 +498,10 @@ impl SafeStep<'_> {
         &self,
         uniform: &StepUniform,
         expected: u32,
-        kept: &mut Option<Kept>,
+        kept: &mut Option<KeptInverse>,
         report: &mut StepReport,
         device: &mut GpuReport,
-    ) -> Result<(Solve, CgState), GpuError> {
+    ) -> Result<(SolveEnd, CgState), GpuError> {
         let context = self.context;
         let mut coarse = self.coarse();
         report.preconditioner = Preconditioner::BlockJacobi.name().into();
@@ -502,7 +513,7 @@ impl SafeStep<'_> {
                 if !kept.as_ref().is_some_and(|kept| kept.serves(factors)) {
                     coarse.refresh(&mut recorder);
                     let matrix = self.body.matrix.as_ref().map_or(0, |m| m.pattern.bytes());
-                    *kept = Some(Kept::new(factors, coarse.cost(matrix)));
+                    *kept = Some(KeptInverse::new(factors, coarse.cost(matrix)));
                     report.preconditioner_refreshes += 1;
                 }
             }
@@ -542,10 +553,10 @@ impl SafeStep<'_> {
                 report.cg_residual = report.cg_residual.max(residual);
                 report.cg_caps += u32::from(state.phase == phase::CAPPED);
                 device.stalled += u32::from(state.phase == phase::STALLED);
-                Solve::Solved
+                SolveEnd::Solved
             }
-            phase::NOT_FINITE => Solve::NotFinite,
-            _ => Solve::Indefinite,
+            phase::NOT_FINITE => SolveEnd::NotFinite,
+            _ => SolveEnd::Indefinite,
         };
         Ok((outcome, state))
     }
@@ -553,7 +564,7 @@ impl SafeStep<'_> {
     /// The iterations, in batches.
     fn iterate<'r>(
         &'r self,
-        mut recorder: Recorder<'r>,
+        mut recorder: PassRecorder<'r>,
         coarse: Option<&Coarse>,
         expected: u32,
     ) -> Result<CgState, GpuError> {
@@ -619,7 +630,7 @@ impl SafeStep<'_> {
         &self,
         input: &BodyInput,
         uniform: &mut StepUniform,
-    ) -> Result<(Search, Energies), GpuError> {
+    ) -> Result<(SearchSums, BodyEnergies), GpuError> {
         let (context, body) = (self.context, self.body);
         for &(piece, mass) in &input.free_pieces {
             uniform.piece = piece;
@@ -650,7 +661,7 @@ impl SafeStep<'_> {
         let sums = sums.wait::<[f32; 4]>(context)?;
         let energies = energies.wait::<[f32; 4]>(context)?;
         let largest = sums.iter().skip(1).step_by(2).map(|row| f64::from(row[0]));
-        let search = Search {
+        let search = SearchSums {
             linear: total(&sums, 2, 0, 0),
             quadratic: total(&sums, 2, 0, 1),
             slope: total(&sums, 2, 0, 2),
@@ -661,7 +672,7 @@ impl SafeStep<'_> {
     }
 
     /// Energies at the fraction `t` of the step.
-    fn trial(&self, t: f64, uniform: &mut StepUniform) -> Result<Energies, GpuError> {
+    fn trial(&self, t: f64, uniform: &mut StepUniform) -> Result<BodyEnergies, GpuError> {
         let (context, body) = (self.context, self.body);
         uniform.t = t as f32;
         body.set(context, *uniform);

@@ -2,7 +2,7 @@
 
 /// A module: name and text.
 #[derive(Clone, Debug)]
-pub struct Source {
+pub struct ShaderSource {
     /// Name in labels and errors.
     pub name: &'static str,
     /// WGSL.
@@ -15,7 +15,7 @@ const TENSORS: &str = include_str!("tensors.wgsl");
 const ELEMENTS: &str = include_str!("elements.wgsl");
 
 /// The files one after another, and the entry points that are made of functions in them.
-fn module(name: &'static str, files: &[&str]) -> Source {
+fn module(name: &'static str, files: &[&str]) -> ShaderSource {
     let mut text = files.concat();
     for line in files.iter().flat_map(|file| file.lines()) {
         for (ending, entries) in ENTRIES {
@@ -25,7 +25,7 @@ fn module(name: &'static str, files: &[&str]) -> Source {
             }
         }
     }
-    Source { name, text }
+    ShaderSource { name, text }
 }
 
 /// Endings of functions, and entry points that call them. `NAME_at` serves a vertex row, and `NAME` calls it with a
@@ -61,63 +61,40 @@ fn KERNEL_verify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
     ),
 ];
 
-/// Passes over vertex rows, products, conjugate gradients.
-pub(crate) fn solver() -> Source {
-    let files = [
-        PRELUDE,
-        STATE,
-        include_str!("vectors.wgsl"),
-        include_str!("explicit.wgsl"),
-        include_str!("cg.wgsl"),
-        include_str!("matrix.wgsl"),
-    ];
-    module("solver", &files)
-}
+/// Modules without elements: name and files.
+pub(crate) const SHARED: [(&str, &[&str]); 8] = [
+    // passes over vertex rows, products, conjugate gradients
+    (
+        "solver",
+        &[
+            PRELUDE,
+            STATE,
+            include_str!("vectors.wgsl"),
+            include_str!("explicit.wgsl"),
+            include_str!("cg.wgsl"),
+            include_str!("matrix.wgsl"),
+        ],
+    ),
+    // motions of aggregates in conjugate gradients, matrix to coarse matrix, coarse matrix to its inverse
+    ("coarse", &[PRELUDE, STATE, include_str!("coarse.wgsl")]),
+    ("galerkin", &[PRELUDE, include_str!("galerkin.wgsl")]),
+    ("inverse", &[PRELUDE, include_str!("inverse.wgsl")]),
+    // forces of elements to vertices, tangent blocks of elements to the matrix, tangent to system
+    ("gather", &[PRELUDE, include_str!("gather.wgsl")]),
+    ("assemble", &[PRELUDE, include_str!("assemble.wgsl")]),
+    ("shift", &[PRELUDE, include_str!("shift.wgsl")]),
+    // sets of elements whose law is silent
+    ("silence", &[PRELUDE, include_str!("silence.wgsl")]),
+];
 
-/// Motions of aggregates in conjugate gradients.
-pub(crate) fn coarse() -> Source {
-    module("coarse", &[PRELUDE, STATE, include_str!("coarse.wgsl")])
-}
-
-/// Matrix to coarse matrix.
-pub(crate) fn galerkin() -> Source {
-    module("galerkin", &[PRELUDE, include_str!("galerkin.wgsl")])
-}
-
-/// Coarse matrix to its inverse.
-pub(crate) fn inverse() -> Source {
-    module("inverse", &[PRELUDE, include_str!("inverse.wgsl")])
-}
-
-/// Forces of elements to vertices.
-pub(crate) fn gather() -> Source {
-    module("gather", &[PRELUDE, include_str!("gather.wgsl")])
-}
-
-/// Tangent blocks of elements to the matrix.
-pub(crate) fn assemble() -> Source {
-    module("assemble", &[PRELUDE, include_str!("assemble.wgsl")])
-}
-
-/// Tangent to system.
-pub(crate) fn shift() -> Source {
-    module("shift", &[PRELUDE, include_str!("shift.wgsl")])
-}
-
-/// Sets of elements whose law is silent.
-pub(crate) fn silence() -> Source {
-    module("silence", &[PRELUDE, include_str!("silence.wgsl")])
+/// One of the [`SHARED`] modules.
+pub(crate) fn shared(name: &str) -> ShaderSource {
+    let found = SHARED.iter().find(|(own, _)| *own == name);
+    let (name, files) = found.expect("a name of the table");
+    module(name, files)
 }
 
 /// A law from the files of its kind of element and its own.
-pub(crate) fn elements(name: &'static str, kind: &[&str], law: &[&str]) -> Source {
+pub(crate) fn elements(name: &'static str, kind: &[&str], law: &[&str]) -> ShaderSource {
     module(name, &[&[PRELUDE, TENSORS, ELEMENTS], kind, law].concat())
-}
-
-/// Every module, for validation without an adapter.
-pub fn all() -> Vec<Source> {
-    let mut all =
-        vec![solver(), gather(), assemble(), shift(), silence(), coarse(), galerkin(), inverse()];
-    all.extend(crate::laws::all().map(|law| law.source()));
-    all
 }

@@ -6,8 +6,9 @@ use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepClock, StepError};
 use sinew_engine::substep::WithinStep;
 use sinew_engine::topology::Topology;
-use sinew_solvers::explicit::estimate_stable_step;
+use sinew_solvers::explicit::{MAX_REFINEMENTS, estimate_stable_step, unstable};
 use sinew_solvers::settings::SolverSettings;
+use sinew_solvers::stability::STRAIN_CHANGE;
 use sinew_solvers::state::NodeState;
 use std::ops::Range;
 
@@ -16,31 +17,6 @@ use crate::explicit::ExplicitStep;
 use crate::recovery::elastic_energy;
 use crate::report::Phase;
 use crate::safe::BodyOutput;
-
-/// Stability limit of explicit steps, kept as the processor keeps it.
-#[derive(Clone, Debug)]
-pub(crate) struct Limit {
-    /// Largest stable step (s), with the relative change of every squared edge length when it was found.
-    known: Option<(f64, Vec<f32>)>,
-    /// Factor on it, lowered when energy grows.
-    caution: f64,
-    /// Energy (J) that came from nowhere.
-    creep: f64,
-}
-
-impl Default for Limit {
-    fn default() -> Self {
-        Self { known: None, caution: 1.0, creep: 0.0 }
-    }
-}
-
-/// Change of a squared edge length over that at rest at which the limit is renewed, as on the CPU.
-const STRAIN_CHANGE: f32 = 0.2;
-/// Doublings of the substep count before a step is given up, as on the CPU.
-const MAX_REFINEMENTS: u32 = 6;
-/// Growth of the energy over many steps that lowers the limit, and by what, as on the CPU.
-const CREEP: f64 = 0.25;
-const CAUTION: [f64; 2] = [0.8, 0.25];
 
 impl GpuBackend {
     /// Explicit substeps of all bodies, not yet accepted.
@@ -55,6 +31,7 @@ impl GpuBackend {
         let clock = *world.resource::<StepClock>();
         let mut within = WithinStep::default();
         within.read(world, &node.u, &node.prescribed, &node.fixed);
+        // bodies as the columns have them
         for (i, rows) in rows.iter().enumerate() {
             let body = &world.resource::<Topology>().bodies[i];
             let resident = &mut self.bodies[i];
@@ -64,21 +41,11 @@ impl GpuBackend {
                 self.limit.known = None;
             }
         }
+        // number of substeps
         let limit = self.stable_step::<S>(world, rows);
         report.stable_step = limit;
-        let diverged = |reason| StepError::Diverged { step: clock.step, time: clock.time, reason };
-        let refuse = |needed: f64| {
-            diverged(format!(
-                "an explicit step of {} s needs {needed:.0} substeps (stability limit {limit:.3e} s), more \
-                 than max_substeps = {}; reduce dt, raise max_substeps or use integrator = \"safe\"",
-                clock.dt, settings.max_substeps
-            ))
-        };
-        let needed =
-            (clock.dt / (limit * self.limit.caution * settings.explicit_safety)).ceil().max(1.0);
-        if needed > f64::from(settings.max_substeps) {
-            return Err(refuse(needed));
-        }
+        let needed = self.limit.caution.substeps(&clock, limit, settings)?;
+        // the step of every body, with more substeps where its energy grows
         let mut outputs = Vec::with_capacity(rows.len());
         let (mut grown, mut scale, mut refined) = (0.0, 0.0, false);
         for (i, rows) in rows.iter().enumerate() {
@@ -102,7 +69,7 @@ impl GpuBackend {
                 place: [&now, &resident.target],
                 before: [elastic, kinetic, held],
             };
-            let mut substeps = needed as u32;
+            let mut substeps = needed;
             let mut refinements = 0;
             let mut own = StepReport { evaluations: 1, ..StepReport::default() };
             let (output, growth) = loop {
@@ -114,12 +81,7 @@ impl GpuBackend {
                 refinements += 1;
                 if refinements > MAX_REFINEMENTS || substeps > settings.max_substeps {
                     self.limit.known = None;
-                    return Err(diverged(format!(
-                        "the energy grew, or a number overflowed, even with {} substeps (estimated \
-                         stability limit {limit:.3e} s); check loads and prescribed motion, reduce dt or use \
-                         integrator = \"safe\"",
-                        substeps / 2
-                    )));
+                    return Err(unstable(&clock, substeps / 2, limit));
                 }
             };
             // the device has places between start and end in that slot
@@ -133,11 +95,8 @@ impl GpuBackend {
             add(report, &own);
             outputs.push(output);
         }
-        self.limit.creep = (self.limit.creep + grown).max(0.0);
-        if refined || self.limit.creep > CREEP * scale {
-            // the limit was too optimistic
-            let caution = (self.limit.caution * CAUTION[0]).max(CAUTION[1]);
-            self.limit = Limit { known: None, caution, creep: 0.0 };
+        if self.limit.caution.book([grown, scale], refined) {
+            self.limit.known = None;
         }
         Ok(outputs)
     }
@@ -158,7 +117,8 @@ impl GpuBackend {
             }));
         }
         if let Some((limit, before)) = &self.limit.known {
-            let apart = before.iter().zip(&strain).all(|(a, b)| (a - b).abs() <= STRAIN_CHANGE);
+            let apart =
+                before.iter().zip(&strain).all(|(a, b)| (a - b).abs() <= STRAIN_CHANGE as f32);
             if apart && before.len() == strain.len() {
                 return *limit;
             }

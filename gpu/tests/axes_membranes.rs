@@ -1,10 +1,10 @@
 //! Axes, membranes and follower pressure on the device against the processor in `f64`.
 
 use crate::common::compare::{Comparison, compare, compare_in, compare_on};
-use crate::common::rich_axes::rich;
+use crate::common::shared::rich_axes::rich;
+use crate::common::shared::{Shortcuts, blow, sheet, vertices};
 use crate::common::*;
 use glam::{DVec2, DVec3};
-use sinew::engine::load::Pressure;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{quad_grid, triangle_grid};
 use sinew::models::axes::description::{AxesDescription, AxisFamily};
@@ -93,10 +93,7 @@ const SHEET_MODELS: [MembraneModel; 6] = [
 fn compare_sheet(law: &str, mesh: &Mesh, membrane: MembraneDescription<'_>) {
     compare_in(Comparison {
         law,
-        description: &BodyDescription {
-            membrane: Some(membrane),
-            ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
-        },
+        description: &sheet(&mesh.points, membrane),
         mesh,
         states: &SHEET_STATES,
         set_up: &|_, _| {},
@@ -168,9 +165,7 @@ fn follower_pressure() {
     let mesh = beam([10, 4, 5]);
     let skin = mesh.surface_triangles();
     let inflate = |simulation: &mut Simulation, body, triangles: &[[u32; 3]], pressure| {
-        let faces = simulation.face_rows(body, "air", triangles).unwrap();
-        let curve = Curve::Points(vec![[0.0, 0.5]]);
-        simulation.add_pressure(Pressure { name: "air".into(), faces, pressure, curve });
+        blow(simulation, body, triangles, pressure, Curve::Points(vec![[0.0, 0.5]]));
     };
     compare_in(Comparison {
         law: "pressure on a solid",
@@ -183,13 +178,10 @@ fn follower_pressure() {
         },
     });
     let mesh = triangle_grid(DVec2::new(0.2, 0.05), [16, 5]).unwrap();
-    let membrane = Some(MembraneDescription::new(&mesh.triangles, 1e-3, MATERIAL));
+    let membrane = MembraneDescription::new(&mesh.triangles, 1e-3, MATERIAL);
     compare_in(Comparison {
         law: "pressure on a sheet",
-        description: &BodyDescription {
-            membrane,
-            ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
-        },
+        description: &sheet(&mesh.points, membrane),
         mesh: &mesh,
         states: &SHEET_STATES,
         set_up: &|simulation, body| inflate(simulation, body, &mesh.triangles, 200.0),
@@ -233,9 +225,7 @@ fn a_muscle_pulls_and_only_its_constants_go_up() {
     let rising = sent(&gpu);
     assert!(rising > fibres && rising < fibres + 4096, "{rising}");
     gpu.simulation.set_dt(1.0);
-    for _ in 0..2 {
-        gpu.simulation.step().unwrap();
-    }
+    gpu.simulation.steps(2);
     assert!(sent(&gpu) < 4096, "{} at full activation", sent(&gpu));
 }
 
@@ -246,9 +236,7 @@ fn pressure_inflates_and_is_booked_as_work_of_loads() {
     top.retain(|t| t.iter().all(|&v| mesh.points[v as usize].z > 0.0499));
     let scene = |s: &mut Simulation, body: BodyHandle| {
         hold(s, body, &mesh, "x0");
-        let faces = s.face_rows(body, "air", &top).unwrap();
-        let curve = Curve::ramp(0.0, 0.1);
-        s.add_pressure(Pressure { name: "air".into(), faces, pressure: -60.0, curve });
+        blow(s, body, &top, -60.0, Curve::ramp(0.0, 0.1));
     };
     let description = BodyDescription::new("beam", &mesh, MATERIAL);
     let Some(runs) = run_both(&description, 20, &settings(), scene) else { return };
@@ -259,23 +247,14 @@ fn pressure_inflates_and_is_booked_as_work_of_loads() {
 #[test]
 fn a_drum_swings_on_its_rim() {
     let mesh = triangle_grid(DVec2::new(0.2, 0.05), [16, 5]).unwrap();
-    let membrane = Some(MembraneDescription::new(&mesh.triangles, 1e-3, MATERIAL));
-    let description = BodyDescription {
-        membrane,
-        ..BodyDescription::from_parts("sheet", &mesh.points, &[], MATERIAL)
-    };
+    let description =
+        sheet(&mesh.points, MembraneDescription::new(&mesh.triangles, 1e-3, MATERIAL));
     let scene = |s: &mut Simulation, body: BodyHandle| {
-        let rim: Vec<u32> = (0..mesh.points.len() as u32)
-            .filter(|&i| {
-                let x = mesh.points[i as usize];
-                x.x == 0.0 || x.y == 0.0 || x.x > 0.1999 || x.y > 0.0499
-            })
-            .collect();
+        let at_rim = |x: DVec3| x.x == 0.0 || x.y == 0.0 || x.x > 0.1999 || x.y > 0.0499;
+        let rim = vertices(&mesh.points, at_rim);
         let rows = s.rows(body, "rim", &rim).unwrap();
         s.add_constraint(Constraint::hold("rim", rows));
-        let faces = s.face_rows(body, "air", &mesh.triangles).unwrap();
-        let curve = Curve::Constant;
-        s.add_pressure(Pressure { name: "air".into(), faces, pressure: 50.0, curve });
+        blow(s, body, &mesh.triangles, 50.0, Curve::Constant);
     };
     let Some(runs) = run_both(&description, 20, &settings(), scene) else { return };
     agree(&runs, 1e-4, "drum");
@@ -312,10 +291,8 @@ fn removed_elements_take_their_axes_and_faces_along() {
     };
     let scene = |s: &mut Simulation, body: BodyHandle| {
         hold(s, body, &mesh, "x0");
-        let faces = s.face_rows(body, "air", &skin).unwrap();
-        let curve = Curve::ramp(0.0, 0.2);
-        s.add_pressure(Pressure { name: "air".into(), faces, pressure: 100.0, curve });
-        (0..3).for_each(|_| s.step().unwrap());
+        blow(s, body, &skin, 100.0, Curve::ramp(0.0, 0.2));
+        s.steps(3);
         cut_notch(s, body, &mesh);
         let torn = Region::Triangles(in_notch(&mesh, &skin));
         s.remove_elements(body, &Removal::new(torn)).unwrap();
@@ -332,9 +309,7 @@ fn explicit_substeps_refuse_pressures_and_dampers_by_name() {
     let body = simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
     simulation.set_solver(SolverSettings { integrator: Integrator::StormerVerlet, ..settings() });
     simulation.step().unwrap();
-    let faces = simulation.face_rows(body, "air", &skin).unwrap();
-    let curve = Curve::Constant;
-    simulation.add_pressure(Pressure { name: "air".into(), faces, pressure: 1.0, curve });
+    blow(&mut simulation, body, &skin, 1.0, Curve::Constant);
     let error = simulation.step().unwrap_err().to_string();
     assert!(error.contains("follower pressure in explicit"), "{error}");
     simulation.set_solver(settings());

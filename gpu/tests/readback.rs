@@ -1,6 +1,7 @@
 //! The state comes down after every step, or when somebody asks: the bits are the same.
 
-use crate::common::{MATERIAL, beam, cut_notch, device, displace, hold, noise, of, say, scramble};
+use crate::common::shared::Shortcuts;
+use crate::common::{MATERIAL, beam, cut_notch, device, hold, noise, of, say, scramble};
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::vertex::Position;
@@ -150,7 +151,7 @@ fn volume_ratios_are_those_of_the_processor() {
         ..SolverSettings::default()
     });
     let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.02 * noise(i)).collect();
-    displace(&mut simulation, bodies[1], &u);
+    simulation.displace(bodies[1], &u);
     simulation.step().unwrap();
     let report = simulation.volume_report().clone();
     for body in bodies {

@@ -4,7 +4,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 #[test]
 fn every_shader_is_valid() {
-    for source in sinew_gpu::sources::all() {
+    for source in sinew_gpu::shaders() {
         let module = naga::front::wgsl::parse_str(&source.text)
             .unwrap_or_else(|e| panic!("{}: {}", source.name, e.emit_to_string(&source.text)));
         assert!(!module.entry_points.is_empty(), "{} has no entry point", source.name);

@@ -1,5 +1,6 @@
 //! The safe step on the device against that of the processor in `f64`.
 
+use crate::common::shared::{Shortcuts, guide};
 use crate::common::*;
 use glam::DVec3;
 use sinew::engine::mesh::Mesh;
@@ -112,11 +113,11 @@ fn bodies_of_other_elements_are_cut_and_stiffened() {
     kinds(&beam(cells), &bricks(cells), &half_bricks(cells), |name, description, mesh| {
         let scene = |s: &mut Simulation, body: BodyHandle| {
             hold(s, body, mesh, "x0");
-            (0..3).for_each(|_| s.step().unwrap());
+            s.steps(3);
             let notch = Region::Sphere { centre: DVec3::new(0.1, 0.025, 0.05), radius: 0.028 };
             let removed = s.remove_elements(body, &Removal::new(notch)).unwrap();
             assert!(removed.tetrahedra.len() + removed.hexahedra.len() > 2, "{name}: {removed:?}");
-            (0..3).for_each(|_| s.step().unwrap());
+            s.steps(3);
             let stiffer = YoungPoisson { young_modulus: 3e4, ..MATERIAL };
             s.set_material(body, stiffer).unwrap();
         };
@@ -197,7 +198,7 @@ fn squeezed_body_needs_the_projected_tangent_and_never_gains_energy() {
             DVec3::new(-0.35 * x.x, 0.1 * x.y, 0.1 * x.z) + 1e-3 * (x.x / 0.2) * noise(i)
         });
         let u = u.collect::<Vec<_>>();
-        displace(s, body, &u);
+        s.displace(body, &u);
         s.set_gravity(DVec3::ZERO);
     };
     let settings = SolverSettings { recovery: false, ..settings() };
@@ -222,7 +223,7 @@ fn indefinite_tangent_without_inverted_elements() {
         hold(s, body, &mesh, "x0");
         let u = mesh.points.iter().map(|x| DVec3::new(-0.4 * x.x, 0.02 * x.y, 0.02 * x.z));
         let u = u.collect::<Vec<_>>();
-        displace(s, body, &u);
+        s.displace(body, &u);
         s.set_gravity(DVec3::ZERO);
         s.set_dt(0.05);
     };
@@ -256,16 +257,15 @@ fn removed_elements_and_a_new_material_reach_the_device() {
         let body = simulation.add_body(&BodyDescription::new("beam", &mesh, MATERIAL)).unwrap();
         simulation.set_solver(settings());
         hold(&mut simulation, body, &mesh, "x0");
-        let steps = |simulation: &mut Simulation| (0..5).for_each(|_| simulation.step().unwrap());
-        steps(&mut simulation);
+        simulation.steps(5);
         // what hangs on one vertex falls off
         cut_notch(&mut simulation, body, &mesh);
-        steps(&mut simulation);
+        simulation.steps(5);
         let stiffer = YoungPoisson { young_modulus: 3e4, ..MATERIAL };
         simulation.set_material(body, stiffer).unwrap();
         simulation.step().unwrap();
         let uploads = simulation.world().get_resource::<GpuReport>().map(|r| r.uploads);
-        steps(&mut simulation);
+        simulation.steps(5);
         (simulation.displacements(body), uploads)
     });
     let u = relative(&gpu.0, &cpu.0);
@@ -289,9 +289,7 @@ fn several_bodies_step_by_themselves() {
             hold(&mut simulation, body, &mesh, "x0");
             body
         });
-        for _ in 0..10 {
-            simulation.step().unwrap();
-        }
+        simulation.steps(10);
         bodies.map(|body| simulation.displacements(body))
     });
     for (a, b) in gpu.iter().zip(&cpu) {
@@ -313,9 +311,7 @@ fn steps_repeat_bit_for_bit() {
         let start: Vec<_> = mesh.points.iter().map(|x| DVec3::new(0.0, 0.0, -3.0 * x.x)).collect();
         let run = |simulation: &mut Simulation| {
             simulation.set_state(body, &vec![DVec3::ZERO; start.len()], &start).unwrap();
-            for _ in 0..5 {
-                simulation.step().unwrap();
-            }
+            simulation.steps(5);
             simulation.state_hash()
         };
         Some([run(&mut simulation), run(&mut simulation)])

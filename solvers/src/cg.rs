@@ -15,12 +15,12 @@ use crate::cholesky::{FactorPiece, FactorValues, IncompleteCholesky};
 use crate::coarse::{CoarseSpace, CoarseValues, Motion};
 use crate::low_rank::Correction;
 use crate::settings::Preconditioner;
-use crate::simd::{Kernel, vectorised};
+use crate::simd::{VectorKernel, vectorised};
 use crate::system::{
     Pattern, ShiftedTangent, SystemMatrix, accumulate, add4, for_off_diagonal, ranges, scale4, sub4,
 };
 use glam::DVec3;
-use memory::Shared;
+use memory::SharedValues;
 use serde::{Deserialize, Serialize};
 use sinew_engine::layout::UNUSED;
 use sinew_engine::scalar::Scalar;
@@ -48,7 +48,7 @@ pub struct BodySystem<'a, S> {
 
 /// When an inner solve ends.
 #[derive(Clone, Copy, Debug)]
-pub struct Limits {
+pub struct SolveLimits {
     /// Norm of the residual at its start.
     pub norm: f64,
     /// Reduction of the residual that is enough.
@@ -57,14 +57,14 @@ pub struct Limits {
     pub cap: u32,
 }
 
-/// How an inner solve ended.
+/// How a solve ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum InnerStatus {
-    /// The recurrence of the residual fell below the target.
+pub enum CgStatus {
+    /// The residual is below the tolerance.
     Converged,
-    /// The cap was reached.
+    /// The iteration cap was reached.
     Cap,
-    /// A direction of non-positive curvature turned up.
+    /// A direction of non-positive curvature turned up: the matrix is not positive definite.
     Indefinite,
     /// A number is not finite.
     NotFinite,
@@ -74,7 +74,7 @@ pub enum InnerStatus {
 #[derive(Clone, Copy, Debug)]
 pub struct Inner {
     /// How it ended.
-    pub status: InnerStatus,
+    pub status: CgStatus,
     /// Iterations.
     pub iterations: u32,
     /// Residual of the recurrence over that of the start.
@@ -94,21 +94,21 @@ pub struct ConjugateGradients<T: Scalar> {
     update: Vec<UpdatePiece<T>>,
     cholesky: IncompleteCholesky<T>,
     coarse: Option<CoarseSpace<T>>,
-    /// For the part of the matrix that is not added up, if it has one.
+    /// Correction for the low-rank part of the matrix, if it has one.
     correction: Option<Correction<T>>,
     forces: Vec<[T; 8]>,
     motions: Vec<Motion<T>>,
-    kept: Option<Kept>,
+    kept: Option<KeptFor>,
     /// Connected piece of every row when the aggregates were chosen.
     laid_out_for: Vec<u32>,
-    shared: Shared<T>,
+    shared: SharedValues<T>,
     /// Pieces, and rows in them, of the couplings of the matrix.
     coupled: Vec<[(usize, usize); 4]>,
 }
 
-/// What the kept values of the preconditioner were computed for, and how they did since.
+/// The matrix that the kept values of the preconditioner were computed for, and the iterations since.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Kept {
+struct KeptFor {
     kind: Preconditioner,
     factors: [f64; 3],
     held: Vec<FixedAxes>,
@@ -122,12 +122,12 @@ struct Kept {
     cost: f64,
 }
 
-impl Kept {
+impl KeptFor {
     /// Books a solve; the values are in use since so many iterations and at this reduction.
     fn book(&mut self, inner: &Inner, since: (u32, f64)) {
         let iterations = f64::from(inner.iterations - since.0);
         let decades = libm::log10(since.1 / inner.reduction);
-        if inner.status != InnerStatus::Converged {
+        if inner.status != CgStatus::Converged {
             // made for a matrix that was given up: not worth keeping
             self.excess = f64::INFINITY;
         } else if let Some(fresh) = self.fresh {
@@ -171,9 +171,9 @@ impl<T: Scalar> ConjugateGradients<T> {
         of: &BodySystem<'_, S>,
         residual: &[[S; 4]],
         correction: &mut [[S; 4]],
-        limits: Limits,
+        limits: SolveLimits,
     ) -> Inner {
-        let Limits { norm, target, cap } = limits;
+        let SolveLimits { norm, target, cap } = limits;
         let (workers, pattern) = (of.system.workers, of.pattern);
         let place = |row: u32| {
             let row = row as usize;
@@ -183,7 +183,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         self.coupled.clear();
         self.coupled.extend(self.matrix.couplings.iter().map(|c| c.rows.map(place)));
         let mut inner = Inner {
-            status: InnerStatus::Cap,
+            status: CgStatus::Cap,
             iterations: 0,
             reduction: 1.0,
             refreshes: 0,
@@ -200,7 +200,7 @@ impl<T: Scalar> ConjugateGradients<T> {
             self.load(pattern, residual, 1.0 / norm);
             self.iterate(workers, pattern, target, cap.min(allowance), &mut inner);
         }
-        if allowance.is_none() || (inner.status == InnerStatus::Cap && inner.iterations < cap) {
+        if allowance.is_none() || (inner.status == CgStatus::Cap && inner.iterations < cap) {
             since = (inner.iterations, inner.reduction);
             inner.breakdowns = self.refresh(of);
             inner.refreshes = 1;
@@ -226,7 +226,7 @@ impl<T: Scalar> ConjugateGradients<T> {
     }
 
     /// The kept values of the preconditioner, if they may be used for a matrix.
-    fn usable<S: Scalar>(&self, of: &BodySystem<'_, S>) -> Option<&Kept> {
+    fn usable<S: Scalar>(&self, of: &BodySystem<'_, S>) -> Option<&KeptFor> {
         self.kept.as_ref().filter(|k| {
             k.kind == of.preconditioner
                 && k.factors == of.system.factors()
@@ -267,7 +267,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         let cost = FACTOR_COST * refresh / iteration;
         let held = self.matrix.held.clone();
         let factors = system.factors();
-        self.kept = Some(Kept { kind, factors, held, splits, fresh: None, excess: 0.0, cost });
+        self.kept = Some(KeptFor { kind, factors, held, splits, fresh: None, excess: 0.0, cost });
         breakdowns
     }
 
@@ -296,15 +296,15 @@ impl<T: Scalar> ConjugateGradients<T> {
         breakdowns
     }
 
-    /// Makes the preconditioner one for the vectors of this matrix.
+    /// Forms the correction for the low-rank part of this matrix, if it has one.
     fn correct(&mut self, workers: &Workers, pattern: &Pattern) {
         if let Some(correction) = &mut self.correction {
             correction.form(workers, pattern, &self.matrix);
         }
     }
 
-    /// The shortest way (m), as the diagonal blocks of the matrix measure it, that takes `excess` (J^1/2) from the
-    /// values behind its vectors; false, where there are none.
+    /// Adds to `way` the shortest step (m), measured by the diagonal blocks of the matrix, that lowers the values of
+    /// its low-rank vectors by `excess` (J^1/2); false, where it has no such vectors.
     pub fn restore<S: Scalar>(&self, excess: &[f64], way: &mut [[S; 4]]) -> bool {
         let Self { matrix, correction, .. } = self;
         let Some(correction) =
@@ -385,21 +385,21 @@ impl<T: Scalar> ConjugateGradients<T> {
         let mut beta = T::ZERO;
         inner.status = loop {
             if !rr.is_finite() || !rho.is_finite() {
-                break InnerStatus::NotFinite;
+                break CgStatus::NotFinite;
             }
             inner.reduction = rr.sqrt();
             if inner.reduction <= target {
-                break InnerStatus::Converged;
+                break CgStatus::Converged;
             }
             if inner.iterations == cap {
-                break InnerStatus::Cap;
+                break CgStatus::Cap;
             }
             let curvature = self.multiply(workers, pattern, beta);
             if !curvature.is_finite() {
-                break InnerStatus::NotFinite;
+                break CgStatus::NotFinite;
             }
             if curvature <= 0.0 || rho <= 0.0 {
-                break InnerStatus::Indefinite;
+                break CgStatus::Indefinite;
             }
             let previous = rho;
             (rr, rho) = self.update(workers, pattern, Some(T::from_f64(rho / curvature)));
@@ -546,7 +546,7 @@ struct Multiply<'a, T> {
     own: &'a mut ProductPiece<T>,
 }
 
-impl<T: Scalar> Kernel for Multiply<'_, T> {
+impl<T: Scalar> VectorKernel for Multiply<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -593,7 +593,7 @@ struct Update<'a, T> {
     own: &'a mut UpdatePiece<T>,
 }
 
-impl<T: Scalar> Kernel for Update<'_, T> {
+impl<T: Scalar> VectorKernel for Update<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -637,7 +637,7 @@ struct Precondition<'a, T> {
     own: &'a mut UpdatePiece<T>,
 }
 
-impl<T: Scalar> Kernel for Precondition<'_, T> {
+impl<T: Scalar> VectorKernel for Precondition<'_, T> {
     type Output = ();
 
     #[inline(always)]

@@ -7,7 +7,7 @@
 //! breaks down is factorised again with its off-diagonal blocks made smaller against the diagonal
 //! (the same as a shift of the diagonal), and at last without them: block Jacobi.
 
-use crate::simd::{Kernel, vectorised};
+use crate::simd::{VectorKernel, vectorised};
 use crate::system::{
     Block, Pattern, Piece, SystemMatrix, add4, definite_inverse, diagonal_inverse, mul4, sub4,
     sum4, transpose_product, zero_block,
@@ -61,7 +61,7 @@ impl<T: Scalar> IncompleteCholesky<T> {
         self.pieces.iter().map(of).collect()
     }
 
-    /// Takes numbers over; false, where they are not of factors with this symbolic part.
+    /// Takes the numbers of factors over; false, where these have another symbolic part.
     pub fn recall(&mut self, values: &[FactorValues<T>]) -> bool {
         let fits = |(p, v): (&FactorPiece<T>, &FactorValues<T>)| {
             v.inverse.len() + 1 == p.start.len() && v.upper.len() == p.column.len()
@@ -90,7 +90,12 @@ impl<T: Scalar> IncompleteCholesky<T> {
         matrix: &SystemMatrix<T>,
     ) -> u32 {
         workers.for_each(&mut self.pieces, usize::MAX, |i, piece| {
-            vectorised(Factorise { factor: piece, pattern, piece: &pattern.pieces[i], matrix });
+            vectorised(FactorisePiece {
+                factor: piece,
+                pattern,
+                piece: &pattern.pieces[i],
+                matrix,
+            });
         });
         self.pieces.iter().map(|p| p.breakdowns).sum()
     }
@@ -244,14 +249,14 @@ impl<T: Scalar> FactorPiece<T> {
     }
 }
 
-struct Factorise<'a, T> {
+struct FactorisePiece<'a, T> {
     factor: &'a mut FactorPiece<T>,
     pattern: &'a Pattern,
     piece: &'a Piece,
     matrix: &'a SystemMatrix<T>,
 }
 
-impl<T: Scalar> Kernel for Factorise<'_, T> {
+impl<T: Scalar> VectorKernel for FactorisePiece<'_, T> {
     type Output = ();
 
     #[inline(always)]

@@ -8,7 +8,7 @@
 //! narrow envelope, in which its Cholesky factor stays. Motions that held vertices or a degenerate
 //! aggregate leave without stiffness have no pivot and are left out.
 
-use crate::simd::{Kernel, vectorised};
+use crate::simd::{VectorKernel, vectorised};
 use crate::system::{Pattern, SystemMatrix, add4, mul4, sub4};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -24,7 +24,7 @@ pub struct CoarseSpace<T> {
     /// Position of each row relative to the centre of its aggregate, over the aggregate's radius, in
     /// the orders yzx and zxy.
     arm: Vec<[[T; 4]; 2]>,
-    /// Pairs of coupled aggregates `a <= b` and what they are summed from.
+    /// Pairs of coupled aggregates `a <= b` and the blocks of the matrix that they are summed from.
     blocks: Vec<CoarseBlock>,
     terms: Vec<Term>,
     values: Vec<[f64; 36]>,
@@ -68,7 +68,7 @@ impl<T: Scalar> CoarseSpace<T> {
         CoarseValues { lower: self.factor.lower.clone(), inverse: self.factor.inverse.clone() }
     }
 
-    /// Takes numbers over; false, where they are not of a factor of this shape.
+    /// Takes the numbers of a factor over; false, where that factor has another shape.
     pub fn recall(&mut self, values: &CoarseValues<T>) -> bool {
         let fits = self.factor.lower.len() == values.lower.len()
             && self.factor.inverse.len() == values.inverse.len();
@@ -141,7 +141,7 @@ impl<T: Scalar> CoarseSpace<T> {
         for (block, value) in self.blocks.iter().zip(&self.values) {
             self.factor.set(block.pair, value);
         }
-        vectorised(Factorise(&mut self.factor));
+        vectorised(FactoriseEnvelope(&mut self.factor));
     }
 
     /// Adds the forces `r` on the rows `first..` to the forces on the motions of the aggregates
@@ -214,7 +214,7 @@ impl<T: Scalar> CoarseSpace<T> {
     pub fn solve(&mut self, coarse: &mut [[T; 8]]) -> f64 {
         self.forces.clear();
         self.forces.extend_from_slice(coarse);
-        vectorised(Solve(&mut self.factor, coarse));
+        vectorised(SolveEnvelope(&mut self.factor, coarse));
         let rows = self.forces.iter().zip(coarse);
         rows.map(|(f, x)| (0..MODES).map(|k| f[k].to_f64() * x[k].to_f64()).sum::<f64>()).sum()
     }
@@ -298,7 +298,7 @@ struct Galerkin<'a, T> {
     aggregate: &'a [u32],
 }
 
-impl<T: Scalar> Kernel for Galerkin<'_, T> {
+impl<T: Scalar> VectorKernel for Galerkin<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -553,9 +553,9 @@ impl<T: Scalar> Envelope<T> {
     }
 }
 
-struct Factorise<'a, T>(&'a mut Envelope<T>);
+struct FactoriseEnvelope<'a, T>(&'a mut Envelope<T>);
 
-impl<T: Scalar> Kernel for Factorise<'_, T> {
+impl<T: Scalar> VectorKernel for FactoriseEnvelope<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -564,9 +564,9 @@ impl<T: Scalar> Kernel for Factorise<'_, T> {
     }
 }
 
-struct Solve<'a, T>(&'a mut Envelope<T>, &'a mut [Node<T>]);
+struct SolveEnvelope<'a, T>(&'a mut Envelope<T>, &'a mut [Node<T>]);
 
-impl<T: Scalar> Kernel for Solve<'_, T> {
+impl<T: Scalar> VectorKernel for SolveEnvelope<'_, T> {
     type Output = ();
 
     #[inline(always)]

@@ -1,8 +1,7 @@
 //! Sparse direct factorisation, for equilibria, constant matrices and as a reference. The factor is
 //! kept while the matrix stays the same, number by number.
 
-use crate::low_rank::RankOnes;
-use crate::system::{Block, Pattern, SystemMatrix};
+use crate::system::{Block, Pattern, RankOnes, SystemMatrix};
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
@@ -25,7 +24,7 @@ struct Symbolic {
 pub struct DirectFactor<S> {
     symbolic: Option<Symbolic>,
     factor: Option<Llt<usize, f64>>,
-    /// What `factor` is the factor of.
+    /// The matrix of `factor`.
     matrix: SystemMatrix<S>,
     /// There was a factor of that matrix before it was recalled.
     recalled: bool,
@@ -33,12 +32,12 @@ pub struct DirectFactor<S> {
 }
 
 impl<S: Scalar> DirectFactor<S> {
-    /// What the factor is the factor of.
+    /// The matrix of the factor.
     pub fn memory(&self) -> Option<SystemMatrix<S>> {
         (self.factor.is_some() || self.recalled).then(|| self.matrix.clone())
     }
 
-    /// Makes the next use of this matrix count as that of a factor that was there.
+    /// Remembers that a factor of this matrix existed: its next factorisation is not reported.
     pub fn recall(&mut self, matrix: Option<&SystemMatrix<S>>) {
         if self.factor.is_some() && matrix == Some(&self.matrix) {
             return;

@@ -19,9 +19,8 @@
 //! * Displacements carry what their number type cannot hold (`low`) along, over substeps and steps:
 //!   in `f32`, `h v` is below the rounding of a displacement of metres.
 
-use crate::memory::ExplicitMemory;
 use crate::settings::{Integrator, SolverSettings};
-use crate::simd::{Kernel, vectorised};
+use crate::simd::{VectorKernel, vectorised};
 use crate::stability::StabilityLimit;
 use crate::state::{
     NodeState, Rows, book_momentum, dot3, evaluate, position, read_force, read_rest, viscous_rate,
@@ -32,7 +31,9 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::system::SystemState;
 use bytemuck::TransparentWrapper;
 use glam::DVec3;
-use sinew_contact::set::{ContactSet, Limits, Places};
+use serde::{Deserialize, Serialize};
+use sinew_contact::limits::Limits;
+use sinew_contact::set::{ContactSet, Places};
 use sinew_engine::columns::single_table;
 use sinew_engine::compiled_here;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, ViscousRequest};
@@ -49,7 +50,7 @@ use sinew_engine::vertex::{Displacement, ElasticForce, FixedAxes, Velocity};
 use sinew_engine::workers::Workers;
 
 /// Work space of the explicit integrators, and what they remember from step to step.
-#[derive(Resource, Clone, Debug)]
+#[derive(Resource, Clone, Debug, Default)]
 pub struct ExplicitScratch<S: Scalar> {
     node: NodeState<S>,
     /// Inverse masses (1/kg), 0 for held unknowns and padding.
@@ -63,21 +64,45 @@ pub struct ExplicitScratch<S: Scalar> {
     /// Force of the dampers (N) at the present substep, and velocities (m/s) that it is taken at.
     viscous: Rows<S>,
     known: ViscousRequest<S>,
-    /// What displacements (m) cannot hold of the state: at the start of the step, and now.
+    /// Rounding remainders of the displacements (m): at the start of the step, and now.
     low_start: Rows<S>,
     low: Rows<S>,
     within: WithinStep,
     limit: StabilityLimit<S>,
-    /// Factor on the limit, lowered when energy creeps up.
-    caution: f64,
-    /// Energy (J) that came from nowhere, summed since it was last 0.
-    creep: f64,
+    caution: Caution,
     last: Option<LastStep<S>>,
     /// Volumes that pressures have swept, at the start of the step.
     swept: SweptVolumes,
     /// Rest positions (m), read once per topology.
     rest: Vec<DVec3>,
     revision: Option<u64>,
+}
+
+/// Values that explicit steps keep for the next one.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(bound = "S: Scalar")]
+pub(crate) struct ExplicitMemory<S: Scalar> {
+    /// Displacements (m) and elastic energy (J) at the end of the last step.
+    u: Rows<S>,
+    elastic: f64,
+    /// Elastic force (N) there.
+    force: Rows<S>,
+    /// Rounding remainders of the displacements (m).
+    low: Rows<S>,
+    limit: StabilityLimit<S>,
+    caution: Caution,
+    swept: SweptVolumes,
+    /// Masses (kg) and held axes that inverse masses and limit belong to.
+    made_of: (Vec<S>, Vec<FixedAxes>),
+}
+
+impl<S: Scalar> ExplicitMemory<S> {
+    /// Whether it can belong to a world of so many vertex rows and edges.
+    pub fn fits(&self, rows: usize, edges: usize) -> bool {
+        [&self.u, &self.force, &self.low].iter().all(|field| field.len() == rows)
+            && [self.made_of.0.len(), self.made_of.1.len()] == [rows; 2]
+            && self.limit.fits(rows, edges)
+    }
 }
 
 /// The end of the last step.
@@ -92,32 +117,8 @@ struct LastStep<S> {
     tick: Tick,
 }
 
-impl<S: Scalar> Default for ExplicitScratch<S> {
-    fn default() -> Self {
-        Self {
-            node: NodeState::default(),
-            weight: Vec::new(),
-            made_of: Default::default(),
-            external: Vec::new(),
-            force: Vec::new(),
-            viscous: Vec::new(),
-            known: ViscousRequest::Matrix,
-            low_start: Vec::new(),
-            low: Vec::new(),
-            within: WithinStep::default(),
-            limit: StabilityLimit::default(),
-            caution: 1.0,
-            creep: 0.0,
-            last: None,
-            swept: SweptVolumes::default(),
-            rest: Vec::new(),
-            revision: None,
-        }
-    }
-}
-
 impl<S: Scalar> ExplicitScratch<S> {
-    /// What the next step will use of it, if anything.
+    /// The part that the next step will use, if it still holds.
     pub(crate) fn remember(&mut self, world: &mut World) -> Option<ExplicitMemory<S>> {
         let last = self.last.as_ref().filter(|last| holds(last, world))?;
         Some(ExplicitMemory {
@@ -127,15 +128,14 @@ impl<S: Scalar> ExplicitScratch<S> {
             low: self.low_start.clone(),
             limit: self.limit.memory(),
             caution: self.caution,
-            creep: self.creep,
             swept: self.swept.clone(),
             made_of: self.made_of.clone(),
         })
     }
 
-    /// Takes up what was kept, for the world as it is now.
+    /// Restores kept values, for the world as it is now.
     pub(crate) fn recall(&mut self, world: &mut World, memory: &ExplicitMemory<S>) {
-        let ExplicitMemory { u, elastic, force, low, limit, caution, creep, swept, made_of } =
+        let ExplicitMemory { u, elastic, force, low, limit, caution, swept, made_of } =
             memory.clone();
         let topology = world.resource::<Topology>();
         let revision = topology.revision;
@@ -147,7 +147,7 @@ impl<S: Scalar> ExplicitScratch<S> {
             tick: world.increment_change_tick(),
         });
         (self.force, self.low_start, self.limit) = (force, low, limit);
-        (self.caution, self.creep, self.swept) = (caution, creep, swept);
+        (self.caution, self.swept) = (caution, swept);
         self.use_masses(made_of.0, made_of.1);
     }
 
@@ -172,11 +172,11 @@ fn holds<S: Scalar>(last: &LastStep<S>, world: &mut World) -> bool {
 }
 
 /// Doublings of the substep count before a step is given up.
-const MAX_REFINEMENTS: u32 = 6;
+pub const MAX_REFINEMENTS: u32 = 6;
 /// Energy growth (relative to the energies involved) at which a step counts as unstable: symplectic
 /// Euler and Störmer-Verlet. Within the stable range their energies oscillate in the first and second
 /// order of omega h; seen in smooth motion at 0.9 of the limit: 0.05 and 0.003.
-const GROWTH: [f64; 2] = [0.25, 0.1];
+pub const GROWTH: [f64; 2] = [0.25, 0.1];
 /// The same, summed over steps.
 const CREEP: f64 = 0.25;
 /// Factor on the stability limit when energy has crept up, and its least product.
@@ -185,6 +185,77 @@ const CAUTION: [f64; 2] = [0.8, 0.25];
 const ROW_CHUNK: usize = 2048;
 /// Estimated work per vertex and pass (ns).
 const ROW_NS: usize = 5;
+
+/// Trust in the stability limit, by the energies of past steps.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Caution {
+    /// Factor on the limit.
+    factor: f64,
+    /// Growth (J) of the total energy beyond the work done, summed over steps and never below 0.
+    creep: f64,
+}
+
+impl Default for Caution {
+    fn default() -> Self {
+        Self { factor: 1.0, creep: 0.0 }
+    }
+}
+
+impl Caution {
+    /// Substeps that a step needs at a stability limit (s).
+    ///
+    /// # Errors
+    /// When these are more than allowed.
+    pub fn substeps(
+        &self,
+        clock: &StepClock,
+        limit: f64,
+        settings: &SolverSettings,
+    ) -> Result<u32, StepError> {
+        let needed = (clock.dt / (limit * self.factor * settings.explicit_safety)).ceil().max(1.0);
+        if needed <= f64::from(settings.max_substeps) {
+            Ok(needed as u32)
+        } else {
+            Err(too_many(clock, needed, limit, settings))
+        }
+    }
+
+    /// Books the growth of the energy in a step and the energies that it is measured by (J); true, where the limit was
+    /// too optimistic and has to be estimated again.
+    pub fn book(&mut self, [grown, scale]: [f64; 2], refined: bool) -> bool {
+        self.creep = (self.creep + grown).max(0.0);
+        let optimistic = refined || self.creep > CREEP * scale;
+        if optimistic {
+            *self = Self { factor: (self.factor * CAUTION[0]).max(CAUTION[1]), creep: 0.0 };
+        }
+        optimistic
+    }
+}
+
+fn too_many(clock: &StepClock, needed: f64, limit: f64, settings: &SolverSettings) -> StepError {
+    StepError::Diverged {
+        step: clock.step,
+        time: clock.time,
+        reason: format!(
+            "an explicit step of {} s needs {needed:.0} substeps (stability limit {limit:.3e} s), \
+             more than max_substeps = {}; reduce dt, raise max_substeps or use integrator = \"safe\"",
+            clock.dt, settings.max_substeps
+        ),
+    }
+}
+
+/// The error of a step whose energy grew with as many substeps as were tried.
+pub fn unstable(clock: &StepClock, substeps: u32, limit: f64) -> StepError {
+    StepError::Diverged {
+        step: clock.step,
+        time: clock.time,
+        reason: format!(
+            "the energy grew, or a number overflowed, even with {substeps} substeps (estimated \
+             stability limit {limit:.3e} s); check loads and prescribed motion, reduce dt or use \
+             integrator = \"safe\""
+        ),
+    }
+}
 
 /// Carries out one step with an explicit integrator.
 ///
@@ -252,7 +323,7 @@ fn estimate<S: Scalar>(world: &mut World) -> f64 {
     limit
 }
 
-/// The stability limit (s) with dampers of at most the rate `c` (1/s), from that without.
+/// The stability limit (s) with dampers of at most the rate `c` (1/s), from the limit without dampers.
 fn with_dampers(limit: f64, c: f64) -> f64 {
     // omega = 2 / limit
     if c > 0.0 { 4.0 / (c + c.hypot(4.0 / limit)) } else { limit }
@@ -279,15 +350,10 @@ fn substep<S: Scalar>(
     let limit = 2.0 / (2.0 / limit).hypot(touch[0]);
     let limit = with_dampers(limit, viscous_rate(world, &scratch.node) + touch[1]);
     report.stable_step = limit;
-    let needed = (clock.dt / (limit * scratch.caution * settings.explicit_safety)).ceil().max(1.0);
-    let mut substeps = if needed <= f64::from(settings.max_substeps) {
-        needed as u32
-    } else {
-        return Err(refuse(&clock, needed, limit, settings));
-    };
+    let mut substeps = scratch.caution.substeps(&clock, limit, settings)?;
     for refinement in 0..=MAX_REFINEMENTS {
         if substeps > settings.max_substeps {
-            return Err(refuse(&clock, f64::from(substeps), limit, settings));
+            return Err(too_many(&clock, f64::from(substeps), limit, settings));
         }
         let mut contact = contact.clone();
         let tried = attempt(world, settings, report, scratch, &mut contact, elastic, substeps);
@@ -300,18 +366,10 @@ fn substep<S: Scalar>(
         substeps = substeps.saturating_mul(2);
     }
     scratch.limit.forget();
-    Err(StepError::Diverged {
-        step: clock.step,
-        time: clock.time,
-        reason: format!(
-            "the energy grew, or a number overflowed, even with {substeps} substeps (estimated \
-             stability limit {limit:.3e} s); check loads and prescribed motion, reduce dt or use \
-             integrator = \"safe\""
-        ),
-    })
+    Err(unstable(&clock, substeps / 2, limit))
 }
 
-/// What may touch what in the step to come.
+/// Finds the points of contact of the coming step.
 fn prepare<S: Scalar>(
     contact: &ContactSet,
     world: &mut World,
@@ -341,20 +399,8 @@ fn touch<S: Scalar>(
     contact.evaluate(&bodies, &Places { now: &x, start: &x }, Limits::Take);
 }
 
-fn refuse(clock: &StepClock, needed: f64, limit: f64, settings: &SolverSettings) -> StepError {
-    StepError::Diverged {
-        step: clock.step,
-        time: clock.time,
-        reason: format!(
-            "an explicit step of {} s needs {needed:.0} substeps (stability limit {limit:.3e} s), \
-             more than max_substeps = {}; reduce dt, raise max_substeps or use integrator = \"safe\"",
-            clock.dt, settings.max_substeps
-        ),
-    }
-}
-
-/// Makes what is remembered fit the state: elastic force into `scratch.force`, and returns the elastic
-/// energy (J), both from the last step if they still hold.
+/// Brings the elastic force (`scratch.force`) and the elastic energy (J, returned) at the start up to date: those of
+/// the last step if they still hold.
 fn recall<S: Scalar>(
     world: &mut World,
     report: &mut StepReport,
@@ -368,7 +414,7 @@ fn recall<S: Scalar>(
     }
     let Some(last) = scratch.last.as_ref().filter(|last| holds(last, world)) else {
         scratch.limit.forget();
-        (scratch.caution, scratch.creep) = (1.0, 0.0);
+        scratch.caution = Caution::default();
         scratch.low_start.clear();
         scratch.low_start.resize(n, [S::ZERO; 4]);
         return evaluate_start(world, report, scratch);
@@ -411,16 +457,19 @@ type State<'w, 's, S> = SystemState<(
 
 /// Factors of a kick and a drift: `v <- keep v + kick (f / m)`, `u <- u + drift v`.
 #[derive(Clone, Copy, Debug)]
-struct Factors<S> {
-    keep: S,
-    kick: S,
-    drift: S,
+pub struct KickFactors<S> {
+    /// Factor of the velocity.
+    pub keep: S,
+    /// Factor (s) of the acceleration.
+    pub kick: S,
+    /// Factor (s) of the velocity in the displacement.
+    pub drift: S,
 }
 
-impl<S: Scalar> Factors<S> {
-    /// Of the first substep, of those in the middle, and of the kick at the end of the last, with substeps of
+impl<S: Scalar> KickFactors<S> {
+    /// Factors of the first substep, of those in the middle, and of the kick at the end of the last; substeps have
     /// length `h` (s).
-    fn of(settings: &SolverSettings, h: f64) -> [Self; 3] {
+    pub fn of(settings: &SolverSettings, h: f64) -> [Self; 3] {
         // damping is taken implicitly in every kick
         let damped = |t: f64| 1.0 / (1.0 + settings.mass_damping * t);
         let (whole, half) = (damped(h), damped(0.5 * h));
@@ -441,7 +490,7 @@ impl<S: Scalar> Factors<S> {
 }
 
 /// Slices of the columns for a piece of rows.
-struct Piece<'a, S> {
+struct RowSlices<'a, S> {
     u: &'a mut [[S; 4]],
     v: &'a mut [[S; 4]],
     low: &'a mut [[S; 4]],
@@ -458,7 +507,7 @@ struct Bookkeeping {
     ways_before: Vec<f64>,
     /// Their reactions (N) at the start of the substep.
     reactions: Vec<f64>,
-    /// What the varying loads are off their value at the end of the step, N.
+    /// Forces (N) of the varying loads less their values at the end of the step.
     differences: Vec<DVec3>,
     differences_before: Vec<DVec3>,
     /// Displacements (m) of the loaded vertices at the start of the substep.
@@ -472,8 +521,8 @@ struct Bookkeeping {
     before: [f64; 3],
 }
 
-/// One step with a given number of substeps from the remembered start; what the energy grew relative
-/// to the energies involved, `None` when too much or a number is not finite.
+/// One step with a given number of substeps from the remembered start. Returns the growth of the energy and the
+/// energies that it is measured by (J); `None` when it grew too much or a number is not finite.
 fn attempt<S: Scalar>(
     world: &mut World,
     settings: &SolverSettings,
@@ -489,8 +538,9 @@ fn attempt<S: Scalar>(
     let mut swept = scratch.swept.clone();
     let verlet = settings.integrator == Integrator::StormerVerlet;
     let damped = has_dampers(world);
-    let [first, middle, last] = Factors::of(settings, h);
+    let [first, middle, last] = KickFactors::of(settings, h);
 
+    // the start of the step
     write_state(world, &scratch.node.u, &scratch.node.v);
     scratch.low.clone_from(&scratch.low_start);
     scratch.external.clone_from(&scratch.node.external);
@@ -507,11 +557,13 @@ fn attempt<S: Scalar>(
     }
     stop_held(&mut state, world, scratch);
     touch(contact, &scratch.rest, &scratch.node.u, (0.0, 0.0));
+    // the substeps
     for i in 1..=substeps {
         let part = f64::from(i) / f64::from(substeps);
         if damped && i > 1 {
             books.dissipated += h * damp(&mut state, world, scratch);
         }
+        // kick and drift
         load(scratch, &books, contact.as_ref());
         scratch.within.ways(part, &mut books.ways);
         {
@@ -537,6 +589,7 @@ fn attempt<S: Scalar>(
         if damped && end && verlet {
             books.dissipated += half * damp(&mut state, world, scratch);
         }
+        // forces at the new place
         load(scratch, &books, contact.as_ref());
         world.insert_resource(EvaluationRequest { energy: end, force: true, tangent: None });
         world.insert_resource(LoadTime(time + part * dt));
@@ -546,6 +599,7 @@ fn attempt<S: Scalar>(
             swept.clone_from(now);
         }
         report.evaluations += 1;
+        // energy books, and the last half kick of Störmer-Verlet
         let (workers, mut columns) = state.get_mut(world).expect("engine resources");
         let (mut u, mut v, f) =
             single_table(columns.contiguous_iter_mut()).expect("there are vertices");
@@ -578,8 +632,8 @@ fn settle<S: Scalar>(
     }
 }
 
-/// Energies at the end of a step into the report; what the energy grew relative to the energies involved, `None` when
-/// too much or a number is not finite.
+/// Writes the energies at the end of a step into the report. Returns the growth of the energy and the energies that it
+/// is measured by (J); `None` when it grew too much or a number is not finite.
 fn close_step<S: Scalar>(
     state: &mut State<S>,
     world: &mut World,
@@ -645,16 +699,11 @@ fn finish<S: Scalar>(
     world: &mut World,
     report: &StepReport,
     scratch: &mut ExplicitScratch<S>,
-    [grown, scale]: [f64; 2],
+    growth: [f64; 2],
     refined: bool,
 ) {
-    scratch.creep = (scratch.creep + grown).max(0.0);
-    let creeping = scratch.creep > CREEP * scale;
-    if refined || creeping {
-        // the limit was too optimistic
+    if scratch.caution.book(growth, refined) {
         scratch.limit.forget();
-        scratch.caution = (scratch.caution * CAUTION[0]).max(CAUTION[1]);
-        scratch.creep = 0.0;
     }
     std::mem::swap(&mut scratch.low, &mut scratch.low_start);
     scratch.swept = world.get_resource::<SweptVolumes>().cloned().unwrap_or_default();
@@ -681,27 +730,33 @@ fn pieces<'a, S: Scalar>(
     v: &'a mut [[S; 4]],
     low: &'a mut [[S; 4]],
     [force, external, weight]: [&'a [[S; 4]]; 3],
-) -> Vec<Piece<'a, S>> {
+) -> Vec<RowSlices<'a, S>> {
     let state = u.chunks_mut(ROW_CHUNK).zip(v.chunks_mut(ROW_CHUNK)).zip(low.chunks_mut(ROW_CHUNK));
     let given =
         force.chunks(ROW_CHUNK).zip(external.chunks(ROW_CHUNK)).zip(weight.chunks(ROW_CHUNK));
-    let piece =
-        |(((u, v), low), ((force, external), weight))| Piece { u, v, low, force, external, weight };
+    let piece = |(((u, v), low), ((force, external), weight))| RowSlices {
+        u,
+        v,
+        low,
+        force,
+        external,
+        weight,
+    };
     state.zip(given).map(piece).collect()
 }
 
 /// Kick and drift of all rows, displacements summed without loss into `u + low`.
-fn advance<S: Scalar>(workers: &Workers, mut pieces: Vec<Piece<S>>, by: Factors<S>) {
+fn advance<S: Scalar>(workers: &Workers, mut pieces: Vec<RowSlices<S>>, by: KickFactors<S>) {
     let rows: usize = pieces.iter().map(|p| p.u.len()).sum();
     workers.for_each(&mut pieces, rows * ROW_NS, |_, piece| vectorised(Advance { piece, by }));
 }
 
 struct Advance<'a, 'b, S> {
-    piece: &'a mut Piece<'b, S>,
-    by: Factors<S>,
+    piece: &'a mut RowSlices<'b, S>,
+    by: KickFactors<S>,
 }
 
-impl<S: Scalar> Kernel for Advance<'_, '_, S> {
+impl<S: Scalar> VectorKernel for Advance<'_, '_, S> {
     type Output = ();
     #[inline(always)]
     fn run(self) {

@@ -1,4 +1,4 @@
-//! What multistep integrators remember of the last step, and whether it still holds.
+//! The last step, as multistep integrators remember it, and whether it still holds.
 
 use crate::state::{NodeState, Rows};
 use bevy_ecs::change_detection::Tick;
@@ -14,9 +14,9 @@ use std::ops::Range;
 const RATIOS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
 /// The last step.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(bound = "S: Scalar")]
-pub(crate) struct History<S> {
+pub(crate) struct StepHistory<S> {
     /// Displacements (m) and velocities (m/s) at its end, masses (kg) and held axes.
     pub u: Rows<S>,
     pub v: Rows<S>,
@@ -27,11 +27,11 @@ pub(crate) struct History<S> {
     pub v_before: Rows<S>,
     /// Its length (s).
     pub dt: f64,
-    /// Of groups of bodies at the place of their first body; those of the others are empty.
+    /// The history of a group of bodies stands at the place of its first body; those of the others are empty.
     pub bodies: Vec<BodyHistory>,
     /// Bodies that shared a solve.
     pub groups: Vec<Range<usize>>,
-    /// What the last linear solves predicted of the values behind low-rank tangents, body by body.
+    /// Values of the low-rank vectors (volumes of clusters) that the last linear solves predicted, body by body.
     pub predicted: Vec<Vec<f64>>,
     #[serde(skip)]
     revision: u64,
@@ -43,18 +43,18 @@ pub(crate) struct History<S> {
     void: bool,
 }
 
-/// What is remembered of a body.
+/// The last step of a body.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct BodyHistory {
     /// Elastic energy (J) at the end of the step.
     pub elastic: f64,
-    /// What the energy budget was above the energy then (J).
+    /// Energy budget less the energy (J) at the end of the step.
     pub excess: f64,
-    /// Steps to be taken with the safe step.
+    /// Number of coming steps that have to be safe steps.
     pub wait: u32,
 }
 
-/// What of a body's history holds at the start of a step.
+/// The part of a body's history that holds at the start of a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Past {
     /// The state is that of the last step's end.
@@ -80,28 +80,7 @@ impl Past {
     }
 }
 
-impl<S: Scalar> Default for History<S> {
-    fn default() -> Self {
-        Self {
-            u: Vec::new(),
-            v: Vec::new(),
-            mass: Vec::new(),
-            fixed: Vec::new(),
-            increment: Vec::new(),
-            v_before: Vec::new(),
-            dt: 0.0,
-            bodies: Vec::new(),
-            groups: Vec::new(),
-            predicted: Vec::new(),
-            revision: 0,
-            laws: 0,
-            tick: None,
-            void: false,
-        }
-    }
-}
-
-impl<S: Scalar> History<S> {
+impl<S: Scalar> StepHistory<S> {
     /// Compares the state with the end of the last step, body by body; `dt` is the length (s) of the
     /// step to come. Also whether the elastic energies then still hold: a changed constant leaves the
     /// motion before it as it was, but voids energies and what they allow.

@@ -1,11 +1,11 @@
-//! The integrators as a table: one row each with what the rest of the program asks of it. Adding one is a
-//! row here, its code, and its line in `Step::run` ([`crate::implicit`]) or in [`crate::explicit`].
+//! The integrators as a table: one row each with the facts that the rest of the program asks for. Adding one is a row
+//! here, its code, and its line in `Step::run` ([`crate::implicit`]) or in [`crate::explicit`].
 
 use serde::{Deserialize, Serialize};
 use sinew_contact::set::ContactSet;
 use sinew_engine::step::StepError;
 
-/// What is known of an integrator: a row of the table.
+/// Facts of an integrator: a row of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IntegratorFacts {
     /// Name as in a scene file.
@@ -31,7 +31,7 @@ pub struct IntegratorFacts {
     pub exact_contact: bool,
     /// Runs on the device too.
     pub device: bool,
-    /// What its user must know: a sentence without a full stop.
+    /// Advice to the user: a sentence without a full stop.
     pub caution: Option<&'static str>,
 }
 

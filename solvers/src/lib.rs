@@ -43,6 +43,7 @@ fn install<S: Scalar>(world: &mut World) {
     world.init_resource::<SolverSettings>();
     world.init_resource::<IntegratorInstalled>();
     world.insert_resource(StepDivider(divide::<S>));
+    sinew_contact::install(world);
     world
         .resource_mut::<Schedules>()
         .entry(StepSchedule)

@@ -9,63 +9,17 @@
 //! on in `f64`. Sums run over fixed pieces in `f64`, so the iterates do not depend on the number of
 //! threads.
 
-use crate::cg::memory::Misfit;
-use crate::cg::{BodySystem, ConjugateGradients, Inner, InnerStatus, Limits};
-use crate::memory::{GroupMemory, LinearMemory};
-use crate::settings::{LinearPrecision, Preconditioner};
+use crate::cg::memory::{MemoryMisfit, PreconditionerMemory};
+use crate::cg::{BodySystem, CgStatus, ConjugateGradients, Inner, SolveLimits};
+use crate::settings::{LinearOptions, LinearPrecision, Preconditioner};
 use crate::state::{Rows, dot3};
-use crate::system::{Pattern, ShiftedTangent, ranges};
+use crate::system::{Pattern, ShiftedTangent, SystemMatrix, ranges};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use sinew_engine::matrix::ProductSpans;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
 use std::ops::Range;
-
-/// How a solve ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CgStatus {
-    /// The residual is below the tolerance.
-    Converged,
-    /// The iteration cap was reached.
-    Cap,
-    /// A direction of non-positive curvature turned up: the matrix is not positive definite.
-    Indefinite,
-    /// A number is not finite.
-    NotFinite,
-}
-
-/// What a solve is asked for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LinearOptions {
-    /// Residual, relative to that of the start vector, at which the system counts as solved.
-    pub tolerance: f64,
-    /// Cap on iterations.
-    pub max_iterations: u32,
-    /// Preconditioner.
-    pub preconditioner: Preconditioner,
-    /// Number type of matrix and iteration.
-    pub precision: LinearPrecision,
-    /// Residuals are measured against at least this, whatever the start.
-    pub reference: f64,
-    /// Residual, relative to that of the start vector, at which a solve ends even above the tolerance.
-    pub own_tolerance: f64,
-    /// The matrix is that of the last solve of the same bodies, but for what contact adds.
-    pub same_matrix: bool,
-}
-
-impl Default for LinearOptions {
-    fn default() -> Self {
-        Self {
-            tolerance: 1e-3,
-            max_iterations: 5_000,
-            preconditioner: Preconditioner::default(),
-            precision: LinearPrecision::default(),
-            reference: 0.0,
-            own_tolerance: 0.0,
-            same_matrix: false,
-        }
-    }
-}
 
 /// Result of a solve.
 #[derive(Clone, Copy, Debug)]
@@ -78,14 +32,27 @@ pub struct CgOutcome {
     pub residual: f64,
     /// Preconditioner that was used, never [`Preconditioner::Auto`].
     pub preconditioner: Preconditioner,
-    /// Times its values were computed; otherwise those of an earlier solve were used.
+    /// Times the values of the preconditioner were computed; otherwise those of an earlier solve were used.
     pub refreshes: u32,
-    /// Restarts of its factorisation after breakdowns.
+    /// Restarts of the preconditioner's factorisation after breakdowns.
     pub breakdowns: u32,
     /// The solve had to go on in full precision.
     pub fell_back: bool,
-    /// What residuals were measured against.
+    /// Norm (N) that residuals were divided by.
     pub reference: f64,
+}
+
+/// Kept preconditioners and factors of groups of bodies, in the order of the groups.
+pub type LinearMemory<S> = Vec<(Range<usize>, GroupMemory<S>)>;
+
+/// Kept preconditioners and factor of a group of bodies.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(bound = "S: Scalar")]
+pub struct GroupMemory<S: Scalar> {
+    single: Option<PreconditionerMemory<f32>>,
+    full: Option<PreconditionerMemory<S>>,
+    /// The matrix of the complete factor.
+    factorised: Option<SystemMatrix<S>>,
 }
 
 /// Solves the systems of the bodies of a world, one by one, and keeps what can be used again.
@@ -119,7 +86,7 @@ struct BodySolver<S: Scalar> {
 fn solve_directly<S: Scalar>(
     direct: &mut crate::direct::DirectFactor<S>,
     pattern: &Pattern,
-    matrix: &crate::system::SystemMatrix<S>,
+    matrix: &SystemMatrix<S>,
     r: &[[S; 4]],
     e: &mut [[S; 4]],
 ) -> Inner {
@@ -128,7 +95,7 @@ fn solve_directly<S: Scalar>(
         direct.solve(r, e);
     }
     Inner {
-        status: factorised.map_or(InnerStatus::Indefinite, |_| InnerStatus::Converged),
+        status: factorised.map_or(CgStatus::Indefinite, |_| CgStatus::Converged),
         iterations: 1,
         reduction: 1.0,
         refreshes: u32::from(factorised == Some(true)),
@@ -137,7 +104,7 @@ fn solve_directly<S: Scalar>(
 }
 
 impl<S: Scalar> LinearSolver<S> {
-    /// What is kept from solve to solve and still holds.
+    /// Preconditioners and factors that are kept from solve to solve and still hold.
     pub fn memory(&mut self, topology: &Topology) -> LinearMemory<S> {
         if self.revision != topology.revision {
             return Vec::new();
@@ -156,7 +123,7 @@ impl<S: Scalar> LinearSolver<S> {
         self.groups.iter_mut().map(of).collect()
     }
 
-    /// Takes up what was kept; `rest` (m) are the rest positions of all rows.
+    /// Restores kept preconditioners and factors; `rest` (m) are the rest positions of all rows.
     ///
     /// # Errors
     /// When it belongs to other bodies.
@@ -165,7 +132,7 @@ impl<S: Scalar> LinearSolver<S> {
         topology: &Topology,
         rest: &[DVec3],
         memory: &LinearMemory<S>,
-    ) -> Result<(), Misfit> {
+    ) -> Result<(), MemoryMisfit> {
         if self.revision != topology.revision {
             self.groups.clear();
             self.revision = topology.revision;
@@ -222,7 +189,7 @@ impl<S: Scalar> LinearSolver<S> {
             self.groups[group].1.assembled = [false; 2];
         }
         let same_type = size_of::<S>() == size_of::<f32>();
-        let solve = Solve {
+        let solve = LinearSolve {
             solver: self,
             system,
             rest,
@@ -250,8 +217,8 @@ impl<S: Scalar> LinearSolver<S> {
         system.workers.enter(|| solve.run(x))
     }
 
-    /// Adds to `way` the shortest step (m), as the diagonal blocks of the matrix last solved with measure it, that
-    /// takes `excess` (J^1/2) from the values behind its low-rank part; false, where there is none.
+    /// Adds to `way` the shortest step (m), measured by the diagonal blocks of the last matrix, that lowers the values
+    /// of its low-rank vectors by `excess` (J^1/2); false, where it has no such vectors.
     pub fn restore(&mut self, bodies: &Range<usize>, excess: &[f64], way: &mut [[S; 4]]) -> bool {
         let Some((_, own)) = self.groups.iter_mut().find(|(of, _)| of == bodies) else {
             return false;
@@ -329,12 +296,12 @@ fn resolve<S: Scalar>(
 
 /// One solve: rounds of conjugate gradients, or of the complete factor, each for a correction of what is
 /// left.
-struct Solve<'a, S: Scalar> {
+struct LinearSolve<'a, S: Scalar> {
     solver: &'a mut LinearSolver<S>,
     system: &'a ShiftedTangent<'a, S>,
     rest: &'a [DVec3],
     bodies: Range<usize>,
-    /// Place of their solver.
+    /// Place of the solver of these bodies.
     group: usize,
     b: &'a [[S; 4]],
     options: &'a LinearOptions,
@@ -344,13 +311,13 @@ struct Solve<'a, S: Scalar> {
     mixed: bool,
     /// Whether the matrix is that of this solve: in the number type of the state, in `f32`.
     prepared: [bool; 2],
-    /// What residuals are measured against, and where they are small enough.
+    /// Norm (N) that residuals are divided by, and the quotient that is small enough.
     reference: f64,
     tolerance: f64,
     outcome: CgOutcome,
 }
 
-impl<S: Scalar> Solve<'_, S> {
+impl<S: Scalar> LinearSolve<'_, S> {
     fn run(mut self, x: &mut [[S; 4]]) -> CgOutcome {
         let norm_b = norm(self.b);
         if norm_b == 0.0 {
@@ -390,13 +357,13 @@ impl<S: Scalar> Solve<'_, S> {
         }
         let inner = self.correct(before);
         match inner.status {
-            InnerStatus::Converged | InnerStatus::Cap => {}
-            InnerStatus::NotFinite if self.may_widen() => return self.widen(),
-            InnerStatus::NotFinite => return Some(CgStatus::NotFinite),
-            InnerStatus::Indefinite if self.may_widen() && !self.is_indefinite() => {
+            CgStatus::Converged | CgStatus::Cap => {}
+            CgStatus::NotFinite if self.may_widen() => return self.widen(),
+            CgStatus::NotFinite => return Some(CgStatus::NotFinite),
+            CgStatus::Indefinite if self.may_widen() && !self.is_indefinite() => {
                 return self.widen();
             }
-            InnerStatus::Indefinite => return Some(CgStatus::Indefinite),
+            CgStatus::Indefinite => return Some(CgStatus::Indefinite),
         }
         for (x, e) in x.iter_mut().zip(&self.solver.correction) {
             for k in 0..3 {
@@ -408,7 +375,7 @@ impl<S: Scalar> Solve<'_, S> {
         if !direct && (self.same_type || !self.mixed) {
             // the iteration ran in the number type of the state: its own residual counts
             self.outcome.residual = inner.reduction * before / self.reference;
-            let converged = inner.status == InnerStatus::Converged;
+            let converged = inner.status == CgStatus::Converged;
             return Some(if converged { CgStatus::Converged } else { CgStatus::Cap });
         }
         self.solver.find_residual(self.system, self.bodies.clone(), self.b, x);
@@ -434,7 +401,7 @@ impl<S: Scalar> Solve<'_, S> {
             target = (0.9 * target).max(SINGLE_REDUCTION);
         }
         let cap = self.options.max_iterations - self.outcome.iterations;
-        let limits = Limits { norm: norm_r, target, cap };
+        let limits = SolveLimits { norm: norm_r, target, cap };
         let LinearSolver { groups, residual, correction, .. } = &mut *self.solver;
         let own = &mut groups[group].1;
         correction.resize(residual.len(), [S::ZERO; 4]);

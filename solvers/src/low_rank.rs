@@ -1,93 +1,31 @@
 //! The part of a system matrix that couples many vertices at once: `sum b b^T`, never added up, and a preconditioner of
 //! the whole.
 //!
-//! With such a part condition numbers grow as `lambda/mu`. A preconditioner `M` of the rest, with the rigid motions `R` of
-//! aggregates or without, and its diagonal blocks `D` make one that does not know `lambda`:
+//! With such a part condition numbers grow as `lambda/mu`. A preconditioner `M` of the rest, with the rigid motions `R`
+//! of aggregates or without, and the diagonal blocks `D` of the rest make a preconditioner of the whole, with which the
+//! number of iterations does not depend on `lambda`:
 //!
 //! ```text
 //! S = I + B D^-1 B^T          Q = I - D^-1 B^T S^-1 B
 //! P = D^-1 B^T S^-2 B D^-1 + Q (M^-1 + R A_c^-1 R^T) Q^T
 //! ```
 //!
-//! `Q` takes from a motion what changes the volume of clusters, as `D` measures it; the first term carries that part.
-//! With `M = D` and without `R` this is `(D + B^T B)^-1`. `P` is positive definite whatever `M` and `A_c` are, and needs two
-//! solves with `S`, which is sparse: clusters that share a vertex. `M` and `A_c` may be those of an earlier state. `B` must be
-//! that of the matrix: along `b` the preconditioner has to hold to a part `mu/lambda`. So `S` is formed for every matrix.
+//! `Q` removes from a motion the part that changes the volume of clusters (the smallest such part, measured by `D`);
+//! the first term of `P` solves for that part. With `M = D` and without `R` this is `(D + B^T B)^-1`. `P` is positive
+//! definite whatever `M` and `A_c` are, and needs two solves with `S`, which is sparse: clusters that share a vertex.
+//! `M` and `A_c` may be those of an earlier state. `B` must be that of the matrix: along `b` the preconditioner has to
+//! hold to a part `mu/lambda`. So `S` is formed for every matrix.
 
 use crate::cholesky::IncompleteCholesky;
-use crate::simd::{Kernel, vectorised};
-use crate::system::{Pattern, SystemMatrix, accumulate, add4, scale4};
-use serde::{Deserialize, Serialize};
+use crate::simd::{VectorKernel, vectorised};
+use crate::system::{Pattern, RankOnes, SystemMatrix, accumulate, add4, scale4};
 use sinew_engine::scalar::Scalar;
-use sinew_engine::vertex::FixedAxes;
 use sinew_engine::workers::Workers;
-use std::ops::Range;
-
-/// Vectors `b` of a matrix `sum b b^T` on the rows of some bodies.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(bound = "T: Scalar")]
-pub struct RankOnes<T> {
-    /// First entry of each vector (one more than vectors; empty without any).
-    pub start: Vec<u32>,
-    /// Row of each entry.
-    pub rows: Vec<u32>,
-    /// The 3-vectors at those rows.
-    pub entries: Vec<[T; 4]>,
-}
-
-impl<T: Scalar> RankOnes<T> {
-    /// Number of vectors.
-    pub fn len(&self) -> usize {
-        self.start.len().saturating_sub(1)
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Forgets all vectors.
-    pub fn clear(&mut self) {
-        self.start.clear();
-        self.rows.clear();
-        self.entries.clear();
-    }
-
-    /// Adds a vector; entries of held unknowns become zero.
-    pub fn push(&mut self, held: &[FixedAxes], entries: impl Iterator<Item = (u32, [f64; 3])>) {
-        if self.start.is_empty() {
-            self.start.push(0);
-        }
-        for (row, b) in entries {
-            let held = held[row as usize];
-            let free = |k: usize| if held.holds(k) { 0.0 } else { b[k] };
-            self.rows.push(row);
-            self.entries.push([
-                T::from_f64(free(0)),
-                T::from_f64(free(1)),
-                T::from_f64(free(2)),
-                T::ZERO,
-            ]);
-        }
-        self.start.push(self.rows.len() as u32);
-    }
-
-    /// Entries of a vector.
-    pub fn range(&self, vector: usize) -> Range<usize> {
-        self.start[vector] as usize..self.start[vector + 1] as usize
-    }
-
-    /// Whether the vectors stand at the same rows.
-    #[cfg(feature = "direct")]
-    pub fn fits(&self, other: &Self) -> bool {
-        self.start == other.start && self.rows == other.rows
-    }
-}
 
 /// One number per vector: the product of its entries with rows `x`.
 struct Dots<'a, T>(&'a RankOnes<T>, &'a [[T; 4]], &'a [[T; 4]], &'a mut Vec<T>);
 
-impl<T: Scalar> Kernel for Dots<'_, T> {
+impl<T: Scalar> VectorKernel for Dots<'_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
@@ -105,9 +43,9 @@ impl<T: Scalar> Kernel for Dots<'_, T> {
 }
 
 /// Adds the entries of every vector, times its number, to the rows of a vector.
-struct Spread<'a, T>(&'a RankOnes<T>, &'a [[T; 4]], &'a [T], &'a mut [[T; 4]]);
+struct SpreadVectors<'a, T>(&'a RankOnes<T>, &'a [[T; 4]], &'a [T], &'a mut [[T; 4]]);
 
-impl<T: Scalar> Kernel for Spread<'_, T> {
+impl<T: Scalar> VectorKernel for SpreadVectors<'_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
@@ -122,7 +60,7 @@ impl<T: Scalar> Kernel for Spread<'_, T> {
     }
 }
 
-/// What makes a preconditioner of the matrix without the vectors one of the whole.
+/// The correction that turns a preconditioner of the matrix without the vectors into one of the whole.
 #[derive(Clone, Debug, Default)]
 pub struct Correction<T> {
     /// `D^-1`.
@@ -139,7 +77,7 @@ pub struct Correction<T> {
     /// One number per vector: `S^-1 B D^-1 r`, and another.
     s: Vec<T>,
     u: Vec<T>,
-    /// One 3-vector per row, for what the vectors act on.
+    /// One 3-vector per row: the argument and the result of the products below.
     pub rows: Vec<[T; 4]>,
 }
 
@@ -194,7 +132,7 @@ impl<T: Scalar> Correction<T> {
                 }
             }
         }
-        if !vectorised(Factorise(s, first, start)) {
+        if !vectorised(FactoriseProfile(s, first, start)) {
             // only numbers that are not finite get here: the solve has to tell so
             s.fill(f64::NAN);
         }
@@ -230,8 +168,8 @@ impl<T: Scalar> Correction<T> {
     /// `D^-1 B^T S^-1 x`, entry by entry.
     pub fn restore(&self, ones: &RankOnes<T>, x: &mut [T], rows: usize) -> Vec<[T; 4]> {
         let mut way = vec![[T::ZERO; 4]; rows];
-        vectorised(Solve(&self.factor, x));
-        vectorised(Spread(ones, &self.scaled, x, &mut way));
+        vectorised(SolveProfile(&self.factor, x));
+        vectorised(SpreadVectors(ones, &self.scaled, x, &mut way));
         way
     }
 
@@ -244,33 +182,33 @@ impl<T: Scalar> Correction<T> {
     pub fn multiply(&mut self, ones: &RankOnes<T>) -> f64 {
         vectorised(Dots(ones, &ones.entries, &self.rows, &mut self.u));
         self.rows.fill([T::ZERO; 4]);
-        vectorised(Spread(ones, &ones.entries, &self.u, &mut self.rows));
+        vectorised(SpreadVectors(ones, &ones.entries, &self.u, &mut self.rows));
         self.u.iter().map(|u| u.to_f64() * u.to_f64()).sum()
     }
 
-    /// Puts `Q^T r` in place of `r`; has to come before [`complete`](Self::complete).
+    /// Puts `Q^T r` in place of `r`; call it before [`complete`](Self::complete).
     pub fn project(&mut self, ones: &RankOnes<T>) {
         vectorised(Dots(ones, &self.scaled, &self.rows, &mut self.s));
-        vectorised(Solve(&self.factor, &mut self.s));
+        vectorised(SolveProfile(&self.factor, &mut self.s));
         self.u.clear();
         self.u.extend(self.s.iter().map(|&s| -s));
-        vectorised(Spread(ones, &ones.entries, &self.u, &mut self.rows));
+        vectorised(SpreadVectors(ones, &ones.entries, &self.u, &mut self.rows));
     }
 
-    /// Puts `P r` in place of what `M^-1` and the aggregates make of `Q^T r`.
+    /// Puts `P r` in place of `(M^-1 + R A_c^-1 R^T) Q^T r`.
     pub fn complete(&mut self, ones: &RankOnes<T>) {
         vectorised(Dots(ones, &ones.entries, &self.rows, &mut self.u));
         self.u.iter_mut().zip(&self.s).for_each(|(u, s)| *u = *s - *u);
-        vectorised(Solve(&self.factor, &mut self.u));
-        vectorised(Spread(ones, &self.scaled, &self.u, &mut self.rows));
+        vectorised(SolveProfile(&self.factor, &mut self.u));
+        vectorised(SpreadVectors(ones, &self.scaled, &self.u, &mut self.rows));
     }
 }
 
 /// Cholesky factor of a symmetric matrix in place, inverses on the diagonal: its rows from their first columns on, and
 /// where they start. False, where a pivot is not positive.
-struct Factorise<'a>(&'a mut [f64], &'a [u32], &'a [u32]);
+struct FactoriseProfile<'a>(&'a mut [f64], &'a [u32], &'a [u32]);
 
-impl Kernel for Factorise<'_> {
+impl VectorKernel for FactoriseProfile<'_> {
     type Output = bool;
     #[inline(always)]
     fn run(self) -> bool {
@@ -298,9 +236,9 @@ impl Kernel for Factorise<'_> {
 }
 
 /// Solves in place.
-struct Solve<'a, T>(&'a Profile<T>, &'a mut [T]);
+struct SolveProfile<'a, T>(&'a Profile<T>, &'a mut [T]);
 
-impl<T: Scalar> Kernel for Solve<'_, T> {
+impl<T: Scalar> VectorKernel for SolveProfile<'_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {

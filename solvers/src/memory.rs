@@ -1,65 +1,30 @@
-//! What the integrators keep from step to step, as data: for snapshots. Everything else that they hold is work space, or
+//! Values that the integrators keep from step to step, as data for snapshots. Everything else in them is work space, or
 //! follows from the state.
 
-use crate::cg::memory::{Misfit, PreconditionerMemory};
-use crate::explicit::ExplicitScratch;
-use crate::history::History;
+use crate::cg::memory::MemoryMisfit;
+use crate::explicit::{ExplicitMemory, ExplicitScratch};
+use crate::history::StepHistory;
 use crate::implicit::ImplicitScratch;
+use crate::linear_solver::LinearMemory;
 use crate::recovery::BodyState;
-use crate::stability::StabilityLimit;
-use crate::state::{Rows, read_rest};
+use crate::state::read_rest;
 use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
-use sinew_engine::load::SweptVolumes;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::topology::Topology;
-use sinew_engine::vertex::FixedAxes;
-use std::ops::Range;
 
-/// What is kept of solvers that are in use or were.
+/// Kept values of the solvers that were used so far.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(bound = "S: Scalar")]
 pub struct SolverMemory<S: Scalar> {
-    history: Option<History<S>>,
+    history: Option<StepHistory<S>>,
     recovery: Option<Vec<BodyState>>,
     linear: LinearMemory<S>,
     explicit: Option<ExplicitMemory<S>>,
 }
 
-/// What is kept of the solvers of groups of bodies, in their order.
-pub type LinearMemory<S> = Vec<(Range<usize>, GroupMemory<S>)>;
-
-/// What is kept of the solver of a group of bodies.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-#[serde(bound = "S: Scalar")]
-pub struct GroupMemory<S: Scalar> {
-    pub(crate) single: Option<PreconditionerMemory<f32>>,
-    pub(crate) full: Option<PreconditionerMemory<S>>,
-    /// What the complete factor is the factor of.
-    pub(crate) factorised: Option<crate::system::SystemMatrix<S>>,
-}
-
-/// What is kept of explicit steps while it holds.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-#[serde(bound = "S: Scalar")]
-pub(crate) struct ExplicitMemory<S: Scalar> {
-    /// Displacements (m) and elastic energy (J) at the end of the last step.
-    pub u: Rows<S>,
-    pub elastic: f64,
-    /// Elastic force (N) there.
-    pub force: Rows<S>,
-    /// What displacements (m) cannot hold.
-    pub low: Rows<S>,
-    pub limit: StabilityLimit<S>,
-    pub caution: f64,
-    pub creep: f64,
-    pub swept: SweptVolumes,
-    /// Masses (kg) and held axes that inverse masses and limit belong to.
-    pub made_of: (Vec<S>, Vec<FixedAxes>),
-}
-
 impl<S: Scalar> SolverMemory<S> {
-    /// Copies what is kept in a world; buffers that are there are used again.
+    /// Copies the kept values of a world; buffers that are there are used again.
     pub fn remember(&mut self, world: &mut World) {
         self.explicit = None;
         if let Some(mut scratch) = world.remove_resource::<ExplicitScratch<S>>() {
@@ -90,14 +55,15 @@ impl<S: Scalar> SolverMemory<S> {
                 .is_none_or(|explicit| explicit.fits(rows, topology.edges.len()))
     }
 
-    /// Takes up what was kept. Call it last: it marks the state, laws and rows as those that it belongs to.
+    /// Restores the kept values. Call it last: it marks the present state, laws and rows as those that the values
+    /// belong to.
     ///
     /// # Errors
     /// When it belongs to other bodies.
-    pub fn recall(&self, world: &mut World) -> Result<(), Misfit> {
+    pub fn recall(&self, world: &mut World) -> Result<(), MemoryMisfit> {
         let mut scratch = world.remove_resource::<ImplicitScratch<S>>().unwrap_or_default();
         match &self.history {
-            None => scratch.history = History::default(),
+            None => scratch.history = StepHistory::default(),
             Some(history) => {
                 scratch.history.clone_from(history);
                 scratch.history.stamp_recalled(world);
@@ -122,13 +88,5 @@ impl<S: Scalar> SolverMemory<S> {
             }
         }
         result
-    }
-}
-
-impl<S: Scalar> ExplicitMemory<S> {
-    fn fits(&self, rows: usize, edges: usize) -> bool {
-        [&self.u, &self.force, &self.low].iter().all(|field| field.len() == rows)
-            && [self.made_of.0.len(), self.made_of.1.len()] == [rows; 2]
-            && self.limit.fits(rows, edges)
     }
 }

@@ -71,9 +71,9 @@ pub enum BodyState {
     GivenUp(u64),
 }
 
-/// What is to become of a body in the step to come.
+/// Recovery of a body in the coming step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Plan {
+pub enum RecoveryPlan {
     /// It goes on as it did.
     Stay,
     /// It begins to recover.
@@ -86,7 +86,7 @@ pub enum Plan {
 
 /// The shape of a body.
 #[derive(Clone, Copy, Debug)]
-pub struct Shape {
+pub struct BodyShape {
     /// Elements.
     pub elements: u64,
     /// Those that are inverted.
@@ -97,8 +97,8 @@ pub struct Shape {
     pub hold: Option<u64>,
 }
 
-/// Energies (J) of a body at the start of a step: by the law it moved by and by the one that is planned,
-/// potential of follower loads included, and what no law changes: kinetic energy less work of dead loads.
+/// Energies (J) of a body at the start of a step: by the law of the last step and by the planned one, potential of
+/// follower loads included, and the energies that no law changes: kinetic energy less work of dead loads.
 #[derive(Clone, Copy, Debug)]
 pub struct SwapEnergies {
     /// Before.
@@ -109,8 +109,8 @@ pub struct SwapEnergies {
     pub other: f64,
 }
 
-impl Shape {
-    /// Of body number `body`, which is held so.
+impl BodyShape {
+    /// Shape of body number `body` with the mark `hold`.
     pub fn of(volumes: &VolumeReport, body: usize, hold: Option<u64>) -> Self {
         let count = |counts: &[u64]| counts.get(body).copied().unwrap_or(0);
         Self {
@@ -139,25 +139,25 @@ impl BodyState {
         if self == Self::Own { None } else { mark_of_hold(node, rows) }
     }
 
-    /// What the shape asks for; counts steps. `in_order` says whether edges and curved elements are as they are to be
-    /// when recovery ends.
-    pub fn plan(&mut self, shape: &Shape, in_order: impl Fn() -> bool) -> Plan {
+    /// The plan for the coming step, by the shape; counts steps. `in_order` says whether edges and curved elements are
+    /// as they are to be when recovery ends.
+    pub fn plan(&mut self, shape: &BodyShape, in_order: impl Fn() -> bool) -> RecoveryPlan {
         let in_shape = || shape.smallest_ratio > LEAVE_RATIO && in_order();
         if let Self::GivenUp(hold) = *self {
             if shape.hold == Some(hold) && !in_shape() {
-                return Plan::Stay;
+                return RecoveryPlan::Stay;
             }
             *self = Self::Own;
         }
         if let Self::Recovers { steps, .. } = self {
             *steps += 1;
             return match in_shape() {
-                true => Plan::Leave,
-                false if *steps > PATIENCE => Plan::GiveUp,
-                false => Plan::Stay,
+                true => RecoveryPlan::Leave,
+                false if *steps > PATIENCE => RecoveryPlan::GiveUp,
+                false => RecoveryPlan::Stay,
             };
         }
-        if shape.is_out_of_shape() { Plan::Begin } else { Plan::Stay }
+        if shape.is_out_of_shape() { RecoveryPlan::Begin } else { RecoveryPlan::Stay }
     }
 
     /// Whether a recovering body came to rest; `energy` (J) is that of the law that stands in.
@@ -168,30 +168,30 @@ impl BodyState {
         *steps >= RESTLESS.0 && kinetic <= none && change.abs() <= none
     }
 
-    /// Carries a plan out, as far as it makes no energy; false where it does not.
+    /// Carries a plan out unless that would add too much energy; false where it does not.
     ///
     /// # Errors
     /// When the body can neither go on to recover nor give up.
     pub fn follow(
         &mut self,
-        plan: Plan,
-        shape: &Shape,
+        plan: RecoveryPlan,
+        shape: &BodyShape,
         SwapEnergies { old, new, other }: SwapEnergies,
     ) -> Result<bool, RecoveryUnending> {
         match (plan, *self) {
-            (Plan::Begin, _) => {
+            (RecoveryPlan::Begin, _) => {
                 *self = Self::Recovers { start: other + old, steps: 0, energy: new }
             }
-            (Plan::Leave, Self::Recovers { start, .. }) if other + new <= start => {
+            (RecoveryPlan::Leave, Self::Recovers { start, .. }) if other + new <= start => {
                 *self = Self::Own
             }
-            (Plan::GiveUp, Self::Recovers { start, .. })
+            (RecoveryPlan::GiveUp, Self::Recovers { start, .. })
                 if new <= MOST_GAIN * old || other + new <= start =>
             {
                 *self = Self::GivenUp(shape.hold.unwrap_or_default());
             }
-            (Plan::GiveUp, Self::Recovers { steps, .. }) if steps > PATIENCE => {
-                let Shape { inverted, smallest_ratio, .. } = *shape;
+            (RecoveryPlan::GiveUp, Self::Recovers { steps, .. }) if steps > PATIENCE => {
+                let BodyShape { inverted, smallest_ratio, .. } = *shape;
                 return Err(RecoveryUnending { steps, inverted, smallest_ratio });
             }
             _ => return Ok(false),
@@ -271,36 +271,41 @@ impl Recovery {
             world.insert_resource(RecoveringBodies::default());
             return Ok(old.0);
         }
+        // a state set from outside gives another chance
         for (state, past) in self.bodies.iter_mut().zip(past) {
             if !past.same_state && matches!(state, BodyState::GivenUp(_)) {
                 *state = BodyState::Own;
             }
         }
+        // a plan for every body, by its shape
         world.insert_resource(old.clone());
         world.run_system_cached(measure_volume_ratios::<S>).expect("engine resources");
         let (volumes, topology) = (world.resource::<VolumeReport>(), world.resource::<Topology>());
         let shape = |(i, state): (usize, &BodyState)| {
-            Shape::of(volumes, i, state.hold(node, rows_of(topology, i)))
+            BodyShape::of(volumes, i, state.hold(node, rows_of(topology, i)))
         };
-        let shapes: Vec<Shape> = self.bodies.iter().enumerate().map(shape).collect();
+        let shapes: Vec<BodyShape> = self.bodies.iter().enumerate().map(shape).collect();
         let without = world.resource::<BodiesWithoutRecovery>();
         let plan = |(i, state): (usize, &mut BodyState)| {
             let in_order = || {
                 largest_strain(topology, node, rest, i) <= LEAVE_STRAIN
                     && !has_folds(world, node, rest, i)
             };
-            if without.contains(i) { Plan::Stay } else { state.plan(&shapes[i], in_order) }
+            if without.contains(i) { RecoveryPlan::Stay } else { state.plan(&shapes[i], in_order) }
         };
-        let mut plans: Vec<Plan> = self.bodies.iter_mut().enumerate().map(plan).collect();
-        if plans.contains(&Plan::Begin) || self.bodies.iter().any(|body| body.recovers()) {
+        let mut plans: Vec<RecoveryPlan> = self.bodies.iter_mut().enumerate().map(plan).collect();
+        // bodies that are crushed do not begin, those that came to rest give up
+        if plans.contains(&RecoveryPlan::Begin) || self.bodies.iter().any(|body| body.recovers()) {
             let before = energies(world, node, &old);
             report.evaluations += 1;
-            if plans.contains(&Plan::Begin) {
+            if plans.contains(&RecoveryPlan::Begin) {
                 let loads = load_measures(world, node, rest);
                 report.evaluations += 2;
-                for (i, plan) in plans.iter_mut().enumerate().filter(|(_, p)| **p == Plan::Begin) {
+                for (i, plan) in
+                    plans.iter_mut().enumerate().filter(|(_, p)| **p == RecoveryPlan::Begin)
+                {
                     if is_crushed(loads[i], before.by_body[i]) {
-                        *plan = Plan::Stay;
+                        *plan = RecoveryPlan::Stay;
                         report.recoveries_refused += 1;
                     }
                 }
@@ -308,11 +313,11 @@ impl Recovery {
             let topology = world.resource::<Topology>();
             for (i, state) in self.bodies.iter_mut().enumerate() {
                 let kinetic = node.kinetic_energy(rows_of(topology, i), &node.v)[0];
-                if state.rests(kinetic, before.by_body[i]) && plans[i] == Plan::Stay {
-                    plans[i] = Plan::GiveUp;
+                if state.rests(kinetic, before.by_body[i]) && plans[i] == RecoveryPlan::Stay {
+                    plans[i] = RecoveryPlan::GiveUp;
                 }
             }
-            if plans.iter().any(|plan| *plan != Plan::Stay) {
+            if plans.iter().any(|plan| *plan != RecoveryPlan::Stay) {
                 self.swap(world, node, &plans, &shapes, &before, report)?;
             }
         }
@@ -323,24 +328,26 @@ impl Recovery {
         Ok(touched)
     }
 
-    /// Carries the plans out, as far as they make no energy.
+    /// Carries the plans out, but for those that would add too much energy.
     fn swap<S: Scalar>(
         &mut self,
         world: &mut World,
         node: &NodeState<S>,
-        plans: &[Plan],
-        shapes: &[Shape],
-        before: &Energies,
+        plans: &[RecoveryPlan],
+        shapes: &[BodyShape],
+        before: &RecoveryEnergies,
         report: &mut StepReport,
     ) -> Result<(), StepError> {
-        let is = |(plan, state): (&Plan, &BodyState)| match plan {
-            Plan::Stay => state.recovers(),
-            plan => *plan == Plan::Begin,
+        let is = |(plan, state): (&RecoveryPlan, &BodyState)| match plan {
+            RecoveryPlan::Stay => state.recovers(),
+            plan => *plan == RecoveryPlan::Begin,
         };
         let asked = RecoveringBodies(plans.iter().zip(&self.bodies).map(is).collect());
         let mut after = energies(world, node, &asked);
         report.evaluations += 1;
-        for (body, &plan) in plans.iter().enumerate().filter(|(_, plan)| **plan != Plan::Stay) {
+        for (body, &plan) in
+            plans.iter().enumerate().filter(|(_, plan)| **plan != RecoveryPlan::Stay)
+        {
             let rows = rows_of(world.resource(), body);
             let other = node.kinetic_energy(rows.clone(), &node.v)[0]
                 - node.load_potential(rows.clone(), &node.u);
@@ -348,7 +355,7 @@ impl Recovery {
             let changed = self.bodies[body]
                 .follow(plan, &shapes[body], SwapEnergies { old, new, other })
                 .map_err(|unending| unending.of_body(world, body))?;
-            report.recoveries_given_up += u32::from(changed && plan == Plan::GiveUp);
+            report.recoveries_given_up += u32::from(changed && plan == RecoveryPlan::GiveUp);
         }
         let new = RecoveringBodies(self.bodies.iter().map(|body| body.recovers()).collect());
         if new != asked {
@@ -384,9 +391,9 @@ fn mark_of_hold<S: Scalar>(node: &NodeState<S>, rows: Range<usize>) -> Option<u6
     Some(mark)
 }
 
-/// Loads on every body over what its material can hold: the sum of their magnitudes times its size over shear
-/// modulus times volume. Forces that only accelerate a free body as a whole do not count. Active stress and
-/// the pressure on the rest shape are loads here.
+/// Loads on every body over the loads that its material can hold: the sum of their magnitudes times its size over shear
+/// modulus times volume. Forces that only accelerate a free body as a whole do not count. Active stress and the
+/// pressure on the rest shape are loads here.
 pub fn load_measures<S: Scalar>(
     world: &mut World,
     node: &NodeState<S>,
@@ -434,7 +441,7 @@ pub fn load_measures<S: Scalar>(
 const STRAIN: f64 = 1e-3;
 
 /// Energies (J) at the start of a step.
-struct Energies {
+struct RecoveryEnergies {
     /// Of the bodies, potential of follower loads included.
     by_body: Vec<f64>,
     /// Elastic energy of all.
@@ -446,11 +453,11 @@ fn energies<S: Scalar>(
     world: &mut World,
     node: &NodeState<S>,
     recovering: &RecoveringBodies,
-) -> Energies {
+) -> RecoveryEnergies {
     world.insert_resource(recovering.clone());
     evaluate(world, &node.u, true, false, None);
     let energy = world.resource::<ElasticEnergy>();
-    Energies { by_body: energy.by_body.clone(), elastic: energy.elastic() }
+    RecoveryEnergies { by_body: energy.by_body.clone(), elastic: energy.elastic() }
 }
 
 /// Whether a ten-node tetrahedron of a body is folded, where its Gauss points may miss it.

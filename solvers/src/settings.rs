@@ -1,7 +1,6 @@
-//! What the user chooses of the solver.
+//! Settings of the solver.
 
 pub use crate::integrator::Integrator;
-use crate::linear_solver::LinearOptions;
 use bevy_ecs::prelude::Resource;
 use serde::{Deserialize, Serialize};
 use sinew_engine::step::StepError;
@@ -63,6 +62,39 @@ pub enum LinearPrecision {
     Full,
 }
 
+/// Settings of one linear solve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinearOptions {
+    /// Residual, relative to that of the start vector, at which the system counts as solved.
+    pub tolerance: f64,
+    /// Cap on iterations.
+    pub max_iterations: u32,
+    /// Preconditioner.
+    pub preconditioner: Preconditioner,
+    /// Number type of matrix and iteration.
+    pub precision: LinearPrecision,
+    /// Residuals are measured against at least this, whatever the start.
+    pub reference: f64,
+    /// Residual, relative to that of the start vector, at which a solve ends even above the tolerance.
+    pub own_tolerance: f64,
+    /// The matrix is that of the last solve of the same bodies, but for what contact adds.
+    pub same_matrix: bool,
+}
+
+impl Default for LinearOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-3,
+            max_iterations: 5_000,
+            preconditioner: Preconditioner::default(),
+            precision: LinearPrecision::default(),
+            reference: 0.0,
+            own_tolerance: 0.0,
+            same_matrix: false,
+        }
+    }
+}
+
 /// Settings of the solver; the defaults suit interactive use.
 #[derive(Resource, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -115,7 +147,7 @@ impl Default for SolverSettings {
 }
 
 impl SolverSettings {
-    /// What linear systems are asked for.
+    /// Settings of the linear systems.
     pub(crate) fn linear_options(&self) -> LinearOptions {
         LinearOptions {
             tolerance: self.linear_tolerance,

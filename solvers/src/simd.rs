@@ -1,13 +1,13 @@
 //! Run-time choice of the instruction set for loops that the compiler vectorises.
 //!
-//! A [`Kernel`] is compiled twice from the same source, with AVX and with the vectors of the build.
+//! A [`VectorKernel`] is compiled twice from the same source, with AVX and with the vectors of the build.
 //! AVX is enough, since all rows here have four numbers or eight: with AVX2 or AVX-512 the compiler
 //! prefers to run one loop iteration per lane, and gathers, which is slower. None of the kernels fuses
 //! multiplications and additions, so all instruction sets give the same bits.
 
 /// A piece of work whose code is worth compiling for wider vectors. `run` and all that it calls must be
 /// inlined (`#[inline(always)]`): a function that is not keeps the instruction set of the build.
-pub(crate) trait Kernel {
+pub(crate) trait VectorKernel {
     /// Result.
     type Output;
     /// Does the work.
@@ -16,9 +16,9 @@ pub(crate) trait Kernel {
 
 /// Runs a kernel with the widest vectors that this machine has.
 #[cfg(target_arch = "x86_64")]
-pub(crate) fn vectorised<K: Kernel>(kernel: K) -> K::Output {
+pub(crate) fn vectorised<K: VectorKernel>(kernel: K) -> K::Output {
     #[target_feature(enable = "avx")]
-    fn avx<K: Kernel>(kernel: K) -> K::Output {
+    fn avx<K: VectorKernel>(kernel: K) -> K::Output {
         kernel.run()
     }
     // the standard library keeps the answer
@@ -32,7 +32,7 @@ pub(crate) fn vectorised<K: Kernel>(kernel: K) -> K::Output {
 
 /// Runs a kernel with the vectors of the build.
 #[cfg(not(target_arch = "x86_64"))]
-pub(crate) fn vectorised<K: Kernel>(kernel: K) -> K::Output {
+pub(crate) fn vectorised<K: VectorKernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 
@@ -42,7 +42,7 @@ mod tests {
 
     struct Sum<'a>(&'a [f32]);
 
-    impl Kernel for Sum<'_> {
+    impl VectorKernel for Sum<'_> {
         type Output = f32;
         #[inline(always)]
         fn run(self) -> f32 {

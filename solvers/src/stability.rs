@@ -20,7 +20,7 @@ use sinew_engine::vertex::RestPosition;
 use sinew_engine::workers::Workers;
 
 /// Change of squared edge length over squared rest length at which the estimate is renewed.
-const STRAIN_CHANGE: f64 = 0.2;
+pub const STRAIN_CHANGE: f64 = 0.2;
 /// Length of the differences over the shortest edge.
 const DIFFERENCE: f64 = 1e-3;
 /// Rounds of Lanczos steps from a random start, and steps of each.
@@ -56,7 +56,7 @@ pub struct StabilityLimit<S> {
 }
 
 impl<S: Scalar> StabilityLimit<S> {
-    /// It without work space.
+    /// A copy without work space.
     pub fn memory(&self) -> Self {
         let Self { limit, strain, mode, root, shortest, .. } = self;
         Self {

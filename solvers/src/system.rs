@@ -7,7 +7,6 @@
 //! across once per block row, `A_ij^T x_i` adds multiples of the rows of `A_ij`. The code is plain
 //! loops over four numbers without fused operations, so that every instruction set gives the same bits.
 
-use crate::low_rank::RankOnes;
 use crate::state::Rows;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -34,7 +33,7 @@ pub struct ShiftedTangent<'a, S> {
     pub mass_factor: S,
     /// Tangent.
     pub tangent: &'a BlockMatrix<S>,
-    /// What of the tangent couples the vertices of many elements.
+    /// The low-rank part of the tangent, which couples the vertices of many elements.
     pub low_rank: &'a [LowRank<S>],
     /// Factor of the tangent.
     pub tangent_factor: S,
@@ -42,7 +41,7 @@ pub struct ShiftedTangent<'a, S> {
     pub damping: Option<(&'a BlockMatrix<S>, S)>,
     /// Held unknowns.
     pub fixed: &'a [FixedAxes],
-    /// What contact adds to the rows of the bodies that are solved for.
+    /// Blocks that contact adds to the rows of the bodies that are solved for.
     pub contact: Option<&'a ContactBlocks>,
 }
 
@@ -180,6 +179,67 @@ impl Pattern {
     }
 }
 
+/// Vectors `b` of a matrix `sum b b^T` on the rows of some bodies.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "T: Scalar")]
+pub struct RankOnes<T> {
+    /// First entry of each vector (one more than vectors; empty without any).
+    pub start: Vec<u32>,
+    /// Row of each entry.
+    pub rows: Vec<u32>,
+    /// The 3-vectors at those rows.
+    pub entries: Vec<[T; 4]>,
+}
+
+impl<T: Scalar> RankOnes<T> {
+    /// Number of vectors.
+    pub fn len(&self) -> usize {
+        self.start.len().saturating_sub(1)
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Forgets all vectors.
+    pub fn clear(&mut self) {
+        self.start.clear();
+        self.rows.clear();
+        self.entries.clear();
+    }
+
+    /// Adds a vector; entries of held unknowns become zero.
+    pub fn push(&mut self, held: &[FixedAxes], entries: impl Iterator<Item = (u32, [f64; 3])>) {
+        if self.start.is_empty() {
+            self.start.push(0);
+        }
+        for (row, b) in entries {
+            let held = held[row as usize];
+            let free = |k: usize| if held.holds(k) { 0.0 } else { b[k] };
+            self.rows.push(row);
+            self.entries.push([
+                T::from_f64(free(0)),
+                T::from_f64(free(1)),
+                T::from_f64(free(2)),
+                T::ZERO,
+            ]);
+        }
+        self.start.push(self.rows.len() as u32);
+    }
+
+    /// Entries of a vector.
+    pub fn range(&self, vector: usize) -> Range<usize> {
+        self.start[vector] as usize..self.start[vector + 1] as usize
+    }
+
+    /// Whether the vectors stand at the same rows.
+    #[cfg(feature = "direct")]
+    pub fn fits(&self, other: &Self) -> bool {
+        self.start == other.start && self.rows == other.rows
+    }
+}
+
 /// A symmetric matrix on a [`Pattern`]: `factor (c_M M + c_K K + c_C C)` with the rows and columns of
 /// held unknowns replaced by those of the identity.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -189,11 +249,11 @@ pub struct SystemMatrix<T> {
     pub diagonal: Vec<Block<T>>,
     /// Upper off-diagonal blocks in the order of [`Pattern::column`].
     pub upper: Vec<Block<T>>,
-    /// What is added to the blocks without being added up.
+    /// The low-rank part, a list of vectors.
     pub low_rank: RankOnes<T>,
     /// Held unknowns of each row: bits 0, 1, 2.
     pub held: Vec<FixedAxes>,
-    /// What contact couples beside the diagonal, in rows of the matrix.
+    /// Blocks of contact beside the diagonal, in rows of the matrix.
     pub couplings: Vec<Coupling>,
     /// Rows of the matrix that contact adds to, and their diagonal blocks without it.
     pub without_contact: Vec<(u32, Block<T>)>,
@@ -212,7 +272,8 @@ pub(crate) fn ranges(topology: &Topology, bodies: &Range<usize>) -> (Range<usize
 }
 
 impl<T: Scalar> SystemMatrix<T> {
-    /// Adds the matrix up for consecutive bodies; where all but contact is as it was, that alone is exchanged.
+    /// Adds the matrix up for consecutive bodies. With `same`, everything but contact is as it was, and only that is
+    /// exchanged.
     pub fn prepare<S: Scalar>(
         &mut self,
         system: &ShiftedTangent<'_, S>,
@@ -234,6 +295,7 @@ impl<T: Scalar> SystemMatrix<T> {
         let (rows, blocks) = ranges(system.topology, &bodies);
         let tangent = &system.tangent.diagonal[rows.clone()];
         let mass_factor = system.mass_factor.to_f64();
+        // scale
         let largest = tangent
             .iter()
             .zip(&system.mass[rows.clone()])
@@ -248,6 +310,7 @@ impl<T: Scalar> SystemMatrix<T> {
         self.diagonal.resize(rows.len(), zero_block());
         self.upper.resize(blocks.len(), zero_block());
 
+        // diagonal blocks
         let c_k = system.tangent_factor.to_f64() * self.factor;
         let c_m = mass_factor * self.factor;
         let c_c = system.damping.map_or(0.0, |(_, c)| c.to_f64() * self.factor);
@@ -267,6 +330,7 @@ impl<T: Scalar> SystemMatrix<T> {
                 *m = block(&entries);
             }
         });
+        // blocks above the diagonal
         let (edges, offset) = (&system.topology.edges, rows.start);
         workers.for_chunks(&mut self.upper, CHUNK, blocks.len() * 6, |first, own| {
             for (i, m) in own.iter_mut().enumerate() {
@@ -282,6 +346,7 @@ impl<T: Scalar> SystemMatrix<T> {
                 *m = block(&entries);
             }
         });
+        // low-rank part
         self.low_rank.clear();
         // a factor below 0 belongs to no system that is solved
         let root = c_k.max(0.0).sqrt();
@@ -414,7 +479,7 @@ impl<S: Scalar> ShiftedTangent<'_, S> {
         self.add_contact_product(bodies, 1.0, x, y);
     }
 
-    /// Adds `factor C x` to `y` for the rows of consecutive bodies, `C` being what contact adds to the matrix.
+    /// Adds `factor C x` to `y` for the rows of consecutive bodies, `C` being the blocks of contact.
     pub fn add_contact_product(
         &self,
         bodies: Range<usize>,
@@ -459,7 +524,7 @@ fn entries(m: &DMat3) -> [f64; 9] {
     m.to_cols_array()
 }
 
-/// What a coupling adds to `A x` besides its diagonal blocks, to its rows by number: `w_a C (sum_b w_b x_b - w_a x_a)`.
+/// Part of `A x` from a coupling without its diagonal blocks, for each of its rows: `w_a C (sum_b w_b x_b - w_a x_a)`.
 pub(crate) fn for_off_diagonal(
     coupling: &Coupling,
     x: [[f64; 4]; 4],

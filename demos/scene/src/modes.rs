@@ -11,7 +11,9 @@ use sinew::engine::topology::Topology;
 use sinew::engine::vertex::{FixedAxes, RestPosition};
 use sinew::engine::workers::Workers;
 use sinew::prelude::*;
-use sinew::solvers::linear_solver::{CgStatus, LinearOptions, LinearSolver};
+use sinew::solvers::cg::CgStatus;
+use sinew::solvers::linear_solver::LinearSolver;
+use sinew::solvers::settings::LinearOptions;
 use sinew::solvers::state::{NodeState, Rows, dot3, evaluate};
 use sinew::solvers::system::ShiftedTangent;
 

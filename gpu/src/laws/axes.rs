@@ -9,8 +9,8 @@ use sinew_models::laws::LawRow;
 
 use super::solid::HEXAHEDRA;
 use super::{
-    DEFORMATION, DeviceLaw, ElementColumns, ElementKind, FOUR_VERTICES, Find, Search, TETRAHEDRA,
-    VERTEX_FORCES, points, push, row, three,
+    DEFORMATION, DeviceElement, DeviceLaw, ElementColumns, ElementSearch, FOUR_VERTICES, Find,
+    TETRAHEDRA, VERTEX_FORCES, points, push, row, three,
 };
 
 const CHORD: &str = include_str!("chord.wgsl");
@@ -66,7 +66,7 @@ const fn law(
     let constants = 4 * rows * points;
     DeviceLaw::new(
         row,
-        ElementKind { vertices, constants, threads: points, files: kind },
+        DeviceElement { vertices, constants, threads: points, files: kind },
         find,
         files,
     )
@@ -130,7 +130,7 @@ macro_rules! triad {
 }
 
 /// Triads in tetrahedra of a body.
-fn triads<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn triads<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     search.columns::<TriadData<S>, 4>(|(site, d, axes, axial, angular, volume), data| {
         let d = [three!(d.0), three!(d.1), three!(d.2)];
         push(data, triad!(axes, axial, angular, volume).rows(d, 1.0));
@@ -139,7 +139,7 @@ fn triads<S: Scalar>(search: Search<'_>) -> ElementColumns {
 }
 
 /// Triads in hexahedra of a body.
-fn hexahedron_triads<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn hexahedron_triads<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     type Data<S> = bricks::TriadData<S, AxisHexahedronVertices, AxisHexahedronBlocks, 8>;
     search.columns::<Data<S>, 8>(|((nodes, _, rest), axes, axial, angular, volume), data| {
         let triad = triad!(axes, axial, angular, volume);
@@ -159,7 +159,7 @@ macro_rules! fibre {
 }
 
 /// Fibres in tetrahedra of a body.
-fn fibres<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn fibres<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     search.columns::<FibreData<S>, 4>(|(site, q, a, fibre), data| {
         push(data, fibre_rows(fibre!(fibre), three!(a), three!(q), 1.0));
         site.0.0
@@ -167,7 +167,7 @@ fn fibres<S: Scalar>(search: Search<'_>) -> ElementColumns {
 }
 
 /// Fibres in hexahedra of a body.
-fn hexahedron_fibres<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn hexahedron_fibres<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     search.columns::<bricks::FibreData<S, AxisHexahedronVertices, AxisHexahedronBlocks, 8>, 8>(
         |((nodes, _, rest), a, fibre), data| {
             let (a, fibre) = (three!(a), fibre!(fibre));
@@ -180,7 +180,7 @@ fn hexahedron_fibres<S: Scalar>(search: Search<'_>) -> ElementColumns {
 }
 
 /// Terms of volume in tetrahedra of a body.
-fn volumes<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn volumes<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     search.columns::<VolumeData<S>, 4>(|(site, d, volume), data| {
         let d = [three!(d.0), three!(d.1), three!(d.2)];
         push(data, volume_rows(d, volume.0.to_f64()));
@@ -189,7 +189,7 @@ fn volumes<S: Scalar>(search: Search<'_>) -> ElementColumns {
 }
 
 /// Terms of volume in hexahedra of a body.
-fn hexahedron_volumes<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn hexahedron_volumes<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     search.columns::<bricks::VolumeData<S, AxisHexahedronVertices, AxisHexahedronBlocks, 8>, 8>(
         |((nodes, _, rest), volume), data| {
             for (d, share) in points(rest) {

@@ -7,7 +7,7 @@ use sinew_models::axes::damper::{self, AxialDamper};
 use sinew_models::axes::site::AxisSite;
 use sinew_models::laws::LawRow;
 
-use super::{DeviceLaw, ElementColumns, ElementKind, Find, Search};
+use super::{DeviceElement, DeviceLaw, ElementColumns, ElementSearch, Find};
 
 /// In tetrahedra and in hexahedra.
 pub(super) static LAWS: &[DeviceLaw] = &[
@@ -24,12 +24,12 @@ const fn law(
     vertices: usize,
     files: &'static [&'static str],
 ) -> DeviceLaw {
-    let kind = ElementKind { vertices, constants: vertices + 4, threads: 1, files };
+    let kind = DeviceElement { vertices, constants: vertices + 4, threads: 1, files };
     DeviceLaw::new(law, kind, [find; 2], &[include_str!("dampers.wgsl")])
 }
 
 /// Dampers of a body in elements of `N` vertices: q_a, a and V eta.
-fn columns<const N: usize, V: AxisSite<N>>(search: Search<'_>) -> ElementColumns {
+fn columns<const N: usize, V: AxisSite<N>>(search: ElementSearch<'_>) -> ElementColumns {
     search.columns::<(&V, &AxialDamper<N>), N>(|(site, damper), data| {
         let [x, y, z] = damper.axis;
         data.extend(damper.shape.map(|q| q as f32));

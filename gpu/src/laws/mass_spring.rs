@@ -5,7 +5,7 @@ use sinew_engine::scalar::Scalar;
 use sinew_models::laws::pooled::TensileStiffness;
 use sinew_models::laws::quadratic::EDGE_SPRINGS;
 
-use super::{DeviceLaw, EDGE, ElementColumns, STRETCH, Search, push, row, three};
+use super::{DeviceLaw, EDGE, ElementColumns, ElementSearch, STRETCH, push, row, three};
 
 /// The law.
 pub static LAW: DeviceLaw = DeviceLaw::new(
@@ -16,7 +16,7 @@ pub static LAW: DeviceLaw = DeviceLaw::new(
 );
 
 /// Columns of the edges of a body that follow a law.
-pub(super) fn edge_columns<S: Scalar>(search: Search<'_>) -> ElementColumns {
+pub(super) fn edge_columns<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     type Data<S> = (&'static EdgeVertices, RestEdges<S>, &'static TensileStiffness<S>);
     search.columns::<Data<S>, 2>(|(nodes, rest, stiffness), data| {
         push(data, [row(three!(rest), stiffness.0.to_f64())]);

@@ -10,12 +10,12 @@ use sinew_models::frame::triangles::{
 use sinew_models::laws::{LawRow, membranes as membrane};
 
 use super::{
-    DeviceLaw, ElementColumns, ElementKind, STRETCH, Search, TRIANGLES, compression_alone, push,
-    row, three,
+    DeviceElement, DeviceLaw, ElementColumns, ElementSearch, STRETCH, TRIANGLES, compression_alone,
+    push, row, three,
 };
 
 /// Three vertices; E_1 (m) and lambda (N/m), E_2 and mu, rest area (m^2) and kappa (N/m).
-const MEMBRANE: ElementKind = ElementKind {
+const MEMBRANE: DeviceElement = DeviceElement {
     vertices: 3,
     constants: 12,
     threads: 1,
@@ -23,7 +23,7 @@ const MEMBRANE: ElementKind = ElementKind {
 };
 
 /// Four vertices; for every Gauss point, in order, what a triangle has.
-const QUAD_MEMBRANE: ElementKind = ElementKind {
+const QUAD_MEMBRANE: DeviceElement = DeviceElement {
     vertices: 4,
     constants: 4 * MEMBRANE.constants,
     threads: 1,
@@ -63,7 +63,7 @@ const fn quads(law: &'static LawRow, files: &'static [&'static str]) -> DeviceLa
 }
 
 /// Triangles of a law in a body.
-fn columns<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn columns<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     search.columns::<MembraneData<S>, 3>(
         |(nodes, _, (a, b, area), lambda, mu, compression), data| {
             let [lambda, mu, compression] = [lambda.0, mu.0, compression.0].map(S::to_f64);
@@ -75,12 +75,12 @@ fn columns<S: Scalar>(search: Search<'_>) -> ElementColumns {
 }
 
 /// Triangles of a pooled membrane with the compression term.
-fn compression<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn compression<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     compression_alone(columns::<S>(search), 9)
 }
 
 /// Quadrilaterals of a law in a body.
-fn quad_columns<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn quad_columns<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     type Data<S> = (
         &'static QuadVertices,
         &'static QuadRest<S>,

@@ -19,11 +19,11 @@ use sinew_engine::vertex::BodyId;
 use sinew_models::laws::pooled::{EDGE_CHANGES, SPRING_FORCES};
 use sinew_models::laws::{InRecovery, LawRow, LawTable, precision};
 
-use crate::sources::{Source, elements};
+use crate::sources::{ShaderSource, elements};
 
 /// What elements are: their vertices, constants and the frame of their passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ElementKind {
+pub struct DeviceElement {
     /// Vertices of an element.
     pub vertices: usize,
     /// Constants of an element, a multiple of 4.
@@ -35,8 +35,12 @@ pub struct ElementKind {
 }
 
 /// Two vertices; rest vector X_a - X_b (m) and stiffness (N/m^3).
-pub const EDGE: ElementKind =
-    ElementKind { vertices: 2, constants: 4, threads: 1, files: &[include_str!("../edges.wgsl")] };
+pub const EDGE: DeviceElement = DeviceElement {
+    vertices: 2,
+    constants: 4,
+    threads: 1,
+    files: &[include_str!("../edges.wgsl")],
+};
 
 /// Forces and blocks of four vertices from those of three.
 const FOUR_VERTICES: &str = include_str!("../four_vertices.wgsl");
@@ -57,7 +61,7 @@ const TRIANGLES: &str = include_str!("../triangles.wgsl");
 /// Tetrahedra, one thread each.
 const TETRAHEDRA: &str = include_str!("../tetrahedra.wgsl");
 
-impl ElementKind {
+impl DeviceElement {
     /// Tangent blocks of an element: those of its vertices, then those of its pairs of vertices in
     /// lexicographic order.
     pub fn blocks(&self) -> usize {
@@ -72,10 +76,10 @@ impl ElementKind {
 }
 
 /// Finds the elements of a body that follow a law.
-type Find = fn(Search<'_>) -> ElementColumns;
+type Find = fn(ElementSearch<'_>) -> ElementColumns;
 
 /// Elements that are looked for.
-struct Search<'w> {
+struct ElementSearch<'w> {
     world: &'w mut World,
     /// The component that marks them.
     mark: ComponentId,
@@ -85,7 +89,7 @@ struct Search<'w> {
     first_row: u32,
 }
 
-impl Search<'_> {
+impl ElementSearch<'_> {
     /// What was found; `add` appends the constants of an element and returns its vertex rows.
     fn columns<D: ReadOnlyQueryData, const N: usize>(
         self,
@@ -150,7 +154,7 @@ pub struct DeviceLaw {
     /// The law.
     pub row: &'static LawRow,
     /// What its elements are.
-    pub kind: ElementKind,
+    pub kind: DeviceElement,
     /// Whether its set measures volume ratios. Every solid element of a body is in one such set at most.
     pub volumes: bool,
     /// How its elements are found, in `f64` and `f32`.
@@ -163,7 +167,7 @@ impl DeviceLaw {
     /// A law whose set measures no volumes.
     const fn new(
         row: &'static LawRow,
-        kind: ElementKind,
+        kind: DeviceElement,
         find: [Find; 2],
         files: &'static [&'static str],
     ) -> Self {
@@ -198,7 +202,7 @@ impl DeviceLaw {
     }
 
     /// The whole module.
-    pub fn source(&self) -> Source {
+    pub fn source(&self) -> ShaderSource {
         elements(self.name(), self.kind.files, self.files)
     }
 }
@@ -224,7 +228,7 @@ pub fn is_known(name: &str) -> bool {
 pub struct ElementColumns {
     /// Vertex rows of element after element, relative to the first row of the body.
     pub nodes: Vec<u32>,
-    /// Constants of element after element, as its [`ElementKind`] has them.
+    /// Constants of element after element, as its [`DeviceElement`] has them.
     pub data: Vec<f32>,
     /// The load that they belong to, if any: its value is a factor.
     pub load: Option<Entity>,
@@ -242,7 +246,7 @@ pub fn columns<S: Scalar>(
         .filter(|law| wanted(law))
         .map(|law| {
             let mark = law.row.mark::<S>(world);
-            (*law, law.find[precision::<S>()](Search { world, mark, body, first_row }))
+            (*law, law.find[precision::<S>()](ElementSearch { world, mark, body, first_row }))
         })
         .filter(|(_, columns)| !columns.nodes.is_empty())
         .collect();

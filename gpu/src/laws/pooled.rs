@@ -12,18 +12,18 @@ use sinew_models::laws::pooled::{
 };
 
 use super::mass_spring::edge_columns;
-use super::{DeviceLaw, EDGE, ElementColumns, ElementKind, Search, push, row, three};
+use super::{DeviceElement, DeviceLaw, EDGE, ElementColumns, ElementSearch, push, row, three};
 
 const SPRING: &str = include_str!("spring.wgsl");
 const COUPLED_EDGES: &[&str] = &[include_str!("../coupled_edges.wgsl")];
 
 /// Three vertices; for every edge, opposite the vertex of its number, rest vector (m) and the stiffness (N/m^3) of
 /// the spring of that number.
-const COUPLED_TRIANGLE: ElementKind =
-    ElementKind { vertices: 3, constants: 12, threads: 1, files: COUPLED_EDGES };
+const COUPLED_TRIANGLE: DeviceElement =
+    DeviceElement { vertices: 3, constants: 12, threads: 1, files: COUPLED_EDGES };
 
 /// Four vertices; for every edge at vertex 0 rest vector (m) and the stiffness (N/m^3) of the spring of its number.
-const COUPLED_TETRAHEDRON: ElementKind = ElementKind { vertices: 4, ..COUPLED_TRIANGLE };
+const COUPLED_TETRAHEDRON: DeviceElement = DeviceElement { vertices: 4, ..COUPLED_TRIANGLE };
 
 /// Tensile springs on edges, angular ones in triangles, volumetric ones in tetrahedra. Their projected tangent is
 /// that of [`PooledProjection`](sinew_models::laws::svk::PooledProjection).
@@ -59,7 +59,7 @@ fn push_edges<S: Scalar>(world: &mut World) -> impl Fn(&mut Vec<f32>, [u32; 3], 
 }
 
 /// Triangles of a body with angular springs.
-fn angular<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn angular<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     type Data<S> = (&'static TriangleVertices, &'static TriangleEdges, AngularStiffnesses<S>);
     let push_edges = push_edges::<S>(search.world);
     search.columns::<Data<S>, 3>(|(nodes, edges, stiffnesses), data| {
@@ -69,7 +69,7 @@ fn angular<S: Scalar>(search: Search<'_>) -> ElementColumns {
 }
 
 /// Tetrahedra of a body with volumetric springs.
-fn volumetric<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn volumetric<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     type Data<S> =
         (&'static TetrahedronVertices, &'static TetrahedronEdges, VolumetricStiffnesses<S>);
     let push_edges = push_edges::<S>(search.world);

@@ -8,11 +8,11 @@ use sinew_engine::topology::Topology;
 use sinew_engine::vertex::RestPosition;
 use sinew_models::laws::pressure::ROW;
 
-use super::{DeviceLaw, ElementColumns, ElementKind, TRIANGLES};
+use super::{DeviceElement, DeviceLaw, ElementColumns, TRIANGLES};
 
 /// Three vertices; E_1 and E_2 (m).
-const FACE: ElementKind =
-    ElementKind { vertices: 3, constants: 8, threads: 1, files: &[TRIANGLES] };
+const FACE: DeviceElement =
+    DeviceElement { vertices: 3, constants: 8, threads: 1, files: &[TRIANGLES] };
 
 /// The law. Its faces are found by `columns`, a set for each pressure.
 pub static LAW: DeviceLaw = DeviceLaw::new(

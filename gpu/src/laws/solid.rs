@@ -10,12 +10,12 @@ use sinew_models::laws::{
 };
 
 use super::{
-    DEFORMATION, DeviceLaw, ElementColumns, ElementKind, FOUR_VERTICES, PROJECTION, STRESS,
-    STRETCH, Search, TETRAHEDRA, VOLUMES, compression_alone, points, push, row, three,
+    DEFORMATION, DeviceElement, DeviceLaw, ElementColumns, ElementSearch, FOUR_VERTICES,
+    PROJECTION, STRESS, STRETCH, TETRAHEDRA, VOLUMES, compression_alone, points, push, row, three,
 };
 
 /// Four vertices; D_1 (1/m) and lambda V (J), D_2 and mu V, D_3 and kappa V.
-pub const TETRAHEDRON: ElementKind = ElementKind {
+pub const TETRAHEDRON: DeviceElement = DeviceElement {
     vertices: 4,
     constants: 12,
     threads: 1,
@@ -35,7 +35,7 @@ pub(super) const HEXAHEDRA: &str =
     concat!(include_str!("../corners.wgsl"), include_str!("../hexahedra.wgsl"));
 
 /// Eight vertices; for every Gauss point, in order, what a tetrahedron has.
-pub const HEXAHEDRON: ElementKind = ElementKind {
+pub const HEXAHEDRON: DeviceElement = DeviceElement {
     vertices: 8,
     constants: 8 * TETRAHEDRON.constants,
     threads: 8,
@@ -104,7 +104,7 @@ fn rows(d: [[f64; 3]; 3], moduli: [f64; 3], volume: f64) -> [[f64; 4]; 3] {
     std::array::from_fn(|i| row(d[i], moduli[i] * volume))
 }
 
-fn tetrahedron_columns<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn tetrahedron_columns<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     search.columns::<TetrahedronData<S>, 4>(
         |(nodes, _, d, volume, lambda, mu, compression), data| {
             let moduli = [lambda.0, mu.0, compression.0].map(S::to_f64);
@@ -116,11 +116,11 @@ fn tetrahedron_columns<S: Scalar>(search: Search<'_>) -> ElementColumns {
 }
 
 /// Tetrahedra of a pooled body with the compression term.
-fn compression<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn compression<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     compression_alone(tetrahedron_columns::<S>(search), 11)
 }
 
-fn hexahedron_columns<S: Scalar>(search: Search<'_>) -> ElementColumns {
+fn hexahedron_columns<S: Scalar>(search: ElementSearch<'_>) -> ElementColumns {
     type Data<S> = (
         &'static HexahedronVertices,
         &'static HexahedronRest<S>,

@@ -1,14 +1,15 @@
 //! A device for tests, and bodies in states that matter.
 
 pub mod compare;
-#[path = "../../../tests/common/rich_axes.rs"]
-pub mod rich_axes;
+#[allow(dead_code, reason = "tests of the processor use the rest")]
+#[path = "../../../tests/common/mod.rs"]
+pub mod shared;
 
 use glam::DVec3;
+use shared::{Shortcuts, clamp, max_distance, max_length};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
 use sinew::engine::report::StepReport;
-use sinew::engine::vertex::FixedAxes;
 use sinew::models::resection::{Region, Removal};
 use sinew::prelude::*;
 use sinew::solvers::settings::Preconditioner;
@@ -119,8 +120,7 @@ pub fn displacements_of(points: &[DVec3], state: &State) -> Vec<DVec3> {
 
 /// Largest length of a difference over the largest length of `b`.
 pub fn relative(a: &[DVec3], b: &[DVec3]) -> f64 {
-    let largest = b.iter().map(|b| b.length()).fold(0.0, f64::max);
-    a.iter().zip(b).map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max) / largest
+    max_distance(a, b) / max_length(b)
 }
 
 /// Builds a scene round a body on the processor and on the device, runs both and returns displacements, velocities
@@ -191,27 +191,14 @@ pub fn settings() -> SolverSettings {
 
 /// Holds a group of vertices.
 pub fn hold(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, group: &str) {
-    guide(simulation, body, mesh, group, FixedAxes::ALL.0);
-}
-
-/// Holds a group of vertices along some axes.
-pub fn guide(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh, group: &str, axes: u8) {
-    let rows = simulation.group_rows(body, mesh, group).unwrap();
-    let mut hold = Constraint::hold(group, rows);
-    hold.axes = FixedAxes(axes);
-    simulation.add_constraint(hold);
-}
-
-/// Displaces a body (m), at rest.
-pub fn displace(simulation: &mut Simulation, body: BodyHandle, u: &[DVec3]) {
-    simulation.set_state(body, u, &vec![DVec3::ZERO; u.len()]).unwrap();
+    clamp(simulation, body, mesh, group);
 }
 
 /// Turns elements of a body inside out, without gravity.
 pub fn scramble(simulation: &mut Simulation, body: BodyHandle, mesh: &Mesh) {
     simulation.set_gravity(DVec3::ZERO);
     let u: Vec<_> = (0..mesh.points.len()).map(|i| 0.03 * noise(i)).collect();
-    displace(simulation, body, &u);
+    simulation.displace(body, &u);
 }
 
 /// Which cells have their middle in a notch at the top of a beam.

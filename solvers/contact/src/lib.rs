@@ -1,7 +1,10 @@
 //! Tools that touch bodies, contact between bodies, friction and pulls. It knows vertices and surfaces, no law and no
 //! integrator: integrators ask [`set::ContactSet`] for energies, forces and tangents, as often as they need.
 
+mod beside;
 pub mod field;
+mod install;
+pub mod limits;
 pub mod pair;
 mod point;
 pub mod pull;
@@ -9,3 +12,5 @@ pub mod set;
 pub mod shape;
 mod skin;
 pub mod tool;
+
+pub use install::install;

@@ -9,16 +9,16 @@
 //! * friction: slip `t = P (e + x - x_tool)` since the point began to stick, `P` the projection on the tangent plane,
 //!   `l = |t|`, `A k l^2 / 2` while `k l` is below the limit `f p` (`f`: friction), else `A (f p l - (f p)^2 / (2 k))`.
 
-use crate::pair::beside;
-use crate::set::Limits;
+use crate::beside::beside;
+use crate::limits::Limits;
 use crate::shape::Shape;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::order::Order;
 
-/// What makes a point come back in the next step: who touches, which part of it, and which point of the surface.
+/// Identity of a point from step to step: the owner of the contact, its part, and the point of the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub(crate) struct Key {
+pub(crate) struct PointKey {
     /// Index of the body whose surface the point is on.
     pub body: u32,
     /// Tool, pair or pull.
@@ -29,16 +29,23 @@ pub(crate) struct Key {
     pub point: [u32; 4],
 }
 
-/// What is kept of a point in contact from step to step.
+impl PointKey {
+    /// Of a vertex row.
+    pub fn of_vertex(body: u32, owner: Order, part: u32, row: u32) -> Self {
+        Self { body, owner, part, point: [row, u32::MAX, u32::MAX, 0] }
+    }
+}
+
+/// State of a point in contact that is kept from step to step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Memory {
+pub(crate) struct PointMemory {
     /// Elastic slip (m) in the world.
     pub slip: DVec3,
-    /// Unit normal, from tool to tissue; zero of points that are near but do not touch.
+    /// Unit normal, from tool to tissue; zero for points that are near but do not touch.
     pub normal: DVec3,
     /// Pressure (Pa).
     pub pressure: f64,
-    /// Held whatever the pressure, until the jaws open.
+    /// The grip holds it, whatever the pressure, until the jaws open.
     pub gripped: bool,
     /// Side (1 or -1) of a membrane on which a point of another surface is, 0 unknown.
     pub side: f64,
@@ -46,23 +53,23 @@ pub(crate) struct Memory {
 
 /// A rigid motion: centre and rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Rigid {
+pub(crate) struct RigidPose {
     pub centre: DVec3,
     pub rotation: DQuat,
 }
 
-impl Rigid {
-    /// Where a point of the rigid body that is at `x` in this pose is in another one.
+impl RigidPose {
+    /// Place in the pose `to` of the point of the rigid body that is at `x` in this pose.
     pub fn carry(&self, x: DVec3, to: &Self) -> DVec3 {
         to.centre + to.rotation * (self.rotation.inverse() * (x - self.centre))
     }
 
-    /// A direction likewise.
+    /// A direction of the rigid body, turned from this pose to the pose `to`.
     pub fn turn(&self, d: DVec3, to: &Self) -> DVec3 {
         to.rotation * (self.rotation.inverse() * d)
     }
 
-    /// On the way to another: evenly.
+    /// A pose between this one and another, reached evenly.
     pub fn towards(&self, to: &Self, part: f64) -> Self {
         if part >= 1.0 {
             return *to;
@@ -74,7 +81,7 @@ impl Rigid {
     }
 }
 
-/// What a point touches.
+/// The other side of a contact.
 #[derive(Clone, Debug)]
 pub(crate) enum Against {
     /// Part of a tool: index into the parts.
@@ -89,7 +96,7 @@ pub(crate) enum Against {
 /// A point that something may touch in this step.
 #[derive(Clone, Debug)]
 pub(crate) struct Point {
-    pub key: Key,
+    pub key: PointKey,
     pub against: Against,
     /// Vertex rows; unused ones have weight 0.
     pub rows: [u32; 3],
@@ -100,7 +107,7 @@ pub(crate) struct Point {
     pub k: f64,
     /// Coefficient of friction, infinite for a grip.
     pub friction: f64,
-    pub memory: Memory,
+    pub memory: PointMemory,
     /// Place (m) at the start of the step.
     pub start: DVec3,
     /// Slip kept, turned with the tool, and the place (m) that the point would have if it went with the tool. Of
@@ -110,14 +117,14 @@ pub(crate) struct Point {
     /// Limit (Pa) of friction and normal of the last iterate.
     pub limit: f64,
     pub normal: DVec3,
-    /// It was pressed where the limit was last chosen.
+    /// It was pressed when the limit was last chosen.
     pub pressed: bool,
     /// Multiplier (Pa) of exact contact.
     pub multiplier: Option<f64>,
     pub side: Side,
 }
 
-/// On which side of a tool a point is to stay.
+/// The side of a tool on which a point has to stay.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Side {
     /// Remembered normal, turned with the tool; zero without.
@@ -138,9 +145,9 @@ pub(crate) struct PartNow {
     pub shape: Shape,
     /// Index into the tools of the step.
     pub tool: usize,
-    pub start: Rigid,
-    pub end: Rigid,
-    pub now: Rigid,
+    pub start: RigidPose,
+    pub end: RigidPose,
+    pub now: RigidPose,
     /// How far (m) its surface is drawn in.
     pub drawn_in: f64,
 }
@@ -150,7 +157,7 @@ pub(crate) struct PartNow {
 pub(crate) struct Active {
     /// It pushes or holds.
     pub on: bool,
-    /// Vertex rows that it acts on, and their shares; those of faces on the other side are negative.
+    /// Vertex rows that its force acts on, and their shares; the shares of faces on the other side are negative.
     pub rows: [u32; 4],
     pub weights: [f64; 4],
     /// Place (m).
@@ -193,9 +200,10 @@ impl Default for Active {
 
 /// Cosine between the directions out of a tool and out of a solid above which a point is on the wrong side.
 const BEHIND: f64 = 0.0;
-/// Slope of a surface to a direction below which that does not lead out.
+/// Least cosine between a direction and a surface normal with which the direction leads out.
 const GRAZING: f64 = 0.05;
-/// Largest such cosine that is remembered: a tool that is dragged must not be worked under the surface bit by bit.
+/// Largest cosine between a remembered normal and the outward one: a tool that is dragged must not be worked under the
+/// surface bit by bit.
 const AGAINST: f64 = -0.5;
 
 /// `a b^T`.
@@ -204,6 +212,34 @@ pub(crate) fn outer(a: DVec3, b: DVec3) -> DMat3 {
 }
 
 impl Point {
+    /// A point without friction that did not touch before, on rows with their shares.
+    pub fn new(
+        key: PointKey,
+        against: Against,
+        (rows, weights): ([u32; 3], [f64; 3]),
+        area: f64,
+        k: f64,
+    ) -> Self {
+        Self {
+            key,
+            against,
+            rows,
+            weights,
+            area,
+            k,
+            friction: 0.0,
+            memory: PointMemory::default(),
+            start: DVec3::ZERO,
+            slip: DVec3::ZERO,
+            carried: DVec3::ZERO,
+            limit: 0.0,
+            normal: DVec3::ZERO,
+            pressed: false,
+            multiplier: None,
+            side: Side::default(),
+        }
+    }
+
     /// Place (m) among positions.
     pub fn at(&self, x: &dyn Fn(u32) -> DVec3) -> DVec3 {
         let mut at = x(self.rows[0]) * self.weights[0];
@@ -215,7 +251,8 @@ impl Point {
         at
     }
 
-    /// The point at positions `x`. Limit and normal of friction are taken there or kept, as the energy needs.
+    /// Evaluates the point at positions `x`. `limits` says whether limit and normal of friction are taken there or
+    /// kept.
     pub fn evaluate(
         &mut self,
         parts: &[PartNow],
@@ -229,6 +266,7 @@ impl Point {
         let [u, v, w] = self.weights;
         let mut active =
             Active { rows: [a, b, c, a], weights: [u, v, w, 0.0], at, ..Active::default() };
+        // signed distance and its gradient
         let gradient;
         match &self.against {
             Against::Hand { rate, .. } => {
@@ -259,6 +297,7 @@ impl Point {
                 self.carried = at - (way(a) - way(d) * p - way(e) * q - way(f) * r);
             }
         }
+        // pressure and limit of friction
         let lambda = self.multiplier.unwrap_or(0.0);
         active.pressure = (lambda - self.k * active.gap).max(0.0);
         active.normal = gradient.normalize_or_zero();
@@ -279,6 +318,7 @@ impl Point {
             self.normal = active.normal;
             self.pressed = pressed || limits == Limits::Recall && pressure > 0.0;
         }
+        // normal force
         if active.pressure > 0.0 || lambda > 0.0 {
             // of a point that leaves, too: the energy must not jump where its pressure ends
             active.energy =
@@ -290,6 +330,7 @@ impl Point {
             active.push = self.area * active.pressure * gradient;
             active.block = stiffness * outer(gradient, gradient);
         }
+        // friction: a spring up to the limit
         if self.limit > 0.0 {
             active.on = true;
             let way = self.slip + at - self.carried;
@@ -338,7 +379,7 @@ impl Point {
         self.memory.normal.dot(self.side.outward) > BEHIND
     }
 
-    /// Elastic slip (m) that is left of an evaluation: what the limit holds.
+    /// Elastic slip (m) after an evaluation: the slip that friction can hold at its limit.
     pub fn kept_slip(&self, active: &Active) -> DVec3 {
         let l = active.slip.length();
         if self.limit <= 0.0 || (active.pressure <= 0.0 && !self.is_held()) {
@@ -350,7 +391,7 @@ impl Point {
         }
     }
 
-    /// The normal to be remembered: always somewhat against the outward one.
+    /// The normal to be remembered: it always points somewhat against the outward normal of the solid.
     pub fn kept_normal(&self, active: &Active) -> DVec3 {
         let n = active.normal;
         let outward = self.side.outward;
@@ -365,7 +406,7 @@ impl Point {
         (n + (AGAINST - cosine) * outward).try_normalize().unwrap_or(-outward)
     }
 
-    /// Whether it is held whatever the pressure.
+    /// Whether a grip holds it, whatever the pressure.
     pub fn is_held(&self) -> bool {
         self.limit.is_infinite()
     }
@@ -373,7 +414,7 @@ impl Point {
 
 impl PartNow {
     /// Signed distance (m) of a point in the world from the part in some pose, and its gradient.
-    fn nearest(&self, at: DVec3, pose: &Rigid) -> (f64, DVec3) {
+    fn nearest(&self, at: DVec3, pose: &RigidPose) -> (f64, DVec3) {
         let (distance, gradient) =
             self.shape.distance(pose.rotation.inverse() * (at - pose.centre));
         (distance, pose.rotation * gradient)
@@ -387,7 +428,7 @@ impl PartNow {
         // a surface with two sides has only the remembered one to go by
         let along = side.along || side.outward == DVec3::ZERO && gradient.dot(direction) < 0.0;
         if distance < 0.0 && along {
-            let Rigid { centre, rotation } = self.now;
+            let RigidPose { centre, rotation } = self.now;
             let inverse = rotation.inverse();
             let along = inverse * direction;
             let (way, exit) = self.shape.way_out(inverse * (at - centre), along);
@@ -434,7 +475,7 @@ mod tests {
     const FACES: [[u32; 3]; 2] = [[1, 2, 3], [2, 4, 3]];
 
     fn part(shape: Shape, turn: f64) -> PartNow {
-        let pose = |turn: f64, centre| Rigid {
+        let pose = |turn: f64, centre| RigidPose {
             centre,
             rotation: DQuat::from_xyzw(0.1 * turn, -0.2, 0.3 * turn, 0.9).normalize(),
         };
@@ -443,23 +484,12 @@ mod tests {
     }
 
     fn point(against: Against, friction: f64) -> Point {
+        let own = ([0; 3], [1.0, 0.0, 0.0]);
         Point {
-            key: Key::default(),
-            against,
-            rows: [0; 3],
-            weights: [1.0, 0.0, 0.0],
-            area: 0.3,
-            k: 7.0,
             friction,
-            memory: Memory::default(),
-            start: DVec3::ZERO,
             slip: DVec3::new(0.01, -0.02, 0.015),
             carried: DVec3::new(0.05, 0.1, -0.1),
-            limit: 0.0,
-            normal: DVec3::ZERO,
-            pressed: false,
-            multiplier: None,
-            side: Side::default(),
+            ..Point::new(PointKey::default(), against, own, 0.3, 7.0)
         }
     }
 

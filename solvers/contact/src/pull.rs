@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 use sinew_engine::load::Pose;
 use sinew_engine::order::Order;
 
-/// Draws every vertex of a patch to where a pose carries it from the place it had when the pull took hold:
-/// the energy is `sum_a w_a (k |x_a - T(X_a)|^2 + c |v_a - v_T|^2 h) / 2`, solved implicitly with everything else.
+/// Draws every vertex of a patch to the place to which a moving pose carries it. The pose starts when the pull takes
+/// hold. The energy is `sum_a w_a (k |x_a - T(X_a)|^2 + c |v_a - v_T|^2 h) / 2`, solved implicitly with everything
+/// else.
 #[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[require(PullReport, Order)]
-#[component(on_add = crate::set::install)]
 pub struct Pull {
     /// Name for reports and probes.
     pub name: String,
@@ -54,7 +54,7 @@ impl Pull {
         self
     }
 
-    /// What is wrong with it in a world of `rows` vertices, if anything.
+    /// The error in it in a world of `rows` vertices, if there is one.
     pub fn problem(&self, rows: usize) -> Option<String> {
         if self.rows.is_empty() {
             return Some("it pulls on no vertex".into());
@@ -88,14 +88,14 @@ impl Pull {
     }
 }
 
-/// What a pull did in the last step, at its end.
+/// Force and work of a pull at the end of the last step.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PullReport {
     /// Force (N) on the hand that pulls.
     pub force: DVec3,
     /// Torque (N m) on the hand about the moved centre of the pose.
     pub torque: DVec3,
-    /// Weighted mean distance (m) of the patch from where it is drawn to.
+    /// Weighted mean distance (m) of the patch from the place that it is drawn to.
     pub distance: f64,
     /// Work (J) done by the hand since it took hold, by the force at the end of every step.
     pub work: f64,

@@ -1,14 +1,16 @@
-//! All contact of a world during a step: which points may be touched, their forces at any state, and what is kept and
-//! reported at the end.
+//! All contact of a world during a step: the points that may be touched, their forces at any state, the state that is
+//! kept, and the reports at the end.
 
-use crate::pair::{BodyContact, BodyContactReport, beside};
-use crate::point::{Active, Against, Key, Memory, PartNow, Point, Rigid, Side, outer};
+use crate::beside::beside;
+use crate::limits::Limits;
+use crate::pair::{BodyContact, BodyContactReport};
+use crate::point::{
+    Active, Against, PartNow, Point, PointKey, PointMemory, RigidPose, Side, outer,
+};
 use crate::pull::{Pull, PullReport};
 use crate::skin::{EMPTY, Skin, face_points, grown, overlap};
 use crate::tool::{MOST_POINTS, Points, Stiffness, Tool, ToolMotion, ToolPose, ToolReport};
-use bevy_ecs::lifecycle::HookContext;
 use bevy_ecs::prelude::*;
-use bevy_ecs::world::DeferredWorld;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use sinew_engine::order::Order;
@@ -48,23 +50,7 @@ pub struct Places<'a> {
     pub start: &'a dyn Fn(u32) -> DVec3,
 }
 
-/// What becomes of the limits of friction in an evaluation. The energy is a potential while they are kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Limits {
-    /// They stay those of the last evaluation that changed them.
-    Keep,
-    /// They are taken at the positions of this one.
-    Take,
-    /// They are those of the end of the last step: what inertia alone would press together says little.
-    Recall,
-    /// They are taken, but where nothing pressed at the last one: the pressure of a point that has only just come in,
-    /// which nothing has met yet, is far too high.
-    Follow,
-    /// They go half of the way there: where sticking and slipping alternate, that ends it.
-    Approach,
-}
-
-/// What contact adds to the matrix of a step: `sum_q B_q^T C_q B_q` with `B_q` the shares of a point.
+/// Blocks that contact adds to the matrix of a step: `sum_q B_q^T C_q B_q` with `B_q` the shares of a point.
 #[derive(Clone, Debug, Default)]
 pub struct ContactBlocks {
     /// Diagonal blocks (N/m) of vertex rows, ascending, each row once.
@@ -84,7 +70,7 @@ pub struct Coupling {
     pub block: DMat3,
 }
 
-/// What is kept of a tool from step to step.
+/// State of a tool that is kept from step to step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct ToolState {
     pose: ToolPose,
@@ -93,7 +79,7 @@ struct ToolState {
     dissipation: f64,
 }
 
-/// What a tool did in the substeps of a step.
+/// Work (J) and dissipation (J) of a tool in the substeps of a step.
 #[derive(Clone, Copy, Debug, Default)]
 struct Settled {
     work: f64,
@@ -108,41 +94,35 @@ struct ToolNow {
     name: String,
     start: ToolPose,
     end: ToolPose,
-    /// Not yet reached of its target (m).
+    /// Distance (m) to its target that is left.
     lag: f64,
-    /// It appears, or was put here, in this step.
+    /// It appears, or was put elsewhere, in this step.
     appears: bool,
     tool: Tool,
     parts: Range<usize>,
 }
 
+/// A contact of bodies or a pull in this step.
 #[derive(Clone, Debug)]
-struct PairNow {
+struct Now<T> {
     entity: Entity,
     id: Order,
-    pair: BodyContact,
+    of: T,
 }
 
-#[derive(Clone, Debug)]
-struct PullNow {
-    entity: Entity,
-    id: Order,
-    pull: Pull,
-}
-
-/// The contact surface of a body and what it was made for.
+/// The contact surface of a body, and the version of the body that it was made for.
 #[derive(Clone, Debug, Default)]
-struct Known {
+struct KnownSkin {
     version: (u64, u64),
     skin: Skin,
 }
 
-/// What contact keeps from step to step; all else follows from the entities and the state of the bodies.
+/// State that contact keeps from step to step; all else follows from the entities and the state of the bodies.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactMemory {
     tools: BTreeMap<Order, ToolState>,
     /// By key, ascending.
-    points: Vec<(Key, Memory)>,
+    points: Vec<(PointKey, PointMemory)>,
     /// Energy (J) that friction of pairs has taken.
     dissipated: BTreeMap<Order, f64>,
     /// Forces (N) at the end of the last step, and pressures (Pa), of vertex rows.
@@ -167,31 +147,31 @@ impl ContactMemory {
 #[derive(Resource, Clone, Debug, Default)]
 pub struct ContactSet {
     kept: ContactMemory,
-    skins: Vec<Known>,
-    /// Of tools that touch some faces only, by tool and body.
-    own_skins: BTreeMap<(Order, usize), Known>,
+    skins: Vec<KnownSkin>,
+    /// Surfaces of tools that touch some faces only, by tool and body.
+    own_skins: BTreeMap<(Order, usize), KnownSkin>,
     tools: Vec<ToolNow>,
     parts: Vec<PartNow>,
-    pairs: Vec<PairNow>,
-    pulls: Vec<PullNow>,
+    pairs: Vec<Now<BodyContact>>,
+    pulls: Vec<Now<Pull>>,
     points: Vec<Point>,
     /// First point of every body, and the number of all.
     first: Vec<usize>,
     active: Vec<Active>,
-    /// Of the last round of an inner loop, and the places (m) between the rows that they acted on.
+    /// Points of the last round of an inner loop, and their places (m).
     rounds: Vec<(Active, DVec3)>,
     faces: Vec<[u32; 3]>,
     figures: ContactFigures,
     /// Local stiffnesses (N/m) found in this step, by tool.
     local: Vec<(usize, DMat3)>,
-    /// Work and dissipation of the tools, and last of all hands, in the substeps of the step.
+    /// Work and dissipation in the substeps of the step: of each tool, and last of all hands together.
     settled: Vec<Settled>,
-    /// What is kept, as it was before the first part of a step in parts, and the number of that step.
+    /// The kept state before the first part of a step in parts, and the number of that step.
     before_parts: Option<(u64, Box<ContactMemory>)>,
 }
 
 impl ContactSet {
-    /// What the step after `step` steps is to begin with.
+    /// The kept state with which the step after `step` steps begins.
     pub fn memory(&self, step: u64) -> &ContactMemory {
         match &self.before_parts {
             // that step failed in a later part, and is made again
@@ -200,15 +180,15 @@ impl ContactSet {
         }
     }
 
-    /// Takes up what was kept in another world of the same entities, or at another time.
+    /// Restores the kept state of another world of the same entities, or of another time.
     pub fn recall(&mut self, memory: &ContactMemory) {
         self.kept.clone_from(memory);
         self.before_parts = None;
     }
 
-    /// Finds what may touch what in the step to come. `x` and `v` are positions (m) and velocities (m/s) of vertex
-    /// rows, `rest` their rest positions. With `limit_ways` a tool whose way through tissue is longer than it is thick
-    /// does not reach its end: integrators with small steps of their own do not need that.
+    /// Finds the points that may touch something in the coming step. `x` and `v` are positions (m) and velocities (m/s)
+    /// of vertex rows, `rest` their rest positions. With `limit_ways` a tool whose way through tissue is longer than it
+    /// is thick does not reach its end: integrators with small steps of their own do not need that.
     ///
     /// # Errors
     /// When a tool, contact or pull cannot be used.
@@ -327,7 +307,7 @@ impl ContactSet {
     pub fn groups(&self, bodies: usize) -> Vec<Range<usize>> {
         let mut last: Vec<usize> = (0..bodies).collect();
         for now in &self.pairs {
-            let [a, b] = now.pair.bodies;
+            let [a, b] = now.of.bodies;
             let (low, high) = (a.min(b), a.max(b));
             let of_pair =
                 |p: &Point| p.key.owner == now.id && matches!(p.against, Against::Faces(_));
@@ -374,9 +354,9 @@ impl ContactSet {
         sum
     }
 
-    /// Adds to the tangents what the last one missed of the resistance of a point to its way since then: normals that
-    /// turn in a furrow between faces, limits of friction that follow the pressure. Call it once a round, at the
-    /// positions `x` of the last evaluation.
+    /// Corrects the tangents of points whose force changed by more than the last tangent said: normals turn in a furrow
+    /// between faces, and limits of friction follow the pressure. Call it once a round, at the positions `x` of the
+    /// last evaluation.
     pub fn learn(&mut self, bodies: &Range<usize>, x: &dyn Fn(u32) -> DVec3, first: bool) {
         let range = self.range(bodies);
         self.rounds.resize(self.active.len(), (Active::default(), DVec3::ZERO));
@@ -401,12 +381,12 @@ impl ContactSet {
         }
     }
 
-    /// Holds the points that touched at the start of the step and no more do, as if they could be pulled: the best guess
-    /// of which will touch at its end. The next evaluation lets them go.
+    /// Holds the points that touched at the start of the step and no longer do, as if they could be pulled: they are
+    /// the best guess of the points that touch at its end. The next evaluation lets them go.
     pub fn keep_touching(&mut self, bodies: &Range<usize>) {
         let range = self.range(bodies);
         for (point, active) in self.points[range.clone()].iter().zip(&mut self.active[range]) {
-            let touched = point.memory.pressure > 0.0 && point.multiplier.is_none();
+            let touched = point.memory.pressure > 0.0 && point.frictionltiplier.is_none();
             if touched && active.pressure <= 0.0 && active.gap.is_finite() {
                 let stiffness = point.area * point.k;
                 active.on = true;
@@ -428,7 +408,7 @@ impl ContactSet {
         }
     }
 
-    /// What the contacts of some bodies add to the matrix, at the last evaluation.
+    /// Blocks that the contacts of some bodies add to the matrix, at the last evaluation.
     pub fn blocks(&self, bodies: &Range<usize>) -> ContactBlocks {
         let mut blocks = ContactBlocks::default();
         for active in self.active[self.range(bodies)].iter().filter(|active| active.on) {
@@ -462,8 +442,8 @@ impl ContactSet {
         (force, block)
     }
 
-    /// Largest depth (m) at the last evaluation of points that did not touch at the start of the step, over the mean
-    /// edge of their surface: how much of an impact the step is.
+    /// Largest depth at the last evaluation of points that did not touch at the start of the step, over the mean edge
+    /// of their surface. It measures how hard an impact the step is.
     pub fn impact(&self, bodies: &Range<usize>) -> f64 {
         let range = self.range(bodies);
         let depth = |(point, active): (&Point, &Active)| {
@@ -479,7 +459,7 @@ impl ContactSet {
     pub fn update_multipliers(&mut self) -> f64 {
         let (mut change, mut total) = (0.0, 0.0);
         for (point, active) in self.points.iter_mut().zip(&self.active) {
-            if let Some(lambda) = &mut point.multiplier {
+            if let Some(lambda) = &mut point.frictionltiplier {
                 change += point.area * (active.pressure - *lambda).abs();
                 total += point.area * active.pressure;
                 *lambda = active.pressure;
@@ -490,7 +470,7 @@ impl ContactSet {
 
     /// Whether some tool wants exact contact.
     pub fn is_exact(&self) -> bool {
-        self.points.iter().any(|point| point.multiplier.is_some())
+        self.points.iter().any(|point| point.frictionltiplier.is_some())
     }
 
     /// Whether friction acts anywhere.
@@ -514,8 +494,8 @@ impl ContactSet {
         self.tools.iter().any(|now| now.tool.local_stiffness)
     }
 
-    /// Tools whose local stiffness is asked for and that touch something. Tangents of their points become exact: what the
-    /// curvature of the tool takes from them, small along the normal, counts where the tool goes sideways.
+    /// Tools whose local stiffness is asked for and that touch something. Tangents of their points become exact: the
+    /// part by the curvature of the tool is small along the normal, but counts where the tool goes sideways.
     pub fn tools_with_stiffness(&mut self) -> Vec<usize> {
         let asked =
             |i: &usize| self.tools[*i].tool.local_stiffness && self.touching(*i).count() > 0;
@@ -550,7 +530,7 @@ impl ContactSet {
         }
     }
 
-    /// Keeps the local stiffness of a tool, given where rows go (m) when it goes 1 m along every axis.
+    /// Keeps the local stiffness of a tool. `ways` gives the motion (m) of a row when the tool moves 1 m along an axis.
     pub fn keep_stiffness(&mut self, tool: usize, ways: &dyn Fn(usize, u32) -> DVec3) {
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         let columns = [0, 1, 2].map(|axis| {
@@ -573,7 +553,7 @@ impl ContactSet {
         self.active[self.range(bodies)].iter().filter(|a| a.on).map(of).sum()
     }
 
-    /// Within a step that is cut into parts: what touches goes on from positions `x`, those of the last evaluation.
+    /// Ends a substep: contacts go on from positions `x`, those of the last evaluation.
     pub fn settle(&mut self, x: &dyn Fn(u32) -> DVec3) {
         for (point, active) in self.points.iter().zip(&self.active).filter(|(_, a)| a.on) {
             let force = active.push + active.rub;
@@ -601,7 +581,7 @@ impl ContactSet {
         }
     }
 
-    /// Ends the step at positions `x`: what is kept for the next one, and reports. `dt` is its length (s).
+    /// Ends the step at positions `x`: writes the kept state and the reports. `dt` is the length of the step (s).
     pub fn finish(&mut self, world: &mut World, x: &Places, dt: f64) -> ContactFigures {
         let bodies = 0..self.first.len().saturating_sub(1);
         self.set_part(1.0, dt);
@@ -609,7 +589,7 @@ impl ContactSet {
         self.kept.points.clear();
         for (point, active) in self.points.iter().zip(&self.active) {
             let kept = remember(point, active);
-            if kept != Memory::default() {
+            if kept != PointMemory::default() {
                 self.kept.points.push((point.key, kept));
             }
         }
@@ -642,13 +622,6 @@ impl ContactSet {
     }
 }
 
-/// The world gets its [`ContactSet`] with the first tool, contact or pull.
-pub(crate) fn install(mut world: DeferredWorld, _: HookContext) {
-    world.commands().queue(|world: &mut World| {
-        world.init_resource::<ContactSet>();
-    });
-}
-
 /// Ascending rows, each once with the sum of what it had, in the order in which that came.
 fn sum_by_row<T: Copy + std::ops::AddAssign>(parts: &mut Vec<(u32, T)>) {
     parts.sort_by_key(|(row, _)| *row);
@@ -661,14 +634,14 @@ fn sum_by_row<T: Copy + std::ops::AddAssign>(parts: &mut Vec<(u32, T)>) {
     });
 }
 
-/// What is kept of a point.
-fn remember(point: &Point, active: &Active) -> Memory {
+/// The kept state of a point.
+fn remember(point: &Point, active: &Active) -> PointMemory {
     let gripped = point.friction.is_infinite() && (active.pressure > 0.0 || point.memory.gripped);
     let side = point.memory.side;
     if active.pressure <= 0.0 && !gripped {
-        return Memory { side, ..Memory::default() };
+        return PointMemory { side, ..PointMemory::default() };
     }
-    Memory {
+    PointMemory {
         slip: point.kept_slip(active),
         normal: point.kept_normal(active),
         pressure: active.pressure,

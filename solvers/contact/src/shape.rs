@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// What a tool is made of. Lengths in metres, in the shape's own frame, whose origin is its centre.
+/// Shape of a tool or of one of its parts. Lengths in metres, in the shape's own frame, whose origin is its centre.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Shape {
     /// A ball.
@@ -35,7 +35,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// What is wrong with its sizes, if anything.
+    /// The error in its sizes, if there is one.
     pub fn problem(&self) -> Option<String> {
         let positive = |what: &str, x: f64| {
             (!(x > 0.0 && x.is_finite()))
@@ -102,7 +102,7 @@ impl Shape {
         }
     }
 
-    /// Way (m) from a point inside along the unit vector `along` to the surface, and the gradient of the signed
+    /// Distance (m) from a point inside along the unit vector `along` to the surface, and the gradient of the signed
     /// distance there. The surface is found by steps of the distance, which never pass it.
     pub fn way_out(&self, from: DVec3, along: DVec3) -> (f64, DVec3) {
         let mut way = 0.0;
@@ -152,8 +152,8 @@ impl Shape {
         }
     }
 
-    /// Half of its smallest extent (m): what decides how dense the points that it touches have to be, and how far
-    /// it may move at once.
+    /// Half of its smallest extent (m). It decides how dense the points of a surface have to be, and how far the shape
+    /// may move at once.
     pub fn thickness(&self) -> f64 {
         match self {
             Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,

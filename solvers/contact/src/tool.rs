@@ -31,7 +31,7 @@ impl From<DVec3> for ToolPose {
 }
 
 impl ToolPose {
-    /// What is wrong with it, if anything; a rotation of another length than one is made one.
+    /// The error in it, if there is one; rotations are normalised.
     fn checked(mut self) -> Result<Self, String> {
         if !(self.position.is_finite() && self.rotation.is_finite() && self.opening.is_finite()) {
             return Err(format!("{self:?} has a number that is not finite"));
@@ -84,7 +84,7 @@ impl From<Shape> for Part {
 pub struct Hinge {
     /// A point on it (m).
     pub point: DVec3,
-    /// Its direction, any length.
+    /// Its direction, of any length.
     pub axis: DVec3,
 }
 
@@ -99,7 +99,7 @@ impl Default for Hinge {
 pub struct PathPoint {
     /// Time (s).
     pub time: f64,
-    /// Pose then.
+    /// Pose at that time.
     pub pose: ToolPose,
 }
 
@@ -115,7 +115,7 @@ pub enum ToolMotion {
     Translate(DVec3, Curve),
 }
 
-/// Which points of a surface touch a tool.
+/// The kind of points of a surface that are tested against a tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Points {
@@ -166,11 +166,10 @@ pub fn friction_problem(coefficient: f64) -> Option<String> {
 /// reports them.
 #[derive(Component, Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[require(ToolReport, Order)]
-#[component(on_add = crate::set::install)]
 pub struct Tool {
     /// Name for reports and probes.
     pub name: String,
-    /// What it is made of.
+    /// Its rigid parts.
     pub parts: Vec<Part>,
     /// Hinge of its jaws.
     pub hinge: Hinge,
@@ -180,22 +179,22 @@ pub struct Tool {
     pub motion: ToolMotion,
     /// Coefficient of friction (Coulomb), 0 for none.
     pub friction: f64,
-    /// While true, what touches it does not slip, however little it is pressed: jaws that are closed for good.
+    /// While true, points that touch it do not slip, however little they are pressed: jaws that are closed for good.
     pub grip: bool,
-    /// Which points touch it.
+    /// The kind of points that are tested against it.
     pub points: Points,
     /// Stiffness of contact.
     pub stiffness: Stiffness,
-    /// No penetration: multipliers are iterated until nothing is left of it. For the integrators `newton` and
-    /// `quasi-static`, and vertices as points.
+    /// No penetration: multipliers are iterated until none is left. For the integrators `newton` and `quasi-static`,
+    /// and vertices as points.
     pub exact: bool,
     /// A point that was pushed out through one side stays on it however deep the tool goes (default). Without, it
     /// leaves through the nearest side.
     pub keeps_side: bool,
-    /// Also finds the force that points of the other kind give, as an error bar ([`ToolReport::other_points`]).
+    /// Also finds the force by points of the other kind, as an error bar ([`ToolReport::other_points`]).
     pub error_bar: bool,
-    /// Also finds how its force answers to small motions ([`ToolReport::local_stiffness`]), for three linear systems
-    /// more a step: for devices and rigid bodies that go on between two steps.
+    /// Also finds the change of its force with small motions ([`ToolReport::local_stiffness`]), which devices and rigid
+    /// bodies need that go on between two steps. Costs three linear systems a step.
     pub local_stiffness: bool,
     /// Triangles of vertex rows that it touches; all surfaces without.
     pub faces: Option<Vec<[u32; 3]>>,
@@ -218,7 +217,7 @@ pub enum ToolError {
     Invalid {
         /// Tool.
         name: String,
-        /// What is wrong, and with which value.
+        /// The error, with the value at fault.
         problem: String,
     },
     /// There is no such tool.
@@ -293,7 +292,7 @@ impl Tool {
         (self.target, self.placed)
     }
 
-    /// Sets what [`Tool::target`] gave, as it is.
+    /// Restores the result of [`Tool::target`].
     pub fn aim(&mut self, target: Option<ToolPose>, placed: bool) {
         (self.target, self.placed) = (target, placed);
     }
@@ -333,7 +332,7 @@ impl Tool {
         t >= self.from && t <= self.until
     }
 
-    /// What is wrong with it in a world of `rows` vertices, if anything.
+    /// The error in it in a world of `rows` vertices, if there is one.
     pub fn problem(&self, rows: usize) -> Option<String> {
         if self.parts.is_empty() {
             return Some("it has no parts".into());
@@ -410,7 +409,7 @@ impl Tool {
         }
     }
 
-    /// Where its motion wants it at a time (s); `now` is where it is.
+    /// The pose that its motion asks for at a time (s); `now` is its present pose.
     pub fn wanted(&self, t: f64, now: ToolPose) -> ToolPose {
         match &self.motion {
             ToolMotion::Follow => self.target.unwrap_or(now),
@@ -443,7 +442,7 @@ impl Tool {
     }
 }
 
-/// What a tool felt in the last step, at its end.
+/// Forces on a tool and its contacts at the end of the last step.
 #[derive(Component, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ToolReport {
     /// Where the tool was: place (m) of its origin.
@@ -482,23 +481,23 @@ pub struct ToolReport {
     pub sticking: u32,
     /// Points that touch it and slip.
     pub slipping: u32,
-    /// What it is behind its target (m), because its way was more than the substeps of a step can follow.
+    /// Distance (m) to its target, where its way was longer than the substeps of a step can follow.
     pub lag: f64,
     /// How far (m) the surfaces of its shapes are drawn in, because it appeared inside of a body.
     pub drawn_in: f64,
-    /// Force (N) by points of the other kind at the same state, if [`Tool::error_bar`] asks for it: how far the two
-    /// differ says how far the mesh resolves the contact.
+    /// Force (N) by points of the other kind at the same state, if [`Tool::error_bar`] asks for it. Its difference from
+    /// `force` estimates the error that the mesh makes in the contact.
     pub other_points: Option<DVec3>,
-    /// What its force (N) changes by per motion (m) of its end of the step, tissue answering within the step, if
-    /// [`Tool::local_stiffness`] asks for it of an implicit integrator: the force is about
-    /// `force + local_stiffness * way`. Symmetric; limits of friction as they are. Exact for `newton`, to the tolerance of
-    /// the linear solver.
+    /// Change of its force (N) per motion (m) of its pose at the end of the step, with the tissue moving along within
+    /// the step, if [`Tool::local_stiffness`] asks for it of an implicit integrator: the force is about `force +
+    /// local_stiffness * way`. Symmetric; limits of friction as they are. Exact for `newton`, to the tolerance of the
+    /// linear solver.
     pub local_stiffness: Option<DMat3>,
-    /// What each part felt, in their order; empty for a tool of one part.
+    /// Forces on each part, in their order; empty for a tool of one part.
     pub parts: Vec<PartReport>,
 }
 
-/// What one part of a tool felt, such as one of two jaws.
+/// Forces on one part of a tool, such as one of two jaws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PartReport {
     /// Force (N) on it, normal and friction.

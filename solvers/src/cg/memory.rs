@@ -1,5 +1,5 @@
-//! What conjugate gradients keep between solves, for snapshots: iterates depend on the values of a preconditioner as far
-//! as the tolerance lets them, so that a state without them would not go on alike.
+//! Values that conjugate gradients keep between solves, for snapshots. Iterates depend on the values of the
+//! preconditioner, within the tolerance: without them a restored state would not go on with the same bits.
 
 use super::*;
 use serde::{Deserialize, Serialize};
@@ -13,23 +13,23 @@ struct Values<T: Scalar> {
     pieces: Vec<u32>,
     cholesky: Vec<FactorValues<T>>,
     coarse: Option<CoarseValues<T>>,
-    /// Whether it was one for a matrix with vectors that are not added up.
+    /// Whether the matrix had a low-rank part.
     corrected: bool,
 }
 
-/// What was kept of a preconditioner that may be used again.
+/// A kept preconditioner, and how well it did.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "T: Scalar")]
 pub struct PreconditionerMemory<T: Scalar> {
-    kept: Kept,
+    kept: KeptFor,
     values: Arc<Values<T>>,
 }
 
 /// The last copy of the values, while it holds.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Shared<T: Scalar>(Option<Arc<Values<T>>>);
+pub(super) struct SharedValues<T: Scalar>(Option<Arc<Values<T>>>);
 
-impl<T: Scalar> Shared<T> {
+impl<T: Scalar> SharedValues<T> {
     pub fn forget(&mut self) {
         self.0 = None;
     }
@@ -37,17 +37,17 @@ impl<T: Scalar> Shared<T> {
 
 /// Kept values that do not belong to the bodies they are given to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Misfit;
+pub struct MemoryMisfit;
 
 impl<T: Scalar> ConjugateGradients<T> {
-    /// What is kept, if the next solve may look at it.
+    /// The kept preconditioner, if the next solve may use it.
     pub fn memory(
         &mut self,
         topology: &Topology,
         bodies: &Range<usize>,
     ) -> Option<PreconditionerMemory<T>> {
         // those of other pieces are thrown away at the next solve
-        let same = |kept: &&Kept| kept.splits == splits(topology, bodies);
+        let same = |kept: &&KeptFor| kept.splits == splits(topology, bodies);
         let kept = self.kept.as_ref().filter(same)?.clone();
         let values = self.shared.0.get_or_insert_with(|| {
             Arc::new(Values {
@@ -60,7 +60,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         Some(PreconditionerMemory { kept, values: values.clone() })
     }
 
-    /// Takes up what was kept; `rest` (m) belongs to the rows of the bodies.
+    /// Restores a kept preconditioner; `rest` (m) belongs to the rows of the bodies.
     ///
     /// # Errors
     /// When it does not belong to them; nothing is kept then.
@@ -70,7 +70,7 @@ impl<T: Scalar> ConjugateGradients<T> {
         bodies: &Range<usize>,
         (pattern, rest): (&Pattern, &[DVec3]),
         memory: Option<&PreconditionerMemory<T>>,
-    ) -> Result<(), Misfit> {
+    ) -> Result<(), MemoryMisfit> {
         let now = self.kept.take();
         let Some(PreconditionerMemory { kept, values }) = memory else {
             self.shared.forget();
@@ -82,7 +82,7 @@ impl<T: Scalar> ConjugateGradients<T> {
             let n = pattern.len();
             let fits = values.pieces.len() == n && kept.held.len() == n && rest.len() == n;
             if !fits || matches!(kept.kind, Preconditioner::Auto | Preconditioner::Direct) {
-                return Err(Misfit);
+                return Err(MemoryMisfit);
             }
             let corrected = values.corrected;
             if now.is_none_or(|now| now.kind != kept.kind)
@@ -97,11 +97,11 @@ impl<T: Scalar> ConjugateGradients<T> {
                 _ => false,
             };
             if !(coarse && self.cholesky.recall(&values.cholesky)) {
-                return Err(Misfit);
+                return Err(MemoryMisfit);
             }
             self.shared.0 = Some(values.clone());
         }
-        self.kept = Some(Kept { splits: splits(topology, bodies), ..kept.clone() });
+        self.kept = Some(KeptFor { splits: splits(topology, bodies), ..kept.clone() });
         Ok(())
     }
 }

@@ -4,7 +4,7 @@
 //! part that fails is halved, at most [`MAX_PARTINGS`] times; if that does not help either, the result of
 //! the attempt in one go stands.
 
-use super::step::{BodyStep, ImplicitScratch, Mode, Step, Weights};
+use super::step::{BodyStep, ImplicitScratch, Step, StepMode, Weights};
 use crate::state::{Rows, evaluate, read_force};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::StepError;
@@ -12,7 +12,7 @@ use sinew_engine::step::StepError;
 /// Most halvings of the parts in which an equilibrium is sought.
 pub const MAX_PARTINGS: u32 = 5;
 
-/// What Newton's iteration ended with.
+/// The result of Newton's iteration.
 struct Attempt<S> {
     iterate: Rows<S>,
     bodies: Vec<BodyStep>,
@@ -24,7 +24,7 @@ impl<S: Scalar> Step<'_, S> {
     pub fn equilibrium(&mut self) -> Result<(), StepError> {
         for body in &mut self.bodies {
             let weights = Weights::new(self.settings, f64::INFINITY);
-            (body.mode, body.weights) = (Mode::Converge, weights);
+            (body.mode, body.weights) = (StepMode::Converge, weights);
         }
         let ImplicitScratch { within, node, .. } = &mut *self.scratch;
         within.read(self.world, &node.u, &node.prescribed, &node.fixed);
@@ -103,7 +103,7 @@ impl<S: Scalar> Step<'_, S> {
         self.bodies.iter().any(|body| !body.inverted && inverts(body))
     }
 
-    /// Ends with what the attempt in one go found.
+    /// Ends with the result of the attempt in one go.
     fn take_back(&mut self, attempt: Attempt<S>) {
         (self.report.unconverged, self.report.load_parts) = (attempt.unconverged, 1);
         self.bodies = attempt.bodies;

@@ -1,21 +1,21 @@
 //! Implicit Euler: the safe step, linearised once and capped, and the step solved to convergence.
 
-use super::step::{Mode, Step, Weights};
+use super::step::{Step, StepMode, Weights};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::StepError;
 
 impl<S: Scalar> Step<'_, S> {
     /// One Newton step with line search and energy cap.
     pub fn safe_euler(&mut self) -> Result<(), StepError> {
-        self.euler(Mode::Safe)
+        self.euler(StepMode::Safe)
     }
 
     /// Newton to convergence.
     pub fn converged_euler(&mut self) -> Result<(), StepError> {
-        self.euler(Mode::Converge)
+        self.euler(StepMode::Converge)
     }
 
-    fn euler(&mut self, mode: Mode) -> Result<(), StepError> {
+    fn euler(&mut self, mode: StepMode) -> Result<(), StepError> {
         for body in &mut self.bodies {
             (body.mode, body.weights) = (mode, Weights::new(self.settings, self.dt));
         }

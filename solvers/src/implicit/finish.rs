@@ -1,11 +1,12 @@
 //! The end of a step: velocities, energy cap, report, and the new state into the columns and the history.
 
 use super::linearised_bdf2::WAIT;
-use super::step::{BodyStep, ImplicitScratch, Mode, Step, noise};
+use super::step::{BodyStep, ImplicitScratch, Step, StepMode, noise};
 use super::touch::At;
 use crate::history::BodyHistory;
 use crate::state::{book_momentum, dot3, position, write_state};
-use sinew_contact::set::{Limits, Places};
+use sinew_contact::limits::Limits;
+use sinew_contact::set::Places;
 use sinew_engine::report::ContactFigures;
 use sinew_engine::scalar::Scalar;
 
@@ -20,6 +21,7 @@ impl<S: Scalar> Step<'_, S> {
         let mut energy_before = 0.0;
         self.scratch.multiply_damping(self.world);
         let mut put_in = -self.contact_before;
+        // velocities, energy cap and energy books of every body
         for index in 0..self.bodies.len() {
             self.set_velocities(index);
             let begin = self.contact_energy_at_start(index);
@@ -36,7 +38,10 @@ impl<S: Scalar> Step<'_, S> {
             let load_potential = scratch.node.load_potential(rows.clone(), &scratch.iterate);
             let potential = body.elastic + stored - load_potential;
             let [mut kinetic, held] = scratch.node.kinetic_energy(rows.clone(), &scratch.velocity);
-            if dynamic && body.mode == Mode::Safe && body.exceeds_budget::<S>(kinetic, potential) {
+            if dynamic
+                && body.mode == StepMode::Safe
+                && body.exceeds_budget::<S>(kinetic, potential)
+            {
                 kinetic = scratch.cap_energy(body, kinetic, potential);
                 report.energy_caps += 1;
             }
@@ -60,6 +65,7 @@ impl<S: Scalar> Step<'_, S> {
             };
             scratch.history.bodies.extend(body.bodies.clone().skip(1).map(|_| others));
         }
+        // contact
         let mut contact_change = 0.0;
         if let Some(contact) = &mut self.contact {
             let now = position(&self.scratch.rest, &self.scratch.iterate);
@@ -70,6 +76,7 @@ impl<S: Scalar> Step<'_, S> {
             self.report.contact = ContactFigures { impacts, work: put_in, ..figures };
             contact_change = figures.energy - self.contact_before;
         }
+        // dissipation is what the books lack
         if dynamic {
             let report = &mut *self.report;
             let work = report.load_work + report.constraint_work + report.contact.work;
@@ -90,7 +97,7 @@ impl<S: Scalar> Step<'_, S> {
         }
     }
 
-    /// The new state into the columns and the history.
+    /// Writes the new state into the columns and the history.
     fn write(&mut self) {
         let ImplicitScratch {
             rest, node, iterate, velocity, increment, history, predicted, ..
@@ -116,14 +123,14 @@ impl BodyStep {
         kinetic > 0.0 && kinetic + potential > self.budget + rounding
     }
 
-    /// What is remembered of a body that ends with `energy` (J), kinetic and potential.
+    /// History of a body that ends with `energy` (J), kinetic and potential.
     fn history(&self, energy: f64) -> BodyHistory {
         let past = self.past.body;
         let unused = self.budget - energy;
         BodyHistory {
             elastic: self.elastic,
             // what a safe step takes is not given back
-            excess: if self.mode == Mode::Trial {
+            excess: if self.mode == StepMode::Trial {
                 (1.0 - BUDGET_DECAY) * (unused + past.excess).max(0.0)
             } else {
                 0.0
@@ -134,8 +141,8 @@ impl BodyStep {
 }
 
 impl<S: Scalar> ImplicitScratch<S> {
-    /// Slows the free unknowns of a body down until its kinetic energy leaves the energy at its budget; the
-    /// kinetic energy (J) then.
+    /// Slows the free unknowns of a body down until its energy is at its budget; returns the kinetic energy (J) that is
+    /// left.
     fn cap_energy(&mut self, body: &BodyStep, kinetic: f64, potential: f64) -> f64 {
         let factor = ((body.budget - potential).max(0.0) / kinetic).sqrt();
         for row in body.rows.clone() {

@@ -1,11 +1,11 @@
 //! Armijo backtracking along the Newton step, body by body, with one evaluation for all of them a try.
 
-use super::step::{BodyStep, ImplicitScratch, Mode, Rejected, Step, largest_entry, noise};
+use super::step::{BodyStep, ImplicitScratch, Rejected, Step, StepMode, largest_entry, noise};
 use super::touch::At;
 use crate::state::{dot3, evaluate};
 use bevy_ecs::prelude::World;
 use glam::{DMat3, DVec3};
-use sinew_contact::set::Limits;
+use sinew_contact::limits::Limits;
 use sinew_engine::law::ElasticEnergy;
 use sinew_engine::matrix::{LowRank, Tangent};
 use sinew_engine::scalar::Scalar;
@@ -15,9 +15,9 @@ use std::ops::Range;
 const ARMIJO: f64 = 1e-4;
 /// Predicted decrease, over the energies involved, below which Newton does not test for decrease.
 const UNRESOLVED: f64 = 1e-10;
-/// Most corrections of a bend, each for what the one before left.
+/// Most corrections of a step for the predicted volumes (its bend); each starts from what the one before left.
 const BENDS: u32 = 3;
-/// Energy of what is left over the slope of the step, below which it does not matter.
+/// Energy of the volume error over the slope of the step, below which no further correction is made.
 const BENT_ENOUGH: f64 = 0.01;
 /// Most halvings of the line search.
 const MAX_HALVINGS: u32 = 30;
@@ -29,7 +29,7 @@ struct LineSearch {
     body: usize,
     linear: f64,
     quadratic: f64,
-    /// Coefficients of `t^2`, `t^3` and `t^4` that a bend adds.
+    /// Coefficients of `t^2`, `t^3` and `t^4` that the bend adds to the potential.
     bent: [f64; 3],
     slope: f64,
     rounding: f64,
@@ -111,15 +111,16 @@ impl<S: Scalar> Step<'_, S> {
         }
     }
 
-    /// Bends full steps so that what the low-rank tangents predicted of their values comes true. A straight step turns
-    /// elements by straight motions and changes their volumes to second order; times a large modulus, that would be
-    /// a pressure of no meaning, for which the line search would shorten the step.
+    /// Corrects full steps so that clusters get the volumes that the linear solve predicted. A straight step moves the
+    /// vertices of a rotating element along straight lines, which changes its volume to second order; times a large
+    /// bulk modulus, that would be a false pressure, for which the line search would shorten the step.
     fn bend(&mut self, searches: &mut [LineSearch]) {
         let Self { world, scratch, bodies, .. } = self;
         if world.resource::<Tangent<S>>().low_rank.is_empty() {
             return;
         }
         scratch.bend.resize(scratch.direction.len(), [S::ZERO; 4]);
+        // what the linear solves predicted
         let mut open: Vec<(usize, Vec<Vec<f64>>)> = Vec::new();
         for search in &*searches {
             let rows = &bodies[search.body].rows;
@@ -130,6 +131,7 @@ impl<S: Scalar> Step<'_, S> {
             let parts = world.resource::<Tangent<S>>().low_rank.iter();
             open.push((search.body, parts.map(predicted).collect()));
         }
+        // correct the step for the difference, evaluate, and again
         for _ in 0..BENDS {
             open.retain(|(_, predicted)| predicted.iter().any(|part| !part.is_empty()));
             if open.is_empty() {
@@ -157,6 +159,7 @@ impl<S: Scalar> Step<'_, S> {
                     && scratch.linear.restore(own, &excess, &mut scratch.bend[rows.clone()])
             });
         }
+        // drop absurd corrections, and keep the momentum
         for search in &*searches {
             let rows = bodies[search.body].rows.clone();
             // where the step is absurd, so is what would make its predictions true
@@ -168,6 +171,7 @@ impl<S: Scalar> Step<'_, S> {
             }
             scratch.keep_momentum(rows);
         }
+        // coefficients of the potential
         let mut damped = Vec::new();
         if !scratch.damping.diagonal.is_empty() {
             damped.resize(scratch.bend.len(), [S::ZERO; 4]);
@@ -195,7 +199,7 @@ impl<S: Scalar> Step<'_, S> {
                 }
             });
         }
-        search.resolved = body.mode != Mode::Converge || -search.slope > search.least;
+        search.resolved = body.mode != StepMode::Converge || -search.slope > search.least;
     }
 
     /// Moves a body by the fraction tried, gives its step up, or halves the fraction.
@@ -212,7 +216,7 @@ impl<S: Scalar> Step<'_, S> {
             if let Some(error) = search.linearisation_error(change) {
                 self.report.linearisation_error = self.report.linearisation_error.max(error);
             }
-        } else if body.mode == Mode::Trial {
+        } else if body.mode == StepMode::Trial {
             search.accepted = true;
             body.reject(Rejected::Shortened);
         } else {
@@ -223,8 +227,8 @@ impl<S: Scalar> Step<'_, S> {
 }
 
 impl<S: Scalar> ImplicitScratch<S> {
-    /// Takes from the bend of a body its mean motion along axes that nothing holds, and its mean turn where nothing holds
-    /// it at all: a bend is no force from outside.
+    /// Takes from the bend of a body its mean motion along axes that nothing holds, and its mean rotation where nothing
+    /// holds it at all: the correction that restores the predicted pressure must not add momentum.
     fn keep_momentum(&mut self, rows: Range<usize>) {
         let Self { node, bend, rest, iterate, .. } = self;
         let own = || rows.clone().map(|row| (row, node.mass[row].to_f64()));
@@ -254,8 +258,8 @@ impl<S: Scalar> ImplicitScratch<S> {
         }
     }
 
-    /// What the bend of a body adds to its potential, of second, third and fourth order in the fraction taken; `damped`
-    /// is the damping matrix times the bend.
+    /// Coefficients of the second, third and fourth power of the fraction taken, which the bend of a body adds to its
+    /// potential; `damped` is the damping matrix times the bend.
     fn bent(&self, body: &BodyStep, damped: &[[S; 4]]) -> [f64; 3] {
         let weights = &body.weights;
         let mut sums = [0.0; 3];
@@ -335,7 +339,7 @@ impl<S: Scalar> ImplicitScratch<S> {
         // (more so for pooled springs, whose terms cancel): such steps are taken as they are. The safe
         // step always tests, its bound rests on it.
         let least = noise::<S>().max(UNRESOLVED) * scale;
-        let resolved = body.mode != Mode::Converge || -slope > least;
+        let resolved = body.mode != StepMode::Converge || -slope > least;
         let rounding = noise::<S>() * scale;
         LineSearch {
             body: index,

@@ -5,10 +5,10 @@
 //! Where there is no history (first step, state set or held axes changed from outside, much other step
 //! length) it starts with a safe step.
 
-use super::step::{Mode, Rejected, Step, Weights, noise};
+use super::step::{Rejected, Step, StepMode, Weights, noise};
 use super::touch::At;
 use crate::state::write_displacement;
-use sinew_contact::set::Limits;
+use sinew_contact::limits::Limits;
 use sinew_engine::report::VolumeReport;
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::{StepError, measure_volume_ratios};
@@ -26,7 +26,7 @@ impl<S: Scalar> Step<'_, S> {
             let second_order =
                 past.history_holds && past.body.wait == 0 && !body.inverted && !impact;
             self.report.contact.impacts += u32::from(impact);
-            body.mode = if second_order { Mode::Trial } else { Mode::Safe };
+            body.mode = if second_order { StepMode::Trial } else { StepMode::Safe };
             let fallbacks = &mut self.report.fallbacks;
             fallbacks.start += u32::from(!past.history_holds);
             fallbacks.waiting += u32::from(past.history_holds && !second_order && !impact);
@@ -89,7 +89,7 @@ impl<S: Scalar> Step<'_, S> {
     }
 
     fn count_trials(&mut self) {
-        for body in self.bodies.iter_mut().filter(|b| b.mode == Mode::Trial) {
+        for body in self.bodies.iter_mut().filter(|b| b.mode == StepMode::Trial) {
             let fallbacks = &mut self.report.fallbacks;
             match body.rejected {
                 None => self.report.second_order_steps += 1,
@@ -111,7 +111,7 @@ impl<S: Scalar> Step<'_, S> {
         }
         let scratch = &mut *self.scratch;
         for body in self.bodies.iter_mut().filter(|b| !b.done) {
-            body.mode = Mode::Safe;
+            body.mode = StepMode::Safe;
             body.weights = Weights::new(self.settings, self.dt);
             scratch.set_euler_inertia(body, self.dt);
             for row in body.rows.clone() {

@@ -1,5 +1,5 @@
-//! How the forces of tools answer to small motions of these, with the tissue answering within the step: what a haptic
-//! device or a rigid body needs that goes on between two steps.
+//! Change of a tool's force with small motions of the tool, with the tissue moving along within the step. Haptic
+//! devices and rigid bodies that go on between two steps need it.
 //!
 //! A tool that ends its way by `c` further changes the forces on the tissue it touches by `C (c - B x)`, `C` being the
 //! tangents of its points and `B` their shares of the unknowns, and the tissue gives way by `(A + C) x = B^T C c`. Three
@@ -8,10 +8,11 @@
 use super::newton::{BookSolve, system_matrix};
 use super::step::{ImplicitScratch, Step};
 use super::touch::At;
-use crate::linear_solver::CgStatus;
+use crate::cg::CgStatus;
 use crate::state::Rows;
 use glam::DVec3;
-use sinew_contact::set::{ContactSet, Limits};
+use sinew_contact::limits::Limits;
+use sinew_contact::set::ContactSet;
 use sinew_engine::scalar::Scalar;
 
 impl<S: Scalar> Step<'_, S> {

@@ -1,6 +1,6 @@
 //! Implicit midpoint rule: implicit Euler to the middle of the step, then twice the increment.
 
-use super::step::{ImplicitScratch, Mode, Step};
+use super::step::{ImplicitScratch, Step, StepMode};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::StepError;
 
@@ -11,7 +11,7 @@ impl<S: Scalar> Step<'_, S> {
         within.read(self.world, &node.u, &node.prescribed, &node.fixed);
         self.scratch.use_middle_of_step();
         for body in &mut self.bodies {
-            (body.mode, body.past.history_holds) = (Mode::Converge, false);
+            (body.mode, body.past.history_holds) = (StepMode::Converge, false);
         }
         self.tools_at(0.5);
         self.start_at_predictor(0.5 * self.dt);

@@ -111,7 +111,7 @@ pub fn implicit_step<S: Scalar>(
     result
 }
 
-/// What may touch what in the step to come.
+/// Finds the points of contact of the coming step.
 fn prepare<S: Scalar>(
     contact: &mut ContactSet,
     world: &mut World,

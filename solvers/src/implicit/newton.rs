@@ -3,9 +3,10 @@
 
 use super::start::StartEnergies;
 use super::step::{
-    BodyStep, FreePiece, ImplicitScratch, Mode, Rejected, Step, Weights, largest_entry,
+    BodyStep, FreePiece, ImplicitScratch, Rejected, Step, StepMode, Weights, largest_entry,
 };
-use crate::linear_solver::{CgOutcome, CgStatus};
+use crate::cg::CgStatus;
+use crate::linear_solver::CgOutcome;
 use crate::state::{NodeState, dot3, evaluate, read_force};
 use crate::system::ShiftedTangent;
 use bevy_ecs::prelude::{Mut, World};
@@ -35,7 +36,7 @@ impl<S: Scalar> Step<'_, S> {
     }
 
     fn newton(&mut self, at_first_iterate: impl FnOnce(&mut Self)) -> Result<(), StepError> {
-        let newton = self.bodies.iter().any(|b| b.mode == Mode::Converge);
+        let newton = self.bodies.iter().any(|b| b.mode == StepMode::Converge);
         let mut at_first_iterate = Some(at_first_iterate);
         let most = if newton { self.settings.max_newton_iterations } else { 1 };
         let (mut iterations, mut multiplier_rounds) = (0, 0);
@@ -62,12 +63,12 @@ impl<S: Scalar> Step<'_, S> {
         }
         // whoever asks for a tangent between steps wants the second derivative
         self.world.resource_mut::<PredictedValues>().0.clear();
-        let unconverged = |b: &BodyStep| b.mode == Mode::Converge && !b.converged;
+        let unconverged = |b: &BodyStep| b.mode == StepMode::Converge && !b.converged;
         self.report.unconverged = self.bodies.iter().any(unconverged);
         Ok(())
     }
 
-    /// Gives tangents the values that were predicted where bodies now are.
+    /// Replaces the values of the low-rank vectors by those predicted for the present place of the bodies.
     fn recall_predicted(&mut self) {
         let scratch = &mut *self.scratch;
         if scratch.history.predicted.is_empty() && scratch.predicted.is_empty() {
@@ -93,7 +94,7 @@ impl<S: Scalar> Step<'_, S> {
         self.world.resource_mut::<PredictedValues>().0 = values;
     }
 
-    /// Predicts the values behind low-rank tangents where the steps just taken lead.
+    /// Predicts the values of the low-rank vectors at the end of the steps just taken.
     fn predict(&mut self) {
         let Self { world, scratch, bodies, .. } = self;
         if world.resource::<Tangent<S>>().low_rank.is_empty() {
@@ -139,7 +140,7 @@ impl<S: Scalar> Step<'_, S> {
         for body in self.bodies.iter_mut().filter(|b| !b.done) {
             let energy = body.sum(energies);
             body.elastic = energy;
-            if body.mode == Mode::Trial && !energy.is_finite() {
+            if body.mode == StepMode::Trial && !energy.is_finite() {
                 body.reject(Rejected::Energy);
             } else {
                 finite &= energy.is_finite();
@@ -197,11 +198,11 @@ impl<S: Scalar> Step<'_, S> {
         let mut rest = Vec::new();
         for index in pending {
             let exact = !self.bodies[index].projects();
-            let warm_start = self.bodies[index].mode != Mode::Converge;
+            let warm_start = self.bodies[index].mode != StepMode::Converge;
             if exact && self.solve_body(index, warm_start)? {
                 continue;
             }
-            if self.bodies[index].mode == Mode::Trial {
+            if self.bodies[index].mode == StepMode::Trial {
                 self.bodies[index].reject(Rejected::Indefinite);
             } else {
                 rest.push(index);
@@ -267,7 +268,7 @@ impl<S: Scalar> Step<'_, S> {
         for body in self.bodies.iter_mut().filter(|b| !b.done) {
             let length = self.scratch.relative_step(body);
             self.report.newton_step = self.report.newton_step.max(length);
-            if body.mode == Mode::Converge && length <= tolerance {
+            if body.mode == StepMode::Converge && length <= tolerance {
                 self.scratch.advance(body.rows.clone(), S::ONE);
                 body.taken = 1.0;
                 (body.done, body.converged) = (true, true);

@@ -1,6 +1,6 @@
 //! Where an iteration starts, the damping matrix that is frozen there, and the energy books of a step.
 
-use super::step::{BodyStep, ImplicitScratch, Mode, Step, Weights};
+use super::step::{BodyStep, ImplicitScratch, Step, StepMode, Weights};
 use crate::state::{dot3, evaluate, evaluate_damping};
 use sinew_engine::law::{ElasticEnergy, TangentKind};
 use sinew_engine::matrix::Tangent;
@@ -106,7 +106,7 @@ impl<S: Scalar> Step<'_, S> {
         let scratch = &mut *self.scratch;
         scratch.trial.clone_from(&scratch.iterate);
         let step = S::from_f64(ahead);
-        for body in self.bodies.iter().filter(|b| b.mode != Mode::Safe) {
+        for body in self.bodies.iter().filter(|b| b.mode != StepMode::Safe) {
             for row in body.rows.clone() {
                 for k in scratch.node.free_axes(row) {
                     scratch.trial[row][k] = scratch.node.u[row][k] + step * scratch.node.v[row][k];
@@ -124,7 +124,7 @@ impl<S: Scalar> Step<'_, S> {
             } else {
                 scratch.set_euler_inertia(body, ahead);
             }
-            if body.mode != Mode::Safe {
+            if body.mode != StepMode::Safe {
                 for row in body.rows.clone() {
                     for k in scratch.node.free_axes(row) {
                         scratch.set_increment(row, k, step * scratch.node.v[row][k]);

@@ -1,7 +1,6 @@
-//! What one implicit step works with: the world, the work space, and what is known of each body.
+//! The data of one implicit step: the world, the work space, and the state of each body.
 
-use super::touch::TouchScratch;
-use crate::history::{History, Past};
+use crate::history::{Past, StepHistory};
 use crate::linear_solver::LinearSolver;
 use crate::orphan::{Orphan, prescribe_orphans};
 use crate::recovery::Recovery;
@@ -65,7 +64,8 @@ pub struct ImplicitScratch<S: Scalar> {
     pub(super) residual: Rows<S>,
     /// Newton step (m).
     pub(super) direction: Rows<S>,
-    /// What is added to it with the square of the fraction that is taken (m); empty without low-rank tangents.
+    /// Correction of the step for the predicted volumes, taken with the square of the fraction (m); empty without
+    /// low-rank tangents.
     pub(super) bend: Rows<S>,
     /// Velocities (m/s) at the end of the stage.
     pub(super) velocity: Rows<S>,
@@ -78,10 +78,10 @@ pub struct ImplicitScratch<S: Scalar> {
     pub(super) damped_direction: Rows<S>,
     pub(super) product: ProductSpans<S>,
     pub(crate) linear: LinearSolver<S>,
-    pub(crate) history: History<S>,
+    pub(crate) history: StepHistory<S>,
     pub(crate) recovery: Recovery,
     pub(super) within: WithinStep,
-    /// Predicted values behind low-rank tangents, body by body, as far as bodies have taken this step.
+    /// Predicted values of the low-rank vectors, body by body, for the bodies that have taken this step.
     pub(super) predicted: Vec<Vec<f64>>,
     /// Rest positions (m), read once per topology.
     pub(crate) rest: Vec<DVec3>,
@@ -91,7 +91,20 @@ pub struct ImplicitScratch<S: Scalar> {
     pub(super) supported: Option<Vec<FixedAxes>>,
 }
 
-/// What a step knows of a body, or of consecutive bodies that share a solve.
+/// Work space of the inner loop of contact.
+#[derive(Clone, Debug, Default)]
+pub(super) struct TouchScratch<S> {
+    /// `A d` of the step so far, and of the round.
+    pub product: Rows<S>,
+    pub round_product: Rows<S>,
+    /// Unbalanced forces, and those that would be left if contact were linear.
+    pub left: Rows<S>,
+    pub expected: Rows<S>,
+    /// Step of the round.
+    pub round: Rows<S>,
+}
+
+/// State of a body, or of consecutive bodies that share a solve, during a step.
 #[derive(Clone, Debug)]
 pub(super) struct BodyStep {
     /// Which bodies.
@@ -104,9 +117,9 @@ pub(super) struct BodyStep {
     pub free_pieces: Vec<FreePiece>,
     /// Elements were inverted when the step began.
     pub inverted: bool,
-    pub mode: Mode,
+    pub mode: StepMode,
     pub weights: Weights,
-    /// What is remembered of it.
+    /// Its part in the last step.
     pub past: Past,
     /// Elastic energy (J) at the current iterate, and at the start of the step.
     pub elastic: f64,
@@ -123,7 +136,7 @@ pub(super) struct BodyStep {
 
 /// How a body takes its step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Mode {
+pub(super) enum StepMode {
     /// One solve, line search and energy cap.
     Safe,
     /// One solve, which must pass the tests of linearised BDF2.
@@ -219,7 +232,7 @@ impl<'w, S: Scalar> Step<'w, S> {
         self.scratch.use_end_of_step();
     }
 
-    /// What is remembered of every body and still holds, and which bodies recover from inversion.
+    /// Reads the history of every body, as far as it still holds, and decides which bodies recover from inversion.
     ///
     /// # Errors
     /// When a recovery does not end.
@@ -277,7 +290,7 @@ impl BodyStep {
             rows: rows(first).start..rows(last).end,
             size: bodies.iter().map(|body| body.size).fold(0.0, f64::max),
             inverted,
-            mode: Mode::Safe,
+            mode: StepMode::Safe,
             weights: Weights { rate: 0.0, inertia: 0.0, mass_damping: 0.0 },
             past,
             elastic: 0.0,
@@ -297,17 +310,17 @@ impl BodyStep {
 
     /// Uses the projected tangent from the start.
     pub fn projects(&self) -> bool {
-        self.mode == Mode::Safe && self.inverted
+        self.mode == StepMode::Safe && self.inverted
     }
 
     /// Takes BDF2, not the implicit Euler step that starts it or stands in for it.
     pub fn uses_bdf2(&self) -> bool {
-        self.past.history_holds && self.mode != Mode::Safe
+        self.past.history_holds && self.mode != StepMode::Safe
     }
 
     /// Took a trial step that nothing speaks against so far.
     pub fn is_open_trial(&self) -> bool {
-        self.mode == Mode::Trial && self.rejected.is_none()
+        self.mode == StepMode::Trial && self.rejected.is_none()
     }
 
     /// Gives the linearised BDF2 step up.
@@ -381,7 +394,7 @@ impl<S: Scalar> ImplicitScratch<S> {
         self.increment[row][k] = displacement - self.node.u[row][k];
     }
 
-    /// What a fraction of the Newton step adds to an unknown (m).
+    /// Change of an unknown (m) by a fraction of the Newton step.
     pub(super) fn step_of(&self, row: usize, k: usize, fraction: S) -> S {
         let straight = fraction * self.direction[row][k];
         match self.bend.get(row) {

@@ -11,18 +11,21 @@
 //! limit, so that the budget of a step is at most the energy at the end of the last one.
 
 use super::newton::{BookSolve, system_matrix};
-use super::step::{BodyStep, FreePiece, ImplicitScratch, Mode, Rejected, Step, noise};
-use crate::linear_solver::CgStatus;
+use super::step::{
+    BodyStep, FreePiece, ImplicitScratch, Rejected, Step, StepMode, TouchScratch, noise,
+};
+use crate::cg::CgStatus;
 use crate::state::{Rows, dot3, position};
 use glam::{DMat3, DVec3};
-use sinew_contact::set::{ContactSet, Limits, Places};
+use sinew_contact::limits::Limits;
+use sinew_contact::set::{ContactSet, Places};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::StepError;
 use std::ops::Range;
 
 /// Most rounds of the inner loop, in steps that are linearised once and in those that are iterated.
 const MOST_ROUNDS: [usize; 2] = [6, 8];
-/// What contact forces may be off their linearisation, relative, when the loop ends.
+/// Largest relative difference of contact forces from their linearisation when the loop ends.
 const ENOUGH: f64 = 1e-3;
 /// Reduction of a residual that is enough for a round: the next one has other contacts.
 const LOOSE: f64 = 0.03;
@@ -35,7 +38,7 @@ const MAX_HALVINGS: u32 = 20;
 /// Depth over the mean edge to which points come in one step, from outside, above which the step is an impact:
 /// second order means nothing then.
 const IMPACT: f64 = 0.25;
-/// Most rounds of multipliers, and their change, relative, that is none.
+/// Most rounds of multipliers, and their relative change that counts as none.
 const MOST_MULTIPLIER_ROUNDS: u32 = 40;
 const SAME_MULTIPLIERS: f64 = 1e-10;
 
@@ -46,19 +49,6 @@ pub(super) enum At {
     Iterate,
     /// Those that are tried.
     Trial,
-}
-
-/// Work space of the inner loop.
-#[derive(Clone, Debug, Default)]
-pub(super) struct TouchScratch<S> {
-    /// `A d` of the step so far, and of the round.
-    product: Rows<S>,
-    round_product: Rows<S>,
-    /// What is left of the forces, and what would be if contact were linear.
-    left: Rows<S>,
-    expected: Rows<S>,
-    /// Step of the round.
-    round: Rows<S>,
 }
 
 impl<S: Scalar> Step<'_, S> {
@@ -172,7 +162,8 @@ impl<S: Scalar> Step<'_, S> {
     ) -> Result<Option<bool>, StepError> {
         let body = self.bodies[index].clone();
         let (rows, bodies) = (body.rows.clone(), body.bodies.clone());
-        let iterated = body.mode == Mode::Converge;
+        let iterated = body.mode == StepMode::Converge;
+        // start of the loop
         if warm_start {
             self.scratch.warm_start(&body);
         } else {
@@ -198,6 +189,7 @@ impl<S: Scalar> Step<'_, S> {
         let (mut before, mut converged, mut rounds) = (f64::INFINITY, false, 0);
         let most = MOST_ROUNDS[usize::from(iterated)];
         for round in 0..most {
+            // contact at the last iterate: is it settled?
             self.scratch.try_direction(&body, S::ZERO);
             let limits = match self.report.newton_iterations {
                 n if round == 0 && (n == 0 || !iterated) => Limits::Recall,
@@ -223,6 +215,7 @@ impl<S: Scalar> Step<'_, S> {
                 let now = position(&self.scratch.rest, &self.scratch.trial);
                 contact.learn(&bodies, &now, round == 0);
             }
+            // linear solve for the step of the round
             let blocks = contact.blocks(&bodies);
             let ImplicitScratch { linear, rest, node, damping, touch, .. } = &mut *self.scratch;
             touch.round[rows.clone()].fill([S::ZERO; 4]);
@@ -241,6 +234,7 @@ impl<S: Scalar> Step<'_, S> {
                 CgStatus::Converged => {}
             }
             residual = outcome.residual;
+            // shorten the step until model plus contact energy decrease
             // with and without contact
             let ImplicitScratch { node, damping, touch, linear, .. } = &mut *self.scratch;
             let mut system = system_matrix(self.world, &body.weights, node, damping);
@@ -256,7 +250,7 @@ impl<S: Scalar> Step<'_, S> {
             self.scratch.take_round(&body, t);
         }
         self.report.cg_residual = self.report.cg_residual.max(residual);
-        if body.mode == Mode::Trial && !converged {
+        if body.mode == StepMode::Trial && !converged {
             // a force that is not found must not count: the safe step is tried instead
             contact.count(rounds, false);
             self.bodies[index].reject(Rejected::Shortened);
@@ -341,8 +335,8 @@ impl<S: Scalar> ImplicitScratch<S> {
         }
     }
 
-    /// Forces that are left at the direction, contact included; by how much (N, sum of magnitudes) they differ from
-    /// what the last round expected.
+    /// Finds the unbalanced forces at the direction, contact included. Returns their difference (N, sum of magnitudes)
+    /// from the forces that the last round expected.
     fn find_left(&mut self, contact: &ContactSet, body: &BodyStep) -> f64 {
         for row in body.rows.clone() {
             for k in 0..3 {
@@ -362,7 +356,7 @@ impl<S: Scalar> ImplicitScratch<S> {
         body.rows.clone().map(off).sum()
     }
 
-    /// What the quadratic model changes by along the direction (J), and the energies that make that up.
+    /// Change of the quadratic model along the direction (J), and the sum of the energies in it.
     fn model(&self, body: &BodyStep) -> [f64; 2] {
         let (mut change, mut scale) = (0.0, 0.0);
         for row in body.rows.clone() {

@@ -1,6 +1,6 @@
 //! TR-BDF2: the trapezoidal rule over a part of the step, then BDF2 over start, that point and end.
 
-use super::step::{ImplicitScratch, Mode, Step, Weights};
+use super::step::{ImplicitScratch, Step, StepMode, Weights};
 use crate::state::{evaluate, read_force};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::StepError;
@@ -22,7 +22,7 @@ impl<S: Scalar> Step<'_, S> {
     fn trapezoid_stage(&mut self) -> Result<(), StepError> {
         let h = 0.5 * GAMMA * self.dt;
         for body in &mut self.bodies {
-            (body.mode, body.weights) = (Mode::Converge, Weights::new(self.settings, h));
+            (body.mode, body.weights) = (StepMode::Converge, Weights::new(self.settings, h));
         }
         self.tools_at(0.0);
         // books of the whole step

@@ -1,4 +1,4 @@
-//! Who may touch whom in the step to come: tools, pairs and pulls as they are, and how far they may go.
+//! Tools, pairs and pulls of the coming step, the surfaces near them, and the ways that tools may go.
 
 use super::*;
 
@@ -23,6 +23,7 @@ impl ContactSet {
         let invalid =
             |name: &str, problem| StepError::InvalidContact { name: name.into(), problem };
 
+        // tools: pose at the start and the end of the step, part by part
         let mut query = world.query::<(Entity, &Order, &Tool)>();
         let mut found: Vec<(Entity, &Order, &Tool)> = query.iter(world).collect();
         found.sort_unstable_by_key(|(entity, order, _)| (**order, *entity));
@@ -58,7 +59,7 @@ impl ContactSet {
             for i in 0..tool.parts.len() {
                 let rigid = |pose| {
                     let (centre, rotation) = tool.part_pose(i, pose);
-                    Rigid { centre, rotation }
+                    RigidPose { centre, rotation }
                 };
                 let (start, end) = (rigid(&start), rigid(&end));
                 let drawn_in = known.filter(|_| !appears).and_then(|k| k.drawn_in.get(i)).copied();
@@ -84,29 +85,17 @@ impl ContactSet {
             });
         }
 
-        let mut query = world.query::<(Entity, &Order, &BodyContact)>();
-        self.pairs.clear();
-        for (entity, &id, pair) in query.iter(world) {
-            if let Some(problem) = pair.problem(bodies) {
-                return Err(invalid(&pair.name, problem));
-            }
-            self.pairs.push(PairNow { entity, id, pair: pair.clone() });
-        }
-        self.pairs.sort_unstable_by_key(|now| (now.id, now.entity));
-
-        let mut query = world.query::<(Entity, &Order, &Pull)>();
-        self.pulls.clear();
-        for (entity, &id, pull) in query.iter(world) {
-            if let Some(problem) = pull.problem(rows) {
-                return Err(invalid(&pull.name, problem));
-            }
-            self.pulls.push(PullNow { entity, id, pull: pull.clone() });
-        }
-        self.pulls.sort_unstable_by_key(|now| (now.id, now.entity));
+        // contacts of bodies and pulls
+        self.pairs = present(world, |pair: &BodyContact| {
+            pair.problem(bodies).map(|problem| invalid(&pair.name, problem))
+        })?;
+        self.pulls = present(world, |pull: &Pull| {
+            pull.problem(rows).map(|problem| invalid(&pull.name, problem))
+        })?;
         Ok(())
     }
 
-    /// Surfaces of the bodies as they are now: whatever was known of them before has no say in what a step does.
+    /// Surfaces of the bodies as they are now, whatever was known of them before.
     pub(super) fn know(&mut self, world: &mut World) -> Result<(), StepError> {
         let topology = world.resource::<Topology>();
         let versions: Vec<(u64, u64)> =
@@ -128,23 +117,22 @@ impl ContactSet {
         let Some(SurfaceReader(read)) = world.get_resource::<SurfaceReader>().copied() else {
             return Ok(());
         };
-        self.skins.resize_with(versions.len(), Known::default);
+        self.skins.resize_with(versions.len(), KnownSkin::default);
         for (body, version) in versions.into_iter().enumerate() {
             let first = world.resource::<Topology>().bodies[body].vertices.start;
             let mut surface = None;
             if self.skins[body].version != version {
                 let read = read(world, body);
                 let skin = Skin::new(&read, first, &rest, None);
-                if skin.faces.is_empty() && self.pairs.iter().any(|n| n.pair.bodies.contains(&body))
-                {
-                    let pair = self.pairs.iter().find(|n| n.pair.bodies.contains(&body));
+                if skin.faces.is_empty() && self.pairs.iter().any(|n| n.of.bodies.contains(&body)) {
+                    let pair = self.pairs.iter().find(|n| n.of.bodies.contains(&body));
                     let name = &world.resource::<Topology>().bodies[body].name;
                     return Err(StepError::InvalidContact {
-                        name: pair.map_or_else(String::new, |n| n.pair.name.clone()),
+                        name: pair.map_or_else(String::new, |n| n.of.name.clone()),
                         problem: format!("body `{name}` has no surface that could be touched"),
                     });
                 }
-                self.skins[body] = Known { version, skin };
+                self.skins[body] = KnownSkin { version, skin };
                 surface = Some(read);
             }
             for now in self.tools.iter().filter(|now| now.tool.faces.is_some()) {
@@ -152,14 +140,14 @@ impl ContactSet {
                 if own.version != version {
                     let surface = surface.get_or_insert_with(|| read(world, body));
                     let faces = now.tool.faces.as_deref();
-                    *own = Known { version, skin: Skin::new(surface, first, &rest, faces) };
+                    *own = KnownSkin { version, skin: Skin::new(surface, first, &rest, faces) };
                 }
             }
         }
         Ok(())
     }
 
-    /// Surfaces up to date, and where they are.
+    /// Brings surfaces and their places up to date.
     pub(super) fn refit(
         &mut self,
         world: &mut World,
@@ -223,7 +211,7 @@ impl ContactSet {
         let now = &self.tools[tool];
         for (i, part) in self.parts[now.parts.clone()].iter_mut().enumerate() {
             let (centre, rotation) = now.tool.part_pose(i, &now.end);
-            part.end = Rigid { centre, rotation };
+            part.end = RigidPose { centre, rotation };
             part.now = part.end;
         }
     }
@@ -280,4 +268,20 @@ pub(super) fn longest_way(part: &PartNow) -> f64 {
     let reach = part.shape.reach();
     let angle = part.start.rotation.angle_between(part.end.rotation);
     if reach.is_finite() { shift + angle * reach } else { shift }
+}
+
+/// All components of a kind, in order of creation.
+fn present<T: Component + Clone>(
+    world: &mut World,
+    error: impl Fn(&T) -> Option<StepError>,
+) -> Result<Vec<Now<T>>, StepError> {
+    let mut found = Vec::new();
+    for (entity, &id, of) in world.query::<(Entity, &Order, &T)>().iter(world) {
+        if let Some(error) = error(of) {
+            return Err(error);
+        }
+        found.push(Now { entity, id, of: of.clone() });
+    }
+    found.sort_unstable_by_key(|now| (now.id, now.entity));
+    Ok(found)
 }

@@ -6,9 +6,9 @@ use super::*;
 
 impl ContactSet {
     /// Remembered state of a point.
-    pub(super) fn remembered(&self, key: &Key) -> Memory {
+    pub(super) fn remembered(&self, key: &PointKey) -> PointMemory {
         let found = self.kept.points.binary_search_by_key(key, |(key, _)| *key);
-        found.map_or_else(|_| Memory::default(), |i| self.kept.points[i].1)
+        found.map_or_else(|_| PointMemory::default(), |i| self.kept.points[i].1)
     }
 
     /// Points that tools may touch.
@@ -60,7 +60,7 @@ impl ContactSet {
         }
     }
 
-    /// Draws a part in as far as points are deep inside of it.
+    /// Draws the surface of a part in as far as points are deep inside of it.
     fn draw_in(&mut self, tool: usize, part: usize) {
         let mut deepest = 0.0_f64;
         let now = &self.tools[tool];
@@ -97,36 +97,25 @@ impl ContactSet {
         let slack = longest + 1e-9 * skin.edge;
         let thin = part.shape.thickness() < skin.edge;
         let point = |point: [u32; 4], rows, weights, outward, [area, young]: [f64; 2]| {
-            let key = Key {
+            let key = PointKey {
                 body: body as u32,
                 owner: now.id,
                 part: (part_index - now.parts.start) as u32,
                 point,
             };
             let memory = self.remembered(&key);
+            let k = stiffness(now.tool.stiffness, young, skin.edge);
+            let side =
+                Side { outward, straight: thin && outward != DVec3::ZERO, ..Side::default() };
             Point {
-                key,
-                against: Against::Part(part_index),
-                rows,
-                weights,
-                area,
-                k: stiffness(now.tool.stiffness, young, skin.edge),
                 friction: if now.tool.grip { f64::INFINITY } else { now.tool.friction },
-                memory: Memory { gripped: memory.gripped && now.tool.grip, ..memory },
-                start: DVec3::ZERO,
-                slip: DVec3::ZERO,
-                carried: DVec3::ZERO,
-                limit: 0.0,
-                normal: DVec3::ZERO,
-                pressed: false,
+                memory: PointMemory { gripped: memory.gripped && now.tool.grip, ..memory },
                 multiplier: now.tool.exact.then_some(memory.pressure),
-                side: if now.tool.keeps_side {
-                    Side { outward, straight: thin && outward != DVec3::ZERO, ..Side::default() }
-                } else {
-                    Side::default()
-                },
+                side: if now.tool.keeps_side { side } else { Side::default() },
+                ..Point::new(key, Against::Part(part_index), (rows, weights), area, k)
             }
         };
+        // points in faces, or vertices
         if let Points::Faces(n) = kind {
             if !overlap(&skin.hull, &reach) {
                 return;
@@ -171,7 +160,7 @@ impl ContactSet {
     pub(super) fn find_pair_points(&mut self, rest: &[DVec3]) {
         let (mut points, mut faces, mut buried) = (Vec::new(), Vec::new(), 0);
         for now in &self.pairs {
-            let [a, b] = now.pair.bodies;
+            let [a, b] = now.of.bodies;
             let directions: &[[usize; 2]] = if a == b { &[[a, a]] } else { &[[a, b], [b, a]] };
             for (direction, &[from, to]) in (0..).zip(directions) {
                 buried +=
@@ -183,11 +172,10 @@ impl ContactSet {
         self.figures.buried = buried;
     }
 
-    /// Vertices of body `from` near faces of body `to`. Faces near the common box are sorted into the cells of a grid
-    /// that are as large as the largest of them, so that the work grows with the surface in that box alone.
+    /// Vertices of body `from` near faces of body `to`.
     fn collect_pair(
         &self,
-        now: &PairNow,
+        now: &Now<BodyContact>,
         direction: u32,
         [from, to]: [usize; 2],
         rest: &[DVec3],
@@ -200,55 +188,26 @@ impl ContactSet {
             return 0;
         }
         let common = [own.hull[0].max(other.hull[0]), own.hull[1].min(other.hull[1])];
+        // vertices and faces near the common box
         let mut near = Vec::new();
         own.near(&common, |i| {
             if overlap(&grown([own.at[i]; 2], own.way[i]), &common) {
                 near.push(i);
             }
         });
-        let mut boxes = Vec::new();
-        let mut size = 0.0_f64;
-        for (face, local) in (0..).zip(&other.faces) {
-            let corners = local.map(|v| other.at[v as usize]);
-            let way = local.iter().map(|&v| other.way[v as usize]).fold(0.0, f64::max);
-            let low = corners[0].min(corners[1]).min(corners[2]);
-            let high = corners[0].max(corners[1]).max(corners[2]);
-            let reach = grown([low, high], way + 0.5 * other.edge);
-            if overlap(&reach, &common) {
-                size = size.max((reach[1] - reach[0]).max_element());
-                boxes.push((face, reach));
-            }
-        }
-        if boxes.is_empty() || size <= 0.0 {
-            return 0;
-        }
-        let cell = |x: DVec3| ((x - common[0]) / size).floor().as_i64vec3().to_array();
-        let mut bins: Vec<([i64; 3], u32)> = Vec::new();
-        for (place, (_, [low, high])) in (0..).zip(&boxes) {
-            let (low, high) = (cell(*low), cell(*high));
-            for i in low[0]..=high[0] {
-                for j in low[1]..=high[1] {
-                    for k in low[2]..=high[2] {
-                        bins.push(([i, j, k], place));
-                    }
-                }
-            }
-        }
-        bins.sort_unstable();
+        let Some(bins) = Bins::new(other, common) else { return 0 };
         let softer = |young: f64| {
             let of_other = other.young.iter().copied().fold(f64::INFINITY, f64::min) / other.edge;
             (young / own.edge).min(of_other)
         };
+        // the faces that each vertex may reach
         let mut chosen = Vec::new();
         for i in near {
             let at = own.at[i];
-            let mine = cell(at);
-            let first = bins.partition_point(|(c, _)| *c < mine);
             chosen.clear();
-            for &(_, place) in bins[first..].iter().take_while(|(c, _)| *c == mine) {
-                let (face, [low, high]) = boxes[place as usize];
+            for (face, reach) in bins.at(at) {
                 let local = other.faces[face];
-                if !overlap(&grown([at; 2], own.way[i]), &[low, high]) {
+                if !overlap(&grown([at; 2], own.way[i]), reach) {
                     continue;
                 }
                 if from == to {
@@ -267,12 +226,7 @@ impl ContactSet {
                 continue;
             }
             let row = own.rows[i];
-            let key = Key {
-                body: from as u32,
-                owner: now.id,
-                part: direction,
-                point: [row, u32::MAX, u32::MAX, 0],
-            };
+            let key = PointKey::of_vertex(from as u32, now.id, direction, row);
             let mut memory = self.remembered(&key);
             let first = faces.len();
             faces.extend(
@@ -294,27 +248,14 @@ impl ContactSet {
                 continue;
             }
             let half = if from == to { 1.0 } else { 0.5 };
-            points.push(Point {
-                key,
-                against: Against::Faces(first..faces.len()),
-                rows: [row; 3],
-                weights: [1.0, 0.0, 0.0],
-                area: half * own.area[i],
-                k: match now.pair.stiffness {
-                    Stiffness::Relative(factor) => factor * softer(own.young[i]),
-                    Stiffness::Absolute(k) => k,
-                },
-                friction: now.pair.friction,
-                memory,
-                start: DVec3::ZERO,
-                slip: memory.slip,
-                carried: DVec3::ZERO,
-                limit: 0.0,
-                normal: DVec3::ZERO,
-                pressed: false,
-                multiplier: None,
-                side: Side::default(),
-            });
+            let k = match now.of.stiffness {
+                Stiffness::Relative(factor) => factor * softer(own.young[i]),
+                Stiffness::Absolute(k) => k,
+            };
+            let against = Against::Faces(first..faces.len());
+            let point =
+                Point::new(key, against, ([row; 3], [1.0, 0.0, 0.0]), half * own.area[i], k);
+            points.push(Point { friction: now.of.friction, memory, slip: memory.slip, ..point });
         }
         buried
     }
@@ -323,7 +264,7 @@ impl ContactSet {
     pub(super) fn find_pull_points(&mut self, world: &World, x: &dyn Fn(u32) -> DVec3) {
         let bodies = &world.resource::<Topology>().bodies;
         for now in &mut self.pulls {
-            let pull = &mut now.pull;
+            let pull = &mut now.of;
             if pull.anchors.len() != pull.rows.len() {
                 pull.anchors = pull.rows.iter().map(|&row| x(row)).collect();
             }
@@ -331,34 +272,13 @@ impl ContactSet {
             let patch = pull.rows.iter().zip(&pull.weights).zip(&pull.anchors);
             for (number, ((&row, weight), anchor)) in (0..).zip(patch) {
                 let carried = |pose: &sinew_engine::load::Pose| *anchor + pose.way(*anchor);
-                self.points.push(Point {
-                    key: Key {
-                        body: bodies.partition_point(|body| body.vertices.end <= row) as u32,
-                        owner: now.id,
-                        part: number,
-                        point: [row, u32::MAX, u32::MAX, 0],
-                    },
-                    against: Against::Hand {
-                        to: carried(&pull.target),
-                        from: carried(&pull.last),
-                        damping: pull.damping,
-                        rate: 0.0,
-                    },
-                    rows: [row; 3],
-                    weights: [1.0, 0.0, 0.0],
-                    area: weight / sum,
-                    k: pull.stiffness,
-                    friction: 0.0,
-                    memory: Memory::default(),
-                    start: DVec3::ZERO,
-                    slip: carried(&pull.last),
-                    carried: DVec3::ZERO,
-                    limit: 0.0,
-                    normal: DVec3::ZERO,
-                    pressed: false,
-                    multiplier: None,
-                    side: Side::default(),
-                });
+                let (to, from) = (carried(&pull.target), carried(&pull.last));
+                let against = Against::Hand { to, from, damping: pull.damping, rate: 0.0 };
+                let body = bodies.partition_point(|body| body.vertices.end <= row) as u32;
+                let key = PointKey::of_vertex(body, now.id, number, row);
+                let own = ([row; 3], [1.0, 0.0, 0.0]);
+                let point = Point::new(key, against, own, weight / sum, pull.stiffness);
+                self.points.push(Point { slip: from, ..point });
             }
         }
     }
@@ -368,5 +288,64 @@ fn stiffness(stiffness: Stiffness, young: f64, edge: f64) -> f64 {
     match stiffness {
         Stiffness::Relative(factor) => factor * young / edge,
         Stiffness::Absolute(k) => k,
+    }
+}
+
+/// Faces of a surface near a box, sorted into the cells of a grid that are as large as the largest of them, so that
+/// the work grows with the surface in that box alone.
+struct Bins {
+    origin: DVec3,
+    size: f64,
+    /// Face, and the box (m) that it may reach in this step.
+    reach: Vec<(usize, [DVec3; 2])>,
+    /// Cell and place in `reach`, ascending.
+    cells: Vec<([i64; 3], u32)>,
+}
+
+impl Bins {
+    /// `None` where no face is near.
+    fn new(skin: &Skin, within: [DVec3; 2]) -> Option<Self> {
+        let mut bins = Self { origin: within[0], size: 0.0, reach: Vec::new(), cells: Vec::new() };
+        for (face, local) in (0..).zip(&skin.faces) {
+            let corners = local.map(|v| skin.at[v as usize]);
+            let way = local.iter().map(|&v| skin.way[v as usize]).fold(0.0, f64::max);
+            let low = corners[0].min(corners[1]).min(corners[2]);
+            let high = corners[0].max(corners[1]).max(corners[2]);
+            let reach = grown([low, high], way + 0.5 * skin.edge);
+            if overlap(&reach, &within) {
+                bins.size = bins.size.max((reach[1] - reach[0]).max_element());
+                bins.reach.push((face, reach));
+            }
+        }
+        if bins.reach.is_empty() || bins.size <= 0.0 {
+            return None;
+        }
+        for (place, (_, [low, high])) in (0..).zip(&bins.reach) {
+            let (low, high) = (bins.cell(*low), bins.cell(*high));
+            for i in low[0]..=high[0] {
+                for j in low[1]..=high[1] {
+                    for k in low[2]..=high[2] {
+                        bins.cells.push(([i, j, k], place));
+                    }
+                }
+            }
+        }
+        bins.cells.sort_unstable();
+        Some(bins)
+    }
+
+    fn cell(&self, x: DVec3) -> [i64; 3] {
+        ((x - self.origin) / self.size).floor().as_i64vec3().to_array()
+    }
+
+    /// Faces in the cell of a point.
+    fn at(&self, x: DVec3) -> impl Iterator<Item = (usize, &[DVec3; 2])> {
+        let own = self.cell(x);
+        let first = self.cells.partition_point(|(cell, _)| *cell < own);
+        let here = self.cells[first..].iter().take_while(move |(cell, _)| *cell == own);
+        here.map(|&(_, place)| {
+            let (face, reach) = &self.reach[place as usize];
+            (*face, reach)
+        })
     }
 }

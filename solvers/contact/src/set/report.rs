@@ -1,11 +1,11 @@
-//! What is told at the end of a step: forces on rows, and the reports of tools, pairs and pulls.
+//! Results at the end of a step: forces on rows, and the reports of tools, pairs and pulls.
 
 use super::*;
 use crate::tool::PartReport;
 
 impl ContactSet {
-    /// Force (N) on a tool with the elastic slip that is kept for the next step in place of that at its start: no
-    /// force of this step, but what some programs record as such.
+    /// Force (N) on a tool with the elastic slip that is kept for the next step in place of that at the start: not the
+    /// force of this step, but the one that some programs record.
     pub fn force_by_kept_slip(&self, tool: Entity) -> Option<DVec3> {
         let now = self.tools.iter().find(|now| now.entity == tool)?;
         let mut force = DVec3::ZERO;
@@ -109,6 +109,7 @@ impl ContactSet {
         let now = &self.tools[index];
         let turn = now.end.rotation * now.start.rotation.inverse();
         let turn = if turn.w < 0.0 { -turn } else { turn };
+        // pose and motion
         let mut report = ToolReport {
             position: now.end.position,
             rotation: now.end.rotation,
@@ -125,6 +126,7 @@ impl ContactSet {
         if now.parts.len() > 1 {
             report.parts = vec![PartReport::default(); now.parts.len()];
         }
+        // sums over the points that touch
         let (mut weight, mut centre) = (0.0, DVec3::ZERO);
         for part in &self.parts[now.parts.clone()] {
             report.drawn_in = report.drawn_in.max(part.drawn_in);
@@ -173,6 +175,7 @@ impl ContactSet {
         if weight > 0.0 {
             report.centre = centre / weight;
         }
+        // local stiffness, and what substeps settled
         let local = self.local.iter().find(|(tool, _)| *tool == index);
         report.local_stiffness = local.map(|(_, stiffness)| *stiffness);
         let Settled { work, dissipation } = self.settled[index];
@@ -211,7 +214,7 @@ impl ContactSet {
             let points = self.points.iter().zip(&self.active);
             for (point, active) in points.filter(|(p, a)| a.on && own(p)) {
                 let force = active.push + active.rub;
-                if now.pair.bodies[0] != now.pair.bodies[1] {
+                if now.of.bodies[0] != now.of.bodies[1] {
                     report.force += if point.key.part == 0 { force } else { -force };
                 }
                 report.area += point.area;
@@ -237,7 +240,7 @@ impl ContactSet {
             let Ok(mut entity) = world.get_entity_mut(now.entity) else { continue };
             let mut report = entity.get::<PullReport>().copied().unwrap_or_default();
             (report.force, report.torque, report.distance) = (DVec3::ZERO, DVec3::ZERO, 0.0);
-            let pose = now.pull.target;
+            let pose = now.of.target;
             let centre = pose.centre + pose.translation;
             for (point, active) in self.points.iter().zip(&self.active) {
                 let Against::Hand { to, from, .. } = point.against else { continue };
@@ -250,11 +253,11 @@ impl ContactSet {
                 report.distance += point.area * active.gap;
                 report.work -= force.dot(to - from);
             }
-            now.pull.last = pose;
+            now.of.last = pose;
             entity.insert(report);
             if let Some(mut pull) = entity.get_mut::<Pull>() {
                 pull.last = pose;
-                pull.anchors.clone_from(&now.pull.anchors);
+                pull.anchors.clone_from(&now.of.anchors);
             }
         }
     }

@@ -1,0 +1,28 @@
+//! When a world gets its [`ContactSet`].
+
+use crate::pair::BodyContact;
+use crate::pull::Pull;
+use crate::set::ContactSet;
+use crate::tool::Tool;
+use bevy_ecs::prelude::*;
+
+/// Lets a world have its [`ContactSet`] from its first tool, contact or pull on.
+pub fn install(world: &mut World) {
+    watch::<Tool>(world);
+    watch::<BodyContact>(world);
+    watch::<Pull>(world);
+}
+
+fn watch<C: Component>(world: &mut World) {
+    let component = world.register_component::<C>();
+    if world.archetypes().iter().any(|archetype| archetype.contains(component)) {
+        // hooks can be set only before the first of a kind
+        world.init_resource::<ContactSet>();
+        return;
+    }
+    world.register_component_hooks::<C>().try_on_add(|mut world, _| {
+        world.commands().queue(|world: &mut World| {
+            world.init_resource::<ContactSet>();
+        });
+    });
+}
