@@ -1,7 +1,7 @@
 //! Volume by clusters: what holds whatever the mesh, at nu = 0.4999.
 
-use crate::common::{Shortcuts, alone, clamp, drive, jittered_box, max_distance, max_length};
-use crate::common::{options, solver};
+use crate::common::{Shortcuts, alone, assert_fresh, clamp, drive, jittered_box, max_distance};
+use crate::common::{max_length, options, region, solver};
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::element::{TetrahedronIndex, TetrahedronVertices};
@@ -241,14 +241,9 @@ fn means_of_single_elements_outlive_cuts() {
                 false => ElementKind::Hexahedron,
             };
             let chosen = crate::common::pick(simulation.remaining(own, kind), 2, round);
-            let region = match kind {
-                ElementKind::Hexahedron => Region::Hexahedra(chosen),
-                _ => Region::Tetrahedra(chosen),
-            };
-            simulation.remove_elements(own, &Removal::new(region)).unwrap();
+            simulation.remove_elements(own, &Removal::new(region(kind, chosen))).unwrap();
             simulation.step().unwrap();
-            let difference = simulation.verify_against_fresh(own).unwrap();
-            assert!(difference.largest() < 1e-12, "{model:?} {round}: {difference:?}");
+            assert_fresh(&mut simulation, own, 1e-12, &format!("{model:?} {round}"));
             let change = simulation.volume_report().largest_mean_change;
             assert!(change > 0.0 && change.is_finite(), "{model:?} {round}: {change}");
             // a trace is a change of volume at small strain only, and single steps may leave some of it

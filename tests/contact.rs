@@ -1,5 +1,7 @@
 //! Tools, friction, grasping, pulls and contact between bodies.
 
+use crate::common::{Shortcuts, sheet, solver};
+use bevy_ecs::entity::Entity;
 use glam::{DQuat, DVec3};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::box_tets;
@@ -11,12 +13,8 @@ use sinew::touch::tool::{Hinge, Part, Points, ToolMotion, ToolReport};
 
 const SOFT: YoungPoisson = YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.4, density: 1000.0 };
 
-fn settings(integrator: Integrator) -> SolverSettings {
-    SolverSettings { integrator, ..SolverSettings::default() }
-}
-
 fn tight(integrator: Integrator) -> SolverSettings {
-    SolverSettings { linear_tolerance: 1e-10, ..settings(integrator) }
+    solver!(integrator, linear_tolerance = 1e-10)
 }
 
 /// A block of size `size` with its lower corner at the origin, `n` cells; held below or free.
@@ -37,8 +35,8 @@ impl Block {
 
     fn held(size: DVec3, n: [usize; 3], options: SimulationOptions) -> Self {
         let mut block = Self::new(size, n, options);
-        let rows = block.simulation.group_rows(block.body, &block.mesh, "z0").unwrap();
-        block.simulation.add_constraint(Constraint::hold("floor", rows));
+        let rows = block.group_rows(block.body, &block.mesh, "z0").unwrap();
+        block.add_constraint(Constraint::hold("floor", rows));
         block
     }
 
@@ -47,7 +45,21 @@ impl Block {
     }
 
     fn step(&mut self) {
-        self.simulation.step().unwrap();
+        self.steps(1);
+    }
+
+    /// Adds a ball.
+    fn ball(&mut self, radius: f64, at: DVec3, friction: f64) -> Entity {
+        let ball = Tool::new("ball", Shape::Sphere { radius }, at).with_friction(friction);
+        self.add_tool(ball).unwrap()
+    }
+
+    /// Moves a tool evenly from one place to another.
+    fn lead(&mut self, tool: Entity, from: DVec3, to: DVec3, steps: u32) {
+        for step in 1..=steps {
+            self.move_tool(tool, from.lerp(to, f64::from(step) / f64::from(steps))).unwrap();
+            self.step();
+        }
     }
 
     /// Kinetic, elastic and contact energy less the work of gravity, from the last report and the state.
@@ -58,8 +70,22 @@ impl Block {
         report.kinetic_energy + report.elastic_energy + report.contact.energy - work
     }
 
-    fn tool(&self, tool: bevy_ecs::entity::Entity) -> ToolReport {
+    fn tool(&self, tool: Entity) -> ToolReport {
         self.simulation.tool_report(tool).unwrap().clone()
+    }
+}
+
+impl std::ops::Deref for Block {
+    type Target = Simulation;
+
+    fn deref(&self) -> &Simulation {
+        &self.simulation
+    }
+}
+
+impl std::ops::DerefMut for Block {
+    fn deref_mut(&mut self) -> &mut Simulation {
+        &mut self.simulation
     }
 }
 
@@ -81,14 +107,13 @@ fn press(
     friction: f64,
 ) -> ToolReport {
     let mut block = Block::held(SLAB, CELLS, SimulationOptions { precision, ..one_thread() });
-    block.simulation.set_solver(SolverSettings { mass_damping: 20.0, ..settings(integrator) });
-    block.simulation.set_dt(h);
-    let ball = Tool::new("ball", Shape::Sphere { radius: 0.02 }, ABOVE).with_friction(friction);
-    let ball = block.simulation.add_tool(ball).unwrap();
+    block.set_solver(solver!(integrator, mass_damping = 20.0));
+    block.set_dt(h);
+    let ball = block.ball(0.02, ABOVE, friction);
     let steps = ((0.1 + wait) / h).round() as u32;
     for step in 1..=steps {
         let part = (f64::from(step) * h / 0.1).min(1.0);
-        block.simulation.move_tool(ball, ABOVE - DVec3::Z * 0.004 * part).unwrap();
+        block.move_tool(ball, ABOVE - DVec3::Z * 0.004 * part).unwrap();
         block.step();
     }
     block.tool(ball)
@@ -129,26 +154,22 @@ fn forces_do_not_depend_on_the_step_length() {
 #[test]
 fn exact_contact_of_a_thin_ball_comes_to_rest() {
     let mut block = Block::new(SLAB, [4, 4, 2], one_thread());
-    let rows = block.simulation.group_rows(block.body, &block.mesh, "z0").unwrap();
-    let floor = block.simulation.add_constraint(Constraint::hold("floor", rows));
-    block.simulation.set_dt(0.01);
-    block.simulation.set_solver(SolverSettings {
-        mass_damping: 10.0,
-        max_newton_iterations: 20,
-        ..settings(Integrator::Newton)
-    });
+    let rows = block.group_rows(block.body, &block.mesh, "z0").unwrap();
+    let floor = block.add_constraint(Constraint::hold("floor", rows));
+    block.set_dt(0.01);
+    block.set_solver(solver!(Integrator::Newton, mass_damping = 10.0, max_newton_iterations = 20));
     let above = DVec3::new(0.033, 0.028, 0.042);
     let mut ball = Tool::new("ball", Shape::Sphere { radius: 0.01 }, above).exactly();
     ball.motion = ToolMotion::Translate(DVec3::Z * -0.005, Curve::ramp(0.0, 0.5));
-    let ball = block.simulation.add_tool(ball).unwrap();
+    let ball = block.add_tool(ball).unwrap();
     for step in 0..200 {
         block.step();
-        let report = block.simulation.report();
+        let report = block.report();
         assert!(!report.unconverged, "step {step}: {report:?}");
         // nothing moves any more
         assert!(step < 190 || report.newton_iterations < 10, "step {step}: {report:?}");
     }
-    let (pressed, held) = (block.tool(ball).force, block.simulation.reaction(floor));
+    let (pressed, held) = (block.tool(ball).force, block.reaction(floor));
     assert!(pressed.length() > 0.1);
     assert!((held - pressed).length() < 1e-6 * pressed.length(), "{held} {pressed}");
 }
@@ -157,13 +178,13 @@ fn exact_contact_of_a_thin_ball_comes_to_rest() {
 fn a_tool_out_of_reach_changes_no_bit() {
     let run = |with_tool: bool| {
         let mut block = Block::held(SLAB, CELLS, one_thread());
-        block.simulation.set_gravity(DVec3::new(3.0, 0.0, -9.81));
+        block.set_gravity(DVec3::new(3.0, 0.0, -9.81));
         if with_tool {
             let far = Tool::new("far", Shape::Sphere { radius: 0.02 }, ABOVE + DVec3::Z);
-            block.simulation.add_tool(far).unwrap();
+            block.add_tool(far).unwrap();
         }
-        (0..20).for_each(|_| block.step());
-        (block.simulation.state_hash(), block.simulation.report().contact.points)
+        block.steps(20);
+        (block.state_hash(), block.report().contact.points)
     };
     assert_eq!(run(true), run(false));
 }
@@ -175,14 +196,14 @@ fn bits_do_not_depend_on_threads() {
         let mut block = Block::held(DVec3::new(0.1, 0.1, 0.04), [14, 14, 6], options);
         let rod = Shape::Capsule { half_length: 0.03, radius: 0.004 };
         let rod = Tool::new("rod", rod, DVec3::new(0.05, 0.05, 0.046)).with_friction(0.3);
-        let rod = block.simulation.add_tool(rod).unwrap();
+        let rod = block.add_tool(rod).unwrap();
         for step in 1..=15 {
             let way = f64::from(step) * 0.0004;
-            block.simulation.move_tool(rod, DVec3::new(0.05 + way, 0.05, 0.046 - way)).unwrap();
+            block.move_tool(rod, DVec3::new(0.05 + way, 0.05, 0.046 - way)).unwrap();
             block.step();
         }
         assert!(block.tool(rod).force.z > 0.05);
-        block.simulation.state_hash()
+        block.state_hash()
     };
     let one = run(1);
     assert_eq!([run(2), run(3)], [one; 2]);
@@ -193,24 +214,22 @@ fn impulse_is_change_of_momentum_and_spheres_feel_no_torque() {
     for integrator in [Integrator::Safe, Integrator::Newton] {
         let mut block = Block::new(SLAB, [4, 4, 2], one_thread());
         let gravity = DVec3::new(0.0, 0.0, -9.81);
-        block.simulation.set_gravity(gravity);
-        block.simulation.set_solver(settings(integrator));
-        let ball =
-            Tool::new("ball", Shape::Sphere { radius: 0.03 }, DVec3::new(0.028, 0.031, -0.031));
-        let ball = block.simulation.add_tool(ball).unwrap();
+        block.set_gravity(gravity);
+        block.set_solver(solver!(integrator));
+        let ball = block.ball(0.03, DVec3::new(0.028, 0.031, -0.031), 0.0);
         let mass = block.mass();
         let mut before = DVec3::ZERO;
         let mut touched = 0;
         for _ in 0..40 {
             block.step();
-            let now = DVec3::from_array(block.simulation.report().momentum);
+            let now = DVec3::from_array(block.report().momentum);
             let report = block.tool(ball);
             let off = now - before + 0.01 * report.force - 0.01 * mass * gravity;
             assert!(
                 off.length() < 1e-9 * 0.01 * mass * 9.81,
                 "{}: {off} {:?}",
                 integrator.name(),
-                block.simulation.report()
+                block.report()
             );
             before = now;
             let force = report.force.length();
@@ -227,15 +246,15 @@ fn energy_never_rises_while_tools_rest() {
         for friction in [0.0, 0.5] {
             let gravity = DVec3::new(3.0, 1.0, -9.0);
             let mut block = Block::new(SLAB, [4, 4, 2], one_thread());
-            block.simulation.set_gravity(gravity);
-            block.simulation.set_solver(settings(Integrator::Safe));
-            block.simulation.set_dt(h);
+            block.set_gravity(gravity);
+            block.set_solver(solver!(Integrator::Safe));
+            block.set_dt(h);
             let n = block.mesh.points.len();
             let fall = vec![DVec3::new(0.3, 0.0, -1.0); n];
             block.simulation.set_state(block.body, &vec![DVec3::ZERO; n], &fall).unwrap();
             let table = Tool::ground("table", DVec3::new(0.0, 0.0, -0.002), DVec3::Z)
                 .with_friction(friction);
-            block.simulation.add_tool(table).unwrap();
+            block.add_tool(table).unwrap();
             block.step();
             let mut last = block.energy(gravity);
             let (start, mut touched) = (last.abs(), false);
@@ -243,7 +262,7 @@ fn energy_never_rises_while_tools_rest() {
                 block.step();
                 let now = block.energy(gravity);
                 assert!(now <= last + 1e-10 * start, "h {h} friction {friction}: {last} to {now}");
-                let report = block.simulation.report();
+                let report = block.report();
                 assert!(report.dissipation >= -1e-9 * start, "{report:?}");
                 touched |= report.contact.points > 0;
                 last = now;
@@ -260,10 +279,10 @@ fn a_block_sticks_below_the_angle_of_friction_and_slides_above() {
         [(Integrator::Auto, 0.01), (Integrator::Safe, 0.002), (Integrator::Safe, 0.033)]
     {
         let mut block = Block::new(DVec3::new(0.04, 0.04, 0.02), [4, 4, 2], one_thread());
-        block.simulation.set_dt(h);
-        block.simulation.set_solver(settings(integrator));
+        block.set_dt(h);
+        block.set_solver(solver!(integrator));
         let table = Tool::ground("table", DVec3::ZERO, DVec3::Z).with_friction(friction);
-        let table = block.simulation.add_tool(table).unwrap();
+        let table = block.add_tool(table).unwrap();
         let tilted = |slope: f64| {
             let angle = libm::atan(slope);
             9.81 * DVec3::new(libm::sin(angle), 0.0, -libm::cos(angle))
@@ -275,22 +294,21 @@ fn a_block_sticks_below_the_angle_of_friction_and_slides_above() {
         };
         for step in 0..tilt {
             let slope = 0.99 * friction * (1.5 * f64::from(step) / f64::from(tilt)).min(1.0);
-            block.simulation.set_gravity(tilted(slope));
+            block.set_gravity(tilted(slope));
             block.step();
         }
         let held = place(&mut block);
-        let hold = (1.0 / h) as u32;
-        (0..hold).for_each(|_| block.step());
+        let hold = (1.0 / h) as usize;
+        block.steps(hold);
         let drift = place(&mut block) - held;
         assert!(drift.abs() < 1e-6, "{}: {drift} m in 1 s", integrator.name());
-        block.simulation.set_gravity(tilted(1.1 * friction));
-        (0..hold / 2).for_each(|_| block.step());
-        let v0 = block.simulation.report().momentum[0];
-        (0..hold / 4).for_each(|_| block.step());
+        block.set_gravity(tilted(1.1 * friction));
+        block.steps(hold / 2);
+        let v0 = block.report().momentum[0];
+        block.steps(hold / 4);
         let report = block.tool(table);
         let mass = block.mass();
-        let acceleration =
-            (block.simulation.report().momentum[0] - v0) / (mass * f64::from(hold / 4) * h);
+        let acceleration = (block.report().momentum[0] - v0) / (mass * (hold / 4) as f64 * h);
         let angle = libm::atan(1.1 * friction);
         let exact = 9.81 * (libm::sin(angle) - friction * libm::cos(angle));
         assert!((acceleration / exact - 1.0).abs() < 2e-3, "{h}: {acceleration} {exact}");
@@ -305,28 +323,28 @@ fn jaws_lift_hold_and_let_go() {
     for (integrator, h) in [(Integrator::Auto, 0.01), (Integrator::Safe, 0.033)] {
         let mut block = Block::new(DVec3::new(0.04, 0.04, 0.03), [4, 4, 3], one_thread());
         let gravity = DVec3::new(0.0, 0.0, -9.81);
-        block.simulation.set_gravity(gravity);
-        block.simulation.set_solver(SolverSettings { mass_damping: 5.0, ..settings(integrator) });
-        block.simulation.set_dt(h);
+        block.set_gravity(gravity);
+        block.set_solver(solver!(integrator, mass_damping = 5.0));
+        block.set_dt(h);
         let weight = 9.81 * block.mass();
         let table = Tool::ground("table", DVec3::ZERO, DVec3::Z);
-        let table = block.simulation.add_tool(table).unwrap();
+        let table = block.add_tool(table).unwrap();
         // two boxes as jaws
         let jaw = Shape::Box { half: DVec3::new(0.01, 0.03, 0.03), rounding: 0.004 };
         let at = |x: f64, z: f64| DVec3::new(x, 0.02, 0.015 + z);
         let make = |name: &str, x: f64| {
             Tool::new(name, jaw.clone(), at(x, 0.0)).with_points(Points::Vertex).with_friction(0.5)
         };
-        let left = block.simulation.add_tool(make("left", -0.0101)).unwrap();
-        let right = block.simulation.add_tool(make("right", 0.0501)).unwrap();
+        let left = block.add_tool(make("left", -0.0101)).unwrap();
+        let right = block.add_tool(make("right", 0.0501)).unwrap();
         let go = |block: &mut Block, squeeze: [f64; 2], lift: [f64; 2], time: f64| {
             let steps = (time / h).ceil() as u32;
             for step in 1..=steps {
                 let part = f64::from(step) / f64::from(steps);
                 let mix = |[a, b]: [f64; 2]| a + (b - a) * part;
                 let (s, z) = (mix(squeeze), mix(lift));
-                block.simulation.move_tool(left, at(-0.0101 + s, z)).unwrap();
-                block.simulation.move_tool(right, at(0.0501 - s, z)).unwrap();
+                block.move_tool(left, at(-0.0101 + s, z)).unwrap();
+                block.move_tool(right, at(0.0501 - s, z)).unwrap();
                 block.step();
             }
         };
@@ -355,29 +373,22 @@ fn jaws_lift_hold_and_let_go() {
 #[test]
 fn a_grip_holds_what_friction_cannot() {
     let mut block = Block::held(SLAB, CELLS, one_thread());
-    let ball = Tool::new("ball", Shape::Sphere { radius: 0.02 }, ABOVE);
-    let ball = block.simulation.add_tool(ball).unwrap();
+    let ball = block.ball(0.02, ABOVE, 0.0);
     let grip = |block: &mut Block, on: bool| {
-        block.simulation.world_mut().get_mut::<Tool>(ball).unwrap().grip = on;
-    };
-    let go = |block: &mut Block, from: DVec3, to: DVec3| {
-        for step in 1..=30 {
-            block.simulation.move_tool(ball, from.lerp(to, f64::from(step) / 30.0)).unwrap();
-            block.step();
-        }
+        block.world_mut().get_mut::<Tool>(ball).unwrap().grip = on;
     };
     let (down, up) = (ABOVE - DVec3::Z * 0.003, ABOVE + DVec3::Z * 0.006);
-    go(&mut block, ABOVE, down);
+    block.lead(ball, ABOVE, down, 30);
     grip(&mut block, true);
-    go(&mut block, down, up);
+    block.lead(ball, down, up, 30);
     let force = block.tool(ball).force;
     assert!(force.z < -0.1, "{force}");
     let top = block.simulation.positions(block.body).iter().map(|x| x.z).fold(0.0, f64::max);
     assert!(top > 0.033, "{top}");
     grip(&mut block, false);
-    (0..100).for_each(|_| block.step());
+    block.steps(100);
     assert_eq!(block.tool(ball).force, DVec3::ZERO);
-    assert_eq!(block.simulation.report().contact.energy, 0.0);
+    assert_eq!(block.report().contact.energy, 0.0);
 }
 
 #[test]
@@ -387,7 +398,7 @@ fn a_thin_rod_never_passes() {
     let mut block = Block::held(SLAB, CELLS, one_thread());
     let rod = Shape::Capsule { half_length: 0.01, radius: 0.2 * edge };
     let start = DVec3::new(0.02, 0.02, SLAB.z + 0.2 * edge);
-    let rod = block.simulation.add_tool(Tool::new("rod", rod, start)).unwrap();
+    let rod = block.add_tool(Tool::new("rod", rod, start)).unwrap();
     let mut at = start;
     let mut seed = 7_u64;
     let mut random = || {
@@ -397,18 +408,15 @@ fn a_thin_rod_never_passes() {
     for place in 0..100 {
         let to = DVec3::new(0.015 + 0.03 * random(), 0.015 + 0.03 * random(), SLAB.z - 0.003);
         let steps = (at.distance(to) / (0.15 * edge)).ceil();
-        for step in 1..=steps as u32 {
-            block.simulation.move_tool(rod, at.lerp(to, f64::from(step) / steps)).unwrap();
-            block.step();
-        }
+        block.lead(rod, at, to, steps as u32);
         at = to;
         // the tissue that it pushed away comes back
-        (0..5).for_each(|_| block.step());
+        block.steps(5);
         let report = block.tool(rod);
         assert!(report.force.z > 0.0, "place {place}: {report:?}");
-        assert!(block.simulation.volume_report().smallest_ratio > -1.0);
+        assert!(block.volume_report().smallest_ratio > -1.0);
         // a point deeper than the rod is thick would come out on its other side
-        let deepest = block.simulation.report().contact.depth_over_edge;
+        let deepest = block.report().contact.depth_over_edge;
         assert!(deepest < 0.4, "place {place}: {deepest}");
     }
 }
@@ -432,9 +440,7 @@ fn a_membrane_is_touched_on_either_side() {
             }
         }
         let membrane = MembraneDescription::new(&triangles, 0.001, SOFT);
-        let plain = BodyDescription::from_parts("sheet", &points, &[], SOFT);
-        let body = BodyDescription { membrane: Some(membrane), ..plain };
-        let body = simulation.add_body(&body).unwrap();
+        let body = simulation.add_body(&sheet(&points, membrane)).unwrap();
         let rows = simulation.rows(body, "rim", &rim).unwrap();
         simulation.add_constraint(Constraint::hold("rim", rows));
         simulation.set_gravity(DVec3::ZERO);
@@ -456,10 +462,9 @@ fn a_membrane_is_touched_on_either_side() {
 fn a_tool_that_appears_inside_pushes_slowly() {
     let mut block = Block::held(SLAB, CELLS, one_thread());
     let inside = ABOVE - DVec3::Z * 0.012;
-    let ball = Tool::new("ball", Shape::Sphere { radius: 0.02 }, inside);
-    let ball = block.simulation.add_tool(ball).unwrap();
+    let ball = block.ball(0.02, inside, 0.0);
     block.step();
-    assert_eq!(block.simulation.report().contact.drawn_in, 1);
+    assert_eq!(block.report().contact.drawn_in, 1);
     let first = block.tool(ball);
     assert!(first.drawn_in > 0.01, "{first:?}");
     let mut largest = 0.0_f64;
@@ -470,22 +475,21 @@ fn a_tool_that_appears_inside_pushes_slowly() {
     let last = block.tool(ball);
     assert_eq!(last.drawn_in, 0.0);
     assert!(last.force.z > 0.5 && largest < 2.0 * last.force.z, "{largest} {last:?}");
-    assert_eq!(block.simulation.volume_report().inverted, 0);
+    assert_eq!(block.volume_report().inverted, 0);
 }
 
 #[test]
 fn a_fast_tool_is_met_with_a_force_that_can_be_trusted() {
     let end = |h: f64, speed: f64| {
         let mut block = Block::held(SLAB, CELLS, one_thread());
-        block.simulation.set_solver(settings(Integrator::Safe));
-        block.simulation.set_dt(h);
-        let ball = Tool::new("ball", Shape::Sphere { radius: 0.02 }, ABOVE);
-        let ball = block.simulation.add_tool(ball).unwrap();
+        block.set_solver(solver!(Integrator::Safe));
+        block.set_dt(h);
+        let ball = block.ball(0.02, ABOVE, 0.0);
         let mut peak = 0.0_f64;
         let mut rest = None;
         for step in 1..=((0.8 / h) as u32) {
             let way = (speed * f64::from(step) * h).min(0.008);
-            block.simulation.move_tool(ball, ABOVE - DVec3::Z * way).unwrap();
+            block.move_tool(ball, ABOVE - DVec3::Z * way).unwrap();
             block.step();
             let report = block.tool(ball);
             peak = peak.max(report.force.length());
@@ -512,34 +516,27 @@ fn a_fast_tool_is_met_with_a_force_that_can_be_trusted() {
 #[test]
 fn a_tool_faster_than_substeps_lags_and_says_so() {
     let mut block = Block::held(SLAB, CELLS, one_thread());
-    let ball = Tool::new("ball", Shape::Sphere { radius: 0.002 }, ABOVE + DVec3::X * 0.1);
-    let ball = block.simulation.add_tool(ball).unwrap();
+    let ball = block.ball(0.002, ABOVE + DVec3::X * 0.1, 0.0);
     block.step();
-    block.simulation.move_tool(ball, DVec3::new(-0.1, 0.03, 0.02)).unwrap();
+    block.move_tool(ball, DVec3::new(-0.1, 0.03, 0.02)).unwrap();
     block.step();
-    let contact = block.simulation.report().contact;
+    let contact = block.report().contact;
     assert!(contact.substeps == 8 && contact.lagging == 1 && contact.lag > 0.01, "{contact:?}");
-    assert_eq!(block.simulation.world().resource::<StepClock>().step, 2);
-    assert!((block.simulation.time() - 0.02).abs() < 1e-15);
+    assert_eq!(block.world().resource::<StepClock>().step, 2);
+    assert!((block.time() - 0.02).abs() < 1e-15);
 }
 
 #[test]
 fn elements_are_removed_under_a_tool() {
     let mut block = Block::held(SLAB, CELLS, one_thread());
-    let ball = Tool::new("ball", Shape::Sphere { radius: 0.02 }, ABOVE).with_friction(0.3);
-    let ball = block.simulation.add_tool(ball).unwrap();
-    for step in 1..=20 {
-        block.simulation.move_tool(ball, ABOVE - DVec3::Z * 0.0003 * f64::from(step)).unwrap();
-        block.step();
-    }
+    let ball = block.ball(0.02, ABOVE, 0.3);
+    block.lead(ball, ABOVE, ABOVE - DVec3::Z * 0.006, 20);
     let before = block.tool(ball).force.z;
     let half = Region::Sphere { centre: DVec3::new(-1.0, 0.03, 0.015), radius: 1.03 };
     let removal = Removal::new(half);
     let report = block.simulation.remove_elements(block.body, &removal).unwrap();
     assert!(report.tetrahedra.len() > 100);
-    for _ in 0..100 {
-        block.step();
-    }
+    block.steps(100);
     let after = block.tool(ball).force.z;
     assert!(after > 0.2 * before && after < 0.9 * before, "{before} {after}");
     // no force on what no element has
@@ -563,10 +560,8 @@ fn two_bodies_rest_on_each_other() {
     let table = simulation.add_tool(table).unwrap();
     let pair = BodyContact::new("pair", [0, 1]).with_friction(0.3);
     let pair = simulation.add_body_contact(pair);
-    simulation.set_solver(SolverSettings { mass_damping: 10.0, ..SolverSettings::default() });
-    for _ in 0..200 {
-        simulation.step().unwrap();
-    }
+    simulation.set_solver(solver!(Integrator::Auto, mass_damping = 10.0));
+    simulation.steps(200);
     let mass: f64 = simulation.masses(bodies[0]).iter().sum();
     let report = simulation.body_contact_report(pair).unwrap();
     let weight = mass * 9.81;
@@ -585,7 +580,7 @@ fn a_body_touches_itself_where_it_is_told_to() {
         let mut simulation = Simulation::new(one_thread()).unwrap();
         let body = simulation.add_body(&BodyDescription::new("strip", &mesh, SOFT)).unwrap();
         simulation.set_gravity(DVec3::ZERO);
-        simulation.set_solver(SolverSettings { mass_damping: 10.0, ..SolverSettings::default() });
+        simulation.set_solver(solver!(Integrator::Auto, mass_damping = 10.0));
         let hold = simulation.group_rows(body, &mesh, "x0").unwrap();
         simulation.add_constraint(Constraint::hold("hold", hold));
         let end = simulation.group_rows(body, &mesh, "x1").unwrap();
@@ -617,27 +612,27 @@ fn a_body_touches_itself_where_it_is_told_to() {
 #[test]
 fn pulls_draw_a_patch_where_the_hand_is() {
     let mut block = Block::held(SLAB, CELLS, one_thread());
-    block.simulation.set_solver(SolverSettings { mass_damping: 10.0, ..SolverSettings::default() });
-    let pick = block.simulation.pick(DVec3::new(0.031, 0.028, 0.5), DVec3::NEG_Z).unwrap();
+    block.set_solver(solver!(Integrator::Auto, mass_damping = 10.0));
+    let pick = block.pick(DVec3::new(0.031, 0.028, 0.5), DVec3::NEG_Z).unwrap();
     assert!((pick.position - DVec3::new(0.031, 0.028, 0.03)).length() < 1e-12);
-    assert_eq!(block.simulation.pick(DVec3::new(0.031, 0.028, 0.5), DVec3::Z), None);
+    assert_eq!(block.pick(DVec3::new(0.031, 0.028, 0.5), DVec3::Z), None);
     let pull =
         Pull::new("hand", pick.rows.to_vec(), 100.0, 0.5).with_weights(pick.weights.to_vec());
-    let pull = block.simulation.add_pull(pull);
+    let pull = block.add_pull(pull);
     for step in 1..=100 {
         let part = f64::from(step.min(20)) / 20.0;
-        block.simulation.move_pull(pull, DVec3::new(0.002, 0.0, 0.008) * part);
+        block.move_pull(pull, DVec3::new(0.002, 0.0, 0.008) * part);
         block.step();
     }
-    let report = *block.simulation.pull_report(pull).unwrap();
+    let report = *block.pull_report(pull).unwrap();
     assert!(report.force.z < -0.1 && report.work > 0.0, "{report:?}");
     // the spring carries exactly what the hand feels
     assert!((report.force.length() / 100.0 - report.distance).abs() < 0.2 * report.distance);
-    let floor = block.simulation.evaluate();
+    let floor = block.evaluate();
     assert!(floor > 0.0);
-    assert!(block.simulation.remove_contact(pull));
-    (0..200).for_each(|_| block.step());
-    assert!(block.simulation.report().contact.energy == 0.0);
+    assert!(block.remove_contact(pull));
+    block.steps(200);
+    assert!(block.report().contact.energy == 0.0);
 }
 
 #[test]
@@ -646,16 +641,12 @@ fn tools_come_and_go() {
     let half_way = ABOVE - DVec3::Z * 0.004;
     for round in 0..20 {
         let ball = Tool::new(format!("ball {round}"), Shape::Sphere { radius: 0.02 }, ABOVE);
-        let ball = block.simulation.add_tool(ball).unwrap();
-        for step in 1..=5 {
-            let at = ABOVE.lerp(half_way, f64::from(step) / 5.0);
-            block.simulation.move_tool(ball, at).unwrap();
-            block.step();
-        }
+        let ball = block.add_tool(ball).unwrap();
+        block.lead(ball, ABOVE, half_way, 5);
         assert!(block.tool(ball).force.z > 0.05);
-        assert!(block.simulation.remove_contact(ball));
+        assert!(block.remove_contact(ball));
         block.step();
-        assert_eq!(block.simulation.report().contact.points, 0);
+        assert_eq!(block.report().contact.points, 0);
     }
 }
 
@@ -679,8 +670,8 @@ fn jaws_open_about_their_hinge() {
 #[test]
 fn jaws_of_one_tool_squeeze_with_opposite_forces() {
     let mut block = Block::new(DVec3::splat(0.04), [4, 4, 4], one_thread());
-    block.simulation.set_solver(SolverSettings { mass_damping: 20.0, ..tight(Integrator::Auto) });
-    block.simulation.set_dt(0.01);
+    block.set_solver(SolverSettings { mass_damping: 20.0, ..tight(Integrator::Auto) });
+    block.set_dt(0.01);
     let part = |x: f64, jaw: f64| Part {
         shape: Shape::Box { half: DVec3::new(0.01, 0.03, 0.03), rounding: 0.004 },
         at: DVec3::new(x, 0.0, 0.0),
@@ -691,10 +682,10 @@ fn jaws_of_one_tool_squeeze_with_opposite_forces() {
     let parts = vec![part(-0.0301, 0.5), part(0.0301, -0.5)];
     let mut tool = Tool::of_parts("forceps", parts, start).with_friction(0.5);
     tool.hinge = Hinge { point: DVec3::new(0.0, 0.0, -0.5), axis: DVec3::Y };
-    let tool = block.simulation.add_tool(tool).unwrap();
+    let tool = block.add_tool(tool).unwrap();
     for step in 1..=150 {
         let opening = 0.012 * (f64::from(step) / 50.0).min(1.0);
-        block.simulation.move_tool(tool, ToolPose { opening, ..start }).unwrap();
+        block.move_tool(tool, ToolPose { opening, ..start }).unwrap();
         block.step();
     }
     let report = block.tool(tool);
@@ -728,17 +719,17 @@ fn bad_tools_are_named() {
     assert!(error(Tool::of_parts("empty", vec![], ToolPose::default())).contains("no parts"));
     // what only a step can tell
     let exact = ball(0.01).exactly();
-    let tool = block.simulation.add_tool(exact).unwrap();
+    let tool = block.add_tool(exact).unwrap();
     let text = block.simulation.step().unwrap_err().to_string();
     assert!(text.contains("`ball`") && text.contains("quasi-static"), "{text}");
-    assert!(block.simulation.remove_contact(tool));
-    let contact = block.simulation.add_body_contact(BodyContact::new("pair", [0, 7]));
+    assert!(block.remove_contact(tool));
+    let contact = block.add_body_contact(BodyContact::new("pair", [0, 7]));
     let text = block.simulation.step().unwrap_err().to_string();
     assert!(text.contains("`pair`") && text.contains("number 7"), "{text}");
-    assert!(block.simulation.remove_contact(contact));
-    block.simulation.step().unwrap();
-    let tool = block.simulation.add_tool(ball(0.01)).unwrap();
-    let error = block.simulation.move_tool(tool, DVec3::NAN).unwrap_err().to_string();
+    assert!(block.remove_contact(contact));
+    block.step();
+    let tool = block.add_tool(ball(0.01)).unwrap();
+    let error = block.move_tool(tool, DVec3::NAN).unwrap_err().to_string();
     assert!(error.contains("not finite"), "{error}");
 }
 
@@ -782,12 +773,11 @@ fn the_local_stiffness_is_the_derivative_of_the_force() {
     let run = |extra: DVec3| {
         let mut s = Simulation::new(SimulationOptions::default()).unwrap();
         s.set_dt(0.01);
-        s.set_solver(SolverSettings {
-            integrator: Integrator::Newton,
-            newton_tolerance: 1e-12,
-            linear_tolerance: 1e-10,
-            ..SolverSettings::default()
-        });
+        s.set_solver(solver!(
+            Integrator::Newton,
+            newton_tolerance = 1e-12,
+            linear_tolerance = 1e-10
+        ));
         let body = s.add_body(&BodyDescription::new("block", &mesh, SOFT)).unwrap();
         let floor = s.group_rows(body, &mesh, "z0").unwrap();
         s.add_constraint(Constraint::hold("floor", floor));
@@ -835,8 +825,7 @@ fn a_strap_over_a_drum_holds_as_the_capstan_equation_says() {
     s.set_gravity(DVec3::ZERO);
     s.set_solver(SolverSettings { newton_tolerance: 1e-10, ..tight(Integrator::Newton) });
     let membrane = MembraneDescription::new(&triangles, 0.001, SOFT);
-    let plain = BodyDescription::from_parts("strap", &points, &[], SOFT);
-    let body = s.add_body(&BodyDescription { membrane: Some(membrane), ..plain }).unwrap();
+    let body = s.add_body(&sheet(&points, membrane)).unwrap();
     let ends = [[0, 1], [2 * segments, 2 * segments + 1]].map(|end| {
         let rows = s.rows(body, "end", &end).unwrap();
         s.add_constraint(Constraint::hold("end", rows))

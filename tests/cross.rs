@@ -98,9 +98,7 @@ fn build(
     clamped.dedup();
     let rows = simulation.rows(body, "end", &clamped).unwrap();
     simulation.add_constraint(Constraint::hold("end", rows));
-    let faces = simulation.face_rows(body, "air", &skin[..skin.len() / 3]).unwrap();
-    let curve = Curve::Constant;
-    simulation.add_pressure(Pressure { name: "air".into(), faces, pressure: 20.0, curve });
+    blow(&mut simulation, body, &skin[..skin.len() / 3], 20.0, Curve::Constant);
     simulation.integrate_by(Integrator::Safe);
     (simulation, body)
 }
@@ -137,11 +135,8 @@ fn what_is_left_of_solid_and_membrane_equals_a_fresh_build() {
                         report.elastic_energy
                     );
                     disturb(&mut simulation, body, 0.002, seed + 1);
-                    let difference = simulation.verify_against_fresh(body).unwrap();
-                    assert!(
-                        difference.largest() <= tolerance && difference.mass <= tolerance,
-                        "{kind} {precision:?} batch {batch}: {difference:?}"
-                    );
+                    let what = format!("{kind} {precision:?} batch {batch}");
+                    assert_fresh(&mut simulation, body, tolerance, &what);
                 }
             }
             assert!(compactions > 0 && pressures > 0, "{kind}: {compactions} {pressures}");
@@ -168,7 +163,7 @@ fn a_membrane_outlives_its_solid() {
         }
         let mass: f64 = simulation.masses(body).iter().sum();
         assert!((mass / (area * 2e-3 * 1000.0) - 1.0).abs() < 1e-12);
-        assert!(simulation.verify_against_fresh(body).unwrap().largest() < 1e-12);
+        assert_fresh(&mut simulation, body, 1e-12, "without solid");
         simulation.set_dt(0.005);
         simulation.steps(5);
         // then the skin: the sphere round one corner takes both kinds, the rest by its list
@@ -191,11 +186,7 @@ fn membranes_tear_at_their_limit() {
     let build = || {
         let mut simulation = Simulation::new(SimulationOptions::default()).unwrap();
         let membrane = MembraneDescription::new(&mesh.triangles, thickness, soft(young, nu));
-        let description = BodyDescription {
-            membrane: Some(membrane),
-            ..BodyDescription::from_parts("sheet", &mesh.points, &[], soft(young, nu))
-        };
-        let body = simulation.add_body(&description).unwrap();
+        let body = simulation.add_body(&sheet(&mesh.points, membrane)).unwrap();
         let stretched = |p: &DVec3| DVec3::new(0.3 * p.x, -0.1 * p.y, 0.0);
         // turned, too
         let turn = glam::DQuat::from_rotation_x(1.0) * glam::DQuat::from_rotation_z(0.7);
@@ -255,11 +246,7 @@ fn comparison_laws_live_with_removals() {
                 s.step().unwrap();
                 assert!(s.report().elastic_energy.is_finite());
                 disturb(&mut s, body, 0.002, i as u64);
-                let difference = s.verify_against_fresh(body).unwrap();
-                assert!(
-                    difference.largest() <= tolerance && difference.mass <= tolerance,
-                    "{model:?} {precision:?}: {difference:?}"
-                );
+                assert_fresh(&mut s, body, tolerance, &format!("{model:?} {precision:?}"));
             }
         }
     }
@@ -292,17 +279,12 @@ fn a_new_material_brings_nothing_back() {
                     (simulation.evaluate() - before - change.elastic_energy).abs()
                         <= 1e-12 * before
                 );
-                let difference = simulation.verify_against_fresh(body).unwrap();
-                assert!(
-                    difference.largest() <= 1e-12 && difference.mass <= 1e-12,
-                    "{kind} {count}: {difference:?}"
-                );
+                assert_fresh(&mut simulation, body, 1e-12, &format!("{kind} {count}"));
             }
             // and later removals use it
             let more = pick(simulation.remaining_tetrahedra(body), 5, 77);
             remove(&mut simulation, body, Region::Tetrahedra(more), MassPolicy::Recompute);
-            let difference = simulation.verify_against_fresh(body).unwrap();
-            assert!(difference.largest().max(difference.mass) <= 1e-12, "{kind}: {difference:?}");
+            assert_fresh(&mut simulation, body, 1e-12, &format!("{kind}"));
             let short = MaterialField { young_modulus: Some(&young[..5]), ..new.into() };
             assert!(simulation.set_material(body, short).is_err());
         }
@@ -437,9 +419,7 @@ fn pressures_follow_the_surface_that_is_left() {
     let surface: Vec<[u32; 3]> = mesh.surface_triangles();
     for count in [1, 20, 80] {
         let (mut s, body) = plain(&mesh, soft(1e4, 0.4), Model::default(), Evaluation::Fused);
-        let faces = s.face_rows(body, "air", &surface).unwrap();
-        let curve = Curve::Constant;
-        let air = s.add_pressure(Pressure { name: "air".into(), faces, pressure: 50.0, curve });
+        let air = blow(&mut s, body, &surface, 50.0, Curve::Constant);
         // those at the top first
         let mut order: Vec<u32> = (0..mesh.tetrahedra.len() as u32).collect();
         let height = |t: &u32| -> f64 {

@@ -1,10 +1,12 @@
 //! Bodies of tetrahedra, hexahedra, triangles and quadrilaterals, mixed and alone: steps, removals, new
 //! materials, springs, recovery.
 
-use crate::common::{Shortcuts, disturb, guide, hold_end, options};
+use crate::common::{
+    Shortcuts, assert_fresh, blow, disturb, guide, hold_end, options, pick, random_field, region,
+    sheet,
+};
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
-use sinew::engine::load::Pressure;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, jitter_interior, quad_grid};
 use sinew::identify::mesh::{Cells, fit_elements};
@@ -77,30 +79,17 @@ impl Mixed {
     }
 }
 
-fn numbers(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed;
-    move || {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-}
-
-/// Removes about a tenth of the elements of a kind.
+/// Removes a tenth of the elements of a kind.
 fn remove_some(
     simulation: &mut Simulation,
     body: BodyHandle,
     kind: ElementKind,
-    next: &mut impl FnMut() -> f64,
+    seed: u64,
 ) -> RemovalReport {
     let left = simulation.remaining(body, kind);
-    let some: Vec<u32> = left.into_iter().filter(|_| next() > 0.8).collect();
-    let region = match kind {
-        ElementKind::Tetrahedron => Region::Tetrahedra(some),
-        ElementKind::Hexahedron => Region::Hexahedra(some),
-        ElementKind::Triangle => Region::Triangles(some),
-        ElementKind::Quad => Region::Quads(some),
-    };
-    simulation.remove_elements(body, &Removal::new(region)).unwrap()
+    let count = left.len().div_ceil(10);
+    let removal = Removal::new(region(kind, pick(left, count, seed)));
+    simulation.remove_elements(body, &removal).unwrap()
 }
 
 #[test]
@@ -164,20 +153,17 @@ fn what_is_left_equals_a_fresh_build() {
         let (mut simulation, body) = alone(&description);
         simulation.prepare_removals(body).unwrap();
         disturb(&mut simulation, body, 1e-3, 3);
-        let mut next = numbers(9);
         let mut compacted = 0;
         let energy = simulation.evaluate();
         let mut gone = 0.0;
         for round in 0..8 {
             for kind in ElementKind::ALL {
-                let report = remove_some(&mut simulation, body, kind, &mut next);
+                let report = remove_some(&mut simulation, body, kind, round);
                 compacted += u32::from(report.compacted);
                 gone += report.elastic_energy;
             }
-            let difference = simulation.verify_against_fresh(body).unwrap();
-            let largest = difference.largest();
-            assert!(largest < 1e-12, "{} round {round}: {difference:?}", model.name());
-            assert!(difference.mass < 1e-12, "{} round {round}", model.name());
+            let what = format!("{} round {round}", model.name());
+            assert_fresh(&mut simulation, body, 1e-12, &what);
         }
         assert!(compacted > 0);
         let left = simulation.evaluate();
@@ -206,16 +192,14 @@ fn axes_leave_with_their_elements() {
             simulation.step().unwrap();
         }
         disturb(&mut simulation, body, 1e-3, 13);
-        let mut next = numbers(19);
         let energy = simulation.evaluate();
         let mut gone = 0.0;
         for round in 0..6 {
             for kind in [ElementKind::Tetrahedron, ElementKind::Hexahedron] {
-                gone += remove_some(&mut simulation, body, kind, &mut next).elastic_energy;
+                gone += remove_some(&mut simulation, body, kind, round).elastic_energy;
             }
-            let difference = simulation.verify_against_fresh(body).unwrap();
-            let largest = difference.largest();
-            assert!(largest < 1e-12, "{} round {round}: {difference:?}", model.name());
+            let what = format!("{} round {round}", model.name());
+            assert_fresh(&mut simulation, body, 1e-12, &what);
         }
         let left = simulation.evaluate();
         assert!((left + gone - energy).abs() < 1e-10 * energy, "{}", model.name());
@@ -307,18 +291,13 @@ fn a_method_that_does_not_fit_is_refused_by_name() {
 fn springs_of_a_plate_and_negative_constants_stay_bounded() {
     // long rectangles get negative constants
     let mesh = quad_grid(glam::DVec2::new(0.2, 0.02), [5, 5]).unwrap();
-    let sheet = MembraneDescription::new(&[], 1e-3, SOFT);
-    let sheet = MembraneDescription {
+    let plate = MembraneDescription {
         quads: &mesh.quads,
         model: MembraneModel::MassSpring,
         springs: Some(ElementMethod::Frobenius.into()),
-        ..sheet
+        ..MembraneDescription::new(&[], 1e-3, SOFT)
     };
-    let description = BodyDescription {
-        membrane: Some(sheet),
-        ..BodyDescription::from_parts("plate", &mesh.points, &[], SOFT)
-    };
-    let (mut simulation, body) = alone(&description);
+    let (mut simulation, body) = alone(&sheet(&mesh.points, plate));
     hold_end(&mut simulation, body, &mesh.points);
     simulation.set_gravity(DVec3::new(1.0, 0.0, 0.0));
     simulation.set_dt(0.01);
@@ -342,20 +321,14 @@ fn crushed_hexahedra_recover() {
     let mesh = box_hexahedra(DVec3::splat(0.1), [4, 4, 4]).unwrap();
     for start in ["flat", "mirrored", "point"] {
         let (mut simulation, body) = alone(&BodyDescription::new("cube", &mesh, SOFT));
-        let mut next = numbers(2);
-        let mut noise = || 1e-6 * DVec3::new(next(), next(), next());
-        let u: Vec<DVec3> = mesh
-            .points
-            .iter()
-            .map(|p| {
-                noise()
-                    + match start {
-                        "flat" => -p.z * DVec3::Z,
-                        "mirrored" => -2.0 * p.z * DVec3::Z,
-                        _ => -*p,
-                    }
-            })
-            .collect();
+        let away = |p: DVec3| match start {
+            "flat" => p.z * DVec3::Z,
+            "mirrored" => 2.0 * p.z * DVec3::Z,
+            _ => p,
+        };
+        let noise = random_field(mesh.points.len(), 2);
+        let u: Vec<DVec3> =
+            mesh.points.iter().zip(&noise).map(|(p, n)| 1e-6 * *n - away(*p)).collect();
         simulation.displace(body, &u);
         simulation.set_gravity(DVec3::ZERO);
         simulation.set_dt(1.0 / 60.0);
@@ -373,12 +346,10 @@ fn a_balloon_pressure_pushes_hexahedra() {
     // cut along both diagonals, each triangle with half the pressure: every corner gets a quarter
     let both = |[a, b, c, d]: [u32; 4]| [[a, c, b], [a, d, c], [b, d, c], [a, d, b]];
     let inward: Vec<[u32; 3]> = mesh.surface_quads().into_iter().flat_map(both).collect();
-    let faces = simulation.face_rows(body, "all round", &inward).unwrap();
     for (group, axes) in [("x0", 1), ("y0", 2), ("z0", 4)] {
         guide(&mut simulation, body, &mesh, group, axes);
     }
-    let curve = Curve::Constant;
-    simulation.add_pressure(Pressure { name: "all round".into(), faces, pressure: 250.0, curve });
+    blow(&mut simulation, body, &inward, 250.0, Curve::Constant);
     simulation.set_gravity(DVec3::ZERO);
     simulation.set_dt(1.0);
     simulation.settle();
@@ -451,8 +422,7 @@ fn uniform_springs_are_one_for_every_pair() {
             let after = simulation.evaluate();
             let gone = report.elastic_energy;
             assert!(gone > 0.0 && (before - after - gone).abs() < 1e-12 * before, "{gone}");
-            let difference = simulation.verify_against_fresh(body).unwrap();
-            assert!(difference.largest() < 1e-12, "{difference:?}");
+            assert_fresh(&mut simulation, body, 1e-12, "springs");
         }
     }
     let springs = Some(SpringRule::Uniform(UniformSprings {

@@ -3,7 +3,6 @@
 
 use crate::common::*;
 use glam::DVec3;
-use sinew::engine::load::Pressure;
 use sinew::models::body::Evaluation;
 use sinew::prelude::*;
 
@@ -21,9 +20,7 @@ fn pressed(precision: Precision, pressure: f64) -> (Simulation, BodyHandle) {
     simulation.set_dt(0.01);
     clamp(&mut simulation, body, &mesh, "x0");
     let inward: Vec<_> = mesh.surface_triangles().iter().map(|&[a, b, c]| [a, c, b]).collect();
-    let faces = simulation.face_rows(body, "air", &inward).unwrap();
-    let curve = Curve::Constant;
-    simulation.add_pressure(Pressure { name: "air".into(), faces, pressure, curve });
+    blow(&mut simulation, body, &inward, pressure, Curve::Constant);
     (simulation, body)
 }
 

@@ -13,36 +13,19 @@ use sinew::models::element::membrane::plane_stress;
 use sinew::prelude::*;
 use sinew::simulation::SimulationError;
 
-/// A body that is all membrane.
-fn sheet(
+/// A body that is all membrane, without gravity.
+fn weightless(
     options: SimulationOptions,
     mesh: &Mesh,
     thickness: f64,
     material: YoungPoisson,
     model: MembraneModel,
 ) -> (Simulation, BodyHandle) {
-    let membrane = MembraneDescription {
-        model,
-        ..MembraneDescription::new(&mesh.triangles, thickness, material)
-    };
-    let body = BodyDescription {
-        membrane: Some(membrane),
-        ..BodyDescription::from_parts("sheet", &mesh.points, &[], material)
-    };
-    let (mut simulation, body) = alone(options, &body);
+    let membrane = MembraneDescription::new(&mesh.triangles, thickness, material);
+    let membrane = MembraneDescription { model, ..membrane };
+    let (mut simulation, body) = alone(options, &sheet(&mesh.points, membrane));
     simulation.set_gravity(DVec3::ZERO);
     (simulation, body)
-}
-
-fn inflate(
-    simulation: &mut Simulation,
-    body: BodyHandle,
-    triangles: &[[u32; 3]],
-    pressure: f64,
-    curve: Curve,
-) -> bevy_ecs::entity::Entity {
-    let faces = simulation.face_rows(body, "air", triangles).expect("faces of the body");
-    simulation.add_pressure(Pressure { name: "air".into(), faces, pressure, curve })
 }
 
 /// Energy, load part, forces and `K v` at displacements `u`.
@@ -63,10 +46,15 @@ fn evaluate(
 fn pressure_on_a_closed_surface_is_conservative() {
     let mesh = sphere_triangles(0.1, 3).unwrap();
     let n = mesh.points.len();
-    let (mut s, body) =
-        sheet(SimulationOptions::default(), &mesh, 1e-3, soft(1e4, 0.3), MembraneModel::default());
+    let (mut s, body) = weightless(
+        SimulationOptions::default(),
+        &mesh,
+        1e-3,
+        soft(1e4, 0.3),
+        MembraneModel::default(),
+    );
     // soft walls: the pressure dominates what is compared
-    inflate(&mut s, body, &mesh.triangles, 3e3, Curve::Constant);
+    blow(&mut s, body, &mesh.triangles, 3e3, Curve::Constant);
     let u: Vec<DVec3> = random_field(n, 1).iter().map(|x| 0.01 * *x).collect();
     let v = random_field(n, 2);
     let h = 1e-6;
@@ -128,7 +116,7 @@ fn a_sphere_inflates_to_the_stretch_of_the_exact_solution() {
         // the paper's mu2 is twice the shear modulus
         let pressure = (2.0 * moduli.lambda + 2.0 * moduli.mu) * (stretch * stretch - 1.0)
             / (radius * stretch);
-        let (mut s, body) = sheet(
+        let (mut s, body) = weightless(
             SimulationOptions::default(),
             &mesh,
             thickness,
@@ -136,7 +124,7 @@ fn a_sphere_inflates_to_the_stretch_of_the_exact_solution() {
             MembraneModel::default(),
         );
         hold_axes(&mut s, body, &mesh);
-        inflate(&mut s, body, &mesh.triangles, pressure, Curve::ramp(0.0, 1.0));
+        blow(&mut s, body, &mesh.triangles, pressure, Curve::ramp(0.0, 1.0));
         s.set_solver(quasi_static());
         let steps = 8;
         s.set_dt(1.0 / f64::from(steps));
@@ -163,7 +151,7 @@ fn pressure_work_is_booked_apart_and_energy_is_kept() {
         (Integrator::Newton, 5e-4, 200),
         (Integrator::Newton, 2.5e-4, 400),
     ] {
-        let (mut s, body) = sheet(
+        let (mut s, body) = weightless(
             SimulationOptions::default(),
             &mesh,
             1e-3,
@@ -171,7 +159,7 @@ fn pressure_work_is_booked_apart_and_energy_is_kept() {
             MembraneModel::default(),
         );
         clamp(&mut s, body, &mesh, "rim");
-        inflate(&mut s, body, &mesh.triangles, 100.0, Curve::ramp(0.0, 0.05));
+        blow(&mut s, body, &mesh.triangles, 100.0, Curve::ramp(0.0, 0.05));
         s.set_solver(settings(integrator));
         s.set_dt(dt);
         let (mut work, mut least) = (0.0, f64::INFINITY);
@@ -216,7 +204,7 @@ fn pressure_all_round_a_solid_has_the_closed_form() {
         // into the body
         let inward: Vec<[u32; 3]> =
             mesh.surface_triangles().into_iter().map(|[a, b, c]| [a, c, b]).collect();
-        inflate(&mut s, body, &inward, pressure, Curve::Constant);
+        blow(&mut s, body, &inward, pressure, Curve::Constant);
         s.set_solver(quasi_static());
         s.step().unwrap();
         assert!(!s.report().unconverged);
@@ -234,9 +222,14 @@ fn pressure_all_round_a_solid_has_the_closed_form() {
 #[test]
 fn pressures_come_and_go_and_bad_ones_are_refused() {
     let mesh = triangle_grid(glam::DVec2::ONE, [3, 3]).unwrap();
-    let (mut s, body) =
-        sheet(SimulationOptions::default(), &mesh, 1e-3, soft(1e4, 0.3), MembraneModel::default());
-    let air = inflate(&mut s, body, &mesh.triangles, 10.0, Curve::Constant);
+    let (mut s, body) = weightless(
+        SimulationOptions::default(),
+        &mesh,
+        1e-3,
+        soft(1e4, 0.3),
+        MembraneModel::default(),
+    );
+    let air = blow(&mut s, body, &mesh.triangles, 10.0, Curve::Constant);
     let push = |s: &mut Simulation| {
         s.set_dt(1e-4);
         s.set_state(body, &vec![DVec3::ZERO; 16], &vec![DVec3::ZERO; 16]).unwrap();

@@ -85,11 +85,8 @@ fn what_is_left_equals_a_fresh_build() {
                     report.elastic_energy
                 );
                 disturb(&mut simulation, body, 0.003, batch as u64);
-                let difference = simulation.verify_against_fresh(body).unwrap();
-                assert!(
-                    difference.largest() <= tolerance && difference.mass <= tolerance,
-                    "{kind:?} {precision:?} batch {batch}: {difference:?}"
-                );
+                let what = format!("{kind:?} {precision:?} batch {batch}");
+                assert_fresh(&mut simulation, body, tolerance, &what);
             }
             assert_eq!(compactions, 2);
         }
@@ -380,7 +377,7 @@ fn a_piece_cut_off_falls_freely() {
         // what does not lock bends further under its weight; what fell is at 0.8 m
         let reach = if kind.2 == VolumeRule::Clusters { 0.25 } else { 0.1 };
         assert!(held.iter().all(|&v| u[v as usize].length() < reach), "{kind:?}");
-        assert!(simulation.verify_against_fresh(body).unwrap().largest() < 1e-12);
+        assert_fresh(&mut simulation, body, 1e-12, "cut in two");
 
         // without inertia the loose half has no equilibrium
         simulation.integrate_by(Integrator::QuasiStatic);
@@ -485,8 +482,7 @@ fn a_hundred_single_removals_stay_bounded() {
             simulation.remove_elements(body, &list(&chosen)).unwrap();
             stays_bounded(&mut simulation, 1);
         }
-        let difference = simulation.verify_against_fresh(body).unwrap();
-        assert!(difference.largest().max(difference.mass) < 1e-12, "{difference:?}");
+        assert_fresh(&mut simulation, body, 1e-12, "one by one");
     }
 }
 

@@ -1,9 +1,8 @@
 //! Bodies of ten-node tetrahedra: equilibria, steps, removals, pressure, contact, snapshots.
 
-use crate::common::{Shortcuts, disturb, guide, hold_end, options};
+use crate::common::{Shortcuts, assert_fresh, blow, disturb, guide, hold_end, options};
 use glam::DVec3;
 use sinew::engine::connectivity::ElementKind;
-use sinew::engine::load::Pressure;
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_hexahedra, box_tets};
 use sinew::models::body::VolumeRule;
@@ -148,10 +147,8 @@ fn what_is_left_equals_a_fresh_build() {
             assert_eq!((report.tetrahedra.len(), report.remaining), (count, left.len() - count));
             gone += report.elastic_energy;
             compacted |= report.compacted;
-            let difference = simulation.verify_against_fresh(body).unwrap();
-            let largest = difference.largest();
-            assert!(largest < 1e-12, "{} round {round}: {difference:?}", model.name());
-            assert!(difference.mass < 1e-12, "{} round {round}", model.name());
+            let what = format!("{} round {round}", model.name());
+            assert_fresh(&mut simulation, body, 1e-12, &what);
         }
         assert!(compacted);
         let left = simulation.evaluate();
@@ -166,12 +163,10 @@ fn a_pressure_acts_on_four_triangles_of_every_face() {
     let inward: Vec<[u32; 3]> =
         mesh.surface_triangles().into_iter().map(|[a, b, c]| [a, c, b]).collect();
     assert_eq!(inward.len(), 4 * 48);
-    let faces = simulation.face_rows(body, "all round", &inward).unwrap();
     for (group, axes) in [("x0", 1), ("y0", 2), ("z0", 4)] {
         guide(&mut simulation, body, &mesh, group, axes);
     }
-    let curve = Curve::Constant;
-    simulation.add_pressure(Pressure { name: "all round".into(), faces, pressure: 500.0, curve });
+    blow(&mut simulation, body, &inward, 500.0, Curve::Constant);
     simulation.set_gravity(DVec3::ZERO);
     simulation.set_dt(1.0);
     simulation.settle();

@@ -261,27 +261,17 @@ fn membranes_and_pressures() {
     for integrator in [Integrator::Auto, Integrator::StormerVerlet] {
         for mesh in [&triangles, &quads] {
             let material = soft(1e5, 0.3);
-            let sheet = MembraneDescription {
+            let membrane = MembraneDescription {
                 quads: &mesh.quads,
                 model: MembraneModel::Corotational,
                 ..MembraneDescription::new(&mesh.triangles, 2e-3, material)
             };
-            let body = BodyDescription {
-                membrane: Some(sheet),
-                ..BodyDescription::from_parts("sheet", &mesh.points, &[], material)
-            };
+            let body = sheet(&mesh.points, membrane);
             let settings = solver!(integrator, mass_damping = 1.0);
             let build = |options| {
                 let mut simulation = beam(options, &settings, &body);
-                let body = BodyHandle(0);
-                let faces = simulation.face_rows(body, "air", &mesh.triangles).unwrap();
                 let curve = Curve::ramp(0.0, 0.2);
-                simulation.add_pressure(Pressure {
-                    name: "air".into(),
-                    faces,
-                    pressure: 20.0,
-                    curve,
-                });
+                blow(&mut simulation, BodyHandle(0), &mesh.triangles, 20.0, curve);
                 simulation
             };
             let act = |simulation: &mut Simulation, step| {
@@ -387,17 +377,12 @@ fn removals_and_materials() {
 #[test]
 fn removals_under_pressure() {
     let mesh = triangle_grid(DVec2::new(0.3, 0.1), [9, 3]).unwrap();
-    let material = soft(1e5, 0.3);
-    let body = BodyDescription {
-        membrane: Some(MembraneDescription::new(&mesh.triangles, 2e-3, material)),
-        ..BodyDescription::from_parts("sheet", &mesh.points, &[], material)
-    };
+    let membrane = MembraneDescription::new(&mesh.triangles, 2e-3, soft(1e5, 0.3));
+    let body = sheet(&mesh.points, membrane);
     let settings = solver!(Integrator::Auto, mass_damping = 1.0);
     let build = |options| {
         let mut simulation = beam(options, &settings, &body);
-        let faces = simulation.face_rows(BodyHandle(0), "air", &mesh.triangles).unwrap();
-        let curve = Curve::Constant;
-        simulation.add_pressure(Pressure { name: "air".into(), faces, pressure: 20.0, curve });
+        blow(&mut simulation, BodyHandle(0), &mesh.triangles, 20.0, Curve::Constant);
         simulation
     };
     let act = |simulation: &mut Simulation, step: u64| {

@@ -1,11 +1,12 @@
-//! Reference vectors and small builders shared by the tests.
+//! Small builders shared by these tests and those of the device.
 
 pub mod rich_axes;
 
 use bevy_ecs::entity::Entity;
 use glam::DVec3;
-use serde_json::Value;
+use sinew::engine::connectivity::ElementKind;
 use sinew::engine::law::{EvaluationRequest, TangentKind};
+use sinew::engine::load::Pressure;
 use sinew::engine::matrix::{ProductSpans, Tangent};
 use sinew::engine::mesh::Mesh;
 use sinew::engine::mesh::generate::{box_tets, jitter_interior};
@@ -13,46 +14,9 @@ use sinew::engine::schedule::ForceSchedule;
 use sinew::engine::vertex::FixedAxes;
 use sinew::engine::workers::Workers;
 use sinew::models::body::Evaluation;
+use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::resection::Region;
 use sinew::prelude::*;
-
-/// A reference file: from `SINEW_REFERENCE` (a folder with `reference/`),
-/// else from the project's own copy.
-pub fn reference(path: &str) -> Value {
-    let own = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data");
-    let folder = std::env::var("SINEW_REFERENCE").unwrap_or_else(|_| own.into());
-    let file = format!("{folder}/{path}");
-    let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{file}: {e}"));
-    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{file}: {e}"))
-}
-
-pub fn number(v: &Value) -> f64 {
-    v.as_f64().unwrap_or_else(|| panic!("number expected, found {v}"))
-}
-
-pub fn vectors(v: &Value) -> Vec<DVec3> {
-    v.as_array()
-        .expect("list of vectors")
-        .iter()
-        .map(|x| DVec3::new(number(&x[0]), number(&x[1]), number(&x[2])))
-        .collect()
-}
-
-pub fn numbers(v: &Value) -> Vec<f64> {
-    v.as_array().expect("list of numbers").iter().map(number).collect()
-}
-
-pub fn indices<const N: usize>(v: &Value) -> Vec<[u32; N]> {
-    v.as_array()
-        .expect("list of cells")
-        .iter()
-        .map(|c| std::array::from_fn(|i| c[i].as_u64().expect("index") as u32))
-        .collect()
-}
-
-pub fn list(v: &Value) -> Vec<u32> {
-    v.as_array().expect("list").iter().map(|i| i.as_u64().expect("index") as u32).collect()
-}
 
 /// Largest distance between two fields.
 pub fn max_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
@@ -291,8 +255,42 @@ pub fn assert_as_fresh(simulation: &mut Simulation, body: BodyHandle, what: &str
         Precision::F64 => f64::EPSILON,
         Precision::F32 => f32::EPSILON.into(),
     };
+    assert_fresh(simulation, body, 4500.0 * rounding, what);
+}
+
+/// After a removal the state and the masses are those of a body newly built, within a relative tolerance.
+pub fn assert_fresh(simulation: &mut Simulation, body: BodyHandle, tolerance: f64, what: &str) {
     let difference = simulation.verify_against_fresh(body).unwrap();
-    assert!(difference.largest() <= 4500.0 * rounding, "{what}: {difference:?}");
+    let largest = difference.largest().max(difference.mass);
+    assert!(largest <= tolerance, "{what}: {difference:?}");
+}
+
+/// A body that is all membrane, of the membrane's material.
+pub fn sheet<'a>(points: &'a [DVec3], membrane: MembraneDescription<'a>) -> BodyDescription<'a> {
+    let plain = BodyDescription::from_parts("sheet", points, &[], membrane.material);
+    BodyDescription { membrane: Some(membrane), ..plain }
+}
+
+/// Elements of one kind, by their numbers.
+pub fn region(kind: ElementKind, elements: Vec<u32>) -> Region {
+    match kind {
+        ElementKind::Tetrahedron => Region::Tetrahedra(elements),
+        ElementKind::Hexahedron => Region::Hexahedra(elements),
+        ElementKind::Triangle => Region::Triangles(elements),
+        ElementKind::Quad => Region::Quads(elements),
+    }
+}
+
+/// Lets a pressure (Pa) act on triangles of a body.
+pub fn blow(
+    simulation: &mut Simulation,
+    body: BodyHandle,
+    triangles: &[[u32; 3]],
+    pressure: f64,
+    curve: Curve,
+) -> Entity {
+    let faces = simulation.face_rows(body, "air", triangles).expect("faces of the body");
+    simulation.add_pressure(Pressure { name: "air".into(), faces, pressure, curve })
 }
 
 /// The same field of numbers between -1 and 1 every time (splitmix64).
