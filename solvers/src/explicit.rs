@@ -33,7 +33,7 @@ use bytemuck::TransparentWrapper;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use sinew_contact::limits::Limits;
-use sinew_contact::set::{ContactSet, Places};
+use sinew_contact::set::{ContactSet, RowPlaces};
 use sinew_engine::columns::single_table;
 use sinew_engine::compiled_here;
 use sinew_engine::law::{ElasticEnergy, EvaluationRequest, ViscousRequest};
@@ -396,7 +396,7 @@ fn touch<S: Scalar>(
     contact.set_part(of_rest, h);
     let x = position(rest, u);
     let bodies = contact.bodies();
-    contact.evaluate(&bodies, &Places { now: &x, start: &x }, Limits::Take);
+    contact.evaluate(&bodies, &RowPlaces { now: &x, start: &x }, Limits::Take);
 }
 
 /// Brings the elastic force (`scratch.force`) and the elastic energy (J, returned) at the start up to date: those of
@@ -688,7 +688,7 @@ fn close_step<S: Scalar>(
     if let Some(contact) = contact {
         let u = u.to_vec();
         let x = position(&scratch.rest, &u);
-        let figures = contact.finish(world, &Places { now: &x, start: &x }, dt);
+        let figures = contact.finish(world, &RowPlaces { now: &x, start: &x }, dt);
         report.contact = ContactFigures { work: tool_work, ..figures };
     }
     Some([grown, scale])

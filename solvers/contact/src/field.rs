@@ -27,7 +27,7 @@ const CHECKS: [usize; 2] = [8192, 128];
 /// Why a mesh has no distance field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum FieldError {
+pub enum DistanceFieldError {
     /// Nothing to measure a distance to.
     #[error("the mesh has no triangles; a tool needs a closed surface of triangles")]
     NoTriangles,
@@ -158,13 +158,13 @@ impl DistanceField {
     /// of the mesh's box and a third of the shortest, but never so small that the grid has more than 2^20 points.
     ///
     /// # Errors
-    /// [`FieldError`] where the mesh is not a closed, consistently wound surface of finite points that encloses a
+    /// [`DistanceFieldError`] where the mesh is not a closed, consistently wound surface of finite points that encloses a
     /// volume, and where the spacing is unusable or needs more than 2^24 grid points.
     pub fn new(
         points: &[DVec3],
         triangles: &[[u32; 3]],
         spacing: Option<f64>,
-    ) -> Result<Self, FieldError> {
+    ) -> Result<Self, DistanceFieldError> {
         check(points, triangles)?;
         let corners =
             || triangles.iter().filter(|t| is_proper(t)).map(|t| t.map(|v| points[v as usize]));
@@ -178,7 +178,7 @@ impl DistanceField {
         // Thinner than a billionth of its length: no grid shows it, and rounding decides the sign.
         let least = 1e-9 * extent.max_element() * area;
         if volume.is_nan() || volume.abs() <= least {
-            return Err(FieldError::Flat(volume));
+            return Err(DistanceFieldError::Flat(volume));
         }
         let turned = volume < 0.0;
         let mut triangles = triangles.to_vec();
@@ -191,7 +191,7 @@ impl DistanceField {
         let start = (extent - grid_size(extent, h).map(|n| n - 1.0) * h) / 2.0;
         let tree = Tree::new(faces);
         let mut coefficients = sample(&tree, start, size, h)
-            .map_err(|(number, at)| FieldError::Overlap { number, at: lower + at })?;
+            .map_err(|(number, at)| DistanceFieldError::Overlap { number, at: lower + at })?;
         prefilter(&mut coefficients, size);
         let mut field = Self {
             points: points.to_vec(),
@@ -218,7 +218,7 @@ impl DistanceField {
         points: &[DVec3],
         triangles: &[[u32; 3]],
         spacing: Option<f64>,
-    ) -> Result<Arc<Self>, FieldError> {
+    ) -> Result<Arc<Self>, DistanceFieldError> {
         static CACHE: Mutex<Vec<Arc<DistanceField>>> = Mutex::new(Vec::new());
         // Held while a field is built: who wants the same one waits for it.
         let mut fields = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
@@ -472,7 +472,7 @@ fn grid_size(extent: DVec3, spacing: f64) -> DVec3 {
     (extent / spacing).ceil() + (2 * PADDING + 1) as f64
 }
 
-fn grid_spacing(extent: DVec3, asked: Option<f64>) -> Result<f64, FieldError> {
+fn grid_spacing(extent: DVec3, asked: Option<f64>) -> Result<f64, DistanceFieldError> {
     let points = |h: f64| grid_size(extent, h).element_product();
     let fitting = |mut h: f64, limit: f64| {
         while points(h) > limit {
@@ -482,11 +482,11 @@ fn grid_spacing(extent: DVec3, asked: Option<f64>) -> Result<f64, FieldError> {
     };
     match asked {
         None => Ok(fitting((extent.max_element() / 64.0).min(extent.min_element() / 3.0), SMALL)),
-        Some(h) if !(h > 0.0 && h.is_finite()) => Err(FieldError::Spacing(h)),
+        Some(h) if !(h > 0.0 && h.is_finite()) => Err(DistanceFieldError::Spacing(h)),
         Some(h) if points(h) > LIMIT => {
             // A little more, so that the number holds as it is printed.
             let fits = 1.01 * fitting(h.max(extent.max_element() / LIMIT), LIMIT);
-            Err(FieldError::TooFine { spacing: h, points: points(h), fits })
+            Err(DistanceFieldError::TooFine { spacing: h, points: points(h), fits })
         }
         Some(h) => Ok(h),
     }
@@ -498,14 +498,14 @@ fn is_proper([a, b, c]: &[u32; 3]) -> bool {
 }
 
 /// Refuses what is not a closed, consistently wound surface of finite points.
-fn check(points: &[DVec3], triangles: &[[u32; 3]]) -> Result<(), FieldError> {
+fn check(points: &[DVec3], triangles: &[[u32; 3]]) -> Result<(), DistanceFieldError> {
     for (triangle, t) in triangles.iter().enumerate() {
         if let Some(&vertex) = t.iter().find(|&&v| v as usize >= points.len()) {
-            return Err(FieldError::Index { triangle, vertex, points: points.len() });
+            return Err(DistanceFieldError::Index { triangle, vertex, points: points.len() });
         }
     }
     if let Some(point) = points.iter().position(|p| !p.is_finite()) {
-        return Err(FieldError::NotFinite(point));
+        return Err(DistanceFieldError::NotFinite(point));
     }
     let mut edges: Vec<_> = triangles
         .iter()
@@ -514,7 +514,7 @@ fn check(points: &[DVec3], triangles: &[[u32; 3]]) -> Result<(), FieldError> {
         .map(|[a, b]| ([a.min(b), a.max(b)], a < b))
         .collect();
     if edges.is_empty() {
-        return Err(FieldError::NoTriangles);
+        return Err(DistanceFieldError::NoTriangles);
     }
     edges.sort_unstable();
     let (mut torn, mut odd) = ([Vec::new(), Vec::new()], Vec::new());
@@ -527,9 +527,10 @@ fn check(points: &[DVec3], triangles: &[[u32; 3]]) -> Result<(), FieldError> {
     }
     if let Some(&first) = torn.iter().flatten().min() {
         let [open, crowded] = torn.map(|edges| edges.len());
-        return Err(FieldError::NotClosed { open, crowded, first });
+        return Err(DistanceFieldError::NotClosed { open, crowded, first });
     }
-    odd.first().map_or(Ok(()), |&first| Err(FieldError::Winding { edges: odd.len(), first }))
+    odd.first()
+        .map_or(Ok(()), |&first| Err(DistanceFieldError::Winding { edges: odd.len(), first }))
 }
 
 /// Normal, twice the area (m^2) long.
@@ -870,9 +871,9 @@ mod tests {
         assert!(worst_error(&field(&two), 20_000, exact) <= 1.0);
         let refused = |s: Surface| DistanceField::new(&s.0, &s.1, None).unwrap_err();
         let crossed = both(cuboid(inner), moved(cuboid(inner), DVec3::splat(0.3)));
-        assert!(matches!(refused(crossed), FieldError::Overlap { number: 2, .. }));
+        assert!(matches!(refused(crossed), DistanceFieldError::Overlap { number: 2, .. }));
         let against = both(cuboid(outer), moved(turned(cuboid(inner)), DVec3::X * 2.0));
-        assert!(matches!(refused(against), FieldError::Overlap { number: -1, .. }));
+        assert!(matches!(refused(against), DistanceFieldError::Overlap { number: -1, .. }));
     }
 
     #[test]
@@ -881,27 +882,31 @@ mod tests {
         let refused = |points: &[DVec3], triangles: &[[u32; 3]], spacing| {
             DistanceField::new(points, triangles, spacing).unwrap_err()
         };
-        assert_eq!(refused(&points, &[], None), FieldError::NoTriangles);
+        assert_eq!(refused(&points, &[], None), DistanceFieldError::NoTriangles);
         let index = refused(&points, &[[0, 1, 2], [3, 8, 4]], None);
-        assert_eq!(index, FieldError::Index { triangle: 1, vertex: 8, points: 8 });
+        assert_eq!(index, DistanceFieldError::Index { triangle: 1, vertex: 8, points: 8 });
         let mut broken = points.clone();
         broken[3].y = f64::NAN;
-        assert_eq!(refused(&broken, &triangles, None), FieldError::NotFinite(3));
+        assert_eq!(refused(&broken, &triangles, None), DistanceFieldError::NotFinite(3));
         let open = refused(&points, &triangles[1..], None);
-        assert_eq!(open, FieldError::NotClosed { open: 3, crowded: 0, first: [0, 2] });
+        assert_eq!(open, DistanceFieldError::NotClosed { open: 3, crowded: 0, first: [0, 2] });
         let mut more = triangles.clone();
         more.push(more[0]);
         let crowded = refused(&points, &more, None);
-        assert_eq!(crowded, FieldError::NotClosed { open: 0, crowded: 3, first: [0, 2] });
+        assert_eq!(crowded, DistanceFieldError::NotClosed { open: 0, crowded: 3, first: [0, 2] });
         let mut odd = triangles.clone();
         odd[0].swap(0, 1);
-        assert_eq!(refused(&points, &odd, None), FieldError::Winding { edges: 3, first: [0, 2] });
+        assert_eq!(
+            refused(&points, &odd, None),
+            DistanceFieldError::Winding { edges: 3, first: [0, 2] }
+        );
         let flat: Vec<_> = points.iter().map(|p| p.with_z(0.0)).collect();
-        assert!(matches!(refused(&flat, &triangles, None), FieldError::Flat(_)));
+        assert!(matches!(refused(&flat, &triangles, None), DistanceFieldError::Flat(_)));
         for bad in [0.0, -1.0, f64::INFINITY] {
-            assert_eq!(refused(&points, &triangles, Some(bad)), FieldError::Spacing(bad));
+            assert_eq!(refused(&points, &triangles, Some(bad)), DistanceFieldError::Spacing(bad));
         }
-        let FieldError::TooFine { fits, .. } = refused(&points, &triangles, Some(1e-9)) else {
+        let DistanceFieldError::TooFine { fits, .. } = refused(&points, &triangles, Some(1e-9))
+        else {
             panic!()
         };
         assert!(fits > 2.0 / 256.0 && fits < 2.2 / 248.0, "{fits}");

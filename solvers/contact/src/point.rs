@@ -95,7 +95,7 @@ pub(crate) enum Against {
 
 /// A point that something may touch in this step.
 #[derive(Clone, Debug)]
-pub(crate) struct Point {
+pub(crate) struct ContactPoint {
     pub key: PointKey,
     pub against: Against,
     /// Vertex rows; unused ones have weight 0.
@@ -211,7 +211,7 @@ pub(crate) fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-impl Point {
+impl ContactPoint {
     /// A point without friction that did not touch before, on rows with their shares.
     pub fn new(
         key: PointKey,
@@ -483,19 +483,19 @@ mod tests {
         PartNow { shape, tool: 0, start, end, now: end, drawn_in: 0.0 }
     }
 
-    fn point(against: Against, friction: f64) -> Point {
+    fn point(against: Against, friction: f64) -> ContactPoint {
         let own = ([0; 3], [1.0, 0.0, 0.0]);
-        Point {
+        ContactPoint {
             friction,
             slip: DVec3::new(0.01, -0.02, 0.015),
             carried: DVec3::new(0.05, 0.1, -0.1),
-            ..Point::new(PointKey::default(), against, own, 0.3, 7.0)
+            ..ContactPoint::new(PointKey::default(), against, own, 0.3, 7.0)
         }
     }
 
     /// Compares force and tangent of a point with differences of energy and force on every coordinate of five rows.
     /// `exact` shapes have no curvature where the test puts them.
-    fn check(point: &mut Point, parts: &[PartNow], places: [DVec3; 5], exact: bool) -> bool {
+    fn check(point: &mut ContactPoint, parts: &[PartNow], places: [DVec3; 5], exact: bool) -> bool {
         let start = |row: u32| DVec3::splat(0.01 * f64::from(row));
         let at = |places: [DVec3; 5]| move |row: u32| places[row as usize];
         let active = point.evaluate(parts, &FACES, &at(places), &start, Limits::Take);

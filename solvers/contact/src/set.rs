@@ -5,10 +5,10 @@ use crate::beside::beside;
 use crate::limits::Limits;
 use crate::pair::{BodyContact, BodyContactReport};
 use crate::point::{
-    Active, Against, PartNow, Point, PointKey, PointMemory, RigidPose, Side, outer,
+    Active, Against, ContactPoint, PartNow, PointKey, PointMemory, RigidPose, Side, outer,
 };
 use crate::pull::{Pull, PullReport};
-use crate::skin::{EMPTY, Skin, face_points, grown, overlap};
+use crate::skin::{ContactSkin, EMPTY, face_points, grown, overlap};
 use crate::tool::{MOST_POINTS, Points, Stiffness, Tool, ToolMotion, ToolPose, ToolReport};
 use bevy_ecs::prelude::*;
 use glam::{DMat3, DVec3};
@@ -43,7 +43,7 @@ const DENSE: f64 = 2.0;
 
 /// Positions (m) of vertex rows: now, and at the start of the step.
 #[derive(Clone, Copy)]
-pub struct Places<'a> {
+pub struct RowPlaces<'a> {
     /// Now.
     pub now: &'a dyn Fn(u32) -> DVec3,
     /// At the start of the step.
@@ -114,7 +114,7 @@ struct Now<T> {
 #[derive(Clone, Debug, Default)]
 struct KnownSkin {
     version: (u64, u64),
-    skin: Skin,
+    skin: ContactSkin,
 }
 
 /// State that contact keeps from step to step; all else follows from the entities and the state of the bodies.
@@ -154,7 +154,7 @@ pub struct ContactSet {
     parts: Vec<PartNow>,
     pairs: Vec<Now<BodyContact>>,
     pulls: Vec<Now<Pull>>,
-    points: Vec<Point>,
+    points: Vec<ContactPoint>,
     /// First point of every body, and the number of all.
     first: Vec<usize>,
     active: Vec<Active>,
@@ -310,7 +310,7 @@ impl ContactSet {
             let [a, b] = now.of.bodies;
             let (low, high) = (a.min(b), a.max(b));
             let of_pair =
-                |p: &Point| p.key.owner == now.id && matches!(p.against, Against::Faces(_));
+                |p: &ContactPoint| p.key.owner == now.id && matches!(p.against, Against::Faces(_));
             if low != high && self.points.iter().any(of_pair) {
                 last[low] = last[low].max(high);
             }
@@ -343,7 +343,7 @@ impl ContactSet {
 
     /// Energy (J) of the contacts of some bodies at positions `x`; forces and tangents are kept until the next call.
     /// The forces of friction are those with the limits of the last call that did not keep them.
-    pub fn evaluate(&mut self, bodies: &Range<usize>, x: &Places, limits: Limits) -> f64 {
+    pub fn evaluate(&mut self, bodies: &Range<usize>, x: &RowPlaces, limits: Limits) -> f64 {
         let range = self.range(bodies);
         let (parts, faces) = (&self.parts, &self.faces);
         let mut sum = 0.0;
@@ -446,7 +446,7 @@ impl ContactSet {
     /// of their surface. It measures how hard an impact the step is.
     pub fn impact(&self, bodies: &Range<usize>) -> f64 {
         let range = self.range(bodies);
-        let depth = |(point, active): (&Point, &Active)| {
+        let depth = |(point, active): (&ContactPoint, &Active)| {
             let new = point.memory.pressure <= 0.0 && active.pressure > 0.0;
             let edge = self.skins.get(point.key.body as usize).map_or(1.0, |known| known.skin.edge);
             if new { -active.gap / edge } else { 0.0 }
@@ -514,8 +514,7 @@ impl ContactSet {
     /// Points that press or hold a tool, at the last evaluation.
     fn touching(&self, tool: usize) -> impl Iterator<Item = &Active> {
         let parts = &self.tools[tool].parts;
-        let of =
-            move |point: &Point| matches!(&point.against, Against::Part(i) if parts.contains(i));
+        let of = move |point: &ContactPoint| matches!(&point.against, Against::Part(i) if parts.contains(i));
         let both = self.points.iter().zip(&self.active);
         both.filter(move |(point, active)| active.on && of(point)).map(|(_, active)| active)
     }
@@ -582,7 +581,7 @@ impl ContactSet {
     }
 
     /// Ends the step at positions `x`: writes the kept state and the reports. `dt` is the length of the step (s).
-    pub fn finish(&mut self, world: &mut World, x: &Places, dt: f64) -> ContactFigures {
+    pub fn finish(&mut self, world: &mut World, x: &RowPlaces, dt: f64) -> ContactFigures {
         let bodies = 0..self.first.len().saturating_sub(1);
         self.set_part(1.0, dt);
         self.evaluate(&bodies, x, Limits::Keep);
@@ -635,7 +634,7 @@ fn sum_by_row<T: Copy + std::ops::AddAssign>(parts: &mut Vec<(u32, T)>) {
 }
 
 /// The kept state of a point.
-fn remember(point: &Point, active: &Active) -> PointMemory {
+fn remember(point: &ContactPoint, active: &Active) -> PointMemory {
     let gripped = point.friction.is_infinite() && (active.pressure > 0.0 || point.memory.gripped);
     let side = point.memory.side;
     if active.pressure <= 0.0 && !gripped {
@@ -651,7 +650,7 @@ fn remember(point: &Point, active: &Active) -> PointMemory {
 }
 
 /// Energy (J) that a point stores: penetration and elastic slip, or the spring of a pull.
-fn stored(point: &Point, active: &Active) -> f64 {
+fn stored(point: &ContactPoint, active: &Active) -> f64 {
     if !active.on {
         return 0.0;
     }
@@ -663,7 +662,7 @@ fn stored(point: &Point, active: &Active) -> f64 {
 }
 
 /// Energy (J) that friction took in the step.
-fn lost(point: &Point, active: &Active) -> f64 {
+fn lost(point: &ContactPoint, active: &Active) -> f64 {
     let l = active.slip.length();
     if point.limit > 0.0 && point.k * l > point.limit {
         point.area * point.limit * (l - point.limit / point.k)
@@ -673,6 +672,6 @@ fn lost(point: &Point, active: &Active) -> f64 {
 }
 
 /// Whether a point in contact sticks.
-fn sticks(point: &Point, active: &Active) -> bool {
+fn sticks(point: &ContactPoint, active: &Active) -> bool {
     point.limit > 0.0 && point.k * active.slip.length() <= point.limit
 }

@@ -8,7 +8,7 @@ const BLOCK: usize = 64;
 
 /// The contact surface of a body, or the part of it that a tool may touch.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Skin {
+pub(crate) struct ContactSkin {
     /// Vertex rows of the world, ascending.
     pub rows: Vec<u32>,
     /// A third of the rest areas (m^2) of the faces round each.
@@ -35,7 +35,7 @@ pub(crate) struct Skin {
     pub hull: [DVec3; 2],
 }
 
-impl Skin {
+impl ContactSkin {
     /// Of a body whose first vertex row is `first`; `rest` are the rest positions (m) of all rows. With `only`,
     /// triangles of world rows, of those of them that belong to the body.
     pub fn new(
@@ -217,11 +217,11 @@ mod tests {
             sheets: vec![[2, 1, 0], [0, 1, 4]],
             young_modulus: vec![1.0; 5],
         };
-        let skin = Skin::new(&surface, 0, &rest, None);
+        let skin = ContactSkin::new(&surface, 0, &rest, None);
         assert_eq!((skin.faces.len(), skin.sheets), (3, 2));
         let total: f64 = skin.area.iter().sum();
         assert!((total - skin.face_area.iter().sum::<f64>()).abs() < 1e-15);
-        let only = Skin::new(&surface, 0, &rest, Some(&[[2, 3, 1]]));
+        let only = ContactSkin::new(&surface, 0, &rest, Some(&[[2, 3, 1]]));
         assert_eq!((only.rows.len(), only.faces.len(), only.sheets), (3, 1, 1));
         assert!((only.area[0] - 1.0 / 6.0).abs() < 1e-15);
     }

@@ -6,7 +6,7 @@ use super::touch::At;
 use crate::history::BodyHistory;
 use crate::state::{book_momentum, dot3, position, write_state};
 use sinew_contact::limits::Limits;
-use sinew_contact::set::Places;
+use sinew_contact::set::RowPlaces;
 use sinew_engine::report::ContactFigures;
 use sinew_engine::scalar::Scalar;
 
@@ -70,7 +70,7 @@ impl<S: Scalar> Step<'_, S> {
         if let Some(contact) = &mut self.contact {
             let now = position(&self.scratch.rest, &self.scratch.iterate);
             let start = position(&self.scratch.rest, &self.scratch.node.u);
-            let places = Places { now: &now, start: &start };
+            let places = RowPlaces { now: &now, start: &start };
             let impacts = self.report.contact.impacts;
             let figures = contact.finish(self.world, &places, self.dt);
             self.report.contact = ContactFigures { impacts, work: put_in, ..figures };

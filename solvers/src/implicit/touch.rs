@@ -18,7 +18,7 @@ use crate::cg::CgStatus;
 use crate::state::{Rows, dot3, position};
 use glam::{DMat3, DVec3};
 use sinew_contact::limits::Limits;
-use sinew_contact::set::{ContactSet, Places};
+use sinew_contact::set::{ContactSet, RowPlaces};
 use sinew_engine::scalar::Scalar;
 use sinew_engine::step::StepError;
 use std::ops::Range;
@@ -415,7 +415,7 @@ fn evaluate<S: Scalar>(
 ) -> f64 {
     let now = position(&scratch.rest, u);
     let start = position(&scratch.rest, &scratch.node.u);
-    contact.evaluate(bodies, &Places { now: &now, start: &start }, limits)
+    contact.evaluate(bodies, &RowPlaces { now: &now, start: &start }, limits)
 }
 
 fn add<S: Scalar>(row: &mut [S; 4], f: DVec3) {

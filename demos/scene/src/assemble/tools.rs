@@ -13,7 +13,7 @@ use crate::warning::{Level, Warning};
 use glam::{DQuat, DVec3};
 use sinew::engine::load::{Curve, rotation};
 use sinew::engine::mesh::MeshError;
-use sinew::touch::field::{DistanceField, FieldError};
+use sinew::touch::field::{DistanceField, DistanceFieldError};
 use sinew::touch::shape::Shape;
 use sinew::touch::tool::{
     Hinge, MOST_POINTS, Part, PathPoint, Points, Tool, ToolError, ToolMotion, ToolPose,
@@ -261,7 +261,9 @@ fn field(key: &Key, file: &Path, scale: f64, spacing: Option<f64>) -> Result<Sha
     triangles.extend(quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]));
     let field = DistanceField::cached(&mesh.points, &triangles, spacing).map_err(|error| {
         let at = match error {
-            FieldError::TooFine { .. } | FieldError::Spacing(_) => key.at("spacing"),
+            DistanceFieldError::TooFine { .. } | DistanceFieldError::Spacing(_) => {
+                key.at("spacing")
+            }
             _ => key.at("file"),
         };
         let remedy = "a tool needs a closed surface of triangles";

@@ -123,7 +123,7 @@ impl ContactSet {
             let mut surface = None;
             if self.skins[body].version != version {
                 let read = read(world, body);
-                let skin = Skin::new(&read, first, &rest, None);
+                let skin = ContactSkin::new(&read, first, &rest, None);
                 if skin.faces.is_empty() && self.pairs.iter().any(|n| n.of.bodies.contains(&body)) {
                     let pair = self.pairs.iter().find(|n| n.of.bodies.contains(&body));
                     let name = &world.resource::<Topology>().bodies[body].name;
@@ -140,7 +140,8 @@ impl ContactSet {
                 if own.version != version {
                     let surface = surface.get_or_insert_with(|| read(world, body));
                     let faces = now.tool.faces.as_deref();
-                    *own = KnownSkin { version, skin: Skin::new(surface, first, &rest, faces) };
+                    *own =
+                        KnownSkin { version, skin: ContactSkin::new(surface, first, &rest, faces) };
                 }
             }
         }
@@ -164,7 +165,7 @@ impl ContactSet {
     }
 
     /// The surface of a body that a tool may touch.
-    pub(super) fn skin(&self, tool: &ToolNow, body: usize) -> &Skin {
+    pub(super) fn skin(&self, tool: &ToolNow, body: usize) -> &ContactSkin {
         match self.own_skins.get(&(tool.id, body)) {
             Some(own) if tool.tool.faces.is_some() => &own.skin,
             _ => &self.skins[body].skin,

@@ -87,7 +87,7 @@ impl ContactSet {
         part_index: usize,
         body: usize,
         kind: Points,
-        points: &mut Vec<Point>,
+        points: &mut Vec<ContactPoint>,
     ) {
         let (now, part) = (&self.tools[tool], &self.parts[part_index]);
         let skin = self.skin(now, body);
@@ -107,12 +107,12 @@ impl ContactSet {
             let k = stiffness(now.tool.stiffness, young, skin.edge);
             let side =
                 Side { outward, straight: thin && outward != DVec3::ZERO, ..Side::default() };
-            Point {
+            ContactPoint {
                 friction: if now.tool.grip { f64::INFINITY } else { now.tool.friction },
                 memory: PointMemory { gripped: memory.gripped && now.tool.grip, ..memory },
                 multiplier: now.tool.exact.then_some(memory.pressure),
                 side: if now.tool.keeps_side { side } else { Side::default() },
-                ..Point::new(key, Against::Part(part_index), (rows, weights), area, k)
+                ..ContactPoint::new(key, Against::Part(part_index), (rows, weights), area, k)
             }
         };
         // points in faces, or vertices
@@ -179,7 +179,7 @@ impl ContactSet {
         direction: u32,
         [from, to]: [usize; 2],
         rest: &[DVec3],
-        points: &mut Vec<Point>,
+        points: &mut Vec<ContactPoint>,
         faces: &mut Vec<[u32; 3]>,
     ) -> u32 {
         let mut buried = 0;
@@ -254,8 +254,8 @@ impl ContactSet {
             };
             let against = Against::Faces(first..faces.len());
             let point =
-                Point::new(key, against, ([row; 3], [1.0, 0.0, 0.0]), half * own.area[i], k);
-            points.push(Point { friction: now.of.friction, memory, slip: memory.slip, ..point });
+                ContactPoint::new(key, against, ([row; 3], [1.0, 0.0, 0.0]), half * own.area[i], k);
+            points.push(ContactPoint { friction: now.of.friction, memory, slip: memory.slip, ..point });
         }
         buried
     }
@@ -277,8 +277,8 @@ impl ContactSet {
                 let body = bodies.partition_point(|body| body.vertices.end <= row) as u32;
                 let key = PointKey::of_vertex(body, now.id, number, row);
                 let own = ([row; 3], [1.0, 0.0, 0.0]);
-                let point = Point::new(key, against, own, weight / sum, pull.stiffness);
-                self.points.push(Point { slip: from, ..point });
+                let point = ContactPoint::new(key, against, own, weight / sum, pull.stiffness);
+                self.points.push(ContactPoint { slip: from, ..point });
             }
         }
     }
@@ -304,7 +304,7 @@ struct Bins {
 
 impl Bins {
     /// `None` where no face is near.
-    fn new(skin: &Skin, within: [DVec3; 2]) -> Option<Self> {
+    fn new(skin: &ContactSkin, within: [DVec3; 2]) -> Option<Self> {
         let mut bins = Self { origin: within[0], size: 0.0, reach: Vec::new(), cells: Vec::new() };
         for (face, local) in (0..).zip(&skin.faces) {
             let corners = local.map(|v| skin.at[v as usize]);

@@ -62,7 +62,7 @@ impl ContactSet {
         0.0
     }
 
-    pub(super) fn report_tools(&mut self, world: &mut World, x: &Places, dt: f64) {
+    pub(super) fn report_tools(&mut self, world: &mut World, x: &RowPlaces, dt: f64) {
         let live: Vec<Order> = {
             let mut query = world.query_filtered::<&Order, With<Tool>>();
             query.iter(world).copied().collect()
@@ -186,7 +186,7 @@ impl ContactSet {
     }
 
     /// Force (N) on a tool by points of the other kind at the same state.
-    fn other_force(&mut self, index: usize, x: &Places) -> DVec3 {
+    fn other_force(&mut self, index: usize, x: &RowPlaces) -> DVec3 {
         let mut force = DVec3::ZERO;
         for part in self.tools[index].parts.clone() {
             for body in 0..self.skins.len() {
@@ -210,7 +210,8 @@ impl ContactSet {
     pub(super) fn report_pairs(&mut self, world: &mut World) {
         for now in &self.pairs {
             let mut report = BodyContactReport::default();
-            let own = |p: &Point| p.key.owner == now.id && matches!(p.against, Against::Faces(_));
+            let own =
+                |p: &ContactPoint| p.key.owner == now.id && matches!(p.against, Against::Faces(_));
             let points = self.points.iter().zip(&self.active);
             for (point, active) in points.filter(|(p, a)| a.on && own(p)) {
                 let force = active.push + active.rub;
