@@ -1,6 +1,6 @@
 //! Tools, friction, grasping, pulls and contact between bodies.
 
-use crate::common::{Shortcuts, sheet, solver};
+use crate::common::{Shortcuts, sheet, solver, two_blocks};
 use bevy_ecs::entity::Entity;
 use glam::{DQuat, DVec3};
 use sinew::engine::mesh::Mesh;
@@ -548,21 +548,9 @@ fn elements_are_removed_under_a_tool() {
 
 #[test]
 fn two_bodies_rest_on_each_other() {
-    let mesh = box_tets(DVec3::new(0.03, 0.03, 0.02), [3, 3, 2]).unwrap();
-    let mut simulation = Simulation::new(one_thread()).unwrap();
-    let mut bodies = Vec::new();
-    for (i, name) in ["lower", "upper"].into_iter().enumerate() {
-        let shift = DVec3::new(0.003, 0.002, 0.0201) * i as f64;
-        let mesh = mesh.transformed(1.0, DQuat::IDENTITY, shift);
-        bodies.push(simulation.add_body(&BodyDescription::new(name, &mesh, SOFT)).unwrap());
-    }
-    let table = Tool::ground("table", DVec3::ZERO, DVec3::Z).with_friction(0.3);
-    let table = simulation.add_tool(table).unwrap();
-    let pair = BodyContact::new("pair", [0, 1]).with_friction(0.3);
-    let pair = simulation.add_body_contact(pair);
-    simulation.set_solver(solver!(Integrator::Auto, mass_damping = 10.0));
+    let (mut simulation, [table, pair]) = two_blocks(one_thread());
     simulation.steps(200);
-    let mass: f64 = simulation.masses(bodies[0]).iter().sum();
+    let mass: f64 = simulation.masses(BodyHandle(0)).iter().sum();
     let report = simulation.body_contact_report(pair).unwrap();
     let weight = mass * 9.81;
     assert!((-report.force.z / weight - 1.0).abs() < 0.01, "{report:?} {weight}");

@@ -35,15 +35,9 @@ impl<S: Scalar> Case<S> {
     /// Clamped at x = 0, and along z alone at the other end.
     fn new(cells: [usize; 3], precision: Precision, threads: usize) -> Self {
         let mesh = box_tets(DVec3::new(0.2, 0.05, 0.05), cells).unwrap();
-        let options = SimulationOptions { precision, threads, ..Default::default() };
-        let (mut simulation, body) = simulation(
-            options,
-            &mesh.points,
-            &mesh.tetrahedra,
-            YoungPoisson { young_modulus: 1e4, poisson_ratio: 0.45, density: 1000.0 },
-            Model::CompressibleStVK,
-            Evaluation::Fused,
-        );
+        let (options, model) = (options(precision, threads), Model::CompressibleStVK);
+        let (mut simulation, body) =
+            simulate(options, &mesh, soft(1e4, 0.45), model, Evaluation::Fused);
         let bend = |x: DVec3| DVec3::new(0.0, 0.0, 2.0 * x.x * x.x) + 0.05 * x.y * DVec3::X;
         let u: Vec<DVec3> = mesh.points.iter().map(|x| bend(*x)).collect();
         simulation.displace(body, &u);
@@ -331,14 +325,7 @@ fn the_direct_solver_is_refused_without_its_feature() {
 fn equilibria_are_exact_when_asked_for() {
     let settle = |linear_tolerance, linear_precision| {
         let mesh = box_tets(DVec3::new(0.2, 0.05, 0.05), [12, 3, 3]).unwrap();
-        let (mut simulation, body) = simulation(
-            SimulationOptions::default(),
-            &mesh.points,
-            &mesh.tetrahedra,
-            YoungPoisson { young_modulus: 3e5, poisson_ratio: 0.45, density: 1000.0 },
-            Model::CompressibleStVK,
-            Evaluation::Fused,
-        );
+        let (mut simulation, body) = fused(&mesh, soft(3e5, 0.45));
         clamp(&mut simulation, body, &mesh, "x0");
         simulation.set_solver(solver!(Integrator::QuasiStatic, linear_tolerance, linear_precision));
         simulation.step().unwrap();

@@ -562,20 +562,7 @@ fn hands_and_tools() {
 /// Two bodies with friction that fall on each other and on a table, and cut while they touch.
 #[test]
 fn contact_of_bodies() {
-    let build = |options| {
-        let mesh = box_tets(DVec3::new(0.03, 0.03, 0.02), [3, 3, 2]).unwrap();
-        let mut simulation = Simulation::new(options).unwrap();
-        for (i, name) in ["lower", "upper"].into_iter().enumerate() {
-            let shift = DVec3::new(0.003, 0.002, 0.0201) * i as f64;
-            let mesh = mesh.transformed(1.0, DQuat::IDENTITY, shift);
-            simulation.add_body(&BodyDescription::new(name, &mesh, soft(1e4, 0.4))).unwrap();
-        }
-        let table = Tool::ground("table", DVec3::ZERO, DVec3::Z).with_friction(0.3);
-        simulation.add_tool(table).unwrap();
-        simulation.add_body_contact(BodyContact::new("pair", [0, 1]).with_friction(0.3));
-        simulation.set_solver(solver!(Integrator::Auto, mass_damping = 10.0));
-        simulation
-    };
+    let build = |options| two_blocks(options).0;
     let act = |simulation: &mut Simulation, step| {
         if step == 33 {
             let centre = DVec3::new(0.003, 0.002, 0.0401);

@@ -3,7 +3,7 @@
 pub mod rich_axes;
 
 use bevy_ecs::entity::Entity;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use sinew::engine::connectivity::ElementKind;
 use sinew::engine::law::{EvaluationRequest, TangentKind};
 use sinew::engine::load::Pressure;
@@ -17,6 +17,14 @@ use sinew::models::body::Evaluation;
 use sinew::models::body::sheet::MembraneDescription;
 use sinew::models::resection::Region;
 use sinew::prelude::*;
+
+/// Settings of a solver: the integrator, and what else is not as by default.
+macro_rules! solver {
+    ($integrator:expr $(, $field:ident $(= $value:expr)?)*) => {
+        SolverSettings { integrator: $integrator, $($field $(: $value)?,)* ..Default::default() }
+    };
+}
+pub(crate) use solver;
 
 /// Largest distance between two fields.
 pub fn max_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
@@ -76,6 +84,29 @@ pub fn alone(options: SimulationOptions, body: &BodyDescription) -> (Simulation,
     (simulation, body)
 }
 
+/// What is said of a body that cannot be built.
+pub fn refused(body: &BodyDescription) -> String {
+    let mut simulation = Simulation::new(SimulationOptions::default()).unwrap();
+    simulation.add_body(body).unwrap_err().to_string()
+}
+
+/// Two blocks above each other on a table, with friction: the table, and the contact of the blocks.
+pub fn two_blocks(options: SimulationOptions) -> (Simulation, [Entity; 2]) {
+    let mesh = box_tets(DVec3::new(0.03, 0.03, 0.02), [3, 3, 2]).unwrap();
+    let mut simulation = Simulation::new(options).unwrap();
+    for (i, name) in ["lower", "upper"].into_iter().enumerate() {
+        let shift = DVec3::new(0.003, 0.002, 0.0201) * i as f64;
+        let mesh = mesh.transformed(1.0, DQuat::IDENTITY, shift);
+        simulation.add_body(&BodyDescription::new(name, &mesh, soft(1e4, 0.4))).unwrap();
+    }
+    let table = Tool::ground("table", DVec3::ZERO, DVec3::Z).with_friction(0.3);
+    let table = simulation.add_tool(table).unwrap();
+    let pair = BodyContact::new("pair", [0, 1]).with_friction(0.3);
+    let pair = simulation.add_body_contact(pair);
+    simulation.set_solver(solver!(Integrator::Auto, mass_damping = 10.0));
+    (simulation, [table, pair])
+}
+
 /// A body of a mesh with the default options.
 pub fn plain(
     mesh: &Mesh,
@@ -94,14 +125,6 @@ pub fn fused(mesh: &Mesh, material: YoungPoisson) -> (Simulation, BodyHandle) {
 pub fn options(precision: Precision, threads: usize) -> SimulationOptions {
     SimulationOptions { precision, threads, ..Default::default() }
 }
-
-/// Settings of a solver: the integrator, and what else is not as by default.
-macro_rules! solver {
-    ($integrator:expr $(, $field:ident $(= $value:expr)?)*) => {
-        SolverSettings { integrator: $integrator, $($field $(: $value)?,)* ..Default::default() }
-    };
-}
-pub(crate) use solver;
 
 /// What tests do with a simulation again and again.
 pub trait Shortcuts {
