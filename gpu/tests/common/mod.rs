@@ -1,7 +1,7 @@
 //! A device for tests, and bodies in states that matter.
 
 pub mod compare;
-#[allow(dead_code, reason = "tests of the processor use the rest")]
+#[allow(dead_code, unused_imports, reason = "tests of the processor use the rest")]
 #[path = "../../../tests/common/mod.rs"]
 pub mod shared;
 
