@@ -255,7 +255,12 @@ impl ContactSet {
             let against = Against::Faces(first..faces.len());
             let point =
                 ContactPoint::new(key, against, ([row; 3], [1.0, 0.0, 0.0]), half * own.area[i], k);
-            points.push(ContactPoint { friction: now.of.friction, memory, slip: memory.slip, ..point });
+            points.push(ContactPoint {
+                friction: now.of.friction,
+                memory,
+                slip: memory.slip,
+                ..point
+            });
         }
         buried
     }
