@@ -90,7 +90,7 @@ pub(crate) const SHARED: [(&str, &[&str]); 8] = [
 /// One of the [`SHARED`] modules.
 pub(crate) fn shared(name: &str) -> ShaderSource {
     let found = SHARED.iter().find(|(own, _)| *own == name);
-    let (name, files) = found.expect("a name of the table");
+    let &(name, files) = found.expect("a name of the table");
     module(name, files)
 }
 

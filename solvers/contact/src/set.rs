@@ -386,7 +386,7 @@ impl ContactSet {
     pub fn keep_touching(&mut self, bodies: &Range<usize>) {
         let range = self.range(bodies);
         for (point, active) in self.points[range.clone()].iter().zip(&mut self.active[range]) {
-            let touched = point.memory.pressure > 0.0 && point.frictionltiplier.is_none();
+            let touched = point.memory.pressure > 0.0 && point.multiplier.is_none();
             if touched && active.pressure <= 0.0 && active.gap.is_finite() {
                 let stiffness = point.area * point.k;
                 active.on = true;
@@ -459,7 +459,7 @@ impl ContactSet {
     pub fn update_multipliers(&mut self) -> f64 {
         let (mut change, mut total) = (0.0, 0.0);
         for (point, active) in self.points.iter_mut().zip(&self.active) {
-            if let Some(lambda) = &mut point.frictionltiplier {
+            if let Some(lambda) = &mut point.multiplier {
                 change += point.area * (active.pressure - *lambda).abs();
                 total += point.area * active.pressure;
                 *lambda = active.pressure;
@@ -470,7 +470,7 @@ impl ContactSet {
 
     /// Whether some tool wants exact contact.
     pub fn is_exact(&self) -> bool {
-        self.points.iter().any(|point| point.frictionltiplier.is_some())
+        self.points.iter().any(|point| point.multiplier.is_some())
     }
 
     /// Whether friction acts anywhere.
